@@ -1,0 +1,122 @@
+"""Fluids as a change of variable.
+
+Every fluid whose density ρ and viscosity η depend on pressure alone solves the same linear equation in the
+pressure potential φ, dφ = (ρ/η) dp [kg/(m³ s) = Pa·(kg/m³)/(Pa s)]; the mass rate is then conductance × drop of φ.
+To add a fluid, write a frozen dataclass with `potential`, `pressure` and `reference_density`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .errors import InputError
+
+#: Molar gas constant [J/(mol K)], CODATA (exact since 2019).
+GAS_CONSTANT = 8.31446261815324
+#: Pressure at which gas volumes are stated [Pa].
+STANDARD_PRESSURE = 101_325.0
+
+
+class Fluid(Protocol):
+    """What a flow solution needs to know of a fluid."""
+
+    @property
+    def reference_density(self) -> float:
+        """Density [kg/m³] by which a mass rate is turned into a volume rate."""
+        ...
+
+    def potential(self, pressure: ArrayLike) -> NDArray[np.float64]:
+        """Pressure potential φ(p) [kg/(m³ s)], φ(0) = 0."""
+        ...
+
+    def pressure(self, potential: ArrayLike) -> NDArray[np.float64]:
+        """Inverse of `potential` [Pa]."""
+        ...
+
+
+def _positive(name: str, value: float, unit: str) -> None:
+    if not (np.isfinite(value) and value > 0):
+        raise InputError.of(name, value, f"a finite number > 0 [{unit}]")
+
+
+@dataclass(frozen=True)
+class Liquid:
+    """A liquid of constant density; viscosity η = η₀ exp(αp) (Barus), constant for α = 0.
+
+    φ = (ρ/η₀)(1 − exp(−αp))/α, → ρp/η₀.
+
+    Parameters
+    ----------
+    viscosity : η₀ [Pa s].
+    density : ρ [kg/m³]; only the mass rate depends on it. Default: water.
+    pressure_viscosity : α [1/Pa], >= 0.
+    """
+
+    viscosity: float
+    density: float = 1000.0
+    pressure_viscosity: float = 0.0
+
+    def __post_init__(self) -> None:
+        _positive("viscosity", self.viscosity, "Pa s")
+        _positive("density", self.density, "kg/m³")
+        if not (np.isfinite(self.pressure_viscosity) and self.pressure_viscosity >= 0):
+            raise InputError.of("pressure_viscosity", self.pressure_viscosity, "a finite number >= 0 [1/Pa]")
+
+    @property
+    def reference_density(self) -> float:
+        """Density of the liquid [kg/m³]."""
+        return self.density
+
+    def potential(self, pressure: ArrayLike) -> NDArray[np.float64]:
+        """Pressure potential φ(p) [kg/(m³ s)]."""
+        p, α = np.asarray(pressure, dtype=float), self.pressure_viscosity
+        return self.density / self.viscosity * (p if α == 0 else -np.expm1(-α * p) / α)
+
+    def pressure(self, potential: ArrayLike) -> NDArray[np.float64]:
+        """Inverse of `potential` [Pa]."""
+        p, α = np.asarray(potential, dtype=float) * self.viscosity / self.density, self.pressure_viscosity
+        return p if α == 0 else -np.log1p(-α * p) / α
+
+
+@dataclass(frozen=True)
+class IdealGas:
+    """Isothermal ideal gas without slip: φ = M p²/(2 R T η), so the mass rate goes with p_in² − p_out².
+
+    Volume rates are stated at 101 325 Pa and the gas's own temperature.
+
+    Parameters
+    ----------
+    viscosity : η [Pa s].
+    molar_mass : M [kg/mol].
+    temperature : T [K].
+    """
+
+    viscosity: float
+    molar_mass: float
+    temperature: float
+
+    def __post_init__(self) -> None:
+        _positive("viscosity", self.viscosity, "Pa s")
+        _positive("molar_mass", self.molar_mass, "kg/mol")
+        _positive("temperature", self.temperature, "K")
+
+    @property
+    def reference_density(self) -> float:
+        """Density at 101 325 Pa [kg/m³]."""
+        return STANDARD_PRESSURE * self.molar_mass / (GAS_CONSTANT * self.temperature)
+
+    @property
+    def _factor(self) -> float:
+        return self.molar_mass / (2 * GAS_CONSTANT * self.temperature * self.viscosity)
+
+    def potential(self, pressure: ArrayLike) -> NDArray[np.float64]:
+        """Pressure potential φ(p) [kg/(m³ s)]; p is absolute."""
+        return self._factor * np.asarray(pressure, dtype=float) ** 2
+
+    def pressure(self, potential: ArrayLike) -> NDArray[np.float64]:
+        """Inverse of `potential` [Pa], absolute."""
+        return np.sqrt(np.asarray(potential, dtype=float) / self._factor)

@@ -1,0 +1,91 @@
+"""Quantities as text: '210 GPa' -> 210e9. The only place that knows units as text; everything else is SI."""
+
+from __future__ import annotations
+
+import re
+from functools import cache
+from math import isfinite
+from typing import Any
+
+from .errors import InputError
+
+_DECIMAL_COMMA = re.compile(r"\d,\d")
+_TEMPERATURE = re.compile(r"^\s*([-+]?[\d.]+(?:[eE][-+]?\d+)?)\s*(°C|degC|celsius)\s*$")
+_NUMBER_AND_UNIT = re.compile(r"^\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(\S.*)?$")
+#: Prefixes for people: (factor, text), used when a value is printed.
+_PREFIXES = [(1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"), (1e-12, "p")]
+
+
+@cache
+def _registry() -> Any:
+    import pint
+
+    return pint.UnitRegistry()
+
+
+def to_si(text: object, unit: str, name: str = "quantity") -> float:
+    """Value in SI of a quantity given as text with its unit.
+
+    Parameters
+    ----------
+    text : for example ``"210 GPa"``, ``"1 mm"``, ``"20 °C"``. A bare number is refused unless `unit` is "" (a ratio).
+    unit : the SI unit of what is expected, for example "Pa", "m", "Pa*s", "" for a plain number.
+    name : how the value is called in an error.
+
+    Raises
+    ------
+    InputError : no unit, a unit of another kind, a decimal comma, or not a finite number.
+
+    Examples
+    --------
+    >>> to_si("210 GPa", "Pa")
+    210000000000.0
+    >>> to_si("20 °C", "K")
+    293.15
+    >>> to_si("1,5 mm", "m")
+    Traceback (most recent call last):
+    femseal.errors.InputError: quantity: given '1,5 mm', allowed is a number with a decimal point, not a comma
+    """
+    example = f"text with a number and a unit of the kind {unit!r}, such as {_example(unit)!r}"
+    if unit == "" and isinstance(text, (int, float)) and not isinstance(text, bool):
+        return _finite(float(text), text, name, "a finite number")
+    if not isinstance(text, str):
+        raise InputError.of(name, repr(text), example)
+    if _DECIMAL_COMMA.search(text):
+        raise InputError.of(name, repr(text), "a number with a decimal point, not a comma")
+    if unit == "K" and (match := _TEMPERATURE.match(text)):
+        return _finite(float(match[1]) + 273.15, text, name, example)
+    match = _NUMBER_AND_UNIT.match(text)
+    if match is None or (match[2] is None and unit):
+        raise InputError.of(name, repr(text), example)
+    import pint
+
+    try:
+        quantity = float(match[1]) * _registry().parse_units(match[2] or "")
+        value = float(quantity.to(unit or "dimensionless").magnitude)
+    except (pint.PintError, ArithmeticError, AttributeError, ValueError, TypeError, AssertionError):
+        raise InputError.of(name, repr(text), example) from None
+    return _finite(value, text, name, example)
+
+
+def _example(unit: str) -> str:
+    return {"Pa": "210 GPa", "m": "1.5 mm", "Pa*s": "1 mPa*s", "K": "20 °C", "kg/m^3": "870 kg/m^3",
+            "kg/mol": "29 g/mol", "1/Pa": "20 1/GPa"}.get(unit, f"1 {unit}")  # fmt: skip
+
+
+def _finite(value: float, given: object, name: str, allowed: str) -> float:
+    if not isfinite(value):
+        raise InputError.of(name, repr(given), allowed)
+    return value
+
+
+def to_text(value: float, unit: str, digits: int = 4) -> str:
+    """A value in SI as text with a readable prefix.
+
+    >>> to_text(210e9, "Pa"), to_text(6.25e-05, "m"), to_text(0.0, "m")
+    ('210 GPa', '62.5 µm', '0 m')
+    """
+    if value == 0 or not isfinite(value):
+        return f"{value:g} {unit}"
+    factor, prefix = next((p for p in _PREFIXES if abs(value) >= p[0] * (1 - 1e-12)), _PREFIXES[-1])
+    return f"{value / factor:.{digits}g} {prefix}{unit}"
