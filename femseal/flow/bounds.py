@@ -1,0 +1,105 @@
+"""Two-sided bounds of the flow through a cell whose gap is constant on each pixel.
+
+Lower: complementary energy of a conservative flux (lowest-order Raviart-Thomas, from the harmonic link network).
+Upper: Dirichlet energy of a conforming pressure (Q1 on pixel corners). Source: Thomson's and Dirichlet's principles.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+from skfem import Basis, ElementQuad1, MeshQuad
+
+from .forms import flow_along_x1, flow_along_x2
+from .linear import solve_spd
+from .network import solve_network
+
+Array = NDArray[np.float64]
+
+
+def pixel_bounds(gap: Array, spacing: tuple[float, float], sides: str) -> tuple[float, float]:
+    """Lower and upper bound of the flow for a unit drop along x1 [unit of h³]; both 0 where all is closed.
+
+    Diagonal neighbours touch in the upper bound and not in the lower one.
+    """
+    k = gap**3 / 12
+    return _lower(k, spacing, sides == "periodic"), _upper(k, spacing, sides == "periodic")
+
+
+def _lower(k: Array, spacing: tuple[float, float], periodic: bool) -> float:
+    d1, d2 = spacing
+    neighbour = np.roll(k, -1, axis=1) if periodic else k[:, 1:]
+    here = k if periodic else k[:, :-1]
+    c1 = np.concatenate([2 * k[:1], _harmonic(k[:-1], k[1:]), 2 * k[-1:]]) * d2 / d1
+    c2 = _harmonic(here, neighbour) * d1 / d2
+    flow = solve_network(c1, c2)
+    if not flow.percolates:
+        return 0.0
+    p = flow.potential
+    q1 = c1 * (p[:-1] - p[1:])
+    q2 = c2 * (p[1:-1] - np.roll(p, -1, axis=1)[1:-1])[:, : c2.shape[1]]
+    if periodic:
+        west = np.roll(q2, 1, axis=1)
+        east = q2
+    else:
+        closed = np.zeros((k.shape[0], 1))
+        west, east = np.hstack([closed, q2]), np.hstack([q2, closed])
+    north, south = q1[:-1], q1[1:]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        # ∫ |q|²/k over a pixel with a flux linear in each coordinate
+        along = (north**2 + north * south + south**2) / 3 * d1 / d2
+        across = (west**2 + west * east + east**2) / 3 * d2 / d1
+        energy = np.where(k > 0, (along + across) / k, 0.0).sum()
+    return float(q1[0].sum() ** 2 / energy)
+
+
+def _harmonic(a: Array, b: Array) -> Array:
+    total = a + b
+    return np.divide(2 * a * b, total, out=np.zeros_like(total), where=total > 0)
+
+
+def _upper(k: Array, spacing: tuple[float, float], periodic: bool) -> float:
+    d1, d2 = spacing
+    n1, n2 = k.shape
+    corner, local1, local2 = _corner_assembly(n1, n2, periodic)
+    local = local1 * d2 / d1 + local2 * d1 / d2
+    values = local[:, :, None] * k.ravel()
+    rows, cols = np.broadcast_arrays(corner[:, None], corner[None, :])
+    columns = n2 if periodic else n2 + 1
+    n = (n1 + 1) * columns
+    full = sp.coo_array((values.ravel(), (rows.ravel(), cols.ravel())), shape=(n, n)).tocsr()
+    full.eliminate_zeros()
+    _, component = sp.csgraph.connected_components(full, directed=False)
+    ends = np.intersect1d(component[:columns], component[-columns:])
+    keep = np.isin(component, ends) & (full.diagonal() > 0)
+    if not keep.any():
+        return 0.0
+    unknown = keep.copy()
+    unknown[:columns] = unknown[-columns:] = False
+    p = np.zeros(n)
+    p[:columns] = keep[:columns]
+    if unknown.any():
+        i = np.flatnonzero(unknown)
+        p[i] = solve_spd(full[i][:, i].tocsc(), -(full[i] @ p), 1e-12).x
+    # Dirichlet energy from differences within each element: no cancellation
+    drop = p[corner] - p[corner[:1]]
+    return float(np.einsum("ae,be,abe->", drop, drop, values))
+
+
+@lru_cache(maxsize=16)
+def _corner_assembly(n1: int, n2: int, periodic: bool) -> tuple[NDArray[np.int64], Array, Array]:
+    """Corner nodes (4, n1·n2) of all pixels and the two parts (4, 4) of the Q1 matrix of a unit square."""
+    mesh = MeshQuad.init_tensor(np.arange(n1 + 1.0), np.arange(n2 + 1.0))
+    columns = n2 if periodic else n2 + 1
+    corner = (mesh.t // (n2 + 1)) * columns + (mesh.t % (n2 + 1)) % columns
+    square = Basis(MeshQuad.init_tensor(np.arange(2.0), np.arange(2.0)), ElementQuad1(), intorder=3)
+    ones = np.ones((1, square.X.shape[1]))
+    local = []
+    for form in (flow_along_x1, flow_along_x2):
+        matrix = form.assemble(square, c=ones).toarray()
+        order = square.element_dofs[:, 0]
+        local.append(matrix[np.ix_(order, order)])
+    return corner.astype(np.int64), local[0], local[1]

@@ -1,0 +1,128 @@
+"""Which nodes of a link network carry flow: union-find over the open links, compiled."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+@njit(cache=True, nogil=True)
+def _find(parent, a):  # type: ignore[no-untyped-def]
+    while parent[a] != a:
+        parent[a] = parent[parent[a]]
+        a = parent[a]
+    return a
+
+
+@njit(cache=True, nogil=True)
+def _union(parent, a, b):  # type: ignore[no-untyped-def]
+    a = _find(parent, a)
+    b = _find(parent, b)
+    if a < b:
+        parent[b] = a
+    elif b < a:
+        parent[a] = b
+
+
+@njit(cache=True, nogil=True)
+def percolating_nodes(c1, c2):  # type: ignore[no-untyped-def]
+    """Nodes (n1 + 1, n2) joined by open links to an inlet-to-outlet path; all False if there is none.
+
+    c1 (n1, n2) and c2 (n1 − 1, n2 or n2 − 1) are conductances; a link is open where c > 0. Dead ends that hang on the
+    inlet or the outlet stay: they carry no flow and do no harm.
+    """
+    n1, n2 = c1.shape
+    m2 = c2.shape[1]
+    n = (n1 + 1) * n2
+    parent = np.arange(n + 2)
+    for j in range(n2):
+        _union(parent, n, j)
+        _union(parent, n + 1, n1 * n2 + j)
+    for i in range(n1):
+        for j in range(n2):
+            if c1[i, j] > 0:
+                _union(parent, i * n2 + j, (i + 1) * n2 + j)
+    for i in range(n1 - 1):
+        for j in range(m2):
+            if c2[i, j] > 0:
+                _union(parent, (i + 1) * n2 + j, (i + 1) * n2 + (j + 1) % n2)
+    keep = np.zeros((n1 + 1, n2), np.bool_)
+    root = _find(parent, n)
+    if root == _find(parent, n + 1):
+        for i in range(n1 + 1):
+            for j in range(n2):
+                keep[i, j] = _find(parent, i * n2 + j) == root
+    return keep
+
+
+@njit(cache=True, nogil=True)
+def winding_components(c1, c2):  # type: ignore[no-untyped-def]
+    """Doubly periodic network: component of each node, and which components wind around each axis.
+
+    c1, c2 (n1, n2) link node (i, j) to (i + 1, j) and (i, j + 1), wrapped. Each node keeps its displacement to its
+    parent, so that a link closing a loop shows how often the loop winds around the cell.
+    """
+    n1, n2 = c1.shape
+    n = n1 * n2
+    parent = np.arange(n)
+    shift = np.zeros((n, 2), np.int64)
+    winds = np.zeros((n, 2), np.bool_)
+    for axis in range(2):
+        for i in range(n1):
+            for j in range(n2):
+                if (c1[i, j] if axis == 0 else c2[i, j]) <= 0:
+                    continue
+                a = i * n2 + j
+                if axis == 0:
+                    b = ((i + 1) % n1) * n2 + j
+                else:
+                    b = i * n2 + (j + 1) % n2
+                sa0 = sa1 = sb0 = sb1 = 0
+                while parent[a] != a:
+                    sa0 += shift[a, 0]
+                    sa1 += shift[a, 1]
+                    a = parent[a]
+                while parent[b] != b:
+                    sb0 += shift[b, 0]
+                    sb1 += shift[b, 1]
+                    b = parent[b]
+                # displacement from root b to root a along the new link
+                d0 = sb0 - sa0 - (1 if axis == 0 else 0)
+                d1 = sb1 - sa1 - (1 if axis == 1 else 0)
+                if a == b:
+                    winds[a, 0] |= d0 != 0
+                    winds[a, 1] |= d1 != 0
+                else:
+                    parent[a] = b
+                    shift[a, 0] = d0
+                    shift[a, 1] = d1
+                    winds[b, 0] |= winds[a, 0]
+                    winds[b, 1] |= winds[a, 1]
+                # compress the path of the node the link started from
+                a = i * n2 + j
+                t0 = t1 = 0
+                c = a
+                while parent[c] != c:
+                    t0 += shift[c, 0]
+                    t1 += shift[c, 1]
+                    c = parent[c]
+                while parent[a] != a:
+                    up = parent[a]
+                    u0 = shift[a, 0]
+                    u1 = shift[a, 1]
+                    parent[a] = c
+                    shift[a, 0] = t0
+                    shift[a, 1] = t1
+                    t0 -= u0
+                    t1 -= u1
+                    a = up
+    label = np.empty(n, np.int64)
+    for a in range(n):
+        c = a
+        while parent[c] != c:
+            c = parent[c]
+        label[a] = c
+    return label, winds

@@ -1,0 +1,89 @@
+"""Solution of the symmetric positive definite systems of flow.
+
+Rule, measured on a 2-core machine with gaps at contact fractions up to .45: SuperLU with minimum degree ordering takes
+3, 27, 190 and 1260 ms at 48², 128², 256² and 512² unknowns, whatever the contrast; smoothed aggregation takes longer
+at all these sizes and may not converge on high contrast. So direct wherever its memory is bearable, and above that
+conjugate gradients on pyamg's hierarchy.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+from scipy.sparse.linalg import splu
+
+from ..errors import NotConverged
+
+Array = NDArray[np.float64]
+#: Unknowns up to which the direct solver is taken (about 2 GB at the limit).
+DIRECT_UNKNOWNS = 1_000_000
+_MAX_ITERATIONS = 400
+
+
+@dataclass(frozen=True)
+class LinearSolution:
+    """x, and how it was reached: iterations are 0 for a direct solution; residual is ‖b − Ax‖/‖b‖."""
+
+    x: Array
+    iterations: int
+    residual: float
+
+
+def solve_spd(a: sp.csc_array, b: Array, rtol: float, method: str = "auto") -> LinearSolution:
+    """Solve A x = b, scaled to unit diagonal so that any contrast of the coefficients is bearable.
+
+    Parameters
+    ----------
+    a : (n, n) symmetric positive definite, csc.
+    b : (n,) or (n, m).
+    rtol : relative error of the energy bᵀx to reach iteratively.
+    method : "auto" by size, "direct" or "amg".
+
+    Raises
+    ------
+    NotConverged : the iteration stalled, or the direct residual is above 1e-8.
+    """
+    scale = 1 / np.sqrt(a.diagonal())
+    columns = np.repeat(np.arange(a.shape[0]), np.diff(a.indptr))
+    scaled = sp.csc_array((a.data * scale[a.indices] * scale[columns], a.indices, a.indptr), shape=a.shape)
+    rhs = (b.T * scale).T
+    direct = method == "direct" or (method == "auto" and a.shape[0] <= DIRECT_UNKNOWNS)
+    if direct:
+        options = {"SymmetricMode": True}
+        factor = splu(scaled, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
+        y, iterations = factor.solve(rhs), 0
+    else:
+        y, iterations = _conjugate_gradients(scaled.tocsr(), rhs, rtol)
+    norm = float(np.linalg.norm(rhs))
+    residual = float(np.linalg.norm(rhs - scaled @ y)) / norm if norm else 0.0
+    if direct and not residual < 1e-8:
+        raise NotConverged(f"flow: the direct solution has a residual of {residual:.1e}", residual)
+    return LinearSolution((y.T * scale).T, iterations, residual)
+
+
+def _conjugate_gradients(a: sp.csr_array, b: Array, rtol: float) -> tuple[Array, int]:
+    """CG preconditioned by smoothed aggregation; stops when rᵀM⁻¹r, an estimate of the energy error, is small."""
+    from pyamg import smoothed_aggregation_solver
+
+    hierarchy = smoothed_aggregation_solver(sp.csr_matrix(a), max_coarse=500).aspreconditioner()
+    x, r = np.zeros_like(b), b.copy()
+    z = hierarchy @ r
+    d, rz = z, float(r @ z)
+    for iteration in range(1, _MAX_ITERATIONS + 1):
+        ad = a @ d
+        step = rz / float(d @ ad)
+        x += step * d
+        r -= step * ad
+        z = hierarchy @ r
+        rz, rz_old = float(r @ z), rz
+        if rz <= 1e-3 * rtol * float(b @ x):
+            return x, iteration
+        d = z + rz / rz_old * d
+    raise NotConverged(
+        f"flow: energy error {rz / float(b @ x):.1e} after {_MAX_ITERATIONS} iterations, wanted {rtol:.1e}; "
+        "try fewer unknowns so that the direct solver is taken",
+        rz / float(b @ x),
+    )
