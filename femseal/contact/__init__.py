@@ -1,7 +1,16 @@
 """Heights and load in, pressure and gap out: elastic-perfectly plastic contact of a half-space."""
 
-from .cycle import LoadState, load_cycle
+from .cycle import LoadState, LoadStep, load_cycle, load_programme, solve_with_memory
 from .halfspace import HalfSpace
 from .solver import Contact, solve_contact
 
-__all__ = ["Contact", "HalfSpace", "LoadState", "load_cycle", "solve_contact"]
+__all__ = [
+    "Contact",
+    "HalfSpace",
+    "LoadState",
+    "LoadStep",
+    "load_cycle",
+    "load_programme",
+    "solve_contact",
+    "solve_with_memory",
+]

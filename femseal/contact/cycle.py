@@ -8,7 +8,7 @@ Source: Sahlin et al., Proc. IMechE J 224, 2010, 335; Pérez-Ràfols et al., 201
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from math import inf
 
 import numpy as np
@@ -17,17 +17,6 @@ from numpy.typing import ArrayLike
 from ..errors import InputError
 from .halfspace import HalfSpace
 from .solver import Contact, solve_contact
-
-
-@dataclass(frozen=True)
-class LoadState:
-    """One state of a cycle: its branch, its nominal pressure [Pa], and the contact there."""
-
-    name: str
-    branch: str
-    pressure: float
-    unloaded_from: float | None
-    contact: Contact
 
 
 @dataclass(frozen=True)
@@ -47,6 +36,13 @@ class LoadStep:
         """Readable name, such as "unloading 200 MPa from 900 MPa"."""
         end = "" if self.unloaded_from is None else f" from {self.unloaded_from / 1e6:g} MPa"
         return f"{self.branch} {self.pressure / 1e6:g} MPa{end}"
+
+
+@dataclass(frozen=True)
+class LoadState(LoadStep):
+    """A step of a load programme and the contact there."""
+
+    contact: Contact = field(kw_only=True)
 
 
 def load_programme(
@@ -123,7 +119,7 @@ def load_cycle(
         contact = solve_with_memory(gap0, half_space, memory, pressure=step.pressure, hardness=hardness, rtol=rtol)
         if step.unloaded_from is None:
             left[step.pressure] = contact.plastic_deformation
-        states.append(LoadState(step.name, step.branch, step.pressure, step.unloaded_from, contact))
+        states.append(LoadState(step.pressure, step.unloaded_from, contact=contact))
     return tuple(states)
 
 

@@ -1,8 +1,8 @@
 """Darcy flow on an unstructured mesh: ∇·(K∇φ) = 0, φ = 1 on the inlet, 0 on the outlet, no flow elsewhere.
 
-Value and upper bound: conforming elements, P1 or Q1 on straight meshes (order 2 in the flow), isoparametric P2 or Q2 on
-second-order meshes (order 4). Lower bound: lowest-order Raviart-Thomas flux, hybridised, so that its unknowns are
-potentials of facets and its matrix is positive definite.
+Value and upper bound: conforming elements, P1 or Q1 on straight meshes (order 2 in the flow), isoparametric
+P2 or Q2 on second-order meshes (order 4). Lower bound: lowest-order Raviart-Thomas flux, hybridised, so that
+its unknowns are potentials of facets and its matrix is positive definite.
 
 Symbols: K permeability [m³] (any unit: the conductance has the same), φ potential for a unit drop, q flux.
 Sources: Dirichlet's and Thomson's principles; Arnold & Brezzi, RAIRO M2AN 19, 1985, 7 (hybridisation).
@@ -83,16 +83,17 @@ def darcy_conductance(
     Parameters
     ----------
     mesh : scikit-fem MeshTri1, MeshQuad1, MeshTri2 or MeshQuad2 with n elements.
-    permeability : K >= 0; a number, (n,), (n, 2) values along x and y, or (n, 2, 2) symmetric tensors; 0 is closed.
-        A tensor closed along one principal axis only keeps 1e-10 of its other value there, and carries flow across
-        facets only along the open one.
+    permeability : K >= 0; a number, (n,), (n, 2) values along x and y, or (n, 2, 2) symmetric tensors; 0 is
+        closed. A tensor closed along one principal axis only keeps 1e-10 of its other value there, and
+        carries flow across facets only along the open one.
     inlet, outlet : indices of boundary facets, with no vertex in common.
-    bounds : also enclose the conductance of this very mesh (straight sides, K constant on each element), up to
-        quadrature on quadrilaterals that are not parallelograms; otherwise both bounds are NaN.
+    bounds : also enclose the conductance of this very mesh (straight sides, K constant on each element), up
+        to quadrature on quadrilaterals that are not parallelograms; otherwise both bounds are NaN.
 
     Returns
     -------
-    DarcyFlow, `potential` at the vertices; it is 1 or 0 in dead ends of the inlet or outlet, 0 in closed pockets.
+    DarcyFlow, `potential` at the vertices; it is 1 or 0 in dead ends of the inlet or outlet, 0 in closed
+    pockets.
 
     Raises
     ------
@@ -101,18 +102,18 @@ def darcy_conductance(
 
     Notes
     -----
-    The value is the energy ∫ ∇φ·K∇φ, so it equals `upper`. Open elements that meet in a corner are connected in the
-    value and in the upper bound, and not in the lower one.
+    The value is the energy ∫ ∇φ·K∇φ, so it equals `upper`. Open elements that meet in a corner are connected
+    in the value and in the upper bound, and not in the lower one.
     """
     kind = _KINDS.get(type(mesh))
     if kind is None:
         names = ", ".join(t.__name__ for t in _KINDS)
         raise InputError.of("mesh", f"a {type(mesh).__name__}", f"one of {names}")
     if bounds and kind.flux_element is None:
-        raise InputError.of("bounds", f"a curved mesh, {type(mesh).__name__}", "a straight mesh (first-order elements)")
-    ends = _facets(mesh, inlet, "inlet"), _facets(mesh, outlet, "outlet")
-    if np.intersect1d(mesh.facets[:, ends[0]], mesh.facets[:, ends[1]]).size:
-        raise InputError("inlet and outlet: they touch, allowed are boundaries with no vertex in common")
+        raise InputError.of(
+            "bounds", f"a curved mesh, {type(mesh).__name__}", "a straight mesh (first-order elements)"
+        )
+    ends = _ends(mesh, inlet, outlet)
     tensor = permeability_tensors(permeability, mesh.nelements)
     scale = float(np.abs(tensor).max()) or 1.0
     tensor = tensor / scale
@@ -154,7 +155,7 @@ def darcy_conductance(
 
 
 def permeability_tensors(permeability: ArrayLike, elements: int) -> Array:
-    """K as (elements, 2, 2) positive semidefinite tensors, from any of the shapes allowed; or an InputError."""
+    """K as (elements, 2, 2) positive semidefinite tensors, from any allowed shape; or an InputError."""
     try:
         k = np.asarray(permeability, dtype=float)
     except (TypeError, ValueError):
@@ -162,10 +163,14 @@ def permeability_tensors(permeability: ArrayLike, elements: int) -> Array:
     n = elements
     if k.shape not in ((), (n,), (n, 2), (n, 2, 2)):
         raise InputError.of(
-            "permeability", f"shape {k.shape}", f"a number, or shape ({n},), ({n}, 2) or ({n}, 2, 2) for {n} elements"
+            "permeability",
+            f"shape {k.shape}",
+            f"a number, or shape ({n},), ({n}, 2) or ({n}, 2, 2) for {n} elements",
         )
     if not np.all(np.isfinite(k)):
-        raise InputError.of("permeability", f"{np.count_nonzero(~np.isfinite(k))} values not finite", "numbers >= 0 [m³]")
+        raise InputError.of(
+            "permeability", f"{np.count_nonzero(~np.isfinite(k))} values not finite", "numbers >= 0 [m³]"
+        )
     if k.ndim < 3:
         if k.min(initial=0.0) < 0:
             raise InputError.of("permeability", f"{k.min():g}", "numbers >= 0 [m³]")
@@ -174,14 +179,31 @@ def permeability_tensors(permeability: ArrayLike, elements: int) -> Array:
     size = np.abs(k).max(axis=(1, 2))
     skew = np.flatnonzero(np.abs(k[:, 0, 1] - k[:, 1, 0]) > 1e-9 * size)
     if skew.size:
-        raise InputError.of("permeability", f"a tensor that is not symmetric in element {skew[0]}", "symmetric tensors")
+        raise InputError.of(
+            "permeability", f"a tensor that is not symmetric in element {skew[0]}", "symmetric tensors"
+        )
     k = (k + k.transpose(0, 2, 1)) / 2
     negative = np.flatnonzero(np.linalg.eigvalsh(k)[:, 0] < -1e-12 * size)
     if negative.size:
         raise InputError.of(
-            "permeability", f"a negative principal value in element {negative[0]}", "principal values >= 0 [m³]"
+            "permeability",
+            f"a negative principal value in element {negative[0]}",
+            "principal values >= 0 [m³]",
         )
     return k
+
+
+def is_connected(mesh: Mesh, inlet: ArrayLike, outlet: ArrayLike) -> bool:
+    """Whether the mesh itself, all of it open, joins inlet and outlet; InputError if these cannot be ends."""
+    unit = np.broadcast_to(np.eye(2), (mesh.nelements, 2, 2))
+    return _carrying_elements(mesh, unit, _ends(mesh, inlet, outlet), through_corners=True)[0].size > 0
+
+
+def _ends(mesh: Mesh, inlet: ArrayLike, outlet: ArrayLike) -> tuple[Indices, Indices]:
+    ends = _facets(mesh, inlet, "inlet"), _facets(mesh, outlet, "outlet")
+    if np.intersect1d(mesh.facets[:, ends[0]], mesh.facets[:, ends[1]]).size:
+        raise InputError("inlet and outlet: they touch, allowed are boundaries with no vertex in common")
+    return ends
 
 
 def _facets(mesh: Mesh, facets: ArrayLike, name: str) -> Indices:
@@ -198,7 +220,7 @@ def _open_facets(mesh: Mesh, facets: Indices, elements: Indices) -> Indices:
 
 
 def _invertible(tensor: Array) -> Array:
-    """Tensors whose smaller principal value is 0, but not the larger, with CLOSED_AXIS of the larger instead."""
+    """Tensors with a smaller principal value of CLOSED_AXIS of the larger instead of 0."""
     values, axes = np.linalg.eigh(tensor)
     half = (values[:, 1] > 0) & (values[:, 0] <= 1e-14 * values[:, 1])
     values[half, 0] = CLOSED_AXIS * values[half, 1]
@@ -211,8 +233,8 @@ def _carrying_elements(
 ) -> tuple[Indices, Indices]:
     """Elements connected to both inlet and outlet, and those connected to the inlet alone.
 
-    Elements connect through a facet that both can carry flow across, n·Kn > 0; with `through_corners` also through a
-    vertex if both are open in every direction.
+    Elements connect through a facet that both can carry flow across, n·Kn > 0; with `through_corners` also
+    through a vertex if both are open in every direction.
     """
     values = np.linalg.eigvalsh(tensor)
     full = values[:, 0] > 1e-14 * values[:, 1]
@@ -253,7 +275,11 @@ def _solve_free(matrix: sp.csr_array, unknown: Indices, phi: Array) -> tuple[int
 
 
 def _flux_conductance(
-    mesh: Mesh, tensor: Array, ends: tuple[Indices, Indices], element: ElementTriRT0 | ElementQuadRT0, intorder: int
+    mesh: Mesh,
+    tensor: Array,
+    ends: tuple[Indices, Indices],
+    element: ElementTriRT0 | ElementQuadRT0,
+    intorder: int,
 ) -> float:
     """Q²/∫ q·K⁻¹q of the lowest-order Raviart-Thomas flux; 0 if open elements connect in corners only."""
     carrying, _ = _carrying_elements(mesh, tensor, ends, through_corners=False)
@@ -272,7 +298,9 @@ def _flux_conductance(
     schur = inverse - column[:, :, None] * column[:, None, :] / column.sum(axis=1)[:, None, None]
     n = facets.shape[1]
     rows, cols = np.repeat(facets, n, axis=1), np.tile(facets, (1, n))
-    matrix = sp.coo_array((schur.ravel(), (rows.ravel(), cols.ravel())), shape=(mesh.nfacets, mesh.nfacets)).tocsr()
+    matrix = sp.coo_array(
+        (schur.ravel(), (rows.ravel(), cols.ravel())), shape=(mesh.nfacets, mesh.nfacets)
+    ).tocsr()
     inlet, outlet = (_open_facets(mesh, f, carrying) for f in ends)
     lam = np.zeros(mesh.nfacets)
     lam[inlet] = 1.0

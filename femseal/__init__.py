@@ -1,0 +1,62 @@
+"""femseal: leakage of metal-to-metal seals over a load cycle, from measured roughness, at the size of the real seal.
+
+The flow of data, top to bottom::
+
+    topography   heights of a face: read, generate, condition            Topography, self_affine, turned, ...
+    contact      heights + load -> contact pressure, gap                 HalfSpace, solve_contact, load_cycle
+    flow         gap -> permeability of a cell                           cell_permeability, permeability_tensor
+    scales       windows, their response, libraries, draws
+    seal         permeability -> leakage of a seal of some shape         RectangularSeal, ..., seal_leakage
+    studies      the chains: deterministic, two-scale, stochastic
+    output       results folder: netCDF, pictures, VTK
+    case         TOML case -> everything above                           load_case, run
+
+Everything is SI. Names are loaded when first used, so that importing the package is quick.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+__version__ = "0.1.0"
+
+if TYPE_CHECKING:
+    from .case import Case, load_case
+    from .contact import Contact, HalfSpace, LoadState, load_cycle, solve_contact
+    from .errors import FemsealError, InputError, NotConverged
+    from .flow import Permeability, cell_permeability, permeability_tensor
+    from .fluids import IdealGas, Liquid
+    from .job import run
+    from .materials import Solid, contact_modulus
+    from .output import Results, open_results
+    from .seal import AnnularSeal, Leakage, MeshSeal, RectangularSeal, seal_leakage
+    from .studies import Sampling, Scene, deterministic, stochastic, two_scale
+    from .topography import Topography, condition, read_topography, self_affine, turned
+
+_MODULES = {
+    "case": ("Case", "load_case"),
+    "contact": ("Contact", "HalfSpace", "LoadState", "load_cycle", "solve_contact"),
+    "errors": ("FemsealError", "InputError", "NotConverged"),
+    "flow": ("Permeability", "cell_permeability", "permeability_tensor"),
+    "fluids": ("IdealGas", "Liquid"),
+    "job": ("run",),
+    "materials": ("Solid", "contact_modulus"),
+    "output": ("Results", "open_results"),
+    "seal": ("AnnularSeal", "Leakage", "MeshSeal", "RectangularSeal", "seal_leakage"),
+    "studies": ("Sampling", "Scene", "deterministic", "stochastic", "two_scale"),
+    "topography": ("Topography", "condition", "read_topography", "self_affine", "turned"),
+}
+_HOME = {name: module for module, names in _MODULES.items() for name in names}
+
+__all__ = sorted(_HOME)  # noqa: PLE0605
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOME:
+        raise AttributeError(f"module 'femseal' has no attribute {name!r}")
+    value = getattr(import_module(f".{_HOME[name]}", __name__), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return [*__all__, "__version__"]

@@ -1,0 +1,127 @@
+"""Response of one window along a load programme: contact with plastic memory, then permeability."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..contact import HalfSpace, LoadStep, solve_with_memory
+from ..errors import FemsealError
+from ..flow import cell_permeability
+
+Array = NDArray[np.float64]
+#: Below this ratio of rms gap variation to mean gap parallel plates are exact to 2e-4 whatever the lay, and nothing is solved.
+OPEN_RATIO = 0.005
+
+
+@dataclass(frozen=True)
+class WindowHistory:
+    """One window at every step of a programme; a step that failed is NaN and says why."""
+
+    gap: NDArray[np.float32] = field(metadata={"unit": "m", "long_name": "deformed gap"})
+    pressure: NDArray[np.float32] = field(metadata={"unit": "Pa", "long_name": "contact pressure"})
+    contact_fraction: Array = field(metadata={"unit": "1", "long_name": "share of the window in contact"})
+    plastic_fraction: Array = field(metadata={"unit": "1", "long_name": "share of the window at the hardness"})
+    failures: tuple[str, ...] = ()
+
+    @property
+    def mean_gap(self) -> Array:
+        """Mean gap at every step [m]."""
+        return self.gap.mean(axis=(1, 2), dtype=float)
+
+
+def respond(
+    gap0: Array,
+    pressures: Sequence[float],
+    steps: Sequence[LoadStep],
+    half_space: HalfSpace,
+    *,
+    hardness: float,
+    rigid_at_zero: bool,
+    rtol: float = 1e-6,
+) -> WindowHistory:
+    """Contact of a window at every step.
+
+    Parameters
+    ----------
+    gap0 : undeformed gap (n1, n2) [m], or one for each step (steps, n1, n2) where a coarser solution shapes it.
+    pressures : mean pressure of the window at each step [Pa].
+    steps : the programme; an unloading step takes the permanent deformation of its peak's loading step.
+    half_space : elastic body and boundary kinds of the window.
+    hardness : H [Pa].
+    rigid_at_zero : without pressure the window keeps the gap given (True) or is brought to first touch (False).
+    """
+    shape = half_space.shape
+    n = len(steps)
+    gaps, stresses = np.full((n, *shape), np.nan, np.float32), np.full((n, *shape), np.nan, np.float32)
+    contact_fraction, plastic_fraction = np.full(n, np.nan), np.full(n, np.nan)
+    left: dict[float, Array] = {}
+    failures = []
+    for s, step in enumerate(steps):
+        undeformed = gap0[s] if gap0.ndim == 3 else gap0
+        memory = None if step.unloaded_from is None else left.get(step.unloaded_from)
+        if pressures[s] <= 0 and rigid_at_zero:
+            gaps[s] = np.maximum(undeformed if memory is None else undeformed + memory, 0.0)
+            stresses[s] = 0.0
+            contact_fraction[s] = np.count_nonzero(gaps[s] == 0) / gaps[s].size
+            plastic_fraction[s] = 0.0
+            if step.unloaded_from is None:
+                left[step.pressure] = np.zeros(shape)
+            continue
+        try:
+            if step.unloaded_from is not None and memory is None:
+                raise FemsealError("the peak of this unloading failed")
+            contact = solve_with_memory(
+                undeformed, half_space, memory, pressure=min(pressures[s], hardness), hardness=hardness, rtol=rtol
+            )
+        except FemsealError as error:
+            failures.append(f"{step.name}: {error}")
+            continue
+        gaps[s], stresses[s] = contact.gap, contact.pressure
+        contact_fraction[s], plastic_fraction[s] = contact.area_fraction, contact.plastic_fraction
+        if step.unloaded_from is None:
+            left[step.pressure] = contact.plastic_deformation
+    return WindowHistory(gaps, stresses, contact_fraction, plastic_fraction, tuple(failures))
+
+
+@dataclass(frozen=True)
+class FlowHistory:
+    """Permeability of one window at every step (NaN where there is no gap), and how many were solved or skipped."""
+
+    permeability: Array
+    solved: int
+    closed: int
+    open: int
+    failures: tuple[str, ...] = ()
+
+
+def flow_history(gaps: NDArray[np.floating], spacing: tuple[float, float], axis: int) -> FlowHistory:
+    """Permeability along `axis` of a window's gaps (steps, n1, n2), sides closed; closed and wide-open ones unsolved."""
+    k = np.full(len(gaps), np.nan)
+    solved = closed = wide = 0
+    failures = []
+    permeability = partial(cell_permeability, spacing=spacing, axis=axis, sides="mirror")
+    for s, gap in enumerate(gaps):
+        h = np.asarray(gap, dtype=float)
+        if not np.all(np.isfinite(h)):
+            continue
+        mean = float(h.mean())
+        if h.min() > 0 and h.std() < OPEN_RATIO * mean:
+            k[s] = mean**3 / 12
+            wide += 1
+            continue
+        try:
+            result = permeability(h)
+        except FemsealError as error:
+            failures.append(f"step {s}: {error}")
+            continue
+        k[s] = result.value
+        if result.percolates:
+            solved += 1
+        else:
+            closed += 1
+    return FlowHistory(k, solved, closed, wide, tuple(failures))

@@ -1,0 +1,118 @@
+"""A mesh of a seal from a file, with its named boundaries.
+
+meshio reads the file; names come from cell sets (Abaqus and others) or from physical groups (gmsh).
+scikit-fem's own import loses the names of second-order boundaries, so facets are matched here by their two
+end vertices.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+from os import PathLike, fspath
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from skfem import Mesh, MeshQuad1, MeshQuad2, MeshTri1, MeshTri2
+
+from ..errors import InputError
+
+_KINDS: dict[str, tuple[type[Mesh], int]] = {
+    "triangle": (MeshTri1, 3),
+    "quad": (MeshQuad1, 4),
+    "triangle6": (MeshTri2, 3),
+    "quad8": (MeshQuad2, 4),
+    "quad9": (MeshQuad2, 4),
+}
+_LINES = ("line", "line3")
+
+
+def read_mesh(path: str | PathLike[str]) -> Mesh:
+    """Mesh of triangles or quadrilaterals (first or second order) with `boundaries` by name.
+
+    Elements keep the order of the file (blocks of one kind one after the other); nodes that no element uses
+    are left out. A physical group without a name is called by its number.
+
+    Raises
+    ------
+    InputError : no such file, not readable, no cells, cells of several kinds, or not in a plane of constant
+        z.
+    """
+    file = Path(fspath(path))
+    if not file.is_file():
+        raise InputError.of("path", f"'{file}'", "an existing mesh file")
+    data = _meshio_read(file)
+    present = [kind for kind in _KINDS if kind in data.cells_dict]
+    if not present:
+        found = ", ".join(data.cells_dict) or "nothing"
+        raise InputError.of(
+            "path", f"'{file}' with {found}", f"a mesh with cells of one kind of {', '.join(_KINDS)}"
+        )
+    if len(present) > 1:
+        raise InputError.of("path", f"'{file}' with {' and '.join(present)}", "a mesh with cells of one kind")
+    kind = present[0]
+    points = np.asarray(data.points, dtype=float)
+    cells = np.asarray(data.cells_dict[kind])
+    if points.shape[1] > 2 and np.ptp(points[cells, 2]) > 1e-9 * np.ptp(points[cells.ravel()], axis=0).max():
+        raise InputError.of("path", f"'{file}' with varying z", "a plane mesh, z constant")
+    points = points[:, :2]
+    if kind == "quad8":
+        centre = points[cells[:, 4:]].sum(axis=1) / 2 - points[cells[:, :4]].sum(axis=1) / 4
+        cells = np.hstack([cells, len(points) + np.arange(len(cells))[:, None]])
+        points = np.vstack([points, centre])
+    mesh_type, corners = _KINDS[kind]
+    used, renumbered = np.unique(cells, return_inverse=True)
+    cells = renumbered.reshape(cells.shape)
+    mesh = mesh_type(np.ascontiguousarray(points[used].T), np.ascontiguousarray(cells.T))
+    # scikit-fem numbers the corners among themselves, in the same order
+    vertex = np.full(len(points), -1)
+    vertex[used[np.unique(cells[:, :corners])]] = np.arange(mesh.nvertices)
+    boundaries = {name: _facets_of(mesh, vertex[lines]) for name, lines in _named_lines(data).items()}
+    return mesh.with_boundaries({name: facets for name, facets in boundaries.items() if facets.size})
+
+
+def _meshio_read(file: Path) -> Any:
+    import meshio
+
+    silent = io.StringIO()
+    try:
+        # a file meshio cannot read makes it print and exit
+        with contextlib.redirect_stdout(silent), contextlib.redirect_stderr(silent):
+            return meshio.read(file)
+    except (Exception, SystemExit) as error:
+        reason = (str(error) if not isinstance(error, SystemExit) else "") or "unknown or damaged format"
+        raise InputError.of(
+            "path", f"'{file}' ({' '.join(reason.split())})", "a mesh in a format that meshio reads"
+        ) from None
+
+
+def _named_lines(data: Any) -> dict[str, NDArray[np.int64]]:
+    """End vertices (m, 2) of the line cells of every name."""
+    named: dict[str, list[NDArray[np.int64]]] = {}
+    for name, members in data.cell_sets.items():
+        if name.startswith("gmsh:"):
+            continue
+        for block, chosen in zip(data.cells, members, strict=True):
+            if block.type in _LINES and chosen is not None and len(chosen):
+                named.setdefault(name, []).append(block.data[chosen][:, :2])
+    # a tag counts within its dimension: a surface may have the number of a line
+    names = {int(tag): name for name, (tag, dimension) in data.field_data.items() if int(dimension) == 1}
+    for block, tags in zip(data.cells, data.cell_data.get("gmsh:physical", []), strict=False):
+        if block.type not in _LINES:
+            continue
+        for tag in np.unique(tags):
+            name = names.get(int(tag), str(tag))
+            if name not in data.cell_sets:
+                named.setdefault(name, []).append(block.data[tags == tag][:, :2])
+    return {name: np.vstack(parts).astype(np.int64) for name, parts in named.items()}
+
+
+def _facets_of(mesh: Mesh, ends: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Facets of the mesh with the given end vertices; lines that are no facet are left out."""
+    n = mesh.nvertices
+    facets = np.sort(mesh.facets, axis=0)
+    key = facets[0].astype(np.int64) * n + facets[1]
+    ends = np.sort(ends[(ends >= 0).all(axis=1)], axis=1)
+    return np.flatnonzero(np.isin(key, ends[:, 0] * n + ends[:, 1]))

@@ -1,0 +1,258 @@
+"""Shapes of seals: where the leakage runs, and the conductance of the whole from the permeability of the
+parts.
+
+A shape is a frozen dataclass with `length`, `points` and `flow`; a new one needs nothing else (see `Seal`).
+Symbols: k permeability [m³], c = k × shape factor conductance [m³], φ potential for a unit drop.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from math import pi
+from operator import index
+from os import PathLike
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+from skfem import Basis, FacetBasis, Functional, Mesh, MeshQuad1, MeshQuad2, MeshTri1, MeshTri2
+
+from ..errors import InputError
+from ..flow.darcy import DarcyFlow, darcy_conductance, is_connected
+from .links import link_permeabilities, network_flow
+from .mesh_file import read_mesh
+
+Array = NDArray[np.float64]
+
+
+class Seal(Protocol):
+    """What `seal_leakage` needs to know of a seal."""
+
+    @property
+    def length(self) -> float:
+        """Length along the seal by which leakage is divided [m]."""
+        ...
+
+    @property
+    def points(self) -> Array:
+        """Coordinates (…, 2) [m] of the nodes at which the fluid pressure is given."""
+        ...
+
+    def flow(self, permeability: Any, *, bounds: bool = False) -> DarcyFlow:
+        """Flow for a unit drop of potential through the given permeability, checked."""
+        ...
+
+
+@dataclass(frozen=True)
+class RectangularSeal:
+    """A straight seal, inlet at x1 = 0, outlet at x1 = L1, periodic along x2.
+
+    Nodes lie at x1 = iΔ1 (n1 + 1 of them) and x2 = (j + ½)Δ2; permeabilities belong to the links between
+    them, k1 (n1, n2) along the leakage and k2 (n1 − 1, n2) along the seal, from column j to j + 1.
+
+    Parameters
+    ----------
+    size : (L1, L2) [m], L1 along the leakage.
+    cells : (n1, n2).
+
+    Raises
+    ------
+    InputError : sizes that are not > 0, cells that are not whole numbers >= 1.
+    """
+
+    size: tuple[float, float]
+    cells: tuple[int, int]
+
+    def __post_init__(self) -> None:
+        size = _pair("size", self.size, "two finite numbers > 0 [m]")
+        object.__setattr__(self, "size", tuple(_length("size", s) for s in size))
+        object.__setattr__(self, "cells", _cells(self.cells))
+
+    @property
+    def spacing(self) -> tuple[float, float]:
+        """Distances (Δ1, Δ2) of the nodes [m]."""
+        return self.size[0] / self.cells[0], self.size[1] / self.cells[1]
+
+    @property
+    def length(self) -> float:
+        """L2 [m]."""
+        return self.size[1]
+
+    @property
+    def points(self) -> Array:
+        """Coordinates of the nodes (n1 + 1, n2, 2) [m]."""
+        (n1, n2), (d1, d2) = self.cells, self.spacing
+        x1, x2 = np.meshgrid(np.arange(n1 + 1) * d1, (np.arange(n2) + 0.5) * d2, indexing="ij")
+        return np.stack([x1, x2], axis=-1)
+
+    def flow(self, permeability: Any, *, bounds: bool = False) -> DarcyFlow:
+        """Flow for a unit drop; permeability: a number, or the links (k1, k2), numbers or arrays [m³]."""
+        k1, k2 = link_permeabilities(permeability, self.cells)
+        d1, d2 = self.spacing
+        return network_flow(k1 * (d2 / d1), k2 * (d1 / d2), bounds)
+
+
+@dataclass(frozen=True)
+class AnnularSeal:
+    """A ring, leaking along the radius; axis 0 always runs from the inlet to the outlet, axis 1 along the
+    angle.
+
+    Nodes lie at n_r + 1 equidistant radii and at n_θ angles. A radial link has the conductance k1
+    Δθ/ln(r₊/r₋), exact for constant k; a tangential one, at the radii between, k2 ln(r₊½/r₋½)/Δθ.
+
+    Parameters
+    ----------
+    inner_radius, outer_radius : [m].
+    cells : (n_r, n_θ).
+    inlet : "inner" or "outer"; with "outer" the first row of k1 and of the fluid pressure lies outside.
+
+    Raises
+    ------
+    InputError : radii that do not increase from above 0, bad cells, another inlet.
+    """
+
+    inner_radius: float
+    outer_radius: float
+    cells: tuple[int, int]
+    inlet: str = "inner"
+
+    def __post_init__(self) -> None:
+        inner, outer = _length("inner_radius", self.inner_radius), _length("outer_radius", self.outer_radius)
+        if not outer > inner:
+            raise InputError.of("outer_radius", f"{outer:g} m", f"a number > the inner radius, {inner:g} m")
+        object.__setattr__(self, "inner_radius", inner)
+        object.__setattr__(self, "outer_radius", outer)
+        object.__setattr__(self, "cells", _cells(self.cells))
+        if self.inlet not in ("inner", "outer"):
+            raise InputError.of("inlet", repr(self.inlet), "'inner' or 'outer'")
+
+    @property
+    def radii(self) -> Array:
+        """Radii of the nodes (n_r + 1,) from inlet to outlet [m]."""
+        r = np.linspace(self.inner_radius, self.outer_radius, self.cells[0] + 1)
+        return r if self.inlet == "inner" else r[::-1]
+
+    @property
+    def length(self) -> float:
+        """Mean circumference π(r_i + r_o) [m]."""
+        return pi * (self.inner_radius + self.outer_radius)
+
+    @property
+    def points(self) -> Array:
+        """Cartesian coordinates of the nodes (n_r + 1, n_θ, 2) [m]."""
+        θ = (np.arange(self.cells[1]) + 0.5) * (2 * pi / self.cells[1])
+        return self.radii[:, None, None] * np.stack([np.cos(θ), np.sin(θ)], axis=-1)
+
+    def flow(self, permeability: Any, *, bounds: bool = False) -> DarcyFlow:
+        """Flow for a unit drop; permeability: a number, or radial and tangential links (k1, k2) [m³]."""
+        k1, k2 = link_permeabilities(permeability, self.cells)
+        r = self.radii
+        dθ = 2 * pi / self.cells[1]
+        middle = (r[:-1] + r[1:]) / 2
+        radial = dθ / np.abs(np.log(r[1:] / r[:-1]))
+        tangential = np.abs(np.log(middle[1:] / middle[:-1])) / dθ
+        return network_flow(k1 * radial[:, None], k2 * tangential[:, None], bounds)
+
+
+@dataclass(frozen=True)
+class MeshSeal:
+    """A seal of any plan shape, meshed with triangles or quadrilaterals of first or second order.
+
+    Parameters
+    ----------
+    path : a mesh file that meshio reads (plane, z constant, coordinates in metres), or a scikit-fem mesh with
+        named `boundaries`.
+    inlet, outlet : names of two boundaries that do not touch.
+
+    Raises
+    ------
+    InputError : the file is missing or not a mesh, no boundary of that name (the message lists those there
+        are), inlet and outlet touch or are not connected by the mesh, elements that are degenerate or
+        tangled.
+    """
+
+    path: str | PathLike[str] | Mesh = field(repr=False)
+    inlet: str
+    outlet: str
+    mesh: Mesh = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        mesh = self.path if isinstance(self.path, Mesh) else read_mesh(self.path)
+        object.__setattr__(self, "mesh", mesh)
+        if type(mesh) not in (MeshTri1, MeshQuad1, MeshTri2, MeshQuad2):
+            raise InputError.of(
+                "path", f"a {type(mesh).__name__}", "a plane mesh of triangles or quadrilaterals"
+            )
+        there = ", ".join(repr(str(name)) for name in mesh.boundaries or {}) or "none"
+        for role, name in (("inlet", self.inlet), ("outlet", self.outlet)):
+            if name not in (mesh.boundaries or {}):
+                raise InputError.of(role, repr(name), f"the name of a boundary of the mesh: {there}")
+        _check_elements(mesh)
+        if not is_connected(mesh, *self._ends):
+            raise InputError("inlet and outlet: not connected by the mesh, allowed is a mesh in one piece")
+
+    @property
+    def _ends(self) -> tuple[Any, Any]:
+        return self.mesh.boundaries[self.inlet], self.mesh.boundaries[self.outlet]
+
+    @property
+    def length(self) -> float:
+        """Length of the outlet [m]."""
+        basis = FacetBasis(self.mesh, self.mesh.elem(), facets=self._ends[1], intorder=6)
+        return float(_one.assemble(basis))
+
+    @property
+    def points(self) -> Array:
+        """Coordinates of the vertices (n_vertices, 2) [m]."""
+        return np.ascontiguousarray(self.mesh.p[:, : self.mesh.nvertices].T)
+
+    def flow(self, permeability: Any, *, bounds: bool = False) -> DarcyFlow:
+        """Flow for a unit drop; permeability: a number, (n,), (n, 2) or (n, 2, 2) for n elements [m³]."""
+        return darcy_conductance(self.mesh, permeability, *self._ends, bounds=bounds)
+
+
+@Functional
+def _one(w: Any) -> Any:
+    """∫ 1."""
+    return 1.0 + 0 * w.x[0]
+
+
+def _check_elements(mesh: Mesh) -> None:
+    points = Basis(mesh, mesh.elem(), intorder=4).X
+    # the Jacobian of a bilinear element is extreme at its corners
+    points = np.hstack([points, mesh.elem.refdom.p])
+    det = np.asarray(mesh.mapping().detDF(points))
+    size = np.abs(det).max(axis=1)
+    bad = np.flatnonzero((np.abs(det).min(axis=1) <= 1e-10 * size) | (det.min(axis=1) * det.max(axis=1) <= 0))
+    if bad.size:
+        raise InputError.of("path", f"a mesh whose element {bad[0]} is degenerate or tangled", "a valid mesh")
+
+
+def _pair(name: str, value: Any, allowed: str) -> tuple[Any, Any]:
+    try:
+        first, second = value
+    except (TypeError, ValueError):
+        raise InputError.of(name, repr(value), allowed) from None
+    return first, second
+
+
+def _length(name: str, value: Any) -> float:
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        number = np.nan
+    if not (np.isfinite(number) and number > 0):
+        raise InputError.of(name, repr(value), "a finite number > 0 [m]")
+    return number
+
+
+def _cells(value: Any) -> tuple[int, int]:
+    allowed = "two whole numbers >= 1"
+    pair = _pair("cells", value, allowed)
+    try:
+        n1, n2 = (index(n) for n in pair)
+    except TypeError:
+        raise InputError.of("cells", repr(value), allowed) from None
+    if n1 < 1 or n2 < 1:
+        raise InputError.of("cells", repr(value), allowed)
+    return n1, n2

@@ -1,0 +1,64 @@
+"""Checks of arguments shared by the modules here: each returns the clean value or raises InputError."""
+
+from __future__ import annotations
+
+from math import isfinite
+from operator import index
+from typing import Any
+
+from ..errors import InputError
+
+
+def number(name: str, value: Any, *, unit: str = "", above: float = 0.0, inclusive: bool = False) -> float:
+    """A finite number > `above`, or >= `above` when `inclusive`."""
+    relation = ">=" if inclusive else ">"
+    allowed = f"a finite number {relation} {above:g}" + (f" [{unit}]" if unit else "")
+    try:
+        given = float(value)
+    except (TypeError, ValueError):
+        raise InputError.of(name, repr(value), allowed) from None
+    if not isfinite(given) or given < above or (given == above and not inclusive):
+        raise InputError.of(name, value, allowed)
+    return given
+
+
+def lengths(name: str, value: Any) -> tuple[float, float]:
+    """Two finite lengths > 0 [m], along x1 and x2."""
+    allowed = "two finite numbers > 0 [m], along x1 and x2"
+    try:
+        first, second = (float(v) for v in value)
+    except (TypeError, ValueError):
+        raise InputError.of(name, repr(value), allowed) from None
+    if not (isfinite(first) and isfinite(second) and first > 0 and second > 0):
+        raise InputError.of(name, value, allowed)
+    return first, second
+
+
+def grid(name: str, value: Any, *, minimum: int = 1) -> tuple[int, int]:
+    """Two whole numbers >= `minimum`, along x1 and x2."""
+    allowed = f"two whole numbers >= {minimum}, along x1 and x2"
+    try:
+        first, second = (index(v) for v in value)
+    except (TypeError, ValueError):
+        raise InputError.of(name, repr(value), allowed) from None
+    if first < minimum or second < minimum:
+        raise InputError.of(name, value, allowed)
+    return first, second
+
+
+def flags(name: str, value: Any) -> tuple[bool, bool]:
+    """Two truth values, along x1 and x2."""
+    try:
+        first, second = value
+        if first not in (True, False) or second not in (True, False):
+            raise ValueError
+    except (TypeError, ValueError):
+        raise InputError.of(name, repr(value), "two of True and False, along x1 and x2") from None
+    return bool(first), bool(second)
+
+
+def axis_number(axis: Any) -> int:
+    """0 (x1) or 1 (x2)."""
+    if axis not in (0, 1):
+        raise InputError.of("axis", repr(axis), "0 (x1) or 1 (x2)")
+    return int(axis)

@@ -1,0 +1,102 @@
+"""From a measured map to one that contact and flow can be solved on: filled, flat, smooth at the pixel.
+
+Source: section 4.1 of the model, after Pérez-Ràfols et al., Tribol. Lett. (2018): remove the tilt, truncate
+in Fourier space so that the shortest wave is resolved by at least 8 pixels.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from math import atan
+
+import numpy as np
+
+from ..errors import InputError
+from . import checks
+from .form import fit_form
+from .generate import PIXELS_PER_WAVE
+from .spectral import SLACK
+from .topography import Topography
+
+
+@dataclass(frozen=True)
+class Conditioning:
+    """What was done to a measured map; "before" means filled and flat, but not yet low-passed."""
+
+    undefined_share: float = field(metadata={"unit": "", "label": "share of undefined points, filled"})
+    removed_tilt: tuple[float, float] = field(metadata={"unit": "rad", "label": "tilt removed along x1, x2"})
+    removed_curvature: tuple[float, float, float] = field(
+        metadata={"unit": "1/m", "label": "curvature removed: 11, 12, 22"}
+    )
+    shortest_wavelength: float = field(metadata={"unit": "m", "label": "shortest wavelength kept"})
+    rms_height_before: float = field(metadata={"unit": "m", "label": "Sq before the low-pass"})
+    rms_height: float = field(metadata={"unit": "m", "label": "Sq"})
+    rms_slope_before: float = field(metadata={"unit": "", "label": "rms slope before the low-pass"})
+    rms_slope: float = field(metadata={"unit": "", "label": "rms slope"})
+    shape_before: tuple[int, int] = field(metadata={"unit": "", "label": "points measured"})
+    shape: tuple[int, int] = field(metadata={"unit": "", "label": "points"})
+    spacing_before: tuple[float, float] = field(metadata={"unit": "m", "label": "pixel measured"})
+    spacing: tuple[float, float] = field(metadata={"unit": "m", "label": "pixel"})
+
+
+def condition(
+    topography: Topography,
+    *,
+    detrend: int = 1,
+    shortest_wavelength: float | None = None,
+    max_undefined: float = 0.05,
+    shape: tuple[int, int] | None = None,
+) -> tuple[Topography, Conditioning]:
+    """Fill undefined points, remove the form, low-pass, and bring the map on the grid of `shape` if given.
+
+    Parameters
+    ----------
+    topography : the map as measured.
+    detrend : order of the form removed: 0 mean, 1 tilt, 2 tilt and curvature.
+    shortest_wavelength : waves kept are no shorter [m]; 8 pixels of the coarser spacing of the measured
+        and the final grid, unless given. A shorter one needs `shape` with a grid that gives it 8 pixels.
+    max_undefined : largest share of undefined points (0 to 1) that may be filled.
+    shape : final number of points; as measured unless given.
+
+    Returns
+    -------
+    The usable map and the report of what was done.
+
+    Raises
+    ------
+    InputError : too many undefined points; a wave of less than 8 pixels asked for, or one longer than the
+    map.
+    """
+    final = topography.shape if shape is None else checks.grid("shape", shape)
+    spacing = [length / n for length, n in zip(topography.size, final, strict=True)]
+    resolved = PIXELS_PER_WAVE * max(spacing)
+    if shortest_wavelength is None:
+        shortest_wavelength = max(resolved, PIXELS_PER_WAVE * max(topography.spacing))
+    shortest = checks.number("shortest_wavelength", shortest_wavelength, unit="m")
+    if shortest < resolved * (1 - SLACK):
+        finer = tuple(int(np.ceil(PIXELS_PER_WAVE * length / shortest - SLACK)) for length in topography.size)
+        allowed = f"at least {PIXELS_PER_WAVE} pixels = {resolved:.4g} m, or shape={finer} for a finer grid"
+        raise InputError.of("shortest_wavelength", shortest, allowed)
+    if shortest >= max(topography.size):
+        allowed = f"less than the larger side, {max(topography.size):.4g} m"
+        raise InputError.of("shortest_wavelength", shortest, allowed)
+
+    filled = topography.fill_undefined(max_undefined)
+    form = fit_form(filled.heights, filled.size, detrend)
+    flat = filled.detrend(detrend)
+    smooth = flat.low_pass(shortest).resample(final)
+    tilt1, tilt2 = form.slopes
+    return smooth, Conditioning(
+        undefined_share=topography.undefined_share,
+        removed_tilt=(atan(tilt1), atan(tilt2)),
+        removed_curvature=form.curvatures,
+        shortest_wavelength=shortest,
+        rms_height_before=flat.rms_height,
+        rms_height=smooth.rms_height,
+        rms_slope_before=flat.rms_slope,
+        rms_slope=smooth.rms_slope,
+        shape_before=topography.shape,
+        shape=smooth.shape,
+        spacing_before=topography.spacing,
+        spacing=smooth.spacing,
+    )

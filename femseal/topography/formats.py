@@ -1,0 +1,238 @@
+"""File formats of height maps: each reader turns a file into the same raw record.
+
+Orientation: NumPy and text files as written, line = axis 0; instrument files with their x as axis 0, y as
+axis 1.
+Sources: ISO 25178-71 (.sdf), ISO 25178-72 (.x3p), the Esri ASCII raster format, the text export of Gwyddion.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import InputError
+from ..quantities import to_si
+
+_ESRI_KEYS = {"ncols", "nrows", "xllcorner", "xllcenter", "yllcorner", "yllcenter", "cellsize", "dx", "dy",
+              "nodata_value"}  # fmt: skip
+_HEADER = re.compile(r"^\W*(width|height|value units)\s*[:=]\s*(.+?)\s*$", re.IGNORECASE)
+#: Suffixes of matrices as text.
+TEXT = (".csv", ".asc", ".txt")
+#: Words that instruments write for an undefined point, beside nan.
+_UNDEFINED = {"", "bad", "-", "--", "***"}
+
+
+@dataclass(frozen=True, eq=False)
+class Raw:
+    """What a file holds: heights (n1, n2) as numbers, metres per number, pixel [m]; None = not said."""
+
+    heights: NDArray
+    height_unit: float | None = None
+    spacing: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True)
+class Options:
+    """What the caller says about the inside of the file."""
+
+    delimiter: str | None = None
+    array: str | None = None
+    channel: int = 0
+
+
+def bad_file(path: Path, given: object, allowed: str) -> InputError:
+    """InputError about the content of a file."""
+    return InputError.of(str(path), " ".join(str(given).split())[:200], allowed)
+
+
+def read_npy(path: Path, options: Options) -> Raw:
+    """A .npy array of heights."""
+    try:
+        return Raw(_numbers(path, np.load(path, allow_pickle=False)))
+    except (ValueError, EOFError) as error:
+        raise bad_file(path, error, "an array of numbers saved by numpy.save") from None
+
+
+def read_npz(path: Path, options: Options) -> Raw:
+    """A .npz archive: the heights under `array`, or its only array; `spacing` [m] is taken if it is there."""
+    from zipfile import BadZipFile
+
+    try:
+        with np.load(path, allow_pickle=False) as archive:
+            stored = {name: archive[name] for name in archive.files}
+    except (ValueError, EOFError, BadZipFile, TypeError, AttributeError) as error:
+        raise bad_file(path, error, "arrays of numbers saved by numpy.savez") from None
+    spacing = stored.pop("spacing", None)
+    names = ", ".join(sorted(stored)) or "none"
+    if options.array is None and len(stored) != 1:
+        raise bad_file(path, f"the arrays {names}", "one array, or array= the name of one of them")
+    name = next(iter(stored)) if options.array is None else options.array
+    if name not in stored:
+        raise bad_file(path, f"array={name!r}", f"one of its arrays: {names}")
+    if spacing is None:
+        return Raw(_numbers(path, stored[name]))
+    if spacing.shape != (2,) or spacing.dtype.kind not in "fiu":
+        raise bad_file(path, f"a spacing of shape {spacing.shape}", "two numbers > 0 [m]")
+    return Raw(_numbers(path, stored[name]), spacing=(float(spacing[0]), float(spacing[1])))
+
+
+def read_text(path: Path, options: Options) -> Raw:
+    """A matrix of heights as text, or an Esri ASCII raster.
+
+    Lines beginning with # are comments; "# Width: 1 mm" (along a line), "# Height: 2 mm" (down the lines) and
+    "# Value units: nm" among them are honoured.
+    """
+    try:
+        lines = path.read_text(encoding="utf-8-sig").splitlines()
+    except UnicodeDecodeError:
+        raise bad_file(path, "bytes that are not UTF-8 text", "a matrix of numbers as text") from None
+    header: dict[str, str] = {}
+    rows: list[tuple[int, str]] = []
+    for at, line in enumerate(lines, start=1):
+        text = line.strip(" \r\n")
+        if text.lstrip().startswith("#"):
+            if match := _HEADER.match(text):
+                header[match[1].lower()] = match[2]
+        elif text.strip():
+            rows.append((at, text))
+    if not rows:
+        raise bad_file(path, "no line with numbers", "a matrix of heights, one line per row")
+    if rows[0][1].split()[0].lower() in _ESRI_KEYS:
+        return _esri(path, rows)
+    z = _matrix(path, rows, options.delimiter)
+    try:
+        unit = to_si(f"1 {header['value units']}", "m", "value units") if "value units" in header else None
+        sides = [to_si(header[side], "m", side) for side in ("height", "width") if side in header]
+    except InputError as error:
+        raise bad_file(path, f"a header with {error}", "lengths such as '# Width: 1 mm'") from None
+    spacing = (sides[0] / z.shape[0], sides[1] / z.shape[1]) if len(sides) == 2 else None
+    return Raw(z, unit, spacing)
+
+
+def _matrix(path: Path, rows: list[tuple[int, str]], delimiter: str | None) -> NDArray:
+    if delimiter is None:
+        delimiter = next((d for d in (";", "\t", ",") if d in rows[0][1]), None)
+    fields = [[f.strip() for f in text.split(delimiter)] for _, text in rows]
+    # A delimiter behind the last number of every line ends the line; it does not begin an undefined point.
+    if delimiter is not None and all(len(row) > 1 and not row[-1] for row in fields):
+        fields = [row[:-1] for row in fields]
+    for (at, _), row in zip(rows, fields, strict=True):
+        if len(row) != len(fields[0]):
+            given = f"{len(row)} numbers in line {at} after {len(fields[0])} in line {rows[0][0]}"
+            raise bad_file(path, given, "lines of equal length: check the delimiter")
+    return np.array([[_value(path, at, f) for f in row] for (at, _), row in zip(rows, fields, strict=True)])
+
+
+def _value(path: Path, line: int, text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        if text.lower() in _UNDEFINED:
+            return np.nan
+        allowed = "numbers with a decimal point, nan or nothing where undefined, # before other text"
+        raise bad_file(path, f"{text[:30]!r} in line {line}", allowed) from None
+
+
+def _esri(path: Path, rows: list[tuple[int, str]]) -> Raw:
+    header: dict[str, float] = {}
+    while rows and (parts := rows[0][1].split())[0].lower() in _ESRI_KEYS:
+        header[parts[0].lower()] = _value(path, rows[0][0], " ".join(parts[1:]))
+        rows = rows[1:]
+    step2, step1 = (header.get(key, header.get("cellsize")) for key in ("dx", "dy"))
+    if "ncols" not in header or "nrows" not in header or step1 is None or step2 is None:
+        raise bad_file(path, f"a header with {', '.join(header)}", "ncols, nrows, cellsize (an Esri raster)")
+    z = np.array([_value(path, at, token) for at, text in rows for token in text.split()])
+    shape = int(header["nrows"]), int(header["ncols"])
+    if z.size != shape[0] * shape[1]:
+        raise bad_file(path, f"{z.size} numbers", f"nrows × ncols = {shape[0]} × {shape[1]} of them")
+    z[z == header.get("nodata_value", -9999.0)] = np.nan
+    return Raw(z.reshape(shape), spacing=(step1, step2))
+
+
+def read_x3p(path: Path, options: Options) -> Raw:
+    """A surface of ISO 25178-72, one layer of it; the format knows metres only."""
+    import x3pio
+
+    try:
+        file = x3pio.read(path)
+    except x3pio.X3pError as error:
+        raise bad_file(path, error, "an intact .x3p file of ISO 25178-72") from None
+    if not (isinstance(file, x3pio.Surface) and file.is_regular_grid):
+        raise bad_file(path, f"a {type(file).__name__} on no regular grid", "a surface on a regular grid")
+    layer = _pick(path, list(file.layers), options.channel, "layers")
+    return Raw(layer.z.T, 1.0, (file.header.x.increment, file.header.y.increment))
+
+
+def read_sdf(path: Path, options: Options) -> Raw:
+    """A surface of ISO 25178-71; the format knows metres only."""
+    import sdfio
+
+    _pick(path, [path], options.channel, "layers")
+    try:
+        file = sdfio.read(path)
+    except sdfio.SdfError as error:
+        raise bad_file(path, error, "an intact .sdf file of ISO 25178-71") from None
+    return Raw(file.data.T, 1.0, (file.header.x_scale, file.header.y_scale))
+
+
+def read_instrument(path: Path, options: Options) -> Raw:
+    """Any other format, through SurfaceTopography (an extra, slow to import)."""
+    try:
+        from SurfaceTopography import open_topography
+    except ImportError:
+        known = ", ".join(sorted(READERS))
+        allowed = f"{known}, or other formats after: pip install 'femseal[surface]'"
+        raise bad_file(path, f"a file of kind {path.suffix or 'unknown'!r}", allowed) from None
+    # Dozens of readers behind one call raise whatever their formats lead them to: all of it means a bad file.
+    try:
+        channels = list(open_topography(str(path)).channels)
+    except Exception as error:
+        allowed = "a file of one of the formats known to SurfaceTopography"
+        raise bad_file(path, type(error).__name__, allowed) from error
+    channel = _pick(path, channels, options.channel, "channels")
+    if channel.dim != 2 or not channel.is_height_channel:
+        usable = [i for i, c in enumerate(channels) if c.dim == 2 and c.is_height_channel]
+        kind = f"channel {options.channel} ({channel.name}) that is no map of heights"
+        raise bad_file(path, kind, f"channel = one of {usable}")
+    # SurfaceTopography wants what the file lacks; placeholders keep the numbers as they are.
+    missing: dict[str, Any] = {}
+    if channel.physical_sizes is None:
+        missing["physical_sizes"] = tuple(float(n) for n in channel.nb_grid_pts)
+    try:
+        topography = channel.topography(**missing)
+        heights = np.ma.filled(np.ma.masked_invalid(topography.heights()).astype(float), np.nan)
+    except Exception as error:
+        raise bad_file(path, f"{type(error).__name__}: {error}", "an intact file") from error
+    unit = None if topography.unit is None else to_si(f"1 {topography.unit}", "m", f"{path}: unit")
+    if unit is None or missing:
+        return Raw(heights, unit)
+    first, second = (float(d) * unit for d in topography.pixel_size)
+    return Raw(heights, unit, (first, second))
+
+
+def _pick(path: Path, choices: list[Any], channel: int, kind: str) -> Any:
+    if channel not in range(len(choices)):
+        raise bad_file(path, f"channel={channel}", f"0 to {len(choices) - 1}, it has {len(choices)} {kind}")
+    return choices[channel]
+
+
+def _numbers(path: Path, array: NDArray) -> NDArray:
+    if array.dtype.kind not in "fiu" or array.ndim != 2 or not array.size:
+        given = f"an array of {array.dtype} of shape {array.shape}"
+        raise bad_file(path, given, "a non-empty array of real numbers of shape (n1, n2)")
+    return array.astype(np.float64)
+
+
+READERS: dict[str, Callable[[Path, Options], Raw]] = {
+    ".npy": read_npy,
+    ".npz": read_npz,
+    **dict.fromkeys(TEXT, read_text),
+    ".x3p": read_x3p,
+    ".sdf": read_sdf,
+}

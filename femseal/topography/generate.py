@@ -1,0 +1,256 @@
+"""Faces made from a few numbers: self-affine (lapped, ground, blasted) and turned in a lathe.
+
+Symbols: q angular wavenumber [rad/m], C spectral density, H Hurst exponent, k = (k1, k2) numbers of a wave on
+the periods L1, L2, so q = 2π(k1/L1, k2/L2).
+Sources: Persson et al., J. Phys.: Condens. Matter 17 (2005) R1 (self-affine spectrum with roll-off); the
+turned profile is the envelope of the passes of a round tool nose, height of the cusps pitch²/8r.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import fft
+
+from ..errors import InputError
+from . import checks
+from .spectral import SLACK
+from .topography import Topography
+
+#: Pixels of the coarser spacing per shortest wave, unless given: enough to resolve contact and flow.
+PIXELS_PER_WAVE = 8
+
+
+def self_affine(
+    shape: tuple[int, int],
+    size: tuple[float, float],
+    *,
+    hurst: float,
+    rms_slope: float | None = None,
+    rms_height: float | None = None,
+    roll_off: float | None = None,
+    cut_off: float | None = None,
+    rng: Any,
+) -> Topography:
+    """Periodic isotropic self-affine face with exactly the target spectrum: only the phases are random.
+
+    C(q) ∝ 1 for q < 2π/roll_off, ∝ q^(−2−2H) from there up to, but not at, q = 2π/cut_off, no waves beyond.
+    Phases are drawn from the longest wave to the shortest: the same seed gives the same surface on any grid
+    that resolves cut_off, and a shorter cut_off, up to the scale, only adds shorter waves.
+
+    Parameters
+    ----------
+    shape, size : number of points and side lengths [m] along x1 and x2.
+    hurst : H in (0, 1].
+    rms_slope, rms_height : one of both, [-] or [m], met to rounding (see `Topography`).
+    roll_off : wavelength [m] where the plateau of long waves ends; the larger side (no plateau) unless given.
+    cut_off : shortest wavelength [m], at least 2 pixels; 8 pixels of the coarser spacing unless given.
+    rng : a numpy Generator, or a seed as taken by np.random.default_rng.
+
+    Raises
+    ------
+    InputError : a value out of its range, none or both of rms_slope and rms_height.
+
+    Examples
+    --------
+    >>> face = self_affine((128, 128), (1e-3, 1e-3), hurst=0.8, rms_slope=0.1, rng=1)
+    >>> round(face.rms_slope, 12)
+    0.1
+    """
+    shape, size = checks.grid("shape", shape), checks.lengths("size", size)
+    spacing = (size[0] / shape[0], size[1] / shape[1])
+    if not 0 < checks.number("hurst", hurst) <= 1:
+        raise InputError.of("hurst", hurst, "a number in (0, 1]")
+    if (rms_slope is None) == (rms_height is None):
+        given = "neither" if rms_slope is None else "both"
+        raise InputError.of("rms_slope, rms_height", given, "exactly one of the two")
+    target = (
+        checks.number("rms_height", rms_height, unit="m", inclusive=True)
+        if rms_slope is None
+        else checks.number("rms_slope", rms_slope, inclusive=True)
+    )
+    cut_off = _cut_off(cut_off, spacing, size)
+    roll_off = max(size) if roll_off is None else checks.number("roll_off", roll_off, unit="m")
+    if roll_off <= cut_off:
+        raise InputError.of("roll_off", roll_off, f"a wavelength > cut_off = {cut_off:g} [m]")
+
+    k1, k2 = _waves(size, cut_off)
+    q = 2 * np.pi * np.hypot(k1 / size[0], k2 / size[1])
+    amplitude = np.maximum(q, 2 * np.pi / roll_off) ** -(1 + hurst)
+    # Each wave of the half plane stands for a conjugate pair.
+    weight = 1.0 if rms_slope is None else q**2
+    amplitude *= target / np.sqrt(2 * np.sum(weight * amplitude**2))
+    phase = 2 * np.pi * _generator(rng).random(q.size)
+    # Samples are at pixel centres, half a pixel from the origin of the phases: they stay put when the grid
+    # changes.
+    phase += np.pi * (k1 / shape[0] + k2 / shape[1])
+    waves = amplitude * np.exp(1j * phase)
+    spectrum = np.zeros((shape[0], shape[1] // 2 + 1), dtype=complex)
+    spectrum[k1, k2] = waves
+    rim = k2 == 0
+    spectrum[-k1[rim], 0] = waves[rim].conj()
+    return Topography(fft.irfft2(spectrum, s=shape, norm="forward"), spacing)
+
+
+def turned(
+    shape: tuple[int, int],
+    size: tuple[float, float],
+    *,
+    pitch: float,
+    depth: float,
+    nose_radius: float | None = None,
+    feed_error: float = 0.0,
+    depth_error: float = 0.0,
+    waviness: float = 0.0,
+    waviness_length: float | None = None,
+    roughness: float = 0.0,
+    hurst: float = 0.8,
+    roughness_roll_off: float | None = None,
+    cut_off: float | None = None,
+    rng: Any,
+) -> Topography:
+    """Face turned in a lathe: grooves along x2, one per pitch along x1, sharp ridges between.
+
+    Groove k is an arc of the tool nose, (x1 − x1_k)²/2r above its bottom; the face is the lowest of all
+    passes, heights counted from the nominal bottom. Waviness along x1 and self-affine roughness are added,
+    and the sum is low-passed at cut_off because a grid cannot carry the sharp ridges: the given depth,
+    waviness and roughness are those before the low-pass.
+
+    Parameters
+    ----------
+    shape, size : number of points and side lengths [m] along x1 (across the grooves) and x2 (along them).
+    pitch : feed per turn [m], longer than cut_off, at most size[0].
+    depth : depth of cut [m]. Without nose_radius it is the height of the ridges above the bottoms, and
+        r = pitch²/(8 depth).
+    nose_radius : r [m]. The face is then cut at height `depth`: flat lands stay between grooves where
+        pitch²/8r > depth, otherwise ridges of height pitch²/8r.
+    feed_error : rms error of the position of a groove in pitches, in [0, 0.5].
+    depth_error : rms error of the depth of a groove in depths, in [0, 1]. Of the mean square of both errors
+        half is constant along a groove, half is a sinusoidal wander of period size[1] and random phase.
+    waviness : rms height [m] of a wave along x1, of wavelength waviness_length [m] (size[0]/2 unless given).
+    roughness : rms height [m] of `self_affine` roughness with `hurst` and `roughness_roll_off` [m].
+    cut_off : shortest wavelength [m]; 8 pixels of the coarser spacing unless given.
+    rng : a numpy Generator, or a seed as taken by np.random.default_rng.
+
+    Returns
+    -------
+    Topography, periodic along x2; along x1 where pitch and waviness_length both fit a whole number of times.
+
+    Raises
+    ------
+    InputError : a value out of its range.
+    """
+    shape, size = checks.grid("shape", shape), checks.lengths("size", size)
+    spacing = (size[0] / shape[0], size[1] / shape[1])
+    pitch, depth = checks.number("pitch", pitch, unit="m"), checks.number("depth", depth, unit="m")
+    cut_off = _cut_off(cut_off, spacing, size)
+    if not cut_off < pitch <= size[0] * (1 + SLACK):
+        allowed = f"more than cut_off = {cut_off:g} and at most size[0] = {size[0]:g} [m]"
+        raise InputError.of("pitch", pitch, allowed)
+    radius = pitch**2 / (8 * depth)
+    if nose_radius is not None:
+        radius = checks.number("nose_radius", nose_radius, unit="m")
+    for name, error, limit in (("feed_error", feed_error, 0.5), ("depth_error", depth_error, 1.0)):
+        if checks.number(name, error, inclusive=True) > limit:
+            raise InputError.of(name, error, f"a number in [0, {limit:g}]")
+    waviness = checks.number("waviness", waviness, unit="m", inclusive=True)
+    wave = size[0] / 2 if waviness_length is None else waviness_length
+    wave = checks.number("waviness_length", wave, unit="m")
+    roughness = checks.number("roughness", roughness, unit="m", inclusive=True)
+
+    rng = _generator(rng)
+    wraps = _whole(size[0] / pitch)
+    x1 = ((np.arange(shape[0]) + 0.5) * spacing[0])[:, None]
+    turn = (2 * np.pi * (np.arange(shape[1]) + 0.5) / shape[1])[None, :]
+    # An open face needs one more pass than fit, for the groove that its end cuts.
+    passes = round(size[0] / pitch) if wraps else int(size[0] / pitch) + 1
+    z = _grooves(x1, turn, passes, pitch, radius, (feed_error * pitch, depth_error * depth), rng)
+    if nose_radius is not None:
+        z = np.minimum(z, depth)
+    z = z + np.sqrt(2) * waviness * np.cos(2 * np.pi * (x1 / wave + rng.random()))
+    periodic = (wraps and (waviness == 0 or _whole(size[0] / wave)), True)
+    face = Topography(z, spacing, periodic).low_pass(cut_off)
+    if roughness:
+        face += self_affine(
+            shape,
+            size,
+            hurst=hurst,
+            rms_height=roughness,
+            roll_off=roughness_roll_off,
+            cut_off=cut_off,
+            rng=rng,
+        )
+    return face
+
+
+def _grooves(
+    x1: NDArray,
+    turn: NDArray,
+    passes: int,
+    pitch: float,
+    radius: float,
+    rms_errors: tuple[float, float],
+    rng: np.random.Generator,
+) -> NDArray:
+    """Lowest of the passes (n1, n2) [m] at x1 (n1, 1) [m] and turn (1, n2) [rad], with rms errors (2,) [m].
+
+    The errors of position and depth are (passes, n2): a constant and a wander along the groove.
+    """
+    constant, wander = rng.standard_normal((2, 2, passes, 1))
+    along = np.cos(turn + 2 * np.pi * rng.random((2, passes, 1)))
+    shift, drop = np.reshape(rms_errors, (2, 1, 1)) * (np.sqrt(0.5) * constant + wander * along)
+    # A pass further away than this cannot be the lowest: the nearest is within pitch/2 + shift.
+    off = np.abs(shift).max()
+    far = np.sqrt((pitch / 2 + off) ** 2 + 2 * radius * np.ptp(drop))
+    reach = int(np.ceil((far + off) / pitch))
+    nearest = np.floor(x1[:, 0] / pitch).astype(int)
+    z = np.full((x1.size, turn.size), np.inf)
+    for k in range(-reach, reach + 1):
+        number = nearest + k
+        # Beyond the ends of an open face its errors are used again: passes must exist there, no matter which.
+        groove = number % passes
+        arc = (x1 - (number[:, None] + 0.5) * pitch - shift[groove]) ** 2 / (2 * radius) - drop[groove]
+        np.minimum(z, arc, out=z)
+    return z
+
+
+def _waves(size: tuple[float, float], cut_off: float) -> tuple[NDArray, NDArray]:
+    """Wave numbers k1, k2 of half the plane with q < 2π/cut_off, longest wave first.
+
+    The order, and therefore the phase each wave gets, depends on the ratio of the sides alone: not on the
+    grid.
+    """
+    most = [int(length / cut_off) for length in size]
+    k1, k2 = np.meshgrid(np.arange(-most[0], most[0] + 1), np.arange(most[1] + 1), indexing="ij")
+    square = k1**2 + (k2 * (size[0] / size[1])) ** 2
+    half = (k2 > 0) | (k1 > 0)
+    # At the limit itself a wave could be the sampled Nyquist wave, whose phase the grid would decide.
+    kept = half & (square < (size[0] / cut_off) ** 2 * (1 - SLACK))
+    k1, k2, square = k1[kept], k2[kept], square[kept]
+    order = np.lexsort((k2, k1, square))
+    return k1[order], k2[order]
+
+
+def _cut_off(cut_off: float | None, spacing: tuple[float, float], size: tuple[float, float]) -> float:
+    shortest = 2 * max(spacing)
+    given = PIXELS_PER_WAVE * max(spacing) if cut_off is None else checks.number("cut_off", cut_off, unit="m")
+    if given < shortest * (1 - SLACK):
+        raise InputError.of("cut_off", cut_off, f"a wavelength >= 2 pixels = {shortest:g} [m]")
+    if given >= max(size) * (1 - SLACK):
+        raise InputError.of("cut_off", f"{given:g}", f"a wavelength < the larger side = {max(size):g} [m]")
+    return given
+
+
+def _whole(ratio: float) -> bool:
+    return ratio > 0.5 and abs(ratio - round(ratio)) <= 1e-9 * ratio
+
+
+def _generator(rng: Any) -> np.random.Generator:
+    if rng is None:
+        raise InputError.of("rng", None, "a numpy Generator or a seed, so that the face can be made again")
+    try:
+        return np.random.default_rng(rng)
+    except (TypeError, ValueError):
+        raise InputError.of("rng", repr(rng), "a numpy Generator or a seed") from None

@@ -1,0 +1,121 @@
+"""Measured height maps from files of any kind, in metres and with a known pixel, or refused."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+
+from ..errors import InputError
+from ..quantities import to_si, to_text
+from . import checks
+from .formats import READERS, TEXT, Options, Raw, bad_file, read_instrument
+from .topography import Topography
+
+#: Beyond these no seal face was ever measured: the unit in the file is wrong, as happens [m].
+_SIZE_LIMITS = (1e-9, 1.0)
+_RMS_HEIGHT_LIMIT = 10e-3
+
+
+def read_topography(
+    path: str | os.PathLike[str],
+    *,
+    size: tuple[float, float] | None = None,
+    spacing: tuple[float, float] | None = None,
+    height_unit: str | None = None,
+    delimiter: str | None = None,
+    array: str | None = None,
+    channel: int = 0,
+    transpose: bool = False,
+    periodic: tuple[bool, bool] = (False, False),
+) -> Topography:
+    """Height map of a file, by its suffix; undefined points as NaN, heights as measured (tilt and all).
+
+    .npy and .npz (heights in metres, pixel from `spacing` in the .npz or the caller), .csv .asc .txt (matrix
+    of heights in metres, Esri raster), .x3p, .sdf; every other kind through SurfaceTopography
+    (femseal[surface]). Arrays and text are taken as written, line = x1; instrument files with their x as x1.
+    What the caller says about size, spacing and unit goes before what the file says: units in files are wrong
+    now and then.
+
+    Parameters
+    ----------
+    path : the file.
+    size, spacing : sides or pixel [m] along x1 and x2 of the result, one of them; needed if not in the file.
+    height_unit : unit of the numbers in the file, such as "um".
+    delimiter : between numbers of a text; found among ; tab , and blanks unless given.
+    array : name of the heights in an .npz with several arrays.
+    channel : number of the layer or channel in files with several.
+    transpose : exchange x and y, so that the lay runs along x2, the seal.
+    periodic : whether the face continues periodically along x1 and x2 of the result.
+
+    Raises
+    ------
+    InputError : no such file, not readable, damaged, no such channel or array, no size or unit; size outside
+        1 nm to 1 m, or Sq above 10 mm, unless `size` or `spacing`, or `height_unit`, say so.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise InputError.of(str(path), "a folder" if path.is_dir() else "no such file", "a file with heights")
+    suffix = path.suffix.lower()
+    if array is not None and suffix != ".npz":
+        raise InputError.of("array", repr(array), f"for .npz files only, not {path.name}")
+    if delimiter is not None and suffix not in TEXT:
+        raise InputError.of(
+            "delimiter", repr(delimiter), f"for {', '.join(TEXT)} files only, not {path.name}"
+        )
+    if channel != 0 and suffix in (".npy", ".npz", *TEXT):
+        raise InputError.of("channel", channel, f"for files of instruments only, not {path.name}")
+    if size is not None and spacing is not None:
+        raise InputError.of("size, spacing", "both", "one of the two")
+    unit = None if height_unit is None else to_si(f"1 {height_unit}", "m", "height_unit")
+    try:
+        raw = READERS.get(suffix, read_instrument)(path, Options(delimiter, array, channel))
+    except OSError as error:
+        raise bad_file(path, error.strerror or error, "a file that can be read") from None
+
+    heights, pixel = raw.heights, raw.spacing
+    if transpose:
+        heights, pixel = heights.T, pixel and pixel[::-1]
+    if spacing is not None:
+        pixel = checks.lengths("spacing", spacing)
+    elif size is not None:
+        length1, length2 = checks.lengths("size", size)
+        pixel = (length1 / heights.shape[0], length2 / heights.shape[1])
+    if pixel is None:
+        given = f"no pixel size in the file ({heights.shape[0]} × {heights.shape[1]} points)"
+        raise bad_file(path, given, "spacing= or size= two lengths [m]")
+    metres = unit or _unit_in_file(path, suffix, raw)
+    topography = _checked(path, heights * metres, pixel, periodic)
+    _refuse_implausible(path, topography, size is None and spacing is None, height_unit is None)
+    return topography
+
+
+def _unit_in_file(path: Path, suffix: str, raw: Raw) -> float:
+    if raw.height_unit is None and suffix not in READERS:
+        raise bad_file(path, "no unit of height in the file", "height_unit= such as 'um'")
+    return raw.height_unit or 1.0
+
+
+def _checked(
+    path: Path, heights: np.ndarray, pixel: tuple[float, float], periodic: tuple[bool, bool]
+) -> Topography:
+    try:
+        return Topography(heights, pixel, periodic)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
+
+
+def _refuse_implausible(path: Path, topography: Topography, check_size: bool, check_heights: bool) -> None:
+    """Refuse what only a wrong unit explains, in what the caller has not said."""
+    shortest, longest = _SIZE_LIMITS
+    if check_size and not all(shortest <= side <= longest for side in topography.size):
+        given = " × ".join(to_text(side, "m") for side in topography.size)
+        raise bad_file(
+            path, f"a size of {given}", "1 nm to 1 m; if it is right, or to correct it, pass size="
+        )
+    defined = topography.heights[~np.isnan(topography.heights)]
+    if check_heights and defined.size and defined.std() > _RMS_HEIGHT_LIMIT:
+        given = f"Sq = {to_text(float(defined.std()), 'm')}"
+        allowed = "at most 10 mm; if it is right, or to correct it, pass height_unit= such as 'um'"
+        raise bad_file(path, given, allowed)

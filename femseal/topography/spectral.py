@@ -1,0 +1,103 @@
+"""Waves of a map of cell-centred samples: Fourier on periodic axes, even (mirror) extension on others.
+
+The even extension of cell-centred samples is the cosine transform DCT-II, on the same n points.
+
+Symbols: z heights (n1, n2) [m], d spacing [m], q angular wavenumber [rad/m], k number of the wave along an
+axis. A wave of number k along a periodic axis of length L is exp(i q x), q = 2πk/L, k = −n/2 … n/2; along a
+mirror axis cos(q x), q = πk/L, k = 0 … n−1. x = 0 is the edge of the first pixel, not its centre.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import fft
+
+Periodic = tuple[bool, bool]
+#: Relative slack on a limit of wavenumber, so that the wave exactly at the limit does not hang on rounding.
+SLACK = 1e-9
+
+
+def forward(z: NDArray, periodic: Periodic) -> NDArray:
+    """Orthonormal transform of `z` (n1, n2): sum of squared moduli = sum of squared heights."""
+    mirrored, wrapped = _axes(periodic)
+    if mirrored:
+        z = fft.dctn(z, axes=mirrored, norm="ortho")
+    return fft.fftn(z, axes=wrapped, norm="ortho") if wrapped else z
+
+
+def inverse(c: NDArray, periodic: Periodic) -> NDArray:
+    """Heights (n1, n2) of the coefficients of `forward`."""
+    mirrored, wrapped = _axes(periodic)
+    z = fft.ifftn(c, axes=wrapped, norm="ortho").real if wrapped else c
+    return fft.idctn(z, axes=mirrored, norm="ortho") if mirrored else z
+
+
+def power(z: NDArray, periodic: Periodic) -> NDArray:
+    """Share (n1, n2) of each wave in the mean square of `z` [m²]; the sum is the mean square (Parseval)."""
+    return np.abs(forward(z, periodic)) ** 2 / z.size
+
+
+def wavenumbers(n: int, d: float, periodic: bool) -> NDArray:
+    """Wavenumbers q (n,) [rad/m] of an axis in the order of `forward`; signed on a periodic axis."""
+    return 2 * np.pi * fft.fftfreq(n, d) if periodic else np.pi * np.arange(n) / (n * d)
+
+
+def wavenumber_grids(
+    shape: tuple[int, int], spacing: tuple[float, float], periodic: Periodic
+) -> tuple[NDArray, NDArray]:
+    """q1 (n1, 1) and q2 (1, n2) [rad/m]."""
+    q1, q2 = (wavenumbers(*axis) for axis in zip(shape, spacing, periodic, strict=True))
+    return q1[:, None], q2[None, :]
+
+
+def truncate(z: NDArray, spacing: tuple[float, float], periodic: Periodic, limit: float) -> NDArray:
+    """Waves of `z` with |q| <= `limit` [rad/m]."""
+    q1, q2 = wavenumber_grids((z.shape[0], z.shape[1]), spacing, periodic)
+    return inverse(np.where(q1**2 + q2**2 <= (limit * (1 + SLACK)) ** 2, forward(z, periodic), 0), periodic)
+
+
+def resample_axis(z: NDArray, n: int, axis: int, periodic: bool) -> NDArray:
+    """Interpolant of `z` at the centres of `n` pixels along `axis`, without waves too short for them.
+
+    Exact for band-limited data. With m points before and n after, coefficient k turns by the phase
+    exp(iπk(1/n − 1/m)), because the first pixel centre moves from d_m/2 to d_n/2.
+    """
+    m = z.shape[axis]
+    if m == n:
+        return z
+    if not periodic:
+        return fft.idct(_fit(fft.dct(z, axis=axis), n, axis), axis=axis) * (n / m)
+    k = np.arange(min(m, n) // 2 + 1)
+    weight = np.exp(1j * np.pi * k * (1 / n - 1 / m)) * (n / m)
+    # The sampled Nyquist wave stands for a pair ±k: going up it is shared between both, going down it
+    # collects both.
+    if min(m, n) % 2 == 0:
+        weight[-1] *= 0.5 if m < n else 2.0
+    shape = [1, 1]
+    shape[axis] = k.size
+    kept = _fit(fft.rfft(z, axis=axis), k.size, axis) * weight.reshape(shape)
+    return fft.irfft(kept, n, axis=axis)
+
+
+def one_sided(shares: NDArray, periodic: bool) -> NDArray:
+    """Shares (n,) of signed waves folded on k >= 0: (n//2 + 1,); unchanged on a mirror axis."""
+    if not periodic:
+        return shares
+    n = shares.size
+    folded = shares[: n // 2 + 1].copy()
+    folded[1 : (n + 1) // 2] += shares[: n // 2 : -1]
+    return folded
+
+
+def _axes(periodic: Periodic) -> tuple[list[int], list[int]]:
+    return [a for a in (0, 1) if not periodic[a]], [a for a in (0, 1) if periodic[a]]
+
+
+def _fit(c: NDArray, n: int, axis: int) -> NDArray:
+    """First `n` coefficients along `axis`, zeros behind where there are fewer."""
+    keep = [slice(None), slice(None)]
+    keep[axis] = slice(min(n, c.shape[axis]))
+    pad = [(0, 0), (0, 0)]
+    pad[axis] = (0, max(n - c.shape[axis], 0))
+    return np.pad(c[tuple(keep)], pad)

@@ -1,0 +1,299 @@
+"""A map of heights of a seal face, and what can be asked of it or done to it.
+
+Conventions: x1 = axis 0 = leakage direction, x2 = axis 1 = along the seal; heights are cell-centred samples,
+pixel (i, j) covers [iΔ1,(i+1)Δ1]×[jΔ2,(j+1)Δ2]; SI units.
+Symbols: z heights [m], q angular wavenumber [rad/m], Sq rms height about the mean [m], C spectral density.
+Source of the definitions: ISO 25178-2 (Sq), Jacobs, Junge, Pastewka, Surf. Topogr.: Metrol. Prop. 5 (2017)
+013001 (spectral densities).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import InputError
+from ..quantities import to_text
+from . import checks, spectral
+from .form import fit_form
+from .holes import fill_holes
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Topography:
+    """Heights on a regular grid.
+
+    Along an axis where `periodic` is set the map continues by repeating itself, along the others by its
+    mirror image; this is what every spectral quantity and operation below assumes between and beyond the
+    samples.
+
+    Parameters
+    ----------
+    heights : z (n1, n2) [m], kept as a read-only float64 copy; NaN (or masked) = undefined point.
+    spacing : pixel size (Δ1, Δ2) [m].
+    periodic : whether the map repeats itself along x1 and x2.
+
+    Raises
+    ------
+    InputError : heights not two-dimensional, empty, complex or infinite; spacing not two finite numbers > 0;
+        from most operations, if there are undefined points: fill them first.
+
+    Examples
+    --------
+    >>> x1 = (np.arange(64) + 0.5) * 1e-6
+    >>> wave = Topography(np.cos(2 * np.pi * x1 / 32e-6)[:, None] * np.full((1, 8), 1e-7), (1e-6, 1e-6))
+    >>> wave
+    Topography(64 × 8 points, 64 µm × 8 µm, pixel 1 µm × 1 µm, periodic (True, True), Sq 70.71 nm,
+               rms slope 0.01388)
+    """
+
+    heights: NDArray[np.float64]
+    spacing: tuple[float, float]
+    periodic: tuple[bool, bool] = (True, True)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "heights", _clean(self.heights))
+        object.__setattr__(self, "spacing", checks.lengths("spacing", self.spacing))
+        object.__setattr__(self, "periodic", checks.flags("periodic", self.periodic))
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Number of points (n1, n2)."""
+        return self.heights.shape[0], self.heights.shape[1]
+
+    @property
+    def size(self) -> tuple[float, float]:
+        """Side lengths (n1 Δ1, n2 Δ2) [m]."""
+        return self.shape[0] * self.spacing[0], self.shape[1] * self.spacing[1]
+
+    @property
+    def undefined_share(self) -> float:
+        """Share of undefined points, 0 to 1."""
+        return float(np.isnan(self.heights).mean())
+
+    @property
+    def rms_height(self) -> float:
+        """Sq, rms height about the mean [m]."""
+        return float(self._defined("rms_height").std())
+
+    @property
+    def rms_slopes(self) -> tuple[float, float]:
+        """Rms of ∂z/∂x1 and of ∂z/∂x2 [-], each √(Σ q_i² |c|²) over the waves of the map (Parseval).
+
+        Exact for band-limited data. An axis that is not periodic goes by the mirrored map, so a tilt counts
+        fully.
+        """
+        shares = spectral.power(self._defined("rms_slope"), self.periodic)
+        q1, q2 = spectral.wavenumber_grids(self.shape, self.spacing, self.periodic)
+        return float(np.sqrt(np.sum(q1**2 * shares))), float(np.sqrt(np.sum(q2**2 * shares)))
+
+    @property
+    def rms_slope(self) -> float:
+        """h′_rms, rms of the modulus of the gradient |∇z| [-]; see `rms_slopes`."""
+        return float(np.hypot(*self.rms_slopes))
+
+    def detrend(self, order: int = 1) -> Topography:
+        """Map less its least-squares form: mean (order 0), tilt plane (1), or tilt and curvature (2).
+
+        Undefined points are left out of the fit and stay undefined. The fit is over all points on every axis,
+        as usual for measured data: on an axis declared periodic, where a tilt cannot be meant, it takes the
+        little that the waves project on a plane; use order 0 there.
+
+        Raises
+        ------
+        InputError : another order.
+        """
+        return self._with(self.heights - fit_form(self.heights, self.size, order).heights)
+
+    def low_pass(self, wavelength: float) -> Topography:
+        """Waves with |q| <= 2π/`wavelength`, in any direction: truncation in Fourier space.
+
+        Raises
+        ------
+        InputError : wavelength [m] not a finite number > 0.
+        """
+        limit = 2 * np.pi / checks.number("wavelength", wavelength, unit="m")
+        return self._with(spectral.truncate(self._defined("low_pass"), self.spacing, self.periodic, limit))
+
+    def high_pass(self, wavelength: float) -> Topography:
+        """What `low_pass` leaves out: the map less its low-pass."""
+        return self._with(self._defined("high_pass") - self.low_pass(wavelength).heights)
+
+    def resample(self, shape: tuple[int, int]) -> Topography:
+        """Fourier interpolant of the map at the pixel centres of another grid (m1, m2) on the same area.
+
+        Exact for band-limited data, up and down; waves too short for the new grid are left out, never folded.
+        Half-pixel shifts of the centres are accounted for, so the surface does not move.
+
+        Raises
+        ------
+        InputError : shape not two whole numbers >= 1.
+        """
+        new = checks.grid("shape", shape)
+        z = self._defined("resample")
+        for axis in (0, 1):
+            z = spectral.resample_axis(z, new[axis], axis, self.periodic[axis])
+        return Topography(z, (self.size[0] / new[0], self.size[1] / new[1]), self.periodic)
+
+    def fill_undefined(self, max_share: float = 0.05) -> Topography:
+        """Map with undefined points filled by the harmonic surface through their rims (`holes.py`).
+
+        Raises
+        ------
+        InputError : more than `max_share` (0 to 1) of the points, or all of them, are undefined.
+        """
+        share = self.undefined_share
+        limit = checks.number("max_share", max_share, inclusive=True)
+        if share == 1:
+            raise InputError.of("undefined points", "100 %", "a map with defined points")
+        if share > limit:
+            raise InputError.of(
+                "undefined points",
+                f"{100 * share:.3g} %",
+                f"at most {100 * limit:.3g} %: crop the map, or raise max_share (max_undefined)",
+            )
+        return self._with(fill_holes(self.heights, self.spacing, self.periodic))
+
+    def crop(self, shape: tuple[int, int], start: tuple[int, int] = (0, 0)) -> Topography:
+        """Part of `shape` points beginning at pixel `start`; an axis that loses points is periodic no more.
+
+        Raises
+        ------
+        InputError : the part reaches beyond the map.
+        """
+        (m1, m2), (i, j) = checks.grid("shape", shape), checks.grid("start", start, minimum=0)
+        if i + m1 > self.shape[0] or j + m2 > self.shape[1]:
+            raise InputError.of(
+                "crop", f"shape {(m1, m2)} from {(i, j)}", f"a part of the {self.shape} points of the map"
+            )
+        whole = (m1 == self.shape[0], m2 == self.shape[1])
+        periodic = (self.periodic[0] and whole[0], self.periodic[1] and whole[1])
+        return Topography(self.heights[i : i + m1, j : j + m2], self.spacing, periodic)
+
+    def transpose(self) -> Topography:
+        """Map with x1 and x2 exchanged."""
+        return Topography(self.heights.T, self.spacing[::-1], self.periodic[::-1])
+
+    def flip(self, axis: int) -> Topography:
+        """Map seen the other way along an axis: what the upper of two faces needs before they are added."""
+        return self._with(np.flip(self.heights, checks.axis_number(axis)))
+
+    def __add__(self, other: Topography) -> Topography:
+        """Sum of two faces on one grid: the roughness that a rigid flat meets; periodic where both are.
+
+        Raises
+        ------
+        InputError : shapes or spacings differ.
+        """
+        if not isinstance(other, Topography):
+            return NotImplemented
+        if self.shape != other.shape:
+            raise InputError.of("shape of the second face", other.shape, f"that of the first, {self.shape}")
+        if not np.allclose(self.spacing, other.spacing, rtol=1e-9, atol=0):
+            raise InputError.of(
+                "spacing of the second face", other.spacing, f"that of the first, {self.spacing}"
+            )
+        periodic = (self.periodic[0] and other.periodic[0], self.periodic[1] and other.periodic[1])
+        return Topography(self._defined("a sum") + other._defined("a sum"), self.spacing, periodic)
+
+    def gap(self) -> NDArray[np.float64]:
+        """Undeformed gap h1 = max z − z (n1, n2) [m] to a rigid flat that touches the highest point."""
+        z = self._defined("gap")
+        return z.max() - z
+
+    def psd(self, axis: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Spectral density of the profiles along `axis`, averaged over the other axis.
+
+        Two-sided density C(q) = C(−q), given for q >= 0, so that Sq² = (1/2π)∫C dq over all q = (1/π)Σ C Δq
+        with half the weight at q = 0, exactly; C(0) holds the variance of the profile means. Δq = 2π/L on a
+        periodic axis, π/L on a mirror axis.
+
+        Returns
+        -------
+        q [rad/m] and C [m³], each (n//2 + 1,) on a periodic axis, (n,) otherwise.
+        """
+        axis = checks.axis_number(axis)
+        shares = self._centred_power("psd").sum(axis=1 - axis)
+        step = float(self._wave_steps[axis])
+        density = spectral.one_sided(shares, self.periodic[axis]) * (np.pi / step)
+        density[0] *= 2
+        return step * np.arange(density.size, dtype=np.float64), density
+
+    def radial_psd(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Spectral density averaged over directions, in rings of |q| one wave step wide (the larger).
+
+        C2D is the two-sided density over the plane, Sq² = (1/4π²)∫C2D d²q; q is the mean |q| in the ring.
+        Rings beyond the Nyquist number of an axis are averaged over the part of the ring that the grid
+        carries.
+
+        Returns
+        -------
+        q [rad/m] and C2D [m⁴], rings without waves left out.
+        """
+        shares = self._centred_power("radial_psd")
+        q = np.hypot(*spectral.wavenumber_grids(self.shape, self.spacing, self.periodic))
+        # A wave along a mirror axis stands for itself and its mirror image in the plane of wave vectors.
+        copies = np.ones(self.shape)
+        for axis in (0, 1):
+            if not self.periodic[axis]:
+                (copies[1:] if axis == 0 else copies[:, 1:])[...] *= 2
+        ring = np.rint(q / max(self._wave_steps)).astype(int)
+        ring[0, 0] = -1
+        ring = ring.ravel() + 1
+        count = np.bincount(ring, copies.ravel())
+        keep = np.flatnonzero(count[1:] > 0) + 1
+        waves = np.bincount(ring, (q * copies).ravel())[keep] / count[keep]
+        mean_share = np.bincount(ring, shares.ravel())[keep] / count[keep]
+        return waves, mean_share * (4 * np.pi**2 / (self._wave_steps[0] * self._wave_steps[1]))
+
+    @property
+    def _wave_steps(self) -> tuple[float, float]:
+        first, second = (np.pi / length for length in self.size)
+        return (2 * first if self.periodic[0] else first), (2 * second if self.periodic[1] else second)
+
+    def _centred_power(self, purpose: str) -> NDArray[np.float64]:
+        z = self._defined(purpose)
+        return spectral.power(z - z.mean(), self.periodic)
+
+    def _with(self, heights: NDArray) -> Topography:
+        return Topography(heights, self.spacing, self.periodic)
+
+    def _defined(self, purpose: str) -> NDArray[np.float64]:
+        if share := self.undefined_share:
+            raise InputError.of(
+                "heights",
+                f"{100 * share:.3g} % undefined points",
+                f"a map without them for {purpose}: use fill_undefined() first",
+            )
+        return self.heights
+
+    def __repr__(self) -> str:
+        (l1, l2), (d1, d2) = ((to_text(v, "m") for v in pair) for pair in (self.size, self.spacing))
+        points = f"{self.shape[0]} × {self.shape[1]} points"
+        text = f"{points}, {l1} × {l2}, pixel {d1} × {d2}, periodic {self.periodic}"
+        if share := self.undefined_share:
+            return f"Topography({text}, {100 * share:.3g} % undefined)"
+        return f"Topography({text}, Sq {to_text(self.rms_height, 'm')}, rms slope {self.rms_slope:.4g})"
+
+
+def _clean(heights: Any) -> NDArray[np.float64]:
+    """Read-only contiguous copy of heights, masked points as NaN."""
+    try:
+        if np.iscomplexobj(heights):
+            raise ValueError
+        if isinstance(heights, np.ma.MaskedArray):
+            heights = np.ma.filled(heights.astype(np.float64), np.nan)
+        z = np.array(heights, dtype=np.float64, order="C")
+    except (TypeError, ValueError):
+        raise InputError.of(
+            "heights", f"a {type(heights).__name__} of another kind", "real numbers"
+        ) from None
+    if z.ndim != 2 or z.size == 0:
+        raise InputError.of("heights", f"an array of shape {z.shape}", "a non-empty array (n1, n2) [m]")
+    if infinite := int(np.isinf(z).sum()):
+        raise InputError.of("heights", f"{infinite} infinite points", "finite numbers [m], NaN = undefined")
+    z.flags.writeable = False
+    return z

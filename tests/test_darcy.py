@@ -1,0 +1,280 @@
+"""Darcy flow on meshes: closed forms, orders, bounds that bracket, percolation, bad input."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from skfem import MeshLine, MeshQuad, MeshQuad2, MeshTet, MeshTri, MeshTri2
+
+from femseal.analytic import annulus_rate, checkerboard, stripes_across, stripes_along
+from femseal.errors import InputError
+from femseal.flow.darcy import darcy_conductance
+
+QUARTER = annulus_rate(1.0, 1.0, 1.0, 1.0, 1.5) / 4
+LINEAR = [MeshTri, MeshQuad]
+
+
+def rectangle(kind, n1, n2, size=(1.0, 1.0)):
+    mesh = kind.init_tensor(np.linspace(0, size[0], n1 + 1), np.linspace(0, size[1], n2 + 1))
+    return mesh.with_boundaries({"in": lambda x: x[0] == 0, "out": lambda x: x[0] == size[0]})
+
+
+def flow(mesh, k, **kwargs):
+    return darcy_conductance(mesh, k, mesh.boundaries["in"], mesh.boundaries["out"], **kwargs)
+
+
+def mapped(mesh, new_points):
+    return type(mesh)(new_points, mesh.t, _boundaries=mesh.boundaries)
+
+
+def quarter_ring(kind, n, curved=False):
+    """Quarter of an annulus, radii 1 and 1.5; curved meshes are mapped with their mid-side nodes."""
+    mesh = kind.init_tensor(np.linspace(1, 1.5, n + 1), np.linspace(0, np.pi / 2, 3 * n + 1))
+    mesh = mesh.with_boundaries({"in": lambda x: x[0] == 1, "out": lambda x: x[0] == 1.5})
+    if curved:
+        second = {MeshTri: MeshTri2, MeshQuad: MeshQuad2}[kind].from_mesh(mesh)
+        mesh = second.with_boundaries(mesh.boundaries)
+    r, θ = mesh.doflocs
+    return mapped(mesh, np.array([r * np.cos(θ), r * np.sin(θ)]))
+
+
+def centres(mesh):
+    return mesh.p[:, mesh.t].mean(axis=1)
+
+
+@pytest.mark.parametrize("kind", LINEAR)
+def test_uniform_rectangle_is_exact(kind):
+    f = flow(rectangle(kind, 3, 4, (2.0, 3.0)), 5e-18, bounds=True)
+    assert_allclose([f.conductance, f.lower, f.upper], 5e-18 * 3 / 2, rtol=1e-13)
+    assert f.percolates
+    assert f.imbalance < 1e-13
+    assert f.residual < 1e-13
+
+
+@pytest.mark.parametrize("kind", LINEAR)
+def test_potential_is_linear_at_the_vertices(kind):
+    mesh = rectangle(kind, 4, 3)
+    assert_allclose(flow(mesh, 1.0).potential, 1 - mesh.p[0], atol=1e-14)
+
+
+@pytest.mark.parametrize("kind", LINEAR)
+@pytest.mark.parametrize(("axis", "mean"), [(0, stripes_across), (1, stripes_along)])
+def test_stripes(kind, axis, mean):
+    mesh = rectangle(kind, 8, 8)
+    k = np.where((centres(mesh)[axis] * 4).astype(int) % 2 == 0, 1.0, 1e-6)
+    f = flow(mesh, k, bounds=True)
+    assert_allclose([f.lower, f.conductance, f.upper], mean([1.0, 1e-6]), rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("kind", "curved", "sizes", "order"),
+    [
+        (MeshTri, False, (4, 8, 16), 2),
+        (MeshQuad, False, (4, 8, 16), 2),
+        (MeshTri, True, (2, 4, 8), 4),
+        (MeshQuad, True, (2, 4, 8), 4),
+    ],
+)
+def test_order_on_an_annulus(kind, curved, sizes, order):
+    errors = [abs(flow(quarter_ring(kind, n, curved), 1.0).conductance / QUARTER - 1) for n in sizes]
+    orders = np.log2(np.array(errors[:-1]) / errors[1:])
+    assert np.all(np.abs(orders - order) < 0.15), (errors, orders)
+    assert errors[-1] < (3e-4 if order == 2 else 1e-6)
+
+
+@pytest.mark.parametrize("kind", LINEAR)
+def test_bounds_close_with_order_two(kind):
+    """The bracket holds for the polygon of each mesh, so it closes while its middle moves to the circle's value."""
+    flows = [flow(quarter_ring(kind, n), 1.0, bounds=True) for n in (4, 8, 16)]
+    gaps = np.array([f.upper - f.lower for f in flows])
+    assert np.all(gaps > 0)
+    assert np.all(np.abs(np.log2(gaps[:-1] / gaps[1:]) - 2) < 0.1)
+    assert_allclose(flows[-1].lower, QUARTER, rtol=2e-3)
+
+
+def test_bounds_of_a_polygon_nest_under_refinement():
+    """An inscribed polygon, refined with its sides straight: each bracket lies inside the one before."""
+    mesh = quarter_ring(MeshTri, 3)
+    outer = None
+    for _ in range(4):
+        f = flow(mesh, 1.0, bounds=True)
+        assert f.conductance == f.upper
+        if outer:
+            assert outer.lower < f.lower < f.upper < outer.upper
+        outer = f
+        mesh = mesh.refined()
+    assert (outer.upper - outer.lower) / outer.upper < 1e-3
+
+
+@pytest.mark.parametrize("kind", LINEAR)
+@pytest.mark.parametrize("contrast", [10.0, 1e8])
+def test_bounds_bracket_a_checkerboard(kind, contrast):
+    widths = []
+    for n in (2, 4, 8, 16):
+        mesh = rectangle(kind, n, n)
+        k = np.where((centres(mesh) > 0.5).sum(axis=0) % 2 == 0, 1.0, contrast)
+        f = flow(mesh, k, bounds=True)
+        assert f.lower < checkerboard(1.0, contrast) < f.upper
+        widths.append(f.upper / f.lower)
+    assert all(b < a for a, b in zip(widths, widths[1:], strict=False))
+
+
+@pytest.mark.parametrize("kind", LINEAR)
+def test_bounds_bracket_random_maps(kind):
+    """The exact value of a random map is enclosed by the bracket of the same map on a finer mesh."""
+    rng = np.random.default_rng(1)
+    mesh, fine = rectangle(kind, 6, 6), rectangle(kind, 24, 24)
+    for sd in (1.0, 3.0):
+        map_ = np.exp(sd * rng.standard_normal((6, 6)))
+        k, k_fine = (map_[tuple((centres(m) * 6).astype(int))] for m in (mesh, fine))
+        wide, narrow = flow(mesh, k, bounds=True), flow(fine, k_fine, bounds=True)
+        assert wide.lower < narrow.lower < narrow.upper < wide.upper
+        assert wide.imbalance < 1e-12
+
+
+@pytest.mark.parametrize("kind", LINEAR)
+def test_dual_maps_multiply_to_one(kind):
+    """C(k)·C⊥(1/k) = 1 exactly, so the lower bound of one is the inverse of the upper bound of the other, or tighter."""
+    rng = np.random.default_rng(2)
+    mesh = rectangle(kind, 5, 5)
+    k = np.exp(2 * rng.standard_normal(mesh.nelements))
+    turned = mesh.with_boundaries({"in": lambda x: x[1] == 0, "out": lambda x: x[1] == 1})
+    a, b = flow(mesh, k, bounds=True), flow(turned, 1 / k, bounds=True)
+    assert a.lower * b.lower < 1 < a.upper * b.upper
+
+
+@pytest.mark.parametrize("kind", LINEAR)
+@pytest.mark.parametrize("angle", [0.4, 2.0])
+def test_a_rotated_tensor_is_the_tensor_in_the_rotated_frame(kind, angle):
+    rng = np.random.default_rng(3)
+    mesh = rectangle(kind, 5, 4)
+    k = np.exp(rng.standard_normal((mesh.nelements, 2)))
+    c, s = np.cos(angle), np.sin(angle)
+    turn = np.array([[c, -s], [s, c]])
+    rotated = turn @ (k[:, :, None] * np.eye(2)) @ turn.T
+    a = flow(mesh, k, bounds=True)
+    b = flow(mapped(mesh, turn @ mesh.p), rotated, bounds=True)
+    assert_allclose([b.conductance, b.lower], [a.conductance, a.lower], rtol=1e-12)
+    assert_allclose(b.potential, a.potential, atol=1e-12)
+
+
+@pytest.mark.parametrize("kind", LINEAR)
+def test_a_stretched_tensor_is_isotropic_in_the_stretched_frame(kind):
+    """x → x/√k1 makes K = diag(k1, k2) isotropic; the conductance keeps its value with √(k1k2)."""
+    mesh = quarter_ring(kind, 5)
+    k1, k2 = 3.0, 0.2
+    a = flow(mesh, np.tile([k1, k2], (mesh.nelements, 1)), bounds=True)
+    b = flow(mapped(mesh, mesh.p / np.sqrt([[k1], [k2]])), np.sqrt(k1 * k2), bounds=True)
+    # quadrature is exact on triangles; on trapezia the mapping is the same up to a linear one
+    assert_allclose([a.conductance, a.lower], [b.conductance, b.lower], rtol=1e-12)
+
+
+@pytest.mark.parametrize("kind", LINEAR)
+def test_all_shapes_of_permeability_agree(kind):
+    mesh = rectangle(kind, 4, 4)
+    k = np.exp(np.random.default_rng(4).standard_normal(mesh.nelements))
+    expected = flow(mesh, k, bounds=True)
+    for same in (np.column_stack([k, k]), k[:, None, None] * np.eye(2), k.tolist()):
+        f = flow(mesh, same, bounds=True)
+        assert (f.conductance, f.lower) == (expected.conductance, expected.lower)
+    assert_allclose(flow(mesh, 1e-40 * k).conductance, 1e-40 * expected.conductance, rtol=1e-12)
+    assert flow(mesh, 2.0).conductance == flow(mesh, np.full(mesh.nelements, 2.0)).conductance
+
+
+@pytest.mark.parametrize("kind", LINEAR)
+def test_inlet_and_outlet_swap(kind):
+    mesh = rectangle(kind, 6, 6)
+    k = np.exp(2 * np.random.default_rng(5).standard_normal(mesh.nelements))
+    there = flow(mesh, k, bounds=True)
+    back = darcy_conductance(mesh, k, mesh.boundaries["out"], mesh.boundaries["in"], bounds=True)
+    assert_allclose([back.conductance, back.lower], [there.conductance, there.lower], rtol=1e-12)
+    assert_allclose(back.potential, 1 - there.potential, atol=1e-12)
+
+
+@pytest.mark.parametrize("kind", LINEAR)
+def test_closed_across_is_exactly_zero(kind):
+    mesh = rectangle(kind, 6, 6)
+    k = np.where(np.abs(centres(mesh)[0] - 0.58) < 0.08, 0.0, 1.0)
+    f = flow(mesh, k, bounds=True)
+    assert (f.conductance, f.lower, f.upper, f.percolates) == (0.0, 0.0, 0.0, False)
+    assert_allclose(f.potential[mesh.p[0] < 0.4], 1.0)  # the inlet side stands at the inlet's pressure
+    assert_allclose(f.potential[mesh.p[0] > 0.7], 0.0)
+    assert np.isnan(flow(mesh, k).lower)
+    assert not flow(mesh, 0.0).percolates
+
+
+@pytest.mark.parametrize("kind", LINEAR)
+def test_pockets_and_dead_ends_do_no_harm(kind):
+    """One open row of six carries all; a pocket, a dead end at the inlet and one at the outlet carry nothing."""
+    mesh = rectangle(kind, 6, 6)
+    x, y = (centres(mesh) * 6).astype(int)
+    k = np.where(y == 5, 2.0, 0.0)
+    k[(y == 3) & (x == 3)] = 1.0
+    k[(y == 1) & (x < 4)] = 1.0
+    k[(y == 2) & (x == 5)] = 1.0
+    f = flow(mesh, k, bounds=True)
+    assert_allclose([f.lower, f.conductance], 2.0 / 6, rtol=1e-12)
+    dead_end = (np.abs(mesh.p[1] - 1.5 / 6) < 0.1) & (mesh.p[0] < 0.6)
+    assert_allclose(f.potential[dead_end], 1.0)
+
+
+def test_corners_connect_in_the_value_and_not_in_the_lower_bound():
+    mesh = rectangle(MeshQuad, 2, 2)
+    k = np.where((centres(mesh) > 0.5).sum(axis=0) % 2 == 0, 1.0, 0.0)
+    f = flow(mesh, k, bounds=True)
+    assert f.percolates
+    assert f.lower == 0.0
+    assert f.upper == f.conductance > 0.5
+
+
+def test_elements_closed_along_one_axis():
+    """k2 = 0 everywhere still leaks along x1; one column with k1 = 0 closes the seal; at one spot it is a detour."""
+    mesh = rectangle(MeshQuad, 4, 4)
+    k = np.ones((mesh.nelements, 2))
+    k[:, 1] = 0
+    f = flow(mesh, k, bounds=True)
+    assert_allclose([f.conductance, f.lower], 1.0, rtol=1e-8)
+    column = (centres(mesh)[0] * 4).astype(int) == 2
+    k = np.ones((mesh.nelements, 2))
+    k[column, 0] = 0
+    f = flow(mesh, k, bounds=True)
+    assert (f.conductance, f.upper, f.percolates) == (0.0, 0.0, False)
+    k[column & (centres(mesh)[1] > 0.75), 0] = 1
+    f = flow(mesh, k, bounds=True)
+    assert f.percolates
+    assert 0.25 < f.lower < f.upper < 1
+
+
+@pytest.mark.parametrize(
+    ("k", "message"),
+    [
+        (np.nan, "^permeability: given 1 values not finite, allowed is numbers >= 0"),
+        (np.inf, "^permeability: given 1 values not finite"),
+        (-1e-18, "^permeability: given -1e-18, allowed is numbers >= 0"),
+        (np.ones(5), r"^permeability: given shape \(5,\), allowed is a number, or shape \(4,\), \(4, 2\) or \(4, 2, 2\)"),
+        (np.ones((4, 3)), r"^permeability: given shape \(4, 3\)"),
+        ("much", "^permeability: given str, allowed is numbers"),
+        (np.tile([[1.0, 0.5], [0.0, 1.0]], (4, 1, 1)), "^permeability: given a tensor that is not symmetric in element 0"),
+        (np.tile([[1.0, 2.0], [2.0, 1.0]], (4, 1, 1)), "^permeability: given a negative principal value in element 0"),
+    ],
+)
+def test_bad_permeability(k, message):
+    with pytest.raises(InputError, match=message):
+        flow(rectangle(MeshQuad, 2, 2), k)
+
+
+def test_bad_meshes_and_ends():
+    mesh = rectangle(MeshQuad, 2, 2)
+    ends = mesh.boundaries["in"], mesh.boundaries["out"]
+    with pytest.raises(InputError, match="^mesh: given a MeshTet1, allowed is one of MeshTri1, MeshQuad1, MeshTri2"):
+        darcy_conductance(MeshTet(), 1.0, [0], [1])
+    with pytest.raises(InputError, match="^mesh: given a MeshLine1"):
+        darcy_conductance(MeshLine(), 1.0, [0], [1])
+    with pytest.raises(InputError, match="^bounds: given a curved mesh, MeshQuad2, allowed is a straight mesh"):
+        flow(quarter_ring(MeshQuad, 2, curved=True), 1.0, bounds=True)
+    with pytest.raises(InputError, match="^inlet: given no facets"):
+        darcy_conductance(mesh, 1.0, [], ends[1])
+    inside = mesh.interior_facets()[:1]
+    with pytest.raises(InputError, match="^outlet: given facets inside the mesh, allowed is facets of its boundary"):
+        darcy_conductance(mesh, 1.0, ends[0], inside)
+    with pytest.raises(InputError, match="^inlet and outlet: they touch"):
+        darcy_conductance(mesh, 1.0, ends[0], np.setdiff1d(mesh.boundary_facets(), ends[0]))

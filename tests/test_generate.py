@@ -1,0 +1,231 @@
+"""Generated faces: exact spectra and rms values, grid independence, the geometry of turned grooves."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from femseal.errors import InputError
+from femseal.topography import self_affine, turned
+
+SIZE = (1e-3, 0.6e-3)
+
+
+def face(shape=(160, 96), size=SIZE, **given):
+    return self_affine(shape, size, **{"hurst": 0.8, "rms_height": 1e-7, "rng": 3} | given)
+
+
+# --- self-affine ------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("shape", [(160, 96), (161, 97), (160, 200)])
+def test_rms_values_are_met_exactly(shape):
+    assert_allclose(face(shape).rms_height, 1e-7, rtol=1e-12)
+    assert_allclose(face(shape, rms_height=None, rms_slope=0.1).rms_slope, 0.1, rtol=1e-12)
+    assert abs(face(shape).heights.mean()) < 1e-20
+    assert face(shape).periodic == (True, True)
+
+
+@pytest.mark.parametrize("cut_off", [None, 5e-5, 2.1 * SIZE[0] / 160])
+def test_spectrum_is_the_target_in_every_realisation(cut_off):
+    roll_off, hurst = 3e-4, 0.7
+    surface = face(roll_off=roll_off, hurst=hurst, cut_off=cut_off)
+    shares = np.abs(np.fft.fft2(surface.heights)) ** 2
+    q = (
+        2
+        * np.pi
+        * np.hypot(*np.meshgrid(*map(np.fft.fftfreq, surface.shape, surface.spacing), indexing="ij"))
+    )
+    last = 2 * np.pi / (cut_off or 8 * max(surface.spacing))
+    inside = (q > 0) & (q < last * (1 - 1e-6))
+    target = np.maximum(q[inside] / (2 * np.pi / roll_off), 1) ** (-2 - 2 * hurst)
+    assert_allclose(shares[inside] / shares[inside].sum(), target / target.sum(), rtol=1e-9)
+    assert shares[~inside].max() < 1e-20 * shares.max()
+
+
+@pytest.mark.parametrize("hurst", [0.5, 0.8, 1.0])
+def test_hurst_exponent_is_recovered_from_the_radial_psd(hurst):
+    surface = face((256, 256), (1e-3, 1e-3), hurst=hurst)
+    q, density = surface.radial_psd()
+    fit = (q > 5 * q[0]) & (q < 0.9 * 2 * np.pi / (8 * surface.spacing[0]))
+    slope = np.polyfit(np.log(q[fit]), np.log(density[fit]), 1)[0]
+    assert_allclose(slope, -2 - 2 * hurst, rtol=0.01)
+
+
+def test_seed_decides_the_face():
+    assert_allclose(face().heights, face().heights, rtol=0)
+    assert_allclose(face(rng=np.random.default_rng(3)).heights, face().heights, rtol=0)
+    assert abs(np.corrcoef(face(rng=4).heights.ravel(), face().heights.ravel())[0, 1]) < 0.9
+
+
+@pytest.mark.parametrize("fine", [(320, 192), (240, 161), (161, 97)])
+@pytest.mark.parametrize("rms", [{"rms_height": 1e-7}, {"rms_height": None, "rms_slope": 0.1}])
+def test_a_finer_grid_samples_the_same_surface(fine, rms):
+    coarse = face(cut_off=3e-5, **rms)
+    finer = face(fine, cut_off=3e-5, **rms)
+    assert_allclose(finer.resample(coarse.shape).heights, coarse.heights, atol=1e-12 * coarse.rms_height)
+    assert_allclose(coarse.resample(fine).heights, finer.heights, atol=1e-12 * coarse.rms_height)
+
+
+def test_a_shorter_cut_off_only_adds_short_waves():
+    smooth, rough = face(cut_off=1e-4), face(cut_off=3e-5)
+    scale = rough.low_pass(1.0001e-4).rms_height / smooth.rms_height
+    assert_allclose(rough.low_pass(1.0001e-4).heights, smooth.heights * scale, atol=1e-9 * smooth.rms_height)
+
+
+def test_heights_of_many_waves_are_gaussian():
+    surface = face((512, 512), (1e-3, 1e-3), roll_off=5e-5)
+    z = surface.heights / surface.rms_height
+    assert_allclose((z**3).mean(), 0, atol=0.1)
+    assert_allclose((z**4).mean(), 3, atol=0.2)
+
+
+def test_isotropic_on_pixels_that_are_not_square():
+    surface = face((128, 512), (1e-3, 1e-3), rms_height=None, rms_slope=0.1)
+    assert_allclose(surface.rms_slopes, 0.1 / np.sqrt(2), rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"hurst": 0.0}, "hurst: given 0.0, allowed is"),
+        ({"hurst": 1.2}, r"hurst: given 1.2, allowed is a number in \(0, 1\]"),
+        ({"rms_height": None}, "rms_slope, rms_height: given neither, allowed is exactly one"),
+        ({"rms_slope": 0.1}, "rms_slope, rms_height: given both"),
+        ({"rms_height": -1e-7}, "rms_height: given -1e-07"),
+        ({"cut_off": 1e-6}, "cut_off: given 1e-06, allowed is a wavelength >= 2 pixels"),
+        ({"cut_off": 2e-3}, "cut_off: given 0.002, allowed is a wavelength < the larger side = 0.001"),
+        ({"shape": (4, 4)}, "cut_off: given 0.002"),
+        ({"roll_off": 1e-5}, "roll_off: given 1e-05, allowed is a wavelength > cut_off"),
+        ({"shape": (0, 4)}, "shape: given"),
+        ({"size": (1e-3, -1.0)}, "size: given"),
+        ({"rng": "dice"}, "rng: given 'dice'"),
+        ({"rng": None}, "rng: given None"),
+    ],
+)
+def test_bad_self_affine_input_is_refused(given, message):
+    with pytest.raises(InputError, match=message):
+        face(**given)
+
+
+# --- turned -----------------------------------------------------------------------------------------------
+
+
+def groove(shape=(800, 80), size=(1e-3, 1e-4), **given):
+    return turned(shape, size, **{"pitch": 1e-4, "depth": 1e-6, "cut_off": 2.5e-6, "rng": 5} | given)
+
+
+def arc(x1, pitch, radius):
+    return ((x1 % pitch) - pitch / 2) ** 2 / (2 * radius)
+
+
+def test_profile_is_the_arc_of_the_tool():
+    surface = groove((4000, 2), cut_off=6e-7, size=(1e-3, 5e-7))
+    x1 = (np.arange(4000) + 0.5) * surface.spacing[0]
+    expected = arc(x1, 1e-4, 1e-4**2 / 8e-6)
+    # The low-pass rounds the ridges within about a cut-off; elsewhere it rings with a small amplitude.
+    away = np.abs(x1 % 1e-4 - 5e-5) < 4.8e-5
+    assert_allclose(surface.heights[away, 0], expected[away], atol=2e-9)
+    assert_allclose(np.ptp(surface.heights), 1e-6, rtol=0.01)
+
+
+def test_ridge_height_is_pitch_squared_over_eight_radii():
+    surface = groove((4000, 2), size=(1e-3, 5e-7), cut_off=6e-7, depth=1e-5, nose_radius=1e-3)
+    assert_allclose(np.ptp(surface.heights), 1e-4**2 / 8e-3, rtol=0.01)
+
+
+def test_wide_feed_leaves_lands_at_the_depth_of_cut():
+    radius, depth = 2e-4, 1e-6
+    surface = groove((4000, 2), size=(1e-3, 5e-7), cut_off=6e-7, depth=depth, nose_radius=radius)
+    x1 = (np.arange(4000) + 0.5) * surface.spacing[0]
+    assert_allclose(surface.heights[:, 0], np.minimum(arc(x1, 1e-4, radius), depth), atol=2e-8)
+    land = np.mean(surface.heights > 0.98 * depth)
+    assert_allclose(land, 1 - 2 * np.sqrt(2 * radius * depth) / 1e-4, atol=0.03)
+
+
+def test_spectrum_peaks_at_the_pitch():
+    q, density = groove(feed_error=0.03, roughness=1e-8).psd(0)
+    assert_allclose(q[1:][np.argmax(density[1:])], 2 * np.pi / 1e-4)
+
+
+def test_closed_along_the_seal_and_along_whole_pitches():
+    surface = groove((400, 64), feed_error=0.1, depth_error=0.2, waviness=1e-7, roughness=1e-8, cut_off=2e-5)
+    assert surface.periodic == (True, True)
+    # A surface that closes has no jump between its last and its first pixel.
+    for axis in (0, 1):
+        steps = np.abs(np.diff(surface.heights, axis=axis, append=surface.heights.take([0], axis)))
+        assert steps.take([-1], axis).max() < 5 * np.sqrt((steps**2).mean())
+    assert groove(pitch=0.9e-4).periodic == (False, True)
+    assert groove(waviness=1e-7, waviness_length=3e-4).periodic == (False, True)
+    assert groove(waviness_length=3e-4).periodic == (True, True)
+
+
+def test_perfect_grooves_are_an_extrusion_and_errors_are_not():
+    assert np.ptp(groove().heights, axis=1).max() < 1e-18
+    assert np.ptp(groove(feed_error=0.05).heights, axis=1).max() > 1e-8
+    assert np.ptp(groove(depth_error=0.05).heights, axis=1).max() > 1e-8
+
+
+def test_errors_have_the_rms_asked_for():
+    # Bottoms of many grooves, where their neighbours do not reach: lowest value and its place in each pitch.
+    count, per = 400, 64
+    surface = turned(
+        (count * per, 16),
+        (count * 1e-4, 1e-4),
+        pitch=1e-4,
+        depth=1e-6,
+        feed_error=0.05,
+        depth_error=0.04,
+        cut_off=1.3e-5,
+        rng=7,
+    )
+    pitches = surface.heights.reshape(count, per, 16)
+    assert_allclose(pitches.min(axis=1).std(), 0.04e-6, rtol=0.15)
+    assert_allclose(pitches.argmin(axis=1).std() / per, 0.05, rtol=0.15)
+
+
+def test_every_pass_that_matters_is_found():
+    # Reference: all passes of a closed face by brute force, with errors so large that distant ones matter.
+    from femseal.topography import generate
+
+    rng, x1 = np.random.default_rng(1), (np.arange(300)[:, None] + 0.5) / 300
+    turn = (2 * np.pi * (np.arange(4) + 0.5) / 4)[None, :]
+    z = generate._grooves(x1, turn, 10, 0.1, 5.0, (0.04, 2e-3), rng)
+    rng = np.random.default_rng(1)
+    constant, wander = rng.standard_normal((2, 2, 10, 1))
+    along = np.cos(turn + 2 * np.pi * rng.random((2, 10, 1)))
+    shift, drop = np.array([0.04, 2e-3])[:, None, None] * (np.sqrt(0.5) * constant + wander * along)
+    passes = [(x1 - (k + 0.5) * 0.1 - shift[k % 10]) ** 2 / 10.0 - drop[k % 10] for k in range(-60, 70)]
+    assert_allclose(z, np.min(passes, axis=0), rtol=1e-12)
+
+
+def test_waviness_and_roughness_add_their_mean_squares():
+    plain = groove((400, 64), cut_off=2e-5)
+    wavy = groove((400, 64), cut_off=2e-5, waviness=2e-7)
+    assert_allclose((wavy.heights - plain.heights).std(), 2e-7, rtol=1e-9)
+    rough = groove((400, 64), cut_off=2e-5, roughness=1e-7)
+    assert_allclose((rough.heights - plain.heights).std(), 1e-7, rtol=1e-9)
+
+
+def test_low_passed_at_the_cut_off():
+    surface = groove((400, 64), feed_error=0.1, roughness=1e-8, cut_off=2e-5)
+    assert_allclose(surface.high_pass(2e-5).heights, 0, atol=1e-19)
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"pitch": 2e-6}, "pitch: given 2e-06, allowed is more than cut_off = 2.5e-06"),
+        ({"pitch": 2e-3}, r"pitch: given 0.002, .* at most size\[0\] = 0.001"),
+        ({"depth": 0.0}, "depth: given 0.0"),
+        ({"nose_radius": -1.0}, "nose_radius: given -1.0"),
+        ({"feed_error": 0.7}, r"feed_error: given 0.7, allowed is a number in \[0, 0.5\]"),
+        ({"depth_error": 2.0}, r"depth_error: given 2.0, allowed is a number in \[0, 1\]"),
+        ({"waviness": -1e-7}, "waviness: given -1e-07"),
+        ({"waviness_length": 0.0}, "waviness_length: given 0.0"),
+        ({"roughness": np.nan}, "roughness: given nan"),
+        ({"rng": None}, "rng: given None"),
+    ],
+)
+def test_bad_turned_input_is_refused(given, message):
+    with pytest.raises(InputError, match=message):
+        groove(**given)

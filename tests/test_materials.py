@@ -1,0 +1,56 @@
+"""Solids: hardness, contact modulus, and what is not a solid."""
+
+from math import inf, nan
+
+import pytest
+from numpy.testing import assert_allclose
+
+from femseal.errors import InputError
+from femseal.materials import Solid, contact_modulus, softer_hardness
+
+STEEL = Solid(210e9, 0.3, yield_stress=500e6)
+COPPER = Solid(120e9, 0.34, hardness=600e6)
+
+
+def test_hardness_from_yield_stress_directly_or_infinite():
+    assert_allclose(STEEL.hardness, 2.8 * 500e6)
+    assert COPPER.hardness == 600e6
+    assert Solid(210e9, 0.3).hardness == inf
+
+
+def test_contact_modulus():
+    assert_allclose(contact_modulus(STEEL, STEEL), 210e9 / (2 * (1 - 0.09)), rtol=1e-12)
+    assert_allclose(contact_modulus(STEEL), 210e9 / (1 - 0.09), rtol=1e-12)
+    assert contact_modulus(STEEL, COPPER) == contact_modulus(COPPER, STEEL)
+    assert contact_modulus(STEEL, COPPER) < contact_modulus(COPPER)
+
+
+def test_softer_hardness():
+    assert softer_hardness(STEEL, COPPER) == softer_hardness(COPPER, STEEL) == 600e6
+    assert softer_hardness(STEEL) == STEEL.hardness
+    assert softer_hardness(Solid(1e9, 0.3), COPPER) == 600e6
+
+
+@pytest.mark.parametrize("young", [0.0, -1.0, nan, inf])
+def test_young(young):
+    with pytest.raises(InputError, match=r"^young: given .*> 0 \[Pa\]"):
+        Solid(young, 0.3)
+
+
+@pytest.mark.parametrize("poisson", [-1.0, 0.51, nan])
+def test_poisson(poisson):
+    with pytest.raises(InputError, match=r"^poisson: given .*a number in \(-1, 0.5\]"):
+        Solid(210e9, poisson)
+
+
+@pytest.mark.parametrize("value", [0.0, -1.0, nan])
+def test_strength(value):
+    with pytest.raises(InputError, match=r"^yield_stress: given .*> 0 \[Pa\]"):
+        Solid(210e9, 0.3, yield_stress=value)
+    with pytest.raises(InputError, match=r"^hardness: given .*> 0 \[Pa\]"):
+        Solid(210e9, 0.3, hardness=value)
+
+
+def test_both_given():
+    with pytest.raises(InputError, match="^hardness: given .*yield_stress or hardness, not both"):
+        Solid(210e9, 0.3, yield_stress=500e6, hardness=1e9)

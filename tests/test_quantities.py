@@ -1,0 +1,89 @@
+"""Quantities as text: units in, SI out, and everything ambiguous refused."""
+
+import pytest
+from numpy.testing import assert_allclose
+
+from femseal.errors import InputError
+from femseal.quantities import to_si, to_text
+
+
+@pytest.mark.parametrize(
+    ("text", "unit", "value"),
+    [
+        ("210 GPa", "Pa", 210e9),
+        ("500MPa", "Pa", 500e6),
+        ("1.5 mm", "m", 1.5e-3),
+        (".5 µm", "m", 0.5e-6),
+        ("62.5 um", "m", 62.5e-6),
+        ("3e-3 m", "m", 3e-3),
+        ("-2 bar", "Pa", -2e5),
+        ("1 mPa*s", "Pa*s", 1e-3),
+        ("870 kg/m^3", "kg/m^3", 870.0),
+        ("0.87 g/cm^3", "kg/m^3", 870.0),
+        ("29 g/mol", "kg/mol", 0.029),
+        ("20 1/GPa", "1/Pa", 20e-9),
+        ("300 K", "K", 300.0),
+        ("20 °C", "K", 293.15),
+        ("-10 degC", "K", 263.15),
+        ("0.3", "", 0.3),
+        ("30 percent", "", 0.3),
+        (0.3, "", 0.3),
+        (3, "", 3.0),
+    ],
+)
+def test_units(text, unit, value):
+    assert_allclose(to_si(text, unit), value, rtol=1e-12)
+
+
+@pytest.mark.parametrize("text", ["1,5 mm", "1,500 mm", "0,3"])
+def test_decimal_comma_is_refused(text):
+    with pytest.raises(InputError, match="allowed is a number with a decimal point, not a comma"):
+        to_si(text, "m")
+
+
+@pytest.mark.parametrize(
+    ("given", "unit"),
+    [
+        (210e9, "Pa"),  # a bare number
+        ("210", "Pa"),
+        (True, ""),
+        (None, "m"),
+        ("", "m"),
+        ("1 mm", "Pa"),  # another dimension
+        ("1 mm", ""),
+        ("20 °C", "Pa"),
+        ("5 furlongz", "m"),
+        ("nan Pa", "Pa"),
+        ("inf Pa", "Pa"),
+        ("1e999 Pa", "Pa"),
+        (float("nan"), ""),
+        (float("inf"), ""),
+        ("one metre", "m"),
+        ("1 2 m", "m"),
+        ("__import__('os') m", "m"),
+    ],
+)
+def test_refused(given, unit):
+    with pytest.raises(InputError, match="^width: given .*, allowed is "):
+        to_si(given, unit, "width")
+
+
+def test_the_message_shows_what_would_do():
+    with pytest.raises(InputError) as error:
+        to_si("5 mm", "Pa", "solid.young")
+    assert str(error.value) == (
+        "solid.young: given '5 mm', allowed is text with a number and a unit of the kind 'Pa', such as '210 GPa'"
+    )
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "text"),
+    [(999.9999999999999e6, "Pa", "1 GPa"), (1e-15, "m", "0.001 pm"), (-2e5, "Pa", "-200 kPa"), (0.0, "m", "0 m")],
+)
+def test_text(value, unit, text):
+    assert to_text(value, unit) == text
+
+
+@pytest.mark.parametrize("value", [2.5e9, 1.25e-6, 3.0, -4e-3])
+def test_text_is_read_back(value):
+    assert_allclose(to_si(to_text(value, "m"), "m"), value, rtol=1e-12)

@@ -1,0 +1,431 @@
+"""Topography and condition: closed forms of single waves, Parseval, exactness on band-limited maps."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose
+
+from femseal.errors import InputError
+from femseal.topography import Topography, condition, self_affine
+
+PERIODS = [(True, True), (False, True), (True, False), (False, False)]
+SIZE = (3e-3, 2e-3)
+
+
+def centres(shape, size=SIZE):
+    return [(np.arange(n) + 0.5) * length / n for n, length in zip(shape, size, strict=True)]
+
+
+def wave(shape, k, periodic, size=SIZE, phase=(0.3, -0.7)):
+    """A product of waves of number k: cos(2πkx/L + phase) on periodic axes, cos(πkx/L) on mirror axes."""
+    factors = [
+        np.cos(2 * np.pi * kk * x / length + p) if wraps else np.cos(np.pi * kk * x / length)
+        for x, kk, length, wraps, p in zip(centres(shape, size), k, size, periodic, phase, strict=True)
+    ]
+    return Topography(np.outer(*factors), (size[0] / shape[0], size[1] / shape[1]), periodic)
+
+
+def noise(shape, periodic=(True, True), seed=0):
+    spacing = (SIZE[0] / shape[0], SIZE[1] / shape[1])
+    return Topography(np.random.default_rng(seed).standard_normal(shape), spacing, periodic)
+
+
+def holed(share_of=40):
+    z = np.zeros((20, share_of))
+    z[5, 7] = np.nan
+    return Topography(z, (1.0, 1.0))
+
+
+# --- the object -------------------------------------------------------------------------------------------
+
+
+def test_heights_are_a_read_only_copy():
+    source = np.ones((3, 4), dtype=np.float32)
+    face = Topography(source, (1e-6, 2e-6))
+    source[:] = 5
+    assert face.heights.dtype == np.float64
+    assert face.heights.max() == 1
+    with pytest.raises(ValueError, match="read-only"):
+        face.heights[0, 0] = 1
+    assert face.shape == (3, 4)
+    assert_allclose(face.size, (3e-6, 8e-6))
+
+
+def test_masked_points_are_undefined():
+    face = Topography(np.ma.masked_greater(np.arange(6).reshape(2, 3), 4), (1, 1))
+    assert_allclose(face.undefined_share, 1 / 6)
+    assert np.isnan(face.heights[1, 2])
+
+
+@pytest.mark.parametrize(
+    ("heights", "spacing", "message"),
+    [
+        (np.zeros(3), (1, 1), r"heights: given an array of shape \(3,\), allowed is a non-empty"),
+        (np.zeros((0, 3)), (1, 1), "non-empty"),
+        ([[1.0, np.inf]], (1, 1), "heights: given 1 infinite points"),
+        ([["a", "b"]], (1, 1), "real numbers"),
+        (np.array([[1j, 2.0]]), (1, 1), "real numbers"),
+        ([[1.0, 2.0]], (1, 0), r"spacing: given \(1, 0\), allowed is two finite numbers > 0"),
+        ([[1.0, 2.0]], (1, np.nan), "spacing"),
+        ([[1.0, 2.0]], 1.0, "spacing"),
+        ([[1.0, 2.0]], (1, 1, 1), "spacing"),
+    ],
+)
+def test_bad_maps_are_refused(heights, spacing, message):
+    with pytest.raises(InputError, match=message):
+        Topography(heights, spacing)
+
+
+def test_bad_periodic_is_refused():
+    with pytest.raises(InputError, match="periodic"):
+        Topography(np.zeros((2, 2)), (1, 1), (True, "no"))
+
+
+def test_repr_names_size_pixel_and_roughness():
+    text = repr(wave((64, 32), (2, 0), (True, True)))
+    for part in ("64 × 32 points", "3 mm × 2 mm", "pixel 46.88 µm × 62.5 µm", "Sq ", "rms slope "):
+        assert part in text
+    assert "0.125 % undefined" in repr(holed())
+
+
+@pytest.mark.parametrize(
+    "use",
+    [
+        lambda t: t.rms_height,
+        lambda t: t.rms_slope,
+        lambda t: t.low_pass(4.0),
+        lambda t: t.high_pass(4.0),
+        lambda t: t.resample((10, 10)),
+        lambda t: t.gap(),
+        lambda t: t.psd(0),
+        lambda t: t.radial_psd(),
+        lambda t: t + t,
+    ],
+)
+def test_undefined_points_are_refused_with_the_way_out(use):
+    with pytest.raises(InputError, match=r"0\.125 % undefined points, .* use fill_undefined\(\) first"):
+        use(holed())
+
+
+# --- measures ---------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("periodic", PERIODS)
+@pytest.mark.parametrize("shape", [(24, 18), (25, 17)])
+def test_slope_and_height_of_a_wave(periodic, shape):
+    face = wave(shape, (3, 2), periodic)
+    steps = [(2 if wraps else 1) * np.pi / length for wraps, length in zip(periodic, SIZE, strict=True)]
+    assert_allclose(face.rms_height, 0.5, rtol=1e-12)
+    assert_allclose(face.rms_slopes, (0.5 * 3 * steps[0], 0.5 * 2 * steps[1]), rtol=1e-12)
+    assert_allclose(face.rms_slope, 0.5 * np.hypot(3 * steps[0], 2 * steps[1]), rtol=1e-12)
+
+
+def test_slope_of_a_tilted_open_map_is_its_tilt():
+    x1, _ = centres((400, 8))
+    face = Topography(np.tile(0.01 * x1[:, None], (1, 8)), (SIZE[0] / 400, SIZE[1] / 8), (False, True))
+    assert_allclose(face.rms_slope, 0.01, rtol=5e-3)
+
+
+@pytest.mark.parametrize("periodic", PERIODS)
+@pytest.mark.parametrize("shape", [(16, 10), (15, 10), (16, 9), (7, 1)])
+def test_psd_adds_up_to_the_mean_square(periodic, shape):
+    face = noise(shape, periodic)
+    for axis in (0, 1):
+        q, density = face.psd(axis)
+        step = (2 if periodic[axis] else 1) * np.pi / SIZE[axis]
+        assert_allclose(q, step * np.arange(q.size))
+        weight = np.where(q == 0, 0.5, 1.0)
+        assert_allclose(np.sum(weight * density) * step / np.pi, face.rms_height**2, rtol=1e-12)
+
+
+def test_psd_finds_the_wave():
+    q, density = wave((32, 16), (5, 0), (True, True)).psd(0)
+    assert np.argmax(density) == 5
+    assert_allclose(q[5], 2 * np.pi * 5 / SIZE[0])
+    assert_allclose(density.sum() - density[5], 0, atol=1e-20)
+
+
+@pytest.mark.parametrize("periodic", PERIODS)
+def test_radial_psd_integrates_to_the_mean_square(periodic):
+    # A spectrum that ends well inside the grid, so that rings are full and the sum over rings converges.
+    face = noise((240, 160), periodic).low_pass(SIZE[1] / 20)
+    q, density = face.radial_psd()
+    integral = np.trapezoid(density * 2 * np.pi * q, q) / (4 * np.pi**2)
+    assert_allclose(integral, face.rms_height**2, rtol=0.04)
+
+
+def test_radial_psd_of_white_noise_is_its_pixel_area_times_variance():
+    face = noise((200, 100), (False, True))
+    q, density = face.radial_psd()
+    inside = (q > 2e4) & (q < np.pi / max(face.spacing))
+    assert_allclose(density[inside].mean(), np.prod(face.spacing), rtol=0.02)
+
+
+def test_gap_touches_at_the_highest_point():
+    face = noise((6, 5))
+    assert face.gap().min() == 0
+    assert_allclose(face.gap() + face.heights, face.heights.max())
+
+
+# --- form -------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("order", [0, 1, 2])
+def test_detrend_removes_its_form_and_is_idempotent(order):
+    shape = (30, 20)
+    x1, x2 = centres(shape)
+    terms = [1.0, 1e-3 * x1[:, None] - 2e-3 * x2, 5.0 * x1[:, None] ** 2 + 3.0 * x1[:, None] * x2 - x2**2]
+    face = Topography(sum(terms[: order + 1]) * np.ones(shape), (SIZE[0] / 30, SIZE[1] / 20))
+    assert_allclose(face.detrend(order).heights, 0, atol=1e-14)
+    rough = noise(shape).detrend(order)
+    assert_allclose(rough.detrend(order).heights, rough.heights, atol=1e-12)
+    if order < 2:
+        assert abs(Topography(sum(terms) * np.ones(shape), face.spacing).detrend(order).heights).max() > 1e-9
+
+
+def test_detrend_is_the_least_squares_plane_of_the_defined_points():
+    z = np.random.default_rng(3).standard_normal((12, 9))
+    z[2:5, 3] = np.nan
+    z[0, 0] = np.nan
+    defined = ~np.isnan(z)
+    i, j = np.nonzero(defined)
+    design = np.column_stack([np.ones(i.size), i, j])
+    plane = design @ np.linalg.lstsq(design, z[defined])[0]
+    flat = Topography(z, (2e-6, 1e-6)).detrend()
+    assert_allclose(flat.heights[defined], z[defined] - plane, atol=1e-12)
+    assert np.isnan(flat.heights[~defined]).all()
+
+
+def test_detrend_of_a_single_line_and_bad_order():
+    line = Topography(np.arange(5.0)[None, :], (1.0, 1.0))
+    assert_allclose(line.detrend().heights, 0, atol=1e-12)
+    with pytest.raises(InputError, match="order: given 3, allowed is 0"):
+        line.detrend(3)
+    with pytest.raises(InputError, match="100 % undefined"):
+        Topography(np.full((3, 3), np.nan), (1, 1)).detrend()
+
+
+# --- waves ------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("periodic", PERIODS)
+def test_low_pass_keeps_and_removes_exactly(periodic):
+    shape = (48, 40)
+    long, short = wave(shape, (3, 2), periodic), wave(shape, (9, 8), periodic)
+    both = Topography(long.heights + short.heights + 4.0, long.spacing, periodic)
+    steps = [(2 if wraps else 1) * np.pi / length for wraps, length in zip(periodic, SIZE, strict=True)]
+    limit = 2 * np.pi / np.hypot(3 * steps[0], 2 * steps[1])  # the long wave itself: kept, on the limit
+    assert_allclose(both.low_pass(limit).heights, long.heights + 4.0, atol=1e-12)
+    assert_allclose(both.high_pass(limit).heights, short.heights, atol=1e-12)
+    assert_allclose(both.low_pass(1.01 * limit).heights, 4.0, atol=1e-12)
+
+
+def test_low_pass_shorter_than_the_grid_carries_does_nothing():
+    face = noise((16, 12))
+    assert_allclose(face.low_pass(min(face.spacing)).heights, face.heights, atol=1e-14)
+
+
+@pytest.mark.parametrize("wavelength", [0, -1.0, np.inf, np.nan, "long", None])
+def test_low_pass_refuses_bad_wavelengths(wavelength):
+    with pytest.raises(InputError, match=r"wavelength: given .* a finite number > 0 \[m\]"):
+        noise((4, 4)).low_pass(wavelength)
+
+
+@pytest.mark.parametrize("periodic", PERIODS)
+@pytest.mark.parametrize("shape", [(24, 20), (25, 21), (24, 21)])
+@pytest.mark.parametrize("new", [(48, 33), (17, 14), (60, 13), (18, 40), (24, 20)])
+def test_resample_is_exact_on_waves(periodic, shape, new):
+    k = (3, 5)
+    assert_allclose(
+        wave(shape, k, periodic).resample(new).heights, wave(new, k, periodic).heights, atol=1e-12
+    )
+
+
+@pytest.mark.parametrize("periodic", PERIODS)
+def test_resample_does_not_fold_short_waves(periodic):
+    assert_allclose(wave((32, 32), (10, 3), periodic).resample((9, 20)).heights, 0, atol=1e-12)
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    st.tuples(st.integers(1, 12), st.integers(1, 12)),
+    st.tuples(st.integers(0, 9), st.integers(0, 9)),
+    st.sampled_from(PERIODS),
+)
+def test_resample_up_and_down_again_is_the_identity(shape, more, periodic):
+    # White noise, so the Nyquist wave of an even number of points takes part.
+    face = noise(shape, periodic)
+    up = face.resample((shape[0] + more[0], shape[1] + more[1]))
+    assert_allclose(up.size, face.size)
+    assert_allclose(up.resample(shape).heights, face.heights, atol=1e-12)
+    assert_allclose(up.heights.mean(), face.heights.mean(), atol=1e-12)
+
+
+def test_upsampled_map_stays_in_place():
+    # Three times finer, every third new centre is an old one: the interpolant goes through the samples.
+    for periodic in PERIODS:
+        face = noise((8, 7), periodic)
+        assert_allclose(face.resample((24, 21)).heights[1::3, 1::3], face.heights, atol=1e-12)
+
+
+@pytest.mark.parametrize("shape", [(0, 3), (2.5, 3), 4, (3, 3, 3)])
+def test_resample_refuses_bad_shapes(shape):
+    with pytest.raises(InputError, match=r"shape: given .* two whole numbers >= 1"):
+        noise((4, 4)).resample(shape)
+
+
+# --- holes ------------------------------------------------------------------------------------------------
+
+
+def test_holes_in_a_plane_are_filled_exactly():
+    shape = (30, 24)
+    x1, x2 = centres(shape)
+    plane = 1e-3 * x1[:, None] - 2e-3 * x2 + 1.0
+    z = plane.copy()
+    z[5:9, 10:14] = np.nan
+    z[20, 3] = np.nan
+    filled = Topography(z, (SIZE[0] / 30, SIZE[1] / 24), (False, False)).fill_undefined()
+    assert filled.undefined_share == 0
+    assert_allclose(filled.heights, plane, rtol=1e-12)
+
+
+def test_holes_fill_across_a_periodic_border_only():
+    x = np.arange(40.0)
+    z = np.tile(np.minimum(x, 40 - x), (30, 1))  # a ridge; lowest at the border x2 = 0
+    z[:, 0] = np.nan
+    wrapped = Topography(z, (1.0, 1.0)).fill_undefined()
+    assert_allclose(wrapped.heights[:, 0], 1.0)
+    z[:, 0] = np.arange(30)
+    z[10:14, 0] = np.nan
+    z[:, 1] = 5.0
+    z[:, 39] = -1e3  # the neighbour across the border
+    assert Topography(z, (1.0, 1.0), (True, False)).fill_undefined().heights[10:14, 0].min() > 4
+    assert Topography(z, (1.0, 1.0), (True, True)).fill_undefined().heights[10:14, 0].max() < 0
+
+
+def test_a_single_hole_on_oblong_pixels_is_the_weighted_mean_of_its_neighbours():
+    z = np.zeros((9, 9))
+    z[3:6, 3:6] = [[9, 1, 9], [3, np.nan, 5], [9, 2, 9]]
+    d1, d2 = 1.0, 2.0
+    expected = ((1 + 2) / d1**2 + (3 + 5) / d2**2) / (2 / d1**2 + 2 / d2**2)
+    assert_allclose(Topography(z, (d1, d2)).fill_undefined().heights[4, 4], expected)
+
+
+def test_filled_points_stay_between_their_rims():
+    face = noise((40, 40))
+    z = face.heights.copy()
+    z[10:15, 20:26] = np.nan
+    filled = Topography(z, face.spacing).fill_undefined().heights
+    inside, rim = filled[10:15, 20:26], filled[9:16, 19:27]
+    assert rim.min() < inside.min()
+    assert inside.max() < rim.max()
+    defined = ~np.isnan(z)
+    assert_allclose(filled[defined], z[defined], rtol=0)
+
+
+def test_too_many_undefined_points_are_refused():
+    z = np.zeros((10, 10))
+    z[0] = np.nan
+    with pytest.raises(InputError, match="undefined points: given 10 %, allowed is at most 5 %"):
+        Topography(z, (1, 1)).fill_undefined()
+    assert Topography(z, (1, 1)).fill_undefined(0.1).undefined_share == 0
+    with pytest.raises(InputError, match="given 100 %"):
+        Topography(np.full((3, 3), np.nan), (1, 1)).fill_undefined(1.0)
+
+
+# --- parts and sums ---------------------------------------------------------------------------------------
+
+
+def test_crop_keeps_periodicity_of_whole_axes_only():
+    face = noise((8, 6))
+    part = face.crop((5, 6), (2, 0))
+    assert_allclose(part.heights, face.heights[2:7])
+    assert part.periodic == (False, True)
+    assert part.spacing == face.spacing
+    with pytest.raises(InputError, match=r"crop: given shape \(5, 6\) from \(4, 0\), .* \(8, 6\) points"):
+        face.crop((5, 6), (4, 0))
+
+
+def test_transpose_and_flip():
+    face = noise((8, 6), (False, True))
+    turned = face.transpose()
+    assert (turned.shape, turned.size, turned.periodic) == ((6, 8), face.size[::-1], (True, False))
+    assert_allclose(turned.rms_slopes, face.rms_slopes[::-1])
+    assert_allclose(face.flip(0).heights, face.heights[::-1])
+    assert_allclose(face.flip(1).flip(1).heights, face.heights)
+    assert_allclose(face.flip(0).rms_slope, face.rms_slope)
+    with pytest.raises(InputError, match="axis: given 2"):
+        face.flip(2)
+
+
+def test_sum_of_two_faces():
+    first, second = noise((8, 6)), noise((8, 6), (False, True), seed=1)
+    assert_allclose((first + second).heights, first.heights + second.heights)
+    assert (first + second).periodic == (False, True)
+    with pytest.raises(InputError, match=r"shape of the second face: given \(4, 6\)"):
+        first + noise((4, 6))
+    with pytest.raises(InputError, match="spacing of the second face"):
+        first + Topography(first.heights, (1.0, 1.0))
+    with pytest.raises(TypeError):
+        first + 1.0
+
+
+# --- conditioning -----------------------------------------------------------------------------------------
+
+
+def measured():
+    """A tilted rough map with a few undefined points: self-affine roughness down to two pixels."""
+    rough = self_affine((96, 80), SIZE, hurst=0.8, rms_height=1e-6, cut_off=7e-5, rng=4)
+    x1, x2 = centres(rough.shape)
+    z = rough.heights + np.tan(2e-3) * x1[:, None] - np.tan(1e-3) * x2
+    z[40:42, 30:33] = np.nan
+    return Topography(z, rough.spacing, (False, False))
+
+
+def test_condition_reports_what_it_did():
+    face, report = condition(measured())
+    assert_allclose(report.undefined_share, 6 / (96 * 80))
+    assert_allclose(report.removed_tilt, (2e-3, -1e-3), atol=5e-4)
+    assert_allclose(report.shortest_wavelength, 8 * max(face.spacing))
+    assert report.rms_height < report.rms_height_before < measured().fill_undefined().rms_height
+    assert report.rms_slope < report.rms_slope_before
+    assert_allclose((report.rms_height, report.rms_slope), (face.rms_height, face.rms_slope))
+    assert (report.shape, report.spacing) == (face.shape, face.spacing)
+    assert face.undefined_share == 0
+    # Nothing shorter than the shortest wave is left.
+    assert_allclose(face.high_pass(report.shortest_wavelength).heights, 0, atol=1e-18)
+
+
+def test_condition_recovers_tilt_and_curvature():
+    x1, x2 = centres((60, 50))
+    u, v = x1[:, None] - SIZE[0] / 2, x2 - SIZE[1] / 2
+    z = np.tan(1e-3) * u - np.tan(3e-3) * v + 0.5 * 2.0 * u**2 + 0.7 * u * v - 0.5 * 3.0 * v**2
+    _, report = condition(Topography(z, (SIZE[0] / 60, SIZE[1] / 50)), detrend=2)
+    assert_allclose(report.removed_tilt, (1e-3, -3e-3), rtol=1e-9)
+    assert_allclose(report.removed_curvature, (2.0, 0.7, -3.0), rtol=1e-9)
+    assert report.rms_height < 1e-15
+
+
+def test_condition_on_another_grid():
+    face, report = condition(measured(), shape=(240, 200), shortest_wavelength=1.1e-4)
+    assert face.shape == (240, 200)
+    assert report.shape_before == (96, 80)
+    assert_allclose(face.size, SIZE)
+    coarse, report = condition(measured(), shape=(48, 40))
+    assert_allclose(report.shortest_wavelength, 8 * max(coarse.spacing))
+    reference, _ = condition(measured(), shortest_wavelength=report.shortest_wavelength)
+    assert_allclose(coarse.resample((96, 80)).heights, reference.heights, atol=1e-18)
+
+
+def test_condition_refuses_waves_the_grid_does_not_resolve():
+    with pytest.raises(
+        InputError, match=r"shortest_wavelength: given 0.0001, .* 8 pixels = 0.00025 m"
+    ) as error:
+        condition(measured(), shortest_wavelength=1e-4)
+    assert "shape=(240, 160)" in str(error.value)
+    assert condition(measured(), shortest_wavelength=1e-4, shape=(240, 160))[0].shape == (240, 160)
+    with pytest.raises(InputError, match=r"less than the larger side, 0\.003 m"):
+        condition(measured(), shortest_wavelength=0.1)
+    with pytest.raises(InputError, match="undefined points"):
+        condition(measured(), max_undefined=1e-4)
