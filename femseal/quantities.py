@@ -62,7 +62,8 @@ def to_si(text: object, unit: str, name: str = "quantity") -> float:
 
     try:
         quantity = float(match[1]) * _registry().parse_units(match[2] or "")
-        value = float(quantity.to(unit or "dimensionless").magnitude)
+        # 15 digits: the factors of prefixes are not exact in binary, what was written is
+        value = float(f"{quantity.to(unit or 'dimensionless').magnitude:.15g}")
     except (pint.PintError, ArithmeticError, AttributeError, ValueError, TypeError, AssertionError):
         raise InputError.of(name, repr(text), example) from None
     return _finite(value, text, name, example)

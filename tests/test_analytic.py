@@ -16,7 +16,9 @@ def test_hertz_pressure_carries_the_load():
     r = (np.arange(200_000) + 0.5) / 200_000 * a
     p = analytic.hertz_pressure(r, load, radius, modulus)
     assert_allclose(np.sum(2 * np.pi * r * p) * a / r.size, load, rtol=1e-6)
-    assert analytic.hertz_pressure(0.0, load, radius, modulus) == analytic.hertz_peak_pressure(load, radius, modulus)
+    assert analytic.hertz_pressure(0.0, load, radius, modulus) == analytic.hertz_peak_pressure(
+        load, radius, modulus
+    )
     assert analytic.hertz_pressure(1.01 * a, load, radius, modulus) == 0
     # work = ∫ W dδ is 2/5 of Wδ for δ ~ W^{2/3}·…: the stiffness dW/dδ is 2aE*
     d = [analytic.hertz_approach(w, radius, modulus) for w in (load * 0.9999, load * 1.0001)]

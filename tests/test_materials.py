@@ -52,5 +52,5 @@ def test_strength(value):
 
 
 def test_both_given():
-    with pytest.raises(InputError, match="^hardness: given .*yield_stress or hardness, not both"):
+    with pytest.raises(InputError, match=r"^hardness: given .*yield_stress or hardness, not both"):
         Solid(210e9, 0.3, yield_stress=500e6, hardness=1e9)

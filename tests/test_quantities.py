@@ -64,7 +64,7 @@ def test_decimal_comma_is_refused(text):
     ],
 )
 def test_refused(given, unit):
-    with pytest.raises(InputError, match="^width: given .*, allowed is "):
+    with pytest.raises(InputError, match=r"^width: given .*, allowed is "):
         to_si(given, unit, "width")
 
 
@@ -72,13 +72,19 @@ def test_the_message_shows_what_would_do():
     with pytest.raises(InputError) as error:
         to_si("5 mm", "Pa", "solid.young")
     assert str(error.value) == (
-        "solid.young: given '5 mm', allowed is text with a number and a unit of the kind 'Pa', such as '210 GPa'"
+        "solid.young: given '5 mm', allowed is text with a number and a unit of the kind 'Pa', "
+        "such as '210 GPa'"
     )
 
 
 @pytest.mark.parametrize(
     ("value", "unit", "text"),
-    [(999.9999999999999e6, "Pa", "1 GPa"), (1e-15, "m", "0.001 pm"), (-2e5, "Pa", "-200 kPa"), (0.0, "m", "0 m")],
+    [
+        (999.9999999999999e6, "Pa", "1 GPa"),
+        (1e-15, "m", "0.001 pm"),
+        (-2e5, "Pa", "-200 kPa"),
+        (0.0, "m", "0 m"),
+    ],
 )
 def test_text(value, unit, text):
     assert to_text(value, unit) == text

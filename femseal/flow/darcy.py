@@ -32,6 +32,7 @@ from skfem import (
 )
 
 from ..errors import InputError, NotConverged
+from .balance import balanced_flux
 from .forms import darcy_flow, dissipation, flux_resistance
 from .linear import solve_spd
 from .network import MAX_IMBALANCE
@@ -308,5 +309,30 @@ def _flux_conductance(
     # differences within an element: no cancellation where λ is nearly constant
     drop = lam[facets] - lam[facets[:, :1]]
     flux = -np.einsum("eij,ej->ei", schur, drop)
-    energy = float(np.einsum("ei,eij,ej->", flux, local, flux))
-    return float(flux[np.isin(facets, inlet)].sum()) ** 2 / energy
+    flux, total = _balanced_on_facets(mesh, facets, carrying, flux, local, (inlet, outlet))
+    return total**2 / float(np.einsum("ei,eij,ej->", flux, local, flux))
+
+
+def _balanced_on_facets(
+    mesh: Mesh,
+    facets: Indices,
+    carrying: Indices,
+    flux: Array,
+    local: Array,
+    ends: tuple[Indices, Indices],
+) -> tuple[Array, float]:
+    """Outward fluxes (elements, facets) made to balance on elements and agree on facets; and their total."""
+    node = np.zeros(mesh.nelements, np.int64)
+    node[carrying] = np.arange(1, carrying.size + 1)
+    first, second = mesh.f2t
+    sign = np.where(first[facets] == carrying[:, None], 1.0, -1.0)
+    sides = np.bincount(facets.ravel(), minlength=mesh.nfacets)
+    mean = np.bincount(facets.ravel(), (sign * flux).ravel(), mesh.nfacets) / np.maximum(sides, 1)
+    resistance = np.bincount(facets.ravel(), np.einsum("eii->ei", local).ravel(), mesh.nfacets)
+    # links: facets between two carrying elements, and those of the ends, whose outer side is node 0
+    link = np.concatenate([np.flatnonzero(sides == 2), *ends])
+    tail, head = node[first[link]], np.where(second[link] >= 0, node[second[link]], 0)
+    on_facet = np.zeros(mesh.nfacets)
+    on_facet[link] = balanced_flux(tail, head, 1 / resistance[link], mean[link], carrying.size + 1)
+    totals = [abs(float(on_facet[f].sum())) for f in ends]
+    return sign * on_facet[facets], min(totals)

@@ -10,16 +10,14 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
-from scipy.sparse.csgraph import breadth_first_order, minimum_spanning_tree
 
 from ..errors import InputError
+from ..flow.balance import balanced_flux
 from ..flow.darcy import DarcyFlow
 from ..flow.network import solve_network
 
 Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 _RTOL = 1e-8
 
 
@@ -96,11 +94,7 @@ def _dissipation(c1: Array, c2: Array, potential: Array) -> float:
 
 
 def conservative_rate(c1: Array, c2: Array, potential: Array) -> float:
-    """Q²/Σ(q²/c) of a balanced flux near −c Δφ: a lower bound of the flow for any `potential` (n1 + 1, n2).
-
-    What does not balance at a node is sent to an end of the seal along the spanning tree of the widest
-    links, so that rounding errors of wide links do not run through narrow ones unless they have to.
-    """
+    """Q²/Σ(q²/c) of a balanced flux near −c Δφ: a lower bound for any `potential` (n1 + 1, n2)."""
     n1, n2 = c1.shape
     node = np.arange((n1 + 1) * n2).reshape(n1 + 1, n2)
     tail = np.concatenate([node[:-1].ravel(), node[1:-1].ravel()])
@@ -108,34 +102,10 @@ def conservative_rate(c1: Array, c2: Array, potential: Array) -> float:
     c = np.concatenate([c1.ravel(), c2.ravel()])
     phi = potential.ravel()
     q = c * (phi[tail] - phi[head])
-    excess = np.bincount(head, q, node.size) - np.bincount(tail, q, node.size)
-    # both ends are one root, node 0: what leaves there need not balance
+    # both ends are node 0: what enters and leaves there need not balance
     rooted = np.zeros(node.size, np.int64)
     rooted[n2:-n2] = np.arange(1, (n1 - 1) * n2 + 1)
-    order, parent, link = _widest_tree(rooted[tail], rooted[head], c, (n1 - 1) * n2 + 1)
-    leaving = np.concatenate([[0.0], excess[n2:-n2]]).tolist()
-    up = parent.tolist()
-    for child in order[:0:-1].tolist():
-        leaving[up[child]] += leaving[child]
-    children = order[1:]
-    outward = np.where(rooted[tail[link[children]]] == children, 1.0, -1.0)
-    q[link[children]] += outward * np.array(leaving)[children]
+    q = balanced_flux(rooted[tail], rooted[head], c, q, (n1 - 1) * n2 + 1)
     total = min(abs(q[:n2].sum()), abs(q[(n1 - 1) * n2 : n1 * n2].sum()))
     energy = float(np.divide(q**2, c, out=np.zeros_like(q), where=c > 0).sum())
     return float(total**2 / energy) if energy > 0 else 0.0
-
-
-def _widest_tree(a: Indices, b: Indices, c: Array, nodes: int) -> tuple[Indices, Indices, Indices]:
-    """Maximum spanning tree of open links a–b: nodes from node 0 outward, parents, links to the parents."""
-    candidates = np.flatnonzero((c > 0) & (a != b))
-    ranked = candidates[np.argsort(-c[candidates], kind="stable")]
-    low, high = np.minimum(a, b)[ranked], np.maximum(a, b)[ranked]
-    # of parallel links the widest; ranks instead of conductances bear any contrast
-    _, first = np.unique(low * nodes + high, return_index=True)
-    graph = sp.csr_array((first + 1.0, (low[first], high[first])), shape=(nodes, nodes))
-    tree = minimum_spanning_tree(graph).tocoo()
-    order, parent = breadth_first_order(tree.tocsr(), 0, directed=False)
-    child = np.where(parent[tree.col] == tree.row, tree.col, tree.row)
-    link = np.zeros(nodes, np.int64)
-    link[child] = ranked[tree.data.astype(np.int64) - 1]
-    return order, parent, link

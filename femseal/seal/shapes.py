@@ -15,7 +15,8 @@ from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from skfem import Basis, FacetBasis, Functional, Mesh, MeshQuad1, MeshQuad2, MeshTri1, MeshTri2
+from skfem import FacetBasis, Functional, Mesh, MeshQuad1, MeshQuad2, MeshTri1, MeshTri2
+from skfem.quadrature import get_quadrature
 
 from ..errors import InputError
 from ..flow.darcy import DarcyFlow, darcy_conductance, is_connected
@@ -218,12 +219,16 @@ def _one(w: Any) -> Any:
 
 
 def _check_elements(mesh: Mesh) -> None:
-    points = Basis(mesh, mesh.elem(), intorder=4).X
+    nodes, element = mesh.dofs.element_dofs, mesh.elem()
     # the Jacobian of a bilinear element is extreme at its corners
-    points = np.hstack([points, mesh.elem.refdom.p])
-    det = np.asarray(mesh.mapping().detDF(points))
-    size = np.abs(det).max(axis=1)
-    bad = np.flatnonzero((np.abs(det).min(axis=1) <= 1e-10 * size) | (det.min(axis=1) * det.max(axis=1) <= 0))
+    points = np.hstack([get_quadrature(mesh.elem.refdom, 4)[0], mesh.elem.refdom.p])
+    slopes = np.stack(
+        [np.broadcast_to(element.lbasis(points, i)[1], points.shape) for i in range(len(nodes))]
+    )
+    jacobian = np.einsum("cne,ndq->eqcd", mesh.doflocs[:, nodes], slopes)
+    det = np.linalg.det(jacobian)
+    size = np.ptp(mesh.doflocs[:, nodes], axis=1).max(axis=0) ** 2
+    bad = np.flatnonzero((np.abs(det).min(axis=1) <= 1e-12 * size) | (det.min(axis=1) * det.max(axis=1) <= 0))
     if bad.size:
         raise InputError.of("path", f"a mesh whose element {bad[0]} is degenerate or tangled", "a valid mesh")
 

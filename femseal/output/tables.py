@@ -1,0 +1,151 @@
+"""Leakage step by step as a table: for the terminal, for a notebook, for a spreadsheet."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Iterable
+from html import escape
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..quantities import to_text
+
+if TYPE_CHECKING:
+    import xarray
+    from rich.table import Table
+
+    from .results import Results
+
+#: Units of leakage per length of seal: value in m²/s and text; 1 mL/(m·s) is 1 mm²/s.
+LEAKAGE_UNITS = (
+    (1e-3, "L/(m·s)"),
+    (1e-6, "mL/(m·s)"),
+    (1e-9, "µL/(m·s)"),
+    (1e-12, "nL/(m·s)"),
+    (1e-15, "pL/(m·s)"),
+)
+#: Column of the CSV file, variable of the dataset; a column whose variable is missing is left out.
+_COLUMNS = (
+    ("leakage_m2_per_s", None),
+    ("leakage_lower_m2_per_s", "leakage_lower"),
+    ("leakage_upper_m2_per_s", "leakage_upper"),
+    ("leakage_mean_m2_per_s", "leakage_mean"),
+    ("sealed_share", "sealed_share"),
+    ("leakage_two_scale_m2_per_s", "leakage_two_scale"),
+    ("leakage_deterministic_m2_per_s", "leakage_deterministic"),
+    ("contact_share", "contact_share"),
+)
+
+
+def leakage_unit(values: ArrayLike) -> tuple[float, str]:
+    """One unit for all the leakages [m²/s] given: (its value in m²/s, its text), by the median of those not 0.
+
+    >>> leakage_unit([0.0, 3e-9, 4e-7, 2e-8])
+    (1e-09, 'µL/(m·s)')
+    """
+    size = np.abs(np.asarray(values, dtype=float).ravel())
+    size = size[np.isfinite(size) & (size > 0)]
+    middle = float(np.median(size)) if size.size else 1e-9
+    return next((u for u in LEAKAGE_UNITS if middle >= u[0] * (1 - 1e-12)), LEAKAGE_UNITS[-1])
+
+
+def branch_text(unloaded_from: float) -> str:
+    """Name of a branch: "loading", or "unloading from 900 MPa"; `unloaded_from` [Pa], NaN on loading."""
+    return "loading" if np.isnan(unloaded_from) else f"unloading from {to_text(unloaded_from, 'Pa')}"
+
+
+def rows(results: Results) -> list[dict[str, Any]]:
+    """One dictionary for each step, everything in SI; keys carry the units."""
+    data = results.dataset
+    table = []
+    for s in range(data.sizes["step"]):
+        row: dict[str, Any] = {
+            "step": s,
+            "branch": branch_text(float(data["unloaded_from"][s])),
+            "nominal_pressure_Pa": float(data["nominal_pressure"][s]),
+        }
+        for key, name in _COLUMNS:
+            variable = results.leakage if name is None else data.get(name)
+            if variable is not None:
+                row[key] = float(variable[s])
+        table.append(row)
+    return table
+
+
+def csv_text(results: Results) -> str:
+    """The rows as comma-separated values in SI, with one line of column names."""
+    table = rows(results)
+    stream = io.StringIO()
+    writer = csv.DictWriter(stream, list(table[0]), lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(table)
+    return stream.getvalue()
+
+
+def texts(results: Results) -> tuple[str, list[str], list[list[str]]]:
+    """Title, headers and cells of the table for people: one unit of leakage in all columns, 0 is "sealed"."""
+    table = rows(results)
+    factor, unit = leakage_unit([row["leakage_m2_per_s"] for row in table])
+    data: xarray.Dataset = results.dataset
+    columns: list[tuple[str, Iterable[str]]] = [
+        ("branch", (r["branch"] for r in table)),
+        ("pressure", (to_text(r["nominal_pressure_Pa"], "Pa") for r in table)),
+        (f"{results.method}\n[{unit}]", (_amount(r["leakage_m2_per_s"], factor) for r in table)),
+        ("\n[m²/s]", (_scientific(r["leakage_m2_per_s"]) for r in table)),
+    ]
+    if "leakage_lower" in data:
+        low, high = ("leakage_lower_m2_per_s", "leakage_upper_m2_per_s")
+        share = " – ".join(f"{100 * data[name].attrs['quantile']:g}" for name in ("leakage_lower", "leakage_upper"))
+        columns += [
+            (f"{share} %", (f"{_amount(r[low], factor)} – {_amount(r[high], factor)}" for r in table)),
+            ("mean", (_amount(r["leakage_mean_m2_per_s"], factor) for r in table)),
+            ("sealed\nshare", (_share(r["sealed_share"]) for r in table)),
+        ]
+    for name, key in (("two-scale", "leakage_two_scale_m2_per_s"), ("deterministic", "leakage_deterministic_m2_per_s")):
+        if key in table[0] and name != results.method:
+            columns.append((name, [_amount(r[key], factor) for r in table]))
+    if "contact_share" in data:
+        columns.append(("contact\nshare", (_share(r["contact_share"]) for r in table)))
+    title = f"leakage per length of seal; 1 {unit} = {factor:.0e} m²/s"
+    return title, [c[0] for c in columns], [list(cells) for cells in zip(*(c[1] for c in columns), strict=True)]
+
+
+def rich_table(results: Results) -> Table:
+    """The table for a terminal, for `rich.print`; branches are divided by lines."""
+    from rich.table import Table
+
+    title, headers, cells = texts(results)
+    table = Table(title=title, title_justify="left")
+    for n, header in enumerate(headers):
+        table.add_column(header, justify="left" if n == 0 else "right", no_wrap=n > 0)
+    for n, line in enumerate(cells):
+        same = n > 0 and cells[n - 1][0] == line[0]
+        ends = n + 1 < len(cells) and cells[n + 1][0] != line[0]
+        table.add_row("" if same else line[0], *line[1:], end_section=ends)
+    return table
+
+
+def html_table(results: Results) -> str:
+    """The table for a notebook."""
+    title, headers, cells = texts(results)
+    head = "".join(f"<th>{escape(h).replace(chr(10), '<br>')}</th>" for h in headers)
+    body = "\n".join("<tr>" + "".join(f"<td>{escape(c)}</td>" for c in line) + "</tr>" for line in cells)
+    caption = f"<caption>{escape(title)}</caption>"
+    return f"<table>{caption}\n<thead><tr>{head}</tr></thead>\n<tbody>\n{body}\n</tbody></table>"
+
+
+def _amount(value: float, factor: float) -> str:
+    if np.isnan(value):
+        return "failed"
+    return "sealed" if value == 0 else f"{value / factor:.3g}"
+
+
+def _scientific(value: float) -> str:
+    return "failed" if np.isnan(value) else f"{value:.2e}"
+
+
+def _share(value: float) -> str:
+    return "failed" if np.isnan(value) else f"{100 * value:.3g} %"
