@@ -309,14 +309,20 @@ class Case(_Table):
         return {self.method, *self.compare}
 
     @property
+    def solids(self) -> tuple[Solid, Solid | None]:
+        """The two bodies; None is rigid."""
+        counter = self.counter_material
+        return self.material.solid, None if counter is None else counter.solid
+
+    @property
     def hardness(self) -> float:
         """Hardness of the softer solid [Pa]; inf where none is given."""
-        return softer_hardness(self.material.solid, self.counter_material and self.counter_material.solid)
+        return softer_hardness(*self.solids)
 
     @property
     def modulus(self) -> float:
         """Contact modulus [Pa]."""
-        return contact_modulus(self.material.solid, self.counter_material and self.counter_material.solid)
+        return contact_modulus(*self.solids)
 
     def echo(self) -> dict[str, Any]:
         """The case in SI, as plain data."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sized
 from contextlib import contextmanager
 from os import PathLike
 from pathlib import Path
@@ -174,7 +174,7 @@ def _watched(mapper: Callable[..., Iterable[Any]], stage: str, progress: Progres
     """The same map, telling how far it is."""
 
     def mapping(function: Callable[..., Any], *iterables: Iterable[Any]) -> Iterator[Any]:
-        total = min((len(i) for i in iterables if hasattr(i, "__len__")), default=None)
+        total = min((len(i) for i in iterables if isinstance(i, Sized)), default=None)
         name = getattr(getattr(function, "func", function), "__name__", "").strip("_").replace("_", " ")
         progress(f"{stage}: {name}", 0, total)
         for done, item in enumerate(mapper(function, *iterables), start=1):

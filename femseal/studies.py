@@ -377,8 +377,8 @@ def _global(
     tables, links = [], []
     for axis, pressure in enumerate((world.pressure, world.pressure_across)):
         gaps = np.array([partition.means(g, axis) for g in world.raw_gap])
-        paths = (a.reshape(len(a), (m1 - axis) * m2).T for a in (pressure, gaps))
-        tables.append(library.along(*paths, scene.steps, axis))
+        paths, distances = (a.reshape(len(a), (m1 - axis) * m2).T for a in (pressure, gaps))
+        tables.append(library.along(paths, distances, scene.steps, axis))
         j, i = np.divmod(np.arange((m1 - axis) * n2), max(m1 - axis, 1))
         links.append(i * m2 + j % m2)
     return library, (tables[0], tables[1]), (links[0], links[1])
@@ -398,7 +398,8 @@ def _uniform(
     return library, (tables[0], tables[1]), (links[0], links[1])
 
 
-PRESSURES = {"place": _placed, "global": _global, "uniform": _uniform}
+Source = Callable[..., tuple[LadderLibrary | PlacedLibrary, Tables, LinkPaths]]
+PRESSURES: dict[str, Source] = {"place": _placed, "global": _global, "uniform": _uniform}
 
 
 def _ladder_library(
@@ -434,7 +435,8 @@ def _realise(
         draw_links(t, p, steps, sampler=sampling.sampler, seed=sampling.seed, realisation=realisation, axis=a)
         for a, (t, p) in enumerate(zip(tables, links, strict=True))
     )
-    leakage, failures = np.full(len(steps), np.nan), []
+    leakage = np.full(len(steps), np.nan)
+    failures: list[str] = []
     for s in range(len(steps)):
         maps = k1[:, s].reshape(n2, n1).T, k2[:, s].reshape(n2, n1 - 1).T
         try:

@@ -9,14 +9,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from math import inf
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from .. import checks
 from ..errors import InputError
 from .halfspace import HalfSpace
-from .solver import Contact, solve_contact
+from .solver import Contact, hardness_bounds, solve_contact
 
 
 @dataclass(frozen=True)
@@ -60,22 +62,31 @@ def load_programme(
     ------
     InputError : an empty or falling list, negative or non-finite pressures, a peak with nothing below it.
     """
-    for name, values in (("loading", loading), ("unload_from", unload_from), ("unloading", unloading)):
-        if np.ndim(values) != 1 or not all(np.isfinite(p) and p >= 0 for p in values):
-            raise InputError.of(name, list(np.atleast_1d(values)), "a list of finite pressures >= 0 [Pa]")
+    loading, unload_from, unloading = (
+        _pressures(name, values)
+        for name, values in (("loading", loading), ("unload_from", unload_from), ("unloading", unloading))
+    )
     if len(loading) == 0:
         raise InputError.of("loading", "an empty list", "at least one pressure [Pa]")
-    if any(b <= a for a, b in zip(loading[:-1], loading[1:], strict=True)):
-        raise InputError.of("loading", list(loading), "rising pressures")
+    if any(b <= a for a, b in pairwise(loading)):
+        raise InputError.of("loading", loading, "rising pressures")
     if len(unloading) and not len(unload_from):
         raise InputError.of("unload_from", "an empty list", "at least one pressure where `unloading` is given")
-    steps = [LoadStep(p) for p in sorted({float(p) for p in (*loading, *unload_from)})]
-    for peak in sorted({float(p) for p in unload_from}):
-        below = sorted({float(p) for p in unloading if p < peak}, reverse=True)
+    steps = [LoadStep(p) for p in sorted({*loading, *unload_from})]
+    for peak in sorted(set(unload_from)):
+        below = sorted({p for p in unloading if p < peak}, reverse=True)
         if not below:
-            raise InputError.of("unloading", list(unloading), f"at least one pressure below the peak {peak:g} Pa")
+            raise InputError.of("unloading", unloading, f"at least one pressure below the peak {peak:g} Pa")
         steps += [LoadStep(p, peak) for p in below]
     return tuple(steps)
+
+
+def _pressures(name: str, values: Sequence[float]) -> list[float]:
+    try:
+        return [checks.number(name, p, unit="Pa", inclusive=True) for p in values]
+    except (TypeError, InputError):
+        given = values if isinstance(values, str) or not np.iterable(values) else list(values)
+        raise InputError.of(name, given, "a list of finite pressures >= 0 [Pa]") from None
 
 
 def load_cycle(
@@ -109,9 +120,9 @@ def load_cycle(
     """
     steps = load_programme(loading, unload_from, unloading)
     highest = max(s.pressure for s in steps)
-    if highest > (limit := float(np.mean(hardness))) * (1 + 1e-12):
+    if highest > (limit := float(hardness_bounds(hardness, half_space.shape).mean())) * (1 + 1e-12):
         raise InputError.of("loading", f"{highest:g} Pa", f"at most the mean hardness, {limit:g} Pa")
-    gap0 = np.asarray(gap0, dtype=float)
+    gap0 = checks.field("gap0", gap0, unit="m", shape=half_space.shape)
     left: dict[float, np.ndarray] = {}
     states = []
     for step in steps:

@@ -13,6 +13,7 @@ import numpy as np
 import pyfftw
 from numpy.typing import ArrayLike, NDArray
 
+from .. import checks
 from ..errors import InputError
 from . import kernels
 
@@ -55,26 +56,21 @@ class HalfSpace:
     def __post_init__(self) -> None:
         if isinstance(self.boundary, str):
             object.__setattr__(self, "boundary", (self.boundary, self.boundary))
-        for name in ("shape", "spacing", "boundary"):
-            value = getattr(self, name)
-            if np.ndim(value) != 1 or len(value) != 2:
-                raise InputError.of(name, value, "a pair, one for each axis")
-        if any(int(n) != n or n < 1 for n in self.shape):
-            raise InputError.of("shape", self.shape, "two whole numbers >= 1")
-        object.__setattr__(self, "shape", tuple(int(n) for n in self.shape))
-        object.__setattr__(self, "spacing", tuple(float(d) for d in self.spacing))
-        object.__setattr__(self, "boundary", tuple(self.boundary))
-        if not all(np.isfinite(d) and d > 0 for d in self.spacing):
-            raise InputError.of("spacing", self.spacing, "two finite numbers > 0 [m]")
-        if not (np.isfinite(self.modulus) and self.modulus > 0):
-            raise InputError.of("modulus", self.modulus, "a finite number > 0 [Pa]")
-        if any(kind not in BOUNDARIES for kind in self.boundary):
-            raise InputError.of("boundary", self.boundary, f"one of {', '.join(BOUNDARIES)} for each axis")
+        object.__setattr__(self, "shape", checks.grid("shape", self.shape))
+        object.__setattr__(self, "spacing", checks.lengths("spacing", self.spacing))
+        object.__setattr__(self, "modulus", checks.number("modulus", self.modulus, unit="Pa"))
+        kinds = f"one of {', '.join(BOUNDARIES)} for each axis"
+        try:
+            first, second = self.boundary
+        except (TypeError, ValueError):
+            raise InputError.of("boundary", self.boundary, kinds) from None
+        if first not in BOUNDARIES or second not in BOUNDARIES:
+            raise InputError.of("boundary", self.boundary, kinds)
+        object.__setattr__(self, "boundary", (first, second))
         if self.longest_wave is not None:
+            object.__setattr__(self, "longest_wave", checks.number("longest_wave", self.longest_wave, unit="m"))
             if "free" in self.boundary:
                 raise InputError.of("longest_wave", self.longest_wave, "None where an axis is free")
-            if not self.longest_wave > 0:
-                raise InputError.of("longest_wave", self.longest_wave, "a number > 0 [m]")
 
     @cached_property
     def symbol(self) -> Array:
@@ -100,11 +96,7 @@ class HalfSpace:
 
     def displacement(self, pressure: ArrayLike) -> Array:
         """Displacement u = K p [m] of shape (n1, n2) under pressures p [Pa] of the same shape."""
-        p = np.asarray(pressure, dtype=float)
-        if p.shape != self.shape:
-            raise InputError.of("pressure", f"shape {p.shape}", f"shape {self.shape}")
-        if not np.all(np.isfinite(p)):
-            raise InputError.of("pressure", "values that are not finite", "finite numbers [Pa]")
+        p = checks.field("pressure", pressure, unit="Pa", shape=self.shape)
         convolution = Convolution(self)
         convolution.pressure[:] = p
         return convolution.apply(convolution.pressure).copy()

@@ -8,6 +8,8 @@ constant pressure); Liu, Wang, Liu, Wear 243, 2000, 101 (DC-FFT).
 
 from __future__ import annotations
 
+from itertools import product
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import fft, next_fast_len
@@ -28,9 +30,9 @@ def wave_numbers(n: int, spacing: float, kind: str, half: bool) -> Array:
     transform, which is the periodic axis of twice the length.
     """
     if kind == "mirror":
-        return np.pi * np.arange(n) / (n * spacing)
-    k = np.arange(n // 2 + 1) if half else np.minimum(np.arange(n), n - np.arange(n))
-    return 2 * np.pi * k / (n * spacing)
+        return np.pi / (n * spacing) * np.arange(n, dtype=float)
+    k = np.arange(n, dtype=float)
+    return 2 * np.pi / (n * spacing) * (k[: n // 2 + 1] if half else np.minimum(k, n - k))
 
 
 def spectral_symbol(q1: Array, q2: Array, modulus: float) -> Array:
@@ -57,10 +59,10 @@ def free_symbol(shape: tuple[int, int], spacing: tuple[float, float], modulus: f
     (d1, d2) = spacing
     x = _wrapped_offsets(shape[0])[:, None] * d1
     y = _wrapped_offsets(shape[1])[None, :] * d2
-    kernel = sum(
-        s * t * _love(x + s * d1 / 2, y + t * d2 / 2) for s in (-1.0, 1.0) for t in (-1.0, 1.0)
-    ) / (np.pi * modulus)  # fmt: skip
-    symbol = fft(np.asarray(kernel), axis=0).real
+    kernel = np.zeros((x.size, y.size))
+    for s, t in product((-1.0, 1.0), repeat=2):
+        kernel += s * t / (np.pi * modulus) * _love(x + s * d1 / 2, y + t * d2 / 2)
+    symbol = fft(kernel, axis=0).real
     return fft(symbol, axis=1).real[:, : kernel.shape[1] // 2 + 1]
 
 

@@ -16,7 +16,7 @@ _fast: dict[str, Any] = {"cache": True, "nogil": True, "fastmath": {"reassoc", "
 
 
 @njit(**_exact)
-def root_of_load(p, v, c, hardness, hs, load, start, work):  # type: ignore[no-untyped-def]
+def root_of_load(p, v, c, hardness, hs, load, start, work):
     """δ with Σ clip(p − c(v − δ), 0, H) = load: monotone, piecewise linear; Newton within a bracket.
 
     Only points that can be in contact for a δ in the bracket are looked at again; `work` holds them.
@@ -35,6 +35,7 @@ def root_of_load(p, v, c, hardness, hs, load, start, work):  # type: ignore[no-u
         shift = c * top
         k = 0
         total = 0.0
+        full = 0
         for i in range(n):
             y = p[i] - c * v[i] + shift
             if y > 0.0:
@@ -42,8 +43,12 @@ def root_of_load(p, v, c, hardness, hs, load, start, work):  # type: ignore[no-u
                 work[0, k] = y - shift
                 work[1, k] = h
                 k += 1
-                total += y if y < h else h
-        if total >= load:
+                if y < h:
+                    total += y
+                else:
+                    total += h
+                    full += 1
+        if total >= load or full == n:
             break
         low = top
         reach *= 4.0
@@ -86,7 +91,7 @@ def root_of_load(p, v, c, hardness, hs, load, start, work):  # type: ignore[no-u
 
 
 @njit(**_exact)
-def count_changes(p, v, c, hardness, hs, delta, state):  # type: ignore[no-untyped-def]
+def count_changes(p, v, c, hardness, hs, delta, state):
     """‖p − y‖², ‖y‖² with y = clip(p − c(v − δ), 0, H), and how many points would change state."""
     r2 = 0.0
     n2 = 0.0
@@ -111,7 +116,7 @@ def count_changes(p, v, c, hardness, hs, delta, state):  # type: ignore[no-untyp
 
 
 @njit(**_exact)
-def project(p, v, c, hardness, hs, delta, state, free):  # type: ignore[no-untyped-def]
+def project(p, v, c, hardness, hs, delta, state, free):
     """p = clip(p − c(v − δ), 0, H); set the states and the list of free points; returns their number."""
     k = 0
     for i in range(p.size):
@@ -131,14 +136,14 @@ def project(p, v, c, hardness, hs, delta, state, free):  # type: ignore[no-untyp
 
 
 @njit(**_fast)
-def add_gap(u, gap0, v):  # type: ignore[no-untyped-def]
+def add_gap(u, gap0, v):
     """v = u + h₁."""
     for i in range(v.size):
         v[i] = u[i] + gap0[i]
 
 
 @njit(**_fast)
-def energy(p, v, gap0):  # type: ignore[no-untyped-def]
+def energy(p, v, gap0):
     """½⟨p, Kp⟩ + ⟨p, h₁⟩ from v = Kp + h₁."""
     s = 0.0
     for i in range(p.size):
@@ -148,7 +153,7 @@ def energy(p, v, gap0):  # type: ignore[no-untyped-def]
 
 
 @njit(**_fast)
-def free_residual(free, n, v, r):  # type: ignore[no-untyped-def]
+def free_residual(free, n, v, r):
     """r = −(v − mean v) on the free points."""
     s = 0.0
     for k in range(n):
@@ -160,21 +165,21 @@ def free_residual(free, n, v, r):  # type: ignore[no-untyped-def]
 
 
 @njit(**_fast)
-def scatter(free, n, x, shift, dense):  # type: ignore[no-untyped-def]
+def scatter(free, n, x, shift, dense):
     """dense[free] = x − shift."""
     for k in range(n):
         dense[free[k]] = x[k] - shift
 
 
 @njit(**_fast)
-def clear(free, n, dense):  # type: ignore[no-untyped-def]
+def clear(free, n, dense):
     """dense[free] = 0."""
     for k in range(n):
         dense[free[k]] = 0.0
 
 
 @njit(**_fast)
-def stencil_product(free, n, dense, out, n2, stencil, rows, columns):  # type: ignore[no-untyped-def]
+def stencil_product(free, n, dense, out, n2, stencil, rows, columns):
     """out = stencil ∗ dense at the free points; `rows`, `columns` map padded to real indices, −1 outside."""
     r1 = stencil.shape[0] // 2
     r2 = stencil.shape[1] // 2
@@ -200,7 +205,7 @@ def stencil_product(free, n, dense, out, n2, stencil, rows, columns):  # type: i
 
 
 @njit(**_fast)
-def total(x, n):  # type: ignore[no-untyped-def]
+def total(x, n):
     """Σ x."""
     s = 0.0
     for k in range(n):
@@ -209,7 +214,7 @@ def total(x, n):  # type: ignore[no-untyped-def]
 
 
 @njit(**_fast)
-def project_and_dot(w, ones, factor, r, n):  # type: ignore[no-untyped-def]
+def project_and_dot(w, ones, factor, r, n):
     """w −= factor · ones, so that Σ w = 0; returns w·r."""
     s = 0.0
     for k in range(n):
@@ -219,7 +224,7 @@ def project_and_dot(w, ones, factor, r, n):  # type: ignore[no-untyped-def]
 
 
 @njit(**_fast)
-def new_direction(free, n, w, d, beta, dense):  # type: ignore[no-untyped-def]
+def new_direction(free, n, w, d, beta, dense):
     """d = w + β d, also at its place in the dense array."""
     for k in range(n):
         d[k] = w[k] + beta * d[k]
@@ -227,7 +232,7 @@ def new_direction(free, n, w, d, beta, dense):  # type: ignore[no-untyped-def]
 
 
 @njit(**_fast)
-def curvature(free, n, d, kd):  # type: ignore[no-untyped-def]
+def curvature(free, n, d, kd):
     """d·Kd and d·d over the free points."""
     s = 0.0
     t = 0.0
@@ -238,7 +243,7 @@ def curvature(free, n, d, kd):  # type: ignore[no-untyped-def]
 
 
 @njit(**_fast)
-def step(free, n, alpha, d, kd, p, r, v):  # type: ignore[no-untyped-def]
+def step(free, n, alpha, d, kd, p, r, v):
     """p += α d and r −= α Kd on the free points, v += α Kd everywhere."""
     for k in range(n):
         p[free[k]] += alpha * d[k]

@@ -14,6 +14,7 @@ from math import inf
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .. import checks
 from ..errors import InputError, NotConverged
 from . import loops
 from .halfspace import Convolution, HalfSpace
@@ -112,9 +113,11 @@ def solve_contact(
     for _ in grids[1:]:
         gaps.append(_coarsen(gaps[-1]))
         hardnesses.append(_coarsen(hardnesses[-1]) if hardnesses[-1].size > 1 else hardnesses[-1])
-    p = _bearing_area(gaps[-1], hardnesses[-1], pressure, grids[-1].half_space)
+    # means over an odd border weigh it double: the same share of the hardness can be carried on every grid
+    loads = [pressure if np.isinf(limit) else pressure / limit * float(h.mean()) for h in hardnesses]
+    p = _bearing_area(gaps[-1], hardnesses[-1], loads[-1], grids[-1].half_space)
     for level in range(len(grids) - 1, 0, -1):
-        p = grids[level].solve(gaps[level], hardnesses[level], pressure, p, _COARSE_RTOL, strict=False).pressure
+        p = grids[level].solve(gaps[level], hardnesses[level], loads[level], p, _COARSE_RTOL, strict=False).pressure
         p = np.repeat(np.repeat(p, 2, axis=0), 2, axis=1)[: gaps[level - 1].shape[0], : gaps[level - 1].shape[1]]
     solution = grids[0].solve(h1, bounds, pressure, p, rtol, strict=True)
     return replace(solution, approach=solution.approach + offset)
@@ -123,23 +126,32 @@ def solve_contact(
 def _validated(
     gap0: ArrayLike, half_space: HalfSpace, pressure: float, hardness: float | ArrayLike, rtol: float
 ) -> tuple[Array, Array]:
-    h = np.array(gap0, dtype=float)
-    if h.shape != half_space.shape:
-        raise InputError.of("gap0", f"shape {h.shape}", f"the half-space's shape {half_space.shape}")
-    if not np.all(np.isfinite(h)):
-        raise InputError.of("gap0", f"{np.count_nonzero(~np.isfinite(h))} points not finite", "finite numbers [m]")
-    bounds = np.atleast_1d(np.asarray(hardness, dtype=float))
-    if bounds.size != 1 and bounds.shape != half_space.shape:
-        raise InputError.of("hardness", f"shape {bounds.shape}", f"a number or shape {half_space.shape}")
-    if not np.all(bounds > 0):
-        raise InputError.of("hardness", float(np.nanmin(bounds)), "numbers > 0 [Pa]")
-    if not (np.isscalar(pressure) and np.isreal(pressure) and np.isfinite(pressure) and pressure >= 0):
-        raise InputError.of("pressure", pressure, "a finite number >= 0 [Pa]")
-    if pressure > bounds.mean() * (1 + 1e-12):
-        raise InputError.of("pressure", f"{pressure:g} Pa", f"at most the mean hardness, {bounds.mean():g} Pa")
-    if not 0 < rtol < 1:
-        raise InputError.of("rtol", rtol, "a number between 0 and 1")
+    h = checks.field("gap0", gap0, unit="m", shape=half_space.shape)
+    bounds = hardness_bounds(hardness, half_space.shape)
+    limit = float(bounds.mean())
+    if checks.number("pressure", pressure, unit="Pa", inclusive=True) > limit * (1 + 1e-12):
+        raise InputError.of("pressure", f"{pressure:g} Pa", f"at most the mean hardness, {limit:g} Pa")
+    checks.tolerance("rtol", rtol)
     return h, bounds
+
+
+def hardness_bounds(hardness: float | ArrayLike, shape: tuple[int, int]) -> Array:
+    """Hardness as an array of one value or of one per point, inf where there is no bound.
+
+    Raises
+    ------
+    InputError : not a number or an array of the grid's shape, or values not > 0.
+    """
+    try:
+        bounds = np.atleast_1d(np.asarray(hardness, dtype=float))
+    except (TypeError, ValueError):
+        raise InputError.of("hardness", repr(hardness), f"a number or an array {shape} [Pa]") from None
+    if isinstance(hardness, (str, bytes)) or (bounds.size != 1 and bounds.shape != shape):
+        given = repr(hardness) if bounds.size == 1 else f"shape {bounds.shape}"
+        raise InputError.of("hardness", given, f"a number or an array {shape} [Pa]")
+    if not np.all(bounds > 0):
+        raise InputError.of("hardness", f"{bounds.min():g} Pa", "numbers > 0 [Pa]")
+    return bounds
 
 
 def _coarsen(a: Array) -> Array:
@@ -186,8 +198,8 @@ def _grids(half_space: HalfSpace, thread: int) -> tuple[_Grid, ...]:
     grids = [_Grid(half_space)]
     while min(half_space.shape) > _COARSEST:
         n1, n2 = half_space.shape
-        coarser = ((n1 + 1) // 2, (n2 + 1) // 2)
-        half_space = replace(half_space, shape=coarser, spacing=tuple(2 * d for d in half_space.spacing))
+        d1, d2 = half_space.spacing
+        half_space = replace(half_space, shape=((n1 + 1) // 2, (n2 + 1) // 2), spacing=(2 * d1, 2 * d2))
         grids.append(_Grid(half_space))
     return tuple(grids)
 

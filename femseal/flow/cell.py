@@ -13,6 +13,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
 
+from .. import checks
 from ..errors import InputError
 from .bounds import pixel_bounds
 from .connectivity import winding_components
@@ -38,16 +39,10 @@ class Permeability:
 
 def validated_gap(gap: ArrayLike, spacing: tuple[float, float]) -> tuple[Array, tuple[float, float]]:
     """Gap as a 2-D array of finite numbers >= 0 and spacing as two numbers > 0, or an InputError."""
-    h = np.asarray(gap, dtype=float)
-    if h.ndim != 2 or h.size == 0:
-        raise InputError.of("gap", f"shape {h.shape}", "a two-dimensional array (n1, n2)")
-    if not np.all(np.isfinite(h)):
-        raise InputError.of("gap", f"{np.count_nonzero(~np.isfinite(h))} points not finite", "finite numbers >= 0 [m]")
+    h = checks.field("gap", gap, unit="m")
     if h.min() < 0:
         raise InputError.of("gap", f"{h.min():g} m", "numbers >= 0 [m]")
-    if np.ndim(spacing) != 1 or len(spacing) != 2 or not all(np.isfinite(d) and d > 0 for d in spacing):
-        raise InputError.of("spacing", spacing, "two finite numbers > 0 [m]")
-    return h, (float(spacing[0]), float(spacing[1]))
+    return h, checks.lengths("spacing", spacing)
 
 
 def cell_permeability(
@@ -82,8 +77,7 @@ def cell_permeability(
         raise InputError.of("axis", axis, "0 or 1")
     if sides not in SIDES:
         raise InputError.of("sides", sides, f"one of {', '.join(SIDES)}")
-    if not 0 < rtol < 1:
-        raise InputError.of("rtol", rtol, "a number between 0 and 1")
+    checks.tolerance("rtol", rtol)
     if axis == 1:
         h, d1, d2 = h.T, d2, d1
     scale = float(h.max()) or 1.0

@@ -10,7 +10,7 @@ Array = NDArray[np.float64]
 
 
 @njit(cache=True, nogil=True)
-def _find(parent, a):  # type: ignore[no-untyped-def]
+def _find(parent, a):
     while parent[a] != a:
         parent[a] = parent[parent[a]]
         a = parent[a]
@@ -18,7 +18,7 @@ def _find(parent, a):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _union(parent, a, b):  # type: ignore[no-untyped-def]
+def _union(parent, a, b):
     a = _find(parent, a)
     b = _find(parent, b)
     if a < b:
@@ -28,7 +28,7 @@ def _union(parent, a, b):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def percolating_nodes(c1, c2):  # type: ignore[no-untyped-def]
+def percolating_nodes(c1, c2):
     """Nodes (n1 + 1, n2) joined by open links to an inlet-to-outlet path; all False if there is none.
 
     c1 (n1, n2) and c2 (n1 − 1, n2 or n2 − 1) are conductances; a link is open where c > 0. Dead ends that hang on the
@@ -59,7 +59,7 @@ def percolating_nodes(c1, c2):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def winding_components(c1, c2):  # type: ignore[no-untyped-def]
+def winding_components(c1, c2):
     """Doubly periodic network: component of each node, and which components wind around each axis.
 
     c1, c2 (n1, n2) link node (i, j) to (i + 1, j) and (i, j + 1), wrapped. Each node keeps its displacement to its

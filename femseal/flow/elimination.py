@@ -54,7 +54,7 @@ def plan_elimination(matrix: sp.csc_array) -> EliminationPlan:
 
 
 @njit(cache=True)
-def _column_counts(indptr, indices, n):  # type: ignore[no-untyped-def]
+def _column_counts(indptr, indices, n):
     """Number of entries below the diagonal in each column of the factor, by the elimination tree."""
     parent = np.full(n, -1, np.int64)
     ancestor = np.full(n, -1, np.int64)
@@ -93,7 +93,7 @@ def _column_counts(indptr, indices, n):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _column_rows(indptr, indices, starts):  # type: ignore[no-untyped-def]
+def _column_rows(indptr, indices, starts):
     """Sorted row numbers of each column of the factor: its own and those of its children in the elimination tree."""
     n = starts.size - 1
     rows = np.empty(starts[n], np.int32)
@@ -125,7 +125,7 @@ def _column_rows(indptr, indices, starts):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def eliminate(order, starts, rows, values, inlet, outlet):  # type: ignore[no-untyped-def]
+def eliminate(order, starts, rows, values, inlet, outlet):
     """Effective conductance from inlet to outlet, and the potential φ and 1 − φ of every node.
 
     values : conductances between nodes in the factor's structure, changed in place; inlet, outlet : conductances of

@@ -1,0 +1,24 @@
+"""Results out: one dataset as netCDF, tables, pictures, and files for ParaView.
+
+`assemble` gathers the studies of a scene into `Results`; `write_folder` writes everything there is to look at, `save`
+and `open_results` the dataset alone. Libraries for files and pictures are loaded when first needed.
+"""
+
+from .folder import write_folder
+from .maps import seal_figure, surface_figure
+from .plots import cells_figure, leakage_figure
+from .results import Results, assemble, open_results, save
+from .vtk import write_vtk
+
+__all__ = [
+    "Results",
+    "assemble",
+    "cells_figure",
+    "leakage_figure",
+    "open_results",
+    "save",
+    "seal_figure",
+    "surface_figure",
+    "write_folder",
+    "write_vtk",
+]

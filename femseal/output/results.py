@@ -94,6 +94,11 @@ class Results:
         """What failed on the way, one line each; empty if nothing did."""
         return json.loads(self.dataset.attrs["warnings"])
 
+    @property
+    def case(self) -> dict[str, Any]:
+        """The case in SI, as given to `assemble`; tuples have become lists."""
+        return json.loads(self.dataset.attrs["case"])
+
     def rows(self) -> list[dict[str, Any]]:
         """The table as dictionaries in SI, one for each step; the keys carry the units."""
         return tables.rows(self)
@@ -149,8 +154,8 @@ def assemble(
     Returns
     -------
     Results; every variable has `units` and `long_name`. Dimensions: step; realisation; cell1, cell2, windows by their
-    centres [m]; node1, corner1, rows of nodes and of x2-links along x1 [m] (the x2-link of column j runs from cell2 j to
-    j + 1); library_cell, library_step. Fluxes are volume rates per width at the fluid's reference density.
+    centres [m]; node1, corner1, rows of nodes and of x2-links along x1 [m] (the x2-link of column j runs from cell2 j
+    to j + 1); library_cell, library_step. Fluxes are volume rates per width at the fluid's reference density.
 
     Raises
     ------
@@ -286,7 +291,7 @@ def _add_windows(data: xarray.Dataset, scene: Scene, result: TwoScaleResult) -> 
 def _add_realisations(data: xarray.Dataset, result: StochasticResult, quantiles: tuple[float, float]) -> None:
     _add_fields(data, result, {"leakage": "leakage"})
     data.coords["realisation"] = ("realisation", np.arange(len(result.leakage)), _labels("1", "realisation"))
-    known = np.isfinite(result.leakage).any(axis=0)
+    known = np.any(np.isfinite(result.leakage), axis=0)
     text = "leakage per unit seal length, {} of the realisations"
     for name, q in (("median", 0.5), ("lower", quantiles[0]), ("upper", quantiles[1])):
         labels = _labels("m^2/s", text.format(name if name == "median" else f"{name} quantile {q:g}"))
@@ -296,7 +301,7 @@ def _add_realisations(data: xarray.Dataset, result: StochasticResult, quantiles:
     data["sealed_share"] = ("step", _where(known, lambda: result.sealed_share), labels)
 
 
-def _where(known: NDArray[np.bool_], statistic: Any) -> Array:
+def _where(known: Any, statistic: Any) -> Array:
     """A statistic of the realisations; NaN where every one of them failed."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)
@@ -327,7 +332,7 @@ def _add_contact_share(
         share, origin = deterministic.contact_fraction, "deterministic"
     elif stochastic is not None and set(scene.steps) <= set(stochastic.library.curves.steps):
         curves = stochastic.library.curves
-        share = curves.contact_fraction[:, [curves.steps.index(s) for s in scene.steps]].mean(axis=0)
+        share = np.nanmean(curves.contact_fraction[:, [curves.steps.index(s) for s in scene.steps]], axis=0)
         origin = "library"
     else:
         return

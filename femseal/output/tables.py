@@ -40,6 +40,9 @@ _COLUMNS = (
 )
 
 
+_HEADS = {"two-scale": "two-\nscale", "deterministic": "determi-\nnistic"}
+
+
 def leakage_unit(values: ArrayLike) -> tuple[float, str]:
     """One unit for all the leakages [m²/s] given: (its value in m²/s, its text), by the median of those not 0.
 
@@ -93,38 +96,40 @@ def texts(results: Results) -> tuple[str, list[str], list[list[str]]]:
     columns: list[tuple[str, Iterable[str]]] = [
         ("branch", (r["branch"] for r in table)),
         ("pressure", (to_text(r["nominal_pressure_Pa"], "Pa") for r in table)),
-        (f"{results.method}\n[{unit}]", (_amount(r["leakage_m2_per_s"], factor) for r in table)),
-        ("\n[m²/s]", (_scientific(r["leakage_m2_per_s"]) for r in table)),
+        (_HEADS.get(results.method, results.method), (_amount(r["leakage_m2_per_s"], factor) for r in table)),
     ]
     if "leakage_lower" in data:
         low, high = ("leakage_lower_m2_per_s", "leakage_upper_m2_per_s")
-        share = " – ".join(f"{100 * data[name].attrs['quantile']:g}" for name in ("leakage_lower", "leakage_upper"))
+        share = "–".join(f"{100 * data[name].attrs['quantile']:g}" for name in ("leakage_lower", "leakage_upper"))
         columns += [
-            (f"{share} %", (f"{_amount(r[low], factor)} – {_amount(r[high], factor)}" for r in table)),
+            (f"{share} %", (_range(r[low], r[high], factor) for r in table)),
             ("mean", (_amount(r["leakage_mean_m2_per_s"], factor) for r in table)),
             ("sealed\nshare", (_share(r["sealed_share"]) for r in table)),
         ]
     for name, key in (("two-scale", "leakage_two_scale_m2_per_s"), ("deterministic", "leakage_deterministic_m2_per_s")):
         if key in table[0] and name != results.method:
-            columns.append((name, [_amount(r[key], factor) for r in table]))
+            columns.append((_HEADS[name], [_amount(r[key], factor) for r in table]))
     if "contact_share" in data:
         columns.append(("contact\nshare", (_share(r["contact_share"]) for r in table)))
-    title = f"leakage per length of seal; 1 {unit} = {factor:.0e} m²/s"
+    title = f"leakage per length of seal in {unit} (= {factor:.0e} m²/s)"
     return title, [c[0] for c in columns], [list(cells) for cells in zip(*(c[1] for c in columns), strict=True)]
 
 
 def rich_table(results: Results) -> Table:
-    """The table for a terminal, for `rich.print`; branches are divided by lines."""
+    """The table for a terminal of 80 columns, for `rich.print`; each branch has a line of its own above its steps."""
+    from rich.box import SIMPLE_HEAD
+    from rich.markup import escape as plain
     from rich.table import Table
 
     title, headers, cells = texts(results)
-    table = Table(title=title, title_justify="left")
-    for n, header in enumerate(headers):
-        table.add_column(header, justify="left" if n == 0 else "right", no_wrap=n > 0)
-    for n, line in enumerate(cells):
-        same = n > 0 and cells[n - 1][0] == line[0]
-        ends = n + 1 < len(cells) and cells[n + 1][0] != line[0]
-        table.add_row("" if same else line[0], *line[1:], end_section=ends)
+    table = Table(title=plain(title), title_justify="left", box=SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
+    table.add_column("pressure")
+    for header in headers[2:]:
+        table.add_column(plain(header), justify="right", no_wrap=True)
+    for n, (branch, pressure, *values) in enumerate(cells):
+        if n == 0 or cells[n - 1][0] != branch:
+            table.add_row(branch, style="bold")
+        table.add_row(f"{pressure:>9}", *values)
     return table
 
 
@@ -140,11 +145,15 @@ def html_table(results: Results) -> str:
 def _amount(value: float, factor: float) -> str:
     if np.isnan(value):
         return "failed"
-    return "sealed" if value == 0 else f"{value / factor:.3g}"
+    if value == 0:
+        return "sealed"
+    amount = value / factor
+    return f"{amount:.0f}" if 999.5 <= abs(amount) < 1e6 else f"{amount:.3g}"
 
 
-def _scientific(value: float) -> str:
-    return "failed" if np.isnan(value) else f"{value:.2e}"
+def _range(low: float, high: float, factor: float) -> str:
+    ends = _amount(low, factor), _amount(high, factor)
+    return ends[0] if ends[0] == ends[1] and not low > 0 else "–".join(ends)
 
 
 def _share(value: float) -> str:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,7 +60,7 @@ class Partition:
         """Wavelength that divides the scales [m]."""
         return CUT_OFF_WINDOWS * min(self.window_size)
 
-    def cut(self, fields: Array, i: int, j: int, axis: int = 0) -> Array:
+    def cut(self, fields: NDArray[Any], i: int, j: int, axis: int = 0) -> NDArray[Any]:
         """Window of the link (i, j) along `axis` from fields (…, n1, n2); x2-links are counted from row 1."""
         w1, w2 = self.window
         rows = np.arange(i * w1, (i + 1) * w1)
@@ -69,7 +70,7 @@ class Partition:
             columns = (columns + w2 // 2) % self.shape[1]
         return fields[..., rows[:, None], columns[None, :]]
 
-    def means(self, field: Array, axis: int = 0) -> Array:
+    def means(self, field: NDArray[Any], axis: int = 0) -> Array:
         """Means of a field on any grid that the windows divide, over the windows of the links along `axis`."""
         grid = Partition(field.shape, self.spacing, self.cells) if field.shape != self.shape else self
         m1, m2 = self.cells
@@ -110,7 +111,8 @@ def solve_global_scale(
     """
     m1, m2 = partition.cells
     smooth = surface.low_pass(partition.cut_off)
-    coarse_shape = tuple(m * min(PIXELS_PER_WINDOW, w) for m, w in zip((m1, m2), partition.window, strict=True))
+    w1, w2 = partition.window
+    coarse_shape = (m1 * min(PIXELS_PER_WINDOW, w1), m2 * min(PIXELS_PER_WINDOW, w2))
     coarse = smooth.resample(coarse_shape) if coarse_shape != surface.shape else smooth
     top = float(surface.heights.max())
     fine_gap, coarse_gap = top - smooth.heights, top - coarse.heights

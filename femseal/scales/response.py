@@ -36,7 +36,7 @@ class WindowHistory:
 
 def respond(
     gap0: Array,
-    pressures: Sequence[float],
+    pressures: Sequence[float] | Array,
     steps: Sequence[LoadStep],
     half_space: HalfSpace,
     *,

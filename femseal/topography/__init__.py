@@ -4,7 +4,7 @@ read_topography (measured) or self_affine, turned (generated) -> Topography -> c
 Conditioning
 """
 
-from .condition import Conditioning, condition
+from .conditioning import Conditioning, condition
 from .generate import self_affine, turned
 from .read import read_topography
 from .topography import Topography

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy import fft
 
 from ..errors import InputError
-from . import checks
+from .. import checks
 from .spectral import SLACK
 from .topography import Topography
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..quantities import to_si, to_text
-from . import checks
+from .. import checks
 from .formats import READERS, TEXT, Options, Raw, bad_file, read_instrument
 from .topography import Topography
 

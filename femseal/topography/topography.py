@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 
 from ..errors import InputError
 from ..quantities import to_text
-from . import checks, spectral
+from .. import checks
+from . import spectral
 from .form import fit_form
 from .holes import fill_holes
 

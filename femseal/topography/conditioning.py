@@ -12,7 +12,7 @@ from math import atan
 import numpy as np
 
 from ..errors import InputError
-from . import checks
+from .. import checks
 from .form import fit_form
 from .generate import PIXELS_PER_WAVE
 from .spectral import SLACK

@@ -1,4 +1,4 @@
-"""Checks of arguments shared by the modules here: each returns the clean value or raises InputError."""
+"""Checks of arguments: each returns the clean value or raises an InputError that names the argument."""
 
 from __future__ import annotations
 
@@ -6,13 +6,18 @@ from math import isfinite
 from operator import index
 from typing import Any
 
-from ..errors import InputError
+import numpy as np
+from numpy.typing import NDArray
+
+from .errors import InputError
 
 
 def number(name: str, value: Any, *, unit: str = "", above: float = 0.0, inclusive: bool = False) -> float:
     """A finite number > `above`, or >= `above` when `inclusive`."""
     relation = ">=" if inclusive else ">"
     allowed = f"a finite number {relation} {above:g}" + (f" [{unit}]" if unit else "")
+    if isinstance(value, (str, bytes, bool)):
+        raise InputError.of(name, repr(value), allowed)
     try:
         given = float(value)
     except (TypeError, ValueError):
@@ -20,6 +25,30 @@ def number(name: str, value: Any, *, unit: str = "", above: float = 0.0, inclusi
     if not isfinite(given) or given < above or (given == above and not inclusive):
         raise InputError.of(name, value, allowed)
     return given
+
+
+def tolerance(name: str, value: Any) -> float:
+    """A number between 0 and 1."""
+    given = number(name, value)
+    if given >= 1:
+        raise InputError.of(name, value, "a number between 0 and 1")
+    return given
+
+
+def field(name: str, value: Any, *, unit: str, shape: tuple[int, int] | None = None) -> NDArray[np.float64]:
+    """A new array (n1, n2) of finite real numbers, of the given shape if there is one."""
+    try:
+        if np.ma.is_masked(value) or np.iscomplexobj(value):
+            raise TypeError
+        array = np.array(value, dtype=float)
+    except (TypeError, ValueError):
+        raise InputError.of(name, f"a {type(value).__name__}", f"an array (n1, n2) of real numbers [{unit}]") from None
+    if array.ndim != 2 or array.size == 0 or (shape is not None and array.shape != shape):
+        raise InputError.of(name, f"shape {array.shape}", "a shape (n1, n2)" if shape is None else f"shape {shape}")
+    if not np.all(np.isfinite(array)):
+        count = np.count_nonzero(~np.isfinite(array))
+        raise InputError.of(name, f"{count} points not finite", f"finite numbers [{unit}]")
+    return array
 
 
 def lengths(name: str, value: Any) -> tuple[float, float]:

@@ -1,0 +1,219 @@
+"""Pictures over the face: contact, flow and permeability of the seal, and the heights themselves."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import InputError
+from ..topography import Topography
+from .plots import STYLES, new_figure
+from .tables import leakage_unit
+
+if TYPE_CHECKING:
+    import xarray
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from .results import Results
+
+Array = NDArray[np.float64]
+#: At most this many arrows along a side.
+_ARROWS = 24
+#: Permeabilities shown in colour: this many decades below the largest.
+_DECADES = 10
+_CLOSED = "#B0B0B0"
+
+
+def default_step(data: xarray.Dataset) -> int:
+    """The step of the highest load at which the two-scale seal leaks; the first step if it never does."""
+    leaking = np.flatnonzero(np.nan_to_num(data["leakage_two_scale"].values) != 0)
+    return int(leaking[np.argmax(data["nominal_pressure"].values[leaking])]) if leaking.size else 0
+
+
+def seal_figure(results: Results, step: int | None = None) -> Figure:
+    """Contact pressure, fluid pressure with the flow, and permeability of the windows over the seal at one step.
+
+    Two windows' gaps are added where the fields of the two-scale study are in memory: the critical one, in which the
+    flow loses most power, and the one that carries most flow of the others.
+
+    Parameters
+    ----------
+    step : index of the load step; the highest load that still leaks unless given.
+
+    Raises
+    ------
+    InputError : results without a two-scale study, or no such step.
+    """
+    data = results.dataset
+    if "k1" not in data:
+        raise InputError.of("seal figure", "results without windows", "those of a two-scale study")
+    s = default_step(data) if step is None else step
+    if not 0 <= s < data.sizes["step"]:
+        raise InputError.of("step", step, f"0 to {data.sizes['step'] - 1}")
+    size = float(data["node1"][-1]) * 1e3, float(data["cell2"][0] + data["cell2"][-1]) * 1e3
+    panel = float(np.clip(4.4 * size[0] / size[1], 1.6, 4.4))
+    figure = new_figure(11.0, 2 * panel + 1.9)
+    grid = figure.add_gridspec(2, 2)
+    contact, fluid, k_axes = (figure.add_subplot(grid[n // 2, n % 2]) for n in range(3))
+    extent = (0.0, size[1], 0.0, size[0])
+    _image(contact, data["window_pressure"].values[s] / 1e6, extent, "viridis", "contact pressure of windows [MPa]")
+    _fluid_panel(fluid, data, s, size)
+    _permeability_panel(k_axes, data["k1"].values[s], extent)
+    for axes in (contact, fluid, k_axes):
+        axes.set(xlabel="x2 along the seal [mm]", ylabel="x1, inlet at 0 [mm]", aspect="equal")
+    if results.two_scale is not None:
+        _insets(figure, grid[1, 1], results, s, (contact, k_axes))
+    figure.suptitle(str(data["name"].values[s]), fontsize=11)
+    return figure
+
+
+def _image(axes: Axes, values: Array, extent: tuple[float, ...], colours: Any, label: str, **scale: Any) -> None:
+    limits = (extent[0], extent[1], extent[2], extent[3])
+    image = axes.imshow(values, origin="lower", extent=limits, cmap=colours, interpolation="nearest", **scale)
+    _colour_bar(axes, image)
+    axes.set_title(label, fontsize=9.5)
+
+
+def _colour_bar(axes: Axes, image: Any) -> None:
+    """A bar as high as the map."""
+    bar = axes.get_figure().colorbar(image, cax=axes.inset_axes((1.02, 0, 0.03, 1)))  # type: ignore[union-attr]
+    bar.ax.tick_params(labelsize=8)
+    axes.tick_params(labelsize=8)
+
+
+def _fluid_panel(axes: Axes, data: xarray.Dataset, s: int, size: tuple[float, float]) -> None:
+    """Pressure of the nodes, each over its own area, and the flux of the windows."""
+    p = data["fluid_pressure"].values[s]
+    (m1, m2), (x1, x2) = data["k1"].shape[1:], (data[n].values * 1e3 for n in ("cell1", "cell2"))
+    rows, columns = np.r_[0, x1, size[0]], np.linspace(0, size[1], m2 + 1)
+    image = axes.pcolormesh(columns, rows, p / 1e6, cmap="cividis", rasterized=True)
+    _colour_bar(axes, image)
+    along, across = window_flux(data, s)
+    every = int(np.ceil(m1 / _ARROWS)), int(np.ceil(m2 / _ARROWS))
+    pick = np.s_[:: every[0], :: every[1]]
+    length = np.nan_to_num(np.hypot(along, across))
+    if not length.max() > 0:
+        axes.set_title("fluid pressure [MPa], no flow", fontsize=9.5)
+        return
+    longest = 1.6 * max(size[1] / m2 * every[1], size[0] / m1 * every[0])
+    # the length goes with the root of the flux, so that the weaker paths are seen beside the strongest
+    root = np.divide(longest, np.sqrt(length * length.max()), out=np.zeros_like(length), where=length > 0)
+    shown = np.where(length > 1e-3 * length.max(), root, np.nan)
+    axes.quiver(
+        *np.meshgrid(x2[pick[1]], x1[pick[0]]), (across * shown)[pick], (along * shown)[pick],
+        pivot="mid", angles="xy", scale_units="xy", scale=1.0, width=0.006, headwidth=4, headlength=4,
+        headaxislength=3.6, color="#D7191C", edgecolor="white", linewidth=0.5,
+    )  # fmt: skip
+    factor, unit = leakage_unit(length.max())
+    longest_text = f"{length.max() / factor:.3g} {unit}"
+    axes.set_title(f"fluid pressure [MPa]; arrows ∝ √flux, longest {longest_text}", fontsize=9.5)
+
+
+def window_flux(data: xarray.Dataset, s: int) -> tuple[Array, Array]:
+    """Flux (cell1, cell2) [m²/s] through each window along x1, and along x2 as the mean of the links at its corners."""
+    along = data["flux1"].values[s]
+    if "flux2" not in data:
+        return along, np.zeros_like(along)
+    links = np.pad(data["flux2"].values[s], ((1, 1), (0, 0)))
+    rows = (links[:-1] + links[1:]) / 2
+    return along, (rows + np.roll(rows, 1, axis=1)) / 2
+
+
+def _permeability_panel(axes: Axes, k: Array, extent: tuple[float, ...]) -> None:
+    from matplotlib import colormaps
+    from matplotlib.colors import LogNorm
+
+    positive = k[np.isfinite(k) & (k > 0)]
+    top = float(positive.max()) if positive.size else 1.0
+    low = max(float(positive.min()), top * 10.0**-_DECADES) if positive.size else 0.1
+    colours = colormaps["viridis"].with_extremes(bad=_CLOSED)
+    norm = LogNorm(low if low < top else low / 10, top)
+    label = "permeability of windows along x1 [m³]; grey: closed"
+    _image(axes, np.where(k > 0, k, np.nan), extent, colours, label, norm=norm)
+
+
+def _insets(figure: Figure, place: Any, results: Results, s: int, panels: tuple[Axes, ...]) -> None:
+    """Gaps of two windows, marked on the panels."""
+    from matplotlib import colormaps
+    from matplotlib.patches import Rectangle
+
+    two_scale = results.two_scale
+    assert two_scale is not None
+    partition = two_scale.partition
+    (w1, w2) = (length * 1e3 for length in partition.window_size)
+    grid = place.subgridspec(1, 2)
+    for n, ((i, j), text) in enumerate(_chosen_windows(results.dataset, s)):
+        axes = figure.add_subplot(grid[0, n])
+        gap = partition.cut(two_scale.gap[s], i, j) * 1e6
+        colours = colormaps["magma"].with_extremes(bad=_CLOSED)
+        shown = np.where(gap > 0, gap, np.nan)
+        top = float(np.nanmax(shown)) if np.isfinite(shown).any() else 1.0
+        _image(axes, shown, (0, w2 * 1e3, 0, w1 * 1e3), colours, f"{'AB'[n]}: gap [µm],\n{text}", vmin=0, vmax=top)
+        axes.set(xlabel="x2 [µm]", ylabel="x1 [µm]" if n == 0 else "")
+        for panel in panels:
+            panel.add_patch(Rectangle((j * w2, i * w1), w2, w1, fill=False, ec="black", lw=3.0))
+            panel.add_patch(Rectangle((j * w2, i * w1), w2, w1, fill=False, ec="white", lw=1.4))
+            panel.annotate("AB"[n], ((j + 0.5) * w2, (i + 0.5) * w1), ha="center", va="center", color="white",
+                           fontsize=8, fontweight="bold", path_effects=_outline())  # fmt: skip
+
+
+def _chosen_windows(data: xarray.Dataset, s: int) -> list[tuple[tuple[int, int], str]]:
+    """The window in which the flow loses most power, and the one that carries most flow of the others."""
+    flux, p = np.abs(np.nan_to_num(data["flux1"].values[s])), np.nan_to_num(data["fluid_pressure"].values[s])
+    if flux.max() == 0:
+        flux = np.nan_to_num(data["k1"].values[s])
+        texts = "most permeable", "second most permeable"
+        loss = flux
+    else:
+        texts = "critical: most power lost", "most flow of the others"
+        loss = flux * np.abs(np.diff(p, axis=0))
+    first = np.unravel_index(int(np.argmax(loss)), loss.shape)
+    flux = flux.copy()
+    flux[first] = -1.0
+    second = np.unravel_index(int(np.argmax(flux)), flux.shape)
+    chosen = [((int(i), int(j)), text) for (i, j), text in zip((first, second), texts, strict=True)]
+    return chosen if flux.size > 1 else chosen[:1]
+
+
+def _outline() -> list[Any]:
+    from matplotlib.patheffects import withStroke
+
+    return [withStroke(linewidth=2, foreground="black")]
+
+
+def surface_figure(topography: Topography) -> Figure:
+    """Heights, their profiles through the middle, and the spectral density of profiles along both axes.
+
+    Parameters
+    ----------
+    topography : heights; where points are undefined the spectral densities are left out.
+    """
+    z = topography.heights * 1e6
+    (n1, n2), (l1, l2), (d1, d2) = topography.shape, topography.size, topography.spacing
+    figure = new_figure(11.0, float(np.clip(5.6 * l1 / l2, 3.4, 5.6)) + 0.8)
+    grid = figure.add_gridspec(2, 2, width_ratios=(1.25, 1))
+    image, profile, density = (figure.add_subplot(place) for place in (grid[:, 0], grid[0, 1], grid[1, 1]))
+    _image(image, z, (0, l2 * 1e3, 0, l1 * 1e3), "viridis", "height [µm]")
+    image.set(xlabel="x2 along the seal [mm]", ylabel="x1, inlet at 0 [mm]", aspect="equal")
+    for axis, (line, n, d) in enumerate(((z[:, n2 // 2], n1, d1), (z[n1 // 2], n2, d2))):
+        colour, style, _ = STYLES[axis]
+        label = ("along x1 (leakage)", "along x2")[axis]
+        profile.plot((np.arange(n) + 0.5) * d * 1e3, line, color=colour, ls=style, lw=1.1, label=label)
+        if topography.undefined_share == 0:
+            q, c = topography.psd(axis)
+            shown = (q > 0) & (c > c.max() * 1e-12)
+            density.loglog(q[shown], c[shown], color=colour, ls=style, lw=1.3, label=label)
+    profile.set(xlabel="distance [mm]", ylabel="height [µm]")
+    profile.set_title("profiles through the middle", fontsize=9.5)
+    density.set(xlabel="wavenumber q = 2π/λ [rad/m]", ylabel="spectral density [m³]")
+    density.set_title("mean spectral density of profiles", fontsize=9.5)
+    for axes in (profile, density):
+        axes.grid(alpha=0.25, lw=0.6)
+        axes.tick_params(labelsize=8)
+    if topography.undefined_share:
+        density.annotate("undefined points", (0.5, 0.5), xycoords="axes fraction", ha="center", va="center")
+    figure.legend(*profile.get_legend_handles_labels(), loc="outside upper right", ncols=2, fontsize=8.5, frameon=False)
+    return figure

@@ -1,0 +1,83 @@
+"""Reference operators of the contact tests, independent of the package: dense matrices and plain FFTs."""
+
+import numpy as np
+import pytest
+import scipy.fft
+
+
+def love(x, y, spacing, modulus):
+    """Displacement at (x, y) of one pixel under unit pressure, by its four corners. Johnson 1985, eq. 3.25."""
+    (d1, d2) = spacing
+    total = 0.0
+    for s in (-1, 1):
+        for t in (-1, 1):
+            a, b = x + s * d1 / 2, y + t * d2 / 2
+            total = total + s * t * (a * np.arcsinh(b / np.abs(a)) + b * np.arcsinh(a / np.abs(b)))
+    return total / (np.pi * modulus)
+
+
+def image_sum(x, y, period, spacing, modulus):
+    """Love's solution of a pixel and its images along x2, less that at the origin: extrapolated in their number.
+
+    What M images to each side leave out is a series in (M + ½)⁻², once they lie farther than x.
+    """
+    far = 1 + int(np.abs(x).max() / period)
+    sums, t = [], []
+    total, m = 0.0, 0
+    for last in (8 * far, 12 * far, 16 * far, 24 * far, 32 * far):
+        while m <= last:
+            for image in {m, -m}:
+                total = total + love(x, y + image * period, spacing, modulus)
+                total = total - love(0.0, image * period, spacing, modulus)
+            m += 1
+        sums.append(total)
+        t.append((last + 0.5) ** -2)
+    weights = [np.prod([u / (u - v) for u in t if u != v]) for v in t]
+    return sum(w * s for w, s in zip(weights, sums, strict=True))
+
+
+def spectral(pressure, half_space):
+    """K p by full complex transforms, 2/(E*|q|), of the even extension of mirror axes."""
+    p = np.asarray(pressure, dtype=float)
+    for axis, kind in enumerate(half_space.boundary):
+        if kind == "mirror":
+            p = np.concatenate([p, np.flip(p, axis)], axis)
+    q = [2 * np.pi * scipy.fft.fftfreq(n, d) for n, d in zip(p.shape, half_space.spacing, strict=True)]
+    size = np.hypot(q[0][:, None], q[1][None, :])
+    if half_space.longest_wave is not None:
+        size[size < 2 * np.pi / half_space.longest_wave * (1 - 1e-9)] = np.inf
+    size[0, 0] = np.inf
+    u = scipy.fft.ifft2(scipy.fft.fft2(p) * 2 / (half_space.modulus * size)).real
+    return u[: half_space.shape[0], : half_space.shape[1]]
+
+
+def matrix(half_space):
+    """Dense K (n1·n2, n1·n2) of any pair of boundary kinds; with one free axis up to a constant."""
+    (n1, n2), (d1, d2) = half_space.shape, half_space.spacing
+    if "free" not in half_space.boundary:
+        unit = np.eye(n1 * n2).reshape(-1, n1, n2)
+        return np.array([spectral(p, half_space).ravel() for p in unit]).T
+    i, j = (a.ravel() for a in np.indices((n1, n2)))
+    x, y = (i[:, None] - i) * d1, (j[:, None] - j) * d2
+    if half_space.boundary == ("free", "free"):
+        return love(x, y, (d1, d2), half_space.modulus)
+    if half_space.boundary[0] == "free":
+        kind, n, d, pixel, along = half_space.boundary[1], n2, d2, (d1, d2), (x, y, j)
+    else:
+        kind, n, d, pixel, along = half_space.boundary[0], n1, d1, (d2, d1), (y, x, i)
+    across, offset, index = along
+    period = n * d * (2 if kind == "mirror" else 1)
+    k = image_sum(across, offset, period, pixel, half_space.modulus)
+    if kind == "mirror":
+        k = k + image_sum(across, (index[:, None] + index + 1) * d, period, pixel, half_space.modulus)
+    return k
+
+
+@pytest.fixture
+def dense_operator():
+    return matrix
+
+
+@pytest.fixture
+def spectral_displacement():
+    return spectral

@@ -1,0 +1,542 @@
+"""Cell flow: closed forms with measured orders, contrast, percolation, bounds, tensor, invariants, bad input."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose
+
+from femseal import analytic
+from femseal.errors import InputError
+from femseal.flow import cell_permeability, link_conductances, permeability_tensor
+
+D = 1e-6
+SIDES = ("mirror", "periodic")
+
+
+def rough(shape, seed=0, cut=8):
+    rng = np.random.default_rng(seed)
+    q = np.hypot(np.fft.fftfreq(shape[0])[:, None], np.fft.fftfreq(shape[1])[None, :])
+    amplitude = np.where((q > 0) & (q <= 1 / cut), np.maximum(q, 4 / max(shape)) ** -1.8, 0.0)
+    h = np.fft.ifft2(np.fft.fft2(rng.standard_normal(shape)) * amplitude).real
+    return h / h.std() * D
+
+
+def cut_by_plane(shape, contact_fraction, seed=0, cut=8):
+    """Gap above a plane that touches a given share of a rough surface."""
+    h = rough(shape, seed, cut)
+    return np.maximum(h - np.quantile(h, contact_fraction), 0.0)
+
+
+def k_of(gap, spacing=(D, D), **options):
+    return cell_permeability(gap, spacing, **options).value
+
+
+def order(errors):
+    """Observed order over meshes refined by two each."""
+    return np.log2(abs(errors[0] / errors[-1])) / (len(errors) - 1)
+
+
+# --- closed forms ---
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (1, 9), (9, 1), (2, 2), (3, 3), (2, 7), (16, 12), (31, 17)])
+@pytest.mark.parametrize("spacing", [(D, D), (D, 30 * D), (7 * D, D)])
+@pytest.mark.parametrize("axis", [0, 1])
+@pytest.mark.parametrize("sides", SIDES)
+def test_flat_gap_is_exact(shape, spacing, axis, sides):
+    h = 3.7e-7
+    k = cell_permeability(np.full(shape, h), spacing, axis=axis, sides=sides, bounds=True)
+    assert_allclose([k.value, k.lower, k.upper], analytic.parallel_plates(h), rtol=1e-12)
+    assert k.percolates
+    assert k.fluid_pressure.shape == shape
+    n = shape[axis]
+    drop = 1 - (np.arange(n) + 0.5) / n
+    assert_allclose(k.fluid_pressure, np.broadcast_to(drop[:, None] if axis == 0 else drop, shape), rtol=1e-12)
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+def test_wavy_gap_along_the_ridges(axis):
+    h0, ε, n = 1e-6, 0.6, 24
+    x = (np.arange(n) + 0.5) / n
+    h = np.broadcast_to(h0 * (1 + ε * np.cos(2 * np.pi * x)), (10, n))
+    h = h if axis == 0 else h.T
+    for sides in SIDES:
+        # the mean of h³ over equidistant points is exact
+        assert_allclose(k_of(h, (D, 2 * D), axis=axis, sides=sides), analytic.wavy_gap_along(h0, ε), rtol=1e-12)
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+@pytest.mark.parametrize("ε", [0.3, 0.8])
+def test_wavy_gap_across_the_ridges(axis, ε):
+    h0 = 1e-6
+    exact = analytic.wavy_gap_across(h0, ε)
+    errors = []
+    for n in (24, 48, 96):
+        x = (np.arange(n) + 0.5) / n
+        h = np.repeat(h0 * (1 + ε * np.cos(2 * np.pi * x))[:, None], 3, axis=1)
+        errors.append(k_of(h if axis == 0 else h.T, axis=axis) / exact - 1)
+    assert abs(errors[-1]) < 3e-4
+    assert order(errors) >= 1.9
+
+
+def test_smooth_two_dimensional_gap_is_of_second_order():
+    values = []
+    for n in (16, 32, 64, 128):
+        x = (np.arange(n) + 0.5) / n * 2 * np.pi
+        h = 1e-6 * (1 + 0.5 * np.cos(x)[:, None] * np.cos(x) + 0.3 * np.sin(x)[:, None])
+        values.append(k_of(h, sides="periodic"))
+    steps = np.diff(values)
+    assert np.log2(steps[0] / steps[2]) / 2 >= 1.9
+
+
+@pytest.mark.parametrize("ratio", [0.1, 0.5, 0.9])
+def test_flow_along_westergaard_grooves(ratio):
+    λ, Δ = 1e-3, 1e-6
+    errors = []
+    for n in (50, 100, 200, 400):
+        x = (np.arange(n) + 0.5) * λ / n
+        h = np.broadcast_to(analytic.wave_gap(x, ratio, Δ, λ), (4, n))
+        errors.append(12 * k_of(h, (λ / n, λ / n), sides="periodic") / (2 * Δ) ** 3 / analytic.wave_groove_flow(ratio) - 1)
+        assert k_of(h, axis=1) == 0
+    assert abs(errors[-1]) < 1e-4
+    assert order(errors) >= 1.9
+
+
+@pytest.mark.parametrize("sides", SIDES)
+def test_stripes_along_are_parallel(sides):
+    """Parallel stripes: exact for any widths, because nothing crosses over."""
+    h = np.repeat([1e-6, 2e-6, 0.0, 5e-7], 6)
+    k = k_of(np.broadcast_to(h, (5, 24)), sides=sides)
+    assert_allclose(k, analytic.stripes_along(analytic.parallel_plates(h)), rtol=1e-12)
+
+
+def test_stripes_across_are_in_series_in_the_limit():
+    h = np.array([1e-6, 2e-6])
+    exact = analytic.stripes_across(analytic.parallel_plates(h))
+    errors = [k_of(np.repeat(np.repeat(h, m)[:, None], 3, axis=1)) / exact - 1 for m in (16, 32, 64)]
+    # the step is interpolated over one link: first order
+    assert abs(errors[-1]) < 0.02
+    assert 0.9 < order(errors) < 1.1
+    assert_allclose(2 * errors[-1] - errors[-2], 0, atol=1e-3)
+    closed = np.repeat(np.array([1e-6, 0.0, 2e-6]), 4)
+    assert k_of(np.repeat(closed[:, None], 3, axis=1)) == 0
+
+
+def series(h, d1, d2, width):
+    """k of a column of pixels by the documented link: half links at the ends, cubic mid-link gap, limiter."""
+    padded = np.concatenate([h[1::-1], h, h[:-3:-1]])
+    resistance = 0.0
+    for i in range(1, padded.size - 2):
+        a, b = padded[i], padded[i + 1]
+        middle = max((9 * (a + b) - padded[i - 1] - padded[i + 2]) / 16, 0.1 * min(a, b))
+        length = d1 / 2 if i in (1, padded.size - 3) else d1
+        resistance += 12 * length / (middle**3 * d2 * width)
+    return h.size * d1 / (width * d2) / resistance
+
+
+@pytest.mark.parametrize("contrast", [1.0, 1e3, 1e9, 1e15])
+@pytest.mark.parametrize("width", [1, 4])
+def test_series_at_any_contrast(contrast, width):
+    h = 1e-6 * np.array([1, 1, 1 / contrast, 1, 1, 1, 1, 1 / contrast, 1 / contrast, 1, 1])
+    field = np.repeat(h[:, None], width, axis=1)
+    exact = series(h, D, 3 * D, width)
+    for sides in SIDES:
+        assert_allclose(k_of(field, (D, 3 * D), sides=sides), exact, rtol=1e-12)
+        assert_allclose(k_of(field.T, (3 * D, D), sides=sides, axis=1), exact, rtol=1e-12)
+
+
+@pytest.mark.parametrize("contrast", [1e3, 1e9, 1e15])
+def test_parallel_channels_and_a_constriction_at_any_contrast(contrast):
+    """Two channels behind walls: each is a series, together the sum."""
+    a = np.array([1, 1, 1 / contrast, 1, 1, 1, 1])
+    b = np.array([1, 1, 1, 1, 3 / contrast, 1, 1])
+    h = 1e-6 * np.stack([0 * a, a, 0 * a, b, 0 * a], axis=1)
+    exact = 1e-18 * (series(a, D, D, 1) + series(b, D, D, 1)) / 5
+    assert_allclose(k_of(h), exact, rtol=1e-12)
+    assert_allclose(k_of(h, sides="periodic"), exact, rtol=1e-12)
+
+
+@pytest.mark.parametrize("ratio", [2.0, 4.0])
+def test_checkerboard(ratio):
+    """Squares about the centre of the cell; its edges are lines of symmetry of the board."""
+    exact = analytic.checkerboard(*analytic.parallel_plates([D, ratio * D]))
+    board = D * np.array([[1, ratio], [ratio, 1]])
+    values, widths = [], []
+    for m in (4, 8, 16, 32, 64):
+        k = cell_permeability(np.kron(board, np.ones((m, m))), (D, D), bounds=True)
+        assert k.lower <= exact <= k.upper
+        widths.append(k.upper - k.lower)
+        values.append(k.value)
+    assert np.all(np.diff(widths) < 0)
+    a, b, c = values[-3:]
+    extrapolated = c - (c - b) ** 2 / (c - 2 * b + a)
+    assert abs(extrapolated / exact - 1) < 0.1 * abs(c / exact - 1) + 1e-3
+
+
+@settings(deadline=None, max_examples=15)
+@given(seed=st.integers(0, 99), λ=st.floats(1e-12, 1e-3), share=st.floats(0, 0.5), sides=st.sampled_from(SIDES))
+def test_scales_with_the_cube_of_the_gap_and_not_with_the_pixel(seed, λ, share, sides):
+    h = cut_by_plane((14, 11), share, seed, cut=3) / D
+    reference = k_of(h, (1.0, 2.5), sides=sides)
+    assert_allclose(k_of(λ * h, (1.0, 2.5), sides=sides), λ**3 * reference, rtol=1e-12)
+    assert_allclose(k_of(h, (λ, 2.5 * λ), sides=sides), reference, rtol=1e-12)
+
+
+@settings(deadline=None, max_examples=15)
+@given(
+    seed=st.integers(0, 99), share=st.floats(0, 0.45), sides=st.sampled_from(SIDES),
+    n1=st.integers(1, 20), n2=st.integers(1, 20),
+)
+def test_symmetries(seed, share, sides, n1, n2):
+    h = cut_by_plane((n1, n2), share, seed, cut=2) if n1 * n2 > 1 else np.ones((1, 1))
+    h = np.nan_to_num(h, nan=D)
+    k = k_of(h, (D, 2 * D), sides=sides)
+    assert_allclose(k_of(h.T, (2 * D, D), sides=sides, axis=1), k, rtol=1e-12)
+    assert_allclose(k_of(h[::-1], (D, 2 * D), sides=sides), k, rtol=1e-12)
+    assert_allclose(k_of(h[:, ::-1], (D, 2 * D), sides=sides), k, rtol=1e-12)
+    if sides == "periodic":
+        assert_allclose(k_of(np.roll(h, 3, axis=1), (D, 2 * D), sides=sides), k, rtol=1e-12)
+
+
+@pytest.mark.parametrize("shape", [(20, 24), (17, 13), (5, 1), (6, 2)])
+@pytest.mark.parametrize("share", [0.0, 0.2, 0.4])
+def test_mirror_equals_the_periodic_even_extension(shape, share):
+    h = cut_by_plane((40, 40), share, seed=1)[: shape[0], 5 : 5 + shape[1]]
+    a = cell_permeability(h, (D, D))
+    b = cell_permeability(np.concatenate([h, h[:, ::-1]], axis=1), (D, D), sides="periodic")
+    assert_allclose(a.value, b.value, rtol=1e-10)
+    assert_allclose(a.fluid_pressure[h > 0], b.fluid_pressure[:, : shape[1]][h > 0], rtol=0, atol=1e-10)
+
+
+def test_opening_one_pixel_never_closes():
+    """More gap, more flow, as long as links grow with their ends: on links between equal neighbours."""
+    h = cut_by_plane((16, 16), 0.3, seed=3)
+    assert k_of(2 * h + 0.1 * D) > k_of(2 * h) > k_of(h)
+
+
+# --- percolation ---
+
+
+@pytest.mark.parametrize("sides", SIDES)
+def test_a_wall_of_one_pixel_closes(sides):
+    h = np.full((12, 9), D)
+    h[5] = 0
+    k = cell_permeability(h, (D, D), sides=sides, bounds=True)
+    assert (k.value, k.lower, k.upper) == (0, 0, 0)
+    assert not k.percolates
+    assert k_of(h, axis=1, sides=sides) > 0
+
+
+@pytest.mark.parametrize("sides", SIDES)
+@pytest.mark.parametrize("column", [0, 4, 8])
+def test_a_channel_of_one_pixel_is_open(sides, column):
+    h = np.zeros((12, 9))
+    h[:, column] = D
+    k = cell_permeability(h, (D, D), sides=sides, bounds=True)
+    assert k.percolates
+    assert_allclose([k.value, k.lower], D**3 / 12 / 9, rtol=1e-12)
+    assert k_of(h, axis=1, sides=sides) == 0
+
+
+def test_corner_contact_is_closed():
+    h = np.zeros((6, 6))
+    h[:3, :3], h[3:, 3:] = D, D
+    for sides in SIDES:
+        k = cell_permeability(h, (D, D), sides=sides, bounds=True)
+        assert k.value == k.lower == 0
+        assert not k.percolates
+        assert k.upper > 0  # conforming pressures meet at the corner
+    # on a periodic cell the seam joins the two, but only through rows that both have
+    h[2, 5] = D
+    assert k_of(h, sides="periodic") > 0
+    assert k_of(h, sides="mirror") > 0
+
+
+def test_a_seam_joins_on_periodic_cells_only():
+    h = np.zeros((6, 8))
+    h[:4, 0], h[3:, 7] = D, D
+    assert k_of(h, sides="periodic") > 0
+    assert k_of(h, sides="mirror") == 0
+
+
+@pytest.mark.parametrize("sides", SIDES)
+def test_trapped_pockets_change_nothing(sides):
+    h = np.full((20, 20), D)
+    h[8:13, 8:13] = 0
+    before = cell_permeability(h, (D, D), sides=sides)
+    h[10, 10] = 0.5 * D
+    after = cell_permeability(h, (D, D), sides=sides)
+    assert after.value == before.value
+    assert np.array_equal(after.fluid_pressure, before.fluid_pressure)
+    h[10, 10] = 1e3 * D
+    assert_allclose(k_of(h, sides=sides), before.value, rtol=1e-12)
+
+
+def test_dead_ends_change_nothing():
+    h = np.zeros((9, 9))
+    h[:, 4] = D
+    reference = k_of(h)
+    h[4, 5:8] = D
+    h[0, :] = np.where(h[0] > 0, h[0], 0)
+    assert_allclose(k_of(h), reference, rtol=1e-12)
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (1, 5), (5, 1), (8, 8)])
+@pytest.mark.parametrize("sides", SIDES)
+@pytest.mark.parametrize("axis", [0, 1])
+def test_all_contact_is_closed(shape, sides, axis):
+    k = cell_permeability(np.zeros(shape), (D, D), sides=sides, axis=axis, bounds=True)
+    assert (k.value, k.lower, k.upper, k.percolates) == (0, 0, 0, False)
+    assert np.array_equal(permeability_tensor(np.zeros(shape), (D, D)), np.zeros((2, 2)))
+
+
+def open_paths(h, periodic):
+    """Four-connected search from the first to the last row, in plain Python."""
+    n1, n2 = h.shape
+    seen = {(0, j) for j in range(n2) if h[0, j] > 0}
+    stack = list(seen)
+    while stack:
+        i, j = stack.pop()
+        for a, b in ((i + 1, j), (i - 1, j), (i, j + 1), (i, j - 1)):
+            b = b % n2 if periodic else b
+            if 0 <= a < n1 and 0 <= b < n2 and h[a, b] > 0 and (a, b) not in seen:
+                seen.add((a, b))
+                stack.append((a, b))
+    return any(i == n1 - 1 for i, _ in seen)
+
+
+@settings(deadline=None, max_examples=80)
+@given(seed=st.integers(0, 9999), n1=st.integers(1, 12), n2=st.integers(1, 12), sides=st.sampled_from(SIDES))
+def test_percolation_against_a_search(seed, n1, n2, sides):
+    h = D * (np.random.default_rng(seed).random((n1, n2)) < 0.62)
+    k = cell_permeability(h, (D, D), sides=sides, bounds=True)
+    assert k.percolates == open_paths(h, sides == "periodic")
+    assert (k.value > 0) == (k.lower > 0) == k.percolates
+    assert k.value > 0 or k.value == 0.0
+    assert k.upper >= k.lower
+
+
+# --- bounds ---
+
+
+def test_without_asking_there_are_no_bounds():
+    k = cell_permeability(np.ones((3, 3)), (1, 1))
+    assert np.isnan(k.lower)
+    assert np.isnan(k.upper)
+
+
+@pytest.mark.parametrize("sides", SIDES)
+@pytest.mark.parametrize("share", [0.05, 0.3])
+def test_bounds_tighten_and_enclose_under_refinement(sides, share):
+    h = cut_by_plane((24, 20), share, seed=5)
+    lower, upper = [], []
+    for m in (1, 2, 4, 8):
+        k = cell_permeability(np.kron(h, np.ones((m, m))), (D / m, 2 * D / m), sides=sides, bounds=True)
+        lower.append(k.lower)
+        upper.append(k.upper)
+    assert np.all(np.diff(lower) > 0)
+    assert np.all(np.diff(upper) < 0)
+    assert lower[-1] <= upper[-1]
+    assert (upper[-1] - lower[-1]) < 0.2 * (upper[0] - lower[0])
+
+
+def test_bounds_bracket_the_flow_through_the_pixels():
+    """50 cells; the reference for gaps constant on each pixel is its refined bracket."""
+    for seed in range(50):
+        share = np.random.default_rng([7, seed]).uniform(0.05, 0.45)
+        h = cut_by_plane((20, 20), share, seed, cut=5)
+        sides = SIDES[seed % 2]
+        k = cell_permeability(h, (D, D), sides=sides, bounds=True)
+        assert k.lower <= k.upper
+        assert (k.lower > 0) == k.percolates
+        fine = cell_permeability(np.kron(h, np.ones((4, 4))), (D / 4, D / 4), sides=sides, bounds=True)
+        if fine.percolates:
+            assert k.lower <= fine.lower * (1 + 1e-12)
+            assert fine.upper <= k.upper * (1 + 1e-12)
+            assert fine.lower <= fine.upper
+
+
+@pytest.mark.parametrize("contrast", [1e2, 1e4, 1e6, 1e9])
+@pytest.mark.parametrize("sides", SIDES)
+def test_bounds_hold_at_high_contrast(contrast, sides):
+    """A bound is a bound however small the flow: smooth wide gaps before and behind a narrow one."""
+    h = rough((24, 20), 2)
+    h = 2 * D + h - h.min()
+    h[10:14] /= contrast
+    k = cell_permeability(h, (D, D), sides=sides, bounds=True)
+    resistances = np.mean(12 / h**3, axis=0)
+    # flow that never crosses over, and pressure that never varies across: simpler bounds on either side
+    parallel = np.mean(1 / resistances)
+    plain = 1 / np.mean(1 / np.mean(h**3 / 12, axis=1))
+    assert parallel * (1 - 1e-9) <= k.upper
+    assert k.lower <= plain * (1 + 1e-9)
+    assert k.lower <= k.upper
+    assert k.lower > 0.5 * parallel
+    assert k.upper < 2 * plain
+
+
+@pytest.mark.parametrize("contrast", [1e3, 1e6, 1e9, 1e12])
+def test_bounds_of_stripes_are_exact(contrast):
+    h = np.repeat(D * np.repeat([1, 1 / contrast, 1], 4)[:, None], 5, axis=1)
+    exact = analytic.stripes_across(analytic.parallel_plates(h[:, 0]))
+    k = cell_permeability(h, (D, D), bounds=True)
+    assert_allclose([k.lower, k.upper], exact, rtol=1e-8)
+
+
+# --- tensor ---
+
+
+def test_tensor_of_flat_gap_and_stripes():
+    h = np.repeat([1e-6, 2e-6, 5e-7], 8)
+    flat = permeability_tensor(np.full((5, 7), D), (D, 3 * D))
+    assert_allclose(flat, np.eye(2) * D**3 / 12, rtol=1e-12, atol=1e-12 * D**3)
+    n = h.size
+    along = permeability_tensor(np.broadcast_to(h, (6, n)), (D, 2 * D))
+    assert_allclose(along[0, 0], k_of(np.broadcast_to(h, (6, n)), sides="periodic"), rtol=1e-12)
+    middle = (9 * (h + np.roll(h, -1)) - np.roll(h, 1) - np.roll(h, -2)) / 16
+    assert_allclose(along[1, 1], 1 / np.mean(12 / middle**3), rtol=1e-12)
+    assert_allclose(along[[0, 1], [1, 0]], 0, atol=1e-12 * along[1, 1])
+
+
+@pytest.mark.parametrize("share", [0.0, 0.2, 0.35])
+def test_tensor_is_symmetric_and_turns_with_the_cell(share):
+    h = cut_by_plane((24, 30), share, seed=6)
+    k = permeability_tensor(h, (D, 2 * D))
+    assert k[0, 1] == k[1, 0] or abs(k[0, 1] - k[1, 0]) <= 1e-12 * np.trace(k)
+    assert np.linalg.eigvalsh(k).min() > 0
+    turned = permeability_tensor(np.rot90(h), (2 * D, D))
+    rotation = np.array([[0, -1], [1, 0]])
+    assert_allclose(turned, rotation @ k @ rotation.T, rtol=0, atol=1e-10 * np.trace(k))
+    assert_allclose(permeability_tensor(h.T, (2 * D, D)), k[::-1, ::-1], rtol=0, atol=1e-10 * np.trace(k))
+    assert_allclose(permeability_tensor(np.roll(h, (5, 8), (0, 1)), (D, 2 * D)), k, rtol=0, atol=1e-10 * np.trace(k))
+    assert_allclose(permeability_tensor(3 * h, (5 * D, 10 * D)), 27 * k, rtol=0, atol=1e-9 * np.trace(k))
+
+
+def test_tensor_of_a_repeated_cell():
+    h = cut_by_plane((16, 12), 0.25, seed=7, cut=5)
+    k = permeability_tensor(h, (D, D))
+    assert_allclose(permeability_tensor(np.tile(h, (2, 3)), (D, D)), k, rtol=0, atol=1e-9 * np.trace(k))
+
+
+def test_tensor_of_an_even_cell_is_the_mirrored_permeability():
+    h = cut_by_plane((14, 12), 0.15, seed=8, cut=5)
+    even = np.concatenate([h, h[::-1]])
+    even = np.concatenate([even, even[:, ::-1]], axis=1)
+    k = permeability_tensor(even, (D, 2 * D))
+    expected = [k_of(h, (D, 2 * D), axis=a) for a in (0, 1)]
+    assert_allclose(np.diag(k), expected, rtol=1e-9)
+    assert abs(k[0, 1]) <= 1e-10 * np.trace(k)
+
+
+def test_tensor_of_the_checkerboard():
+    board = D * np.array([[1.0, 2.0], [2.0, 1.0]])
+    exact = analytic.checkerboard(*analytic.parallel_plates([D, 2 * D]))
+    errors = []
+    for m in (8, 16, 32):
+        k = permeability_tensor(np.kron(board, np.ones((m, m))), (D, D))
+        assert_allclose(k[0, 0], k[1, 1], rtol=1e-10)
+        assert abs(k[0, 1]) < 1e-10 * k[0, 0]
+        errors.append(abs(k[0, 0] / exact - 1))
+    assert errors[0] > errors[1] > errors[2]
+    assert errors[2] < 0.04
+
+
+def test_tensor_closed_in_one_direction():
+    h = np.full((8, 10), D)
+    h[3] = 0
+    k = permeability_tensor(h, (D, D))
+    assert k[0, 0] == k[0, 1] == k[1, 0] == 0
+    assert k[1, 1] > 0
+    k = permeability_tensor(h.T, (D, D))
+    assert k[1, 1] == k[0, 1] == k[1, 0] == 0
+    assert k[0, 0] > 0
+
+
+def test_tensor_of_nothing_that_winds_is_exactly_zero():
+    h = np.zeros((9, 9))
+    h[2:7, 2:7] = D
+    h[4, 4] = 0
+    assert np.array_equal(permeability_tensor(h, (D, D)), np.zeros((2, 2)))
+    # a path that leaves over one edge and returns over the opposite one winds; a U-turn does not
+    u_turn = np.zeros((9, 9))
+    u_turn[0:3, 2], u_turn[7:, 2], u_turn[2, 2:5], u_turn[0:3, 4], u_turn[7:, 4] = D, D, D, D, D
+    assert np.array_equal(permeability_tensor(u_turn, (D, D)), np.zeros((2, 2)))
+
+
+@pytest.mark.parametrize("flip", [1, -1])
+def test_tensor_of_one_slanted_channel(flip):
+    """A staircase winding once around both axes carries flow along the diagonal only: a matrix of rank 1."""
+    n = 12
+    h = np.zeros((n, n))
+    for i in range(n):
+        h[i, i] = h[i, (i + 1) % n] = D
+    h = h[:, ::flip]
+    k = permeability_tensor(h, (D, D))
+    assert_allclose(k[0, 0], k[1, 1], rtol=1e-9)
+    assert_allclose(k[0, 1], flip * k[0, 0], rtol=1e-9)
+    assert_allclose(k, k.T, rtol=1e-12)
+    # n + n links in series over the diagonal
+    assert_allclose(k[0, 0], n * D * (D**3 / 12) / (2 * n * n * D), rtol=0.7)
+
+
+def test_tensor_of_two_parallel_components():
+    h = np.zeros((8, 9))
+    h[:, 1], h[:, 5:7] = D, 2 * D
+    k = permeability_tensor(h, (D, D))
+    assert_allclose(k, [[(1 + 2 * 8) * D**3 / 12 / 9, 0], [0, 0]], rtol=1e-12)
+
+
+# --- links ---
+
+
+def test_links_never_orphan_and_never_open_contact():
+    h = np.random.default_rng(9).choice([0.0, 1e-9, 1.0], (30, 30))
+    for sides in SIDES:
+        c1, c2 = link_conductances(h, (D, D), sides)
+        assert np.array_equal(c1[1:-1] > 0, (h[:-1] > 0) & (h[1:] > 0))
+        assert np.array_equal(c1[[0, -1]] > 0, h[[0, -1]] > 0)
+        neighbour = np.roll(h, -1, axis=1) if sides == "periodic" else h[:, 1:]
+        assert np.array_equal(c2 > 0, (h[:, : c2.shape[1]] > 0) & (neighbour > 0))
+
+
+def test_linear_gap_is_interpolated_exactly_between_pixels():
+    h = np.broadcast_to(1 + 0.1 * np.arange(12.0)[:, None], (12, 5))
+    c1, _ = link_conductances(h, (2.0, 3.0), "mirror")
+    assert_allclose(c1[2:-2], np.broadcast_to(((1.15 + 0.1 * np.arange(1, 10.0)) ** 3 / 12 * 3 / 2)[:, None], (9, 5)))
+
+
+# --- bad input ---
+
+
+@pytest.mark.parametrize(("change", "words"), [
+    ({"gap": np.full((3, 3), np.nan)}, ["gap", "9 "]),
+    ({"gap": np.full((3, 3), np.inf)}, ["gap"]),
+    ({"gap": np.full((3, 3), -1e-9)}, ["gap", "-1e-09", ">= 0"]),
+    ({"gap": np.ones(3)}, ["gap", "(3,)"]),
+    ({"gap": np.ones((2, 3, 4))}, ["gap", "(2, 3, 4)"]),
+    ({"gap": np.ones((0, 3))}, ["gap"]),
+    ({"gap": "gap"}, ["gap"]),
+    ({"gap": None}, ["gap"]),
+    ({"spacing": D}, ["spacing"]),
+    ({"spacing": (D, 0.0)}, ["spacing", "> 0"]),
+    ({"spacing": (D, -D)}, ["spacing", "> 0"]),
+    ({"spacing": (np.nan, D)}, ["spacing", "nan"]),
+    ({"spacing": ("1 um", D)}, ["spacing"]),
+    ({"axis": 2}, ["axis", "2", "0 or 1"]),
+    ({"axis": -1}, ["axis", "-1"]),
+    ({"axis": None}, ["axis", "None"]),
+    ({"sides": "free"}, ["sides", "free", "mirror, periodic"]),
+    ({"sides": None}, ["sides", "None"]),
+    ({"rtol": 0}, ["rtol"]),
+    ({"rtol": "fine"}, ["rtol"]),
+])
+def test_bad_input_is_named(change, words):
+    given = {"gap": np.ones((3, 3)), "spacing": (D, D)} | change
+    with pytest.raises(InputError) as caught:
+        cell_permeability(given.pop("gap"), given.pop("spacing"), **given)
+    assert all(word in str(caught.value) for word in words), str(caught.value)
+    if set(change) <= {"gap", "spacing"}:
+        given = {"gap": np.ones((3, 3)), "spacing": (D, D)} | change
+        with pytest.raises(InputError):
+            permeability_tensor(given["gap"], given["spacing"])

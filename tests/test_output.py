@@ -1,0 +1,505 @@
+"""Results out and in again: dataset, tables, pictures, files for ParaView."""
+
+import csv
+import io
+import json
+import os
+from dataclasses import replace
+
+import matplotlib.image
+import numpy as np
+import pytest
+import xarray
+from numpy.testing import assert_allclose, assert_array_equal
+
+from femseal.contact import LoadStep
+from femseal.errors import InputError
+from femseal.flow import cell_permeability
+from femseal.fluids import IdealGas, Liquid
+from femseal.output import (
+    assemble,
+    cells_figure,
+    leakage_figure,
+    open_results,
+    save,
+    seal_figure,
+    surface_figure,
+    write_folder,
+    write_vtk,
+)
+from femseal.output.tables import branch_text, leakage_unit
+from femseal.output.vtk import chosen_windows
+from femseal.studies import Sampling, Scene, deterministic, stochastic, two_scale
+from femseal.topography import Topography, self_affine
+
+CASE = {"title": "trial", "seed": 7, "material": {"modulus": 115e9}, "cells": [4, 8]}
+M1, M2 = 4, 8
+
+
+@pytest.fixture(scope="module")
+def scene():
+    surface = self_affine((64, 128), (60e-6, 120e-6), hurst=0.8, rms_slope=0.15, roll_off=40e-6, rng=2)
+    return Scene(
+        surface, 115e9, 1.4e9, Liquid(1e-3), 1e6, 0.0,
+        loading=(50e6, 200e6, 700e6), unload_from=(700e6,), unloading=(300e6, 50e6),
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def studies(scene):
+    sampling = Sampling(length=240e-6, realisations=3, library_cells=12, seed=7)
+    return {
+        "deterministic": deterministic(scene),
+        "two_scale": two_scale(scene, (M1, M2)),
+        "stochastic": stochastic(scene, (M1, M2), sampling),
+    }
+
+
+@pytest.fixture(scope="module")
+def results(scene, studies):
+    return assemble(scene, **studies, case=CASE, surface_report={"rms_height": 1e-6}, timings={"two-scale": 1.5})
+
+
+@pytest.fixture(scope="module")
+def folder(results, scene, tmp_path_factory):
+    path = tmp_path_factory.mktemp("run") / "deep" / "out"
+    written = write_folder(results, path, scene.surface)
+    assert sorted(written) == sorted(p for p in path.rglob("*") if p.is_file())
+    return path
+
+
+# --- dataset ----------------------------------------------------------------------------------------------
+
+
+def test_values_are_those_of_the_studies(results, studies, scene):
+    data, two = results.dataset, studies["two_scale"]
+    for name, values in (("leakage_two_scale", two.leakage), ("k1", two.k1), ("k2", two.k2),
+                         ("window_pressure", two.pressure), ("window_mean_gap", two.mean_gap),
+                         ("window_contact_fraction", two.contact_fraction), ("fluid_pressure", two.fluid_pressure),
+                         ("leakage_deterministic", studies["deterministic"].leakage),
+                         ("leakage", studies["stochastic"].leakage),
+                         ("leakage_median", studies["stochastic"].quantile(0.5)),
+                         ("leakage_lower", studies["stochastic"].quantile(0.05)),
+                         ("library_k", studies["stochastic"].library.curves.k)):  # fmt: skip
+        assert_array_equal(data[name].values, values, err_msg=name)
+    assert not [n for n, v in data.variables.items() if {"x1", "x2"} & set(v.dims)]
+    assert results.steps == scene.steps
+    assert_allclose(data["cell2"], (np.arange(M2) + 0.5) * 15e-6)
+    assert_allclose(data["node1"], np.arange(M1 + 1) * 15e-6)
+    assert_allclose(data["corner1"], [15e-6, 30e-6, 45e-6])
+
+
+def test_every_variable_says_what_it_is(results):
+    for name, variable in results.dataset.variables.items():
+        assert variable.attrs["units"], name
+        assert variable.attrs["long_name"], name
+    assert results.dataset["k1"].attrs["units"] == "m^3"
+    assert results.dataset["nominal_pressure"].attrs["units"] == "Pa"
+
+
+def test_quantiles_are_ordered(results):
+    data = results.dataset
+    assert (data["leakage_lower"] <= data["leakage_median"]).all()
+    assert (data["leakage_median"] <= data["leakage_upper"]).all()
+    assert (data["leakage_upper"] > data["leakage_lower"]).any()
+    assert data["leakage_upper"].attrs["quantile"] == 0.95
+
+
+def test_flux_carries_the_leakage_through_every_row(results):
+    along = results.dataset["flux1"].mean("cell2")
+    expected = results.dataset["leakage_two_scale"]
+    assert (expected > 0).any()
+    assert_allclose(along.values, np.repeat(expected.values[:, None], M1, axis=1), rtol=1e-6)
+
+
+def test_flux_balances_at_every_node(results):
+    flux1, flux2 = (results.dataset[n].values * 15e-6 for n in ("flux1", "flux2"))
+    left = flux1[:, :-1] - flux1[:, 1:] - flux2 + np.roll(flux2, 1, axis=2)
+    assert np.abs(left).max() < 1e-6 * np.abs(flux1).max()
+
+
+def test_flux_of_a_gas_is_its_volume_rate(scene, studies):
+    gas = replace(scene, fluid=IdealGas(1.8e-5, 0.029, 293.15), inlet_pressure=2e5, outlet_pressure=1e5)
+    two = two_scale(gas, (M1, M2))
+    data = assemble(gas, two_scale=two).dataset
+    assert two.leakage.max() > 0
+    assert_allclose(data["flux1"].mean("cell2").values[:, 0], two.leakage, rtol=1e-6)
+
+
+def test_contact_share_comes_from_the_best_study(scene, studies):
+    two, det, lib = (
+        assemble(scene, **{name: studies[name]}).dataset["contact_share"].values
+        for name in ("two_scale", "deterministic", "stochastic")
+    )
+    assert_allclose(two, studies["two_scale"].contact_fraction.mean(axis=(1, 2)))
+    assert_allclose(det, studies["deterministic"].contact_fraction)
+    assert_allclose(lib, studies["stochastic"].library.curves.contact_fraction.mean(axis=0))
+
+
+def test_attributes_tell_the_origin(results, studies):
+    attrs = results.dataset.attrs
+    assert json.loads(attrs["case"]) == CASE == results.case
+    assert attrs["seed"] == 7
+    assert json.loads(attrs["surface"]) == {"rms_height": 1e-6}
+    assert json.loads(attrs["timings"]) == {"two-scale": 1.5}
+    assert json.loads(attrs["counts"])["two_scale"] == studies["two_scale"].counts
+    assert {"femseal", "python", "numpy", "scikit-fem"} <= set(json.loads(attrs["versions"]))
+    assert attrs["inlet_pressure_Pa"] == 1e6
+    assert "Liquid" in attrs["fluid"]
+    assert results.warnings == []
+
+
+def test_best_leakage_at_hand(scene, studies):
+    order = ("stochastic", "two_scale", "deterministic")
+    methods = ("median", "two-scale", "deterministic")
+    for n, method in enumerate(methods):
+        r = assemble(scene, **{name: studies[name] for name in order[n:]})
+        assert r.method == method
+        assert r.leakage.name == f"leakage_{method.replace('-', '_')}"
+        assert method in repr(r)
+
+
+def test_failures_are_nan_not_sealed(scene, studies):
+    leakage = studies["stochastic"].leakage.copy()
+    leakage[:, 1] = np.nan
+    broken = replace(studies["stochastic"], leakage=leakage, failures=("realisation 0: bad",))
+    r = assemble(scene, stochastic=broken)
+    for name in ("leakage_median", "leakage_lower", "leakage_upper", "leakage_mean", "sealed_share"):
+        assert_array_equal(np.isnan(r.dataset[name]), [False, True, False, False, False])
+    assert r.warnings == ["realisation 0: bad"]
+    assert "1 warnings" in repr(r)
+    assert "failed" in r._repr_html_()
+
+
+def test_many_warnings_fit_into_the_file(scene, studies, tmp_path):
+    many = replace(studies["two_scale"], failures=tuple(f"cell {n}: did not converge, é" for n in range(20000)))
+    r = assemble(scene, two_scale=many)
+    save(r, tmp_path)
+    kept = open_results(tmp_path).warnings
+    assert kept[0] == "cell 0: did not converge, é"
+    assert kept[-1] == f"… and {20000 - len(kept) + 1} more"
+
+
+def test_what_does_not_fit_together_is_refused(scene, studies):
+    with pytest.raises(InputError, match="no study"):
+        assemble(scene)
+    with pytest.raises(InputError, match="another load programme"):
+        assemble(replace(scene, loading=(1e6,), unload_from=(), unloading=()), two_scale=studies["two_scale"])
+    with pytest.raises(InputError, match="quantiles"):
+        assemble(scene, two_scale=studies["two_scale"], quantiles=(0.9, 0.1))
+
+
+# --- file -------------------------------------------------------------------------------------------------
+
+
+def test_file_is_read_by_plain_xarray(results, folder):
+    with xarray.open_dataset(folder / "results.nc") as data:
+        assert set(data.variables) == set(results.dataset.variables)
+        for name, variable in results.dataset.variables.items():
+            assert_array_equal(data[name].values, variable.values, err_msg=name)
+            assert data[name].attrs["units"] == variable.attrs["units"]
+        assert_array_equal(data["branch"].values, ["loading"] * 3 + ["unloading"] * 2)
+        assert data.sizes["realisation"] == 3
+
+
+def test_results_come_back(results, folder, scene):
+    back = open_results(folder)
+    assert back.steps == scene.steps
+    assert back.case == CASE
+    assert back.folder == folder
+    assert back.rows() == results.rows()
+    assert back._repr_html_() == results._repr_html_()
+    assert back.two_scale is None
+    # everything but the large fields can be drawn and written again
+    assert leakage_figure(back) is not None
+    assert cells_figure(back) is not None
+    assert seal_figure(back) is not None
+
+
+def test_a_missing_or_foreign_folder_is_an_error_in_one_line(tmp_path):
+    for make, text in (
+        (lambda p: None, "no such folder"),
+        (lambda p: p.mkdir(), "no results.nc in it"),
+        (lambda p: (p.mkdir(), (p / "results.nc").write_bytes(b"nonsense")), "a readable netCDF file"),
+        (lambda p: (p.mkdir(), xarray.Dataset({"a": 1}).to_netcdf(p / "results.nc", engine="h5netcdf")),
+         "another program"),
+    ):  # fmt: skip
+        path = tmp_path / text.replace(" ", "_")
+        make(path)
+        with pytest.raises(InputError, match=text) as caught:
+            open_results(path)
+        assert "\n" not in str(caught.value)
+
+
+def test_a_file_in_the_way_is_an_error(results, tmp_path):
+    (tmp_path / "out").write_text("x")
+    with pytest.raises(InputError, match="output folder"):
+        save(results, tmp_path / "out")
+
+
+def test_nothing_is_left_behind_by_a_failure(results, scene, tmp_path, monkeypatch):
+    save(results, tmp_path)
+    before = (tmp_path / "results.nc").read_bytes()
+
+    def fail(*args):
+        raise OSError("disk full")
+
+    monkeypatch.setattr(os, "replace", fail)
+    with pytest.raises(OSError, match="disk full"):
+        write_folder(results, tmp_path, scene.surface)
+    with pytest.raises(OSError, match="disk full"):
+        write_vtk(results, scene.surface, tmp_path / "vtk")
+    assert [p for p in tmp_path.rglob("*") if p.is_file()] == [tmp_path / "results.nc"]
+    assert (tmp_path / "results.nc").read_bytes() == before
+
+
+# --- tables -----------------------------------------------------------------------------------------------
+
+
+def test_table_says_what_happened(results, scene):
+    from rich.console import Console
+
+    stream = io.StringIO()
+    Console(file=stream, width=80).print(results.table())
+    text = stream.getvalue()
+    factor, unit = leakage_unit(results.leakage)
+    assert f"in {unit}" in text
+    assert "loading" in text
+    assert "from 700 MPa" in text
+    assert "5–95 %" in text
+    assert "…" not in text
+    for row in results.rows():
+        value = row["leakage_m2_per_s"]
+        assert ("sealed" if value == 0 else f"{value / factor:.3g}"[:3]) in text
+    rows = results.rows()
+    assert [r["branch"] for r in rows] == ["loading"] * 3 + ["unloading from 700 MPa"] * 2
+    assert [r["nominal_pressure_Pa"] for r in rows] == [s.pressure for s in scene.steps]
+
+
+def test_notebook_table_has_a_row_for_each_step(results):
+    html = results._repr_html_()
+    assert html.count("<tr>") == 1 + len(results.steps)
+    assert "unloading from 700 MPa" in html
+
+
+def test_spreadsheet_table_is_in_si(results, folder):
+    with (folder / "table.csv").open(encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    assert_array_equal([float(r["leakage_m2_per_s"]) for r in rows], results.leakage.values)
+    assert_array_equal([float(r["leakage_two_scale_m2_per_s"]) for r in rows], results.dataset["leakage_two_scale"])
+
+
+@pytest.mark.parametrize(
+    ("values", "expected"),
+    [([2e-3], "L/(m·s)"), ([0.0, 1e-6], "mL/(m·s)"), ([1e-30], "pL/(m·s)"), ([0.0], "µL/(m·s)"), ([np.nan], "µL/(m·s)")],
+)
+def test_unit_follows_the_size(values, expected):
+    assert leakage_unit(values)[1] == expected
+
+
+def test_names_of_branches():
+    assert branch_text(np.nan) == "loading"
+    assert branch_text(9e8) == "unloading from 900 MPa"
+
+
+# --- pictures ---------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["leakage", "cells", "seal", "surface"])
+def test_pictures_show_something(folder, name):
+    image = matplotlib.image.imread(folder / f"{name}.png")[..., :3]
+    assert min(image.shape[:2]) > 400
+    assert len(np.unique((image * 15).astype(int).reshape(-1, 3), axis=0)) > 15
+
+
+def test_leakage_picture_shows_the_numbers(results):
+    axes = leakage_figure(results).axes[0]
+    factor, unit = leakage_unit(results.leakage)
+    assert unit in axes.get_ylabel()
+    lines = {line.get_label(): line for line in axes.get_lines()}
+    shown = np.array(lines["loading"].get_ydata())
+    expected = results.leakage.values[:3] / factor
+    assert_allclose(shown[expected > 0], expected[expected > 0])
+    assert_allclose(lines["loading"].get_xdata(), [50, 200, 700])
+    assert_allclose(lines["unloading from 700 MPa"].get_xdata(), [700, 300, 50])
+
+
+def test_steps_without_leakage_stand_in_the_strip(scene, studies):
+    sealed = replace(studies["two_scale"], leakage=np.array([1e-9, 1e-12, 0.0, 0.0, 1e-13]))
+    axes = leakage_figure(assemble(scene, two_scale=sealed)).axes[0]
+    assert "sealed" in [t.get_text().strip() for t in axes.texts]
+    points = np.concatenate([line.get_xydata() for line in axes.get_lines()])
+    strip = points[points[:, 1] < 0.01]
+    assert sorted(strip[:, 0]) == [300, 700, 700]
+    for never in (np.zeros(5), np.full(5, np.nan)):
+        leakage_figure(assemble(scene, two_scale=replace(sealed, leakage=never))).savefig(io.BytesIO())
+
+
+def test_pictures_of_a_seal_without_any_flow(scene, studies):
+    two = studies["two_scale"]
+    zero = replace(two, k1=two.k1 * 0, k2=two.k2 * 0, leakage=two.leakage * 0)
+    r = assemble(scene, two_scale=zero)
+    for figure in (seal_figure(r), seal_figure(r, 4), cells_figure(r)):
+        figure.savefig(io.BytesIO())
+
+
+def test_picture_of_flow_shows_the_critical_step(results):
+    assert seal_figure(results).get_suptitle() == "loading 700 MPa" or results.dataset["leakage_two_scale"][2] == 0
+    assert seal_figure(results, 0).get_suptitle() == "loading 50 MPa"
+    with pytest.raises(InputError, match="step: given 9"):
+        seal_figure(results, 9)
+
+
+def test_pictures_that_the_results_have_nothing_for(scene, studies):
+    r = assemble(scene, deterministic=studies["deterministic"])
+    with pytest.raises(InputError, match="cells figure"):
+        cells_figure(r)
+    with pytest.raises(InputError, match="seal figure"):
+        seal_figure(r)
+
+
+def test_picture_of_a_surface_with_holes():
+    heights = np.random.default_rng(1).standard_normal((20, 30)) * 1e-6
+    heights[3, 4] = np.nan
+    surface_figure(Topography(heights, (1e-6, 2e-6))).savefig(io.BytesIO())
+
+
+# --- ParaView ---------------------------------------------------------------------------------------------
+
+
+def arrays(reader_name, path):
+    """Cell data, point data, field data and output of one of VTK's own readers."""
+    import vtkmodules.vtkIOXML as io_xml
+    from vtkmodules.util.numpy_support import vtk_to_numpy
+
+    reader = getattr(io_xml, reader_name)()
+    reader.SetFileName(str(path))
+    reader.Update()
+    output = reader.GetOutput()
+    found = []
+    for data in (output.GetCellData(), output.GetPointData()):
+        pairs = [data.GetAbstractArray(n) for n in range(data.GetNumberOfArrays())]
+        found.append({a.GetName(): vtk_to_numpy(a) for a in pairs})
+    fields = output.GetFieldData()
+    named = [fields.GetAbstractArray(n) for n in range(fields.GetNumberOfArrays())]
+    found.append({a.GetName(): a.GetValue(0) for a in named})
+    return (*found, output)
+
+
+def test_seal_is_read_back_by_vtk(results, folder):
+    data = results.dataset
+    for s in range(data.sizes["step"]):
+        cells, points, fields, grid = arrays("vtkXMLUnstructuredGridReader", folder / f"vtk/seal/step_{s:04d}.vtu")
+        assert grid.GetNumberOfCells() == 2 * M1 * M2
+        for name, variable, factor in (
+            ("k1_m3", "k1", 1),
+            ("contact_pressure_MPa", "window_pressure", 1e-6),
+            ("mean_gap_um", "window_mean_gap", 1e6),
+            ("contact_share", "window_contact_fraction", 1),
+        ):
+            values = cells[name].reshape(M1, M2, 2)
+            assert_allclose(values[..., 0], data[variable][s] * factor, rtol=1e-12)
+            assert_allclose(values[..., 1], data[variable][s] * factor, rtol=1e-12)
+        pressure = points["fluid_pressure_Pa"].reshape(M1 + 1, 2 * M2 + 1)
+        assert_array_equal(pressure[:, 1::2], data["fluid_pressure"][s])
+        assert_array_equal(pressure[:, 0], pressure[:, -1])
+        k2 = points["k2_m3"].reshape(M1 + 1, 2 * M2 + 1)
+        assert_array_equal(k2[1:-1, 2::2], data["k2"][s])
+        assert np.isnan(k2[[0, -1]]).all()
+        flux = cells["flux_m2_per_s"].reshape(M1, M2, 2, 3)
+        assert_allclose(flux[..., 0, 0], data["flux1"][s])
+        across = np.pad(data["flux2"].values[s], ((1, 1), (0, 0)))
+        assert_allclose(flux[2, 3, 1, 1], (across[2, 3] + across[3, 3]) / 2)
+        assert_allclose(flux[2, 3, 0, 1], (across[2, 2] + across[3, 2]) / 2)
+        assert fields["step_name"] == results.steps[s].name
+        assert_allclose(fields["nominal_pressure_MPa"], results.steps[s].pressure / 1e6)
+
+
+def test_seal_lies_where_it_should(results, folder):
+    """The window (1, 6), found by its place."""
+    import pyvista
+
+    grid = pyvista.read(folder / "vtk/seal/step_0000.vtu")
+    place = (1.5 * 15e-6, 6.4 * 15e-6, 0.0)
+    assert_allclose(grid.cell_data["k1_m3"][grid.find_containing_cell(place)], results.dataset["k1"][0, 1, 6])
+    node = grid.find_closest_point((3 * 15e-6, 6.5 * 15e-6, 0.0))
+    assert grid.point_data["fluid_pressure_Pa"][node] == results.dataset["fluid_pressure"][0, 3, 6]
+    corner = grid.find_closest_point((2 * 15e-6, 6 * 15e-6, 0.0))
+    assert grid.point_data["k2_m3"][corner] == results.dataset["k2"][0, 1, 5]
+
+
+def test_windows_are_read_back_by_vtk(results, studies, scene, folder):
+    two = studies["two_scale"]
+    places = chosen_windows(results.dataset)
+    assert len(places) == 3
+    for i, j in places:
+        for s in (0, 3):
+            path = folder / f"vtk/window_{i:03d}_{j:03d}/step_{s:04d}.vti"
+            cells, _, fields, grid = arrays("vtkXMLImageDataReader", path)
+            gap = two.partition.cut(two.gap[s], i, j)
+            assert_allclose(cells["gap_um"].reshape(16, 16, order="F"), gap * 1e6, rtol=1e-6)
+            pressure = two.partition.cut(two.contact_pressure[s], i, j) / 1e6
+            assert_allclose(cells["contact_pressure_MPa"].reshape(16, 16, order="F"), pressure, rtol=1e-6)
+            fluid = cell_permeability(gap, scene.surface.spacing).fluid_pressure
+            assert_allclose(cells["fluid_pressure_unit_drop"].reshape(16, 16, order="F"), fluid, rtol=1e-6, atol=1e-30)
+            # off the diagonal: pixel (2, 9) by its place
+            d1, d2 = scene.surface.spacing
+            number = grid.FindCell(((i * 16 + 2.5) * d1, (j * 16 + 9.5) * d2, 0.0), None, 0, 0.0, [0] * 3, [0.0] * 3, [0.0] * 8)
+            assert_allclose(cells["gap_um"][number], gap[2, 9] * 1e6, rtol=1e-6)
+            assert fields["step_name"] == results.steps[s].name
+
+
+def test_chosen_windows_span_the_scatter(results):
+    k = results.dataset["k1"].values[2]
+    positive = np.sort(k[k > 0])
+    if positive.size >= 3:
+        chosen = [k[place] for place in chosen_windows(results.dataset)]
+        assert chosen == [positive[-1], positive[positive.size // 2], positive[0]]
+
+
+def test_series_have_the_step_as_time(results, folder):
+    import pyvista
+
+    names = sorted(p.name for p in (folder / "vtk").glob("*.pvd"))
+    assert names[0] == "seal.pvd"
+    assert len(names) == 4
+    for name in names:
+        reader = pyvista.get_reader(folder / "vtk" / name)
+        assert reader.time_values == [0, 1, 2, 3, 4]
+        reader.set_active_time_value(4)
+        block = reader.read()[0]
+        assert block.field_data["step_name"][0] == "unloading 50 MPa from 700 MPa"
+        assert block.field_data["unloaded_from_MPa"][0] == 700
+
+
+def test_surface_is_read_back_by_vtk(scene, folder):
+    _, points, _, grid = arrays("vtkXMLImageDataReader", folder / "vtk/surface.vti")
+    assert_allclose(points["height_um"].reshape(64, 128, order="F"), scene.surface.heights * 1e6, rtol=1e-6)
+    d1, d2 = scene.surface.spacing
+    number = grid.FindPoint(5.5 * d1, 77.5 * d2, 0.0)
+    assert_allclose(points["height_um"][number], scene.surface.heights[5, 77] * 1e6, rtol=1e-6)
+
+
+def test_deterministic_gap_is_a_series_of_its_own(scene, studies, tmp_path):
+    r = assemble(scene, deterministic=studies["deterministic"])
+    write_folder(r, tmp_path, scene.surface)
+    assert not (tmp_path / "seal.png").exists()
+    cells, _, fields, _ = arrays("vtkXMLImageDataReader", tmp_path / "vtk/gap/step_0004.vti")
+    gap = studies["deterministic"].gap[4] * 1e6
+    assert_allclose(cells["gap_um"].reshape(64, 128, order="F"), gap, rtol=1e-6)
+    assert (tmp_path / "vtk/gap.pvd").exists()
+    assert fields["nominal_pressure_MPa"] == 50
+
+
+def test_names_are_plain(folder):
+    cells, points, fields, _ = arrays("vtkXMLUnstructuredGridReader", folder / "vtk/seal/step_0000.vtu")
+    for name in (*cells, *points, *fields):
+        assert name.replace("_", "").isalnum()
+
+
+def test_one_row_of_windows_has_no_links_across(scene, tmp_path):
+    flat = replace(scene, loading=(50e6,), unload_from=(), unloading=())
+    r = assemble(flat, two_scale=two_scale(flat, (1, 8)))
+    assert "k2" not in r.dataset
+    write_folder(r, tmp_path, flat.surface)
+    assert open_results(tmp_path).steps == (LoadStep(50e6),)
