@@ -27,7 +27,8 @@ def describe(case: Case, prepared: Prepared) -> list[str]:
         f"case       {case.title or '(no title)'}: valid",
         f"surface    {surface}",
         f"           {report.undefined_share:.2%} undefined points filled, shortest wave "
-        f"{to_text(report.shortest_wavelength, 'm', 3)}, H/(E*·slope) {scene.hardness / scene.modulus / surface.rms_slope:.3g}",
+        f"{to_text(report.shortest_wavelength, 'm', 3)}, "
+        f"H/(E*·slope) {scene.hardness / scene.modulus / surface.rms_slope:.3g}",
         f"load       {steps} states: {len(scene.loading)} loading, "
         f"{steps - len({*scene.loading, *scene.unload_from})} unloading from {len(scene.unload_from)} peaks, "
         f"up to {to_text(max((*scene.loading, *scene.unload_from)), 'Pa', 3)}",
@@ -55,8 +56,8 @@ def describe(case: Case, prepared: Prepared) -> list[str]:
             n2 = max(1, round(sampling.length / width))
             axes = 2 if sampling.pressure == "place" else 1
             lines.append(
-                f"stochastic {sampling.library_cells} library cells ({sampling.pressure}), {sampling.realisations} seals of "
-                f"{m1} × {n2} links, {to_text(n2 * width, 'm', 3)} long"
+                f"stochastic {sampling.library_cells} library cells ({sampling.pressure}), "
+                f"{sampling.realisations} seals of {m1} × {n2} links, {to_text(n2 * width, 'm', 3)} long"
             )
             seconds += steps * sampling.library_cells * (axes * once[0] + 2 * once[1])
             seconds += sampling.realisations * steps * 3e-6 * m1 * n2 * max(1.0, np.log2(min(m1, n2)))

@@ -242,9 +242,7 @@ def two_scale(scene: Scene, cells: tuple[int, int], *, map: Map = map) -> TwoSca
 
 
 def _global_scale(scene: Scene, partition: Partition) -> GlobalScale:
-    return solve_global_scale(
-        scene.surface, partition, modulus=scene.modulus, boundary=scene.boundary, **scene.cycle
-    )
+    return solve_global_scale(scene.surface, partition, modulus=scene.modulus, boundary=scene.boundary, **scene.cycle)
 
 
 def _fine_waves(surface: Topography, cut_off: float) -> Array:
@@ -414,9 +412,7 @@ def _ladder_library(
 ) -> LadderLibrary:
     windows = _library_windows(topography, partition, sampling.library_cells, rng)
     half_space = _window_half_space(scene, partition, longest_wave)
-    return build_ladder_library(
-        windows, ladder, half_space, hardness=scene.hardness, rng=rng, rtol=scene.rtol, map=map
-    )
+    return build_ladder_library(windows, ladder, half_space, hardness=scene.hardness, rng=rng, rtol=scene.rtol, map=map)
 
 
 def _realise(
@@ -456,4 +452,3 @@ def _library_windows(topography: Array, partition: Partition, count: int, rng: n
         a, b = int(rng.integers(n1 - w1 + 1)), int(rng.integers(n2 - w2 + 1))
         windows.append(topography[a : a + w1, b : b + w2])
     return [np.ascontiguousarray(w) for w in windows]
-

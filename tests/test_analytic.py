@@ -16,9 +16,7 @@ def test_hertz_pressure_carries_the_load():
     r = (np.arange(200_000) + 0.5) / 200_000 * a
     p = analytic.hertz_pressure(r, load, radius, modulus)
     assert_allclose(np.sum(2 * np.pi * r * p) * a / r.size, load, rtol=1e-6)
-    assert analytic.hertz_pressure(0.0, load, radius, modulus) == analytic.hertz_peak_pressure(
-        load, radius, modulus
-    )
+    assert analytic.hertz_pressure(0.0, load, radius, modulus) == analytic.hertz_peak_pressure(load, radius, modulus)
     assert analytic.hertz_pressure(1.01 * a, load, radius, modulus) == 0
     # work = ∫ W dδ is 2/5 of Wδ for δ ~ W^{2/3}·…: the stiffness dW/dδ is 2aE*
     d = [analytic.hertz_approach(w, radius, modulus) for w in (load * 0.9999, load * 1.0001)]
@@ -50,9 +48,7 @@ def test_wave_gap_and_pressure_satisfy_elasticity(ratio):
     assert_allclose(gap - gap.mean(), expected - expected.mean(), atol=1e-6 * delta)  # n^-3/2 of the edge
 
 
-@pytest.mark.parametrize(
-    ("ratio", "flow"), [(0, 5 / 16), (0.1, 0.125386), (0.5, 3.534788e-3), (0.9, 7.852893e-7)]
-)
+@pytest.mark.parametrize(("ratio", "flow"), [(0, 5 / 16), (0.1, 0.125386), (0.5, 3.534788e-3), (0.9, 7.852893e-7)])
 def test_wave_groove_flow(ratio, flow):
     assert_allclose(analytic.wave_groove_flow(ratio), flow, rtol=3e-6 if ratio == 0.1 else 2e-7)
     direct = np.mean(analytic.wave_gap(PHASE, ratio, 0.5, 1.0) ** 3)

@@ -97,7 +97,9 @@ def test_flow_along_westergaard_grooves(ratio):
     for n in (50, 100, 200, 400):
         x = (np.arange(n) + 0.5) * λ / n
         h = np.broadcast_to(analytic.wave_gap(x, ratio, Δ, λ), (4, n))
-        errors.append(12 * k_of(h, (λ / n, λ / n), sides="periodic") / (2 * Δ) ** 3 / analytic.wave_groove_flow(ratio) - 1)
+        errors.append(
+            12 * k_of(h, (λ / n, λ / n), sides="periodic") / (2 * Δ) ** 3 / analytic.wave_groove_flow(ratio) - 1
+        )
         assert k_of(h, axis=1) == 0
     assert abs(errors[-1]) < 1e-4
     assert order(errors) >= 1.9
@@ -185,8 +187,11 @@ def test_scales_with_the_cube_of_the_gap_and_not_with_the_pixel(seed, λ, share,
 
 @settings(deadline=None, max_examples=15)
 @given(
-    seed=st.integers(0, 99), share=st.floats(0, 0.45), sides=st.sampled_from(SIDES),
-    n1=st.integers(1, 20), n2=st.integers(1, 20),
+    seed=st.integers(0, 99),
+    share=st.floats(0, 0.45),
+    sides=st.sampled_from(SIDES),
+    n1=st.integers(1, 20),
+    n2=st.integers(1, 20),
 )
 def test_symmetries(seed, share, sides, n1, n2):
     h = cut_by_plane((n1, n2), share, seed, cut=2) if n1 * n2 > 1 else np.ones((1, 1))
@@ -509,28 +514,31 @@ def test_linear_gap_is_interpolated_exactly_between_pixels():
 # --- bad input ---
 
 
-@pytest.mark.parametrize(("change", "words"), [
-    ({"gap": np.full((3, 3), np.nan)}, ["gap", "9 "]),
-    ({"gap": np.full((3, 3), np.inf)}, ["gap"]),
-    ({"gap": np.full((3, 3), -1e-9)}, ["gap", "-1e-09", ">= 0"]),
-    ({"gap": np.ones(3)}, ["gap", "(3,)"]),
-    ({"gap": np.ones((2, 3, 4))}, ["gap", "(2, 3, 4)"]),
-    ({"gap": np.ones((0, 3))}, ["gap"]),
-    ({"gap": "gap"}, ["gap"]),
-    ({"gap": None}, ["gap"]),
-    ({"spacing": D}, ["spacing"]),
-    ({"spacing": (D, 0.0)}, ["spacing", "> 0"]),
-    ({"spacing": (D, -D)}, ["spacing", "> 0"]),
-    ({"spacing": (np.nan, D)}, ["spacing", "nan"]),
-    ({"spacing": ("1 um", D)}, ["spacing"]),
-    ({"axis": 2}, ["axis", "2", "0 or 1"]),
-    ({"axis": -1}, ["axis", "-1"]),
-    ({"axis": None}, ["axis", "None"]),
-    ({"sides": "free"}, ["sides", "free", "mirror, periodic"]),
-    ({"sides": None}, ["sides", "None"]),
-    ({"rtol": 0}, ["rtol"]),
-    ({"rtol": "fine"}, ["rtol"]),
-])
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"gap": np.full((3, 3), np.nan)}, ["gap", "9 "]),
+        ({"gap": np.full((3, 3), np.inf)}, ["gap"]),
+        ({"gap": np.full((3, 3), -1e-9)}, ["gap", "-1e-09", ">= 0"]),
+        ({"gap": np.ones(3)}, ["gap", "(3,)"]),
+        ({"gap": np.ones((2, 3, 4))}, ["gap", "(2, 3, 4)"]),
+        ({"gap": np.ones((0, 3))}, ["gap"]),
+        ({"gap": "gap"}, ["gap"]),
+        ({"gap": None}, ["gap"]),
+        ({"spacing": D}, ["spacing"]),
+        ({"spacing": (D, 0.0)}, ["spacing", "> 0"]),
+        ({"spacing": (D, -D)}, ["spacing", "> 0"]),
+        ({"spacing": (np.nan, D)}, ["spacing", "nan"]),
+        ({"spacing": ("1 um", D)}, ["spacing"]),
+        ({"axis": 2}, ["axis", "2", "0 or 1"]),
+        ({"axis": -1}, ["axis", "-1"]),
+        ({"axis": None}, ["axis", "None"]),
+        ({"sides": "free"}, ["sides", "free", "mirror, periodic"]),
+        ({"sides": None}, ["sides", "None"]),
+        ({"rtol": 0}, ["rtol"]),
+        ({"rtol": "fine"}, ["rtol"]),
+    ],
+)
 def test_bad_input_is_named(change, words):
     given = {"gap": np.ones((3, 3)), "spacing": (D, D)} | change
     with pytest.raises(InputError) as caught:

@@ -61,12 +61,14 @@ def test_hertz_radius_peak_and_approach():
         half_space = HalfSpace((n, n), (d, d), E, "free")
         contact = solve_contact(r**2 / (2 * radius), half_space, pressure=load / (n * d) ** 2, rtol=1e-9)
         exact = analytic.hertz_pressure(r, load, radius, E)
-        errors.append((
-            np.sqrt(np.mean((contact.pressure - exact) ** 2) / np.mean(exact**2)),
-            abs(contact.approach / analytic.hertz_approach(load, radius, E) - 1),
-            abs(contact.pressure.max() / analytic.hertz_peak_pressure(load, radius, E) - 1),
-            abs(np.sqrt(contact.area_fraction / np.pi) * 4 - 1),
-        ))
+        errors.append(
+            (
+                np.sqrt(np.mean((contact.pressure - exact) ** 2) / np.mean(exact**2)),
+                abs(contact.approach / analytic.hertz_approach(load, radius, E) - 1),
+                abs(contact.pressure.max() / analytic.hertz_peak_pressure(load, radius, E) - 1),
+                abs(np.sqrt(contact.area_fraction / np.pi) * 4 - 1),
+            )
+        )
     pressure, approach, peak, _ = np.transpose(errors)
     assert errors[-1][0] < 4e-3
     assert errors[-1][1] < 1e-4
@@ -131,11 +133,14 @@ def test_wave_in_full_contact_is_exact():
         assert_allclose(contact.approach, Δ, rtol=1e-9)
 
 
-@pytest.mark.parametrize(("ratio", "law", "tolerance"), [
-    (0.97, analytic.wavy_contact_fraction_full, 5e-3),
-    (0.9, analytic.wavy_contact_fraction_full, 1e-2),
-    (0.01, analytic.wavy_contact_fraction_light, 5e-3),
-])
+@pytest.mark.parametrize(
+    ("ratio", "law", "tolerance"),
+    [
+        (0.97, analytic.wavy_contact_fraction_full, 5e-3),
+        (0.9, analytic.wavy_contact_fraction_full, 1e-2),
+        (0.01, analytic.wavy_contact_fraction_light, 5e-3),
+    ],
+)
 def test_two_dimensional_wave_near_full_and_light_contact(ratio, law, tolerance):
     n, Δ = 256, 1e-6
     x = (np.arange(n) + 0.5) / n * 2 * np.pi
@@ -148,7 +153,9 @@ def test_two_dimensional_wave_near_full_and_light_contact(ratio, law, tolerance)
 @pytest.mark.parametrize("boundary", [p for p in PAIRS if "free" not in p])
 @pytest.mark.parametrize("hardness", [np.inf, H])
 def test_flat_surface_carries_the_nominal_pressure_exactly(boundary, hardness):
-    contact = solve_contact(np.full((17, 20), 3e-6), HalfSpace((17, 20), (D, D), E, boundary), pressure=1e8, hardness=hardness)
+    contact = solve_contact(
+        np.full((17, 20), 3e-6), HalfSpace((17, 20), (D, D), E, boundary), pressure=1e8, hardness=hardness
+    )
     assert np.all(contact.pressure == 1e8)
     assert np.all(contact.gap == 0)
     assert np.all(contact.plastic_deformation == 0)
@@ -245,10 +252,12 @@ def programme(k, h, mean, hardness):
         p = np.where(high_set, high, 0.0)
         if free.size:
             fixed = definite[free] @ p + h[free]
-            system = np.block([
-                [definite[np.ix_(free, free)] * E / D, np.ones((free.size, 1))],
-                [np.ones((1, free.size)), np.zeros((1, 1))],
-            ])
+            system = np.block(
+                [
+                    [definite[np.ix_(free, free)] * E / D, np.ones((free.size, 1))],
+                    [np.ones((1, free.size)), np.zeros((1, 1))],
+                ]
+            )
             solution = np.linalg.solve(system, np.r_[-fixed * E / D, load - p.sum()])
             p[free] = solution[:-1]
             delta = -solution[-1] * D / E
@@ -282,7 +291,9 @@ def test_equals_an_independent_solver(boundary, share, hardness, dense_operator)
         hardness = 0.3 * H * np.random.default_rng(6).uniform(0.5, 1.5, shape)
     mean = share * float(np.mean(np.minimum(hardness, 0.3 * H)))
     contact = solve_contact(h, half_space, pressure=mean, hardness=hardness, rtol=1e-10)
-    reference = programme(dense_operator(half_space), h.ravel(), mean, np.ravel(hardness) if np.ndim(hardness) else hardness)
+    reference = programme(
+        dense_operator(half_space), h.ravel(), mean, np.ravel(hardness) if np.ndim(hardness) else hardness
+    )
     assert_allclose(contact.pressure.ravel(), reference, rtol=0, atol=1e-6 * reference.max())
     assert 0 < contact.area_fraction < 1 or share == 0.9
 
@@ -311,12 +322,15 @@ def both(h, half_space, p=0.1 * H, hardness=H, rtol=1e-10, **other):
     return solve_contact(h, half_space, pressure=p, hardness=hardness, rtol=rtol, **other)
 
 
-@pytest.mark.parametrize(("mirror", "periodic"), [
-    (("mirror", "mirror"), ("periodic", "periodic")),
-    (("mirror", "periodic"), ("periodic", "periodic")),
-    (("free", "mirror"), ("free", "periodic")),
-    (("mirror", "free"), ("periodic", "free")),
-])
+@pytest.mark.parametrize(
+    ("mirror", "periodic"),
+    [
+        (("mirror", "mirror"), ("periodic", "periodic")),
+        (("mirror", "periodic"), ("periodic", "periodic")),
+        (("free", "mirror"), ("free", "periodic")),
+        (("mirror", "free"), ("periodic", "free")),
+    ],
+)
 @pytest.mark.parametrize("shape", [(32, 24), (27, 31)])
 def test_mirror_equals_the_periodic_even_extension(mirror, periodic, shape):
     h = rough(shape, seed=8)
@@ -328,7 +342,9 @@ def test_mirror_equals_the_periodic_even_extension(mirror, periodic, shape):
     full = both(whole, HalfSpace(whole.shape, (D, D), E, periodic))
     assert_allclose(half.pressure, full.pressure[: shape[0], : shape[1]], rtol=0, atol=1e-7 * H)
     assert_allclose(half.gap, full.gap[: shape[0], : shape[1]], rtol=0, atol=1e-7 * np.ptp(h))
-    assert_allclose(half.plastic_deformation, full.plastic_deformation[: shape[0], : shape[1]], rtol=0, atol=1e-7 * np.ptp(h))
+    assert_allclose(
+        half.plastic_deformation, full.plastic_deformation[: shape[0], : shape[1]], rtol=0, atol=1e-7 * np.ptp(h)
+    )
 
 
 @pytest.mark.parametrize("boundary", [("periodic", "periodic"), ("free", "free"), ("free", "periodic")])
@@ -509,7 +525,9 @@ def test_a_soft_edge_does_not_hang_the_coarse_grids(shape):
 def test_just_below_the_hardness(share):
     rng = np.random.default_rng(4)
     hardness = H * rng.uniform(0.5, 1.5, (80, 80))
-    contact = solve_contact(rough((80, 80)), HalfSpace((80, 80), (D, D), E), pressure=share * hardness.mean(), hardness=hardness)
+    contact = solve_contact(
+        rough((80, 80)), HalfSpace((80, 80), (D, D), E), pressure=share * hardness.mean(), hardness=hardness
+    )
     assert abs(contact.mean_pressure / (share * hardness.mean()) - 1) <= 1e-12
 
 
@@ -542,31 +560,34 @@ def test_stall_is_reported(monkeypatch):
 # --- bad input ---
 
 
-@pytest.mark.parametrize(("change", "words"), [
-    ({"pressure": -1.0}, ["pressure", "-1.0"]),
-    ({"pressure": np.nan}, ["pressure", "nan"]),
-    ({"pressure": np.inf}, ["pressure", "inf"]),
-    ({"pressure": "200 MPa"}, ["pressure", "200 MPa"]),
-    ({"pressure": None}, ["pressure", "None"]),
-    ({"pressure": [1e6]}, ["pressure"]),
-    ({"pressure": 5e9}, ["pressure", "5e+09", "4e+09"]),
-    ({"pressure": 4.0001e9}, ["pressure", "mean hardness"]),
-    ({"hardness": 0.0}, ["hardness", "0.0"]),
-    ({"hardness": -H}, ["hardness"]),
-    ({"hardness": np.nan}, ["hardness"]),
-    ({"hardness": np.full((6, 5), H)}, ["hardness", "(6, 5)", "(6, 6)"]),
-    ({"hardness": np.where(np.eye(6) > 0, np.nan, H)}, ["hardness"]),
-    ({"hardness": "4 GPa"}, ["hardness"]),
-    ({"rtol": 0.0}, ["rtol"]),
-    ({"rtol": 1.0}, ["rtol"]),
-    ({"rtol": np.nan}, ["rtol"]),
-    ({"rtol": "fine"}, ["rtol"]),
-    ({"gap0": np.zeros((6, 5))}, ["gap0", "(6, 5)", "(6, 6)"]),
-    ({"gap0": np.zeros(36)}, ["gap0", "(36,)"]),
-    ({"gap0": np.where(np.eye(6) > 0, np.nan, 0.0)}, ["gap0", "6 points", "finite"]),
-    ({"gap0": np.where(np.eye(6) > 0, np.inf, 0.0)}, ["gap0", "6 points"]),
-    ({"gap0": "heights"}, ["gap0"]),
-])
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"pressure": -1.0}, ["pressure", "-1.0"]),
+        ({"pressure": np.nan}, ["pressure", "nan"]),
+        ({"pressure": np.inf}, ["pressure", "inf"]),
+        ({"pressure": "200 MPa"}, ["pressure", "200 MPa"]),
+        ({"pressure": None}, ["pressure", "None"]),
+        ({"pressure": [1e6]}, ["pressure"]),
+        ({"pressure": 5e9}, ["pressure", "5e+09", "4e+09"]),
+        ({"pressure": 4.0001e9}, ["pressure", "mean hardness"]),
+        ({"hardness": 0.0}, ["hardness", "0.0"]),
+        ({"hardness": -H}, ["hardness"]),
+        ({"hardness": np.nan}, ["hardness"]),
+        ({"hardness": np.full((6, 5), H)}, ["hardness", "(6, 5)", "(6, 6)"]),
+        ({"hardness": np.where(np.eye(6) > 0, np.nan, H)}, ["hardness"]),
+        ({"hardness": "4 GPa"}, ["hardness"]),
+        ({"rtol": 0.0}, ["rtol"]),
+        ({"rtol": 1.0}, ["rtol"]),
+        ({"rtol": np.nan}, ["rtol"]),
+        ({"rtol": "fine"}, ["rtol"]),
+        ({"gap0": np.zeros((6, 5))}, ["gap0", "(6, 5)", "(6, 6)"]),
+        ({"gap0": np.zeros(36)}, ["gap0", "(36,)"]),
+        ({"gap0": np.where(np.eye(6) > 0, np.nan, 0.0)}, ["gap0", "6 points", "finite"]),
+        ({"gap0": np.where(np.eye(6) > 0, np.inf, 0.0)}, ["gap0", "6 points"]),
+        ({"gap0": "heights"}, ["gap0"]),
+    ],
+)
 def test_bad_input_is_named(change, words):
     given = {"gap0": np.zeros((6, 6)), "pressure": 1e8, "hardness": H, "rtol": 1e-6} | change
     with pytest.raises(InputError) as caught:

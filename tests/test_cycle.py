@@ -118,7 +118,9 @@ def test_unloading_has_more_contact_and_less_gap_than_loading(cycle):
 
 
 def test_two_unloadings_share_the_loading_curve(cycle):
-    one = load_cycle(GAP, HALF_SPACE, loading=LOADING, hardness=H, unload_from=PEAKS[:1], unloading=UNLOADING, rtol=RTOL)
+    one = load_cycle(
+        GAP, HALF_SPACE, loading=LOADING, hardness=H, unload_from=PEAKS[:1], unloading=UNLOADING, rtol=RTOL
+    )
     for s in one:
         assert np.array_equal(s.contact.pressure, state(cycle, s.pressure, s.unloaded_from).pressure)
     assert sum(s.branch == "loading" for s in cycle) == len(LOADING)
@@ -131,7 +133,9 @@ def test_without_hardness_unloading_is_loading():
 
 
 def test_unloading_to_nothing_leaves_the_deformed_gap(cycle):
-    states = load_cycle(GAP, HALF_SPACE, loading=[0.2 * H], hardness=H, unload_from=[0.2 * H], unloading=[0.0], rtol=RTOL)
+    states = load_cycle(
+        GAP, HALF_SPACE, loading=[0.2 * H], hardness=H, unload_from=[0.2 * H], unloading=[0.0], rtol=RTOL
+    )
     deformed = GAP + states[0].contact.plastic_deformation
     assert_allclose(states[1].contact.gap, deformed - deformed.min(), rtol=0, atol=1e-15)
     assert np.array_equal(states[1].contact.plastic_deformation, states[0].contact.plastic_deformation)
@@ -179,28 +183,31 @@ def test_programme_is_ordered(loading, peaks, unloading):
     assert len(steps) == len(up) + len(peaks) * (len(unloading) if peaks else 0)
 
 
-@pytest.mark.parametrize(("change", "word"), [
-    ({"loading": []}, "loading"),
-    ({"loading": [2e8, 1e8]}, "rising"),
-    ({"loading": [1e8, 1e8]}, "rising"),
-    ({"loading": [-1e8]}, "loading"),
-    ({"loading": [np.nan]}, "loading"),
-    ({"loading": [np.inf]}, "loading"),
-    ({"loading": 1e8}, "loading"),
-    ({"loading": ["1 MPa"]}, "loading"),
-    ({"loading": [1e8, 5e9]}, "hardness"),
-    ({"unload_from": [5e9], "unloading": [1e8]}, "hardness"),
-    ({"unload_from": [-1.0], "unloading": [1e8]}, "unload_from"),
-    ({"unload_from": [1e8]}, "unloading"),
-    ({"unload_from": [1e8], "unloading": [2e8]}, "unloading"),
-    ({"unloading": [1e7]}, "unload_from"),
-    ({"unload_from": [1e8], "unloading": [-1e7]}, "unloading"),
-    ({"hardness": -1.0}, "hardness"),
-    ({"hardness": np.full((3, 3), H)}, "hardness"),
-    ({"rtol": 0.0}, "rtol"),
-    ({"gap0": np.full(SHAPE, np.nan)}, "gap0"),
-    ({"gap0": np.zeros((3, 3))}, "gap0"),
-])
+@pytest.mark.parametrize(
+    ("change", "word"),
+    [
+        ({"loading": []}, "loading"),
+        ({"loading": [2e8, 1e8]}, "rising"),
+        ({"loading": [1e8, 1e8]}, "rising"),
+        ({"loading": [-1e8]}, "loading"),
+        ({"loading": [np.nan]}, "loading"),
+        ({"loading": [np.inf]}, "loading"),
+        ({"loading": 1e8}, "loading"),
+        ({"loading": ["1 MPa"]}, "loading"),
+        ({"loading": [1e8, 5e9]}, "hardness"),
+        ({"unload_from": [5e9], "unloading": [1e8]}, "hardness"),
+        ({"unload_from": [-1.0], "unloading": [1e8]}, "unload_from"),
+        ({"unload_from": [1e8]}, "unloading"),
+        ({"unload_from": [1e8], "unloading": [2e8]}, "unloading"),
+        ({"unloading": [1e7]}, "unload_from"),
+        ({"unload_from": [1e8], "unloading": [-1e7]}, "unloading"),
+        ({"hardness": -1.0}, "hardness"),
+        ({"hardness": np.full((3, 3), H)}, "hardness"),
+        ({"rtol": 0.0}, "rtol"),
+        ({"gap0": np.full(SHAPE, np.nan)}, "gap0"),
+        ({"gap0": np.zeros((3, 3))}, "gap0"),
+    ],
+)
 def test_bad_programmes_are_refused_before_anything_is_solved(change, word, monkeypatch):
     def unwanted(*args, **kwargs):
         raise AssertionError("solved")

@@ -227,9 +227,7 @@ def test_corners_connect_in_the_value_and_not_in_the_lower_bound():
     f = flow(mesh, k, bounds=True)
     assert f.percolates
     assert f.lower == 0.0
-    assert_allclose(
-        [f.conductance, f.upper], 5 / 16, rtol=1e-12
-    )  # by hand, with the two free nodes at 7/8 and 1/8
+    assert_allclose([f.conductance, f.upper], 5 / 16, rtol=1e-12)  # by hand, with the two free nodes at 7/8 and 1/8
 
 
 def test_elements_closed_along_one_axis():
@@ -285,31 +283,23 @@ def test_flows_that_do_not_balance_are_refused(monkeypatch):
         return replace(solution, x=solution.x * 1.001)
 
     monkeypatch.setattr(darcy, "solve_spd", careless)
-    with pytest.raises(
-        NotConverged, match=r"^flow: inlet and outlet differ by .* of the flow, allowed is 1e-05"
-    ):
+    with pytest.raises(NotConverged, match=r"^flow: inlet and outlet differ by .* of the flow, allowed is 1e-05"):
         flow(rectangle(MeshTri, 3, 3), 1.0)
 
 
 def test_bad_meshes_and_ends():
     mesh = rectangle(MeshQuad, 2, 2)
     ends = mesh.boundaries["in"], mesh.boundaries["out"]
-    with pytest.raises(
-        InputError, match=r"^mesh: given a MeshTet1, allowed is one of MeshTri1, MeshQuad1, MeshTri2"
-    ):
+    with pytest.raises(InputError, match=r"^mesh: given a MeshTet1, allowed is one of MeshTri1, MeshQuad1, MeshTri2"):
         darcy_conductance(MeshTet(), 1.0, [0], [1])
     with pytest.raises(InputError, match=r"^mesh: given a MeshLine1"):
         darcy_conductance(MeshLine(), 1.0, [0], [1])
-    with pytest.raises(
-        InputError, match=r"^bounds: given a curved mesh, MeshQuad2, allowed is a straight mesh"
-    ):
+    with pytest.raises(InputError, match=r"^bounds: given a curved mesh, MeshQuad2, allowed is a straight mesh"):
         flow(quarter_ring(MeshQuad, 2, curved=True), 1.0, bounds=True)
     with pytest.raises(InputError, match=r"^inlet: given no facets"):
         darcy_conductance(mesh, 1.0, [], ends[1])
     inside = np.setdiff1d(np.arange(mesh.nfacets), mesh.boundary_facets())[:1]
-    with pytest.raises(
-        InputError, match=r"^outlet: given facets inside the mesh, allowed is facets of its boundary"
-    ):
+    with pytest.raises(InputError, match=r"^outlet: given facets inside the mesh, allowed is facets of its boundary"):
         darcy_conductance(mesh, 1.0, ends[0], inside)
     with pytest.raises(InputError, match=r"^inlet and outlet: they touch"):
         darcy_conductance(mesh, 1.0, ends[0], np.setdiff1d(mesh.boundary_facets(), ends[0]))

@@ -30,11 +30,7 @@ def test_spectrum_is_the_target_in_every_realisation(cut_off):
     roll_off, hurst = 3e-4, 0.7
     surface = face(roll_off=roll_off, hurst=hurst, cut_off=cut_off)
     shares = np.abs(np.fft.fft2(surface.heights)) ** 2
-    q = (
-        2
-        * np.pi
-        * np.hypot(*np.meshgrid(*map(np.fft.fftfreq, surface.shape, surface.spacing), indexing="ij"))
-    )
+    q = 2 * np.pi * np.hypot(*np.meshgrid(*map(np.fft.fftfreq, surface.shape, surface.spacing), indexing="ij"))
     last = 2 * np.pi / (cut_off or 8 * max(surface.spacing))
     inside = (q > 0) & (q < last * (1 - 1e-6))
     target = np.maximum(q[inside] / (2 * np.pi / roll_off), 1) ** (-2 - 2 * hurst)

@@ -49,7 +49,9 @@ def test_free_centre_of_a_uniform_square():
     assert_allclose(u[n // 2, n // 2], 8 * (n * d / 2) / (np.pi * E) * np.log(1 + np.sqrt(2)), rtol=1e-13)
 
 
-@pytest.mark.parametrize("boundary", [("free", "periodic"), ("free", "mirror"), ("periodic", "free"), ("mirror", "free")])
+@pytest.mark.parametrize(
+    "boundary", [("free", "periodic"), ("free", "mirror"), ("periodic", "free"), ("mirror", "free")]
+)
 def test_strip_under_uniform_lines_is_plane_strain(boundary):
     # −(2/πE*) p ∫ ln|x − s| ds, up to a constant. Johnson 1985, eq. 2.24
     n, d = 40, 2e-6
@@ -83,9 +85,7 @@ def test_symmetric_and_positive(boundary):
     half_space = HalfSpace((11, 8), (1e-6, 2.5e-6), E, boundary)
     rng = np.random.default_rng(3)
     p, q = rng.standard_normal((2, 11, 8))
-    assert_allclose(
-        np.sum(q * half_space.displacement(p)), np.sum(p * half_space.displacement(q)), rtol=1e-12
-    )
+    assert_allclose(np.sum(q * half_space.displacement(p)), np.sum(p * half_space.displacement(q)), rtol=1e-12)
     eigenvalues = np.linalg.eigvalsh(applied(half_space) - (0 if boundary.count("free") != 1 else 0))
     zero_sum = np.eye(88) - 1 / 88
     restricted = np.linalg.eigvalsh(zero_sum @ applied(half_space) @ zero_sum)
@@ -95,13 +95,16 @@ def test_symmetric_and_positive(boundary):
         assert eigenvalues.min() > 0
 
 
-@pytest.mark.parametrize(("mirror", "periodic", "axes"), [
-    (("mirror", "periodic"), ("periodic", "periodic"), (0,)),
-    (("periodic", "mirror"), ("periodic", "periodic"), (1,)),
-    (("mirror", "mirror"), ("periodic", "periodic"), (0, 1)),
-    (("free", "mirror"), ("free", "periodic"), (1,)),
-    (("mirror", "free"), ("periodic", "free"), (0,)),
-])
+@pytest.mark.parametrize(
+    ("mirror", "periodic", "axes"),
+    [
+        (("mirror", "periodic"), ("periodic", "periodic"), (0,)),
+        (("periodic", "mirror"), ("periodic", "periodic"), (1,)),
+        (("mirror", "mirror"), ("periodic", "periodic"), (0, 1)),
+        (("free", "mirror"), ("free", "periodic"), (1,)),
+        (("mirror", "free"), ("periodic", "free"), (0,)),
+    ],
+)
 def test_mirror_is_the_even_extension(mirror, periodic, axes):
     p = np.random.default_rng(4).random((9, 14))
     whole = p
@@ -212,31 +215,34 @@ def test_one_word_stands_for_both_axes():
     assert HalfSpace((4, 4), (1, 1), 1, "free").boundary == ("free", "free")  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize(("change", "words"), [
-    ({"shape": (0, 4)}, ["shape", "(0, 4)", ">= 1"]),
-    ({"shape": (4.5, 4)}, ["shape", "4.5"]),
-    ({"shape": 4}, ["shape", "4", "two"]),
-    ({"shape": (4, 4, 4)}, ["shape", "two"]),
-    ({"spacing": 1e-6}, ["spacing", "two"]),
-    ({"spacing": (1e-6, -1e-6)}, ["spacing", "> 0"]),
-    ({"spacing": (1e-6, np.nan)}, ["spacing", "nan"]),
-    ({"spacing": (np.inf, 1e-6)}, ["spacing", "inf"]),
-    ({"modulus": 0.0}, ["modulus", "0.0", "[Pa]"]),
-    ({"modulus": np.nan}, ["modulus", "nan"]),
-    ({"modulus": np.inf}, ["modulus", "inf"]),
-    ({"boundary": ("free", "closed")}, ["boundary", "closed", "periodic, mirror, free"]),
-    ({"boundary": "open"}, ["boundary", "open"]),
-    ({"boundary": ("free",)}, ["boundary", "each axis"]),
-    ({"longest_wave": -1.0}, ["longest_wave", "-1.0"]),
-    ({"longest_wave": np.nan}, ["longest_wave", "nan"]),
-    ({"longest_wave": 1.0, "boundary": ("free", "mirror")}, ["longest_wave", "free"]),
-    ({"shape": (np.nan, 4)}, ["shape", "nan"]),
-    ({"shape": ("a", 4)}, ["shape", "a"]),
-    ({"spacing": ("1 um", 1e-6)}, ["spacing", "1 um"]),
-    ({"modulus": "115 GPa"}, ["modulus", "115 GPa"]),
-    ({"modulus": None}, ["modulus", "None"]),
-    ({"longest_wave": "1 mm"}, ["longest_wave", "1 mm"]),
-])
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"shape": (0, 4)}, ["shape", "(0, 4)", ">= 1"]),
+        ({"shape": (4.5, 4)}, ["shape", "4.5"]),
+        ({"shape": 4}, ["shape", "4", "two"]),
+        ({"shape": (4, 4, 4)}, ["shape", "two"]),
+        ({"spacing": 1e-6}, ["spacing", "two"]),
+        ({"spacing": (1e-6, -1e-6)}, ["spacing", "> 0"]),
+        ({"spacing": (1e-6, np.nan)}, ["spacing", "nan"]),
+        ({"spacing": (np.inf, 1e-6)}, ["spacing", "inf"]),
+        ({"modulus": 0.0}, ["modulus", "0.0", "[Pa]"]),
+        ({"modulus": np.nan}, ["modulus", "nan"]),
+        ({"modulus": np.inf}, ["modulus", "inf"]),
+        ({"boundary": ("free", "closed")}, ["boundary", "closed", "periodic, mirror, free"]),
+        ({"boundary": "open"}, ["boundary", "open"]),
+        ({"boundary": ("free",)}, ["boundary", "each axis"]),
+        ({"longest_wave": -1.0}, ["longest_wave", "-1.0"]),
+        ({"longest_wave": np.nan}, ["longest_wave", "nan"]),
+        ({"longest_wave": 1.0, "boundary": ("free", "mirror")}, ["longest_wave", "free"]),
+        ({"shape": (np.nan, 4)}, ["shape", "nan"]),
+        ({"shape": ("a", 4)}, ["shape", "a"]),
+        ({"spacing": ("1 um", 1e-6)}, ["spacing", "1 um"]),
+        ({"modulus": "115 GPa"}, ["modulus", "115 GPa"]),
+        ({"modulus": None}, ["modulus", "None"]),
+        ({"longest_wave": "1 mm"}, ["longest_wave", "1 mm"]),
+    ],
+)
 def test_bad_input_is_named(change, words):
     given = {"shape": (4, 4), "spacing": (1e-6, 1e-6), "modulus": E, "boundary": ("periodic", "periodic")} | change
     with pytest.raises(InputError) as caught:

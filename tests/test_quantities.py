@@ -72,8 +72,7 @@ def test_the_message_shows_what_would_do():
     with pytest.raises(InputError) as error:
         to_si("5 mm", "Pa", "solid.young")
     assert str(error.value) == (
-        "solid.young: given '5 mm', allowed is text with a number and a unit of the kind 'Pa', "
-        "such as '210 GPa'"
+        "solid.young: given '5 mm', allowed is text with a number and a unit of the kind 'Pa', such as '210 GPa'"
     )
 
 

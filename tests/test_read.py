@@ -125,9 +125,7 @@ def test_text_header_with_sides_and_unit(tmp_path):
     text = "# Channel: height\n# Width: 9 um\n# Height: 4 µm\n# Value units: nm\n1 2 3\n4 5 6\n"
     path = write(tmp_path, "face.txt", text)
     same(read_topography(path), np.arange(1, 7).reshape(2, 3) * 1e-9)
-    same(
-        read_topography(path, spacing=(1, 1), height_unit="um"), np.arange(1, 7).reshape(2, 3) * 1e-6, (1, 1)
-    )
+    same(read_topography(path, spacing=(1, 1), height_unit="um"), np.arange(1, 7).reshape(2, 3) * 1e-6, (1, 1))
     with pytest.raises(InputError, match="a header with width: given '9 apples'"):
         read_topography(write(tmp_path, "face.txt", text.replace("9 um", "9 apples")))
 
@@ -211,9 +209,7 @@ def test_sdf_written_by_hand_in_micrometres_is_refused_and_corrected(tmp_path):
     path = write(tmp_path, "face.sdf", text)
     with pytest.raises(InputError, match=r"given a size of 6 m × 6 m, allowed is 1 nm to 1 m; .* pass size="):
         read_topography(path)
-    with pytest.raises(
-        InputError, match=r"given Sq = 1\.972 m, allowed is at most 10 mm; .* pass height_unit="
-    ):
+    with pytest.raises(InputError, match=r"given Sq = 1\.972 m, allowed is at most 10 mm; .* pass height_unit="):
         read_topography(path, spacing=PIXEL)
     corrected = read_topography(path, spacing=PIXEL, height_unit="um")
     same(corrected, np.array([[1.0, 4.0], [2.0, 5.0], [3.0, 7.0]]) * 1e-6)
@@ -265,9 +261,7 @@ def test_no_file(tmp_path):
 def test_missing_or_doubled_size(tmp_path):
     path = tmp_path / "face.npy"
     np.save(path, Z)
-    with pytest.raises(
-        InputError, match=r"no pixel size in the file \(2 × 3 points\), allowed is spacing= or size="
-    ):
+    with pytest.raises(InputError, match=r"no pixel size in the file \(2 × 3 points\), allowed is spacing= or size="):
         read_topography(path)
     with pytest.raises(InputError, match="size, spacing: given both, allowed is one of the two"):
         read_topography(path, size=(1, 1), spacing=PIXEL)

@@ -86,7 +86,9 @@ class TestResponse:
 
     def test_load_and_memory(self):
         steps = load_programme((1e8, 6e8), (6e8,), (6e8 - 1, 1e8))
-        history = respond(self.gap0, [s.pressure for s in steps], steps, self.half_space, hardness=H, rigid_at_zero=True)
+        history = respond(
+            self.gap0, [s.pressure for s in steps], steps, self.half_space, hardness=H, rigid_at_zero=True
+        )
         assert_allclose(history.pressure.mean(axis=(1, 2)), [1e8, 6e8, 6e8 - 1, 1e8], rtol=1e-5)
         # just below the peak nothing has changed; at the loading pressure the unloaded window is tighter
         assert_allclose(history.gap[2], history.gap[1], atol=2e-12)

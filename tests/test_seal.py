@@ -114,9 +114,7 @@ def test_stripes_of_links():
 
 
 def test_links_across_do_not_matter_where_nothing_flows_across():
-    assert_allclose(
-        STRIP.flow((1e-18, 1e-25)).conductance, STRIP.flow((1e-18, 1e-12)).conductance, rtol=1e-12
-    )
+    assert_allclose(STRIP.flow((1e-18, 1e-25)).conductance, STRIP.flow((1e-18, 1e-12)).conductance, rtol=1e-12)
 
 
 @pytest.mark.parametrize("seal", [STRIP, AnnularSeal(1e-3, 2e-3, (6, 10))])
@@ -206,9 +204,7 @@ def test_reversed_pressures_reverse_the_leakage(seal, fluid):
 
 def test_gas_and_liquid():
     """The same conductance; mass rate M(p_i² − p_o²)/(2RTη)·C; the pressure squared falls linearly."""
-    gas, liquid = (
-        seal_leakage(STRIP, 1e-18, f, inlet_pressure=4e5, outlet_pressure=1e5) for f in (AIR, WATER)
-    )
+    gas, liquid = (seal_leakage(STRIP, 1e-18, f, inlet_pressure=4e5, outlet_pressure=1e5) for f in (AIR, WATER))
     assert gas.conductance == liquid.conductance
     mean_density = 2.5e5 * 0.029 / (8.31446261815324 * 293.0)
     assert_allclose(gas.mass_rate, gas.conductance * mean_density / 18e-6 * 3e5, rtol=1e-12)
@@ -302,9 +298,7 @@ def test_the_centre_of_a_curved_eight_node_cell(tmp_path):
     x, y = MeshSeal(tmp_path / "curved.msh", "left", "right").mesh.doflocs
     assert x.size == 25
     assert_allclose(np.rint(4 * (y - 0.3 * x**2)) / 4, y - 0.3 * x**2, atol=1e-12)
-    with pytest.raises(
-        InputError, match=r"^bounds: given a curved mesh, MeshQuad2, allowed is a straight mesh"
-    ):
+    with pytest.raises(InputError, match=r"^bounds: given a curved mesh, MeshQuad2, allowed is a straight mesh"):
         leak(seal=MeshSeal(tmp_path / "curved.msh", "left", "right"), bounds=True)
 
 
@@ -434,9 +428,7 @@ def test_bad_permeability(k, message):
 
 def test_bad_permeability_on_a_mesh():
     seal = MeshSeal(RING, "inlet", "outlet")
-    with pytest.raises(
-        InputError, match=r"^permeability: given shape \(5,\), allowed is a number, or shape \(768,\)"
-    ):
+    with pytest.raises(InputError, match=r"^permeability: given shape \(5,\), allowed is a number, or shape \(768,\)"):
         leak(np.ones(5), seal)
 
 
@@ -495,9 +487,7 @@ def test_bad_mesh_files(tmp_path):
         write(meshio.Mesh(corners, [quad, triangles])),
         "with triangle and quad, allowed is a mesh with cells of",
     )
-    refused(
-        write(meshio.Mesh(np.add(corners, [[0, 0, 1]] + 5 * [[0, 0, 0]]), [quad])), "with varying z, allowed"
-    )
+    refused(write(meshio.Mesh(np.add(corners, [[0, 0, 1]] + 5 * [[0, 0, 0]]), [quad])), "with varying z, allowed")
     refused(write(meshio.Mesh(corners, [quad])), "^inlet: given 'inlet', .*the mesh: none$")
 
 
@@ -510,11 +500,9 @@ def test_bad_ready_meshes():
     with pytest.raises(InputError, match=r"^inlet and outlet: not connected by the mesh"):
         MeshSeal(apart, "a", "b")
     tangled = MeshQuad(x[:, :4] * [[3], [1]], np.array([[0, 1, 3, 2]]).T).with_boundaries(ends)
-    flat = MeshTri(
-        np.array([[0, 3, 3, 1.5], [0, 0, 1, -1e-14]]), np.array([[0, 1, 2], [0, 3, 1]]).T
-    ).with_boundaries(ends)
+    flat = MeshTri(np.array([[0, 3, 3, 1.5], [0, 0, 1, -1e-14]]), np.array([[0, 1, 2], [0, 3, 1]]).T).with_boundaries(
+        ends
+    )
     for mesh, element in ((tangled, 0), (flat, 1)):
-        with pytest.raises(
-            InputError, match=rf"^path: given a mesh whose element {element} is degenerate or tangled"
-        ):
+        with pytest.raises(InputError, match=rf"^path: given a mesh whose element {element} is degenerate or tangled"):
             MeshSeal(mesh, "a", "b")

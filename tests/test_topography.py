@@ -237,9 +237,7 @@ def test_low_pass_refuses_bad_wavelengths(wavelength):
 @pytest.mark.parametrize("new", [(48, 33), (17, 14), (60, 13), (18, 40), (24, 20)])
 def test_resample_is_exact_on_waves(periodic, shape, new):
     k = (3, 5)
-    assert_allclose(
-        wave(shape, k, periodic).resample(new).heights, wave(new, k, periodic).heights, atol=1e-12
-    )
+    assert_allclose(wave(shape, k, periodic).resample(new).heights, wave(new, k, periodic).heights, atol=1e-12)
 
 
 @pytest.mark.parametrize("periodic", PERIODS)
@@ -419,9 +417,7 @@ def test_condition_on_another_grid():
 
 
 def test_condition_refuses_waves_the_grid_does_not_resolve():
-    with pytest.raises(
-        InputError, match=r"shortest_wavelength: given 0.0001, .* 8 pixels = 0.00025 m"
-    ) as error:
+    with pytest.raises(InputError, match=r"shortest_wavelength: given 0.0001, .* 8 pixels = 0.00025 m") as error:
         condition(measured(), shortest_wavelength=1e-4)
     assert "shape=(240, 160)" in str(error.value)
     assert condition(measured(), shortest_wavelength=1e-4, shape=(240, 160))[0].shape == (240, 160)

@@ -30,7 +30,7 @@ class LoadStep:
 
     @property
     def branch(self) -> str:
-        """"loading" or "unloading"."""
+        """ "loading" or "unloading"."""
         return "loading" if self.unloaded_from is None else "unloading"
 
     @property

@@ -91,8 +91,8 @@ def strip_symbol(n_free: int, d_free: float, q: Array, d_other: float, modulus: 
     """One free axis of pixels d_free, the other periodic or mirrored with wave numbers q: (padded length, q.size).
 
     A wave q along the other axis decays as (2/πE*) K₀(|q||x|) across it; q = 0 is the plane-strain logarithm, whose
-    constant is arbitrary. Pressure is constant on each pixel, so every q brings its aliases q + 2πm/Δ: the sum is Love's
-    solution summed over all periodic images, to rounding. Aliases decay exponentially with the distance; their part
+    constant is arbitrary. Pressure is constant on each pixel, so every q brings its aliases q + 2πm/Δ: the sum is
+    Love's solution summed over all periodic images, to rounding. Aliases decay exponentially with the distance; their part
     at zero distance is an alternating series with a closed form.
     """
     x = _wrapped_offsets(n_free) * d_free
@@ -149,4 +149,3 @@ def stiffness_stencil(spacing: tuple[float, float], modulus: float, radius: int 
         stencil[:] = 0
         stencil[radius, radius] = diagonal
     return np.ascontiguousarray(stencil)
-

@@ -29,7 +29,9 @@ def root_of_load(p, v, c, hardness, hs, load, start, work):
     if reach == 0.0:
         reach = load / n
     top = start + 2.0 * reach / c
-    low = -np.inf
+    low = np.inf  # below every point: no load
+    for i in range(n):
+        low = min(low, v[i] - p[i] / c)
     k = 0
     while True:  # raise the bracket's top until the load there is enough
         shift = c * top
@@ -53,7 +55,7 @@ def root_of_load(p, v, c, hardness, hs, load, start, work):
         low = top
         reach *= 4.0
         top += reach / c
-    d = min(max(start, low), top) if low > -np.inf else min(start, top)
+    d = min(max(start, low), top)
     for _ in range(200):
         total = 0.0
         slope = 0
@@ -73,17 +75,9 @@ def root_of_load(p, v, c, hardness, hs, load, start, work):
             low = d
         if abs(excess) <= 1e-14 * load:
             break
-        if slope > 0:
-            new = d - excess / (c * slope)
-        elif low > -np.inf:
+        new = d - excess / (c * slope) if slope > 0 else low
+        if new <= low or new >= top:
             new = 0.5 * (low + top)
-        else:
-            new = d - reach / c
-        if low > -np.inf:
-            if new <= low or new >= top:
-                new = 0.5 * (low + top)
-        elif new >= top:
-            new = top - reach / c
         if new == d:
             break
         d = new
@@ -116,9 +110,11 @@ def count_changes(p, v, c, hardness, hs, delta, state):
 
 
 @njit(**_exact)
-def project(p, v, c, hardness, hs, delta, state, free):
+def project(p, v, c, hardness, hs, load, delta, state, free):
     """p = clip(p − c(v − δ), 0, H); set the states and the list of free points; returns their number."""
     k = 0
+    left = load
+    total = 0.0
     for i in range(p.size):
         y = p[i] - c * (v[i] - delta)
         if y <= 0.0:
@@ -127,11 +123,18 @@ def project(p, v, c, hardness, hs, delta, state, free):
         elif y >= hardness[i * hs]:
             state[i] = 2
             p[i] = hardness[i * hs]
+            left -= p[i]
         else:
             state[i] = 1
             p[i] = y
+            total += y
             free[k] = i
             k += 1
+    if k > 0 and left > 0.0:
+        factor = left / total
+        if 0.5 < factor < 2.0:
+            for j in range(k):
+                p[free[j]] = min(p[free[j]] * factor, hardness[free[j] * hs])
     return k
 
 

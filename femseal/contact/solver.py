@@ -94,8 +94,8 @@ def solve_contact(
     Notes
     -----
     Inexact semismooth Newton on the contact and plastic sets, as in gradient-projection conjugate gradients
-    (Moré & Toraldo, SIAM J. Optim. 1, 1991, 93; Polonsky & Keer, Wear 231, 1999, 206). There is no proof of convergence,
-    so the residual is computed anew from the returned pressure.
+    (Moré & Toraldo, SIAM J. Optim. 1, 1991, 93; Polonsky & Keer, Wear 231, 1999, 206). There is no proof of
+    convergence, so the residual is computed anew from the returned pressure.
     """
     gap0, bounds = _validated(gap0, half_space, pressure, hardness, rtol)
     offset = float(gap0.mean())
@@ -259,11 +259,12 @@ class _Grid:
             if changed or converged or n_free < 2:
                 loops.clear(free, n_free, d)
                 loops.clear(free, n_free, dense)
-                n_free = loops.project(p, v, c, H, hs, delta, state, free)
+                n_free = loops.project(p, v, c, H, hs, load, delta, state, free)
                 loops.add_gap(conv.apply(conv.pressure).ravel(), h1, v)
                 fresh = True
                 now = float(loops.energy(p, v, h1))
-                damping = max(damping / 2, 1e-3) if now > last_energy + 1e-13 * abs(last_energy) else min(1.0, 1.25 * damping)
+                rose = now > last_energy + 1e-13 * abs(last_energy)
+                damping = max(damping / 2, 1e-3) if rose else min(1.0, 1.25 * damping)
                 last_energy = now
                 if n_free < 2:
                     continue
@@ -298,6 +299,10 @@ class _Grid:
             c = max(c_min, min(c0, 2 * damping * largest))
         loops.clear(free, n_free, d)
         loops.clear(free, n_free, dense)
+        if strict and not abs(float(p.sum()) - load) <= 1e-9 * load:
+            raise NotConverged(
+                f"contact: the load is {p.sum() / load:.6g} of what was asked for; try another grid", residual
+            )
         if strict and not residual <= rtol:
             raise NotConverged(
                 f"contact: residual {residual:.1e} after {limit} iterations, wanted {rtol:.1e}; "

@@ -111,9 +111,7 @@ def darcy_conductance(
         names = ", ".join(t.__name__ for t in _KINDS)
         raise InputError.of("mesh", f"a {type(mesh).__name__}", f"one of {names}")
     if bounds and kind.flux_element is None:
-        raise InputError.of(
-            "bounds", f"a curved mesh, {type(mesh).__name__}", "a straight mesh (first-order elements)"
-        )
+        raise InputError.of("bounds", f"a curved mesh, {type(mesh).__name__}", "a straight mesh (first-order elements)")
     ends = _ends(mesh, inlet, outlet)
     tensor = permeability_tensors(permeability, mesh.nelements)
     scale = float(np.abs(tensor).max()) or 1.0
@@ -180,9 +178,7 @@ def permeability_tensors(permeability: ArrayLike, elements: int) -> Array:
     size = np.abs(k).max(axis=(1, 2))
     skew = np.flatnonzero(np.abs(k[:, 0, 1] - k[:, 1, 0]) > 1e-9 * size)
     if skew.size:
-        raise InputError.of(
-            "permeability", f"a tensor that is not symmetric in element {skew[0]}", "symmetric tensors"
-        )
+        raise InputError.of("permeability", f"a tensor that is not symmetric in element {skew[0]}", "symmetric tensors")
     k = (k + k.transpose(0, 2, 1)) / 2
     negative = np.flatnonzero(np.linalg.eigvalsh(k)[:, 0] < -1e-12 * size)
     if negative.size:
@@ -299,9 +295,7 @@ def _flux_conductance(
     schur = inverse - column[:, :, None] * column[:, None, :] / column.sum(axis=1)[:, None, None]
     n = facets.shape[1]
     rows, cols = np.repeat(facets, n, axis=1), np.tile(facets, (1, n))
-    matrix = sp.coo_array(
-        (schur.ravel(), (rows.ravel(), cols.ravel())), shape=(mesh.nfacets, mesh.nfacets)
-    ).tocsr()
+    matrix = sp.coo_array((schur.ravel(), (rows.ravel(), cols.ravel())), shape=(mesh.nfacets, mesh.nfacets)).tocsr()
     inlet, outlet = (_open_facets(mesh, f, carrying) for f in ends)
     lam = np.zeros(mesh.nfacets)
     lam[inlet] = 1.0

@@ -59,9 +59,7 @@ def link_pattern(n1: int, n2: int, periodic: bool) -> LinkPattern:
     product = sp.csr_array((values[inside], (entry, links[inside])), shape=(key.size, n_links))
     key_row, key_col = key % n, key // n
     indptr = np.searchsorted(key_col, np.arange(n + 1)).astype(np.int32)
-    return LinkPattern(
-        (n1, n2), key_row.astype(np.int32), indptr, np.flatnonzero(key_row == key_col), product
-    )
+    return LinkPattern((n1, n2), key_row.astype(np.int32), indptr, np.flatnonzero(key_row == key_col), product)
 
 
 def assemble_links(n1: int, n2: int, periodic: bool) -> tuple[Indices, Indices, Indices, Array]:

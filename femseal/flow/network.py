@@ -1,7 +1,7 @@
 """Flow through a network of links between a given inlet and outlet: the one operator of both scales.
 
-Nodes form n1 + 1 rows of n2; row 0 is the inlet at potential 1, row n1 the outlet at 0. Links along x1 have conductances
-c1 (n1, n2), links along x2 c2 (n1 − 1, n2), or (n1 − 1, n2 − 1) between closed sides. Closed links carry nothing, and
+Nodes form n1 + 1 rows of n2; row 0 is the inlet at potential 1, row n1 the outlet at 0. Links along x1 have the
+conductances c1 (n1, n2), links along x2 c2 (n1 − 1, n2), or (n1 − 1, n2 − 1) between closed sides. Closed links carry nothing, and
 without an open path the flow is exactly 0.
 """
 
@@ -21,7 +21,7 @@ from .mesh import LinkPattern, link_pattern
 Array = NDArray[np.float64]
 #: Inlet and outlet flow may differ by this share before the solution is refused.
 MAX_IMBALANCE = 1e-5
-#: Unknowns up to which the network is eliminated directly (about 4 GB at the limit, most of it to plan the order); above, AMG.
+#: Unknowns up to which the network is eliminated directly (about 4 GB at the limit); above, AMG.
 DIRECT_UNKNOWNS = 2_000_000
 METHODS = ("auto", "direct", "amg")
 

@@ -239,11 +239,11 @@ def build_ladder_library(
     )
 
 
-def _ladder_cell(window: Array, *, ladder: Ladder, half_space: HalfSpace, hardness: float, rtol: float) -> dict[str, Any]:
+def _ladder_cell(
+    window: Array, *, ladder: Ladder, half_space: HalfSpace, hardness: float, rtol: float
+) -> dict[str, Any]:
     pressures = [s.pressure for s in ladder.steps]
-    history = respond(
-        window, pressures, ladder.steps, half_space, hardness=hardness, rigid_at_zero=False, rtol=rtol
-    )
+    history = respond(window, pressures, ladder.steps, half_space, hardness=hardness, rigid_at_zero=False, rtol=rtol)
     separated = np.maximum(window[None] + np.array(ladder.separations)[:, None, None], 0.0)
     flows = [flow_history(gaps, half_space.spacing, axis) for gaps in (history.gap, separated) for axis in (0, 1)]
     return {
@@ -281,9 +281,7 @@ def build_placed_library(
     """
     tables, records, counts, failures = [], [], {"solved": 0, "closed": 0, "open": 0}, []
     for axis in (0, 1):
-        task = partial(
-            _placed_cell, axis=axis, steps=tuple(steps), half_space=half_space, hardness=hardness, rtol=rtol
-        )
+        task = partial(_placed_cell, axis=axis, steps=tuple(steps), half_space=half_space, hardness=hardness, rtol=rtol)
         cells = list(map(task, gaps[axis], pressures[axis]))
         k = np.array([c["k"] for c in cells]).reshape(rows[axis], -1, len(steps))
         # a cell that failed anywhere is replaced by the next one of its row

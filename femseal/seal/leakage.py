@@ -24,15 +24,9 @@ class Leakage:
     per_length: float = field(metadata={"unit": "m^2/s", "long_name": "leakage per length of seal"})
     lower: float = field(metadata={"unit": "m^3/s", "long_name": "lower bound of the leakage"})
     upper: float = field(metadata={"unit": "m^3/s", "long_name": "upper bound of the leakage"})
-    fluid_pressure: Array = field(
-        metadata={"unit": "Pa", "long_name": "fluid pressure at the nodes"}, repr=False
-    )
-    conductance: float = field(
-        metadata={"unit": "m^3", "long_name": "mass leakage for a unit drop of potential"}
-    )
-    iterations: int = field(
-        metadata={"unit": "1", "long_name": "iterations of the linear solver, 0 if direct"}
-    )
+    fluid_pressure: Array = field(metadata={"unit": "Pa", "long_name": "fluid pressure at the nodes"}, repr=False)
+    conductance: float = field(metadata={"unit": "m^3", "long_name": "mass leakage for a unit drop of potential"})
+    iterations: int = field(metadata={"unit": "1", "long_name": "iterations of the linear solver, 0 if direct"})
     residual: float = field(metadata={"unit": "1", "long_name": "residual of the linear solver"})
     imbalance: float = field(metadata={"unit": "1", "long_name": "difference of inlet and outlet flow"})
     percolates: bool = field(metadata={"unit": "1", "long_name": "an open path from inlet to outlet"})

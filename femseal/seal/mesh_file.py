@@ -47,9 +47,7 @@ def read_mesh(path: str | PathLike[str]) -> Mesh:
     present = [kind for kind in _KINDS if kind in data.cells_dict]
     if not present:
         found = ", ".join(data.cells_dict) or "nothing"
-        raise InputError.of(
-            "path", f"'{file}' with {found}", f"a mesh with cells of one kind of {', '.join(_KINDS)}"
-        )
+        raise InputError.of("path", f"'{file}' with {found}", f"a mesh with cells of one kind of {', '.join(_KINDS)}")
     if len(present) > 1:
         raise InputError.of("path", f"'{file}' with {' and '.join(present)}", "a mesh with cells of one kind")
     kind = present[0]

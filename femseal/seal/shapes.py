@@ -181,9 +181,7 @@ class MeshSeal:
         mesh = self.path if isinstance(self.path, Mesh) else read_mesh(self.path)
         object.__setattr__(self, "mesh", mesh)
         if type(mesh) not in (MeshTri1, MeshQuad1, MeshTri2, MeshQuad2):
-            raise InputError.of(
-                "path", f"a {type(mesh).__name__}", "a plane mesh of triangles or quadrilaterals"
-            )
+            raise InputError.of("path", f"a {type(mesh).__name__}", "a plane mesh of triangles or quadrilaterals")
         there = ", ".join(repr(str(name)) for name in mesh.boundaries or {}) or "none"
         for role, name in (("inlet", self.inlet), ("outlet", self.outlet)):
             if name not in (mesh.boundaries or {}):
@@ -222,9 +220,7 @@ def _check_elements(mesh: Mesh) -> None:
     nodes, element = mesh.dofs.element_dofs, mesh.elem()
     # the Jacobian of a bilinear element is extreme at its corners
     points = np.hstack([get_quadrature(mesh.elem.refdom, 4)[0], mesh.elem.refdom.p])
-    slopes = np.stack(
-        [np.broadcast_to(element.lbasis(points, i)[1], points.shape) for i in range(len(nodes))]
-    )
+    slopes = np.stack([np.broadcast_to(element.lbasis(points, i)[1], points.shape) for i in range(len(nodes))])
     jacobian = np.einsum("cne,ndq->eqcd", mesh.doflocs[:, nodes], slopes)
     det = np.linalg.det(jacobian)
     size = np.ptp(mesh.doflocs[:, nodes], axis=1).max(axis=0) ** 2

@@ -11,8 +11,8 @@ from math import atan
 
 import numpy as np
 
-from ..errors import InputError
 from .. import checks
+from ..errors import InputError
 from .form import fit_form
 from .generate import PIXELS_PER_WAVE
 from .spectral import SLACK

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
 
-from ..errors import InputError
 from .. import checks
+from ..errors import InputError
 from .spectral import SLACK
 from .topography import Topography
 

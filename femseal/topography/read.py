@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
+from .. import checks
 from ..errors import InputError
 from ..quantities import to_si, to_text
-from .. import checks
 from .formats import READERS, TEXT, Options, Raw, bad_file, read_instrument
 from .topography import Topography
 
@@ -61,9 +61,7 @@ def read_topography(
     if array is not None and suffix != ".npz":
         raise InputError.of("array", repr(array), f"for .npz files only, not {path.name}")
     if delimiter is not None and suffix not in TEXT:
-        raise InputError.of(
-            "delimiter", repr(delimiter), f"for {', '.join(TEXT)} files only, not {path.name}"
-        )
+        raise InputError.of("delimiter", repr(delimiter), f"for {', '.join(TEXT)} files only, not {path.name}")
     if channel != 0 and suffix in (".npy", ".npz", *TEXT):
         raise InputError.of("channel", channel, f"for files of instruments only, not {path.name}")
     if size is not None and spacing is not None:
@@ -97,9 +95,7 @@ def _unit_in_file(path: Path, suffix: str, raw: Raw) -> float:
     return raw.height_unit or 1.0
 
 
-def _checked(
-    path: Path, heights: np.ndarray, pixel: tuple[float, float], periodic: tuple[bool, bool]
-) -> Topography:
+def _checked(path: Path, heights: np.ndarray, pixel: tuple[float, float], periodic: tuple[bool, bool]) -> Topography:
     try:
         return Topography(heights, pixel, periodic)
     except InputError as error:
@@ -111,9 +107,7 @@ def _refuse_implausible(path: Path, topography: Topography, check_size: bool, ch
     shortest, longest = _SIZE_LIMITS
     if check_size and not all(shortest <= side <= longest for side in topography.size):
         given = " × ".join(to_text(side, "m") for side in topography.size)
-        raise bad_file(
-            path, f"a size of {given}", "1 nm to 1 m; if it is right, or to correct it, pass size="
-        )
+        raise bad_file(path, f"a size of {given}", "1 nm to 1 m; if it is right, or to correct it, pass size=")
     defined = topography.heights[~np.isnan(topography.heights)]
     if check_heights and defined.size and defined.std() > _RMS_HEIGHT_LIMIT:
         given = f"Sq = {to_text(float(defined.std()), 'm')}"

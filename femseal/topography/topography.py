@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .. import checks
 from ..errors import InputError
 from ..quantities import to_text
-from .. import checks
 from . import spectral
 from .form import fit_form
 from .holes import fill_holes
@@ -194,9 +194,7 @@ class Topography:
         if self.shape != other.shape:
             raise InputError.of("shape of the second face", other.shape, f"that of the first, {self.shape}")
         if not np.allclose(self.spacing, other.spacing, rtol=1e-9, atol=0):
-            raise InputError.of(
-                "spacing of the second face", other.spacing, f"that of the first, {self.spacing}"
-            )
+            raise InputError.of("spacing of the second face", other.spacing, f"that of the first, {self.spacing}")
         periodic = (self.periodic[0] and other.periodic[0], self.periodic[1] and other.periodic[1])
         return Topography(self._defined("a sum") + other._defined("a sum"), self.spacing, periodic)
 
@@ -289,9 +287,7 @@ def _clean(heights: Any) -> NDArray[np.float64]:
             heights = np.ma.filled(heights.astype(np.float64), np.nan)
         z = np.array(heights, dtype=np.float64, order="C")
     except (TypeError, ValueError):
-        raise InputError.of(
-            "heights", f"a {type(heights).__name__} of another kind", "real numbers"
-        ) from None
+        raise InputError.of("heights", f"a {type(heights).__name__} of another kind", "real numbers") from None
     if z.ndim != 2 or z.size == 0:
         raise InputError.of("heights", f"an array of shape {z.shape}", "a non-empty array (n1, n2) [m]")
     if infinite := int(np.isinf(z).sum()):
