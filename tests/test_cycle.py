@@ -1,5 +1,7 @@
 """Load cycle: invariants of loading and unloading with plastic memory, the programme, bad input."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -94,7 +96,7 @@ def test_beyond_the_peak_the_virgin_curve_continues(cycle, peak):
 
 def test_permanent_deformation_grows_with_the_load(cycle):
     left = [state(cycle, p).plastic_deformation for p in LOADING]
-    for a, b in zip(left[:-1], left[1:], strict=True):
+    for a, b in pairwise(left):
         assert np.all(b >= a - 1e-7 * np.ptp(GAP))
         assert b.sum() > a.sum()
 

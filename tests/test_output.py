@@ -309,7 +309,7 @@ def test_names_of_branches():
 def test_pictures_show_something(folder, name):
     image = matplotlib.image.imread(folder / f"{name}.png")[..., :3]
     assert min(image.shape[:2]) > 400
-    assert len(np.unique((image * 15).astype(int).reshape(-1, 3), axis=0)) > 15
+    assert len(np.unique((image[::3, ::3] * 15).astype(int).reshape(-1, 3), axis=0)) > 15
 
 
 def test_leakage_picture_shows_the_numbers(results):
@@ -340,12 +340,12 @@ def test_pictures_of_a_seal_without_any_flow(scene, studies):
     zero = replace(two, k1=two.k1 * 0, k2=two.k2 * 0, leakage=two.leakage * 0)
     r = assemble(scene, two_scale=zero)
     for figure in (seal_figure(r), seal_figure(r, 4), cells_figure(r)):
-        figure.savefig(io.BytesIO())
+        figure.savefig(io.BytesIO(), dpi=40)
 
 
 def test_picture_of_flow_shows_the_critical_step(results):
-    assert seal_figure(results).get_suptitle() == "loading 700 MPa" or results.dataset["leakage_two_scale"][2] == 0
-    assert seal_figure(results, 0).get_suptitle() == "loading 50 MPa"
+    assert seal_figure(results).get_suptitle() == "loading 700 MPa; inlet at x1 = 0"
+    assert seal_figure(results, 0).get_suptitle().startswith("loading 50 MPa;")
     with pytest.raises(InputError, match="step: given 9"):
         seal_figure(results, 9)
 
@@ -514,8 +514,10 @@ def test_one_row_of_windows_has_no_links_across(scene, studies, tmp_path):
     )
     r = assemble(scene, two_scale=row)
     assert "k2" not in r.dataset
-    write_folder(r, tmp_path, scene.surface)
+    save(r, tmp_path)
     assert open_results(tmp_path).dataset.sizes["cell1"] == 1
-    cells, points, _, _ = arrays("vtkXMLUnstructuredGridReader", tmp_path / "vtk/seal/step_0000.vtu")
+    seal_figure(r).savefig(io.BytesIO(), dpi=40)
+    write_vtk(r, None, tmp_path)
+    cells, points, _, _ = arrays("vtkXMLUnstructuredGridReader", tmp_path / "seal/step_0000.vtu")
     assert "k2_m3" not in points
     assert_allclose(cells["flux_m2_per_s"][::2, 0], r.dataset["flux1"][0, 0])

@@ -71,8 +71,8 @@ def bickley_1(x: Array) -> Array:
 
     The trapezoidal rule converges exponentially because the integrand is even and decays doubly exponentially.
 
-    >>> float(round(bickley_1(np.array([0.0]))[0] - np.pi / 2, 14))
-    0.0
+    >>> bool(abs(bickley_1(np.array([0.0]))[0] - np.pi / 2) < 1e-14)
+    True
     """
     out = np.zeros_like(x, dtype=float)
     live = x < 38.0  # Ki₁(38) < 1e-17
@@ -92,8 +92,8 @@ def strip_symbol(n_free: int, d_free: float, q: Array, d_other: float, modulus: 
 
     A wave q along the other axis decays as (2/πE*) K₀(|q||x|) across it; q = 0 is the plane-strain logarithm, whose
     constant is arbitrary. Pressure is constant on each pixel, so every q brings its aliases q + 2πm/Δ: the sum is
-    Love's solution summed over all periodic images, to rounding. Aliases decay exponentially with the distance; their part
-    at zero distance is an alternating series with a closed form.
+    Love's solution summed over all periodic images, to rounding. Aliases decay exponentially with the distance;
+    their part at zero distance is an alternating series with a closed form.
     """
     x = _wrapped_offsets(n_free) * d_free
     kernel = np.zeros((x.size, q.size))

@@ -223,7 +223,10 @@ class _Grid:
         self.bracket = np.zeros((2, n))
         self.small = np.zeros((4, n))
         # stiffness of a wave of four pixels: the step from gap to pressure
-        self.stiffness = np.pi * half_space.modulus / (4 * float(np.sqrt(np.prod(half_space.spacing))))
+        spacings = [d for n, d in zip(half_space.shape, half_space.spacing, strict=True) if n > 1] or [
+            min(half_space.spacing)
+        ]
+        self.stiffness = np.pi * half_space.modulus / (4 * float(np.prod(spacings) ** (1 / len(spacings))))
 
     def solve(
         self, gap0: Array, hardness: Array, pressure: float, start: Array, rtol: float, *, strict: bool

@@ -13,6 +13,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from skfem import Basis, ElementQuad1, MeshQuad
 
+from .balance import balanced_flux
 from .forms import flow_along_x1, flow_along_x2
 from .linear import solve_spd
 from .network import solve_network
@@ -38,9 +39,7 @@ def _lower(k: Array, spacing: tuple[float, float], periodic: bool) -> float:
     flow = solve_network(c1, c2)
     if not flow.percolates:
         return 0.0
-    p = flow.potential
-    q1 = c1 * (p[:-1] - p[1:])
-    q2 = c2 * (p[1:-1] - np.roll(p, -1, axis=1)[1:-1])[:, : c2.shape[1]]
+    q1, q2 = _balanced_fluxes(c1, c2, flow.potential)
     if periodic:
         west = np.roll(q2, 1, axis=1)
         east = q2
@@ -53,7 +52,21 @@ def _lower(k: Array, spacing: tuple[float, float], periodic: bool) -> float:
         along = (north**2 + north * south + south**2) / 3 * d1 / d2
         across = (west**2 + west * east + east**2) / 3 * d2 / d1
         energy = np.where(k > 0, (along + across) / k, 0.0).sum()
-    return float(q1[0].sum() ** 2 / energy)
+    return float(min(abs(q1[0].sum()), abs(q1[-1].sum())) ** 2 / energy)
+
+
+def _balanced_fluxes(c1: Array, c2: Array, p: Array) -> tuple[Array, Array]:
+    """Fluxes near −c Δp that balance at every node, which differences of pressures at high contrast do not."""
+    n1, n2 = c1.shape
+    node = np.zeros(p.shape, np.int64)  # both ends are node 0
+    node[1:-1] = 1 + np.arange((n1 - 1) * n2).reshape(n1 - 1, n2)
+    inner = node[1:-1]
+    tail = np.concatenate([node[:-1].ravel(), inner[:, : c2.shape[1]].ravel()])
+    head = np.concatenate([node[1:].ravel(), np.roll(inner, -1, axis=1)[:, : c2.shape[1]].ravel()])
+    across = (p - np.roll(p, -1, axis=1))[1:-1, : c2.shape[1]]
+    q = np.concatenate([(c1 * (p[:-1] - p[1:])).ravel(), (c2 * across).ravel()])
+    q = balanced_flux(tail, head, np.concatenate([c1.ravel(), c2.ravel()]), q, 1 + inner.size)
+    return q[: n1 * n2].reshape(c1.shape), q[n1 * n2 :].reshape(c2.shape)
 
 
 def _harmonic(a: Array, b: Array) -> Array:

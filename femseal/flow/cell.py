@@ -1,8 +1,8 @@
 """Permeability of a cell from its gap: ∇·(h³ ∇p) = 0, k = h³/12 for parallel plates.
 
 Unknowns are the pressures at pixel centres. The conductance of the link between two pixels takes h, not h³,
-interpolated by a four-point cubic at its midpoint; the links from the inlet edge to the first pixels and from the last to the outlet
-edge have half the length. Order 2 in the pixel for smooth gaps.
+interpolated by a four-point cubic at its midpoint; the links from the inlet edge to the first pixels and from the
+last to the outlet edge have half the length. Order 2 in the pixel for smooth gaps.
 """
 
 from __future__ import annotations

@@ -1,11 +1,11 @@
 """Direct solution of a link network by star-mesh elimination, exact to rounding at any contrast.
 
 Eliminating node i joins its neighbours j, k by c_jk += c_ij c_ik / Σ_l c_il. Nothing is ever subtracted, so the
-effective conductance and the potentials keep their relative accuracy however small a constriction is; a factorisation of the
-assembled matrix loses it, because weak links vanish in the diagonal sums. The order is minimum degree; the structure
-depends on the shape of the network only and is found once.
-Sources: Grassmann, Taksar & Heyman, Oper. Res. 33, 1985, 1107 (subtraction-free elimination); George & Liu, Computer
-Solution of Large Sparse Positive Definite Systems, 1981 (left-looking sparse elimination).
+effective conductance and the potentials keep their relative accuracy however small a constriction is; a factorisation
+of the assembled matrix loses it, because weak links vanish in the diagonal sums. The order is minimum degree; the
+structure depends on the shape of the network only and is found once. Sources: Grassmann, Taksar & Heyman, Oper. Res.
+33, 1985, 1107 (subtraction-free elimination); George & Liu, Computer Solution of Large Sparse Positive Definite
+Systems, 1981 (left-looking sparse elimination).
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Flow through a network of links between a given inlet and outlet: the one operator of both scales.
 
 Nodes form n1 + 1 rows of n2; row 0 is the inlet at potential 1, row n1 the outlet at 0. Links along x1 have the
-conductances c1 (n1, n2), links along x2 c2 (n1 − 1, n2), or (n1 − 1, n2 − 1) between closed sides. Closed links carry nothing, and
-without an open path the flow is exactly 0.
+conductances c1 (n1, n2), links along x2 c2 (n1 − 1, n2), or (n1 − 1, n2 − 1) between closed sides. Closed links carry
+nothing, and without an open path the flow is exactly 0.
 """
 
 from __future__ import annotations

@@ -54,19 +54,23 @@ def seal_figure(results: Results, step: int | None = None) -> Figure:
     if not 0 <= s < data.sizes["step"]:
         raise InputError.of("step", step, f"0 to {data.sizes['step'] - 1}")
     size = float(data["node1"][-1]) * 1e3, float(data["cell2"][0] + data["cell2"][-1]) * 1e3
-    panel = float(np.clip(4.4 * size[0] / size[1], 1.6, 4.4))
-    figure = new_figure(11.0, 2 * panel + 1.9)
-    grid = figure.add_gridspec(2, 2)
-    contact, fluid, k_axes = (figure.add_subplot(grid[n // 2, n % 2]) for n in range(3))
+    # long seals below one another, others two by two
+    columns = 1 if size[1] > 3 * size[0] else 2
+    panel = float(np.clip(8.8 / columns * size[0] / size[1], 0.4, 4.4))
+    heights = [panel + 0.95] * (4 // columns)
+    heights[-1] = max(heights[-1], 2.9)
+    figure = new_figure(11.0, sum(heights) + 0.2)
+    grid = figure.add_gridspec(4 // columns, columns, height_ratios=heights)
+    contact, fluid, k_axes = (figure.add_subplot(grid[divmod(n, columns)]) for n in range(3))
     extent = (0.0, size[1], 0.0, size[0])
     _image(contact, data["window_pressure"].values[s] / 1e6, extent, "viridis", "contact pressure of windows [MPa]")
     _fluid_panel(fluid, data, s, size)
     _permeability_panel(k_axes, data["k1"].values[s], extent)
     for axes in (contact, fluid, k_axes):
-        axes.set(xlabel="x2 along the seal [mm]", ylabel="x1, inlet at 0 [mm]", aspect="equal")
+        axes.set(xlabel="x2 along the seal [mm]", ylabel="x1 [mm]", aspect="equal")
     if results.two_scale is not None:
-        _insets(figure, grid[1, 1], results, s, (contact, k_axes))
-    figure.suptitle(str(data["name"].values[s]), fontsize=11)
+        _insets(figure, grid[divmod(3, columns)], results, s, (contact, k_axes), 72 * panel / data.sizes["cell1"])
+    figure.suptitle(f"{data['name'].values[s]}; inlet at x1 = 0", fontsize=11)
     return figure
 
 
@@ -104,7 +108,7 @@ def _fluid_panel(axes: Axes, data: xarray.Dataset, s: int, size: tuple[float, fl
     shown = np.where(length > 1e-3 * length.max(), root, np.nan)
     axes.quiver(
         *np.meshgrid(x2[pick[1]], x1[pick[0]]), (across * shown)[pick], (along * shown)[pick],
-        pivot="mid", angles="xy", scale_units="xy", scale=1.0, width=0.006, headwidth=4, headlength=4,
+        pivot="mid", angles="xy", scale_units="xy", scale=1.0, units="inches", width=0.028, headwidth=4, headlength=4,
         headaxislength=3.6, color="#D7191C", edgecolor="white", linewidth=0.5,
     )  # fmt: skip
     factor, unit = leakage_unit(length.max())
@@ -135,8 +139,8 @@ def _permeability_panel(axes: Axes, k: Array, extent: tuple[float, ...]) -> None
     _image(axes, np.where(k > 0, k, np.nan), extent, colours, label, norm=norm)
 
 
-def _insets(figure: Figure, place: Any, results: Results, s: int, panels: tuple[Axes, ...]) -> None:
-    """Gaps of two windows, marked on the panels."""
+def _insets(figure: Figure, place: Any, results: Results, s: int, panels: tuple[Axes, ...], height: float) -> None:
+    """Gaps of two windows, marked on the panels, in which a window is `height` points high."""
     from matplotlib import colormaps
     from matplotlib.patches import Rectangle
 
@@ -145,6 +149,8 @@ def _insets(figure: Figure, place: Any, results: Results, s: int, panels: tuple[
     partition = two_scale.partition
     (w1, w2) = (length * 1e3 for length in partition.window_size)
     grid = place.subgridspec(1, 2)
+    letter: Any = {"ha": "center", "va": "center", "color": "white", "fontweight": "bold"}
+    letter |= {"fontsize": float(np.clip(0.6 * height, 3, 8)), "path_effects": _outline()}
     for n, ((i, j), text) in enumerate(_chosen_windows(results.dataset, s)):
         axes = figure.add_subplot(grid[0, n])
         gap = partition.cut(two_scale.gap[s], i, j) * 1e6
@@ -156,8 +162,7 @@ def _insets(figure: Figure, place: Any, results: Results, s: int, panels: tuple[
         for panel in panels:
             panel.add_patch(Rectangle((j * w2, i * w1), w2, w1, fill=False, ec="black", lw=3.0))
             panel.add_patch(Rectangle((j * w2, i * w1), w2, w1, fill=False, ec="white", lw=1.4))
-            panel.annotate("AB"[n], ((j + 0.5) * w2, (i + 0.5) * w1), ha="center", va="center", color="white",
-                           fontsize=8, fontweight="bold", path_effects=_outline())  # fmt: skip
+            panel.annotate("AB"[n], ((j + 0.5) * w2, (i + 0.5) * w1), **letter)
 
 
 def _chosen_windows(data: xarray.Dataset, s: int) -> list[tuple[tuple[int, int], str]]:

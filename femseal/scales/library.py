@@ -1,8 +1,9 @@
 """Libraries of real cells, each followed along a load cycle, from which the links of a seal are drawn.
 
-A `LadderLibrary` follows cells under pressures of their own and serves any pressure path. Between the steps of the ladder ln k is interpolated monotonically (PCHIP) for each cell; a cell that closes between two
-steps closes at a pressure of its own, uniform between them. Source: Pérez-Ràfols et al., 2018; Fritsch & Carlson,
-SIAM J. Numer. Anal. 17, 1980, 238.
+A `LadderLibrary` follows cells under pressures of their own and serves any pressure path. Between the steps of the
+ladder ln k is interpolated monotonically (PCHIP) for each cell; a cell that closes between two steps closes at a
+pressure of its own, uniform between them. Source: Pérez-Ràfols et al., 2018; Fritsch & Carlson, SIAM J. Numer. Anal.
+17, 1980, 238.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ Map = Callable[..., Iterable[Any]]
 class Ladder:
     """Steps at which library cells are solved: loading from first touch on, unloading from peaks, rigid separations.
 
-    steps : loading steps in rising order, then the unloading steps of each peak in falling order, pressures of the cell.
+    steps : loading steps in rising order, then the unloading steps of each peak in falling order.
     separations : distances between mean planes without contact pressure [m], rising.
     """
 

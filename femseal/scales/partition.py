@@ -1,8 +1,8 @@
 """Windows of a surface and the global contact that loads them.
 
-Nodes of the global flow lie on the faces between cells in x1 (rows 0 … m1) and at cell centres in x2, so the window of
-the x1-link (i, j) is the cell (i, j) itself, and the window of the x2-link (i, j) is centred on the corner common to the
-cells (i − 1, j), (i − 1, j + 1), (i, j) and (i, j + 1).
+Nodes of the global flow lie on the faces between cells in x1 (rows 0 … m1) and at cell centres in x2, so the window
+of the x1-link (i, j) is the cell (i, j) itself, and the window of the x2-link (i, j) is centred on the corner common
+to the cells (i − 1, j), (i − 1, j + 1), (i, j) and (i, j + 1).
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
 """Drawing the links of a seal from a library.
 
-Whole history: each link takes one measured cell along the whole cycle, which keeps every correlation.
-Derivative (Pérez-Ràfols et al., 2018): each link draws its permeability at the highest load from the cells there, then,
-step by step down, the increment of one of the cells closest in rank; closed links draw from closed cells.
-Random numbers depend on (seed, realisation, link) only: link n of a longer seal draws what link n of a shorter one does.
+Whole history: each link takes one measured cell along the whole cycle, which keeps every correlation. Derivative
+(Pérez-Ràfols et al., 2018): each link draws its permeability at the highest load from the cells there, then, step by
+step down, the increment of one of the cells closest in rank; closed links draw from closed cells. Random numbers
+depend on (seed, realisation, link) only: link n of a longer seal draws what link n of a shorter one does.
 """
 
 from __future__ import annotations

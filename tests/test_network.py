@@ -1,0 +1,316 @@
+"""Link networks: solvers against each other and against scikit-fem, closed forms, exact duality, any contrast."""
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose
+from scipy.sparse.linalg import spsolve
+from skfem import Basis, ElementQuad1, MeshQuad
+
+from femseal import analytic
+from femseal.errors import FemsealError, InputError
+from femseal.flow import solve_network
+from femseal.flow.forms import flow_along_x1, flow_along_x2
+from femseal.flow.mesh import link_pattern
+
+SHAPES = [(1, 1), (1, 6), (6, 1), (2, 2), (2, 3), (7, 5), (5, 7), (20, 16)]
+
+
+def links(n1, n2, periodic, seed=0, contrast=1e2, closed=0.0):
+    rng = np.random.default_rng(seed)
+    c1 = contrast ** rng.random((n1, n2))
+    c2 = contrast ** rng.random((n1 - 1, n2 if periodic else n2 - 1))
+    return c1 * (rng.random(c1.shape) >= closed), c2 * (rng.random(c2.shape) >= closed)
+
+
+def laplacian(c1, c2):
+    """Rate and potential from the graph Laplacian, assembled link by link; nodes without an open link are left out."""
+    n1, n2 = c1.shape
+    node = np.arange((n1 + 1) * n2).reshape(n1 + 1, n2)
+    ends = [(node[i, j], node[i + 1, j], c1[i, j]) for i in range(n1) for j in range(n2)]
+    ends += [(node[i + 1, j], node[i + 1, (j + 1) % n2], c2[i, j]) for i in range(n1 - 1) for j in range(c2.shape[1])]
+    a, b, c = (np.array(x) for x in zip(*ends, strict=True))
+    a, b = a.astype(int), b.astype(int)
+    n = node.size
+    graph = sp.coo_array((np.r_[c, c, -c, -c], (np.r_[a, b, a, b], np.r_[a, b, b, a])), shape=(n, n)).tocsr()
+    graph.eliminate_zeros()
+    p = np.zeros(n)
+    p[:n2] = 1
+    _, component = sp.csgraph.connected_components(graph, directed=False)
+    held = np.unique(component[np.r_[node[0], node[-1]]])
+    unknown = [i for i in node[1:-1].ravel() if component[i] in held]
+    if unknown:
+        p[unknown] = spsolve(graph[unknown][:, unknown].tocsc(), -(graph[unknown] @ p))
+    return float((c * (p[a] - p[b]) ** 2).sum()), p.reshape(n1 + 1, n2)
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+@pytest.mark.parametrize("periodic", [True, False])
+@pytest.mark.parametrize("closed", [0.0, 0.25])
+def test_direct_iterative_and_independent_solutions_agree(shape, periodic, closed):
+    c1, c2 = links(*shape, periodic, seed=sum(shape), closed=closed)
+    rate, potential = laplacian(c1, c2)
+    direct = solve_network(c1, c2, method="direct")
+    assert_allclose(direct.rate, rate, rtol=1e-11)
+    assert direct.imbalance < 1e-12
+    assert direct.iterations == 0
+    if not direct.percolates:
+        assert direct.rate == 0
+        return
+    amg = solve_network(c1, c2, method="amg", rtol=1e-10)
+    assert_allclose(amg.rate, rate, rtol=1e-9)
+    carrying = direct.potential[1:-1] > 0
+    assert_allclose(direct.potential[1:-1][carrying], potential[1:-1][carrying], rtol=1e-10)
+    assert_allclose(amg.potential, direct.potential, rtol=0, atol=1e-4)
+    assert np.all(direct.potential[0] == 1)
+    assert np.all(direct.potential[-1] == 0)
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("periodic", [True, False])
+def test_iterative_solution_of_a_larger_network(seed, periodic):
+    c1, c2 = links(60, 48, periodic, seed, contrast=1e4, closed=0.2)
+    amg = solve_network(c1, c2, method="amg", rtol=1e-6)
+    assert amg.iterations > 0
+    assert_allclose(amg.rate, solve_network(c1, c2, method="direct").rate, rtol=1e-6)
+    assert amg.imbalance <= 1e-5
+
+
+def assembled(k1, k2, spacing, periodic):
+    """Matrix of all nodes from scikit-fem: Q1 in real coordinates, edge-midpoint quadrature, columns joined if periodic.
+
+    k1, k2 are permeabilities at the midpoints of the x1- and x2-edges; a closed side carries its full width.
+    """
+    d1, d2 = spacing
+    n1, n2 = k1.shape
+    columns = n2 if periodic else n2 - 1
+    mesh = MeshQuad.init_tensor(d1 * np.arange(n1 + 1.0), d2 * np.arange(columns + 1.0))
+    x = mesh.p[:, mesh.t]
+    basis_1 = Basis(mesh, ElementQuad1(), quadrature=(np.array([[0.0, 1.0], [0.5, 0.5]]), np.array([0.5, 0.5])))
+    basis_2 = Basis(mesh, ElementQuad1(), quadrature=(np.array([[0.5, 0.5], [0.0, 1.0]]), np.array([0.5, 0.5])))
+    # find by coordinates what each quadrature point lies on, whatever the element's local axes are
+    at_1, at_2 = basis_1.global_coordinates().value, basis_2.global_coordinates().value
+    if not np.allclose(at_1[0] / d1 % 1, 0.5):
+        basis_1, basis_2, at_1, at_2 = basis_2, basis_1, at_2, at_1
+    assert x.shape[1] == 4
+    i, j = np.rint(at_1[0] / d1 - 0.5).astype(int), np.rint(at_1[1] / d2).astype(int)
+    side = (j == 0) | (j == columns)
+    c = k1[i, j % n2] * np.where(side & (not periodic), 2.0, 1.0)
+    matrix = flow_along_x1.assemble(basis_1, c=c)
+    i, j = np.rint(at_2[0] / d1).astype(int), np.rint(at_2[1] / d2 - 0.5).astype(int)
+    inner = (i > 0) & (i < n1)
+    matrix = matrix + flow_along_x2.assemble(basis_2, c=np.where(inner, k2[np.clip(i - 1, 0, n1 - 2), j], 0.0))
+    row, column = np.rint(mesh.p[0] / d1).astype(int), np.rint(mesh.p[1] / d2).astype(int) % n2
+    join = sp.csr_array((np.ones(row.size), (row * n2 + column, np.arange(row.size))))
+    return (join @ matrix @ join.T).toarray()
+
+
+@pytest.mark.parametrize("shape", [(2, 3), (6, 5), (9, 4), (4, 9)])
+@pytest.mark.parametrize("spacing", [(1.0, 1.0), (2e-6, 5e-7)])
+@pytest.mark.parametrize("periodic", [True, False])
+def test_network_is_the_finite_element_matrix_of_scikit_fem(shape, spacing, periodic):
+    n1, n2 = shape
+    k1, k2 = links(n1, n2, periodic, seed=1)
+    d1, d2 = spacing
+    inside = slice(n2, n1 * n2)
+    ours = link_pattern(n1, n2, periodic).matrix(k1 * d2 / d1, k2 * d1 / d2).toarray()
+    theirs = assembled(k1, k2, spacing, periodic)[inside, inside]
+    assert_allclose(ours, theirs, rtol=0, atol=1e-13 * np.abs(theirs).max())
+
+
+@pytest.mark.parametrize(
+    ("shape", "periodic"), [((4, 1), True), ((4, 2), True), ((4, 3), True), ((4, 1), False), ((4, 2), False)]
+)
+def test_narrow_networks(shape, periodic):
+    """On two periodic columns each row has two links side by side; on one there is none."""
+    n1, n2 = shape
+    c1, c2 = links(n1, n2, periodic, seed=2)
+    flow = solve_network(c1, c2)
+    assert_allclose(flow.rate, laplacian(c1, c2)[0], rtol=1e-12)
+    if n2 == 1:
+        assert_allclose(flow.rate, 1 / np.sum(1 / c1), rtol=1e-13)
+
+
+def test_two_periodic_columns_have_parallel_links():
+    c1, c2 = links(5, 2, True, seed=3)
+    joined = solve_network(c1, c2.sum(axis=1, keepdims=True))
+    assert_allclose(solve_network(c1, c2).rate, joined.rate, rtol=1e-13)
+
+
+@pytest.mark.parametrize("periodic", [True, False])
+def test_series_and_parallel(periodic):
+    rng = np.random.default_rng(4)
+    c1, c2 = links(8, 6, periodic)
+    # equal links in each section: nothing crosses, sections in series
+    section = 10 ** rng.uniform(-3, 3, 8)
+    flow = solve_network(np.repeat(section[:, None], 6, axis=1), c2)
+    assert_allclose(flow.rate, 6 / np.sum(1 / section), rtol=1e-12)
+    assert_allclose(flow.rate, 6 / 8 * analytic.stripes_across(section), rtol=1e-12)
+    # no links across: columns in parallel
+    flow = solve_network(c1, 0 * c2)
+    assert_allclose(flow.rate, np.sum(1 / np.sum(1 / c1, axis=0)), rtol=1e-12)
+    # links across without resistance: rows in series
+    flow = solve_network(c1, np.full_like(c2, 1e30))
+    assert_allclose(flow.rate, 1 / np.sum(1 / c1.sum(axis=1)), rtol=1e-12)
+
+
+@pytest.mark.parametrize("contrast", [1.0, 1e3, 1e12, 1e30, 1e60])
+@pytest.mark.parametrize("shape", [(2, 2), (5, 5), (12, 7), (3, 15)])
+def test_exact_duality(contrast, shape):
+    """Between closed sides the planar dual has the inverse links, turned: the two rates multiply to 1."""
+    n1, n2 = shape
+    c1, c2 = links(n1, n2, False, seed=5, contrast=contrast)
+    flow, dual = solve_network(c1, c2), solve_network(1 / c1.T, 1 / c2.T)
+    assert_allclose(flow.rate * dual.rate, 1.0, rtol=1e-12)
+
+
+def test_duality_of_log_symmetric_links():
+    """A square network between closed sides is self-dual: ⟨ln rate⟩ = ⟨ln c⟩ exactly, and the scatter falls with size."""
+    spread = []
+    for n, count in ((8, 200), (32, 40)):
+        rng = np.random.default_rng(6)
+        logs = []
+        for _ in range(count):
+            c1, c2 = np.exp(rng.normal(1.0, 2.0, (n, n))), np.exp(rng.normal(1.0, 2.0, (n - 1, n - 1)))
+            logs.append(np.log(solve_network(c1, c2).rate))
+        assert abs(np.mean(logs) - 1.0) < 4 * np.std(logs) / np.sqrt(count)
+        spread.append(np.std(logs))
+    assert_allclose(spread[1] / spread[0], 1 / 4, rtol=0.4)
+
+
+def test_large_periodic_map_of_log_symmetric_links():
+    c1, c2 = links(160, 160, True, seed=7, contrast=1e4)
+    exact = analytic.log_symmetric_links(np.concatenate([c1.ravel(), c2.ravel()]))
+    # the first and the last links lead to straight edges, hence the slack of some 1/n
+    assert_allclose(solve_network(c1, c2).rate, exact, rtol=0.05)
+
+
+def ladder(contrast):
+    """A bridge: two rails of two links and a rung; rate by hand."""
+    a, b, c, d, r = 1.0, 1 / contrast, 1 / contrast, 1.0, 3.0
+    c1, c2 = np.array([[a, b], [c, d]]), np.array([[r]])
+    # star-mesh by hand: node 1 has a to the inlet, c to the outlet, r to node 2
+    s = a + c + r
+    to_in, to_out = b + a * r / s, d + c * r / s
+    return c1, c2, a * c / s + to_in * to_out / (to_in + to_out)
+
+
+@pytest.mark.parametrize("contrast", [1.0, 1e6, 1e20, 1e60])
+def test_bridge_at_any_contrast(contrast):
+    c1, c2, exact = ladder(contrast)
+    assert_allclose(solve_network(c1, c2).rate, exact, rtol=1e-14)
+
+
+@pytest.mark.parametrize("contrast", [1e6, 1e20, 1e60])
+@pytest.mark.parametrize("where", [0, 3, 7])
+@pytest.mark.parametrize("periodic", [True, False])
+def test_constriction_of_any_contrast(contrast, where, periodic):
+    """All rows wide but one: the rate is that of the row of narrow links between two equipotentials."""
+    c1, c2 = links(8, 6, periodic, seed=8)
+    c1[where] /= contrast
+    flow = solve_network(c1, c2)
+    assert_allclose(flow.rate, c1[where].sum(), rtol=1e3 / contrast + 1e-13)
+    assert flow.imbalance < 1e-12
+
+
+@settings(deadline=None, max_examples=40)
+@given(
+    n1=st.integers(1, 9),
+    n2=st.integers(1, 9),
+    periodic=st.booleans(),
+    seed=st.integers(0, 999),
+    closed=st.floats(0, 0.6),
+    digits=st.integers(0, 40),
+)
+def test_invariants(n1, n2, periodic, seed, closed, digits):
+    c1, c2 = links(n1, n2, periodic, seed, 10.0**digits, closed)
+    flow = solve_network(c1, c2)
+    assert flow.percolates == (flow.rate > 0)
+    assert np.all((flow.potential >= 0) & (flow.potential <= 1 + 1e-15))
+    assert_allclose(solve_network(4 * c1, 4 * c2).rate, 4 * flow.rate, rtol=1e-12)
+    assert_allclose(solve_network(c1[::-1], c2[::-1]).rate, flow.rate, rtol=1e-11)
+    assert_allclose(solve_network(c1[:, ::-1], mirrored(c2, periodic, n2)).rate, flow.rate, rtol=1e-11)
+    # Rayleigh: more conductance anywhere, no less flow; between series and parallel bounds
+    wider = c1.copy()
+    wider[n1 // 2, n2 // 2] = 2 * wider[n1 // 2, n2 // 2] + 1.0
+    assert solve_network(wider, c2).rate >= flow.rate * (1 - 1e-12)
+    sections = c1.sum(axis=1)
+    columns = [1 / np.sum(1 / c) if np.all(c > 0) else 0.0 for c in c1.T]
+    assert sum(columns) <= flow.rate * (1 + 1e-12)
+    if np.all(sections > 0):
+        assert flow.rate <= 1 / np.sum(1 / sections) * (1 + 1e-12)
+
+
+def mirrored(c2, periodic, n2):
+    """Links across of the network with its columns in reverse."""
+    if not periodic:
+        return c2[:, ::-1]
+    return np.roll(c2[:, ::-1], -1, axis=1)
+
+
+@pytest.mark.parametrize("method", ["direct", "amg"])
+@pytest.mark.parametrize("periodic", [True, False])
+def test_every_section_carries_the_same_flow(method, periodic):
+    c1, c2 = links(25, 18, periodic, seed=9, closed=0.15)
+    flow = solve_network(c1, c2, method=method, rtol=1e-12)
+    sections = (c1 * -np.diff(flow.potential, axis=0)).sum(axis=1)
+    assert_allclose(sections, flow.rate, rtol=1e-11 if method == "direct" else 1e-5)
+
+
+@pytest.mark.parametrize("method", ["direct", "amg", "auto"])
+@pytest.mark.parametrize("periodic", [True, False])
+def test_closed_networks_carry_exactly_nothing(method, periodic):
+    c1, c2 = links(9, 7, periodic, seed=10)
+    for cut in (0, 4, 8):
+        shut = c1.copy()
+        shut[cut] = 0
+        flow = solve_network(shut, c2, method=method)
+        assert flow.rate == 0
+        assert not flow.percolates
+    flow = solve_network(0 * c1, 0 * c2, method=method)
+    assert (flow.rate, flow.percolates) == (0, False)
+
+
+@pytest.mark.parametrize("method", ["direct", "amg"])
+def test_pockets_and_dead_ends_carry_nothing(method):
+    c1, c2 = np.zeros((6, 8)), np.zeros((5, 8))
+    c1[:, 2] = 1.0
+    c1[2:4, 6], c2[1:3, 5] = 1e6, 1e6  # a pocket
+    c1[:3, 4] = 1e6  # a dead end on the inlet
+    c2[2, 2] = 1e6  # one on the path
+    flow = solve_network(c1, c2, method=method)
+    assert_allclose(flow.rate, 1 / 6, rtol=1e-12)
+
+
+def test_symmetric_matrix_with_zero_row_sums_away_from_the_ends():
+    c1, c2 = links(7, 6, True, seed=11)
+    a = link_pattern(7, 6, True).matrix(c1, c2).toarray()
+    assert np.array_equal(a, a.T)
+    sums = a.sum(axis=1).reshape(6, 6)
+    assert_allclose(sums[1:-1], 0, atol=1e-12 * a.max())
+    assert_allclose(sums[[0, -1]], c1[[0, -1]], rtol=1e-10)
+
+
+def test_unknown_method_is_named():
+    with pytest.raises(InputError, match="method") as caught:
+        solve_network(np.ones((2, 2)), np.ones((1, 2)), method="multigrid")
+    assert "direct" in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("c1", "c2"),
+    [
+        (np.full((3, 3), np.nan), np.ones((2, 3))),
+        (np.ones((3, 3)), np.full((2, 3), np.nan)),
+        (-np.ones((3, 3)), np.ones((2, 3))),
+        (np.full((3, 3), np.inf), np.ones((2, 3))),
+        (np.ones((3, 3)), np.ones((1, 3))),
+        (np.ones((3, 3)), np.ones((2, 5))),
+        (np.ones(3), np.ones((2, 3))),
+    ],
+)
+def test_links_that_are_no_links_are_refused(c1, c2):
+    with pytest.raises(FemsealError):
+        solve_network(c1, c2)
