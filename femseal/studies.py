@@ -257,7 +257,7 @@ def _window_half_space(scene: Scene, partition: Partition, longest_wave: float |
 
 
 def _window_contacts(scene: Scene, partition: Partition, world: GlobalScale, map: Map) -> list[WindowHistory]:
-    """Fine waves on the global raw gap, under the window's global pressure; long waves respond on the global scale only."""
+    """Fine waves on the global raw gap, under the window's global pressure; long waves respond globally only."""
     m1, m2 = partition.cells
     gap0 = world.raw_gap + _fine_waves(scene.surface, partition.cut_off)
     places = [(i, j) for i in range(m1) for j in range(m2)]

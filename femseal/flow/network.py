@@ -53,13 +53,20 @@ def solve_network(c1: Array, c2: Array, *, rtol: float = 1e-6, method: str = "au
 
     Raises
     ------
-    InputError : an unknown method.
+    InputError : an unknown method, shapes that do not match, conductances that are negative or not finite.
     NotConverged : the linear solver failed, or inlet and outlet flow differ by more than 1e-5.
     """
     if method not in METHODS:
         raise InputError.of("method", method, f"one of {', '.join(METHODS)}")
     c1, c2 = np.ascontiguousarray(c1, dtype=float), np.ascontiguousarray(c2, dtype=float)
+    if c1.ndim != 2 or c1.size == 0:
+        raise InputError.of("c1", f"shape {c1.shape}", "a shape (n1, n2)")
     n1, n2 = c1.shape
+    if c2.shape not in ((n1 - 1, n2), (n1 - 1, n2 - 1)):
+        raise InputError.of("c2", f"shape {c2.shape}", f"shape {(n1 - 1, n2)} or {(n1 - 1, n2 - 1)}")
+    for name, c in (("c1", c1), ("c2", c2)):
+        if not (np.isfinite(c).all() and c.min(initial=0.0) >= 0):
+            raise InputError.of(name, "negative or undefined values", "finite conductances >= 0")
     periodic = n2 == 1 or c2.shape[1] == n2
     if n2 == 1:  # no neighbours across
         c2 = np.zeros((n1 - 1, 1))

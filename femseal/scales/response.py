@@ -14,7 +14,7 @@ from ..errors import FemsealError
 from ..flow import cell_permeability
 
 Array = NDArray[np.float64]
-#: Below this ratio of rms gap variation to mean gap parallel plates are exact to 2e-4 whatever the lay, and nothing is solved.
+#: Below this ratio of rms gap variation to mean gap parallel plates are exact to 2e-4 whatever the lay.
 OPEN_RATIO = 0.005
 
 
@@ -100,7 +100,7 @@ class FlowHistory:
 
 
 def flow_history(gaps: NDArray[np.floating], spacing: tuple[float, float], axis: int) -> FlowHistory:
-    """Permeability along `axis` of a window's gaps (steps, n1, n2), sides closed; closed and wide-open ones unsolved."""
+    """Permeability along `axis` of a window's gaps (steps, n1, n2), sides closed; closed or wide-open ones unsolved."""
     k = np.full(len(gaps), np.nan)
     solved = closed = wide = 0
     failures = []
