@@ -27,7 +27,8 @@ def rough(shape, slope=0.2, seed=0, spacing=(D, D), cut=6):
     amplitude = np.where((q > 0) & (q * min(spacing) <= 1 / cut), np.maximum(q, roll_off) ** -1.8, 0.0)
     h = np.fft.ifft2(np.fft.fft2(rng.standard_normal(shape)) * amplitude).real
     slopes = [np.diff(h, axis=a) / spacing[a] for a in (0, 1)]
-    return h * slope / np.sqrt(sum((s**2).mean() for s in slopes if s.size))
+    rms = np.sqrt(sum((s**2).mean() for s in slopes if s.size))
+    return h * slope / rms if rms > 0 else 0 * h
 
 
 def residual(contact, gap0, half_space, displacement, hardness=np.inf):
@@ -99,7 +100,7 @@ def test_hertz_gap_outside():
 def test_westergaard_wave(boundary, ratio):
     λ, Δ = 1e-3, 1e-6
     p_full = analytic.wave_full_contact_pressure(E, Δ, λ)
-    errors = []
+    errors, gaps = [], []
     for n in (64, 128, 256, 512):
         length = λ if boundary[0] == "periodic" else λ / 2
         d = length / n
@@ -107,16 +108,17 @@ def test_westergaard_wave(boundary, ratio):
         gap0 = np.repeat(Δ * (1 - np.cos(2 * np.pi * x / λ))[:, None], 3, axis=1)
         half_space = HalfSpace((n, 3), (d, d), E, boundary)
         contact = solve_contact(gap0, half_space, pressure=ratio * p_full, rtol=1e-9)
-        assert_allclose(contact.pressure, np.repeat(contact.pressure[:, :1], 3, axis=1), rtol=1e-6, atol=1e-7 * p_full)
+        assert_allclose(contact.pressure, np.repeat(contact.pressure[:, :1], 3, axis=1), rtol=0, atol=1e-7 * p_full)
         exact = p_full * analytic.wave_pressure(x, ratio, λ)
         errors.append(np.sqrt(np.mean((contact.pressure[:, 0] - exact) ** 2)) / p_full)
+        gaps.append(np.abs(contact.gap[:, 0] - analytic.wave_gap(x, ratio, Δ, λ)).max() / Δ)
         # the edge falls within a pixel of each of its ends
-        assert abs(contact.area_fraction - analytic.wave_contact_fraction(ratio)) <= 2.5 / n
-        gap = analytic.wave_gap(x, ratio, Δ, λ)
-        assert_allclose(contact.gap[:, 0], gap, rtol=0, atol=3 * Δ / n)
-    assert errors[-1] < 5e-3
-    # where a contact is a few pixels wide, its edge within a pixel decides the error of the coarse grids
-    assert ratio < 0.2 or np.log2(errors[0] / errors[-1]) / 3 > 0.7
+        assert abs(contact.area_fraction - analytic.wave_contact_fraction(ratio)) <= 2 / n
+        assert errors[-1] <= 0.5 / n
+        assert gaps[-1] <= 0.05 / n + 0.3 / n**1.5
+    if ratio == 0.5:  # the edge lies between two pixels on every grid, so that the orders show: 1 and 3/2
+        assert np.all(orders(errors) > 0.95)
+        assert np.all(orders(gaps) > 1.4)
 
 
 def test_wave_in_full_contact_is_exact():
@@ -300,16 +302,20 @@ def test_equals_an_independent_solver(boundary, share, hardness, dense_operator)
 
 
 @pytest.mark.parametrize("boundary", [p for p in PAIRS if "free" not in p])
-def test_equals_an_independent_solver_without_the_long_waves(boundary, dense_operator):
-    shape = (9, 8)
-    half_space = HalfSpace(shape, (D, D), E, boundary, longest_wave=4.3 * D)
+@pytest.mark.parametrize("share", [0.03, 0.15, 0.5])
+def test_without_the_long_waves_no_other_pressure_has_less_energy(boundary, share, dense_operator):
+    """K is not definite then, so that p may not be unique; the duality gap bounds the energy above its minimum."""
+    shape, hardness = (24, 20), 0.3 * H
+    half_space = HalfSpace(shape, (D, D), E, boundary, longest_wave=9.3 * D)
     h = rough(shape, 0.15, seed=7, cut=3)
-    contact = solve_contact(h, half_space, pressure=0.15 * H, hardness=0.3 * H, rtol=1e-9)
-    k = dense_operator(half_space)
+    contact = solve_contact(h, half_space, pressure=share * hardness, hardness=hardness, rtol=1e-9)
     p = contact.pressure.ravel()
-    # several p may be minimisers; of a convex programme they are those that satisfy its complementarity
-    assert abs(p.mean() / (0.15 * H) - 1) < 1e-12
-    assert residual(contact, h, half_space, lambda q, body: (k @ q.ravel()).reshape(body.shape), 0.3 * H) <= 1e-8
+    u = dense_operator(half_space) @ p
+    g = u + h.ravel() - contact.approach
+    # Frank-Wolfe gap: ⟨∇, p − q⟩ over 0 <= q <= H of the same sum is at most Σ max(g p, g (p − H))
+    excess = np.sum(np.maximum(g * p, g * (p - hardness)))
+    assert excess + 1e-12 >= 0
+    assert excess <= 1e-6 * (0.5 * p @ u + np.abs(p @ (h.ravel() - h.mean())))
 
 
 # --- invariants ---
@@ -410,10 +416,7 @@ def test_scaling_laws(boundary, length, stiffness, height, seed):
 )
 def test_any_surface_converges_and_satisfies_complementarity(boundary, shape, ratio, slope, share, white, seed):
     spacing = (D, ratio * D)
-    if shape == (1, 1):
-        return
     h = rough(shape, slope, seed, spacing, cut=1 if white else 6)
-    h = h if np.all(np.isfinite(h)) else np.zeros(shape)
     half_space = HalfSpace(shape, spacing, E, boundary)
     contact = solve_contact(h, half_space, pressure=share * H, hardness=H)
     assert residual(contact, h, half_space, lambda p, body: body.displacement(p), H) <= 1.001e-6

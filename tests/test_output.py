@@ -339,6 +339,9 @@ def test_pictures_of_a_seal_without_any_flow(scene, studies):
     two = studies["two_scale"]
     zero = replace(two, k1=two.k1 * 0, k2=two.k2 * 0, leakage=two.leakage * 0)
     r = assemble(scene, two_scale=zero)
+    assert "fluid pressure [MPa], no flow" in [axes.get_title() for axes in seal_figure(r).axes]
+    assert r._repr_html_().count("<td>sealed</td>") == len(r.steps)
+    assert "leakage at 700 MPa: sealed" in repr(r)
     for figure in (seal_figure(r), seal_figure(r, 4), cells_figure(r)):
         figure.savefig(io.BytesIO(), dpi=40)
 

@@ -196,6 +196,8 @@ def surface_figure(topography: Topography) -> Figure:
     ----------
     topography : heights; where points are undefined the spectral densities are left out.
     """
+    from matplotlib.ticker import NullFormatter
+
     z = topography.heights * 1e6
     (n1, n2), (l1, l2), (d1, d2) = topography.shape, topography.size, topography.spacing
     figure = new_figure(11.0, float(np.clip(5.6 * l1 / l2, 3.4, 5.6)) + 0.8)
@@ -215,6 +217,7 @@ def surface_figure(topography: Topography) -> Figure:
     profile.set_title("profiles through the middle", fontsize=9.5)
     density.set(xlabel="wavenumber q = 2π/λ [rad/m]", ylabel="spectral density [m³]")
     density.set_title("mean spectral density of profiles", fontsize=9.5)
+    density.xaxis.set_minor_formatter(NullFormatter())
     for axes in (profile, density):
         axes.grid(alpha=0.25, lw=0.6)
         axes.tick_params(labelsize=8)

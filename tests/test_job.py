@@ -1,0 +1,95 @@
+"""Runs from case to folder, and the command line as a user calls it."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+import xarray
+from numpy.testing import assert_array_equal
+
+import femseal as fs
+
+CASE = """
+title = "small"
+method = "stochastic"
+compare = ["deterministic", "two-scale"]
+seed = 2
+[face]
+kind = "self-affine"
+points = [64, 128]
+size = ["60 um", "120 um"]
+rms_slope = 0.2
+roll_off = "40 um"
+[material]
+young = "210 GPa"
+hardness = "3 GPa"
+[load]
+loading = ["100 MPa", "300 MPa"]
+unload_from = ["300 MPa"]
+unloading = ["100 MPa"]
+[fluid]
+kind = "liquid"
+viscosity = "1 mPa*s"
+inlet_pressure = "1 MPa"
+[cells]
+count = [3, 6]
+[stochastic]
+length = "200 um"
+realisations = 4
+library_cells = 9
+"""
+
+
+@pytest.fixture
+def case(tmp_path):
+    path = tmp_path / "small.toml"
+    path.write_text(CASE)
+    return path
+
+
+def femseal(*arguments):
+    code = "from femseal.cli import main; main()"
+    return subprocess.run([sys.executable, "-c", code, *map(str, arguments)], capture_output=True, text=True)
+
+
+def test_results_do_not_depend_on_the_workers(case):
+    one, two = (fs.run(case, workers=n) for n in (1, 2))
+    for name in one.dataset.data_vars:
+        assert_array_equal(one.dataset[name].values, two.dataset[name].values)
+    # the same surface loses less after the peak than before it, whatever the method
+    for name in ("leakage_deterministic", "leakage_two_scale", "leakage_median"):
+        first, top, back = one.dataset[name].values
+        assert top < back < first
+
+
+def test_command_line(case, tmp_path):
+    out = tmp_path / "out"
+    done = femseal("run", case, "-o", out)
+    assert done.returncode == 0, done.stderr
+    assert "300 MPa" in done.stdout
+    with xarray.open_dataset(out / "results.nc", engine="h5netcdf") as data:
+        assert data.sizes["step"] == 3
+        assert np.isfinite(data["leakage_median"]).all()
+    assert (out / "leakage.png").stat().st_size > 10_000
+    assert (out / "run.log").exists()
+    assert femseal("check", case).returncode == 0
+
+
+def test_bad_input_writes_nothing_and_exits_with_2(case, tmp_path):
+    case.write_text(CASE.replace('"300 MPa"]', '"5 GPa"]', 1))
+    out = tmp_path / "out"
+    failed = femseal("run", case, "-o", out)
+    assert failed.returncode == 2
+    assert "5 GPa" in failed.stderr
+    assert "Traceback" not in failed.stderr
+    assert not out.exists()
+    assert femseal("run", tmp_path / "none.toml").returncode == 2
+    assert femseal("run").returncode == 2
+
+
+def test_new_writes_a_case_that_is_valid_and_keeps_what_is_there(tmp_path):
+    path = tmp_path / "new.toml"
+    assert femseal("new", path).returncode == 0
+    fs.load_case(path)
+    assert femseal("new", path).returncode == 2
