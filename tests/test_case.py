@@ -90,7 +90,7 @@ def test_cells_and_seals_that_do_not_suit_the_surface(data, table, value, words)
 
 def test_files(tmp_path, data):
     data["face"] = {"kind": "file", "path": "face.npy", "spacing": ["1 um", "1 um"]}
-    with pytest.raises(fs.InputError, match="face.npy"):
+    with pytest.raises(fs.InputError, match=r"face\.npy"):
         parse_case(data, tmp_path)
     rng = np.random.default_rng(0)
     heights = fs.self_affine((192, 384), (192e-6, 384e-6), hurst=0.8, rms_slope=0.2, rng=rng).heights.copy()
