@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import xarray
 from numpy.testing import assert_allclose, assert_array_equal
+from scipy import stats
 
 from femseal.errors import InputError
 from femseal.flow import cell_permeability
@@ -28,7 +29,6 @@ from femseal.output import (
 )
 from femseal.output.tables import branch_text, leakage_unit
 from femseal.output.vtk import chosen_windows
-from femseal.scales import Partition
 from femseal.studies import Sampling, Scene, deterministic, stochastic, two_scale
 from femseal.topography import Topography, self_affine
 
@@ -502,25 +502,25 @@ def test_names_are_plain(folder):
         assert name.replace("_", "").isalnum()
 
 
-def test_one_row_of_windows_has_no_links_across(scene, studies, tmp_path):
-    two = studies["two_scale"]
-    fields = {name: getattr(two, name)[:, :1] for name in ("k1", "pressure", "mean_gap", "contact_fraction")}
-    row = replace(
-        two,
-        partition=Partition((16, 128), scene.surface.spacing, (1, 8)),
-        k2=two.k2[:, :0],
-        fluid_pressure=two.fluid_pressure[:, [0, -1]],
-        gap=two.gap[:, :16],
-        contact_pressure=two.contact_pressure[:, :16],
-        plastic_fraction=two.plastic_fraction[:, :1],
-        **fields,
-    )
-    r = assemble(scene, two_scale=row)
-    assert "k2" not in r.dataset
-    save(r, tmp_path)
-    assert open_results(tmp_path).dataset.sizes["cell1"] == 1
-    seal_figure(r).savefig(io.BytesIO(), dpi=40)
-    write_vtk(r, None, tmp_path)
-    cells, points, _, _ = arrays("vtkXMLUnstructuredGridReader", tmp_path / "seal/step_0000.vtu")
-    assert "k2_m3" not in points
-    assert_allclose(cells["flux_m2_per_s"][::2, 0], r.dataset["flux1"][0, 0])
+@pytest.mark.parametrize("cells", [(1, 8), (4, 1), (1, 1)])
+@pytest.mark.parametrize("pressure", ["place", "global", "uniform"])
+def test_a_single_row_or_column_of_windows_goes_all_the_way(scene, cells, pressure, tmp_path):
+    two = two_scale(scene, cells)
+    drawn = stochastic(scene, cells, Sampling(240e-6, 2, 2 * cells[0], seed=7, pressure=pressure))
+    # a row of windows leaks as they do side by side, a column as they do behind one another
+    mean = two.k1.mean(axis=(1, 2)) if cells[0] == 1 else stats.hmean(two.k1[..., 0], axis=1)
+    assert two.leakage.max() > 0
+    assert_allclose(two.leakage, mean * 1e6 / 1e-3 / 60e-6)
+    assert drawn.leakage.shape == (2, 5)
+    assert not two.failures + drawn.failures
+    if cells == (1, 1) and pressure == "place":
+        assert_allclose(drawn.leakage, [two.leakage] * 2)
+
+    r = assemble(scene, two_scale=two, stochastic=drawn)
+    write_folder(r, tmp_path, scene.surface)
+    data = open_results(tmp_path).dataset
+    assert ("k2" in data) == (cells[0] > 1)
+    assert (data.sizes["cell1"], data.sizes["cell2"]) == cells
+    arrays_, points, _, _ = arrays("vtkXMLUnstructuredGridReader", tmp_path / "vtk/seal/step_0000.vtu")
+    assert ("k2_m3" in points) == (cells[0] > 1)
+    assert_allclose(arrays_["flux_m2_per_s"][::2, 0], data["flux1"][0].values.ravel())

@@ -36,7 +36,7 @@ def default_step(data: xarray.Dataset) -> int:
 def seal_figure(results: Results, step: int | None = None) -> Figure:
     """Contact pressure, fluid pressure with the flow, and permeability of the windows over the seal at one step.
 
-    Two windows' gaps are added where the fields of the two-scale study are in memory: the critical one, in which the
+    Up to two windows' gaps are added where the fields of the two-scale study are in memory: the critical one, in which the
     flow loses most power, and the one that carries most flow of the others.
 
     Parameters
@@ -84,7 +84,7 @@ def _image(axes: Axes, values: Array, extent: tuple[float, ...], colours: Any, l
 def _colour_bar(axes: Axes, image: Any) -> None:
     """A bar as high as the map."""
     bar = axes.get_figure().colorbar(image, cax=axes.inset_axes((1.02, 0, 0.03, 1)))  # type: ignore[union-attr]
-    bar.ax.tick_params(labelsize=8)
+    bar.ax.tick_params(which="both", labelsize=8)
     axes.tick_params(labelsize=8)
 
 
@@ -102,7 +102,7 @@ def _fluid_panel(axes: Axes, data: xarray.Dataset, s: int, size: tuple[float, fl
     if not length.max() > 0:
         axes.set_title("fluid pressure [MPa], no flow", fontsize=9.5)
         return
-    longest = 1.6 * max(size[1] / m2 * every[1], size[0] / m1 * every[0])
+    longest = min(1.6 * max(size[1] / m2 * every[1], size[0] / m1 * every[0]), 0.8 * min(size))
     # the length goes with the root of the flux, so that the weaker paths are seen beside the strongest
     root = np.divide(longest, np.sqrt(length * length.max()), out=np.zeros_like(length), where=length > 0)
     shown = np.where(length > 1e-3 * length.max(), root, np.nan)
@@ -148,10 +148,11 @@ def _insets(figure: Figure, place: Any, results: Results, s: int, panels: tuple[
     assert two_scale is not None
     partition = two_scale.partition
     (w1, w2) = (length * 1e3 for length in partition.window_size)
-    grid = place.subgridspec(1, 2)
+    chosen = _chosen_windows(results.dataset, s)
+    grid = place.subgridspec(1, len(chosen))
     letter: Any = {"ha": "center", "va": "center", "color": "white", "fontweight": "bold"}
     letter |= {"fontsize": float(np.clip(0.6 * height, 3, 8)), "path_effects": _outline()}
-    for n, ((i, j), text) in enumerate(_chosen_windows(results.dataset, s)):
+    for n, ((i, j), text) in enumerate(chosen):
         axes = figure.add_subplot(grid[0, n])
         gap = partition.cut(two_scale.gap[s], i, j) * 1e6
         colours = colormaps["magma"].with_extremes(bad=_CLOSED)
@@ -166,7 +167,7 @@ def _insets(figure: Figure, place: Any, results: Results, s: int, panels: tuple[
 
 
 def _chosen_windows(data: xarray.Dataset, s: int) -> list[tuple[tuple[int, int], str]]:
-    """The window in which the flow loses most power, and the one that carries most flow of the others."""
+    """The window in which the flow loses most power, and the one that carries most flow of the others, if any does."""
     flux, p = np.abs(np.nan_to_num(data["flux1"].values[s])), np.nan_to_num(data["fluid_pressure"].values[s])
     if flux.max() == 0:
         flux = np.nan_to_num(data["k1"].values[s])
@@ -180,7 +181,7 @@ def _chosen_windows(data: xarray.Dataset, s: int) -> list[tuple[tuple[int, int],
     flux[first] = -1.0
     second = np.unravel_index(int(np.argmax(flux)), flux.shape)
     chosen = [((int(i), int(j)), text) for (i, j), text in zip((first, second), texts, strict=True)]
-    return chosen if flux.size > 1 else chosen[:1]
+    return chosen if flux[second] > 0 else chosen[:1]
 
 
 def _outline() -> list[Any]:

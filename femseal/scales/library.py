@@ -281,12 +281,13 @@ def build_placed_library(
     map : how to apply a function to all windows, in order.
     """
     tables, records, counts, failures = [], [], {"solved": 0, "closed": 0, "open": 0}, []
+    per_row = len(gaps[0]) // rows[0]
     for axis in (0, 1):
         task = partial(_placed_cell, axis=axis, steps=tuple(steps), half_space=half_space, hardness=hardness, rtol=rtol)
         cells = list(map(task, gaps[axis], pressures[axis]))
-        k = np.array([c["k"] for c in cells]).reshape(rows[axis], -1, len(steps))
+        k = np.array([c["k"] for c in cells]).reshape(rows[axis], per_row, len(steps))
         # a cell that failed anywhere is replaced by the next one of its row
-        tables.append(_without_failed(k) if k.size else k)
+        tables.append(_without_failed(k))
         records.append(cells)
         for name in counts:
             counts[name] += sum(c["counts"][name] for c in cells)

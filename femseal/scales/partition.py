@@ -127,13 +127,14 @@ def solve_global_scale(
         rtol=rtol,
     )
     raw_gap = np.empty((len(states), *surface.shape), np.float32)
+    across = np.array([partition.means(s.contact.pressure, 1) for s in states])
     for s, state in enumerate(states):
         # what the load adds is smoother than the gap itself, so that alone is interpolated
         raw_gap[s] = fine_gap + _refine(state.contact.raw_gap - coarse_gap, surface.shape, boundary)
     return GlobalScale(
         steps=tuple(LoadStep(s.pressure, s.unloaded_from) for s in states),
         pressure=np.array([partition.means(s.contact.pressure, 0) for s in states]),
-        pressure_across=np.array([partition.means(s.contact.pressure, 1) for s in states]).reshape(-1, m1 - 1, m2),
+        pressure_across=across.reshape(len(states), m1 - 1, m2),
         raw_gap=raw_gap,
         residual=max(s.contact.residual for s in states),
     )
