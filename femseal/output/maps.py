@@ -36,8 +36,8 @@ def default_step(data: xarray.Dataset) -> int:
 def seal_figure(results: Results, step: int | None = None) -> Figure:
     """Contact pressure, fluid pressure with the flow, and permeability of the windows over the seal at one step.
 
-    Up to two windows' gaps are added where the fields of the two-scale study are in memory: the critical one, in which the
-    flow loses most power, and the one that carries most flow of the others.
+    Gaps of two windows are added where the fields of the two-scale study are in memory: of the critical one, in which
+    the flow loses most power, and of the one that carries most flow of the others.
 
     Parameters
     ----------
