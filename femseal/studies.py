@@ -145,23 +145,35 @@ class StochasticResult:
     failures: tuple[str, ...] = ()
 
     def quantile(self, q: float) -> Array:
-        """Quantile of the leakage over realisations at every step; between two values in log space, 0 stays 0."""
-        with np.errstate(divide="ignore", invalid="ignore"):
-            low = np.log(np.nanquantile(self.leakage, q, axis=0, method="lower"))
-            high = np.log(np.nanquantile(self.leakage, q, axis=0, method="higher"))
-            position = (np.count_nonzero(np.isfinite(self.leakage), axis=0) - 1) * q
-            weight = position - np.floor(position)
-            return np.where(np.isfinite(low), np.exp(low + weight * (high - low)), 0.0)
+        """Quantile over the realisations that did not fail, at every step [m²/s]; NaN where all failed.
+
+        Between two values of one sign in log space; 0 beside a 0.
+        """
+        return self._at_every_step(partial(_quantile, q=q))
 
     @property
     def mean(self) -> Array:
-        """Mean leakage over realisations at every step."""
-        return np.nanmean(self.leakage, axis=0)
+        """Mean over the realisations that did not fail, at every step [m²/s]; NaN where all failed."""
+        return self._at_every_step(np.mean)
 
     @property
     def sealed_share(self) -> Array:
-        """Share of realisations without any leakage at every step."""
-        return np.mean(self.leakage == 0, axis=0)
+        """Share without any leakage of the realisations that did not fail, at every step; NaN where all failed."""
+        return self._at_every_step(lambda leakage: np.mean(leakage == 0))
+
+    def _at_every_step(self, statistic: Callable[[Array], Any]) -> Array:
+        finite = [leakage[np.isfinite(leakage)] for leakage in self.leakage.T]
+        return np.array([statistic(leakage) if leakage.size else np.nan for leakage in finite])
+
+
+def _quantile(values: Array, q: float) -> float:
+    low, high = (float(np.quantile(values, q, method=end)) for end in ("lower", "higher"))
+    weight = (values.size - 1) * q % 1
+    if low == 0 or high == 0:
+        return 0.0
+    if (low > 0) != (high > 0):
+        return low + weight * (high - low)
+    return float(np.sign(low)) * abs(low) ** (1 - weight) * abs(high) ** weight
 
 
 def deterministic(scene: Scene, *, map: Map = map) -> DeterministicResult:

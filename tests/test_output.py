@@ -4,6 +4,7 @@ import csv
 import io
 import json
 import os
+import warnings
 from dataclasses import replace
 
 import matplotlib.image
@@ -157,6 +158,55 @@ def test_best_leakage_at_hand(scene, studies):
         assert r.method == method
         assert r.leakage.name == f"leakage_{method.replace('-', '_')}"
         assert method in repr(r)
+
+
+def test_statistics_are_those_of_the_realisations_that_did_not_fail(studies):
+    columns = {
+        "powers": [1e-3, 1e-9, 1e-6, np.nan],
+        "reversed": [-1e-3, -1e-9, np.nan, -1e-6],
+        "half sealed": [0.0, np.nan, 0.0, 1e-6],
+        "two": [np.nan, 1e-4, 1e-8, np.nan],
+        "two reversed": [np.nan, -1e-4, -1e-8, np.nan],
+        "both signs": [1.0, -3.0, np.nan, np.nan],
+        "one zero": [0.0, -1e-6, np.nan, np.nan],
+        "failed": [np.nan] * 4,
+    }
+    s = replace(studies["stochastic"], leakage=np.array(list(columns.values())).T)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert_allclose(s.quantile(0.5), [1e-6, -1e-6, 0, 1e-6, -1e-6, -1, 0, np.nan], rtol=1e-12)
+        assert_allclose(s.quantile(0.0), [1e-9, -1e-3, 0, 1e-8, -1e-4, -3, -1e-6, np.nan], rtol=1e-12)
+        assert_allclose(s.quantile(0.75)[:2], [10**-4.5, -(10**-7.5)], rtol=1e-12)
+        third = (1e-3 + 1e-6 + 1e-9) / 3, 1e-6 / 3, (1e-4 + 1e-8) / 2
+        mean = [third[0], -third[0], third[1], third[2], -third[2], -1, -5e-7, np.nan]
+        assert_allclose(s.mean, mean, rtol=1e-12)
+        assert_allclose(s.sealed_share, [0, 0, 2 / 3, 0, 0, 0, 1 / 2, np.nan], rtol=1e-12)
+
+
+def test_flow_towards_the_inlet_and_failed_steps_are_shown(scene, studies):
+    back = replace(scene, inlet_pressure=0.0, outlet_pressure=1e6)
+    two, drawn = two_scale(back, (M1, M2)), studies["stochastic"]
+    assert_allclose(two.leakage, -studies["two_scale"].leakage, rtol=1e-9)
+    leakage = -drawn.leakage
+    leakage[:, 1] = np.nan
+    failed = {name: getattr(two, name).copy() for name in ("leakage", "k1", "fluid_pressure")}
+    for values in failed.values():
+        values[1] = np.nan
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        r = assemble(back, two_scale=replace(two, **failed), stochastic=replace(drawn, leakage=leakage))
+        axes = leakage_figure(r).axes[0]
+        for figure in (leakage_figure(r), cells_figure(r), seal_figure(r, 0), seal_figure(r, 1)):
+            figure.savefig(io.BytesIO(), dpi=40)
+    assert "from outlet to inlet" in axes.get_ylabel()
+    shown = {line.get_label(): line.get_ydata() for line in axes.get_lines()}["loading"]
+    factor, _ = leakage_unit(r.leakage)
+    assert_allclose(shown, -r.leakage.values[:3] / factor)
+    assert np.isnan(shown[1])
+    assert "unknown: a window failed" in seal_figure(r, 1).axes[1].get_title()
+    low, high = (f"{r.dataset[n].values[0] / factor:.3g}" for n in ("leakage_lower", "leakage_upper"))
+    assert f"<td>{low} to {high}</td>" in r._repr_html_()
+    assert "leakage at 700 MPa: failed" in repr(assemble(back, two_scale=replace(two, leakage=two.leakage * np.nan)))
 
 
 def test_failures_are_nan_not_sealed(scene, studies):

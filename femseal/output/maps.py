@@ -100,17 +100,19 @@ def _fluid_panel(axes: Axes, data: xarray.Dataset, s: int, size: tuple[float, fl
     pick = np.s_[:: every[0], :: every[1]]
     length = np.nan_to_num(np.hypot(along, across))
     if not length.max() > 0:
-        axes.set_title("fluid pressure [MPa], no flow", fontsize=9.5)
+        known = bool(np.isfinite(data["flux1"].values[s]).all())
+        axes.set_title(f"fluid pressure [MPa], {'no flow' if known else 'unknown: a window failed'}", fontsize=9.5)
         return
     longest = min(1.6 * max(size[1] / m2 * every[1], size[0] / m1 * every[0]), 0.8 * min(size))
     # the length goes with the root of the flux, so that the weaker paths are seen beside the strongest
     root = np.divide(longest, np.sqrt(length * length.max()), out=np.zeros_like(length), where=length > 0)
     shown = np.where(length > 1e-3 * length.max(), root, np.nan)
-    axes.quiver(
+    arrows = axes.quiver(
         *np.meshgrid(x2[pick[1]], x1[pick[0]]), (across * shown)[pick], (along * shown)[pick],
         pivot="mid", angles="xy", scale_units="xy", scale=1.0, units="inches", width=0.028, headwidth=4, headlength=4,
-        headaxislength=3.6, color="#D7191C", edgecolor="white", linewidth=0.5,
+        headaxislength=3.6, color="#D7191C", edgecolor="white", linewidth=0.5, clip_on=False,
     )  # fmt: skip
+    arrows.set_in_layout(False)
     factor, unit = leakage_unit(length.max())
     longest_text = f"{length.max() / factor:.3g} {unit}"
     axes.set_title(f"fluid pressure [MPa]; arrows ∝ √flux, longest {longest_text}", fontsize=9.5)
@@ -133,10 +135,11 @@ def _permeability_panel(axes: Axes, k: Array, extent: tuple[float, ...]) -> None
     positive = k[np.isfinite(k) & (k > 0)]
     top = float(positive.max()) if positive.size else 1.0
     low = max(float(positive.min()), top * 10.0**-_DECADES) if positive.size else 0.1
-    colours = colormaps["viridis"].with_extremes(bad=_CLOSED)
-    norm = LogNorm(low if low < top else low / 10, top)
-    label = "permeability of windows along x1 [m³]; grey: closed"
-    _image(axes, np.where(k > 0, k, np.nan), extent, colours, label, norm=norm)
+    low = low if low < top else low / 10
+    colours = colormaps["viridis"].with_extremes(under=_CLOSED)
+    shown = np.where(k > 0, np.maximum(k, low), np.where(k == 0, low / 10, np.nan))
+    label = "permeability of windows along x1 [m³]; grey: closed" + ("; white: failed" if np.isnan(k).any() else "")
+    _image(axes, shown, extent, colours, label, norm=LogNorm(low, top))
 
 
 def _insets(figure: Figure, place: Any, results: Results, s: int, panels: tuple[Axes, ...], height: float) -> None:
@@ -149,7 +152,7 @@ def _insets(figure: Figure, place: Any, results: Results, s: int, panels: tuple[
     partition = two_scale.partition
     (w1, w2) = (length * 1e3 for length in partition.window_size)
     chosen = _chosen_windows(results.dataset, s)
-    grid = place.subgridspec(1, len(chosen))
+    grid = place.subgridspec(1, max(len(chosen), 1))
     letter: Any = {"ha": "center", "va": "center", "color": "white", "fontweight": "bold"}
     letter |= {"fontsize": float(np.clip(0.6 * height, 3, 8)), "path_effects": _outline()}
     for n, ((i, j), text) in enumerate(chosen):
@@ -167,7 +170,10 @@ def _insets(figure: Figure, place: Any, results: Results, s: int, panels: tuple[
 
 
 def _chosen_windows(data: xarray.Dataset, s: int) -> list[tuple[tuple[int, int], str]]:
-    """The window in which the flow loses most power, and the one that carries most flow of the others, if any does."""
+    """The window in which the flow loses most power, and the one that carries most flow of the others.
+
+    Without flow, the most permeable ones; closed windows are left out.
+    """
     flux, p = np.abs(np.nan_to_num(data["flux1"].values[s])), np.nan_to_num(data["fluid_pressure"].values[s])
     if flux.max() == 0:
         flux = np.nan_to_num(data["k1"].values[s])
@@ -177,11 +183,11 @@ def _chosen_windows(data: xarray.Dataset, s: int) -> list[tuple[tuple[int, int],
         texts = "critical: most power lost", "most flow of the others"
         loss = flux * np.abs(np.diff(p, axis=0))
     first = np.unravel_index(int(np.argmax(loss)), loss.shape)
-    flux = flux.copy()
-    flux[first] = -1.0
-    second = np.unravel_index(int(np.argmax(flux)), flux.shape)
-    chosen = [((int(i), int(j)), text) for (i, j), text in zip((first, second), texts, strict=True)]
-    return chosen if flux[second] > 0 else chosen[:1]
+    others = flux.copy()
+    others[first] = 0.0
+    second = np.unravel_index(int(np.argmax(others)), flux.shape)
+    places = ((first, flux), (second, others))
+    return [((int(p[0]), int(p[1])), text) for (p, f), text in zip(places, texts, strict=True) if f[p] > 0]
 
 
 def _outline() -> list[Any]:

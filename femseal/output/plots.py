@@ -52,7 +52,7 @@ def branches(data: xarray.Dataset, prefix: str = "") -> list[tuple[str, Steps]]:
 
 
 def leakage_figure(results: Results) -> Figure:
-    """Leakage per length against nominal pressure, log scale; steps without leakage stand in a strip below.
+    """Size of the leakage per length against nominal pressure, log scale; steps without leakage stand in a strip below.
 
     Band: between the quantiles of the realisations, mean thin and dotted, where there are realisations.
     """
@@ -79,9 +79,10 @@ def leakage_figure(results: Results) -> Figure:
                 single = np.abs(data[_variable(study)].values[steps]) / factor
                 at = np.where(single == 0, lane, single)
                 axes.plot(x, at, color=colour, ls="", marker=symbol, ms=size, mew=1.2, mfc="none")
-    gas = "IdealGas" in str(data.attrs.get("fluid", ""))
+    notes = ["gas at 101 325 Pa"] if "IdealGas" in str(data.attrs.get("fluid", "")) else []
+    notes += ["from outlet to inlet"] if data.attrs["outlet_pressure_Pa"] > data.attrs["inlet_pressure_Pa"] else []
     axes.set_xlabel("nominal pressure [MPa]")
-    axes.set_ylabel(f"leakage per length of seal [{unit}]" + (", gas at 101 325 Pa" if gas else ""))
+    axes.set_ylabel("\n".join([f"leakage per length of seal [{unit}]", *([", ".join(notes)] if notes else [])]))
     axes.set_xlim(0, pressure.max() * 1.03)
     axes.grid(alpha=0.25, lw=0.6)
     figure.legend(handles=_leakage_legend(axes, results), loc="outside right upper", frameon=False,
@@ -119,7 +120,7 @@ def _log_axis(axes: Axes, values: Array, count: int) -> tuple[float, list[float]
     axes.set_yticks([t for t in axes.get_yticks(minor=True) if floor <= t <= top], minor=True)
     axes.axhspan(bottom, floor, color="#E4E4E4", lw=0, zorder=0)
     middle = float(np.sqrt(floor * bottom))
-    axes.annotate("sealed ", (0, middle), xycoords=("axes fraction", "data"), ha="right", va="center", fontsize=9)
+    axes.annotate(" sealed", (1, middle), xycoords=("axes fraction", "data"), ha="left", va="center", fontsize=9)
     return floor, lanes
 
 

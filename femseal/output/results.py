@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import platform
-import warnings
 from dataclasses import dataclass, fields
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -117,7 +116,8 @@ class Results:
         steps, leakage = self.steps, self.leakage.values
         peak = max(range(len(steps)), key=lambda s: steps[s].pressure)
         factor, unit = tables.leakage_unit(leakage[peak])
-        value = "sealed" if leakage[peak] == 0 else f"{leakage[peak] / factor:.3g} {unit}"
+        value = tables.amount(leakage[peak], factor)
+        value += f" {unit}" if abs(leakage[peak]) > 0 else ""
         sizes = [f"{len(steps)} steps"]
         sizes += [f"{self.dataset.sizes['realisation']} realisations"] if "realisation" in self.dataset.sizes else []
         sizes += [f"{n} warnings"] if (n := len(self.warnings)) else []
@@ -291,21 +291,12 @@ def _add_windows(data: xarray.Dataset, scene: Scene, result: TwoScaleResult) -> 
 def _add_realisations(data: xarray.Dataset, result: StochasticResult, quantiles: tuple[float, float]) -> None:
     _add_fields(data, result, {"leakage": "leakage"})
     data.coords["realisation"] = ("realisation", np.arange(len(result.leakage)), _labels("1", "realisation"))
-    known = np.any(np.isfinite(result.leakage), axis=0)
     text = "leakage per unit seal length, {} of the realisations"
     for name, q in (("median", 0.5), ("lower", quantiles[0]), ("upper", quantiles[1])):
         labels = _labels("m^2/s", text.format(name if name == "median" else f"{name} quantile {q:g}"))
-        data[f"leakage_{name}"] = ("step", _where(known, lambda q=q: result.quantile(q)), labels | {"quantile": q})
-    data["leakage_mean"] = ("step", _where(known, lambda: result.mean), _labels("m^2/s", text.format("mean")))
-    labels = _labels("1", "share of the realisations without leakage")
-    data["sealed_share"] = ("step", _where(known, lambda: result.sealed_share), labels)
-
-
-def _where(known: Any, statistic: Any) -> Array:
-    """A statistic of the realisations; NaN where every one of them failed."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)
-        return np.where(known, statistic(), np.nan)
+        data[f"leakage_{name}"] = ("step", result.quantile(q), labels | {"quantile": q})
+    data["leakage_mean"] = ("step", result.mean, _labels("m^2/s", text.format("mean")))
+    data["sealed_share"] = ("step", result.sealed_share, _labels("1", "share of the realisations without leakage"))
 
 
 def _add_library(data: xarray.Dataset, curves: CellCurves) -> None:

@@ -96,19 +96,19 @@ def texts(results: Results) -> tuple[str, list[str], list[list[str]]]:
     columns: list[tuple[str, Iterable[str]]] = [
         ("branch", (r["branch"] for r in table)),
         ("pressure", (to_text(r["nominal_pressure_Pa"], "Pa") for r in table)),
-        (_HEADS.get(results.method, results.method), (_amount(r["leakage_m2_per_s"], factor) for r in table)),
+        (_HEADS.get(results.method, results.method), (amount(r["leakage_m2_per_s"], factor) for r in table)),
     ]
     if "leakage_lower" in data:
         low, high = ("leakage_lower_m2_per_s", "leakage_upper_m2_per_s")
         share = "–".join(f"{100 * data[name].attrs['quantile']:g}" for name in ("leakage_lower", "leakage_upper"))
         columns += [
             (f"{share} %", (_range(r[low], r[high], factor) for r in table)),
-            ("mean", (_amount(r["leakage_mean_m2_per_s"], factor) for r in table)),
+            ("mean", (amount(r["leakage_mean_m2_per_s"], factor) for r in table)),
             ("sealed\nshare", (_share(r["sealed_share"]) for r in table)),
         ]
     for name, key in (("two-scale", "leakage_two_scale_m2_per_s"), ("deterministic", "leakage_deterministic_m2_per_s")):
         if key in table[0] and name != results.method:
-            columns.append((_HEADS[name], [_amount(r[key], factor) for r in table]))
+            columns.append((_HEADS[name], [amount(r[key], factor) for r in table]))
     if "contact_share" in data:
         columns.append(("contact\nshare", (_share(r["contact_share"]) for r in table)))
     title = f"leakage per length of seal in {unit} (= {factor:.0e} m²/s)"
@@ -142,18 +142,21 @@ def html_table(results: Results) -> str:
     return f"<table>{caption}\n<thead><tr>{head}</tr></thead>\n<tbody>\n{body}\n</tbody></table>"
 
 
-def _amount(value: float, factor: float) -> str:
+def amount(value: float, factor: float) -> str:
+    """A leakage in the unit `factor`, in three digits; "sealed" where it is 0, "failed" where it is NaN."""
     if np.isnan(value):
         return "failed"
     if value == 0:
         return "sealed"
-    amount = value / factor
-    return f"{amount:.0f}" if 999.5 <= abs(amount) < 1e6 else f"{amount:.3g}"
+    number = value / factor
+    return f"{number:.0f}" if 999.5 <= abs(number) < 1e6 else f"{number:.3g}"
 
 
 def _range(low: float, high: float, factor: float) -> str:
-    ends = _amount(low, factor), _amount(high, factor)
-    return ends[0] if ends[0] == ends[1] and not low > 0 else "–".join(ends)
+    ends = amount(low, factor), amount(high, factor)
+    if ends[0] == ends[1] and not abs(low) > 0:
+        return ends[0]
+    return (" to " if low < 0 else "–").join(ends)
 
 
 def _share(value: float) -> str:
