@@ -134,7 +134,7 @@ def main() -> None:
         typer.echo(f"femseal: {error}", err=True)
         sys.exit(1)
     except KeyboardInterrupt:
-        typer.echo("femseal: stopped; nothing of an unfinished run is kept", err=True)
+        typer.echo("femseal: stopped", err=True)
         sys.exit(1)
     except Exception as error:
         # usage errors of the parser know how to show themselves and their exit code

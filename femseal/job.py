@@ -6,6 +6,7 @@ import logging
 import time
 from collections.abc import Callable, Iterable, Iterator, Sized
 from contextlib import contextmanager
+from dataclasses import replace
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -43,7 +44,8 @@ def run(
     Raises
     ------
     InputError : the case or an argument cannot be used; nothing has been written then.
-    FemsealError : a computation failed as a whole. Single cells that fail are listed in `Results.warnings`.
+    FemsealError : a computation failed as a whole, or a file could not be written: `write_folder` says where the
+        results are then. Single cells that fail are listed in `Results.warnings`.
     """
     if not isinstance(case, Case):
         case = load_case(case)
@@ -97,6 +99,7 @@ def _run(case: Case, prepared: Prepared, folder: Path | None, mapper: Any, progr
     if folder is not None:
         progress("writing results", 0, None)
         write_folder(results, folder, scene.surface)
+        results = replace(results, folder=folder)
         log.info("results in %s", folder)
     return results
 

@@ -63,6 +63,42 @@ def test_results_do_not_depend_on_the_workers(case):
         assert top < back < first
 
 
+def test_only_a_complete_folder_is_resumed(case, tmp_path, monkeypatch):
+    def fail(*args, **kwargs):
+        raise ValueError("no such colour")
+
+    case.write_text(CASE.replace('method = "stochastic"', 'method = "deterministic"').replace("compare", "# "))
+    out = tmp_path / "out"
+    with monkeypatch.context() as patch:
+        patch.setattr("femseal.output.folder.leakage_figure", fail)
+        with pytest.raises(fs.FemsealError, match="no such colour"):
+            fs.run(case, out, workers=1)
+    assert "no such colour" in (out / "run.log").read_text()
+    done = fs.run(case, out, resume=True, workers=1)
+    assert done.folder == out
+    assert (out / "leakage.png").exists()
+    with monkeypatch.context() as patch:
+        patch.setattr("femseal.job.deterministic", fail)
+        again = fs.run(case, out, resume=True, workers=1)
+        assert_array_equal(again.leakage, done.leakage)
+        case.write_text(case.read_text().replace("seed = 2", "seed = 3"))
+        with pytest.raises(ValueError, match="no such colour"):
+            fs.run(case, out, resume=True, workers=1)
+
+
+@pytest.mark.parametrize("count", [[1, 6], [3, 1], [1, 1]])
+def test_one_row_or_column_of_cells(case, tmp_path, count):
+    fs.run(case, tmp_path / "out", workers=1)
+    case.write_text(CASE.replace("count = [3, 6]", f"count = {count}"))
+    results = fs.run(case, tmp_path / "out", workers=1)
+    assert [results.dataset.sizes[n] for n in ("cell1", "cell2")] == count
+    assert np.isfinite(results.dataset["leakage"]).all()
+    assert not results.warnings
+    listed = (tmp_path / "out/files.txt").read_text().split()
+    there = {p.relative_to(tmp_path / "out").as_posix() for p in (tmp_path / "out").rglob("*") if p.is_file()}
+    assert there == {*listed, "files.txt", "run.log"}
+
+
 def test_command_line(case, tmp_path):
     out = tmp_path / "out"
     done = femseal("run", case, "-o", out)

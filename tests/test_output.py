@@ -14,7 +14,7 @@ import xarray
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy import stats
 
-from femseal.errors import InputError
+from femseal.errors import FemsealError, InputError
 from femseal.flow import cell_permeability
 from femseal.fluids import IdealGas, Liquid
 from femseal.output import (
@@ -285,6 +285,87 @@ def test_a_file_in_the_way_is_an_error(results, tmp_path):
     (tmp_path / "out").write_text("x")
     with pytest.raises(InputError, match="output folder"):
         save(results, tmp_path / "out")
+
+
+def files(folder):
+    return {str(p.relative_to(folder)) for p in folder.rglob("*") if p.is_file()}
+
+
+def test_another_run_into_the_folder_leaves_nothing_of_the_former(results, scene, studies, tmp_path):
+    out = tmp_path / "out"
+    write_folder(results, out, scene.surface)
+    mine = {"notes.txt", "vtk/view.pvsm", "vtk/seal/step_9999.vtu", "vtk/own/a.vtu", "old_leakage.png"}
+    for name in mine:
+        (out / name).parent.mkdir(exist_ok=True)
+        (out / name).write_text("mine")
+    (out / "files.txt").open("a").write(f"../{out.name}2/keep.txt\n{tmp_path}/keep.txt\n")
+    for keep in (tmp_path / "keep.txt", tmp_path / "out2/keep.txt"):
+        keep.parent.mkdir(exist_ok=True)
+        keep.write_text("mine")
+    # fewer steps, no windows, no fields
+    short = replace(scene, loading=(50e6,), unload_from=(), unloading=())
+    study = deterministic(short)
+    written = write_folder(assemble(short, deterministic=study), out)
+    assert files(out) == {str(p.relative_to(out)) for p in written} | mine
+    assert {p.name for p in written} == {"results.nc", "table.csv", "leakage.png", "files.txt"}
+    assert not list(out.glob("vtk/window*"))
+    assert (out / "vtk/view.pvsm").read_text() == "mine"
+    assert (tmp_path / "keep.txt").exists()
+    assert (tmp_path / "out2/keep.txt").exists()
+    write_folder(results, out, scene.surface)
+    write_folder(assemble(short, deterministic=study), out)
+    assert files(out) == {str(p.relative_to(out)) for p in written} | mine
+
+
+@pytest.mark.parametrize("error", [ValueError("no such colour"), OSError(28, "No space left on device")])
+def test_a_picture_that_fails_loses_neither_the_results_nor_the_former_run(
+    results, scene, studies, tmp_path, monkeypatch, error
+):
+    old = assemble(scene, deterministic=studies["deterministic"])
+    write_folder(old, tmp_path, scene.surface)
+    before = {name: (tmp_path / name).read_bytes() for name in files(tmp_path)}
+
+    def fail(*args):
+        raise error
+
+    with monkeypatch.context() as patch:
+        patch.setattr("femseal.output.folder.cells_figure", fail)
+        with pytest.raises(FemsealError, match=error.args[-1]) as caught:
+            write_folder(results, tmp_path, scene.surface)
+    assert str(tmp_path / ".unfinished/results.nc") in str(caught.value)
+    assert open_results(tmp_path / ".unfinished").rows() == results.rows()
+    assert open_results(tmp_path).rows() == old.rows()
+    assert all((tmp_path / name).read_bytes() == content for name, content in before.items())
+    written = write_folder(results, tmp_path, scene.surface)
+    assert files(tmp_path) == {str(p.relative_to(tmp_path)) for p in written}
+    assert open_results(tmp_path).rows() == results.rows()
+
+
+def test_results_come_last(scene, studies, tmp_path, monkeypatch):
+    """Wherever the files cease to take their places, the folder either has all of them or no results."""
+    r = assemble(scene, deterministic=studies["deterministic"])
+    everything = {"results.nc", "table.csv", "leakage.png", "files.txt"}
+    save(r, tmp_path)
+    move, left = os.replace, 0
+
+    def stop_after_some(source, target):
+        nonlocal left
+        if ".unfinished" not in str(target):
+            left -= 1
+            if left < 0:
+                raise OSError("stopped")
+        move(source, target)
+
+    monkeypatch.setattr(os, "replace", stop_after_some)
+    for count in range(len(everything)):
+        left = count
+        with pytest.raises(FemsealError, match="stopped"):
+            write_folder(r, tmp_path)
+        assert not (tmp_path / "results.nc").exists()
+        assert open_results(tmp_path / ".unfinished").rows() == r.rows()
+    left = len(everything)
+    write_folder(r, tmp_path)
+    assert files(tmp_path) == everything
 
 
 def test_nothing_is_left_behind_by_a_failure(results, scene, tmp_path, monkeypatch):

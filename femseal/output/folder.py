@@ -3,40 +3,75 @@
 from __future__ import annotations
 
 import os
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ..errors import FemsealError
 from ..topography import Topography
 from .files import made_folder, replacing, write_text
 from .maps import seal_figure, surface_figure
 from .plots import cells_figure, leakage_figure
-from .results import Results, save
+from .results import FILE_NAME, Results, save
 from .tables import csv_text
 from .vtk import write_vtk
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+#: Names the files of a run, one a line, so that the next run removes those it does not write again.
+MANIFEST = "files.txt"
+#: Where the files of a run are until all of them are written.
+UNFINISHED = ".unfinished"
+
 
 def write_folder(results: Results, folder: str | os.PathLike[str], surface: Topography | None = None) -> list[Path]:
     """Write `results.nc`, `table.csv`, the pictures and, in `vtk/`, the files for ParaView.
 
+    They are written into the folder `.unfinished` and take the place of an earlier run's files once all are there,
+    `results.nc` last. Files that femseal did not write stay as they are.
+
     Parameters
     ----------
     results : of a run; pictures and fields that they have nothing for are left out.
-    folder : made if needed; files of the same name are replaced, each whole or not at all.
+    folder : made if needed; files of the same name are replaced.
     surface : the combined heights, for `surface.png` and the fields; None: without.
 
     Returns
     -------
-    Paths of all files written.
+    Paths of all files written, among them `files.txt`, which names them.
 
     Raises
     ------
     InputError : the folder cannot be made.
+    FemsealError : a file could not be written; `.unfinished/results.nc` then holds the results.
     """
     target = made_folder(folder)
+    unfinished = target / UNFINISHED
+    shutil.rmtree(unfinished, ignore_errors=True)
+    try:
+        saved = save(results, unfinished)
+    except BaseException:
+        shutil.rmtree(unfinished, ignore_errors=True)
+        raise
+    try:
+        written = [*_write_for_people(results, unfinished, surface), saved]
+        names = [path.relative_to(unfinished) for path in written]
+        (target / FILE_NAME).unlink(missing_ok=True)
+        _remove_former(target)
+        write_text(target / MANIFEST, "".join(f"{name.as_posix()}\n" for name in names))
+        for name in names:
+            made_folder((target / name).parent)
+            os.replace(unfinished / name, target / name)
+    except Exception as error:
+        reason = str(error) or type(error).__name__
+        raise FemsealError(f"output folder: {reason}; what was computed is kept in '{saved}'") from error
+    shutil.rmtree(unfinished, ignore_errors=True)
+    return [target / MANIFEST, *(target / name for name in names)]
+
+
+def _write_for_people(results: Results, folder: Path, surface: Topography | None) -> list[Path]:
     data = results.dataset
     pictures: dict[str, Callable[[], Figure]] = {"leakage.png": lambda: leakage_figure(results)}
     if "library_k" in data or "k1" in data:
@@ -45,12 +80,28 @@ def write_folder(results: Results, folder: str | os.PathLike[str], surface: Topo
         pictures["seal.png"] = lambda: seal_figure(results)
     if surface is not None:
         pictures["surface.png"] = lambda: surface_figure(surface)
-    written = [save(results, target), write_text(target / "table.csv", csv_text(results))]
+    written = [write_text(folder / "table.csv", csv_text(results))]
     for name, picture in pictures.items():
         figure = picture()
-        with replacing(target / name) as temporary:
+        with replacing(folder / name) as temporary:
             figure.savefig(temporary)
-        written.append(target / name)
+        written.append(folder / name)
     if "k1" in data or surface is not None:
-        written += write_vtk(results, surface, target / "vtk")
+        written += write_vtk(results, surface, folder / "vtk")
     return written
+
+
+def _remove_former(folder: Path) -> None:
+    """Remove the files that the manifest of an earlier run names, and folders that they leave empty."""
+    try:
+        lines = (folder / MANIFEST).read_text(encoding="utf-8").splitlines()
+    except (OSError, UnicodeDecodeError):
+        return
+    names = [Path(line) for line in lines if line and not Path(line).is_absolute() and ".." not in Path(line).parts]
+    for name in names:
+        if (folder / name).is_file():
+            (folder / name).unlink()
+    parents = {parent for name in names for parent in name.parents if parent != Path()}
+    for parent in sorted(parents, key=lambda p: -len(p.parts)):
+        if (folder / parent).is_dir() and not any((folder / parent).iterdir()):
+            (folder / parent).rmdir()
