@@ -1,0 +1,468 @@
+"""The three chains from a face to leakage: closed forms, balances, symmetries, draws and failures."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+import femseal.scales.response
+import femseal.studies
+from femseal import analytic
+from femseal.contact import HalfSpace, LoadStep, load_cycle
+from femseal.errors import FemsealError, InputError, NotConverged
+from femseal.flow import cell_permeability
+from femseal.fluids import IdealGas, Liquid
+from femseal.scales import Partition
+from femseal.seal import RectangularSeal
+from femseal.studies import Sampling, Scene, StochasticResult, deterministic, stochastic, two_scale
+from femseal.topography import Topography, self_affine
+
+MODULUS, HARDNESS = 115e9, 3e9
+WATER, DROP = Liquid(viscosity=1e-3), 1e6
+PIXEL = 1e-6
+
+
+def make_scene(heights, spacing=(PIXEL, PIXEL), **given):
+    surface = Topography(heights, spacing, (False, True))
+    return Scene(**{"surface": surface, "modulus": MODULUS, "hardness": HARDNESS, "fluid": WATER,
+                    "inlet_pressure": DROP, "outlet_pressure": 0.0, "loading": (0.0,)} | given)  # fmt: skip
+
+
+def leakage_of(permeability, scene):
+    """Q/L2 = k Δp/(η L1) of a uniform seal of water."""
+    return permeability * (scene.inlet_pressure - scene.outlet_pressure) / (1e-3 * scene.surface.size[0])
+
+
+def links_of(result, scene):
+    """Flows through the links of every step from the returned fields, along x1 and x2 [m³/s]."""
+    d1, d2 = result.partition.window_size
+    p = result.fluid_pressure
+    along = -np.diff(p, axis=1) * result.k1 / 1e-3 * d2 / d1
+    across = (p - np.roll(p, -1, axis=2))[:, 1:-1] * result.k2 / 1e-3 * d1 / d2
+    return along, across
+
+
+@pytest.fixture(scope="module")
+def rough():
+    """A face of 4 × 6 windows of 16 points under a cycle."""
+    face = self_affine((64, 96), (64e-6, 96e-6), hurst=0.8, rms_slope=0.2, roll_off=40e-6, rng=5)
+    return make_scene(face.heights, loading=(1e8, 3e8, 6e8), unload_from=(6e8,), unloading=(3e8, 1e8), rtol=1e-8)
+
+
+@pytest.fixture(scope="module")
+def rough_two_scale(rough):
+    return two_scale(rough, (4, 6))
+
+
+class TestClosedForms:
+    """At no load a face is as rigid, and its gap is known: that of the first touch."""
+
+    def corrugated(self, axis, n=64, amplitude=1e-7):
+        """Ridges a cos(2πx/L) with a crest on a pixel, constant along the other axis."""
+        wave = amplitude * np.cos(2 * np.pi * np.arange(n) / n)
+        return wave[:, None] * np.ones((1, n)) if axis == 0 else np.ones((n, 1)) * wave
+
+    def test_channels_along_the_leakage_are_in_parallel(self):
+        """h = a(1 − cos): ⟨h³⟩ = 5/2 a³, and the mean over 64 points is exact."""
+        a = 1e-7
+        scene = make_scene(self.corrugated(1, amplitude=a))
+        expected = leakage_of(2.5 * a**3 / 12, scene)
+        assert_allclose(deterministic(scene).leakage, expected, rtol=1e-9)
+        result = two_scale(scene, (4, 4))
+        assert_allclose(result.leakage, expected, rtol=1e-5)  # gaps are kept in single precision
+        # each column of windows by itself: the mean of h³ over its width
+        h3 = (scene.surface.heights.max() - scene.surface.heights[0]).reshape(4, 16) ** 3
+        assert_allclose(result.k1[0], np.tile(h3.mean(axis=1) / 12, (4, 1)), rtol=1e-5)
+
+    def test_ridges_across_the_leakage_that_touch_seal(self):
+        scene = make_scene(self.corrugated(0), loading=(0.0, 1e6))
+        assert (deterministic(scene).leakage == 0).all()
+        result = two_scale(scene, (4, 4))
+        assert result.leakage[1] == 0
+        # the ridge lies at the border of the first row of windows
+        assert (result.k1[1, 0] == 0).all()
+        assert (result.k1[1, 1:3] > 0).all()
+
+    @pytest.mark.parametrize("waves", [0, 8])
+    def test_gaps_across_the_leakage_are_in_series(self, waves):
+        """A column of closed windows carries the touch; the others stay open by a gap h that depends on x1 alone.
+
+        They leak 1/⟨12/h³⟩ each: for a(1 + ε cos) in closed form, for ε = 0 that of parallel plates.
+        """
+        n, w, a, ridge = 128, 32, 1e-7, 4e-7
+        x1 = (np.arange(n) + 0.5) / n
+        heights = a * np.cos(2 * np.pi * waves * x1)[:, None] * np.ones((1, n)) if waves else np.zeros((n, n))
+        # too narrow for the global scale, which sees their mean, but high enough to close
+        heights[:, :w] = ridge * (1 + 0.9 * np.cos(2 * np.pi * (n / 8) * x1))[:, None]
+        scene = make_scene(heights)
+        partition = Partition((n, n), (PIXEL, PIXEL), (4, 4))
+        # the touch is between the low-pass face, on the global grid, and the flat
+        smooth = scene.surface.low_pass(partition.cut_off)
+        touch = smooth.resample((64, 64)).heights.max()
+        result = two_scale(scene, (4, 4))
+        assert (result.k1[0, :, 0] == 0).all()
+        k = analytic.wavy_gap_across(touch, a / touch) if waves else analytic.parallel_plates(touch)
+        assert_allclose(result.k1[0, :, 1:], k, rtol=2e-3 if waves else 1e-5)
+        assert_allclose(result.leakage[0], leakage_of(0.75 * k, scene), rtol=2e-3 if waves else 1e-5)
+
+    @pytest.mark.parametrize("waves", [0, 8])
+    def test_gaps_across_the_leakage_are_in_series_at_full_resolution(self, waves):
+        """The same with a plateau in contact: no flow enters it."""
+        n, w, a, gap = 128, 32, 1e-7, 4e-7
+        wave = a * np.cos(2 * np.pi * waves * (np.arange(n) + 0.5) / n) if waves else np.zeros(n)
+        heights = np.where(np.arange(n) < w, gap, wave[:, None])
+        scene = make_scene(heights)
+        k = analytic.wavy_gap_across(gap, a / gap) if waves else analytic.parallel_plates(gap)
+        assert_allclose(deterministic(scene).leakage, leakage_of(0.75 * k, scene), rtol=2e-3 if waves else 1e-9)
+
+    @pytest.mark.parametrize(("share", "expected"), [(0.1, 0.125386), (0.5, 3.534788e-3)])
+    def test_elastic_wave_along_its_grooves(self, share, expected):
+        """Westergaard's gap: ⟨g³⟩/(2Δ)³ falls from 5/16 to known values as p̄/p* grows."""
+        n, half = 256, 2e-7
+        heights = half * np.ones((16, 1)) * np.cos(2 * np.pi * (np.arange(n) + 0.5) / n)
+        full = np.pi * MODULUS * half / (n * PIXEL)
+        scene = make_scene(heights, hardness=np.inf, loading=(share * full,), boundary=("periodic", "periodic"))
+        result = deterministic(scene)
+        assert_allclose(result.leakage, leakage_of((2 * half) ** 3 / 12 * expected, scene), rtol=2e-2)
+        assert_allclose(result.contact_fraction, 2 / np.pi * np.arcsin(np.sqrt(share)), atol=2 / n)
+        assert result.plastic_fraction[0] == 0
+        assert result.residual < 1e-5
+
+    def test_a_face_that_is_all_plastic_seals(self):
+        scene = make_scene(self.corrugated(1), boundary=("periodic", "periodic"), hardness=1e9, loading=(1e9,))
+        result = deterministic(scene)
+        assert (result.leakage[0], result.contact_fraction[0], result.mean_gap[0]) == (0, 1, 0)
+        assert two_scale(scene, (4, 4)).leakage[0] == 0
+
+
+class TestBalance:
+    def test_what_enters_a_node_leaves_it(self, rough, rough_two_scale):
+        along, across = links_of(rough_two_scale, rough)
+        through = rough_two_scale.leakage * rough.surface.size[1]
+        assert (through > 0).all()
+        assert_allclose(along[:, 0].sum(axis=1), through, rtol=1e-9)
+        assert_allclose(along[:, -1].sum(axis=1), through, rtol=1e-9)
+        kept = along[:, :-1] - along[:, 1:] + np.roll(across, 1, axis=2) - across
+        assert_allclose(kept / through[:, None, None], 0, atol=1e-9)
+
+    def test_gas(self, rough, rough_two_scale):
+        """The same links pass a mass rate that goes with p²; the pressure at the nodes follows."""
+        gas = IdealGas(viscosity=2e-5, molar_mass=0.029, temperature=300.0)
+        scene = replace(rough, fluid=gas, inlet_pressure=5e6, outlet_pressure=1e5)
+        result = two_scale(scene, (4, 6))
+        assert_array_equal(result.k1, rough_two_scale.k1)
+        mean = (5e6 + 1e5) / 2
+        factor = (5e6 - 1e5) * mean / 101325 / DROP * 1e-3 / 2e-5  # rate at standard pressure over that of water
+        assert_allclose(result.leakage / rough_two_scale.leakage, factor, rtol=1e-9)
+        share = (result.fluid_pressure**2 - 1e10) / (25e12 - 1e10)
+        assert_allclose(share, rough_two_scale.fluid_pressure / DROP, atol=1e-9)
+
+    def test_gap_and_pressure_of_the_windows_are_stitched_in_place(self, rough, rough_two_scale):
+        result, partition = rough_two_scale, rough_two_scale.partition
+        assert result.gap.shape == result.contact_pressure.shape == (5, 64, 96)
+        for s in range(5):
+            assert_allclose(partition.means(result.gap[s].astype(float)), result.mean_gap[s], rtol=1e-6)
+            pressure = partition.means(result.contact_pressure[s].astype(float))
+            assert_allclose(pressure, result.pressure[s], rtol=1e-5, atol=1e-3)
+            closed = partition.means((result.gap[s] == 0).astype(float))
+            assert_allclose(closed, result.contact_fraction[s], atol=1 / 256)  # one point may touch without pressure
+            at_hardness = partition.means((result.contact_pressure[s] >= HARDNESS * (1 - 1e-7)).astype(float))
+            assert_allclose(at_hardness, result.plastic_fraction[s], atol=2 / 256)
+        # the whole load, at every step
+        assert_allclose(
+            result.contact_pressure.mean(axis=(1, 2), dtype=float), [s.pressure for s in result.steps], rtol=1e-5
+        )
+        # k of a link from its window of the stitched gap
+        for axis, k in ((0, result.k1), (1, result.k2)):
+            window = partition.cut(result.gap[0], 1, 5, axis).astype(float)
+            assert_allclose(k[0, 1, 5], cell_permeability(window, (PIXEL, PIXEL), axis=axis).value, rtol=1e-9)
+
+    def test_every_window_is_counted(self, rough_two_scale):
+        counts = rough_two_scale.counts
+        assert sum(counts.values()) == 5 * (4 * 6 + 3 * 6)
+        k = np.concatenate([rough_two_scale.k1.ravel(), rough_two_scale.k2.ravel()])
+        assert counts["closed"] == np.count_nonzero(k == 0) > 0
+
+    def test_one_cell_is_the_whole_face(self, rough):
+        result = two_scale(rough, (1, 1))
+        k = [cell_permeability(g.astype(float), (PIXEL, PIXEL)).value for g in result.gap]
+        assert_allclose(result.leakage, leakage_of(np.array(k), rough), rtol=1e-9)
+        assert result.k2.shape == (5, 0, 1)
+        assert_allclose(result.pressure.ravel(), [s.pressure for s in result.steps], rtol=1e-9)
+
+    def test_deterministic_leakage_is_that_of_its_gap(self, rough):
+        result = deterministic(rough)
+        k = [cell_permeability(g.astype(float), (PIXEL, PIXEL), sides="periodic").value for g in result.gap]
+        assert_allclose(result.leakage, leakage_of(np.array(k), rough), rtol=1e-4)
+        assert_allclose(result.mean_gap, result.gap.mean(axis=(1, 2), dtype=float), rtol=1e-6)
+        assert_allclose(result.contact_fraction, (result.gap == 0).mean(axis=(1, 2)))
+        assert result.residual <= rough.rtol
+
+
+class TestAgainstTheWholeFace:
+    def test_two_scales_on_an_easy_face(self):
+        """Waves of several windows, low slopes, far from closing: within a tenth of the full resolution."""
+        face = self_affine((96, 96), (96e-6, 96e-6), hurst=1.0, rms_slope=0.02, roll_off=96e-6, cut_off=16e-6, rng=2)
+        scene = make_scene(face.heights, loading=(5e6, 2e7), unload_from=(2e7,), unloading=(5e6,))
+        whole, parts = deterministic(scene), two_scale(scene, (3, 3))
+        assert_allclose(parts.leakage, whole.leakage, rtol=0.1)
+        assert_allclose(parts.mean_gap.mean(axis=(1, 2)), whole.mean_gap, rtol=0.05)
+
+    def test_unloading_begins_where_loading_ended(self, rough):
+        scene = replace(rough, loading=(3e8, 6e8), unloading=(6e8 * (1 - 1e-7), 3e8))
+        for result in (deterministic(scene), two_scale(scene, (4, 6))):
+            first, peak, begin, back = result.leakage
+            assert_allclose(begin, peak, rtol=1e-4)
+            assert peak < back < first
+
+
+class TestSymmetries:
+    def test_windows_may_be_counted_from_any_column(self, rough, rough_two_scale):
+        turned = replace(
+            rough, surface=Topography(np.roll(rough.surface.heights, 16, axis=1), rough.surface.spacing, (False, True))
+        )
+        result = two_scale(turned, (4, 6))
+        assert_allclose(result.leakage, rough_two_scale.leakage, rtol=1e-5)
+        open_links = rough_two_scale.k1 > 1e-4 * rough_two_scale.k1.max()
+        assert_allclose(np.roll(result.k1, -1, axis=2)[open_links], rough_two_scale.k1[open_links], rtol=1e-3)
+        assert_allclose(np.roll(result.fluid_pressure, -1, axis=2), rough_two_scale.fluid_pressure, atol=1e-3 * DROP)
+
+    @pytest.mark.parametrize("study", [deterministic, lambda scene: two_scale(scene, (4, 6))])
+    def test_a_face_turned_about_leaks_the_other_way(self, rough, study):
+        turned = replace(rough, surface=rough.surface.flip(0), inlet_pressure=0.0, outlet_pressure=DROP)
+        forth, back = study(rough), study(turned)
+        assert_allclose(back.leakage, -forth.leakage, rtol=1e-5)
+        if hasattr(forth, "fluid_pressure"):
+            assert_allclose(back.fluid_pressure[:, ::-1], forth.fluid_pressure, atol=1e-3 * DROP)
+
+    def test_units_of_length_cancel(self, rough, rough_two_scale):
+        """A face twice as large in all directions, under the same pressures, has twice the gap and eight times k."""
+        surface = Topography(2 * rough.surface.heights, (2 * PIXEL, 2 * PIXEL), (False, True))
+        result = two_scale(replace(rough, surface=surface), (4, 6))
+        assert_allclose(result.leakage, 4 * rough_two_scale.leakage, rtol=1e-4)  # k Δp/(η L1)
+        assert_allclose(result.mean_gap, 2 * rough_two_scale.mean_gap, rtol=1e-4)
+
+
+SAMPLING = Sampling(length=96e-6, realisations=6, library_cells=24, seed=3)
+
+
+@pytest.fixture(scope="module")
+def columns():
+    """Six equal columns of windows, the rows of each different, as a face turned on a lathe with no error."""
+    face = self_affine((64, 16), (64e-6, 16e-6), hurst=0.8, rms_slope=0.15, roll_off=16e-6, rng=4)
+    return make_scene(
+        np.tile(face.heights, (1, 6)), loading=(1e8, 3e8), unload_from=(3e8,), unloading=(1e8,), rtol=1e-8
+    )
+
+
+class TestDraws:
+    @pytest.mark.parametrize("sampler", ["history", "derivative"])
+    @pytest.mark.parametrize("length", [16e-6, 96e-6, 500e-6])
+    def test_equal_columns_leave_nothing_to_chance(self, columns, sampler, length):
+        """Every seal is the surface itself, as often as it fits: that of two scales, without a band."""
+        sampling = replace(SAMPLING, library_cells=8, sampler=sampler, length=length)
+        result = stochastic(columns, (4, 6), sampling)
+        expected = two_scale(columns, (4, 6)).leakage
+        assert_allclose(result.leakage, np.tile(expected, (6, 1)), rtol=1e-4)
+        assert_allclose(result.quantile(0.95), result.quantile(0.05), rtol=1e-4)
+        assert_allclose(result.seal.size, (64e-6, round(length / 16e-6) * 16e-6))
+        assert result.seal.cells == (4, round(length / 16e-6))
+
+    def test_equal_windows_on_a_ladder_of_pressures(self):
+        """Fine waves only, the same in every window: the ladder meets the loads at 0.33, 0.6 and 1 of the highest."""
+        window = self_affine((32, 32), (32e-6, 32e-6), hurst=0.8, rms_slope=0.15, roll_off=15e-6, cut_off=8e-6, rng=1)
+        high = window.high_pass(15e-6).heights
+        scene = replace(
+            make_scene(np.tile(high, (2, 3)), boundary=("periodic", "periodic"), loading=(1.32e8, 2.4e8, 4e8),
+                       unload_from=(2.4e8, 4e8), unloading=(2e8, 1.8e8, 1e8), rtol=1e-8),
+            surface=Topography(np.tile(high, (2, 3)), (PIXEL, PIXEL)),
+        )  # fmt: skip
+        parts = two_scale(scene, (2, 3))
+        result = stochastic(scene, (2, 3), replace(SAMPLING, pressure="global", library_cells=6, length=2e-4))
+        steps = [s for s in range(len(scene.steps)) if scene.steps[s].pressure in (1.32e8, 2.4e8, 4e8)]
+        steps += [scene.steps.index(LoadStep(1.8e8, 2.4e8)), scene.steps.index(LoadStep(2e8, 4e8)),
+                  scene.steps.index(LoadStep(1e8, 4e8))]  # fmt: skip
+        assert_allclose(result.leakage[:, steps], np.tile(parts.leakage[steps], (6, 1)), rtol=1e-3)
+
+    def test_uniform_pressure_on_equal_windows(self):
+        """Every window under the nominal pressure with all its waves: the contact of one window alone."""
+        window = self_affine((32, 32), (32e-6, 32e-6), hurst=0.8, rms_slope=0.15, rng=1).heights
+        scene = make_scene(np.tile(window, (2, 2)), loading=(1e8, 4e8), unload_from=(4e8,), unloading=(2e8,), rtol=1e-8)
+        result = stochastic(scene, (2, 2), replace(SAMPLING, pressure="uniform", library_cells=4, length=2e-4))
+        states = load_cycle(-window, HalfSpace((32, 32), (PIXEL, PIXEL), MODULUS, "mirror"), **scene.cycle)
+        k = np.array([cell_permeability(s.contact.gap, (PIXEL, PIXEL)).value for s in states])
+        assert_allclose(result.leakage, np.tile(leakage_of(k, scene), (6, 1)), rtol=1e-4)
+
+    def test_a_realisation_is_the_same_among_few_and_many(self, rough):
+        few = stochastic(rough, (4, 6), replace(SAMPLING, realisations=2))
+        many = stochastic(rough, (4, 6), SAMPLING)
+        assert many.leakage.shape == (6, 5)
+        assert_array_equal(few.leakage, many.leakage[:2])
+        assert len(np.unique(many.leakage[:, 0])) == 6  # each another seal
+
+    def test_the_order_of_the_work_does_not_matter(self, rough):
+        def backwards(function, *lists):
+            tasks = list(zip(*(list(x) for x in lists), strict=False))
+            return [function(*task) for task in reversed(tasks)][::-1]
+
+        for pressure in ("place", "global", "uniform"):
+            sampling = replace(SAMPLING, pressure=pressure, library_cells=8)
+            one, other = (stochastic(rough, (4, 6), sampling, map=m) for m in (map, backwards))
+            assert_array_equal(one.leakage, other.leakage)
+        assert_array_equal(two_scale(rough, (4, 6), map=backwards).leakage, two_scale(rough, (4, 6)).leakage)
+
+    def test_the_seed_decides(self, rough):
+        one, again, other = (stochastic(rough, (4, 6), replace(SAMPLING, seed=s)).leakage for s in (3, 3, 4))
+        assert_array_equal(one, again)
+        assert (one != other).all()
+
+    @pytest.mark.parametrize("pressure", ["place", "global", "uniform"])
+    def test_long_seals_scatter_less_about_the_same_median(self, rough, pressure):
+        """Leakage per length of parallel pieces: the median stays, the band narrows as 1/√length."""
+        short, long = (
+            stochastic(rough, (4, 6), replace(SAMPLING, length=n * 96e-6, realisations=60, pressure=pressure))
+            for n in (1, 16)
+        )
+        medians = np.array([r.quantile(0.5)[:2] for r in (short, long)])
+        bands = np.array([np.log(r.quantile(0.9) / r.quantile(0.1))[:2] for r in (short, long)])
+        assert (np.abs(np.log(medians[1] / medians[0])) < bands[0]).all()
+        assert (bands[1] < bands[0] / 2).all()
+        assert (bands[1] > bands[0] / 8).all()
+
+    def test_the_drawn_seal_leaks_about_as_much_as_its_surface(self, rough, rough_two_scale):
+        """Where no constriction decides; as long as the surface, so that both have as many windows."""
+        result = stochastic(rough, (4, 6), replace(SAMPLING, realisations=40))
+        assert 0.7 < result.quantile(0.5)[0] / rough_two_scale.leakage[0] < 1.4
+
+    def test_unknown_source_of_pressures(self, rough):
+        with pytest.raises(InputError, match="place, global, uniform"):
+            stochastic(rough, (4, 6), replace(SAMPLING, pressure="magic"))
+
+
+class TestStatistics:
+    steps = (LoadStep(1e8), LoadStep(2e8))
+
+    def result(self, leakage):
+        return StochasticResult(self.steps, RectangularSeal((1.0, 1.0), (1, 1)), None, np.array(leakage, float))
+
+    def test_quantiles_lie_between_in_log_space(self):
+        result = self.result([[1, 5], [100, 5], [10_000, 5]])
+        assert_allclose(result.quantile(0.5), [100, 5])
+        assert_allclose(result.quantile(0.25), [10, 5])
+        assert_allclose(result.quantile(0.75), [1000, 5])
+        assert_allclose(result.quantile(0.95), [10 ** (4 - 0.2), 5])
+        assert_allclose([result.quantile(q)[0] for q in (0, 1)], [1, 10_000])
+
+    def test_sealed_ones(self):
+        result = self.result([[0, 0], [0, 1], [4, 1], [0, 1]])
+        assert_allclose(result.sealed_share, [0.75, 0.25])
+        assert_allclose(result.mean, [1, 0.75])
+        assert_allclose(result.quantile(0.5), [0, 1])
+        assert_allclose(result.quantile(0.9), [0, 1])  # between 0 and 4
+        assert_allclose(result.quantile(1.0), [4, 1])
+
+    def test_failed_ones_are_left_out(self):
+        result = self.result([[np.nan, np.nan], [0, np.nan], [4, np.nan], [9, np.nan]])
+        assert_allclose(result.mean, [13 / 3, np.nan])
+        assert_allclose(result.sealed_share, [1 / 3, np.nan])
+        assert_allclose(result.quantile(0.75), [6, np.nan])
+        assert_allclose(result.quantile(0.5), [4, np.nan])
+
+    def test_flow_towards_the_inlet(self):
+        result = self.result([[-1, -4], [-100, 4]])
+        assert_allclose(result.quantile(0.5), [-10, 0])
+
+
+class TestFailures:
+    """What cannot be solved is NaN and named; the rest goes on."""
+
+    def fail(self, monkeypatch, module, name, *, calls=(), pressure=None):
+        """Let a solver fail at the given calls, counted from 0, or under a given pressure of a window."""
+        solve, count = getattr(module, name), iter(range(10**6))
+
+        def failing(*args, **given):
+            if next(count) in calls or (pressure is not None and given["pressure"] == pressure):
+                raise NotConverged("did not converge", 1.0)
+            return solve(*args, **given)
+
+        monkeypatch.setattr(module, name, failing)
+
+    def test_contact_of_a_window(self, rough, rough_two_scale, monkeypatch):
+        """Itself and the links across that reach into it."""
+        pressure = rough_two_scale.pressure[1, 0, 4]
+        self.fail(monkeypatch, femseal.scales.response, "solve_with_memory", pressure=pressure)
+        result = two_scale(rough, (4, 6))
+        assert result.failures == ("cell (0, 4), loading 300 MPa: did not converge",)
+        assert_array_equal(np.isnan(result.leakage), [False, True, False, False, False])
+        assert_array_equal(np.argwhere(np.isnan(result.k1)), [[1, 0, 4]])
+        assert_array_equal(np.argwhere(np.isnan(result.k2)), [[1, 0, 3], [1, 0, 4]])
+        assert_array_equal(np.argwhere(np.isnan(result.mean_gap)), [[1, 0, 4]])
+        assert np.isnan(result.fluid_pressure[1]).all()
+        others = [0, 2, 3, 4]
+        assert_array_equal(result.leakage[others], rough_two_scale.leakage[others])
+
+    def test_contact_of_a_window_at_the_peak_takes_its_unloading_along(self, rough, rough_two_scale, monkeypatch):
+        window = np.unravel_index(rough_two_scale.pressure[4].argmax(), (4, 6))
+        pressure = rough_two_scale.pressure[2][window]
+        self.fail(monkeypatch, femseal.scales.response, "solve_with_memory", pressure=pressure)
+        result = two_scale(rough, (4, 6))
+        assert [f.split(", ", 2)[2] for f in result.failures] == [
+            "loading 600 MPa: did not converge",
+            "unloading 300 MPa from 600 MPa: the peak of this unloading failed",
+            "unloading 100 MPa from 600 MPa: the peak of this unloading failed",
+        ]
+        assert_array_equal(np.isnan(result.leakage), [False, False, True, True, True])
+
+    def test_flow_of_a_link_across(self, rough, monkeypatch):
+        """Of the 24 windows along come 5 steps each, then those across: the third step of the second one."""
+        self.fail(monkeypatch, femseal.scales.response, "cell_permeability", calls={24 * 5 + 5 + 2})
+        result = two_scale(rough, (4, 6))
+        assert result.failures == ("x2-link (0, 1), step 2: did not converge",)
+        assert_array_equal(np.argwhere(np.isnan(result.k2)), [[2, 0, 1]])
+        assert np.isfinite(result.k1).all()
+        assert_array_equal(np.isnan(result.leakage), [False, False, True, False, False])
+
+    def test_flow_of_the_whole_face(self, rough, monkeypatch):
+        self.fail(monkeypatch, femseal.studies, "cell_permeability", calls={3})
+        result = deterministic(rough)
+        assert result.failures == ("unloading 300 MPa from 600 MPa: did not converge",)
+        assert_array_equal(np.isnan(result.leakage), [False, False, False, True, False])
+
+    def test_a_cell_of_a_library_with_places_gives_way_to_one_of_its_row(self, rough, rough_two_scale, monkeypatch):
+        """Twelve cells of each axis: three of each row."""
+        sampling = replace(SAMPLING, library_cells=12)
+        whole = stochastic(rough, (4, 6), sampling).library
+        lost = int(np.flatnonzero(whole.curves.pressure[:, 1] == rough_two_scale.pressure[1].max())[0])
+        self.fail(monkeypatch, femseal.scales.response, "solve_with_memory", pressure=whole.curves.pressure[lost, 1])
+        result = stochastic(rough, (4, 6), sampling)
+        assert result.failures == (f"x1-cell {lost}: loading 300 MPa: did not converge",)
+        assert np.isfinite(result.leakage).all()
+        row, place = divmod(lost, 3)
+        kept = np.arange(3) != place
+        assert_array_equal(result.library.k1[row, kept], whole.k1[row, kept])
+        assert_array_equal(result.library.k1[row, place], whole.k1[row, (place + 1) % 3])
+        assert np.isnan(result.library.curves.k[lost, 1])
+
+    def test_a_cell_of_a_library_of_a_ladder_is_left_out(self, rough, monkeypatch):
+        sampling = replace(SAMPLING, pressure="uniform", library_cells=8)
+        whole = stochastic(rough, (4, 6), sampling).library
+        # first touch and five steps for each cell
+        self.fail(monkeypatch, femseal.scales.response, "solve_with_memory", calls={2 * 6 + 1})
+        result = stochastic(rough, (4, 6), sampling)
+        assert result.failures == ("cell 2: loading 100 MPa: did not converge",)
+        assert_array_equal(result.library.k, np.delete(whole.k, 2, axis=0))
+        assert_array_equal(result.library.closing, np.delete(whole.closing, 2, axis=0))
+        assert np.isfinite(result.leakage).all()
+
+    def test_flow_through_a_seal(self, rough, monkeypatch):
+        self.fail(monkeypatch, femseal.studies, "seal_leakage", calls={5 + 1})
+        result = stochastic(rough, (4, 6), replace(SAMPLING, realisations=3))
+        assert result.failures == ("realisation 1, loading 300 MPa: did not converge",)
+        assert_array_equal(np.argwhere(np.isnan(result.leakage)), [[1, 1]])
+
+    def test_a_library_without_any_cell(self, rough, monkeypatch):
+        self.fail(monkeypatch, femseal.scales.response, "solve_with_memory", calls=range(10**6))
+        for pressure in ("place", "uniform"):
+            with pytest.raises(FemsealError, match="every cell"):
+                stochastic(rough, (4, 6), replace(SAMPLING, pressure=pressure, library_cells=4))
