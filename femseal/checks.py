@@ -13,9 +13,9 @@ from .errors import InputError
 
 
 def number(name: str, value: Any, *, unit: str = "", above: float = 0.0, inclusive: bool = False) -> float:
-    """A finite number > `above`, or >= `above` when `inclusive`."""
+    """A finite number > `above`, or >= `above` when `inclusive`; above −inf, any."""
     relation = ">=" if inclusive else ">"
-    allowed = f"a finite number {relation} {above:g}" + (f" [{unit}]" if unit else "")
+    allowed = "a finite number" + (f" {relation} {above:g}" if isfinite(above) else "") + (f" [{unit}]" if unit else "")
     if isinstance(value, (str, bytes, bool)):
         raise InputError.of(name, repr(value), allowed)
     try:
@@ -35,12 +35,14 @@ def tolerance(name: str, value: Any) -> float:
     return given
 
 
-def field(name: str, value: Any, *, unit: str, shape: tuple[int, int] | None = None) -> NDArray[np.float64]:
-    """A new array (n1, n2) of finite real numbers, of the given shape if there is one."""
+def field(
+    name: str, value: Any, *, unit: str, shape: tuple[int, int] | None = None, copy: bool = True
+) -> NDArray[np.float64]:
+    """An array (n1, n2) of finite real numbers, of the given shape if there is one; a new one unless not `copy`."""
     try:
         if np.ma.is_masked(value) or np.iscomplexobj(value):
             raise TypeError
-        array = np.array(value, dtype=float)
+        array = np.array(value, dtype=float, copy=True if copy else None)
     except (TypeError, ValueError):
         raise InputError.of(name, f"a {type(value).__name__}", f"an array (n1, n2) of real numbers [{unit}]") from None
     if array.ndim != 2 or array.size == 0 or (shape is not None and array.shape != shape):
@@ -49,6 +51,17 @@ def field(name: str, value: Any, *, unit: str, shape: tuple[int, int] | None = N
         count = np.count_nonzero(~np.isfinite(array))
         raise InputError.of(name, f"{count} points not finite", f"finite numbers [{unit}]")
     return array
+
+
+def count(name: str, value: Any) -> int:
+    """A whole number >= 1."""
+    try:
+        given = index(value)
+    except TypeError:
+        given = 0
+    if given < 1 or isinstance(value, bool):
+        raise InputError.of(name, repr(value), "a whole number >= 1")
+    return given
 
 
 def lengths(name: str, value: Any) -> tuple[float, float]:

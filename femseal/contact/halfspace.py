@@ -6,11 +6,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import numpy as np
 import pyfftw
+from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
 from .. import checks
@@ -72,7 +72,6 @@ class HalfSpace:
             if "free" in self.boundary:
                 raise InputError.of("longest_wave", self.longest_wave, "None where an axis is free")
 
-    @cached_property
     def symbol(self) -> Array:
         """Eigenvalues of K [m/Pa] in the order of the transforms of `Convolution`."""
         (n1, n2), (d1, d2), (b1, b2) = self.shape, self.spacing, self.boundary
@@ -97,78 +96,109 @@ class HalfSpace:
     def displacement(self, pressure: ArrayLike) -> Array:
         """Displacement u = K p [m] of shape (n1, n2) under pressures p [Pa] of the same shape."""
         p = checks.field("pressure", pressure, unit="Pa", shape=self.shape)
-        convolution = Convolution(self)
+        convolution = Convolution(self, self.symbol())
         convolution.pressure[:] = p
-        return convolution.apply(convolution.pressure).copy()
+        convolution.apply()
+        return convolution.displacement
 
 
 class Convolution:
-    """u = K x by transforms planned once, on two input buffers of its own.
+    """displacement = K pressure between two buffers of its own, by transforms planned once.
 
-    The second axis is transformed first, and on padded rows only where there are data.
+    Two periodic or two mirror axes are one plan. Otherwise the second axis goes first, on padded rows only where there
+    are data.
+
+    Parameters
+    ----------
+    symbol : `half_space.symbol()`, which convolutions of the same half-space can share.
+    dtype : of the buffers and the transforms, double or single precision.
+    threads : of the transforms.
     """
 
-    def __init__(self, half_space: HalfSpace, threads: int = 1) -> None:
+    def __init__(self, half_space: HalfSpace, symbol: Array, dtype: Any = np.float64, threads: int = 1) -> None:
         (n1, n2), (b1, b2) = half_space.shape, half_space.boundary
-        self.shape = half_space.shape
-        self.pairs = 0
-        zeros: Any = pyfftw.zeros_aligned
-        self.pressure, self.direction, self.result = (zeros((n1, n2)) for _ in range(3))
-        l1 = kernels.padded_length(n1) if b1 == "free" else n1
-        l2 = kernels.padded_length(n2) if b2 == "free" else n2
-        # with a free second axis the data pass through a padded row buffer
-        self._padded = zeros((n1, l2)) if b2 == "free" else None
-        rows = self._padded if self._padded is not None else self.pressure
-        plan: dict[str, Any] = {"flags": ("FFTW_MEASURE",), "threads": threads}
-        inverse: dict[str, Any] = {"flags": ("FFTW_MEASURE", "FFTW_DESTROY_INPUT"), "threads": threads}
-        norm = 1.0
-        if b2 == "mirror":
-            stage = zeros((l1, n2))
-            self._row_forward = pyfftw.FFTW(rows, stage[:n1], axes=(1,), direction="FFTW_REDFT10", **plan)
-            self._row_back = pyfftw.FFTW(stage[:n1], self.result, axes=(1,), direction="FFTW_REDFT01", **inverse)
-            norm *= 2 * n2
+        self._real = np.dtype(dtype)
+        self._complex = np.result_type(self._real, np.complex64)
+        self._threads = threads
+        self.pressure, self.displacement = self._zeros((n1, n2)), self._zeros((n1, n2))
+        self._forward: list[Any] = []
+        self._inverse: list[Any] = []
+        self._padded = self._back = self._empty_rows = None
+        if b1 == b2 == "periodic":
+            spectrum = self._zeros((n1, n2 // 2 + 1), self._complex)
+            self._plan((self.pressure, spectrum, self.displacement), (0, 1), "FFT")
+        elif b1 == b2 == "mirror":
+            spectrum = self._zeros((n1, n2))
+            self._plan((self.pressure, spectrum, self.displacement), (0, 1), "DCT")
         else:
-            stage = zeros((l1, l2 // 2 + 1), dtype="complex128")
-            back = zeros((n1, l2)) if b2 == "free" else self.result
-            self._row_forward = pyfftw.FFTW(rows, stage[:n1], axes=(1,), direction="FFTW_FORWARD", **plan)
-            self._row_back = pyfftw.FFTW(stage[:n1], back, axes=(1,), direction="FFTW_BACKWARD", **inverse)
-            norm *= l2
-        self._back = self._row_back.output_array
-        self._stage, self._empty_rows = stage, stage[n1:]
-        if b1 == "mirror":
-            real = stage if b2 == "mirror" else stage.view("float64").reshape(l1, -1, 2)
-            spectrum = zeros(real.shape)
-            self._column_forward = pyfftw.FFTW(real, spectrum, axes=(0,), direction="FFTW_REDFT10", **plan)
-            self._column_back = pyfftw.FFTW(spectrum, real, axes=(0,), direction="FFTW_REDFT01", **inverse)
-            norm *= 2 * n1
-        else:
-            m1 = l1 // 2 + 1 if b2 == "mirror" else l1
-            spectrum = zeros((m1, stage.shape[1]), dtype="complex128")
-            self._column_forward = pyfftw.FFTW(stage, spectrum, axes=(0,), direction="FFTW_FORWARD", **plan)
-            self._column_back = pyfftw.FFTW(spectrum, stage, axes=(0,), direction="FFTW_BACKWARD", **inverse)
-            norm *= l1
-        symbol = half_space.symbol / norm
-        self._spectrum = spectrum
-        self._symbol = symbol[:, :, None] if spectrum.ndim == 3 else symbol
-        for buffer in (self.pressure, self.direction, self.result, stage, spectrum):
+            spectrum = self._plan_rows_first(n1, n2, b1, b2)
+        lengths = {"periodic": lambda n: n, "mirror": lambda n: 2 * n, "free": kernels.padded_length}
+        self._factor = 1 / (lengths[b1](n1) * lengths[b2](n2))
+        # a real array of complex pairs is the same numbers
+        self._spectrum = spectrum.view(self._complex)[..., 0] if spectrum.ndim == 3 else spectrum
+        self._symbol = np.ascontiguousarray(symbol).ravel()
+        for buffer in (self.pressure, self.displacement, spectrum):
             buffer[:] = 0
 
-    def apply(self, x: Array) -> Array:
-        """K x for one of the buffers `pressure` and `direction`; returns the buffer `result`."""
-        n1, n2 = self.shape
-        self.pairs += 1
-        if self._padded is not None:
-            self._padded[:, :n2] = x
-            self._padded[:, n2:] = 0
-            self._row_forward.execute()
+    def _zeros(self, shape: tuple[int, ...], dtype: Any = None) -> Any:
+        return pyfftw.zeros_aligned(shape, dtype=self._real if dtype is None else dtype)
+
+    def _plan(self, buffers: tuple[Any, Any, Any], axes: tuple[int, ...], kind: str) -> None:
+        """Plan source → spectrum → target along axes and put it between the plans there are."""
+        source, spectrum, target = buffers
+        there, back = (
+            ("FFTW_FORWARD", "FFTW_BACKWARD")
+            if kind == "FFT"
+            else (["FFTW_REDFT10"] * len(axes), ["FFTW_REDFT01"] * len(axes))
+        )
+        flags: tuple[str, ...] = ("FFTW_MEASURE",)
+        plan: dict[str, Any] = {"axes": axes, "threads": self._threads}
+        self._forward.append(pyfftw.FFTW(source, spectrum, direction=there, flags=flags, **plan))
+        flags += ("FFTW_DESTROY_INPUT",)
+        self._inverse.insert(0, pyfftw.FFTW(spectrum, target, direction=back, flags=flags, **plan))
+
+    def _plan_rows_first(self, n1: int, n2: int, b1: str, b2: str) -> Any:
+        l1 = kernels.padded_length(n1) if b1 == "free" else n1
+        l2 = kernels.padded_length(n2) if b2 == "free" else n2
+        rows, back = self.pressure, self.displacement
+        if b2 == "free":
+            rows = self._padded = self._zeros((n1, l2))
+            back = self._back = self._zeros((n1, l2))
+        if b2 == "mirror":
+            stage = self._zeros((l1, n2))
+            self._plan((rows, stage[:n1], back), (1,), "DCT")
         else:
-            self._row_forward.update_arrays(x, self._stage[:n1])
-            self._row_forward.execute()
-        self._empty_rows[:] = 0
-        self._column_forward.execute()
-        self._spectrum *= self._symbol
-        self._column_back.execute()
-        self._row_back.execute()
+            stage = self._zeros((l1, l2 // 2 + 1), self._complex)
+            self._plan((rows, stage[:n1], back), (1,), "FFT")
+        if b1 == "mirror":
+            stage = stage.view(self._real).reshape(l1, -1, 2)
+            spectrum = self._zeros(stage.shape)
+            self._plan((stage, spectrum, stage), (0,), "DCT")
+        else:
+            m1 = l1 // 2 + 1 if b2 == "mirror" else l1
+            spectrum = self._zeros((m1, stage.shape[1]), self._complex)
+            self._plan((stage, spectrum, stage), (0,), "FFT")
+        self._empty_rows = stage[n1:]
+        return spectrum
+
+    def apply(self) -> None:
+        """Fill `displacement` from `pressure`."""
+        n2 = self.pressure.shape[1]
         if self._padded is not None:
-            self.result[:] = self._back[:, :n2]
-        return self.result
+            self._padded[:, :n2] = self.pressure
+        if self._empty_rows is not None:
+            self._empty_rows[:] = 0
+        for plan in self._forward:
+            plan.execute()
+        _multiply(self._spectrum.ravel(), self._symbol, self._factor)
+        for plan in self._inverse:
+            plan.execute()
+        if self._back is not None:
+            self.displacement[:] = self._back[:, :n2]
+
+
+@njit(cache=True, nogil=True)
+def _multiply(spectrum, symbol, factor):
+    """spectrum *= symbol · factor."""
+    for i in range(spectrum.size):
+        spectrum[i] *= symbol[i] * factor
