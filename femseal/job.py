@@ -14,6 +14,7 @@ from typing import Any
 from .case import Case, Prepared, load_case
 from .errors import FemsealError, InputError
 from .output import Results, assemble, write_folder
+from .parallel import Map, ordered_map
 from .studies import deterministic, stochastic, two_scale
 
 log = logging.getLogger("femseal")
@@ -60,11 +61,11 @@ def run(
         if (finished := _finished(case, folder)) is not None:
             return finished
     prepared = case.prepare()
-    with _map(workers, scheduler) as mapper, _log_file(folder):
+    with ordered_map(workers, scheduler) as mapper, _log_file(folder):
         return _run(case, prepared, folder, mapper, progress or (lambda stage, done, total: None))
 
 
-def _run(case: Case, prepared: Prepared, folder: Path | None, mapper: Any, progress: Progress) -> Results:
+def _run(case: Case, prepared: Prepared, folder: Path | None, mapper: Map, progress: Progress) -> Results:
     scene, cells = prepared.scene, prepared.cells
     log.info("case %s: surface %s", case.title or "without title", scene.surface)
     timings: dict[str, float] = {}
@@ -141,39 +142,7 @@ def _log_file(folder: Path | None) -> Iterator[None]:
         handler.close()
 
 
-@contextmanager
-def _map(workers: int | None, scheduler: str | None) -> Iterator[Callable[..., Iterable[Any]]]:
-    """Ordered map over processes, or on a Dask cluster."""
-    import joblib
-
-    client = None
-    if scheduler is not None:
-        try:
-            from distributed import Client
-        except ImportError:
-            raise InputError.of("scheduler", scheduler, "given with femseal[cluster] installed only") from None
-        try:
-            client = Client(scheduler, timeout="10s")
-        except (OSError, ValueError, TimeoutError) as error:
-            raise InputError.of("scheduler", scheduler, f"the address of a running scheduler ({error})") from None
-    count = workers or joblib.cpu_count()
-    if client is None and count == 1:
-        yield map
-        return
-    backend = {"backend": "dask"} if client is not None else {"n_jobs": count}
-
-    def parallel(function: Callable[..., Any], *iterables: Iterable[Any]) -> Iterable[Any]:
-        pool = joblib.Parallel(return_as="generator" if client is None else "list", **backend)
-        return pool(joblib.delayed(function)(*args) for args in zip(*iterables, strict=False))
-
-    try:
-        yield parallel
-    finally:
-        if client is not None:
-            client.close()
-
-
-def _watched(mapper: Callable[..., Iterable[Any]], stage: str, progress: Progress) -> Callable[..., Iterable[Any]]:
+def _watched(mapper: Map, stage: str, progress: Progress) -> Map:
     """The same map, telling how far it is."""
 
     def mapping(function: Callable[..., Any], *iterables: Iterable[Any]) -> Iterator[Any]:

@@ -18,6 +18,7 @@ LAYERS = {
     "materials": 1,
     "fluids": 1,
     "analytic": 1,
+    "parallel": 1,
     "topography": 2,
     "contact": 3,
     "flow": 4,

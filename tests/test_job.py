@@ -1,7 +1,10 @@
 """Runs from case to folder, and the command line as a user calls it."""
 
+import re
+import socket
 import subprocess
 import sys
+from contextlib import ExitStack
 
 import numpy as np
 import pytest
@@ -9,6 +12,8 @@ import xarray
 from numpy.testing import assert_array_equal
 
 import femseal as fs
+from femseal import parallel
+from femseal.parallel import ordered_map
 
 CASE = """
 title = "small"
@@ -61,6 +66,63 @@ def test_results_do_not_depend_on_the_workers(case):
     for name in ("leakage_deterministic", "leakage_two_scale", "leakage_median"):
         first, top, back = one.dataset[name].values
         assert top < back < first
+
+
+def test_a_cluster_gives_the_same_bits(case):
+    distributed = pytest.importorskip("distributed")
+    one = fs.run(case, workers=1)
+    with distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, silence_logs=50
+    ) as cluster:
+        there = fs.run(case, scheduler=cluster.scheduler_address)
+    for name in one.dataset.data_vars:
+        assert_array_equal(one.dataset[name].values, there.dataset[name].values, err_msg=name)
+
+
+def test_a_cluster_is_given_a_few_tasks_at_a_time_and_returns_them_in_order(recwarn):
+    distributed = pytest.importorskip("distributed")
+    drawn = []
+
+    def numbers():
+        for n in range(30):
+            drawn.append(n)
+            yield n
+
+    with (
+        distributed.LocalCluster(n_workers=1, threads_per_worker=2, processes=False, dashboard_address=None) as cluster,
+        ordered_map(scheduler=cluster.scheduler_address) as mapping,
+    ):
+        results = iter(mapping(pow, numbers(), [3] * 30))
+        assert next(results) == 0
+        assert len(drawn) <= 10
+        assert list(results) == [n**3 for n in range(1, 30)]
+        with pytest.raises(ZeroDivisionError):
+            list(mapping(divmod, [1], [0]))
+        list(mapping(np.sum, [np.zeros(2_000_000)]))
+    assert not [w for w in recwarn if "large graph" in str(w.message)]
+
+
+@pytest.fixture
+def silent_service():
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        yield f"tcp://127.0.0.1:{server.getsockname()[1]}"
+
+
+@pytest.mark.parametrize("kind", ["nobody", "silent", "nonsense", "no workers"])
+def test_a_bad_address_of_a_scheduler_is_named(case, tmp_path, monkeypatch, silent_service, kind):
+    distributed = pytest.importorskip("distributed")
+    assert parallel.ANSWER_SECONDS <= 5
+    monkeypatch.setattr(parallel, "ANSWER_SECONDS", 0.5)
+    address = {"nobody": "tcp://127.0.0.1:1", "silent": silent_service, "nonsense": "http://x"}.get(kind)
+    with ExitStack() as stack:
+        if kind == "no workers":
+            cluster = stack.enter_context(
+                distributed.LocalCluster(n_workers=0, processes=False, dashboard_address=None)
+            )
+            address = cluster.scheduler_address
+        with pytest.raises(fs.InputError, match=f"scheduler: given '{re.escape(address)}'"):
+            fs.run(case, tmp_path / "out", scheduler=address)
+    assert not (tmp_path / "out").exists()
 
 
 def test_only_a_complete_folder_is_resumed(case, tmp_path, monkeypatch):
