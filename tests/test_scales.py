@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from femseal.contact import HalfSpace, LoadStep, load_programme
+from femseal.contact import HalfSpace, LoadStep, load_cycle, load_programme, solve_contact
 from femseal.errors import InputError
 from femseal.flow import cell_permeability
 from femseal.scales import Ladder, Partition, build_ladder_library, draw_links, respond, solve_global_scale
@@ -45,6 +45,12 @@ class TestPartition:
         for axis in (0, 1):
             assert_allclose(partition.means(np.kron(fine, np.ones((2, 2))), axis), partition.means(fine[:, :], axis))
 
+    def test_sizes(self):
+        partition = Partition((32, 48), (1e-6, 3e-6), (2, 6))
+        assert partition.window == (16, 8)
+        assert_allclose(partition.window_size, (16e-6, 24e-6))
+        assert_allclose(partition.cut_off, 8e-6)  # half the smaller side
+
     @pytest.mark.parametrize(("cells", "word"), [((5, 3), "divisors"), ((0, 3), "divisors"), ((8, 3), "8 pixels")])
     def test_bad_cells(self, cells, word):
         with pytest.raises(InputError, match=word):
@@ -67,6 +73,34 @@ class TestGlobalScale:
                                    boundary=("periodic", "periodic"), loading=(1e8,))  # fmt: skip
         assert_allclose(world.raw_gap, 0, atol=1e-18)
         assert_allclose(world.pressure, 1e8)
+
+    @pytest.mark.parametrize("boundary", [("free", "periodic"), ("periodic", "free")])
+    def test_a_flat_face_is_a_punch(self, boundary):
+        """A strip with free ends: p = 2p̄/(π √(1 − ξ²)), in parts of the width (arcsin ξ₂ − arcsin ξ₁)/π."""
+        flat = Topography(np.zeros((128, 128)), (1e-6, 1e-6))
+        world = solve_global_scale(flat, Partition(flat.shape, flat.spacing, (8, 8)), modulus=E, hardness=np.inf,
+                                   boundary=boundary, loading=(1e8,))  # fmt: skip
+        expected = 8e8 * np.diff(np.arcsin(np.linspace(-1, 1, 9))) / np.pi
+        pressure = world.pressure[0] if boundary[0] == "free" else world.pressure[0].T
+        assert_allclose(pressure, np.tile(expected[:, None], (1, 8)), rtol=0.02)
+
+    @pytest.mark.parametrize("boundary", [("free", "periodic"), ("mirror", "periodic")])
+    @pytest.mark.parametrize(("shape", "cells"), [((64, 128), (2, 4)), ((128, 32), (4, 4))])
+    def test_the_coarser_grid_changes_little(self, boundary, shape, cells):
+        """Windows of 32 points are solved on 16 of them: pressures, and gaps up to the ends, are those of all points."""
+        size = (shape[0] * 1e-6, shape[1] * 1e-6)
+        smooth = self_affine(shape, size, hurst=1.0, rms_height=2e-7, cut_off=20e-6, rng=8)
+        slanted = smooth.heights + 1e-6 * np.linspace(0, 1, shape[0])[:, None]  # the ends differ
+        surface = Topography(slanted, smooth.spacing, (False, True))
+        partition = Partition(shape, smooth.spacing, cells)
+        surface = surface.low_pass(partition.cut_off)
+        world = solve_global_scale(surface, partition, modulus=E, hardness=np.inf, boundary=boundary,
+                                   loading=(2e8,))  # fmt: skip
+        gap0 = surface.heights.max() - surface.heights
+        whole = load_cycle(gap0, HalfSpace(shape, smooth.spacing, E, boundary), loading=(2e8,))[0].contact
+        assert_allclose(world.pressure[0], partition.means(whole.pressure), atol=0.05 * 2e8)
+        added = np.ptp(whole.raw_gap - gap0)
+        assert_allclose(world.raw_gap[0], whole.raw_gap, atol=0.03 * added)
 
     def test_raw_gap_is_between_virgin_planes(self, face):
         """On unloading the permanent deformation stays negative in the raw gap where the face yielded."""
@@ -102,6 +136,27 @@ class TestResponse:
         touch = respond(self.gap0 + 5e-6, [0.0], steps, self.half_space, hardness=H, rigid_at_zero=False)
         assert touch.gap.min() == 0
         assert_allclose(touch.gap[0], self.gap0 - self.gap0.min(), atol=1e-12)
+
+    def test_without_pressure_after_a_peak_the_permanent_deformation_stays(self):
+        steps = load_programme((6e8,), (6e8,), (0.0,))
+        history = respond(self.gap0, [6e8, 0.0], steps, self.half_space, hardness=H, rigid_at_zero=True)
+        peak = solve_contact(self.gap0, self.half_space, pressure=6e8, hardness=H)
+        assert peak.plastic_deformation.max() > 1e-8
+        assert_allclose(history.gap[1], np.maximum(self.gap0 + peak.plastic_deformation, 0), atol=1e-11)
+        assert_allclose(history.contact_fraction[1], (history.gap[1] == 0).mean())
+
+    def test_a_peak_without_pressure_leaves_nothing_behind(self):
+        """As where the global contact moves to another window as the load falls."""
+        steps = load_programme((6e8,), (6e8,), (1e8,))
+        history = respond(self.gap0, [0.0, 1e8], steps, self.half_space, hardness=H, rigid_at_zero=True)
+        virgin = solve_contact(self.gap0, self.half_space, pressure=1e8, hardness=H)
+        assert history.failures == ()
+        assert_allclose(history.gap[1], virgin.gap, atol=1e-11)
+
+    def test_rounding_above_the_hardness_is_forgiven(self):
+        history = respond(self.gap0, [H * (1 + 1e-9)], (LoadStep(H),), self.half_space, hardness=H, rigid_at_zero=True)
+        assert history.failures == ()
+        assert (history.gap[0].max(), history.plastic_fraction[0]) == (0, 1)
 
     def test_a_step_that_fails_is_recorded_and_the_others_go_on(self):
         steps = load_programme((1e8, 2e8))
@@ -159,6 +214,35 @@ class TestLadderLibrary:
         low = load_programme((1.0,), (1.0,), (0.5,))
         assert_allclose(library.along(np.array([[1.0, 0.5]]), np.zeros((1, 2)), low, 0)[0, 0], 8, rtol=1e-6)
 
+    def test_a_closing_cell_keeps_its_slope_up_to_its_closing_pressure(self):
+        library = _library([[[4, 2, 0, 0], [4, 0, 0, 0]]], self.loading)
+        p = np.array([1.25e8, 1.49e8, 1.51e8, 0.49e8, 0.51e8])[:, None]
+        one, other = (library.along(p, np.zeros((5, 1)), load_programme((1e8,)), axis)[:, 0, 0] for axis in (0, 1))
+        # ln k falls by ln 2 for 100 MPa; closed half way to the first closed step
+        assert_allclose(one[:3], [2 * 2**-0.25, 2 * 2**-0.49, 0], rtol=1e-12)
+        assert_allclose(other[3:], [4, 0])  # open at first touch only: no slope known
+
+    def test_smooth_curves_are_met_between_steps(self):
+        """Chords of ln k = −(p/p₁)² between steps of p₁ would be off by 1/4."""
+        p = np.array([0.0, 1e8, 2e8, 3e8])
+        library = _library([[np.exp(-((p / 1e8) ** 2))] * 2], tuple(LoadStep(x) for x in p))
+        x = np.linspace(1e8, 2e8, 11)[:, None]
+        got = library.along(x, np.zeros((11, 1)), load_programme((1e8,)), 0)[:, 0, 0]
+        assert np.abs(np.log(got) + (x[:, 0] / 1e8) ** 2).max() < 0.12
+
+    def test_between_peaks_unloading_is_interpolated(self):
+        """At equal share of the peak, ln k is linear in the peak, from the elastic curve at no peak on."""
+        steps = (*self.loading, LoadStep(1e8, 2e8), LoadStep(2e8, 4e8))
+        library = _library([[[1, 1, 1, 1, 4, 36]] * 2, [[1, 1, 1, 1, 4, 0]] * 2], steps)
+
+        def halved(peak):
+            programme = load_programme((peak,), (peak,), (peak / 2,))
+            return library.along(np.array([[peak, peak / 2]]), np.zeros((1, 2)), programme, 0)[0, :, 1]
+
+        assert_allclose([halved(p)[0] for p in (1e8, 2e8, 3e8, 4e8)], [2, 4, 12, 36], rtol=1e-6)
+        # the other cell closes under one peak only, at the share of the way that its own number says, one half
+        assert_allclose([halved(p)[1] for p in (2.9e8, 3.1e8)], [4, 0])
+
     def test_separated_cells_follow_the_rigid_values_and_the_asymptote(self):
         s = (1e-6, 2e-6)
         library = _library([[[1] * 4] * 2], self.loading, s, [[[3.0, 7.0], [1, 1]]], rms=1e-7)
@@ -177,6 +261,8 @@ class TestLadderLibrary:
         assert library.size == 3
         assert (np.diff(library.k[:, :, :3], axis=2) <= 0).all()
         assert (library.k[:, :, 3] <= library.k[:, :, 1]).all()  # after the peak it leaks less at the same load
+        assert_allclose(library.rms_height**2, np.mean([np.var(w) for w in windows]))
+        assert len({np.var(w) for w in windows}) == 3
         rigid = cell_permeability(np.maximum(windows[1] + 1e-6, 0), face.spacing, axis=1).value
         assert_allclose(library.rigid[1, 1, 0], rigid, rtol=1e-5)
         with pytest.raises(InputError, match="first touch"):
@@ -225,6 +311,20 @@ class TestSamplers:
         assert_array_equal(draw(100), draw(1000)[:100])
         for change in ({"seed": 2}, {"realisation": 5}, {"axis": 1}):
             assert not np.array_equal(draw(), draw(**change))
+
+    def test_neighbours_in_rank_lie_on_both_sides(self):
+        """Increments that name their cell: at most two ranks away, as often above as below."""
+        n = 101
+        k_top = np.arange(1.0, n + 1)
+        table = np.stack([k_top + 1000 * np.arange(n), k_top], axis=1)[None]
+        k = draw_links(table, np.zeros(5000, int), load_programme((1e8, 2e8)), sampler="derivative", seed=5,
+                       realisation=0, axis=0)  # fmt: skip
+        own, drawn = k[:, 1] - 1, (k[:, 0] - k[:, 1]) / 1000
+        inside = (own > 2) & (own < n - 3)
+        away = (drawn - own)[inside]
+        assert np.abs(away).max() == 2
+        assert abs(away.mean()) < 0.1
+        assert np.abs(drawn - own).max() <= 4  # at the ends the five lie on one side
 
     def test_links_follow_their_own_path(self):
         table = np.stack([np.ones((4, 5)), np.full((4, 5), 2.0)])
