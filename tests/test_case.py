@@ -1,5 +1,6 @@
 """Case files: every fault is reported with its key, what was given and what is allowed; good ones are prepared."""
 
+import re
 import tomllib
 from pathlib import Path
 
@@ -10,6 +11,7 @@ from numpy.testing import assert_allclose
 import femseal as fs
 from femseal.case import parse_case
 from femseal.forecast import describe
+from femseal.studies import Sampling
 
 ROOT = Path(__file__).parents[1]
 CASES = [*sorted((ROOT / "examples").glob("*.toml")), ROOT / "femseal" / "template.toml"]
@@ -34,6 +36,9 @@ def test_quantities_become_si(data):
     assert case.hardness == 2.8e9
     assert_allclose(case.modulus, 210e9 / (2 * 0.91))
     assert case.echo()["face"][0]["size"] == [240e-6, 480e-6]
+    assert "nose_radius" not in case.echo()["face"][0]  # nothing that was not given
+    del data["counter_material"]
+    assert_allclose(parse_case(data).modulus, 210e9 / 0.91)  # against a rigid flat
 
 
 @pytest.mark.parametrize(
@@ -54,6 +59,22 @@ def test_quantities_become_si(data):
         ("stochastic", "sampler", "magic", ["stochastic.sampler", "'magic'", "history, derivative"]),
         ("stochastic", "quantiles", [0.9, 0.1], ["stochastic", "rising"]),
         ("material", "hardness", "1 GPa", ["material", "not both"]),
+        ("material", "young", "0 GPa", ["material.young", "> 0"]),
+        ("material", "poisson", 0.51, ["material.poisson", "0.51", "at most 0.5"]),
+        ("material", "poisson", -1, ["material.poisson", "above -1"]),
+        ("face", "hurst", 0, ["face.0.hurst", "above 0"]),
+        ("face", "roughness", "-1 nm", ["face.0.roughness", ">= 0"]),
+        ("face", "feed_error", 1.1, ["face.0.feed_error", "from 0 to 1"]),
+        ("face", "points", [0, 4], ["face.0.points.0", "greater than or equal to 1"]),
+        ("load", "loading", ["1 MPa", "1 MPa"], ["load", "rising"]),
+        ("load", "loading", ["2.8 GPa"], ["load", "2.8 GPa", "below the hardness"]),
+        ("load", "unload_from", ["4 GPa"], ["load", "4 GPa", "below the hardness"]),
+        ("load", "unload_from", ["25 MPa"], ["load", "a pressure in `unloading` below the peak 25 MPa"]),
+        ("fluid", "inlet_pressure", "-1 Pa", ["fluid.inlet_pressure", ">= 0"]),
+        ("cells", "size", "30 um", ["cells", "one of `count` and `size`"]),
+        ("stochastic", "quantiles", [0.5, 0.5], ["stochastic", "rising"]),
+        ("stochastic", "realisations", 1, ["stochastic.realisations", "greater than or equal to 2"]),
+        ("stochastic", "pressure", "magic", ["stochastic.pressure", "place, global, uniform"]),
     ],
 )
 def test_faults_name_key_value_and_what_is_allowed(data, table, key, value, words):
@@ -64,6 +85,53 @@ def test_faults_name_key_value_and_what_is_allowed(data, table, key, value, word
     assert "\n" not in str(caught.value)
 
 
+def test_values_at_their_limits_are_taken(data):
+    data["face"] |= {"hurst": 1, "roughness": "0 m", "feed_error": 0, "depth_error": 1, "waviness": "0 um"}
+    data["material"] |= {"poisson": 0.5}
+    data["load"]["loading"] = ["0 Pa", "2.79999 GPa"]
+    data["load"]["unloading"] = ["0 Pa"]
+    data["fluid"]["outlet_pressure"] = "0 bar"
+    data["stochastic"] |= {"quantiles": [0, 1], "realisations": 2}
+    case = parse_case(data)
+    assert case.load.loading == (0.0, 2.79999e9)
+    assert case.stochastic.quantiles == (0.0, 1.0)
+
+
+def test_tables_that_are_missing(data):
+    """Also where only a method to compare with needs them."""
+    for method, compare in (("stochastic", []), ("deterministic", ["stochastic"])):
+        for table in ("cells", "stochastic"):
+            incomplete = {k: v for k, v in data.items() if k != table} | {"method": method, "compare": compare}
+            with pytest.raises(fs.InputError, match=f"a table `{table}`"):
+                parse_case(incomplete)
+    with pytest.raises(fs.InputError, match="fluid: missing"):
+        parse_case({k: v for k, v in data.items() if k != "fluid"})
+    data["cells"] = {}
+    with pytest.raises(fs.InputError, match="one of `count` and `size`"):
+        parse_case(data)
+
+
+def test_keys_that_are_no_part_of_a_case(data):
+    with pytest.raises(fs.InputError, match="folder: given a value, allowed is no such key"):
+        parse_case({**data, "folder": "elsewhere"})
+    with pytest.raises(fs.InputError, match="face"):
+        parse_case({**data, "face": [data["face"]] * 3})
+    data["fluid"]["colour"] = "blue"
+    with pytest.raises(
+        fs.InputError, match=r"fluid\.colour: unknown key, allowed are kind, viscosity, density, "
+    ) as caught:
+        parse_case(data)
+    assert "molar_mass" not in str(caught.value)
+
+
+def test_a_list_with_faulty_items_is_not_called_empty(data):
+    data["load"]["loading"] = ["one"]
+    with pytest.raises(fs.InputError) as caught:
+        parse_case(data)
+    assert "at least one" not in str(caught.value)
+    assert "load.loading.0" in str(caught.value)
+
+
 def test_all_faults_are_reported_at_once(data):
     data["seed"] = -1
     data["face"]["depth"] = "no"
@@ -71,6 +139,13 @@ def test_all_faults_are_reported_at_once(data):
     with pytest.raises(fs.InputError) as caught:
         parse_case(data)
     assert len(str(caught.value).splitlines()) == 3
+    data["face"] = [data["face"]] * 2
+    data["load"] = {"loading": ["1 MPa"], "unload_from": ["2 MPa"], "unloading": ["3 MPa"]}
+    data["material"]["yield_stress"] = "1 Pa"
+    with pytest.raises(fs.InputError) as caught:
+        parse_case(data)
+    lines = str(caught.value).splitlines()
+    assert len(set(lines)) == len(lines)
 
 
 @pytest.mark.parametrize(
@@ -86,6 +161,150 @@ def test_cells_and_seals_that_do_not_suit_the_surface(data, table, value, words)
     with pytest.raises(fs.InputError) as caught:
         parse_case(data).prepare()
     assert all(word in str(caught.value) for word in words), str(caught.value)
+
+
+class TestPrepare:
+    """What was written reaches the studies."""
+
+    @pytest.fixture
+    def small(self, data):
+        data["face"] |= {"points": [64, 96], "size": ["60 um", "120 um"], "pitch": "30 um"}
+        data["cells"] = {"count": [2, 4]}
+        return data
+
+    def test_scene(self, small):
+        small["contact"] = {"boundary": ["mirror", "periodic"], "rtol": 1e-7}
+        small["fluid"] |= {"pressure_viscosity": "20 1/GPa", "density": "870 kg/m^3"}
+        scene = parse_case(small).prepare().scene
+        assert scene.boundary == ("mirror", "periodic")
+        assert scene.rtol == 1e-7
+        assert scene.fluid == fs.Liquid(viscosity=1e-3, density=870, pressure_viscosity=2e-8)
+        assert (scene.inlet_pressure, scene.outlet_pressure) == (10e6, 0.1e6)
+        assert scene.loading[-1] == 900e6
+        assert scene.unload_from == (450e6, 900e6)
+        assert scene.unloading[-1] == 25e6
+        assert (scene.modulus, scene.hardness) == (parse_case(small).modulus, 2.8e9)
+
+    def test_gas(self, small):
+        small["fluid"] = {"kind": "ideal-gas", "viscosity": "18 uPa*s", "molar_mass": "29 g/mol",
+                          "temperature": "20 °C", "inlet_pressure": "5 bar"}  # fmt: skip
+        scene = parse_case(small).prepare().scene
+        assert scene.fluid == fs.IdealGas(viscosity=18e-6, molar_mass=0.029, temperature=293.15)
+        assert (scene.inlet_pressure, scene.outlet_pressure) == (5e5, 101_325)
+
+    def test_sampling(self, small):
+        small["seed"] = 9
+        small["stochastic"] = {"length": "3 mm", "realisations": 7, "library_cells": 5,
+                               "sampler": "derivative", "pressure": "uniform"}  # fmt: skip
+        expected = Sampling(
+            length=3e-3, realisations=7, library_cells=5, seed=9, sampler="derivative", pressure="uniform"
+        )
+        assert parse_case(small).prepare().sampling == expected
+        small |= {"method": "two-scale", "compare": []}
+        assert parse_case(small).prepare().sampling is None
+        small |= {"method": "deterministic"}
+        assert parse_case(small).prepare().cells is None
+
+    def test_face_and_seed(self, small):
+        """As made by hand with the streams of the seed, and flat; another seed, another face."""
+        small["seed"] = 9
+        small["face"] |= {"waviness": "0.3 um", "waviness_length": "20 um", "nose_radius": "0.1 mm"}
+        given = {"pitch": 30e-6, "depth": 1.5e-6, "feed_error": 0.03, "depth_error": 0.1, "roughness": 1.1e-6,
+                 "roughness_roll_off": 36e-6, "waviness": 0.3e-6, "waviness_length": 20e-6, "nose_radius": 1e-4}  # fmt: skip
+        (stream,) = np.random.SeedSequence(9).spawn(1)
+        face = fs.turned((64, 96), (60e-6, 120e-6), rng=np.random.default_rng(stream), **given)
+        expected = face.detrend(1).low_pass(8 * 1.25e-6).heights
+        assert_allclose(parse_case(small).prepare().scene.surface.heights, expected, atol=1e-12)
+        small["seed"] = 10
+        assert not np.allclose(parse_case(small).prepare().scene.surface.heights, expected, atol=1e-8)
+
+    def test_two_faces_are_summed_and_drawn_apart(self, small):
+        face = {"kind": "self-affine", "points": [64, 96], "size": ["60 um", "120 um"], "rms_height": "0.1 um",
+                "roll_off": "20 um"}  # fmt: skip
+        small["face"] = [face, face]
+        small["surface"] = {"detrend": 0}
+        both = parse_case(small).prepare().scene.surface
+        small["face"] = face
+        one = parse_case(small).prepare().scene.surface
+        assert_allclose(one.rms_height, 0.1e-6, rtol=1e-6)
+        # the other one is as rough, and not the same
+        rest = both.heights - one.heights
+        assert_allclose(rest.std(), 0.1e-6, rtol=1e-6)
+        assert abs(np.corrcoef(rest.ravel(), one.heights.ravel())[0, 1]) < 0.3
+
+    def test_surface(self, small):
+        small["surface"] = {"detrend": 2, "shortest_wave": "15 um", "points": [48, 90]}
+        prepared = parse_case(small).prepare()
+        assert prepared.scene.surface.shape == (48, 92)  # the next numbers that the cells divide
+        assert prepared.conditioning.shortest_wavelength == 15e-6
+        small["surface"]["detrend"] = 0
+        assert prepared.conditioning.removed_curvature != parse_case(small).prepare().conditioning.removed_curvature
+        assert prepared.surface_report["shape"] == (48, 92)
+
+    def test_cells_by_their_size(self, small):
+        small["cells"] = {"size": "25 um"}
+        assert parse_case(small).prepare().cells == (2, 5)  # 60 and 120 µm: 2.4 and 4.8
+        small["cells"] = {"size": "1 mm"}
+        assert parse_case(small).prepare().cells == (1, 1)
+
+    def test_windows_hold_two_shortest_waves_both_ways(self, small):
+        """10 µm is the shortest: windows of 20 × 20 µm pass, narrower ones do not."""
+        small["cells"] = {"count": [3, 6]}
+        assert parse_case(small).prepare().cells == (3, 6)
+        for count in ([4, 6], [3, 7]):
+            small["cells"] = {"count": count}
+            with pytest.raises(fs.InputError, match="two shortest waves, 20 µm"):
+                parse_case(small).prepare()
+
+    def test_a_seal_has_at_least_one_cell(self, small):
+        """Along the seal: windows are 60 µm across and 30 µm along it."""
+        small["cells"] = {"count": [1, 4]}
+        small["stochastic"]["length"] = "30.1 um"
+        assert parse_case(small).prepare().sampling.length == 30.1e-6
+        small["stochastic"]["length"] = "29.9 um"
+        with pytest.raises(fs.InputError, match="at least one cell, 30 µm"):
+            parse_case(small).prepare()
+
+
+def test_lines_of_the_template_that_are_commented_out_are_valid(tmp_path):
+    (tmp_path / "face.plu").touch()
+    blocks = (ROOT / "femseal" / "template.toml").read_text(encoding="utf-8").split("\n\n")
+    (live_face,) = (b for b in blocks if "\n[face]" in b)
+    assert sum("\n# " in b for b in blocks) > 5
+    for block in blocks:
+        uncommented = re.sub(r"^# (?=\[|\w+ = )", "", block, flags=re.MULTILINE)
+        instead = live_face if "# [face]" in block else block
+        text = "\n\n".join(
+            "" if b is block and instead is not block else uncommented if b is instead else b for b in blocks
+        )
+        parse_case(tomllib.loads(text), tmp_path)
+
+
+def test_a_file_is_read_as_the_case_says(tmp_path, data):
+    """Relative to the case, transposed, in its unit, its holes filled up to the share given."""
+    heights = fs.self_affine((96, 64), (96e-6, 64e-6), hurst=0.8, rms_slope=0.1, cut_off=16e-6, rng=0).heights * 1e6
+    heights[:2] = np.nan
+    np.savez(tmp_path / "face.npz", z=heights, other=np.zeros((2, 2)))
+    data["face"] = {"kind": "file", "path": "face.npz", "array": "z", "spacing": ["1 um", "1 um"],
+                    "height_unit": "um", "transpose": True}  # fmt: skip
+    data["cells"] = {"count": [2, 3]}
+    data["surface"] = {"max_undefined": 0.03, "detrend": 0}
+    prepared = parse_case(data, tmp_path).prepare()
+    assert prepared.scene.surface.shape == (64, 96)
+    assert_allclose(prepared.scene.surface.rms_height, np.nanstd(heights) * 1e-6, rtol=0.1)
+    data["surface"] = {"max_undefined": 0.02, "detrend": 0}
+    with pytest.raises(fs.InputError, match="undefined"):
+        parse_case(data, tmp_path).prepare()
+
+
+def test_paths_are_relative_to_the_case_file(tmp_path, monkeypatch):
+    text = (ROOT / "examples" / "measured_seal.toml").read_text(encoding="utf-8")
+    (tmp_path / "case.toml").write_text(text, encoding="utf-8")
+    monkeypatch.chdir(ROOT / "examples")  # where the face lies, but not the case
+    with pytest.raises(fs.InputError, match=r"measured_face\.x3p"):
+        fs.load_case(tmp_path / "case.toml")
+    monkeypatch.chdir(tmp_path)
+    assert fs.load_case(ROOT / "examples" / "measured_seal.toml").prepare().conditioning.shape_before == (300, 600)
 
 
 def test_files(tmp_path, data):

@@ -35,12 +35,12 @@ def leakage_of(permeability, scene):
 
 
 def links_of(result, scene):
-    """Flows through the links of every step from the returned fields, along x1 and x2 [m³/s]."""
+    """Flows through the links of every step from the returned fields, along x1 and x2 [m³/s]; none into pockets."""
     d1, d2 = result.partition.window_size
     p = result.fluid_pressure
     along = -np.diff(p, axis=1) * result.k1 / 1e-3 * d2 / d1
     across = (p - np.roll(p, -1, axis=2))[:, 1:-1] * result.k2 / 1e-3 * d1 / d2
-    return along, across
+    return np.nan_to_num(along), np.nan_to_num(across)
 
 
 @pytest.fixture(scope="module")
@@ -266,7 +266,7 @@ class TestSymmetries:
             scene = make_scene(heights, loading=(1e7, 1e8), rtol=1e-8)
             scene = replace(scene, surface=Topography(heights, window.spacing))
             assert (two_scale(scene, (4, 6)).pressure[0] == 0).any()
-            leakages.append(stochastic(scene, (4, 6), replace(SAMPLING, pressure="global", library_cells=24)).leakage)
+            leakages.append(stochastic(scene, (4, 6), replace(SAMPLING, pressure="global", library_cells=4)).leakage)
         assert_allclose(leakages[0], np.tile(leakages[0][0], (6, 1)), rtol=1e-4)  # no chance in it
         assert_allclose(leakages[1], leakages[0], rtol=1e-4)
 
