@@ -127,7 +127,9 @@ class TwoScaleResult:
     mean_gap: Array = _result("m", "mean gap of windows", "step", "cell1", "cell2")
     contact_fraction: Array = _result("1", "share of windows in contact", "step", "cell1", "cell2")
     plastic_fraction: Array = _result("1", "share of windows at the hardness", "step", "cell1", "cell2")
-    fluid_pressure: Array = _result("Pa", "fluid pressure at the global nodes", "step", "node1", "cell2")
+    fluid_pressure: Array = _result(
+        "Pa", "fluid pressure at the global nodes, NaN in pockets", "step", "node1", "cell2"
+    )
     gap: NDArray[np.float32] = _result("m", "deformed gap stitched from the windows", "step", "x1", "x2")
     contact_pressure: NDArray[np.float32] = _result("Pa", "contact pressure of the windows", "step", "x1", "x2")
     counts: dict[str, int] = field(default_factory=dict)

@@ -275,9 +275,23 @@ def test_trapped_pockets_change_nothing(sides):
     h[10, 10] = 0.5 * D
     after = cell_permeability(h, (D, D), sides=sides)
     assert after.value == before.value
-    assert np.array_equal(after.fluid_pressure, before.fluid_pressure)
+    assert np.array_equal(after.fluid_pressure, before.fluid_pressure, equal_nan=True)
+    assert np.array_equal(np.isnan(after.fluid_pressure[7:14, 7:14]), np.pad(np.full((5, 5), True), 1))
     h[10, 10] = 1e3 * D
     assert_allclose(k_of(h, sides=sides), before.value, rtol=1e-12)
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+def test_fluid_stands_at_the_pressure_of_the_end_that_reaches_it(axis):
+    h = np.full((9, 7), D)
+    h[4] = 0  # closed
+    h[6, 2:5] = h[8, 2:5] = h[7, [2, 4]] = 0  # a pocket
+    k = cell_permeability(h.T if axis else h, (D, D), axis=axis)
+    assert k.value == 0
+    expected = np.where(h > 0, 0.0, np.nan)
+    expected[:4] = 1
+    expected[7, 3] = np.nan
+    assert np.array_equal(k.fluid_pressure.T if axis else k.fluid_pressure, expected, equal_nan=True)
 
 
 def test_dead_ends_change_nothing():

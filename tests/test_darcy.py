@@ -202,6 +202,8 @@ def test_closed_across_is_exactly_zero(kind):
     assert (f.conductance, f.lower, f.upper, f.percolates) == (0.0, 0.0, 0.0, False)
     assert_allclose(f.potential[mesh.p[0] < 0.4], 1.0)  # the inlet side stands at the inlet's pressure
     assert_allclose(f.potential[mesh.p[0] > 0.7], 0.0)
+    wide = np.where(np.abs(centres(mesh)[0] - 0.5) < 0.3, 0.0, 1.0)
+    assert np.array_equal(np.isnan(flow(mesh, wide).potential), np.abs(mesh.p[0] - 0.5) < 0.2)
     assert np.isnan(flow(mesh, k).lower)
     assert not flow(mesh, 0.0).percolates
 
@@ -219,6 +221,8 @@ def test_pockets_and_dead_ends_do_no_harm(kind):
     assert_allclose([f.lower, f.conductance], 2.0 / 6, rtol=1e-12)
     dead_end = (np.abs(mesh.p[1] - 1.5 / 6) < 0.1) & (mesh.p[0] < 0.6)
     assert_allclose(f.potential[dead_end], 1.0)
+    corner_of_pocket = np.argmin(np.abs(mesh.p - 0.5).max(axis=0))
+    assert np.isnan(f.potential[corner_of_pocket])
 
 
 def test_corners_connect_in_the_value_and_not_in_the_lower_bound():

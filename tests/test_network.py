@@ -5,7 +5,7 @@ import pytest
 import scipy.sparse as sp
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.testing import assert_allclose
+from numpy.testing import assert_allclose, assert_array_equal
 from scipy.sparse.linalg import spsolve
 from skfem import Basis, ElementQuad1, MeshQuad
 
@@ -228,7 +228,8 @@ def test_invariants(n1, n2, periodic, seed, closed, digits):
     c1, c2 = links(n1, n2, periodic, seed, 10.0**digits, closed)
     flow = solve_network(c1, c2)
     assert flow.percolates == (flow.rate > 0)
-    assert np.all((flow.potential >= 0) & (flow.potential <= 1 + 1e-15))
+    potential = flow.potential[~np.isnan(flow.potential)]
+    assert np.all((potential >= 0) & (potential <= 1 + 1e-15))
     assert_allclose(solve_network(4 * c1, 4 * c2).rate, 4 * flow.rate, rtol=1e-12)
     assert_allclose(solve_network(c1[::-1], c2[::-1]).rate, flow.rate, rtol=1e-11)
     assert_allclose(solve_network(c1[:, ::-1], mirrored(c2, periodic, n2)).rate, flow.rate, rtol=1e-11)
@@ -255,7 +256,7 @@ def mirrored(c2, periodic, n2):
 def test_every_section_carries_the_same_flow(method, periodic):
     c1, c2 = links(25, 18, periodic, seed=9, closed=0.15)
     flow = solve_network(c1, c2, method=method, rtol=1e-12)
-    sections = (c1 * -np.diff(flow.potential, axis=0)).sum(axis=1)
+    sections = np.nansum(c1 * -np.diff(flow.potential, axis=0), axis=1)
     assert_allclose(sections, flow.rate, rtol=1e-11 if method == "direct" else 1e-5)
 
 
@@ -282,6 +283,36 @@ def test_pockets_and_dead_ends_carry_nothing(method):
     c2[2, 2] = 1e6  # one on the path
     flow = solve_network(c1, c2, method=method)
     assert_allclose(flow.rate, 1 / 6, rtol=1e-12)
+
+
+@pytest.mark.parametrize("method", ["direct", "amg"])
+@pytest.mark.parametrize("periodic", [True, False])
+@pytest.mark.parametrize(("closed", "wall"), [(0.4, None), (0.45, None), (0.5, None), (0.3, 5), (0.3, 0), (1.0, None)])
+def test_where_nothing_flows_an_end_gives_its_potential_and_a_pocket_has_none(method, periodic, closed, wall):
+    """By the components of the inner nodes, found apart: which ends each of them touches through open links."""
+    c1, c2 = links(11, 13, periodic, seed=3, closed=closed)
+    if wall is not None:
+        c1[wall] = 0
+    n1, n2 = c1.shape
+    flow = solve_network(c1, c2, method=method)
+    node = np.arange((n1 - 1) * n2).reshape(n1 - 1, n2)
+    start = np.r_[node[:-1][c1[1:-1] > 0], node[:, : c2.shape[1]][c2 > 0]]
+    end = np.r_[node[1:][c1[1:-1] > 0], np.roll(node, -1, axis=1)[:, : c2.shape[1]][c2 > 0]]
+    graph = sp.coo_array((np.ones(start.size), (start, end)), shape=(node.size, node.size))
+    label = sp.csgraph.connected_components(graph, directed=False)[1].reshape(node.shape)
+    inlet = np.isin(label, label[0][c1[0] > 0])
+    outlet = np.isin(label, label[-1][c1[-1] > 0])
+    assert flow.percolates == np.any(inlet & outlet)
+    inner = flow.potential[1:-1]
+    assert_array_equal(np.isnan(inner), ~inlet & ~outlet)
+    assert_allclose(inner[inlet & ~outlet], 1, rtol=0, atol=1e-6 if method == "amg" else 1e-14)
+    assert_allclose(inner[outlet & ~inlet], 0, rtol=0, atol=1e-6 if method == "amg" else 1e-14)
+    assert_array_equal(flow.potential[[0, -1]], [[1.0] * n2, [0.0] * n2])
+    if not flow.percolates:
+        assert set(inner[inlet]) <= {1.0}
+    if 0 < closed < 1:
+        assert (inlet & ~outlet).any() or wall == 0
+        assert (~inlet & ~outlet).any()
 
 
 def test_symmetric_matrix_with_zero_row_sums_away_from_the_ends():

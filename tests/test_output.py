@@ -30,6 +30,7 @@ from femseal.output import (
 )
 from femseal.output.tables import branch_text, leakage_unit
 from femseal.output.vtk import chosen_windows
+from femseal.seal import RectangularSeal
 from femseal.studies import Sampling, Scene, deterministic, stochastic, two_scale
 from femseal.topography import Topography, self_affine
 
@@ -117,6 +118,27 @@ def test_flux_balances_at_every_node(results):
     flux1, flux2 = (results.dataset[n].values * 15e-6 for n in ("flux1", "flux2"))
     left = flux1[:, :-1] - flux1[:, 1:] - flux2 + np.roll(flux2, 1, axis=2)
     assert np.abs(left).max() < 1e-6 * np.abs(flux1).max()
+
+
+def test_fluid_of_a_closed_seal_stands_at_the_pressures_of_its_ends(scene, studies, tmp_path):
+    """Row 1 of the links is closed, and a window further out is cut off."""
+    two = studies["two_scale"]
+    k1, k2 = np.full_like(two.k1, 1e-20), np.full_like(two.k2, 1e-20)
+    k1[:, 1] = 0
+    k1[:, 2:4, 5] = k2[:, 2, 4:6] = 0
+    flow = scene.leakage(RectangularSeal(scene.surface.size, (M1, M2)), (k1[0], k2[0]))
+    closed = replace(two, k1=k1, k2=k2, leakage=two.leakage * 0, fluid_pressure=np.array([flow.fluid_pressure] * 5))
+    r = assemble(scene, two_scale=closed)
+    for name in ("flux1", "flux2"):
+        assert_array_equal(r.dataset[name], np.zeros_like(r.dataset[name]))
+    write_vtk(r, None, tmp_path)
+    _, points, _, _ = arrays("vtkXMLUnstructuredGridReader", tmp_path / "seal/step_0002.vtu")
+    expected = np.array([[1e6], [1e6], [0], [0], [0]]) * np.ones((1, M2))
+    expected[3, 5] = np.nan
+    assert_array_equal(points["fluid_pressure_Pa"].reshape(M1 + 1, 2 * M2 + 1)[:, 1::2], expected)
+    figure = seal_figure(r)
+    assert figure.axes[1].get_title() == "fluid pressure [MPa], no flow; grey: pockets"
+    figure.savefig(io.BytesIO(), dpi=40)
 
 
 def test_flux_of_a_gas_is_its_volume_rate(scene, studies):

@@ -124,7 +124,13 @@ def test_closed_is_exactly_zero(seal):
     leak = seal_leakage(seal, (k1, k2), WATER, inlet_pressure=1e6, bounds=True)
     assert (leak.volume_rate, leak.mass_rate, leak.per_length, leak.lower, leak.upper) == (0, 0, 0, 0, 0)
     assert not leak.percolates
-    assert not np.isnan(leak.fluid_pressure).any()
+    assert np.array_equal(leak.fluid_pressure, np.repeat([[1e6], [0.0]], [4, 3], axis=0) * np.ones((1, 10)))
+    k1[5] = 0  # a closed ring between two closed rows
+    leak = seal_leakage(seal, (k1, k2), WATER, inlet_pressure=1e6, outlet_pressure=1e5)
+    assert np.isnan(leak.fluid_pressure[4:6]).all()
+    assert_allclose(leak.fluid_pressure[:4], 1e6, rtol=1e-14)
+    assert_allclose(leak.fluid_pressure[6], 1e5, rtol=1e-14)
+    k1[5] = 1e-18
     k1[3, 4] = 1e-30
     leak = seal_leakage(seal, (k1, k2), WATER, inlet_pressure=1e6, bounds=True)
     assert leak.percolates

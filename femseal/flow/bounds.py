@@ -39,7 +39,7 @@ def _lower(k: Array, spacing: tuple[float, float], periodic: bool) -> float:
     flow = solve_network(c1, c2)
     if not flow.percolates:
         return 0.0
-    q1, q2 = _balanced_fluxes(c1, c2, flow.potential)
+    q1, q2 = _balanced_fluxes(c1, c2, np.nan_to_num(flow.potential))
     if periodic:
         west = np.roll(q2, 1, axis=1)
         east = q2

@@ -26,7 +26,10 @@ SIDES = ("mirror", "periodic")
 
 @dataclass(frozen=True)
 class Permeability:
-    """Permeability of a cell along one axis, k with Q/L2 = (k/η) Δp/L1; exactly 0 where the gap does not percolate."""
+    """Permeability of a cell along one axis, k with Q/L2 = (k/η) Δp/L1; exactly 0 where the gap does not percolate.
+
+    fluid_pressure (n1, n2) is NaN at pixels in contact and in pockets that neither end reaches.
+    """
 
     value: float = field(metadata={"unit": "m^3", "long_name": "permeability"})
     lower: float = field(metadata={"unit": "m^3", "long_name": "lower bound of the permeability"})

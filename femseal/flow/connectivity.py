@@ -1,4 +1,4 @@
-"""Which nodes of a link network carry flow: union-find over the open links, compiled."""
+"""Which nodes of a link network its ends reach: union-find over the open links, compiled."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ def _union(parent, a, b):
 
 
 @njit(cache=True, nogil=True)
-def percolating_nodes(c1, c2):
-    """Nodes (n1 + 1, n2) joined by open links to an inlet-to-outlet path; all False if there is none.
+def nodes_reached(c1, c2):
+    """Which ends each node (n1 + 1, n2) is joined to by open links: 0 none, 1 inlet, 2 outlet, 3 both.
 
-    c1 (n1, n2) and c2 (n1 − 1, n2 or n2 − 1) are conductances; a link is open where c > 0. Dead ends that hang on the
-    inlet or the outlet stay: they carry no flow and do no harm.
+    c1 (n1, n2) and c2 (n1 − 1, n2 or n2 − 1) are conductances; a link is open where c > 0. Dead ends of a path from
+    inlet to outlet are joined to both: they carry no flow and do no harm.
     """
     n1, n2 = c1.shape
     m2 = c2.shape[1]
@@ -49,13 +49,16 @@ def percolating_nodes(c1, c2):
         for j in range(m2):
             if c2[i, j] > 0:
                 _union(parent, (i + 1) * n2 + j, (i + 1) * n2 + (j + 1) % n2)
-    keep = np.zeros((n1 + 1, n2), np.bool_)
-    root = _find(parent, n)
-    if root == _find(parent, n + 1):
-        for i in range(n1 + 1):
-            for j in range(n2):
-                keep[i, j] = _find(parent, i * n2 + j) == root
-    return keep
+    inlet = _find(parent, n)
+    outlet = _find(parent, n + 1)
+    reached = np.zeros((n1 + 1, n2), np.int8)
+    for i in range(n1 + 1):
+        for j in range(n2):
+            a = i * n2 + j
+            # parents come before their children
+            parent[a] = parent[parent[a]]
+            reached[i, j] = (parent[a] == inlet) + 2 * (parent[a] == outlet)
+    return reached
 
 
 @njit(cache=True, nogil=True)

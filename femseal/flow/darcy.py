@@ -93,8 +93,8 @@ def darcy_conductance(
 
     Returns
     -------
-    DarcyFlow, `potential` at the vertices; it is 1 or 0 in dead ends of the inlet or outlet, 0 in closed
-    pockets.
+    DarcyFlow, `potential` at the vertices; it is 1 or 0 in dead ends of the inlet or outlet, NaN in
+    closed pockets.
 
     Raises
     ------
@@ -116,10 +116,11 @@ def darcy_conductance(
     tensor = permeability_tensors(permeability, mesh.nelements)
     scale = float(np.abs(tensor).max()) or 1.0
     tensor = tensor / scale
-    carrying, wet = _carrying_elements(mesh, tensor, ends, through_corners=True)
-    potential = np.zeros(mesh.nvertices)
-    potential[mesh.t[:, wet]] = 1.0
-    potential[mesh.facets[:, ends[0]]] = 1.0
+    carrying, at_inlet, at_outlet = _elements_reached(mesh, tensor, ends, through_corners=True)
+    potential = np.full(mesh.nvertices, np.nan)
+    for value, elements, facets in ((0.0, at_outlet, ends[1]), (1.0, at_inlet, ends[0])):
+        potential[mesh.t[:, elements]] = value
+        potential[mesh.facets[:, facets]] = value
     if carrying.size == 0:
         bound = 0.0 if bounds else np.nan
         return DarcyFlow(0.0, bound, bound, potential, False, 0, 0.0, 0.0)
@@ -193,7 +194,7 @@ def permeability_tensors(permeability: ArrayLike, elements: int) -> Array:
 def is_connected(mesh: Mesh, inlet: ArrayLike, outlet: ArrayLike) -> bool:
     """Whether the mesh itself, all of it open, joins inlet and outlet; InputError if these cannot be ends."""
     unit = np.broadcast_to(np.eye(2), (mesh.nelements, 2, 2))
-    return _carrying_elements(mesh, unit, _ends(mesh, inlet, outlet), through_corners=True)[0].size > 0
+    return _elements_reached(mesh, unit, _ends(mesh, inlet, outlet), through_corners=True)[0].size > 0
 
 
 def _ends(mesh: Mesh, inlet: ArrayLike, outlet: ArrayLike) -> tuple[Indices, Indices]:
@@ -225,10 +226,10 @@ def _invertible(tensor: Array) -> Array:
     return np.where(half[:, None, None], regular, tensor)
 
 
-def _carrying_elements(
+def _elements_reached(
     mesh: Mesh, tensor: Array, ends: tuple[Indices, Indices], *, through_corners: bool
-) -> tuple[Indices, Indices]:
-    """Elements connected to both inlet and outlet, and those connected to the inlet alone.
+) -> tuple[Indices, Indices, Indices]:
+    """Elements connected to both inlet and outlet, to the inlet alone, and to the outlet alone.
 
     Elements connect through a facet that both can carry flow across, n·Kn > 0; with `through_corners` also
     through a vertex if both are open in every direction.
@@ -257,8 +258,8 @@ def _carrying_elements(
     graph = sp.coo_array((np.ones(i.size), (i, j)), shape=(outlet + 1, outlet + 1))
     _, label = connected_components(graph, directed=False)
     empty = np.empty(0, np.int64)
-    at_inlet = np.flatnonzero(label[:ne] == label[inlet])
-    return (at_inlet, empty) if label[inlet] == label[outlet] else (empty, at_inlet)
+    at_inlet, at_outlet = (np.flatnonzero(label[:ne] == label[end]) for end in (inlet, outlet))
+    return (at_inlet, empty, empty) if label[inlet] == label[outlet] else (empty, at_inlet, at_outlet)
 
 
 def _solve_free(matrix: sp.csr_array, unknown: Indices, phi: Array) -> tuple[int, float]:
@@ -279,7 +280,7 @@ def _flux_conductance(
     intorder: int,
 ) -> float:
     """Q²/∫ q·K⁻¹q of the lowest-order Raviart-Thomas flux; 0 if open elements connect in corners only."""
-    carrying, _ = _carrying_elements(mesh, tensor, ends, through_corners=False)
+    carrying, _, _ = _elements_reached(mesh, tensor, ends, through_corners=False)
     if carrying.size == 0:
         return 0.0
     basis = Basis(mesh, element, intorder=intorder, elements=carrying)

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError, NotConverged
-from .connectivity import percolating_nodes
+from .connectivity import nodes_reached
 from .elimination import eliminate
 from .linear import solve_spd
 from .mesh import LinkPattern, link_pattern
@@ -24,12 +24,15 @@ MAX_IMBALANCE = 1e-5
 #: Unknowns up to which the network is eliminated directly (about 4 GB at the limit); above, AMG.
 DIRECT_UNKNOWNS = 2_000_000
 METHODS = ("auto", "direct", "amg")
+#: Potential of a node that neither, the inlet, or the outlet reaches.
+_AT_REST = np.array([np.nan, 1.0, 0.0, np.nan])
 
 
 @dataclass(frozen=True)
 class NetworkFlow:
     """Flow for a unit drop: rate (= dissipated energy), potential of the nodes, and how it was solved.
 
+    potential : 1 and 0 where only the inlet or only the outlet reaches, NaN in pockets that neither does.
     imbalance : difference of inlet and outlet flow, in shares of the rate. iterations is 0 for a direct solution.
     """
 
@@ -70,13 +73,13 @@ def solve_network(c1: Array, c2: Array, *, rtol: float = 1e-6, method: str = "au
     periodic = n2 == 1 or c2.shape[1] == n2
     if n2 == 1:  # no neighbours across
         c2 = np.zeros((n1 - 1, 1))
-    potential = np.zeros((n1 + 1, n2))
-    potential[0] = 1.0
-    keep = percolating_nodes(c1, c2)
-    if not keep.any():
-        return NetworkFlow(0.0, potential, False, 0, 0.0, 0.0)
-    if n1 == 1:
-        return NetworkFlow(float(c1.sum()), potential, True, 0, 0.0, 0.0)
+    reached = nodes_reached(c1, c2)
+    percolates = bool(reached[0, 0] == 3)
+    if not percolates or n1 == 1:
+        potential = _AT_REST.take(reached)
+        potential[0], potential[-1] = 1.0, 0.0
+        return NetworkFlow(float(c1.sum()) if percolates else 0.0, potential, percolates, 0, 0.0, 0.0)
+    keep = reached == 3
     c1 = np.where(keep[:-1] & keep[1:], c1, 0.0)
     across = np.roll(keep, -1, axis=1)[1:-1, : c2.shape[1]]
     c2 = np.where(keep[1:-1, : c2.shape[1]] & across, c2, 0.0)
@@ -90,6 +93,8 @@ def solve_network(c1: Array, c2: Array, *, rtol: float = 1e-6, method: str = "au
         solution = solve_spd(matrix, np.r_[c1[0], np.zeros((n1 - 2) * n2)], rtol, "amg")
         φ, iterations, residual = solution.x, solution.iterations, solution.residual
         ψ, rate = 1 - φ, np.nan
+    potential = np.zeros((n1 + 1, n2))
+    potential[0] = 1.0
     potential[1:-1] = φ.reshape(n1 - 1, n2)
     if np.isnan(rate):
         # the energy sum keeps its relative accuracy where a difference of flows would not
@@ -103,6 +108,7 @@ def solve_network(c1: Array, c2: Array, *, rtol: float = 1e-6, method: str = "au
             "try the direct solver",
             imbalance,
         )
+    potential[~keep] = np.nan
     return NetworkFlow(rate, potential, True, iterations, residual, imbalance)
 
 

@@ -93,6 +93,9 @@ def _fluid_panel(axes: Axes, data: xarray.Dataset, s: int, size: tuple[float, fl
     p = data["fluid_pressure"].values[s]
     (m1, m2), (x1, x2) = data["k1"].shape[1:], (data[n].values * 1e3 for n in ("cell1", "cell2"))
     rows, columns = np.r_[0, x1, size[0]], np.linspace(0, size[1], m2 + 1)
+    known = bool(np.isfinite(data["flux1"].values[s]).all())
+    pockets = "; grey: pockets" if known and np.isnan(p).any() else ""
+    axes.set_facecolor(_CLOSED if known else "white")
     image = axes.pcolormesh(columns, rows, p / 1e6, cmap="cividis", rasterized=True)
     _colour_bar(axes, image)
     along, across = window_flux(data, s)
@@ -100,8 +103,8 @@ def _fluid_panel(axes: Axes, data: xarray.Dataset, s: int, size: tuple[float, fl
     pick = np.s_[:: every[0], :: every[1]]
     length = np.nan_to_num(np.hypot(along, across))
     if not length.max() > 0:
-        known = bool(np.isfinite(data["flux1"].values[s]).all())
-        axes.set_title(f"fluid pressure [MPa], {'no flow' if known else 'unknown: a window failed'}", fontsize=9.5)
+        state = "no flow" if known else "unknown: a window failed"
+        axes.set_title(f"fluid pressure [MPa], {state}{pockets}", fontsize=9.5)
         return
     longest = min(1.6 * max(size[1] / m2 * every[1], size[0] / m1 * every[0]), 0.8 * min(size))
     # the length goes with the root of the flux, so that the weaker paths are seen beside the strongest
@@ -115,7 +118,7 @@ def _fluid_panel(axes: Axes, data: xarray.Dataset, s: int, size: tuple[float, fl
     arrows.set_in_layout(False)
     factor, unit = leakage_unit(length.max())
     longest_text = f"{length.max() / factor:.3g} {unit}"
-    axes.set_title(f"fluid pressure [MPa]; arrows ∝ √flux, longest {longest_text}", fontsize=9.5)
+    axes.set_title(f"fluid pressure [MPa]{pockets};\narrows ∝ √flux, longest {longest_text}", fontsize=9.5)
 
 
 def window_flux(data: xarray.Dataset, s: int) -> tuple[Array, Array]:

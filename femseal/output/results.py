@@ -279,7 +279,10 @@ def _add_windows(data: xarray.Dataset, scene: Scene, result: TwoScaleResult) -> 
     if m1 > 1:
         data.coords["corner1"] = ("corner1", np.arange(1, m1) * d1, _labels("m", "x1 of links along x2"))
     _add_fields(data, result, _TWO_SCALE)
-    potential = scene.fluid.potential(result.fluid_pressure) / scene.fluid.reference_density
+    # the fluid of a pocket has no pressure to speak of, and does not flow
+    pocket = np.isnan(result.fluid_pressure) & np.isfinite(result.leakage)[:, None, None]
+    pressure = np.where(pocket, scene.outlet_pressure, result.fluid_pressure)
+    potential = scene.fluid.potential(pressure) / scene.fluid.reference_density
     along = result.k1 * (potential[:, :-1] - potential[:, 1:]) / d1
     text = "flow per width through links along"
     data["flux1"] = (("step", "cell1", "cell2"), along, _labels("m^2/s", f"{text} x1"))

@@ -59,8 +59,8 @@ def seal_leakage(
     Returns
     -------
     Leakage; volume rates are at the fluid's reference density, `fluid_pressure` is (n1 + 1, n2) from inlet
-    to outlet on structured seals and (n_vertices,) on meshes. Nodes that no flow reaches are shown at an
-    end's pressure.
+    to outlet on structured seals and (n_vertices,) on meshes. Nodes that only one end reaches have its
+    pressure, those that neither does NaN.
 
     Raises
     ------

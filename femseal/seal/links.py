@@ -73,8 +73,9 @@ def network_flow(c1: Array, c2: Array, bounds: bool) -> DarcyFlow:
     flow = solve_network(c1, c2, rtol=_RTOL)
     lower = upper = np.nan
     if bounds:
-        upper = max(_dissipation(c1, c2, flow.potential), flow.rate) if flow.percolates else 0.0
-        lower = min(conservative_rate(c1, c2, flow.potential), flow.rate) if flow.percolates else 0.0
+        potential = np.nan_to_num(flow.potential)  # nothing flows in pockets
+        upper = max(_dissipation(c1, c2, potential), flow.rate) if flow.percolates else 0.0
+        lower = min(conservative_rate(c1, c2, potential), flow.rate) if flow.percolates else 0.0
     return DarcyFlow(
         conductance=flow.rate * scale,
         lower=lower * scale,
