@@ -233,5 +233,6 @@ def surface_figure(topography: Topography) -> Figure:
         axes.tick_params(labelsize=8)
     if topography.undefined_share:
         density.annotate("undefined points", (0.5, 0.5), xycoords="axes fraction", ha="center", va="center")
+    figure.align_ylabels((profile, density))
     figure.legend(*profile.get_legend_handles_labels(), loc="outside upper right", ncols=2, fontsize=8.5, frameon=False)
     return figure
