@@ -139,13 +139,6 @@ def test_all_faults_are_reported_at_once(data):
     with pytest.raises(fs.InputError) as caught:
         parse_case(data)
     assert len(str(caught.value).splitlines()) == 3
-    data["face"] = [data["face"]] * 2
-    data["load"] = {"loading": ["1 MPa"], "unload_from": ["2 MPa"], "unloading": ["3 MPa"]}
-    data["material"]["yield_stress"] = "1 Pa"
-    with pytest.raises(fs.InputError) as caught:
-        parse_case(data)
-    lines = str(caught.value).splitlines()
-    assert len(set(lines)) == len(lines)
 
 
 @pytest.mark.parametrize(

@@ -131,6 +131,16 @@ class TestClosedForms:
         assert result.plastic_fraction[0] == 0
         assert result.residual < 1e-5
 
+    @pytest.mark.parametrize("boundary", [("free", "periodic"), ("mirror", "periodic")])
+    def test_the_ends_of_a_flat_face_carry_more_if_they_are_free(self, boundary):
+        """A punch, p = 2p̄/(π √(1 − ξ²)); a mirrored face has no ends."""
+        scene = make_scene(np.zeros((64, 64)), hardness=np.inf, loading=(1e8,), boundary=boundary)
+        share = 4 * np.diff(np.arcsin(np.linspace(-1, 1, 5))) / np.pi if boundary[0] == "free" else np.ones(4)
+        rows = two_scale(scene, (4, 4)).pressure[0].T
+        assert_allclose(rows, np.tile(1e8 * share, (4, 1)), rtol=0.03)
+        whole = deterministic(scene)
+        assert (whole.contact_fraction[0], whole.leakage[0]) == (1, 0)
+
     def test_a_face_that_is_all_plastic_seals(self):
         scene = make_scene(self.corrugated(1), boundary=("periodic", "periodic"), hardness=1e9, loading=(1e9,))
         result = deterministic(scene)
@@ -395,6 +405,14 @@ class TestDraws:
         k = result.library.curves.k[:, 1]
         assert k.size == size
         assert len(np.unique(k)) > 18
+
+    def test_cells_at_random_places_lie_within_a_narrow_surface(self, rough):
+        """One row of windows: anything beyond it would be cut off."""
+        strip = Topography(rough.surface.heights[:24], rough.surface.spacing, (False, True))
+        sampling = replace(SAMPLING, pressure="uniform", library_cells=12)
+        result = stochastic(replace(rough, surface=strip), (1, 6), sampling)
+        assert result.failures == ()
+        assert result.library.size == 12
 
     def test_the_drawn_seal_leaks_about_as_much_as_its_surface(self, rough, rough_two_scale):
         """Where no constriction decides; as long as the surface, so that both have as many windows."""
