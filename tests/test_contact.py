@@ -304,7 +304,7 @@ def test_equals_an_independent_solver(boundary, share, hardness, dense_operator)
 @pytest.mark.parametrize("boundary", [p for p in PAIRS if "free" not in p])
 @pytest.mark.parametrize("share", [0.03, 0.15, 0.5])
 def test_without_the_long_waves_no_other_pressure_has_less_energy(boundary, share, dense_operator):
-    """K is not definite then, so that p may not be unique; the duality gap bounds the energy above its minimum."""
+    """K is nearly singular then; the duality gap bounds the energy above its minimum."""
     shape, hardness = (24, 20), 0.3 * H
     half_space = HalfSpace(shape, (D, D), E, boundary, longest_wave=9.3 * D)
     h = rough(shape, 0.15, seed=7, cut=3)

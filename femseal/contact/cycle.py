@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 from .. import checks
 from ..errors import InputError
 from .halfspace import HalfSpace
-from .solver import Contact, hardness_bounds, solve_contact, solve_unloading
+from .solver import Contact, hardness_bounds, solve_contact
 
 
 @dataclass(frozen=True)
@@ -146,5 +146,5 @@ def solve_with_memory(
     """`solve_contact` on a gap to which a permanent deformation is added first; it stays part of the result's."""
     if memory is None:
         return solve_contact(gap0, half_space, pressure=pressure, hardness=hardness, rtol=rtol)
-    contact = solve_unloading(gap0 + memory, half_space, pressure=pressure, hardness=hardness, rtol=rtol)
+    contact = solve_contact(gap0 + memory, half_space, pressure=pressure, hardness=hardness, rtol=rtol)
     return replace(contact, plastic_deformation=contact.plastic_deformation + memory)

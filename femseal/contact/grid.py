@@ -46,15 +46,17 @@ class Grid:
         self._search = Convolution(half_space, symbol, single, threads)
         self.pressure, self.displaced = self._respond.pressure, self._respond.displacement
         stencil = stiffness_stencil(half_space.spacing, half_space.modulus)
-        r1, r2 = min(2, (n1 - 1) // 2), min(2, (n2 - 1) // 2)  # thin grids: not onto itself
-        self.stencil = np.ascontiguousarray(stencil[2 - r1 : 3 + r1, 2 - r2 : 3 + r2])
+        r1, r2 = min(1, (n1 - 1) // 2), min(1, (n2 - 1) // 2)  # thin grids: not onto itself
+        self.stencil = np.ascontiguousarray(stencil[1 - r1 : 2 + r1, 1 - r2 : 2 + r2])
         self.rows = _index_map(n1, r1, half_space.boundary[0])
         self.columns = _index_map(n2, r2, half_space.boundary[1])
         self.state = np.zeros((n1, n2), np.int8)
         self.progress = np.zeros(1, loops.Progress)
         self.pairs = 0
         # touched only as far as there are points in contact
-        self.lists, self.work = np.empty((2, n), np.int32), np.empty((5, n))
+        self.lists = np.empty((3, n), np.int32)
+        self.best = np.empty((2, n))
+        self.near_values, self.free_values = np.empty((4, n)), np.empty((4, n))
         self.dense = np.zeros(n, single)
         # stiffness of a wave of four pixels: the step from gap to pressure
         spacings = [d for n, d in zip(half_space.shape, half_space.spacing, strict=True) if n > 1] or [
@@ -90,21 +92,18 @@ class Grid:
         *,
         load: float | None,
         approach: float | None,
-        more: bool = False,
     ) -> None:
-        """From the start to the residual `rtol`, or as near as `limit` iterations bring it.
-
-        more : add to the pairs that a solve before took.
-        """
+        """From the start to the residual `rtol`, or as near as `limit` iterations bring it."""
         t = self.progress[0]
         t["offset"], t["rtol"], t["limit"] = offset, rtol, limit
         t["load"] = 0.0 if load is None else load * self.pressure.size
-        t["approach_given"] = approach is not None
+        t["approach_given"], t["monotone"], t["gradient_next"] = approach is not None, False, False
         t["delta"] = 0.0 if approach is None else approach - offset
         t["c"] = t["c0"] = self.stiffness
         t["c_min"] = self.stiffness / (4 * max(self.half_space.shape))
-        t["damping"], t["energy"], t["phase"], t["iteration"] = 1.0, inf, 0, 0
-        self.pairs = self.pairs if more else 0
+        t["damping"], t["energy"], t["reach"] = 1.0, inf, -inf
+        t["phase"], t["iteration"], t["residual"] = 0, 0, inf
+        self.pairs = 0
         fields = (
             self.progress,
             self.pressure.ravel(),
@@ -115,11 +114,13 @@ class Grid:
             hardness.ravel(),
             self.state.ravel(),
             self.lists,
-            self.work,
+            self.near_values,
+            self.free_values,
             self.dense,
             self.stencil,
             self.rows,
             self.columns,
+            self.best,
         )
         needs = loops.PRESSURE
         while needs != loops.DONE:

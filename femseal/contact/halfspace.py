@@ -19,6 +19,8 @@ from . import kernels
 
 Array = NDArray[np.float64]
 BOUNDARIES = ("periodic", "mirror", "free")
+#: Response of waves that a coarser solution carries, beside that of the shortest of them.
+_CARRIED_SHARE = 0.02
 
 
 @dataclass(frozen=True)
@@ -34,7 +36,8 @@ class HalfSpace:
     spacing : (Δ1, Δ2) [m].
     modulus : contact modulus E* [Pa].
     boundary : kind of each axis, "periodic", "mirror" or "free"; one word stands for both.
-    longest_wave : waves longer than this [m] do not respond, because a coarser solution carries them (no free axis).
+    longest_wave : waves longer than this [m] hardly respond, because a coarser solution carries them (no free axis):
+        a fiftieth of the response of this wave keeps the pressure unique.
 
     Raises
     ------
@@ -90,7 +93,8 @@ class HalfSpace:
         symbol = kernels.spectral_symbol(q1, q2, self.modulus)
         if self.longest_wave is not None:
             carried = np.hypot(q1[:, None], q2[None, :]) < 2 * np.pi / self.longest_wave * (1 - 1e-9)
-            symbol[carried] = 0.0
+            symbol[carried] = _CARRIED_SHARE * 2 / self.modulus * self.longest_wave / (2 * np.pi)
+            symbol[q1 == 0, 0] = 0.0
         return symbol
 
     def displacement(self, pressure: ArrayLike) -> Array:

@@ -128,7 +128,7 @@ def _alternating(a: Array) -> Array:
     return (polygamma(1, a / 2) - polygamma(1, (a + 1) / 2)) / 4
 
 
-def stiffness_stencil(spacing: tuple[float, float], modulus: float, radius: int = 2) -> Array:
+def stiffness_stencil(spacing: tuple[float, float], modulus: float, radius: int = 1) -> Array:
     """(2r+1)² truncation of the inverse operator, symbol E*|q|/2 [Pa/m]: the preconditioner of the solver.
 
     A truncation that is not positive definite (strongly stretched pixels) is reduced to its diagonal.

@@ -3,6 +3,9 @@
 `advance` is a coroutine in all but name. It goes on until it needs a product, says which, and is called again once the
 buffers hold it; what it has to remember is a `Progress` record. State of a point: 0 out of contact (p = 0), 1 free
 (0 < p < H), 2 plastic (p = H). `hardness` has one value or one per point.
+
+Between two products with the pressure, only points in contact or near it are looked at: their values stand in the
+rows of `near_values` in the order of `near`, those of the free ones in `free_values`.
 """
 
 from __future__ import annotations
@@ -18,14 +21,18 @@ PRESSURE, DIRECTION, DONE = 0, 1, 2
 _FIRST, _PROJECTED, _SEARCHING = 0, 1, 2
 #: Conjugate gradients go on for so many steps, or until the residual's energy norm fell so far.
 _STEPS_AFTER_CHANGE, _STEPS, _DROP = 3, 5, 0.04
+#: Sets stay while the points that would leave them have no more than this share of the squared residual, and it halves.
+_PROPORTION = 0.1
+#: From this iteration on no step may raise the energy. It is seldom needed, and slower.
+_MONOTONE_AFTER = 60
 
 Progress = np.dtype(
     [(name, "f8") for name in (
         "load", "delta", "offset", "c", "c0", "c_min", "rtol", "damping", "energy", "residual", "rz", "rz_start",
-        "rz_direction", "largest", "ones_total")]
+        "rz_direction", "largest", "ones_total", "margin", "reach")]
     + [(name, "i8") for name in (
-        "phase", "approach_given", "active", "free", "changed", "converged", "fresh", "preconditioned", "block", "cg",
-        "iteration", "limit")],
+        "phase", "approach_given", "near", "free", "changed", "converged", "fresh", "preconditioned", "block", "cg",
+        "iteration", "limit", "monotone", "gradient_next")],
     align=True,
 )  # fmt: skip
 
@@ -34,23 +41,27 @@ _fast: dict[str, Any] = {"cache": True, "nogil": True, "fastmath": {"reassoc", "
 
 
 @njit(**_exact)
-def advance(progress, p, v, d, kd, gap0, hardness, state, lists, work, dense, stencil, rows, columns):
+def advance(
+    progress, p, v, d, kd, gap0, hardness, state, lists, near_values, free_values, dense, stencil, rows, columns, best
+):
     """Continue a solution; returns what is needed next.
 
     p, v : pressure, and K p where asked for, to which the gap is added. d, kd : direction and K d.
-    state : of each point. lists : indices of the points in contact and of the free ones.
-    work : five rows for values on these lists. dense : zeros, for values at their place.
+    state : of each point. lists : indices of the points near contact, of the free ones, and of these in the first list.
+    near_values, free_values : work. dense : zeros, for values of free points at their place.
+    best : p and v of the lowest energy, once steps are monotone.
     """
     t = progress[0]
-    active, free = lists[0], lists[1]
-    x, r, w, direction, ones = work[0], work[1], work[2], work[3], work[4]
+    near, free, place = lists[0], lists[1], lists[2]
+    x, pn, vn, kn = near_values[0], near_values[1], near_values[2], near_values[3]
+    r, w, direction, ones = free_values[0], free_values[1], free_values[2], free_values[3]
     pending = 0.0
     if t.phase == _SEARCHING:
-        curvature, length = _curvature(free, t.free, direction, kd, w)
+        curvature, length = _curvature(t, near, place, direction, kd, kn)
         if curvature > 0.0:
             pending = t.rz_direction / curvature
             t.largest = min(t.largest, length / curvature)
-            _step(t, free, pending, direction, w, p, r, dense)
+            _step(t, free, place, pending, direction, kn, pn, r, dense)
             t.fresh = 0
             t.block += 1
             t.cg += 1
@@ -59,46 +70,45 @@ def advance(progress, p, v, d, kd, gap0, hardness, state, lists, work, dense, st
                 t.rz = _precondition(t, free, r, w, ones, dense, stencil, rows, columns)
                 t.preconditioned = 1
                 if t.rz > 0.0 and t.rz >= _DROP * t.rz_start:
-                    _add(v, pending, kd)
+                    for j in range(t.near):
+                        vn[j] += pending * kn[j]
                     return _search(t, free, w, direction, d)
         else:
             t.cg = 0
         t.c = max(t.c_min, min(t.c0, 2.0 * t.damping * t.largest))
     else:
-        _contact_and_energy(t, p, v, gap0, state, active, free)
-        if t.phase == _FIRST:
-            if not t.approach_given:
-                t.delta = _mean_at(v, active, t.active)
-        else:
+        _full_product(t, p, v, gap0, state, near, free, place, pn, vn)
+        if t.iteration >= _MONOTONE_AFTER:
+            _search_line(t, p, v, hardness, state, best)
+            _list_near(t, p, v, state, near, free, place, pn, vn)
+        if t.phase == _PROJECTED:
             if t.changed:
                 _fill(free, t.free, dense)
                 t.ones_total = _stencil_product(free, t.free, dense, ones, stencil, rows, columns)
-            _free_residual(t, free, v, r, dense)
+            _free_residual(t, free, place, vn, r, dense)
             t.cg = 0
             t.preconditioned = 0
-            if not t.converged and t.free >= 2:
+            if not t.converged and t.free >= 2 and not t.gradient_next:
                 needs = _begin_block(t, free, r, w, direction, ones, d, dense, stencil, rows, columns)
                 if needs != DONE:
                     return needs
     while True:
-        count = _look(t, p, v, pending, kd, hardness, state, active, x)
+        _look(t, p, v, pending, hardness, state, near, free, place, x, pn, vn, kn)
         pending = 0.0
         t.converged = t.residual <= t.rtol
         if (t.converged and t.fresh) or t.iteration >= t.limit:
             _clear(free, t.free, d, dense)
             return DONE
         t.iteration += 1
-        if t.changed or t.converged or t.phase == _FIRST or t.free < 2:
+        if t.changed or t.converged or t.phase == _FIRST or t.free < 2 or t.gradient_next:
             _clear(free, t.free, d, dense)
-            _project(t, p, hardness, state, active, count, x)
+            _project(t, p, hardness, state, near, free, x, pn)
             t.changed += t.phase == _FIRST
             t.phase = _PROJECTED
             return PRESSURE
         needs = _begin_block(t, free, r, w, direction, ones, d, dense, stencil, rows, columns)
         if needs != DONE:
             return needs
-        # no direction left to go: the sets have to change, with a step as long as possible
-        t.c = t.c0
 
 
 @njit(**_exact)
@@ -109,7 +119,11 @@ def _begin_block(t, free, r, w, direction, ones, d, dense, stencil, rows, column
     t.rz_start = t.rz
     t.block = 0
     t.largest = t.c0
-    return _search(t, free, w, direction, d) if t.rz > 0.0 else DONE
+    if t.rz > 0.0:
+        return _search(t, free, w, direction, d)
+    # flat on the free points: the sets have to change
+    t.c = max(t.c_min, t.damping * t.c0)
+    return DONE
 
 
 @njit(**_exact)
@@ -123,49 +137,37 @@ def _search(t, free, w, direction, d):
 
 
 @njit(**_exact)
-def _look(t, p, v, pending, kd, hardness, state, active, x):
-    """v += pending · Kd, then δ, the residual and the number of points that change state.
+def _look(t, p, v, pending, hardness, state, near, free, place, x, pn, vn, kn):
+    """v += pending · Kd, then δ, the residual and the number of points to change state.
 
-    With y(δ) = clip(p − c(v − δ), 0, H), the points in contact alone carry the load at no less than the right δ, so
-    only points below that can come into contact: they are appended to `active`. Returns the number of its entries.
+    With y(δ) = clip(p − c(v − δ), 0, H). At the last product with p, points that are not near had v above `reach`. If
+    that is still how things are and δ lies beyond, the list is made anew; else the next such product will tell.
     """
     c = t.c
-    m = t.active
-    for j in range(m):
-        i = active[j]
-        x[j] = p[i] - c * (v[i] + pending * kd[i] if pending != 0.0 else v[i])
-    top = t.delta
-    if not t.approach_given:
-        top, carried = _root(x, m, hardness, active, c, t.load, t.delta)
-        if not carried:
-            top = np.inf
-    count = m
-    if pending != 0.0:
-        for i in range(v.size):
-            vi = v[i] + pending * kd[i]
-            v[i] = vi
-            if vi < top and state[i] == 0:
-                active[count] = i
-                x[count] = -c * vi
-                count += 1
-    else:
-        for i in range(v.size):
-            if v[i] < top and state[i] == 0:
-                active[count] = i
-                x[count] = -c * v[i]
-                count += 1
-    if not t.approach_given:
-        if count > m:
-            top, carried = _root(x, count, hardness, active, c, t.load, top if top < np.inf else t.delta)
-        t.delta = top
+    while True:
+        if pending != 0.0:
+            for j in range(t.near):
+                vn[j] += pending * kn[j]
+        for j in range(t.near):
+            x[j] = pn[j] - c * vn[j]
+        carried = True
+        if not t.approach_given:
+            t.delta, carried = _root(x, t.near, hardness, near, c, t.load, t.delta)
+        if (carried and t.delta <= t.reach) or not t.fresh or t.reach == np.inf:
+            break
+        t.margin = max(4.0 * t.margin, t.delta - t.reach)
+        # also if something is not a number
+        t.reach = t.delta + t.margin if carried and t.margin < np.inf else np.inf
+        _list_near(t, p, v, state, near, free, place, pn, vn)
     r2 = 0.0
     y2 = 0.0
+    c2 = 0.0
     changed = 0
     shift = c * t.delta
     one = hardness.size == 1
     h = hardness[0]
-    for j in range(count):
-        i = active[j]
+    for j in range(t.near):
+        i = near[j]
         if not one:
             h = hardness[i]
         y = x[j] + shift
@@ -176,15 +178,37 @@ def _look(t, p, v, pending, kd, hardness, state, active, x):
         elif y >= h:
             y = h
             s = 2
-        if s != state[i]:
-            changed += 1
-        e = y - p[i]
+        e = y - pn[j]
         r2 += e * e
         y2 += y * y
-    t.changed = changed
+        if s != state[i]:
+            changed += 1
+            c2 += e * e
     # of the step c₀, whatever the step is now
-    t.residual = np.sqrt(r2 / y2) * (t.c0 / c) if y2 > 0.0 else (0.0 if r2 == 0.0 else np.inf)
-    return count
+    residual = np.sqrt(r2 / y2) * (t.c0 / c) if y2 > 0.0 else (0.0 if r2 == 0.0 else np.inf)
+    # the sets are worth keeping as long as it helps and the points that would leave them matter little
+    t.changed = changed if c2 > _PROPORTION * r2 or residual > 0.5 * t.residual else 0
+    t.residual = residual
+
+
+@njit(**_exact)
+def _list_near(t, p, v, state, near, free, place, pn, vn):
+    """Points in contact or below `reach`, their pressure and v; the free ones."""
+    n = 0
+    k = 0
+    reach = t.reach
+    for i in range(v.size):
+        if state[i] != 0 or v[i] < reach:
+            near[n] = i
+            pn[n] = p[i]
+            vn[n] = v[i]
+            if state[i] == 1:
+                free[k] = i
+                place[k] = n
+                k += 1
+            n += 1
+    t.near = n
+    t.free = k
 
 
 @njit(**_exact)
@@ -253,15 +277,18 @@ def _clipped(x, m, shift, hardness, active):
 
 
 @njit(**_exact)
-def _project(t, p, hardness, state, active, count, x):
-    """p = clip(x + cδ, 0, H), exactly the load, and the states."""
+def _project(t, p, hardness, state, near, free, x, pn):
+    """The states, and a pressure within the bounds that is exactly the load.
+
+    Points that stay free keep what conjugate gradients made of them, the others take clip(x + cδ, 0, H).
+    """
     shift = t.c * t.delta
     left = t.load
-    total = 0.0
+    k = 0
     one = hardness.size == 1
     h = hardness[0]
-    for j in range(count):
-        i = active[j]
+    for j in range(t.near):
+        i = near[j]
         if not one:
             h = hardness[i]
         y = x[j] + shift
@@ -273,65 +300,107 @@ def _project(t, p, hardness, state, active, count, x):
             p[i] = h
             left -= h
         else:
+            keep = state[i] == 1 and t.phase != _FIRST and not t.gradient_next
+            p[i] = min(max(pn[j], 0.0), h) if keep else y
             state[i] = 1
-            p[i] = y
-            total += y
-    if total > 0.0 and left > 0.0 and not t.approach_given:
-        factor = left / total
-        if 0.5 < factor < 2.0:
-            for j in range(count):
-                i = active[j]
-                if state[i] == 1:
-                    p[i] = min(p[i] * factor, h if one else hardness[i])
+            free[k] = i
+            x[k] = p[i]
+            k += 1
+    t.free = k
+    t.reach = t.delta + t.margin
+    if k > 0 and left > 0.0 and not t.approach_given:
+        shift = _root(x, k, hardness, free, 1.0, left, 0.0)[0]
+        for j in range(k):
+            p[free[j]] = min(max(x[j] + shift, 0.0), h if one else hardness[free[j]])
 
 
 @njit(**_exact)
-def _contact_and_energy(t, p, v, gap0, state, active, free):
-    """v = Kp + h₁; lists of the points in contact and of the free ones; whether ½⟨p, Kp⟩ + ⟨p, h₁⟩ fell."""
+def _full_product(t, p, v, gap0, state, near, free, place, pn, vn):
+    """v = Kp + h₁ everywhere, the lists, and whether ½⟨p, Kp⟩ + ⟨p, h₁⟩ fell."""
     offset = t.offset
-    m = 0
-    k = 0
+    reach = t.reach
     energy = 0.0
+    total = 0.0
+    n = 0
+    k = 0
     for i in range(v.size):
         h = gap0[i] - offset
         vi = v[i] + h
         v[i] = vi
-        if state[i] != 0:
-            active[m] = i
-            m += 1
-            energy += p[i] * (vi + h)
+        if state[i] != 0 or vi < reach:
+            energy += 0.5 * p[i] * (vi + h)
+            total += p[i]
+            near[n] = i
+            pn[n] = p[i]
+            vn[n] = vi
             if state[i] == 1:
                 free[k] = i
+                place[k] = n
                 k += 1
-    energy *= 0.5
-    t.active = m
+            n += 1
+    t.near = n
     t.free = k
     t.fresh = 1
     if t.approach_given:
-        total = 0.0
-        for j in range(m):
-            total += p[active[j]]
         energy -= t.delta * total
-    if t.phase == _PROJECTED:
+    if t.phase == _FIRST:
+        # so far the list has the points in contact only
+        if not t.approach_given:
+            t.delta = vn[:n].mean()
+        t.margin = 0.5 * total / (max(n, 1) * t.c0)
+        t.reach = t.delta + t.margin
+        _list_near(t, p, v, state, near, free, place, pn, vn)
+    else:
         rose = energy > t.energy + 1e-13 * abs(t.energy)
         t.damping = max(t.damping / 2, 1e-3) if rose else min(1.0, 1.25 * t.damping)
         t.energy = energy
 
 
-@njit(**_fast)
-def _mean_at(v, indices, n):
+@njit(**_exact)
+def _search_line(t, p, v, hardness, state, best):
+    """The lowest energy between the best point so far and this one; it is quadratic, and v linear, on the way.
+
+    Where conjugate gradients and projection do not lead down, a projected gradient does: that comes next, with a step
+    of Barzilai and Borwein. Source: Birgin, Martínez & Raydan, SIAM J. Optim. 10, 2000, 1196.
+    """
+    if not t.monotone:
+        t.monotone = 1
+        best[0, :] = p
+        best[1, :] = v
+        return
+    slope = 0.0
+    curvature = 0.0
+    length = 0.0
+    for i in range(p.size):
+        step = p[i] - best[0, i]
+        slope += step * (best[1, i] - t.delta)
+        curvature += step * (v[i] - best[1, i])
+        length += step * step
     s = 0.0
-    for k in range(n):
-        s += v[indices[k]]
-    return s / n
+    if slope < 0.0:
+        s = min(1.0, -slope / curvature) if curvature > 0.0 else 1.0
+    h = hardness[0]
+    for i in range(p.size):
+        if hardness.size > 1:
+            h = hardness[i]
+        p[i] = best[0, i] + s * (p[i] - best[0, i])
+        v[i] = best[1, i] + s * (v[i] - best[1, i])
+        best[0, i] = p[i]
+        best[1, i] = v[i]
+        state[i] = 0 if p[i] <= 0.0 else (2 if p[i] >= h else 1)
+    if curvature > 0.0:
+        t.c = max(1e-2 * t.c_min, min(t.c0, length / curvature))
+    t.gradient_next = not t.gradient_next and s < 0.1
+    # the points between the bounds may be others now
+    t.changed += 1
 
 
 @njit(**_fast)
-def _free_residual(t, free, v, r, dense):
+def _free_residual(t, free, place, vn, r, dense):
     """r = δ − v on the free points, also at its place."""
     total = 0.0
     for k in range(t.free):
-        r[k] = t.delta - v[free[k]]
+        r[k] = t.delta - vn[place[k]]
         total += r[k]
     _scatter(t, free, r, total, dense)
 
@@ -356,13 +425,6 @@ def _clear(free, n, d, dense):
     for k in range(n):
         d[free[k]] = 0.0
         dense[free[k]] = 0.0
-
-
-@njit(**_fast)
-def _add(v, factor, kd):
-    """v += factor · Kd."""
-    for i in range(v.size):
-        v[i] += factor * kd[i]
 
 
 @njit(**_fast)
@@ -393,22 +455,27 @@ def _stencil_product(free, n, dense, out, stencil, rows, columns):
     n1 = rows.size - 2 * r1
     n2 = columns.size - 2 * r2
     total = 0.0
-    whole = (r1 == 2) & (r2 == 2)
+    nine = (r1 == 1) & (r2 == 1)
+    s00, s01, s02 = stencil[0, 0], stencil[0, r2], stencil[0, -1]
+    s10, s11, s12 = stencil[r1, 0], stencil[r1, r2], stencil[r1, -1]
+    s20, s21, s22 = stencil[-1, 0], stencil[-1, r2], stencil[-1, -1]
     for k in range(n):
-        i = free[k] // n2
-        j = free[k] - i * n2
+        f = free[k]
+        i = f // n2
+        j = f - i * n2
         s = 0.0
-        if whole and 2 <= i < n1 - 2 and 2 <= j < n2 - 2:
-            base = free[k] - 2 * n2 - 2
-            for a in range(5):
-                s += (
-                    stencil[a, 0] * dense[base]
-                    + stencil[a, 1] * dense[base + 1]
-                    + stencil[a, 2] * dense[base + 2]
-                    + stencil[a, 3] * dense[base + 3]
-                    + stencil[a, 4] * dense[base + 4]
-                )
-                base += n2
+        if nine and 1 <= i < n1 - 1 and 1 <= j < n2 - 1:
+            s = (
+                s00 * dense[f - n2 - 1]
+                + s01 * dense[f - n2]
+                + s02 * dense[f - n2 + 1]
+                + s10 * dense[f - 1]
+                + s11 * dense[f]
+                + s12 * dense[f + 1]
+                + s20 * dense[f + n2 - 1]
+                + s21 * dense[f + n2]
+                + s22 * dense[f + n2 + 1]
+            )
         else:
             for a in range(2 * r1 + 1):
                 row = rows[i + a]
@@ -436,25 +503,25 @@ def _new_direction(free, n, w, direction, beta, d):
 
 
 @njit(**_fast)
-def _curvature(free, n, direction, kd, out):
-    """d·Kd and d·d over the free points; out = Kd there."""
-    s = 0.0
-    t = 0.0
-    for k in range(n):
-        q = kd[free[k]]
-        out[k] = q
-        s += q * direction[k]
-        t += direction[k] * direction[k]
-    return s, t
+def _curvature(t, near, place, direction, kd, kn):
+    """d·Kd and d·d over the free points; Kd near contact."""
+    for j in range(t.near):
+        kn[j] = kd[near[j]]
+    curvature = 0.0
+    length = 0.0
+    for k in range(t.free):
+        curvature += kn[place[k]] * direction[k]
+        length += direction[k] * direction[k]
+    return curvature, length
 
 
 @njit(**_fast)
-def _step(t, free, alpha, direction, kd, p, r, dense):
+def _step(t, free, place, alpha, direction, kn, pn, r, dense):
     """p += α d and r −= α Kd on the free points."""
     total = 0.0
     for k in range(t.free):
-        p[free[k]] += alpha * direction[k]
-        r[k] -= alpha * kd[k]
+        pn[place[k]] += alpha * direction[k]
+        r[k] -= alpha * kn[place[k]]
         total += r[k]
     _scatter(t, free, r, total, dense)
 

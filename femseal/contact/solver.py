@@ -126,20 +126,6 @@ def solve_contact(
     return problem.solve(checks.count("threads", threads))
 
 
-def solve_unloading(
-    gap0: Array, half_space: HalfSpace, *, pressure: float, hardness: float | ArrayLike, rtol: float, threads: int = 1
-) -> Contact:
-    """`solve_contact` on a gap with the permanent deformation of a peak in it.
-
-    Hardly a point reaches H again, but near the peak p ≈ H and g ≈ 0 where it was plastic, which leaves open to which
-    set a point belongs. Without the bound there is no such doubt, so the elastic solution comes first; if it breaks
-    the bound, it is where the bounded one starts.
-    """
-    gap, bounds, load, approach = _validated(gap0, half_space, pressure, None, hardness, rtol)
-    problem = _Problem(gap, half_space, bounds, load, approach, rtol)
-    return problem.solve(checks.count("threads", threads), elastic_first=True)
-
-
 def _validated(
     gap0: ArrayLike,
     half_space: HalfSpace,
@@ -195,7 +181,7 @@ class _Problem:
     approach: float | None
     rtol: float
 
-    def solve(self, threads: int, *, elastic_first: bool = False) -> Contact:
+    def solve(self, threads: int) -> Contact:
         """Coarse grids first, each the start of the next finer one."""
         grids = nested_grids(self.half_space, threading.get_ident(), threads)
         finest, offset = grids[0], float(self.gap0.mean())
@@ -207,25 +193,11 @@ class _Problem:
         if self.load is not None and self.load >= capacity * (1 - 1e-12):
             finest.set_uniform(self.gap0, offset, self.hardness, None)
             return self._result(finest, offset)
-        if elastic_first and np.isfinite(capacity):
-            self._nested(grids, np.array([inf]), offset)
-            finest.start(finest.pressure, self.hardness)
-            finest.solve(
-                self.gap0,
-                offset,
-                self.hardness,
-                self.rtol,
-                _MAX_ITERATIONS,
-                load=self.load,
-                approach=self.approach,
-                more=True,
-            )
-        else:
-            self._nested(grids, self.hardness, offset)
+        self._nested(grids, offset)
         return self._result(finest, offset)
 
-    def _nested(self, grids: tuple[Grid, ...], hardness: Array, offset: float) -> None:
-        gaps, bounds = [self.gap0], [hardness]
+    def _nested(self, grids: tuple[Grid, ...], offset: float) -> None:
+        gaps, bounds = [self.gap0], [self.hardness]
         for _ in grids[1:]:
             gaps.append(loops.coarsen(gaps[-1]))
             bounds.append(loops.coarsen(bounds[-1]) if bounds[-1].size > 1 else bounds[-1])
