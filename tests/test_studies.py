@@ -371,7 +371,11 @@ class TestDraws:
     def test_long_seals_scatter_less_about_the_same_median(self, rough, pressure):
         """Leakage per length of parallel pieces: the median stays, the band narrows as 1/√length."""
         short, long = (
-            stochastic(rough, (4, 6), replace(SAMPLING, length=n * 120e-6, realisations=60, pressure=pressure))
+            stochastic(
+                rough,
+                (4, 6),
+                replace(SAMPLING, length=n * 120e-6, realisations=60, library_cells=12, pressure=pressure),
+            )
             for n in (1, 16)
         )
         medians = np.array([r.quantile(0.5)[:2] for r in (short, long)])
