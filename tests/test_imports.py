@@ -51,7 +51,9 @@ def _imports(path):
         if isinstance(node, ast.Import):
             yield from ((a.name, top) for a in node.names)
         elif isinstance(node, ast.ImportFrom):
-            if node.level == 0:
+            if node.module == "femseal" and node.level == 0:
+                yield from ((f"femseal.{a.name}", top) for a in node.names)
+            elif node.level == 0:
                 yield node.module, top
             else:
                 base = package[: len(package) - node.level + 1]
