@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose
 from scipy.optimize import lsq_linear
 
 from femseal import analytic
-from femseal.contact import HalfSpace, solve_contact
+from femseal.contact import HalfSpace, grid, solve_contact
 from femseal.errors import InputError, NotConverged
 
 E = 115e9
@@ -439,6 +439,133 @@ def test_softer_points_carry_less():
     assert contact.pressure[:, 16:].max() == 0.2 * H
     uniform = solve_contact(h, half_space, pressure=0.1 * H, hardness=np.full((32, 32), H))
     assert_allclose(uniform.pressure, both(h, half_space, rtol=1e-6).pressure, rtol=1e-12)
+
+
+# --- an approach instead of a load ---
+
+
+@pytest.mark.parametrize("boundary", PAIRS)
+@pytest.mark.parametrize("hardness", [np.inf, 0.3 * H])
+def test_an_approach_and_its_load_are_one_state(boundary, hardness):
+    h, half_space = rough((50, 41)), HalfSpace((50, 41), (D, D), E, boundary)
+    loaded = solve_contact(h, half_space, pressure=0.05 * H, hardness=hardness, rtol=1e-9)
+    moved = solve_contact(h, half_space, approach=loaded.approach, hardness=hardness, rtol=1e-9)
+    assert moved.approach == loaded.approach
+    assert_allclose(moved.pressure, loaded.pressure, rtol=0, atol=1e-6 * loaded.pressure.max())
+    assert_allclose(moved.gap, loaded.gap, rtol=0, atol=1e-7 * np.ptp(h))
+    assert residual(moved, h, half_space, lambda p, body: body.displacement(p), hardness) <= 1.001e-9
+
+
+def test_an_approach_short_of_the_highest_point_is_no_contact():
+    h, half_space = rough((20, 20)) + 3e-6, HalfSpace((20, 20), (D, D), E)
+    contact = solve_contact(h, half_space, approach=h.min() - 1e-7)
+    assert contact.pressure.max() == 0
+    assert_allclose(contact.gap, h - h.min() + 1e-7, rtol=0, atol=1e-20)
+
+
+@pytest.mark.parametrize(
+    ("given", "word"),
+    [
+        ({}, "pressure and approach"),
+        ({"pressure": 1e8, "approach": 0.0}, "pressure and approach"),
+        ({"approach": 1e-3}, "mean of gap0"),
+        ({"approach": np.nan}, "approach"),
+        ({"approach": "1 um"}, "approach"),
+        ({"pressure": 1e8, "threads": 0}, "threads"),
+        ({"pressure": 1e8, "threads": 1.5}, "threads"),
+    ],
+)
+def test_bad_control_is_refused(given, word):
+    with pytest.raises(InputError, match=word):
+        solve_contact(rough((20, 20)), HalfSpace((20, 20), (D, D), E), **given)
+
+
+# --- the ways a solution takes ---
+
+
+@pytest.mark.parametrize("boundary", [p for p in PAIRS if p[0] == "periodic" or p[0] == p[1]])
+def test_single_precision_directions_lose_nothing(boundary, monkeypatch):
+    h, half_space = rough((64, 60)), HalfSpace((64, 60), (D, 1.25 * D), E, boundary)
+    grid.nested_grids.cache_clear()
+    double = solve_contact(h, half_space, pressure=0.1 * H, hardness=H, rtol=1e-11)
+    monkeypatch.setattr(grid, "_SINGLE", 1)
+    grid.nested_grids.cache_clear()
+    single = solve_contact(h, half_space, pressure=0.1 * H, hardness=H, rtol=1e-11)
+    grid.nested_grids.cache_clear()
+    assert residual(single, h, half_space, lambda p, body: body.displacement(p), H) <= 1.001e-11
+    assert_allclose(single.pressure, double.pressure, rtol=0, atol=1e-8 * H)
+    assert not np.array_equal(single.pressure, double.pressure)
+
+
+def test_threads_change_nothing():
+    h, half_space = rough((96, 96)), HalfSpace((96, 96), (D, D), E)
+    one, two = (solve_contact(h, half_space, pressure=0.1 * H, hardness=H, threads=n) for n in (1, 2))
+    assert_allclose(two.pressure, one.pressure, rtol=0, atol=1e-9 * H)
+
+
+def test_steps_become_monotone_where_active_sets_go_round_in_circles():
+    """Bars of 1:19 pixels: without the line search the sets repeat for ever."""
+    shape, spacing = (12, 21), (D, 19 * D)
+    h, half_space = rough(shape, 0.125, 1, spacing), HalfSpace(shape, spacing, E)
+    contact = solve_contact(h, half_space, pressure=0.09375 * H, hardness=H, rtol=1e-9)
+    assert contact.iterations > 60
+    assert residual(contact, h, half_space, lambda p, body: body.displacement(p), H) <= 1.001e-9
+
+
+def test_solutions_do_not_depend_on_those_before():
+    half_space = HalfSpace((40, 40), (D, D), E)
+    fresh = solve_contact(rough((40, 40)), half_space, pressure=0.1 * H, hardness=H)
+    solve_contact(rough((40, 40), seed=3), half_space, pressure=0.9 * H, hardness=H)
+    solve_contact(rough((40, 40), seed=4), half_space, approach=-1e-7)
+    again = solve_contact(rough((40, 40)), half_space, pressure=0.1 * H, hardness=H)
+    assert np.array_equal(again.pressure, fresh.pressure)
+    assert np.array_equal(again.gap, fresh.gap)
+
+
+# --- real area ---
+
+
+def test_corrected_area_of_spheres_is_nearer_to_hertz():
+    load, radius = 0.5, 1e-3
+    exact = np.pi * analytic.hertz_radius(load, radius, E) ** 2
+    raw, corrected = [], []
+    for n in (40, 47, 53, 61, 74, 83, 97):  # the radius falls on other parts of a pixel each time
+        r, d = sphere(n)
+        contact = solve_contact(r**2 / (2 * radius), HalfSpace((n, n), (d, d), E, "free"), pressure=load / (n * d) ** 2)
+        raw.append(contact.area_fraction * (n * d) ** 2 / exact - 1)
+        corrected.append(contact.area_fraction_corrected * (n * d) ** 2 / exact - 1)
+    assert np.mean(raw) > 0.02
+    assert abs(np.mean(corrected)) < 0.4 * np.mean(raw)
+
+
+@pytest.mark.parametrize("boundary", PAIRS)
+def test_correction_counts_the_sides_between_contact_and_gap(boundary):
+    shape = (13, 9)
+    contact = solve_contact(rough(shape, cut=2), HalfSpace(shape, (D, D), E, boundary), pressure=0.2 * H, hardness=H)
+    touching = contact.pressure > 0
+    sides = 0
+    for axis, kind in enumerate(boundary):
+        mode = {"periodic": "wrap", "mirror": "symmetric", "free": "constant"}[kind]
+        padded = np.pad(touching, [(1, 1) if a == axis else (0, 0) for a in (0, 1)], mode=mode)
+        both = np.count_nonzero(padded != np.roll(padded, 1, axis))
+        seam = np.count_nonzero(padded.take(0, axis) != padded.take(-1, axis))
+        ends = np.count_nonzero(padded.take(0, axis) != padded.take(1, axis))  # a seam is counted at either end
+        sides += both - seam - (ends if kind == "periodic" else 0)
+    assert sides > 0
+    expected = touching.mean() - (np.pi - 1 + np.log(2)) / 24 * sides / touching.size
+    assert_allclose(contact.area_fraction_corrected, expected, rtol=1e-12)
+
+
+def test_area_of_light_elastic_contact_grows_with_the_load_between_two_theories():
+    """A/A₀ = κ p̄/(E*·slope), κ between √(8/π) (Persson) and √(2π) (Bush, Gibson & Thomas)."""
+    n, slope = 192, 0.1
+    shares = []
+    for seed in range(4):
+        h = rough((n, n), slope, seed, cut=24)
+        # the rms of finite differences is a little less than that of the slope
+        contact = solve_contact(h, HalfSpace((n, n), (D, D), E), pressure=0.02 * E * slope)
+        shares.append(contact.area_fraction_corrected / 0.02)
+    assert np.sqrt(8 / np.pi) < np.mean(shares) < np.sqrt(2 * np.pi)
 
 
 # --- edges ---

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from femseal.contact import HalfSpace, LoadStep, load_cycle, load_programme, solve_contact, solve_with_memory
+from femseal.contact.cycle import _yielded_again
 from femseal.errors import InputError
 
 E, H, D = 115e9, 4e9, 1e-6
@@ -218,3 +219,18 @@ def test_bad_programmes_are_refused_before_anything_is_solved(change, word, monk
     given = {"gap0": GAP, "loading": [1e8, 2e8], "hardness": H} | change
     with pytest.raises(InputError, match=word):
         load_cycle(given.pop("gap0"), HALF_SPACE, **given)
+
+
+def test_yielding_on_unloading_is_reported():
+    states = load_cycle(
+        GAP, HALF_SPACE, loading=[0.4 * H], hardness=H, unload_from=[0.4 * H], unloading=[0.39 * H, 0.1 * H]
+    )
+    assert states[0].yielded_again == 0
+    for state in states[1:]:
+        grown = state.contact.plastic_deformation - states[0].contact.plastic_deformation
+        assert grown.min() >= 0
+        assert state.yielded_again == pytest.approx(np.mean(grown > 1e-4 * np.ptp(GAP)), abs=0.02)
+    # a memory at the wrong place is pressed flat again
+    moved = np.roll(states[0].contact.plastic_deformation, 20, axis=0)
+    contact = solve_with_memory(GAP, HALF_SPACE, moved, pressure=0.4 * H, hardness=H, rtol=1e-6)
+    assert _yielded_again(contact, moved, 1e-6) > 0.02

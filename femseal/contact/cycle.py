@@ -42,9 +42,14 @@ class LoadStep:
 
 @dataclass(frozen=True)
 class LoadState(LoadStep):
-    """A step of a load programme and the contact there."""
+    """A step of a load programme and the contact there.
+
+    yielded_again : share of points that unloading deformed further for good; the material flows on where the load
+        moves to points that were not plastic at the peak.
+    """
 
     contact: Contact = field(kw_only=True)
+    yielded_again: float = field(default=0.0, kw_only=True, metadata={"unit": "1"})
 
 
 def load_programme(
@@ -130,8 +135,18 @@ def load_cycle(
         contact = solve_with_memory(gap0, half_space, memory, pressure=step.pressure, hardness=hardness, rtol=rtol)
         if step.unloaded_from is None:
             left[step.pressure] = contact.plastic_deformation
-        states.append(LoadState(step.pressure, step.unloaded_from, contact=contact))
+        again = 0.0 if memory is None else _yielded_again(contact, memory, rtol)
+        states.append(LoadState(step.pressure, step.unloaded_from, contact=contact, yielded_again=again))
     return tuple(states)
+
+
+def _yielded_again(contact: Contact, memory: np.ndarray, rtol: float) -> float:
+    """Share of points whose permanent deformation grew, beyond what the residual leaves open."""
+    # the displacement of a pixel under the hardness is about pressure / stiffness
+    spacing = contact.half_space.spacing
+    depth = 4 * max(spacing) * float(contact.pressure.max()) / (np.pi * contact.half_space.modulus)
+    grown = contact.plastic_deformation - memory > 100 * rtol * depth
+    return float(np.count_nonzero(grown) / grown.size)
 
 
 def solve_with_memory(

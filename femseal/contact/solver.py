@@ -186,9 +186,8 @@ class _Problem:
         grids = nested_grids(self.half_space, threading.get_ident(), threads)
         finest, offset = grids[0], float(self.gap0.mean())
         capacity = float(self.hardness.mean())
-        first_touch = float(self.gap0.min())
-        if self.load == 0 or (self.approach is not None and self.approach <= first_touch):
-            finest.set_uniform(self.gap0, offset, 0.0, first_touch if self.approach is None else self.approach)
+        if self.load == 0:
+            finest.set_uniform(self.gap0, offset, 0.0, float(self.gap0.min()))
             return self._result(finest, offset)
         if self.load is not None and self.load >= capacity * (1 - 1e-12):
             finest.set_uniform(self.gap0, offset, self.hardness, None)
