@@ -359,7 +359,7 @@ class Case(_Table):
                 raise InputError.of("cells", f"windows of {sizes}", f"windows of at least two shortest waves, {least}")
             if self.stochastic is not None and "stochastic" in self.methods:
                 table = self.stochastic
-                if table.length < window[1]:
+                if table.length < window[1] * (1 - 1e-9):
                     cell, given = to_text(window[1], "m", 3), to_text(table.length, "m", 3)
                     raise InputError.of("stochastic.length", given, f"at least one cell, {cell}")
                 sampling = Sampling(

@@ -355,7 +355,8 @@ def _placed(
     pressures: tuple[list[Array], list[Array]] = ([], [])
     for axis, p in enumerate((world.pressure, world.pressure_across)):
         for i in range(m1 - axis):
-            for n, j in enumerate(rng.permutation(max(m2, count))[:count] % m2):
+            places = np.concatenate([rng.permutation(m2), rng.integers(m2, size=max(0, count - m2))])[:count]
+            for n, j in enumerate(places):
                 waves = partition.cut(fine, i, int(j), axis) if n < m2 else _library_windows(fine, partition, 1, rng)[0]
                 gaps[axis].append(partition.cut(world.raw_gap, i, int(j), axis) + waves)
                 pressures[axis].append(p[:, i, j])

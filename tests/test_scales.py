@@ -155,6 +155,14 @@ class TestResponse:
         assert_allclose(history.gap[1], gap, atol=1e-11)
         assert_allclose(history.contact_fraction[1], (gap == 0).mean())
 
+    def test_without_the_peak_nothing_is_known_of_its_unloading(self):
+        gap0 = np.stack([self.gap0] * 3)
+        gap0[1] = np.nan
+        steps = load_programme((1e8, 5e8), (5e8,), (0.0,))
+        history = respond(gap0, [1e8, 5e8, 0.0], steps, self.half_space, hardness=H, rigid_at_zero=True)
+        assert [f.split(":")[0] for f in history.failures] == ["loading 500 MPa", "unloading 0 MPa from 500 MPa"]
+        assert np.isnan(history.gap[1:]).all()
+
     def test_a_peak_without_pressure_leaves_nothing_behind(self):
         """As where the global contact moves to another window as the load falls."""
         steps = load_programme((6e8,), (6e8,), (1e8,))

@@ -431,6 +431,21 @@ class TestDraws:
         with pytest.raises(InputError, match="place, global, uniform"):
             stochastic(rough, (4, 6), replace(SAMPLING, pressure="magic"))
 
+    def test_every_window_of_a_row_is_followed_before_any_twice(self, rough, monkeypatch):
+        seen = []
+
+        def followed(gaps, pressures, *args, **options):
+            seen.extend(pressures)
+            raise FemsealError("seen enough")
+
+        monkeypatch.setattr(femseal.studies, "build_placed_library", followed)
+        with pytest.raises(FemsealError, match="seen enough"):
+            stochastic(rough, (4, 6), Sampling(length=1e-3, realisations=1, library_cells=60, seed=1))
+        rows = seen[0].reshape(4, 15, -1)
+        for row in rows:
+            assert len(np.unique(row[:6], axis=0)) == 6
+            assert len(np.unique(row, axis=0)) == 6
+
 
 class TestStatistics:
     steps = (LoadStep(1e8), LoadStep(2e8))

@@ -64,6 +64,9 @@ def respond(
     for s, step in enumerate(steps):
         undeformed = gap0[s] if gap0.ndim == 3 else gap0
         memory = None if step.unloaded_from is None else left.get(step.unloaded_from)
+        if step.unloaded_from is not None and memory is None:
+            failures.append(f"{step.name}: the peak of this unloading failed")
+            continue
         if pressures[s] <= 0 and rigid_at_zero:
             gaps[s] = np.maximum(undeformed if memory is None else undeformed + memory, 0.0)
             stresses[s] = 0.0
@@ -73,8 +76,6 @@ def respond(
                 left[step.pressure] = np.zeros(shape)
             continue
         try:
-            if step.unloaded_from is not None and memory is None:
-                raise FemsealError("the peak of this unloading failed")
             contact = solve_with_memory(
                 undeformed, half_space, memory, pressure=min(pressures[s], hardness), hardness=hardness, rtol=rtol
             )

@@ -28,7 +28,7 @@ SPACING = 1e-6
 TARGETS = (1e-4, 1e-8)
 PRESSURES = (50e6, 200e6, 1000e6)
 #: A solver is not run where its next smaller size says it would take longer [s].
-PATIENCE = 150.0
+PATIENCE = 60.0
 
 
 def surface(n):
@@ -96,7 +96,7 @@ def tamaas_solver(heights, hardness, threads):
         return np.array(model.traction)
 
     solve(200e6, 1e-1)
-    return solve, [10.0**-k for k in range(3, 17)], {}
+    return solve, [10.0**-k for k in range(5, 17)], {}
 
 
 def contactmechanics_solver(heights, hardness, threads):
@@ -124,7 +124,7 @@ def contactmechanics_solver(heights, hardness, threads):
         )
         return np.asarray(result.jac) / pixel
 
-    return solve, [10.0**-k for k in range(1, 12)], {}
+    return solve, [10.0**-k for k in range(3, 12)], {}
 
 
 SOLVERS = {"femseal": femseal_solver, "tamaas": tamaas_solver, "ContactMechanics": contactmechanics_solver}
