@@ -47,17 +47,26 @@ class Grid:
         self.pressure, self.displaced = self._respond.pressure, self._respond.displacement
         stencil = stiffness_stencil(half_space.spacing, half_space.modulus)
         r1, r2 = min(1, (n1 - 1) // 2), min(1, (n2 - 1) // 2)  # thin grids: not onto itself
-        self.stencil = np.ascontiguousarray(stencil[1 - r1 : 2 + r1, 1 - r2 : 2 + r2])
-        self.rows = _index_map(n1, r1, half_space.boundary[0])
-        self.columns = _index_map(n2, r2, half_space.boundary[1])
         self.state = np.zeros((n1, n2), np.int8)
         self.progress = np.zeros(1, loops.Progress)
         self.pairs = 0
-        # touched only as far as there are points in contact
-        self.lists = np.empty((3, n), np.int32)
-        self.best = np.empty((2, n))
-        self.near_values, self.free_values = np.empty((4, n)), np.empty((4, n))
-        self.dense = np.zeros(n, single)
+        self._arrays = (
+            self.progress,
+            self.pressure.ravel(),
+            self.displaced.ravel(),
+            self._search.pressure.ravel(),
+            self._search.displacement.ravel(),
+            self.state.ravel(),
+            # lists and values, touched only as far as there are points in contact
+            np.empty((3, n), np.int32),
+            np.empty((4, n)),
+            np.empty((4, n)),
+            np.zeros(n, single),
+            np.ascontiguousarray(stencil[1 - r1 : 2 + r1, 1 - r2 : 2 + r2]),
+            _index_map(n1, r1, half_space.boundary[0]),
+            _index_map(n2, r2, half_space.boundary[1]),
+            np.empty((2, n)),
+        )
         # stiffness of a wave of four pixels: the step from gap to pressure
         spacings = [d for n, d in zip(half_space.shape, half_space.spacing, strict=True) if n > 1] or [
             min(half_space.spacing)
@@ -104,29 +113,12 @@ class Grid:
         t["damping"], t["energy"], t["reach"] = 1.0, inf, -inf
         t["phase"], t["iteration"], t["residual"] = 0, 0, inf
         self.pairs = 0
-        fields = (
-            self.progress,
-            self.pressure.ravel(),
-            self._respond.displacement.ravel(),
-            self._search.pressure.ravel(),
-            self._search.displacement.ravel(),
-            gap0.ravel(),
-            hardness.ravel(),
-            self.state.ravel(),
-            self.lists,
-            self.near_values,
-            self.free_values,
-            self.dense,
-            self.stencil,
-            self.rows,
-            self.columns,
-            self.best,
-        )
+        gap, bound = gap0.ravel(), hardness.ravel()
         needs = loops.PRESSURE
         while needs != loops.DONE:
             (self._respond if needs == loops.PRESSURE else self._search).apply()
             self.pairs += 1
-            needs = loops.advance(*fields)
+            needs = loops.advance(gap, bound, *self._arrays)
 
 
 def _index_map(n: int, radius: int, boundary: str) -> NDArray[np.int64]:

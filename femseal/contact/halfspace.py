@@ -139,7 +139,7 @@ class Convolution:
         lengths = {"periodic": lambda n: n, "mirror": lambda n: 2 * n, "free": kernels.padded_length}
         self._factor = 1 / (lengths[b1](n1) * lengths[b2](n2))
         # a real array of complex pairs is the same numbers
-        self._spectrum = spectrum.view(self._complex)[..., 0] if spectrum.ndim == 3 else spectrum
+        self._spectrum = (spectrum.view(self._complex) if spectrum.ndim == 3 else spectrum).ravel()
         self._symbol = np.ascontiguousarray(symbol).ravel()
         for buffer in (self.pressure, self.displacement, spectrum):
             buffer[:] = 0
@@ -157,9 +157,9 @@ class Convolution:
         )
         flags: tuple[str, ...] = ("FFTW_MEASURE",)
         plan: dict[str, Any] = {"axes": axes, "threads": self._threads}
-        self._forward.append(pyfftw.FFTW(source, spectrum, direction=there, flags=flags, **plan))
+        self._forward.append(pyfftw.FFTW(source, spectrum, direction=there, flags=flags, **plan).execute)
         flags += ("FFTW_DESTROY_INPUT",)
-        self._inverse.insert(0, pyfftw.FFTW(spectrum, target, direction=back, flags=flags, **plan))
+        self._inverse.insert(0, pyfftw.FFTW(spectrum, target, direction=back, flags=flags, **plan).execute)
 
     def _plan_rows_first(self, n1: int, n2: int, b1: str, b2: str) -> Any:
         l1 = kernels.padded_length(n1) if b1 == "free" else n1
@@ -192,11 +192,11 @@ class Convolution:
             self._padded[:, :n2] = self.pressure
         if self._empty_rows is not None:
             self._empty_rows[:] = 0
-        for plan in self._forward:
-            plan.execute()
-        _multiply(self._spectrum.ravel(), self._symbol, self._factor)
-        for plan in self._inverse:
-            plan.execute()
+        for execute in self._forward:
+            execute()
+        _multiply(self._spectrum, self._symbol, self._factor)
+        for execute in self._inverse:
+            execute()
         if self._back is not None:
             self.displacement[:] = self._back[:, :n2]
 

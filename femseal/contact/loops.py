@@ -42,7 +42,7 @@ _fast: dict[str, Any] = {"cache": True, "nogil": True, "fastmath": {"reassoc", "
 
 @njit(**_exact)
 def advance(
-    progress, p, v, d, kd, gap0, hardness, state, lists, near_values, free_values, dense, stencil, rows, columns, best
+    gap0, hardness, progress, p, v, d, kd, state, lists, near_values, free_values, dense, stencil, rows, columns, best
 ):
     """Continue a solution; returns what is needed next.
 

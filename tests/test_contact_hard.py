@@ -1,0 +1,104 @@
+"""Random problems far from comfort: every one has to converge to its residual and to carry its load."""
+
+import numpy as np
+import pytest
+
+from femseal.contact import HalfSpace, solve_contact, solve_with_memory
+
+E = 115e9
+BOUNDARIES = [
+    ("periodic", "periodic"), ("mirror", "mirror"), ("free", "periodic"), ("free", "free"), ("mirror", "periodic"),
+    ("periodic", "mirror"), ("free", "mirror"),
+]  # fmt: skip
+
+
+def surface(rng, shape, spacing, slope, kind):
+    """Heights of an rms slope: smooth, rough to the pixel, white noise or with spikes."""
+    if kind == "white":
+        h = rng.standard_normal(shape)
+    else:
+        q = np.hypot(np.fft.fftfreq(shape[0], spacing[0])[:, None], np.fft.fftfreq(shape[1], spacing[1])[None])
+        top = 1 / (2 * max(spacing)) / (4 if kind == "smooth" else 1)
+        low = max(top / rng.choice([4, 8, 16]), 1 / min(n * d for n, d in zip(shape, spacing, strict=True)))
+        power = -(1 + rng.uniform(0.3, 1))
+        amplitude = np.where(q < low, low**power, np.maximum(q, low) ** power)
+        amplitude[(q > top * 1.0001) | (q == 0)] = 0
+        h = np.fft.ifft2(np.fft.fft2(rng.standard_normal(shape)) * amplitude).real
+        if kind == "spikes":
+            h = h / max(h.std(), 1e-300) + (rng.random(shape) < 0.003) * 20
+        if h.std() == 0:
+            h = rng.standard_normal(shape)
+    slopes = [np.diff(h, axis=a, append=h.take([0], a)) / spacing[a] for a in (0, 1)]
+    rms = np.sqrt(sum(np.mean(s**2) for s in slopes))
+    return h * slope / rms if rms > 0 else h
+
+
+def check(contact, gap0, half_space, pressure, hardness, rtol):
+    p = contact.pressure
+    assert p.min() >= 0
+    assert p.max() <= hardness
+    assert abs(p.mean() / pressure - 1) <= 1e-9
+    v = half_space.displacement(p) + gap0 - contact.approach
+    spacing = [d for n, d in zip(half_space.shape, half_space.spacing, strict=True) if n > 1] or [1e-6]
+    c = np.pi * half_space.modulus / (4 * np.prod(spacing) ** (1 / len(spacing)))
+    # the level of K on a strip is large beside its differences
+    assert np.linalg.norm(p - np.clip(p - c * v, 0, hardness)) <= 2 * rtol * np.linalg.norm(p)
+
+
+def loading(seed):
+    """Slopes 0.02 to 1, hardness 0.2 to 400 GPa or none, from one pixel to 0.99 H, all boundaries, pixels to 1:20."""
+    rng = np.random.default_rng(seed)
+    mode = rng.integers(4)
+    shape = [
+        tuple(int(n) for n in rng.integers(1, 60, 2)), (64, 64), tuple(int(n) for n in rng.integers(40, 140, 2)),
+        (128, 128),
+    ][mode]  # fmt: skip
+    ratio = float(np.exp(rng.uniform(-1, 1) * np.log(20))) if rng.random() < 0.25 else 1.0
+    half_space = HalfSpace(shape, (1e-6, 1e-6 * ratio), E, BOUNDARIES[rng.integers(7)])
+    slope = float(np.exp(rng.uniform(np.log(0.02), 0)))
+    hardness = np.inf if rng.random() < 0.3 else float(np.exp(rng.uniform(np.log(0.2e9), np.log(400e9))))
+    kind = rng.choice(["smooth", "rough", "white", "spikes"], p=[0.5, 0.25, 0.125, 0.125])
+    gap0 = surface(rng, shape, half_space.spacing, slope, kind)
+    if np.isinf(hardness):
+        pressure = E * slope * float(np.exp(rng.uniform(np.log(1e-5), np.log(1.5))))
+    else:
+        least = 1 / gap0.size
+        shares = [np.exp(rng.uniform(np.log(least), 0)), rng.uniform(0.5, 0.99), rng.uniform(0.01, 0.5)]
+        pressure = min(max(rng.choice(shares), least), 0.99) * hardness
+    contact = solve_contact(gap0, half_space, pressure=pressure, hardness=hardness, rtol=1e-8)
+    check(contact, gap0, half_space, pressure, hardness, 1e-8)
+
+
+def unloading(seed):
+    """Windows unloaded from up to 0.9999 H, also onto another raw gap, with and without a split kernel."""
+    rng = np.random.default_rng(seed)
+    n = int(rng.choice([32, 48, 64]))
+    boundary = "periodic" if rng.random() < 0.3 else "mirror"
+    longest = [None, n * 0.5e-6, n * 0.25e-6][rng.integers(3)]
+    half_space = HalfSpace((n, n), (1e-6, 1e-6), E, boundary, longest_wave=longest)
+    slope = float(np.exp(rng.uniform(np.log(0.03), np.log(0.6))))
+    hardness = float(np.exp(rng.uniform(np.log(0.5e9), np.log(10e9))))
+    kind = rng.choice(["smooth", "rough", "white"], p=[0.7, 0.25, 0.05])
+    gap0 = surface(rng, (n, n), half_space.spacing, slope, kind)
+    peak = hardness * rng.choice([rng.uniform(0.02, 0.5), rng.uniform(0.5, 0.9), rng.uniform(0.9, 0.9999)])
+    left = solve_contact(gap0, half_space, pressure=peak, hardness=hardness).plastic_deformation
+    for share in (1, 0.999, 0.9, 0.5, 0.1, 0.01):
+        other = 0 if rng.random() < 0.5 else surface(rng, (n, n), half_space.spacing, 0.1 * slope * rng.random(), kind)
+        pressure = share * peak
+        contact = solve_with_memory(gap0 + other, half_space, left, pressure=pressure, hardness=hardness, rtol=1e-6)
+        check(contact, gap0 + other + left, half_space, pressure, hardness, 1e-6)
+
+
+@pytest.mark.parametrize("problem", [loading, unloading])
+@pytest.mark.parametrize("first", range(0, 40, 10))
+def test_random_problems(problem, first):
+    for seed in range(first, first + 10):
+        problem(seed)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("problem", [loading, unloading])
+@pytest.mark.parametrize("first", range(1000, 2000, 100))
+def test_a_thousand_random_problems(problem, first):
+    for seed in range(first, first + 100):
+        problem(seed)
