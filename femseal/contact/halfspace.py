@@ -48,6 +48,9 @@ class HalfSpace:
     Sources: Johnson, Contact Mechanics, 1985; Stanley & Kato, J. Tribol. 119, 1997, 481 (periodic);
     Liu, Wang & Liu, Wear 243, 2000, 101 (free). With one free axis, the uniform mode is the plane-strain logarithm,
     whose constant is arbitrary, and so is then the level of `displacement`.
+
+    Free axes are padded to lengths with fast transforms. Periodic and mirror ones cannot be: a large prime factor in
+    their number of points slows everything, 1021² points take 8 times as long as 1024². `Topography.resample` helps.
     """
 
     shape: tuple[int, int]
