@@ -35,7 +35,8 @@ def residual(contact, gap0, half_space, displacement, hardness=np.inf):
     """‖p − clip(p − c(v − δ), 0, H)‖/‖p‖ of the returned fields, nothing taken from the solver's own."""
     p = contact.pressure
     v = displacement(p, half_space) + gap0 - contact.approach
-    c = np.pi * half_space.modulus / (4 * np.sqrt(np.prod(half_space.spacing)))
+    spacing = [d for n, d in zip(half_space.shape, half_space.spacing, strict=True) if n > 1 or p.size == 1]
+    c = np.pi * half_space.modulus / (4 * np.prod(spacing) ** (1 / len(spacing)))
     return np.linalg.norm(p - np.clip(p - c * v, 0, hardness)) / np.linalg.norm(p)
 
 

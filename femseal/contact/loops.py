@@ -88,6 +88,8 @@ def advance(
             _free_residual(t, free, place, vn, r, dense)
             t.cg = 0
             t.preconditioned = 0
+            if t.converged:
+                t.c = t.c0  # judged by the residual as it is defined
             if not t.converged and t.free >= 2 and not t.gradient_next:
                 needs = _begin_block(t, free, r, w, direction, ones, d, dense, stencil, rows, columns)
                 if needs != DONE:
@@ -184,7 +186,7 @@ def _look(t, p, v, pending, hardness, state, near, free, place, x, pn, vn, kn):
         if s != state[i]:
             changed += 1
             c2 += e * e
-    # of the step c₀, whatever the step is now
+    # about that of the step c₀
     residual = np.sqrt(r2 / y2) * (t.c0 / c) if y2 > 0.0 else (0.0 if r2 == 0.0 else np.inf)
     # the sets are worth keeping as long as it helps and the points that would leave them matter little
     t.changed = changed if c2 > _PROPORTION * r2 or residual > 0.5 * t.residual else 0

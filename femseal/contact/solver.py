@@ -106,7 +106,8 @@ def solve_contact(
     approach : rigid-body approach δ [m] instead, g = Kp + h₁ − δ. Where no axis is free, K leaves the mean displacement
         out, and δ has to stay below the mean of h₁, at which the load has no bound.
     hardness : H [Pa], a number or one per point; inf is elastic.
-    rtol : complementarity residual ‖p − clip(p − c(v − δ), 0, H)‖/‖p‖ to reach, c = πE*/(4Δ).
+    rtol : complementarity residual ‖p − clip(p − c(v − δ), 0, H)‖/‖p‖ to reach, c = πE*/(4Δ) with the geometric mean Δ
+        of the spacings along which there are points.
     threads : of the transforms.
 
     Raises
