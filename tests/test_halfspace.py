@@ -189,7 +189,7 @@ def test_linear_and_transposed(shape, boundary, ratio, seed):
 @pytest.mark.parametrize("boundary", PAIRS)
 def test_workspace_can_be_used_again(boundary):
     half_space = HalfSpace((10, 7), (1e-6, 1e-6), E, boundary)
-    workspace = Convolution(half_space, half_space.symbol())
+    workspace = Convolution(half_space)
     p, q = np.random.default_rng(7).random((2, 10, 7))
 
     def displacement(pressure):
@@ -201,6 +201,21 @@ def test_workspace_can_be_used_again(boundary):
     first, second = displacement(p), displacement(q)
     assert np.array_equal(displacement(p), first)
     assert np.array_equal(second, half_space.displacement(q))
+
+
+@pytest.mark.parametrize("boundary", PAIRS)
+@pytest.mark.parametrize("dtype, error", [(np.float64, 0), (np.float32, 1e-5)])
+def test_two_workspaces_in_the_same_memory(boundary, dtype, error):
+    half_space = HalfSpace((10, 7), (1e-6, 1e-6), E, boundary)
+    first = Convolution(half_space)
+    second = Convolution(half_space, dtype, over=first)
+    p, q = np.random.default_rng(7).random((2, 10, 7))
+    for _ in range(2):
+        for workspace, pressure, rtol in ((first, p, 0), (second, q, error)):
+            workspace.pressure[:] = pressure
+            workspace.apply()
+            u = half_space.displacement(pressure)
+            assert_allclose(workspace.displacement, u, rtol=0, atol=rtol * np.ptp(u))
 
 
 @pytest.mark.parametrize("ratio", [1, 3, 30, 1 / 30])

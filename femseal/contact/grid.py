@@ -37,13 +37,12 @@ class Grid:
 
     def __init__(self, half_space: HalfSpace, threads: int) -> None:
         self.half_space = half_space
-        symbol = half_space.symbol()
         n1, n2 = half_space.shape
         n = n1 * n2
         # products with directions may be single: what they lose the next product with the pressure gives back
         single = np.float32 if n >= _SINGLE else np.float64
-        self._respond = Convolution(half_space, symbol, threads=threads)
-        self._search = Convolution(half_space, symbol, single, threads)
+        self._respond = Convolution(half_space, threads=threads)
+        self._search = Convolution(half_space, single, threads, over=self._respond)
         self.pressure, self.displaced = self._respond.pressure, self._respond.displacement
         stencil = stiffness_stencil(half_space.spacing, half_space.modulus)
         r1, r2 = min(1, (n1 - 1) // 2), min(1, (n2 - 1) // 2)  # thin grids: not onto itself
@@ -61,7 +60,6 @@ class Grid:
             np.empty((3, n), np.int32),
             np.empty((4, n)),
             np.empty((4, n)),
-            np.zeros(n, single),
             np.ascontiguousarray(stencil[1 - r1 : 2 + r1, 1 - r2 : 2 + r2]),
             _index_map(n1, r1, half_space.boundary[0]),
             _index_map(n2, r2, half_space.boundary[1]),

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -79,12 +80,12 @@ class HalfSpace:
                 raise InputError.of("longest_wave", self.longest_wave, "None where an axis is free")
 
     def symbol(self) -> Array:
-        """Eigenvalues of K [m/Pa] in the order of the transforms of `Convolution`."""
+        """Eigenvalues of K [m/Pa] for the waves of periodic and padded free axes and the cosines of mirror axes."""
         (n1, n2), (d1, d2), (b1, b2) = self.shape, self.spacing, self.boundary
         if b1 == b2 == "free":
             return kernels.free_symbol(self.shape, self.spacing, self.modulus)
-        # the second axis is transformed first: from real data, so a periodic one keeps its non-negative half;
-        # a cosine transform stays real and leaves that to the first axis
+        # a wave and its conjugate respond alike: half of a periodic or free axis is enough, of the second one unless
+        # that is a mirror
         q1 = kernels.wave_numbers(n1, d1, b1, half=b2 == "mirror")
         q2 = kernels.wave_numbers(n2, d2, b2, half=True)
         if b1 == "free":
@@ -103,7 +104,7 @@ class HalfSpace:
     def displacement(self, pressure: ArrayLike) -> Array:
         """Displacement u = K p [m] of shape (n1, n2) under pressures p [Pa] of the same shape."""
         p = checks.field("pressure", pressure, unit="Pa", shape=self.shape)
-        convolution = Convolution(self, self.symbol())
+        convolution = Convolution(self)
         convolution.pressure[:] = p
         convolution.apply()
         return convolution.displacement
@@ -112,100 +113,168 @@ class HalfSpace:
 class Convolution:
     """displacement = K pressure between two buffers of its own, by transforms planned once.
 
-    Two periodic or two mirror axes are one plan. Otherwise the second axis goes first, on padded rows only where there
-    are data.
+    A mirror axis needs no more than the transform of its N points taken in the order 0, 2, 4 … 5, 3, 1: cosine
+    coefficients k and N − k are sums of the waves k and N − k, so that K mixes these two. Source: Makhoul, IEEE Trans.
+    Acoust. Speech Signal Process. 28, 1980, 27. Along a free first axis only the rows with data are transformed.
 
     Parameters
     ----------
-    symbol : `half_space.symbol()`, which convolutions of the same half-space can share.
     dtype : of the buffers and the transforms, double or single precision.
     threads : of the transforms.
+    over : a convolution of the same half-space, of no smaller precision, whose memory serves for all but `pressure`:
+        each `apply` of one makes the other's displacement void.
     """
 
-    def __init__(self, half_space: HalfSpace, symbol: Array, dtype: Any = np.float64, threads: int = 1) -> None:
+    def __init__(
+        self, half_space: HalfSpace, dtype: Any = np.float64, threads: int = 1, over: Convolution | None = None
+    ) -> None:
         (n1, n2), (b1, b2) = half_space.shape, half_space.boundary
-        self._real = np.dtype(dtype)
-        self._complex = np.result_type(self._real, np.complex64)
+        real = np.dtype(dtype)
         self._threads = threads
-        self.pressure, self.displacement = self._zeros((n1, n2)), self._zeros((n1, n2))
-        self._forward: list[Any] = []
-        self._inverse: list[Any] = []
-        self._padded = self._back = self._empty_rows = None
-        if b1 == b2 == "periodic":
-            spectrum = self._zeros((n1, n2 // 2 + 1), self._complex)
-            self._plan((self.pressure, spectrum, self.displacement), (0, 1), "FFT")
-        elif b1 == b2 == "mirror":
-            spectrum = self._zeros((n1, n2))
-            self._plan((self.pressure, spectrum, self.displacement), (0, 1), "DCT")
-        else:
-            spectrum = self._plan_rows_first(n1, n2, b1, b2)
-        lengths = {"periodic": lambda n: n, "mirror": lambda n: 2 * n, "free": kernels.padded_length}
-        self._factor = 1 / (lengths[b1](n1) * lengths[b2](n2))
-        # a real array of complex pairs is the same numbers
-        self._spectrum = (spectrum.view(self._complex) if spectrum.ndim == 3 else spectrum).ravel()
-        self._symbol = np.ascontiguousarray(symbol).ravel()
-        for buffer in (self.pressure, self.displacement, spectrum):
-            buffer[:] = 0
-
-    def _zeros(self, shape: tuple[int, ...], dtype: Any = None) -> Any:
-        return pyfftw.zeros_aligned(shape, dtype=self._real if dtype is None else dtype)
-
-    def _plan(self, buffers: tuple[Any, Any, Any], axes: tuple[int, ...], kind: str) -> None:
-        """Plan source → spectrum → target along axes and put it between the plans there are."""
-        source, spectrum, target = buffers
-        there, back = (
-            ("FFTW_FORWARD", "FFTW_BACKWARD")
-            if kind == "FFT"
-            else (["FFTW_REDFT10"] * len(axes), ["FFTW_REDFT01"] * len(axes))
-        )
-        flags: tuple[str, ...] = ("FFTW_MEASURE",)
-        plan: dict[str, Any] = {"axes": axes, "threads": self._threads}
-        self._forward.append(pyfftw.FFTW(source, spectrum, direction=there, flags=flags, **plan).execute)
-        flags += ("FFTW_DESTROY_INPUT",)
-        self._inverse.insert(0, pyfftw.FFTW(spectrum, target, direction=back, flags=flags, **plan).execute)
-
-    def _plan_rows_first(self, n1: int, n2: int, b1: str, b2: str) -> Any:
+        self._memory: list[Any] = []
+        self._lent = iter(() if over is None else over._memory)
+        self._mirrors = (b1 == "mirror", b2 == "mirror")
         l1 = kernels.padded_length(n1) if b1 == "free" else n1
         l2 = kernels.padded_length(n2) if b2 == "free" else n2
-        rows, back = self.pressure, self.displacement
-        if b2 == "free":
-            rows = self._padded = self._zeros((n1, l2))
-            back = self._back = self._zeros((n1, l2))
-        if b2 == "mirror":
-            stage = self._zeros((l1, n2))
-            self._plan((rows, stage[:n1], back), (1,), "DCT")
+        self.pressure = pyfftw.zeros_aligned((n1, n2), dtype=real)
+        self.displacement = self._buffer((n1, n2), real)
+        self._spectrum = self._buffer((l1, l2 // 2 + 1), np.result_type(real, np.complex64))
+        if any(self._mirrors) or b2 == "free":
+            source = target = self._staged = self._buffer((n1, l2), real)
         else:
-            stage = self._zeros((l1, l2 // 2 + 1), self._complex)
-            self._plan((rows, stage[:n1], back), (1,), "FFT")
-        if b1 == "mirror":
-            stage = stage.view(self._real).reshape(l1, -1, 2)
-            spectrum = self._zeros(stage.shape)
-            self._plan((stage, spectrum, stage), (0,), "DCT")
+            source, target, self._staged = self.pressure, self.displacement, None
+        if b1 == "free":
+            plans = [
+                self._plan(source, self._spectrum[:n1], target, (1,)),
+                self._plan(self._spectrum, self._spectrum, self._spectrum, (0,)),
+            ]
         else:
-            m1 = l1 // 2 + 1 if b2 == "mirror" else l1
-            spectrum = self._zeros((m1, stage.shape[1]), self._complex)
-            self._plan((stage, spectrum, stage), (0,), "FFT")
-        self._empty_rows = stage[n1:]
-        return spectrum
+            plans = [self._plan(source, self._spectrum, target, (0, 1))]
+        self._forward, self._inverse = [plan[0] for plan in plans], [plan[1] for plan in reversed(plans)]
+        self._empty_rows = self._spectrum[n1:]
+        self._weights: Array = over._weights if over else _weights(half_space.symbol() / (l1 * l2), *self._mirrors)
+        self._turn1, self._turn2 = (np.exp(1j * np.pi * np.arange(n // 2 + 1) / n) for n in (n1, n2))
+        for buffer in (self.pressure, self.displacement, self._spectrum):
+            buffer[:] = 0
+
+    def _buffer(self, shape: tuple[int, ...], dtype: np.dtype[Any]) -> Any:
+        memory = next(self._lent, None)
+        if memory is None:
+            memory = pyfftw.zeros_aligned(shape, dtype=dtype)
+        self._memory.append(memory)
+        return memory.ravel().view(np.uint8)[: math.prod(shape) * dtype.itemsize].view(dtype).reshape(shape)
+
+    def _plan(self, source: Any, spectrum: Any, target: Any, axes: tuple[int, ...]) -> tuple[Any, Any]:
+        """Executions of source → spectrum and, destroying it, spectrum → target."""
+        plan: dict[str, Any] = {"axes": axes, "threads": self._threads}
+        flags: tuple[str, ...] = ("FFTW_MEASURE",)
+        forward = pyfftw.FFTW(source, spectrum, direction="FFTW_FORWARD", flags=flags, **plan)
+        flags += ("FFTW_DESTROY_INPUT",)
+        inverse = pyfftw.FFTW(spectrum, target, direction="FFTW_BACKWARD", flags=flags, **plan)
+        return forward.execute, inverse.execute
 
     def apply(self) -> None:
         """Fill `displacement` from `pressure`."""
-        n2 = self.pressure.shape[1]
-        if self._padded is not None:
-            self._padded[:, :n2] = self.pressure
-        if self._empty_rows is not None:
-            self._empty_rows[:] = 0
+        if self._staged is not None:
+            _lay(self.pressure, self._staged, *self._mirrors)
+        self._empty_rows[:] = 0
         for execute in self._forward:
             execute()
-        _multiply(self._spectrum, self._symbol, self._factor)
+        _respond(self._spectrum, self._weights, self._turn1, self._turn2, *self._mirrors)
         for execute in self._inverse:
             execute()
-        if self._back is not None:
-            self.displacement[:] = self._back[:, :n2]
+        if self._staged is not None:
+            _take(self._staged, self.displacement, *self._mirrors)
 
 
-@njit(cache=True, nogil=True)
-def _multiply(spectrum, symbol, factor):
-    """spectrum *= symbol · factor."""
-    for i in range(spectrum.size):
-        spectrum[i] *= symbol[i] * factor
+def _weights(symbol: Array, mirror1: bool, mirror2: bool) -> Array:
+    """Sums and differences of the symbol over k and N − k of the mirror axes: what `_respond` multiplies waves with.
+
+    The cosine coefficient N of N points is always 0, and its symbol whatever makes a difference vanish.
+    """
+    parts = [symbol]
+    for axis, mirror in enumerate((mirror1, mirror2)):
+        if mirror:
+            n = symbol.shape[axis]
+            k = np.arange(n // 2 + 1)
+            pairs = [(part.take(k, axis), part.take(-k % n, axis)) for part in parts]
+            parts = [(a + b) / 2 for a, b in pairs] + [(a - b) / 2 for a, b in pairs]
+    return np.array(parts)
+
+
+_compiled: dict[str, Any] = {"cache": True, "nogil": True, "fastmath": {"contract"}}
+
+
+@njit(**_compiled)
+def _respond(spectrum, weights, turn1, turn2, mirror1, mirror2):
+    """Waves of pressure to waves of displacement, the two of a mirror axis at once.
+
+    With C(k) = ē V(k) + e V(N − k), e = exp(iπk/2N), and 2 V(k) = e (C(k) − i C(N − k)), a symbol S(k) on C is
+    V(k) ← ½(S(k) + S(N − k)) V(k) + ½(S(k) − S(N − k)) e² V(N − k) on V.
+    """
+    n1, n2 = spectrum.shape
+    own = weights[0]
+    if not mirror1 and not mirror2:
+        for i in range(n1):
+            for j in range(n2):
+                spectrum[i, j] *= own[i, j]
+        return
+    # V(k1, N − k2) is the conjugate of V(N − k1, k2)
+    for i in range(n1 // 2 + 1):
+        other = (n1 - i) % n1
+        if not mirror1:
+            for j in range(n2):
+                a, b, w = spectrum[i, j], spectrum[other, j], weights[1, i, j] * turn2[j]
+                spectrum[i, j] = own[i, j] * a + w * b.conjugate()
+                spectrum[other, j] = own[i, j] * b + w * a.conjugate()
+            continue
+        e = turn1[i]
+        for j in range(n2):
+            a, b = spectrum[i, j], spectrum[other, j]
+            eb, ea = e * b, e * a.conjugate()
+            new_a = own[i, j] * a + weights[1, i, j] * eb
+            new_b = own[i, j] * b + weights[1, i, j] * ea.conjugate()
+            if mirror2:
+                w2, w12 = weights[2, i, j], weights[3, i, j]
+                new_a += turn2[j] * (w2 * b.conjugate() + w12 * ea)
+                new_b += turn2[j] * (w2 * a.conjugate() + w12 * eb.conjugate())
+            spectrum[i, j], spectrum[other, j] = new_a, new_b
+
+
+@njit(**_compiled)
+def _place(i, n, mirror):
+    """Which point is the i-th to be transformed."""
+    if not mirror:
+        return i
+    return 2 * i if 2 * i < n else 2 * (n - i) - 1
+
+
+@njit(**_compiled)
+def _lay(points, staged, mirror1, mirror2):
+    """Points in the order of the transform, zeros behind them."""
+    n1, n2 = points.shape
+    for i in range(n1):
+        row = points[_place(i, n1, mirror1)]
+        if mirror2:
+            for j in range((n2 + 1) // 2):
+                staged[i, j] = row[2 * j]
+            for j in range(n2 // 2):
+                staged[i, n2 - 1 - j] = row[2 * j + 1]
+        else:
+            staged[i, :n2] = row
+            staged[i, n2:] = 0
+
+
+@njit(**_compiled)
+def _take(staged, points, mirror1, mirror2):
+    """The inverse of `_lay`."""
+    n1, n2 = points.shape
+    for i in range(n1):
+        row = points[_place(i, n1, mirror1)]
+        if mirror2:
+            for j in range((n2 + 1) // 2):
+                row[2 * j] = staged[i, j]
+            for j in range(n2 // 2):
+                row[2 * j + 1] = staged[i, n2 - 1 - j]
+        else:
+            row[:] = staged[i, :n2]

@@ -42,13 +42,15 @@ _fast: dict[str, Any] = {"cache": True, "nogil": True, "fastmath": {"reassoc", "
 
 @njit(**_exact)
 def advance(
-    gap0, hardness, progress, p, v, d, kd, state, lists, near_values, free_values, dense, stencil, rows, columns, best
+    gap0, hardness, progress, p, v, d, kd, state, lists, near_values, free_values, stencil, rows, columns, best
 ):
     """Continue a solution; returns what is needed next.
 
-    p, v : pressure, and K p where asked for, to which the gap is added. d, kd : direction and K d.
+    p, v : pressure, and K p where asked for, to which the gap is added.
+    d, kd : direction and K d; kd may be in v's memory. Between products d holds residuals or ones for the stencil.
+        It is always 0 where a point is not free.
     state : of each point. lists : indices of the points near contact, of the free ones, and of these in the first list.
-    near_values, free_values : work. dense : zeros, for values of free points at their place.
+    near_values, free_values : work.
     best : p and v of the lowest energy, once steps are monotone.
     """
     t = progress[0]
@@ -61,13 +63,13 @@ def advance(
         if curvature > 0.0:
             pending = t.rz_direction / curvature
             t.largest = min(t.largest, length / curvature)
-            _step(t, free, place, pending, direction, kn, pn, r, dense)
+            _step(t, free, place, pending, direction, kn, pn, r, d)
             t.fresh = 0
             t.block += 1
             t.cg += 1
             t.preconditioned = 0
             if t.block < (_STEPS_AFTER_CHANGE if t.changed else _STEPS):
-                t.rz = _precondition(t, free, r, w, ones, dense, stencil, rows, columns)
+                t.rz = _precondition(t, free, r, w, ones, d, stencil, rows, columns)
                 t.preconditioned = 1
                 if t.rz > 0.0 and t.rz >= _DROP * t.rz_start:
                     for j in range(t.near):
@@ -75,6 +77,7 @@ def advance(
                     return _search(t, free, w, direction, d)
         else:
             t.cg = 0
+            _scatter(t, free, r, 0.0, d)
         t.c = max(t.c_min, min(t.c0, 2.0 * t.damping * t.largest))
     else:
         _full_product(t, p, v, gap0, state, near, free, place, pn, vn)
@@ -83,15 +86,15 @@ def advance(
             _list_near(t, p, v, state, near, free, place, pn, vn)
         if t.phase == _PROJECTED:
             if t.changed:
-                _fill(free, t.free, dense)
-                t.ones_total = _stencil_product(free, t.free, dense, ones, stencil, rows, columns)
-            _free_residual(t, free, place, vn, r, dense)
+                _fill(free, t.free, d)
+                t.ones_total = _stencil_product(free, t.free, d, ones, stencil, rows, columns)
+            _free_residual(t, free, place, vn, r, d)
             t.cg = 0
             t.preconditioned = 0
             if t.converged:
                 t.c = t.c0  # judged by the residual as it is defined
             if not t.converged and t.free >= 2 and not t.gradient_next:
-                needs = _begin_block(t, free, r, w, direction, ones, d, dense, stencil, rows, columns)
+                needs = _begin_block(t, free, r, w, direction, ones, d, stencil, rows, columns)
                 if needs != DONE:
                     return needs
     while True:
@@ -99,25 +102,25 @@ def advance(
         pending = 0.0
         t.converged = t.residual <= t.rtol
         if (t.converged and t.fresh) or t.iteration >= t.limit:
-            _clear(free, t.free, d, dense)
+            _clear(free, t.free, d)
             return DONE
         t.iteration += 1
         if t.changed or t.converged or t.phase == _FIRST or t.free < 2 or t.gradient_next:
-            _clear(free, t.free, d, dense)
+            _clear(free, t.free, d)
             _project(t, p, hardness, state, near, free, x, pn)
             t.changed += t.phase == _FIRST
             t.phase = _PROJECTED
             return PRESSURE
-        needs = _begin_block(t, free, r, w, direction, ones, d, dense, stencil, rows, columns)
+        needs = _begin_block(t, free, r, w, direction, ones, d, stencil, rows, columns)
         if needs != DONE:
             return needs
 
 
 @njit(**_exact)
-def _begin_block(t, free, r, w, direction, ones, d, dense, stencil, rows, columns):
+def _begin_block(t, free, r, w, direction, ones, d, stencil, rows, columns):
     """Direction of a next run of conjugate gradients; DONE if the residual is 0."""
     if not t.preconditioned:
-        t.rz = _precondition(t, free, r, w, ones, dense, stencil, rows, columns)
+        t.rz = _precondition(t, free, r, w, ones, d, stencil, rows, columns)
     t.rz_start = t.rz
     t.block = 0
     t.largest = t.c0
@@ -172,14 +175,7 @@ def _look(t, p, v, pending, hardness, state, near, free, place, x, pn, vn, kn):
         i = near[j]
         if not one:
             h = hardness[i]
-        y = x[j] + shift
-        s = 1
-        if y <= 0.0:
-            y = 0.0
-            s = 0
-        elif y >= h:
-            y = h
-            s = 2
+        y, s = _clip(x[j] + shift, h)
         e = y - pn[j]
         r2 += e * e
         y2 += y * y
@@ -191,6 +187,13 @@ def _look(t, p, v, pending, hardness, state, near, free, place, x, pn, vn, kn):
     # the sets are worth keeping as long as it helps and the points that would leave them matter little
     t.changed = changed if c2 > _PROPORTION * r2 or residual > 0.5 * t.residual else 0
     t.residual = residual
+
+
+@njit(**_exact)
+def _clip(y, h):
+    """y within 0 and h, and the state that says."""
+    y = min(max(y, 0.0), h)
+    return y, (y > 0.0) + (y >= h)
 
 
 @njit(**_exact)
@@ -293,21 +296,17 @@ def _project(t, p, hardness, state, near, free, x, pn):
         i = near[j]
         if not one:
             h = hardness[i]
-        y = x[j] + shift
-        if y <= 0.0:
-            state[i] = 0
-            p[i] = 0.0
-        elif y >= h:
-            state[i] = 2
-            p[i] = h
-            left -= h
-        else:
-            keep = state[i] == 1 and t.phase != _FIRST and not t.gradient_next
-            p[i] = min(max(pn[j], 0.0), h) if keep else y
-            state[i] = 1
+        y, s = _clip(x[j] + shift, h)
+        if s == 1:
+            if state[i] == 1 and t.phase != _FIRST and not t.gradient_next:
+                y = min(max(pn[j], 0.0), h)
             free[k] = i
-            x[k] = p[i]
+            x[k] = y
             k += 1
+        else:
+            left -= y
+        p[i] = y
+        state[i] = s
     t.free = k
     t.reach = t.delta + t.margin
     if k > 0 and left > 0.0 and not t.approach_given:
@@ -398,42 +397,41 @@ def _search_line(t, p, v, hardness, state, best):
 
 
 @njit(**_fast)
-def _free_residual(t, free, place, vn, r, dense):
+def _free_residual(t, free, place, vn, r, d):
     """r = δ − v on the free points, also at its place."""
     total = 0.0
     for k in range(t.free):
         r[k] = t.delta - vn[place[k]]
         total += r[k]
-    _scatter(t, free, r, total, dense)
+    _scatter(t, free, r, total, d)
 
 
 @njit(**_fast)
-def _scatter(t, free, r, total, dense):
+def _scatter(t, free, r, total, d):
     """Residuals at their place, less their mean where the load is given: it would only cancel, but for rounding."""
     mean = 0.0 if t.approach_given or t.free == 0 else total / t.free
     for k in range(t.free):
         r[k] -= mean
-        dense[free[k]] = r[k]
+        d[free[k]] = r[k]
 
 
 @njit(**_fast)
-def _fill(free, n, dense):
+def _fill(free, n, d):
     for k in range(n):
-        dense[free[k]] = 1.0
+        d[free[k]] = 1.0
 
 
 @njit(**_fast)
-def _clear(free, n, d, dense):
+def _clear(free, n, d):
     for k in range(n):
         d[free[k]] = 0.0
-        dense[free[k]] = 0.0
 
 
 @njit(**_fast)
-def _precondition(t, free, r, w, ones, dense, stencil, rows, columns):
+def _precondition(t, free, r, w, ones, d, stencil, rows, columns):
     """w = M r, with Σ w = 0 where the load is given; returns w·r."""
     n = t.free
-    total = _stencil_product(free, n, dense, w, stencil, rows, columns)
+    total = _stencil_product(free, n, d, w, stencil, rows, columns)
     rz = 0.0
     if t.approach_given:
         for k in range(n):
@@ -518,14 +516,14 @@ def _curvature(t, near, place, direction, kd, kn):
 
 
 @njit(**_fast)
-def _step(t, free, place, alpha, direction, kn, pn, r, dense):
+def _step(t, free, place, alpha, direction, kn, pn, r, d):
     """p += α d and r −= α Kd on the free points."""
     total = 0.0
     for k in range(t.free):
         pn[place[k]] += alpha * direction[k]
         r[k] -= alpha * kn[place[k]]
         total += r[k]
-    _scatter(t, free, r, total, dense)
+    _scatter(t, free, r, total, d)
 
 
 @njit(**_exact)
