@@ -204,7 +204,7 @@ def test_workspace_can_be_used_again(boundary):
 
 
 @pytest.mark.parametrize("boundary", PAIRS)
-@pytest.mark.parametrize("dtype, error", [(np.float64, 0), (np.float32, 1e-5)])
+@pytest.mark.parametrize(("dtype", "error"), [(np.float64, 0), (np.float32, 1e-5)])
 def test_two_workspaces_in_the_same_memory(boundary, dtype, error):
     half_space = HalfSpace((10, 7), (1e-6, 1e-6), E, boundary)
     first = Convolution(half_space)
