@@ -39,7 +39,7 @@ def _lower(k: Array, spacing: tuple[float, float], periodic: bool) -> float:
     flow = solve_network(c1, c2)
     if not flow.percolates:
         return 0.0
-    q1, q2 = _balanced_fluxes(c1, c2, np.nan_to_num(flow.potential))
+    q1, q2 = _balanced_fluxes(c1, c2, np.nan_to_num(flow.potential), np.nan_to_num(flow.complement))
     if periodic:
         west = np.roll(q2, 1, axis=1)
         east = q2
@@ -55,18 +55,26 @@ def _lower(k: Array, spacing: tuple[float, float], periodic: bool) -> float:
     return float(min(abs(q1[0].sum()), abs(q1[-1].sum())) ** 2 / energy)
 
 
-def _balanced_fluxes(c1: Array, c2: Array, p: Array) -> tuple[Array, Array]:
+def _balanced_fluxes(c1: Array, c2: Array, p: Array, complement: Array) -> tuple[Array, Array]:
     """Fluxes near −c Δp that balance at every node, which differences of pressures at high contrast do not."""
     n1, n2 = c1.shape
+    m2 = c2.shape[1]
     node = np.zeros(p.shape, np.int64)  # both ends are node 0
     node[1:-1] = 1 + np.arange((n1 - 1) * n2).reshape(n1 - 1, n2)
-    inner = node[1:-1]
-    tail = np.concatenate([node[:-1].ravel(), inner[:, : c2.shape[1]].ravel()])
-    head = np.concatenate([node[1:].ravel(), np.roll(inner, -1, axis=1)[:, : c2.shape[1]].ravel()])
-    across = (p - np.roll(p, -1, axis=1))[1:-1, : c2.shape[1]]
-    q = np.concatenate([(c1 * (p[:-1] - p[1:])).ravel(), (c2 * across).ravel()])
-    q = balanced_flux(tail, head, np.concatenate([c1.ravel(), c2.ravel()]), q, 1 + inner.size)
+    q1 = c1 * _drop(p[:-1], p[1:], complement[:-1], complement[1:])
+    inner, inner_complement = p[1:-1], complement[1:-1]
+    next_p, next_complement = (np.roll(a, -1, axis=1)[:, :m2] for a in (inner, inner_complement))
+    q2 = c2 * _drop(inner[:, :m2], next_p, inner_complement[:, :m2], next_complement)
+    tail = np.concatenate([node[:-1].ravel(), node[1:-1, :m2].ravel()])
+    head = np.concatenate([node[1:].ravel(), np.roll(node[1:-1], -1, axis=1)[:, :m2].ravel()])
+    c, q = (np.concatenate([a.ravel(), b.ravel()]) for a, b in ((c1, c2), (q1, q2)))
+    q = balanced_flux(tail, head, c, q, 1 + inner.size)
     return q[: n1 * n2].reshape(c1.shape), q[n1 * n2 :].reshape(c2.shape)
+
+
+def _drop(p: Array, p_next: Array, complement: Array, complement_next: Array) -> Array:
+    """p − p_next from whichever of p and 1 − p is smaller and so has the smaller rounding errors."""
+    return np.where(p + p_next < 1, p - p_next, complement_next - complement)
 
 
 def _harmonic(a: Array, b: Array) -> Array:

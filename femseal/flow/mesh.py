@@ -9,14 +9,13 @@ scikit-fem assembles it once for each shape; a new conductance field is then one
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import lru_cache
 
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 from skfem import Basis, ElementQuad1, MeshQuad
 
-from .elimination import EliminationPlan, plan_elimination
 from .forms import flow_along_x1, flow_along_x2
 
 Array = NDArray[np.float64]
@@ -38,12 +37,6 @@ class LinkPattern:
         data = self.links_to_entries @ np.concatenate([c1.ravel(), c2.ravel()])
         n = self.diagonal.size
         return sp.csc_array((data, self.indices, self.indptr), shape=(n, n))
-
-    @cached_property
-    def plan(self) -> EliminationPlan:
-        """How to eliminate such a network."""
-        columns = (self.links_to_entries.shape[1] - self.shape[0] * self.shape[1]) // max(self.shape[0] - 1, 1)
-        return plan_elimination(self.matrix(np.ones(self.shape), np.ones((self.shape[0] - 1, columns))))
 
 
 @lru_cache(maxsize=16)

@@ -16,7 +16,7 @@ from ..errors import InputError, NotConverged
 from .connectivity import nodes_reached
 from .elimination import eliminate
 from .linear import solve_spd
-from .mesh import LinkPattern, link_pattern
+from .mesh import link_pattern
 
 Array = NDArray[np.float64]
 #: Inlet and outlet flow may differ by this share before the solution is refused.
@@ -33,11 +33,13 @@ class NetworkFlow:
     """Flow for a unit drop: rate (= dissipated energy), potential of the nodes, and how it was solved.
 
     potential : 1 and 0 where only the inlet or only the outlet reaches, NaN in pockets that neither does.
+    complement : 1 − potential, of its own relative accuracy with the direct method.
     imbalance : difference of inlet and outlet flow, in shares of the rate. iterations is 0 for a direct solution.
     """
 
     rate: float
     potential: Array
+    complement: Array
     percolates: bool
     iterations: int
     residual: float
@@ -78,24 +80,24 @@ def solve_network(c1: Array, c2: Array, *, rtol: float = 1e-6, method: str = "au
     if not percolates or n1 == 1:
         potential = _AT_REST.take(reached)
         potential[0], potential[-1] = 1.0, 0.0
-        return NetworkFlow(float(c1.sum()) if percolates else 0.0, potential, percolates, 0, 0.0, 0.0)
+        return NetworkFlow(float(c1.sum()) if percolates else 0.0, potential, 1 - potential, percolates, 0, 0.0, 0.0)
     keep = reached == 3
     c1 = np.where(keep[:-1] & keep[1:], c1, 0.0)
     across = np.roll(keep, -1, axis=1)[1:-1, : c2.shape[1]]
     c2 = np.where(keep[1:-1, : c2.shape[1]] & across, c2, 0.0)
-    pattern = link_pattern(n1, n2, periodic)
     if method == "direct" or (method == "auto" and (n1 - 1) * n2 <= DIRECT_UNKNOWNS):
-        rate, φ, ψ = _eliminate(pattern, c1, c2)
+        rate, φ, ψ = eliminate(c1, c2, keep[1:-1], periodic)
         iterations, residual = 0, 0.0
     else:
+        pattern = link_pattern(n1, n2, periodic)
         matrix = pattern.matrix(c1, c2)
         matrix.data[pattern.diagonal[~keep[1:-1].ravel()]] = 1.0
         solution = solve_spd(matrix, np.r_[c1[0], np.zeros((n1 - 2) * n2)], rtol, "amg")
         φ, iterations, residual = solution.x, solution.iterations, solution.residual
         ψ, rate = 1 - φ, np.nan
-    potential = np.zeros((n1 + 1, n2))
-    potential[0] = 1.0
-    potential[1:-1] = φ.reshape(n1 - 1, n2)
+    potential, complement = np.zeros((n1 + 1, n2)), np.zeros((n1 + 1, n2))
+    potential[0] = complement[-1] = 1.0
+    potential[1:-1], complement[1:-1] = φ.reshape(n1 - 1, n2), ψ.reshape(n1 - 1, n2)
     if np.isnan(rate):
         # the energy sum keeps its relative accuracy where a difference of flows would not
         drop2 = (np.roll(potential, -1, axis=1) - potential)[1:-1, : c2.shape[1]]
@@ -108,16 +110,6 @@ def solve_network(c1: Array, c2: Array, *, rtol: float = 1e-6, method: str = "au
             "try the direct solver",
             imbalance,
         )
-    potential[~keep] = np.nan
-    return NetworkFlow(rate, potential, True, iterations, residual, imbalance)
+    potential[~keep] = complement[~keep] = np.nan
+    return NetworkFlow(rate, potential, complement, True, iterations, residual, imbalance)
 
-
-def _eliminate(pattern: LinkPattern, c1: Array, c2: Array) -> tuple[float, Array, Array]:
-    plan = pattern.plan
-    n2 = c1.shape[1]
-    values = np.zeros(plan.rows.size)
-    values[plan.slots] = -pattern.matrix(c1, c2).data[plan.entries]
-    inlet, outlet = np.zeros(plan.order.size), np.zeros(plan.order.size)
-    inlet[:n2] = c1[0]
-    outlet[-n2:] = c1[-1]
-    return eliminate(plan.order, plan.starts, plan.rows, values, inlet, outlet)
