@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from .. import checks
 from ..errors import InputError
 from .bounds import pixel_bounds
+from .conductance import conductances_between
 from .connectivity import winding_components
 from .linear import solve_spd
 from .network import solve_network
@@ -82,7 +83,7 @@ def cell_permeability(
         raise InputError.of("sides", sides, f"one of {', '.join(SIDES)}")
     checks.tolerance("rtol", rtol)
     if axis == 1:
-        h, d1, d2 = h.T, d2, d1
+        h, d1, d2 = np.ascontiguousarray(h.T), d2, d1
     scale = float(h.max()) or 1.0
     h = h / scale
     c1, c2 = link_conductances(h, (d1, d2), sides)
@@ -110,24 +111,10 @@ def link_conductances(gap: Array, spacing: tuple[float, float], sides: str) -> t
     c2 is (n1, n2) with periodic sides and (n1, n2 − 1) with closed ones. The gap continues evenly past the ends.
     """
     d1, d2 = spacing
-    h1 = midlink_gap(np.pad(gap, ((2, 2), (0, 0)), mode="symmetric"))
-    mode = "wrap" if sides == "periodic" else "symmetric"
-    h2 = midlink_gap(np.pad(gap, ((0, 0), (2, 2)), mode=mode).T).T  # type: ignore[call-overload]
-    h2 = h2[:, 1:] if sides == "periodic" else h2[:, 1:-1]
-    length = np.full((h1.shape[0], 1), d1)
-    length[[0, -1]] = d1 / 2
-    return h1**3 / 12 * d2 / length, h2**3 / 12 * d1 / d2
-
-
-def midlink_gap(h: Array) -> Array:
-    """Gap midway between rows 1|2, 2|3, …, −3|−2: cubic, at least a tenth of the smaller end, 0 next to contact.
-
-    The limiter keeps a link open whose ends are open, so that no pocket is orphaned by the interpolation.
-    """
-    a, b = h[1:-2], h[2:-1]
-    middle = (9 * (a + b) - h[:-3] - h[3:]) / 16
-    smaller = np.minimum(a, b)
-    return np.where(smaller > 0, np.maximum(middle, 0.1 * smaller), 0.0)
+    c1, c2 = conductances_between(gap, d2 / d1, d1 / d2, False, sides == "periodic")
+    c1[0] *= 2
+    c1[-1] *= 2
+    return c1, c2
 
 
 def permeability_tensor(gap: ArrayLike, spacing: tuple[float, float]) -> Array:
@@ -144,9 +131,7 @@ def permeability_tensor(gap: ArrayLike, spacing: tuple[float, float]) -> Array:
     n1, n2 = h.shape
     scale = float(h.max()) or 1.0
     h = h / scale
-    wrapped = np.pad(h, 2, mode="wrap")
-    c1 = midlink_gap(wrapped[:, 2:-2])[1:] ** 3 / 12 * d2 / d1
-    c2 = midlink_gap(wrapped[2:-2].T).T[:, 1:] ** 3 / 12 * d1 / d2
+    c1, c2 = conductances_between(h, d2 / d1, d1 / d2, True, True)
     label, winds = winding_components(c1, c2)
     winds = winds[label].reshape(n1, n2, 2)
     carrying = winds.any(axis=2)

@@ -62,6 +62,23 @@ def nodes_reached(c1, c2):
 
 
 @njit(cache=True, nogil=True)
+def links_between(c1, c2, keep):
+    """Copies of c1 and c2 without the links to nodes that are not kept."""
+    n1, n2 = c1.shape
+    m2 = c2.shape[1]
+    along, across = np.zeros(c1.shape), np.zeros(c2.shape)
+    for i in range(n1):
+        for j in range(n2):
+            if keep[i, j] and keep[i + 1, j]:
+                along[i, j] = c1[i, j]
+    for i in range(n1 - 1):
+        for j in range(m2):
+            if keep[i + 1, j] and keep[i + 1, (j + 1) % n2]:
+                across[i, j] = c2[i, j]
+    return along, across
+
+
+@njit(cache=True, nogil=True)
 def winding_components(c1, c2):
     """Doubly periodic network: component of each node, and which components wind around each axis.
 

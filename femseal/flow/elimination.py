@@ -18,14 +18,14 @@ import numpy as np
 from numba import njit
 
 #: Nodes that are eliminated together at the end of the dissection, about.
-_LEAF = 16
+_LEAF = 12
 #: Pivots eliminated one by one before what follows takes them as one product of matrices.
 _PANEL = 32
 #: Multiplications from which a product of matrices is left to BLAS.
 _BLAS = 30_000
 
 _exact: dict[str, Any] = {"cache": True, "nogil": True}
-_fast: dict[str, Any] = {"cache": True, "nogil": True, "fastmath": {"reassoc", "contract", "arcp"}}
+_fast: dict[str, Any] = {**_exact, "error_model": "numpy", "fastmath": {"reassoc", "contract", "arcp"}}
 
 
 @njit(**_exact)
@@ -37,59 +37,48 @@ def eliminate(c1, c2, keep, periodic):
     """
     order, first, parent = _dissect(keep, periodic)
     n = order.size
-    rank = np.full(keep.size, -1, np.int64)
+    # nodes go by their place in the order; after them come inlet and outlet
+    rank = np.full(keep.size + 2, -1, np.int64)
     for i in range(n):
         rank[order[i]] = i
-    border, border_start, width, waiting = _borders(c1, c2, periodic, order, first, parent, rank)
+    rank[keep.size], rank[keep.size + 1] = n, n + 1
+    border, start, width, waiting = _borders(c1, c2, periodic, order, first, parent, rank)
     fronts = first.size - 1
-    inner_at = np.zeros(fronts + 1, np.int64)
-    outer_at = np.zeros(fronts + 1, np.int64)
+    at = np.zeros(fronts + 1, np.int64)
     for f in range(fronts):
         p = first[f + 1] - first[f]
-        inner_at[f + 1] = inner_at[f] + p * p
-        outer_at[f + 1] = outer_at[f] + p * (border_start[f + 1] - border_start[f] + 2)
-    inner = np.zeros(inner_at[fronts])
-    outer = np.zeros(outer_at[fronts])
+        at[f + 1] = at[f] + p * (p + start[f + 1] - start[f])
+    links = np.zeros(at[fronts])
     total = np.zeros(n)
-    left = np.empty(waiting)  # links among the borders of fronts whose parents have not come yet
-    work = np.zeros(width * width)
-    local = np.zeros(keep.size + 2, np.int64)
+    left = np.empty(waiting)  # links within the borders of fronts whose parents have not come yet
+    work = np.empty(width * width)
+    local = np.zeros(n + 2, np.int64)
     neighbour = np.empty(4, np.int64)
     link = np.empty(4)
     pending = np.empty(fronts + 1, np.int64)
     n_pending = 0
     top = 0
     for f in range(fronts):
-        start, p = first[f], first[f + 1] - first[f]
-        b = border_start[f + 1] - border_start[f]
-        q = b + 2
-        own = inner[inner_at[f] : inner_at[f + 1]].reshape(p, p)
-        out = outer[outer_at[f] : outer_at[f + 1]].reshape(p, q)
+        a, p, q = first[f], first[f + 1] - first[f], start[f + 1] - start[f]
+        front = links[at[f] : at[f + 1]].reshape(p, p + q)
         rest = work[: q * q].reshape(q, q)
         rest[:] = 0.0
         for i in range(p):
-            local[order[start + i]] = i
-        for i in range(b):
-            local[border[border_start[f] + i]] = p + i
-        local[keep.size], local[keep.size + 1] = p + b, p + b + 1
+            local[a + i] = i
+        for i in range(q):
+            local[border[start[f] + i]] = p + i
         for i in range(p):
-            node = order[start + i]
-            _links(c1, c2, periodic, node, neighbour, link)
+            _links(c1, c2, periodic, order[a + i], neighbour, link)
             for k in range(4):
-                if link[k] > 0.0 and (neighbour[k] >= keep.size or rank[neighbour[k]] > start + i):
-                    j = local[neighbour[k]]
-                    if j < p:
-                        own[i, j] += link[k]
-                    else:
-                        out[i, j - p] += link[k]
+                if link[k] > 0.0 and rank[neighbour[k]] > a + i:
+                    front[i, local[rank[neighbour[k]]]] += link[k]
         while n_pending > 0 and parent[pending[n_pending - 1]] == f:
             n_pending -= 1
             child = pending[n_pending]
-            cb = border_start[child + 1] - border_start[child]
-            top -= (cb + 2) ** 2
-            _add(left[top : top + (cb + 2) ** 2].reshape(cb + 2, cb + 2), border[border_start[child] :], local,
-                 keep.size, p, own, out, rest)  # fmt: skip
-        _eliminate_front(own, out, rest, total[start : start + p])
+            m = start[child + 1] - start[child]
+            top -= m * m
+            _add(left[top : top + m * m].reshape(m, m), border[start[child] : start[child + 1]], local, p, front, rest)
+        _eliminate_front(front, rest, total[a : a + p])
         left[top : top + q * q] = rest.ravel()
         top += q * q
         pending[n_pending] = f
@@ -99,15 +88,17 @@ def eliminate(c1, c2, keep, periodic):
         n_pending -= 1
         top -= 4
         rate += left[top + 1]
-    high, low = np.zeros(keep.size + 2), np.zeros(keep.size + 2)
-    high[keep.size] = low[keep.size + 1] = 1.0
+    high, low = np.zeros(n + 2), np.zeros(n + 2)
+    high[n] = low[n + 1] = 1.0
     for f in range(fronts - 1, -1, -1):
-        start, p = first[f], first[f + 1] - first[f]
-        q = border_start[f + 1] - border_start[f] + 2
-        own = inner[inner_at[f] : inner_at[f + 1]].reshape(p, p)
-        out = outer[outer_at[f] : outer_at[f + 1]].reshape(p, q)
-        _substitute(own, out, total[start : start + p], order[start : start + p], border[border_start[f] :], high, low)
-    return rate, high[: keep.size], low[: keep.size]
+        a, p, q = first[f], first[f + 1] - first[f], start[f + 1] - start[f]
+        front = links[at[f] : at[f + 1]].reshape(p, p + q)
+        _substitute(front, total[a : a + p], a, border[start[f] : start[f + 1]], high, low)
+    potential, complement = np.zeros(keep.size), np.zeros(keep.size)
+    for i in range(n):
+        potential[order[i]] = high[i]
+        complement[order[i]] = low[i]
+    return rate, potential, complement
 
 
 @njit(**_exact)
@@ -215,11 +206,12 @@ def _thinnest(nodes, a, b, c, d):
 
 @njit(**_exact)
 def _borders(c1, c2, periodic, order, first, parent, rank):
-    """Nodes to be eliminated later that each front is linked to, the widest front, and the most values left over."""
+    """Later nodes that each front is linked to, both ends last; the widest border, and the most links left over."""
     fronts = first.size - 1
-    border = np.empty(8 * order.size + 16, np.int64)
+    n = order.size
+    border = np.empty(12 * n + 16, np.int64)
     start = np.zeros(fronts + 1, np.int64)
-    seen = np.full(rank.size, -1, np.int64)
+    seen = np.full(n, -1, np.int64)
     pending = np.empty(fronts + 1, np.int64)
     neighbour = np.empty(4, np.int64)
     link = np.empty(4)
@@ -229,8 +221,8 @@ def _borders(c1, c2, periodic, order, first, parent, rank):
     top = 0
     waiting = 4
     for f in range(fronts):
-        last = first[f + 1] - 1
-        most = size + 4 * (first[f + 1] - first[f])
+        end = first[f + 1]
+        most = size + 4 * (end - first[f]) + 2
         k = n_pending
         while k > 0 and parent[pending[k - 1]] == f:
             k -= 1
@@ -239,27 +231,29 @@ def _borders(c1, c2, periodic, order, first, parent, rank):
             grown = np.empty(2 * most, np.int64)
             grown[:size] = border[:size]
             border = grown
-        for i in range(first[f], first[f + 1]):
+        for i in range(first[f], end):
             _links(c1, c2, periodic, order[i], neighbour, link)
             for m in range(4):
-                if link[m] > 0.0 and neighbour[m] < rank.size:
-                    j = neighbour[m]
-                    if rank[j] > last and seen[j] != f:
-                        seen[j] = f
-                        border[size] = j
-                        size += 1
-        while n_pending > 0 and parent[pending[n_pending - 1]] == f:
-            n_pending -= 1
-            child = pending[n_pending]
-            top -= (start[child + 1] - start[child] + 2) ** 2
-            for i in range(start[child], start[child + 1]):
-                j = border[i]
-                if rank[j] > last and seen[j] != f:
+                j = rank[neighbour[m]]
+                if link[m] > 0.0 and end <= j < n and seen[j] != f:
                     seen[j] = f
                     border[size] = j
                     size += 1
+        while n_pending > k:
+            n_pending -= 1
+            child = pending[n_pending]
+            top -= (start[child + 1] - start[child]) ** 2
+            for i in range(start[child], start[child + 1]):
+                j = border[i]
+                if end <= j < n and seen[j] != f:
+                    seen[j] = f
+                    border[size] = j
+                    size += 1
+        _sort(border[start[f] : size])
+        border[size], border[size + 1] = n, n + 1
+        size += 2
         start[f + 1] = size
-        q = size - start[f] + 2
+        q = size - start[f]
         width = max(width, q)
         top += q * q
         waiting = max(waiting, top)
@@ -269,79 +263,93 @@ def _borders(c1, c2, periodic, order, first, parent, rank):
 
 
 @njit(**_exact)
-def _add(links, nodes, local, ends, p, own, out, rest):
-    """Links left over by a child into the arrays of its parent."""
-    q = links.shape[0]
-    at = np.empty(q, np.int64)
-    for i in range(q):
-        at[i] = local[nodes[i]] if i < q - 2 else local[ends + i - (q - 2)]
-    for i in range(q):
-        for j in range(i + 1, q):
-            c = links[i, j]
-            low, high = min(at[i], at[j]), max(at[i], at[j])
-            if high < p:
-                own[low, high] += c
-            elif low < p:
-                out[low, high - p] += c
-            else:
-                rest[low - p, high - p] += c
+def _sort(values):
+    """In place; most are few and nearly sorted."""
+    if values.size > 32:
+        values.sort()
+        return
+    for i in range(1, values.size):
+        here = values[i]
+        j = i - 1
+        while j >= 0 and values[j] > here:
+            values[j + 1] = values[j]
+            j -= 1
+        values[j + 1] = here
+
+
+@njit(**_exact)
+def _add(links, nodes, local, p, front, rest):
+    """Links left over by a child into the arrays of its parent; both number their nodes in the same order."""
+    m = nodes.size
+    at = np.empty(m, np.int64)
+    for i in range(m):
+        at[i] = local[nodes[i]]
+    for i in range(m):
+        if at[i] < p:
+            for j in range(i + 1, m):
+                front[at[i], at[j]] += links[i, j]
+        else:
+            for j in range(i + 1, m):
+                rest[at[i] - p, at[j] - p] += links[i, j]
 
 
 @njit(**_fast)
-def _eliminate_front(own, out, rest, total):
-    """Eliminate the pivots of a front: links among them (upper half), to its border, and within that (upper half)."""
-    p, q = out.shape
+def _eliminate_front(front, rest, total):
+    """Eliminate the pivots of a front, the rows of `front`; links to later nodes only, also within its border."""
+    p, q = total.size, rest.shape[0]
     for start in range(0, p, _PANEL):
         end = min(start + _PANEL, p)
         for i in range(start, end):
             s = 0.0
-            for j in range(i + 1, p):
-                s += own[i, j]
-            for j in range(q):
-                s += out[i, j]
+            for j in range(i + 1, p + q):
+                s += front[i, j]
             total[i] = s
             for j in range(i + 1, end):
-                if own[i, j] > 0.0:
-                    f = own[i, j] / s
-                    for k in range(j + 1, p):
-                        own[j, k] += f * own[i, k]
-                    for k in range(q):
-                        out[j, k] += f * out[i, k]
+                if front[i, j] > 0.0:
+                    f = front[i, j] / s
+                    for k in range(j + 1, p + q):
+                        front[j, k] += f * front[i, k]
         if end < p:
-            later = own[start:end, end:].copy()
-            shares = later.copy()
+            later = front[start:end, end:].copy()
+            shares = later[:, : p - end].copy()
             for i in range(end - start):
                 shares[i] /= total[start + i]
-            own[end:, end:] += np.dot(shares.T, later)
-            out[end:] += np.dot(shares.T, out[start:end])
+            front[end:, end:] += np.dot(shares.T, later)
     if p * q * q > _BLAS:
-        shares = out.copy()
+        later = front[:, p:].copy()
+        shares = later.copy()
         for i in range(p):
             shares[i] /= total[i]
-        rest += np.dot(shares.T, out)
-    else:
-        for i in range(p):
-            for j in range(q):
-                if out[i, j] > 0.0:
-                    f = out[i, j] / total[i]
-                    for k in range(j + 1, q):
-                        rest[j, k] += f * out[i, k]
+        rest += np.dot(shares.T, later)
+        return
+    # four pivots at once
+    for i in range(0, p, 4):
+        i1, i2, i3 = min(i + 1, p - 1), min(i + 2, p - 1), min(i + 3, p - 1)
+        s0 = 1.0 / total[i]
+        s1 = 1.0 / total[i1] if i + 1 < p else 0.0
+        s2 = 1.0 / total[i2] if i + 2 < p else 0.0
+        s3 = 1.0 / total[i3] if i + 3 < p else 0.0
+        for j in range(q):
+            f0, f1, f2, f3 = s0 * front[i, p + j], s1 * front[i1, p + j], s2 * front[i2, p + j], s3 * front[i3, p + j]
+            if f0 + f1 + f2 + f3 > 0.0:
+                for k in range(j + 1, q):
+                    rest[j, k] += (
+                        f0 * front[i, p + k] + f1 * front[i1, p + k] + f2 * front[i2, p + k] + f3 * front[i3, p + k]
+                    )
 
 
 @njit(**_fast)
-def _substitute(own, out, total, pivots, border, high, low):
+def _substitute(front, total, first, border, high, low):
     """Potentials of a front's pivots, means of those of their neighbours at the time they were eliminated."""
-    p, q = out.shape
-    ends = high.size - 2
+    p, q = total.size, border.size
     for i in range(p - 1, -1, -1):
-        u = out[i, q - 2] * high[ends]
-        w = out[i, q - 1] * low[ends + 1]
-        for j in range(q - 2):
-            u += out[i, j] * high[border[j]]
-            w += out[i, j] * low[border[j]]
+        u = w = 0.0
+        for j in range(q):
+            u += front[i, p + j] * high[border[j]]
+            w += front[i, p + j] * low[border[j]]
         for j in range(i + 1, p):
-            u += own[i, j] * high[pivots[j]]
-            w += own[i, j] * low[pivots[j]]
+            u += front[i, j] * high[first + j]
+            w += front[i, j] * low[first + j]
         if total[i] > 0.0:
-            high[pivots[i]] = u / total[i]
-            low[pivots[i]] = w / total[i]
+            high[first + i] = u / total[i]
+            low[first + i] = w / total[i]

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError, NotConverged
-from .connectivity import nodes_reached
+from .connectivity import links_between, nodes_reached
 from .elimination import eliminate
 from .linear import solve_spd
 from .mesh import link_pattern
@@ -82,9 +82,7 @@ def solve_network(c1: Array, c2: Array, *, rtol: float = 1e-6, method: str = "au
         potential[0], potential[-1] = 1.0, 0.0
         return NetworkFlow(float(c1.sum()) if percolates else 0.0, potential, 1 - potential, percolates, 0, 0.0, 0.0)
     keep = reached == 3
-    c1 = np.where(keep[:-1] & keep[1:], c1, 0.0)
-    across = np.roll(keep, -1, axis=1)[1:-1, : c2.shape[1]]
-    c2 = np.where(keep[1:-1, : c2.shape[1]] & across, c2, 0.0)
+    c1, c2 = links_between(c1, c2, keep)
     if method == "direct" or (method == "auto" and (n1 - 1) * n2 <= DIRECT_UNKNOWNS):
         rate, φ, ψ = eliminate(c1, c2, keep[1:-1], periodic)
         iterations, residual = 0, 0.0
