@@ -1,7 +1,7 @@
 """Conductance of the links between neighbouring pixels, from the gap: compiled.
 
-The gap midway between two pixels is a four-point cubic, at least a tenth of the smaller of the two and 0 next to contact:
-so a link is open exactly where both its ends are, and no pocket is orphaned by the interpolation.
+The gap midway between two pixels is a four-point cubic, at least a tenth of the smaller of the two and 0 next to
+contact: so a link is open exactly where both its ends are, and no pocket is orphaned by the interpolation.
 """
 
 from __future__ import annotations
@@ -36,8 +36,8 @@ def _inside(i, n, wrap):
 def conductances_between(gap, factor1, factor2, wrap1, wrap2):
     """factor · h³/12 midway between neighbours along both axes.
 
-    Along a wrapped axis of n points there are n links, from each point to the next. Along the first axis otherwise n + 1,
-    with one past each end; along the second n − 1.
+    Along a wrapped axis of n points there are n links, from each point to the next; otherwise n + 1 along the first
+    axis, one past each end, and n − 1 along the second.
     """
     n1, n2 = gap.shape
     m1 = n1 if wrap1 else n1 + 1

@@ -120,7 +120,7 @@ def _links(c1, c2, periodic, node, neighbour, link):
 
 @njit(**_exact)
 def _dissect(keep, periodic):
-    """Nested dissection: order of elimination, first place of each front in it and after the last, parents of the fronts.
+    """Nested dissection: order of elimination, first place of each front in it (and the end), parents of the fronts.
 
     Every box is cut by the row or column with the fewest nodes near its middle; what it has in common with its
     neighbours is only that cut. Fronts come after all that they separate, the last of these first.
