@@ -12,17 +12,14 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
-import platform
-import subprocess
 import sys
 import time
-from datetime import date
-from importlib.metadata import version
 from pathlib import Path
 
+from common import ROOT, call, machine, replace_between, rows
+
 HERE = Path(__file__).parent
-ROOT = HERE.parents[1]
+PACKAGES = {"Tamaas": "tamaas", "ContactMechanics": "ContactMechanics", "pyFFTW": "pyFFTW"}
 MODULUS, HARDNESS = 115e9, 4e9
 SPACING = 1e-6
 TARGETS = (1e-4, 1e-8)
@@ -194,10 +191,8 @@ def first_below(records, target):
 
 
 def table(records):
-    lines = [
-        "| n | threads | H [GPa] | p̄ [MPa] | residual | femseal [s] (FFT pairs) | Tamaas | ContactMechanics |",
-        "|---|---|---|---|---|---|---|---|",
-    ]
+    head = ["n", "threads", "H [GPa]", "p̄ [MPa]", "residual", "femseal [s] (FFT pairs)", "Tamaas", "ContactMechanics"]
+    lines = []
     keys = sorted({(r["threads"], r["n"], r["hardness"], r["pressure"]) for r in records})
     for threads, n, hardness, pressure in keys:
         chosen = [r for r in records if (r["threads"], r["n"], r["hardness"], r["pressure"]) ==
@@ -215,10 +210,8 @@ def table(records):
                 else:
                     cells.append(f"not reached ({min(r['residual'] for r in tried):.0e})" if tried else "–")
             bound = "∞" if hardness == float("inf") else f"{hardness / 1e9:g}"
-            lines.append(
-                f"| {n} | {threads} | {bound} | {pressure / 1e6:g} | {target:.0e} | " + " | ".join(cells) + " |"
-            )
-    return "\n".join(lines)
+            lines.append([str(n), str(threads), bound, f"{pressure / 1e6:g}", f"{target:.0e}", *cells])
+    return rows(head, lines)
 
 
 def picture(records, path):
@@ -239,35 +232,6 @@ def picture(records, path):
         ax.legend()
     axes[0].set_ylabel("residual")
     figure.savefig(path, dpi=110)
-
-
-def machine():
-    lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
-    model = next((line.split(":")[1].strip() for line in lines if "model name" in line), "unknown processor")
-    names = {"tamaas": "Tamaas", "ContactMechanics": "ContactMechanics", "pyfftw": "pyFFTW"}
-    import femseal
-
-    versions = ", ".join(
-        [f"femseal {femseal.__version__}"] + [f"{label} {version(name)}" for name, label in names.items()]
-    )
-    return f"{date.today()}, {model}, {os.cpu_count()} cores, Python {platform.python_version()}, {versions}"
-
-
-def replace_between(path, mark, text):
-    """Put text between two marks of a file."""
-    whole = path.read_text(encoding="utf-8")
-    begin, end = f"<!-- {mark} -->", f"<!-- /{mark} -->"
-    head, rest = whole.split(begin)
-    path.write_text(head + begin + "\n" + text + "\n" + end + rest.split(end)[1], encoding="utf-8")
-
-
-def call(arguments, threads):
-    """This script again, in a process of its own with that many threads."""
-    environment = os.environ | {"OMP_NUM_THREADS": str(threads), "NUMBA_NUM_THREADS": str(threads)}
-    done = subprocess.run(
-        [sys.executable, __file__, *arguments], env=environment, stdout=subprocess.PIPE, text=True, check=True
-    )
-    return json.loads(done.stdout.splitlines()[-1])
 
 
 def main():
@@ -294,17 +258,17 @@ def main():
             if not solvers:
                 break
             arguments = ["--worker", str(n), str(threads), "--repeats", str(options.repeats), "--solvers", *solvers]
-            new = call(arguments, threads)
+            new = call(__file__, arguments, threads)
             records += new
             slowest = {name: max(r["time"] for r in new if r["solver"] == name) for name in solvers}
             solvers = [name for name in solvers if 10 * slowest[name] < PATIENCE]
             print(f"{n}², {threads} thread(s) done", file=sys.stderr, flush=True)
-    text = f"""{machine()}.
+    text = f"""{machine(PACKAGES)}.
 Times of the peers as multiples of femseal's; not reached: the best residual within {PATIENCE:g} s.
 
 {table(records)}"""
     if options.memory:
-        text += f"\n\nPeak memory of a solution at {options.memory}²: {call(['--peak', str(options.memory)], 1):.1f} fields."
+        text += f"\n\nPeak memory of a solution at {options.memory}²: {call(__file__, ['--peak', str(options.memory)], 1):.1f} fields."
     print(text)
     if options.write:
         picture(records, HERE / "contact.png")
@@ -312,7 +276,7 @@ Times of the peers as multiples of femseal's; not reached: the best residual wit
         (HERE / "contact.md").write_text(report, encoding="utf-8")
         largest = max(r["n"] for r in records if r["solver"] != "femseal")
         short = [r for r in records if r["n"] == largest and r["threads"] == 1]
-        replace_between(ROOT / "README.md", "contact benchmark", f"\n{machine()}:\n\n{table(short)}\n")
+        replace_between(ROOT / "README.md", "contact benchmark", f"\n{machine(PACKAGES)}:\n\n{table(short)}\n")
 
 
 if __name__ == "__main__":

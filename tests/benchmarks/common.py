@@ -1,0 +1,54 @@
+"""What the benchmarks share: processes of their own, the machine, marked sections of files, tables."""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import subprocess
+import sys
+from datetime import date
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).parents[2]
+
+
+def call(script: str, arguments: list[str], threads: int) -> Any:
+    """A script again, in a process of its own with that many threads; its last line of output as JSON."""
+    environment = os.environ | {"OMP_NUM_THREADS": str(threads), "NUMBA_NUM_THREADS": str(threads)}
+    done = subprocess.run(
+        [sys.executable, script, *arguments], env=environment, stdout=subprocess.PIPE, text=True, check=True
+    )
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+def machine(packages: dict[str, str]) -> str:
+    """Date, processor and versions; packages by the name to print."""
+    lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+    model = next((line.split(":")[1].strip() for line in lines if "model name" in line), "unknown processor")
+    import femseal
+
+    versions = [f"femseal {femseal.__version__}"]
+    for label, package in packages.items():
+        try:
+            versions.append(f"{label} {version(package)}")
+        except PackageNotFoundError:
+            versions.append(f"no {label}")
+    processor = f"{model}, {os.cpu_count()} cores, Python {platform.python_version()}"
+    return f"{date.today()}, {processor}, {', '.join(versions)}"
+
+
+def replace_between(path: Path, mark: str, text: str) -> None:
+    """Put text between two marks of a file."""
+    whole = path.read_text(encoding="utf-8")
+    begin, end = f"<!-- {mark} -->", f"<!-- /{mark} -->"
+    head, rest = whole.split(begin)
+    path.write_text(head + begin + "\n" + text + "\n" + end + rest.split(end)[1], encoding="utf-8")
+
+
+def rows(head: list[str], cells: list[list[str]]) -> str:
+    """A Markdown table."""
+    lines = [head, ["---"] * len(head), *cells]
+    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
