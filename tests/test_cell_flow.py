@@ -5,10 +5,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
+from scipy.sparse.linalg import spsolve
+from skfem import Basis, ElementQuad1, MeshQuad
 
 from femseal import analytic
 from femseal.errors import InputError
-from femseal.flow import cell_permeability, link_conductances, permeability_tensor
+from femseal.flow import bounds, cell_permeability, link_conductances, permeability_tensor
+from femseal.flow.forms import flow_along_x1, flow_along_x2
 
 D = 1e-6
 SIDES = ("mirror", "periodic")
@@ -406,6 +409,39 @@ def test_bounds_of_stripes_are_exact(contrast):
     # the pressure behind the upper bound loses digits to the contrast of k; it stays a bound
     assert k.upper >= exact * (1 - 1e-12)
     assert contrast > 1e6 or abs(k.upper / exact - 1) < 1e-8
+
+
+@pytest.mark.parametrize("spacing", [(D, D), (3 * D, D), (D, 8 * D)])
+@pytest.mark.parametrize("closed", [0.0, 0.15])
+def test_upper_bound_is_the_energy_of_q1_elements(spacing, closed):
+    """Against scikit-fem's own assembly of the whole problem, solved by SciPy."""
+    h = rough((19, 23), 4)
+    h = np.maximum(h - np.quantile(h, closed), 0) if closed else h - h.min() + 0.1 * h.std()
+    n1, n2 = h.shape
+    mesh = MeshQuad.init_tensor(spacing[0] * np.arange(n1 + 1.0), spacing[1] * np.arange(n2 + 1.0))
+    basis = Basis(mesh, ElementQuad1(), intorder=3)
+    middle = mesh.p[:, mesh.t].mean(axis=1)
+    pixel = (middle[0] // spacing[0]).astype(int), (middle[1] // spacing[1]).astype(int)
+    k = np.repeat(h[pixel][:, None] ** 3 / 12, basis.X.shape[1], axis=1)
+    a = (flow_along_x1.assemble(basis, c=k) + flow_along_x2.assemble(basis, c=k)).tocsr()
+    x = basis.doflocs[0]
+    p = np.where(x == 0, 1.0, 0.0)
+    unknown = (x > 0) & (x < mesh.p[0].max()) & (a.diagonal() > 1e-12 * a.diagonal().max())
+    p[unknown] = spsolve(a[unknown][:, unknown].tocsc(), -(a[unknown] @ p))
+    exact = float(p @ (a @ p)) * n1 * spacing[0] / (n2 * spacing[1])
+    assert exact > 1e-6 * float((h**3).max())
+    assert_allclose(cell_permeability(h, spacing, bounds=True).upper, exact, rtol=1e-8)
+
+
+@pytest.mark.parametrize("sides", SIDES)
+@pytest.mark.parametrize("shape", [(20, 24), (33, 17), (9, 40), (2, 5), (1, 4)])
+def test_both_solvers_of_the_upper_bound_agree(sides, shape, monkeypatch):
+    h = rough(shape, 3)
+    h = np.maximum(h - np.quantile(h, 0.2), 0)
+    upper = cell_permeability(h, (D, 2 * D), sides=sides, bounds=True).upper
+    monkeypatch.setattr(bounds, "_ITERATIONS", 0)
+    assert upper > 0
+    assert_allclose(cell_permeability(h, (D, 2 * D), sides=sides, bounds=True).upper, upper, rtol=1e-11)
 
 
 # --- tensor ---

@@ -1,5 +1,4 @@
-"""A flux made to balance: what a solver leaves over at the nodes of a graph is sent out along a spanning
-tree.
+"""A flux made to balance: what a solver leaves over at the nodes of a graph is sent out along a spanning tree.
 
 The flux of a numerical solution balances up to rounding, which a high contrast makes matter. For a lower
 bound of the flow (Thomson's principle) it must balance exactly.
@@ -8,9 +7,10 @@ bound of the flow (Thomson's principle) it must balance exactly.
 from __future__ import annotations
 
 import numpy as np
-import scipy.sparse as sp
+from numba import njit
 from numpy.typing import NDArray
-from scipy.sparse.csgraph import breadth_first_order, minimum_spanning_tree
+
+from .connectivity import find
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -28,28 +28,54 @@ def balanced_flux(tail: Indices, head: Indices, width: Array, flux: Array, nodes
     nodes : their number; those that no link of width > 0 joins to node 0 are left alone.
     """
     excess = np.bincount(head, flux, nodes) - np.bincount(tail, flux, nodes)
-    order, parent, link = _widest_tree(tail, head, width, nodes)
-    leaving, up = excess.tolist(), parent.tolist()
-    for child in order[:0:-1].tolist():
-        leaving[up[child]] += leaving[child]
-    children = order[1:]
-    outward = np.where(tail[link[children]] == children, 1.0, -1.0)
+    candidates = np.flatnonzero((width > 0) & (tail != head))
+    widest_first = candidates[np.argsort(-width[candidates], kind="stable")]
     result = flux.copy()
-    result[link[children]] += outward * np.array(leaving)[children]
+    _send_out(tail, head, widest_first, excess, result)
     return result
 
 
-def _widest_tree(a: Indices, b: Indices, width: Array, nodes: int) -> tuple[Indices, Indices, Indices]:
-    """Maximum spanning tree of the links a–b: nodes from node 0 outward, parents, links to the parents."""
-    candidates = np.flatnonzero((width > 0) & (a != b))
-    ranked = candidates[np.argsort(-width[candidates], kind="stable")]
-    low, high = np.minimum(a, b)[ranked].astype(np.int64), np.maximum(a, b)[ranked]
-    # of parallel links the widest; ranks instead of widths bear any contrast
-    _, first = np.unique(low * nodes + high, return_index=True)
-    graph = sp.csr_array((first + 1.0, (low[first], high[first])), shape=(nodes, nodes))
-    tree = minimum_spanning_tree(graph).tocoo()
-    order, parent = breadth_first_order(tree.tocsr(), 0, directed=False)
-    child = np.where(parent[tree.col] == tree.row, tree.col, tree.row)
-    link = np.zeros(nodes, np.int64)
-    link[child] = ranked[tree.data.astype(np.int64) - 1]
-    return order, parent, link
+@njit(cache=True, nogil=True)
+def _send_out(tail, head, widest_first, excess, flux):
+    """Excess of each node to node 0 along the spanning tree of the widest links (Kruskal)."""
+    n = excess.size
+    parent = np.arange(n)
+    tree = np.empty(n, np.int64)
+    size = 0
+    degree = np.zeros(n + 1, np.int64)
+    for link in widest_first:
+        a, b = find(parent, tail[link]), find(parent, head[link])
+        if a != b:
+            parent[max(a, b)] = min(a, b)
+            tree[size] = link
+            size += 1
+            degree[tail[link] + 1] += 1
+            degree[head[link] + 1] += 1
+    start = np.cumsum(degree)
+    at = start[:-1].copy()
+    links = np.empty(2 * size, np.int64)
+    for k in range(size):
+        for node in (tail[tree[k]], head[tree[k]]):
+            links[at[node]] = tree[k]
+            at[node] += 1
+    # outward from node 0, then back
+    order = np.empty(n, np.int64)
+    inward = np.full(n, -1, np.int64)
+    order[0] = 0
+    seen = 1
+    k = 0
+    while k < seen:
+        node = order[k]
+        k += 1
+        for m in range(start[node], start[node + 1]):
+            link = links[m]
+            if link != inward[node]:
+                other = tail[link] + head[link] - node
+                inward[other] = link
+                order[seen] = other
+                seen += 1
+    for k in range(seen - 1, 0, -1):
+        node = order[k]
+        link = inward[node]
+        excess[tail[link] + head[link] - node] += excess[node]
+        flux[link] += excess[node] if tail[link] == node else -excess[node]

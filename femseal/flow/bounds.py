@@ -13,12 +13,18 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from skfem import Basis, ElementQuad1, MeshQuad
 
+from ..errors import NotConverged
 from .balance import balanced_flux
+from .connectivity import corners_reached
+from .corners import corner_energy, corner_operator
 from .forms import flow_along_x1, flow_along_x2
 from .linear import solve_spd
+from .multigrid import COARSEST_NODES, Multigrid, coarsest_nodes
 from .network import solve_network
 
 Array = NDArray[np.float64]
+#: Error of the pressure behind the upper bound, which is above by its square; iterations before a factorisation.
+_RTOL, _ITERATIONS = 1e-7, 60
 
 
 def pixel_bounds(gap: Array, spacing: tuple[float, float], sides: str) -> tuple[float, float]:
@@ -83,44 +89,65 @@ def _harmonic(a: Array, b: Array) -> Array:
 
 
 def _upper(k: Array, spacing: tuple[float, float], periodic: bool) -> float:
+    links = [w * k for w in _corner_links(spacing)]
+    reached = corners_reached(k, periodic)
+    keep = reached == 3
+    if not keep.any():
+        return 0.0
+    n1, columns = keep.shape[0] - 1, keep.shape[1]
+    p = np.zeros(keep.shape)
+    p[0] = keep[0]  # other corners are at rest
+    if n1 > 1:
+        operator, inlet, outlet = corner_operator(*links, keep, periodic)
+        fits = coarsest_nodes(n1 - 1, columns) <= COARSEST_NODES
+        try:
+            if not fits:
+                raise NotConverged("flow: too slender for multigrid", np.inf)
+            p[1:-1] = Multigrid(operator, periodic).solve(inlet, outlet, _RTOL, _ITERATIONS)[0]
+        except NotConverged:
+            p[1:-1] = _corner_potential(k, spacing, periodic, keep)
+    return corner_energy(*links, p, periodic)
+
+
+def _corner_potential(k: Array, spacing: tuple[float, float], periodic: bool, keep: NDArray[np.bool_]) -> Array:
+    """Pressure at the inner corners by a sparse factorisation of the matrix assembled by scikit-fem."""
     d1, d2 = spacing
     n1, n2 = k.shape
     corner, local1, local2 = _corner_assembly(n1, n2, periodic)
-    local = local1 * d2 / d1 + local2 * d1 / d2
-    values = local[:, :, None] * k.ravel()
+    values = (local1 * d2 / d1 + local2 * d1 / d2)[:, :, None] * k.ravel()
     rows, cols = np.broadcast_arrays(corner[:, None], corner[None, :])
-    columns = n2 if periodic else n2 + 1
-    n = (n1 + 1) * columns
-    full = sp.coo_array((values.ravel(), (rows.ravel(), cols.ravel())), shape=(n, n)).tocsr()
-    full.eliminate_zeros()
-    _, component = sp.csgraph.connected_components(full, directed=False)
-    ends = np.intersect1d(component[:columns], component[-columns:])
-    keep = np.isin(component, ends) & (full.diagonal() > 0)
-    if not keep.any():
-        return 0.0
-    unknown = keep.copy()
+    full = sp.coo_array((values.ravel(), (rows.ravel(), cols.ravel())), shape=(keep.size, keep.size)).tocsr()
+    columns = keep.shape[1]
+    unknown = keep.ravel().copy()
     unknown[:columns] = unknown[-columns:] = False
-    p = np.zeros(n)
-    p[:columns] = keep[:columns]
+    p = np.zeros(keep.size)
+    p[:columns] = keep[0]
     if unknown.any():
         i = np.flatnonzero(unknown)
         p[i] = solve_spd(full[i][:, i].tocsc(), -(full[i] @ p), 1e-12).x
-    # Dirichlet energy from differences within each element: no cancellation
-    drop = p[corner] - p[corner[:1]]
-    return float(np.einsum("ae,be,abe->", drop, drop, values))
+    return p.reshape(keep.shape)[1:-1]
+
+
+def _corner_links(spacing: tuple[float, float]) -> tuple[float, float, float]:
+    """Q1 of a pixel as links between its corners, for k = 1: along x1, along x2, along each diagonal."""
+    d1, d2 = spacing
+    _, local1, local2 = _corner_assembly(1, 1, False)
+    local = local1 * d2 / d1 + local2 * d1 / d2
+    # corners (0, 0), (0, 1), (1, 0), (1, 1)
+    return -local[0, 2], -local[0, 1], -local[0, 3]
 
 
 @lru_cache(maxsize=16)
 def _corner_assembly(n1: int, n2: int, periodic: bool) -> tuple[NDArray[np.int64], Array, Array]:
     """Corner nodes (4, n1·n2) of all pixels and the two parts (4, 4) of the Q1 matrix of a unit square."""
-    mesh = MeshQuad.init_tensor(np.arange(n1 + 1.0), np.arange(n2 + 1.0))
+    pixel = np.arange(n1 * n2)
+    i, j = pixel // n2, pixel % n2
     columns = n2 if periodic else n2 + 1
-    corner = (mesh.t // (n2 + 1)) * columns + (mesh.t % (n2 + 1)) % columns
+    corner = np.array([(i + a) * columns + (j + b) % columns for a in (0, 1) for b in (0, 1)])
     square = Basis(MeshQuad.init_tensor(np.arange(2.0), np.arange(2.0)), ElementQuad1(), intorder=3)
     ones = np.ones((1, square.X.shape[1]))
-    local = []
-    for form in (flow_along_x1, flow_along_x2):
-        matrix = form.assemble(square, c=ones).toarray()
-        order = square.element_dofs[:, 0]
-        local.append(matrix[np.ix_(order, order)])
-    return corner.astype(np.int64), local[0], local[1]
+    # corners of the one element in the order of their coordinates
+    order = np.lexsort(square.doflocs[::-1])
+    local1, local2 = (form.assemble(square, c=ones).toarray()[np.ix_(order, order)]
+                      for form in (flow_along_x1, flow_along_x2))  # fmt: skip
+    return corner.astype(np.int64), local1, local2

@@ -10,7 +10,8 @@ Array = NDArray[np.float64]
 
 
 @njit(cache=True, nogil=True)
-def _find(parent, a):
+def find(parent, a):
+    """Root of a node; paths are halved on the way."""
     while parent[a] != a:
         parent[a] = parent[parent[a]]
         a = parent[a]
@@ -19,8 +20,8 @@ def _find(parent, a):
 
 @njit(cache=True, nogil=True)
 def _union(parent, a, b):
-    a = _find(parent, a)
-    b = _find(parent, b)
+    a = find(parent, a)
+    b = find(parent, b)
     if a < b:
         parent[b] = a
     elif b < a:
@@ -49,8 +50,8 @@ def nodes_reached(c1, c2):
         for j in range(m2):
             if c2[i, j] > 0:
                 _union(parent, (i + 1) * n2 + j, (i + 1) * n2 + (j + 1) % n2)
-    inlet = _find(parent, n)
-    outlet = _find(parent, n + 1)
+    inlet = find(parent, n)
+    outlet = find(parent, n + 1)
     reached = np.zeros((n1 + 1, n2), np.int8)
     for i in range(n1 + 1):
         for j in range(n2):
@@ -58,6 +59,33 @@ def nodes_reached(c1, c2):
             # parents come before their children
             parent[a] = parent[parent[a]]
             reached[i, j] = (parent[a] == inlet) + 2 * (parent[a] == outlet)
+    return reached
+
+
+@njit(cache=True, nogil=True)
+def corners_reached(k, ring):
+    """Which ends each corner (n1 + 1, n2 or n2 + 1) of open pixels, k > 0, is joined to, as `nodes_reached`."""
+    n1, n2 = k.shape
+    columns = n2 if ring else n2 + 1
+    n = (n1 + 1) * columns
+    parent = np.arange(n + 2)
+    for i in range(n1):
+        for j in range(n2):
+            if k[i, j] > 0:
+                a, b = i * columns + j, i * columns + (j + 1) % columns
+                _union(parent, a, b)
+                _union(parent, a, a + columns)
+                _union(parent, a, b + columns)
+                if i == 0:
+                    _union(parent, n, a)
+                if i == n1 - 1:
+                    _union(parent, n + 1, a + columns)
+    inlet = find(parent, n)
+    outlet = find(parent, n + 1)
+    reached = np.zeros((n1 + 1, columns), np.int8)
+    for a in range(n):
+        root = find(parent, a)
+        reached[a // columns, a % columns] = (root == inlet) + 2 * (root == outlet)
     return reached
 
 

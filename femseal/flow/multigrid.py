@@ -22,6 +22,8 @@ from numpy.typing import NDArray
 from ..errors import NotConverged
 
 Array = NDArray[np.float64]
+#: Nodes of the coarsest level up to which multigrid is worth while; only slender grids have more.
+COARSEST_NODES = 600
 #: Nodes of an axis at which coarsening ends.
 _FEWEST = 4
 #: Iterations after which their number is foreseen.
@@ -48,6 +50,11 @@ class _Level:
     b: Array
     r: Array
 
+    @property
+    def nine(self) -> bool:
+        """Whether there are links along the diagonals."""
+        return self.below_right.size > 1
+
 
 def coarsest_nodes(n1: int, n2: int) -> int:
     """Nodes of the coarsest level for n1 × n2 unknowns; many if the network is slender."""
@@ -57,36 +64,38 @@ def coarsest_nodes(n1: int, n2: int) -> int:
 
 
 class Multigrid:
-    """Multigrid preconditioner of the network's inner nodes.
+    """Multigrid preconditioner of an operator on the grid's nodes.
 
     Parameters
     ----------
-    c1 (n1, n2), c2 (n1 − 1, n2 or n2 − 1) : conductances as in `network`; closed links are 0.
-    periodic : whether the columns form a ring.
+    operator : centres and links right, below and, for nine points, below right and below left, each (n1 + 2, n2 + 2)
+        with its border; `network_operator` makes it of a network's conductances.
+    ring : whether the columns form a ring.
 
     Notes
     -----
     The coarsest level is inverted densely: `coarsest_nodes` says how large it is.
     """
 
-    def __init__(self, c1: Array, c2: Array, periodic: bool) -> None:
-        self._ring = periodic
+    def __init__(self, operator: tuple[Array, ...], ring: bool) -> None:
+        self._ring = ring
         self._levels: list[_Level] = []
-        operator: tuple[Array, ...] = (*_finest(c1, c2, periodic), np.zeros((1, 1)), np.zeros((1, 1)))
+        if len(operator) == 3:
+            operator += (np.zeros((1, 1)), np.zeros((1, 1)))
         while True:
             shape = operator[0].shape
             last = min(shape) - 2 <= _FEWEST
-            nine = bool(self._levels)
+            nine = operator[3].size > 1
             weights = np.zeros((1, 1, 3, 3)) if last else _interpolation(*operator, nine)
-            if not last and periodic:
+            if not last and ring:
                 weights[:, 0], weights[:, -1] = weights[:, -2], weights[:, 1]
             inverse = np.divide(1.0, operator[0], out=np.zeros(shape), where=operator[0] > 0)
             arrays = (*operator, inverse, weights, *(np.zeros(shape) for _ in range(3)))
             self._levels.append(_Level(*arrays))
             if last:
                 break
-            operator = _galerkin(*operator, weights, nine, periodic)
-        self._inverse = _inverse(operator, periodic)
+            operator = _galerkin(*operator, weights, nine, ring)
+        self._inverse = _inverse(operator, ring)
 
     @property
     def finest(self) -> _Level:
@@ -96,9 +105,9 @@ class Multigrid:
     def apply(self) -> Array:
         """One cycle from `finest.b` to an approximate solution in `finest.x`."""
         ring, levels = self._ring, self._levels
-        for k, (level, coarse) in enumerate(pairwise(levels)):
+        for level, coarse in pairwise(levels):
             _sweep_down(level.x, level.b, level.r, level.inverse, level.right, level.below, level.below_right,
-                        level.below_left, k > 0, ring)  # fmt: skip
+                        level.below_left, level.nine, ring)  # fmt: skip
             _restrict(level.r, level.weights, coarse.b)
         bottom = levels[-1]
         inside = bottom.x[1:-1, 1:-1]
@@ -107,14 +116,14 @@ class Multigrid:
             level = levels[k]
             _prolong(levels[k + 1].x, level.weights, level.x, ring)
             _sweep_up(level.x, level.b, level.inverse, level.right, level.below, level.below_right, level.below_left,
-                      k > 0, ring)  # fmt: skip
+                      level.nine, ring)  # fmt: skip
         return self.finest.x
 
-    def solve(self, c1: Array, rtol: float, limit: int) -> tuple[Array, int, float]:
-        """Potential φ of the inner nodes for a unit drop, iterations, and the error estimate reached.
+    def solve(self, inlet: Array, outlet: Array, rtol: float, limit: int) -> tuple[Array, int, float]:
+        """Potential φ of the nodes for a unit drop, iterations, and the error estimate reached.
 
-        Conjugate gradients until √(rᵀM⁻¹r / rate), which estimates the error of φ in the norm of the energy, is below
-        rtol.
+        inlet, outlet (n2) are the links of the first and the last row of nodes to the ends, φ = 1 and 0. Conjugate
+        gradients until √(rᵀM⁻¹r / rate), which estimates the error of φ in the norm of the energy, is below rtol.
 
         Raises
         ------
@@ -123,13 +132,13 @@ class Multigrid:
         level = self.finest
         shape = level.x.shape
         x, r, p, y = (np.zeros(shape) for _ in range(4))
-        r[1, 1:-1] = c1[0]
+        r[1, 1:-1] = inlet
         level.b[:] = r
         rz, error, first = 0.0, np.inf, 0.0
         for iteration in range(limit + 1):
             z = self.apply()
             before, rz = rz, float(np.vdot(r, z))
-            rate = float(c1[-1] @ x[-2, 1:-1])
+            rate = float(outlet @ x[-2, 1:-1])
             error = float(np.sqrt(rz / rate)) if rz >= 0 and rate > 0 else np.inf
             if error <= rtol:
                 return x[1:-1, 1:-1], iteration, error
@@ -140,8 +149,8 @@ class Multigrid:
                 wanted = np.log(first / (rtol**2 * rate)) if rate > 0 else np.inf
                 if iteration * wanted > limit * np.log(first / rz):
                     break
-            curvature = _direction(level.centre, level.right, level.below, z, p, y, rz / before if iteration else 0.0,
-                                   self._ring)  # fmt: skip
+            curvature = _direction(level.centre, level.right, level.below, level.below_right, level.below_left, z, p, y,
+                                   rz / before if iteration else 0.0, level.nine, self._ring)  # fmt: skip
             if not curvature > 0:
                 break
             _advance(rz / curvature, p, y, x, r, level.b)
@@ -185,8 +194,8 @@ def _dense(centre, right, below, below_right, below_left, ring):
 
 
 @njit(**_compiled)
-def _finest(c1, c2, ring):
-    """Centres and links of the inner nodes within a border."""
+def network_operator(c1, c2, ring):
+    """Centres and links right and below of a network's inner nodes; c1, c2 as in `network`, closed links 0."""
     n1, n2 = c1.shape[0] - 1, c1.shape[1]
     m2 = c2.shape[1]
     centre, right, below = np.zeros((n1 + 2, n2 + 2)), np.zeros((n1 + 2, n2 + 2)), np.zeros((n1 + 2, n2 + 2))
@@ -437,7 +446,7 @@ def _prolong(coarse, w, x, ring):
 
 
 @njit(**_compiled)
-def _direction(centre, right, below, z, p, y, beta, ring):
+def _direction(centre, right, below, below_right, below_left, z, p, y, beta, nine, ring):
     """p = z + β p, y = A p; returns p·y."""
     n1, n2 = p.shape[0] - 2, p.shape[1] - 2
     for i in range(1, n1 + 1):
@@ -449,15 +458,23 @@ def _direction(centre, right, below, z, p, y, beta, ring):
     total = 0.0
     for i in range(1, n1 + 1):
         for j in range(1, n2 + 1):
-            s = (
+            y[i, j] = (
                 centre[i, j] * p[i, j]
                 - right[i, j] * p[i, j + 1]
                 - right[i, j - 1] * p[i, j - 1]
                 - below[i, j] * p[i + 1, j]
                 - below[i - 1, j] * p[i - 1, j]
             )
-            y[i, j] = s
-            total += s * p[i, j]
+        if nine:
+            for j in range(1, n2 + 1):
+                y[i, j] -= (
+                    below_right[i, j] * p[i + 1, j + 1]
+                    + below_right[i - 1, j - 1] * p[i - 1, j - 1]
+                    + below_left[i, j] * p[i + 1, j - 1]
+                    + below_left[i - 1, j + 1] * p[i - 1, j + 1]
+                )
+        for j in range(1, n2 + 1):
+            total += y[i, j] * p[i, j]
     return total
 
 

@@ -17,7 +17,7 @@ from .connectivity import links_between, nodes_reached
 from .elimination import eliminate
 from .linear import solve_spd
 from .mesh import link_pattern
-from .multigrid import Multigrid, coarsest_nodes
+from .multigrid import COARSEST_NODES, Multigrid, coarsest_nodes, network_operator
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -25,8 +25,6 @@ Flags = NDArray[np.bool_]
 MAX_IMBALANCE = 1e-5
 #: Nodes up to which the network may be eliminated directly (about 2 GB at the limit).
 DIRECT_NODES = 3_000_000
-#: Nodes of the coarsest level up to which multigrid may be used; only slender networks have more.
-COARSEST_NODES = 600
 #: Iterations after which elimination takes over from multigrid, and those allowed where it could not.
 _PATIENCE, _MOST_ITERATIONS = 40, 400
 METHODS = ("auto", "direct", "multigrid", "amg")
@@ -128,7 +126,8 @@ def _multigrid_is_faster(unknowns: int, nodes: int) -> bool:
 
 
 def _by_multigrid(c1: Array, c2: Array, keep: Flags, periodic: bool, rtol: float, limit: int) -> NetworkFlow:
-    φ, iterations, error = Multigrid(c1, c2, periodic).solve(c1, 0.1 * rtol, limit)
+    grid = Multigrid(network_operator(c1, c2, periodic), periodic)
+    φ, iterations, error = grid.solve(c1[0], c1[-1], 0.1 * rtol, limit)
     return _balanced(c1, c2, keep, φ, 1 - φ, None, iterations, error)
 
 
