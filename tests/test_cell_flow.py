@@ -10,7 +10,14 @@ from skfem import Basis, ElementQuad1, MeshQuad
 
 from femseal import analytic
 from femseal.errors import InputError
-from femseal.flow import bounds, cell_permeability, link_conductances, permeability_tensor
+from femseal.flow import (
+    bounds,
+    cell_permeability,
+    critical_constriction,
+    link_conductances,
+    permeability_tensor,
+    solve_network,
+)
 from femseal.flow.forms import flow_along_x1, flow_along_x2
 
 D = 1e-6
@@ -603,3 +610,96 @@ def test_bad_input_is_named(change, words):
         given = {"gap": np.ones((3, 3)), "spacing": (D, D)} | change
         with pytest.raises(InputError):
             permeability_tensor(given["gap"], given["spacing"])
+
+
+# --- critical constriction, resampling error ---
+
+
+def percolates(h, sides, axis):
+    return k_of(np.where(h > 0, D, 0.0), sides=sides, axis=axis) > 0
+
+
+@pytest.mark.parametrize("sides", SIDES)
+@pytest.mark.parametrize("axis", [0, 1])
+@pytest.mark.parametrize("seed", range(4))
+def test_without_the_critical_link_the_widest_path_is_closed(sides, axis, seed):
+    """Links as wide as it percolate, those wider than it do not; it lies where it says."""
+    h = cut_by_plane((24, 21), 0.15, seed, cut=5)
+    found = critical_constriction(h, (D, 2 * D), axis=axis, sides=sides)
+    turned = h if axis == 0 else h.T
+    d1, d2 = (D, 2 * D) if axis == 0 else (2 * D, D)
+    c1, c2 = link_conductances(turned, (d1, d2), sides)
+    h1, h2 = np.cbrt(12 * c1 * d1 / d2), np.cbrt(12 * c2 * d2 / d1)
+    h1[[0, -1]] /= np.cbrt(2)
+    wide = 1 - 1e-9, 1 + 1e-9
+    open_, shut = (solve_network(c1 * (h1 >= f * found.gap), c2 * (h2 >= f * found.gap)).percolates for f in wide)
+    assert open_
+    assert not shut
+    x1, x2 = (p / d for p, d in zip(found.position, (D, 2 * D), strict=True))
+    i, j = (x1, x2) if axis == 0 else (x2, x1)
+    if i % 1 == 0:
+        assert h1[int(i), int(j)] == pytest.approx(found.gap, rel=1e-12)
+    else:
+        assert h2[int(i), round(j) - 1] == pytest.approx(found.gap, rel=1e-12)
+
+
+def test_constriction_of_a_channel_with_a_neck():
+    h = np.zeros((12, 9))
+    h[:, 3:6] = 2 * D
+    h[7, 3:6] = 0, D / 2, 0
+    found = critical_constriction(h, (D, 3 * D))
+    assert found.gap == pytest.approx((9 * (0.5 + 2) - 2 - 2) / 16 * D)  # the cubic between neck and channel
+    assert found.position[0] in (7 * D, 8 * D)
+    assert found.position[1] == 4.5 * 3 * D
+    assert critical_constriction(np.where(h == D / 2, 0, h), (D, D)) is None
+    assert critical_constriction(h, (D, D), axis=1) is None
+    with pytest.raises(InputError, match="axis"):
+        critical_constriction(h, (D, D), axis=2)
+    with pytest.raises(InputError, match="sides"):
+        critical_constriction(h, (D, D), sides="open")
+
+
+@pytest.mark.parametrize("shape", [(8, 8), (9, 11), (4, 5), (16, 7)])
+@pytest.mark.parametrize("sides", SIDES)
+@pytest.mark.parametrize("axis", [0, 1])
+def test_a_flat_gap_has_no_resampling_error(shape, sides, axis):
+    k = cell_permeability(np.full(shape, D), (D, 3 * D), axis=axis, sides=sides, estimate=True)
+    assert k.resampling_error < 1e-12
+
+
+@pytest.mark.parametrize("sides", SIDES)
+def test_resampling_error_is_not_below_the_true_one_and_of_order_two(sides):
+    errors, estimates = [], []
+    for n in (24, 48, 96):
+        x = (np.arange(n) + 0.5) / n
+        h = D * (1.3 + np.cos(4 * np.pi * x)[:, None] * np.cos(2 * np.pi * x) + 0.2 * np.sin(2 * np.pi * x)[:, None])
+        k = cell_permeability(h, (D / n, D / n), sides=sides, estimate=True)
+        errors.append(k.value)
+        estimates.append(k.resampling_error)
+    limit = errors[-1] + (errors[-1] - errors[-2]) / 3
+    for k, estimate in zip(errors[:-1], estimates, strict=False):
+        assert abs(k / limit - 1) <= 1.2 * estimate
+    assert 1.7 < order(estimates) < 2.6
+
+
+def test_resampling_error_of_what_only_some_pixels_close():
+    wall = np.full((12, 12), D)
+    wall[5] = 0
+    wall[5, 4] = D
+    assert cell_permeability(wall, (D, D), estimate=True).resampling_error == np.inf
+    wall[5, 4] = 0
+    assert cell_permeability(wall, (D, D), estimate=True).resampling_error == np.inf  # every second row misses it
+    assert cell_permeability(0 * wall, (D, D), estimate=True).resampling_error == 0
+    assert np.isnan(cell_permeability(wall, (D, D)).resampling_error)
+    assert np.isnan(cell_permeability(wall[:3], (D, D), estimate=True).resampling_error)
+
+
+def test_percolating_share():
+    h = np.full((10, 8), D)
+    assert cell_permeability(h, (D, D)).percolating_share == 1
+    h[:, 3] = 0  # two channels
+    h[2:5, 5:8] = 0
+    h[3, 6] = D  # a pocket
+    assert cell_permeability(h, (D, D)).percolating_share == pytest.approx((80 - 10 - 9) / 80)
+    h[7] = 0
+    assert cell_permeability(h, (D, D)).percolating_share == 0

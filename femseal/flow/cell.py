@@ -14,39 +14,34 @@ import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
 
 from .. import checks
-from ..errors import InputError
 from .bounds import pixel_bounds
-from .conductance import conductances_between
+from .conductance import conductances_between, validated_cell, validated_gap
 from .connectivity import winding_components
 from .linear import solve_spd
 from .network import solve_network
 
 Array = NDArray[np.float64]
-SIDES = ("mirror", "periodic")
 
 
 @dataclass(frozen=True)
 class Permeability:
     """Permeability of a cell along one axis, k with Q/L2 = (k/η) Δp/L1; exactly 0 where the gap does not percolate.
 
-    fluid_pressure (n1, n2) is NaN at pixels in contact and in pockets that neither end reaches.
+    lower, upper, resampling_error : NaN unless asked for.
+    percolating_share : pixels that both ends reach, in shares of all.
+    iterations, residual : of the linear solver, see `NetworkFlow`.
+    fluid_pressure : (n1, n2), NaN at pixels in contact and in pockets that neither end reaches.
     """
 
     value: float = field(metadata={"unit": "m^3", "long_name": "permeability"})
     lower: float = field(metadata={"unit": "m^3", "long_name": "lower bound of the permeability"})
     upper: float = field(metadata={"unit": "m^3", "long_name": "upper bound of the permeability"})
+    resampling_error: float = field(metadata={"unit": "1", "long_name": "estimated relative error of the resolution"})
     percolates: bool
+    percolating_share: float
     iterations: int
     residual: float
     fluid_pressure: Array = field(metadata={"unit": "1", "long_name": "fluid pressure for a unit drop"}, repr=False)
-
-
-def validated_gap(gap: ArrayLike, spacing: tuple[float, float]) -> tuple[Array, tuple[float, float]]:
-    """Gap as a 2-D array of finite numbers >= 0 and spacing as two numbers > 0, or an InputError."""
-    h = checks.field("gap", gap, unit="m")
-    if h.min() < 0:
-        raise InputError.of("gap", f"{h.min():g} m", "numbers >= 0 [m]")
-    return h, checks.lengths("spacing", spacing)
 
 
 def cell_permeability(
@@ -56,6 +51,7 @@ def cell_permeability(
     axis: int = 0,
     sides: str = "mirror",
     bounds: bool = False,
+    estimate: bool = False,
     rtol: float = 1e-6,
 ) -> Permeability:
     """Permeability [m³] of a cell whose gap h >= 0 is given at pixel centres; h = 0 is contact.
@@ -69,6 +65,9 @@ def cell_permeability(
     bounds : also certify, for the gap taken constant on each pixel, lower <= k <= upper; otherwise both are NaN.
         The bounds enclose the flow through those pixels, not the resampling of the surface, so that `value`, which
         interpolates the gap between pixels, may lie outside where the gap is poorly resolved.
+    estimate : also estimate how far the pixels resolve the gap: a third of the largest difference to the four values on
+        every second pixel, as for order 2. It was 4 to 16 times the true error of gaps cut by a plane, with 8 pixels
+        per shortest wave and up to 0.4 in contact; inf where some of these are closed and others not.
     rtol : relative error of k allowed to an iterative linear solver.
 
     Raises
@@ -76,14 +75,8 @@ def cell_permeability(
     InputError : a gap that is negative, undefined or not two-dimensional; an unknown side or axis.
     NotConverged : the linear solver failed.
     """
-    h, (d1, d2) = validated_gap(gap, spacing)
-    if axis not in (0, 1):
-        raise InputError.of("axis", axis, "0 or 1")
-    if sides not in SIDES:
-        raise InputError.of("sides", sides, f"one of {', '.join(SIDES)}")
+    h, (d1, d2) = validated_cell(gap, spacing, axis, sides)
     checks.tolerance("rtol", rtol)
-    if axis == 1:
-        h, d1, d2 = np.ascontiguousarray(h.T), d2, d1
     scale = float(h.max()) or 1.0
     h = h / scale
     c1, c2 = link_conductances(h, (d1, d2), sides)
@@ -98,7 +91,9 @@ def cell_permeability(
         value=shape_factor * flow.rate,
         lower=lower,
         upper=upper,
+        resampling_error=_resampling_error(h, (d1, d2), sides, flow.rate, rtol) if estimate else np.nan,
         percolates=flow.percolates,
+        percolating_share=float(np.isfinite(pressure).mean()) if flow.percolates else 0.0,
         iterations=flow.iterations,
         residual=flow.residual,
         fluid_pressure=pressure.T if axis == 1 else pressure,
@@ -115,6 +110,41 @@ def link_conductances(gap: Array, spacing: tuple[float, float], sides: str) -> t
     c1[0] *= 2
     c1[-1] *= 2
     return c1, c2
+
+
+def _resampling_error(h: Array, spacing: tuple[float, float], sides: str, rate: float, rtol: float) -> float:
+    """Estimated relative error of `rate`, from the four ways to take every second pixel along both axes."""
+    if min(h.shape) < 4:
+        return np.nan
+    rates = [solve_network(*_coarse_links(h, spacing, sides, o), rtol=rtol).rate for o in np.ndindex(2, 2)]
+    if rate == 0 or min(rates) == 0:
+        return np.inf if max(rate, *rates) > 0 else 0.0
+    return max(abs(rate - r) for r in rates) / (3 * rate)
+
+
+def _coarse_links(h: Array, spacing: tuple[float, float], sides: str, offset: tuple[int, ...]) -> tuple[Array, Array]:
+    """`link_conductances` of every second pixel from an offset on; the cell's borders are where they were."""
+    c1, c2 = link_conductances(h[offset[0] :: 2, offset[1] :: 2], (2 * spacing[0], 2 * spacing[1]), sides)
+    before, after = _to_the_borders(h.shape[0], offset[0])
+    c1[0] /= 2 * before
+    c1[-1] /= 2 * after
+    width1 = np.ones((c2.shape[0], 1))
+    width1[0] += before - 0.5
+    width1[-1] += after - 0.5
+    before, after = _to_the_borders(h.shape[1], offset[1])
+    width2 = np.ones(c1.shape[1])
+    if sides == "periodic":
+        c2[:, -1] /= before + after
+        before = after = (before + after) / 2
+    width2[0] += before - 0.5
+    width2[-1] += after - 0.5
+    return c1 * width2, c2 * width1
+
+
+def _to_the_borders(n: int, offset: int) -> tuple[float, float]:
+    """Distance of the first and the last of every second of n pixels to the borders, in spacings of two pixels."""
+    last = offset + 2 * ((n - 1 - offset) // 2)
+    return (offset + 0.5) / 2, (n - last - 0.5) / 2
 
 
 def permeability_tensor(gap: ArrayLike, spacing: tuple[float, float]) -> Array:

@@ -1,4 +1,4 @@
-"""Conductance of the links between neighbouring pixels, from the gap: compiled.
+"""A cell's gap, checked, and the conductances of the links between its pixels.
 
 The gap midway between two pixels is a four-point cubic, at least a tenth of the smaller of the two and 0 next to
 contact: so a link is open exactly where both its ends are, and no pocket is orphaned by the interpolation.
@@ -10,8 +10,35 @@ from typing import Any
 
 import numpy as np
 from numba import njit
+from numpy.typing import ArrayLike, NDArray
+
+from .. import checks
+from ..errors import InputError
+
+Array = NDArray[np.float64]
+SIDES = ("mirror", "periodic")
 
 _compiled: dict[str, Any] = {"cache": True, "nogil": True}
+
+
+def validated_gap(gap: ArrayLike, spacing: tuple[float, float]) -> tuple[Array, tuple[float, float]]:
+    """Gap as a 2-D array of finite numbers >= 0 and spacing as two numbers > 0, or an InputError."""
+    h = checks.field("gap", gap, unit="m")
+    if h.min() < 0:
+        raise InputError.of("gap", f"{h.min():g} m", "numbers >= 0 [m]")
+    return h, checks.lengths("spacing", spacing)
+
+
+def validated_cell(
+    gap: ArrayLike, spacing: tuple[float, float], axis: int, sides: str
+) -> tuple[Array, tuple[float, float]]:
+    """Gap and spacing with the flow along the first axis, or an InputError that names what is wrong."""
+    h, (d1, d2) = validated_gap(gap, spacing)
+    if axis not in (0, 1):
+        raise InputError.of("axis", axis, "0 or 1")
+    if sides not in SIDES:
+        raise InputError.of("sides", sides, f"one of {', '.join(SIDES)}")
+    return (h, (d1, d2)) if axis == 0 else (np.ascontiguousarray(h.T), (d2, d1))
 
 
 @njit(**_compiled)

@@ -25,8 +25,8 @@ Flags = NDArray[np.bool_]
 MAX_IMBALANCE = 1e-5
 #: Nodes up to which the network may be eliminated directly (about 2 GB at the limit).
 DIRECT_NODES = 3_000_000
-#: Iterations after which elimination takes over from multigrid, and those allowed where it could not.
-_PATIENCE, _MOST_ITERATIONS = 40, 400
+#: Iterations of multigrid allowed where elimination cannot take over.
+_MOST_ITERATIONS = 400
 METHODS = ("auto", "direct", "multigrid", "amg")
 #: Potential of a node that neither, the inlet, or the outlet reaches.
 _AT_REST = np.array([np.nan, 1.0, 0.0, np.nan])
@@ -84,17 +84,19 @@ def solve_network(c1: Array, c2: Array, *, rtol: float = 1e-6, method: str = "au
         return _by_amg(c1, c2, keep, periodic, rtol)
     if method == "multigrid":
         return _by_multigrid(c1, c2, keep, periodic, rtol, _MOST_ITERATIONS)
-    nodes, unknowns = int(np.count_nonzero(keep[1:-1])), (n1 - 1) * n2
+    nodes = int(np.count_nonzero(keep[1:-1]))
     bearable = nodes <= DIRECT_NODES
-    fits = coarsest_nodes(n1 - 1, n2) <= COARSEST_NODES
-    if method == "auto" and not (bearable or fits):
-        return _by_amg(c1, c2, keep, periodic, rtol)
-    if method == "auto" and fits and (not bearable or _multigrid_is_faster(unknowns, nodes)):
-        try:
-            return _by_multigrid(c1, c2, keep, periodic, rtol, _PATIENCE if bearable else _MOST_ITERATIONS)
-        except NotConverged:
-            if not bearable:
-                raise
+    if method == "auto":
+        if coarsest_nodes(n1 - 1, n2) <= COARSEST_NODES:
+            worth, limit = _worth_of_multigrid((n1 - 1) * n2, nodes)
+            if worth or not bearable:
+                try:
+                    return _by_multigrid(c1, c2, keep, periodic, rtol, limit if bearable else _MOST_ITERATIONS)
+                except NotConverged:
+                    if not bearable:
+                        raise
+        elif not bearable:
+            return _by_amg(c1, c2, keep, periodic, rtol)
     rate, φ, ψ = eliminate(c1, c2, keep[1:-1], periodic)
     return _balanced(c1, c2, keep, φ, ψ, rate, 0, 0.0)
 
@@ -115,14 +117,16 @@ def _validated(c1: Array, c2: Array) -> tuple[Array, Array, bool]:
     return c1, c2, c2.shape[1] == n2
 
 
-def _multigrid_is_faster(unknowns: int, nodes: int) -> bool:
-    """Whether multigrid is expected to take less time than elimination, which leaves out what is closed.
+def _worth_of_multigrid(unknowns: int, nodes: int) -> tuple[bool, int]:
+    """Whether multigrid is expected to take less time than elimination, and the iterations that take as long.
 
-    From times at 33² to 1024² and closed shares of 0.01 to 0.42 on one core [ms], multigrid against elimination: 64²
-    0.9 : 2.5 to 1.4 : 1.1; 128² 3.6 : 16 to 6.0 : 4.9; 256² 12 : 95 to 24 : 31; 512² 52 : 580 to 131 : 176.
+    Elimination leaves out what is closed. From times at 33² to 1024² and closed shares of 0.01 to 0.42 on one core,
+    multigrid against elimination in ms: 64² 0.9 : 2.5 to 1.4 : 1.1; 128² 3.6 : 16 to 6.0 : 4.9; 256² 12 : 95 to
+    24 : 31; 512² 52 : 580 to 131 : 176.
     """
     iterations = 8 + 30 * (1 - nodes / unknowns)
-    return 3e-4 + 2e-8 * iterations * unknowns < 2.3e-3 * (nodes / 3900) ** 1.28
+    iteration, elimination = 2e-8 * unknowns, 2.3e-3 * (nodes / 3900) ** 1.28
+    return 3e-4 + iterations * iteration < elimination, int(elimination / iteration)
 
 
 def _by_multigrid(c1: Array, c2: Array, keep: Flags, periodic: bool, rtol: float, limit: int) -> NetworkFlow:
