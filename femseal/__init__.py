@@ -23,7 +23,14 @@ if TYPE_CHECKING:
     from .case import Case, load_case
     from .contact import Contact, HalfSpace, LoadState, load_cycle, solve_contact
     from .errors import FemsealError, InputError, NotConverged
-    from .flow import Constriction, Permeability, cell_permeability, critical_constriction, permeability_tensor
+    from .flow import (
+        Constriction,
+        Permeability,
+        cell_permeabilities,
+        cell_permeability,
+        critical_constriction,
+        permeability_tensor,
+    )
     from .fluids import IdealGas, Liquid
     from .job import run
     from .materials import Solid, contact_modulus
@@ -36,7 +43,14 @@ _MODULES = {
     "case": ("Case", "load_case"),
     "contact": ("Contact", "HalfSpace", "LoadState", "load_cycle", "solve_contact"),
     "errors": ("FemsealError", "InputError", "NotConverged"),
-    "flow": ("Constriction", "Permeability", "cell_permeability", "critical_constriction", "permeability_tensor"),
+    "flow": (
+        "Constriction",
+        "Permeability",
+        "cell_permeabilities",
+        "cell_permeability",
+        "critical_constriction",
+        "permeability_tensor",
+    ),
     "fluids": ("IdealGas", "Liquid"),
     "job": ("run",),
     "materials": ("Solid", "contact_modulus"),

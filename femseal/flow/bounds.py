@@ -19,7 +19,7 @@ from .connectivity import corners_reached
 from .corners import corner_energy, corner_operator
 from .forms import flow_along_x1, flow_along_x2
 from .linear import solve_spd
-from .multigrid import COARSEST_NODES, Multigrid, coarsest_nodes
+from .multigrid import COARSEST_NODES, coarsest_nodes, solve_multigrid
 from .network import solve_network
 
 Array = NDArray[np.float64]
@@ -103,7 +103,7 @@ def _upper(k: Array, spacing: tuple[float, float], periodic: bool) -> float:
         try:
             if not fits:
                 raise NotConverged("flow: too slender for multigrid", np.inf)
-            p[1:-1] = Multigrid(operator, periodic).solve(inlet, outlet, _RTOL, _ITERATIONS)[0]
+            p[1:-1] = solve_multigrid(operator, periodic, inlet, outlet, _RTOL, _ITERATIONS)[0]
         except NotConverged:
             p[1:-1] = _corner_potential(k, spacing, periodic, keep)
     return corner_energy(*links, p, periodic)

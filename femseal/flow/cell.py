@@ -7,6 +7,8 @@ last to the outlet edge have half the length. Order 2 in the pixel for smooth ga
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -14,6 +16,7 @@ import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
 
 from .. import checks
+from ..errors import InputError
 from .bounds import pixel_bounds
 from .conductance import conductances_between, validated_cell, validated_gap
 from .connectivity import winding_components
@@ -98,6 +101,53 @@ def cell_permeability(
         residual=flow.residual,
         fluid_pressure=pressure.T if axis == 1 else pressure,
     )
+
+
+def cell_permeabilities(
+    gaps: ArrayLike,
+    spacing: tuple[float, float],
+    *,
+    axes: Sequence[int] = (0, 1),
+    sides: str = "mirror",
+    rtol: float = 1e-6,
+    threads: int = 1,
+) -> Array:
+    """Permeabilities [m³] of many gaps, such as those of a load cycle, along one axis or both.
+
+    Parameters
+    ----------
+    gaps : (n, n1, n2) [m].
+    axes : directions of the flow.
+    spacing, sides, rtol : as in `cell_permeability`.
+    threads : gaps solved at the same time.
+
+    Returns
+    -------
+    (n, number of axes), in the order of `axes`.
+
+    Raises
+    ------
+    InputError, NotConverged : as `cell_permeability`; the input of all gaps is checked first.
+    """
+    try:
+        stack = np.asarray(gaps, dtype=float)
+    except (TypeError, ValueError):
+        raise InputError.of("gaps", f"a {type(gaps).__name__}", "an array (n, n1, n2) of real numbers [m]") from None
+    if stack.ndim != 3:
+        raise InputError.of("gaps", f"shape {stack.shape}", "a shape (n, n1, n2)")
+    threads = checks.count("threads", threads)
+    axes = [checks.axis_number(axis) for axis in axes]
+    for gap in stack:
+        validated_cell(gap, spacing, 0, sides)
+    checks.tolerance("rtol", rtol)
+    cells = [(gap, axis) for gap in stack for axis in axes]
+
+    def value(cell: tuple[Array, int]) -> float:
+        return cell_permeability(cell[0], spacing, axis=cell[1], sides=sides, rtol=rtol).value
+
+    with ThreadPoolExecutor(threads) as pool:
+        values = list(pool.map(value, cells) if threads > 1 else map(value, cells))
+    return np.array(values, dtype=float).reshape(len(stack), len(axes))
 
 
 def link_conductances(gap: Array, spacing: tuple[float, float], sides: str) -> tuple[Array, Array]:

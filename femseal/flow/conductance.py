@@ -34,8 +34,7 @@ def validated_cell(
 ) -> tuple[Array, tuple[float, float]]:
     """Gap and spacing with the flow along the first axis, or an InputError that names what is wrong."""
     h, (d1, d2) = validated_gap(gap, spacing)
-    if axis not in (0, 1):
-        raise InputError.of("axis", axis, "0 or 1")
+    axis = checks.axis_number(axis)
     if sides not in SIDES:
         raise InputError.of("sides", sides, f"one of {', '.join(SIDES)}")
     return (h, (d1, d2)) if axis == 0 else (np.ascontiguousarray(h.T), (d2, d1))

@@ -11,8 +11,6 @@ are stored with the sign of a conductance: `right` (i, j)–(i, j + 1), `below` 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -37,25 +35,6 @@ _compiled: dict[str, Any] = {
 }
 
 
-@dataclass(frozen=True)
-class _Level:
-    centre: Array
-    right: Array
-    below: Array
-    below_right: Array
-    below_left: Array
-    inverse: Array
-    weights: Array
-    x: Array
-    b: Array
-    r: Array
-
-    @property
-    def nine(self) -> bool:
-        """Whether there are links along the diagonals."""
-        return self.below_right.size > 1
-
-
 def coarsest_nodes(n1: int, n2: int) -> int:
     """Nodes of the coarsest level for n1 × n2 unknowns; many if the network is slender."""
     while min(n1, n2) > _FEWEST:
@@ -63,113 +42,148 @@ def coarsest_nodes(n1: int, n2: int) -> int:
     return n1 * n2
 
 
-class Multigrid:
-    """Multigrid preconditioner of an operator on the grid's nodes.
+def solve_multigrid(
+    operator: tuple[Array, ...], ring: bool, inlet: Array, outlet: Array, rtol: float, limit: int
+) -> tuple[Array, int, float]:
+    """Potential φ of the nodes for a unit drop, iterations, and the error estimate reached.
 
     Parameters
     ----------
-    operator : centres and links right, below and, for nine points, below right and below left, each (n1 + 2, n2 + 2)
-        with its border; `network_operator` makes it of a network's conductances.
+    operator : centres and links right and below and, for nine points, below right and below left, each
+        (n1 + 2, n2 + 2) with its border; `network_operator` makes it of a network's conductances.
     ring : whether the columns form a ring.
+    inlet, outlet : (n2) links of the first and the last row of nodes to the ends, φ = 1 and 0.
+    rtol : of √(rᵀM⁻¹r / rate), which estimates the error of φ in the norm of the energy.
+    limit : of iterations.
+
+    Raises
+    ------
+    NotConverged : as soon as it is foreseen not to happen within `limit` iterations.
 
     Notes
     -----
     The coarsest level is inverted densely: `coarsest_nodes` says how large it is.
     """
-
-    def __init__(self, operator: tuple[Array, ...], ring: bool) -> None:
-        self._ring = ring
-        self._levels: list[_Level] = []
-        if len(operator) == 3:
-            operator += (np.zeros((1, 1)), np.zeros((1, 1)))
-        while True:
-            shape = operator[0].shape
-            last = min(shape) - 2 <= _FEWEST
-            nine = operator[3].size > 1
-            weights = np.zeros((1, 1, 3, 3)) if last else _interpolation(*operator, nine)
-            if not last and ring:
-                weights[:, 0], weights[:, -1] = weights[:, -2], weights[:, 1]
-            inverse = np.divide(1.0, operator[0], out=np.zeros(shape), where=operator[0] > 0)
-            arrays = (*operator, inverse, weights, *(np.zeros(shape) for _ in range(3)))
-            self._levels.append(_Level(*arrays))
-            if last:
-                break
-            operator = _galerkin(*operator, weights, nine, ring)
-        self._inverse = _inverse(operator, ring)
-
-    @property
-    def finest(self) -> _Level:
-        """The network's own nodes."""
-        return self._levels[0]
-
-    def apply(self) -> Array:
-        """One cycle from `finest.b` to an approximate solution in `finest.x`."""
-        ring, levels = self._ring, self._levels
-        for level, coarse in pairwise(levels):
-            _sweep_down(level.x, level.b, level.r, level.inverse, level.right, level.below, level.below_right,
-                        level.below_left, level.nine, ring)  # fmt: skip
-            _restrict(level.r, level.weights, coarse.b)
-        bottom = levels[-1]
-        inside = bottom.x[1:-1, 1:-1]
-        inside[:] = (self._inverse @ bottom.b[1:-1, 1:-1].ravel()).reshape(inside.shape)
-        for k in range(len(levels) - 2, -1, -1):
-            level = levels[k]
-            _prolong(levels[k + 1].x, level.weights, level.x, ring)
-            _sweep_up(level.x, level.b, level.inverse, level.right, level.below, level.below_right, level.below_left,
-                      level.nine, ring)  # fmt: skip
-        return self.finest.x
-
-    def solve(self, inlet: Array, outlet: Array, rtol: float, limit: int) -> tuple[Array, int, float]:
-        """Potential φ of the nodes for a unit drop, iterations, and the error estimate reached.
-
-        inlet, outlet (n2) are the links of the first and the last row of nodes to the ends, φ = 1 and 0. Conjugate
-        gradients until √(rᵀM⁻¹r / rate), which estimates the error of φ in the norm of the energy, is below rtol.
-
-        Raises
-        ------
-        NotConverged : when it is foreseen not to happen within `limit` iterations.
-        """
-        level = self.finest
-        shape = level.x.shape
-        x, r, p, y = (np.zeros(shape) for _ in range(4))
-        r[1, 1:-1] = inlet
-        level.b[:] = r
-        rz, error, first = 0.0, np.inf, 0.0
-        for iteration in range(limit + 1):
-            z = self.apply()
-            before, rz = rz, float(np.vdot(r, z))
-            rate = float(outlet @ x[-2, 1:-1])
-            error = float(np.sqrt(rz / rate)) if rz >= 0 and rate > 0 else np.inf
-            if error <= rtol:
-                return x[1:-1, 1:-1], iteration, error
-            first = first or rz
-            if not 0 < rz < np.inf or iteration == limit:
-                break
-            if iteration >= _FORESEEN:
-                wanted = np.log(first / (rtol**2 * rate)) if rate > 0 else np.inf
-                if iteration * wanted > limit * np.log(first / rz):
-                    break
-            curvature = _direction(level.centre, level.right, level.below, level.below_right, level.below_left, z, p, y,
-                                   rz / before if iteration else 0.0, level.nine, self._ring)  # fmt: skip
-            if not curvature > 0:
-                break
-            _advance(rz / curvature, p, y, x, r, level.b)
+    five = (np.zeros((1, 1)), np.zeros((1, 1))) if len(operator) == 3 else ()
+    x, iterations, error = _solve(*operator, *five, ring, inlet, outlet, rtol, limit)
+    if not error <= rtol:
         raise NotConverged(
-            f"flow: error {error:.1e} after {iteration} iterations of multigrid, wanted {rtol:.1e}; "
+            f"flow: error {error:.1e} after {iterations} iterations of multigrid, wanted {rtol:.1e}; "
             "try the direct solver",
             error,
         )
+    return x, iterations, error
 
 
-def _inverse(operator: tuple[Array, ...], ring: bool) -> Array:
+@njit(**_compiled)
+def _solve(centre, right, below, below_right, below_left, ring, inlet, outlet, rtol, limit):
+    """Conjugate gradients; an error above rtol where they were given up."""
+    levels = _hierarchy(centre, right, below, below_right, below_left, ring)
+    inverse = _inverse(levels[-1], ring)
+    nine = below_right.size > 1
+    n1, n2 = centre.shape[0] - 2, centre.shape[1] - 2
+    z, b = levels[0][7], levels[0][8]
+    x, r, p, y = np.zeros(z.shape), np.zeros(z.shape), np.zeros(z.shape), np.zeros(z.shape)
+    r[1, 1:-1] = inlet
+    b[:] = r
+    rz, error, first = 0.0, np.inf, 0.0
+    iteration = 0
+    while True:
+        _cycle(levels, inverse, ring)
+        before, rz = rz, 0.0
+        for i in range(1, n1 + 1):
+            for j in range(1, n2 + 1):
+                rz += r[i, j] * z[i, j]
+        rate = 0.0
+        for j in range(n2):
+            rate += outlet[j] * x[n1, j + 1]
+        error = np.sqrt(rz / rate) if rz >= 0.0 and rate > 0.0 else np.inf
+        if iteration == 0:
+            first = rz
+        if error <= rtol or iteration == limit or not 0.0 < rz < np.inf:
+            break
+        if iteration >= _FORESEEN:
+            wanted = np.log(first / (rtol**2 * rate)) if rate > 0.0 else np.inf
+            if iteration * wanted > limit * np.log(first / rz):
+                break
+        beta = rz / before if iteration > 0 else 0.0
+        curvature = _direction(centre, right, below, below_right, below_left, z, p, y, beta, nine, ring)
+        if not curvature > 0.0:
+            error = np.inf
+            break
+        _advance(rz / curvature, p, y, x, r, b)
+        iteration += 1
+    return x[1:-1, 1:-1].copy(), iteration, error
+
+
+@njit(**_compiled)
+def _hierarchy(centre, right, below, below_right, below_left, ring):
+    """Levels from the finest: operator, inverse centres, weights of the next level's nodes, and work x, b, r."""
+    levels = []
+    while True:
+        shape = centre.shape
+        nine = below_right.size > 1
+        last = min(shape[0], shape[1]) - 2 <= _FEWEST
+        if last:
+            weights = np.zeros((1, 1, 3, 3))
+        else:
+            weights = _interpolation(centre, right, below, below_right, below_left, nine)
+            if ring:
+                weights[:, 0] = weights[:, -2]
+                weights[:, -1] = weights[:, 1]
+        inverse = np.zeros(shape)
+        for i in range(shape[0]):
+            for j in range(shape[1]):
+                if centre[i, j] > 0.0:
+                    inverse[i, j] = 1.0 / centre[i, j]
+        levels.append((centre, right, below, below_right, below_left, inverse, weights, np.zeros(shape),
+                       np.zeros(shape), np.zeros(shape)))  # fmt: skip
+        if last:
+            return levels
+        centre, right, below, below_right, below_left = _galerkin(
+            centre, right, below, below_right, below_left, weights, nine, ring
+        )
+
+
+@njit(**_compiled)
+def _cycle(levels, inverse, ring):
+    """One V-cycle from b to x of the finest level."""
+    for k in range(len(levels) - 1):
+        _, right, below, below_right, below_left, inverse_centre, weights, x, b, r = levels[k]
+        _sweep_down(x, b, r, inverse_centre, right, below, below_right, below_left, k > 0 or below_right.size > 1, ring)
+        _restrict(r, weights, levels[k + 1][8])
+    x, b = levels[-1][7], levels[-1][8]
+    n2 = x.shape[1] - 2
+    for i in range(inverse.shape[0]):
+        s = 0.0
+        for j in range(inverse.shape[0]):
+            s += inverse[i, j] * b[j // n2 + 1, j % n2 + 1]
+        x[i // n2 + 1, i % n2 + 1] = s
+    for k in range(len(levels) - 2, -1, -1):
+        _, right, below, below_right, below_left, inverse_centre, weights, x, b, _ = levels[k]
+        _prolong(levels[k + 1][7], weights, x, ring)
+        _sweep_up(x, b, inverse_centre, right, below, below_right, below_left, k > 0 or below_right.size > 1, ring)
+
+
+@njit(**_compiled)
+def _inverse(level, ring):
     """Dense inverse of the coarsest operator on the nodes that have links, 0 for the others."""
-    matrix = _dense(*operator, ring)
-    diagonal = np.maximum(matrix.diagonal(), 0.0)
-    scale = np.divide(1.0, np.sqrt(diagonal), out=np.zeros_like(diagonal), where=diagonal > 0)
-    scaled = scale[:, None] * matrix * scale
-    # nodes without links get a row of their own; Galerkin's operator may be singular to rounding
-    scaled[np.diag_indices_from(scaled)] += np.where(diagonal > 0, 1e-14, 1.0)
-    return scale[:, None] * np.linalg.inv(scaled) * scale
+    a = _dense(level[0], level[1], level[2], level[3], level[4], ring)
+    n = a.shape[0]
+    scale = np.zeros(n)
+    for i in range(n):
+        if a[i, i] > 0.0:
+            scale[i] = 1.0 / np.sqrt(a[i, i])
+    for i in range(n):
+        for j in range(n):
+            a[i, j] *= scale[i] * scale[j]
+        # nodes without links get a row of their own; Galerkin's operator may be singular to rounding
+        a[i, i] += 1e-14 if scale[i] > 0.0 else 1.0
+    a = np.linalg.inv(a)
+    for i in range(n):
+        for j in range(n):
+            a[i, j] *= scale[i] * scale[j]
+    return a
 
 
 @njit(**_compiled)

@@ -17,7 +17,7 @@ from .connectivity import links_between, nodes_reached
 from .elimination import eliminate
 from .linear import solve_spd
 from .mesh import link_pattern
-from .multigrid import COARSEST_NODES, Multigrid, coarsest_nodes, network_operator
+from .multigrid import COARSEST_NODES, coarsest_nodes, network_operator, solve_multigrid
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -120,18 +120,18 @@ def _validated(c1: Array, c2: Array) -> tuple[Array, Array, bool]:
 def _worth_of_multigrid(unknowns: int, nodes: int) -> tuple[bool, int]:
     """Whether multigrid is expected to take less time than elimination, and the iterations that take as long.
 
-    Elimination leaves out what is closed. From times at 33² to 1024² and closed shares of 0.01 to 0.42 on one core,
-    multigrid against elimination in ms: 64² 0.9 : 2.5 to 1.4 : 1.1; 128² 3.6 : 16 to 6.0 : 4.9; 256² 12 : 95 to
-    24 : 31; 512² 52 : 580 to 131 : 176.
+    Elimination leaves out what is closed. From times at 24² to 256² and closed shares of 0.02 to 0.4 on one core,
+    multigrid against elimination in ms: 32² 0.16 : 0.36 to 0.18 : 0.15; 64² 0.6 : 2.0 to 1.1 : 0.8; 128² 2.6 : 12 to
+    3.8 : 4.6; 256² 13 : 65 to 25 : 23.
     """
-    iterations = 8 + 30 * (1 - nodes / unknowns)
-    iteration, elimination = 2e-8 * unknowns, 2.3e-3 * (nodes / 3900) ** 1.28
-    return 3e-4 + iterations * iteration < elimination, int(elimination / iteration)
+    share = nodes / unknowns
+    iteration, elimination = 1.5e-8 * unknowns, 2e-3 * (nodes / 4000) ** 1.25 * share**0.4
+    return 6e-5 + (8 + 30 * (1 - share)) * iteration < elimination, int(elimination / iteration)
 
 
 def _by_multigrid(c1: Array, c2: Array, keep: Flags, periodic: bool, rtol: float, limit: int) -> NetworkFlow:
-    grid = Multigrid(network_operator(c1, c2, periodic), periodic)
-    φ, iterations, error = grid.solve(c1[0], c1[-1], 0.1 * rtol, limit)
+    operator = network_operator(c1, c2, periodic)
+    φ, iterations, error = solve_multigrid(operator, periodic, c1[0], c1[-1], 0.1 * rtol, limit)
     return _balanced(c1, c2, keep, φ, 1 - φ, None, iterations, error)
 
 
