@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 from scipy.sparse.linalg import spsolve
-from skfem import Basis, ElementQuad1, MeshQuad
+from skfem import Basis, ElementQuad1, ElementQuad2, MeshQuad
 
 from femseal import analytic
 from femseal.errors import InputError
@@ -101,6 +101,36 @@ def test_smooth_two_dimensional_gap_is_of_second_order():
         values.append(k_of(h, sides="periodic"))
     steps = np.diff(values)
     assert np.log2(steps[0] / steps[2]) / 2 >= 1.9
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+def test_limit_of_refinement_is_that_of_quadratic_elements(axis):
+    """Another discretisation altogether: Q2 by scikit-fem with the gap given at every quadrature point."""
+
+    def gap(x, y):
+        return D * (
+            1 + 0.5 * np.cos(np.pi * x) * np.cos(2 * np.pi * y) + 0.3 * np.cos(2 * np.pi * x) * np.cos(np.pi * y)
+        )
+
+    limits = []
+    for n in (16, 32):
+        mesh = MeshQuad.init_tensor(np.arange(n + 1.0) / n, np.arange(n + 1.0) / n)
+        basis = Basis(mesh, ElementQuad2(), intorder=8)
+        k = gap(*basis.global_coordinates().value) ** 3 / 12
+        a = (flow_along_x1.assemble(basis, c=k) + flow_along_x2.assemble(basis, c=k)).tocsr()
+        x = basis.doflocs[axis]
+        p = np.where(x == 0, 1.0, 0.0)
+        unknown = (x > 0) & (x < 1)
+        p[unknown] = spsolve(a[unknown][:, unknown].tocsc(), -(a[unknown] @ p))
+        limits.append(float(p @ (a @ p)))
+    limit = limits[-1]
+    assert abs(limits[0] / limit - 1) < 1e-4
+    errors = []
+    for n in (32, 64, 128):
+        x = (np.arange(n) + 0.5) / n
+        errors.append(k_of(gap(x[:, None], x), (D / n, D / n), axis=axis) / limit - 1)
+    assert abs(errors[-1]) < 1e-3
+    assert 1.8 < order(errors) < 2.3
 
 
 @pytest.mark.parametrize("ratio", [0.1, 0.5, 0.9])
