@@ -9,9 +9,10 @@ from scipy.sparse.linalg import spsolve
 from skfem import Basis, ElementQuad1, ElementQuad2, MeshQuad
 
 from femseal import analytic
-from femseal.errors import InputError
+from femseal.errors import InputError, NotConverged
 from femseal.flow import (
     bounds,
+    cell,
     cell_permeabilities,
     cell_permeability,
     critical_constriction,
@@ -762,9 +763,109 @@ def test_many_gaps_at_once_are_what_each_of_them_is(threads, sides):
         (np.ones((2, 4, 4)), {"sides": "free"}, ("sides", "free")),
         (np.array([np.ones((4, 4)), -np.ones((4, 4))]), {}, ("gap", "-1")),
         ("gaps", {}, ("gaps", "str")),
+        (np.ones((2, 4, 4)), {"axes": 0}, ("axes", "0")),
     ],
 )
 def test_bad_input_of_many_gaps_is_named(gaps, options, words):
     with pytest.raises(InputError) as caught:
         cell_permeabilities(gaps, (D, D), **options)
     assert all(word in str(caught.value) for word in words)
+
+
+# --- what an iteration does not see ---
+
+
+@pytest.mark.parametrize(("n", "narrow"), [(48, 1e-3), (64, 1e-6), (128, 1e-6)])
+def test_pressure_of_an_island_behind_a_narrow_film(n, narrow):
+    """The energy of an iterative solution does not see it, elimination does."""
+    h = np.full((n, n), D)
+    h[6:15, 6:15] = narrow * D
+    h[8:13, 8:13] = D
+    k = cell_permeability(h, (D, D))
+    direct = solve_network(*link_conductances(h / D, (D, D), "mirror"), method="direct")
+    assert_allclose(k.fluid_pressure, direct.potential[1:-1], rtol=0, atol=1e-4)
+    assert 0.7 < k.fluid_pressure[10, 10] < 0.95
+
+
+@pytest.mark.parametrize("film", [1e-1, 1e-2, 1e-3, 1e-4])
+def test_pressure_over_a_film_of_any_thickness(film):
+    for seed in range(3):
+        h = cut_by_plane((72, 80), 0.3, seed)
+        h = np.maximum(h / h.max(), film)
+        k = cell_permeability(h, (D, D))
+        direct = solve_network(*link_conductances(h, (D, D), "mirror"), method="direct")
+        assert_allclose(k.fluid_pressure, direct.potential[1:-1], rtol=0, atol=1e-4)
+        assert k.fluid_pressure.min() > -1e-6
+        assert k.fluid_pressure.max() < 1 + 1e-6
+
+
+@pytest.mark.parametrize("sides", SIDES)
+@pytest.mark.parametrize("decades", [3, 6, 9])
+def test_upper_bound_where_the_factorisation_fails(sides, decades):
+    """Any pressure gives a bound: nothing is refused, and a flipped cell gets one as close."""
+    for seed in range(4):
+        rng = np.random.default_rng([3, seed])
+        h = np.where(rng.random((30, 31)) < 0.5, D, D * 10.0**-decades)
+        k = cell_permeability(h, (D, D), sides=sides, bounds=True)
+        flipped = cell_permeability(h[::-1, ::-1], (D, D), sides=sides, bounds=True)
+        assert 0 < k.lower <= k.upper
+        assert k.upper == pytest.approx(flipped.upper, rel=1e-2)
+
+
+def test_upper_bound_of_very_flat_pixels():
+    h = 2 * D + rough((24, 20), 1) / 3
+    k = cell_permeability(h, (1e-3, 1e-6), bounds=True)
+    assert k.lower <= k.upper < 1.05 * k.lower
+
+
+@pytest.mark.parametrize("decades", [2, 3, 4, 5, 6])
+def test_a_tensor_is_right_or_refused(decades):
+    """One column of random gaps: its links in series."""
+    for seed in range(10):
+        h = np.zeros((40, 5))
+        h[:, 2] = D * 10.0 ** np.random.default_rng([5, seed]).uniform(-decades, 0, 40)
+        wrapped = np.pad(h[:, 2], 2, mode="wrap")
+        a, b = wrapped[1:-2], wrapped[2:-1]
+        middle = np.maximum((9 * (a + b) - wrapped[:-3] - wrapped[3:]) / 16, 0.1 * np.minimum(a, b))[1:]
+        exact = 1 / np.mean(12 / middle**3) / 5
+        try:
+            got = permeability_tensor(h, (D, D))[0, 0]
+        except NotConverged as error:
+            assert "contrast" in str(error) or "factorisation" in str(error)  # noqa: PT017
+            assert decades > 2
+        else:
+            assert got == pytest.approx(exact, rel=1e-4)
+
+
+# --- the coarse links of the resampling error ---
+
+
+@pytest.mark.parametrize("shape", [(8, 8), (9, 11), (4, 5), (7, 6)])
+@pytest.mark.parametrize("offset", [(0, 0), (0, 1), (1, 0), (1, 1)])
+@pytest.mark.parametrize("sides", SIDES)
+def test_every_second_pixel_fills_the_same_cell(shape, offset, sides):
+    """Columns of links in series are as long as the cell, rows of them as wide."""
+    (d1, d2), (n1, n2) = (1.0, 3.0), shape
+    c1, c2 = cell._coarse_links(np.ones(shape), (d1, d2), sides, offset)
+    assert_allclose((1 / (1 / c1).sum(axis=0)).sum(), n2 * d2 / (n1 * d1) / 12, rtol=1e-13)
+    if sides == "periodic":
+        assert_allclose((1 / (1 / c2).sum(axis=1)).sum(), n1 * d1 / (n2 * d2) / 12, rtol=1e-13)
+    else:
+        assert_allclose(c2.sum(axis=0), n1 * d1 / (2 * d2) / 12, rtol=1e-13)
+
+
+def test_resampling_error_of_stripes_is_known():
+    columns = np.array([1, 0.8, 0.5, 0.9])
+    k = cell_permeability(np.tile(columns * D, (6, 1)), (D, D), estimate=True, rtol=1e-12)
+    a, b, c, d = columns**3
+    coarse = 1.5 * a + 2.5 * c, 1.5 * d + 2.5 * b
+    assert_allclose(k.resampling_error, max(abs(1 - q / (a + b + c + d)) for q in coarse) / 3, rtol=1e-9)
+
+
+def test_resampling_error_does_not_depend_on_the_seam_of_a_ring():
+    h = D * np.random.default_rng(0).uniform(0.5, 1, (10, 8))
+    errors = [
+        cell_permeability(np.roll(h, n, axis=1), (D, D), sides="periodic", estimate=True, rtol=1e-10).resampling_error
+        for n in (0, 2, 3)
+    ]
+    assert_allclose(errors, errors[0], rtol=1e-8)

@@ -1,5 +1,7 @@
 """Link networks: solvers against each other and against scikit-fem, closed forms, exact duality, any contrast."""
 
+import re
+
 import numpy as np
 import pytest
 import scipy.sparse as sp
@@ -11,7 +13,8 @@ from skfem import Basis, ElementQuad1, MeshQuad
 
 from femseal import analytic
 from femseal.errors import FemsealError, InputError, NotConverged
-from femseal.flow import solve_network
+from femseal.flow import elimination, link_conductances, multigrid, network, solve_network
+from femseal.flow.connectivity import links_between, nodes_reached
 from femseal.flow.forms import flow_along_x1, flow_along_x2
 from femseal.flow.mesh import link_pattern
 
@@ -387,3 +390,112 @@ def test_unknown_method_is_named():
 def test_links_that_are_no_links_are_refused(c1, c2):
     with pytest.raises(FemsealError):
         solve_network(c1, c2)
+
+
+@pytest.mark.parametrize("rtol", [0, -1, np.nan, 1, "fine", None])
+@pytest.mark.parametrize("method", ["auto", "amg"])
+def test_bad_tolerance_is_named(rtol, method):
+    with pytest.raises(InputError, match="rtol"):
+        solve_network(np.ones((3, 3)), np.ones((2, 3)), rtol=rtol, method=method)
+
+
+@pytest.mark.parametrize("c", ["links", [[1, 2], [3]], np.full((2, 2), 1j)])
+def test_what_is_no_array_is_named(c):
+    with pytest.raises(InputError, match="c1"):
+        solve_network(c, np.ones((1, 2)))
+
+
+@pytest.mark.parametrize("scale", [1e-310, 1e-200, 1e-60, 1e100, 1e300])
+@pytest.mark.parametrize("method", ["direct", "multigrid", "auto"])
+@pytest.mark.parametrize("n", [6, 70])
+def test_any_unit_of_the_conductances(scale, method, n):
+    flow = solve_network(np.full((n, n), scale), np.full((n - 1, n), scale), method=method)
+    assert_allclose(flow.rate, scale, rtol=1e-9)
+
+
+def test_contrasts_that_a_double_bears():
+    """Chains in series, whose resistances add, at conductances down to 1e-150."""
+    rng = np.random.default_rng(2)
+    for _ in range(20):
+        c1 = 10.0 ** rng.uniform(-150, 0, (9, 4))
+        flow = solve_network(c1, np.zeros((8, 3)), method="direct")
+        assert_allclose(flow.rate, (1 / (1 / c1).sum(axis=0)).sum(), rtol=1e-12)
+
+
+def test_a_solution_that_does_not_balance_is_refused():
+    c1, c2, keep = np.ones((6, 5)), np.ones((5, 5)), np.ones((7, 5), bool)
+    flow = solve_network(c1, c2)
+    φ = flow.potential[1:-1].ravel()
+    for rate, wrong in ((None, φ + 1e-4), (1.001 * flow.rate, φ)):
+        with pytest.raises(NotConverged, match="inlet and outlet"):
+            network._balanced(c1, c2, keep, wrong, 1 - wrong, rate, 0, 0.0)
+
+
+def test_multigrid_goes_on_where_elimination_could_not_take_over(monkeypatch):
+    c1, c2 = links(70, 70, True, 5, contrast=1e3, closed=0.2)
+    exact = solve_network(c1, c2, method="direct").rate
+    monkeypatch.setattr(network, "DIRECT_NODES", 10)
+    monkeypatch.setattr(network, "_worth_of_multigrid", lambda *sizes: (False, 1))
+    flow = solve_network(c1, c2)
+    assert flow.iterations > 1
+    assert_allclose(flow.rate, exact, rtol=1e-6)
+
+
+def test_what_is_too_large_to_eliminate_and_hidden_has_no_potential(monkeypatch):
+    h = np.ones((48, 48))
+    h[6:15, 6:15] = 1e-5
+    h[8:13, 8:13] = 1
+    c1, c2 = link_conductances(h, (1.0, 1.0), "mirror")
+    monkeypatch.setattr(network, "DIRECT_NODES", 10)
+    flow = solve_network(c1, c2)
+    assert np.isnan(flow.potential[11, 10])
+    assert np.isnan(flow.potential).sum() < 100
+    assert np.isfinite(flow.rate)
+
+
+def test_slender_networks_are_eliminated():
+    """The coarsest grid of multigrid is inverted densely; of these it would be a large one."""
+    for shape in ((4, 2000), (2000, 4), (9, 600)):
+        c = np.ones(shape)
+        assert solve_network(c, c[1:]).iterations == 0
+
+
+@pytest.mark.parametrize("shape", [(20, 16), (21, 17), (33, 12)])
+@pytest.mark.parametrize("ring", [True, False])
+def test_the_preconditioner_is_symmetric(shape, ring):
+    c1, c2 = links(shape[0] + 1, shape[1], ring, 3, contrast=1e3, closed=0.1)
+    zeros = np.zeros((1, 1))
+    levels = multigrid._hierarchy(*multigrid.network_operator(c1, c2, ring), zeros, zeros, ring)
+    inverse = multigrid._inverse(levels[-1], ring)
+
+    def apply(v):
+        levels[0][8][1:-1, 1:-1] = v
+        multigrid._cycle(levels, inverse, ring)
+        return levels[0][7][1:-1, 1:-1].copy()
+
+    u, v = np.random.default_rng(1).standard_normal((2, *shape))
+    assert_allclose((u * apply(v)).sum(), (v * apply(u)).sum(), rtol=1e-10)
+    assert (v * apply(v)).sum() > 0
+
+
+def test_borders_of_fronts_name_every_node_once():
+    c1, c2 = links(30, 24, True, 2, closed=0.2)
+    keep = nodes_reached(c1, c2) == 3
+    c1, c2 = links_between(c1, c2, keep)
+    order, first, parent = elimination._dissect(keep[1:-1], True)
+    assert np.array_equal(np.sort(order), np.flatnonzero(keep[1:-1]))
+    rank = np.full(keep[1:-1].size + 2, -1)
+    rank[order] = np.arange(order.size)
+    rank[-2:] = order.size, order.size + 1
+    border, start, _, _ = elimination._borders(c1, c2, True, order, first, parent, rank)
+    for f in range(first.size - 1):
+        names = border[start[f] : start[f + 1]]
+        assert np.all(np.diff(names) > 0)
+        assert names[0] >= first[f + 1]
+
+
+def test_a_hopeless_iteration_is_given_up_early():
+    c1, c2 = links(70, 70, True, 5, contrast=1e30, closed=0.1)
+    with pytest.raises(NotConverged) as caught:
+        solve_network(c1, c2, method="multigrid")
+    assert int(re.search(r"after (\d+) iterations", str(caught.value))[1]) < 100

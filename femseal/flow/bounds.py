@@ -7,6 +7,7 @@ Upper: Dirichlet energy of a conforming pressure (Q1 on pixel corners). Source: 
 from __future__ import annotations
 
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -24,7 +25,7 @@ from .network import solve_network
 
 Array = NDArray[np.float64]
 #: Error of the pressure behind the upper bound, which is above by its square; iterations before a factorisation.
-_RTOL, _ITERATIONS = 1e-7, 60
+_RTOL, _ITERATIONS = 1e-8, 60
 
 
 def pixel_bounds(gap: Array, spacing: tuple[float, float], sides: str) -> tuple[float, float]:
@@ -33,10 +34,12 @@ def pixel_bounds(gap: Array, spacing: tuple[float, float], sides: str) -> tuple[
     Diagonal neighbours touch in the upper bound and not in the lower one.
     """
     k = gap**3 / 12
-    return _lower(k, spacing, sides == "periodic"), _upper(k, spacing, sides == "periodic")
+    lower, potential = _lower(k, spacing, sides == "periodic")
+    return lower, _upper(k, spacing, sides == "periodic", potential)
 
 
-def _lower(k: Array, spacing: tuple[float, float], periodic: bool) -> float:
+def _lower(k: Array, spacing: tuple[float, float], periodic: bool) -> tuple[float, Array]:
+    """The lower bound, and the potential of the pixels that it comes from."""
     d1, d2 = spacing
     neighbour = np.roll(k, -1, axis=1) if periodic else k[:, 1:]
     here = k if periodic else k[:, :-1]
@@ -44,7 +47,7 @@ def _lower(k: Array, spacing: tuple[float, float], periodic: bool) -> float:
     c2 = _harmonic(here, neighbour) * d1 / d2
     flow = solve_network(c1, c2)
     if not flow.percolates:
-        return 0.0
+        return 0.0, flow.potential[1:-1]
     q1, q2 = _balanced_fluxes(c1, c2, np.nan_to_num(flow.potential), np.nan_to_num(flow.complement))
     if periodic:
         west = np.roll(q2, 1, axis=1)
@@ -58,7 +61,8 @@ def _lower(k: Array, spacing: tuple[float, float], periodic: bool) -> float:
         along = (north**2 + north * south + south**2) / 3 * d1 / d2
         across = (west**2 + west * east + east**2) / 3 * d2 / d1
         energy = np.where(k > 0, (along + across) / k, 0.0).sum()
-    return float(min(abs(q1[0].sum()), abs(q1[-1].sum())) ** 2 / energy)
+    bound = min(abs(q1[0].sum()), abs(q1[-1].sum())) ** 2 / energy if energy > 0 else 0.0
+    return float(bound), flow.potential[1:-1]
 
 
 def _balanced_fluxes(c1: Array, c2: Array, p: Array, complement: Array) -> tuple[Array, Array]:
@@ -88,29 +92,49 @@ def _harmonic(a: Array, b: Array) -> Array:
     return np.divide(2 * a * b, total, out=np.zeros_like(total), where=total > 0)
 
 
-def _upper(k: Array, spacing: tuple[float, float], periodic: bool) -> float:
+def _upper(k: Array, spacing: tuple[float, float], periodic: bool, potential: Array) -> float:
+    """Any pressure gives an upper bound: the better the pressure, the closer."""
     links = [w * k for w in _corner_links(spacing)]
-    reached = corners_reached(k, periodic)
-    keep = reached == 3
+    keep = corners_reached(k, periodic) == 3
     if not keep.any():
         return 0.0
     n1, columns = keep.shape[0] - 1, keep.shape[1]
-    p = np.zeros(keep.shape)
-    p[0] = keep[0]  # other corners are at rest
-    if n1 > 1:
+
+    def energy(inner: Array) -> float:
+        p = np.zeros(keep.shape)
+        p[0] = keep[0]
+        p[1:-1] = np.where(keep[1:-1], inner, 0.0)  # other corners are at rest
+        return float(corner_energy(*links, p, periodic))
+
+    if n1 == 1:
+        return energy(np.zeros((0, columns)))
+    if coarsest_nodes(n1 - 1, columns) <= COARSEST_NODES:
         operator, inlet, outlet = corner_operator(*links, keep, periodic)
-        fits = coarsest_nodes(n1 - 1, columns) <= COARSEST_NODES
         try:
-            if not fits:
-                raise NotConverged("flow: too slender for multigrid", np.inf)
-            p[1:-1] = solve_multigrid(operator, periodic, inlet, outlet, _RTOL, _ITERATIONS)[0]
+            return energy(solve_multigrid(operator, periodic, inlet, outlet, _RTOL, _ITERATIONS)[0])
         except NotConverged:
-            p[1:-1] = _corner_potential(k, spacing, periodic, keep)
-    return corner_energy(*links, p, periodic)
+            pass
+    candidates = [_mean_at_corners(k, potential, periodic)[1:-1]]
+    try:
+        p = _corner_potential(k, spacing, periodic, keep)
+        candidates += [p, np.clip(p, 0.0, 1.0)]
+    except NotConverged:
+        pass
+    return min(energy(p) for p in candidates)
+
+
+def _mean_at_corners(k: Array, potential: Array, periodic: bool) -> Array:
+    """Mean of the potential of the pixels about each corner, weighted with their permeability."""
+    sides: Any = "wrap" if periodic else "constant"
+    weight, value = (np.pad(np.pad(a, ((1, 1), (0, 0))), ((0, 0), (1, 1)), mode=sides)
+                     for a in (k, k * np.nan_to_num(potential)))  # fmt: skip
+    weight, value = (a[:-1, :-1] + a[:-1, 1:] + a[1:, :-1] + a[1:, 1:] for a in (weight, value))
+    mean = np.divide(value, weight, out=np.zeros_like(value), where=weight > 0)
+    return mean[:, :-1] if periodic else mean
 
 
 def _corner_potential(k: Array, spacing: tuple[float, float], periodic: bool, keep: NDArray[np.bool_]) -> Array:
-    """Pressure at the inner corners by a sparse factorisation of the matrix assembled by scikit-fem."""
+    """Pressure at the inner corners by a sparse factorisation, whatever its residual; 0 where it is no number."""
     d1, d2 = spacing
     n1, n2 = k.shape
     corner, local1, local2 = _corner_assembly(n1, n2, periodic)
@@ -124,8 +148,8 @@ def _corner_potential(k: Array, spacing: tuple[float, float], periodic: bool, ke
     p[:columns] = keep[0]
     if unknown.any():
         i = np.flatnonzero(unknown)
-        p[i] = solve_spd(full[i][:, i].tocsc(), -(full[i] @ p), 1e-12).x
-    return p.reshape(keep.shape)[1:-1]
+        p[i] = solve_spd(full[i][:, i].tocsc(), -(full[i] @ p), 1e-12, direct_residual=np.inf).x
+    return np.nan_to_num(p).reshape(keep.shape)[1:-1]
 
 
 def _corner_links(spacing: tuple[float, float]) -> tuple[float, float, float]:

@@ -16,12 +16,12 @@ import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
 
 from .. import checks
-from ..errors import InputError
+from ..errors import InputError, NotConverged
 from .bounds import pixel_bounds
 from .conductance import conductances_between, validated_cell, validated_gap
 from .connectivity import winding_components
 from .linear import solve_spd
-from .network import solve_network
+from .network import MAX_IMBALANCE, solve_network
 
 Array = NDArray[np.float64]
 
@@ -136,6 +136,8 @@ def cell_permeabilities(
     if stack.ndim != 3:
         raise InputError.of("gaps", f"shape {stack.shape}", "a shape (n, n1, n2)")
     threads = checks.count("threads", threads)
+    if not np.iterable(axes):
+        raise InputError.of("axes", repr(axes), "a list of 0 (x1) and 1 (x2)")
     axes = [checks.axis_number(axis) for axis in axes]
     for gap in stack:
         validated_cell(gap, spacing, 0, sides)
@@ -206,6 +208,7 @@ def permeability_tensor(gap: ArrayLike, spacing: tuple[float, float]) -> Array:
     Raises
     ------
     InputError : a gap that is negative, undefined or not two-dimensional.
+    NotConverged : the solution lost too many digits, as it may at contrasts of the gap above 1e4.
     """
     h, (d1, d2) = validated_gap(gap, spacing)
     n1, n2 = h.shape
@@ -238,8 +241,15 @@ def permeability_tensor(gap: ArrayLike, spacing: tuple[float, float]) -> Array:
         matrix = (g.T @ sp.diags_array(c) @ g).tocsc()
         correction[unknown] = solve_spd(matrix, -(g.T @ (c[:, None] * mean_drop)), 1e-12).x
     drop = mean_drop + gradient @ correction
-    tensor = scale**3 * (drop.T @ (c[:, None] * drop)) / (n1 * d1 * n2 * d2)
+    tensor, flux = drop.T @ (c[:, None] * drop), mean_drop.T @ (c[:, None] * drop)
     closed = ~winds.any(axis=(0, 1))
-    tensor[closed, :] = 0.0
-    tensor[:, closed] = 0.0
-    return tensor
+    for a in (tensor, flux):
+        a[closed, :] = 0.0
+        a[:, closed] = 0.0
+    largest = np.sqrt(np.outer(tensor.diagonal(), tensor.diagonal()))
+    error = float((np.abs(tensor - flux) / np.where(largest > 0, largest, 1.0)).max())
+    if not error <= MAX_IMBALANCE:
+        raise NotConverged(
+            f"flow: energy and mean flux of the cell differ by {error:.1e}; the contrast is too high", error
+        )
+    return scale**3 * tensor / (n1 * d1 * n2 * d2)

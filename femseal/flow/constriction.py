@@ -39,7 +39,8 @@ def critical_constriction(
     InputError : as `cell_permeability`.
     """
     h, (d1, d2) = validated_cell(gap, spacing, axis, sides)
-    h1, h2 = (np.cbrt(c) for c in conductances_between(h, 12.0, 12.0, False, sides == "periodic"))
+    scale = float(h.max()) or 1.0
+    h1, h2 = (scale * np.cbrt(c) for c in conductances_between(h / scale, 12.0, 12.0, False, sides == "periodic"))
     values = np.concatenate([h1.ravel(), h2.ravel()])
     widest_first = np.argsort(-values, kind="stable")
     link = _joining(widest_first, values, h.shape[0], h.shape[1], h2.shape[1])

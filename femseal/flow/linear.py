@@ -31,7 +31,9 @@ class LinearSolution:
     residual: float
 
 
-def solve_spd(a: sp.csc_array, b: Array, rtol: float, method: str = "auto") -> LinearSolution:
+def solve_spd(
+    a: sp.csc_array, b: Array, rtol: float, method: str = "auto", direct_residual: float = 1e-8
+) -> LinearSolution:
     """Solve A x = b, scaled to unit diagonal so that any contrast of the coefficients is bearable.
 
     Parameters
@@ -40,10 +42,11 @@ def solve_spd(a: sp.csc_array, b: Array, rtol: float, method: str = "auto") -> L
     b : (n,) or (n, m).
     rtol : relative error of the energy bᵀx to reach iteratively.
     method : "auto" by size, "direct" or "amg".
+    direct_residual : allowed to a direct solution.
 
     Raises
     ------
-    NotConverged : the iteration stalled, or the direct residual is above 1e-8.
+    NotConverged : the iteration stalled, the factorisation failed, or its residual is too large.
     """
     scale = 1 / np.sqrt(a.diagonal())
     columns = np.repeat(np.arange(a.shape[0]), np.diff(a.indptr))
@@ -52,13 +55,16 @@ def solve_spd(a: sp.csc_array, b: Array, rtol: float, method: str = "auto") -> L
     direct = method == "direct" or (method == "auto" and a.shape[0] <= DIRECT_UNKNOWNS)
     if direct:
         options = {"SymmetricMode": True}
-        factor = splu(scaled, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
+        try:
+            factor = splu(scaled, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
+        except RuntimeError as error:
+            raise NotConverged(f"flow: the factorisation failed: {error}", np.inf) from None
         y, iterations = factor.solve(rhs), 0
     else:
         y, iterations = _conjugate_gradients(scaled.tocsr(), rhs, rtol)
     norm = float(np.linalg.norm(rhs))
     residual = float(np.linalg.norm(rhs - scaled @ y)) / norm if norm else 0.0
-    if direct and not residual < 1e-8:
+    if direct and not residual <= direct_residual:
         raise NotConverged(f"flow: the direct solution has a residual of {residual:.1e}", residual)
     return LinearSolution((y.T * scale).T, iterations, residual)
 

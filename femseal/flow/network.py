@@ -7,11 +7,12 @@ nothing, and without an open path the flow is exactly 0.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from .. import checks
 from ..errors import InputError, NotConverged
 from .connectivity import links_between, nodes_reached
 from .elimination import eliminate
@@ -25,6 +26,9 @@ Flags = NDArray[np.bool_]
 MAX_IMBALANCE = 1e-5
 #: Nodes up to which the network may be eliminated directly (about 2 GB at the limit).
 DIRECT_NODES = 3_000_000
+#: Links narrower than this share of the widest are lost in sums of conductances: what hangs on them only is not seen
+#: by an iteration.
+_SEEN = 1e-11
 #: Iterations of multigrid allowed where elimination cannot take over.
 _MOST_ITERATIONS = 400
 METHODS = ("auto", "direct", "multigrid", "amg")
@@ -59,9 +63,11 @@ def solve_network(c1: Array, c2: Array, *, rtol: float = 1e-6, method: str = "au
     ----------
     c1, c2 : conductances >= 0 of the links along x1 and x2; c2 has n2 columns on a periodic network, n2 − 1 otherwise.
     rtol : relative error of the rate allowed to an iterative solution.
-    method : "direct" (star-mesh elimination, keeps its relative accuracy at any contrast), "multigrid" (conjugate
-        gradients on the grid's own hierarchy), "amg" (on pyamg's, the matrix assembled by scikit-fem), or "auto":
-        multigrid where it is expected to be faster, and elimination wherever that does not converge.
+    method : "direct" (star-mesh elimination, keeps its relative accuracy at any contrast up to 1e150), "multigrid"
+        (conjugate gradients on the grid's own hierarchy), "amg" (on pyamg's, the matrix assembled by scikit-fem), or
+        "auto": multigrid where it is expected to be faster, and elimination wherever that does not converge or does
+        not see what hangs on links 1e-11 times as wide as others. Of networks too large for elimination the
+        potential there is NaN.
 
     Raises
     ------
@@ -70,40 +76,58 @@ def solve_network(c1: Array, c2: Array, *, rtol: float = 1e-6, method: str = "au
     """
     if method not in METHODS:
         raise InputError.of("method", method, f"one of {', '.join(METHODS)}")
+    checks.tolerance("rtol", rtol)
     c1, c2, periodic = _validated(c1, c2)
-    n1, n2 = c1.shape
     reached = nodes_reached(c1, c2)
     percolates = bool(reached[0, 0] == 3)
-    if not percolates or n1 == 1:
+    if not percolates or len(c1) == 1:
         potential = _AT_REST.take(reached)
         potential[0], potential[-1] = 1.0, 0.0
         return NetworkFlow(float(c1.sum()) if percolates else 0.0, potential, 1 - potential, percolates, 0, 0.0, 0.0)
     keep = reached == 3
     c1, c2 = links_between(c1, c2, keep)
+    # a power of two changes no digit and keeps products from overflowing
+    exponent = int(np.floor(np.log2(max(c1.max(), c2.max(initial=0.0)))))
+    flow = _solve(np.ldexp(c1, -exponent), np.ldexp(c2, -exponent), keep, periodic, rtol, method)
+    return replace(flow, rate=float(np.ldexp(flow.rate, exponent)))
+
+
+def _solve(c1: Array, c2: Array, keep: Flags, periodic: bool, rtol: float, method: str) -> NetworkFlow:
+    """Elimination unless something else is asked for, or expected to be faster and fit."""
+    n1, n2 = c1.shape
     if method == "amg":
         return _by_amg(c1, c2, keep, periodic, rtol)
     if method == "multigrid":
         return _by_multigrid(c1, c2, keep, periodic, rtol, _MOST_ITERATIONS)
     nodes = int(np.count_nonzero(keep[1:-1]))
     bearable = nodes <= DIRECT_NODES
-    if method == "auto":
-        if coarsest_nodes(n1 - 1, n2) <= COARSEST_NODES:
-            worth, limit = _worth_of_multigrid((n1 - 1) * n2, nodes)
-            if worth or not bearable:
-                try:
-                    return _by_multigrid(c1, c2, keep, periodic, rtol, limit if bearable else _MOST_ITERATIONS)
-                except NotConverged:
-                    if not bearable:
-                        raise
-        elif not bearable:
-            return _by_amg(c1, c2, keep, periodic, rtol)
+    fits = coarsest_nodes(n1 - 1, n2) <= COARSEST_NODES
+    if method == "auto" and not (bearable or fits):
+        return _by_amg(c1, c2, keep, periodic, rtol)
+    worth, limit = _worth_of_multigrid((n1 - 1) * n2, nodes)
+    if method == "auto" and fits and (worth or not bearable):
+        hidden = keep & (nodes_reached(np.where(c1 >= _SEEN, c1, 0.0), np.where(c2 >= _SEEN, c2, 0.0)) == 0)
+        if not bearable:
+            flow = _by_multigrid(c1, c2, keep, periodic, rtol, _MOST_ITERATIONS)
+            flow.potential[hidden] = flow.complement[hidden] = np.nan
+            return flow
+        if not hidden.any():
+            try:
+                return _by_multigrid(c1, c2, keep, periodic, rtol, limit)
+            except NotConverged:
+                pass
     rate, φ, ψ = eliminate(c1, c2, keep[1:-1], periodic)
     return _balanced(c1, c2, keep, φ, ψ, rate, 0, 0.0)
 
 
 def _validated(c1: Array, c2: Array) -> tuple[Array, Array, bool]:
     """Conductances as arrays, and whether the columns form a ring."""
-    c1, c2 = np.ascontiguousarray(c1, dtype=float), np.ascontiguousarray(c2, dtype=float)
+    try:
+        if np.iscomplexobj(c1) or np.iscomplexobj(c2):
+            raise TypeError
+        c1, c2 = np.ascontiguousarray(c1, dtype=float), np.ascontiguousarray(c2, dtype=float)
+    except (TypeError, ValueError):
+        raise InputError("c1, c2: given no arrays of real numbers, allowed are (n1, n2) and (n1 - 1, n2)") from None
     if c1.ndim != 2 or c1.size == 0:
         raise InputError.of("c1", f"shape {c1.shape}", "a shape (n1, n2)")
     n1, n2 = c1.shape
