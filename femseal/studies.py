@@ -31,7 +31,7 @@ from .scales import (
     respond,
     solve_global_scale,
 )
-from .scales.response import flow_history
+from .scales.response import body_standoff, flow_history, set_down
 from .seal import RectangularSeal, seal_leakage
 from .topography import Topography
 
@@ -271,7 +271,10 @@ def _window_half_space(scene: Scene, partition: Partition, longest_wave: float |
 
 
 def _window_contacts(scene: Scene, partition: Partition, world: GlobalScale, map: Map) -> list[WindowHistory]:
-    """Fine waves on the global raw gap, under the window's global pressure; long waves respond globally only."""
+    """Fine waves on the global raw gap, under the window's global pressure; long waves respond globally only.
+
+    Windows without pressure stand off as the asperities of the others make the whole body do.
+    """
     m1, m2 = partition.cells
     gap0 = world.raw_gap + _fine_waves(scene.surface, partition.cut_off)
     places = [(i, j) for i in range(m1) for j in range(m2)]
@@ -284,7 +287,9 @@ def _window_contacts(scene: Scene, partition: Partition, world: GlobalScale, map
         rtol=scene.rtol,
     )
     gaps = (partition.cut(gap0, i, j) for i, j in places)
-    return list(map(task, gaps, [world.pressure[:, i, j] for i, j in places]))
+    histories = list(map(task, gaps, [world.pressure[:, i, j] for i, j in places]))
+    standoff = body_standoff(histories)
+    return [set_down(history, standoff) for history in histories]
 
 
 def _stitch(histories: list[WindowHistory], cells: tuple[int, int], name: str) -> NDArray[np.float32]:

@@ -9,7 +9,7 @@ from femseal.errors import InputError
 from femseal.flow import cell_permeability
 from femseal.scales import Ladder, Partition, build_ladder_library, draw_links, respond, solve_global_scale
 from femseal.scales.library import LadderLibrary
-from femseal.scales.response import flow_history
+from femseal.scales.response import WindowHistory, body_standoff, flow_history, set_down
 from femseal.topography import Topography, self_affine
 
 E, H = 115e9, 3e9
@@ -199,6 +199,61 @@ def _library(k, steps, separations=(), rigid=None, rms=1e-7):
     rigid = np.zeros((n, 2, 0)) if rigid is None else np.asarray(rigid, float)
     empty = np.zeros((n, len(steps)))
     return LadderLibrary(Ladder(tuple(steps), tuple(separations)), k, rigid, empty, empty, rms, np.full((n, 2, 2), 0.5))
+
+
+class TestStandoff:
+    """Of a body on windows: 40 nm where 3 parts of the load are, 80 nm where 1 is; the third window has none."""
+
+    steps = load_programme((1e8, 2e8))
+
+    def histories(self, loads=((3e8, 1e8), (1e8, 3e8)), held=((4e-8, 8e-8), (8e-8, 4e-8))):
+        out = []
+        for p, d in zip(loads, held, strict=True):
+            pressure = np.ones((2, 4, 4), np.float32) * np.array(p, np.float32)[:, None, None]
+            standoff = np.where(np.array(p) > 0, d, np.nan)
+            out.append(WindowHistory(np.zeros((2, 4, 4), np.float32), pressure, np.zeros(2), np.zeros(2), standoff))
+        gap = np.linspace(-1e-7, 5e-8, 32, dtype=np.float32).reshape(2, 4, 4)
+        zeros = np.zeros((2, 4, 4), np.float32)
+        return [*out, WindowHistory(gap, zeros, np.zeros(2), np.zeros(2), np.full(2, np.nan))]
+
+    def test_is_the_mean_over_the_load(self):
+        assert_allclose(body_standoff(self.histories()), 5e-8, rtol=1e-6)
+
+    def test_without_load_is_that_of_first_touch(self):
+        histories = self.histories(loads=((0, 0), (0, 1e8)))
+        gap = histories[2].gap
+        assert_allclose(body_standoff(histories), [max(0, -gap[0].min()), 4e-8], rtol=1e-6)
+        down = [set_down(h, body_standoff(histories)) for h in histories]
+        assert min(h.gap[0].min() for h in down) == 0
+        assert down[2].gap[0].max() > 0
+
+    def test_moves_windows_without_pressure_only_and_lets_nothing_overlap(self):
+        histories = self.histories()
+        down = [set_down(h, np.array([3e-8, -1e-8])) for h in histories]
+        for before, after in zip(histories[:2], down[:2], strict=True):
+            assert np.array_equal(before.gap, after.gap)
+        expected = np.maximum(histories[2].gap + np.array([3e-8, -1e-8])[:, None, None], 0)
+        assert_allclose(down[2].gap, expected, atol=1e-13)
+        assert np.isnan(set_down(self.histories()[0], np.ones(2)).standoff).sum() == 0
+
+    def test_steps_that_failed_stay_unknown(self):
+        histories = self.histories()
+        histories[2].gap[1] = np.nan
+        assert np.isfinite(body_standoff(histories)).all()
+        assert np.isnan(set_down(histories[2], np.zeros(2)).gap[1]).all()
+        assert np.isfinite(set_down(histories[2], np.zeros(2)).gap[0]).all()
+
+    def test_of_a_smooth_window_is_none_and_of_a_rough_one_its_approach(self):
+        body = HalfSpace((32, 32), (1e-6, 1e-6), E, "mirror")
+        rough = -self_affine((32, 32), (32e-6, 32e-6), hurst=0.8, rms_slope=0.2, rng=1).heights
+        steps = load_programme((1e8,))
+        for gap0 in (np.zeros((32, 32)), rough - rough.mean()):
+            history = respond(gap0, [1e8], steps, body, hardness=H, rigid_at_zero=True)
+            contact = solve_contact(gap0, body, pressure=1e8, hardness=H)
+            assert history.standoff[0] == pytest.approx(-contact.approach, abs=1e-12)
+            # K moves nothing on the mean: the mean raw gap is the standoff
+            assert contact.raw_gap.mean() == pytest.approx(history.standoff[0] + gap0.mean(), abs=1e-12)
+            assert (history.standoff[0] > 1e-8) == bool(gap0.any())
 
 
 class TestLadderLibrary:

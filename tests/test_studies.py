@@ -13,10 +13,10 @@ from femseal.contact import HalfSpace, LoadStep, load_cycle
 from femseal.errors import FemsealError, InputError, NotConverged
 from femseal.flow import cell_permeability
 from femseal.fluids import IdealGas, Liquid
-from femseal.scales import Partition, draw_links
+from femseal.scales import draw_links
 from femseal.seal import RectangularSeal
 from femseal.studies import Sampling, Scene, StochasticResult, deterministic, stochastic, two_scale
-from femseal.topography import Topography, self_affine
+from femseal.topography import Topography, self_affine, turned
 
 MODULUS, HARDNESS = 115e9, 3e9
 WATER, DROP = Liquid(viscosity=1e-3), 1e6
@@ -88,7 +88,7 @@ class TestClosedForms:
 
     @pytest.mark.parametrize("waves", [0, 8])
     def test_gaps_across_the_leakage_are_in_series(self, waves):
-        """A column of closed windows carries the touch; the others stay open by a gap h that depends on x1 alone.
+        """A column of windows touches; the others stay open by a gap h that depends on x1 alone.
 
         They leak 1/⟨12/h³⟩ each: for a(1 + ε cos) in closed form, for ε = 0 that of parallel plates.
         """
@@ -98,15 +98,27 @@ class TestClosedForms:
         # too narrow for the global scale, which sees their mean, but high enough to close
         heights[:, :w] = ridge * (1 + 0.9 * np.cos(2 * np.pi * (n / 8) * x1))[:, None]
         scene = make_scene(heights)
-        partition = Partition((n, n), (PIXEL, PIXEL), (4, 4))
-        # the touch is between the low-pass face, on the global grid, and the flat
-        smooth = scene.surface.low_pass(partition.cut_off)
-        touch = smooth.resample((64, 64)).heights.max()
+        touch = heights.max()
         result = two_scale(scene, (4, 4))
         assert (result.k1[0, :, 0] == 0).all()
         k = analytic.wavy_gap_across(touch, a / touch) if waves else analytic.parallel_plates(touch)
         assert_allclose(result.k1[0, :, 1:], k, rtol=2e-3 if waves else 1e-5)
         assert_allclose(result.leakage[0], leakage_of(0.75 * k, scene), rtol=2e-3 if waves else 1e-5)
+
+    def test_windows_without_pressure_stand_off_as_in_the_deterministic_solution(self):
+        """Asperities on the ridges hold the body off: without them its gap in the valleys is too narrow by a sixth."""
+        n = 256
+        face = turned((n, n), (n * PIXEL, n * PIXEL), pitch=n * PIXEL / 7, depth=2.5 * PIXEL, roughness=0.35 * PIXEL,
+                      roughness_roll_off=16 * PIXEL, cut_off=8 * PIXEL, rng=1)  # fmt: skip
+        low, high = 0.004 * HARDNESS, 0.1 * HARDNESS
+        scene = make_scene(face.heights, loading=(low, high), unload_from=(high,), unloading=(low,), rtol=1e-5)
+        result, exact = two_scale(scene, (8, 8)), deterministic(scene)
+        mean_gap = exact.gap.reshape(-1, 8, 32, 8, 32).mean(axis=(2, 4))
+        for s, allowed in ((0, 0.1), (2, 0.03)):
+            unloaded = result.pressure[s] <= 0
+            error = np.median((result.mean_gap[s] / mean_gap[s] - 1)[unloaded])
+            assert abs(error) < allowed, scene.steps[s].name
+        assert (result.pressure[0] <= 0).sum() > 16
 
     @pytest.mark.parametrize("waves", [0, 8])
     def test_gaps_across_the_leakage_are_in_series_at_full_resolution(self, waves):
@@ -548,8 +560,11 @@ class TestFailures:
         assert np.isfinite(result.leakage).all()
         row, place = divmod(lost, 3)
         kept = np.arange(3) != place
-        assert_array_equal(result.library.k1[row, kept], whole.k1[row, kept])
-        assert_array_equal(result.library.k1[row, place], whole.k1[row, (place + 1) % 3])
+        others = [0, 2, 3, 4]
+        assert_array_equal(result.library.k1[row, kept][:, others], whole.k1[row, kept][:, others])
+        assert_array_equal(result.library.k1[row, place][others], whole.k1[row, (place + 1) % 3][others])
+        # at the step that failed the standoff of the body is known from one cell less
+        assert_allclose(result.library.k1[row, kept, 1], whole.k1[row, kept, 1], rtol=0.05)
         assert np.isnan(result.library.curves.k[lost, 1])
 
     def test_a_cell_of_a_library_of_a_ladder_is_left_out(self, rough, monkeypatch):

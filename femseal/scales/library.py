@@ -19,7 +19,7 @@ from scipy.interpolate import PchipInterpolator
 
 from ..contact import HalfSpace, LoadStep
 from ..errors import FemsealError, InputError
-from .response import flow_history, respond
+from .response import WindowHistory, body_standoff, flow_history, respond, set_down
 
 Array = NDArray[np.float64]
 Map = Callable[..., Iterable[Any]]
@@ -282,9 +282,15 @@ def build_placed_library(
     """
     tables, records, counts, failures = [], [], {"solved": 0, "closed": 0, "open": 0}, []
     per_row = len(gaps[0]) // rows[0]
+    contact = partial(
+        respond, steps=tuple(steps), half_space=half_space, hardness=hardness, rigid_at_zero=True, rtol=rtol
+    )
+    histories = [list(map(contact, gaps[axis], pressures[axis])) for axis in (0, 1)]
+    standoff = body_standoff(histories[0])
     for axis in (0, 1):
-        task = partial(_placed_cell, axis=axis, steps=tuple(steps), half_space=half_space, hardness=hardness, rtol=rtol)
-        cells = list(map(task, gaps[axis], pressures[axis]))
+        cells = list(
+            map(partial(_placed_cell, axis=axis, spacing=half_space.spacing, standoff=standoff), histories[axis])
+        )
         k = np.array([c["k"] for c in cells]).reshape(rows[axis], per_row, len(steps))
         # a cell that failed anywhere is replaced by the next one of its row
         tables.append(_without_failed(k))
@@ -314,18 +320,9 @@ def _without_failed(k: Array) -> Array:
     return k
 
 
-def _placed_cell(
-    gap0: Array,
-    pressures: Array,
-    *,
-    axis: int,
-    steps: tuple[LoadStep, ...],
-    half_space: HalfSpace,
-    hardness: float,
-    rtol: float,
-) -> dict[str, Any]:
-    history = respond(gap0, pressures, steps, half_space, hardness=hardness, rigid_at_zero=True, rtol=rtol)
-    flow = flow_history(history.gap, half_space.spacing, axis)
+def _placed_cell(history: WindowHistory, *, axis: int, spacing: tuple[float, float], standoff: Array) -> dict[str, Any]:
+    history = set_down(history, standoff)
+    flow = flow_history(history.gap, spacing, axis)
     return {
         "k": flow.permeability,
         "mean_gap": history.mean_gap,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
@@ -26,6 +26,7 @@ class WindowHistory:
     pressure: NDArray[np.float32] = field(metadata={"unit": "Pa", "long_name": "contact pressure"})
     contact_fraction: Array = field(metadata={"unit": "1", "long_name": "share of the window in contact"})
     plastic_fraction: Array = field(metadata={"unit": "1", "long_name": "share of the window at the hardness"})
+    standoff: Array = field(metadata={"unit": "m", "long_name": "distance that asperities add; NaN without pressure"})
     failures: tuple[str, ...] = ()
 
     @property
@@ -53,12 +54,13 @@ def respond(
     steps : the programme; an unloading step takes the permanent deformation of its peak's loading step.
     half_space : elastic body and boundary kinds of the window.
     hardness : H [Pa].
-    rigid_at_zero : without pressure the window keeps the gap given (True) or is brought to first touch (False).
+    rigid_at_zero : without pressure the window keeps the gap given, which may be negative until `set_down` (True), or
+        is brought to first touch (False).
     """
     shape = half_space.shape
     n = len(steps)
     gaps, stresses = np.full((n, *shape), np.nan, np.float32), np.full((n, *shape), np.nan, np.float32)
-    contact_fraction, plastic_fraction = np.full(n, np.nan), np.full(n, np.nan)
+    contact_fraction, plastic_fraction, standoff = np.full(n, np.nan), np.full(n, np.nan), np.full(n, np.nan)
     left: dict[float, Array] = {}
     failures = []
     for s, step in enumerate(steps):
@@ -68,10 +70,8 @@ def respond(
             failures.append(f"{step.name}: the peak of this unloading failed")
             continue
         if pressures[s] <= 0 and rigid_at_zero:
-            gaps[s] = np.maximum(undeformed if memory is None else undeformed + memory, 0.0)
-            stresses[s] = 0.0
-            contact_fraction[s] = np.count_nonzero(gaps[s] == 0) / gaps[s].size
-            plastic_fraction[s] = 0.0
+            gaps[s] = undeformed if memory is None else undeformed + memory
+            stresses[s] = contact_fraction[s] = plastic_fraction[s] = 0.0
             if step.unloaded_from is None:
                 left[step.pressure] = np.zeros(shape)
             continue
@@ -84,9 +84,40 @@ def respond(
             continue
         gaps[s], stresses[s] = contact.gap, contact.pressure
         contact_fraction[s], plastic_fraction[s] = contact.area_fraction, contact.plastic_fraction
+        standoff[s] = -contact.approach
         if step.unloaded_from is None:
             left[step.pressure] = contact.plastic_deformation
-    return WindowHistory(gaps, stresses, contact_fraction, plastic_fraction, tuple(failures))
+    return WindowHistory(gaps, stresses, contact_fraction, plastic_fraction, standoff, tuple(failures))
+
+
+def body_standoff(histories: Sequence[WindowHistory]) -> Array:
+    """How far the asperities of the loaded windows hold the whole body off at every step [m].
+
+    The mean over the windows, weighted with their pressure; without any pressure, what brings the body to first touch.
+    A global contact of smooth faces does not know of the asperities on them: where nothing touches, its gap is too
+    narrow by as much.
+    """
+    out = np.zeros(len(histories[0].standoff))
+    for s in range(out.size):
+        loaded = [h for h in histories if np.isfinite(h.standoff[s])]
+        known = [h for h in histories if np.isfinite(h.gap[s]).all()]
+        if loaded:
+            weights = [h.pressure[s].mean(dtype=float) for h in loaded]
+            out[s] = float(np.average([h.standoff[s] for h in loaded], weights=weights))
+        elif known:
+            out[s] = -min(float(h.gap[s].min()) for h in known)
+    return out
+
+
+def set_down(history: WindowHistory, standoff: Array) -> WindowHistory:
+    """The steps without pressure at the distance that the body has there; what would overlap touches."""
+    gap = history.gap.copy()
+    rigid = np.isfinite(gap).all(axis=(1, 2)) & ~np.isfinite(history.standoff)
+    for s in np.flatnonzero(rigid):
+        rounding = 4 * np.finfo(np.float32).eps * max(float(np.abs(gap[s]).max()), abs(standoff[s]))
+        gap[s] += np.float32(standoff[s])
+        gap[s][gap[s] <= rounding] = 0.0
+    return replace(history, gap=gap)
 
 
 @dataclass(frozen=True)
