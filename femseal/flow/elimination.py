@@ -29,19 +29,19 @@ _fast: dict[str, Any] = {**_exact, "error_model": "numpy", "fastmath": {"reassoc
 
 
 @njit(**_exact)
-def eliminate(c1, c2, keep, periodic):
+def eliminate(c1, c2, keep, periodic, inlet, outlet):
     """Conductance between inlet and outlet, and of each inner node the potential φ and 1 − φ.
 
-    c1 (n1, n2), c2 (n1 − 1, n2 or n2 − 1) : conductances of the links as in `network`. keep (n1 − 1, n2) : the nodes
-    that both ends reach; links to others must be closed. Other nodes get φ = 0 and 1 − φ = 0.
+    c1 (n1, n2), c2 (n1 − 1, n2 or n2 − 1) : conductances of the links as in `network`, of which those of c1 to the ends
+    are not used. keep (n1 − 1, n2) : nodes to solve for, which both ends have to reach; others get φ = 0 and 1 − φ = 0,
+    and links to them count as closed. inlet, outlet (n1 − 1, n2) : links of each node to the ends, φ = 1 and 0.
     """
     order, first, parent = _dissect(keep, periodic)
     n = order.size
     # nodes go by their place in the order; after them come inlet and outlet
-    rank = np.full(keep.size + 2, -1, np.int64)
+    rank = np.full(keep.size, -1, np.int64)
     for i in range(n):
         rank[order[i]] = i
-    rank[keep.size], rank[keep.size + 1] = n, n + 1
     border, start, width, waiting = _borders(c1, c2, periodic, order, first, parent, rank)
     fronts = first.size - 1
     at = np.zeros(fronts + 1, np.int64)
@@ -68,10 +68,13 @@ def eliminate(c1, c2, keep, periodic):
         for i in range(q):
             local[border[start[f] + i]] = p + i
         for i in range(p):
-            _links(c1, c2, periodic, order[a + i], neighbour, link)
+            node = order[a + i]
+            _links(c1, c2, periodic, node, neighbour, link)
             for k in range(4):
                 if link[k] > 0.0 and rank[neighbour[k]] > a + i:
                     front[i, local[rank[neighbour[k]]]] += link[k]
+            front[i, p + q - 2] += inlet[node // c1.shape[1], node % c1.shape[1]]
+            front[i, p + q - 1] += outlet[node // c1.shape[1], node % c1.shape[1]]
         while n_pending > 0 and parent[pending[n_pending - 1]] == f:
             n_pending -= 1
             child = pending[n_pending]
@@ -103,14 +106,13 @@ def eliminate(c1, c2, keep, periodic):
 
 @njit(**_exact)
 def _links(c1, c2, periodic, node, neighbour, link):
-    """Neighbours and conductances of an inner node: above, below, left and right; the ends come after all nodes."""
+    """Inner neighbours of an inner node and the links to them: above, below, left and right."""
     n1, n2 = c1.shape
-    inner = (n1 - 1) * n2
     i, j = node // n2, node % n2
-    neighbour[0] = node - n2 if i > 0 else inner
-    link[0] = c1[i, j]
-    neighbour[1] = node + n2 if i < n1 - 2 else inner + 1
-    link[1] = c1[i + 1, j]
+    neighbour[0] = node - n2 if i > 0 else node
+    link[0] = c1[i, j] if i > 0 else 0.0
+    neighbour[1] = node + n2 if i < n1 - 2 else node
+    link[1] = c1[i + 1, j] if i < n1 - 2 else 0.0
     row = i * n2
     neighbour[2] = row + (j - 1) % n2
     link[2] = c2[i, (j - 1) % n2] if (periodic or j > 0) and n2 > 1 else 0.0

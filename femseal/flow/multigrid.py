@@ -46,7 +46,13 @@ def coarsest_nodes(n1: int, n2: int) -> int:
 
 
 def solve_multigrid(
-    operator: tuple[Array, ...], ring: bool, inlet: Array, outlet: Array, rtol: float, limit: int
+    operator: tuple[Array, ...],
+    ring: bool,
+    inlet: Array,
+    outlet: Array,
+    rtol: float,
+    limit: int,
+    judged: NDArray[np.bool_] | None = None,
 ) -> tuple[Array, int, float]:
     """Potential φ of the nodes for a unit drop, iterations, and the error estimate reached.
 
@@ -57,8 +63,9 @@ def solve_multigrid(
     ring : whether the columns form a ring.
     inlet, outlet : (n2) links of the first and the last row of nodes to the ends, φ = 1 and 0.
     rtol : of √(rᵀM⁻¹r / rate), which estimates the error of φ in the norm of the energy; M⁻¹r, an estimate of the error
-        itself, may be 100 times that at any node.
+        itself, may be 100 times that at any node judged.
     limit : of iterations.
+    judged : nodes (n1, n2) whose potential has to be right, all unless given.
 
     Raises
     ------
@@ -70,7 +77,9 @@ def solve_multigrid(
     """
     five = (np.zeros((1, 1)), np.zeros((1, 1))) if len(operator) == 3 else ()
     try:
-        x, iterations, error = _solve(*operator, *five, ring, inlet, outlet, rtol, limit)
+        if judged is None:
+            judged = np.ones((operator[0].shape[0] - 2, operator[0].shape[1] - 2), np.bool_)
+        x, iterations, error = _solve(*operator, *five, ring, inlet, outlet, rtol, limit, judged)
     except np.linalg.LinAlgError:
         raise NotConverged("flow: the coarsest grid of multigrid is singular; try the direct solver", np.inf) from None
     if not error <= rtol:
@@ -83,7 +92,7 @@ def solve_multigrid(
 
 
 @njit(**_compiled)
-def _solve(centre, right, below, below_right, below_left, ring, inlet, outlet, rtol, limit):
+def _solve(centre, right, below, below_right, below_left, ring, inlet, outlet, rtol, limit, judged):
     """Conjugate gradients; an error above rtol where they were given up."""
     levels = _hierarchy(centre, right, below, below_right, below_left, ring)
     inverse = _inverse(levels[-1], ring)
@@ -101,7 +110,8 @@ def _solve(centre, right, below, below_right, below_left, ring, inlet, outlet, r
         for i in range(1, n1 + 1):
             for j in range(1, n2 + 1):
                 rz += r[i, j] * z[i, j]
-                largest = max(largest, abs(z[i, j]))
+                if judged[i - 1, j - 1]:
+                    largest = max(largest, abs(z[i, j]))
         rate = 0.0
         for j in range(n2):
             rate += outlet[j] * x[n1, j + 1]

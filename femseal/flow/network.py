@@ -26,9 +26,9 @@ Flags = NDArray[np.bool_]
 MAX_IMBALANCE = 1e-5
 #: Nodes up to which the network may be eliminated directly (about 2 GB at the limit).
 DIRECT_NODES = 3_000_000
-#: Links narrower than this share of the widest are lost in sums of conductances: what hangs on them only is not seen
-#: by an iteration.
-_SEEN = 1e-11
+#: Links narrower than this share of the widest hardly count in sums of conductances: an iteration does not see, or only
+#: slowly, what hangs on them only.
+_SEEN = 1e-8
 #: Iterations of multigrid allowed where elimination cannot take over.
 _MOST_ITERATIONS = 400
 METHODS = ("auto", "direct", "multigrid", "amg")
@@ -65,9 +65,8 @@ def solve_network(c1: Array, c2: Array, *, rtol: float = 1e-6, method: str = "au
     rtol : relative error of the rate allowed to an iterative solution.
     method : "direct" (star-mesh elimination, keeps its relative accuracy at any contrast up to 1e150), "multigrid"
         (conjugate gradients on the grid's own hierarchy), "amg" (on pyamg's, the matrix assembled by scikit-fem), or
-        "auto": multigrid where it is expected to be faster, and elimination wherever that does not converge or does
-        not see what hangs on links 1e-11 times as wide as others. Of networks too large for elimination the
-        potential there is NaN.
+        "auto": multigrid where it is expected to be faster, and elimination wherever that does not converge. What hangs
+        on links 1e-8 times as wide as others only is eliminated behind multigrid.
 
     Raises
     ------
@@ -106,17 +105,14 @@ def _solve(c1: Array, c2: Array, keep: Flags, periodic: bool, rtol: float, metho
         return _by_amg(c1, c2, keep, periodic, rtol)
     worth, limit = _worth_of_multigrid((n1 - 1) * n2, nodes)
     if method == "auto" and fits and (worth or not bearable):
-        hidden = keep & (nodes_reached(np.where(c1 >= _SEEN, c1, 0.0), np.where(c2 >= _SEEN, c2, 0.0)) == 0)
-        if not bearable:
-            flow = _by_multigrid(c1, c2, keep, periodic, rtol, _MOST_ITERATIONS)
-            flow.potential[hidden] = flow.complement[hidden] = np.nan
-            return flow
-        if not hidden.any():
-            try:
-                return _by_multigrid(c1, c2, keep, periodic, rtol, limit)
-            except NotConverged:
-                pass
-    rate, φ, ψ = eliminate(c1, c2, keep[1:-1], periodic)
+        try:
+            return _by_multigrid(c1, c2, keep, periodic, rtol, limit if bearable else _MOST_ITERATIONS)
+        except NotConverged:
+            if not bearable:
+                raise
+    inlet, outlet = np.zeros((2, n1 - 1, n2))
+    inlet[0], outlet[-1] = c1[0], c1[-1]
+    rate, φ, ψ = eliminate(c1, c2, keep[1:-1], periodic, inlet, outlet)
     return _balanced(c1, c2, keep, φ, ψ, rate, 0, 0.0)
 
 
@@ -154,9 +150,32 @@ def _worth_of_multigrid(unknowns: int, nodes: int) -> tuple[bool, int]:
 
 
 def _by_multigrid(c1: Array, c2: Array, keep: Flags, periodic: bool, rtol: float, limit: int) -> NetworkFlow:
+    """Multigrid, then elimination of what hangs on links so narrow that its potential is lost in the others' sums."""
+    seen = nodes_reached(np.where(c1 >= _SEEN, c1, 0.0), np.where(c2 >= _SEEN, c2, 0.0)) > 0
+    hidden = (keep & ~seen)[1:-1]
     operator = network_operator(c1, c2, periodic)
-    φ, iterations, error = solve_multigrid(operator, periodic, c1[0], c1[-1], 0.1 * rtol, limit)
-    return _balanced(c1, c2, keep, φ, 1 - φ, None, iterations, error)
+    φ, iterations, error = solve_multigrid(operator, periodic, c1[0], c1[-1], 0.1 * rtol, limit, ~hidden)
+    ψ = 1 - φ
+    if hidden.any():
+        n1, n2 = c1.shape
+        high, low = np.zeros((2, n1 + 1, n2))
+        high[0] = low[-1] = 1.0
+        high[1:-1], low[1:-1] = np.where(hidden, 0.0, np.clip(φ, 0.0, 1.0)), np.where(hidden, 0.0, np.clip(ψ, 0.0, 1.0))
+        # every neighbour that is known is a little of both ends
+        inlet, outlet = (_links_to(c1, c2, a) for a in (high, low))
+        _, φ_hidden, ψ_hidden = eliminate(c1, c2, hidden, periodic, inlet, outlet)
+        φ, ψ = (np.where(hidden, a.reshape(hidden.shape), b) for a, b in ((φ_hidden, φ), (ψ_hidden, ψ)))
+    return _balanced(c1, c2, keep, φ, ψ, None, iterations, error)
+
+
+def _links_to(c1: Array, c2: Array, values: Array) -> Array:
+    """Sum over the neighbours of every inner node of link · value."""
+    m2 = c2.shape[1]
+    out = c1[:-1] * values[:-2] + c1[1:] * values[2:]
+    inner = values[1:-1]
+    out[:, :m2] += c2 * np.roll(inner, -1, axis=1)[:, :m2]
+    out += np.roll(np.pad(c2, ((0, 0), (0, inner.shape[1] - m2))) * inner, 1, axis=1)
+    return out
 
 
 def _by_amg(c1: Array, c2: Array, keep: Flags, periodic: bool, rtol: float) -> NetworkFlow:
