@@ -10,7 +10,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from .connectivity import find
+from .connectivity import union
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -44,9 +44,7 @@ def _send_out(tail, head, widest_first, excess, flux):
     size = 0
     degree = np.zeros(n + 1, np.int64)
     for link in widest_first:
-        a, b = find(parent, tail[link]), find(parent, head[link])
-        if a != b:
-            parent[max(a, b)] = min(a, b)
+        if union(parent, tail[link], head[link]):
             tree[size] = link
             size += 1
             degree[tail[link] + 1] += 1

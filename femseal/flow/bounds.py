@@ -104,7 +104,7 @@ def _upper(k: Array, spacing: tuple[float, float], periodic: bool, potential: Ar
         p = np.zeros(keep.shape)
         p[0] = keep[0]
         p[1:-1] = np.where(keep[1:-1], inner, 0.0)  # other corners are at rest
-        return float(corner_energy(*links, p, periodic))
+        return float(corner_energy(*links, p))
 
     if n1 == 1:
         return energy(np.zeros((0, columns)))

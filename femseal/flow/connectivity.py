@@ -19,13 +19,29 @@ def find(parent, a):
 
 
 @njit(cache=True, nogil=True)
-def _union(parent, a, b):
+def union(parent, a, b):
+    """Join two nodes; whether they were apart. Roots are the first nodes of their components."""
     a = find(parent, a)
     b = find(parent, b)
     if a < b:
         parent[b] = a
     elif b < a:
         parent[a] = b
+    return a != b
+
+
+@njit(cache=True, nogil=True)
+def _ends_reached(parent, rows, columns):
+    """0 none, 1 inlet, 2 outlet, 3 both for rows of nodes, of which inlet and outlet are the last two."""
+    n = rows * columns
+    inlet = find(parent, n)
+    outlet = find(parent, n + 1)
+    reached = np.zeros((rows, columns), np.int8)
+    for a in range(n):
+        # parents come before their children
+        parent[a] = parent[parent[a]]
+        reached[a // columns, a % columns] = (parent[a] == inlet) + 2 * (parent[a] == outlet)
+    return reached
 
 
 @njit(cache=True, nogil=True)
@@ -40,26 +56,17 @@ def nodes_reached(c1, c2):
     n = (n1 + 1) * n2
     parent = np.arange(n + 2)
     for j in range(n2):
-        _union(parent, n, j)
-        _union(parent, n + 1, n1 * n2 + j)
+        union(parent, n, j)
+        union(parent, n + 1, n1 * n2 + j)
     for i in range(n1):
         for j in range(n2):
             if c1[i, j] > 0:
-                _union(parent, i * n2 + j, (i + 1) * n2 + j)
+                union(parent, i * n2 + j, (i + 1) * n2 + j)
     for i in range(n1 - 1):
         for j in range(m2):
             if c2[i, j] > 0:
-                _union(parent, (i + 1) * n2 + j, (i + 1) * n2 + (j + 1) % n2)
-    inlet = find(parent, n)
-    outlet = find(parent, n + 1)
-    reached = np.zeros((n1 + 1, n2), np.int8)
-    for i in range(n1 + 1):
-        for j in range(n2):
-            a = i * n2 + j
-            # parents come before their children
-            parent[a] = parent[parent[a]]
-            reached[i, j] = (parent[a] == inlet) + 2 * (parent[a] == outlet)
-    return reached
+                union(parent, (i + 1) * n2 + j, (i + 1) * n2 + (j + 1) % n2)
+    return _ends_reached(parent, n1 + 1, n2)
 
 
 @njit(cache=True, nogil=True)
@@ -73,20 +80,14 @@ def corners_reached(k, ring):
         for j in range(n2):
             if k[i, j] > 0:
                 a, b = i * columns + j, i * columns + (j + 1) % columns
-                _union(parent, a, b)
-                _union(parent, a, a + columns)
-                _union(parent, a, b + columns)
+                union(parent, a, b)
+                union(parent, a, a + columns)
+                union(parent, a, b + columns)
                 if i == 0:
-                    _union(parent, n, a)
+                    union(parent, n, a)
                 if i == n1 - 1:
-                    _union(parent, n + 1, a + columns)
-    inlet = find(parent, n)
-    outlet = find(parent, n + 1)
-    reached = np.zeros((n1 + 1, columns), np.int8)
-    for a in range(n):
-        root = find(parent, a)
-        reached[a // columns, a % columns] = (root == inlet) + 2 * (root == outlet)
-    return reached
+                    union(parent, n + 1, a + columns)
+    return _ends_reached(parent, n1 + 1, columns)
 
 
 @njit(cache=True, nogil=True)

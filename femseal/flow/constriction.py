@@ -14,7 +14,7 @@ from numba import njit
 from numpy.typing import ArrayLike
 
 from .conductance import conductances_between, validated_cell
-from .connectivity import find
+from .connectivity import find, union
 
 
 @dataclass(frozen=True)
@@ -71,9 +71,6 @@ def _joining(widest_first, values, n1, n2, m2):
         else:
             i, j = (link - along) // m2, (link - along) % m2
             a, b = i * n2 + j, i * n2 + (j + 1) % n2
-        a, b = find(parent, a), find(parent, b)
-        if a != b:
-            parent[max(a, b)] = min(a, b)
-            if find(parent, inlet) == find(parent, outlet):
-                return link
+        if union(parent, a, b) and find(parent, inlet) == find(parent, outlet):
+            return link
     return -1

@@ -57,7 +57,7 @@ def corner_operator(along, across, diagonal, keep, ring):
 
 
 @njit(**_compiled)
-def corner_energy(along, across, diagonal, p, ring):
+def corner_energy(along, across, diagonal, p):
     """Dirichlet energy of a pressure at the corners, from differences within each pixel: no cancellation."""
     n1, n2 = along.shape
     columns = p.shape[1]

@@ -170,7 +170,7 @@ def _cycle(levels, inverse, ring):
     """One V-cycle from b to x of the finest level."""
     for k in range(len(levels) - 1):
         _, right, below, below_right, below_left, inverse_centre, weights, x, b, r = levels[k]
-        _sweep_down(x, b, r, inverse_centre, right, below, below_right, below_left, k > 0 or below_right.size > 1, ring)
+        _sweep_down(x, b, r, inverse_centre, right, below, below_right, below_left, below_right.size > 1, ring)
         _restrict(r, weights, levels[k + 1][8])
     x, b = levels[-1][7], levels[-1][8]
     n2 = x.shape[1] - 2
@@ -182,7 +182,7 @@ def _cycle(levels, inverse, ring):
     for k in range(len(levels) - 2, -1, -1):
         _, right, below, below_right, below_left, inverse_centre, weights, x, b, _ = levels[k]
         _prolong(levels[k + 1][7], weights, x, ring)
-        _sweep_up(x, b, inverse_centre, right, below, below_right, below_left, k > 0 or below_right.size > 1, ring)
+        _sweep_up(x, b, inverse_centre, right, below, below_right, below_left, below_right.size > 1, ring)
 
 
 @njit(**_compiled)
