@@ -137,11 +137,13 @@ def _corner_potential(k: Array, spacing: tuple[float, float], periodic: bool, ke
     """Pressure at the inner corners by a sparse factorisation, whatever its residual; 0 where it is no number."""
     d1, d2 = spacing
     n1, n2 = k.shape
-    corner, local1, local2 = _corner_assembly(n1, n2, periodic)
+    local1, local2 = _pixel_matrices()
+    columns = keep.shape[1]
+    i, j = np.divmod(np.arange(n1 * n2), n2)
+    corner = np.array([(i + a) * columns + (j + b) % columns for a in (0, 1) for b in (0, 1)])
     values = (local1 * d2 / d1 + local2 * d1 / d2)[:, :, None] * k.ravel()
     rows, cols = np.broadcast_arrays(corner[:, None], corner[None, :])
     full = sp.coo_array((values.ravel(), (rows.ravel(), cols.ravel())), shape=(keep.size, keep.size)).tocsr()
-    columns = keep.shape[1]
     unknown = keep.ravel().copy()
     unknown[:columns] = unknown[-columns:] = False
     p = np.zeros(keep.size)
@@ -155,23 +157,19 @@ def _corner_potential(k: Array, spacing: tuple[float, float], periodic: bool, ke
 def _corner_links(spacing: tuple[float, float]) -> tuple[float, float, float]:
     """Q1 of a pixel as links between its corners, for k = 1: along x1, along x2, along each diagonal."""
     d1, d2 = spacing
-    _, local1, local2 = _corner_assembly(1, 1, False)
+    local1, local2 = _pixel_matrices()
     local = local1 * d2 / d1 + local2 * d1 / d2
     # corners (0, 0), (0, 1), (1, 0), (1, 1)
     return -local[0, 2], -local[0, 1], -local[0, 3]
 
 
-@lru_cache(maxsize=16)
-def _corner_assembly(n1: int, n2: int, periodic: bool) -> tuple[NDArray[np.int64], Array, Array]:
-    """Corner nodes (4, n1·n2) of all pixels and the two parts (4, 4) of the Q1 matrix of a unit square."""
-    pixel = np.arange(n1 * n2)
-    i, j = pixel // n2, pixel % n2
-    columns = n2 if periodic else n2 + 1
-    corner = np.array([(i + a) * columns + (j + b) % columns for a in (0, 1) for b in (0, 1)])
+@lru_cache(maxsize=1)
+def _pixel_matrices() -> tuple[Array, Array]:
+    """The two parts (4, 4) of the Q1 matrix of a unit square."""
     square = Basis(MeshQuad.init_tensor(np.arange(2.0), np.arange(2.0)), ElementQuad1(), intorder=3)
     ones = np.ones((1, square.X.shape[1]))
     # corners of the one element in the order of their coordinates
     order = np.lexsort(square.doflocs[::-1])
     local1, local2 = (form.assemble(square, c=ones).toarray()[np.ix_(order, order)]
                       for form in (flow_along_x1, flow_along_x2))  # fmt: skip
-    return corner.astype(np.int64), local1, local2
+    return local1, local2

@@ -98,19 +98,23 @@ def _solve(c1: Array, c2: Array, keep: Flags, periodic: bool, rtol: float, metho
         return _by_amg(c1, c2, keep, periodic, rtol)
     if method == "multigrid":
         return _by_multigrid(c1, c2, keep, periodic, rtol, _MOST_ITERATIONS)
+    if method == "direct":
+        return _by_elimination(c1, c2, keep, periodic)
     nodes = int(np.count_nonzero(keep[1:-1]))
-    bearable = nodes <= DIRECT_NODES
     fits = coarsest_nodes(n1 - 1, n2) <= COARSEST_NODES
-    if method == "auto" and not (bearable or fits):
-        return _by_amg(c1, c2, keep, periodic, rtol)
+    if nodes > DIRECT_NODES:
+        return _solve(c1, c2, keep, periodic, rtol, "multigrid" if fits else "amg")
     worth, limit = _worth_of_multigrid((n1 - 1) * n2, nodes)
-    if method == "auto" and fits and (worth or not bearable):
+    if fits and worth:
         try:
-            return _by_multigrid(c1, c2, keep, periodic, rtol, limit if bearable else _MOST_ITERATIONS)
+            return _by_multigrid(c1, c2, keep, periodic, rtol, limit)
         except NotConverged:
-            if not bearable:
-                raise
-    inlet, outlet = np.zeros((2, n1 - 1, n2))
+            pass
+    return _by_elimination(c1, c2, keep, periodic)
+
+
+def _by_elimination(c1: Array, c2: Array, keep: Flags, periodic: bool) -> NetworkFlow:
+    inlet, outlet = np.zeros((2, len(c1) - 1, c1.shape[1]))
     inlet[0], outlet[-1] = c1[0], c1[-1]
     rate, φ, ψ = eliminate(c1, c2, keep[1:-1], periodic, inlet, outlet)
     return _balanced(c1, c2, keep, φ, ψ, rate, 0, 0.0)
