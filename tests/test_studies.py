@@ -7,7 +7,9 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 import femseal.scales.response
-import femseal.studies
+import femseal.studies.drawn
+import femseal.studies.scene
+import femseal.studies.whole_face
 from femseal import analytic
 from femseal.contact import HalfSpace, LoadStep, load_cycle
 from femseal.errors import FemsealError, InputError, NotConverged
@@ -450,7 +452,7 @@ class TestDraws:
             seen.extend(pressures)
             raise FemsealError("seen enough")
 
-        monkeypatch.setattr(femseal.studies, "build_placed_library", followed)
+        monkeypatch.setattr(femseal.studies.drawn, "build_placed_library", followed)
         with pytest.raises(FemsealError, match="seen enough"):
             stochastic(rough, (4, 6), Sampling(length=1e-3, realisations=1, library_cells=60, seed=1))
         rows = seen[0].reshape(4, 15, -1)
@@ -543,7 +545,7 @@ class TestFailures:
         assert_array_equal(np.isnan(result.leakage), [False, False, True, False, False])
 
     def test_flow_of_the_whole_face(self, rough, monkeypatch):
-        self.fail(monkeypatch, femseal.studies, "cell_permeability", calls={3})
+        self.fail(monkeypatch, femseal.studies.whole_face, "cell_permeability", calls={3})
         result = deterministic(rough)
         assert result.failures == ("unloading 300 MPa from 600 MPa: did not converge",)
         assert_array_equal(np.isnan(result.leakage), [False, False, False, True, False])
@@ -579,7 +581,7 @@ class TestFailures:
         assert np.isfinite(result.leakage).all()
 
     def test_flow_through_a_seal(self, rough, monkeypatch):
-        self.fail(monkeypatch, femseal.studies, "seal_leakage", calls={5 + 1})
+        self.fail(monkeypatch, femseal.studies.scene, "seal_leakage", calls={5 + 1})
         result = stochastic(rough, (4, 6), replace(SAMPLING, realisations=3))
         assert result.failures == ("realisation 1, loading 300 MPa: did not converge",)
         assert_array_equal(np.argwhere(np.isnan(result.leakage)), [[1, 1]])

@@ -1,0 +1,22 @@
+"""The chains from a rough surface to leakage over a load cycle, readable top to bottom.
+
+`deterministic` resolves everything on the surface's own grid; `two_scale` cuts it into windows between global nodes;
+`stochastic` draws the windows of a seal of any length from a library of real ones. They share a `Scene`.
+"""
+
+from .drawn import PRESSURES, Sampling, StochasticResult, stochastic
+from .scene import Scene
+from .whole_face import DeterministicResult, deterministic
+from .windows import TwoScaleResult, two_scale
+
+__all__ = [
+    "PRESSURES",
+    "DeterministicResult",
+    "Sampling",
+    "Scene",
+    "StochasticResult",
+    "TwoScaleResult",
+    "deterministic",
+    "stochastic",
+    "two_scale",
+]

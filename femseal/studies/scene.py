@@ -1,0 +1,72 @@
+"""What all studies share: a rough face under load, and the fluid it keeps back."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..contact import LoadStep, load_programme
+from ..fluids import Fluid
+from ..seal import RectangularSeal, seal_leakage
+from ..topography import Topography
+
+Array = NDArray[np.float64]
+Map = Callable[..., Iterable[Any]]
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A rough face under load, and the fluid it keeps back.
+
+    surface : heights of the combined faces, high points touch first.
+    modulus, hardness : E* and H [Pa].
+    boundary : contact boundary of the whole face along x1 and x2.
+    loading, unload_from, unloading : nominal pressures [Pa], see `contact.load_programme`.
+    """
+
+    surface: Topography
+    modulus: float
+    hardness: float
+    fluid: Fluid
+    inlet_pressure: float
+    outlet_pressure: float
+    loading: tuple[float, ...]
+    unload_from: tuple[float, ...] = ()
+    unloading: tuple[float, ...] = ()
+    boundary: tuple[str, str] = ("free", "periodic")
+    rtol: float = 1e-5
+
+    @property
+    def steps(self) -> tuple[LoadStep, ...]:
+        """The load programme."""
+        return load_programme(self.loading, self.unload_from, self.unloading)
+
+    @property
+    def cycle(self) -> dict[str, Any]:
+        """The load programme and the material, as arguments of a contact cycle."""
+        return {
+            "loading": self.loading,
+            "unload_from": self.unload_from,
+            "unloading": self.unloading,
+            "hardness": self.hardness,
+            "rtol": self.rtol,
+        }
+
+    def leakage(self, seal: RectangularSeal, permeability: Any) -> Any:
+        """Leakage of a seal between the scene's fluid pressures."""
+        return seal_leakage(
+            seal,
+            permeability,
+            self.fluid,
+            inlet_pressure=self.inlet_pressure,
+            outlet_pressure=self.outlet_pressure,
+        )
+
+
+def labels(unit: str, long_name: str, *dims: str) -> dict[str, Any]:
+    """Metadata of a field of a result, which label it in files and plots."""
+    return {"unit": unit, "long_name": long_name, "dims": dims}

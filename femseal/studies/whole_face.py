@@ -1,0 +1,57 @@
+"""Contact and flow of a whole face at full resolution."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..contact import HalfSpace, LoadStep, load_cycle
+from ..errors import FemsealError
+from ..flow import cell_permeability
+from ..seal import RectangularSeal
+from .scene import Array, Map, Scene, labels
+
+
+@dataclass(frozen=True)
+class DeterministicResult:
+    """Everything resolved on the surface's own grid; arrays over the steps."""
+
+    steps: tuple[LoadStep, ...]
+    leakage: Array = field(metadata=labels("m^2/s", "leakage per unit seal length, deterministic", "step"))
+    contact_fraction: Array = field(metadata=labels("1", "share in contact, deterministic", "step"))
+    plastic_fraction: Array = field(metadata=labels("1", "share at the hardness, deterministic", "step"))
+    mean_gap: Array = field(metadata=labels("m", "mean gap, deterministic", "step"))
+    gap: NDArray[np.float32] = field(metadata=labels("m", "deformed gap, deterministic", "step", "x1", "x2"))
+    residual: float = 0.0
+    failures: tuple[str, ...] = ()
+
+
+def deterministic(scene: Scene, *, map: Map = map) -> DeterministicResult:
+    """Contact and flow of the whole face at full resolution, step by step."""
+    surface = scene.surface
+    half_space = HalfSpace(surface.shape, surface.spacing, scene.modulus, scene.boundary)
+    states = load_cycle(surface.heights.max() - surface.heights, half_space, **scene.cycle)
+    flow = partial(_try_permeability, spacing=surface.spacing)
+    values = list(map(flow, [s.contact.gap for s in states]))
+    seal = RectangularSeal(surface.size, (1, 1))
+    leakage = [np.nan if isinstance(k, str) else scene.leakage(seal, k).per_length for k in values]
+    return DeterministicResult(
+        steps=tuple(LoadStep(s.pressure, s.unloaded_from) for s in states),
+        leakage=np.array(leakage),
+        contact_fraction=np.array([s.contact.area_fraction for s in states]),
+        plastic_fraction=np.array([s.contact.plastic_fraction for s in states]),
+        mean_gap=np.array([s.contact.mean_gap for s in states]),
+        gap=np.array([s.contact.gap for s in states], np.float32),
+        residual=max(s.contact.residual for s in states),
+        failures=tuple(f"{s.name}: {k}" for s, k in zip(states, values, strict=True) if isinstance(k, str)),
+    )
+
+
+def _try_permeability(gap: Array, spacing: tuple[float, float]) -> float | str:
+    try:
+        return cell_permeability(gap, spacing, sides="periodic").value
+    except FemsealError as error:
+        return str(error)
