@@ -14,6 +14,7 @@ ROOT = Path(femseal.__file__).parent
 LAYERS = {
     "errors": 0,
     "checks": 1,
+    "files": 1,
     "quantities": 1,
     "materials": 1,
     "fluids": 1,

@@ -594,9 +594,9 @@ def test_windows_are_read_back_by_vtk(results, studies, scene, folder):
         for s in (0, 3):
             path = folder / f"vtk/window_{i:03d}_{j:03d}/step_{s:04d}.vti"
             cells, _, fields, grid = arrays("vtkXMLImageDataReader", path)
-            gap = two.partition.cut(two.gap[s], i, j)
+            gap = two.partition.cell(two.gap[s], i, j)
             assert_allclose(cells["gap_um"].reshape(16, 16, order="F"), gap * 1e6, rtol=1e-6)
-            pressure = two.partition.cut(two.contact_pressure[s], i, j) / 1e6
+            pressure = two.partition.cell(two.contact_pressure[s], i, j) / 1e6
             assert_allclose(cells["contact_pressure_MPa"].reshape(16, 16, order="F"), pressure, rtol=1e-6)
             fluid = cell_permeability(gap, scene.surface.spacing).fluid_pressure
             assert_allclose(cells["fluid_pressure_unit_drop"].reshape(16, 16, order="F"), fluid, rtol=1e-6, atol=1e-30)

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..errors import FemsealError
+from ..files import made_folder, replacing, write_text
 from ..topography import Topography
-from .files import made_folder, replacing, write_text
 from .maps import seal_figure, surface_figure
 from .plots import cells_figure, leakage_figure
 from .results import FILE_NAME, Results, save

@@ -160,7 +160,7 @@ def _insets(figure: Figure, place: Any, results: Results, s: int, panels: tuple[
     letter |= {"fontsize": float(np.clip(0.6 * height, 3, 8)), "path_effects": _outline()}
     for n, ((i, j), text) in enumerate(chosen):
         axes = figure.add_subplot(grid[0, n])
-        gap = partition.cut(two_scale.gap[s], i, j) * 1e6
+        gap = partition.cell(two_scale.gap[s], i, j) * 1e6
         colours = colormaps["magma"].with_extremes(bad=_CLOSED)
         shown = np.where(gap > 0, gap, np.nan)
         top = float(np.nanmax(shown)) if np.isfinite(shown).any() else 1.0

@@ -15,16 +15,16 @@ from numpy.typing import NDArray
 
 from ..contact import LoadStep
 from ..errors import InputError
+from ..files import made_folder, replacing
 from ..quantities import to_text
 from . import tables
-from .files import made_folder, replacing
 
 if TYPE_CHECKING:
     import xarray
     from matplotlib.figure import Figure
     from rich.table import Table
 
-    from ..scales import CellCurves
+    from ..scales import LibraryTable
     from ..studies import DeterministicResult, Scene, StochasticResult, TwoScaleResult
 
 Array = NDArray[np.float64]
@@ -275,15 +275,16 @@ def _add_windows(data: xarray.Dataset, scene: Scene, result: TwoScaleResult) -> 
     (m1, m2), (d1, d2) = result.partition.cells, result.partition.window_size
     data.coords["cell1"] = ("cell1", (np.arange(m1) + 0.5) * d1, _labels("m", "x1 of window centres, from the inlet"))
     data.coords["cell2"] = ("cell2", (np.arange(m2) + 0.5) * d2, _labels("m", "x2 of window centres, along the seal"))
-    data.coords["node1"] = ("node1", np.arange(m1 + 1) * d1, _labels("m", "x1 of the global nodes"))
+    rows = np.array(result.partition.node_rows)
+    data.coords["node1"] = ("node1", rows, _labels("m", "x1 of the global nodes"))
     if m1 > 1:
-        data.coords["corner1"] = ("corner1", np.arange(1, m1) * d1, _labels("m", "x1 of links along x2"))
+        data.coords["corner1"] = ("corner1", rows[1:-1], _labels("m", "x1 of links along x2"))
     _add_fields(data, result, _TWO_SCALE)
     # the fluid of a pocket has no pressure to speak of, and does not flow
     pocket = np.isnan(result.fluid_pressure) & np.isfinite(result.leakage)[:, None, None]
     pressure = np.where(pocket, scene.outlet_pressure, result.fluid_pressure)
     potential = scene.fluid.potential(pressure) / scene.fluid.reference_density
-    along = result.k1 * (potential[:, :-1] - potential[:, 1:]) / d1
+    along = result.k1 * (potential[:, :-1] - potential[:, 1:]) / np.diff(rows)[:, None]
     text = "flow per width through links along"
     data["flux1"] = (("step", "cell1", "cell2"), along, _labels("m^2/s", f"{text} x1"))
     if m1 > 1:
@@ -292,17 +293,23 @@ def _add_windows(data: xarray.Dataset, scene: Scene, result: TwoScaleResult) -> 
 
 
 def _add_realisations(data: xarray.Dataset, result: StochasticResult, quantiles: tuple[float, float]) -> None:
-    _add_fields(data, result, {"leakage": "leakage"})
+    _add_fields(data, result, {"leakage": "leakage", "leakage_resampled": "leakage_resampled"})
     data.coords["realisation"] = ("realisation", np.arange(len(result.leakage)), _labels("1", "realisation"))
     text = "leakage per unit seal length, {} of the realisations"
     for name, q in (("median", 0.5), ("lower", quantiles[0]), ("upper", quantiles[1])):
         labels = _labels("m^2/s", text.format(name if name == "median" else f"{name} quantile {q:g}"))
         data[f"leakage_{name}"] = ("step", result.quantile(q), labels | {"quantile": q})
+        if name != "median":
+            labels = _labels("m^2/s", labels["long_name"] + " with the error of the finite library")
+            data[f"leakage_{name}_together"] = ("step", result.quantile(q, resampled=True), labels | {"quantile": q})
     data["leakage_mean"] = ("step", result.mean, _labels("m^2/s", text.format("mean")))
+    spread, error = result.realisation_spread, result.library_error
+    data["realisation_spread"] = ("step", spread, _labels("1", "standard deviation of ln(leakage), realisations"))
+    data["library_error"] = ("step", error, _labels("1", "standard deviation of ln(leakage), finite library"))
     data["sealed_share"] = ("step", result.sealed_share, _labels("1", "share of the realisations without leakage"))
 
 
-def _add_library(data: xarray.Dataset, curves: CellCurves) -> None:
+def _add_library(data: xarray.Dataset, curves: LibraryTable) -> None:
     for name, entry in _step_coordinates("library_step", "library_", curves.steps).items():
         data.coords[name] = entry
     cells = np.arange(len(curves.k))

@@ -16,9 +16,9 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 from numpy.typing import NDArray
 
+from ..files import made_folder, replacing, write_text
 from ..flow import cell_permeability
 from ..topography import Topography
-from .files import made_folder, replacing, write_text
 
 if TYPE_CHECKING:
     import xarray
@@ -142,7 +142,7 @@ def _write_window(results: Results, study: TwoScaleResult, place: tuple[int, int
     partition, (i, j) = study.partition, place
     (d1, d2), (w1, w2) = partition.spacing, partition.window
     images = []
-    gaps, pressures = partition.cut(study.gap, i, j), partition.cut(study.contact_pressure, i, j)
+    gaps, pressures = partition.cell(study.gap, i, j), partition.cell(study.contact_pressure, i, j)
     for gap, pressure in zip(gaps, pressures, strict=True):
         fields = {"gap_um": gap * 1e6, "contact_pressure_MPa": pressure / 1e6}
         # a window that failed has no gap

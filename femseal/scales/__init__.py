@@ -1,29 +1,29 @@
 """Two scales: windows of a surface, their response along a load cycle, a library of them, and draws from it."""
 
-from .library import (
-    CellCurves,
-    Ladder,
-    LadderLibrary,
-    PlacedLibrary,
-    build_ladder_library,
-    build_placed_library,
-)
+from .curves import CellCurves
+from .ladder import Cell, Ladder, follow
+from .library import LadderLibrary, LibraryTable, WindowSource, build_ladder_library, on_ladder
 from .partition import GlobalScale, Partition, solve_global_scale
 from .response import WindowHistory, respond
-from .sampling import SAMPLERS, draw_links
+from .sampling import SAMPLERS, LinkTable, correlation_length, draw_links
 
 __all__ = [
     "SAMPLERS",
+    "Cell",
     "CellCurves",
     "GlobalScale",
     "Ladder",
     "LadderLibrary",
+    "LibraryTable",
+    "LinkTable",
     "Partition",
-    "PlacedLibrary",
     "WindowHistory",
+    "WindowSource",
     "build_ladder_library",
-    "build_placed_library",
+    "correlation_length",
     "draw_links",
+    "follow",
+    "on_ladder",
     "respond",
     "solve_global_scale",
 ]

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
-from functools import partial
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -90,34 +89,35 @@ def respond(
     return WindowHistory(gaps, stresses, contact_fraction, plastic_fraction, standoff, tuple(failures))
 
 
-def body_standoff(histories: Sequence[WindowHistory]) -> Array:
-    """How far the asperities of the loaded windows hold the whole body off at every step [m].
+def body_standoff(standoff: Array, load: Array, lowest: Array) -> Array:
+    """How far the asperities of the loaded windows hold the whole body off at every step (steps,) [m].
 
     The mean over the windows, weighted with their pressure; without any pressure, what brings the body to first touch.
     A global contact of smooth faces does not know of the asperities on them: where nothing touches, its gap is too
     narrow by as much.
+
+    Parameters
+    ----------
+    standoff, load, lowest : of each window at each step (windows, steps) its `WindowHistory.standoff` [m], mean
+    pressure
+        [Pa] and lowest gap [m], NaN where unknown.
     """
-    out = np.zeros(len(histories[0].standoff))
-    for s in range(out.size):
-        loaded = [h for h in histories if np.isfinite(h.standoff[s])]
-        known = [h for h in histories if np.isfinite(h.gap[s]).all()]
-        if loaded:
-            weights = [h.pressure[s].mean(dtype=float) for h in loaded]
-            out[s] = float(np.average([h.standoff[s] for h in loaded], weights=weights))
-        elif known:
-            out[s] = -min(float(h.gap[s].min()) for h in known)
-    return out
+    loaded = np.isfinite(standoff)
+    weight = np.where(loaded, load, 0.0)
+    held = np.where(loaded, standoff, 0.0)
+    touch = -np.nanmin(np.where(np.isfinite(lowest), lowest, np.inf), axis=0)
+    mean = np.divide(
+        (weight * held).sum(axis=0), weight.sum(axis=0), out=np.zeros(len(touch)), where=loaded.any(axis=0)
+    )
+    return np.where(loaded.any(axis=0), mean, np.where(np.isfinite(touch), touch, 0.0))
 
 
-def set_down(history: WindowHistory, standoff: Array) -> WindowHistory:
-    """The steps without pressure at the distance that the body has there; what would overlap touches."""
-    gap = history.gap.copy()
-    rigid = np.isfinite(gap).all(axis=(1, 2)) & ~np.isfinite(history.standoff)
-    for s in np.flatnonzero(rigid):
-        rounding = 4 * np.finfo(np.float32).eps * max(float(np.abs(gap[s]).max()), abs(standoff[s]))
-        gap[s] += np.float32(standoff[s])
-        gap[s][gap[s] <= rounding] = 0.0
-    return replace(history, gap=gap)
+def set_down(gap: NDArray[np.float32], standoff: float) -> NDArray[np.float32]:
+    """A window without pressure (n1, n2) at the distance that the body has; what would overlap touches."""
+    rounding = 4 * np.finfo(np.float32).eps * max(float(np.abs(gap).max()), abs(standoff))
+    moved = gap + np.float32(standoff)
+    moved[moved <= rounding] = 0.0
+    return moved
 
 
 @dataclass(frozen=True)
@@ -134,26 +134,26 @@ class FlowHistory:
 def flow_history(gaps: NDArray[np.floating], spacing: tuple[float, float], axis: int) -> FlowHistory:
     """Permeability along `axis` of a window's gaps (steps, n1, n2), sides closed; closed or wide-open ones unsolved."""
     k = np.full(len(gaps), np.nan)
-    solved = closed = wide = 0
+    counts = {"solved": 0, "closed": 0, "open": 0}
     failures = []
-    permeability = partial(cell_permeability, spacing=spacing, axis=axis, sides="mirror")
     for s, gap in enumerate(gaps):
         h = np.asarray(gap, dtype=float)
         if not np.all(np.isfinite(h)):
             continue
-        mean = float(h.mean())
-        if h.min() > 0 and h.std() < OPEN_RATIO * mean:
-            k[s] = mean**3 / 12
-            wide += 1
-            continue
         try:
-            result = permeability(h)
+            k[s], kind = window_permeability(h, spacing, axis)
         except FemsealError as error:
             failures.append(f"step {s}: {error}")
             continue
-        k[s] = result.value
-        if result.percolates:
-            solved += 1
-        else:
-            closed += 1
-    return FlowHistory(k, solved, closed, wide, tuple(failures))
+        counts[kind] += 1
+    return FlowHistory(k, **counts, failures=tuple(failures))
+
+
+def window_permeability(gap: Array, spacing: tuple[float, float], axis: int) -> tuple[float, str]:
+    """k along `axis` of a window with closed sides [m³], and whether it was "solved", "closed" or "open"
+    (asymptote)."""
+    mean = float(gap.mean())
+    if gap.min() > 0 and gap.std() < OPEN_RATIO * mean:
+        return mean**3 / 12, "open"
+    result = cell_permeability(gap, spacing, axis=axis, sides="mirror")
+    return result.value, "solved" if result.percolates else "closed"

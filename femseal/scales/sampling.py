@@ -1,79 +1,211 @@
-"""Drawing the links of a seal from a library.
+"""Drawing the links of a seal from tables of measured permeabilities.
 
-Whole history: each link takes one measured cell along the whole cycle, which keeps every correlation. Derivative
-(Pérez-Ràfols et al., 2018): each link draws its permeability at the highest load from the cells there, then, step by
-step down, the increment of one of the cells closest in rank; closed links draw from closed cells. Random numbers
-depend on (seed, realisation, link) only: link n of a longer seal draws what link n of a shorter one does.
+history      each link takes one measured cell along the whole cycle, which keeps every correlation between loads.
+derivative   (Pérez-Ràfols et al., 2018) each link draws its permeability at the highest load, then, step by step down,
+             the increment of one of the cells closest in rank; closed links draw from closed cells.
+copula       ranks at all loads are drawn together from a normal distribution with the cells' rank correlations, then
+             made monotone by a running maximum from the peaks down: a smooth sampler that never repeats a cell.
+block        neighbouring columns of the measured face follow one another in runs of random length, with all their
+             links: keeps the correlation between links, on faces whose long waves reach over many cells. Source of
+             the stationary bootstrap: Politis & Romano, J. Am. Stat. Assoc. 89, 1994, 1303.
+
+Random numbers depend on (seed, realisation, axis, link) only: link n of a longer seal draws what link n of a shorter
+one does.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import ndtr, ndtri
 
 from ..contact import LoadStep
 from ..errors import InputError
 
 Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+#: Permeability of all links at a step.
+Draw = Callable[[int], Array]
 #: Cells close in rank among which the derivative sampler draws; more than a few bias the median leakage.
 NEIGHBOURS = 5
+#: Links for which the copula holds normal numbers of all steps at a time.
+CHUNK = 100_000
 
 
-def draw_links(
-    table: Array,
-    path: NDArray[np.int64],
-    steps: Sequence[LoadStep],
-    *,
-    sampler: str,
-    seed: int,
-    realisation: int,
-    axis: int,
-) -> Array:
-    """Permeabilities of links at every step (links, steps) [m³].
+@dataclass(frozen=True)
+class LinkTable:
+    """What links along one axis are drawn from.
+
+    k : permeability of every cell along every pressure path (paths, cells, steps) [m³].
+    path : path that each link follows (links,); links are counted along x1 first, `rows` of them in a column.
+    steps : the programme.
+    block_length : mean number of columns that "block" takes in a run; 0 where cells are not neighbours in a row.
+    """
+
+    k: Array
+    path: Index
+    rows: int
+    steps: tuple[LoadStep, ...]
+    block_length: float = 0.0
+
+
+def draw_links(table: LinkTable, *, sampler: str, seed: int, realisation: int, axis: int) -> Draw:
+    """Permeabilities (links,) [m³] of one realisation at any step.
+
+    "history" and "block" hold one number for each link, the others one for each link and step.
 
     Parameters
     ----------
-    table : permeability of every library cell along every pressure path (paths, cells, steps) [m³].
-    path : path that each link follows (links,).
-    steps : the programme of the table's last axis.
-    sampler : "history" or "derivative".
+    table : what to draw from.
+    sampler : "history", "derivative", "copula" or "block".
     seed, realisation, axis : which random numbers to use, besides the link's own number.
 
     Raises
     ------
-    InputError : an unknown sampler.
+    InputError : an unknown sampler, or "block" where the cells are not neighbours.
     """
     if sampler not in SAMPLERS:
         raise InputError.of("sampler", sampler, f"one of {', '.join(SAMPLERS)}")
-    bits = np.random.Philox(np.random.SeedSequence(seed, spawn_key=(realisation, axis)))
-    uniform = np.random.Generator(bits).random((path.size, len(steps)))
-    return SAMPLERS[sampler](table, path, steps, uniform)
+    # runs of columns are common to the links along both axes
+    key = (realisation,) if sampler == "block" else (realisation, axis)
+    rng = np.random.Generator(np.random.Philox(np.random.SeedSequence(seed, spawn_key=key)))
+    return SAMPLERS[sampler](table, rng)
 
 
-def _whole_history(table: Array, path: NDArray[np.int64], steps: Sequence[LoadStep], uniform: Array) -> Array:
-    cell = (uniform[:, 0] * table.shape[1]).astype(np.int64)
-    return table[path, cell]
+def correlation_length(k: Array) -> float:
+    """Number of columns over which cells of a face are alike: 1 + 2 Σ of the rank correlations until they vanish.
+
+    Parameters
+    ----------
+    k : permeabilities (rows, columns, steps), columns in the order of the face and periodic.
+    """
+    columns = k.shape[1]
+    ranks = np.argsort(np.argsort(k, axis=1, kind="stable"), axis=1).astype(float)
+    ranks -= ranks.mean(axis=1, keepdims=True)
+    spread = np.mean(ranks**2)
+    length = 1.0
+    for lag in range(1, max(columns // 2, 1)):
+        rho = np.mean(ranks * np.roll(ranks, lag, axis=1)) / spread if spread > 0 else 0.0
+        if rho < 2 / np.sqrt(ranks.size / max(k.shape[2], 1)):
+            break
+        length += 2 * rho
+    return float(min(length, max(columns / 2, 1.0)))
 
 
-def _derivative(table: Array, path: NDArray[np.int64], steps: Sequence[LoadStep], uniform: Array) -> Array:
-    loading = [n for n, s in enumerate(steps) if s.unloaded_from is None]
+def _history(table: LinkTable, rng: np.random.Generator) -> Draw:
+    cell = (rng.random(table.path.size) * table.k.shape[1]).astype(np.int64)
+    return lambda s: table.k[table.path, cell, s]
+
+
+def _block(table: LinkTable, rng: np.random.Generator) -> Draw:
+    if table.block_length < 1:
+        raise InputError.of("sampler", "block", "another one, where cells are not neighbours on a face")
+    cells, columns = table.k.shape[1], -(-table.path.size // max(table.rows, 1))
+    fresh = rng.random((columns, 2))
+    starts = fresh[:, 0] < 1 / table.block_length
+    starts[:1] = True
+    first = np.flatnonzero(starts)
+    run = np.cumsum(starts) - 1
+    column = ((fresh[first, 1] * cells).astype(np.int64)[run] + np.arange(columns) - first[run]) % cells
+    cell = np.repeat(column, table.rows)[: table.path.size]
+    return lambda s: table.k[table.path, cell, s]
+
+
+def _derivative(table: LinkTable, rng: np.random.Generator) -> Draw:
+    uniform = rng.random((table.path.size, len(table.steps)))
+    top = max(_loading(table.steps), key=lambda n: table.steps[n].pressure)
+    k = np.empty(uniform.shape)
+    k[:, top] = table.k[table.path, (uniform[:, top] * table.k.shape[1]).astype(np.int64), top]
+    for p in np.unique(table.path):
+        links, cells = np.flatnonzero(table.path == p), table.k[p]
+        for start, end in _moves(table.steps):
+            k[links, end] = _step_down(cells[:, start], cells[:, end], k[links, start], uniform[links, end])
+    return lambda s: k[:, s]
+
+
+def _copula(table: LinkTable, rng: np.random.Generator) -> Draw:
+    steps, n_links = table.steps, table.path.size
+    k = np.empty((n_links, len(steps)))
+    models = {int(p): _RankModel(table.k[p], steps) for p in np.unique(table.path)}
+    for start in range(0, n_links, CHUNK):
+        normal = rng.standard_normal((min(CHUNK, n_links - start), len(steps)))
+        path = table.path[start : start + CHUNK]
+        for p, model in models.items():
+            links = np.flatnonzero(path == p)
+            k[start + links] = model.draw(normal[links])
+    return lambda s: k[:, s]
+
+
+class _RankModel:
+    """Normal scores of the cells of one path at all steps, and the values behind them."""
+
+    def __init__(self, k: Array, steps: Sequence[LoadStep]) -> None:
+        self.steps, self.sorted = steps, np.sort(k, axis=0)
+        scores = ndtri((_ranks(k, steps) + 0.5) / len(k))
+        correlation = scores.T @ scores / np.sqrt(np.outer((scores**2).sum(axis=0), (scores**2).sum(axis=0)))
+        values, vectors = np.linalg.eigh(correlation)
+        root = vectors * np.sqrt(np.maximum(values, 0))
+        self.root = root / np.sqrt((root**2).sum(axis=1, keepdims=True))
+
+    def draw(self, normal: Array) -> Array:
+        """Permeabilities (links, steps) of independent normal numbers of the same shape."""
+        position = ndtr(normal @ self.root.T) * len(self.sorted) - 0.5
+        k = np.stack([_quantile(self.sorted[:, s], position[:, s]) for s in range(len(self.steps))], axis=1)
+        loading = _loading(self.steps)
+        k[:, loading] = np.maximum.accumulate(k[:, loading[::-1]], axis=1)[:, ::-1]
+        for start, end in _moves(self.steps):
+            if self.steps[end].unloaded_from is not None:
+                above = [n for n in loading if self.steps[n].pressure <= self.steps[end].pressure]
+                ceiling = k[:, above[-1]] if above else np.inf
+                k[:, end] = np.minimum(np.maximum(k[:, end], k[:, start]), np.maximum(ceiling, k[:, start]))
+        return k
+
+
+def _ranks(k: Array, steps: Sequence[LoadStep]) -> Array:
+    """Ranks 0 … cells − 1 at every step; closed cells in the order in which they closed."""
+    ranks = np.empty(k.shape)
+    order_of = [(n, n - 1 if n else None) for n in _loading(steps)]
+    chains: dict[float, list[int]] = {}
+    for n, step in enumerate(steps):
+        if step.unloaded_from is not None:
+            chains.setdefault(step.unloaded_from, []).append(n)
+    lowest = _loading(steps)[0]
+    for chain in chains.values():
+        order_of += [(n, after) for n, after in zip(chain[::-1], [lowest, *chain[:0:-1]], strict=True)]
+    for n, before in order_of:
+        ties = np.zeros(len(k)) if before is None else ranks[:, before]
+        ranks[np.lexsort((ties, k[:, n])), n] = np.arange(len(k))
+    return ranks
+
+
+def _quantile(values: Array, position: Array) -> Array:
+    """Between sorted values in ln k; below the last closed one 0."""
+    n_closed = int(np.searchsorted(values, 0.0, side="right"))
+    if n_closed == values.size:
+        return np.zeros(position.size)
+    log_k = np.log(values[n_closed:])
+    inside = np.interp(position, np.arange(n_closed, values.size), log_k)
+    return np.where(position >= n_closed - 0.5, np.exp(inside), 0.0)
+
+
+def _loading(steps: Sequence[LoadStep]) -> list[int]:
+    return [n for n, s in enumerate(steps) if s.unloaded_from is None]
+
+
+def _moves(steps: Sequence[LoadStep]) -> list[tuple[int, int]]:
+    """From the highest load down, then from every peak down its own unloading."""
+    loading = _loading(steps)
     at = {steps[n].pressure: n for n in loading}
-    k = np.empty((path.size, len(steps)))
-    top = loading[-1]
-    k[:, top] = table[path, (uniform[:, top] * table.shape[1]).astype(np.int64), top]
     moves = list(zip(loading[:0:-1], loading[-2::-1], strict=True))
     previous: dict[float, int] = {}
     for n, step in enumerate(steps):
         if step.unloaded_from is not None:
             moves.append((previous.get(step.unloaded_from, at[step.unloaded_from]), n))
             previous[step.unloaded_from] = n
-    for p in np.unique(path):
-        links = np.flatnonzero(path == p)
-        for start, end in moves:
-            k[links, end] = _step_down(table[p][:, start], table[p][:, end], k[links, start], uniform[links, end])
-    return k
+    return moves
 
 
 def _step_down(k_start: Array, k_end: Array, k: Array, u: Array) -> Array:
@@ -91,5 +223,9 @@ def _step_down(k_start: Array, k_end: Array, k: Array, u: Array) -> Array:
     return np.maximum(k + increment[low + (u * width).astype(np.int64)], 0.0)
 
 
-Sampler = Callable[[Array, NDArray[np.int64], Sequence[LoadStep], Array], Array]
-SAMPLERS: dict[str, Sampler] = {"history": _whole_history, "derivative": _derivative}
+SAMPLERS: dict[str, Callable[[LinkTable, np.random.Generator], Draw]] = {
+    "history": _history,
+    "derivative": _derivative,
+    "copula": _copula,
+    "block": _block,
+}

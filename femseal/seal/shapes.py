@@ -7,6 +7,7 @@ Symbols: k permeability [m³], c = k × shape factor conductance [m³], φ poten
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass, field
 from math import pi
 from operator import index
@@ -48,31 +49,31 @@ class Seal(Protocol):
 class RectangularSeal:
     """A straight seal, inlet at x1 = 0, outlet at x1 = L1, periodic along x2.
 
-    Nodes lie at x1 = iΔ1 (n1 + 1 of them) and x2 = (j + ½)Δ2; permeabilities belong to the links between
-    them, k1 (n1, n2) along the leakage and k2 (n1 − 1, n2) along the seal, from column j to j + 1.
+    Nodes lie in n1 + 1 rows and at x2 = (j + ½)Δ2; permeabilities belong to the links between them, k1 (n1, n2)
+    along the leakage and k2 (n1 − 1, n2) along the seal, from column j to j + 1. A link along the seal carries the flow
+    from half way to the row before to half way to the row after.
 
     Parameters
     ----------
     size : (L1, L2) [m], L1 along the leakage.
     cells : (n1, n2).
+    rows : x1 of the rows of nodes (n1 + 1) [m], rising from 0 to L1; equidistant unless given.
 
     Raises
     ------
-    InputError : sizes that are not > 0, cells that are not whole numbers >= 1.
+    InputError : sizes that are not > 0, cells that are not whole numbers >= 1, rows that do not rise from 0 to L1.
     """
 
     size: tuple[float, float]
     cells: tuple[int, int]
+    rows: tuple[float, ...] = field(default=(), repr=False)
 
     def __post_init__(self) -> None:
         size = _pair("size", self.size, "two finite numbers > 0 [m]")
         object.__setattr__(self, "size", tuple(_length("size", s) for s in size))
         object.__setattr__(self, "cells", _cells(self.cells))
-
-    @property
-    def spacing(self) -> tuple[float, float]:
-        """Distances (Δ1, Δ2) of the nodes [m]."""
-        return self.size[0] / self.cells[0], self.size[1] / self.cells[1]
+        rows = self.rows or np.linspace(0.0, self.size[0], self.cells[0] + 1)
+        object.__setattr__(self, "rows", _rows(rows, self.size[0], self.cells[0]))
 
     @property
     def length(self) -> float:
@@ -82,15 +83,15 @@ class RectangularSeal:
     @property
     def points(self) -> Array:
         """Coordinates of the nodes (n1 + 1, n2, 2) [m]."""
-        (n1, n2), (d1, d2) = self.cells, self.spacing
-        x1, x2 = np.meshgrid(np.arange(n1 + 1) * d1, (np.arange(n2) + 0.5) * d2, indexing="ij")
+        n2 = self.cells[1]
+        x1, x2 = np.meshgrid(self.rows, (np.arange(n2) + 0.5) * (self.size[1] / n2), indexing="ij")
         return np.stack([x1, x2], axis=-1)
 
     def flow(self, permeability: Any, *, bounds: bool = False) -> DarcyFlow:
         """Flow for a unit drop; permeability: a number, or the links (k1, k2), numbers or arrays [m³]."""
         k1, k2 = link_permeabilities(permeability, self.cells)
-        d1, d2 = self.spacing
-        return network_flow(k1 * (d2 / d1), k2 * (d1 / d2), bounds)
+        width, lengths = self.size[1] / self.cells[1], np.diff(self.rows)[:, None]
+        return network_flow(k1 * (width / lengths), k2 * ((lengths[:-1] + lengths[1:]) / 2 / width), bounds)
 
 
 @dataclass(frozen=True)
@@ -245,6 +246,14 @@ def _length(name: str, value: Any) -> float:
     if not (np.isfinite(number) and number > 0):
         raise InputError.of(name, repr(value), "a finite number > 0 [m]")
     return number
+
+
+def _rows(value: Any, length: float, n: int) -> tuple[float, ...]:
+    rows = tuple(float(x) for x in value)
+    ends = len(rows) == n + 1 and rows[0] == 0 and abs(rows[-1] - length) <= 1e-9 * length
+    if not ends or not all(b > a for a, b in itertools.pairwise(rows)):
+        raise InputError.of("rows", f"{len(rows)} values", f"{n + 1} rising numbers from 0 to {length:g} m")
+    return rows
 
 
 def _cells(value: Any) -> tuple[int, int]:

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..contact import LoadStep, load_programme
+from ..errors import FemsealError
+from ..flow import cell_permeability
 from ..fluids import Fluid
 from ..seal import RectangularSeal, seal_leakage
 from ..topography import Topography
@@ -65,6 +68,22 @@ class Scene:
             inlet_pressure=self.inlet_pressure,
             outlet_pressure=self.outlet_pressure,
         )
+
+    def resolved_leakage(self, gaps: Iterable[Array], map: Map = map) -> tuple[Array, tuple[str, ...]]:
+        """Leakage through the whole face's gap at every step, at full resolution [m²/s], and what failed (NaN)."""
+        task = partial(_permeability, spacing=self.surface.spacing)
+        values = list(map(task, gaps))
+        seal = RectangularSeal(self.surface.size, (1, 1))
+        leakage = [np.nan if isinstance(k, str) else self.leakage(seal, k).per_length for k in values]
+        failures = (f"{s.name}: {k}" for s, k in zip(self.steps, values, strict=True) if isinstance(k, str))
+        return np.array(leakage), tuple(failures)
+
+
+def _permeability(gap: Array, spacing: tuple[float, float]) -> float | str:
+    try:
+        return cell_permeability(np.asarray(gap, float), spacing, sides="periodic").value
+    except FemsealError as error:
+        return str(error)
 
 
 def labels(unit: str, long_name: str, *dims: str) -> dict[str, Any]:

@@ -3,15 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..contact import HalfSpace, LoadStep, load_cycle
-from ..errors import FemsealError
-from ..flow import cell_permeability
-from ..seal import RectangularSeal
 from .scene import Array, Map, Scene, labels
 
 
@@ -34,24 +30,14 @@ def deterministic(scene: Scene, *, map: Map = map) -> DeterministicResult:
     surface = scene.surface
     half_space = HalfSpace(surface.shape, surface.spacing, scene.modulus, scene.boundary)
     states = load_cycle(surface.heights.max() - surface.heights, half_space, **scene.cycle)
-    flow = partial(_try_permeability, spacing=surface.spacing)
-    values = list(map(flow, [s.contact.gap for s in states]))
-    seal = RectangularSeal(surface.size, (1, 1))
-    leakage = [np.nan if isinstance(k, str) else scene.leakage(seal, k).per_length for k in values]
+    leakage, failures = scene.resolved_leakage([s.contact.gap for s in states], map)
     return DeterministicResult(
         steps=tuple(LoadStep(s.pressure, s.unloaded_from) for s in states),
-        leakage=np.array(leakage),
+        leakage=leakage,
         contact_fraction=np.array([s.contact.area_fraction for s in states]),
         plastic_fraction=np.array([s.contact.plastic_fraction for s in states]),
         mean_gap=np.array([s.contact.mean_gap for s in states]),
         gap=np.array([s.contact.gap for s in states], np.float32),
         residual=max(s.contact.residual for s in states),
-        failures=tuple(f"{s.name}: {k}" for s, k in zip(states, values, strict=True) if isinstance(k, str)),
+        failures=failures,
     )
-
-
-def _try_permeability(gap: Array, spacing: tuple[float, float]) -> float | str:
-    try:
-        return cell_permeability(gap, spacing, sides="periodic").value
-    except FemsealError as error:
-        return str(error)

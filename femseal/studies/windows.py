@@ -9,11 +9,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..contact import HalfSpace, LoadStep
-from ..scales import GlobalScale, Partition, WindowHistory, respond, solve_global_scale
+from ..errors import InputError
+from ..scales import Partition, respond, solve_global_scale
 from ..scales.response import body_standoff, flow_history, set_down
 from ..seal import RectangularSeal
 from ..topography import Topography
 from .scene import Array, Map, Scene, labels
+
+#: Wavelength that divides the scales, in window sides: longer ones lose the pressure of features within windows.
+CUT_OFF_WINDOWS = 0.25
+FLOWS = ("links", "resolved")
 
 
 @dataclass(frozen=True)
@@ -22,6 +27,7 @@ class TwoScaleResult:
 
     steps: tuple[LoadStep, ...]
     partition: Partition
+    flow: str
     leakage: Array = field(metadata=labels("m^2/s", "leakage per unit seal length, two-scale", "step"))
     k1: Array = field(metadata=labels("m^3", "permeability of links along x1", "step", "cell1", "cell2"))
     k2: Array = field(metadata=labels("m^3", "permeability of links along x2", "step", "corner1", "cell2"))
@@ -40,58 +46,147 @@ class TwoScaleResult:
     failures: tuple[str, ...] = ()
 
 
-def two_scale(scene: Scene, cells: tuple[int, int], *, map: Map = map) -> TwoScaleResult:
-    """Global contact of the low-pass face, contact of every window, links between global nodes, global flow.
+def two_scale(scene: Scene, cells: tuple[int, int], *, flow: str = "links", map: Map = map) -> TwoScaleResult:
+    """Global contact of the low-pass face, contact of every cell in it, and the flow through the stitched gap.
 
-    Contact is solved once for each cell, the gaps are stitched, and the windows of the x2-links are cut out of the
-    stitched gap.
+    Parameters
+    ----------
+    scene : what is loaded.
+    cells : number of cells along x1 and x2.
+    flow : "links": a permeability for each window between global nodes, then the flow through the links. "resolved":
+        the flow through the stitched gap at full resolution, where that fits; the links are computed as well.
+    map : how to apply a function to all windows, in order.
+
+    Raises
+    ------
+    InputError : another flow, or cells that do not suit the surface.
     """
+    if flow not in FLOWS:
+        raise InputError.of("flow", flow, f"one of {', '.join(FLOWS)}")
     surface = scene.surface
-    partition = Partition(surface.shape, surface.spacing, cells)
-    world = global_scale(scene, partition)
-    m1, m2 = cells
-    histories = _window_contacts(scene, partition, world, map)
-    gap, contact_pressure = _stitch(histories, cells, "gap"), _stitch(histories, cells, "pressure")
-    tasks = [partition.cut(gap, i, j, 0) for i in range(m1) for j in range(m2)]
-    flows1 = list(map(partial(flow_history, spacing=surface.spacing, axis=0), tasks))
-    tasks = [partition.cut(gap, i, j, 1) for i in range(m1 - 1) for j in range(m2)]
-    flows2 = list(map(partial(flow_history, spacing=surface.spacing, axis=1), tasks))
-    k1 = np.array([f.permeability for f in flows1]).T.reshape(-1, m1, m2)
-    k2 = np.array([f.permeability for f in flows2]).T.reshape(-1, m1 - 1, m2) if flows2 else np.empty((len(k1), 0, m2))
-    seal = RectangularSeal(surface.size, cells)
-    leakage, fluid_pressure = np.full(len(k1), np.nan), np.full((len(k1), m1 + 1, m2), np.nan)
+    contact = solve_windows(scene, cells, map=map)
+    partition = contact.partition
+    links = [solve_links(contact, axis, map=map) for axis in (0, 1)]
+    k1, k2 = links[0].k, links[1].k
+    seal = RectangularSeal(surface.size, cells, partition.node_rows)
+    leakage, fluid_pressure = np.full(len(k1), np.nan), np.full((len(k1), cells[0] + 1, cells[1]), np.nan)
     for s in range(len(k1)):
         if np.isfinite(k1[s]).all() and np.isfinite(k2[s]).all():
             result = scene.leakage(seal, (k1[s], k2[s]))
             leakage[s], fluid_pressure[s] = result.per_length, result.fluid_pressure
-
-    def per_cell(name: str) -> Array:
-        return np.array([getattr(h, name) for h in histories]).T.reshape(-1, m1, m2)
-
-    failures = [f"cell {divmod(n, m2)}, {t}" for n, h in enumerate(histories) for t in h.failures]
-    failures += [f"x{a + 1}-link {divmod(n, m2)}, {t}" for a in (0, 1)
-                 for n, f in enumerate((flows1, flows2)[a]) for t in f.failures]  # fmt: skip
+    failures = contact.failures + links[0].failures + links[1].failures
+    if flow == "resolved":
+        leakage, failed = scene.resolved_leakage(contact.gap, map)
+        failures += failed
     return TwoScaleResult(
-        steps=world.steps,
+        steps=contact.steps,
         partition=partition,
+        flow=flow,
         leakage=leakage,
         k1=k1,
         k2=k2,
-        pressure=world.pressure,
-        mean_gap=per_cell("mean_gap"),
-        contact_fraction=per_cell("contact_fraction"),
-        plastic_fraction=per_cell("plastic_fraction"),
+        pressure=contact.pressure,
+        mean_gap=contact.mean_gap,
+        contact_fraction=contact.contact_fraction,
+        plastic_fraction=contact.plastic_fraction,
         fluid_pressure=fluid_pressure,
-        gap=gap,
-        contact_pressure=contact_pressure,
-        counts={name: sum(getattr(f, name) for f in flows1 + flows2) for name in ("solved", "closed", "open")},
-        failures=tuple(failures),
+        gap=contact.gap,
+        contact_pressure=contact.contact_pressure,
+        counts={name: links[0].counts[name] + links[1].counts[name] for name in links[0].counts},
+        failures=failures,
     )
 
 
-def global_scale(scene: Scene, partition: Partition) -> GlobalScale:
-    """Contact of the low-pass face along the scene's cycle."""
-    return solve_global_scale(scene.surface, partition, modulus=scene.modulus, boundary=scene.boundary, **scene.cycle)
+@dataclass(frozen=True)
+class WindowContacts:
+    """Contact of all cells of a face along a cycle, stitched; arrays as in `TwoScaleResult`."""
+
+    steps: tuple[LoadStep, ...]
+    partition: Partition
+    pressure: Array
+    mean_gap: Array
+    contact_fraction: Array
+    plastic_fraction: Array
+    gap: NDArray[np.float32]
+    contact_pressure: NDArray[np.float32]
+    failures: tuple[str, ...]
+
+
+def solve_windows(scene: Scene, cells: tuple[int, int], *, map: Map = map) -> WindowContacts:
+    """Fine waves on the global raw gap, under the cell's global pressure; long waves respond globally only.
+
+    Cells without pressure stand off as the asperities of the others make the whole body do.
+    """
+    surface = scene.surface
+    cut_off = CUT_OFF_WINDOWS * min(Partition(surface.shape, surface.spacing, cells).window_size)
+    partition = Partition.through_valleys(surface, cells, cut_off)
+    world = solve_global_scale(
+        surface, partition, cut_off, modulus=scene.modulus, boundary=scene.boundary, **scene.cycle
+    )
+    fine = fine_waves(surface, cut_off)
+    m1, m2 = cells
+    places = [(i, j) for i in range(m1) for j in range(m2)]
+    task = partial(
+        respond,
+        steps=world.steps,
+        half_space=window_half_space(scene, partition, cut_off),
+        hardness=scene.hardness,
+        rigid_at_zero=True,
+        rtol=scene.rtol,
+    )
+    gaps = (partition.cell(world.raw_gap, i, j) + partition.cell(fine, i, j) for i, j in places)
+    histories = map(task, gaps, [world.pressure[:, i, j] for i, j in places])
+    shape = (len(world.steps), *surface.shape)
+    gap, contact_pressure = np.empty(shape, np.float32), np.empty(shape, np.float32)
+    statistics = {
+        name: np.empty((len(places), shape[0])) for name in ("standoff", "contact_fraction", "plastic_fraction")
+    }
+    failures: list[str] = []
+    for n, (place, history) in enumerate(zip(places, histories, strict=True)):
+        partition.cell(gap, *place)[:] = history.gap
+        partition.cell(contact_pressure, *place)[:] = history.pressure
+        for name, values in statistics.items():
+            values[n] = getattr(history, name)
+        failures += [f"cell {place}, {text}" for text in history.failures]
+    standoff = statistics.pop("standoff")
+    lowest = np.array([partition.cell(gap, *place).min(axis=(1, 2)) for place in places])
+    held_off = body_standoff(standoff, world.pressure.reshape(len(world.steps), -1).T, lowest)
+    for n, s in np.argwhere(np.isnan(standoff) & np.isfinite(lowest)):
+        window = partition.cell(gap[s], *places[n])
+        window[:] = set_down(window, held_off[s])
+    return WindowContacts(
+        steps=world.steps,
+        partition=partition,
+        pressure=world.pressure,
+        mean_gap=partition.cell_means(gap),
+        gap=gap,
+        contact_pressure=contact_pressure,
+        failures=tuple(failures),
+        **{name: values.T.reshape(-1, m1, m2) for name, values in statistics.items()},
+    )
+
+
+@dataclass(frozen=True)
+class LinkFlows:
+    """Permeability of links along one axis (steps, rows, m2) [m³], and how many windows were solved or skipped."""
+
+    k: Array
+    counts: dict[str, int]
+    failures: tuple[str, ...]
+
+
+def solve_links(contact: WindowContacts, axis: int, *, shift: int = 0, map: Map = map) -> LinkFlows:
+    """Permeability of the links' windows cut out of the stitched gap, all moved by `shift` pixels along x2."""
+    partition, steps = contact.partition, len(contact.steps)
+    places = [(i, j) for i in range(partition.cells[0] - axis) for j in range(partition.cells[1])]
+    windows = (partition.link(contact.gap, i, j, axis, shift) for i, j in places)
+    flows = list(map(partial(flow_history, spacing=partition.spacing, axis=axis), windows))
+    k = np.array([f.permeability for f in flows]).reshape(-1, steps).T
+    return LinkFlows(
+        k=k.reshape(steps, -1, partition.cells[1]),
+        counts={name: sum(getattr(f, name) for f in flows) for name in ("solved", "closed", "open")},
+        failures=tuple(f"x{axis + 1}-link {p}, {t}" for p, f in zip(places, flows, strict=True) for t in f.failures),
+    )
 
 
 def fine_waves(surface: Topography, cut_off: float) -> Array:
@@ -104,33 +199,3 @@ def window_half_space(scene: Scene, partition: Partition, longest_wave: float | 
     return HalfSpace(
         partition.window, partition.spacing, scene.modulus, ("mirror", "mirror"), longest_wave=longest_wave
     )
-
-
-def _window_contacts(scene: Scene, partition: Partition, world: GlobalScale, map: Map) -> list[WindowHistory]:
-    """Fine waves on the global raw gap, under the window's global pressure; long waves respond globally only.
-
-    Windows without pressure stand off as the asperities of the others make the whole body do.
-    """
-    m1, m2 = partition.cells
-    gap0 = world.raw_gap + fine_waves(scene.surface, partition.cut_off)
-    places = [(i, j) for i in range(m1) for j in range(m2)]
-    task = partial(
-        respond,
-        steps=world.steps,
-        half_space=window_half_space(scene, partition, partition.cut_off),
-        hardness=scene.hardness,
-        rigid_at_zero=True,
-        rtol=scene.rtol,
-    )
-    gaps = (partition.cut(gap0, i, j) for i, j in places)
-    histories = list(map(task, gaps, [world.pressure[:, i, j] for i, j in places]))
-    standoff = body_standoff(histories)
-    return [set_down(history, standoff) for history in histories]
-
-
-def _stitch(histories: list[WindowHistory], cells: tuple[int, int], name: str) -> NDArray[np.float32]:
-    """Fields (steps, n1, n2) from the windows' (steps, w1, w2), in the order of the cells."""
-    windows = np.array([getattr(h, name) for h in histories])
-    n_steps, w1, w2 = windows.shape[1:]
-    grid = windows.reshape(*cells, n_steps, w1, w2)
-    return np.ascontiguousarray(grid.transpose(2, 0, 3, 1, 4)).reshape(n_steps, cells[0] * w1, cells[1] * w2)

@@ -1,0 +1,128 @@
+"""Permeability of a followed cell at any pressure of any cycle, between the steps of its ladder.
+
+ln k is interpolated monotonically (PCHIP; Fritsch & Carlson, SIAM J. Numer. Anal. 17, 1980, 238) in the cube root of
+the pressure, in which it is nearly straight from first touch to closing. Unloading is interpolated between peaks at
+equal share of the pressure at which the cell opens again, so that it starts from the loading curve at any peak; below
+the lowest peak it tends to the loading curve itself, as without yielding.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import PchipInterpolator
+
+from .ladder import Cell, Ladder
+
+Array = NDArray[np.float64]
+Curve = Callable[[Array], Array]
+
+
+class LogCurve:
+    """ln k over a rising x at which k falls to 0 at some point: −inf beyond the middle between open and closed."""
+
+    def __init__(self, x: Array, k: Array) -> None:
+        n_open = int(np.argmin(k > 0)) if not np.all(k > 0) else k.size
+        self.end = np.inf if n_open == k.size else (-np.inf if n_open == 0 else (x[n_open - 1] + x[n_open]) / 2)
+        self._low, self._high = (float(x[0]), float(x[n_open - 1])) if n_open else (0.0, 0.0)
+        self._slope = 0.0
+        self._inner: Curve | None = None
+        if n_open == 1:
+            self._inner = lambda x: np.full(np.shape(x), np.log(k[0]))
+        elif n_open > 1:
+            log_k = np.log(k[:n_open])
+            self._inner = PchipInterpolator(x[:n_open], log_k)
+            self._slope = min(0.0, float((log_k[-1] - log_k[-2]) / (x[n_open - 1] - x[n_open - 2])))
+
+    def __call__(self, x: Array) -> Array:
+        """ln k; beyond the last open point with its last slope up to the closing one, constant outside of the rest."""
+        x = np.asarray(x, float)
+        if self._inner is None:
+            return np.full(x.shape, -np.inf)
+        beyond = np.maximum(x - self._high, 0.0) if np.isfinite(self.end) else 0.0
+        value = self._inner(np.clip(x, self._low, self._high)) + self._slope * beyond
+        return np.where(x <= self.end, value, -np.inf)
+
+
+class CellCurves:
+    """k of one cell along one axis."""
+
+    def __init__(self, cell: Cell, ladder: Ladder, axis: int, rms_height: float) -> None:
+        self.cell, self.ladder, self.axis, self.rms_height = cell, ladder, axis, rms_height
+
+    @cached_property
+    def loading(self) -> LogCurve:
+        """ln k over the cube root of the loading pressure."""
+        return LogCurve(np.cbrt(self.cell.pressure), self.cell.k[self.axis])
+
+    @cached_property
+    def _unloading(self) -> list[LogCurve]:
+        """ln k over the share of each peak, the peak itself being the share 1."""
+        shares = np.array([1.0, *self.ladder.stops])[::-1]
+        curves = []
+        for m, peak in enumerate(self.cell.peaks):
+            top = self.cell.k[self.axis, np.searchsorted(self.cell.pressure, peak)]
+            curves.append(LogCurve(shares, np.array([top, *self.cell.k_unloading[self.axis, m]])[::-1]))
+        return curves
+
+    @cached_property
+    def _rigid(self) -> LogCurve:
+        """ln k over the distance, counted downwards so that a cell closes as it rises."""
+        distances = np.array(self.ladder.separations)
+        return LogCurve(-distances[::-1], self.cell.rigid[self.axis, ::-1])
+
+    def loaded(self, pressure: Array) -> Array:
+        """k on loading [m³]."""
+        return np.exp(self.loading(np.cbrt(pressure)))
+
+    def separated(self, gap: Array) -> Array:
+        """k without pressure at a distance of the mean planes [m³]: (h̄³/12)(1 − 3σ²/2h̄²) beyond the ladder."""
+        if not self.ladder.separations:
+            return self.loaded(np.zeros_like(gap))
+        last = self.ladder.separations[-1]
+        wide = np.maximum(gap, last)
+        beyond = wide**3 / 12 * (1 - 1.5 * (self.rms_height / wide) ** 2)
+        return np.where(gap <= last, np.exp(self._rigid(-np.maximum(gap, self.ladder.separations[0]))), beyond)
+
+    def unloaded(self, pressure: Array, peak: Array) -> Array:
+        """k on unloading from any peak to any pressure below it, both > 0 [m³]."""
+        if not self.cell.peaks.size:
+            return self.loaded(pressure)
+        share = np.clip(pressure / peak, 0.0, 1.0)
+        knots = np.r_[0.0, self.cell.peaks]
+        upper = np.clip(np.searchsorted(knots, peak), 1, knots.size - 1)
+        closing = self.loading.end**3 if self.loading.end > -np.inf else 0.0
+        opens = np.array([min(curve.end, 1.0) for curve in self._unloading])
+        # below the closing pressure a peak leaves the cell open: the share at which it opens again falls from 1 there
+        start = np.clip(closing, knots[upper - 1], knots[upper])
+        before = np.where(closing > knots[upper - 1], 1.0, np.r_[1.0, opens][upper - 1])
+        span = knots[upper] - start
+        way = np.divide(peak - start, span, out=np.zeros(peak.shape), where=span > 0)
+        reopening = np.where(peak <= closing, 1.0, before + np.clip(way, 0, 1) * (np.r_[1.0, opens][upper] - before))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            relative = np.where(reopening > 0, share / reopening, np.inf)
+        x = np.cbrt(knots)
+        weight = np.clip((np.cbrt(peak) - x[upper - 1]) / (x[upper] - x[upper - 1]), 0, 1)
+        inside = np.clip(relative, 0, 1)
+        value = (1 - weight) * self._at(upper - 1, inside, peak) + weight * self._at(upper, inside, peak)
+        top = (1 - weight) * self._at(upper - 1, np.ones_like(inside), peak) + weight * self._at(
+            upper, np.ones_like(inside), peak
+        )
+        ceiling, floor = self.loading(np.cbrt(pressure)), self.loading(np.cbrt(peak))
+        with np.errstate(invalid="ignore"):
+            value = value + np.where(np.isfinite(floor), inside * (floor - top), 0.0)
+        value = np.clip(value, np.minimum(floor, ceiling), ceiling)
+        return np.where((relative <= 1) & np.isfinite(ceiling), np.exp(value), 0.0)
+
+    def _at(self, knot: NDArray[np.int64], inside: Array, peak: Array) -> Array:
+        """ln k at shares of the reopening pressure of the peaks at knots; knot 0 is the loading curve."""
+        closing = self.loading.end**3 if self.loading.end > -np.inf else 0.0
+        out = self.loading(np.cbrt(inside * np.minimum(peak, closing)))
+        for m, curve in enumerate(self._unloading):
+            chosen = knot == m + 1
+            if chosen.any():
+                out[chosen] = curve(inside[chosen] * min(curve.end, 1.0))
+        return out

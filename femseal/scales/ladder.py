@@ -1,0 +1,221 @@
+"""One window followed along a ladder of pressures: loading until it is closed, unloading from peaks, rigid separation.
+
+Loading is path independent, so that steps can be added to a window at any time. Where the window closes along one axis
+the ladder is refined by bisection until its closing pressure is known to a tolerance; closed states are not solved.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..contact import Contact, HalfSpace, solve_with_memory
+from ..errors import InputError
+from .response import window_permeability
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Ladder:
+    """Where windows are solved.
+
+    loading : mean pressures on loading [Pa], rising from 0, first touch.
+    peaks : those of them from which windows are unloaded. stops : shares of the peak on the way down, falling to 0.
+    separations : distances between mean planes without contact pressure [m], rising.
+    closing_rtol : relative tolerance of closing pressures.
+
+    Raises
+    ------
+    InputError : pressures that do not rise from 0, peaks that are not among them, stops that do not fall from below 1
+        to 0, separations that do not rise.
+    """
+
+    loading: tuple[float, ...]
+    peaks: tuple[float, ...] = ()
+    stops: tuple[float, ...] = ()
+    separations: tuple[float, ...] = ()
+    closing_rtol: float = 0.05
+
+    def __post_init__(self) -> None:
+        if not self.loading or self.loading[0] != 0 or np.any(np.diff(self.loading) <= 0):
+            raise InputError.of("loading", self.loading, "pressures that rise from 0, first touch")
+        if not {*self.peaks} <= {*self.loading[1:]} or np.any(np.diff(self.peaks) <= 0):
+            raise InputError.of("peaks", self.peaks, "rising pressures > 0 of `loading`")
+        falling = np.all(np.diff(self.stops) < 0) and (not self.stops or (self.stops[0] < 1 and self.stops[-1] == 0))
+        if not falling or bool(self.peaks) != bool(self.stops):
+            raise InputError.of("stops", self.stops, "shares that fall from below 1 to 0, where there are peaks")
+        if np.any(np.diff(self.separations) <= 0):
+            raise InputError.of("separations", self.separations, "rising distances [m]")
+
+
+@dataclass(frozen=True)
+class Cell:
+    """A window followed along a ladder; the first axis of permeabilities is the direction.
+
+    pressure : loading steps with those found by bisection (n,), rising from 0 [Pa]; k (2, n) [m³], standoff, mean_gap
+        [m] and contact_fraction (n,).
+    peaks (m,) [Pa]; k_unloading (2, m, stops), mean_gap_unloading, contact_fraction_unloading (m, stops).
+    rigid : (2, separations) [m³].
+    """
+
+    pressure: Array
+    k: Array
+    standoff: Array
+    mean_gap: Array
+    contact_fraction: Array
+    peaks: Array
+    k_unloading: Array
+    mean_gap_unloading: Array
+    contact_fraction_unloading: Array
+    rigid: Array
+    counts: dict[str, int] = field(default_factory=dict, compare=False)
+
+    def closing_pressure(self, axis: int) -> float:
+        """Pressure above which nothing flows along `axis` [Pa]; inf if it is still open at the highest step."""
+        shut = np.flatnonzero(self.k[axis] == 0)
+        if shut.size == 0:
+            return np.inf
+        first = shut[0]
+        return float(self.pressure[first] if first == 0 else (self.pressure[first - 1] + self.pressure[first]) / 2)
+
+
+def follow(
+    window: Array,
+    *,
+    ladder: Ladder,
+    half_space: HalfSpace,
+    hardness: float,
+    rtol: float = 1e-6,
+    known: Cell | None = None,
+) -> Cell:
+    """Follow a window along a ladder, or add to a known cell what the ladder has more.
+
+    Parameters
+    ----------
+    window : undeformed gap (n1, n2) [m].
+    half_space, hardness, rtol : as in `contact.solve_contact`.
+    known : the same window along another ladder with the same stops and separations.
+
+    Raises
+    ------
+    NotConverged : a contact or flow that failed.
+    """
+    work = _Window(np.asarray(window, float), half_space, hardness, rtol)
+    loading = {} if known is None else dict(zip(known.pressure.tolist(), _states(known), strict=True))
+    for p in ladder.loading:
+        if p not in loading:
+            loading[p] = work.loaded(p, closed=_closed_below(loading, p))
+    for axis in (0, 1):
+        while (middle := _between(loading, axis, ladder.closing_rtol)) is not None:
+            loading[middle] = work.loaded(middle, closed=_closed_below(loading, middle))
+    peaks = {} if known is None else {p: n for n, p in enumerate(known.peaks.tolist())}
+    missing = [p for p in ladder.peaks if p not in peaks]
+    unloaded = [list(work.unloaded(p, ladder.stops)) for p in missing]
+    rigid = known.rigid if known is not None else work.separated(ladder.separations)
+    pressure = np.array(sorted(loading))
+    states = [loading[p] for p in pressure.tolist()]
+    cell = Cell(
+        pressure=pressure,
+        k=np.array([s.k for s in states]).T,
+        standoff=np.array([s.standoff for s in states]),
+        mean_gap=np.array([s.mean_gap for s in states]),
+        contact_fraction=np.array([s.contact_fraction for s in states]),
+        peaks=np.array(missing),
+        k_unloading=np.array([[s.k for s in way] for way in unloaded]).reshape(len(missing), -1, 2).transpose(2, 0, 1),
+        mean_gap_unloading=np.array([[s.mean_gap for s in way] for way in unloaded]),
+        contact_fraction_unloading=np.array([[s.contact_fraction for s in way] for way in unloaded]),
+        rigid=rigid,
+        counts=work.counts,
+    )
+    return cell if known is None else _with_peaks(cell, known)
+
+
+@dataclass(frozen=True)
+class _State:
+    k: tuple[float, float]
+    standoff: float
+    mean_gap: float
+    contact_fraction: float
+
+
+class _Window:
+    """Solutions of one window, counted."""
+
+    def __init__(self, gap0: Array, half_space: HalfSpace, hardness: float, rtol: float) -> None:
+        self.gap0, self.half_space, self.hardness, self.rtol = gap0, half_space, hardness, rtol
+        self.counts = {"solved": 0, "closed": 0, "open": 0}
+
+    def loaded(self, pressure: float, closed: tuple[bool, bool]) -> _State:
+        return self._state(self._contact(pressure), closed)
+
+    def unloaded(self, peak: float, stops: tuple[float, ...]) -> Iterator[_State]:
+        """From the lowest stop upwards a closed window stays closed; yielded in the order of the stops."""
+        memory = self._contact(peak).plastic_deformation
+        states: list[_State] = []
+        closed = (False, False)
+        for share in reversed(stops):
+            state = self._state(self._contact(share * peak, memory), closed)
+            closed = (state.k[0] == 0, state.k[1] == 0)
+            states.append(state)
+        return reversed(states)
+
+    def separated(self, separations: tuple[float, ...]) -> Array:
+        k = np.zeros((2, len(separations)))
+        for n, distance in enumerate(separations):
+            k[:, n] = self._permeabilities(np.maximum(self.gap0 + distance, 0.0), (False, False))
+        return k
+
+    def _contact(self, pressure: float, memory: Array | None = None) -> Contact:
+        return solve_with_memory(
+            self.gap0, self.half_space, memory, pressure=pressure, hardness=self.hardness, rtol=self.rtol
+        )
+
+    def _state(self, contact: Contact, closed: tuple[bool, bool]) -> _State:
+        k = self._permeabilities(contact.gap, closed)
+        return _State(k, -contact.approach, float(contact.gap.mean()), contact.area_fraction)
+
+    def _permeabilities(self, gap: Array, closed: tuple[bool, bool]) -> tuple[float, float]:
+        k = [0.0, 0.0]
+        for axis in (0, 1):
+            kind = "closed"
+            if not closed[axis]:
+                k[axis], kind = window_permeability(gap, self.half_space.spacing, axis)
+            self.counts[kind] += 1
+        return k[0], k[1]
+
+
+def _states(cell: Cell) -> list[_State]:
+    return [
+        _State((k1, k2), *values)
+        for k1, k2, *values in zip(*cell.k, cell.standoff, cell.mean_gap, cell.contact_fraction, strict=True)
+    ]
+
+
+def _closed_below(loading: dict[float, _State], pressure: float) -> tuple[bool, bool]:
+    below = [s for p, s in loading.items() if p < pressure]
+    return any(s.k[0] == 0 for s in below), any(s.k[1] == 0 for s in below)
+
+
+def _between(loading: dict[float, _State], axis: int, rtol: float) -> float | None:
+    """Middle of the steps between which `axis` closes; None once they are close."""
+    pressures = sorted(loading)
+    shut = [p for p in pressures if loading[p].k[axis] == 0]
+    if not shut or shut[0] == 0:
+        return None
+    low, high = pressures[pressures.index(shut[0]) - 1], shut[0]
+    return (low + high) / 2 if high - low > rtol * high else None
+
+
+def _with_peaks(cell: Cell, known: Cell) -> Cell:
+    """The cell with the peaks that were known before, in rising order."""
+    order = np.argsort(np.concatenate([known.peaks, cell.peaks]))
+    merged: dict[str, Any] = {}
+    for name, axis in (("k_unloading", 1), ("mean_gap_unloading", 0), ("contact_fraction_unloading", 0)):
+        parts = [getattr(c, name) for c in (known, cell) if c.peaks.size]
+        merged[name] = np.concatenate(parts, axis=axis).take(order, axis=axis) if parts else getattr(known, name)
+    return replace(cell, peaks=np.concatenate([known.peaks, cell.peaks])[order], **merged)
