@@ -86,6 +86,12 @@ def load_programme(
     return tuple(steps)
 
 
+def peak_indices(steps: Sequence[LoadStep]) -> np.ndarray:
+    """Number of the loading step from which each step is unloaded; on loading its own."""
+    loading = {s.pressure: n for n, s in enumerate(steps) if s.unloaded_from is None}
+    return np.array([n if s.unloaded_from is None else loading[s.unloaded_from] for n, s in enumerate(steps)])
+
+
 def _pressures(name: str, values: Sequence[float]) -> list[float]:
     try:
         return [checks.number(name, p, unit="Pa", inclusive=True) for p in values]

@@ -57,9 +57,9 @@ class Ladder:
 class Cell:
     """A window followed along a ladder; the first axis of permeabilities is the direction.
 
-    pressure : loading steps with those found by bisection (n,), rising from 0 [Pa]; k (2, n) [m³], standoff, mean_gap
-        [m] and contact_fraction (n,).
-    peaks (m,) [Pa]; k_unloading (2, m, stops), mean_gap_unloading, contact_fraction_unloading (m, stops).
+    pressure : loading steps with those found by bisection (n,), rising from 0 [Pa]; k (2, n) [m³], standoff, mean_gap,
+        mean plastic_deformation [m] and contact_fraction (n,).
+    peaks (m,) [Pa]; k_unloading (2, m, stops), the others with _unloading (m, stops).
     rigid : (2, separations) [m³].
     """
 
@@ -67,9 +67,11 @@ class Cell:
     k: Array
     standoff: Array
     mean_gap: Array
+    plastic_deformation: Array
     contact_fraction: Array
     peaks: Array
     k_unloading: Array
+    standoff_unloading: Array
     mean_gap_unloading: Array
     contact_fraction_unloading: Array
     rigid: Array
@@ -116,6 +118,7 @@ def follow(
     peaks = {} if known is None else {p: n for n, p in enumerate(known.peaks.tolist())}
     missing = [p for p in ladder.peaks if p not in peaks]
     unloaded = [list(work.unloaded(p, ladder.stops)) for p in missing]
+    shape = (len(missing), len(ladder.stops))
     rigid = known.rigid if known is not None else work.separated(ladder.separations)
     pressure = np.array(sorted(loading))
     states = [loading[p] for p in pressure.tolist()]
@@ -124,11 +127,14 @@ def follow(
         k=np.array([s.k for s in states]).T,
         standoff=np.array([s.standoff for s in states]),
         mean_gap=np.array([s.mean_gap for s in states]),
+        plastic_deformation=np.array([s.plastic_deformation for s in states]),
         contact_fraction=np.array([s.contact_fraction for s in states]),
         peaks=np.array(missing),
-        k_unloading=np.array([[s.k for s in way] for way in unloaded]).reshape(len(missing), -1, 2).transpose(2, 0, 1),
-        mean_gap_unloading=np.array([[s.mean_gap for s in way] for way in unloaded]),
-        contact_fraction_unloading=np.array([[s.contact_fraction for s in way] for way in unloaded]),
+        k_unloading=np.array([[s.k for s in way] for way in unloaded]).reshape(*shape, 2).transpose(2, 0, 1),
+        **{
+            f"{name}_unloading": np.array([[getattr(s, name) for s in way] for way in unloaded]).reshape(shape)
+            for name in ("standoff", "mean_gap", "contact_fraction")
+        },
         rigid=rigid,
         counts=work.counts,
     )
@@ -140,6 +146,7 @@ class _State:
     k: tuple[float, float]
     standoff: float
     mean_gap: float
+    plastic_deformation: float
     contact_fraction: float
 
 
@@ -177,7 +184,8 @@ class _Window:
 
     def _state(self, contact: Contact, closed: tuple[bool, bool]) -> _State:
         k = self._permeabilities(contact.gap, closed)
-        return _State(k, -contact.approach, float(contact.gap.mean()), contact.area_fraction)
+        plastic = float(contact.plastic_deformation.mean())
+        return _State(k, -contact.approach, float(contact.gap.mean()), plastic, contact.area_fraction)
 
     def _permeabilities(self, gap: Array, closed: tuple[bool, bool]) -> tuple[float, float]:
         k = [0.0, 0.0]
@@ -192,7 +200,9 @@ class _Window:
 def _states(cell: Cell) -> list[_State]:
     return [
         _State((k1, k2), *values)
-        for k1, k2, *values in zip(*cell.k, cell.standoff, cell.mean_gap, cell.contact_fraction, strict=True)
+        for k1, k2, *values in zip(
+            *cell.k, cell.standoff, cell.mean_gap, cell.plastic_deformation, cell.contact_fraction, strict=True
+        )
     ]
 
 
@@ -215,7 +225,8 @@ def _with_peaks(cell: Cell, known: Cell) -> Cell:
     """The cell with the peaks that were known before, in rising order."""
     order = np.argsort(np.concatenate([known.peaks, cell.peaks]))
     merged: dict[str, Any] = {}
-    for name, axis in (("k_unloading", 1), ("mean_gap_unloading", 0), ("contact_fraction_unloading", 0)):
-        parts = [getattr(c, name) for c in (known, cell) if c.peaks.size]
-        merged[name] = np.concatenate(parts, axis=axis).take(order, axis=axis) if parts else getattr(known, name)
+    for name, axis in (("k", 1), ("standoff", 0), ("mean_gap", 0), ("contact_fraction", 0)):
+        name = f"{name}_unloading"
+        both = np.concatenate([getattr(known, name), getattr(cell, name)], axis=axis)
+        merged[name] = both.take(order, axis=axis)
     return replace(cell, peaks=np.concatenate([known.peaks, cell.peaks])[order], **merged)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import zlib
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import partial
@@ -19,7 +20,7 @@ from zipfile import BadZipFile
 import numpy as np
 from numpy.typing import NDArray
 
-from ..contact import HalfSpace, LoadStep
+from ..contact import HalfSpace, LoadStep, peak_indices
 from ..errors import FemsealError, InputError
 from ..files import made_folder, replacing
 from .curves import CellCurves
@@ -48,8 +49,8 @@ class LibraryTable:
 class WindowSource:
     """Windows of one kind of face and how they respond: number n is the same window however many there are.
 
-    topographies : undeformed gaps of whole faces (n1, n2) [m] with the mean plane at 0, all with the same pixels;
-        window n is cut from face n modulo their number.
+    topographies : undeformed gaps of whole faces (n1, n2) [m], all with the same pixels; window n is cut from face n
+        modulo their number, and its mean plane put at 0.
     half_space, hardness, rtol : of a window. seed : where windows lie.
     """
 
@@ -61,8 +62,13 @@ class WindowSource:
 
     @property
     def rms_height(self) -> float:
-        """Of the faces [m]."""
-        return float(np.sqrt(np.mean([np.var(t) for t in self.topographies])))
+        """Of windows, over those that tile the faces [m]."""
+        w1, w2 = self.half_space.shape
+        variances = [
+            t[: t.shape[0] // w1 * w1, : t.shape[1] // w2 * w2].reshape(t.shape[0] // w1, w1, -1, w2).var(axis=(1, 3))
+            for t in self.topographies
+        ]
+        return float(np.sqrt(np.mean(np.concatenate([v.ravel() for v in variances]))))
 
     def window(self, n: int) -> Array:
         """Window n; the first of each face tile it without overlap, in random order, later ones lie anywhere."""
@@ -77,7 +83,8 @@ class WindowSource:
         else:
             rng = np.random.default_rng([self.seed, WINDOW_STREAM, face, number])
             a, b = int(rng.integers(n1 - w1 + 1)), int(rng.integers(n2 - w2 + 1))
-        return np.ascontiguousarray(topography[a : a + w1, b : b + w2])
+        window = topography[a : a + w1, b : b + w2]
+        return np.ascontiguousarray(window - window.mean())
 
     def key(self, ladder: Ladder) -> str:
         """Name of all that the response of window n depends on, but for the pressures at which it is known."""
@@ -128,10 +135,32 @@ class LadderLibrary:
         pressure = np.broadcast_to([s.pressure for s in steps], (self.size, len(steps)))
         return LibraryTable(tuple(steps), pressure, **{name: np.array(values) for name, values in columns.items()})
 
-    def standoff(self, pressure: Array) -> Array:
-        """Mean over the cells of the distance that asperities add under a mean pressure [m]."""
+    def loaded(self, name: str, pressure: Array) -> Array:
+        """Mean over the cells of "standoff" or "plastic_deformation" under a mean pressure on loading [m]."""
         x = np.cbrt(pressure)
-        return np.mean([np.interp(x, np.cbrt(c.pressure), c.standoff) for c in self.cells], axis=0)
+        return np.mean([np.interp(x, np.cbrt(c.pressure), getattr(c, name)) for c in self.cells], axis=0)
+
+    def flattening(self, pressure: Array, peak: Array) -> Array:
+        """Mean over the cells of what a peak has taken away from the standoff under a pressure below it [m]."""
+        return np.mean([self._flattening(cell, pressure, peak) for cell in self.cells], axis=0)
+
+    def _flattening(self, cell: Cell, pressure: Array, peak: Array) -> Array:
+        """Between peaks at equal share of them; none without a peak."""
+        if not cell.peaks.size:
+            return np.zeros_like(pressure)
+        share = np.divide(pressure, peak, out=np.ones_like(pressure), where=peak > 0)
+        stops = np.array([1.0, *self.ladder.stops])[::-1]
+        taken = [np.zeros_like(pressure)]
+        for m, top in enumerate(cell.peaks):
+            virgin = np.interp(np.cbrt(top * stops), np.cbrt(cell.pressure), cell.standoff)
+            left = np.array([virgin[-1], *cell.standoff_unloading[m]])[::-1]
+            taken.append(np.interp(share, stops, virgin - left))
+        knots = np.r_[0.0, cell.peaks]
+        upper = np.clip(np.searchsorted(knots, peak), 1, knots.size - 1)
+        weight = np.clip((peak - knots[upper - 1]) / (knots[upper] - knots[upper - 1]), 0, 1)
+        stack = np.array(taken)
+        low, high = (np.take_along_axis(stack, n[None], axis=0)[0] for n in (upper - 1, upper))
+        return (1 - weight) * low + weight * high
 
     def along(self, paths: Array, gaps: Array, steps: Sequence[LoadStep], axis: int) -> Array:
         """Permeability of every cell along every path: (paths, cells, steps) [m³].
@@ -143,10 +172,8 @@ class LadderLibrary:
         steps : the seal's programme.
         axis : direction of the links.
         """
-        peak_at = {s.pressure: n for n, s in enumerate(steps) if s.unloaded_from is None}
-        peaks = np.array([n if s.unloaded_from is None else peak_at[s.unloaded_from] for n, s in enumerate(steps)])
         loading = np.array([s.unloaded_from is None for s in steps])
-        p_peak = paths[:, peaks]
+        p_peak = paths[:, peak_indices(steps)]
         # a window that its peak did not load has the virgin curve
         down = ~loading & (paths > 0) & (p_peak > 0)
         up = (loading | (p_peak <= 0)) & (paths > 0)
@@ -255,7 +282,7 @@ def _read(path: Path) -> list[Cell | None]:
             for row, n in enumerate(data["good"]):
                 cells[n] = Cell(**{name: columns[name][row] for name in _ARRAYS})
             return cells
-    except (OSError, ValueError, KeyError, BadZipFile, IndexError):
+    except (OSError, EOFError, ValueError, KeyError, IndexError, BadZipFile, zlib.error):
         return []
 
 

@@ -126,9 +126,9 @@ class Partition:
     def means(self, field: NDArray[Any], axis: int = 0) -> Array:
         """Means of a field on any grid that the windows divide, over the windows of the links along `axis`."""
         grid = Partition(field.shape, self.spacing, self.cells) if field.shape != self.shape else self
-        return np.array(
-            [[grid.link(field, i, j, axis).mean() for j in range(self.cells[1])] for i in range(self.cells[0] - axis)]
-        )
+        rows, columns = self.cells[0] - axis, self.cells[1]
+        means = [grid.link(field, i, j, axis).mean() for i in range(rows) for j in range(columns)]
+        return np.array(means).reshape(rows, columns)
 
 
 @dataclass(frozen=True)

@@ -42,14 +42,16 @@ class LinkTable:
     k : permeability of every cell along every pressure path (paths, cells, steps) [m³].
     path : path that each link follows (links,); links are counted along x1 first, `rows` of them in a column.
     steps : the programme.
-    block_length : mean number of columns that "block" takes in a run; 0 where cells are not neighbours in a row.
+    run_length : mean number of columns that "block" takes in a run; 0 where cells are not neighbours in a row.
+    correlation_length : number of columns over which cells are alike.
     """
 
     k: Array
     path: Index
     rows: int
     steps: tuple[LoadStep, ...]
-    block_length: float = 0.0
+    run_length: float = 0.0
+    correlation_length: float = 1.0
 
 
 def draw_links(table: LinkTable, *, sampler: str, seed: int, realisation: int, axis: int) -> Draw:
@@ -101,11 +103,11 @@ def _history(table: LinkTable, rng: np.random.Generator) -> Draw:
 
 
 def _block(table: LinkTable, rng: np.random.Generator) -> Draw:
-    if table.block_length < 1:
+    if table.run_length < 1:
         raise InputError.of("sampler", "block", "another one, where cells are not neighbours on a face")
     cells, columns = table.k.shape[1], -(-table.path.size // max(table.rows, 1))
     fresh = rng.random((columns, 2))
-    starts = fresh[:, 0] < 1 / table.block_length
+    starts = fresh[:, 0] < 1 / table.run_length
     starts[:1] = True
     first = np.flatnonzero(starts)
     run = np.cumsum(starts) - 1
@@ -140,13 +142,27 @@ def _copula(table: LinkTable, rng: np.random.Generator) -> Draw:
 
 
 class _RankModel:
-    """Normal scores of the cells of one path at all steps, and the values behind them."""
+    """Normal scores of the cells of one path at all steps, and the values behind them.
+
+    Closed cells share the mean score m of their ranks, as nothing orders them. For normal numbers z of correlation ρ,
+    cov(m₁, m₂) is about ρ var(m₁) var(m₂), exactly so where only one of the steps has closed cells.
+    """
 
     def __init__(self, k: Array, steps: Sequence[LoadStep]) -> None:
         self.steps, self.sorted = steps, np.sort(k, axis=0)
-        scores = ndtri((_ranks(k, steps) + 0.5) / len(k))
-        correlation = scores.T @ scores / np.sqrt(np.outer((scores**2).sum(axis=0), (scores**2).sum(axis=0)))
-        values, vectors = np.linalg.eigh(correlation)
+        normal = ndtri((np.arange(len(k)) + 0.5) / len(k))
+        scores = np.empty(k.shape)
+        for s, values in enumerate(k.T):
+            order = np.argsort(values, kind="stable")
+            n_closed = np.count_nonzero(values <= 0)
+            scores[order, s] = np.r_[
+                np.full(n_closed, normal[:n_closed].mean() if n_closed else 0.0), normal[n_closed:]
+            ]
+        product = scores.T @ scores / (normal @ normal or 1.0)
+        variance = np.diag(product)
+        correlation = np.divide(product, np.outer(variance, variance), out=np.zeros_like(product), where=product != 0)
+        np.fill_diagonal(correlation, 1.0)
+        values, vectors = np.linalg.eigh(np.clip(correlation, -1, 1))
         root = vectors * np.sqrt(np.maximum(values, 0))
         self.root = root / np.sqrt((root**2).sum(axis=1, keepdims=True))
 
@@ -162,23 +178,6 @@ class _RankModel:
                 ceiling = k[:, above[-1]] if above else np.inf
                 k[:, end] = np.minimum(np.maximum(k[:, end], k[:, start]), np.maximum(ceiling, k[:, start]))
         return k
-
-
-def _ranks(k: Array, steps: Sequence[LoadStep]) -> Array:
-    """Ranks 0 … cells − 1 at every step; closed cells in the order in which they closed."""
-    ranks = np.empty(k.shape)
-    order_of = [(n, n - 1 if n else None) for n in _loading(steps)]
-    chains: dict[float, list[int]] = {}
-    for n, step in enumerate(steps):
-        if step.unloaded_from is not None:
-            chains.setdefault(step.unloaded_from, []).append(n)
-    lowest = _loading(steps)[0]
-    for chain in chains.values():
-        order_of += [(n, after) for n, after in zip(chain[::-1], [lowest, *chain[:0:-1]], strict=True)]
-    for n, before in order_of:
-        ties = np.zeros(len(k)) if before is None else ranks[:, before]
-        ranks[np.lexsort((ties, k[:, n])), n] = np.arange(len(k))
-    return ranks
 
 
 def _quantile(values: Array, position: Array) -> Array:

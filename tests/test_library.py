@@ -1,0 +1,316 @@
+"""Windows followed along a ladder, the curves between its steps, and libraries kept in a folder."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+import femseal.scales.library
+from femseal.contact import HalfSpace, load_cycle, load_programme
+from femseal.errors import FemsealError, InputError, NotConverged
+from femseal.flow import cell_permeability
+from femseal.scales import Cell, CellCurves, Ladder, WindowSource, build_ladder_library, follow, on_ladder
+from femseal.topography import self_affine
+
+E, H = 115e9, 3e9
+LOADING = (0.0, 1e8, 2e8, 4e8, 8e8)
+LADDER = Ladder(LOADING, (2e8, 8e8), (0.5, 0.1, 0.0), (0.0, 1e-6), closing_rtol=0.1)
+BODY = HalfSpace((32, 32), (1e-6, 1e-6), E, ("mirror", "mirror"))
+
+
+@pytest.fixture(scope="module")
+def heights():
+    return self_affine((64, 96), (64e-6, 96e-6), hurst=0.8, rms_slope=0.2, roll_off=30e-6, rng=5).heights
+
+
+@pytest.fixture(scope="module")
+def source(heights):
+    return WindowSource((-heights,), BODY, H, seed=1, rtol=1e-7)
+
+
+@pytest.fixture(scope="module")
+def cell(source):
+    return follow(source.window(0), ladder=LADDER, half_space=BODY, hardness=H, rtol=1e-7)
+
+
+class TestFollowing:
+    def test_states_are_those_of_the_window_alone(self, source, cell):
+        """Loading, unloading and rigid separation against the load cycle of the same gap."""
+        gap0 = source.window(0)
+        states = load_cycle(gap0, BODY, loading=LOADING, unload_from=(2e8, 8e8), unloading=(4e8, 1e8, 8e7, 2e7, 0.0),
+                            hardness=H, rtol=1e-7)  # fmt: skip
+        of = {(s.pressure, s.unloaded_from): s.contact for s in states}
+        for p in LOADING:
+            at = np.searchsorted(cell.pressure, p)
+            contact = of[p, None]
+            k = [cell_permeability(contact.gap, (1e-6, 1e-6), axis=a).value for a in (0, 1)]
+            assert_allclose(cell.k[:, at], k, rtol=1e-5)
+            assert_allclose(cell.mean_gap[at], contact.mean_gap, rtol=1e-6)
+            assert_allclose(cell.standoff[at], -contact.approach, rtol=1e-6)
+            assert_allclose(cell.contact_fraction[at], contact.area_fraction, atol=2e-3)
+            assert_allclose(cell.plastic_deformation[at], contact.plastic_deformation.mean(), rtol=1e-3, atol=1e-13)
+        for m, peak in enumerate((2e8, 8e8)):
+            for s, share in enumerate(LADDER.stops):
+                contact = of[round(share * peak), peak]
+                k = [cell_permeability(contact.gap, (1e-6, 1e-6), axis=a).value for a in (0, 1)]
+                assert_allclose(cell.k_unloading[:, m, s], k, rtol=1e-4)
+                assert_allclose(cell.standoff_unloading[m, s], -contact.approach, rtol=1e-5)
+        apart = cell_permeability(np.maximum(gap0 + 1e-6, 0), (1e-6, 1e-6), axis=1).value
+        assert_allclose(cell.rigid[1, 1], apart, rtol=1e-6)
+
+    def test_closing_is_known_to_the_tolerance(self, source):
+        ladder = Ladder((*LOADING, 1.6e9, 2.4e9), closing_rtol=0.1)
+        cell = follow(source.window(0), ladder=ladder, half_space=BODY, hardness=H, rtol=1e-7)
+        closes = [a for a in (0, 1) if cell.closing_pressure(a) < np.inf]
+        assert closes
+        for axis in closes:
+            first = np.flatnonzero(cell.k[axis] == 0)[0]
+            low, high = cell.pressure[first - 1 : first + 1]
+            assert high - low <= 0.1 * high
+            assert low < cell.closing_pressure(axis) < high
+            for p, opened in ((low, True), (high, False)):
+                contact = load_cycle(source.window(0), BODY, loading=(p,), hardness=H, rtol=1e-7)[0].contact
+                assert cell_permeability(contact.gap, (1e-6, 1e-6), axis=axis).percolates == opened
+
+    def test_every_state_is_counted_and_closed_ones_are_not_solved(self, source, monkeypatch):
+        solved = []
+        permeability = femseal.scales.ladder.window_permeability
+
+        def counted(*args):
+            result = permeability(*args)
+            solved.append(result[1])
+            return result
+
+        monkeypatch.setattr(femseal.scales.ladder, "window_permeability", counted)
+        tight = replace(LADDER, loading=(*LOADING, 1.2e9, 1.6e9, 2.4e9), closing_rtol=0.5)
+        cell = follow(source.window(0), ladder=tight, half_space=BODY, hardness=H)
+        assert sum(cell.counts.values()) == 2 * (cell.pressure.size + 2 * 3 + 2)
+        assert cell.counts["closed"] > solved.count("closed") > 0
+
+    def test_a_known_cell_is_extended(self, source, cell):
+        """Further steps and peaks, without touching what is known."""
+        short = Ladder(LOADING[:3], (2e8,), LADDER.stops, LADDER.separations, closing_rtol=0.1)
+        start = follow(source.window(0), ladder=short, half_space=BODY, hardness=H, rtol=1e-7)
+        longer = follow(source.window(0), ladder=LADDER, half_space=BODY, hardness=H, rtol=1e-7, known=start)
+        for name in ("pressure", "k", "standoff", "peaks", "k_unloading", "mean_gap_unloading", "rigid"):
+            assert_array_equal(getattr(longer, name), getattr(cell, name))
+        assert sum(longer.counts.values()) < sum(cell.counts.values())
+        between = replace(short, peaks=(1e8, 2e8))
+        more = follow(source.window(0), ladder=between, half_space=BODY, hardness=H, rtol=1e-7, known=cell)
+        assert_array_equal(more.peaks, [1e8, 2e8, 8e8])
+        assert_array_equal(more.k_unloading[:, 1:], cell.k_unloading)
+
+    @pytest.mark.parametrize(
+        ("given", "word"),
+        [
+            ({"loading": (1e8, 2e8)}, "first touch"),
+            ({"loading": (0.0, 2e8, 1e8)}, "first touch"),
+            ({"peaks": (3e8,)}, "of `loading`"),
+            ({"stops": ()}, "where there are peaks"),
+            ({"stops": (0.5, 0.1)}, "to 0"),
+            ({"separations": (1e-6, 0.0)}, "rising"),
+        ],
+    )
+    def test_bad_ladders(self, given, word):
+        with pytest.raises(InputError, match=word):
+            replace(LADDER, **given)
+
+    def test_ladder_reaches_beyond_the_highest_load(self):
+        shorter = on_ladder(LADDER, (1.5e8,), 3e8)
+        assert shorter.loading == (0.0, 1e8, 1.5e8, 2e8, 4e8)
+        assert shorter.peaks == (2e8,)
+        assert on_ladder(LADDER, (), 4e8).loading[-1] == 4e8
+
+
+def made_cell(k, p=LOADING, unloading=(), peaks=(), rigid=()):
+    """A cell of given permeabilities, the same along both axes."""
+    n, m = len(p), len(peaks)
+    zeros, down = np.zeros(n), np.array(unloading, float).reshape(m, -1 if m else 3)
+    return Cell(np.array(p), np.array([k, k], float), zeros, zeros, zeros, zeros, np.array(peaks),
+                np.array([down, down]), 0 * down, 0 * down, 0 * down, np.array([rigid, rigid], float))  # fmt: skip
+
+
+def curves(cell, ladder=LADDER, rms=1e-7):
+    return CellCurves(cell, ladder, 0, rms)
+
+
+class TestCurves:
+    def test_steps_come_back(self):
+        """Open, closing and closed cells."""
+        for k in ([5, 4, 3, 2, 1], [5, 4, 2, 0, 0], [5, 0, 0, 0, 0], [0, 0, 0, 0, 0]):
+            assert_allclose(curves(made_cell(k)).loaded(np.array(LOADING)), k, rtol=1e-12)
+
+    def test_straight_over_the_cube_root_of_the_pressure(self):
+        p = np.linspace(0, 8e8, 100)
+        k = np.exp(-np.cbrt(LOADING) / 100)
+        assert_allclose(curves(made_cell(k)).loaded(p), np.exp(-np.cbrt(p) / 100), rtol=1e-12)
+
+    def test_between_steps_k_is_monotone_and_closes_half_way(self):
+        curve = curves(made_cell([4, 3, 1, 0.5, 0]))
+        p = np.linspace(1, 8e8, 2000)
+        k = curve.loaded(p)
+        assert (np.diff(k) <= 0).all()
+        end = ((np.cbrt(4e8) + np.cbrt(8e8)) / 2) ** 3
+        assert_allclose(p[k > 0].max(), end, rtol=1e-3)
+        # up to there with the last slope: half a step further by the square root of the last factor
+        assert_allclose(curve.loaded(np.array([end * (1 - 1e-9)])), 0.5 * 0.5 ** (
+            0.5 * (np.cbrt(8e8) - np.cbrt(4e8)) / (np.cbrt(4e8) - np.cbrt(2e8))), rtol=1e-6)  # fmt: skip
+
+    def test_unloading_starts_from_loading_at_any_peak(self):
+        cell = made_cell([16, 8, 4, 2, 1], unloading=[[4.2, 5, 6], [1.1, 2, 3]], peaks=(2e8, 8e8))
+        curve = curves(cell)
+        for peak in (3e7, 1e8, 2e8, 3e8, 6e8, 8e8):
+            top = curve.loaded(np.array([peak]))
+            p = np.linspace(1, peak * (1 - 1e-12), 200)
+            k = curve.unloaded(p, np.full(p.shape, peak))
+            assert_allclose(k[-1], top, rtol=1e-6)
+            assert (np.diff(k) <= 1e-12).all()
+            assert (k <= curve.loaded(p) * (1 + 1e-12)).all()
+        at = np.array([1e8, 4e8, 0.8e8])
+        assert_allclose(curve.unloaded(at, np.array([2e8, 8e8, 8e8])), [4.2, 1.1, 2], rtol=1e-12)
+
+    def test_without_a_peak_to_speak_of_unloading_is_loading(self):
+        cell = made_cell([16, 8, 4, 2, 1], unloading=[[4.2, 5, 6]], peaks=(2e8,))
+        p = np.array([0.3, 0.6, 0.9])
+        assert_allclose(curves(cell).unloaded(p, np.ones(3)), curves(cell).loaded(p), rtol=1e-3)
+        elastic = made_cell([16, 8, 4, 2, 1])
+        p = np.array([1e7, 1e8])
+        assert_allclose(curves(elastic).unloaded(p, np.full(2, 4e8)), curves(elastic).loaded(p))
+
+    def test_a_closed_cell_opens_again_at_a_share_between_those_of_its_peaks(self):
+        """Closed from 300 MPa on; from 400 MPa it opens below a half, from 800 MPa below a tenth."""
+        ladder = Ladder(LOADING, (4e8, 8e8), (0.75, 0.25, 0.15, 0.05, 0.0))
+        cell = made_cell([16, 8, 4, 0, 0], unloading=[[0, 1, 1.5, 2, 3], [0, 0, 0, 1, 2]], peaks=(4e8, 8e8))
+        curve = curves(cell, ladder)
+        shares = np.linspace(0.001, 0.999, 999)
+
+        def opens(peak):
+            k = curve.unloaded(shares * peak, np.full(shares.shape, peak))
+            assert (np.diff(k) <= 1e-12).all()
+            return shares[k > 0].max()
+
+        assert_allclose([opens(4e8), opens(8e8)], [0.5, 0.1], atol=2e-3)
+        assert_allclose(opens(6e8), 0.3, atol=2e-3)
+        end = curve.loading.end**3
+        assert opens(end * 0.999) > 0.99
+        assert_allclose(opens((end + 4e8) / 2), 0.75, atol=0.01)
+
+    def test_apart_by_rigid_values_and_the_asymptote(self):
+        ladder = replace(LADDER, separations=(1e-6, 2e-6))
+        curve = curves(made_cell([1] * 5, unloading=[[1] * 3] * 2, peaks=(2e8, 8e8), rigid=(3.0, 7.0)), ladder)
+        gaps = np.array([1e-6, 2e-6, 1e-5, 0.0])
+        assert_allclose(curve.separated(gaps), [3, 7, 1e-15 / 12 * (1 - 1.5e-4), 3], rtol=1e-9)
+
+
+class TestLibrary:
+    def test_windows_tile_the_face_before_any_lies_anywhere(self, heights, source):
+        tiles = [-heights[a : a + 32, b : b + 32] for a in (0, 32) for b in (0, 32, 64)]
+        found = [source.window(n) for n in range(6)]
+        for tile in tiles:
+            assert sum(np.allclose(tile - tile.mean(), w, atol=1e-15) for w in found) == 1
+        later = [source.window(n) for n in range(6, 20)]
+        assert len({w.tobytes() for w in found + later}) == 20
+        assert_allclose([w.mean() for w in later], 0, atol=1e-20)
+        assert_allclose(source.rms_height**2, np.mean([np.var(w) for w in found]))
+
+    def test_windows_of_several_faces_take_turns(self, heights):
+        both = WindowSource((-heights, -heights[::-1, ::-1] * 2), BODY, H, seed=1)
+        assert_allclose(
+            np.std([both.window(n) for n in range(1, 12, 2)]), 2 * np.std([both.window(n) for n in range(0, 12, 2)])
+        )
+
+    def test_kept_read_and_extended(self, source, tmp_path, monkeypatch):
+        """A second seal computes nothing, a larger library the rest only, a higher load further steps only."""
+        built = build_ladder_library(source, LADDER, 3, folder=tmp_path)
+        fresh = build_ladder_library(source, LADDER, 5)
+        followed = []
+        original = femseal.scales.library.follow
+
+        def counted(window, *, known, **given):
+            cell = original(window, known=known, **given)
+            followed.append(sum(cell.counts.values()))
+            return cell
+
+        monkeypatch.setattr(femseal.scales.library, "follow", counted)
+        again = build_ladder_library(source, LADDER, 3, folder=tmp_path)
+        assert (again.reused, followed) == (3, [])
+        assert sum(again.counts.values()) == 0
+        more = build_ladder_library(source, LADDER, 5, folder=tmp_path)
+        assert (more.reused, len(followed)) == (3, 2)
+        higher = replace(LADDER, loading=(*LOADING, 1e9))
+        build_ladder_library(source, higher, 2, folder=tmp_path)
+        assert max(followed[2:]) <= 6  # one step and what bisection adds, along both axes
+        assert len(list(tmp_path.glob("*.npz"))) == 1
+        assert build_ladder_library(source, LADDER, 5, folder=tmp_path).reused == 5
+        steps = load_programme(LOADING[1:], (8e8,), (4e8, 8e7))
+        paths = np.array([[s.pressure for s in steps]])
+        for library in (built, again, more):
+            for axis in (0, 1):
+                k = library.along(paths, np.zeros_like(paths), steps, axis)
+                assert_array_equal(k, fresh.along(paths, np.zeros_like(paths), steps, axis)[:, : library.size])
+
+    def test_another_name_for_anything_else(self, source, heights):
+        names = {source.key(LADDER)}
+        names |= {replace(source, **change).key(LADDER) for change in (
+            {"hardness": 2 * H}, {"seed": 2}, {"rtol": 1e-6}, {"topographies": (heights,)},
+            {"half_space": replace(BODY, modulus=2 * E)}, {"half_space": replace(BODY, longest_wave=1e-5)})}  # fmt: skip
+        names |= {source.key(replace(LADDER, **change)) for change in (
+            {"stops": (0.4, 0.1, 0.0)}, {"separations": ()}, {"closing_rtol": 0.2})}  # fmt: skip
+        assert len(names) == 10
+        assert source.key(replace(LADDER, loading=(0.0, 2e8), peaks=(2e8,))) in names
+
+    def test_a_damaged_file_is_computed_anew(self, source, tmp_path):
+        ladder = Ladder((0.0, 1e8))
+        whole = build_ladder_library(source, ladder, 2, folder=tmp_path)
+        (file,) = tmp_path.glob("*.npz")
+        content = file.read_bytes()
+        for damage in (b"", content[: len(content) // 2], b"x" * 100, content[:-200] + b"?" * 200):
+            file.write_bytes(damage)
+            again = build_ladder_library(source, ladder, 2, folder=tmp_path)
+            assert again.reused == 0
+            assert_array_equal(again.cells[1].k, whole.cells[1].k)
+        assert build_ladder_library(source, ladder, 2, folder=tmp_path).reused == 2
+
+    def test_cells_that_fail_are_named_and_tried_again(self, source, tmp_path, monkeypatch):
+        original = femseal.scales.library.follow
+
+        def failing(window, **given):
+            if np.array_equal(window, source.window(1)):
+                raise NotConverged("did not converge", 1.0)
+            return original(window, **given)
+
+        monkeypatch.setattr(femseal.scales.library, "follow", failing)
+        ladder = Ladder((0.0, 1e8))
+        library = build_ladder_library(source, ladder, 3, folder=tmp_path)
+        assert (library.size, library.failures) == (2, ("cell 1: did not converge",))
+        monkeypatch.setattr(femseal.scales.library, "follow", original)
+        assert build_ladder_library(source, ladder, 3, folder=tmp_path).size == 3
+        monkeypatch.setattr(femseal.scales.library, "follow", failing)
+        monkeypatch.setattr(femseal.scales.library, "follow", lambda *a, **k: failing(source.window(1)))
+        with pytest.raises(FemsealError, match="every cell failed; the first: cell 0: did not"):
+            build_ladder_library(source, ladder, 2)
+
+    def test_curves_show_the_steps_of_the_ladder(self, source):
+        library = build_ladder_library(source, LADDER, 2)
+        shown = library.curves
+        assert len(shown.steps) == 5 + 2 * 3
+        assert shown.k.shape == shown.mean_gap.shape == shown.pressure.shape == (2, 11)
+        assert_array_equal(shown.pressure[0], [s.pressure for s in shown.steps])
+        one = library.cells[1]
+        assert_array_equal(shown.k[1, 5:], one.k_unloading[0].ravel())
+        assert_array_equal(shown.k[1, :5], one.k[0, np.searchsorted(one.pressure, LOADING)])
+
+    def test_flattening(self, source):
+        """What a peak takes from the standoff: nothing without a peak, at the peak nothing yet, the more the higher."""
+        library = build_ladder_library(source, LADDER, 2)
+        zero, at_peak = np.zeros(3), np.array([0.0, 2e8, 8e8])
+        assert_allclose(library.flattening(at_peak, at_peak), 0, atol=1e-16)
+        left = library.flattening(zero, at_peak)
+        assert left[0] == 0 < left[1] < left[2]
+        expected = np.mean([c.standoff[0] - c.standoff_unloading[1, -1] for c in library.cells])
+        assert_allclose(left[2], expected)
+
+    def test_no_windows(self, source):
+        with pytest.raises(InputError, match="at least one"):
+            build_ladder_library(source, LADDER, 0)
