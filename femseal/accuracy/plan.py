@@ -12,12 +12,11 @@ from ..forecast import deterministic_cost, links_along, stochastic_cost, two_sca
 from ..quantities import to_text
 
 Pair = tuple[int, int]
-#: Points along a side, and cells in the library, are divided by these.
+#: Points along a side, and cells in the library, are divided by these. The shortest wave of a scene has at least 8
+#: pixels, so 2 are left, which is what a grid can carry.
 COARSENINGS = (1, 2, 4)
 #: Windows have at least this many pixels a side, and hold this many of the shortest waves.
 WINDOW_PIXELS, WINDOW_WAVES = 16, 2
-#: A grid carries no wave of fewer pixels: with fewer it would be another surface.
-WAVE_PIXELS = 2
 
 
 @dataclass(frozen=True)
@@ -166,12 +165,11 @@ def _candidates(prepared: Prepared) -> Iterator[tuple[Variant | str, str]]:
     points = scene.surface.shape
     grids = list(dict.fromkeys(_grid(points, n, cells or (1, 1)) for n in COARSENINGS))
     for grid in grids:
-        yield Variant("deterministic", grid), _grid_fault(prepared, grid)
+        yield Variant("deterministic", grid), ""
     if cells is None:
         return
     for grid in grids:
-        fault = _grid_fault(prepared, grid) or _window_fault(prepared, grid, cells)
-        yield Variant("two-scale", grid, cells), fault
+        yield Variant("two-scale", grid, cells), _window_fault(prepared, grid, cells)
     for ratio, words in ((0.5, "half"), (2.0, "double")):
         other = _scaled_cells(points, cells, ratio)
         if other is None:
@@ -192,18 +190,9 @@ def _grid(points: Pair, coarsening: int, cells: Pair) -> Pair:
     return n1, n2
 
 
-def _grid_fault(prepared: Prepared, grid: Pair) -> str:
-    pixel = max(length / n for length, n in zip(prepared.scene.surface.size, grid, strict=True))
-    pixels = prepared.conditioning.shortest_wavelength / pixel
-    if pixels < WAVE_PIXELS * (1 - 1e-9):
-        return f"{pixels:.2g} pixels for the shortest wave, at least {WAVE_PIXELS} are needed"
-    return ""
-
-
 def _window_fault(prepared: Prepared, grid: Pair, cells: Pair) -> str:
     pixels = min(n // m for n, m in zip(grid, cells, strict=True))
-    # the case's own windows have been checked
-    if (grid, cells) != (prepared.scene.surface.shape, prepared.cells) and pixels < WINDOW_PIXELS:
+    if pixels < WINDOW_PIXELS:
         return f"windows of {pixels} pixels, at least {WINDOW_PIXELS} are needed"
     window = min(length / m for length, m in zip(prepared.scene.surface.size, cells, strict=True))
     waves = window / prepared.conditioning.shortest_wavelength
