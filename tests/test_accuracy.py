@@ -256,6 +256,20 @@ class TestWaveThatWindowsSolveExactly:
 
 
 class TestReport:
+    def test_drawn_seals_are_compared_with_both_references(self):
+        done = []
+        report = fs.measure_accuracy(small(), workers=1, progress=lambda *state: done.append(state))
+        assert done == [("solutions", n, len(report.solutions)) for n in range(len(report.solutions) + 1)]
+        leakage = {s.variant: s.leakage for s in report.solutions}
+        for s in report.solutions:
+            expected = [Variant("deterministic", (64, 64))]
+            expected += [Variant("two-scale", (64, 64), (2, 2))] if s.variant.method == "stochastic" else []
+            assert [c.against for c in s.comparisons] == expected
+            for c in s.comparisons:
+                ratio = np.log(s.leakage / leakage[c.against])
+                assert_allclose(c.loading.value, np.exp(np.sqrt(np.mean(ratio[:2] ** 2))), rtol=1e-12)
+                assert_allclose(c.unloading.value, np.exp(np.abs(ratio[2])), rtol=1e-12)
+
     def test_leakages_are_those_of_a_run(self):
         case = small(compare=["deterministic", "two-scale"])
         report, results = fs.measure_accuracy(case, workers=1), fs.run(case, workers=1)
@@ -335,6 +349,7 @@ class TestReport:
         ("arguments", "name"),
         [
             ({"workers": 0}, "workers"),
+            ({"limit": "10 min"}, "limit"),
             ({"limit": 0.0}, "limit"),
             ({"memory": -1.0}, "memory"),
             ({"limit": 1e-9}, "limit"),

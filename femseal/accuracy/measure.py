@@ -9,6 +9,7 @@ from dataclasses import replace
 from os import PathLike
 from pathlib import Path
 
+import joblib
 import numpy as np
 from numpy.typing import NDArray
 
@@ -71,21 +72,22 @@ def measure_accuracy(
     if announce is not None:
         for line in plan.lines():
             announce(line)
-    with ordered_map(workers) as mapper:
-        report = _measure(plan, workers, mapper, progress or (lambda stage, done, total: None))
+    processes = workers or joblib.cpu_count()
+    with ordered_map(processes) as mapper:
+        report = _measure(plan, processes, mapper, progress or (lambda stage, done, total: None))
     if output is not None:
         report.write(output)
     return report
 
 
-def _measure(plan: Plan, workers: int | None, mapper: Map, progress: Progress) -> AccuracyReport:
+def _measure(plan: Plan, workers: int, mapper: Map, progress: Progress) -> AccuracyReport:
     leakages: dict[Variant, Array] = {}
     seconds: dict[Variant, float] = {}
     failures: dict[Variant, tuple[str, ...]] = {}
     progress("solutions", 0, len(plan.variants))
     for done, variant in enumerate(plan.variants, start=1):
         prepared = _at_resolution(plan.prepared, variant)
-        _warm_up(prepared, variant, mapper)
+        _warm_up(prepared, variant, workers, mapper)
         start = time.perf_counter()
         try:
             leakages[variant], failures[variant] = _solve(prepared, variant, mapper)
@@ -147,9 +149,9 @@ def _solve(prepared: Prepared, variant: Variant, mapper: Map) -> tuple[Array, tu
     return seals.quantile(0.5), seals.failures
 
 
-def _warm_up(prepared: Prepared, variant: Variant, mapper: Map) -> None:
-    """The first load untimed, so that no time contains the loading of libraries and the planning of transforms."""
-    first = replace(prepared.scene, loading=prepared.scene.loading[:1], unload_from=(), unloading=())
-    sampling = prepared.sampling and replace(prepared.sampling, realisations=1)
+def _warm_up(prepared: Prepared, variant: Variant, workers: int, mapper: Map) -> None:
+    """A load for each process untimed, so that no time contains the loading of libraries and the planning of FFTs."""
+    first = replace(prepared.scene, loading=prepared.scene.loading[:workers], unload_from=(), unloading=())
+    sampling = prepared.sampling and replace(prepared.sampling, realisations=workers)
     with suppress(FemsealError):
         _solve(replace(prepared, scene=first, sampling=sampling), variant, mapper)

@@ -56,8 +56,9 @@ def _mark(axes: Axes, report: AccuracyReport, solution: Solution, comparison: Co
     axes.plot(*at, color=colour, ls="", marker=marker, ms=7, mew=1.3, mfc=colour if first else "none")
     text = _name(report, variant) if first else ""
     text += f" (+{factor.closed} closed)" if factor.closed else ""
-    # libraries lie among the windows they are drawn from
-    side: dict[str, Any] = {"xytext": (5, 4)} if variant.library_cells is None else {"xytext": (-5, -9), "ha": "right"}
+    # libraries and coarser grids lie among the windows of the case
+    apart = variant.library_cells is not None or (variant.cells and variant.points != report.plan.reference.points)
+    side: dict[str, Any] = {"xytext": (-5, -9), "ha": "right"} if apart else {"xytext": (5, 4)}
     axes.annotate(text, at, textcoords="offset points", fontsize=7, color=_GREY, **side)
 
 
@@ -67,7 +68,7 @@ def _name(report: AccuracyReport, variant: Variant) -> str:
         return str(variant.library_cells)
     if variant.cells is None:
         return by(variant.points)
-    own = variant.points == report.plan.prepared.scene.surface.shape
+    own = variant.points == report.plan.reference.points
     return by(variant.cells) + ("" if own else f" on {by(variant.points)}")
 
 

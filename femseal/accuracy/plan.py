@@ -102,9 +102,8 @@ def make_plan(case: Case, *, limit: float, memory: float) -> Plan:
     ------
     InputError : a face or cells that cannot be used; nothing affordable to compare with.
     """
-    methods = ("deterministic", *(("two-scale",) if case.cells else ()))
-    methods += ("stochastic",) if case.cells and case.stochastic else ()
-    prepared = case.model_copy(update={"compare": methods}).prepare()
+    others = (("two-scale",) if case.cells else ()) + (("stochastic",) if case.cells and case.stochastic else ())
+    prepared = case.model_copy(update={"compare": others}).prepare()
     variants: list[Variant] = []
     costs: list[tuple[float, float]] = []
     skipped: list[tuple[str, str]] = []

@@ -59,12 +59,12 @@ class Solution:
 class AccuracyReport:
     """Times and errors of the solutions of a scene, the reference first.
 
-    plan : the case, what was planned and what was skipped. workers : processes; None: one for each core.
+    plan : the case, what was planned and what was skipped. workers : processes.
     """
 
     plan: Plan
     solutions: tuple[Solution, ...]
-    workers: int | None
+    workers: int
 
     @property
     def warnings(self) -> list[str]:
@@ -109,7 +109,7 @@ class AccuracyReport:
             "versions": versions(),
             "platform": f"{platform.system()} {platform.machine()}",
             "cores": os.cpu_count(),
-            "workers": self.workers or os.cpu_count(),
+            "workers": self.workers,
             "seed": plan.case.seed,
             "case": plan.case.echo(),
             "surface": plan.prepared.surface_report,
