@@ -10,6 +10,7 @@ The flow of data, top to bottom::
     studies      the chains: deterministic, two-scale, stochastic
     output       results folder: netCDF, pictures, VTK
     case         TOML case -> everything above                           load_case, run
+    accuracy     speed against error of the studies for a case           measure_accuracy
 
 Everything is SI. Names are loaded when first used, so that importing the package is quick.
 """
@@ -20,6 +21,7 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
+    from .accuracy import AccuracyReport, measure_accuracy
     from .case import Case, load_case
     from .contact import Contact, HalfSpace, LoadState, load_cycle, solve_contact
     from .errors import FemsealError, InputError, NotConverged
@@ -40,6 +42,7 @@ if TYPE_CHECKING:
     from .topography import Topography, condition, read_topography, self_affine, turned
 
 _MODULES = {
+    "accuracy": ("AccuracyReport", "measure_accuracy"),
     "case": ("Case", "load_case"),
     "contact": ("Contact", "HalfSpace", "LoadState", "load_cycle", "solve_contact"),
     "errors": ("FemsealError", "InputError", "NotConverged"),

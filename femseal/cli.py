@@ -1,4 +1,7 @@
-"""Command line: `femseal new`, `check`, `run`. Exit code 0 done, 2 bad input (nothing written), 1 anything else."""
+"""Command line: `femseal new`, `check`, `run`, `accuracy`.
+
+Exit code 0 done, 2 bad input (nothing written), 1 anything else.
+"""
 
 from __future__ import annotations
 
@@ -86,6 +89,35 @@ def run(
         if len(results.warnings) > 5:
             typer.echo(f"warning: {len(results.warnings) - 5} more in {folder / 'run.log'}", err=True)
         typer.echo(f"results in {folder}")
+
+
+@app.command()
+def accuracy(
+    path: Annotated[Path, typer.Argument(metavar="CASE", help="Case file.")],
+    output: Annotated[Path | None, typer.Option("-o", "--output", help="Folder for table and picture [none].")] = None,
+    limit: Annotated[str, typer.Option(help="Skip solutions expected to take longer on one core.")] = "10 min",
+    memory: Annotated[str, typer.Option(help="Skip solutions expected to need more.")] = "4 GB",
+    workers: Annotated[int | None, typer.Option(help="Processes [all cores].")] = None,
+    quiet: Annotated[bool, typer.Option("--quiet", help="No plan, no progress, no table.")] = False,
+) -> None:
+    """Report speed against error for a case: coarser pixels, other windows, smaller libraries."""
+    from .accuracy import measure_accuracy
+    from .quantities import to_si
+
+    limits = {"limit": to_si(limit, "s", "limit"), "memory": to_si(memory, "byte", "memory")}
+    announce = None if quiet else typer.echo
+    with _Progress(show=not quiet and sys.stderr.isatty()) as progress:
+        report = measure_accuracy(path, output, workers, **limits, announce=announce, progress=progress)
+    if not quiet:
+        from rich.console import Console
+
+        Console(width=None if sys.stdout.isatty() else 160).print(report.table())
+        for warning in report.warnings[:5]:
+            typer.echo(f"warning: {warning}", err=True)
+        if len(report.warnings) > 5:
+            typer.echo(f"warning: {len(report.warnings) - 5} more", err=True)
+        if output is not None:
+            typer.echo(f"accuracy in {output}")
 
 
 class _Progress:

@@ -30,7 +30,8 @@ LAYERS = {
     "case": 9,
     "forecast": 10,
     "job": 10,
-    "cli": 11,
+    "accuracy": 11,
+    "cli": 12,
 }
 HEAVY = ("matplotlib", "vtk", "vtkmodules", "pyvista", "meshio", "SurfaceTopography", "distributed", "pyamg")
 MODULES = sorted(p for p in ROOT.rglob("*.py") if p != ROOT / "__init__.py")

@@ -191,7 +191,7 @@ def assemble(
         "timings": _json(timings or {}),
         "counts": _json(counts),
         "warnings": _shortened([text for study in studies for text in study.failures]),
-        "versions": _json(_versions()),
+        "versions": _json(versions()),
         "platform": f"{platform.system()} {platform.machine()}",
         "fluid": repr(scene.fluid),
         "inlet_pressure_Pa": float(scene.inlet_pressure),
@@ -346,7 +346,8 @@ def _femseal_version() -> str:
     return __version__
 
 
-def _versions() -> dict[str, str]:
+def versions() -> dict[str, str]:
+    """Versions of femseal, Python and the packages that compute."""
     found = {"femseal": _femseal_version(), "python": platform.python_version()}
     for name in _PACKAGES:
         try:

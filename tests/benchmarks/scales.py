@@ -24,7 +24,6 @@ MODULUS, PIXEL = 115e9, 1e-6
 #: Nominal pressures in shares of the hardness, the one to unload from, and the stops on the way down.
 LOADING = (0.004, 0.01, 0.02, 0.04, 0.07, 0.11, 0.16, 0.22, 0.3, 0.4)
 PEAKS, UNLOADING = (0.11, 0.3), (0.22, 0.16, 0.07, 0.03, 0.01, 0.003)
-FLOOR = 1e-3
 
 
 def face(kind, n, seed):
@@ -51,24 +50,9 @@ def face(kind, n, seed):
 KINDS = ("turned, 8 marks", "turned, 7 marks", "turned along", "self-affine")
 
 
-def factor(leakage, exact, steps, branch):
-    """exp(rms ln ratio) over the loads of a branch that leak enough, and those closed in one solution only."""
-    chosen = np.array([s.branch == branch for s in steps]) & (exact > FLOOR * exact[0])
-    lost = int(np.count_nonzero(chosen & (leakage <= 0)))
-    chosen &= leakage > 0
-    if not chosen.any():
-        return np.nan, lost
-    return float(np.exp(np.sqrt(np.mean(np.log(leakage[chosen] / exact[chosen]) ** 2)))), lost
-
-
-def closing(leakage, steps):
-    """Lowest loading step that is closed, in shares of the hardness."""
-    shut = [s.pressure for s, q in zip(steps, leakage, strict=True) if s.branch == "loading" and q == 0]
-    return min(shut, default=np.inf)
-
-
 def study(task):
     from femseal import Liquid, Scene, deterministic, two_scale
+    from femseal.accuracy import closing_load, leakage_factor
     from femseal.flow import cell_permeability
     from femseal.seal import RectangularSeal
 
@@ -106,9 +90,9 @@ def study(task):
     }
     for name, leakage in (("links", two.leakage), ("resolved", resolved)):
         for branch in ("loading", "unloading"):
-            record[f"{name} {branch}"], lost = factor(leakage, exact.leakage, exact.steps, branch)
-            record[f"{name} {branch} closed"] = lost
-    record["closing"] = [closing(q, exact.steps) / hardness for q in (exact.leakage, two.leakage)]
+            factor = leakage_factor(leakage, exact.leakage, exact.steps, branch)
+            record[f"{name} {branch}"], record[f"{name} {branch} closed"] = factor.value, factor.closed
+    record["closing"] = [closing_load(q, exact.steps) / hardness for q in (exact.leakage, two.leakage)]
     area = two.contact_fraction.mean(axis=(1, 2)) / exact.contact_fraction
     record["area"] = float(np.exp(np.sqrt(np.mean(np.log(area) ** 2))))
     record["ratios"] = (two.leakage / np.where(exact.leakage > 0, exact.leakage, np.nan)).tolist()

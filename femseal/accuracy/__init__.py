@@ -1,0 +1,23 @@
+"""Speed against error for a case: its scene solved at several resolutions, window sizes and library sizes.
+
+`measure_accuracy` plans the solutions (`plan.py`), times them, and compares their leakage with the best one that is
+affordable (`factors.py`); its `AccuracyReport` prints and writes what came out.
+"""
+
+from .factors import LeakageFactor, closing_load, leakage_factor
+from .measure import measure_accuracy
+from .plan import Plan, Variant, make_plan
+from .report import AccuracyReport, Comparison, Solution
+
+__all__ = [
+    "AccuracyReport",
+    "Comparison",
+    "LeakageFactor",
+    "Plan",
+    "Solution",
+    "Variant",
+    "closing_load",
+    "leakage_factor",
+    "make_plan",
+    "measure_accuracy",
+]

@@ -1,0 +1,71 @@
+"""How far one leakage curve is from another over a load cycle."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..contact import LoadStep
+
+#: Loads are compared that leak more than this share of the first one.
+FLOOR = 1e-3
+
+
+@dataclass(frozen=True)
+class LeakageFactor:
+    """Distance of two leakage curves over one branch.
+
+    value : exp(rms ln(Q/Q_ref)) [-], 1 for equal curves; NaN where no load can be compared.
+    loads : how many it is taken over.
+    closed : loads at which one of the two is closed and the other leaks more than the floor; they have no ratio.
+    failed : loads at which one of the two is not known.
+    """
+
+    value: float
+    loads: int
+    closed: int
+    failed: int
+
+
+def leakage_factor(leakage: ArrayLike, reference: ArrayLike, steps: Sequence[LoadStep], branch: str) -> LeakageFactor:
+    """Factor exp(rms ln(Q/Q_ref)) over the loads of a branch whose reference leaks more than 1e-3 of its first load.
+
+    A factor of 1.2 says that the leakage is typically 20 % too high or too low. Leakage falls over decades as a seal
+    closes, so errors are measured in its logarithm. The direction of the flow does not matter.
+
+    Parameters
+    ----------
+    leakage, reference : leakage at every step (steps,), in any one unit; NaN: failed.
+    steps : the load programme.
+    branch : "loading" or "unloading" (from any peak).
+
+    Examples
+    --------
+    >>> steps = [LoadStep(1e8), LoadStep(2e8), LoadStep(3e8)]
+    >>> leakage_factor([2.0, 0.5, 0.0], [1.0, 1.0, 0.1], steps, "loading")
+    LeakageFactor(value=2.0..., loads=2, closed=1, failed=0)
+    """
+    q, exact = (np.abs(np.asarray(values, dtype=float)) for values in (leakage, reference))
+    chosen = np.array([s.branch == branch for s in steps])
+    known = np.isfinite(q) & np.isfinite(exact) & np.isfinite(exact[0])
+    least = FLOOR * exact[0]
+    with np.errstate(invalid="ignore"):
+        closed = chosen & known & (((q == 0) & (exact > least)) | ((exact == 0) & (q > least)))
+        compared = chosen & known & (exact > least) & (q > 0)
+    logs = np.log(q[compared] / exact[compared])
+    value = float(np.exp(np.sqrt(np.mean(logs**2)))) if logs.size else float("nan")
+    return LeakageFactor(value, logs.size, int(closed.sum()), int((chosen & ~known).sum()))
+
+
+def closing_load(leakage: ArrayLike, steps: Sequence[LoadStep]) -> float:
+    """Lowest nominal pressure on loading at which nothing leaks [Pa]; inf where every load leaks.
+
+    >>> closing_load([1.0, 0.0, 0.0], [LoadStep(1e8), LoadStep(2e8), LoadStep(3e8)])
+    200000000.0
+    """
+    values = np.asarray(leakage, dtype=float)
+    shut = [s.pressure for s, q in zip(steps, values, strict=True) if s.branch == "loading" and q == 0]
+    return min(shut, default=float("inf"))

@@ -1,0 +1,157 @@
+"""The planned solutions of a case, each timed and compared with the reference."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import replace
+from os import PathLike
+from pathlib import Path
+
+import joblib
+import numpy as np
+from numpy.typing import NDArray
+
+from .. import checks
+from ..case import Case, Prepared, load_case
+from ..errors import FemsealError, InputError
+from ..output.files import made_folder
+from ..parallel import Map, ordered_map
+from ..studies import deterministic, stochastic, two_scale
+from .factors import closing_load, leakage_factor
+from .plan import Plan, Variant, make_plan
+from .report import AccuracyReport, Comparison, Solution
+
+Array = NDArray[np.float64]
+Progress = Callable[[str, int, int | None], None]
+
+
+def measure_accuracy(
+    case: Case | str | PathLike[str],
+    output: str | PathLike[str] | None = None,
+    workers: int | None = None,
+    *,
+    limit: float = 600.0,
+    memory: float = 4e9,
+    announce: Callable[[str], None] | None = None,
+    progress: Progress | None = None,
+) -> AccuracyReport:
+    """Speed against error for a case: what coarser pixels, other windows and smaller libraries save and cost.
+
+    The scene is solved on its own grid and on two coarser ones of the same surface, with about half and double the
+    windows, and with libraries of a half and a quarter, one thing varied at a time. Errors are factors of leakage, see
+    `leakage_factor`, against the deterministic solution on the scene's own grid; if that is not affordable, against two
+    scales with the smallest windows. Medians of drawn seals are compared with two scales of the same windows besides.
+
+    Parameters
+    ----------
+    case : a `Case`, or the path of a case file.
+    output : folder for `accuracy.json`, `accuracy.csv` and `accuracy.png`; None writes nothing.
+    workers : processes; all cores unless given.
+    limit, memory : a solution expected to take more seconds on one core, or more bytes, is skipped.
+    announce : called with each line of the plan, before the first solution.
+    progress : called as progress("solutions", done, total).
+
+    Raises
+    ------
+    InputError : the case or an argument cannot be used, or nothing affordable is there to compare with; nothing has
+        been computed or written then.
+    FemsealError : the reference could not be computed. Other solutions that fail are reported as failed.
+    """
+    if not isinstance(case, Case):
+        case = load_case(case)
+    if workers is not None:
+        checks.count("workers", workers)
+    limit, memory = checks.number("limit", limit, unit="s"), checks.number("memory", memory, unit="byte")
+    if output is not None and Path(output).exists() and not Path(output).is_dir():
+        raise InputError.of("output", f"'{output}', which is a file", "a folder, or one that does not exist")
+    plan = make_plan(case, limit=limit, memory=memory)
+    if output is not None:
+        made_folder(output)
+    if announce is not None:
+        for line in plan.lines():
+            announce(line)
+    processes = workers or joblib.cpu_count()
+    with ordered_map(processes) as mapper:
+        report = _measure(plan, processes, mapper, progress or (lambda stage, done, total: None))
+    if output is not None:
+        report.write(output)
+    return report
+
+
+def _measure(plan: Plan, workers: int, mapper: Map, progress: Progress) -> AccuracyReport:
+    leakages: dict[Variant, Array] = {}
+    seconds: dict[Variant, float] = {}
+    failures: dict[Variant, tuple[str, ...]] = {}
+    progress("solutions", 0, len(plan.variants))
+    for done, variant in enumerate(plan.variants, start=1):
+        prepared = _at_resolution(plan.prepared, variant)
+        _warm_up(prepared, variant, workers, mapper)
+        start = time.perf_counter()
+        try:
+            leakages[variant], failures[variant] = _solve(prepared, variant, mapper)
+        except FemsealError as error:
+            if variant == plan.reference:
+                raise
+            leakages[variant], failures[variant] = np.full(len(prepared.scene.steps), np.nan), (str(error),)
+        seconds[variant] = time.perf_counter() - start
+        progress("solutions", done, len(plan.variants))
+    steps = plan.prepared.scene.steps
+
+    def compare(variant: Variant, reference: Variant) -> Comparison:
+        pair = leakages[variant], leakages[reference]
+        return Comparison(reference, *(leakage_factor(*pair, steps, branch) for branch in ("loading", "unloading")))
+
+    solutions = [
+        Solution(
+            variant=variant,
+            seconds=seconds[variant],
+            expected_seconds=cost[0],
+            expected_memory=cost[1],
+            leakage=leakages[variant],
+            closing_load=closing_load(leakages[variant], steps),
+            comparisons=tuple(compare(variant, reference) for reference in _references(plan, variant)),
+            failures=failures[variant],
+        )
+        for variant, cost in zip(plan.variants, plan.costs, strict=True)
+    ]
+    return AccuracyReport(plan=plan, solutions=tuple(solutions), workers=workers)
+
+
+def _references(plan: Plan, variant: Variant) -> list[Variant]:
+    """The reference, and for drawn seals the two-scale solution of the surface they are drawn from."""
+    if variant.method == "stochastic" and plan.companion is not None:
+        return [plan.reference, plan.companion]
+    return [plan.reference]
+
+
+def _at_resolution(prepared: Prepared, variant: Variant) -> Prepared:
+    """The same surface on the variant's grid."""
+    scene = prepared.scene
+    if variant.points == scene.surface.shape:
+        return prepared
+    return replace(prepared, scene=replace(scene, surface=scene.surface.resample(variant.points)))
+
+
+def _solve(prepared: Prepared, variant: Variant, mapper: Map) -> tuple[Array, tuple[str, ...]]:
+    """Leakage at every step, and what failed on the way."""
+    scene = prepared.scene
+    if variant.cells is None:
+        whole = deterministic(scene, map=mapper)
+        return whole.leakage, whole.failures
+    if variant.library_cells is None:
+        windows = two_scale(scene, variant.cells, map=mapper)
+        return windows.leakage, windows.failures
+    assert prepared.sampling is not None
+    sampling = replace(prepared.sampling, library_cells=variant.library_cells)
+    seals = stochastic(scene, variant.cells, sampling, map=mapper)
+    return seals.quantile(0.5), seals.failures
+
+
+def _warm_up(prepared: Prepared, variant: Variant, workers: int, mapper: Map) -> None:
+    """A load for each process untimed, so that no time contains the loading of libraries and the planning of FFTs."""
+    first = replace(prepared.scene, loading=prepared.scene.loading[:workers], unload_from=(), unloading=())
+    sampling = prepared.sampling and replace(prepared.sampling, realisations=workers)
+    with suppress(FemsealError):
+        _solve(replace(prepared, scene=first, sampling=sampling), variant, mapper)

@@ -1,0 +1,233 @@
+"""Which solutions of a scene are compared, what they are expected to cost, and which of them is the reference."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from math import ceil, log2
+
+from ..case import Case, Prepared
+from ..errors import InputError
+from ..forecast import deterministic_cost, links_along, stochastic_cost, two_scale_cost
+from ..quantities import to_text
+
+Pair = tuple[int, int]
+#: Points along a side, and cells in the library, are divided by these. The shortest wave of a scene has at least 8
+#: pixels, so 2 are left, which is what a grid can carry.
+COARSENINGS = (1, 2, 4)
+#: Windows have at least this many pixels a side, and hold this many of the shortest waves.
+WINDOW_PIXELS, WINDOW_WAVES = 16, 2
+
+
+@dataclass(frozen=True)
+class Variant:
+    """One solution of the scene: a method with its resolution, windows and library.
+
+    points : of the surface. cells : windows; None: deterministic. library_cells : None unless stochastic.
+    """
+
+    method: str
+    points: Pair
+    cells: Pair | None = None
+    library_cells: int | None = None
+
+    @property
+    def label(self) -> str:
+        """What it is, in a line."""
+        parts = [self.method, f"{by(self.points)} points"]
+        parts += [f"{by(self.cells)} cells"] if self.cells else []
+        parts += [f"library of {self.library_cells}"] if self.library_cells is not None else []
+        return ", ".join(parts)
+
+    @property
+    def short(self) -> str:
+        """Enough of it to tell it from other references."""
+        return self.method if self.cells is None else f"{self.method} {by(self.cells)}"
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Solutions to be computed, the reference first.
+
+    case, prepared : what is solved. costs : expected seconds on one core and bytes of each variant.
+    skipped : solutions that were left out, and why.
+    companion : two scales of the case's own windows, unless they are the reference or not affordable: stochastic
+        solutions are compared with it besides.
+    """
+
+    case: Case
+    prepared: Prepared
+    variants: tuple[Variant, ...]
+    costs: tuple[tuple[float, float], ...]
+    skipped: tuple[tuple[str, str], ...]
+    companion: Variant | None
+
+    @property
+    def reference(self) -> Variant:
+        """What the others are compared with."""
+        return self.variants[0]
+
+    @property
+    def against(self) -> str:
+        """What errors are measured against, said plainly."""
+        if self.reference.method == "deterministic":
+            return f"errors are against {self.reference.label}"
+        return (
+            f"the deterministic solution is not affordable: errors are against {self.reference.label}, "
+            "and do not contain the error of two scales"
+        )
+
+    def lines(self) -> list[str]:
+        """The plan for people."""
+        total = sum(seconds for seconds, _ in self.costs)
+        lines = [f"{len(self.variants)} solutions, about {duration(total)} on one core; {self.against}"]
+        lines += [
+            f"  {variant.label}: about {duration(seconds)}, {to_text(memory, 'B', 3)}"
+            for variant, (seconds, memory) in zip(self.variants, self.costs, strict=True)
+        ]
+        return lines + [f"  skipped: {what}: {reason}" for what, reason in self.skipped]
+
+
+def make_plan(case: Case, *, limit: float, memory: float) -> Plan:
+    """Plan the solutions of a case: three resolutions, three window sizes and three library sizes at most.
+
+    One thing is varied at a time, from what the case says; two scales take part if the case has cells, the stochastic
+    method if it has a table for it.
+
+    Parameters
+    ----------
+    limit, memory : solutions expected to take more seconds on one core, or more bytes, are skipped.
+
+    Raises
+    ------
+    InputError : a face or cells that cannot be used; nothing affordable to compare with.
+    """
+    others = (("two-scale",) if case.cells else ()) + (("stochastic",) if case.cells and case.stochastic else ())
+    prepared = case.model_copy(update={"compare": others}).prepare()
+    variants: list[Variant] = []
+    costs: list[tuple[float, float]] = []
+    skipped: list[tuple[str, str]] = []
+    unaffordable: list[tuple[Variant, str]] = []
+    for variant, reason in _candidates(prepared):
+        if not isinstance(variant, Variant) or reason:
+            skipped.append((variant.label if isinstance(variant, Variant) else variant, reason))
+            continue
+        cost = _cost(prepared, variant)
+        if cost[0] > limit or cost[1] > memory:
+            expected = f"expected to take {duration(cost[0])} and {to_text(cost[1], 'B', 3)}"
+            unaffordable.append((variant, expected))
+            skipped.append((variant.label, f"{expected}, allowed are {duration(limit)} and {to_text(memory, 'B', 3)}"))
+            continue
+        variants.append(variant)
+        costs.append(cost)
+    references = [v for v in variants if _may_be_reference(prepared, v)]
+    if not references:
+        given = f"{duration(limit)} and {to_text(memory, 'B', 3)}"
+        allowed = "; ".join(f"enough for {v.label}, {e}" for v, e in unaffordable if _may_be_reference(prepared, v))
+        raise InputError.of("limit, memory", given, allowed)
+    first = min(references, key=lambda v: (v.cells is not None, -_count(v.cells)))
+    order = sorted(range(len(variants)), key=lambda n: variants[n] != first)
+    base = [v for v in references if v.cells is not None and v.cells == prepared.cells]
+    return Plan(
+        case=case,
+        prepared=prepared,
+        variants=tuple(variants[n] for n in order),
+        costs=tuple(costs[n] for n in order),
+        skipped=tuple(skipped),
+        companion=base[0] if base and base[0] != first else None,
+    )
+
+
+def by(pair: Pair) -> str:
+    """Two numbers as text.
+
+    >>> by((8, 16))
+    '8×16'
+    """
+    return f"{pair[0]}×{pair[1]}"
+
+
+def duration(seconds: float) -> str:
+    """Seconds as text.
+
+    >>> duration(0.01234), duration(75.0), duration(9000.0)
+    ('0.012 s', '75 s', '2.5 h')
+    """
+    if seconds < 600:
+        return f"{seconds:.2g} s" if seconds < 99.5 else f"{seconds:.0f} s"
+    return f"{seconds / 60:.0f} min" if seconds < 7200 else f"{seconds / 3600:.2g} h"
+
+
+def _candidates(prepared: Prepared) -> Iterator[tuple[Variant | str, str]]:
+    """Every solution to think of, or words for it where it has no numbers, and why it is left out ("": it is not)."""
+    scene, cells, sampling = prepared.scene, prepared.cells, prepared.sampling
+    points = scene.surface.shape
+    grids = list(dict.fromkeys(_grid(points, n, cells or (1, 1)) for n in COARSENINGS))
+    for grid in grids:
+        yield Variant("deterministic", grid), ""
+    if cells is None:
+        return
+    for grid in grids:
+        yield Variant("two-scale", grid, cells), _window_fault(prepared, grid, cells)
+    for ratio, words in ((0.5, "half"), (2.0, "double")):
+        other = _scaled_cells(points, cells, ratio)
+        if other is None:
+            yield f"two-scale, {words} the {by(cells)} cells", f"no such divisors of {by(points)} points"
+        else:
+            yield Variant("two-scale", points, other), _window_fault(prepared, points, other)
+    if sampling is None:
+        return
+    least = cells[0] if sampling.pressure == "place" else 1
+    for size in dict.fromkeys(sampling.library_cells // n for n in COARSENINGS):
+        fault = f"a library of at least {least} is needed" if size < min(least, sampling.library_cells) else ""
+        yield Variant("stochastic", points, cells, size), fault
+
+
+def _grid(points: Pair, coarsening: int, cells: Pair) -> Pair:
+    """A coarser grid that the cells divide."""
+    n1, n2 = (ceil(ceil(n / coarsening) / m) * m for n, m in zip(points, cells, strict=True))
+    return n1, n2
+
+
+def _window_fault(prepared: Prepared, grid: Pair, cells: Pair) -> str:
+    pixels = min(n // m for n, m in zip(grid, cells, strict=True))
+    if pixels < WINDOW_PIXELS:
+        return f"windows of {pixels} pixels, at least {WINDOW_PIXELS} are needed"
+    window = min(length / m for length, m in zip(prepared.scene.surface.size, cells, strict=True))
+    waves = window / prepared.conditioning.shortest_wavelength
+    if waves < WINDOW_WAVES * (1 - 1e-9):
+        return f"windows of {waves:.2g} shortest waves, at least {WINDOW_WAVES} are needed"
+    return ""
+
+
+def _scaled_cells(points: Pair, cells: Pair, ratio: float) -> Pair | None:
+    """About `ratio` times the cells, by numbers that divide the points; None if there are none on an axis."""
+    first, second = (_near_divisor(n, m, m * ratio) for n, m in zip(points, cells, strict=True))
+    return None if first is None or second is None or (first, second) == cells else (first, second)
+
+
+def _near_divisor(n: int, m: int, wanted: float) -> int | None:
+    """Divisor of n nearest to the number wanted, unless m is as near; one cell is not halved."""
+    if m == 1 and wanted < 1:
+        return 1
+    best = min((d for d in range(1, n + 1) if n % d == 0), key=lambda d: abs(log2(d / wanted)))
+    return best if abs(log2(best / wanted)) < 0.5 else None
+
+
+def _cost(prepared: Prepared, variant: Variant) -> tuple[float, float]:
+    steps = len(prepared.scene.steps)
+    if variant.cells is None:
+        return deterministic_cost(steps, variant.points)
+    if variant.library_cells is None:
+        return two_scale_cost(steps, variant.points, variant.cells)
+    assert prepared.sampling is not None
+    sampling = replace(prepared.sampling, library_cells=variant.library_cells)
+    return stochastic_cost(steps, variant.points, variant.cells, sampling, links_along(prepared))
+
+
+def _may_be_reference(prepared: Prepared, variant: Variant) -> bool:
+    return variant.method != "stochastic" and variant.points == prepared.scene.surface.shape
+
+
+def _count(cells: Pair | None) -> int:
+    return 1 if cells is None else cells[0] * cells[1]

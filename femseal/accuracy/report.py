@@ -1,0 +1,223 @@
+"""What a comparison of solutions found: for the terminal, for a spreadsheet, for other programs."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import os
+import platform
+from dataclasses import asdict, dataclass
+from math import isfinite, isnan
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..output.files import made_folder, replacing, write_text
+from ..output.results import versions
+from ..quantities import to_text
+from .factors import FLOOR, LeakageFactor
+from .plan import Plan, Variant, by
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from rich.table import Table
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Distance of a solution from another one, on loading and on unloading."""
+
+    against: Variant
+    loading: LeakageFactor
+    unloading: LeakageFactor
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """One solution of the scene.
+
+    seconds : wall time. expected_seconds, expected_memory : what had been expected on one core [s], [byte].
+    leakage : per length of seal at every step [m²/s]; the median of drawn seals; NaN: failed.
+    closing_load : lowest loading step that is closed [Pa]; inf if none is.
+    comparisons : with the reference first. failures : what failed on the way, one line each.
+    """
+
+    variant: Variant
+    seconds: float
+    expected_seconds: float
+    expected_memory: float
+    leakage: NDArray[np.float64]
+    closing_load: float
+    comparisons: tuple[Comparison, ...]
+    failures: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class AccuracyReport:
+    """Times and errors of the solutions of a scene, the reference first.
+
+    plan : the case, what was planned and what was skipped. workers : processes.
+    """
+
+    plan: Plan
+    solutions: tuple[Solution, ...]
+    workers: int
+
+    @property
+    def warnings(self) -> list[str]:
+        """What failed on the way, one line each; empty if nothing did."""
+        return [f"{s.variant.label}: {text}" for s in self.solutions for text in s.failures]
+
+    def rows(self) -> list[dict[str, Any]]:
+        """One dictionary for each comparison, in SI; keys carry the units."""
+        rows = []
+        for solution in self.solutions:
+            variant = solution.variant
+            for comparison in solution.comparisons:
+                row: dict[str, Any] = {
+                    "method": variant.method,
+                    "points_1": variant.points[0],
+                    "points_2": variant.points[1],
+                    "cells_1": None if variant.cells is None else variant.cells[0],
+                    "cells_2": None if variant.cells is None else variant.cells[1],
+                    "library_cells": variant.library_cells,
+                    "seconds": solution.seconds,
+                    "against": comparison.against.label,
+                }
+                for branch in ("loading", "unloading"):
+                    row |= {f"{branch}_{name}": v for name, v in _plain(getattr(comparison, branch)).items()}
+                rows.append(row | {"closing_load_Pa": _or_none(solution.closing_load)})
+        return rows
+
+    def csv_text(self) -> str:
+        """The rows as comma-separated values with one line of column names; empty where there is no number."""
+        rows = self.rows()
+        stream = io.StringIO()
+        writer = csv.DictWriter(stream, list(rows[0]), lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rows)
+        return stream.getvalue()
+
+    def json_text(self) -> str:
+        """Everything, with the case in SI and what computed it; null where there is no number."""
+        plan = self.plan
+        found = {
+            "source": f"femseal {versions()['femseal']}",
+            "versions": versions(),
+            "platform": f"{platform.system()} {platform.machine()}",
+            "cores": os.cpu_count(),
+            "workers": self.workers,
+            "seed": plan.case.seed,
+            "case": plan.case.echo(),
+            "surface": plan.prepared.surface_report,
+            "reference": plan.reference.label,
+            "against": plan.against,
+            "compared_above_share_of_first_load": FLOOR,
+            "steps": [
+                {"name": s.name, "nominal_pressure_Pa": s.pressure, "unloaded_from_Pa": s.unloaded_from}
+                for s in plan.prepared.scene.steps
+            ],
+            "solutions": [_as_dictionary(solution) for solution in self.solutions],
+            "skipped": [{"solution": what, "reason": reason} for what, reason in plan.skipped],
+            "warnings": self.warnings,
+        }
+        return json.dumps(found, ensure_ascii=False, indent=1, allow_nan=False) + "\n"
+
+    def table(self) -> Table:
+        """The table for a terminal of 80 columns, for `rich.print`; each method has a line of its own."""
+        from rich.box import SIMPLE_HEAD
+        from rich.table import Table
+
+        table = Table(box=SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
+        table.title = "factors of leakage, exp(rms ln ratio); stochastic: of the median"
+        table.caption = f"{self.plan.against}\n+1: and one load at which only one of the two is closed"
+        table.title_justify = table.caption_justify = "left"
+        table.add_column("points")
+        for head in ("cells", "lib-\nrary", "time\n[s]", "against", "loading", "unload-\ning", "closes\nat"):
+            table.add_column(head, justify="left" if head == "against" else "right", no_wrap=True)
+        methods = dict.fromkeys(s.variant.method for s in self.solutions)
+        for method in methods:
+            table.add_row(method, style="bold")
+            for solution in (s for s in self.solutions if s.variant.method == method):
+                for n, comparison in enumerate(solution.comparisons):
+                    own, last = (_own_cells(solution), _closing_text(solution)) if n == 0 else ([""] * 4, "")
+                    itself = comparison.against == solution.variant
+                    against = "(reference)" if itself else comparison.against.short
+                    factors = (_factor_text(f) for f in (comparison.loading, comparison.unloading))
+                    table.add_row(*own, against, *factors, last)
+        return table
+
+    def plot(self) -> Figure:
+        """Error over time, see `accuracy_figure`."""
+        from .picture import accuracy_figure
+
+        return accuracy_figure(self)
+
+    def write(self, folder: str | os.PathLike[str]) -> list[Path]:
+        """Write `accuracy.json`, `accuracy.csv` and `accuracy.png`; a file is complete, or not there.
+
+        Raises
+        ------
+        InputError : the folder cannot be made.
+        """
+        path = made_folder(folder)
+        picture = path / "accuracy.png"
+        # none of an earlier comparison stays beside these numbers, should drawing fail
+        picture.unlink(missing_ok=True)
+        written = [
+            write_text(path / "accuracy.json", self.json_text()),
+            write_text(path / "accuracy.csv", self.csv_text()),
+        ]
+        figure = self.plot()
+        with replacing(picture) as temporary:
+            figure.savefig(temporary)
+        return [*written, picture]
+
+
+def _own_cells(solution: Solution) -> list[str]:
+    variant = solution.variant
+    return [
+        f" {by(variant.points)}",
+        "" if variant.cells is None else by(variant.cells),
+        "" if variant.library_cells is None else str(variant.library_cells),
+        f"{solution.seconds:.3g}",
+    ]
+
+
+def _factor_text(factor: LeakageFactor) -> str:
+    more = f" +{factor.closed}" if factor.closed else ""
+    if isnan(factor.value):
+        return ("failed" if factor.failed else "–") + more
+    return (f"{factor.value:.3g}" if factor.value < 1e4 else f"{factor.value:.0e}") + more
+
+
+def _closing_text(solution: Solution) -> str:
+    return to_text(solution.closing_load, "Pa", 3) if isfinite(solution.closing_load) else "–"
+
+
+def _as_dictionary(solution: Solution) -> dict[str, Any]:
+    return {
+        **asdict(solution.variant),
+        "seconds": solution.seconds,
+        "expected_seconds_one_core": solution.expected_seconds,
+        "expected_memory_bytes": solution.expected_memory,
+        "leakage_m2_per_s": [_or_none(float(q)) for q in solution.leakage],
+        "closing_load_Pa": _or_none(solution.closing_load),
+        "comparisons": [
+            {"against": c.against.label, "loading": _plain(c.loading), "unloading": _plain(c.unloading)}
+            for c in solution.comparisons
+        ],
+        "failures": list(solution.failures),
+    }
+
+
+def _plain(factor: LeakageFactor) -> dict[str, Any]:
+    values = asdict(factor)
+    return {"factor": _or_none(values.pop("value")), **values}
+
+
+def _or_none(value: float) -> float | None:
+    return float(value) if isfinite(value) else None

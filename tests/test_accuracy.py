@@ -1,0 +1,419 @@
+"""Speed against error: what is planned, what a distance of two curves is, and cases whose errors are known."""
+
+import csv
+import json
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+import femseal as fs
+from femseal import accuracy
+from femseal.accuracy import closing_load, leakage_factor, make_plan
+from femseal.accuracy.plan import Variant
+from femseal.case import parse_case
+from femseal.cli import main
+from femseal.contact import LoadStep
+
+STEPS = (LoadStep(1e8), LoadStep(2e8), LoadStep(3e8), LoadStep(2e8, 3e8), LoadStep(1e8, 3e8))
+
+CASE = """
+method = "stochastic"
+[face]
+kind = "file"
+path = "wave.npy"
+spacing = ["1 um", "1 um"]
+height_unit = "m"
+periodic = [true, true]
+[surface]
+detrend = 0
+[material]
+young = "210 GPa"
+hardness = "4 GPa"
+[load]
+loading = ["100 MPa", "400 MPa", "800 MPa"]
+unload_from = ["800 MPa"]
+unloading = ["400 MPa", "100 MPa"]
+[contact]
+boundary = ["periodic", "periodic"]
+rtol = 1e-8
+[fluid]
+kind = "liquid"
+viscosity = "1 mPa*s"
+inlet_pressure = "1 MPa"
+[cells]
+count = [2, 2]
+[stochastic]
+length = "128 um"
+realisations = 2
+library_cells = 8
+"""
+
+SMALL = {
+    "method": "stochastic",
+    "seed": 2,
+    "face": {"kind": "self-affine", "points": [64, 64], "size": ["60 um"] * 2, "rms_slope": 0.2, "roll_off": "40 um"},
+    "material": {"young": "210 GPa", "hardness": "3 GPa"},
+    "load": {"loading": ["100 MPa", "300 MPa"], "unload_from": ["300 MPa"], "unloading": ["100 MPa"]},
+    "fluid": {"kind": "liquid", "viscosity": "1 mPa*s", "inlet_pressure": "1 MPa"},
+    "cells": {"count": [2, 2]},
+    "stochastic": {"length": "200 um", "realisations": 3, "library_cells": 8},
+}
+#: No limit that these faces reach.
+AMPLE = {"limit": 1e6, "memory": 1e12}
+
+
+def small(**tables):
+    """The small case with entries of its tables changed; None takes a table away."""
+    data = {k: dict(v) if isinstance(v, dict) else v for k, v in SMALL.items()}
+    for name, changes in tables.items():
+        if changes is None:
+            del data[name]
+        else:
+            data[name] = data.get(name, {}) | changes if isinstance(changes, dict) else changes
+    return parse_case(data)
+
+
+class TestFactor:
+    exact = np.array([1.0, 0.3, 0.01, 0.02, 0.1])
+
+    def test_equal_curves_have_factor_one(self):
+        for branch, loads in (("loading", 3), ("unloading", 2)):
+            factor = leakage_factor(self.exact, self.exact, STEPS, branch)
+            assert (factor.value, factor.loads, factor.closed, factor.failed) == (1.0, loads, 0, 0)
+
+    def test_a_constant_ratio_is_the_factor_up_or_down_whatever_the_unit_and_direction(self):
+        for ratio in (2.0, 0.5):
+            for scale in (1e-9, -1.0):
+                factor = leakage_factor(scale * ratio * self.exact, scale * self.exact, STEPS, "loading")
+                assert_allclose(factor.value, 2.0, rtol=1e-14)
+
+    def test_mean_is_quadratic_in_the_logarithm(self):
+        factor = leakage_factor(self.exact * [1, 1, 1, np.exp(3), np.exp(-4)], self.exact, STEPS, "unloading")
+        assert_allclose(np.log(factor.value), np.sqrt((9 + 16) / 2), rtol=1e-14)
+
+    def test_loads_that_hardly_leak_do_not_count(self):
+        exact = np.array([1.0, 1.1e-3, 0.9e-3, 1.0, 1.0])
+        factor = leakage_factor(exact * [1, 2, 50, 1, 1], exact, STEPS, "loading")
+        assert factor.loads == 2
+        assert_allclose(np.log(factor.value), np.log(2) / np.sqrt(2), rtol=1e-14)
+
+    def test_loads_closed_in_one_solution_only_are_counted_on_either_side(self):
+        leaking, shut = np.array([1.0, 0.3, 0.01, 0.02, 0.1]), np.array([1.0, 0.3, 0.0, 0.0, 0.1])
+        for pair in ((leaking, shut), (shut, leaking)):
+            for branch, loads in (("loading", 2), ("unloading", 1)):
+                factor = leakage_factor(*pair, STEPS, branch)
+                assert (factor.value, factor.loads, factor.closed) == (1.0, loads, 1)
+        # closed in both, or leaking below the floor beside a closed one: no difference to speak of
+        assert leakage_factor(shut, shut, STEPS, "loading").closed == 0
+        assert leakage_factor(leaking * [1, 1, 1e-5, 1, 1], shut, STEPS, "loading").closed == 0
+
+    def test_what_failed_is_counted_and_left_out(self):
+        for pair in ((self.exact * [1, np.nan, 1, 1, 1], self.exact), (self.exact, self.exact * [1, np.nan, 1, 1, 1])):
+            factor = leakage_factor(*pair, STEPS, "loading")
+            assert (factor.value, factor.loads, factor.failed) == (1.0, 2, 1)
+        factor = leakage_factor(self.exact, self.exact * [np.nan, 1, 1, 1, 1], STEPS, "unloading")
+        assert np.isnan(factor.value)
+        assert (factor.loads, factor.failed) == (0, 2)
+
+    def test_closing_load_is_the_lowest_closed_one_on_loading(self):
+        assert closing_load([1.0, 0.0, 0.0, 1.0, 1.0], STEPS) == 2e8
+        assert closing_load([1.0, np.nan, 0.1, 0.0, 0.0], STEPS) == np.inf
+
+
+class TestPlan:
+    def test_one_thing_is_varied_at_a_time_from_what_the_case_says(self):
+        plan = make_plan(small(face={"points": [128, 128]}, cells={"count": [4, 4]}), **AMPLE)
+        n = (128, 128)
+        assert plan.variants == (
+            Variant("deterministic", n),
+            Variant("deterministic", (64, 64)),
+            Variant("deterministic", (32, 32)),
+            Variant("two-scale", n, (4, 4)),
+            Variant("two-scale", (64, 64), (4, 4)),
+            Variant("two-scale", n, (2, 2)),
+            Variant("two-scale", n, (8, 8)),
+            Variant("stochastic", n, (4, 4), 8),
+            Variant("stochastic", n, (4, 4), 4),
+        )
+        assert plan.reference == plan.variants[0]
+        assert plan.companion == plan.variants[3]
+        reasons = dict(plan.skipped)
+        assert len(reasons) == 2
+        assert "windows of 8 pixels" in reasons["two-scale, 32×32 points, 4×4 cells"]
+        assert "library of at least 4" in reasons["stochastic, 128×128 points, 4×4 cells, library of 2"]
+
+    @pytest.mark.parametrize("method", ["deterministic", "two-scale", "stochastic"])
+    def test_every_method_takes_part_that_the_case_has_tables_for(self, method):
+        def methods(case):
+            return {v.method for v in make_plan(case, **AMPLE).variants}
+
+        assert methods(small(method=method)) == {"deterministic", "two-scale", "stochastic"}
+        if method != "stochastic":
+            assert methods(small(method=method, stochastic=None)) == {"deterministic", "two-scale"}
+        if method == "deterministic":
+            assert methods(small(method=method, cells=None, stochastic=None)) == {"deterministic"}
+
+    def test_cells_keep_dividing_the_surface(self):
+        """Windows of 22 pixels: half of 3 cells is 2, double is not to be had with windows of 16 pixels."""
+        plan = make_plan(small(cells={"count": [3, 3]}), **AMPLE)
+        assert plan.prepared.scene.surface.shape == (66, 66)
+        assert {v.cells for v in plan.variants if v.method == "two-scale"} == {(3, 3), (2, 2)}
+        assert "windows of 11 pixels" in dict(plan.skipped)["two-scale, 66×66 points, 6×6 cells"]
+        for variant in plan.variants:
+            assert all(n % m == 0 for n, m in zip(variant.points, variant.cells or (1, 1), strict=True))
+        # windows of an odd number of pixels are not halved, one cell is not either
+        plan = make_plan(small(face={"points": [46, 46]}, cells={"count": [1, 2]}), **AMPLE)
+        assert "no such divisors" in dict(plan.skipped)["two-scale, double the 1×2 cells"]
+        assert Variant("two-scale", (46, 46), (1, 1)) in plan.variants
+        plan = make_plan(small(cells={"count": [1, 1]}), **AMPLE)
+        assert "no such divisors" in dict(plan.skipped)["two-scale, half the 1×1 cells"]
+
+    def test_windows_keep_two_of_the_shortest_waves(self):
+        plan = make_plan(small(surface={"shortest_wave": "12 um"}), **AMPLE)
+        assert "windows of 1.2 shortest waves" in dict(plan.skipped)["two-scale, 64×64 points, 4×4 cells"]
+
+    def test_coarser_grids_hold_the_same_surface(self):
+        face = {"kind": "self-affine", "points": [64, 61], "size": ["60 um"] * 2, "rms_slope": 0.2, "roll_off": "40 um"}
+        plan = make_plan(small(method="deterministic", face=face, cells=None, stochastic=None), **AMPLE)
+        assert [v.points for v in plan.variants] == [(64, 61), (32, 31), (16, 16)]
+        surface = plan.prepared.scene.surface
+        for variant in plan.variants:
+            assert_allclose(surface.resample(variant.points).rms_height, surface.rms_height, rtol=0.01)
+
+    def test_unaffordable_solutions_are_skipped_and_the_reference_moves(self):
+        case = small(face={"points": [128, 128]}, cells={"count": [4, 4]})
+        costs = dict(zip((p := make_plan(case, **AMPLE)).variants, p.costs, strict=True))
+        n = (128, 128)
+        whole, windows = costs[Variant("deterministic", n)], costs[Variant("two-scale", n, (4, 4))]
+        assert whole[1] > windows[1]
+        plan = make_plan(case, limit=1e6, memory=0.99 * whole[1])
+        assert plan.reference == Variant("two-scale", n, (8, 8))
+        assert plan.companion == Variant("two-scale", n, (4, 4))
+        assert "not affordable" in plan.against
+        assert "two-scale, 128×128 points, 8×8 cells" in plan.against
+        assert "expected to take" in dict(plan.skipped)["deterministic, 128×128 points"]
+        plan = make_plan(case, limit=1.001 * windows[0], memory=0.99 * whole[1])
+        assert plan.reference == Variant("two-scale", n, (4, 4))
+        assert plan.companion is None
+        with pytest.raises(fs.InputError, match=r"limit, memory: .*enough for deterministic, 128×128 points"):
+            make_plan(case, limit=1e-6, memory=1e12)
+
+    def test_lines_say_what_is_done_and_what_is_not(self):
+        plan = make_plan(small(), **AMPLE)
+        text = "\n".join(plan.lines())
+        for variant in plan.variants:
+            assert f"\n  {variant.label}: about" in text
+        for what, reason in plan.skipped:
+            assert f"\n  skipped: {what}: {reason}" in text
+
+
+@pytest.fixture(scope="module")
+def wave(tmp_path_factory):
+    """Ridges along the flow, crests on the edges of windows that hold four waves: every window is like the whole."""
+    folder = tmp_path_factory.mktemp("wave")
+    x2 = (np.arange(128) + 0.5) * 1e-6
+    np.save(folder / "wave.npy", np.tile(0.5e-6 * np.cos(2 * np.pi * x2 / 16e-6), (128, 1)))
+    (folder / "wave.toml").write_text(CASE)
+    return fs.measure_accuracy(folder / "wave.toml", workers=1, **AMPLE)
+
+
+class TestWaveThatWindowsSolveExactly:
+    @staticmethod
+    def factors(report, variant):
+        (solution,) = (s for s in report.solutions if s.variant == variant)
+        return np.array([[c.loading.value, c.unloading.value] for c in solution.comparisons])
+
+    def test_reference_has_factor_one(self, wave):
+        assert wave.plan.reference == Variant("deterministic", (128, 128))
+        assert_array_equal(self.factors(wave, wave.plan.reference), 1)
+
+    @pytest.mark.parametrize("cells", [(1, 1), (2, 2)])
+    def test_two_scales_are_right(self, wave, cells):
+        assert_allclose(self.factors(wave, Variant("two-scale", (128, 128), cells)), 1, atol=1e-5)
+
+    @pytest.mark.parametrize("library", [8, 4, 2])
+    def test_drawn_seals_are_right_by_both_references(self, wave, library):
+        factors = self.factors(wave, Variant("stochastic", (128, 128), (2, 2), library))
+        assert factors.shape == (2, 2)
+        assert_allclose(factors, 1, atol=1e-5)
+
+    def test_coarser_pixels_are_not_and_two_scales_on_them_are_wrong_by_the_same(self, wave):
+        least = 1.01
+        for n in ((64, 64), (32, 32)):
+            coarse = self.factors(wave, Variant("deterministic", n))
+            assert (coarse > least).all()
+            assert_allclose(self.factors(wave, Variant("two-scale", n, (2, 2))), coarse, rtol=1e-5)
+            least = coarse
+
+    def test_all_loads_are_compared(self, wave):
+        assert wave.warnings == []
+        for solution in wave.solutions:
+            assert solution.closing_load == np.inf
+            assert solution.seconds > 0
+            for c in solution.comparisons:
+                assert [(f.loads, f.closed, f.failed) for f in (c.loading, c.unloading)] == [(3, 0, 0), (2, 0, 0)]
+
+
+class TestReport:
+    def test_drawn_seals_are_compared_with_both_references(self):
+        done = []
+        report = fs.measure_accuracy(small(), workers=1, progress=lambda *state: done.append(state))
+        assert done == [("solutions", n, len(report.solutions)) for n in range(len(report.solutions) + 1)]
+        leakage = {s.variant: s.leakage for s in report.solutions}
+        for s in report.solutions:
+            expected = [Variant("deterministic", (64, 64))]
+            expected += [Variant("two-scale", (64, 64), (2, 2))] if s.variant.method == "stochastic" else []
+            assert [c.against for c in s.comparisons] == expected
+            for c in s.comparisons:
+                ratio = np.log(s.leakage / leakage[c.against])
+                assert_allclose(c.loading.value, np.exp(np.sqrt(np.mean(ratio[:2] ** 2))), rtol=1e-12)
+                assert_allclose(c.unloading.value, np.exp(np.abs(ratio[2])), rtol=1e-12)
+
+    def test_leakages_are_those_of_a_run(self):
+        case = small(compare=["deterministic", "two-scale"])
+        report, results = fs.measure_accuracy(case, workers=1), fs.run(case, workers=1)
+        own = {s.variant.method: s.leakage for s in reversed(report.solutions)
+               if s.variant in (Variant("deterministic", (64, 64)), Variant("two-scale", (64, 64), (2, 2)),
+                                Variant("stochastic", (64, 64), (2, 2), 8))}  # fmt: skip
+        for method, name in (("deterministic", "deterministic"), ("two-scale", "two_scale"), ("stochastic", "median")):
+            assert_array_equal(own[method], results.dataset[f"leakage_{name}"].values)
+
+    def test_files_hold_what_the_report_says(self, tmp_path):
+        case, out = small(), tmp_path / "out"
+        out.mkdir()
+        (out / "mine.txt").write_text("kept")
+        report = fs.measure_accuracy(case, out, workers=1)
+        assert {p.name for p in out.iterdir()} == {"mine.txt", "accuracy.csv", "accuracy.json", "accuracy.png"}
+        found = json.loads((out / "accuracy.json").read_text(encoding="utf-8"))
+        assert found["case"] == case.echo()
+        assert found["seed"] == 2
+        assert found["versions"]["femseal"] == fs.__version__
+        assert found["reference"] == "deterministic, 64×64 points"
+        assert [s["name"] for s in found["steps"]] == [s.name for s in report.plan.prepared.scene.steps]
+        for given, read in zip(report.solutions, found["solutions"], strict=True):
+            assert_array_equal(given.leakage, read["leakage_m2_per_s"])
+            assert read["closing_load_Pa"] is None  # never closed, which JSON has no number for
+        assert [tuple(s.values()) for s in found["skipped"]] == list(report.plan.skipped)
+        with (out / "accuracy.csv").open(encoding="utf-8") as file:
+            rows = list(csv.DictReader(file))
+        assert len(rows) == sum(len(s.comparisons) for s in report.solutions)
+        first = [c.loading.value for s in report.solutions for c in s.comparisons]
+        assert_allclose([float(r["loading_factor"]) for r in rows], first, rtol=1e-12)
+        drawn = [r["against"] for r in rows if r["library_cells"] == "8"]
+        assert drawn == ["deterministic, 64×64 points", "two-scale, 64×64 points, 2×2 cells"]
+        assert (out / "accuracy.png").read_bytes().startswith(b"\x89PNG")
+
+    def test_no_picture_of_an_earlier_case_stays_beside_new_numbers(self, tmp_path, monkeypatch):
+        def fail(report):
+            raise ValueError("no such colour")
+
+        case = small(method="deterministic", cells=None, stochastic=None)
+        (tmp_path / "accuracy.png").write_text("of another case")
+        monkeypatch.setattr("femseal.accuracy.picture.accuracy_figure", fail)
+        with pytest.raises(ValueError, match="no such colour"):
+            fs.measure_accuracy(case, tmp_path, workers=1)
+        assert {p.name for p in tmp_path.iterdir()} == {"accuracy.csv", "accuracy.json"}
+
+    def test_without_unloading_and_without_cells(self):
+        case = small(method="deterministic", cells=None, stochastic=None, load={"unload_from": [], "unloading": []})
+        report = fs.measure_accuracy(case, workers=1)
+        assert len(report.plot().axes) == 1
+        assert all(np.isnan(c.unloading.value) for s in report.solutions for c in s.comparisons)
+        assert report.rows()[0]["unloading_factor"] is None
+
+    def test_a_solution_that_fails_is_reported_and_a_reference_that_fails_raises(self, monkeypatch):
+        case = small(method="deterministic", cells=None, stochastic=None)
+        solve = accuracy.measure.deterministic
+
+        def failing(points):
+            def deterministic(scene, **options):
+                if scene.surface.shape == points:
+                    raise fs.NotConverged("stalled")
+                return solve(scene, **options)
+
+            return deterministic
+
+        monkeypatch.setattr("femseal.accuracy.measure.deterministic", failing((32, 32)))
+        report = fs.measure_accuracy(case, workers=1)
+        assert report.warnings == ["deterministic, 32×32 points: stalled"]
+        (failed,) = (s for s in report.solutions if s.variant.points == (32, 32))
+        assert failed.comparisons[0].loading.failed == 2
+        assert failed.comparisons[0].loading.loads == 0
+        json.loads(report.json_text())
+        monkeypatch.setattr("femseal.accuracy.measure.deterministic", failing((64, 64)))
+        with pytest.raises(fs.NotConverged, match="stalled"):
+            fs.measure_accuracy(case, workers=1)
+
+    @pytest.mark.parametrize(
+        ("arguments", "name"),
+        [
+            ({"workers": 0}, "workers"),
+            ({"limit": "10 min"}, "limit"),
+            ({"limit": 0.0}, "limit"),
+            ({"memory": -1.0}, "memory"),
+            ({"limit": 1e-9}, "limit"),
+        ],
+    )
+    def test_nothing_starts_before_the_input_is_checked(self, tmp_path, monkeypatch, arguments, name):
+        lines = []
+        monkeypatch.setattr("femseal.accuracy.measure._measure", lambda *_: pytest.fail("started"))
+        with pytest.raises(fs.InputError, match=name):
+            fs.measure_accuracy(small(), tmp_path / "out", **({"workers": 1} | arguments), announce=lines.append)
+        assert lines == []
+        assert not (tmp_path / "out").exists()
+        (tmp_path / "file").write_text("")
+        with pytest.raises(fs.InputError, match="output"):
+            fs.measure_accuracy(small(), tmp_path / "file")
+
+
+class TestCommand:
+    @pytest.fixture
+    def case(self, tmp_path):
+        path = tmp_path / "small.toml"
+        lines = CASE.replace('kind = "file"\npath = "wave.npy"', 'kind = "self-affine"\npoints = [64, 64]')
+        lines = lines.replace('spacing = ["1 um", "1 um"]\nheight_unit = "m"\nperiodic = [true, true]',
+                              'size = ["60 um", "60 um"]\nrms_slope = 0.2\nroll_off = "40 um"')  # fmt: skip
+        path.write_text(lines)
+        return path
+
+    @pytest.fixture
+    def call(self, monkeypatch, capsys):
+        """Exit code and both streams of the command."""
+
+        def run(*arguments):
+            monkeypatch.setattr("sys.argv", ["femseal", "accuracy", *map(str, arguments)])
+            try:
+                main()
+                code = 0
+            except SystemExit as stop:
+                code = stop.code
+            return code, *capsys.readouterr()
+
+        return run
+
+    def test_plan_then_table_then_files(self, case, tmp_path, call):
+        out = tmp_path / "out"
+        code, printed, _ = call(case, "-o", out, "--workers", 1)
+        assert code == 0
+        plan = make_plan(fs.load_case(case), limit=600, memory=4e9)
+        *lines, rest = printed.split("\n", len(plan.lines()))
+        assert lines == plan.lines()
+        assert "(reference)" in rest
+        assert "two-scale 2×2" in rest
+        assert f"accuracy in {out}" in rest
+        assert {p.name for p in out.iterdir()} == {"accuracy.csv", "accuracy.json", "accuracy.png"}
+
+    def test_bad_input_writes_nothing_and_exits_with_2(self, case, tmp_path, call):
+        out = tmp_path / "out"
+        for wrong in (["--limit", "10"], ["--memory", "4 s"], ["--limit", "1 ns"], ["--workers", "0"]):
+            code, printed, errors = call(case, "-o", out, *wrong)
+            assert code == 2
+            assert wrong[0].strip("-") in errors
+            assert printed == ""
+        case.write_text(case.read_text().replace("count = [2, 2]", "count = [16, 16]"))
+        code, _, errors = call(case, "-o", out)
+        assert code == 2
+        assert "cells" in errors
+        assert call(tmp_path / "none.toml", "-o", out)[0] == 2
+        assert not out.exists()
