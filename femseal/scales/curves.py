@@ -113,7 +113,7 @@ class CellCurves:
         )
         ceiling, floor = self.loading(np.cbrt(pressure)), self.loading(np.cbrt(peak))
         with np.errstate(invalid="ignore"):
-            value = value + np.where(np.isfinite(floor), inside * np.minimum(floor - top, 0.0), 0.0)
+            value = value + np.where(np.isfinite(floor), floor - top, 0.0)
         value = np.clip(value, np.minimum(floor, ceiling), ceiling)
         return np.where((relative <= 1) & np.isfinite(ceiling), np.exp(value), 0.0)
 
