@@ -27,7 +27,10 @@ LAYERS = {
     "studies": 7,
     "output": 8,
     "case": 9,
+    "versions": 1,
     "forecast": 10,
+    "schema": 10,
+    "survey": 10,
     "job": 10,
     "cli": 11,
 }
