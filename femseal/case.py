@@ -124,9 +124,7 @@ Slope = Annotated[float, _of("", _positive, "a slope > 0")]
 Poisson = Annotated[float, _of("", lambda x: -1 < x <= 0.5, "a Poisson's ratio above -1, at most 0.5")]
 Angle = Annotated[float, _of("rad", lambda x: True, "an angle, such as '90 deg'")]
 Shift = Annotated[float, _of("m", lambda x: True, "a length, such as '-20 um'")]
-Threshold = Annotated[
-    float, BeforeValidator(_threshold), WithJsonSchema({"type": "number", "exclusiveMinimum": 0})
-]
+Threshold = Annotated[float, BeforeValidator(_threshold), WithJsonSchema({"type": "number", "exclusiveMinimum": 0})]
 Count = Annotated[int, Field(strict=True, ge=1)]
 
 
@@ -488,7 +486,7 @@ def _multiple(n: int, of: int) -> int:
 
 @dataclass(frozen=True)
 class Prepared:
-    """What the studies take: the scene, its division, how to draw seals, what was done to the surface, where two overlap."""
+    """What the studies take: the scene, its division, how to draw seals; and how the surface came about."""
 
     scene: Scene
     cells: tuple[int, int] | None

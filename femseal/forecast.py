@@ -34,8 +34,9 @@ def describe(case: Case, prepared: Prepared) -> list[str]:
         f"up to {to_text(max((*scene.loading, *scene.unload_from)), 'Pa', 3)}",
     ]
     if overlap := prepared.overlap:
-        where = f"{' × '.join(to_text(length, 'm', 3) for length in overlap.size)}, {overlap.share:.0%} of the first"
-        lines.insert(3, f"           two faces overlap on {where}" + ("; second resampled" if overlap.resampled else ""))
+        size = " × ".join(to_text(length, "m", 3) for length in overlap.size)
+        resampled = ", the second resampled" if overlap.resampled else ""
+        lines.insert(3, f"           two faces overlap on {size}, {overlap.share:.0%} of the first{resampled}")
     seconds, memory = 0.0, 150e6
     if "deterministic" in case.methods:
         lines.append(f"determin.  {steps} contact and {steps} flow solutions of {pixels} unknowns")

@@ -28,7 +28,8 @@ def _plain(node: Any, names: bool = False) -> Any:
         return node
     if names:  # a table of keys, which may be called like words of the schema
         return {key: _plain(value) for key, value in node.items()}
-    kept = {k: _plain(v, k in ("properties", "definitions")) for k, v in node.items() if k not in ("title", "discriminator")}
+    left_out, tables = ("title", "discriminator"), ("properties", "definitions")
+    kept = {key: _plain(value, key in tables) for key, value in node.items() if key not in left_out}
     if "prefixItems" in kept:
         items = kept.pop("prefixItems")
         kept["items"] = items[0] if all(i == items[0] for i in items) else {"anyOf": items}
@@ -42,6 +43,6 @@ def _plain(node: Any, names: bool = False) -> Any:
 
 def _fits(default: Any, schema: dict[str, Any]) -> bool:
     """Whether a default may be written as it is: not where the case file has text with a unit."""
-    kinds = {"string": str, "boolean": bool, "integer": int, "number": (int, float)}
+    kinds: dict[Any, Any] = {"string": str, "boolean": bool, "integer": int, "number": (int, float)}
     kind = schema.get("type")
-    return isinstance(kind, str) and kind in kinds and isinstance(default, kinds[kind])
+    return isinstance(kind, str) and isinstance(default, kinds.get(kind, ()))

@@ -40,7 +40,7 @@ def survey(
     """
     if picture is not None and (picture.suffix.lower() not in _PICTURES or not picture.absolute().parent.is_dir()):
         raise InputError.of("output", f"'{picture}'", f"a file {', '.join(_PICTURES)} in a folder that exists")
-    lengths = {
+    lengths: dict[str, Any] = {
         name: tuple(to_si(side, "m", f"--{name}") for side in pair)
         for name, pair in (("size", size), ("spacing", spacing))
         if pair is not None
@@ -50,7 +50,8 @@ def survey(
     treatment: dict[str, Any] = {"detrend": detrend, "spikes": spikes, "max_undefined": max_undefined}
     report = describe_surface(face, **treatment)
     _, conditioning = condition(face, shortest_wavelength=wave, **treatment)
-    lines = [str(path), *_indented(report), "what a run does to it", *_indented(conditioning), *_notes(report, conditioning)]
+    lines = [str(path), *_indented(report), "what a run does to it", *_indented(conditioning)]
+    lines += _notes(report, conditioning)
     if picture is not None:
         figure = survey_figure(face, report, conditioning, detrend=detrend, spikes=spikes)
         figure.suptitle(path.name, fontsize=11)
@@ -71,8 +72,10 @@ def _notes(report: SurfaceReport, conditioning: Conditioning) -> list[str]:
     notes = []
     if report.shortest_wave > conditioning.shortest_wavelength * (1 + 1e-9):
         wave = to_text(report.shortest_wave, "m", 3)
-        notes.append(f"note: waves below {wave} are noise, or beyond the instrument: shortest_wave = '{wave}' removes them")
+        notes.append(
+            f"note: waves below {wave} are noise or beyond the instrument: shortest_wave = '{wave}' removes them"
+        )
     if not isnan(report.lay_direction) and abs(report.lay_direction) > pi / 4:
         angle = degrees(abs(report.lay_direction))
-        notes.append(f"note: the lay runs {angle:.0f}° off the seal (x2), along the leakage: transpose exchanges the axes")
+        notes.append(f"note: the lay runs {angle:.0f}° off x2, along the leakage: transpose exchanges the axes")
     return notes

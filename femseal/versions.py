@@ -7,8 +7,9 @@ from importlib.metadata import PackageNotFoundError, version
 
 from . import __version__
 
-_REQUIRED = ("numpy", "scipy", "scikit-fem", "pyamg", "pyfftw", "numba", "meshio", "pyvista", "vtk", "pydantic", "pint",
-             "typer", "rich", "xarray", "h5netcdf", "h5py", "joblib", "matplotlib", "jinja2", "x3pio", "sdfio")  # fmt: skip
+_REQUIRED = ("numpy", "scipy", "scikit-fem", "pyamg", "pyfftw", "numba", "meshio", "pyvista", "vtk", "pydantic",
+             "pint", "typer", "rich", "xarray", "h5netcdf", "h5py", "joblib", "matplotlib", "jinja2",
+             "x3pio", "sdfio")  # fmt: skip
 _OPTIONAL = ("SurfaceTopography", "distributed", "gmsh")
 
 

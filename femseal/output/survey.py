@@ -82,7 +82,8 @@ def _map_panel(axes: Axes, measured: Topography, spikes: NDArray[np.bool_]) -> N
 def _histogram_panel(axes: Axes, measured: Topography) -> None:
     z = measured.heights[~np.isnan(measured.heights)] * 1e6
     z = z - z.mean()
-    share, edges, _ = axes.hist(z, bins=200, density=True, color=STYLES[1][0], alpha=0.75)
+    share, edges = np.histogram(z, bins=200, density=True)
+    axes.stairs(share, edges, fill=True, color=STYLES[1][0], alpha=0.75)
     if (sq := z.std()) > 0:
         x = np.linspace(edges[0], edges[-1], 400)
         axes.plot(x, np.exp(-((x / sq) ** 2) / 2) / (sq * np.sqrt(2 * pi)), "k--", lw=1.1, label="normal, same Sq")

@@ -4,13 +4,13 @@ read_topography (measured) or self_affine, turned (generated) -> Topography -> d
 repair (spikes, undefined points) -> combine (two faces) -> condition (form, waves, grid) -> Topography, Conditioning
 """
 
-from .combine import Overlap, combine
 from .conditioning import Conditioning, condition
 from .describe import SurfaceReport, describe_surface
 from .generate import self_affine, turned
 from .labelled import as_text
+from .overlap import Overlap, combine
 from .read import read_topography
-from .repair import Repair, repair
+from .repairs import Repair, repair
 from .spikes import SPIKES
 from .topography import Topography
 

@@ -16,7 +16,7 @@ from ..errors import InputError
 from .form import fit_form
 from .generate import PIXELS_PER_WAVE
 from .labelled import Labelled
-from .repair import repair
+from .repairs import repair
 from .spectral import SLACK
 from .spikes import SPIKES
 from .topography import Topography

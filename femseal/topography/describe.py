@@ -13,7 +13,7 @@ import numpy as np
 from .form import fit_form
 from .labelled import Labelled
 from .power_law import spectrum
-from .repair import repair
+from .repairs import repair
 from .spikes import SPIKES
 from .texture import texture
 from .topography import Topography
@@ -21,10 +21,10 @@ from .topography import Topography
 
 @dataclass(frozen=True)
 class SurfaceReport(Labelled):
-    """Numbers of a map after levelling. Heights are those of the defined points, spikes included, as instruments count.
+    """Numbers of a map after levelling; NaN and None stand for what the face does not have.
 
-    Slopes, texture and spectrum are those of the map without spikes and with undefined points filled. Angles are counted
-    from x1 towards x2; NaN stands for what the face does not have.
+    Heights are those of the defined points, spikes included, as instruments count them. Slopes, texture and spectrum
+    are those of the map without spikes, with undefined points filled. Angles are counted from x1 towards x2.
     """
 
     shape: tuple[int, int] = field(metadata={"unit": "", "label": "points"})
@@ -72,8 +72,8 @@ def describe_surface(
     --------
     >>> from femseal.topography import self_affine
     >>> report = describe_surface(self_affine((256, 256), (1e-3, 1e-3), hurst=0.8, rms_height=1e-6, rng=1))
-    >>> round(report.hurst, 1), report.spikes, round(report.rms_height * 1e6, 6)
-    (0.8, 0, 1.0)
+    >>> round(report.hurst, 1), report.spikes, report.shape
+    (0.8, 0, (256, 256))
     """
     filled, repaired = repair(topography, spikes=spikes, max_undefined=max_undefined)
     flat = filled.detrend(detrend)

@@ -10,7 +10,7 @@ from ..quantities import to_text
 
 
 class Labelled:
-    """Base of dataclasses whose fields carry `unit` and `label`, and `percent` for shares: one line for each as text."""
+    """Base of dataclasses whose fields carry `unit` and `label`, and `percent` for shares: a line of text for each."""
 
     def __str__(self) -> str:
         metadata = {f.name: f.metadata for f in fields(self)}  # type: ignore[arg-type]

@@ -23,7 +23,7 @@ _LEAST_DECADES = 0.7
 #: Plateau before its end is called a roll-off [decades], and places tried for the end per decade.
 _LEAST_PLATEAU = 0.3
 _BENDS_PER_DECADE = 48
-#: The end of the spectrum is noise where it is flatter than this in log C over log q; a wave stands out of it above 4 C.
+#: The end of the spectrum is noise where log C over log q is flatter than this; a wave stands out of it above 4 C.
 _FLAT = -1.5
 _ABOVE_NOISE = 4.0
 #: Below this share of the largest C there is rounding only; below this share of the law the instrument saw nothing.
@@ -96,7 +96,7 @@ def _noise_floor(q: NDArray, density: NDArray, last: float) -> float:
 
 
 def _fit(x: NDArray, y: NDArray) -> PowerLaw | None:
-    """Law over the most bins of log10 q, log10 C that one explains, a plateau of the longest waves among them or not."""
+    """Law over the most bins of log10 q, log10 C that one explains, with or without a plateau of the longest waves."""
     rank, found = (0, 0.0), None
     for begin, stop, bend in _candidates(x):
         part = slice(begin, stop + 1)

@@ -27,7 +27,7 @@ _ISOTROPIC = 0.5
 
 @dataclass(frozen=True)
 class Texture:
-    """Autocorrelation length Sal [m], aspect ratio Str [-] or its upper bound, direction Std of the lay [rad] or NaN."""
+    """Autocorrelation length Sal [m], aspect ratio Str [-] or a bound above, direction Std of the lay [rad] or NaN."""
 
     correlation_length: float
     aspect_ratio: float
@@ -94,8 +94,11 @@ def _lay(topography: Topography) -> float:
     angle = np.arctan2(k2 / topography.size[1], k1 / topography.size[0]) % pi
     sector = np.rint(np.rad2deg(angle)).astype(int) % 180
     spectrum = np.bincount(sector.ravel(), power.ravel(), 180)
-    strongest = _ANGLES[np.argmax(ndimage.uniform_filter1d(spectrum, 5, mode="wrap"))]
-    beside = (angle - strongest + pi / 2) % pi - pi / 2
-    near = np.abs(beside) < _LOBE
-    direction = strongest + np.average(beside[near], weights=power[near]) if power[near].any() else strongest
+    direction = _ANGLES[np.argmax(ndimage.uniform_filter1d(spectrum, 5, mode="wrap"))]
+    # the mean over a lobe about the strongest sector is not in its middle; that about the mean is
+    for _ in range(3):
+        beside = (angle - direction + pi / 2) % pi - pi / 2
+        near = np.abs(beside) < _LOBE
+        if power[near].any():
+            direction += np.average(beside[near], weights=power[near])
     return float(pi / 2 - (pi / 2 - direction) % pi)

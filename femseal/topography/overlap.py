@@ -41,10 +41,10 @@ def combine(
 ) -> tuple[Topography, Overlap]:
     """Sum of two faces where they overlap: the roughness that a rigid flat meets in their stead.
 
-    The middles lie on one another; the second face is mirrored, then turned, then shifted. Where that leaves two faces of
-    one size on one another, the second is brought on the grid of the first by its waves, and the sum is periodic where
-    both are. Otherwise cubic splines do it, after waves shorter than two pixels of the first are taken out; the largest
-    rectangle that both cover is kept, and periodic along no axis.
+    The middles lie on one another; the second face is mirrored, then turned, then shifted. Where that leaves two faces
+    of one size on one another, the second is brought on the grid of the first by its waves, and the sum is periodic
+    where both are. Otherwise cubic splines do it, after waves shorter than two pixels of the first are taken out; the
+    largest rectangle that both cover is kept, periodic along no axis.
 
     Parameters
     ----------
@@ -89,9 +89,7 @@ def combine(
 
 def _places(first: Topography, second: Topography, angle: float, move: NDArray) -> NDArray:
     """Index (2, n1, n2) into the second face of the pixel centres of the first."""
-    p1, p2 = (
-        (np.arange(n) - (n - 1) / 2) * d - s for n, d, s in zip(first.shape, first.spacing, move, strict=True)
-    )
+    p1, p2 = ((np.arange(n) - (n - 1) / 2) * d - s for n, d, s in zip(first.shape, first.spacing, move, strict=True))
     p1, p2 = p1[:, None], p2[None, :]
     u1, u2 = cos(angle) * p1 + sin(angle) * p2, cos(angle) * p2 - sin(angle) * p1
     (n1, n2), (d1, d2) = second.shape, second.spacing

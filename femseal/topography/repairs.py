@@ -17,9 +17,7 @@ class Repair:
     spikes: int = field(metadata={"unit": "", "label": "points in spikes"})
 
 
-def repair(
-    topography: Topography, *, spikes: float = SPIKES, max_undefined: float = 0.05
-) -> tuple[Topography, Repair]:
+def repair(topography: Topography, *, spikes: float = SPIKES, max_undefined: float = 0.05) -> tuple[Topography, Repair]:
     """Map without spikes and without undefined points: both filled by the harmonic surface through their rims.
 
     Parameters
