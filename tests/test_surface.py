@@ -200,7 +200,9 @@ def test_an_isotropic_face_has_no_lay_and_stretching_gives_it_one():
 @pytest.mark.parametrize("roll_off", [None, 2e-4])
 @pytest.mark.parametrize("cut_off", [1.6e-5, 6e-6])
 def test_power_law_is_recovered(hurst, roll_off, cut_off):
-    face = self_affine((512, 400), (1e-3, 0.8e-3), hurst=hurst, rms_slope=0.1, roll_off=roll_off, cut_off=cut_off, rng=2)
+    face = self_affine(
+        (512, 400), (1e-3, 0.8e-3), hurst=hurst, rms_slope=0.1, roll_off=roll_off, cut_off=cut_off, rng=2
+    )
     found = spectrum(face)
     assert_allclose(found.shortest_wave, cut_off, rtol=0.04)
     assert found.noise == 0
@@ -229,7 +231,9 @@ def test_white_noise_and_single_waves_follow_no_law():
     assert_allclose(found.noise, 1e-8, rtol=0.05)
     x = np.arange(200) * 1e-6
     assert spectrum(Topography(np.cos(2 * pi * x / 40e-6)[:, None] * np.ones(200), (1e-6, 1e-6))).law is None
-    assert spectrum(Topography(np.zeros((50, 50)), (1e-6, 1e-6))) == spectrum(Topography(np.ones((50, 50)), (1e-6, 1e-6)))
+    assert spectrum(Topography(np.zeros((50, 50)), (1e-6, 1e-6))) == spectrum(
+        Topography(np.ones((50, 50)), (1e-6, 1e-6))
+    )
 
 
 def test_parallel_grooves_have_the_hurst_exponent_of_their_profile():
