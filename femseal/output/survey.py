@@ -115,4 +115,4 @@ def _radial_panel(axes: Axes, flat: Topography, report: SurfaceReport, condition
         axes.axvline(2 * pi / wave, color=colour, ls=style, lw=1.3, label=f"{label}, {to_text(wave, 'm', 3)}")
     axes.set(xlabel="wavenumber q = 2π/λ [rad/m]", ylabel="spectral density [m⁴]")
     axes.set_title("spectral density averaged over directions", fontsize=9.5)
-    axes.legend(fontsize=8, frameon=False)
+    axes.legend(fontsize=8, framealpha=0.9, edgecolor="none")
