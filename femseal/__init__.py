@@ -39,7 +39,16 @@ if TYPE_CHECKING:
     from .output import Results, open_results
     from .seal import AnnularSeal, Leakage, MeshSeal, RectangularSeal, seal_leakage
     from .studies import Sampling, Scene, deterministic, stochastic, two_scale
-    from .topography import Topography, condition, read_topography, self_affine, turned
+    from .topography import (
+        SurfaceReport,
+        Topography,
+        combine,
+        condition,
+        describe_surface,
+        read_topography,
+        self_affine,
+        turned,
+    )
 
 _MODULES = {
     "accuracy": ("AccuracyReport", "measure_accuracy"),
@@ -60,7 +69,16 @@ _MODULES = {
     "output": ("Results", "open_results"),
     "seal": ("AnnularSeal", "Leakage", "MeshSeal", "RectangularSeal", "seal_leakage"),
     "studies": ("Sampling", "Scene", "deterministic", "stochastic", "two_scale"),
-    "topography": ("Topography", "condition", "read_topography", "self_affine", "turned"),
+    "topography": (
+        "SurfaceReport",
+        "Topography",
+        "combine",
+        "condition",
+        "describe_surface",
+        "read_topography",
+        "self_affine",
+        "turned",
+    ),
 }
 _HOME = {name: module for module, names in _MODULES.items() for name in names}
 

@@ -7,17 +7,27 @@ given and what is allowed. `Case.prepare` turns it into the objects the studies 
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Iterable
+from dataclasses import asdict, dataclass, replace
 from functools import partial
-from math import ceil
+from math import ceil, inf
 from os import PathLike
 from pathlib import Path
 from typing import Annotated, Any, Literal, get_args
 
 import numpy as np
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
-from pydantic_core import PydanticCustomError
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    GetCoreSchemaHandler,
+    GetJsonSchemaHandler,
+    ValidationError,
+    WithJsonSchema,
+    model_validator,
+)
+from pydantic_core import PydanticCustomError, core_schema
 
 from .errors import InputError
 from .fluids import Fluid, IdealGas, Liquid
@@ -25,30 +35,70 @@ from .materials import Solid, contact_modulus, softer_hardness
 from .quantities import to_si, to_text
 from .scales import SAMPLERS, Partition
 from .studies import PRESSURES, Sampling, Scene
-from .topography import Conditioning, Topography, condition, read_topography, self_affine, turned
+from .topography import (
+    SPIKES,
+    Conditioning,
+    Overlap,
+    Topography,
+    combine,
+    condition,
+    read_topography,
+    repair,
+    self_affine,
+    turned,
+)
 
 Method = Literal["deterministic", "two-scale", "stochastic"]
 Boundary = Literal["periodic", "mirror", "free"]
 
 
-def _quantity(value: Any, unit: str, test: Callable[[float], bool], allowed: str) -> float:
-    try:
-        number = to_si(value, unit)
-    except InputError as error:
-        raise PydanticCustomError("quantity", "{allowed}", {"allowed": str(error).split("allowed is ")[-1]}) from None
-    if not test(number):
-        raise PydanticCustomError("quantity", "{allowed}", {"allowed": allowed})
-    return number
+@dataclass(frozen=True)
+class _Quantity:
+    """Text with a unit, or a plain number where `unit` is "", as a float in SI."""
+
+    unit: str
+    test: Callable[[float], bool]
+    allowed: str
+
+    def _read(self, value: Any) -> float:
+        try:
+            number = to_si(value, self.unit)
+        except InputError as error:
+            context = {"allowed": str(error).split("allowed is ")[-1]}
+            raise PydanticCustomError("quantity", "{allowed}", context) from None
+        if not self.test(number):
+            raise PydanticCustomError("quantity", "{allowed}", {"allowed": self.allowed})
+        return number
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> Any:
+        return core_schema.no_info_before_validator_function(self._read, handler(source))
+
+    def __get_pydantic_json_schema__(self, core: Any, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        described = {"description": self.allowed}
+        if self.unit:
+            return {"type": "string", "pattern": r"^\s*[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?[^,]*[^\s\d.,]"} | described
+        return {"type": ["number", "string"]} | described
 
 
-def _of(unit: str, test: Callable[[float], bool], allowed: str) -> BeforeValidator:
-    return BeforeValidator(partial(_quantity, unit=unit, test=test, allowed=allowed))
+def _of(unit: str, test: Callable[[float], bool], allowed: str) -> _Quantity:
+    return _Quantity(unit, test, allowed)
 
 
 def _one_of(value: Any, names: tuple[str, ...]) -> str:
     if value not in names:
         raise PydanticCustomError("name", "{allowed}", {"allowed": f"one of {', '.join(names)}"})
     return str(value)
+
+
+def _names(names: Iterable[str]) -> tuple[BeforeValidator, WithJsonSchema]:
+    known = tuple(names)
+    return BeforeValidator(partial(_one_of, names=known)), WithJsonSchema({"type": "string", "enum": list(known)})
+
+
+def _threshold(value: Any) -> float:
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not value > 0:
+        raise PydanticCustomError("threshold", "{allowed}", {"allowed": "a number > 0; inf leaves all points"})
+    return float(value)
 
 
 def _positive(x: float) -> bool:
@@ -72,6 +122,9 @@ Ratio = Annotated[float, _of("", lambda x: 0 <= x <= 1, "a number from 0 to 1")]
 Hurst = Annotated[float, _of("", lambda x: 0 < x <= 1, "a Hurst exponent above 0, at most 1")]
 Slope = Annotated[float, _of("", _positive, "a slope > 0")]
 Poisson = Annotated[float, _of("", lambda x: -1 < x <= 0.5, "a Poisson's ratio above -1, at most 0.5")]
+Angle = Annotated[float, _of("rad", lambda x: True, "an angle, such as '90 deg'")]
+Shift = Annotated[float, _of("m", lambda x: True, "a length, such as '-20 um'")]
+Threshold = Annotated[float, BeforeValidator(_threshold), WithJsonSchema({"type": "number", "exclusiveMinimum": 0})]
 Count = Annotated[int, Field(strict=True, ge=1)]
 
 
@@ -122,7 +175,10 @@ class TurnedFace(_Table):
 
 
 class FileFace(_Table):
-    """A measured face, see `topography.read_topography`; the path is relative to the case file."""
+    """A measured face, see `topography.read_topography`; the path is relative to the case file.
+
+    `mirror`, `rotate` and `shift` lay the second of two faces on the first, see `topography.combine`.
+    """
 
     kind: Literal["file"]
     path: Path
@@ -134,19 +190,29 @@ class FileFace(_Table):
     channel: Annotated[int, Field(strict=True, ge=0)] = 0
     transpose: bool = False
     periodic: tuple[bool, bool] = (False, False)
+    mirror: Literal["x1", "x2"] | None = None
+    rotate: Angle | None = None
+    shift: tuple[Shift, Shift] | None = None
+
+    @property
+    def placement(self) -> dict[str, Any]:
+        """How the face lies on the first one, as `topography.combine` takes it."""
+        return self.model_dump(include=_PLACEMENT, exclude_none=True)
 
     def make(self, folder: Path, rng: np.random.Generator) -> Topography:
         """The face."""
-        given = self.model_dump(exclude={"kind", "path"})
+        given = self.model_dump(exclude={"kind", "path", *_PLACEMENT})
         return read_topography(folder / self.path, **given)
 
 
+_PLACEMENT = {"mirror", "rotate", "shift"}
 Face = Annotated[SelfAffineFace | TurnedFace | FileFace, Field(discriminator="kind")]
 
 
 class SurfaceTable(_Table):
-    """What is done to the combined faces before use, see `topography.condition`."""
+    """What is done to measured faces (spikes, see `topography.repair`) and to their sum (`topography.condition`)."""
 
+    spikes: Threshold = SPIKES
     detrend: Literal[0, 1, 2] = 1
     shortest_wave: Length | None = None
     max_undefined: Ratio = 0.05
@@ -251,8 +317,8 @@ class StochasticTable(_Table):
     length: Length
     realisations: Annotated[int, Field(strict=True, ge=2)] = 50
     library_cells: Count = 128
-    sampler: Annotated[str, BeforeValidator(partial(_one_of, names=tuple(SAMPLERS)))] = "history"
-    pressure: Annotated[str, BeforeValidator(partial(_one_of, names=tuple(PRESSURES)))] = "place"
+    sampler: Annotated[str, *_names(SAMPLERS)] = "history"
+    pressure: Annotated[str, *_names(PRESSURES)] = "place"
     quantiles: tuple[Ratio, Ratio] = (0.05, 0.95)
 
     @model_validator(mode="after")
@@ -301,6 +367,9 @@ class Case(_Table):
             if isinstance(face, FileFace) and not (self.folder / face.path).is_file():
                 path = {"path": str(face.path)}
                 raise PydanticCustomError("file", "face.path: given '{path}', allowed is a file that exists", path)
+        if isinstance(first := self.face[0], FileFace) and first.placement:
+            keys = {"keys": ", ".join(sorted(first.placement))}
+            raise PydanticCustomError("placement", "face.0: given {keys}, allowed is that in the second face", keys)
         return self
 
     @property
@@ -335,16 +404,14 @@ class Case(_Table):
         ------
         InputError : a face that cannot be read or used, or cells that do not suit it.
         """
-        # a stream of its own for every face, whatever the method draws later
-        seeds = np.random.SeedSequence(self.seed).spawn(len(self.face))
-        faces = [f.make(self.folder, np.random.default_rng(s)) for f, s in zip(self.face, seeds, strict=True)]
-        surface = faces[0] if len(faces) == 1 else faces[0] + faces[1]
+        surface, repaired, overlap = self._combined_faces()
         cells = self._cell_count(surface)
         shape = self.surface.points or surface.shape
         if cells is not None:
             shape = (_multiple(shape[0], cells[0]), _multiple(shape[1], cells[1]))
         surface, report = condition(
             surface,
+            spikes=inf,
             detrend=self.surface.detrend,
             shortest_wavelength=self.surface.shortest_wave,
             max_undefined=self.surface.max_undefined,
@@ -383,7 +450,25 @@ class Case(_Table):
             boundary=self.contact.boundary,
             rtol=self.contact.rtol,
         )
-        return Prepared(scene, cells, sampling, report)
+        return Prepared(scene, cells, sampling, replace(report, **repaired), overlap)
+
+    def _combined_faces(self) -> tuple[Topography, dict[str, Any], Overlap | None]:
+        """Sum of the faces without spikes and undefined points, what was repaired in them, and where they overlap."""
+        # a stream of its own for every face, whatever the method draws later
+        seeds = np.random.SeedSequence(self.seed).spawn(len(self.face))
+        faces, undefined, spikes = [], 0.0, 0
+        for table, seed in zip(self.face, seeds, strict=True):
+            measured = table.make(self.folder, np.random.default_rng(seed))
+            threshold = self.surface.spikes if isinstance(table, FileFace) else inf
+            face, repaired = repair(measured, spikes=threshold, max_undefined=self.surface.max_undefined)
+            faces.append(face)
+            undefined, spikes = undefined + repaired.undefined_share / len(self.face), spikes + repaired.spikes
+        found = {"undefined_share": undefined, "spikes": spikes}
+        if len(faces) == 1:
+            return faces[0], found, None
+        second = self.face[1]
+        surface, overlap = combine(*faces, **(second.placement if isinstance(second, FileFace) else {}))
+        return surface, found, overlap
 
     def _cell_count(self, surface: Topography) -> tuple[int, int] | None:
         if self.cells is None or self.methods == {"deterministic"}:
@@ -401,17 +486,18 @@ def _multiple(n: int, of: int) -> int:
 
 @dataclass(frozen=True)
 class Prepared:
-    """What the studies take: the scene, its division, how to draw seals, and what was done to the surface."""
+    """What the studies take: the scene, its division, how to draw seals; and how the surface came about."""
 
     scene: Scene
     cells: tuple[int, int] | None
     sampling: Sampling | None
     conditioning: Conditioning
+    overlap: Overlap | None = None
 
     @property
     def surface_report(self) -> dict[str, Any]:
         """What was done to the surface, as plain data."""
-        return asdict(self.conditioning)
+        return asdict(self.conditioning) | ({} if self.overlap is None else {"overlap": asdict(self.overlap)})
 
 
 def load_case(path: str | PathLike[str]) -> Case:

@@ -1,4 +1,4 @@
-"""Command line: `femseal new`, `check`, `run`, `accuracy`.
+"""Command line: `femseal new`, `check`, `run`, `accuracy`, `surface`, `schema`.
 
 Exit code 0 done, 2 bad input (nothing written), 1 anything else.
 """
@@ -7,16 +7,16 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, NoReturn
 
 import typer
 
-from . import __version__
 from .errors import FemsealError, InputError
 
 app = typer.Typer(
     name="femseal",
     help="Leakage of metal-to-metal seals over a loading-unloading cycle, from measured roughness.",
+    epilog="Exit code: 0 done, 2 bad input (nothing is written), 1 anything else.",
     no_args_is_help=True,
     add_completion=True,
     pretty_exceptions_enable=False,
@@ -25,17 +25,24 @@ app = typer.Typer(
 
 def _version(value: bool) -> None:
     if value:
-        typer.echo(f"femseal {__version__}")
+        from .versions import versions
+
+        for name, number in versions().items():
+            typer.echo(f"{name} {number}")
         raise typer.Exit
 
 
 @app.callback()
 def _main(
     version: Annotated[
-        bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version.")
+        bool,
+        typer.Option("--version", callback=_version, is_eager=True, help="Show the versions of femseal and its stack."),
     ] = False,
+    debug: Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")] = False,
 ) -> None:
-    pass
+    # the exit code of an error is decided outside of the commands: `main`
+    global _debug
+    _debug = debug
 
 
 @app.command()
@@ -120,6 +127,55 @@ def accuracy(
             typer.echo(f"accuracy in {output}")
 
 
+@app.command()
+def surface(
+    path: Annotated[Path, typer.Argument(metavar="FILE", help="File with the heights of a face.")],
+    size: Annotated[
+        tuple[str, str] | None, typer.Option(help="Sides along x1 and x2, such as '1.2 mm' '0.9 mm'.")
+    ] = None,
+    spacing: Annotated[tuple[str, str] | None, typer.Option(help="Pixel along x1 and x2 instead of the size.")] = None,
+    height_unit: Annotated[str | None, typer.Option(help="Unit of the heights in the file, such as um.")] = None,
+    channel: Annotated[int, typer.Option(help="Layer or channel in files with several.")] = 0,
+    array: Annotated[str | None, typer.Option(help="Array in an .npz with several.")] = None,
+    delimiter: Annotated[str | None, typer.Option(help="Between the numbers of a text.")] = None,
+    transpose: Annotated[bool, typer.Option("--transpose", help="Exchange x and y.")] = False,
+    spikes: Annotated[float, typer.Option(help="Robust deviations beyond which an isolated point is a spike.")] = 6.0,
+    detrend: Annotated[int, typer.Option(help="Form taken off: 0 mean, 1 tilt, 2 tilt and curvature.")] = 1,
+    shortest_wave: Annotated[str | None, typer.Option(help="Low-pass of a run [8 pixels].")] = None,
+    max_undefined: Annotated[float, typer.Option(help="Largest share of undefined points that may be filled.")] = 0.05,
+    picture: Annotated[Path | None, typer.Option("-o", "--output", help="Picture to write (.png .pdf .svg).")] = None,
+) -> None:
+    """Describe a measured face, and say what a run would do to it; the options are keys of a case file too."""
+    from .survey import survey
+
+    for line in survey(
+        path,
+        picture,
+        size=size,
+        spacing=spacing,
+        height_unit=height_unit,
+        channel=channel,
+        array=array,
+        delimiter=delimiter,
+        transpose=transpose,
+        spikes=spikes,
+        detrend=detrend,
+        shortest_wave=shortest_wave,
+        max_undefined=max_undefined,
+    ):
+        typer.echo(line)
+
+
+@app.command()
+def schema() -> None:
+    """Print the JSON schema of the case file, for editors."""
+    import json
+
+    from .schema import case_schema
+
+    typer.echo(json.dumps(case_schema(), indent=1, ensure_ascii=False))
+
+
 class _Progress:
     """A bar for each stage on a terminal, nothing elsewhere."""
 
@@ -155,23 +211,31 @@ class _Progress:
         self._bars.update(self._tasks[stage], completed=done, total=total)
 
 
+_debug = False
+
+
 def main() -> None:
-    """Run the command line; errors are one line each."""
+    """Run the command line; errors are one line each, with their traceback after `femseal --debug`."""
     try:
-        app(standalone_mode=False)
+        app(prog_name="femseal", standalone_mode=False)
     except InputError as error:
-        typer.echo(f"femseal: {error}", err=True)
-        sys.exit(2)
+        _stop(error, str(error), 2)
     except FemsealError as error:
-        typer.echo(f"femseal: {error}", err=True)
-        sys.exit(1)
-    except KeyboardInterrupt:
-        typer.echo("femseal: stopped", err=True)
-        sys.exit(1)
+        _stop(error, str(error), 1)
+    except KeyboardInterrupt as error:
+        _stop(error, "stopped", 1)
     except Exception as error:
         # usage errors of the parser know how to show themselves and their exit code
         if hasattr(error, "show") and hasattr(error, "exit_code"):
             error.show()
             sys.exit(error.exit_code)
-        typer.echo(f"femseal: {type(error).__name__}: {error}", err=True)
-        sys.exit(1)
+        _stop(error, f"{type(error).__name__}: {error}", 1)
+
+
+def _stop(error: BaseException, message: str, code: int) -> NoReturn:
+    if _debug:
+        import traceback
+
+        traceback.print_exception(error)
+    typer.echo(f"femseal: {message}", err=True)
+    sys.exit(code)

@@ -63,13 +63,17 @@ def describe(case: Case, prepared: Prepared) -> list[str]:
     lines = [
         f"case       {case.title or '(no title)'}: valid",
         f"surface    {surface}",
-        f"           {report.undefined_share:.2%} undefined points filled, shortest wave "
+        f"           {report.undefined_share:.2%} undefined points and {report.spikes} in spikes filled, shortest wave "
         f"{to_text(report.shortest_wavelength, 'm', 3)}, "
         f"H/(E*·slope) {scene.hardness / scene.modulus / surface.rms_slope:.3g}",
         f"load       {steps} states: {len(scene.loading)} loading, "
         f"{steps - len({*scene.loading, *scene.unload_from})} unloading from {len(scene.unload_from)} peaks, "
         f"up to {to_text(max((*scene.loading, *scene.unload_from)), 'Pa', 3)}",
     ]
+    if overlap := prepared.overlap:
+        size = " × ".join(to_text(length, "m", 3) for length in overlap.size)
+        resampled = ", the second resampled" if overlap.resampled else ""
+        lines.insert(3, f"           two faces overlap on {size}, {overlap.share:.0%} of the first{resampled}")
     costs = [(0.0, 150e6)]
     if "deterministic" in case.methods:
         lines.append(f"determin.  {steps} contact and {steps} flow solutions of {pixels} unknowns")

@@ -290,6 +290,67 @@ def test_a_file_is_read_as_the_case_says(tmp_path, data):
         parse_case(data, tmp_path).prepare()
 
 
+@pytest.fixture
+def two_faces(tmp_path, data):
+    """Two measured faces, a spike and an undefined point in each, the second on a grid of its own."""
+    for name, shape, seed in (("lower", (96, 128), 1), ("upper", (120, 160), 2)):
+        face = fs.self_affine(shape, (96e-6, 128e-6), hurst=0.8, rms_slope=0.1, cut_off=9e-6, rng=seed)
+        heights = face.heights.copy()
+        heights[10, 12], heights[50, 60] = 1e-4, np.nan
+        np.savez(tmp_path / f"{name}.npz", z=heights, spacing=face.spacing)
+    data["face"] = [{"kind": "file", "path": f"{name}.npz"} for name in ("lower", "upper")]
+    data["cells"] = {"count": [2, 3]}
+    return data
+
+
+def test_a_second_face_is_laid_on_the_first(tmp_path, two_faces):
+    two_faces["face"][1] |= {"mirror": "x2", "rotate": "90 deg", "shift": ["10 um", "-5 um"]}
+    prepared = parse_case(two_faces, tmp_path).prepare()
+    lower, upper = (fs.read_topography(tmp_path / f"{n}.npz").without_spikes() for n in ("lower", "upper"))
+    both, overlap = fs.combine(
+        lower.fill_undefined(), upper.fill_undefined(), mirror="x2", rotate=np.pi / 2, shift=(10e-6, -5e-6)
+    )
+    shape = tuple(-(-n // c) * c for n, c in zip(both.shape, (2, 3), strict=True))
+    expected, _ = fs.condition(both, shape=shape)
+    assert_allclose(prepared.scene.surface.heights, expected.heights, atol=1e-12)
+    assert prepared.overlap == overlap
+    assert 0.5 < overlap.share < 0.8
+    assert prepared.surface_report["overlap"]["shape"] == overlap.shape
+    # of both faces
+    assert prepared.conditioning.spikes == 2
+    assert_allclose(prepared.conditioning.undefined_share, (1 / (96 * 128) + 1 / (120 * 160)) / 2)
+    lines = describe(parse_case(two_faces, tmp_path), prepared)
+    assert any("two faces overlap on " in line and "% of the first, the second resampled" in line for line in lines)
+    assert any(" 2 in spikes filled" in line for line in lines)
+
+
+def test_only_the_second_face_is_placed(tmp_path, two_faces):
+    two_faces["face"][0]["shift"] = ["1 um", "0 um"]
+    with pytest.raises(fs.InputError, match=r"face\.0: given shift, allowed is that in the second face"):
+        parse_case(two_faces, tmp_path)
+    two_faces["face"][0] = {"kind": "file", "path": "lower.npz"}
+    for key, value in (("mirror", "x3"), ("rotate", 90), ("rotate", "1 um"), ("shift", ["1 um"])):
+        two_faces["face"][1] = {"kind": "file", "path": "upper.npz", key: value}
+        with pytest.raises(fs.InputError, match=rf"face\.1\.{key}"):
+            parse_case(two_faces, tmp_path)
+    two_faces["face"][1] = {"kind": "file", "path": "upper.npz", "shift": ["1 mm", "0 um"]}
+    with pytest.raises(fs.InputError, match="shift: given 1 mm"):
+        parse_case(two_faces, tmp_path).prepare()
+
+
+def test_spikes_of_files_are_filled_unless_left_alone(tmp_path, two_faces):
+    two_faces["face"] = two_faces["face"][:1]
+    assert parse_case(two_faces, tmp_path).prepare().conditioning.spikes == 1
+    two_faces["surface"] = {"spikes": np.inf}
+    left = parse_case(two_faces, tmp_path).prepare()
+    assert left.conditioning.spikes == 0
+    assert left.conditioning.rms_slope_before > 1
+    for wrong in (0, -6, "six", True):
+        two_faces["surface"] = {"spikes": wrong}
+        with pytest.raises(fs.InputError, match=r"surface\.spikes: given .*, allowed is a number > 0"):
+            parse_case(two_faces, tmp_path)
+
+
 def test_paths_are_relative_to_the_case_file(tmp_path, monkeypatch):
     text = (ROOT / "examples" / "measured_seal.toml").read_text(encoding="utf-8")
     (tmp_path / "case.toml").write_text(text, encoding="utf-8")

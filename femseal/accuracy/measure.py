@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from .. import checks
 from ..case import Case, Prepared, load_case
 from ..errors import FemsealError, InputError
-from ..output.files import made_folder
+from ..files import made_folder
 from ..parallel import Map, ordered_map
 from ..studies import deterministic, stochastic, two_scale
 from .factors import closing_load, leakage_factor

@@ -8,6 +8,7 @@ from .folder import write_folder
 from .maps import seal_figure, surface_figure
 from .plots import cells_figure, leakage_figure
 from .results import Results, assemble, open_results, save
+from .survey import survey_figure
 from .vtk import write_vtk
 
 __all__ = [
@@ -19,6 +20,7 @@ __all__ = [
     "save",
     "seal_figure",
     "surface_figure",
+    "survey_figure",
     "write_folder",
     "write_vtk",
 ]

@@ -6,7 +6,6 @@ import json
 import os
 import platform
 from dataclasses import dataclass, fields
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,6 +16,7 @@ from ..contact import LoadStep
 from ..errors import InputError
 from ..files import made_folder, replacing
 from ..quantities import to_text
+from ..versions import versions
 from . import tables
 
 if TYPE_CHECKING:
@@ -29,7 +29,6 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 FILE_NAME = "results.nc"
-_PACKAGES = ("numpy", "scipy", "numba", "scikit-fem", "pyamg", "pyfftw", "xarray")
 #: An attribute of an HDF5 file holds at most 64 kB.
 _ATTRIBUTE_BYTES = 50_000
 #: Names in the dataset of the results' fields; the stitched fields (step, x1, x2) are left out, being large.
@@ -185,7 +184,7 @@ def assemble(
     data.attrs = {
         "title": "Leakage of a metal-to-metal seal over a load cycle",
         "Conventions": "CF-1.11",
-        "source": f"femseal {_femseal_version()}",
+        "source": f"femseal {versions()['femseal']}",
         "case": _json(case or {}),
         "surface": _json(surface_report or {}),
         "timings": _json(timings or {}),
@@ -338,23 +337,6 @@ def _add_contact_share(
     else:
         return
     data["contact_share"] = ("step", share, _labels("1", f"share of the face in contact, {origin}"))
-
-
-def _femseal_version() -> str:
-    from .. import __version__
-
-    return __version__
-
-
-def versions() -> dict[str, str]:
-    """Versions of femseal, Python and the packages that compute."""
-    found = {"femseal": _femseal_version(), "python": platform.python_version()}
-    for name in _PACKAGES:
-        try:
-            found[name] = version(name)
-        except PackageNotFoundError:
-            found[name] = "unknown"
-    return found
 
 
 def _json(value: Any) -> str:

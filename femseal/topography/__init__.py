@@ -1,12 +1,32 @@
 """Heights of seal faces: read or generated, conditioned, and the map that the solvers take.
 
-read_topography (measured) or self_affine, turned (generated) -> Topography -> condition -> Topography,
-Conditioning
+read_topography (measured) or self_affine, turned (generated) -> Topography -> describe_surface -> SurfaceReport
+repair (spikes, undefined points) -> combine (two faces) -> condition (form, waves, grid) -> Topography, Conditioning
 """
 
 from .conditioning import Conditioning, condition
+from .describe import SurfaceReport, describe_surface
 from .generate import self_affine, turned
+from .labelled import as_text
+from .overlap import Overlap, combine
 from .read import read_topography
+from .repairs import Repair, repair
+from .spikes import SPIKES
 from .topography import Topography
 
-__all__ = ["Topography", "self_affine", "turned", "condition", "Conditioning", "read_topography"]
+__all__ = [
+    "SPIKES",
+    "Conditioning",
+    "Overlap",
+    "Repair",
+    "SurfaceReport",
+    "Topography",
+    "as_text",
+    "combine",
+    "condition",
+    "describe_surface",
+    "read_topography",
+    "repair",
+    "self_affine",
+    "turned",
+]

@@ -15,15 +15,19 @@ from .. import checks
 from ..errors import InputError
 from .form import fit_form
 from .generate import PIXELS_PER_WAVE
+from .labelled import Labelled
+from .repairs import repair
 from .spectral import SLACK
+from .spikes import SPIKES
 from .topography import Topography
 
 
 @dataclass(frozen=True)
-class Conditioning:
+class Conditioning(Labelled):
     """What was done to a measured map; "before" means filled and flat, but not yet low-passed."""
 
-    undefined_share: float = field(metadata={"unit": "", "label": "share of undefined points, filled"})
+    undefined_share: float = field(metadata={"unit": "", "label": "undefined points, filled", "percent": True})
+    spikes: int = field(metadata={"unit": "", "label": "points in spikes, filled"})
     removed_tilt: tuple[float, float] = field(metadata={"unit": "rad", "label": "tilt removed along x1, x2"})
     removed_curvature: tuple[float, float, float] = field(
         metadata={"unit": "1/m", "label": "curvature removed: 11, 12, 22"}
@@ -42,20 +46,22 @@ class Conditioning:
 def condition(
     topography: Topography,
     *,
+    spikes: float = SPIKES,
     detrend: int = 1,
     shortest_wavelength: float | None = None,
     max_undefined: float = 0.05,
     shape: tuple[int, int] | None = None,
 ) -> tuple[Topography, Conditioning]:
-    """Fill undefined points, remove the form, low-pass, and bring the map on the grid of `shape` if given.
+    """Fill spikes and undefined points, remove the form, low-pass, bring the map on the grid of `shape` if given.
 
     Parameters
     ----------
     topography : the map as measured.
+    spikes : threshold of isolated points that are taken for undefined ones, see `find_spikes`; infinite leaves them.
     detrend : order of the form removed: 0 mean, 1 tilt, 2 tilt and curvature.
     shortest_wavelength : waves kept are no shorter [m]; 8 pixels of the coarser spacing of the measured
         and the final grid, unless given. A shorter one needs `shape` with a grid that gives it 8 pixels.
-    max_undefined : largest share of undefined points (0 to 1) that may be filled.
+    max_undefined : largest share of undefined points (0 to 1) that may be filled, spikes included.
     shape : final number of points; as measured unless given.
 
     Returns
@@ -81,13 +87,14 @@ def condition(
         allowed = f"less than the larger side, {max(topography.size):.4g} m"
         raise InputError.of("shortest_wavelength", shortest, allowed)
 
-    filled = topography.fill_undefined(max_undefined)
+    filled, repaired = repair(topography, spikes=spikes, max_undefined=max_undefined)
     form = fit_form(filled.heights, filled.size, detrend)
     flat = filled.detrend(detrend)
     smooth = flat.low_pass(shortest).resample(final)
     tilt1, tilt2 = form.slopes
     return smooth, Conditioning(
-        undefined_share=topography.undefined_share,
+        undefined_share=repaired.undefined_share,
+        spikes=repaired.spikes,
         removed_tilt=(atan(tilt1), atan(tilt2)),
         removed_curvature=form.curvatures,
         shortest_wavelength=shortest,

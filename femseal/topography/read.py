@@ -16,6 +16,8 @@ from .topography import Topography
 #: Beyond these no seal face was ever measured: the unit in the file is wrong, as happens [m].
 _SIZE_LIMITS = (1e-9, 1.0)
 _RMS_HEIGHT_LIMIT = 10e-3
+#: Half of a face steeper than this, between neighbouring points, is no face either.
+_SLOPE_LIMIT = 10.0
 
 
 def read_topography(
@@ -52,7 +54,8 @@ def read_topography(
     Raises
     ------
     InputError : no such file, not readable, damaged, no such channel or array, no size or unit; size outside
-        1 nm to 1 m, or Sq above 10 mm, unless `size` or `spacing`, or `height_unit`, say so.
+        1 nm to 1 m, or Sq above 10 mm, unless `size` or `spacing`, or `height_unit`, say so; half of the points steeper
+        than 10, unless the caller says both.
     """
     path = Path(path)
     if not path.is_file():
@@ -83,6 +86,9 @@ def read_topography(
     if pixel is None:
         given = f"no pixel size in the file ({heights.shape[0]} × {heights.shape[1]} points)"
         raise bad_file(path, given, "spacing= or size= two lengths [m]")
+    if not all(np.isfinite(d) and d > 0 for d in pixel):
+        given = f"a pixel of {pixel[0]:g} m × {pixel[1]:g} m"
+        raise bad_file(path, given, "two lengths > 0; to correct it, pass spacing= or size= (--spacing, --size)")
     metres = unit or _unit_in_file(path, suffix, raw)
     topography = _checked(path, heights * metres, pixel, periodic)
     _refuse_implausible(path, topography, size is None and spacing is None, height_unit is None)
@@ -107,9 +113,18 @@ def _refuse_implausible(path: Path, topography: Topography, check_size: bool, ch
     shortest, longest = _SIZE_LIMITS
     if check_size and not all(shortest <= side <= longest for side in topography.size):
         given = " × ".join(to_text(side, "m") for side in topography.size)
-        raise bad_file(path, f"a size of {given}", "1 nm to 1 m; if it is right, or to correct it, pass size=")
+        raise bad_file(path, f"a size of {given}", "1 nm to 1 m; if it is right, or to correct it, pass size= (--size)")
     defined = topography.heights[~np.isnan(topography.heights)]
     if check_heights and defined.size and defined.std() > _RMS_HEIGHT_LIMIT:
         given = f"Sq = {to_text(float(defined.std()), 'm')}"
-        allowed = "at most 10 mm; if it is right, or to correct it, pass height_unit= such as 'um'"
+        allowed = "at most 10 mm; if it is right, or to correct it, pass height_unit= such as 'um' (--height-unit)"
         raise bad_file(path, given, allowed)
+    if (check_size or check_heights) and (slope := _median_slope(topography)) > _SLOPE_LIMIT:
+        allowed = "at most 10; if it is right, or to correct it, pass size= and height_unit= (--size, --height-unit)"
+        raise bad_file(path, f"a slope of {slope:.3g} on half of its points", allowed)
+
+
+def _median_slope(topography: Topography) -> float:
+    """Median of the slope between neighbouring points along the steeper axis; spikes and holes do not count."""
+    steps = (np.abs(np.diff(topography.heights, axis=axis)) / topography.spacing[axis] for axis in (0, 1))
+    return max((float(np.median(s[~np.isnan(s)])) for s in steps if not np.isnan(s).all()), default=0.0)

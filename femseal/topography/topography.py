@@ -21,6 +21,7 @@ from ..quantities import to_text
 from . import spectral
 from .form import fit_form
 from .holes import fill_holes
+from .spikes import SPIKES, find_spikes
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -138,6 +139,15 @@ class Topography:
         for axis in (0, 1):
             z = spectral.resample_axis(z, new[axis], axis, self.periodic[axis])
         return Topography(z, (self.size[0] / new[0], self.size[1] / new[1]), self.periodic)
+
+    def without_spikes(self, threshold: float = SPIKES) -> Topography:
+        """Map with spikes marked undefined: isolated points `threshold` robust deviations off (`spikes.py`).
+
+        Raises
+        ------
+        InputError : threshold not > 0; infinite leaves all points.
+        """
+        return self._with(np.where(find_spikes(self.heights, threshold), np.nan, self.heights))
 
     def fill_undefined(self, max_share: float = 0.05) -> Topography:
         """Map with undefined points filled by the harmonic surface through their rims (`holes.py`).

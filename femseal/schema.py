@@ -1,0 +1,48 @@
+"""JSON schema of the case file, for editors that check and complete it while it is written."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from .case import Case
+
+
+def case_schema() -> dict[str, Any]:
+    """Schema (draft 7, which editors know) of a case file: its tables, keys and kinds of values.
+
+    What concerns several keys, and the size of a quantity, is checked by `load_case` alone.
+    """
+    schema = Case.model_json_schema(ref_template="#/definitions/{model}")
+    schema["definitions"] = schema.pop("$defs")
+    del schema["properties"]["folder"]  # where the file lies, not what is in it
+    faces = schema["properties"]["face"]
+    schema["properties"]["face"] = {"anyOf": [faces["items"], faces]}
+    return {"$schema": "http://json-schema.org/draft-07/schema#"} | _plain(schema) | {"title": "femseal case"}
+
+
+def _plain(node: Any, names: bool = False) -> Any:
+    """Schema as TOML has it: no null, pairs of one kind as lists, and neither titles nor values in SI as defaults."""
+    if isinstance(node, list):
+        return [_plain(n) for n in node]
+    if not isinstance(node, dict):
+        return node
+    if names:  # a table of keys, which may be called like words of the schema
+        return {key: _plain(value) for key, value in node.items()}
+    left_out, tables = ("title", "discriminator"), ("properties", "definitions")
+    kept = {key: _plain(value, key in tables) for key, value in node.items() if key not in left_out}
+    if "prefixItems" in kept:
+        items = kept.pop("prefixItems")
+        kept["items"] = items[0] if all(i == items[0] for i in items) else {"anyOf": items}
+    if "anyOf" in kept:
+        options = [o for o in kept.pop("anyOf") if o != {"type": "null"}]
+        kept = kept | (options[0] if len(options) == 1 else {"anyOf": options})
+    if not _fits(kept.get("default"), kept):
+        kept.pop("default", None)
+    return kept
+
+
+def _fits(default: Any, schema: dict[str, Any]) -> bool:
+    """Whether a default may be written as it is: not where the case file has text with a unit."""
+    kinds: dict[Any, Any] = {"string": str, "boolean": bool, "integer": int, "number": (int, float)}
+    kind = schema.get("type")
+    return isinstance(kind, str) and isinstance(default, kinds.get(kind, ()))

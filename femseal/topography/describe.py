@@ -1,0 +1,111 @@
+"""What a face is: size, heights, slopes, texture and spectrum, as they come out of an instrument's file.
+
+Source: ISO 25178-2 (Sq, Sa, Sz, Ssk, Sku, Sal, Str, Std).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from math import atan, nan
+
+import numpy as np
+
+from .form import fit_form
+from .labelled import Labelled
+from .power_law import spectrum
+from .repairs import repair
+from .spikes import SPIKES
+from .texture import texture
+from .topography import Topography
+
+
+@dataclass(frozen=True)
+class SurfaceReport(Labelled):
+    """Numbers of a map after levelling; NaN and None stand for what the face does not have.
+
+    Heights are those of the defined points, spikes included, as instruments count them. Slopes, texture and spectrum
+    are those of the map without spikes, with undefined points filled. Angles are counted from x1 towards x2.
+    """
+
+    shape: tuple[int, int] = field(metadata={"unit": "", "label": "points"})
+    size: tuple[float, float] = field(metadata={"unit": "m", "label": "size"})
+    spacing: tuple[float, float] = field(metadata={"unit": "m", "label": "pixel"})
+    undefined_share: float = field(metadata={"unit": "", "label": "undefined points", "percent": True})
+    spikes: int = field(metadata={"unit": "", "label": "points in spikes"})
+    tilt: tuple[float, float] = field(metadata={"unit": "rad", "label": "tilt along x1, x2"})
+    rms_height: float = field(metadata={"unit": "m", "label": "Sq, rms height"})
+    mean_height: float = field(metadata={"unit": "m", "label": "Sa, arithmetic mean height"})
+    peak_to_valley: float = field(metadata={"unit": "m", "label": "Sz, highest to lowest point"})
+    skewness: float = field(metadata={"unit": "", "label": "Ssk, skewness"})
+    kurtosis: float = field(metadata={"unit": "", "label": "Sku, kurtosis"})
+    rms_slope: float = field(metadata={"unit": "", "label": "rms slope"})
+    rms_slopes: tuple[float, float] = field(metadata={"unit": "", "label": "rms slopes along x1, x2"})
+    correlation_length: float = field(metadata={"unit": "m", "label": "Sal, autocorrelation length"})
+    aspect_ratio: float = field(metadata={"unit": "", "label": "Str, texture aspect ratio"})
+    aspect_ratio_is_bound: bool = field(metadata={"unit": "", "label": "Str is an upper bound: long lay"})
+    lay_direction: float = field(metadata={"unit": "rad", "label": "Std, lay from x2 (Str <= 0.5)"})
+    shortest_wave: float = field(metadata={"unit": "m", "label": "shortest wave above noise, cut-off"})
+    noise: float = field(metadata={"unit": "m", "label": "white noise, rms"})
+    hurst: float = field(metadata={"unit": "", "label": "Hurst exponent of the power law"})
+    power_law: tuple[float, float] | None = field(metadata={"unit": "m", "label": "longest, shortest wave of the law"})
+    power_law_density: float = field(metadata={"unit": "m^4", "label": "spectral density at the longest"})
+    roll_off: float = field(metadata={"unit": "m", "label": "roll-off: end of a plateau"})
+
+
+def describe_surface(
+    topography: Topography, *, detrend: int = 1, spikes: float = SPIKES, max_undefined: float = 0.05
+) -> SurfaceReport:
+    """Describe a measured or generated map.
+
+    Parameters
+    ----------
+    topography : the map as measured.
+    detrend : order of the form taken off first: 0 mean, 1 tilt, 2 tilt and curvature.
+    spikes : threshold of `find_spikes`; infinite looks for none.
+    max_undefined : largest share of points (0 to 1) that may be filled for slopes, texture and spectrum.
+
+    Raises
+    ------
+    InputError : too many undefined points; an order or a threshold that cannot be used.
+
+    Examples
+    --------
+    >>> from femseal.topography import self_affine
+    >>> report = describe_surface(self_affine((256, 256), (1e-3, 1e-3), hurst=0.8, rms_height=1e-6, rng=1))
+    >>> round(report.hurst, 1), report.spikes, report.shape
+    (0.8, 0, (256, 256))
+    """
+    filled, repaired = repair(topography, spikes=spikes, max_undefined=max_undefined)
+    flat = filled.detrend(detrend)
+    measured = topography.heights - fit_form(topography.heights, topography.size, detrend).heights
+    z = measured[~np.isnan(measured)]
+    z = z - z.mean()
+    sq = float(z.std())
+    tilt = fit_form(topography.heights, topography.size, max(detrend, 1)).slopes
+    look, waves = texture(flat), spectrum(flat)
+    law = waves.law
+    return SurfaceReport(
+        shape=topography.shape,
+        size=topography.size,
+        spacing=topography.spacing,
+        undefined_share=repaired.undefined_share,
+        spikes=repaired.spikes,
+        tilt=(atan(tilt[0]), atan(tilt[1])),
+        rms_height=sq,
+        mean_height=float(np.abs(z).mean()),
+        peak_to_valley=float(np.ptp(z)),
+        skewness=float(np.mean(z**3)) / sq**3 if sq else nan,
+        kurtosis=float(np.mean(z**4)) / sq**4 if sq else nan,
+        rms_slope=flat.rms_slope,
+        rms_slopes=flat.rms_slopes,
+        correlation_length=look.correlation_length,
+        aspect_ratio=look.aspect_ratio,
+        aspect_ratio_is_bound=look.aspect_ratio_is_bound,
+        lay_direction=look.lay_direction,
+        shortest_wave=waves.shortest_wave,
+        noise=waves.noise,
+        hurst=law.hurst if law else nan,
+        power_law=(law.longest, law.shortest) if law else None,
+        power_law_density=law.density if law else nan,
+        roll_off=law.roll_off if law else nan,
+    )

@@ -1,0 +1,110 @@
+"""Two faces laid on one another: the second mirrored, turned, shifted and brought on the grid of the first.
+
+Symbols: p place in the plane from the middle of the first face [m], u place on the second from its own middle,
+p = s + R(θ) M u with the shift s, the turn R and the mirror image M.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from math import cos, sin
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from .. import checks
+from ..errors import InputError
+from ..quantities import to_text
+from .labelled import Labelled
+from .topography import Topography
+
+
+@dataclass(frozen=True)
+class Overlap(Labelled):
+    """Where two faces lie on one another, and whether the second had to be interpolated for that."""
+
+    shape: tuple[int, int] = field(metadata={"unit": "", "label": "points of the overlap"})
+    size: tuple[float, float] = field(metadata={"unit": "m", "label": "size of the overlap"})
+    share: float = field(metadata={"unit": "", "label": "overlap, of the first face", "percent": True})
+    resampled: bool = field(metadata={"unit": "", "label": "second face interpolated"})
+
+
+def combine(
+    first: Topography,
+    second: Topography,
+    *,
+    mirror: Literal["x1", "x2"] | None = None,
+    rotate: float = 0.0,
+    shift: tuple[float, float] = (0.0, 0.0),
+) -> tuple[Topography, Overlap]:
+    """Sum of two faces where they overlap: the roughness that a rigid flat meets in their stead.
+
+    The middles lie on one another; the second face is mirrored, then turned, then shifted. Where that leaves two faces
+    of one size on one another, the second is brought on the grid of the first by its waves, and the sum is periodic
+    where both are. Otherwise cubic splines do it, after waves shorter than two pixels of the first are taken out; the
+    largest rectangle that both cover is kept, periodic along no axis.
+
+    Parameters
+    ----------
+    first, second : the faces, without undefined points.
+    mirror : axis along which the second face is reversed, as when it is turned over to meet the first.
+    rotate : angle [rad] by which it is turned, from x1 towards x2.
+    shift : by which it is moved along x1 and x2 [m].
+
+    Raises
+    ------
+    InputError : undefined points, an unknown mirror, a number that is not finite, or no overlap.
+    """
+    if mirror not in (None, "x1", "x2"):
+        raise InputError.of("mirror", repr(mirror), "None, 'x1' or 'x2'")
+    angle = checks.number("rotate", rotate, unit="rad", above=-np.inf)
+    move = np.array([checks.number("shift", s, unit="m", above=-np.inf) for s in shift])
+    if mirror is not None:
+        second = second.flip(int(mirror == "x2"))
+    if angle == 0 and not move.any() and np.allclose(first.size, second.size, rtol=1e-9, atol=0):
+        on_grid = second.resample(first.shape)
+        both = first + Topography(on_grid.heights, first.spacing, on_grid.periodic)
+        return both, Overlap(both.shape, both.size, 1.0, first.shape != second.shape)
+    index = _places(first, second, angle, move)
+    if second.undefined_share:
+        raise InputError.of("second face", "undefined points", "a map without them: use fill_undefined() first")
+    edge = 0.5 + 1e-9 * max(second.shape)
+    inside = np.all([(i >= -edge) & (i <= n - 1 + edge) for i, n in zip(index, second.shape, strict=True)], axis=0)
+    (begin1, end1), (begin2, end2) = _largest_rectangle(inside)
+    if end1 <= begin1:
+        size = " × ".join(to_text(length, "m") for length in second.size)
+        given = " × ".join(to_text(s, "m") for s in move)
+        raise InputError.of("shift", given, f"one that leaves the second face, {size}, some of the first under it")
+    if min(second.spacing) < max(first.spacing):
+        second = second.low_pass(2 * max(first.spacing))
+    part = np.s_[:, begin1:end1, begin2:end2]
+    # beyond the last centres the faces go on as their mirror image, like everywhere
+    heights = ndimage.map_coordinates(second.heights, index[part], order=3, mode="reflect")
+    below = first.crop((end1 - begin1, end2 - begin2), (begin1, begin2))
+    both = below + Topography(heights, first.spacing, (False, False))
+    return both, Overlap(both.shape, both.size, both.heights.size / first.heights.size, True)
+
+
+def _places(first: Topography, second: Topography, angle: float, move: NDArray) -> NDArray:
+    """Index (2, n1, n2) into the second face of the pixel centres of the first."""
+    p1, p2 = ((np.arange(n) - (n - 1) / 2) * d - s for n, d, s in zip(first.shape, first.spacing, move, strict=True))
+    p1, p2 = p1[:, None], p2[None, :]
+    u1, u2 = cos(angle) * p1 + sin(angle) * p2, cos(angle) * p2 - sin(angle) * p1
+    (n1, n2), (d1, d2) = second.shape, second.spacing
+    return np.stack(np.broadcast_arrays(u1 / d1 + (n1 - 1) / 2, u2 / d2 + (n2 - 1) / 2))
+
+
+def _largest_rectangle(inside: NDArray[np.bool_]) -> tuple[tuple[int, int], tuple[int, int]]:
+    """Rows and columns, first and behind the last, of the largest rectangle in a convex set of pixels."""
+    rows = np.flatnonzero(inside.any(axis=1))
+    if not rows.size:
+        return (0, 0), (0, 0)
+    low = np.argmax(inside[rows], axis=1)
+    high = inside.shape[1] - np.argmax(inside[rows, ::-1], axis=1)
+    # in a convex set the first and the last row bound all rows between
+    columns = np.minimum(high[:, None], high) - np.maximum(low[:, None], low)
+    area = np.triu((rows - rows[:, None] + 1) * columns)
+    i, j = np.unravel_index(int(np.argmax(area)), area.shape)
+    return (int(rows[i]), int(rows[j]) + 1), (int(max(low[i], low[j])), int(min(high[i], high[j])))
