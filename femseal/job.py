@@ -7,7 +7,7 @@ import json
 import logging
 import time
 from collections.abc import Callable, Iterable, Iterator, Sized
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import replace
 from os import PathLike
 from pathlib import Path
@@ -71,6 +71,9 @@ def run(
     identity = {**case.echo(), "content of face files": faces, "version": versions()}
     if resume and folder is not None:
         if (finished := _finished(case, faces, folder)) is not None:
+            with suppress(InputError):  # the checkpoint of another run stays
+                checkpoint.resumable(folder, identity)
+                checkpoint.remove(folder)
             return finished
         resume = checkpoint.resumable(folder, identity)
     prepared = case.prepare()

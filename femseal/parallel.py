@@ -8,14 +8,17 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import os
 import pickle
+import signal
+import threading
 import time
 import warnings
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import CancelledError, ThreadPoolExecutor
-from contextlib import contextmanager
-from functools import lru_cache, partial
+from contextlib import ExitStack, contextmanager
+from functools import cache, lru_cache, partial
 from itertools import chain, islice
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -84,14 +87,33 @@ def _over_processes(count: int, function: Callable[..., Any], *iterables: Iterab
     with TemporaryDirectory(prefix="femseal-") as folder:
         path = Path(folder, "function.pickle")
         path.write_bytes(pickle.dumps(function, protocol=5))
-        with joblib.parallel_config("loky", inner_max_num_threads=1):
+        with joblib.parallel_config("loky", inner_max_num_threads=1), _deaf_children():
             pool = joblib.Parallel(return_as="generator", n_jobs=count)
-            results = pool(joblib.delayed(_call_stored)(str(path), *args) for args in chain(first, items))
+            call = joblib.delayed(_call_stored)
+            results = pool(call(os.getpid(), str(path), *args) for args in chain(first, items))
         try:
-            yield from results
+            for result in results:  # noqa: UP028, as it would close them here
+                yield result
         except TerminatedWorkerError as error:
             reason = "a process died, as when memory runs out; try fewer workers"
             raise FemsealError(f"workers: {reason} ({str(error).splitlines()[0]})") from error
+        finally:
+            with warnings.catch_warnings():
+                warnings.filterwarnings("ignore", ".* tasks ")  # where the run was stopped, the rest is not wanted
+                results.close()
+
+
+@contextmanager
+def _deaf_children() -> Iterator[None]:
+    """Processes started meanwhile do not hear Ctrl-C: their parent ends them."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    heard = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, heard)
 
 
 def _end_processes(count: int) -> None:
@@ -100,13 +122,26 @@ def _end_processes(count: int) -> None:
     get_reusable_executor(max_workers=count, reuse=True).shutdown(wait=True, kill_workers=True)
 
 
+def _call_stored(parent: int, path: str, *args: Any) -> Any:
+    _end_with(parent)
+    return _stored(path)(*args)
+
+
 @lru_cache(maxsize=1)
 def _stored(path: str) -> Callable[..., Any]:
     return pickle.loads(Path(path).read_bytes())
 
 
-def _call_stored(path: str, *args: Any) -> Any:
-    return _stored(path)(*args)
+@cache
+def _end_with(parent: int) -> None:
+    """End this process soon after its parent, which may be killed before it can say so."""
+
+    def watch() -> None:
+        while os.getppid() == parent:
+            time.sleep(1)
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
 
 
 @contextmanager
@@ -121,12 +156,11 @@ def _client(scheduler: str, count: int) -> Iterator[Any]:
         with _connected(scheduler) as client:
             yield client
         return
-    with (
-        LocalCluster(
-            n_workers=count, threads_per_worker=1, processes=True, dashboard_address=None, silence_logs=logging.ERROR
-        ) as cluster,
-        Client(cluster) as client,
-    ):
+    with ExitStack() as stack:
+        with _deaf_children():
+            one_each: dict[str, Any] = {"n_workers": count, "threads_per_worker": 1, "processes": True}
+            cluster = LocalCluster(**one_each, dashboard_address=None, silence_logs=logging.ERROR)
+            client = stack.enter_context(Client(stack.enter_context(cluster)))
         yield client
 
 
@@ -173,7 +207,7 @@ def _on_cluster(client: Any, function: Callable[..., Any], *iterables: Iterable[
     under_way: deque[tuple[list[Any], Any]] = deque()
     size = 1
     while True:
-        wanted = UNDER_WAY * max(1, sum(client.nthreads().values()))
+        wanted = UNDER_WAY * max(1, _threads(client))
         while len(under_way) < wanted and (batch := list(islice(items, size))):
             under_way.append((batch, _submit(client, function_there, batch)))
         if not under_way:
@@ -189,7 +223,7 @@ def _on_cluster(client: Any, function: Callable[..., Any], *iterables: Iterable[
                     function_there = _scattered(client, function)
                 task = _submit(client, function_there, batch)
         else:
-            raise FemsealError(f"scheduler: the workers of a task died {RETRIES} times")
+            raise FemsealError(f"scheduler: the workers of a task died {RETRIES} times, as when memory runs out")
         size = min(2 * size, max(1, round(TASK_SECONDS * len(batch) / max(seconds, 1e-6))))
         yield from results
 
@@ -221,10 +255,15 @@ def _outcome(client: Any, task: Any) -> tuple[list[Any], float]:
             _await_worker(client)
 
 
+def _threads(client: Any) -> int:
+    try:
+        return sum(client.nthreads().values())
+    except OSError as error:
+        raise FemsealError(f"scheduler: the connection is lost ({error})") from error
+
+
 def _await_worker(client: Any) -> None:
-    if client.status != "running":
-        raise FemsealError("scheduler: the connection is lost")
-    if not client.nthreads():
+    if not _threads(client):
         log.warning("no workers: waiting up to %g s for one", WORKER_SECONDS)
         try:
             client.wait_for_workers(1, timeout=WORKER_SECONDS)
