@@ -2,24 +2,31 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 import logging
 import time
 from collections.abc import Callable, Iterable, Iterator, Sized
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import replace
 from os import PathLike
 from pathlib import Path
 from typing import Any
 
-from .case import Case, Prepared, load_case
+from . import checkpoint
+from .case import Case, FileFace, Prepared, load_case
+from .checkpoint import Checkpoint
 from .errors import FemsealError, InputError
 from .output import Results, assemble, write_folder
 from .parallel import Map, ordered_map
 from .studies import deterministic, stochastic, two_scale
+from .versions import numerical_versions
 
 log = logging.getLogger("femseal")
 #: Called as progress(stage, done, total); total is None where it is not known.
 Progress = Callable[[str, int, int | None], None]
+#: Time between two lines of the log on a stage that is under way [s].
+LOG_SECONDS = 60.0
 
 
 def run(
@@ -37,16 +44,19 @@ def run(
     ----------
     case : a `Case`, or the path of a case file.
     output : results folder, made if it does not exist; None writes nothing.
-    resume : take the results from the folder if it holds those of the same case, complete.
+    resume : take the results from the folder if it holds those of the same case, complete; else go on from the
+        checkpoint of a run that was ended, with the same bits. Without resume a checkpoint in the folder is removed.
     workers : processes; all cores unless given. The results do not depend on it.
-    scheduler : address of a Dask scheduler to compute on instead (femseal[cluster]).
+    scheduler : address of a Dask scheduler to compute on instead (femseal[cluster]), or "local" for one of its own
+        with `workers` processes, see `parallel.ordered_map`.
     progress : called as progress(stage, done, total) while windows and realisations are computed.
 
     Raises
     ------
-    InputError : the case or an argument cannot be used; nothing has been written then.
-    FemsealError : a computation failed as a whole, or a file could not be written: `write_folder` says where the
-        results are then. Single cells that fail are listed in `Results.warnings`.
+    InputError : the case or an argument cannot be used, or the checkpoint is of another case, other face files or
+        other versions; nothing has been written then.
+    FemsealError : a computation failed as a whole, or a file could not be written: what is computed stays in the
+        folder, and `resume` goes on from there. Single cells that fail are listed in `Results.warnings`.
     """
     if not isinstance(case, Case):
         case = load_case(case)
@@ -55,17 +65,33 @@ def run(
     folder = None if output is None else Path(output)
     if folder is not None and folder.exists() and not folder.is_dir():
         raise InputError.of("output", f"'{folder}', which is a file", "a folder, or one that does not exist")
-    if resume:
-        if folder is None:
-            raise InputError.of("resume", True, "True only with an output folder")
-        if (finished := _finished(case, folder)) is not None:
+    if resume and folder is None:
+        raise InputError.of("resume", True, "True only with an output folder")
+    faces = _face_files(case)
+    identity = {**case.echo(), "content of face files": faces, "version": numerical_versions()}
+    if resume and folder is not None:
+        if (finished := _finished(case, faces, folder)) is not None:
+            with suppress(InputError):  # the checkpoint of another run stays
+                checkpoint.resumable(folder, identity)
+                checkpoint.remove(folder)
             return finished
+        resume = checkpoint.resumable(folder, identity)
     prepared = case.prepare()
-    with ordered_map(workers, scheduler) as mapper, _log_file(folder):
-        return _run(case, prepared, folder, mapper, progress or (lambda stage, done, total: None))
+    progress = progress or (lambda stage, done, total: None)
+    with ExitStack() as stack:
+        mapper = stack.enter_context(ordered_map(workers, scheduler))
+        if folder is None:
+            return _run(case, prepared, faces, mapper, progress)
+        stack.enter_context(_log_file(folder, append=resume))
+        kept = stack.enter_context(Checkpoint(folder, identity, resume))
+        results = _run(case, prepared, faces, kept.over(mapper), progress)
+        progress("writing results", 0, None)
+        _write(results, folder, prepared)
+        log.info("results in %s", folder)
+        return replace(results, folder=folder)
 
 
-def _run(case: Case, prepared: Prepared, folder: Path | None, mapper: Map, progress: Progress) -> Results:
+def _run(case: Case, prepared: Prepared, faces: dict[str, str], mapper: Map, progress: Progress) -> Results:
     scene, cells = prepared.scene, prepared.cells
     log.info("case %s: surface %s", case.title or "without title", scene.surface)
     timings: dict[str, float] = {}
@@ -95,36 +121,54 @@ def _run(case: Case, prepared: Prepared, folder: Path | None, mapper: Map, progr
         timings=timings,
         quantiles=case.stochastic.quantiles if case.stochastic else (0.05, 0.95),
     )
+    results.dataset.attrs["face_files"] = json.dumps(faces)
     for warning in results.warnings:
         log.warning("%s", warning)
-    if folder is not None:
-        progress("writing results", 0, None)
-        write_folder(results, folder, scene.surface)
-        results = replace(results, folder=folder)
-        log.info("results in %s", folder)
     return results
 
 
-def _finished(case: Case, folder: Path) -> Results | None:
-    """Complete results of the same case in a folder."""
+def _write(results: Results, folder: Path, prepared: Prepared) -> None:
+    try:
+        write_folder(results, folder, prepared.scene.surface)
+    except FemsealError:
+        raise
+    except Exception as error:
+        reason = str(error) or type(error).__name__
+        raise FemsealError(f"results: {reason}; mend that, then a run with --resume has only to write them") from error
+    checkpoint.remove(folder)
+
+
+def _face_files(case: Case) -> dict[str, str]:
+    """SHA-256 of every face file by its path in the case."""
+    digests = {}
+    for face in case.face:
+        if isinstance(face, FileFace):
+            try:
+                digests[str(face.path)] = hashlib.sha256((case.folder / face.path).read_bytes()).hexdigest()
+            except OSError as error:
+                allowed = f"a file that can be read ({error.strerror})"
+                raise InputError.of("face.path", f"'{face.path}'", allowed) from None
+    return digests
+
+
+def _finished(case: Case, faces: dict[str, str], folder: Path) -> Results | None:
+    """Complete results of the same case and face files in a folder."""
     from .output import open_results
 
     try:
         results = open_results(folder)
     except FemsealError:
         return None
-    return results if results.case == case.echo() else None
+    same = results.case == case.echo() and json.loads(results.dataset.attrs.get("face_files", "{}")) == faces
+    return results if same else None
 
 
 @contextmanager
-def _log_file(folder: Path | None) -> Iterator[None]:
+def _log_file(folder: Path, append: bool) -> Iterator[None]:
     """Log lines go to run.log in the results folder."""
-    if folder is None:
-        yield
-        return
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        handler = logging.FileHandler(folder / "run.log", mode="w", encoding="utf-8")
+        handler = logging.FileHandler(folder / "run.log", mode="a" if append else "w", encoding="utf-8")
     except OSError as error:
         raise InputError.of("output", f"'{folder}'", f"a folder that can be written ({error.strerror})") from None
     handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(message)s"))
@@ -135,6 +179,9 @@ def _log_file(folder: Path | None) -> Iterator[None]:
         yield
     except Exception:
         log.exception("the run stopped")
+        raise
+    except BaseException as error:
+        log.warning("the run was stopped (%s)", type(error).__name__)
         raise
     finally:
         log.removeHandler(handler)
@@ -149,8 +196,16 @@ def _watched(mapper: Map, stage: str, progress: Progress) -> Map:
         total = min((len(i) for i in iterables if isinstance(i, Sized)), default=None)
         name = getattr(getattr(function, "func", function), "__name__", "").strip("_").replace("_", " ")
         progress(f"{stage}: {name}", 0, total)
+        start = said = time.monotonic()
+        done = done_then = 0
         for done, item in enumerate(mapper(function, *iterables), start=1):
             progress(f"{stage}: {name}", done, total)
             yield item
+            if (now := time.monotonic()) - said >= LOG_SECONDS:
+                rate = (done - done_then) / (now - said)
+                left = "" if total is None else f", {(total - done) / rate:.0f} s left"
+                log.info("%s: %s %d of %s, %.3g/s%s", stage, name, done, total or "?", rate, left)
+                said, done_then = now, done
+        log.info("%s: %s %d in %.1f s", stage, name, done, time.monotonic() - start)
 
     return mapping

@@ -1,21 +1,44 @@
-"""Ordered maps that the studies take: in this process, over processes of this machine, or on a Dask cluster."""
+"""Ordered maps that the studies take: in this process, over processes of this machine, or on a Dask cluster.
+
+All of them compute with one thread of BLAS for each process (FFT and compiled loops have one anyway), so that workers
+do not fight for cores and results do not depend on where they were computed.
+"""
 
 from __future__ import annotations
 
 import asyncio
+import logging
+import os
+import pickle
+import signal
+import threading
+import time
 import warnings
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
-from functools import partial
+from concurrent.futures import CancelledError, ThreadPoolExecutor
+from contextlib import ExitStack, contextmanager
+from functools import cache, lru_cache, partial
+from itertools import chain, islice
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
-from .errors import InputError
+from .errors import FemsealError, InputError
+from .versions import numerical_versions
 
+log = logging.getLogger("femseal.parallel")
 Map = Callable[..., Iterable[Any]]
-#: For each of these a cluster has so long [s]: to answer, to accept a client, to have a worker.
+#: For each of these a cluster has so long [s]: to answer, to accept a client.
 ANSWER_SECONDS = 5
+#: So long a cluster may be without any worker, before the first one or after the last [s].
+WORKER_SECONDS = 600
+#: Small items are sent together, about so much work at a time [s].
+TASK_SECONDS = 0.25
+#: Tasks under way for each thread of a cluster: one computed, one ready.
+UNDER_WAY = 2
+#: How often a task is sent again when the cluster loses what it needs.
+RETRIES = 10
 
 
 @contextmanager
@@ -24,37 +47,128 @@ def ordered_map(workers: int | None = None, scheduler: str | None = None) -> Ite
 
     Parameters
     ----------
-    workers : processes; None: one for each core.
-    scheduler : address of a Dask scheduler to compute on instead.
+    workers : processes on this machine; None: one for each core.
+    scheduler : address of a Dask scheduler to compute on instead, whose first worker is awaited for `WORKER_SECONDS`;
+        "local": a scheduler and `workers` single-threaded processes of its own.
 
     Raises
     ------
-    InputError : no scheduler with workers at the address, or femseal[cluster] is not installed.
+    InputError : no scheduler with workers at the address, workers with other versions, or femseal[cluster] is not
+        installed.
+    FemsealError : from the map, where workers died again and again.
     """
     import joblib
+    from threadpoolctl import threadpool_limits
 
-    if scheduler is not None:
-        with _connected(scheduler) as client:
-            yield partial(_on_cluster, client)
-        return
     count = workers or joblib.cpu_count()
-    yield map if count == 1 else partial(_over_processes, count)
+    with threadpool_limits(1):
+        if scheduler is not None:
+            with _client(scheduler, count) as client:
+                yield partial(_on_cluster, client)
+        elif count == 1:
+            yield map
+        else:
+            try:
+                yield partial(_over_processes, count)
+            except BaseException:
+                _end_processes(count)
+                raise
 
 
-def _over_processes(count: int, function: Callable[..., Any], *iterables: Iterable[Any]) -> Iterable[Any]:
+def _over_processes(count: int, function: Callable[..., Any], *iterables: Iterable[Any]) -> Iterator[Any]:
+    """The function goes to the processes through a file that each reads once, the items in batches."""
     import joblib
+    from joblib.externals.loky.process_executor import TerminatedWorkerError
 
-    pool = joblib.Parallel(return_as="generator", n_jobs=count)
-    return pool(joblib.delayed(function)(*args) for args in zip(*iterables, strict=False))
+    items = zip(*iterables, strict=False)
+    first = list(islice(items, 1))
+    if not first:
+        return
+    with TemporaryDirectory(prefix="femseal-") as folder:
+        path = Path(folder, "function.pickle")
+        path.write_bytes(pickle.dumps(function, protocol=5))
+        with joblib.parallel_config("loky", inner_max_num_threads=1), _deaf_children():
+            pool = joblib.Parallel(return_as="generator", n_jobs=count)
+            call = joblib.delayed(_call_stored)
+            results = pool(call(os.getpid(), str(path), *args) for args in chain(first, items))
+        try:
+            for result in results:  # noqa: UP028, as it would close them here
+                yield result
+        except TerminatedWorkerError as error:
+            reason = "a process died, as when memory runs out; try fewer workers"
+            raise FemsealError(f"workers: {reason} ({str(error).splitlines()[0]})") from error
+        finally:
+            with warnings.catch_warnings():
+                warnings.filterwarnings("ignore", ".* tasks ")  # where the run was stopped, the rest is not wanted
+                results.close()
+
+
+@contextmanager
+def _deaf_children() -> Iterator[None]:
+    """Processes started meanwhile do not hear Ctrl-C: their parent ends them."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    heard = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, heard)
+
+
+def _end_processes(count: int) -> None:
+    from joblib.externals.loky import get_reusable_executor
+
+    get_reusable_executor(max_workers=count, reuse=True).shutdown(wait=True, kill_workers=True)
+
+
+def _call_stored(parent: int, path: str, *args: Any) -> Any:
+    _end_with(parent)
+    return _stored(path)(*args)
+
+
+@lru_cache(maxsize=1)
+def _stored(path: str) -> Callable[..., Any]:
+    return pickle.loads(Path(path).read_bytes())
+
+
+@cache
+def _end_with(parent: int) -> None:
+    """End this process soon after its parent, which may be killed before it can say so."""
+
+    def watch() -> None:
+        while os.getppid() == parent:
+            time.sleep(1)
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
+
+
+@contextmanager
+def _client(scheduler: str, count: int) -> Iterator[Any]:
+    """A client of the cluster, closed at the end together with a cluster of its own."""
+    try:
+        from distributed import Client, LocalCluster
+    except ImportError:
+        raise InputError.of("scheduler", f"'{scheduler}'", "none without femseal[cluster]") from None
+
+    if scheduler != "local":
+        with _connected(scheduler) as client:
+            yield client
+        return
+    with ExitStack() as stack:
+        with _deaf_children():
+            one_each: dict[str, Any] = {"n_workers": count, "threads_per_worker": 1, "processes": True}
+            cluster = LocalCluster(**one_each, dashboard_address="127.0.0.1:0", silence_logs=logging.ERROR)
+            # past the scheduler, results cost half as much
+            client = stack.enter_context(Client(stack.enter_context(cluster), direct_to_workers=True))
+        yield client
 
 
 def _connected(scheduler: str) -> Any:
-    """A client of the cluster."""
-    try:
-        from distributed import Client, Security
-        from distributed.comm import connect
-    except ImportError:
-        raise InputError.of("scheduler", f"'{scheduler}'", "none without femseal[cluster]") from None
+    """A client of a cluster that has a worker, with the versions of this process on all of them."""
+    from distributed import Client, Security
+    from distributed.comm import connect
 
     async def greet() -> None:
         arguments = Security().get_connection_args("client")
@@ -66,28 +180,102 @@ def _connected(scheduler: str) -> Any:
         with ThreadPoolExecutor(1) as thread:
             thread.submit(lambda: asyncio.run(asyncio.wait_for(greet(), 1.1 * ANSWER_SECONDS))).result()
         client = Client(scheduler, timeout=ANSWER_SECONDS)
-        client.wait_for_workers(1, timeout=ANSWER_SECONDS)
+        _await_worker(client)
+        there = client.run(numerical_versions)
     except Exception as error:  # of any kind, where another service answers
         if client is not None:
             client.close()
-        allowed = f"the address of a running scheduler with workers ({str(error) or 'no answer'})"
+        allowed = f"the address of a running scheduler with workers that have femseal ({str(error) or 'no answer'})"
         raise InputError.of("scheduler", f"'{scheduler}'", allowed) from None
+    except BaseException:
+        if client is not None:
+            client.close()
+        raise
+    here = numerical_versions()
+    for worker, found in there.items():
+        if found != here:
+            client.close()
+            other = ", ".join(f"{n} {found.get(n)} instead of {v}" for n, v in here.items() if found.get(n) != v)
+            allowed = "workers with the versions of this process: else results would depend on who computes them"
+            raise InputError.of("scheduler", f"'{scheduler}' whose worker {worker} has {other}", allowed)
     return client
 
 
 def _on_cluster(client: Any, function: Callable[..., Any], *iterables: Iterable[Any]) -> Iterator[Any]:
-    """A few tasks for each thread of the cluster are under way at a time."""
-    shared = client.scatter(function, broadcast=True, hash=False)
-    pending: deque[Any] = deque()
-    for args in zip(*iterables, strict=False):
-        with warnings.catch_warnings():
-            warnings.filterwarnings("ignore", "Sending large graph")  # each window brings its own gaps
-            pending.append(client.submit(_call, shared, *args, pure=False))
-        if len(pending) > 4 * sum(client.nthreads().values()):
-            yield pending.popleft().result()
-    while pending:
-        yield pending.popleft().result()
+    """The function goes to the workers once; a few batches of items for each thread are under way at a time."""
+    items = zip(*iterables, strict=False)
+    function_there = _scattered(client, function)
+    under_way: deque[tuple[list[Any], Any]] = deque()
+    size = 1
+    while True:
+        wanted = UNDER_WAY * max(1, _threads(client))
+        while len(under_way) < wanted and (batch := list(islice(items, size))):
+            under_way.append((batch, _submit(client, function_there, batch)))
+        if not under_way:
+            return
+        batch, task = under_way.popleft()
+        for _ in range(RETRIES):
+            try:
+                results, seconds = _outcome(client, task)
+                break
+            except CancelledError:
+                # all workers that had the function are gone
+                if function_there.status != "finished":
+                    function_there = _scattered(client, function)
+                task = _submit(client, function_there, batch)
+        else:
+            raise FemsealError(f"scheduler: the workers of a task died {RETRIES} times, as when memory runs out")
+        size = min(2 * size, max(1, round(TASK_SECONDS * len(batch) / max(seconds, 1e-6))))
+        yield from results
 
 
-def _call(function: Callable[..., Any], *args: Any) -> Any:
-    return function(*args)
+def _scattered(client: Any, function: Callable[..., Any]) -> Any:
+    _await_worker(client)
+    return client.scatter(function, broadcast=True, hash=False)
+
+
+def _submit(client: Any, function: Any, batch: list[Any]) -> Any:
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "Sending large graph")  # each window brings its own gaps
+        return client.submit(_call_batch, function, batch, pure=False)
+
+
+def _outcome(client: Any, task: Any) -> tuple[list[Any], float]:
+    """Result of a task, for which workers are awaited if there are none left."""
+    from distributed import KilledWorker
+
+    while True:
+        try:
+            return task.result(timeout=ANSWER_SECONDS)
+        except KilledWorker as error:
+            reason = "several workers died with the same task, as when memory runs out"
+            raise FemsealError(f"scheduler: {reason} ({error})") from error
+        except TimeoutError:
+            if task.done():  # the error is the function's own
+                raise
+            _await_worker(client)
+
+
+def _threads(client: Any) -> int:
+    try:
+        return sum(client.nthreads().values())
+    except OSError as error:
+        raise FemsealError(f"scheduler: the connection is lost ({error})") from error
+
+
+def _await_worker(client: Any) -> None:
+    if not _threads(client):
+        log.warning("no workers: waiting up to %g s for one", WORKER_SECONDS)
+        try:
+            client.wait_for_workers(1, timeout=WORKER_SECONDS)
+        except TimeoutError:
+            raise FemsealError(f"scheduler: no workers for {WORKER_SECONDS:g} s") from None
+
+
+def _call_batch(function: Callable[..., Any], batch: list[Any]) -> tuple[list[Any], float]:
+    from threadpoolctl import threadpool_limits
+
+    start = time.perf_counter()
+    with threadpool_limits(1):
+        results = [function(*args) for args in batch]
+    return results, time.perf_counter() - start

@@ -113,6 +113,7 @@ def test_a_bad_address_of_a_scheduler_is_named(case, tmp_path, monkeypatch, sile
     distributed = pytest.importorskip("distributed")
     assert parallel.ANSWER_SECONDS <= 5
     monkeypatch.setattr(parallel, "ANSWER_SECONDS", 0.5)
+    monkeypatch.setattr(parallel, "WORKER_SECONDS", 0.5)
     address = {"nobody": "tcp://127.0.0.1:1", "silent": silent_service, "nonsense": "http://x"}.get(kind)
     with ExitStack() as stack:
         if kind == "no workers":

@@ -1,0 +1,392 @@
+"""Runs that are ended and go on: which items are kept, what is refused, and the same bits in the end."""
+
+import errno
+import os
+import random
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray
+
+import femseal as fs
+from femseal import checkpoint
+from femseal.checkpoint import Checkpoint
+from femseal.versions import numerical_versions
+
+#: Grids so small that FFTW has one way only to transform them: plans chosen by measuring differ between processes.
+CASE = """
+method = "stochastic"
+compare = ["deterministic", "two-scale"]
+seed = 2
+[face]
+kind = "self-affine"
+points = [32, 32]
+size = ["30 um", "30 um"]
+rms_slope = 0.2
+roll_off = "20 um"
+[material]
+young = "210 GPa"
+hardness = "3 GPa"
+[load]
+loading = ["100 MPa", "300 MPa"]
+unload_from = ["300 MPa"]
+unloading = ["100 MPa"]
+[contact]
+boundary = ["periodic", "periodic"]
+[fluid]
+kind = "liquid"
+viscosity = "1 mPa*s"
+inlet_pressure = "1 MPa"
+[cells]
+count = [2, 2]
+[stochastic]
+length = "200 um"
+realisations = 24
+library_cells = 12
+"""
+
+
+@pytest.fixture
+def case(tmp_path):
+    path = tmp_path / "small.toml"
+    path.write_text(CASE)
+    return path
+
+
+def measured(case, factor=1.0):
+    """The case with a face read from a file."""
+    heights = fs.self_affine((32, 32), (3e-5, 3e-5), hurst=0.8, rms_slope=0.2, roll_off=2e-5, rng=1).heights
+    np.save(case.parent / "face.npy", factor * heights)
+    face = 'kind = "file"\npath = "face.npy"\nheight_unit = "m"\nsize = ["30 um", "30 um"]\nperiodic = [true, true]\n'
+    return re.sub(r'kind = "self-affine".*?\[material\]', face + "[material]", CASE, flags=re.DOTALL)
+
+
+def assert_same(one, two):
+    assert set(one.data_vars) == set(two.data_vars)
+    for name in one.variables:
+        np.testing.assert_array_equal(one[name].values, two[name].values, err_msg=name)
+    different = {key for key in one.attrs if not np.array_equal(one.attrs[key], two.attrs[key])}
+    assert different <= {"timings"}
+
+
+def stop_at(stage, item):
+    """A progress that stops the run as Ctrl-C does."""
+
+    def progress(name, done, total):
+        if name.endswith(stage) and done == item:
+            raise KeyboardInterrupt
+
+    return progress
+
+
+# --- items of a map ------------------------------------------------------------------------------------------------
+
+SIZES = (7, 1, 0, 20)
+
+
+def value(stage, item, extra, computed=None):
+    if computed is not None:
+        computed.append((stage, item))
+    return {"field": np.sin(np.arange(4.0) + item), "name": (stage, item, extra)}
+
+
+def study(mapper, computed=None):
+    """Calls of the map as a study makes them, with lazy arguments."""
+    results = []
+    for stage, size in enumerate(SIZES):
+        results += mapper(partial(value, stage, computed=computed), (n for n in range(size)), [str(n) for n in range(size)])  # fmt: skip
+    return results
+
+
+def resumed(folder, mapper=map):
+    computed = []
+    with Checkpoint(folder, {"case": 1}, resume=checkpoint.resumable(folder, {"case": 1})) as kept:
+        return study(kept.over(mapper), computed), computed
+
+
+def assert_complete(results):
+    np.testing.assert_equal(results, study(map))
+
+
+class Crash(BaseException):
+    pass
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_study_that_crashes_again_and_again_computes_little_twice(tmp_path, monkeypatch, seed):
+    """Items beyond the last shard are lost in a crash, those in shards are never computed again."""
+    rng = random.Random(seed)
+    monkeypatch.setattr(checkpoint, "SHARD_ITEMS", 3)
+    monkeypatch.setattr(Checkpoint, "__exit__", lambda *a: None)  # as a kill leaves it
+    every, crashes = [], 0
+    while True:
+        left = rng.randint(1, 9)
+
+        def crashing(function, *iterables):
+            for item in map(function, *iterables):
+                nonlocal left
+                if left == 0:
+                    raise Crash
+                left -= 1
+                yield item
+
+        try:
+            results, computed = resumed(tmp_path, crashing)
+            break
+        except Crash:
+            crashes += 1
+    assert crashes > 1
+    assert_complete(results)
+    assert computed.count((3, 0)) <= 1
+    every = sorted((int(p.name[:3]) - 1, int(p.name[4:13]), int(p.name[14:23])) for p in tmp_path.rglob("*.shard"))
+    for stage, size in enumerate(SIZES):
+        ranges = [r[1:] for r in every if r[0] == stage]
+        assert [n for start, stop in ranges for n in range(start, stop)] == list(range(size))
+
+
+def test_a_process_that_exits_at_once_leaves_its_shards(tmp_path, monkeypatch):
+    code = (
+        "import os, sys; sys.path.insert(0, sys.argv[1]); from pathlib import Path\n"
+        "from test_checkpoint import *\n"
+        "checkpoint.SHARD_ITEMS = 4\n"
+        "def ending(function, *iterables):\n"
+        "    for n, item in enumerate(map(function, *iterables)):\n"
+        "        if n == 18: os._exit(9)\n"
+        "        yield item\n"
+        "resumed(Path(sys.argv[2]), ending)\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code, str(Path(__file__).parent), str(tmp_path)])
+    assert done.returncode == 9
+    results, computed = resumed(tmp_path)
+    assert_complete(results)
+    assert computed == [(3, n) for n in range(16, 20)]  # four shards of the last stage were there
+
+
+def test_what_is_in_memory_is_kept_where_the_run_can_still_write(tmp_path):
+    for first, last in ((0, 5), (5, 7)):
+        computed = []
+        task = partial(value, 0, computed=computed)
+        with Checkpoint(tmp_path, {"case": 1}, resume=first > 0) as kept:
+            items = iter(kept.over(map)(task, range(7), range(7)))
+            for _ in range(last):
+                next(items)
+        assert [n for _, n in computed] == list(range(first, last))
+
+
+@pytest.mark.parametrize("damage", ["cut", "flip", "empty", "of another run"])
+def test_a_damaged_shard_is_reported_and_computed_again(tmp_path, monkeypatch, caplog, damage):
+    monkeypatch.setattr(checkpoint, "SHARD_ITEMS", 4)
+    resumed(tmp_path)
+    path = tmp_path / ".checkpoint/004-000000004-000000008.shard"
+    data = path.read_bytes()
+    if damage == "of another run":
+        with Checkpoint(tmp_path / "..", {"case": 2}, resume=False) as other:
+            for _ in SIZES[:-1]:
+                list(other.over(map)(abs, []))
+            list(other.over(map)(abs, range(8)))
+        shutil.copy(tmp_path / ".." / path.relative_to(tmp_path), path)
+        checkpoint.remove(tmp_path / "..")
+    else:
+        middle = len(data) // 2
+        flipped = data[:middle] + bytes([data[middle] ^ 1]) + data[middle + 1 :]
+        path.write_bytes({"cut": data[:middle], "flip": flipped, "empty": b""}[damage])
+    results, computed = resumed(tmp_path)
+    assert_complete(results)
+    assert computed == [(3, n) for n in range(4, 8)]
+    assert f"{path} is damaged" in caplog.text
+    assert resumed(tmp_path)[1] == []
+
+
+def test_a_full_disk_loses_nothing_that_is_written(tmp_path, monkeypatch):
+    monkeypatch.setattr(checkpoint, "SHARD_ITEMS", 4)
+    synced = []
+
+    def full(handle):
+        synced.append(handle)
+        if len(synced) > 5:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    with monkeypatch.context() as patch:
+        patch.setattr(checkpoint.os, "fsync", full)
+        with pytest.raises(fs.FemsealError, match=r"No space left.*results of 12 items are kept.*make room.*--resume"):
+            resumed(tmp_path)
+    assert not list(tmp_path.rglob(".unfinished-*"))
+    results, computed = resumed(tmp_path)
+    assert_complete(results)
+    assert computed == [(3, n) for n in range(4, 20)]
+
+
+# --- runs ----------------------------------------------------------------------------------------------------------
+
+
+def test_a_stopped_run_goes_on_with_the_same_bits_and_leaves_no_checkpoint(case, tmp_path, monkeypatch):
+    whole = fs.run(case, workers=1)
+    out = tmp_path / "out"
+    stages = []
+    for stage, item in (("two-scale: respond", 3), ("stochastic: placed cell", 2), ("stochastic: realise", 11)):
+        with pytest.raises(KeyboardInterrupt):
+            fs.run(case, out, resume=True, workers=1, progress=stop_at(stage, item))
+        assert not (out / "results.nc").exists()
+    with monkeypatch.context() as patch:
+        patch.setattr("femseal.job.write_folder", lambda *a: (_ for _ in ()).throw(OSError(errno.ENOSPC, "full")))
+        with pytest.raises(fs.FemsealError, match=r"full.*--resume"):
+            fs.run(case, out, resume=True, workers=1)
+
+    def _realise(*args, **kwargs):
+        raise AssertionError("computed again")
+
+    monkeypatch.setattr("femseal.studies._realise", _realise)
+    monkeypatch.setattr("femseal.studies.cell_permeability", _realise)
+    monkeypatch.setattr("femseal.scales.response.cell_permeability", _realise)
+    again = fs.run(case, out, resume=True, workers=1, progress=lambda *a: stages.append(a))
+    assert_same(whole.dataset, again.dataset)
+    assert not (out / ".checkpoint").exists()
+    assert "stopped (KeyboardInterrupt)" in (out / "run.log").read_text()
+    assert ("stochastic: realise", 24, 24) in stages
+
+
+def test_a_run_anew_removes_the_old_checkpoint(case, tmp_path):
+    for seed, stage in ((2, "stochastic: realise"), (3, "two-scale: respond")):
+        case.write_text(CASE.replace("seed = 2", f"seed = {seed}"))
+        with pytest.raises(KeyboardInterrupt):
+            fs.run(case, tmp_path / "out", workers=1, progress=stop_at(stage, 1))
+    assert max(p.name[:3] for p in tmp_path.rglob("*.shard")) == "002"
+
+
+def test_a_changed_case_file_or_version_is_refused_by_name(case, tmp_path, monkeypatch):
+    text = measured(case)
+    case.write_text(text)
+    out = tmp_path / "out"
+    with pytest.raises(KeyboardInterrupt):
+        fs.run(case, out, workers=1, progress=stop_at("stochastic: realise", 1))
+    before = {p: p.stat().st_mtime_ns for p in out.rglob("*")}
+
+    def refusal():
+        with pytest.raises(fs.InputError, match="resume") as caught:
+            fs.run(case, out, resume=True, workers=1)
+        assert {p: p.stat().st_mtime_ns for p in out.rglob("*")} == before
+        return str(caught.value).splitlines()[1:]
+
+    case.write_text(text.replace('hardness = "3 GPa"', 'yield_stress = "1 GPa"').replace('"300 MPa"', '"200 MPa"'))
+    assert sorted(refusal()) == [
+        "load.loading: was [100000000.0, 300000000.0], is [100000000.0, 200000000.0]",
+        "load.unload_from: was [300000000.0], is [200000000.0]",
+        "material.hardness: was 3000000000.0, is not given",
+        "material.yield_stress: was not given, is 1000000000.0",
+    ]
+    case.write_text(text)
+    with monkeypatch.context() as patch:
+        patch.setattr("femseal.job.numerical_versions", lambda: {**numerical_versions(), "numpy": "9.9"})
+        assert refusal() == [f"version.numpy: was {np.__version__}, is 9.9"]
+    measured(case, 1.01)
+    (line,) = refusal()
+    assert re.fullmatch(r"content of face files.face.npy: was [0-9a-f]{64}, is [0-9a-f]{64}", line)
+    (out / ".checkpoint/manifest.json").write_text("{")
+    before = {p: p.stat().st_mtime_ns for p in out.rglob("*")}
+    refusal()
+
+
+def test_finished_results_of_another_face_file_are_not_taken(case, tmp_path):
+    text = measured(case).replace('"stochastic"', '"deterministic"', 1)
+    case.write_text(text.replace('compare = ["deterministic", "two-scale"]', ""))
+    runs = []
+    for factor in (1.0, 1.0, 1.1):
+        measured(case, factor)
+        calls = []
+        results = fs.run(case, tmp_path / "out", resume=True, workers=1, progress=lambda *a, c=calls: c.append(a))
+        runs.append((results.leakage.values[0], bool(calls)))
+    assert [computed for _, computed in runs] == [True, False, True]
+    assert runs[0][0] == runs[1][0] != runs[2][0]
+
+
+# --- signals -------------------------------------------------------------------------------------------------------
+
+
+def start(case, out, *arguments, shard_items=20):
+    """The command line in a process group of its own."""
+    code = f"import femseal.checkpoint as c; c.SHARD_ITEMS = {shard_items}; from femseal.cli import main; main()"
+    command = [sys.executable, "-c", code, "run", case, "-o", out, *arguments]
+    return subprocess.Popen([*map(str, command)], stderr=subprocess.PIPE, text=True, start_new_session=True)
+
+
+def alive(group):
+    """Processes of a group that are not merely waiting to be reaped."""
+    found = []
+    for path in Path("/proc").glob("[0-9]*/stat"):
+        try:
+            state, _, its_group = path.read_text().rsplit(")", 1)[1].split()[:3]
+        except OSError:
+            continue
+        if int(its_group) == group and state != "Z":
+            found.append(int(path.parent.name))
+    return found
+
+
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="looks for processes in /proc")
+@pytest.mark.parametrize(
+    ("arguments", "sent"),
+    [
+        (["--workers", "2"], signal.SIGINT),
+        pytest.param(["--workers", "2"], signal.SIGTERM, marks=pytest.mark.slow),
+        pytest.param(["--workers", "1"], signal.SIGINT, marks=pytest.mark.slow),
+        pytest.param(["--workers", "2", "--scheduler", "local"], signal.SIGINT, marks=pytest.mark.slow),
+    ],
+)
+def test_ctrl_c_ends_the_workers_and_says_how_to_go_on(case, tmp_path, arguments, sent):
+    case.write_text(CASE.replace("realisations = 24", "realisations = 100000"))
+    out = tmp_path / "out"
+    process = start(case, out, "--log-file", tmp_path / "lines.log", *arguments)
+    last_stage = "009"  # after one, three and four others: the realisations
+    while not list(out.glob(f".checkpoint/{last_stage}-*")):
+        assert process.poll() is None, process.stderr.read()
+        time.sleep(0.05)
+    os.killpg(process.pid, sent)
+    lines = process.communicate(timeout=60)[1].splitlines()
+    assert process.returncode == 1
+    assert lines[-1] == f"femseal: stopped; `femseal run {case} -o {out} --resume` goes on"
+    until = time.monotonic() + 10  # trackers end when they see that the others have
+    while alive(process.pid) and time.monotonic() < until:
+        time.sleep(0.05)
+    assert not alive(process.pid)
+    assert "was stopped (KeyboardInterrupt)" in (tmp_path / "lines.log").read_text()
+    assert list(out.glob(f".checkpoint/{last_stage}-*"))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("workers", [1, 2])
+def test_kills_at_random_moments_leave_the_same_bits(case, tmp_path, workers):
+    rng = random.Random(workers)
+    case.write_text(CASE.replace("realisations = 24", "realisations = 1500"))
+    begin = time.perf_counter()
+    process = start(case, tmp_path / "whole", "--workers", workers)
+    assert process.wait() == 0
+    seconds = time.perf_counter() - begin
+    with xarray.open_dataset(tmp_path / "whole/results.nc", engine="h5netcdf") as data:
+        whole = data.load()
+    out, kills, finished = tmp_path / "out", 0, 0
+    while kills < 25:
+        process = start(case, out, "--resume", "--workers", workers)
+        try:
+            process.wait(timeout=rng.uniform(0.2, 0.9) * seconds)
+        except subprocess.TimeoutExpired:
+            os.killpg(process.pid, signal.SIGKILL)
+            process.wait()
+            kills += 1
+            if kills < 25:
+                continue
+            process = start(case, out, "--resume", "--workers", workers)
+        assert process.wait() == 0, process.stderr.read()
+        with xarray.open_dataset(out / "results.nc", engine="h5netcdf") as data:
+            assert_same(whole, data)
+        assert not (out / ".checkpoint").exists()
+        shutil.rmtree(out)
+        finished += 1
+    assert finished > 1

@@ -1,0 +1,163 @@
+"""Maps over processes and clusters: order, threads, small items sent together, workers that die or come late."""
+
+import os
+import re
+import signal
+import subprocess
+import sys
+import threading
+import time
+from contextlib import ExitStack, contextmanager
+
+import numpy as np
+import pytest
+from test_checkpoint import CASE, assert_same
+
+import femseal as fs
+from femseal import parallel
+from femseal.parallel import ordered_map
+
+distributed = pytest.importorskip("distributed")
+
+
+@pytest.fixture
+def case(tmp_path):
+    path = tmp_path / "small.toml"
+    path.write_text(CASE)
+    return path
+
+
+@pytest.fixture
+def cluster():
+    """Two threads of this process."""
+    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, processes=False, dashboard_address=None) as it:
+        yield it
+
+
+@contextmanager
+def real_cluster():
+    """A scheduler process on loopback, and a function that starts a worker process there."""
+    with ExitStack() as stack:
+
+        def start(name, *arguments):
+            command = [sys.executable, "-m", f"distributed.cli.dask_{name}", *map(str, arguments), "--no-dashboard"]
+            process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
+            stack.callback(process.wait)
+            stack.callback(process.kill)
+            threading.Thread(target=lambda: lines.extend(process.stderr), daemon=True).start()
+            return process
+
+        lines = []
+        start("scheduler", "--host", "127.0.0.1", "--port", 0)
+        found = None
+        while not found:
+            time.sleep(0.05)
+            found = re.search(r"Scheduler at:\s+(tcp://\S+)", "".join(lines))
+        address = found[1]
+        yield address, lambda: start("worker", address, "--nthreads", 1, "--no-nanny")
+
+
+def test_each_worker_has_one_thread(cluster):
+    import threadpoolctl
+
+    for arguments in ({"workers": 1}, {"workers": 2}, {"scheduler": cluster.scheduler_address}):
+        with ordered_map(**arguments) as mapping:
+            for libraries in mapping(_libraries, [threadpoolctl.threadpool_info] * 2, [np.ones(2)] * 2):
+                assert libraries
+                assert {library["num_threads"] for library in libraries} == {1}
+
+
+def _libraries(info, _):
+    return info()
+
+
+def test_processes_return_results_in_order_and_end_with_a_reason():
+    with ordered_map(workers=2) as mapping:
+        assert list(mapping(divmod, (n for n in range(100)), [7] * 100)) == [divmod(n, 7) for n in range(100)]
+        assert list(mapping(divmod, [], [])) == []
+        with pytest.raises(ZeroDivisionError):
+            list(mapping(divmod, [1], [0]))
+        with pytest.raises(fs.FemsealError, match="a process died"):
+            list(mapping(os._exit, [3]))
+        assert list(mapping(abs, [-1, 2])) == [1, 2]
+
+
+def test_small_items_are_sent_together(cluster, monkeypatch):
+    sizes, submit = [], parallel._submit
+    monkeypatch.setattr(parallel, "_submit", lambda *a: sizes.append(len(a[2])) or submit(*a))
+    with ordered_map(scheduler=cluster.scheduler_address) as mapping:
+        assert list(mapping(pow, range(3000), [2] * 3000)) == [n**2 for n in range(3000)]
+        assert sum(sizes) == 3000
+        assert len(sizes) < 100
+        sizes.clear()
+        list(mapping(time.sleep, [2 * parallel.TASK_SECONDS] * 6))
+        assert sizes == [1] * 6
+
+
+def test_workers_of_other_versions_are_refused(cluster, monkeypatch):
+    monkeypatch.setattr(
+        parallel, "numerical_versions", lambda: {"numpy": threading.current_thread().name, "scipy": "1"}
+    )
+    with pytest.raises(fs.InputError, match=r"has numpy .* instead of MainThread, allowed is"):
+        parallel._connected(cluster.scheduler_address)
+
+
+def test_a_late_worker_is_awaited(caplog):
+    with distributed.LocalCluster(n_workers=0, processes=False, dashboard_address=None) as late:
+        late_worker = threading.Timer(0.3, lambda: late.scale(1))
+        late_worker.start()
+        with ordered_map(scheduler=late.scheduler_address) as mapping:
+            assert "no workers: waiting up to 600 s" in caplog.text
+            assert list(mapping(abs, [-1, -2])) == [1, 2]
+        late_worker.join()
+
+
+@pytest.mark.slow
+def test_a_scheduler_of_its_own_gives_the_same_bits(case):
+    one = fs.run(case, workers=1)
+    assert_same(one.dataset, fs.run(case, workers=2, scheduler="local").dataset)
+    assert not distributed.client._get_global_client()
+
+
+@pytest.mark.slow
+def test_killed_workers_do_not_change_a_bit(case):
+    """One of two workers in the middle; later all that are left, so that what was sent to them is lost."""
+    case.write_text(CASE.replace("realisations = 24", "realisations = 2000"))
+    one = fs.run(case, workers=1)
+    with real_cluster() as (address, start_worker):
+        workers = [start_worker(), start_worker()]
+        killed = []
+
+        def progress(stage, done, total):
+            for place, count in ((200, 1), (1000, 2)):
+                if stage == "stochastic: realise" and done == place:
+                    for worker in workers[:count]:
+                        worker.send_signal(signal.SIGKILL)
+                        worker.wait()
+                        killed.append(worker.pid)
+                    workers[:count] = [start_worker()]
+
+        there = fs.run(case, scheduler=address, progress=progress)
+        assert len(set(killed)) == 3
+    assert_same(one.dataset, there.dataset)
+
+
+@pytest.mark.slow
+def test_a_task_that_ends_its_workers_is_given_up_with_a_reason():
+    with ordered_map(workers=2, scheduler="local") as mapping:
+        with pytest.raises(fs.FemsealError, match=r"workers .*died"):
+            list(mapping(os._exit, [3]))
+        assert list(mapping(abs, [-1, 2])) == [1, 2]
+
+
+@pytest.mark.slow
+def test_a_scheduler_that_is_gone_is_named():
+    with real_cluster() as (address, start_worker):
+        start_worker()
+        with ordered_map(scheduler=address) as mapping:
+            results = iter(mapping(time.sleep, [0.5] * 100))
+            next(results)
+            with distributed.Client(address) as client:
+                client.shutdown()
+            with pytest.raises(fs.FemsealError, match="scheduler"):
+                list(results)
