@@ -1,17 +1,20 @@
 """How wrong two scales are: leakage over a load cycle against the deterministic solution of the same surface.
 
-    python tests/benchmarks/scales.py --points 512 --seeds 5 --write
+    python tests/benchmarks/scales.py --points 512 1024 --seeds 5 --records scales.jsonl --write
 
-Surfaces: turned across the flow with ridges on and off the window's faces, turned along the flow, self-affine; contact free
-along x1 and periodic along x2. Factors are exp(rms ln(Q/Q_det)) over the loads with Q_det above 1e-3 of the first: of
-the method as it is, and of the flow solved on its stitched gap, so that contact and flow can be told apart. Times are of
-one process with one thread. `--write` puts the table beside this file and into the README.
+Surfaces: turned across the flow with ridges on and off the window's faces, turned along the flow, self-affine, and measured
+files (`--measured FILE ...`, levelled, without waves shorter than 8 pixels); contact free along x1 and periodic along x2.
+Factors are exp(rms ln(Q/Q_det)) over the loads with Q_det above 1e-3 of the first: of links between windows, and of the
+flow resolved on their stitched gap, so that contact and flow can be told apart. Every route runs in a process of its own
+with one thread; times are its CPU time, memory is what its peak is above that of a small surface before. `--records` keeps what is computed and goes on from there.
+`--write` puts the table beside this file and into the README.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import resource
 import sys
 import time
 from pathlib import Path
@@ -50,16 +53,17 @@ def face(kind, n, seed):
 KINDS = ("turned, 8 marks", "turned, 7 marks", "turned along", "self-affine")
 
 
-def study(task):
-    from femseal import Liquid, Scene, deterministic, two_scale
-    from femseal.accuracy import closing_load, leakage_factor
-    from femseal.flow import cell_permeability
-    from femseal.seal import RectangularSeal
+def scene_of(task):
+    from femseal import Liquid, Scene, condition, read_topography
 
-    kind, n, seed, windows = task["kind"], task["n"], task["seed"], task["windows"]
-    surface = face(kind, n, seed)
-    hardness = 0.14 * MODULUS * 0.25 if kind == "self-affine" else 4e9
-    scene = Scene(
+    if task["kind"] == "measured":
+        whole = read_topography(task["file"])
+        shape = tuple(n // task["windows"] * task["windows"] for n in whole.shape)
+        surface, _ = condition(whole, shape=shape)
+    else:
+        surface = face(task["kind"], task["n"], task["seed"])
+    hardness = 0.14 * MODULUS * surface.rms_slope if task["kind"] in ("self-affine", "measured") else 4e9
+    return Scene(
         surface=surface,
         modulus=MODULUS,
         hardness=hardness,
@@ -70,75 +74,134 @@ def study(task):
         unload_from=tuple(hardness * p for p in PEAKS),
         unloading=tuple(hardness * p for p in UNLOADING),
     )
-    start = time.perf_counter()
-    exact = deterministic(scene)
-    middle = time.perf_counter()
-    two = two_scale(scene, (windows, windows))
-    end = time.perf_counter()
-    seal = RectangularSeal(surface.size, (1, 1))
-    resolved = np.array([
-        scene.leakage(seal, cell_permeability(np.asarray(g, float), surface.spacing, sides="periodic").value).per_length
-        for g in two.gap
-    ])  # fmt: skip
-    record = {
-        "kind": kind,
-        "n": n,
-        "windows": windows,
-        "seed": seed,
-        "deterministic": middle - start,
-        "two-scale": end - middle,
-    }
-    for name, leakage in (("links", two.leakage), ("resolved", resolved)):
+
+
+def peak():
+    """Largest memory of this process so far [MB]."""
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+
+
+def study(task):
+    """One route over the cycle: leakage, contact share and mean gap at every step, CPU time and peak memory."""
+    from femseal import deterministic, two_scale
+
+    scene = scene_of(task)
+    warm = scene_of({"kind": "self-affine", "n": 64, "seed": 0})
+    deterministic(warm), two_scale(warm, (2, 2))
+    before = peak()
+    start = time.process_time()
+    if task["route"] == "deterministic":
+        result = deterministic(scene)
+        record = {"leakage": result.leakage, "area": result.contact_fraction, "gap": result.mean_gap}
+    else:
+        result = two_scale(scene, (task["windows"],) * 2)
+        record = {"leakage": result.leakage, "area": result.contact_fraction.mean(axis=(1, 2)),
+                  "gap": result.mean_gap.mean(axis=(1, 2))}  # fmt: skip
+    record |= {"seconds": time.process_time() - start, "megabytes": peak() - before}
+    if task["route"] == "two-scale":
+        record["resolved"] = scene.resolved_leakage(result.gap)[0]
+        record["resolved seconds"] = time.process_time() - start
+    return {name: np.asarray(value).tolist() for name, value in record.items()}
+
+
+def compare(task, exact, two):
+    """Factors of one surface."""
+    from femseal.accuracy import closing_load, leakage_factor
+    from femseal.contact import load_programme
+
+    steps = load_programme(LOADING, PEAKS, UNLOADING)
+    record = dict(task)
+    for name, leakage in (("links", two["leakage"]), ("resolved", two["resolved"])):
         for branch in ("loading", "unloading"):
-            factor = leakage_factor(leakage, exact.leakage, exact.steps, branch)
+            factor = leakage_factor(leakage, exact["leakage"], steps, branch)
             record[f"{name} {branch}"], record[f"{name} {branch} closed"] = factor.value, factor.closed
-    record["closing"] = [closing_load(q, exact.steps) / hardness for q in (exact.leakage, two.leakage)]
-    area = two.contact_fraction.mean(axis=(1, 2)) / exact.contact_fraction
-    record["area"] = float(np.exp(np.sqrt(np.mean(np.log(area) ** 2))))
-    record["ratios"] = (two.leakage / np.where(exact.leakage > 0, exact.leakage, np.nan)).tolist()
+    record["closing"] = [closing_load(r["leakage"], steps) for r in (exact, two)]
+    for name in ("area", "gap"):
+        ratio = np.array(two[name]) / np.array(exact[name])
+        record[name] = float(np.exp(np.sqrt(np.mean(np.log(ratio) ** 2))))
+    for name in ("seconds", "megabytes"):
+        record[name] = [exact[name], two[name]]
+    record["resolved seconds"] = two["resolved seconds"]
     return record
 
 
 def table(records):
-    head = ["surface", "points, windows", "seeds", "links: loading", "unloading", "flow on the stitched gap: loading", "unloading",
-            "area", "closing load p̄/H, deterministic: two scales", "time [s], deterministic: two scales"]  # fmt: skip
-    cells = []
-    for key in sorted({(r["kind"], r["n"], r["windows"]) for r in records}, key=lambda k: (KINDS.index(k[0]), k[1:])):
-        chosen = [r for r in records if (r["kind"], r["n"], r["windows"]) == key]
+    head = ["surface", "points, windows", "seeds", "links: loading", "unloading", "resolved: loading", "unloading", "area",
+            "mean gap", "closing load p̄/H, deterministic : two scales", "CPU time [s], deterministic : links : resolved",
+            "memory [MB], deterministic : links"]  # fmt: skip
+    cells, groups = [], {}
+    for r in records:
+        groups.setdefault((r["kind"], r["label"], r["windows"]), []).append(r)
+    for (kind, label, windows), chosen in groups.items():
 
         def spread(name, chosen=chosen):
             values = [r[name] for r in chosen]
             lost = sum(r.get(f"{name} closed", 0) for r in chosen)
-            text = f"{np.nanmedian(values):.3g} ({np.nanmin(values):.3g}–{np.nanmax(values):.3g})"
+            text = f"{np.nanmedian(values):.3g}"
+            text += f" ({np.nanmin(values):.3g}–{np.nanmax(values):.3g})" if len(chosen) > 1 else ""
             return text + (f", {lost} loads closed" if lost else "")
 
         closings = ", ".join(f"{a:.3g}:{b:.3g}" for a, b in (r["closing"] for r in chosen)).replace("inf", "–")
-        times = [np.median([r[name] for r in chosen]) for name in ("deterministic", "two-scale")]
-        names = ("links loading", "links unloading", "resolved loading", "resolved unloading", "area")
-        cells.append([key[0], f"{key[1]}², {key[2]}²", str(len(chosen)), *(spread(name) for name in names), closings,
-                      f"{times[0]:.3g}:{times[1]:.3g}"])  # fmt: skip
+        names = ("links loading", "links unloading", "resolved loading", "resolved unloading", "area", "gap")
+        seconds, memory = (np.median([r[name] for r in chosen], axis=0) for name in ("seconds", "megabytes"))
+        resolved = np.median([r["resolved seconds"] for r in chosen])
+        cells.append([kind, f"{label}, {windows}²", str(len(chosen)), *(spread(name) for name in names), closings,
+                      f"{seconds[0]:.3g} : {seconds[1]:.3g} : {resolved:.3g}",
+                      f"{memory[0]:.0f} : {memory[1]:.0f}"])  # fmt: skip
     return rows(head, cells)
+
+
+def computed(task, path):
+    """The record of a task: from the file of records if it is there, else computed and appended."""
+    known = [json.loads(line) for line in path.read_text().splitlines()] if path and path.exists() else []
+    for record in known:
+        if all(record[name] == task[name] for name in ("kind", "label", "seed", "windows")):
+            return record
+    routes = [call(__file__, ["--worker", json.dumps(task | {"route": r})], 1) for r in ("deterministic", "two-scale")]
+    record = {name: value for name, value in compare(task, *routes).items() if name != "file"}
+    if path:
+        with path.open("a", encoding="utf-8") as file:
+            file.write(json.dumps(record) + "\n")
+    print(json.dumps(record), file=sys.stderr, flush=True)
+    return record
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--points", type=int, nargs="+", default=[512])
-    parser.add_argument("--windows", type=int, default=16, help="along a side")
+    parser.add_argument("--points", type=int, nargs="*", default=[512])
+    parser.add_argument(
+        "--window", type=int, default=0, help="pixels along a side of a window [32 up to 512², else 64]"
+    )
     parser.add_argument("--seeds", type=int, default=5)
     parser.add_argument("--kinds", nargs="+", default=list(KINDS), choices=KINDS)
-    parser.add_argument("--write", action="store_true", help="write the table")
+    parser.add_argument("--measured", nargs="*", default=[], help="files of measured faces")
+    parser.add_argument("--records", type=Path, help="file in which results are kept")
+    parser.add_argument("--write", action="store_true", help="write the table of all records")
     parser.add_argument("--worker", help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.worker:
         print(json.dumps(study(json.loads(options.worker))))
         return
-    records = []
-    for n in options.points:
-        for kind in options.kinds:
-            for seed in range(1, options.seeds + 1):
-                task = {"kind": kind, "n": n, "seed": seed, "windows": options.windows}
-                records.append(call(__file__, ["--worker", json.dumps(task)], 1))
-                print(json.dumps(records[-1]), file=sys.stderr, flush=True)
+    tasks = [
+        {
+            "kind": kind,
+            "label": f"{n}²",
+            "n": n,
+            "seed": seed,
+            "windows": n // (options.window or (32 if n <= 512 else 64)),
+        }
+        for n in options.points
+        for kind in options.kinds
+        for seed in range(1, options.seeds + 1)
+    ]
+    tasks += [
+        {"kind": "measured", "label": Path(file).stem, "file": file, "n": 0, "seed": 0, "windows": 16}
+        for file in options.measured
+    ]
+    records = [computed(task, options.records) for task in tasks]
+    if options.records:
+        records = [json.loads(line) for line in options.records.read_text(encoding="utf-8").splitlines()]
+        records.sort(key=lambda r: ([*KINDS, "measured"].index(r["kind"]), r["n"], r["label"], r["seed"]))
     text = f"{machine({})}. Median over the seeds (lowest–highest).\n\n{table(records)}"
     print(text)
     if options.write:
