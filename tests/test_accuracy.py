@@ -210,11 +210,11 @@ class TestPlan:
 
 @pytest.fixture(scope="module")
 def wave(tmp_path_factory):
-    """Ridges along the flow, crests on the edges of windows that hold four waves: every window is like the whole."""
+    """Ridges along the flow, crests on the edges of windows that hold eight waves: every window is like the whole."""
     folder = tmp_path_factory.mktemp("wave")
-    x2 = (np.arange(128) + 0.5) * 1e-6
-    np.save(folder / "wave.npy", np.tile(0.5e-6 * np.cos(2 * np.pi * x2 / 16e-6), (128, 1)))
-    (folder / "wave.toml").write_text(CASE)
+    x2 = (np.arange(256) + 0.5) * 0.5e-6
+    np.save(folder / "wave.npy", np.tile(0.5e-6 * np.cos(2 * np.pi * x2 / 8e-6), (256, 1)))
+    (folder / "wave.toml").write_text(CASE.replace("1 um", "0.5 um"))
     return fs.measure_accuracy(folder / "wave.toml", workers=1, **AMPLE)
 
 
@@ -225,22 +225,22 @@ class TestWaveThatWindowsSolveExactly:
         return np.array([[c.loading.value, c.unloading.value] for c in solution.comparisons])
 
     def test_reference_has_factor_one(self, wave):
-        assert wave.plan.reference == Variant("deterministic", (128, 128))
+        assert wave.plan.reference == Variant("deterministic", (256, 256))
         assert_array_equal(self.factors(wave, wave.plan.reference), 1)
 
     @pytest.mark.parametrize("cells", [(1, 1), (2, 2)])
     def test_two_scales_are_right(self, wave, cells):
-        assert_allclose(self.factors(wave, Variant("two-scale", (128, 128), cells)), 1, atol=1e-5)
+        assert_allclose(self.factors(wave, Variant("two-scale", (256, 256), cells)), 1, atol=1e-5)
 
     @pytest.mark.parametrize("library", [8, 4, 2])
     def test_drawn_seals_are_right_by_both_references(self, wave, library):
-        factors = self.factors(wave, Variant("stochastic", (128, 128), (2, 2), library))
+        factors = self.factors(wave, Variant("stochastic", (256, 256), (2, 2), library))
         assert factors.shape == (2, 2)
         assert_allclose(factors, 1, atol=1e-5)
 
     def test_coarser_pixels_are_not_and_two_scales_on_them_are_wrong_by_the_same(self, wave):
         least = 1.01
-        for n in ((64, 64), (32, 32)):
+        for n in ((128, 128), (64, 64)):
             coarse = self.factors(wave, Variant("deterministic", n))
             assert (coarse > least).all()
             assert_allclose(self.factors(wave, Variant("two-scale", n, (2, 2))), coarse, rtol=1e-5)

@@ -231,7 +231,7 @@ def test_a_stopped_run_goes_on_with_the_same_bits_and_leaves_no_checkpoint(case,
     whole = fs.run(case, workers=1)
     out = tmp_path / "out"
     stages = []
-    for stage, item in (("two-scale: respond", 3), ("stochastic: placed cell", 2), ("stochastic: realise", 11)):
+    for stage, item in (("two-scale: respond", 3), ("stochastic: flow history", 2), ("stochastic: realise", 11)):
         with pytest.raises(KeyboardInterrupt):
             fs.run(case, out, resume=True, workers=1, progress=stop_at(stage, item))
         assert not (out / "results.nc").exists()
@@ -243,14 +243,14 @@ def test_a_stopped_run_goes_on_with_the_same_bits_and_leaves_no_checkpoint(case,
     def _realise(*args, **kwargs):
         raise AssertionError("computed again")
 
-    monkeypatch.setattr("femseal.studies._realise", _realise)
-    monkeypatch.setattr("femseal.studies.cell_permeability", _realise)
+    monkeypatch.setattr("femseal.studies.drawn._realise", _realise)
+    monkeypatch.setattr("femseal.studies.scene.cell_permeability", _realise)
     monkeypatch.setattr("femseal.scales.response.cell_permeability", _realise)
     again = fs.run(case, out, resume=True, workers=1, progress=lambda *a: stages.append(a))
     assert_same(whole.dataset, again.dataset)
     assert not (out / ".checkpoint").exists()
     assert "stopped (KeyboardInterrupt)" in (out / "run.log").read_text()
-    assert ("stochastic: realise", 24, 24) in stages
+    assert ("stochastic: realise", 48, 48) in stages
 
 
 def test_a_run_anew_removes_the_old_checkpoint(case, tmp_path):

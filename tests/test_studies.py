@@ -379,10 +379,10 @@ class TestDraws:
 
     def test_whole_runs_of_columns_are_the_surface(self, rough, rough_two_scale, monkeypatch):
         """A run that goes all round the face, from wherever it begins, is its two-scale solution."""
-        monkeypatch.setattr(femseal.studies.drawn, "correlation_length", lambda k: 1e9)
+        monkeypatch.setattr(femseal.studies.drawn, "correlation_length", lambda k: 1e6)
         monkeypatch.setattr(femseal.studies.drawn, "RUN_LENGTHS", 1e9)
         result = stochastic(rough, (4, 6), replace(SAMPLING, sampler="block"))
-        assert result.library.correlation_length == 1e9
+        assert result.library.correlation_length == 1e6
         whole = np.isclose(result.leakage, rough_two_scale.leakage, rtol=1e-6).all(axis=1)
         assert whole.any()  # runs of six columns on average: (5/6)^5 of the seals have one run
 
@@ -528,13 +528,12 @@ class TestErrorOfTheLibrary:
         assert replace(self.spread(1000, 10), library=SimpleNamespace(size=1000)).unsupported(0.05) == ()
 
     def test_more_is_drawn_until_the_width_is_reached(self, rough):
-        sampling = replace(SAMPLING, pressure="uniform", library_cells=4, realisations=4)
+        sampling = replace(SAMPLING, pressure="uniform", library_cells=16, realisations=16)
         scene = replace(rough, loading=(1e8,), unload_from=(), unloading=())
-        result = stochastic(scene, (4, 6), replace(sampling, width=0.15))
-        assert len(result.leakage) > 4
-        assert result.library.size > 4
+        result = stochastic(scene, (4, 6), replace(sampling, width=0.2))
+        assert result.library.size > 16
         assert result.failures == ()
-        realisations, windows = result.needed(0.15)
+        realisations, windows = result.needed(0.2)
         assert realisations <= len(result.leakage)
         assert windows <= result.library.size
         # a face of 24 windows has no more of them

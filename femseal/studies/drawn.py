@@ -46,7 +46,7 @@ CUT_OFF_WINDOWS = 1.0
 #: face are cut off. Measured on circular milling marks with ten columns: 0.83 to 0.95 of the leakage with runs of ten,
 #: 0.36 to 0.87 with runs of two.
 RUN_LENGTHS = 10
-#: How often realisations and windows are added for a wanted width, and by how much at most at a time.
+#: For a wanted width, how often realisations and windows are added, and up to how many times as many as given.
 ROUNDS, GROWTH = 4, 8
 
 
@@ -68,7 +68,7 @@ class Sampling:
         mean 1; "uniform" only.
     library : folder in which libraries of windows are kept and found again; "global" and "uniform" only.
     width : wanted standard error of ln(median leakage), at the steps that leak more than 1e-3 of the first;
-        realisations and windows are added until it is reached or cannot be. None: as many as given.
+        realisations and windows are added until it is reached, up to eight times as many. None: as many as given.
     """
 
     length: float
@@ -228,8 +228,8 @@ def stochastic(scene: Scene, cells: tuple[int, int], sampling: Sampling, *, map:
             realisations, windows = result.needed(sampling.width)
             wanted = replace(
                 growing,
-                realisations=int(np.clip(realisations, growing.realisations, GROWTH * growing.realisations)),
-                library_cells=int(np.clip(windows, growing.library_cells, GROWTH * growing.library_cells)),
+                realisations=int(np.clip(realisations, growing.realisations, GROWTH * sampling.realisations)),
+                library_cells=int(np.clip(windows, growing.library_cells, GROWTH * sampling.library_cells)),
             )
             if wanted == growing or (sampling.pressure == "place" and wanted.realisations == growing.realisations):
                 break
@@ -440,7 +440,7 @@ def _resample(tables: tuple[LinkTable, LinkTable], seed: int, realisation: int) 
     """Tables of as many cells drawn with repetition, neighbours together where they are alike."""
     cells = tables[0].k.shape[1]
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(realisation, 2)))
-    length = max(1, round(tables[0].correlation_length))
+    length = min(max(1, round(tables[0].correlation_length)), cells)
     first = rng.integers(cells, size=-(-cells // length))
     taken = ((first[:, None] + np.arange(length)) % cells).ravel()[:cells]
     first_table, second = (replace(t, k=t.k[:, taken]) for t in tables)
