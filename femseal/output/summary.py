@@ -92,4 +92,7 @@ def _leakage(results: Results, step: int) -> str:
 
 
 def _html_lines(lines: dict[str, str]) -> str:
-    return "".join(f"<tr><th>{escape(name)}</th><td>{escape(value)}</td></tr>" for name, value in lines.items())
+    return "".join(
+        f"<tr><th style='text-align:left'>{escape(name)}</th><td>{escape(value)}</td></tr>"
+        for name, value in lines.items()
+    )
