@@ -32,6 +32,8 @@ from pydantic_core import PydanticCustomError, core_schema
 from .errors import InputError
 from .fluids import Fluid, IdealGas, Liquid
 from .materials import Solid, contact_modulus, softer_hardness
+from .output.fields import LIMIT
+from .output.vtk import FORMATS
 from .quantities import to_si, to_text
 from .scales import SAMPLERS, Partition
 from .studies import PRESSURES, Sampling, Scene
@@ -118,6 +120,7 @@ Density = Annotated[float, _of("kg/m^3", _positive, "a density > 0, such as '870
 MolarMass = Annotated[float, _of("kg/mol", _positive, "a molar mass > 0, such as '29 g/mol'")]
 Temperature = Annotated[float, _of("K", _positive, "a temperature above absolute zero, such as '20 °C'")]
 PressureViscosity = Annotated[float, _of("1/Pa", _not_negative, "a coefficient >= 0, such as '20 1/GPa'")]
+FileSize = Annotated[float, _of("byte", _not_negative, "a size >= 0, such as '500 MB'")]
 Ratio = Annotated[float, _of("", lambda x: 0 <= x <= 1, "a number from 0 to 1")]
 Hurst = Annotated[float, _of("", lambda x: 0 < x <= 1, "a Hurst exponent above 0, at most 1")]
 Slope = Annotated[float, _of("", _positive, "a slope > 0")]
@@ -328,6 +331,13 @@ class StochasticTable(_Table):
         return self
 
 
+class OutputTable(_Table):
+    """What the results folder holds besides, see `output.write_folder`."""
+
+    paraview: Annotated[str, *_names(FORMATS)] = "vtkhdf"
+    fields_limit: FileSize = LIMIT
+
+
 class Case(_Table):
     """A validated case, all values in SI."""
 
@@ -344,6 +354,7 @@ class Case(_Table):
     fluid: Annotated[LiquidTable | GasTable, Field(discriminator="kind")]
     cells: CellsTable | None = None
     stochastic: StochasticTable | None = None
+    output: OutputTable = OutputTable()
     folder: Path = Field(default=Path(), exclude=True)
 
     @model_validator(mode="before")

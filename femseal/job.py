@@ -68,7 +68,9 @@ def run(
     if resume and folder is None:
         raise InputError.of("resume", True, "True only with an output folder")
     faces = _face_files(case)
-    identity = {**case.echo(), "content of face files": faces, "version": numerical_versions()}
+    # what is written of the results may be changed before a run goes on
+    computed = {key: value for key, value in case.echo().items() if key != "output"}
+    identity = {**computed, "content of face files": faces, "version": numerical_versions()}
     if resume and folder is not None:
         if (finished := _finished(case, faces, folder)) is not None:
             with suppress(InputError):  # the checkpoint of another run stays
@@ -86,7 +88,9 @@ def run(
         kept = stack.enter_context(Checkpoint(folder, identity, resume))
         results = _run(case, prepared, faces, kept.over(mapper), progress)
         progress("writing results", 0, None)
-        _write(results, folder, prepared)
+        _write(results, folder, case, prepared)
+        for text in results.left_out:
+            log.info("left out: %s", text)
         log.info("results in %s", folder)
         return replace(results, folder=folder)
 
@@ -101,7 +105,7 @@ def _run(case: Case, prepared: Prepared, faces: dict[str, str], mapper: Map, pro
         if method not in case.methods:
             continue
         start = time.perf_counter()
-        watched = _watched(mapper, method, progress)
+        watched = _watched(mapper, method, progress, timings)
         if method == "deterministic":
             studies["deterministic"] = deterministic(scene, map=watched)
         elif method == "two-scale":
@@ -127,9 +131,9 @@ def _run(case: Case, prepared: Prepared, faces: dict[str, str], mapper: Map, pro
     return results
 
 
-def _write(results: Results, folder: Path, prepared: Prepared) -> None:
+def _write(results: Results, folder: Path, case: Case, prepared: Prepared) -> None:
     try:
-        write_folder(results, folder, prepared.scene.surface)
+        write_folder(results, folder, prepared.scene.surface, **case.output.model_dump())
     except FemsealError:
         raise
     except Exception as error:
@@ -189,8 +193,8 @@ def _log_file(folder: Path, append: bool) -> Iterator[None]:
         handler.close()
 
 
-def _watched(mapper: Map, stage: str, progress: Progress) -> Map:
-    """The same map, telling how far it is."""
+def _watched(mapper: Map, stage: str, progress: Progress, timings: dict[str, float]) -> Map:
+    """The same map, telling how far it is, and adding up its wall times [s]."""
 
     def mapping(function: Callable[..., Any], *iterables: Iterable[Any]) -> Iterator[Any]:
         total = min((len(i) for i in iterables if isinstance(i, Sized)), default=None)
@@ -206,6 +210,8 @@ def _watched(mapper: Map, stage: str, progress: Progress) -> Map:
                 left = "" if total is None else f", {(total - done) / rate:.0f} s left"
                 log.info("%s: %s %d of %s, %.3g/s%s", stage, name, done, total or "?", rate, left)
                 said, done_then = now, done
-        log.info("%s: %s %d in %.1f s", stage, name, done, time.monotonic() - start)
+        seconds = time.monotonic() - start
+        timings[f"{stage}: {name}"] = timings.get(f"{stage}: {name}", 0.0) + seconds
+        log.info("%s: %s %d in %.1f s", stage, name, done, seconds)
 
     return mapping

@@ -15,6 +15,7 @@ LAYERS = {
     "errors": 0,
     "checks": 1,
     "files": 1,
+    "machine": 1,
     "quantities": 1,
     "materials": 1,
     "fluids": 1,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
 from collections.abc import Callable
@@ -11,6 +12,7 @@ from typing import TYPE_CHECKING
 from ..errors import FemsealError
 from ..files import made_folder, replacing, write_text
 from ..topography import Topography
+from . import fields
 from .maps import seal_figure, surface_figure
 from .plots import cells_figure, leakage_figure
 from .results import FILE_NAME, Results, save
@@ -26,8 +28,15 @@ MANIFEST = "files.txt"
 UNFINISHED = ".unfinished"
 
 
-def write_folder(results: Results, folder: str | os.PathLike[str], surface: Topography | None = None) -> list[Path]:
-    """Write `results.nc`, `table.csv`, the pictures and, in `vtk/`, the files for ParaView.
+def write_folder(
+    results: Results,
+    folder: str | os.PathLike[str],
+    surface: Topography | None = None,
+    *,
+    paraview: str = "vtkhdf",
+    fields_limit: float = fields.LIMIT,
+) -> list[Path]:
+    """Write `results.nc`, `table.csv`, the pictures, the fields over all pixels and, in `vtk/`, files for ParaView.
 
     They are written into the folder `.unfinished` and take the place of an earlier run's files once all are there,
     `results.nc` last. Files that femseal did not write stay as they are.
@@ -36,7 +45,10 @@ def write_folder(results: Results, folder: str | os.PathLike[str], surface: Topo
     ----------
     results : of a run; pictures and fields that they have nothing for are left out.
     folder : made if needed; files of the same name are replaced.
-    surface : the combined heights, for `surface.png` and the fields; None: without.
+    surface : the combined heights, for `surface.png` and ParaView; None: without.
+    paraview : format of the files in `vtk/`, see `write_vtk`.
+    fields_limit : size of the fields over all pixels before compression [byte] above which steps are left out; the
+        attribute "left_out" of the dataset then says so.
 
     Returns
     -------
@@ -48,6 +60,8 @@ def write_folder(results: Results, folder: str | os.PathLike[str], surface: Topo
     FemsealError : a file could not be written; `.unfinished/results.nc` then holds the results.
     """
     target = made_folder(folder)
+    plan = fields.plan_fields(results, fields_limit)
+    results.dataset.attrs["left_out"] = json.dumps([plan.left_out] if plan.left_out else [])
     unfinished = target / UNFINISHED
     shutil.rmtree(unfinished, ignore_errors=True)
     try:
@@ -56,7 +70,10 @@ def write_folder(results: Results, folder: str | os.PathLike[str], surface: Topo
         shutil.rmtree(unfinished, ignore_errors=True)
         raise
     try:
-        written = [*_write_for_people(results, unfinished, surface), saved]
+        written = _write_for_people(results, unfinished, surface)
+        if plan.steps.size:
+            written.append(fields.write_fields(results, plan, unfinished / fields.FILE_NAME))
+        written += [*write_vtk(results, surface, unfinished / "vtk", paraview), saved]
         names = [path.relative_to(unfinished) for path in written]
         (target / FILE_NAME).unlink(missing_ok=True)
         _remove_former(target)
@@ -86,8 +103,6 @@ def _write_for_people(results: Results, folder: Path, surface: Topography | None
         with replacing(folder / name) as temporary:
             figure.savefig(temporary)
         written.append(folder / name)
-    if "k1" in data or surface is not None:
-        written += write_vtk(results, surface, folder / "vtk")
     return written
 
 

@@ -36,8 +36,8 @@ def default_step(data: xarray.Dataset) -> int:
 def seal_figure(results: Results, step: int | None = None) -> Figure:
     """Contact pressure, fluid pressure with the flow, and permeability of the windows over the seal at one step.
 
-    Gaps of two windows are added where the fields of the two-scale study are in memory: of the critical one, in which
-    the flow loses most power, and of the one that carries most flow of the others.
+    Gaps of two windows are added where the fields of the two-scale study are at hand, in memory or in the folder: of
+    the critical one, in which the flow loses most power, and of the one that carries most flow of the others.
 
     Parameters
     ----------
@@ -68,7 +68,7 @@ def seal_figure(results: Results, step: int | None = None) -> Figure:
     _permeability_panel(k_axes, data["k1"].values[s], extent)
     for axes in (contact, fluid, k_axes):
         axes.set(xlabel="x2 along the seal [mm]", ylabel="x1 [mm]", aspect="equal")
-    if results.two_scale is not None:
+    if s in results.stored_steps:
         _insets(figure, grid[divmod(3, columns)], results, s, (contact, k_axes), 72 * panel / data.sizes["cell1"])
     figure.suptitle(f"{data['name'].values[s]}; inlet at x1 = 0", fontsize=11)
     return figure
@@ -150,21 +150,19 @@ def _insets(figure: Figure, place: Any, results: Results, s: int, panels: tuple[
     from matplotlib import colormaps
     from matplotlib.patches import Rectangle
 
-    two_scale = results.two_scale
-    assert two_scale is not None
-    partition = two_scale.partition
-    (w1, w2) = (length * 1e3 for length in partition.window_size)
+    w1, w2 = (2e3 * float(results.dataset[name][0]) for name in ("cell1", "cell2"))
     chosen = _chosen_windows(results.dataset, s)
     grid = place.subgridspec(1, max(len(chosen), 1))
     letter: Any = {"ha": "center", "va": "center", "color": "white", "fontweight": "bold"}
     letter |= {"fontsize": float(np.clip(0.6 * height, 3, 8)), "path_effects": _outline()}
     for n, ((i, j), text) in enumerate(chosen):
         axes = figure.add_subplot(grid[0, n])
-        gap = partition.cell(two_scale.gap[s], i, j) * 1e6
+        gap = results.gap(s, (i, j)).values * 1e6
+        length = float(np.diff(results.dataset["node1"].values[i : i + 2])[0]) * 1e6
         colours = colormaps["magma"].with_extremes(bad=_CLOSED)
         shown = np.where(gap > 0, gap, np.nan)
         top = float(np.nanmax(shown)) if np.isfinite(shown).any() else 1.0
-        _image(axes, shown, (0, w2 * 1e3, 0, w1 * 1e3), colours, f"{'AB'[n]}: gap [µm],\n{text}", vmin=0, vmax=top)
+        _image(axes, shown, (0, w2 * 1e3, 0, length), colours, f"{'AB'[n]}: gap [µm],\n{text}", vmin=0, vmax=top)
         axes.set(xlabel="x2 [µm]", ylabel="x1 [µm]" if n == 0 else "")
         for panel in panels:
             panel.add_patch(Rectangle((j * w2, i * w1), w2, w1, fill=False, ec="black", lw=3.0))

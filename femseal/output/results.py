@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import json
 import os
-import platform
 from dataclasses import dataclass, fields
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 from ..contact import LoadStep
 from ..errors import InputError
 from ..files import made_folder, replacing
-from ..quantities import to_text
+from ..machine import machine, peak_memory
 from ..versions import versions
-from . import tables
+from . import fields as stitched
+from . import select, summary, tables
 
 if TYPE_CHECKING:
     import xarray
@@ -61,12 +62,13 @@ class Results:
     """What came out of a case.
 
     dataset : every number with its unit, see `assemble`. folder : where it was read from or saved to.
-    deterministic, two_scale, stochastic : the results of the studies with the fields that are too large to be saved;
-    None if not run, or read from a folder.
+    scene : what was studied; deterministic, two_scale, stochastic : the results of the studies with the fields that are
+    too large for the dataset. None if not run, or read from a folder.
     """
 
     dataset: xarray.Dataset
     folder: Path | None = None
+    scene: Scene | None = None
     deterministic: DeterministicResult | None = None
     two_scale: TwoScaleResult | None = None
     stochastic: StochasticResult | None = None
@@ -93,9 +95,74 @@ class Results:
         return json.loads(self.dataset.attrs["warnings"])
 
     @property
+    def left_out(self) -> list[str]:
+        """What was not written to the folder and why, one line each; empty if everything was."""
+        return json.loads(self.dataset.attrs.get("left_out", "[]"))
+
+    @property
     def case(self) -> dict[str, Any]:
         """The case in SI, as given to `assemble`; tuples have become lists."""
         return json.loads(self.dataset.attrs["case"])
+
+    def loading(self) -> xarray.Dataset:
+        """Leakage, and all else that depends on the step, on loading over `nominal_pressure` [Pa]."""
+        return select.loading(self.dataset)
+
+    def unloading(self, from_: float | str | None = None) -> xarray.Dataset:
+        """The same on unloading, from the peak on.
+
+        Parameters
+        ----------
+        from_ : the peak, in Pa or as "900 MPa"; the highest one unless given.
+
+        Raises
+        ------
+        InputError : no unloading from there.
+        """
+        return select.unloading(self.dataset, from_)
+
+    def cell(self, i: int, j: int) -> xarray.Dataset:
+        """Curves of the window (i, j) over the steps: permeability, flux, contact pressure, mean gap, contact share.
+
+        Raises
+        ------
+        InputError : no such window, or results without a two-scale study.
+        """
+        return select.cell(self.dataset, i, j)
+
+    def library_cell(self, number: int) -> xarray.Dataset:
+        """Curves of a cell of the library over the library's own steps.
+
+        Raises
+        ------
+        InputError : no such cell, or results without a stochastic study.
+        """
+        return select.library_cell(self.dataset, number)
+
+    def gap(self, step: int, cell: tuple[int, int] | None = None) -> xarray.DataArray:
+        """Deformed gap (x1, x2) [m] at one step, read from the folder where it is not in memory.
+
+        Of the two-scale study where there is one, else of the deterministic.
+
+        Parameters
+        ----------
+        step : index of the load step.
+        cell : window, between its rows of nodes; the whole face unless given.
+
+        Raises
+        ------
+        InputError : no such step or window, or none of its fields at hand: `stored_steps` are those there are.
+        """
+        return stitched.read_field(self, "gap", step, cell)
+
+    def contact_pressure(self, step: int, cell: tuple[int, int] | None = None) -> xarray.DataArray:
+        """Contact pressure (x1, x2) [Pa] of the two-scale study at one step, see `gap`."""
+        return stitched.read_field(self, "contact_pressure", step, cell)
+
+    @property
+    def stored_steps(self) -> list[int]:
+        """Steps whose gap and contact pressure are at hand, in memory or in the folder."""
+        return stitched.stored_steps(self)
 
     def rows(self) -> list[dict[str, Any]]:
         """The table as dictionaries in SI, one for each step; the keys carry the units."""
@@ -111,21 +178,23 @@ class Results:
 
         return leakage_figure(self)
 
+    def plot_cells(self, count: int = 4) -> Figure:
+        """Permeability of cells along the cycle, see `cells_figure`."""
+        from .plots import cells_figure
+
+        return cells_figure(self, count)
+
+    def plot_seal(self, step: int | None = None) -> Figure:
+        """Contact, fluid pressure and permeability over the seal at one step, see `seal_figure`."""
+        from .maps import seal_figure
+
+        return seal_figure(self, step)
+
     def __repr__(self) -> str:
-        steps, leakage = self.steps, self.leakage.values
-        peak = max(range(len(steps)), key=lambda s: steps[s].pressure)
-        factor, unit = tables.leakage_unit(leakage[peak])
-        value = tables.amount(leakage[peak], factor)
-        value += f" {unit}" if abs(leakage[peak]) > 0 else ""
-        sizes = [f"{len(steps)} steps"]
-        sizes += [f"{self.dataset.sizes['realisation']} realisations"] if "realisation" in self.dataset.sizes else []
-        sizes += [f"{n} warnings"] if (n := len(self.warnings)) else []
-        top = to_text(steps[peak].pressure, "Pa")
-        folder = f", {str(self.folder)!r}" if self.folder else ""
-        return f"Results({', '.join(sizes)}, leakage at {top}: {value} ({self.method}){folder})"
+        return summary.text(self)
 
     def _repr_html_(self) -> str:
-        return tables.html_table(self)
+        return summary.html(self)
 
 
 def assemble(
@@ -147,7 +216,7 @@ def assemble(
     deterministic, two_scale, stochastic : results of studies, at least one.
     case : the case in SI, of plain values; its "seed", if any, is stored by itself too.
     surface_report : what was done to the measured face.
-    timings : stage to seconds.
+    timings : stage to wall time [s].
     quantiles : lower and upper end of the band of realisations.
 
     Returns
@@ -155,6 +224,8 @@ def assemble(
     Results; every variable has `units` and `long_name`. Dimensions: step; realisation; cell1, cell2, windows by their
     centres [m]; node1, corner1, rows of nodes and of x2-links along x1 [m] (the x2-link of column j runs from cell2 j
     to j + 1); library_cell, library_step. Fluxes are volume rates per width at the fluid's reference density.
+    Attributes tell the case, the surface, versions, machine, wall times, peak memory of the main process, and how many
+    flows were solved or known without (`counts`).
 
     Raises
     ------
@@ -185,13 +256,14 @@ def assemble(
         "title": "Leakage of a metal-to-metal seal over a load cycle",
         "Conventions": "CF-1.11",
         "source": f"femseal {versions()['femseal']}",
+        "date_created": datetime.now(UTC).isoformat(timespec="seconds"),
         "case": _json(case or {}),
         "surface": _json(surface_report or {}),
         "timings": _json(timings or {}),
         "counts": _json(counts),
         "warnings": _shortened([text for study in studies for text in study.failures]),
         "versions": _json(versions()),
-        "platform": f"{platform.system()} {platform.machine()}",
+        "machine": _json(machine()),
         "fluid": repr(scene.fluid),
         "inlet_pressure_Pa": float(scene.inlet_pressure),
         "outlet_pressure_Pa": float(scene.outlet_pressure),
@@ -199,9 +271,11 @@ def assemble(
         "hardness_Pa": float(scene.hardness),
         "seal_size_m": [float(length) for length in seal_size],
     }
+    if (peak := peak_memory()) is not None:
+        data.attrs["peak_memory_bytes"] = peak
     if case and case.get("seed") is not None:
         data.attrs["seed"] = case["seed"]
-    return Results(data, deterministic=deterministic, two_scale=two_scale, stochastic=stochastic)
+    return Results(data, scene=scene, deterministic=deterministic, two_scale=two_scale, stochastic=stochastic)
 
 
 def save(results: Results, folder: str | os.PathLike[str]) -> Path:

@@ -1,0 +1,126 @@
+"""The two-scale view in ParaView: fluid pressure with the flow over the seal, contact pressure over all pixels.
+
+As a macro (Macros > Import new macro): open `seal` of the folder `vtk` of a results folder, select it, run the macro.
+Without a window, the last argument being the load step:
+
+    pvpython --force-offscreen-rendering examples/paraview_two_scale.py results/turned_seal view.png 8
+
+ParaView before 5.13 does not read VTKHDF in time: it gets the series of `paraview = "vtu"` in `[output]`, and the mean
+contact pressure of the windows. Time is the index of the load step.
+"""
+
+import os
+import sys
+
+import paraview.simple as pv
+
+PALETTES = "Viridis (matplotlib)", "Inferno (matplotlib)"
+VTKHDF = pv.GetParaViewVersion() >= (5, 13)
+
+
+def opened(folder):
+    """The seal, what the contact pressure is on, and the name of that."""
+    names = [os.path.join(folder, "vtk", name) for name in ("seal.vtkhdf", "seal.pvd")]
+    path = next(name for name in names[0 if VTKHDF else 1 :] if os.path.isfile(name))
+    seal, fields = pv.OpenDataFile(path), os.path.join(folder, "fields.vtkhdf")
+    if VTKHDF and os.path.isfile(fields):
+        return seal, pv.OpenDataFile(fields), "contact_pressure_MPa"
+    return seal, seal, "nominal_contact_pressure_MPa"
+
+
+def flow(seal, time, longest):
+    """Arrows at the windows, as long as the root of the flux; None without flow."""
+    centres = pv.CellCenters(Input=seal)
+    centres.VertexCells = 1
+    root = pv.Calculator(Input=centres)
+    root.AttributeType = "Point Data"
+    root.ResultArrayName = "root_flux"
+    root.Function = "sqrt(mag(flux_m2_per_s))"
+    root.UpdatePipeline(time)
+    largest = root.PointData["root_flux"].GetRange()[1]
+    if not largest > 0:
+        return None
+    arrows = pv.Glyph(Input=root, GlyphType="Arrow")
+    arrows.OrientationArray = ["POINTS", "flux_m2_per_s"]
+    arrows.ScaleArray = ["POINTS", "root_flux"]
+    arrows.ScaleFactor = longest / largest
+    arrows.GlyphMode = "Every Nth Point"
+    arrows.Stride = 1 + root.GetDataInformation().GetNumberOfPoints() // 1200
+    arrows.GlyphTransform.Translate = [-0.5, 0.0, 0.0]
+    return arrows
+
+
+def coloured(source, array, title, palette, view, time):
+    """Show a source with a colour bar over the range at this time."""
+    source.UpdatePipeline(time)
+    shown = pv.Show(source, view)
+    shown.SetRepresentationType("Surface")
+    pv.ColorBy(shown, array)
+    shown.RescaleTransferFunctionToDataRange(False, True)
+    shown.SetScalarBarVisibility(view, True)
+    shown.Ambient, shown.Diffuse = 1.0, 0.0
+    colours = pv.GetColorTransferFunction(array[1])
+    colours.ApplyPreset(palette, True)
+    bar = pv.GetScalarBar(colours, view)
+    bar.Title, bar.ComponentTitle = title, ""
+    bar.Orientation, bar.WindowLocation = "Horizontal", "Lower Center"
+    bar.TitleColor = bar.LabelColor = [0.0, 0.0, 0.0]
+
+
+def look(view, bounds, time):
+    """From below, so that x1 points upwards and x2 to the right."""
+    x1, x2 = bounds[1], bounds[3]
+    view.ViewTime = time
+    view.UseColorPaletteForBackground, view.Background = 0, [1.0, 1.0, 1.0]
+    view.OrientationAxesVisibility = 0
+    view.InteractionMode = "2D"
+    pv.Render(view)  # the first time ParaView moves the camera itself
+    view.CameraParallelProjection = 1
+    view.CameraFocalPoint = [x1 / 2, x2 / 2, 0]
+    view.CameraPosition = [x1 / 2, x2 / 2, -x2]
+    view.CameraViewUp = [1, 0, 0]
+    view.CameraParallelScale = 0.8 * max(x1, x2 / 2)
+    pv.Render(view)
+
+
+def draw(folder, time):
+    """A layout with both views; returns it."""
+    seal, contact, pressure = opened(folder)
+    pv.GetAnimationScene().UpdateAnimationUsingDataTimeSteps()
+    pv.GetAnimationScene().AnimationTime = time
+    seal.UpdatePipeline(time)
+    bounds, quads = seal.GetDataInformation().GetBounds(), seal.GetDataInformation().GetNumberOfCells()
+    layout = pv.CreateLayout(name="two scales")
+    upper, lower = pv.CreateRenderView(), pv.CreateRenderView()
+    pv.AssignViewToLayout(view=upper, layout=layout, hint=0)
+    layout.SplitVertical(0, 0.5)
+    pv.AssignViewToLayout(view=lower, layout=layout, hint=2)
+    coloured(seal, ("POINTS", "fluid_pressure_Pa"), "fluid pressure [Pa]", PALETTES[0], upper, time)
+    side = (2 * bounds[1] * bounds[3] / quads) ** 0.5
+    arrows = flow(seal, time, max(side, max(bounds[1], bounds[3]) / 24))
+    if arrows is not None:
+        shown = pv.Show(arrows, upper)
+        pv.ColorBy(shown, None)
+        shown.DiffuseColor = shown.AmbientColor = [0.84, 0.1, 0.11]
+    load = pv.PythonAnnotation(Input=seal)
+    load.ArrayAssociation = "Field Data"
+    load.Expression = "'%g MPa' % nominal_pressure_MPa[0]"
+    pv.Show(load, upper).Color = [0.0, 0.0, 0.0]
+    coloured(contact, ("CELLS", pressure), "contact pressure [MPa]", PALETTES[1], lower, time)
+    for view in (upper, lower):
+        look(view, bounds, time)
+    return layout
+
+
+def selected_folder():
+    """Results folder of the file that is open in ParaView."""
+    name = pv.GetActiveSource().FileName
+    return os.path.dirname(os.path.dirname(name if isinstance(name, str) else name[0]))
+
+
+if len(sys.argv) == 4:
+    layout = draw(sys.argv[1], float(sys.argv[3]))
+    layout.SetSize(1000, 1100)
+    pv.SaveScreenshot(sys.argv[2], layout, ImageResolution=[1000, 1100])
+else:
+    draw(selected_folder(), pv.GetAnimationScene().AnimationTime)

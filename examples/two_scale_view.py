@@ -1,0 +1,97 @@
+"""The two-scale view of a results folder: fluid pressure with the flow over the seal, contact pressure over all pixels.
+
+    python examples/two_scale_view.py results/turned_seal view.png
+
+It reads `vtk/seal.vtkhdf` and `fields.vtkhdf` by VTK's own reader. Without a display, set
+VTK_DEFAULT_OPENGL_WINDOW=vtkEGLRenderWindow (or vtkOSOpenGLRenderWindow). `paraview_two_scale.py` draws the same.
+"""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pyvista as pv
+
+#: Colours of the fluid pressure and of the contact pressure.
+COLOURS = "cividis", "inferno"
+#: About as many arrows along a side, at most.
+ARROWS = 24
+
+
+def read(path, step):
+    """The mesh at a step; lengths in µm."""
+    from vtkmodules.vtkIOHDF import vtkHDFReader
+
+    reader = vtkHDFReader()
+    reader.SetFileName(str(path))
+    reader.UpdateTimeStep(step)
+    mesh = pv.wrap(reader.GetOutputDataObject(0))
+    return mesh.scale(1e6, inplace=False)
+
+
+def flow_arrows(seal, longest):
+    """Arrows [µm] at the windows, their length as the root of the flux; None without flow."""
+    centres = seal.cell_centers()
+    flux = np.nan_to_num(centres["flux_m2_per_s"])
+    size = np.linalg.norm(flux, axis=1)
+    # of the many windows of a long seal some stand for all
+    every = np.arange(size.size) % max(1, size.size // (2 * ARROWS**2)) == 0
+    shown = every & (size > 1e-3 * size.max())
+    if not shown.any():
+        return None
+    arrows = pv.PolyData(np.asarray(centres.points)[shown])
+    arrows["length"] = longest * np.sqrt(size[shown] / size.max())
+    arrows["direction"] = flux[shown] / size[shown, None]
+    thick = pv.Arrow(start=(-0.5, 0.0, 0.0), tip_length=0.4, tip_radius=0.16, shaft_radius=0.06)
+    return arrows.glyph(orient="direction", scale="length", geom=thick)
+
+
+def draw(folder, step):
+    """A plotter with both views at a step: inlet below, x2 to the right."""
+    folder = Path(folder)
+    seal, face = read(folder / "vtk" / "seal.vtkhdf", step), read(folder / "fields.vtkhdf", step)
+    x1, x2 = seal.bounds[1], seal.bounds[3]
+    stacked = x2 > x1
+    plotter = pv.Plotter(shape=(2, 1) if stacked else (1, 2), off_screen=True, window_size=(1000, 1100))
+    seal["fluid pressure [MPa]"] = seal["fluid_pressure_Pa"] / 1e6
+    face["contact pressure [MPa]"] = face["contact_pressure_MPa"]
+    for n, (mesh, name) in enumerate(((seal, "fluid pressure [MPa]"), (face, "contact pressure [MPa]"))):
+        plotter.subplot(*((n, 0) if stacked else (0, n)))
+        plotter.set_background("white")
+        bar = {
+            "title": f"{name}\n",
+            "color": "black",
+            "position_x": 0.25,
+            "position_y": 0.02,
+            "width": 0.5,
+            "fmt": "%.4g",
+        }
+        plotter.add_mesh(
+            mesh, scalars=name, cmap=COLOURS[n], nan_color="grey", lighting=False, scalar_bar_args=bar, copy_mesh=True
+        )
+        # seen from below, so that x1 points upwards and x2 to the right
+        centre = x1 / 2, x2 / 2
+        plotter.camera_position = [(*centre, -x2), (*centre, 0), (1, 0, 0)]
+        plotter.enable_parallel_projection()
+        width, height = plotter.renderer.GetSize()
+        plotter.camera.parallel_scale = 0.7 * max(x1, x2 * height / width)
+    plotter.subplot(0, 0)
+    arrows = flow_arrows(seal, max(np.sqrt(2 * x1 * x2 / seal.n_cells), max(x1, x2) / ARROWS))
+    if arrows is not None:
+        plotter.add_mesh(arrows, color="#D7191C", lighting=False)
+    plotter.add_text(str(seal.field_data["step_name"][0]), font_size=12, color="black")
+    return plotter
+
+
+def tightest_leaking_step(folder):
+    """The step of the highest load that still leaks."""
+    import femseal as fs
+
+    data = fs.open_results(folder).dataset
+    leaking = np.flatnonzero(np.nan_to_num(data["leakage_two_scale"].values) != 0)
+    return int(leaking[np.argmax(data["nominal_pressure"].values[leaking])]) if leaking.size else 0
+
+
+if __name__ == "__main__":
+    source, picture = sys.argv[1:3]
+    draw(source, tightest_leaking_step(source)).screenshot(picture)

@@ -1,0 +1,165 @@
+"""Fields over all pixels of the face: gap and contact pressure, in one file that is read a step at a time.
+
+They are large, so they are not part of `results.nc`: `fields.vtkhdf` holds them once, in single precision and
+compressed, for `Results.gap` and `Results.contact_pressure` as for ParaView.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import InputError
+from ..quantities import to_text
+from .select import window
+from .views import Field, Image, LoadSteps
+from .vtkhdf import write_image
+
+if TYPE_CHECKING:
+    import xarray
+
+    from .results import Results
+
+Array = NDArray[np.float64]
+FILE_NAME = "fields.vtkhdf"
+#: Size above which steps are left out unless another is given [byte], before compression.
+LIMIT = 1e9
+#: Field, study that has it, its name in the file, the file's unit in SI, unit and long name.
+_FIELDS = (
+    ("gap", "two_scale", "gap_um", 1e-6, "m", "gap"),
+    ("contact_pressure", "two_scale", "contact_pressure_MPa", 1e6, "Pa", "contact pressure"),
+    ("gap", "deterministic", "gap_deterministic_um", 1e-6, "m", "gap, deterministic"),
+)
+_BYTES = np.dtype(np.float32).itemsize
+
+
+@dataclass(frozen=True)
+class FieldPlan:
+    """Which steps of the fields are written, and in words what is left out for its size; "" if nothing is."""
+
+    steps: NDArray[np.int64]
+    left_out: str = ""
+
+
+def plan_fields(results: Results, limit: float) -> FieldPlan:
+    """Steps whose fields together are not larger than `limit` [byte] before compression.
+
+    Where not all of them fit: evenly over the programme, with the highest load.
+    """
+    kept = [_array(results, study, field) for field, study, *_ in _FIELDS if _array(results, study, field) is not None]
+    count = results.dataset.sizes["step"]
+    if not kept:
+        return FieldPlan(np.arange(0))
+    each = sum(_BYTES * array[0].size for array in kept)
+    fitting = int(min(limit // each, count))
+    if fitting == count:
+        return FieldPlan(np.arange(count))
+    # the middles of equal parts of the programme
+    chosen = ((np.arange(fitting) + 0.5) * count / max(fitting, 1)).astype(int)
+    highest = int(np.argmax(results.dataset["nominal_pressure"].values))
+    if fitting and highest not in chosen:
+        chosen[np.argmin(np.abs(chosen - highest))] = highest
+    missing = np.setdiff1d(np.arange(count), chosen)
+    numbers = ", ".join(str(n) for n in missing)
+    sizes = f"{to_text(each * count, 'B', 3)} of all steps are above the limit of {to_text(limit, 'B', 3)}"
+    return FieldPlan(np.sort(chosen), f"fields over all pixels at steps {numbers}: {sizes} (fields_limit)")
+
+
+def write_fields(results: Results, plan: FieldPlan, path: Path) -> Path:
+    """Write the fields of the studies in memory at the steps of a plan."""
+    cells: dict[str, Field] = {}
+    shape, spacing = (0, 0), (1.0, 1.0)
+    for field, study, name, unit, *_ in _FIELDS:
+        if (array := _array(results, study, field)) is not None:
+            assert results.scene is not None
+            shape, spacing = array.shape[1:], results.scene.surface.spacing
+            cells[name] = _scaled(array, plan.steps, 1 / unit)
+    steps = LoadSteps.of(results.dataset, plan.steps)
+    return write_image(Image("fields", spacing, (0.0, 0.0), shape, steps, cells), path)
+
+
+def _scaled(array: NDArray[Any], steps: NDArray[np.int64], factor: float) -> Field:
+    return lambda n: array[steps[n]] * np.float32(factor)
+
+
+def _array(results: Results, study: str, field: str) -> Any:
+    return getattr(getattr(results, study), field, None)
+
+
+def read_field(results: Results, field: str, step: int, cell: tuple[int, int] | None) -> xarray.DataArray:
+    """A field over the pixels of the face, or of a window, at one step, see `Results.gap`.
+
+    Of the two-scale study where there is one, else of the deterministic; from memory, else from the folder.
+    """
+    import xarray
+
+    data = results.dataset
+    if step not in range(data.sizes["step"]):
+        raise InputError.of("step", step, f"0 to {data.sizes['step'] - 1}")
+    for entry in _FIELDS:
+        if entry[0] == field and (found := _at_step(results, entry, step, cell)) is not None:
+            values, starts, spacing = found
+            break
+    else:
+        at_hand = stored_steps(results)
+        allowed = f"one of {', '.join(map(str, at_hand))}" if at_hand else f"a folder with {FILE_NAME}"
+        raise InputError.of("step", f"{step}, of which there is no {field.replace('_', ' ')}", allowed)
+    coordinates = {}
+    for n, (start, count, d) in enumerate(zip(starts, values.shape, spacing, strict=True), start=1):
+        labels = {"units": "m", "long_name": f"x{n} of pixel centres"}
+        coordinates[f"x{n}"] = (f"x{n}", (start + np.arange(count) + 0.5) * d, labels)
+    labels = {"units": entry[4], "long_name": f"{entry[5]}, {data['name'].values[step]}"}
+    return xarray.DataArray(values, coordinates, ("x1", "x2"), field, labels)
+
+
+def stored_steps(results: Results) -> list[int]:
+    """Steps whose fields are in memory, or else in the results folder."""
+    if any(_array(results, study, field) is not None for field, study, *_ in _FIELDS):
+        return list(range(results.dataset.sizes["step"]))
+    import h5py
+
+    if results.folder is None or not (path := results.folder / FILE_NAME).is_file():
+        return []
+    with h5py.File(path) as file:
+        return [int(step) for step in file["VTKHDF/Steps/Values"]]
+
+
+def _at_step(
+    results: Results, entry: tuple[str, str, str, float, str, str], step: int, cell: tuple[int, int] | None
+) -> tuple[Array, tuple[int, int], tuple[float, float]] | None:
+    """Values in SI, the pixel with which they begin, and the pixel's size; None where there are none."""
+    field, study, name, unit, *_ = entry
+    if (array := _array(results, study, field)) is not None:
+        assert results.scene is not None
+        d1, d2 = results.scene.surface.spacing
+        rows, columns = _pixels(results.dataset, cell, array.shape[1:], (d1, d2))
+        return np.asarray(array[step, rows, columns], np.float64), (rows.start, columns.start), (d1, d2)
+    import h5py
+
+    if results.folder is None or step not in (steps := stored_steps(results)):
+        return None
+    with h5py.File(results.folder / FILE_NAME) as file:
+        root = file["VTKHDF"]
+        if name not in root["CellData"]:
+            return None
+        stored = root["CellData"][name]
+        d1, d2 = (float(d) for d in root.attrs["Spacing"][:2])
+        rows, columns = _pixels(results.dataset, cell, stored.shape[:0:-1], (d1, d2))
+        values = np.asarray(stored[steps.index(step), columns, rows], np.float64).T * unit
+    return values, (rows.start, columns.start), (d1, d2)
+
+
+def _pixels(
+    data: xarray.Dataset, cell: tuple[int, int] | None, shape: tuple[int, ...], spacing: tuple[float, float]
+) -> tuple[slice, slice]:
+    """Pixels of a window along x1, between its rows of nodes, and along x2; all of them without a window."""
+    if cell is None:
+        return slice(0, shape[0]), slice(0, shape[1])
+    i, j = window(data, *cell)
+    first, last = (round(float(data["node1"][n]) / spacing[0]) for n in (i, i + 1))
+    width = shape[1] // data.sizes["cell2"]
+    return slice(first, last), slice(j * width, (j + 1) * width)

@@ -1,0 +1,98 @@
+"""Results in a few lines: for a terminal and for a notebook."""
+
+from __future__ import annotations
+
+import json
+from html import escape
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..quantities import to_text
+from . import tables
+
+if TYPE_CHECKING:
+    from .results import Results
+
+
+def text(results: Results) -> str:
+    """What was computed and what came out, a line each."""
+    title = results.case.get("title", "")
+    head = "femseal.Results" + (f" {title!r}" if title else "")
+    lines = facts(results) | ({"folder": str(results.folder)} if results.folder else {})
+    return "\n".join([f"<{head}>", *(f"{name:<10} {value}" for name, value in lines.items())])
+
+
+def html(results: Results) -> str:
+    """The lines, the table of the leakage, and, folded, where the numbers come from."""
+    title = escape(results.case.get("title", "") or "femseal results")
+    lines = _html_lines(facts(results))
+    origin = _html_lines(provenance(results))
+    return (
+        f"<div><b>{title}</b>\n<table>{lines}</table>\n{tables.html_table(results)}\n"
+        f"<details><summary>provenance</summary><table>{origin}</table></details></div>"
+    )
+
+
+def facts(results: Results) -> dict[str, str]:
+    """Name and text of the lines that say what there is."""
+    data, steps = results.dataset, results.steps
+    peak = max(range(len(steps)), key=lambda s: steps[s].pressure)
+    found = {"leakage": f"at {to_text(steps[peak].pressure, 'Pa')}: {_leakage(results, peak)} ({results.method})"}
+    up = sum(step.unloaded_from is None for step in steps)
+    peaks = sorted({step.unloaded_from for step in steps if step.unloaded_from is not None})
+    down = f", {len(steps) - up} unloading from {', '.join(to_text(p, 'Pa') for p in peaks)}" if peaks else ""
+    found["load"] = f"{len(steps)} steps: {up} loading{down}"
+    cells = [f"{data.sizes['cell1']} × {data.sizes['cell2']} windows"] if "k1" in data else []
+    if "realisation" in data.sizes:
+        cells.append(f"{data.sizes['realisation']} realisations from {data.sizes['library_cell']} library cells")
+    if cells:
+        found["cells"] = ", ".join(cells)
+    if stored := results.stored_steps:
+        found["fields"] = f"over all pixels at {len(stored)} of {len(steps)} steps"
+    if failed := results.warnings:
+        found["warnings"] = f"{len(failed)} warnings: {failed[0]}"
+    if missing := results.left_out:
+        found["left out"] = "; ".join(missing)
+    return found
+
+
+def provenance(results: Results) -> dict[str, str]:
+    """Name and text of the lines that say where the numbers come from."""
+    attrs = results.dataset.attrs
+    told = {name: json.loads(attrs.get(name, "{}")) for name in ("timings", "machine", "counts", "versions")}
+    memory = "memory_bytes", "peak_memory_bytes"
+    sizes = {name: value for name, value in (told["machine"] | dict(attrs)).items() if name in memory}
+    machine = [str(value) for name, value in told["machine"].items() if name in ("processor", "system")]
+    machine += [f"{told['machine']['cores']} cores"] if "cores" in told["machine"] else []
+    lines = {
+        "computed": f"{attrs.get('date_created', '')} by {attrs['source']}",
+        "seed": str(attrs.get("seed", "")),
+        "machine": ", ".join(machine),
+        "memory": ", ".join(
+            f"{to_text(sizes[name], 'B', 3)}{' at the peak' if name.startswith('peak') else ''}"
+            for name in memory
+            if name in sizes
+        ),
+        "wall times": ", ".join(f"{stage} {seconds:.3g} s" for stage, seconds in told["timings"].items()),
+        "flows": "; ".join(
+            f"{study.replace('_', '-')}: " + ", ".join(f"{count} {kind}" for kind, count in counts.items())
+            for study, counts in told["counts"].items()
+        ),
+        "versions": ", ".join(f"{name} {number}" for name, number in told["versions"].items()),
+    }
+    return {name: value for name, value in lines.items() if value}
+
+
+def _leakage(results: Results, step: int) -> str:
+    leakage = float(results.leakage[step])
+    factor, unit = tables.leakage_unit(leakage)
+    value = tables.amount(leakage, factor)
+    return f"{value} {unit}" if np.isfinite(leakage) and leakage != 0 else value
+
+
+def _html_lines(lines: dict[str, str]) -> str:
+    return "".join(
+        f"<tr><th style='text-align:left'>{escape(name)}</th><td>{escape(value)}</td></tr>"
+        for name, value in lines.items()
+    )

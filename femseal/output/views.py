@@ -1,0 +1,170 @@
+"""What there is to see in results, before it is written in one format or another.
+
+The seal is a mesh of quadrilaterals, two to a window, so that both the nodes of the flow and the corners of the windows
+are points of it. Coordinates are x = x1, y = x2 in metres. Names carry the units and have no brackets.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..flow import cell_permeability
+
+if TYPE_CHECKING:
+    import xarray
+
+    from .results import Results
+
+Array = NDArray[np.float64]
+Field = Callable[[int], NDArray[Any]]
+
+
+@dataclass(frozen=True)
+class LoadSteps:
+    """The steps that a view has, by their index in the load programme, and what is told of each."""
+
+    index: NDArray[np.int64]
+    name: tuple[str, ...]
+    nominal_pressure: Array
+    unloaded_from: Array
+
+    @classmethod
+    def of(cls, data: xarray.Dataset, index: NDArray[np.int64] | None = None) -> LoadSteps:
+        """Steps of a dataset; all of them unless `index` says which."""
+        chosen = np.arange(data.sizes["step"]) if index is None else index
+        names = tuple(str(name) for name in data["name"].values[chosen])
+        return cls(chosen, names, data["nominal_pressure"].values[chosen], data["unloaded_from"].values[chosen])
+
+    @property
+    def fields(self) -> dict[str, list[str] | list[float]]:
+        """Field data, one value for each step."""
+        return {
+            "step_name": list(self.name),
+            "nominal_pressure_MPa": [float(p) / 1e6 for p in self.nominal_pressure],
+            "unloaded_from_MPa": [float(p) / 1e6 for p in self.unloaded_from],
+        }
+
+
+@dataclass(frozen=True)
+class Image:
+    """Pixels of a plane at some steps: `cells` gives for the n-th of these a field (n1, n2), in single precision."""
+
+    name: str
+    spacing: tuple[float, float]
+    origin: tuple[float, float]
+    shape: tuple[int, int]
+    steps: LoadSteps
+    cells: Mapping[str, Field]
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Quadrilaterals at all steps: `point_data` (steps, points), `cell_data` (steps, quads) or (steps, quads, 3)."""
+
+    name: str
+    points: Array
+    quads: NDArray[np.int64]
+    steps: LoadSteps
+    point_data: Mapping[str, NDArray[Any]]
+    cell_data: Mapping[str, NDArray[Any]]
+
+
+def seal_grid(data: xarray.Dataset) -> Grid:
+    """Windows of the whole seal: contact, permeability, fluid pressure and flow."""
+    count, m2 = data.sizes["step"], data.sizes["cell2"]
+    x, y = np.meshgrid(data["node1"].values, np.arange(2 * m2 + 1) * float(data["cell2"][0]), indexing="ij")
+    number = np.arange(x.size).reshape(x.shape)
+    quads = np.stack([number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]], axis=-1)
+    point_data: dict[str, NDArray[Any]] = {
+        "fluid_pressure_Pa": at_points(data["fluid_pressure"].values).reshape(count, -1)
+    }
+    if "k2" in data:
+        k2 = np.pad(data["k2"].values, ((0, 0), (1, 1), (0, 0)), constant_values=np.nan)
+        # the link from column j to j + 1 lies at their common corner, half a window beyond the node
+        at_corners = np.roll(at_points(k2)[..., :-1], 1, axis=-1)
+        point_data["k2_m3"] = np.concatenate([at_corners, at_corners[..., :1]], axis=-1).reshape(count, -1)
+    windows = {
+        "k1_m3": data["k1"].values,
+        "nominal_contact_pressure_MPa": data["window_pressure"].values / 1e6,
+        "mean_gap_um": data["window_mean_gap"].values * 1e6,
+        "contact_share": data["window_contact_fraction"].values,
+    }
+    cell_data: dict[str, NDArray[Any]] = {
+        name: np.repeat(values, 2, axis=2).reshape(count, -1) for name, values in windows.items()
+    }
+    cell_data["flux_m2_per_s"] = _flux(data).reshape(count, -1, 3)
+    points = np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)])
+    return Grid("seal", points, quads.reshape(-1, 4), LoadSteps.of(data), point_data, cell_data)
+
+
+def at_points(nodes: Array) -> Array:
+    """Values (…, rows, m2) at nodes, mid-windows, onto the points (…, rows, 2 m2 + 1); between nodes their mean."""
+    points = np.empty((*nodes.shape[:-1], 2 * nodes.shape[-1] + 1))
+    points[..., 1::2] = nodes
+    points[..., 2::2] = (nodes + np.roll(nodes, -1, axis=-1)) / 2
+    points[..., 0] = points[..., -1]
+    return points
+
+
+def _flux(data: xarray.Dataset) -> Array:
+    """Flux (steps, m1, 2 m2, 3) of half windows: of their x1-link, and the mean of the x2-links at their corners."""
+    flux = np.zeros((data.sizes["step"], data.sizes["cell1"], 2 * data.sizes["cell2"], 3))
+    flux[..., 0] = np.repeat(data["flux1"].values, 2, axis=-1)
+    if "flux2" in data:
+        links = np.pad(data["flux2"].values, ((0, 0), (1, 1), (0, 0)))
+        rows = (links[:, :-1] + links[:, 1:]) / 2
+        flux[..., 1::2, 1] = rows
+        flux[..., 0::2, 1] = np.roll(rows, 1, axis=-1)
+    return flux
+
+
+def window_images(results: Results) -> list[Image]:
+    """Gap, contact pressure and fluid pressure in the chosen windows; none without the study's own fields."""
+    return [] if results.two_scale is None else [_window(results, i, j) for i, j in chosen_windows(results.dataset)]
+
+
+def chosen_windows(data: xarray.Dataset) -> list[tuple[int, int]]:
+    """Windows with the largest, median and smallest k1 > 0 at the highest load at which any window is open."""
+    k1, pressure = data["k1"].values, data["nominal_pressure"].values
+    open_ = (np.nan_to_num(k1) > 0).any(axis=(1, 2))
+    if not open_.any():
+        return [(k1.shape[1] // 2, k1.shape[2] // 2)]
+    step = int(np.argmax(np.where(open_, pressure, -1.0)))
+    k = np.nan_to_num(k1[step]).ravel()
+    order = np.flatnonzero(k > 0)[np.argsort(k[k > 0])]
+    pick = dict.fromkeys(int(order[n]) for n in (-1, order.size // 2, 0))
+    return [(n // k1.shape[2], n % k1.shape[2]) for n in pick]
+
+
+def _window(results: Results, i: int, j: int) -> Image:
+    """The window of the x1-link (i, j), from one row of nodes to the next."""
+    study, scene = results.two_scale, results.scene
+    assert study is not None
+    assert scene is not None
+    partition = study.partition
+    (d1, d2), first = partition.spacing, partition.rows(0)[i][0]
+    gaps, pressures = (partition.link(values, i, j, 0) for values in (study.gap, study.contact_pressure))
+    ends = scene.fluid.potential(study.fluid_pressure[:, i : i + 2, j])
+
+    def fluid_pressure(s: int) -> Array:
+        # a window that failed has no gap
+        if not np.all(np.isfinite(gaps[s])):
+            return np.full(gaps[s].shape, np.nan)
+        share = cell_permeability(gaps[s], partition.spacing).fluid_pressure
+        # an end in a pocket has no pressure, which the fluid that stands at the other end does not see
+        mixed = np.where(share == 1, ends[s, 0], ends[s, 1] + (ends[s, 0] - ends[s, 1]) * share)
+        return scene.fluid.pressure(np.where(share == 0, ends[s, 1], mixed))
+
+    fields: dict[str, Field] = {
+        "gap_um": lambda s: gaps[s] * np.float32(1e6),
+        "contact_pressure_MPa": lambda s: pressures[s] * np.float32(1e-6),
+        "fluid_pressure_Pa": fluid_pressure,
+    }
+    origin = first * d1, j * partition.window[1] * d2
+    name = f"window_{i:03d}_{j:03d}"
+    return Image(name, partition.spacing, origin, gaps.shape[1:], LoadSteps.of(results.dataset), fields)

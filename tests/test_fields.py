@@ -1,0 +1,521 @@
+"""Fields of a run as VTK's own readers and `open_results` give them back; results by branch, cell and step."""
+
+import json
+import os
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+import xarray
+from numpy.testing import assert_allclose, assert_array_equal
+
+from femseal import job
+from femseal.case import parse_case
+from femseal.errors import FemsealError, InputError
+from femseal.flow import cell_permeability
+from femseal.fluids import Liquid
+from femseal.machine import machine, peak_memory
+from femseal.output import assemble, open_results, seal_figure, write_folder, write_vtk
+from femseal.output.fields import plan_fields
+from femseal.output.views import chosen_windows
+from femseal.studies import Sampling, Scene, deterministic, stochastic, two_scale
+from femseal.topography import turned
+
+EXAMPLES = Path(__file__).parents[1] / "examples"
+M1, M2 = 3, 4
+
+
+@pytest.fixture(scope="module")
+def scene():
+    surface = turned((48, 96), (60e-6, 120e-6), pitch=27e-6, depth=1e-6, roughness=0.3e-6, rng=2)
+    return Scene(
+        surface, 115e9, 2.8e9, Liquid(1e-3, pressure_viscosity=5e-8), 3e7, 1e6,
+        loading=(50e6, 200e6, 700e6), unload_from=(200e6, 700e6), unloading=(300e6, 50e6),
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def studies(scene):
+    sampling = Sampling(length=240e-6, realisations=3, library_cells=12, seed=7)
+    return {
+        "deterministic": deterministic(scene),
+        "two_scale": two_scale(scene, (M1, M2)),
+        "stochastic": stochastic(scene, (M1, M2), sampling),
+    }
+
+
+@pytest.fixture(scope="module")
+def results(scene, studies):
+    return assemble(scene, **studies, case={"title": "trial"}, timings={"two-scale": 1.5})
+
+
+@pytest.fixture(scope="module")
+def folder(results, scene, tmp_path_factory):
+    path = tmp_path_factory.mktemp("run")
+    write_folder(results, path, scene.surface)
+    return path
+
+
+@pytest.fixture(scope="module")
+def back(folder):
+    return open_results(folder)
+
+
+def in_time(path):
+    """Step, cell data, point data, field data and mesh of every time that VTK's reader finds."""
+    from vtkmodules.util.numpy_support import vtk_to_numpy
+    from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline as Pipeline
+    from vtkmodules.vtkIOHDF import vtkHDFReader
+
+    reader = vtkHDFReader()
+    assert reader.CanReadFile(str(path))
+    reader.SetFileName(str(path))
+    reader.UpdateInformation()
+    for time in reader.GetOutputInformation(0).Get(Pipeline.TIME_STEPS()) or [None]:
+        reader.Update() if time is None else reader.UpdateTimeStep(time)
+        output = reader.GetOutput()
+        found = []
+        for data in (output.GetCellData(), output.GetPointData()):
+            pairs = [data.GetAbstractArray(n) for n in range(data.GetNumberOfArrays())]
+            found.append({a.GetName(): vtk_to_numpy(a) for a in pairs})
+        fields = output.GetFieldData()
+        named = [fields.GetAbstractArray(n) for n in range(fields.GetNumberOfArrays())]
+        assert all(a.GetNumberOfTuples() == 1 for a in named)
+        yield time, *found, {a.GetName(): a.GetValue(0) for a in named}, output
+
+
+def same_steps(steps, fields):
+    assert [f["step_name"] for f in fields] == [s.name for s in steps]
+    assert_allclose([f["nominal_pressure_MPa"] for f in fields], [s.pressure / 1e6 for s in steps])
+    peaks = [np.nan if s.unloaded_from is None else s.unloaded_from / 1e6 for s in steps]
+    assert_allclose([f["unloaded_from_MPa"] for f in fields], peaks)
+
+
+# --- VTKHDF, read by VTK ----------------------------------------------------------------------------------
+
+
+def test_seal_is_a_mesh_in_time(results, folder):
+    data = results.dataset
+    read = list(in_time(folder / "vtk/seal.vtkhdf"))
+    # time is the step: loads come back on unloading
+    assert [time for time, *_ in read] == list(range(6))
+    same_steps(results.steps, [fields for *_, fields, _ in read])
+    for s, (_, cells, points, _, grid) in enumerate(read):
+        assert grid.GetClassName() == "vtkUnstructuredGrid"
+        assert (grid.GetNumberOfCells(), grid.GetNumberOfPoints()) == (2 * M1 * M2, (M1 + 1) * (2 * M2 + 1))
+        for name, variable, factor in (
+            ("k1_m3", "k1", 1),
+            ("nominal_contact_pressure_MPa", "window_pressure", 1e-6),
+            ("mean_gap_um", "window_mean_gap", 1e6),
+            ("contact_share", "window_contact_fraction", 1),
+        ):
+            for half in (0, 1):
+                assert_allclose(cells[name].reshape(M1, M2, 2)[..., half], data[variable][s] * factor, rtol=1e-12)
+        assert_allclose(cells["flux_m2_per_s"].reshape(M1, M2, 2, 3)[:, :, 1, 0], data["flux1"][s])
+        assert_array_equal(points["fluid_pressure_Pa"].reshape(M1 + 1, -1)[:, 1::2], data["fluid_pressure"][s])
+        assert_array_equal(points["k2_m3"].reshape(M1 + 1, -1)[1:-1, 2::2], data["k2"][s])
+
+
+def test_windows_of_the_seal_lie_where_they_should(results, folder):
+    import pyvista
+
+    *_, (_, cells, points, _, grid) = in_time(folder / "vtk/seal.vtkhdf")
+    node1, cell2 = results.dataset["node1"].values, results.dataset["cell2"].values
+    number = pyvista.wrap(grid).find_containing_cell((node1[1] * 0.6 + node1[2] * 0.4, cell2[2] * 1.02, 0.0))
+    assert cells["k1_m3"][number] == results.dataset["k1"][-1, 1, 2]
+    assert (
+        points["fluid_pressure_Pa"][grid.FindPoint((node1[2], cell2[1], 0.0))]
+        == results.dataset["fluid_pressure"][-1, 2, 1]
+    )
+
+
+def test_the_mesh_is_stored_once_and_the_data_are_packed(folder, results):
+    with h5py.File(folder / "vtk/seal.vtkhdf") as file:
+        root = file["VTKHDF"]
+        assert root["Points"].shape == ((M1 + 1) * (2 * M2 + 1), 3)
+        assert root["CellData/k1_m3"].shape == (6 * 2 * M1 * M2,)
+        assert root["CellData/k1_m3"].compression == "gzip"
+    with h5py.File(folder / "fields.vtkhdf") as file:
+        assert file["VTKHDF/CellData/gap_um"].shape == (6, 96, 48)
+        assert file["VTKHDF/CellData/gap_um"].compression == "gzip"
+
+
+def test_fields_over_all_pixels(results, studies, scene, folder):
+    import pyvista
+
+    two, (d1, d2) = studies["two_scale"], scene.surface.spacing
+    read = list(in_time(folder / "fields.vtkhdf"))
+    assert [time for time, *_ in read] == list(range(6))
+    same_steps(results.steps, [fields for *_, fields, _ in read])
+    for s, (_, cells, _, _, image) in enumerate(read):
+        assert image.GetDimensions() == (49, 97, 1)
+        assert_allclose(image.GetBounds()[:4], (0, 60e-6, 0, 120e-6))
+        pixel = pyvista.wrap(image).find_containing_cell((7.5 * d1, 77.5 * d2, 0.0))
+        for name, values in (
+            ("gap_um", two.gap[s] * 1e6),
+            ("contact_pressure_MPa", two.contact_pressure[s] / 1e6),
+            ("gap_deterministic_um", studies["deterministic"].gap[s] * 1e6),
+        ):
+            assert_allclose(cells[name].reshape(48, 96, order="F"), values, rtol=1e-6)
+            assert_allclose(cells[name][pixel], values[7, 77], rtol=1e-6)
+
+
+def test_chosen_windows_carry_gap_contact_and_fluid_pressure(results, studies, scene, folder):
+    two, data = studies["two_scale"], results.dataset
+    fluid, (d1, d2) = scene.fluid, scene.surface.spacing
+    # the rows of nodes lie in valleys, not at equal distances
+    assert len(set(np.diff(two.partition.lines))) > 1
+    places = chosen_windows(data)
+    assert len(places) == 3
+    for i, j in places:
+        rows, columns = slice(*two.partition.lines[i : i + 2]), slice(24 * j, 24 * (j + 1))
+        for s, cells, _, fields, image in in_time(folder / f"vtk/window_{i:03d}_{j:03d}.vtkhdf"):
+            s = int(s)
+            gap, shape = two.gap[s, rows, columns], (rows.stop - rows.start, 24)
+            assert_allclose(
+                image.GetBounds()[:4], (data["node1"][i], data["node1"][i + 1], 24 * j * d2, 24 * (j + 1) * d2)
+            )
+            assert_allclose(cells["gap_um"].reshape(shape, order="F"), gap * 1e6, rtol=1e-6)
+            pressure = two.contact_pressure[s, rows, columns] / 1e6
+            assert_allclose(cells["contact_pressure_MPa"].reshape(shape, order="F"), pressure, rtol=1e-6)
+            shown = cells["fluid_pressure_Pa"].reshape(shape, order="F")
+            ends = two.fluid_pressure[s, i : i + 2, j]
+            if two.k1[s, i, j] > 0:
+                share = cell_permeability(gap, (d1, d2)).fluid_pressure
+                potential = fluid.potential(ends[1]) * (1 - share) + fluid.potential(ends[0]) * share
+                assert_allclose(shown, fluid.pressure(potential), rtol=1e-6)
+                assert np.nanmin(shown) >= min(ends) * (1 - 1e-6)
+                assert np.nanmax(shown) <= max(ends) * (1 + 1e-6)
+            assert fields["step_name"] == results.steps[s].name
+
+
+def test_fluid_that_stands_at_one_end_of_a_closed_window_keeps_its_pressure(scene, studies, tmp_path):
+    """The window (1, 2) is closed in the middle, and the node behind it is a pocket."""
+    two = studies["two_scale"]
+    gap, k1, fluid_pressure = two.gap.copy(), two.k1.copy(), two.fluid_pressure.copy()
+    first, last = two.partition.lines[1:3]
+    gap[:, first:last, 48:72] = 1e-6
+    gap[:, first + 5, 48:72] = 0
+    k1[:] = 0
+    k1[:, 1, 2] = 1e-30
+    fluid_pressure[:, 1, 2], fluid_pressure[:, 2, 2] = 2e7, np.nan
+    r = assemble(scene, two_scale=replace(two, gap=gap, k1=k1, fluid_pressure=fluid_pressure))
+    write_vtk(r, None, tmp_path)
+    _, cells, *_ = next(in_time(tmp_path / "window_001_002.vtkhdf"))
+    shown = cells["fluid_pressure_Pa"].reshape((last - first, 24), order="F")
+    assert_allclose(shown[:5], 2e7, rtol=1e-6)
+    assert np.isnan(shown[5:]).all()
+
+
+def test_heights_are_points(scene, folder):
+    ((time, _, points, _, image),) = in_time(folder / "vtk/surface.vtkhdf")
+    assert time is None
+    assert_allclose(points["height_um"].reshape(48, 96, order="F"), scene.surface.heights * 1e6, rtol=1e-6)
+    d1, d2 = scene.surface.spacing
+    place = image.FindPoint(5.5 * d1, 77.5 * d2, 0.0)
+    assert_allclose(points["height_um"][place], scene.surface.heights[5, 77] * 1e6, rtol=1e-6)
+
+
+def test_names_are_plain_and_carry_units(folder):
+    units = ("_Pa", "_MPa", "_um", "_m3", "_m2_per_s", "_share", "step_name", "Time")
+    for path in (*folder.glob("vtk/*.vtkhdf"), folder / "fields.vtkhdf"):
+        _, cells, points, fields, _ = next(in_time(path))
+        for name in (*cells, *points, *fields):
+            assert name.replace("_", "").isalnum()
+            assert name.endswith(units)
+
+
+def test_formats_are_chosen(results, scene, tmp_path):
+    endings = {
+        name: {p.suffix for p in write_vtk(results, scene.surface, tmp_path / name, name)}
+        for name in ("vtkhdf", "vtu", "both", "none")
+    }
+    series = {".vtu", ".vti", ".pvd"}
+    assert endings == {"vtkhdf": {".vtkhdf"}, "vtu": series, "both": {".vtkhdf", *series}, "none": set()}
+    assert not (tmp_path / "none").exists()
+    with pytest.raises(InputError, match="format: given xdmf, allowed is one of vtkhdf, vtu, both, none"):
+        write_vtk(results, None, tmp_path / "none", "xdmf")
+
+
+# --- size -------------------------------------------------------------------------------------------------
+
+
+def test_steps_above_the_limit_are_left_out_and_named(results, scene, studies, tmp_path):
+    each = 3 * 4 * 48 * 96
+    for limit, kept in ((6 * each, range(6)), (3.5 * each, (2, 3, 5)), (each, (2,)), (each - 1, ())):
+        plan = plan_fields(results, limit)
+        assert list(plan.steps) == list(kept)
+        assert bool(plan.left_out) == (len(kept) < 6)
+    write_folder(results, tmp_path, scene.surface, fields_limit=3.5 * each)
+    back = open_results(tmp_path)
+    (text,) = back.left_out
+    assert (
+        text
+        == "fields over all pixels at steps 0, 1, 4: 332 kB of all steps are above the limit of 194 kB (fields_limit)"
+    )
+    assert text in repr(back)
+    assert text in back._repr_html_()
+    assert back.stored_steps == [2, 3, 5]
+    assert [time for time, *_ in in_time(tmp_path / "fields.vtkhdf")] == [2, 3, 5]
+    assert_allclose(back.gap(5), studies["two_scale"].gap[5], rtol=1e-6)
+    with pytest.raises(InputError, match="step: given 1, of which there is no gap, allowed is one of 2, 3, 5"):
+        back.gap(1)
+    seal_figure(back, 1)
+    (tmp_path / "fields.vtkhdf").unlink()
+    with pytest.raises(InputError, match=r"allowed is a folder with fields.vtkhdf"):
+        open_results(tmp_path).gap(5)
+
+
+# --- results ----------------------------------------------------------------------------------------------
+
+
+def test_branches_are_labelled(back, studies):
+    up, down = back.loading(), back.unloading()
+    median = studies["stochastic"].quantile(0.5)
+    assert list(up["nominal_pressure"]) == [50e6, 200e6, 700e6]
+    assert_array_equal(up["leakage_median"].sel(nominal_pressure=[50e6, 700e6]), median[[0, 2]])
+    assert list(down["nominal_pressure"]) == [700e6, 300e6, 50e6]
+    assert_array_equal(down["leakage_median"], median[[2, 4, 5]])
+    assert down["k1"].dims == ("nominal_pressure", "cell1", "cell2")
+    assert "library_k" not in up
+    for peak in (200e6, "200 MPa", "0.2 GPa"):
+        assert_array_equal(back.unloading(from_=peak)["leakage_two_scale"], studies["two_scale"].leakage[[1, 3]])
+    with pytest.raises(InputError, match="from_: given 300 MPa, allowed is one of 200 MPa, 700 MPa"):
+        back.unloading(from_="300 MPa")
+    with pytest.raises(InputError, match="from_"):
+        back.unloading(from_="200 mm")
+
+
+def test_a_cycle_without_unloading(scene, studies):
+    short = replace(scene, unload_from=(), unloading=())
+    r = assemble(short, deterministic=deterministic(short))
+    assert r.loading().sizes["nominal_pressure"] == 3
+    with pytest.raises(InputError, match="the cycle has no unloading"):
+        r.unloading()
+
+
+def test_curves_of_a_cell(back, studies, scene):
+    two, curves = studies["two_scale"], back.cell(2, 1)
+    assert_array_equal(curves["k1"], two.k1[:, 2, 1])
+    assert_array_equal(curves["window_mean_gap"], two.mean_gap[:, 2, 1])
+    assert curves["k1"].dims == ("step",)
+    assert list(curves["nominal_pressure"].values) == [s.pressure for s in scene.steps]
+    assert_array_equal(back.library_cell(5)["library_k"], studies["stochastic"].library.curves.k[5])
+    for bad in ((3, 0), (0, 4), (-1, 0), (0.5, 0)):
+        with pytest.raises(InputError, match="0 to 2 along x1 and 0 to 3 along x2"):
+            back.cell(*bad)
+    with pytest.raises(InputError, match="allowed is 0 to 11"):
+        back.library_cell(12)
+    alone = assemble(scene, deterministic=studies["deterministic"])
+    with pytest.raises(InputError, match="no windows"):
+        alone.cell(0, 0)
+    with pytest.raises(InputError, match="no library"):
+        alone.library_cell(0)
+
+
+@pytest.mark.parametrize("source", ["results", "back"])
+def test_fields_on_demand(source, studies, scene, request):
+    r, two = request.getfixturevalue(source), studies["two_scale"]
+    (d1, d2), first, last = scene.surface.spacing, *two.partition.lines[1:3]
+    assert (r.two_scale is None) == (source == "back")
+    assert r.stored_steps == list(range(6))
+    for s in (0, 4):
+        for values, expected, unit in (
+            (r.gap(s), two.gap[s], "m"),
+            (r.contact_pressure(s), two.contact_pressure[s], "Pa"),
+        ):
+            assert_allclose(values, expected, rtol=1e-6)
+            assert values.attrs["units"] == unit
+            assert r.steps[s].name in values.attrs["long_name"]
+        part = r.gap(s, cell=(1, 2))
+        assert_allclose(part, two.gap[s, first:last, 48:72], rtol=1e-6)
+        assert_allclose(part["x1"], (np.arange(first, last) + 0.5) * d1)
+        assert_allclose(part["x2"], (np.arange(48, 72) + 0.5) * d2)
+    pixel = r.gap(4).sel(x1=7.4 * d1, x2=77.6 * d2, method="nearest")
+    assert_allclose(pixel, two.gap[4, 7, 77], rtol=1e-6)
+    for bad in (6, -1, 0.5):
+        with pytest.raises(InputError, match="allowed is 0 to 5"):
+            r.gap(bad)
+
+
+def test_gap_of_a_deterministic_study(scene, studies, tmp_path):
+    r = assemble(scene, deterministic=studies["deterministic"])
+    write_folder(r, tmp_path, scene.surface, paraview="none")
+    assert not (tmp_path / "vtk").exists()
+    for at_hand in (r, open_results(tmp_path)):
+        assert_allclose(at_hand.gap(3), studies["deterministic"].gap[3], rtol=1e-6)
+        with pytest.raises(InputError, match="no contact pressure"):
+            at_hand.contact_pressure(3)
+
+
+def test_results_without_a_face(scene, studies, tmp_path):
+    r = assemble(scene, stochastic=studies["stochastic"])
+    write_folder(r, tmp_path)
+    assert not (tmp_path / "fields.vtkhdf").exists()
+    assert open_results(tmp_path).stored_steps == []
+    assert open_results(tmp_path).left_out == []
+
+
+def test_pictures_of_results_read_back(back, results):
+    for r in (back, results):
+        assert r.plot().axes
+        assert r.plot_cells(2).axes
+    # the gaps of two windows are among them
+    shown, expected = (r.plot_seal(1).axes for r in (back, results))
+    assert len(shown) == len(expected) > 3
+    for a, b in zip(shown, expected, strict=True):
+        assert a.get_title() == b.get_title()
+        for image, other in zip(a.get_images(), b.get_images(), strict=True):
+            assert_allclose(image.get_array(), other.get_array(), rtol=1e-6)
+
+
+def test_text_and_html_say_what_there_is(back, results, folder):
+    text = repr(back)
+    assert text.startswith("<femseal.Results 'trial'>\n")
+    assert "6 steps: 3 loading, 3 unloading from 200 MPa, 700 MPa" in text
+    assert "3 × 4 windows, 3 realisations from 12 library cells" in text
+    assert "over all pixels at 6 of 6 steps" in text
+    assert str(folder) in text
+    page = back._repr_html_()
+    assert page.count("<table>") == page.count("</table>") == 3
+    for word in ("trial", "two-scale 1.5 s", "cores", "at the peak", "numpy"):
+        assert word in page
+    risky = assemble(results.scene, two_scale=results.two_scale, case={"title": "<b>&"})
+    assert "&lt;b&gt;&amp;" in risky._repr_html_()
+
+
+def test_provenance_is_in_the_file(folder):
+    with xarray.open_dataset(folder / "results.nc") as data:
+        attrs = data.attrs
+        for name, variable in data.variables.items():
+            assert variable.attrs["units"], name
+            assert variable.attrs["long_name"], name
+    found = json.loads(attrs["machine"])
+    assert found["processor"]
+    assert found["cores"] == os.cpu_count()
+    assert attrs["date_created"].endswith("+00:00")
+    assert attrs["Conventions"].startswith("CF")
+    assert json.loads(attrs["left_out"]) == []
+    assert json.loads(attrs["counts"])["two_scale"]["solved"] > 0
+
+
+def test_memory_is_told_in_bytes():
+    resource = pytest.importorskip("resource")
+    block = np.ones(2**24)
+    assert block.nbytes < peak_memory() < machine()["memory_bytes"]
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss > 0
+
+
+# --- a case -----------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def case():
+    return {
+        "method": "two-scale",
+        "face": {"kind": "self-affine", "points": [32, 64], "size": ["60 um", "120 um"], "rms_slope": 0.1},
+        "material": {"young": "210 GPa", "hardness": "3 GPa"},
+        "load": {"loading": ["50 MPa", "300 MPa"]},
+        "fluid": {"kind": "liquid", "viscosity": "1 mPa*s", "inlet_pressure": "1 MPa"},
+        "cells": {"count": [2, 4]},
+    }
+
+
+def test_a_case_says_what_is_written_also_when_a_stopped_run_goes_on(case, tmp_path, monkeypatch):
+    def full(*args, **options):
+        raise OSError("disk full")
+
+    assert parse_case(case).output.paraview == "vtkhdf"
+    with monkeypatch.context() as patch:
+        patch.setattr("femseal.job.write_folder", full)
+        with pytest.raises(FemsealError, match="disk full"):
+            job.run(parse_case(case), tmp_path, workers=1)
+    solved = []
+
+    def respond(*args, **options):
+        solved.append(args)
+
+    monkeypatch.setattr("femseal.studies.windows.respond", respond)
+    chosen = parse_case({**case, "output": {"paraview": "vtu", "fields_limit": "20 kB"}})
+    r = job.run(chosen, tmp_path, resume=True, workers=1)
+    assert not solved
+    names = {p.relative_to(tmp_path).as_posix() for p in tmp_path.rglob("*.*")}
+    assert "vtk/seal.pvd" in names
+    assert "vtk/seal.vtkhdf" not in names
+    # one step of two fields is 16 kB
+    assert r.left_out == open_results(tmp_path).left_out
+    assert open_results(tmp_path).stored_steps == [1]
+    assert r.left_out[0] in (tmp_path / "run.log").read_text(encoding="utf-8")
+    timings = json.loads(r.dataset.attrs["timings"])
+    assert {"two-scale", "two-scale: respond", "two-scale: flow history"} <= set(timings)
+    assert timings["two-scale"] > timings["two-scale: respond"] > 0
+
+
+@pytest.mark.parametrize(
+    ("table", "words"),
+    [
+        ({"paraview": "xdmf"}, "output.paraview: given 'xdmf', allowed is one of vtkhdf, vtu, both, none"),
+        ({"fields_limit": "-1 GB"}, "output.fields_limit: given '-1 GB', allowed is a size >= 0"),
+        ({"fields_limit": "1 m"}, "output.fields_limit"),
+        ({"pictures": True}, "output.pictures: unknown key, allowed are paraview, fields_limit"),
+    ],
+)
+def test_faults_of_the_table_are_named(case, table, words):
+    with pytest.raises(InputError) as caught:
+        parse_case({**case, "output": table})
+    assert words in str(caught.value)
+
+
+# --- views ------------------------------------------------------------------------------------------------
+
+VIEW = """
+import runpy, sys
+import pyvista as pv
+probe = pv.Plotter(off_screen=True)
+probe.add_mesh(pv.Sphere())
+probe.screenshot(sys.argv[3])
+print("can draw", flush=True)
+example = runpy.run_path(sys.argv[1])
+step = example["tightest_leaking_step"](sys.argv[2])
+assert step == int(sys.argv[4])
+example["draw"](sys.argv[2], step).screenshot(sys.argv[3])
+"""
+
+
+def test_two_scale_view_is_drawn(folder, back, tmp_path):
+    leaking = np.flatnonzero(back.dataset["leakage_two_scale"].values)
+    step = max(leaking, key=lambda s: back.steps[s].pressure)
+    arguments = [str(a) for a in (EXAMPLES / "two_scale_view.py", folder, tmp_path / "view.png", step)]
+    setting = {} if os.environ.get("DISPLAY") else {"VTK_DEFAULT_OPENGL_WINDOW": "vtkEGLRenderWindow"}
+    command = [sys.executable, "-c", VIEW, *arguments]
+    run = subprocess.run(command, env=os.environ | setting, capture_output=True, text=True, timeout=300)
+    if "can draw" not in run.stdout:
+        pytest.skip("nothing can be drawn off screen here")
+    assert run.returncode == 0, run.stderr
+    import matplotlib.image
+
+    picture = matplotlib.image.imread(tmp_path / "view.png")[..., :3]
+    upper, lower = np.array_split(picture, 2)
+    # arrows in red over the fluid pressure; black where there is no contact
+    assert np.mean(np.abs(upper - [0.84, 0.1, 0.11]).max(axis=-1) < 0.05) > 0.002
+    assert np.mean(lower.max(axis=-1) < 0.1) > 0.05
+    # the share of contact as in the results
+    x, y = (np.flatnonzero((lower[40:-160] < 0.99).any(axis=-1).any(axis=n)) for n in (0, 1))
+    face = lower[40:-160][y[0] : y[-1] + 1, x[0] : x[-1] + 1]
+    share = float(np.mean(back.contact_pressure(step) > 0))
+    assert_allclose(np.mean(face.max(axis=-1) > 0.02), share, atol=0.03)
+
+
+def test_the_macro_of_paraview_names_what_is_written(folder):
+    text = (EXAMPLES / "paraview_two_scale.py").read_text(encoding="utf-8")
+    compile(text, "macro", "exec")
+    _, cells, points, fields, _ = next(in_time(folder / "vtk/seal.vtkhdf"))
+    _, pixels, *_ = next(in_time(folder / "fields.vtkhdf"))
+    for name in ("fluid_pressure_Pa", "flux_m2_per_s", "nominal_contact_pressure_MPa", "nominal_pressure_MPa"):
+        assert name in text
+        assert name in {*cells, *points, *fields}
+    assert "contact_pressure_MPa" in pixels
