@@ -36,7 +36,8 @@ from .output.fields import LIMIT
 from .output.vtk import FORMATS
 from .quantities import to_si, to_text
 from .scales import SAMPLERS, Partition
-from .studies import PRESSURES, Sampling, Scene
+from .studies import FLOWS, PRESSURES, Sampling, Scene, check_sampling
+from .studies.costs import choose_method
 from .topography import (
     SPIKES,
     Conditioning,
@@ -50,7 +51,7 @@ from .topography import (
     turned,
 )
 
-Method = Literal["deterministic", "two-scale", "stochastic"]
+Method = Literal["auto", "deterministic", "two-scale", "stochastic"]
 Boundary = Literal["periodic", "mirror", "free"]
 
 
@@ -302,10 +303,14 @@ class GasTable(_Table):
 
 
 class CellsTable(_Table):
-    """Windows of the two-scale and stochastic methods: their number, or about their size."""
+    """Windows of the two-scale and stochastic methods: their number, or about their size; and the two-scale flow.
+
+    flow : see `studies.two_scale`.
+    """
 
     count: tuple[Count, Count] | None = None
     size: Length | None = None
+    flow: Annotated[str, *_names(FLOWS)] = "links"
 
     @model_validator(mode="after")
     def _one_of(self) -> CellsTable:
@@ -320,8 +325,11 @@ class StochasticTable(_Table):
     length: Length
     realisations: Annotated[int, Field(strict=True, ge=2)] = 50
     library_cells: Count = 128
-    sampler: Annotated[str, *_names(SAMPLERS)] = "history"
+    sampler: Annotated[str, *_names(SAMPLERS)] | None = None
     pressure: Annotated[str, *_names(PRESSURES)] = "place"
+    profile: tuple[Annotated[float, Field(ge=0)], ...] = ()
+    library: Path | None = None
+    width: Annotated[float, Field(gt=0)] | None = None
     quantiles: tuple[Ratio, Ratio] = (0.05, 0.95)
 
     @model_validator(mode="after")
@@ -343,7 +351,7 @@ class Case(_Table):
 
     title: str = ""
     method: Method = "stochastic"
-    compare: tuple[Method, ...] = ()
+    compare: tuple[Literal["deterministic", "two-scale", "stochastic"], ...] = ()
     seed: Annotated[int, Field(strict=True, ge=0)] = 0
     face: tuple[Face, ...] = Field(min_length=1, max_length=2)
     surface: SurfaceTable = SurfaceTable()
@@ -366,7 +374,7 @@ class Case(_Table):
 
     @model_validator(mode="after")
     def _complete(self) -> Case:
-        if self.cells is None and self.methods != {"deterministic"}:
+        if self.cells is None and not self.methods <= {"deterministic", "auto"}:
             raise PydanticCustomError("cells", "a table `cells` with the method {m}", {"m": self.method})
         if self.stochastic is None and "stochastic" in self.methods:
             raise PydanticCustomError("stochastic", "a table `stochastic` with the method stochastic")
@@ -385,8 +393,13 @@ class Case(_Table):
 
     @property
     def methods(self) -> set[str]:
-        """The method and those to compare it with."""
+        """The method and those to compare it with, as given."""
         return {self.method, *self.compare}
+
+    @property
+    def two_scale_flow(self) -> str:
+        """Flow of the two-scale method."""
+        return "links" if self.cells is None else self.cells.flow
 
     @property
     def solids(self) -> tuple[Solid, Solid | None]:
@@ -447,7 +460,11 @@ class Case(_Table):
                     seed=self.seed,
                     sampler=table.sampler,
                     pressure=table.pressure,
+                    profile=table.profile,
+                    library=None if table.library is None else self.folder / table.library,
+                    width=table.width,
                 )
+                check_sampling(sampling, cells)
         scene = Scene(
             surface=surface,
             modulus=self.modulus,
@@ -461,7 +478,13 @@ class Case(_Table):
             boundary=self.contact.boundary,
             rtol=self.contact.rtol,
         )
-        return Prepared(scene, cells, sampling, replace(report, **repaired), overlap)
+        method: str = self.method
+        choice = ""
+        if method == "auto":
+            assert cells is not None
+            method, choice = choose_method(len(scene.steps), surface.shape, cells)
+        methods = frozenset({method, *self.compare})
+        return Prepared(scene, cells, sampling, replace(report, **repaired), overlap, method, methods, choice)
 
     def _combined_faces(self) -> tuple[Topography, dict[str, Any], Overlap | None]:
         """Sum of the faces without spikes and undefined points, what was repaired in them, and where they overlap."""
@@ -482,12 +505,14 @@ class Case(_Table):
         return surface, found, overlap
 
     def _cell_count(self, surface: Topography) -> tuple[int, int] | None:
-        if self.cells is None or self.methods == {"deterministic"}:
+        if self.methods == {"deterministic"} or (self.cells is None and self.method != "auto"):
             return None
-        if self.cells.count is not None:
+        if self.cells is not None and self.cells.count is not None:
             return self.cells.count
-        assert self.cells.size is not None
-        m1, m2 = (max(1, round(length / self.cells.size)) for length in surface.size)
+        # eight shortest waves: shorter windows cut more paths off than two scales save
+        waves = self.surface.shortest_wave or 8 * max(surface.spacing)
+        size = 8 * waves if self.cells is None or self.cells.size is None else self.cells.size
+        m1, m2 = (max(1, round(length / size)) for length in surface.size)
         return m1, m2
 
 
@@ -497,13 +522,19 @@ def _multiple(n: int, of: int) -> int:
 
 @dataclass(frozen=True)
 class Prepared:
-    """What the studies take: the scene, its division, how to draw seals; and how the surface came about."""
+    """What the studies take: the scene, its division, how to draw seals; and how the surface came about.
+
+    method, methods : what is to be solved, "auto" decided; choice : why, if it was.
+    """
 
     scene: Scene
     cells: tuple[int, int] | None
     sampling: Sampling | None
     conditioning: Conditioning
-    overlap: Overlap | None = None
+    overlap: Overlap | None
+    method: str
+    methods: frozenset[str]
+    choice: str
 
     @property
     def surface_report(self) -> dict[str, Any]:

@@ -6,45 +6,7 @@ import numpy as np
 
 from .case import Case, Prepared
 from .quantities import to_text
-from .studies import Sampling
-
-#: Seconds of one core for one contact solution and one flow solution of n pixels, fitted to 32² … 512² on a 2-core
-#: x86-64 machine; good to a factor of two.
-_CONTACT_SECONDS = (4e-4, 3.0e-7, 1.0)
-_FLOW_SECONDS = (2e-4, 4.4e-10, 1.75)
-
-
-def _seconds(model: tuple[float, float, float], pixels: float) -> float:
-    base, factor, power = model
-    return base + factor * pixels**power * (np.log2(pixels) / 10 if power == 1.0 else 1.0)
-
-
-def deterministic_cost(steps: int, points: tuple[int, int]) -> tuple[float, float]:
-    """Expected time on one core [s] and memory [byte] of the deterministic solution."""
-    pixels = points[0] * points[1]
-    seconds = steps * (_seconds(_CONTACT_SECONDS, pixels) * 2 + _seconds(_FLOW_SECONDS, pixels))
-    return seconds, 8.0 * pixels * (steps * 4 + 60 + 3 * np.log2(pixels))
-
-
-def two_scale_cost(steps: int, points: tuple[int, int], cells: tuple[int, int]) -> tuple[float, float]:
-    """Expected time on one core [s] and memory [byte] of the two-scale solution."""
-    pixels, (m1, m2) = points[0] * points[1], cells
-    window, links = pixels // (m1 * m2), m1 * m2 + (m1 - 1) * m2
-    seconds = steps * (m1 * m2 * _seconds(_CONTACT_SECONDS, window) + links * _seconds(_FLOW_SECONDS, window))
-    return seconds, 8.0 * pixels * steps * 4
-
-
-def stochastic_cost(
-    steps: int, points: tuple[int, int], cells: tuple[int, int], sampling: Sampling, links: int
-) -> tuple[float, float]:
-    """Expected time on one core [s] and memory [byte] of a library and of the seals, `links` long, drawn from it."""
-    pixels, m1 = points[0] * points[1], cells[0]
-    window = pixels // (m1 * cells[1])
-    axes = 2 if sampling.pressure == "place" else 1
-    once = axes * _seconds(_CONTACT_SECONDS, window) + 2 * _seconds(_FLOW_SECONDS, window)
-    seconds = steps * sampling.library_cells * once
-    seconds += sampling.realisations * steps * 3e-6 * m1 * links * max(1.0, np.log2(min(m1, links)))
-    return seconds, 8.0 * (pixels * steps * 3 + m1 * links * steps * 4)
+from .studies.costs import deterministic_cost, stochastic_cost, two_scale_cost
 
 
 def links_along(prepared: Prepared) -> int:
@@ -74,13 +36,15 @@ def describe(case: Case, prepared: Prepared) -> list[str]:
         size = " × ".join(to_text(length, "m", 3) for length in overlap.size)
         resampled = ", the second resampled" if overlap.resampled else ""
         lines.insert(3, f"           two faces overlap on {size}, {overlap.share:.0%} of the first{resampled}")
+    if prepared.choice:
+        lines.append(f"method     {prepared.method}: {prepared.choice}")
     costs = [(0.0, 150e6)]
-    if "deterministic" in case.methods:
+    if "deterministic" in prepared.methods:
         lines.append(f"determin.  {steps} contact and {steps} flow solutions of {pixels} unknowns")
         costs.append(deterministic_cost(steps, surface.shape))
     if prepared.cells is not None:
         m1, m2 = prepared.cells
-        if "two-scale" in case.methods:
+        if "two-scale" in prepared.methods:
             links = m1 * m2 + (m1 - 1) * m2
             lines.append(
                 f"two-scale  {m1} × {m2} cells of {surface.shape[0] // m1} × {surface.shape[1] // m2} pixels: "

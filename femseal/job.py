@@ -98,11 +98,13 @@ def run(
 def _run(case: Case, prepared: Prepared, faces: dict[str, str], mapper: Map, progress: Progress) -> Results:
     scene, cells = prepared.scene, prepared.cells
     log.info("case %s: surface %s", case.title or "without title", scene.surface)
+    if prepared.choice:
+        log.info("method %s: %s", prepared.method, prepared.choice)
     timings: dict[str, float] = {}
     studies: dict[str, Any] = {}
     # the cheapest route that the comparison needs comes first, the answer last
     for method in ("deterministic", "two-scale", "stochastic"):
-        if method not in case.methods:
+        if method not in prepared.methods:
             continue
         start = time.perf_counter()
         watched = _watched(mapper, method, progress, timings)
@@ -110,7 +112,7 @@ def _run(case: Case, prepared: Prepared, faces: dict[str, str], mapper: Map, pro
             studies["deterministic"] = deterministic(scene, map=watched)
         elif method == "two-scale":
             assert cells is not None
-            studies["two_scale"] = two_scale(scene, cells, map=watched)
+            studies["two_scale"] = two_scale(scene, cells, flow=case.two_scale_flow, map=watched)
         else:
             assert cells is not None
             assert prepared.sampling is not None

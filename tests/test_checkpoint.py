@@ -344,7 +344,7 @@ def test_ctrl_c_ends_the_workers_and_says_how_to_go_on(case, tmp_path, arguments
     case.write_text(CASE.replace("realisations = 24", "realisations = 100000"))
     out = tmp_path / "out"
     process = start(case, out, "--log-file", tmp_path / "lines.log", *arguments)
-    last_stage = "009"  # after one, three and four others: the realisations
+    last_stage = "012"  # after one, three and seven others: the realisations
     while not list(out.glob(f".checkpoint/{last_stage}-*")):
         assert process.poll() is None, process.stderr.read()
         time.sleep(0.05)

@@ -245,6 +245,47 @@ class TestAgainstTheWholeFace:
             assert peak < back < first
 
 
+class TestWindowsThatCannotWork:
+    """Marks of 64 points: windows of twice their length leave them half to the global scale."""
+
+    def marks(self):
+        heights = turned((128, 128), (128e-6, 128e-6), pitch=64e-6, depth=3e-6, roughness=2e-7, cut_off=8e-6, rng=1)
+        return make_scene(heights.heights, loading=(1e7,))
+
+    def test_a_warning_names_the_window(self):
+        (text,) = two_scale(self.marks(), (2, 2)).failures
+        assert text.startswith("windows of 64 × 64 µm do not resolve the ridges of the face")
+        assert two_scale(self.marks(), (8, 8)).failures == ()
+
+    def test_faces_without_ridges_or_with_all_of_them_in_a_window_are_not_warned_of(self, rough_two_scale):
+        assert rough_two_scale.failures == ()
+        x2 = (np.arange(64) + 0.5) * PIXEL
+        scene = make_scene(np.tile(1e-6 * np.cos(2 * np.pi * x2 / 4e-6), (64, 1)), loading=(1e7,))
+        assert two_scale(scene, (2, 2)).failures == ()
+
+
+class TestResolvedFlow:
+    def test_is_the_flow_through_the_stitched_gap(self, rough, rough_two_scale):
+        result = two_scale(rough, (4, 6), flow="resolved")
+        k = [cell_permeability(g.astype(float), rough.surface.spacing, sides="periodic").value for g in result.gap]
+        assert_allclose(result.leakage, leakage_of(np.array(k), rough), rtol=1e-4)
+        assert_array_equal(result.k1, rough_two_scale.k1)
+        assert (result.flow, rough_two_scale.flow) == ("resolved", "links")
+
+    def test_is_nearer_to_the_whole_face(self, rough, rough_two_scale):
+        whole = deterministic(rough).leakage
+        error = [
+            np.abs(np.log(r.leakage / whole)).max()
+            for r in (two_scale(rough, (4, 6), flow="resolved"), rough_two_scale)
+        ]
+        assert error[0] < 0.1
+        assert error[0] < error[1] / 3
+
+    def test_unknown_flow(self, rough):
+        with pytest.raises(InputError, match="links, resolved"):
+            two_scale(rough, (4, 6), flow="magic")
+
+
 class TestSymmetries:
     def test_windows_may_be_counted_from_any_column(self, rough, rough_two_scale):
         turned = replace(

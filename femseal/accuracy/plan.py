@@ -8,8 +8,9 @@ from math import ceil, log2
 
 from ..case import Case, Prepared
 from ..errors import InputError
-from ..forecast import deterministic_cost, links_along, stochastic_cost, two_scale_cost
+from ..forecast import links_along
 from ..quantities import to_text
+from ..studies.costs import deterministic_cost, stochastic_cost, two_scale_cost
 
 Pair = tuple[int, int]
 #: Points along a side, and cells in the library, are divided by these. The shortest wave of a scene has at least 8

@@ -4,18 +4,20 @@
 `stochastic` draws the windows of a seal of any length from a library of real ones. They share a `Scene`.
 """
 
-from .drawn import PRESSURES, Sampling, StochasticResult, stochastic
+from .drawn import PRESSURES, Sampling, StochasticResult, check_sampling, stochastic
 from .scene import Scene
 from .whole_face import DeterministicResult, deterministic
-from .windows import TwoScaleResult, two_scale
+from .windows import FLOWS, TwoScaleResult, two_scale
 
 __all__ = [
+    "FLOWS",
     "PRESSURES",
     "DeterministicResult",
     "Sampling",
     "Scene",
     "StochasticResult",
     "TwoScaleResult",
+    "check_sampling",
     "deterministic",
     "stochastic",
     "two_scale",

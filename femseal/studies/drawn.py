@@ -217,7 +217,7 @@ def stochastic(scene: Scene, cells: tuple[int, int], sampling: Sampling, *, map:
     InputError : an option that does not exist or does not go with the others.
     FemsealError : every window of the library failed.
     """
-    _check(sampling, cells)
+    check_sampling(sampling, cells)
     if sampling.width is None:
         return _draw(scene, cells, sampling, map)
     with TemporaryDirectory() as folder:
@@ -242,7 +242,8 @@ def stochastic(scene: Scene, cells: tuple[int, int], sampling: Sampling, *, map:
     return result
 
 
-def _check(sampling: Sampling, cells: tuple[int, int]) -> None:
+def check_sampling(sampling: Sampling, cells: tuple[int, int]) -> None:
+    """Raise InputError for options that do not exist or do not go together."""
     if sampling.pressure not in PRESSURES:
         raise InputError.of("pressure", sampling.pressure, f"one of {', '.join(PRESSURES)}")
     if sampling.chosen_sampler == "block" and sampling.pressure != "place":

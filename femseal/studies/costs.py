@@ -1,0 +1,71 @@
+"""What a study costs, before it is started, and which one an automatic choice takes."""
+
+from __future__ import annotations
+
+import os
+
+import numpy as np
+
+from .drawn import Sampling
+
+#: Seconds of one core for one contact solution and one flow solution of n pixels, fitted to 64² … 4096² on a 2-core
+#: x86-64 machine; good to a factor of two.
+_CONTACT_SECONDS = (4e-4, 3.0e-7, 1.0)
+_FLOW_SECONDS = (2e-4, 3e-8, 1.25)
+
+
+def _seconds(model: tuple[float, float, float], pixels: float) -> float:
+    base, factor, power = model
+    return base + factor * pixels**power * (np.log2(pixels) / 10 if power == 1.0 else 1.0)
+
+
+def deterministic_cost(steps: int, points: tuple[int, int]) -> tuple[float, float]:
+    """Expected time on one core [s] and memory [byte] of the deterministic solution."""
+    pixels = points[0] * points[1]
+    seconds = steps * (_seconds(_CONTACT_SECONDS, pixels) * 2 + _seconds(_FLOW_SECONDS, pixels))
+    return seconds, 8.0 * pixels * (steps * 4 + 60 + 3 * np.log2(pixels))
+
+
+def two_scale_cost(steps: int, points: tuple[int, int], cells: tuple[int, int]) -> tuple[float, float]:
+    """Expected time on one core [s] and memory [byte] of the two-scale solution."""
+    pixels, (m1, m2) = points[0] * points[1], cells
+    window, links = pixels // (m1 * m2), m1 * m2 + (m1 - 1) * m2
+    seconds = steps * (m1 * m2 * _seconds(_CONTACT_SECONDS, window) + links * _seconds(_FLOW_SECONDS, window))
+    return seconds, 8.0 * pixels * steps * 3
+
+
+def stochastic_cost(
+    steps: int, points: tuple[int, int], cells: tuple[int, int], sampling: Sampling, links: int
+) -> tuple[float, float]:
+    """Expected time on one core [s] and memory [byte] of a library and of the seals, `links` long, drawn from it."""
+    pixels, m1 = points[0] * points[1], cells[0]
+    window = pixels // (m1 * cells[1])
+    axes = 2 if sampling.pressure == "place" else 1
+    once = axes * _seconds(_CONTACT_SECONDS, window) + 2 * _seconds(_FLOW_SECONDS, window)
+    seconds = steps * sampling.library_cells * once
+    seconds += sampling.realisations * steps * 3e-6 * m1 * links * max(1.0, np.log2(min(m1, links)))
+    return seconds, 8.0 * (pixels * steps * 3 + m1 * links * steps * 4)
+
+
+#: What an automatic choice lets the deterministic solution take: time on one core [s], and share of the free memory.
+AFFORDABLE_SECONDS, AFFORDABLE_SHARE = 3600.0, 0.7
+
+
+def choose_method(steps: int, points: tuple[int, int], cells: tuple[int, int]) -> tuple[str, str]:
+    """ "deterministic" where that is affordable, being exact on its pixels, else "two-scale"; and why, in a line."""
+    seconds, memory = deterministic_cost(steps, points)
+    free = free_memory()
+    cost = f"deterministic about {seconds:.0f} s and {memory / 1e9:.2g} GB of {free / 1e9:.2g} GB free"
+    if seconds <= AFFORDABLE_SECONDS and memory <= AFFORDABLE_SHARE * free:
+        return "deterministic", f"{cost}: affordable, and nothing is more exact on these pixels"
+    other, less = two_scale_cost(steps, points, cells)
+    reason = "too long" if memory <= AFFORDABLE_SHARE * free else "too much"
+    return "two-scale", f"{cost}: {reason}; two scales about {other:.0f} s and {less / 1e9:.2g} GB"
+
+
+def free_memory() -> float:
+    """Memory that is free on this machine [byte]; 4 GB where that cannot be told."""
+    try:
+        return float(os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"))
+    except (ValueError, OSError, AttributeError):
+        return 4e9
