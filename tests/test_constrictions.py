@@ -52,12 +52,13 @@ class TestNetwork:
         expected = np.array([2 / 9, 6 / 9, 6 / 9 + 1 / 8, total]) / total
         assert_allclose(shares(seal, k1, 0.0, (1, 3, 4, 6)), expected, rtol=1e-12)
 
-    def test_link_across_counts(self):
-        """A path that has to change columns, on squares: resistances 1, then two of 10 side by side, then 1."""
+    @pytest.mark.parametrize("first", [1.0, 0.5])
+    def test_link_across_counts(self, first):
+        """A path that has to change columns: resistances `first`, two of 10 side by side as wide as 1 mm, the rest."""
         k1 = 1e-18 * np.array([[1.0, 0.0], [0.0, 1.0]])
-        seal = RectangularSeal((2e-3, 2e-3), (2, 2))
+        seal = RectangularSeal((2e-3, 2e-3), (2, 2), rows=(0.0, first * 1e-3, 2e-3))
         k2 = np.full((1, 2), 0.1e-18)
-        assert_allclose(shares(seal, k1, k2, (1, 2, 3)), [2.5 / 7, 5 / 7, 6 / 7], rtol=1e-12)
+        assert_allclose(shares(seal, k1, k2, (1, 2, 3)), [2.5 / 7, 5 / 7, (7 - first) / 7], rtol=1e-12)
 
     @pytest.mark.parametrize("seal", [RectangularSeal((3e-3, 8e-3), (6, 10), (0, 2e-4, 1e-3, 1.1e-3, 2e-3, 2.9e-3, 3e-3)),
                                       AnnularSeal(10e-3, 15e-3, (6, 10))])  # fmt: skip
