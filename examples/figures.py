@@ -59,9 +59,9 @@ def two_scales(results: fs.Results, step: int | None = None) -> Figure:
     windows = closely(results.folder, s)
     x1, x2 = float(data["node1"][-1]) * 1e3, float(data["cell2"][0] + data["cell2"][-1]) * 1e3
     w1, w2 = x1 / data.sizes["cell1"], x2 / data.sizes["cell2"]
-    height = 0.42 * WIDTH * x1 / x2 + 0.8
-    figure = new_figure(WIDTH, height + 6.2)
-    above, below = figure.subfigures(2, 1, height_ratios=(height, 6.2))
+    heights = 0.42 * WIDTH * x1 / x2 + 0.8, 1.75 * len(windows) + 1.0
+    figure = new_figure(WIDTH, sum(heights))
+    above, below = figure.subfigures(2, 1, height_ratios=heights)
     flow, contact = above.subplots(1, 2)
     columns, rows = np.linspace(0, x2, data.sizes["cell2"] + 1), np.r_[0, data["cell1"].values * 1e3, x1]
     image = flow.pcolormesh(columns, rows, data["fluid_pressure"].values[s] / 1e6, cmap="cividis", rasterized=True)
@@ -126,7 +126,7 @@ def _draw_closely(figure, windows, extent):
         "fluid": "fluid pressure for a unit drop; red: √flow",
     }
     for (name, title), colours, column in zip(titles.items(), ("magma", "viridis", "cividis"), panels.T, strict=True):
-        top = max(np.nanmax(window[name]) for window in windows.values())
+        top = 1.0 if name == "fluid" else max(window[name].max() for window in windows.values())
         for letter, window, axes in zip("ABC", windows.values(), column, strict=False):
             shown = window[name] if name == "fluid" else np.where(window[name] > 0, window[name], np.nan)
             image = axes.imshow(shown, origin="lower", extent=extent, cmap=colours, vmin=0, vmax=top)
@@ -235,7 +235,7 @@ def permeability(results: fs.Results) -> Figure:
 
 
 def _floor(k):
-    """Twelve decades below the largest, or less: narrower windows are as good as closed."""
+    """End of a scale: below the smallest, or twelve decades below the largest, which is as good as closed."""
     return max(k[k > 0].min() / 3, 1e-12 * np.nanmax(k))
 
 
@@ -261,17 +261,21 @@ def leakage(seals: list) -> Figure:
     steps = seals[0].steps
     pressure = np.array([s.pressure for s in steps]) / 1e6
     peaks = sorted({s.unloaded_from for s in steps if s.unloaded_from is not None})
+    floor = _floor(np.array([seal.quantile(0.5) for seal in seals]))
     shades = matplotlib.colormaps["viridis"](np.linspace(0.85, 0, len(seals)))
     for seal, colour, (_, line, marker) in zip(seals, shades, STYLES, strict=False):
         label = f"{seal.seal.length * 1e3:.3g} mm"
         for at, width, text in zip(_path(steps, peaks[-1]), (0.8, 1.8), (None, label), strict=True):
-            low, middle, high = (_open(seal.quantile(q)[at]) for q in (QUANTILES[0], 0.5, QUANTILES[1]))
+            low, middle, high = (seal.quantile(q)[at] for q in (QUANTILES[0], 0.5, QUANTILES[1]))
+            middle = _open(middle)
             left.plot(
                 pressure[at], middle, color=colour, ls=line, lw=width, marker=marker, ms=3, markevery=3, label=text
             )
-            left.fill_between(pressure[at], low, high, color=colour, alpha=0.2, lw=0)
+            left.fill_between(
+                pressure[at], np.maximum(low, floor), np.maximum(high, floor), color=colour, alpha=0.2, lw=0
+            )
     left.set_title(f"(a) median and {BAND}; thin: loading, thick: unloading")
-    left.legend(title="length of the seal", handlelength=4)
+    left.legend(title="length (no line: sealed)", handlelength=4)
     median = _open(seals[-1].quantile(0.5))
     at = _path(steps, peaks[-1])[0]
     right.plot(pressure[at], median[at], color=BRANCHES[0][1], lw=2.2, label="loading")
@@ -281,7 +285,7 @@ def leakage(seals: list) -> Figure:
                    label=f"from {peak / 1e6:.4g} MPa")  # fmt: skip
     right.set_title(f"(b) {seals[-1].seal.length * 1e3:.3g} mm, unloaded from several loads")
     right.legend(handlelength=4)
-    left.set(yscale="log", ylabel="leakage per length of seal [m²/s]")
+    left.set(yscale="log", ylabel="leakage per length of seal [m²/s]", ylim=(floor, None))
     for axes in (left, right):
         axes.set(xlabel="nominal pressure [MPa]", xlim=(0, None))
     return figure
@@ -330,16 +334,16 @@ def constrictions(results: fs.Results, deterministic: tuple[np.ndarray, np.ndarr
     """Figure 5. Shares of the pressure drop over the leakage, and where it drops at the least; see `resolved`."""
     data = _with(results, "drop_share", "a two-scale run")
     q = data["leakage_two_scale"].values
-    leaking = np.flatnonzero(np.nan_to_num(q) != 0)
+    rate, windows = deterministic if deterministic is not None else (q, None)
+    leaking = np.flatnonzero(np.nan_to_num(q * rate) != 0)
     if leaking.size == 0:
         raise InputError.of("results", "a seal that never leaks", "one that does")
     least = int(leaking[np.argmin(np.abs(q[leaking]))])
-    figure = new_figure(WIDTH, 2.9)
+    figure = new_figure(WIDTH, 3.1)
     left, right = figure.subplots(1, 2)
     loading = np.isnan(data["unloaded_from"].values)
     curves = [("links of the network", "-", "full", q / q[0], data["drop_share"].values)]
-    if deterministic is not None:
-        rate, windows = deterministic
+    if windows is not None:
         shares = np.array([largest_shares(w) for w in windows])
         curves.append(("windows, deterministic", "--", "none", rate / rate[0], shares))
     for n, (colour, marker) in enumerate(zip(SHADES, "os^", strict=True)):
@@ -352,15 +356,15 @@ def constrictions(results: fs.Results, deterministic: tuple[np.ndarray, np.ndarr
     ]
     keys += [Line2D([], [], color=c, marker=m, ls="", label=f"the narrowest {n}" if n > 1 else "the narrowest")
              for n, c, m in zip(data["narrowest"].values, SHADES, "os^", strict=True)]  # fmt: skip
-    left.legend(handles=keys, loc="upper left", handlelength=3)
+    figure.legend(handles=keys, loc="outside lower center", ncols=5, handlelength=3)
     left.set(
-        xscale="log", xlabel="leakage / leakage at the first load", ylabel="share of the pressure drop", ylim=(0, 1)
+        xscale="log", xlabel="leakage / leakage at the first load", ylabel="share of the pressure drop", ylim=(0, 1.03)
     )
     left.invert_xaxis()
     left.set_title("(a) large: loading, small: unloading")
     segments, shares = link_shares(data, least)
     x1, x2 = data["node1"].values * 1e3, np.linspace(0, 2e3 * data["cell2"].values.mean(), data.sizes["cell2"] + 1)
-    if deterministic is not None:
+    if windows is not None:
         image = right.pcolormesh(x2, x1, 100 * windows[least] / windows[least].sum(), cmap="Blues", rasterized=True)
         figure.colorbar(image, ax=right, shrink=0.7, label="deterministic: in a window [%]")
     right.add_collection(LineCollection(segments, linewidths=6 * np.sqrt(shares), colors=RED))
