@@ -16,6 +16,7 @@ from ..contact import LoadStep
 from ..errors import InputError
 from ..files import made_folder, replacing
 from ..machine import machine, peak_memory
+from ..seal import NARROWEST, RectangularSeal, drop_shares
 from ..versions import versions
 from . import fields as stitched
 from . import select, summary, tables
@@ -223,9 +224,9 @@ def assemble(
     -------
     Results; every variable has `units` and `long_name`. Dimensions: step; realisation; cell1, cell2, windows by their
     centres [m]; node1, corner1, rows of nodes and of x2-links along x1 [m] (the x2-link of column j runs from cell2 j
-    to j + 1); library_cell, library_step. Fluxes are volume rates per width at the fluid's reference density.
-    Attributes tell the case, the surface, versions, machine, wall times, peak memory of the main process, and how many
-    flows were solved or known without (`counts`).
+    to j + 1); narrowest, numbers of links; library_cell, library_step. Fluxes are volume rates per width at the
+    fluid's reference density. Attributes tell the case, the surface, versions, machine, wall times, peak memory of the
+    main process, and how many flows were solved or known without (`counts`).
 
     Raises
     ------
@@ -363,6 +364,13 @@ def _add_windows(data: xarray.Dataset, scene: Scene, result: TwoScaleResult) -> 
     if m1 > 1:
         across = result.k2 * (potential - np.roll(potential, -1, axis=2))[:, 1:-1] / d2
         data["flux2"] = (("step", "corner1", "cell2"), across, _labels("m^2/s", f"{text} x2"))
+    seal = RectangularSeal(scene.surface.size, (m1, m2), result.partition.node_rows)
+    shares = np.full((len(result.steps), len(NARROWEST)), np.nan)
+    for s in np.flatnonzero(np.isfinite(result.fluid_pressure[:, 0]).all(axis=1)):  # NaN where a link failed
+        shares[s] = drop_shares(result.k1[s], result.k2[s], seal, potential[s])
+    data.coords["narrowest"] = ("narrowest", list(NARROWEST), _labels("1", "number of links that dissipate most"))
+    text = "share of the pressure drop over the links that dissipate most, NaN without flow"
+    data["drop_share"] = (("step", "narrowest"), shares, _labels("1", text))
 
 
 def _add_realisations(data: xarray.Dataset, result: StochasticResult, quantiles: tuple[float, float]) -> None:

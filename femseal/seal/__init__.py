@@ -1,6 +1,17 @@
-"""Shapes of seals, and the leakage of the whole seal from the permeability of its parts."""
+"""Shapes of seals, the leakage of the whole seal from the permeability of its parts, and where its pressure drops."""
 
+from .constrictions import NARROWEST, drop_shares, largest_shares, window_dissipation
 from .leakage import Leakage, seal_leakage
 from .shapes import AnnularSeal, MeshSeal, RectangularSeal
 
-__all__ = ["AnnularSeal", "Leakage", "MeshSeal", "RectangularSeal", "seal_leakage"]
+__all__ = [
+    "NARROWEST",
+    "AnnularSeal",
+    "Leakage",
+    "MeshSeal",
+    "RectangularSeal",
+    "drop_shares",
+    "largest_shares",
+    "seal_leakage",
+    "window_dissipation",
+]

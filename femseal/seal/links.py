@@ -74,7 +74,9 @@ def network_flow(c1: Array, c2: Array, bounds: bool) -> DarcyFlow:
     lower = upper = np.nan
     if bounds:
         potential = np.nan_to_num(flow.potential)  # nothing flows in pockets
-        upper = max(_dissipation(c1, c2, potential), flow.rate) if flow.percolates else 0.0
+        dissipation = float(sum(part.sum() for part in link_dissipation(c1, c2, potential)))
+        # an upper bound for any potential that is 1 and 0 at the ends
+        upper = max(dissipation, flow.rate) if flow.percolates else 0.0
         lower = min(conservative_rate(c1, c2, potential), flow.rate) if flow.percolates else 0.0
     return DarcyFlow(
         conductance=flow.rate * scale,
@@ -88,10 +90,11 @@ def network_flow(c1: Array, c2: Array, bounds: bool) -> DarcyFlow:
     )
 
 
-def _dissipation(c1: Array, c2: Array, potential: Array) -> float:
-    """Σ c (Δφ)²: an upper bound of the flow for any `potential` that is 1 and 0 at the ends."""
-    across = np.roll(potential, -1, axis=1) - potential
-    return float((c1 * np.diff(potential, axis=0) ** 2).sum() + (c2 * across[1:-1] ** 2).sum())
+def link_dissipation(c1: Array, c2: Array, potential: Array) -> tuple[Array, Array]:
+    """c (Δφ)² of the links along both axes; `potential` (n1 + 1, n2) is NaN in pockets, in which nothing flows."""
+    φ = np.nan_to_num(potential)
+    across = np.roll(φ, -1, axis=1) - φ
+    return c1 * np.diff(φ, axis=0) ** 2, c2 * across[1:-1] ** 2
 
 
 def conservative_rate(c1: Array, c2: Array, potential: Array) -> float:

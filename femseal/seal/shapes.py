@@ -87,11 +87,15 @@ class RectangularSeal:
         x1, x2 = np.meshgrid(self.rows, (np.arange(n2) + 0.5) * (self.size[1] / n2), indexing="ij")
         return np.stack([x1, x2], axis=-1)
 
-    def flow(self, permeability: Any, *, bounds: bool = False) -> DarcyFlow:
-        """Flow for a unit drop; permeability: a number, or the links (k1, k2), numbers or arrays [m³]."""
+    def conductances(self, permeability: Any) -> tuple[Array, Array]:
+        """Permeability × width / length of the links along both axes [m³]; permeability as in `flow`."""
         k1, k2 = link_permeabilities(permeability, self.cells)
         width, lengths = self.size[1] / self.cells[1], np.diff(self.rows)[:, None]
-        return network_flow(k1 * (width / lengths), k2 * ((lengths[:-1] + lengths[1:]) / 2 / width), bounds)
+        return k1 * (width / lengths), k2 * ((lengths[:-1] + lengths[1:]) / 2 / width)
+
+    def flow(self, permeability: Any, *, bounds: bool = False) -> DarcyFlow:
+        """Flow for a unit drop; permeability: a number, or the links (k1, k2), numbers or arrays [m³]."""
+        return network_flow(*self.conductances(permeability), bounds)
 
 
 @dataclass(frozen=True)
@@ -145,15 +149,19 @@ class AnnularSeal:
         θ = (np.arange(self.cells[1]) + 0.5) * (2 * pi / self.cells[1])
         return self.radii[:, None, None] * np.stack([np.cos(θ), np.sin(θ)], axis=-1)
 
-    def flow(self, permeability: Any, *, bounds: bool = False) -> DarcyFlow:
-        """Flow for a unit drop; permeability: a number, or radial and tangential links (k1, k2) [m³]."""
+    def conductances(self, permeability: Any) -> tuple[Array, Array]:
+        """Permeability × shape factor of the radial and tangential links [m³]; permeability as in `flow`."""
         k1, k2 = link_permeabilities(permeability, self.cells)
         r = self.radii
         dθ = 2 * pi / self.cells[1]
         middle = (r[:-1] + r[1:]) / 2
         radial = dθ / np.abs(np.log(r[1:] / r[:-1]))
         tangential = np.abs(np.log(middle[1:] / middle[:-1])) / dθ
-        return network_flow(k1 * radial[:, None], k2 * tangential[:, None], bounds)
+        return k1 * radial[:, None], k2 * tangential[:, None]
+
+    def flow(self, permeability: Any, *, bounds: bool = False) -> DarcyFlow:
+        """Flow for a unit drop; permeability: a number, or radial and tangential links (k1, k2) [m³]."""
+        return network_flow(*self.conductances(permeability), bounds)
 
 
 @dataclass(frozen=True)

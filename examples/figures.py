@@ -1,0 +1,411 @@
+"""The figures of Pérez-Ràfols et al. (2018) from a folder of results.
+
+    python examples/figures.py RESULTS OUT [CASE]
+
+1 two_scales     fluid pressure with the flow, contact pressure, and three windows seen closely
+2 cycles         permeability of single windows on loading and unloading, and its scatter over all
+3 permeability   against mean gap, with the asymptote h̄³/12, and against pressure
+4 leakage        of seals of several lengths, and of one unloaded from four loads
+5 constrictions  the share of the pressure drop over the narrowest links
+
+All but 4 come from a folder of a two-scale run, 2 and 3 from its library if it has one. The case of the run, if given,
+is used for figure 4, whose seals are drawn from one library of windows under the nominal pressure, and for the
+deterministic part of figure 5. Every picture is written as .pdf and .png, 183 mm wide.
+"""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import replace
+from pathlib import Path
+
+import matplotlib
+import numpy as np
+from matplotlib.collections import LineCollection
+from matplotlib.colors import ListedColormap
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Rectangle
+from matplotlib.patheffects import withStroke
+from matplotlib.ticker import LogLocator, NullFormatter
+
+import femseal as fs
+from femseal.errors import InputError
+from femseal.flow.cell import link_conductances
+from femseal.output.maps import default_step, window_flux
+from femseal.output.plots import STYLES, branches, new_figure
+from femseal.scales import Partition
+from femseal.seal import largest_shares, window_dissipation
+
+WIDTH = 7.2  # 183 mm, two columns of a journal
+CLOSED, RED = "#B0B0B0", "#D7191C"
+#: Colours that are apart in grey as well, line styles, hatching.
+BRANCHES = (("loading", "#E69F00", "-", None), ("unloading", "#00467F", "--", "////"))
+PRINT = {"font.size": 8, "axes.titlesize": 8, "legend.fontsize": 7, "lines.linewidth": 1.2, "axes.grid": False,
+         "axes.linewidth": 0.6, "legend.frameon": False, "savefig.dpi": 300, "pdf.fonttype": 42}  # fmt: skip
+#: Figure 5: the narrowest 1, 3 and 10.
+SHADES = ("#00467F", "#009E73", "#E69F00")
+#: Figure 4: shares of the highest load from which seals are unloaded, and of the peak at which they are looked at.
+PEAKS, STOPS = (0.25, 0.5, 0.75, 1.0), (0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2, 0.1, 0.04)
+#: Figure 4: lengths of seals in lengths of the face.
+LENGTHS = (0.25, 1, 4, 16)
+QUANTILES, BAND = (0.05, 0.95), "5–95 %"
+
+
+def two_scales(results: fs.Results, step: int | None = None) -> Figure:
+    """Figure 1, of a folder with vtk files of a two-scale run, at the highest load that leaks unless given."""
+    data = _with(results, "k1", "a two-scale run")
+    s = default_step(data) if step is None else step
+    windows = closely(results.folder, s)
+    x1, x2 = float(data["node1"][-1]) * 1e3, float(data["cell2"][0] + data["cell2"][-1]) * 1e3
+    w1, w2 = x1 / data.sizes["cell1"], x2 / data.sizes["cell2"]
+    heights = 0.42 * WIDTH * x1 / x2 + 0.8, 1.75 * len(windows) + 1.0
+    figure = new_figure(WIDTH, sum(heights))
+    above, below = figure.subfigures(2, 1, height_ratios=heights)
+    flow, contact = above.subplots(1, 2)
+    columns, rows = np.linspace(0, x2, data.sizes["cell2"] + 1), np.r_[0, data["cell1"].values * 1e3, x1]
+    image = flow.pcolormesh(columns, rows, data["fluid_pressure"].values[s] / 1e6, cmap="cividis", rasterized=True)
+    above.colorbar(image, ax=flow, shrink=0.8)
+    along, across = (np.nan_to_num(part) for part in window_flux(data, s))
+    size = np.hypot(along, across)
+    root = np.divide(1.3 * max(w1, w2), np.sqrt(size * size.max()), out=np.zeros_like(size), where=size > 0)
+    centres = np.meshgrid(data["cell2"] * 1e3, data["cell1"] * 1e3)
+    flow.quiver(*centres, across * root, along * root, color=RED, edgecolor="white", linewidth=0.3, pivot="mid",
+                angles="xy", scale_units="xy", scale=1, width=0.006)  # fmt: skip
+    flow.set(facecolor=CLOSED, title="fluid pressure [MPa], arrows ∝ √flow", ylabel="$x_1$ [mm], inlet at 0")
+    pressure = data["window_pressure"].values[s] / 1e6
+    image = contact.imshow(pressure, origin="lower", extent=(0, x2, 0, x1), cmap="viridis")
+    above.colorbar(image, ax=contact, shrink=0.8)
+    contact.set(title="contact pressure of windows [MPa]")
+    for axes in (flow, contact):
+        axes.set(aspect="equal", xlabel="$x_2$ along the seal [mm]", xlim=(0, x2), ylim=(0, x1))
+        for letter, (i, j) in zip("ABC", windows, strict=False):
+            for width, colour in ((2.4, "black"), (1.2, "white")):
+                axes.add_patch(Rectangle((j * w2, i * w1), w2, w1, fill=False, ec=colour, lw=width))
+            # beside the window, on the side of the middle
+            right = j < data.sizes["cell2"] / 2
+            axes.annotate(letter, ((j + right) * w2, (i + 0.5) * w1), (2 if right else -2, 0), weight="bold",
+                          textcoords="offset points", ha="left" if right else "right", va="center",
+                          color="white", path_effects=[withStroke(linewidth=2, foreground="black")])  # fmt: skip
+    _draw_closely(below, windows, (0, w2 * 1e3, 0, w1 * 1e3))
+    above.suptitle(str(data["name"].values[s]), fontsize=9)
+    return figure
+
+
+def closely(folder: Path, step: int) -> dict[tuple[int, int], dict[str, np.ndarray]]:
+    """Windows kept in a results folder: gap [µm], contact pressure [MPa], fluid pressure for a unit drop and its flow.
+
+    The flow is that of the links between pixels, in shares of the largest.
+    """
+    import pyvista
+
+    windows = {}
+    for place in sorted(path for path in (folder / "vtk").glob("window_*") if path.is_dir()):
+        grid = pyvista.read(place / f"step_{step:04d}.vti")
+        shape = grid.dimensions[0] - 1, grid.dimensions[1] - 1
+        gap, contact = (grid.cell_data[n].reshape(shape, order="F") for n in ("gap_um", "contact_pressure_MPa"))
+        # the files hold too few digits of the pressure for its differences
+        p = fs.cell_permeability(gap * 1e-6, grid.spacing[:2]).fluid_pressure
+        c1, c2 = link_conductances(gap.astype(float), grid.spacing[:2], "mirror")
+        known = np.nan_to_num(p)
+        q1 = c1 * np.diff(known, axis=0, prepend=1.0, append=0.0)
+        q2 = np.pad(c2 * np.diff(known, axis=1), ((0, 0), (1, 1)))
+        q = np.hypot(q1[:-1] + q1[1:], q2[:, :-1] + q2[:, 1:])
+        _, i, j = place.name.split("_")
+        windows[int(i), int(j)] = {"gap": gap, "contact": contact, "fluid": p, "flow": q / (q.max() or 1.0)}
+    if not windows:
+        raise InputError.of("results folder", f"{folder} without vtk/window_*", "the folder of a two-scale run")
+    return windows
+
+
+def _draw_closely(figure, windows, extent):
+    panels = figure.subplots(len(windows), 3, sharex=True, sharey=True, squeeze=False)
+    titles = {
+        "gap": "gap [µm]",
+        "contact": "contact pressure [MPa]",
+        "fluid": "fluid pressure for a unit drop; red: √flow",
+    }
+    for (name, title), colours, column in zip(titles.items(), ("magma", "viridis", "cividis"), panels.T, strict=True):
+        top = 1.0 if name == "fluid" else max(window[name].max() for window in windows.values())
+        for letter, window, axes in zip("ABC", windows.values(), column, strict=False):
+            shown = window[name] if name == "fluid" else np.where(window[name] > 0, window[name], np.nan)
+            image = axes.imshow(shown, origin="lower", extent=extent, cmap=colours, vmin=0, vmax=top)
+            axes.set_facecolor("white" if name == "contact" else CLOSED)
+            if name == "fluid":
+                axes.imshow(np.ones_like(shown), alpha=np.sqrt(window["flow"]), origin="lower", extent=extent, vmin=0,
+                            vmax=1, cmap=ListedColormap([RED]))  # fmt: skip
+            if name == "gap":
+                axes.set_ylabel(f"{letter}: $x_1$ [µm]")
+        column[0].set_title(title)
+        column[-1].set_xlabel("$x_2$ [µm]")
+        figure.colorbar(image, ax=column, location="bottom", shrink=0.8)
+
+
+def cells(results: fs.Results) -> tuple[str, np.ndarray, np.ndarray, np.ndarray]:
+    """Prefix of the steps' names; pressure, permeability and mean gap (cells, steps), of the library or the windows."""
+    if "library_k" in (data := results.dataset):
+        return "library_", *(data[f"library_{name}"].values for name in ("pressure", "k", "mean_gap"))
+    data = _with(results, "k1", "a two-scale or a stochastic run")
+    names = ("window_pressure", "k1", "window_mean_gap")
+    return "", *(data[name].values.reshape(data.sizes["step"], -1).T for name in names)
+
+
+def up_and_down(results: fs.Results, prefix: str) -> list[np.ndarray]:
+    """Steps of the loading, and of the unloading from the highest peak."""
+    paths = [steps for _, steps in branches(results.dataset, prefix)]
+    if len(paths) == 1:
+        raise InputError.of("results", "loading alone", "a run with unloading")
+    return paths[:2]
+
+
+def _with(results, name, allowed):
+    if name not in results.dataset:
+        raise InputError.of("results", f"those of the study {results.method}", allowed)
+    return results.dataset
+
+
+def cycles(results: fs.Results, count: int = 4) -> Figure:
+    """Figure 2. `count` windows along the loading and the unloading from the highest peak, and quantiles of all."""
+    prefix, _, k, _ = cells(results)
+    nominal = results.dataset[f"{prefix}nominal_pressure"].values / 1e6
+    up, down = up_and_down(results, prefix)
+    figure = new_figure(WIDTH, 3.4)
+    grid = figure.add_gridspec(2, 2, height_ratios=(3.2, 1))
+    single, every = figure.add_subplot(grid[:, 0]), figure.add_subplot(grid[0, 1])
+    closed = figure.add_subplot(grid[1, 1], sharex=every)
+    for cell, (colour, line, _) in zip(typical(k, up, down, count), STYLES[1:], strict=False):
+        for steps, width, size in ((up, 0.8, 1.8), (down, 2.0, 3.0)):
+            label = f"window {cell}" if steps is down else None
+            single.plot(nominal[steps], _open(k[cell, steps]), color=colour, ls=line, lw=width, marker="o", ms=size,
+                        label=label)  # fmt: skip
+    single.set_title("(a) thin: loading, thick: unloading; no line: closed")
+    single.set(yscale="log", xlabel="nominal pressure [MPa]", ylabel="permeability $k_1$ [m³]", xlim=(0, None))
+    single.legend(handlelength=4, loc="best")
+    floor = _floor(k)
+    for steps, (name, colour, line, hatch) in zip((up, down), BRANCHES, strict=True):
+        low, middle, high = (np.nanquantile(k[:, steps], q, axis=0) for q in (QUANTILES[0], 0.5, QUANTILES[1]))
+        every.fill_between(nominal[steps], np.maximum(low, floor), np.maximum(high, floor), facecolor=colour, alpha=0.3,
+                           hatch=hatch, edgecolor=colour, lw=0)  # fmt: skip
+        every.plot(nominal[steps], _open(middle), color=colour, ls=line, lw=1.8, label=name)
+        closed.plot(nominal[steps], 100 * np.mean(k[:, steps] == 0, axis=0), color=colour, ls=line, lw=1.8)
+    every.set(yscale="log", ylabel="$k_1$ [m³]", ylim=(floor, None))
+    every.set_title(f"(b) median and {BAND} of {len(k)} windows")
+    every.legend(loc="lower left", frameon=True, framealpha=0.9)
+    every.tick_params(labelbottom=False)
+    closed.set(xlabel="nominal pressure [MPa]", ylabel="closed [%]", xlim=(0, None), ylim=(0, None))
+    return figure
+
+
+def typical(k: np.ndarray, up: np.ndarray, down: np.ndarray, count: int) -> np.ndarray:
+    """Windows evenly in the order of steps at which they are open, then of k at the peak; those never open left out."""
+    path = k[:, np.r_[up, down[1:]]]
+    order = np.lexsort((k[:, up[-1]], (path > 0).sum(axis=1)))
+    order = order[(path[order] > 0).any(axis=1) & np.isfinite(path[order]).all(axis=1)]
+    return order[np.unique(np.round(np.linspace(0.1, 0.95, count) * (order.size - 1)).astype(int))]
+
+
+def permeability(results: fs.Results) -> Figure:
+    """Figure 3. Windows on loading and on unloading from the highest peak: k against gap and against their pressure."""
+    prefix, pressure, k, gap = cells(results)
+    nominal = results.dataset[f"{prefix}nominal_pressure"].values / 1e6
+    figure = new_figure(WIDTH, 3.2)
+    left, right = figure.subplots(1, 2, sharey=True)
+    for steps, (name, colour, line, _), marker in zip(up_and_down(results, prefix), BRANCHES, "ox", strict=True):
+        shown = k[:, steps] > 0
+        for axes, x in ((left, gap * 1e6), (right, pressure / 1e6)):
+            axes.plot(x[:, steps][shown], k[:, steps][shown], color=colour, marker=marker, ms=2.3, mew=0.6, ls="",
+                      mfc="none", alpha=0.7, label=name, rasterized=True)  # fmt: skip
+        right.plot(nominal[steps], _open(np.nanmedian(k[:, steps], axis=0)), color=colour, ls=line, lw=2.2, zorder=3,
+                   label=f"{name}, median", path_effects=[withStroke(linewidth=4, foreground="white")])  # fmt: skip
+    h = gap[(k > 0) & (gap > 0)] * 1e6
+    plates = np.geomspace(h.min(), h.max(), 50)
+    left.plot(plates, (plates * 1e-6) ** 3 / 12, color="black", lw=1.6, label=r"$\bar h^3/12$")
+    left.set(
+        xscale="log", yscale="log", xlabel=r"mean gap $\bar h$ of the window [µm]", ylabel="permeability $k_1$ [m³]"
+    )
+    if plates[-1] < 100 * plates[0]:
+        left.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+        left.xaxis.set_major_formatter("{x:g}")
+        left.xaxis.set_minor_formatter(NullFormatter())
+    left.set_ylim(_floor(k), 3 * max(np.nanmax(k), (plates[-1] * 1e-6) ** 3 / 12))
+    right.set(xlabel="pressure of the window [MPa]", xlim=(0, None))
+    for axes in (left, right):
+        axes.legend(loc="lower right", markerscale=2)
+    return figure
+
+
+def _floor(k):
+    """End of a scale: below the smallest, or twelve decades below the largest, which is as good as closed."""
+    return max(k[k > 0].min() / 3, 1e-12 * np.nanmax(k))
+
+
+def drawn_seals(case: fs.Case, lengths=LENGTHS, library: Path | None = None) -> list:
+    """Results of seals of several lengths, in lengths of the face, unloaded from four loads.
+
+    All are drawn from one library of windows, which is kept in the folder `library`.
+    """
+    prepared, table = case.prepare(), case.stochastic
+    scene, top = prepared.scene, prepared.scene.loading[-1]
+    peaks = tuple(share * top for share in PEAKS)
+    stops = tuple(sorted({share * peak for share in STOPS for peak in peaks}))
+    scene = replace(scene, loading=tuple(sorted({*scene.loading, *peaks})), unload_from=peaks, unloading=stops)
+    sampling = fs.Sampling(length=0.0, realisations=table.realisations, library_cells=table.library_cells,
+                           seed=case.seed, pressure="uniform", library=library)  # fmt: skip
+    return [fs.stochastic(scene, prepared.cells, replace(sampling, length=n * scene.surface.size[1])) for n in lengths]
+
+
+def leakage(seals: list) -> Figure:
+    """Figure 4. Median leakage over load: seals of all lengths unloaded from the highest load, the longest from all."""
+    figure = new_figure(WIDTH, 3.4)
+    left, right = figure.subplots(1, 2, sharey=True)
+    steps = seals[0].steps
+    pressure = np.array([s.pressure for s in steps]) / 1e6
+    peaks = sorted({s.unloaded_from for s in steps if s.unloaded_from is not None})
+    floor = _floor(np.array([seal.quantile(0.5) for seal in seals]))
+    shades = matplotlib.colormaps["viridis"](np.linspace(0.85, 0, len(seals)))
+    for seal, colour, (_, line, marker) in zip(seals, shades, STYLES, strict=False):
+        label = f"{seal.seal.length * 1e3:.3g} mm"
+        for at, width, text in zip(_path(steps, peaks[-1]), (0.8, 1.8), (None, label), strict=True):
+            low, middle, high = (seal.quantile(q)[at] for q in (QUANTILES[0], 0.5, QUANTILES[1]))
+            middle = _open(middle)
+            left.plot(
+                pressure[at], middle, color=colour, ls=line, lw=width, marker=marker, ms=3, markevery=3, label=text
+            )
+            left.fill_between(
+                pressure[at], np.maximum(low, floor), np.maximum(high, floor), color=colour, alpha=0.2, lw=0
+            )
+    left.set_title(f"(a) median and {BAND}; thin: loading, thick: unloading")
+    left.legend(title="length (no line: sealed)", handlelength=4)
+    median = _open(seals[-1].quantile(0.5))
+    at = _path(steps, peaks[-1])[0]
+    right.plot(pressure[at], median[at], color=BRANCHES[0][1], lw=2.2, label="loading")
+    for peak, (_, line, marker), grey in zip(peaks, STYLES[1:], np.linspace(0.55, 0, len(peaks)), strict=False):
+        at = _path(steps, peak)[1]
+        right.plot(pressure[at], median[at], color=str(grey), ls=line, marker=marker, ms=3.2, markevery=3,
+                   label=f"from {peak / 1e6:.4g} MPa")  # fmt: skip
+    right.set_title(f"(b) {seals[-1].seal.length * 1e3:.3g} mm, unloaded from several loads")
+    right.legend(handlelength=4)
+    left.set(yscale="log", ylabel="leakage per length of seal [m²/s]", ylim=(floor, None))
+    for axes in (left, right):
+        axes.set(xlabel="nominal pressure [MPa]", xlim=(0, None))
+    return figure
+
+
+def _path(steps, peak):
+    """Steps of the loading up to a peak, and of the unloading from there."""
+    up = [n for n, s in enumerate(steps) if s.unloaded_from is None and s.pressure <= peak]
+    return up, [up[-1], *(n for n, s in enumerate(steps) if s.unloaded_from == peak)]
+
+
+def _open(values):
+    """No line where nothing flows."""
+    return np.where(values > 0, values, np.nan)
+
+
+def resolved(case: fs.Case, results: fs.Results) -> tuple[np.ndarray, np.ndarray]:
+    """Deterministic leakage (steps,) [m²/s] and dissipation (steps, m1, m2) in the windows of the two-scale run."""
+    prepared = case.prepare()
+    surface, rows = prepared.scene.surface, results.dataset["node1"].values
+    lines = tuple(round(x / surface.spacing[0]) for x in rows)
+    partition = Partition(surface.shape, surface.spacing, prepared.cells, lines)
+    study = fs.deterministic(prepared.scene)
+    return study.leakage, np.array([window_dissipation(gap, partition) for gap in study.gap])
+
+
+def link_shares(data, step: int) -> tuple[np.ndarray, np.ndarray]:
+    """Dissipation q²/c of all links in shares of their sum: (segments (links, 2, 2) as x2, x1 [mm]; shares)."""
+    x1, x2 = data["node1"].values, data["cell2"].values
+    lengths, width = np.diff(x1)[:, None], 2 * x2[0]
+    shapes = [("flux1", "k1", lengths * width, x1[:-1], lengths[:, 0], 0.0)]
+    if "flux2" in data:
+        middle = (lengths[:-1] + lengths[1:]) / 2
+        shapes.append(("flux2", "k2", middle * width, x1[1:-1], np.zeros(len(middle)), width))
+    segments, dissipation = [], []
+    for flux, k, size, start, up, across in shapes:
+        q, k = data[flux].values[step], data[k].values[step]
+        dissipation.append(np.divide(q**2 * size, k, out=np.zeros_like(q), where=k > 0).ravel())
+        from_, to = np.broadcast_arrays(start[:, None], x2), np.broadcast_arrays((start + up)[:, None], x2 + across)
+        segments.append(1e3 * np.stack([np.stack(end[::-1], axis=-1) for end in (from_, to)], axis=2).reshape(-1, 2, 2))
+    together = np.concatenate(dissipation)
+    return np.concatenate(segments), together / together.sum()
+
+
+def constrictions(results: fs.Results, deterministic: tuple[np.ndarray, np.ndarray] | None = None) -> Figure:
+    """Figure 5. Shares of the pressure drop over the leakage, and where it drops at the least; see `resolved`."""
+    data = _with(results, "drop_share", "a two-scale run")
+    q = data["leakage_two_scale"].values
+    rate, windows = deterministic if deterministic is not None else (q, None)
+    leaking = np.flatnonzero(np.nan_to_num(q * rate) != 0)
+    if leaking.size == 0:
+        raise InputError.of("results", "a seal that never leaks", "one that does")
+    least = int(leaking[np.argmin(np.abs(q[leaking]))])
+    figure = new_figure(WIDTH, 3.1)
+    left, right = figure.subplots(1, 2)
+    loading = np.isnan(data["unloaded_from"].values)
+    curves = [("links of the network", "-", "full", q / q[0], data["drop_share"].values)]
+    if windows is not None:
+        shares = np.array([largest_shares(w) for w in windows])
+        curves.append(("windows, deterministic", "--", "none", rate / rate[0], shares))
+    for n, (colour, marker) in enumerate(zip(SHADES, "os^", strict=True)):
+        for _, line, fill, x, shares in curves:
+            style = {"color": colour, "marker": marker, "fillstyle": fill, "mew": 0.8}
+            left.plot(x[loading], shares[loading, n], ls=line, ms=4, **style)
+            left.plot(x[~loading], shares[~loading, n], ls="", ms=2, **style)
+    keys = [
+        Line2D([], [], color="grey", ls=line, marker="o", fillstyle=fill, label=name) for name, line, fill, *_ in curves
+    ]
+    keys += [Line2D([], [], color=c, marker=m, ls="", label=f"the narrowest {n}" if n > 1 else "the narrowest")
+             for n, c, m in zip(data["narrowest"].values, SHADES, "os^", strict=True)]  # fmt: skip
+    figure.legend(handles=keys, loc="outside lower center", ncols=5, handlelength=3)
+    left.set(
+        xscale="log", xlabel="leakage / leakage at the first load", ylabel="share of the pressure drop", ylim=(0, 1.03)
+    )
+    left.invert_xaxis()
+    left.set_title("(a) large: loading, small: unloading")
+    segments, shares = link_shares(data, least)
+    x1, x2 = data["node1"].values * 1e3, np.linspace(0, 2e3 * data["cell2"].values.mean(), data.sizes["cell2"] + 1)
+    if windows is not None:
+        image = right.pcolormesh(x2, x1, 100 * windows[least] / windows[least].sum(), cmap="Blues", rasterized=True)
+        figure.colorbar(image, ax=right, shrink=0.7, label="deterministic: in a window [%]")
+    right.add_collection(LineCollection(segments, linewidths=6 * np.sqrt(shares), colors=RED))
+    for n, link in enumerate(np.argsort(shares)[::-1][:10], start=1):
+        text = right.text(*segments[link].mean(axis=0), str(n), ha="center", va="center", fontsize=6, clip_on=True)
+        text.set_bbox({"facecolor": "white", "edgecolor": RED, "pad": 0.8, "lw": 0.5})
+    right.set(aspect="equal", xlim=(0, x2[-1]), ylim=(0, x1[-1]), xlabel="$x_2$ [mm]", ylabel="$x_1$ [mm]")
+    right.set_title(f"(b) {data['name'].values[least]};\nlinks: width ∝ √share, ten numbered")
+    return figure
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("results", type=Path)
+    parser.add_argument("out", type=Path)
+    parser.add_argument("case", type=Path, nargs="?")
+    given = parser.parse_args()
+    results = fs.open_results(given.results)
+    case = fs.load_case(given.case) if given.case else None
+    if case is not None and results.case != case.echo():
+        raise InputError.of("case", f"'{given.case}'", "the case of the results")
+    given.out.mkdir(parents=True, exist_ok=True)
+    drawings = {
+        "1_two_scales": lambda: two_scales(results),
+        "2_cycles": lambda: cycles(results),
+        "3_permeability": lambda: permeability(results),
+        "5_constrictions": lambda: constrictions(results, resolved(case, results) if case else None),
+    }
+    if case is not None and case.stochastic is not None:
+        drawings["4_leakage"] = lambda: leakage(drawn_seals(case, library=given.out / "library"))
+    with matplotlib.rc_context(PRINT):
+        for name, draw in sorted(drawings.items()):
+            try:
+                figure = draw()
+            except InputError as error:
+                print(f"figure {name} is left out: {error}")
+                continue
+            for suffix in (".pdf", ".png"):
+                figure.savefig(given.out / f"figure_{name}{suffix}")
+            print(given.out / f"figure_{name}.pdf")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,100 @@
+"""Where the pressure drops: in links of a network, or in windows of a face that is resolved.
+
+Symbols: φ potential, c conductance of a link [m³], q = c Δφ its flow. Its dissipation q Δφ = c (Δφ)² adds up to the
+flow times the drop of the whole, so that wherever all flow passes through one link after the other the share of the
+dissipation in a link is its share of the pressure drop.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .. import checks
+from ..errors import InputError
+from ..flow.cell import cell_permeability, link_conductances
+from ..scales import Partition
+from .links import link_dissipation
+from .shapes import AnnularSeal, RectangularSeal
+
+Array = NDArray[np.float64]
+#: Numbers of links over which the drop of pressure is summed unless asked for others.
+NARROWEST = (1, 3, 10)
+
+
+def drop_shares(
+    k1: ArrayLike,
+    k2: ArrayLike,
+    seal: RectangularSeal | AnnularSeal,
+    potential: ArrayLike,
+    counts: Sequence[int] = NARROWEST,
+) -> Array:
+    """Share of the drop over the 1, 3, 10 links that dissipate most, those along both axes taken together.
+
+    Parameters
+    ----------
+    k1, k2 : permeability of the links [m³], as in `seal_leakage`.
+    seal : whose links they are.
+    potential : at the nodes (n1 + 1, n2), in any unit, NaN in pockets: `Fluid.potential` of the fluid pressure, or the
+        pressure itself of a liquid of constant viscosity.
+    counts : numbers of links.
+
+    Returns
+    -------
+    (number of counts,), from 0 to 1; NaN without flow.
+
+    Raises
+    ------
+    InputError : permeabilities as in `seal_leakage`, a potential of another shape, counts that are not whole
+        numbers >= 1.
+    """
+    n1, n2 = seal.cells
+    φ = np.asarray(potential, float)
+    if φ.shape != (n1 + 1, n2):
+        raise InputError.of("potential", f"shape {φ.shape}", f"shape {(n1 + 1, n2)}")
+    along, across = link_dissipation(*seal.conductances((k1, k2)), φ)
+    return largest_shares(np.concatenate([along.ravel(), across.ravel()]), counts)
+
+
+def largest_shares(dissipation: ArrayLike, counts: Sequence[int] = NARROWEST) -> Array:
+    """Sums of the largest values in shares of the sum of all, (number of counts,); NaN where all are 0.
+
+    >>> largest_shares([[1.0, 4.0], [3.0, 0.0]], counts=(1, 2, 10)).tolist()
+    [0.5, 0.875, 1.0]
+    """
+    counts = [checks.count("counts", n) for n in counts]
+    falling = np.sort(np.asarray(dissipation, float), axis=None)[::-1]
+    sums = falling.cumsum()
+    if not sums[-1] > 0:
+        return np.full(len(counts), np.nan)
+    return sums[np.minimum(counts, sums.size) - 1] / sums[-1]
+
+
+def window_dissipation(gap: Any, partition: Partition) -> Array:
+    """Dissipation (m1, m2) [m³] of the flow through a whole face for a unit drop, in the windows of its x1-links.
+
+    These tile the face. The sum is the conductance k L2/L1, with k of `cell_permeability` on periodic sides: each link
+    between two pixels gives half to both, the half links at inlet and outlet all to their pixel.
+
+    Parameters
+    ----------
+    gap : (n1, n2) [m].
+    partition : of the face.
+
+    Raises
+    ------
+    InputError : a gap that is negative, undefined or of another shape.
+    NotConverged : the linear solver failed.
+    """
+    h = checks.field("gap", gap, unit="m", shape=partition.shape)
+    flow = cell_permeability(h, partition.spacing, sides="periodic")
+    c1, c2 = link_conductances(h, partition.spacing, "periodic")
+    ends = np.ones((1, h.shape[1])), np.zeros((1, h.shape[1]))
+    along, across = link_dissipation(c1, c2, np.concatenate([ends[0], flow.fluid_pressure, ends[1]]))
+    along[[0, -1]] *= 2  # halved below
+    pixels = (along[:-1] + along[1:] + across + np.roll(across, 1, axis=1)) / 2
+    rows = np.add.reduceat(pixels, partition.lines[:-1], axis=0)
+    return rows.reshape(*partition.cells, partition.window[1]).sum(axis=2)

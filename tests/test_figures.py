@@ -1,0 +1,267 @@
+"""The script of figures: what is drawn is what the dataset holds."""
+
+import importlib.util
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import matplotlib.collections
+import matplotlib.quiver
+import numpy as np
+import pytest
+import pyvista
+from numpy.testing import assert_allclose, assert_array_equal
+
+import femseal as fs
+from femseal.errors import InputError
+from femseal.output.maps import window_flux
+from femseal.seal import largest_shares, window_dissipation
+
+SCRIPT = Path(__file__).parents[1] / "examples" / "figures.py"
+SPEC = importlib.util.spec_from_file_location("figures", SCRIPT)
+figures = importlib.util.module_from_spec(SPEC)
+SPEC.loader.exec_module(figures)
+TEXT = """
+method = "stochastic"
+compare = ["two-scale"]
+seed = 3
+[face]
+kind = "turned"
+points = [64, 128]
+size = ["60 um", "120 um"]
+pitch = "30 um"
+depth = "1 um"
+roughness = "0.3 um"
+roughness_roll_off = "30 um"
+[material]
+young = "210 GPa"
+hardness = "2.8 GPa"
+[load]
+loading = ["50 MPa", "200 MPa", "400 MPa", "800 MPa"]
+unload_from = ["400 MPa", "800 MPa"]
+unloading = ["600 MPa", "200 MPa", "50 MPa"]
+[fluid]
+kind = "liquid"
+viscosity = "1 mPa*s"
+inlet_pressure = "10 MPa"
+[cells]
+count = [4, 8]
+[stochastic]
+length = "240 um"
+realisations = 3
+library_cells = 32
+"""
+UP, DOWN = [0, 1, 2, 3], [3, 6, 7, 8]
+
+
+@pytest.fixture(scope="module")
+def case_file(tmp_path_factory):
+    path = tmp_path_factory.mktemp("case") / "case.toml"
+    path.write_text(TEXT, encoding="utf-8")
+    return path
+
+
+@pytest.fixture(scope="module")
+def ran(case_file, tmp_path_factory):
+    """Results with all fields, and the same read back from their folder."""
+    folder = tmp_path_factory.mktemp("results")
+    return fs.run(fs.load_case(case_file), folder, workers=1), fs.open_results(folder)
+
+
+@pytest.fixture(scope="module")
+def deterministic(case_file, ran):
+    return figures.resolved(fs.load_case(case_file), ran[1])
+
+
+def curve(axes, label):
+    (line,) = [line for line in axes.lines if line.get_label() == label]
+    return line.get_data()
+
+
+def test_two_scales(ran):
+    whole, results = ran
+    data, study = results.dataset, whole.two_scale
+    figure = figures.two_scales(results, step=2)
+    above, below = figure.subfigs
+    flow, contact = above.axes[:2]
+    (mesh,) = [c for c in flow.collections if isinstance(c, matplotlib.collections.QuadMesh)]
+    assert_allclose(mesh.get_array(), data["fluid_pressure"].values[2] / 1e6)
+    (arrows,) = [c for c in flow.collections if isinstance(c, matplotlib.quiver.Quiver)]
+    # along the flow, as long as its root
+    along, across = (part.ravel() for part in window_flux(data, 2))
+    root = np.sqrt(np.hypot(along, across))
+    scale = np.hypot(arrows.U, arrows.V).max() / root.max()
+    assert_allclose(arrows.V * root, scale * along, atol=1e-9 * np.abs(along).max())
+    assert_allclose(arrows.U * root, scale * across, atol=1e-9 * np.abs(along).max())
+    assert_allclose(contact.images[0].get_array(), data["window_pressure"].values[2] / 1e6)
+    panels = np.array(below.axes[:9]).reshape(3, 3)
+    windows = figures.closely(results.folder, 2)
+    assert len(windows) == 3
+    for (place, fields), (gap, pressure, fluid) in zip(windows.items(), panels, strict=True):
+        for axes, field, scale in ((gap, study.gap, 1e6), (pressure, study.contact_pressure, 1e-6)):
+            expected = study.partition.cell(field[2], *place) * scale
+            assert_allclose(axes.images[0].get_array().filled(0.0), expected, rtol=1e-5)
+        cell = fs.cell_permeability(study.partition.cell(study.gap[2], *place), study.partition.spacing)
+        assert_allclose(fluid.images[0].get_array().filled(-1), np.nan_to_num(cell.fluid_pressure, nan=-1), atol=1e-4)
+        assert_allclose(fluid.images[1].get_alpha() ** 2, fields["flow"])
+        assert (fields["flow"][fields["gap"] == 0] == 0).all()
+
+
+def test_flow_between_parallel_plates_is_the_same_everywhere(tmp_path):
+    grid = pyvista.ImageData(dimensions=(13, 9, 1), spacing=(1e-6, 2e-6, 1.0))
+    grid.cell_data["gap_um"] = np.full(96, 0.5, np.float32)
+    grid.cell_data["contact_pressure_MPa"] = np.zeros(96, np.float32)
+    (tmp_path / "vtk" / "window_001_002").mkdir(parents=True)
+    grid.save(tmp_path / "vtk" / "window_001_002" / "step_0004.vti")
+    ((place, fields),) = figures.closely(tmp_path, 4).items()
+    assert place == (1, 2)
+    assert_allclose(fields["flow"], 1.0, rtol=1e-6)
+    assert_allclose(fields["fluid"][:, 0], 1 - (np.arange(12) + 0.5) / 12, rtol=1e-6)
+
+
+def test_cycles(ran):
+    results = ran[1]
+    k = results.dataset["library_k"].values
+    single, every, closed = figures.cycles(results).axes
+    chosen = figures.typical(k, np.array(UP), np.array(DOWN), 4)
+    assert len(set(chosen)) == 4
+    for cell in chosen:
+        x, y = curve(single, f"window {cell}")
+        assert_allclose(x, [800, 600, 200, 50])
+        assert_array_equal(np.nan_to_num(y), k[cell, DOWN])
+    for steps, line, name in ((UP, 0, "loading"), (DOWN, 1, "unloading")):
+        assert_array_equal(np.nan_to_num(curve(every, name)[1]), np.median(k[:, steps], axis=0))
+        assert_allclose(closed.lines[line].get_ydata(), 100 * np.mean(k[:, steps] == 0, axis=0))
+    assert closed.lines[0].get_ydata().max() > 0
+
+
+def test_typical_windows_are_in_the_order_of_their_closing():
+    k = np.array([[3, 0, 0], [0, 0, 0], [3, 2, 2], [3, 1, 0], [3, 1, 2], [np.nan, 1, 1], [0, 5, 1]]) * 1e-18
+    assert_array_equal(figures.typical(k, np.array([0, 1]), np.array([1, 2]), 5), [0, 3, 6, 4, 2])
+
+
+def test_permeability(ran):
+    results = ran[1]
+    data = results.dataset
+    k, gap, pressure = (data[f"library_{n}"].values for n in ("k", "mean_gap", "pressure"))
+    left, right = figures.permeability(results).axes
+    for name, steps in (("loading", UP), ("unloading", DOWN)):
+        shown = k[:, steps] > 0
+        for axes, x in ((left, gap * 1e6), (right, pressure / 1e6)):
+            assert_array_equal(curve(axes, name), [x[:, steps][shown], k[:, steps][shown]])
+        assert_array_equal(np.nan_to_num(curve(right, f"{name}, median")[1]), np.median(k[:, steps], axis=0))
+    h, plates = curve(left, r"$\bar h^3/12$")
+    assert_allclose(plates, (h * 1e-6) ** 3 / 12)
+    assert left.get_xscale() == left.get_yscale() == "log"
+
+
+@pytest.fixture(scope="module")
+def seals(case_file, tmp_path_factory):
+    return figures.drawn_seals(fs.load_case(case_file), lengths=(1, 3), library=tmp_path_factory.mktemp("library"))
+
+
+def test_leakage(seals):
+    assert [round(seal.seal.length * 1e6) for seal in seals] == [120, 360]
+    assert_array_equal(seals[0].library.curves.k, seals[1].library.curves.k)
+    steps = seals[0].steps
+    assert len({s.unloaded_from for s in steps} - {None}) == 4
+    left, right = figures.leakage(seals).axes
+    for seal, name in zip(seals, ("0.12 mm", "0.36 mm"), strict=True):
+        expected = {
+            s.pressure / 1e6: q for s, q in zip(steps, seal.quantile(0.5), strict=True) if s.unloaded_from == 8e8
+        }
+        x, y = curve(left, name)
+        assert x[0] == 800
+        assert len(expected) >= 8
+        assert_array_equal(np.nan_to_num(y)[1:], [expected[p] for p in x[1:]])
+    for peak in (200, 400, 600, 800):
+        x, y = curve(right, f"from {peak} MPa")
+        assert x[0] == peak
+        assert (np.diff(x) < 0).all()
+        assert len(x) >= 8
+        expected = {s.pressure / 1e6: q for s, q in zip(steps, seals[1].quantile(0.5), strict=True)
+                    if s.unloaded_from == peak * 1e6}  # fmt: skip
+        assert_array_equal(np.nan_to_num(y)[1:], [expected[p] for p in x[1:]])
+    assert_array_equal(curve(right, "loading")[0], [50, 200, 400, 600, 800])
+
+
+def test_resolved(case_file, ran, deterministic):
+    """Windows are those of the two-scale run, and dissipate the leakage in all."""
+    rate, windows = deterministic
+    assert ran[0].two_scale.partition.lines != (0, 16, 32, 48, 64)
+    scene = fs.load_case(case_file).prepare().scene
+    study = fs.deterministic(scene)
+    assert_array_equal(rate, study.leakage)
+    expected = window_dissipation(study.gap[1], ran[0].two_scale.partition)
+    assert_allclose(windows[1], expected, rtol=1e-6, atol=1e-9 * expected.max())
+    conductance = rate * 1e-3 / 1e7 * scene.surface.size[1]
+    assert_allclose(windows.sum(axis=(1, 2)), conductance, rtol=1e-4)
+
+
+def test_links_dissipate_what_the_dataset_says(ran):
+    data = ran[1].dataset
+    for s in (0, 1, 3):
+        segments, shares = figures.link_shares(data, s)
+        assert len(segments) == len(shares) == 4 * 8 + 3 * 8
+        assert_allclose(np.sort(shares)[::-1].cumsum()[[0, 2, 9]], data["drop_share"].values[s], rtol=1e-6)
+    # as (x2, x1): along the leakage from line to line, along the seal by one window
+    lines = data["node1"].values * 1e3
+    assert_allclose(segments[9], [[0.0225, lines[1]], [0.0225, lines[2]]])
+    assert_allclose(segments[32 + 8], [[0.0075, lines[2]], [0.0225, lines[2]]])
+
+
+def test_constrictions(ran, deterministic):
+    results = ran[1]
+    data = results.dataset
+    left, right = figures.constrictions(results, deterministic).axes[:2]
+    lines = iter(left.lines)
+    rate, windows = deterministic
+    for n, count in enumerate((1, 3, 10)):
+        networks = ((data["leakage_two_scale"].values, data["drop_share"].values[:, n]),
+                    (rate, [largest_shares(w, (count,))[0] for w in windows]))  # fmt: skip
+        for q, shares in networks:
+            for steps in (UP, [4, 5, 6, 7, 8]):
+                assert_allclose(next(lines).get_data(), [(q / q[0])[steps], np.array(shares)[steps]])
+    least = int(np.argmin(data["leakage_two_scale"].values))
+    mesh, links = right.collections
+    assert_allclose(mesh.get_array(), 100 * windows[least] / windows[least].sum())
+    segments, shares = figures.link_shares(data, least)
+    assert_allclose(links.get_linewidths(), 6 * np.sqrt(shares))
+    assert_allclose(links.get_segments()[:3], segments[:3])
+    first = next(text for text in right.texts if text.get_text() == "1")
+    assert_allclose(first.get_position(), segments[np.argmax(shares)].mean(axis=0))
+    assert len(figures.constrictions(results).axes[0].lines) == 6
+
+
+def test_results_that_do_not_do(ran):
+    results = ran[1]
+    without = replace(results, dataset=results.dataset.drop_vars(["k1", "drop_share", "library_k"]))
+    for figure in (figures.two_scales, figures.cycles, figures.permeability, figures.constrictions):
+        with pytest.raises(InputError, match="results: given those of the study median"):
+            figure(without)
+    with pytest.raises(InputError, match=r"without vtk/window_\*"):
+        figures.closely(results.folder / "vtk", 0)
+    loading = replace(results, dataset=results.dataset.isel(step=UP, library_step=UP))
+    with pytest.raises(InputError, match="a run with unloading"):
+        figures.cycles(loading)
+    sealed = results.dataset.assign(leakage_two_scale=0 * results.dataset["leakage_two_scale"])
+    with pytest.raises(InputError, match="never leaks"):
+        figures.constrictions(replace(results, dataset=sealed))
+
+
+def test_every_figure_is_written(ran, case_file, seals, deterministic, tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(figures, "drawn_seals", lambda case, library: seals)
+    monkeypatch.setattr(figures, "resolved", lambda case, results: deterministic)
+    monkeypatch.setitem(figures.PRINT, "savefig.dpi", 50)
+    folder = str(ran[1].folder)
+    monkeypatch.setattr(sys, "argv", ["figures.py", folder, str(tmp_path / "out"), str(case_file)])
+    figures.main()
+    names = [f"figure_{n}.{s}" for n in ("1_two_scales", "2_cycles", "3_permeability", "4_leakage", "5_constrictions")
+             for s in ("pdf", "png")]  # fmt: skip
+    assert sorted(path.name for path in (tmp_path / "out").glob("figure*")) == names
+    assert len(capsys.readouterr().out.splitlines()) == 5
+    other = tmp_path / "other.toml"
+    other.write_text(TEXT.replace("seed = 3", "seed = 4"), encoding="utf-8")
+    monkeypatch.setattr(sys, "argv", ["figures.py", folder, str(tmp_path / "out"), str(other)])
+    with pytest.raises(InputError, match="the case of the results"):
+        figures.main()
