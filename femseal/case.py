@@ -323,6 +323,7 @@ class StochasticTable(_Table):
     """How a seal is drawn, see `studies.Sampling`."""
 
     length: Length
+    breadth: Length | None = None
     realisations: Annotated[int, Field(strict=True, ge=2)] = 50
     library_cells: Count = 128
     sampler: Annotated[str, *_names(SAMPLERS)] | None = None
@@ -455,6 +456,7 @@ class Case(_Table):
                     raise InputError.of("stochastic.length", given, f"at least one cell, {cell}")
                 sampling = Sampling(
                     length=table.length,
+                    breadth=table.breadth,
                     realisations=table.realisations,
                     library_cells=table.library_cells,
                     seed=self.seed,

@@ -6,15 +6,9 @@ import numpy as np
 
 from .case import Case, Prepared
 from .quantities import to_text
+from .scales import Partition
+from .studies import seal_cells
 from .studies.costs import deterministic_cost, stochastic_cost, two_scale_cost
-
-
-def links_along(prepared: Prepared) -> int:
-    """Links of a drawn seal along its length."""
-    assert prepared.cells is not None
-    assert prepared.sampling is not None
-    width = prepared.scene.surface.size[1] / prepared.cells[1]
-    return max(1, round(prepared.sampling.length / width))
 
 
 def describe(case: Case, prepared: Prepared) -> list[str]:
@@ -53,13 +47,13 @@ def describe(case: Case, prepared: Prepared) -> list[str]:
             costs.append(two_scale_cost(steps, surface.shape, prepared.cells))
         if prepared.sampling is not None:
             sampling = prepared.sampling
-            n2 = links_along(prepared)
+            n1, n2 = seal_cells(Partition(surface.shape, surface.spacing, prepared.cells), sampling)
             lines.append(
                 f"stochastic {sampling.library_cells} library cells ({sampling.pressure}), "
-                f"{sampling.realisations} seals of {m1} × {n2} links, "
+                f"{sampling.realisations} seals of {n1} × {n2} links, "
                 f"{to_text(n2 * surface.size[1] / m2, 'm', 3)} long"
             )
-            costs.append(stochastic_cost(steps, surface.shape, prepared.cells, sampling, n2))
+            costs.append(stochastic_cost(steps, surface.shape, prepared.cells, sampling, (n1, n2)))
     seconds, memory = (sum(cost) for cost in zip(*costs, strict=True))
     workers = "one core; two cores take about half"
     lines.append(f"expected   about {seconds:.0f} s on {workers}, {memory / 1e9:.1f} GB")

@@ -393,6 +393,18 @@ class TestDraws:
         assert_allclose(result.leakage[:, :3], np.tile(expected[:3], (6, 1)), rtol=1e-4)
         assert_allclose(result.leakage[:, 3], expected[3], rtol=2e-3)  # between stops of the ladder
 
+    def test_a_broad_seal_is_rows_in_series(self):
+        """Equal windows: leakage falls with the number of rows, whatever the face has."""
+        window = self_affine((32, 32), (32e-6, 32e-6), hurst=0.8, rms_slope=0.15, rng=1).heights
+        scene = make_scene(np.tile(window, (2, 2)), loading=(1e8,), rtol=1e-8)
+        sampling = replace(SAMPLING, pressure="uniform", library_cells=4)
+        face, broad = (stochastic(scene, (2, 2), replace(sampling, breadth=b)) for b in (None, 320e-6))
+        assert (face.seal.cells[0], broad.seal.cells[0]) == (2, 10)
+        assert_allclose(broad.seal.size[0], 320e-6)
+        assert_allclose(broad.leakage, face.leakage / 5, rtol=1e-6)
+        with pytest.raises(InputError, match="10, one for each row"):
+            stochastic(scene, (2, 2), replace(sampling, breadth=320e-6, profile=(1.0, 1.0)))
+
     def test_pressure_profile(self):
         """Equal windows: the rows follow one another under the shares of the profile, inlet first."""
         window = self_affine((32, 32), (32e-6, 32e-6), hurst=0.8, rms_slope=0.15, rng=1).heights
@@ -520,6 +532,8 @@ class TestDraws:
             ({"pressure": "uniform", "profile": (2.0, 2.0, 1.0, 0.0)}, "4 numbers >= 0 with the mean 1"),
             ({"library": Path("kept")}, "no ladder"),
             ({"width": 0.0}, "width"),
+            ({"breadth": 1e-3}, "uniform"),
+            ({"breadth": -1.0, "pressure": "uniform"}, "length > 0"),
         ],
     )
     def test_bad_sampling(self, rough, given, words):

@@ -8,8 +8,9 @@ from math import ceil, log2
 
 from ..case import Case, Prepared
 from ..errors import InputError
-from ..forecast import links_along
 from ..quantities import to_text
+from ..scales import Partition
+from ..studies import seal_cells
 from ..studies.costs import deterministic_cost, stochastic_cost, two_scale_cost
 
 Pair = tuple[int, int]
@@ -223,7 +224,9 @@ def _cost(prepared: Prepared, variant: Variant) -> tuple[float, float]:
         return two_scale_cost(steps, variant.points, variant.cells)
     assert prepared.sampling is not None
     sampling = replace(prepared.sampling, library_cells=variant.library_cells)
-    return stochastic_cost(steps, variant.points, variant.cells, sampling, links_along(prepared))
+    surface = prepared.scene.surface
+    seal = seal_cells(Partition(surface.shape, surface.spacing, variant.cells), sampling)
+    return stochastic_cost(steps, variant.points, variant.cells, sampling, seal)
 
 
 def _may_be_reference(prepared: Prepared, variant: Variant) -> bool:

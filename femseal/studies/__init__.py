@@ -4,7 +4,7 @@
 `stochastic` draws the windows of a seal of any length from a library of real ones. They share a `Scene`.
 """
 
-from .drawn import PRESSURES, Sampling, StochasticResult, check_sampling, stochastic
+from .drawn import PRESSURES, Sampling, StochasticResult, check_sampling, seal_cells, stochastic
 from .scene import Scene
 from .whole_face import DeterministicResult, deterministic
 from .windows import FLOWS, TwoScaleResult, two_scale
@@ -19,6 +19,7 @@ __all__ = [
     "TwoScaleResult",
     "check_sampling",
     "deterministic",
+    "seal_cells",
     "stochastic",
     "two_scale",
 ]

@@ -11,6 +11,8 @@ from .drawn import Sampling
 #: Seconds of one core for one contact solution and one flow solution of n pixels, fitted to 64² … 4096² on a 2-core
 #: x86-64 machine; good to a factor of two.
 _CONTACT_SECONDS = (4e-4, 3.0e-7, 1.0)
+#: States of a window on its ladder, loading, unloading and apart.
+_LADDER_STATES = 60
 _FLOW_SECONDS = (2e-4, 3e-8, 1.25)
 
 
@@ -35,16 +37,20 @@ def two_scale_cost(steps: int, points: tuple[int, int], cells: tuple[int, int]) 
 
 
 def stochastic_cost(
-    steps: int, points: tuple[int, int], cells: tuple[int, int], sampling: Sampling, links: int
+    steps: int, points: tuple[int, int], cells: tuple[int, int], sampling: Sampling, seal: tuple[int, int]
 ) -> tuple[float, float]:
-    """Expected time on one core [s] and memory [byte] of a library and of the seals, `links` long, drawn from it."""
-    pixels, m1 = points[0] * points[1], cells[0]
-    window = pixels // (m1 * cells[1])
-    axes = 2 if sampling.pressure == "place" else 1
-    once = axes * _seconds(_CONTACT_SECONDS, window) + 2 * _seconds(_FLOW_SECONDS, window)
-    seconds = steps * sampling.library_cells * once
-    seconds += sampling.realisations * steps * 3e-6 * m1 * links * max(1.0, np.log2(min(m1, links)))
-    return seconds, 8.0 * (pixels * steps * 3 + m1 * links * steps * 4)
+    """Expected time on one core [s] and memory [byte] of a library and of the drawn seals of n1 × n2 links."""
+    pixels, windows = points[0] * points[1], cells[0] * cells[1]
+    contact, flow = (_seconds(model, pixels // windows) for model in (_CONTACT_SECONDS, _FLOW_SECONDS))
+    if sampling.pressure == "place":
+        seconds = steps * (windows * contact + 2 * max(sampling.library_cells, windows) * flow)
+    else:
+        seconds = _LADDER_STATES * sampling.library_cells * (contact + 2 * flow)
+    links = seal[0] * seal[1]
+    # as many seals again from resampled libraries
+    seconds += 2 * sampling.realisations * steps * 1.5e-6 * links * max(1.0, np.log2(min(seal)))
+    held = 1 if sampling.chosen_sampler in ("history", "block") else steps
+    return seconds, 8.0 * (pixels * steps * 3 + links * (held * 2 + 30))
 
 
 #: What an automatic choice lets the deterministic solution take: time on one core [s], and share of the free memory.

@@ -54,7 +54,9 @@ ROUNDS, GROWTH = 4, 8
 class Sampling:
     """How a seal is drawn.
 
-    length : seal length along x2 [m], rounded to whole cells. realisations : how many seals. library_cells : windows in
+    length : seal length along x2 [m], rounded to whole cells. breadth : size from inlet to outlet [m], likewise; that
+    of
+        the face unless given; "uniform" only. realisations : how many seals. library_cells : windows in
     the library. seed : of all random numbers.
     sampler : "history", "derivative", "copula" or "block", see `scales.sampling`; unless given "block" with "place",
         which has neighbours, and "history" else.
@@ -80,6 +82,7 @@ class Sampling:
     profile: tuple[float, ...] = ()
     library: Path | None = None
     width: float | None = None
+    breadth: float | None = None
 
     @property
     def chosen_sampler(self) -> str:
@@ -248,12 +251,15 @@ def check_sampling(sampling: Sampling, cells: tuple[int, int]) -> None:
         raise InputError.of("pressure", sampling.pressure, f"one of {', '.join(PRESSURES)}")
     if sampling.chosen_sampler == "block" and sampling.pressure != "place":
         raise InputError.of("sampler", "block", "another one, or the pressure 'place', whose windows are neighbours")
+    if sampling.breadth is not None and (sampling.pressure != "uniform" or not sampling.breadth > 0):
+        raise InputError.of("breadth", sampling.breadth, "a length > 0 with the pressure 'uniform', none with others")
     if sampling.profile:
         if sampling.pressure != "uniform":
             raise InputError.of("profile", sampling.profile, "none but with the pressure 'uniform'")
         shares = np.asarray(sampling.profile, float)
-        if shares.shape != (cells[0],) or not np.all(shares >= 0) or abs(shares.mean() - 1) > 1e-6:
-            raise InputError.of("profile", sampling.profile, f"{cells[0]} numbers >= 0 with the mean 1")
+        rows = cells[0] if sampling.breadth is None else shares.size
+        if shares.shape != (rows,) or not np.all(shares >= 0) or abs(shares.mean() - 1) > 1e-6:
+            raise InputError.of("profile", sampling.profile, f"{rows} numbers >= 0 with the mean 1")
     if sampling.library is not None and sampling.pressure == "place":
         raise InputError.of("library", f"'{sampling.library}'", "none with the pressure 'place', which has no ladder")
     if sampling.width is not None:
@@ -262,9 +268,11 @@ def check_sampling(sampling: Sampling, cells: tuple[int, int]) -> None:
 
 def _draw(scene: Scene, cells: tuple[int, int], sampling: Sampling, map: Map) -> StochasticResult:
     partition = Partition(scene.surface.shape, scene.surface.spacing, cells)
-    n2 = max(1, round(sampling.length / partition.window_size[1]))
-    library, tables, rows = PRESSURES[sampling.pressure](scene, partition, sampling, n2, map)
-    seal = RectangularSeal((scene.surface.size[0], n2 * partition.window_size[1]), (cells[0], n2), rows)
+    n1, n2 = seal_cells(partition, sampling)
+    if sampling.profile and len(sampling.profile) != n1:
+        raise InputError.of("profile", f"{len(sampling.profile)} numbers", f"{n1}, one for each row of windows")
+    library, tables, rows = PRESSURES[sampling.pressure](scene, partition, sampling, (n1, n2), map)
+    seal = RectangularSeal((n1 * partition.window_size[0], n2 * partition.window_size[1]), (n1, n2), rows)
     task = partial(_realise, scene=scene, seal=seal, tables=tables, sampling=sampling)
     count = sampling.realisations
     outcomes = list(map(task, [*range(count)] * 2, [False] * count + [True] * count))
@@ -279,17 +287,24 @@ def _draw(scene: Scene, cells: tuple[int, int], sampling: Sampling, map: Map) ->
     )
 
 
+def seal_cells(partition: Partition, sampling: Sampling) -> tuple[int, int]:
+    """Windows of a drawn seal along x1 and x2."""
+    d1, d2 = partition.window_size
+    n1 = partition.cells[0] if sampling.breadth is None else max(1, round(sampling.breadth / d1))
+    return n1, max(1, round(sampling.length / d2))
+
+
 #: A library, the tables from which links along x1 and x2 are drawn, and the x1 of the rows of nodes (none:
 #: equidistant).
 Source = Callable[
-    [Scene, Partition, Sampling, int, Map],
+    [Scene, Partition, Sampling, tuple[int, int], Map],
     tuple[LadderLibrary | PlacedLibrary, tuple[LinkTable, LinkTable], tuple[float, ...]],
 ]
 
 
-def _placed(scene: Scene, partition: Partition, sampling: Sampling, n2: int, map: Map) -> Any:
+def _placed(scene: Scene, partition: Partition, sampling: Sampling, seal: tuple[int, int], map: Map) -> Any:
     """All windows of the face at their places, moved along it by fractions of a window where more are wanted."""
-    (m1, m2), w2 = partition.cells, partition.window[1]
+    (m1, m2), w2, n2 = partition.cells, partition.window[1], seal[1]
     contact = solve_windows(scene, partition.cells, map=map)
     shifts = int(np.clip(-(-sampling.library_cells // (m1 * m2)), 1, w2))
     moved = [n * w2 // shifts for n in range(shifts)]
@@ -329,9 +344,9 @@ def _without_failed(k1: Array, k2: Array) -> tuple[Array, Array]:
     return k1[:, taken], k2[:, taken]
 
 
-def _global(scene: Scene, partition: Partition, sampling: Sampling, n2: int, map: Map) -> Any:
+def _global(scene: Scene, partition: Partition, sampling: Sampling, seal: tuple[int, int], map: Map) -> Any:
     """A ladder up to the highest window pressure; each link follows its place in the repeated global contact."""
-    m1, m2 = partition.cells
+    (m1, m2), n2 = partition.cells, seal[1]
     cut_off = CUT_OFF_WINDOWS * min(partition.window_size)
     world = solve_global_scale(
         scene.surface, partition, cut_off, modulus=scene.modulus, boundary=scene.boundary, **scene.cycle
@@ -354,9 +369,9 @@ def _global(scene: Scene, partition: Partition, sampling: Sampling, n2: int, map
     return library, tuple(tables), ()
 
 
-def _uniform(scene: Scene, partition: Partition, sampling: Sampling, n2: int, map: Map) -> Any:
+def _uniform(scene: Scene, partition: Partition, sampling: Sampling, seal: tuple[int, int], map: Map) -> Any:
     """Full heights under the nominal pressure, or under the share of it that the profile gives to a row."""
-    m1 = partition.cells[0]
+    n1, n2 = seal
     nominal = np.array([s.pressure for s in scene.steps])
     rows = np.asarray(sampling.profile or (1.0,), float)
     # between the rows of a profile lie those of the links across
@@ -368,9 +383,9 @@ def _uniform(scene: Scene, partition: Partition, sampling: Sampling, n2: int, ma
     for axis in (0, 1):
         paths = shares[axis][:, None] * nominal
         gaps = np.full(paths.shape, float(-np.inf))
-        row = np.arange(m1 - axis) if rows.size > 1 else np.zeros(m1 - axis, np.int64)
+        row = np.arange(n1 - axis) if rows.size > 1 else np.zeros(n1 - axis, np.int64)
         k = library.along(paths, gaps, scene.steps, axis)
-        tables.append(LinkTable(k, np.tile(row, n2), m1 - axis, scene.steps))
+        tables.append(LinkTable(k, np.tile(row, n2), n1 - axis, scene.steps))
     return library, tuple(tables), ()
 
 
