@@ -34,6 +34,7 @@ from femseal.errors import InputError
 from femseal.flow.cell import link_conductances
 from femseal.output.maps import default_step, window_flux
 from femseal.output.plots import STYLES, branches, new_figure
+from femseal.output.views import chosen_windows
 from femseal.scales import Partition
 from femseal.seal import largest_shares, window_dissipation
 
@@ -53,10 +54,10 @@ QUANTILES, BAND = (0.05, 0.95), "5–95 %"
 
 
 def two_scales(results: fs.Results, step: int | None = None) -> Figure:
-    """Figure 1, of a folder with vtk files of a two-scale run, at the highest load that leaks unless given."""
+    """Figure 1, of a two-scale run, at the highest load that leaks unless given."""
     data = _with(results, "k1", "a two-scale run")
     s = default_step(data) if step is None else step
-    windows = closely(results.folder, s)
+    windows = closely(results, s)
     x1, x2 = float(data["node1"][-1]) * 1e3, float(data["cell2"][0] + data["cell2"][-1]) * 1e3
     w1, w2 = x1 / data.sizes["cell1"], x2 / data.sizes["cell2"]
     heights = 0.42 * WIDTH * x1 / x2 + 0.8, 1.75 * len(windows) + 1.0
@@ -92,30 +93,29 @@ def two_scales(results: fs.Results, step: int | None = None) -> Figure:
     return figure
 
 
-def closely(folder: Path, step: int) -> dict[tuple[int, int], dict[str, np.ndarray]]:
-    """Windows kept in a results folder: gap [µm], contact pressure [MPa], fluid pressure for a unit drop and its flow.
+def closely(results: fs.Results, step: int) -> dict[tuple[int, int], dict[str, np.ndarray]]:
+    """Typical windows: gap [µm], contact pressure [MPa], fluid pressure for a unit drop and its flow.
 
     The flow is that of the links between pixels, in shares of the largest.
     """
-    import pyvista
-
     windows = {}
-    for place in sorted(path for path in (folder / "vtk").glob("window_*") if path.is_dir()):
-        grid = pyvista.read(place / f"step_{step:04d}.vti")
-        shape = grid.dimensions[0] - 1, grid.dimensions[1] - 1
-        gap, contact = (grid.cell_data[n].reshape(shape, order="F") for n in ("gap_um", "contact_pressure_MPa"))
-        # the files hold too few digits of the pressure for its differences
-        p = fs.cell_permeability(gap * 1e-6, grid.spacing[:2]).fluid_pressure
-        c1, c2 = link_conductances(gap.astype(float), grid.spacing[:2], "mirror")
-        known = np.nan_to_num(p)
-        q1 = c1 * np.diff(known, axis=0, prepend=1.0, append=0.0)
-        q2 = np.pad(c2 * np.diff(known, axis=1), ((0, 0), (1, 1)))
-        q = np.hypot(q1[:-1] + q1[1:], q2[:, :-1] + q2[:, 1:])
-        _, i, j = place.name.split("_")
-        windows[int(i), int(j)] = {"gap": gap, "contact": contact, "fluid": p, "flow": q / (q.max() or 1.0)}
-    if not windows:
-        raise InputError.of("results folder", f"{folder} without vtk/window_*", "the folder of a two-scale run")
+    for place in chosen_windows(results.dataset):
+        gap, contact = results.gap(step, place), results.contact_pressure(step, place)
+        spacing = tuple(float(gap[axis][1] - gap[axis][0]) for axis in gap.dims)
+        h = gap.values.astype(float)
+        windows[place] = pixel_flow(h, spacing) | {"gap": h * 1e6, "contact": contact.values / 1e6}
     return windows
+
+
+def pixel_flow(gap: np.ndarray, spacing: tuple[float, float]) -> dict[str, np.ndarray]:
+    """Fluid pressure for a unit drop through a window's gap [m], and the flow at its pixels."""
+    p = fs.cell_permeability(gap, spacing).fluid_pressure
+    c1, c2 = link_conductances(gap, spacing, "mirror")
+    known = np.nan_to_num(p)
+    q1 = c1 * np.diff(known, axis=0, prepend=1.0, append=0.0)
+    q2 = np.pad(c2 * np.diff(known, axis=1), ((0, 0), (1, 1)))
+    q = np.hypot(q1[:-1] + q1[1:], q2[:, :-1] + q2[:, 1:])
+    return {"fluid": p, "flow": q / (q.max() or 1.0)}
 
 
 def _draw_closely(figure, windows, extent):

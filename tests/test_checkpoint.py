@@ -236,7 +236,7 @@ def test_a_stopped_run_goes_on_with_the_same_bits_and_leaves_no_checkpoint(case,
             fs.run(case, out, resume=True, workers=1, progress=stop_at(stage, item))
         assert not (out / "results.nc").exists()
     with monkeypatch.context() as patch:
-        patch.setattr("femseal.job.write_folder", lambda *a: (_ for _ in ()).throw(OSError(errno.ENOSPC, "full")))
+        patch.setattr("femseal.job.write_folder", lambda *a, **k: (_ for _ in ()).throw(OSError(errno.ENOSPC, "full")))
         with pytest.raises(fs.FemsealError, match=r"full.*--resume"):
             fs.run(case, out, resume=True, workers=1)
 

@@ -61,7 +61,9 @@ def results(request):
 
 
 def _leakages(results):
-    return [v.values for n, v in results.dataset.data_vars.items() if n.startswith("leakage_") and v.dims == ("step",)]
+    """Of all methods; ends of the band with the error of a library this small are about that error only."""
+    return [v.values for n, v in results.dataset.data_vars.items()
+            if n.startswith("leakage_") and not n.endswith("together") and v.dims == ("step",)]  # fmt: skip
 
 
 def test_every_example_is_run_here():
