@@ -24,7 +24,6 @@ from femseal.output import (
     open_results,
     save,
     seal_figure,
-    surface_figure,
     write_folder,
     write_vtk,
 )
@@ -517,7 +516,7 @@ def test_pictures_that_the_results_have_nothing_for(scene, studies):
 def test_picture_of_a_surface_with_holes():
     heights = np.random.default_rng(1).standard_normal((20, 30)) * 1e-6
     heights[3, 4] = np.nan
-    surface_figure(Topography(heights, (1e-6, 2e-6))).savefig(io.BytesIO())
+    Topography(heights, (1e-6, 2e-6)).plot().savefig(io.BytesIO())
 
 
 # --- ParaView ---------------------------------------------------------------------------------------------

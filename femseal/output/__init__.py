@@ -5,7 +5,7 @@ and `open_results` the dataset alone. Libraries for files and pictures are loade
 """
 
 from .folder import write_folder
-from .maps import seal_figure, surface_figure
+from .maps import seal_figure
 from .plots import cells_figure, leakage_figure
 from .results import Results, assemble, open_results, save
 from .survey import survey_figure
@@ -19,7 +19,6 @@ __all__ = [
     "open_results",
     "save",
     "seal_figure",
-    "surface_figure",
     "survey_figure",
     "write_folder",
     "write_vtk",

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from ..errors import FemsealError
 from ..files import made_folder, replacing, write_text
 from ..topography import Topography
-from .maps import seal_figure, surface_figure
+from .maps import seal_figure
 from .plots import cells_figure, leakage_figure
 from .results import FILE_NAME, Results, save
 from .tables import csv_text
@@ -79,7 +79,7 @@ def _write_for_people(results: Results, folder: Path, surface: Topography | None
     if "k1" in data:
         pictures["seal.png"] = lambda: seal_figure(results)
     if surface is not None:
-        pictures["surface.png"] = lambda: surface_figure(surface)
+        pictures["surface.png"] = surface.plot
     written = [write_text(folder / "table.csv", csv_text(results))]
     for name, picture in pictures.items():
         figure = picture()
