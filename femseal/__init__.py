@@ -8,7 +8,7 @@ The flow of data, top to bottom::
     scales       windows, their response, libraries, draws
     seal         permeability -> leakage of a seal of some shape         RectangularSeal, ..., seal_leakage
     studies      the chains: deterministic, two-scale, stochastic
-    output       results folder: netCDF, pictures, VTK
+    output       results folder: netCDF, pictures, VTK, report           open_results, write_report
     case         TOML case -> everything above                           load_case, run
     accuracy     speed against error of the studies for a case           measure_accuracy
 
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from .fluids import IdealGas, Liquid
     from .job import run
     from .materials import Solid, contact_modulus
-    from .output import Results, open_results
+    from .output import Results, open_results, write_report
     from .seal import AnnularSeal, Leakage, MeshSeal, RectangularSeal, seal_leakage
     from .studies import Sampling, Scene, deterministic, stochastic, two_scale
     from .topography import (
@@ -66,7 +66,7 @@ _MODULES = {
     "fluids": ("IdealGas", "Liquid"),
     "job": ("run",),
     "materials": ("Solid", "contact_modulus"),
-    "output": ("Results", "open_results"),
+    "output": ("Results", "open_results", "write_report"),
     "seal": ("AnnularSeal", "Leakage", "MeshSeal", "RectangularSeal", "seal_leakage"),
     "studies": ("Sampling", "Scene", "deterministic", "stochastic", "two_scale"),
     "topography": (

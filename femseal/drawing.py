@@ -151,10 +151,10 @@ def leakage_panel(axes: Axes, curves: LeakageCurves) -> list[Any]:
     floor, lanes = _log_axis(axes, np.abs(np.concatenate(curves.drawn)) / factor, len(parts))
     for (name, steps), (colour, line, marker), lane in zip(parts, branch_styles(len(parts)), lanes, strict=True):
         x, y = pressure[steps], np.abs(curves.leakage[steps]) / factor
-        for band, look in ((curves.band_together, {"alpha": 0.09}), (curves.band, {"alpha": 0.2})):
+        for band, alpha in ((curves.band_together, 0.09), (curves.band, 0.2)):
             if band is not None:
                 low, high = (np.maximum(np.abs(end[steps]) / factor, floor) for end in band)
-                axes.fill_between(x, low, high, color=colour, lw=0, **look)
+                axes.fill_between(x, low, high, color=colour, lw=0, alpha=alpha)
         if curves.band_together is not None:
             for end in curves.band_together:
                 edge = np.abs(end[steps]) / factor

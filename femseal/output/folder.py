@@ -13,6 +13,7 @@ from ..files import made_folder, replacing, write_text
 from ..topography import Topography
 from .maps import seal_figure
 from .plots import cells_figure, leakage_figure
+from .report import REPORT_NAME, write_report
 from .results import FILE_NAME, Results, save
 from .tables import csv_text
 from .vtk import write_vtk
@@ -27,7 +28,7 @@ UNFINISHED = ".unfinished"
 
 
 def write_folder(results: Results, folder: str | os.PathLike[str], surface: Topography | None = None) -> list[Path]:
-    """Write `results.nc`, `table.csv`, the pictures and, in `vtk/`, the files for ParaView.
+    """Write `results.nc`, `table.csv`, `report.html`, the pictures and, in `vtk/`, the files for ParaView.
 
     They are written into the folder `.unfinished` and take the place of an earlier run's files once all are there,
     `results.nc` last. Files that femseal did not write stay as they are.
@@ -86,6 +87,7 @@ def _write_for_people(results: Results, folder: Path, surface: Topography | None
         with replacing(folder / name) as temporary:
             figure.savefig(temporary)
         written.append(folder / name)
+    written.append(write_report(results, folder / REPORT_NAME))
     if "k1" in data or surface is not None:
         written += write_vtk(results, surface, folder / "vtk")
     return written

@@ -81,7 +81,8 @@ def cells_figure(results: Results, count: int = 4) -> Figure:
 class Cells:
     """Cells along a cycle, of the library or else the windows: pressure, k, mean gap, each (cells, steps).
 
-    nominal, peaks : nominal pressure of each step, and the one it is unloaded from, NaN on loading [Pa].
+    nominal, peaks : nominal pressure of each step, and the one it is unloaded from, NaN on loading [Pa]. origin : what
+    the cells are, in words.
     """
 
     nominal: Array
@@ -117,14 +118,8 @@ def cells_of(results: Results) -> Cells:
         arrays = [data[name].values.reshape(data.sizes["step"], -1).T for name in names]
     else:
         raise InputError.of("cells figure", "results without cells", "those of a two-scale or a stochastic study")
-    return Cells(
-        data[f"{prefix}nominal_pressure"].values,
-        data[f"{prefix}unloaded_from"].values,
-        arrays[0],
-        arrays[1],
-        arrays[2],
-        origin,
-    )
+    nominal, peaks = (data[f"{prefix}{name}"].values for name in ("nominal_pressure", "unloaded_from"))
+    return Cells(nominal, peaks, arrays[0], arrays[1], arrays[2], origin)
 
 
 #: Points of many cells.

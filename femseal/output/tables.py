@@ -90,6 +90,11 @@ def texts(results: Results) -> tuple[str, list[str], list[list[str]]]:
     return title, [c[0] for c in columns], [list(cells) for cells in zip(*(c[1] for c in columns), strict=True)]
 
 
+def plain_head(head: str) -> str:
+    """A header in one line."""
+    return next((method for method, text in _HEADS.items() if text == head), head.replace("\n", " "))
+
+
 def rich_table(results: Results) -> Table:
     """The table for a terminal of 80 columns, for `rich.print`; each branch has a line of its own above its steps."""
     from rich.box import SIMPLE_HEAD
