@@ -328,7 +328,7 @@ def test_another_run_into_the_folder_leaves_nothing_of_the_former(results, scene
     study = deterministic(short)
     written = write_folder(assemble(short, deterministic=study), out)
     assert files(out) == {str(p.relative_to(out)) for p in written} | mine
-    assert {p.name for p in written} == {"results.nc", "table.csv", "leakage.png", "files.txt"}
+    assert {p.name for p in written} == {"results.nc", "table.csv", "report.html", "leakage.png", "files.txt"}
     assert not list(out.glob("vtk/window*"))
     assert (out / "vtk/view.pvsm").read_text() == "mine"
     assert (tmp_path / "keep.txt").exists()
@@ -365,7 +365,7 @@ def test_a_picture_that_fails_loses_neither_the_results_nor_the_former_run(
 def test_results_come_last(scene, studies, tmp_path, monkeypatch):
     """Wherever the files cease to take their places, the folder either has all of them or no results."""
     r = assemble(scene, deterministic=studies["deterministic"])
-    everything = {"results.nc", "table.csv", "leakage.png", "files.txt"}
+    everything = {"results.nc", "table.csv", "report.html", "leakage.png", "files.txt"}
     save(r, tmp_path)
     move, left = os.replace, 0
 

@@ -151,8 +151,8 @@ def pressure_drop_sentences(results: Results) -> list[str]:
     name, whole = str(data["name"].values[s]), float(data.attrs["inlet_pressure_Pa"] - data.attrs["outlet_pressure_Pa"])
     if not np.abs(flux).max() > 0 or whole == 0:
         return [f"At {name} nothing flows."]
-    drops = -np.diff(np.nanmean(p, axis=1)) / whole
-    row = int(np.argmax(drops))
+    drops = -np.diff(np.ma.masked_invalid(p).mean(axis=1).filled(np.nan)) / whole
+    row = int(np.nanargmax(drops))
     ends = (to_text(float(x), "m", 3) for x in data["node1"].values[row : row + 2])
     sentences = [f"At {name} {drops[row]:.0%} of the pressure drops between x1 = {' and '.join(ends)}."]
     power = np.sort(np.nan_to_num(np.abs(flux * np.diff(p, axis=0))).ravel())[::-1]
