@@ -40,7 +40,7 @@ LAYERS = {
     "accuracy": 12,
     "cli": 13,
 }
-HEAVY = ("matplotlib", "vtk", "vtkmodules", "pyvista", "meshio", "SurfaceTopography", "distributed", "pyamg")
+HEAVY = ("matplotlib", "jinja2", "vtk", "vtkmodules", "pyvista", "meshio", "SurfaceTopography", "distributed", "pyamg")
 MODULES = sorted(p for p in ROOT.rglob("*.py") if p != ROOT / "__init__.py")
 
 

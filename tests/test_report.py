@@ -262,7 +262,7 @@ def test_accuracy_of_the_same_case_is_shown(quick, tmp_path):
                 "comparisons": [{"against": "deterministic 48 × 96"} | factors]}  # fmt: skip
     found = {"case": fs.open_results(tmp_path).case, "solutions": [solution]}
     (tmp_path / "accuracy.json").write_text(json.dumps(found))
-    (table,) = section(write_report(tmp_path).read_text(encoding="utf-8"), "errors").iter("table")
+    table = next(section(write_report(tmp_path).read_text(encoding="utf-8"), "errors").iter("table"))
     label = "two-scale, 48 × 96 points, 3 × 6 windows"
     assert body_rows(table) == [[label, "deterministic 48 × 96", "× 1.23", "–", "2 s"]]
     for other in (json.dumps(found | {"case": {"title": "another"}}), "{", "[]"):

@@ -99,8 +99,8 @@ class PlacedLibrary(Shown):
     of columns over which windows are alike.
     """
 
-    k1: Array
-    k2: Array
+    k1: Array = field(metadata={"unit": "m^3"})
+    k2: Array = field(metadata={"unit": "m^3"})
     curves: LibraryTable
     correlation_length: float
     shifts: int
@@ -123,7 +123,7 @@ class StochasticResult(Shown):
 
     steps: tuple[Any, ...]
     seal: RectangularSeal
-    library: LadderLibrary | PlacedLibrary
+    library: LadderLibrary | PlacedLibrary = field(repr=False)
     leakage: Array = field(
         metadata=labels("m^2/s", "leakage per unit seal length, realisations", "realisation", "step")
     )
