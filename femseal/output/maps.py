@@ -131,10 +131,10 @@ def drop_panel(axes: Axes, data: xarray.Dataset, steps: Sequence[int]) -> None:
     x1 = data["node1"].values * 1e3
     for s, (colour, line, marker) in zip(steps, STYLES, strict=False):
         p = np.ma.masked_invalid(data["fluid_pressure"].values[s] / 1e6)
+        axes.plot(x1, p.mean(axis=1), color=colour, ls=line, marker=marker, ms=4.5, label=str(data["name"].values[s]))
         if s == steps[-1]:
             low, high = p.min(axis=1), p.max(axis=1)
             axes.fill_between(x1, low, high, color=colour, alpha=0.15, lw=0, label="lowest to highest node there")
-        axes.plot(x1, p.mean(axis=1), color=colour, ls=line, marker=marker, ms=4.5, label=str(data["name"].values[s]))
     axes.set(xlabel="x1, inlet at 0 [mm]", ylabel="fluid pressure [MPa]")
     axes.grid(alpha=0.25, lw=0.6)
     axes.legend(fontsize=8, framealpha=0.9)
