@@ -8,7 +8,7 @@ The flow of data, top to bottom::
     scales       windows, their response, libraries, draws
     seal         permeability -> leakage of a seal of some shape         RectangularSeal, ..., seal_leakage
     studies      the chains: deterministic, two-scale, stochastic
-    output       results folder: netCDF, pictures, VTK
+    output       results folder: netCDF, pictures, VTK, report           open_results, write_report
     case         TOML case -> everything above                           load_case, run
     accuracy     speed against error of the studies for a case           measure_accuracy
 
@@ -23,7 +23,7 @@ __version__ = "0.1.0"
 if TYPE_CHECKING:
     from .accuracy import AccuracyReport, measure_accuracy
     from .case import Case, load_case
-    from .contact import Contact, HalfSpace, LoadState, load_cycle, solve_contact
+    from .contact import Contact, HalfSpace, LoadCycle, LoadState, load_cycle, solve_contact
     from .errors import FemsealError, InputError, NotConverged
     from .flow import (
         Constriction,
@@ -36,9 +36,18 @@ if TYPE_CHECKING:
     from .fluids import IdealGas, Liquid
     from .job import run
     from .materials import Solid, contact_modulus
-    from .output import Results, open_results
+    from .output import Results, open_results, write_report
     from .seal import AnnularSeal, Leakage, MeshSeal, RectangularSeal, seal_leakage
-    from .studies import Sampling, Scene, deterministic, stochastic, two_scale
+    from .studies import (
+        DeterministicResult,
+        Sampling,
+        Scene,
+        StochasticResult,
+        TwoScaleResult,
+        deterministic,
+        stochastic,
+        two_scale,
+    )
     from .topography import (
         SurfaceReport,
         Topography,
@@ -53,7 +62,7 @@ if TYPE_CHECKING:
 _MODULES = {
     "accuracy": ("AccuracyReport", "measure_accuracy"),
     "case": ("Case", "load_case"),
-    "contact": ("Contact", "HalfSpace", "LoadState", "load_cycle", "solve_contact"),
+    "contact": ("Contact", "HalfSpace", "LoadCycle", "LoadState", "load_cycle", "solve_contact"),
     "errors": ("FemsealError", "InputError", "NotConverged"),
     "flow": (
         "Constriction",
@@ -66,9 +75,18 @@ _MODULES = {
     "fluids": ("IdealGas", "Liquid"),
     "job": ("run",),
     "materials": ("Solid", "contact_modulus"),
-    "output": ("Results", "open_results"),
+    "output": ("Results", "open_results", "write_report"),
     "seal": ("AnnularSeal", "Leakage", "MeshSeal", "RectangularSeal", "seal_leakage"),
-    "studies": ("Sampling", "Scene", "deterministic", "stochastic", "two_scale"),
+    "studies": (
+        "DeterministicResult",
+        "Sampling",
+        "Scene",
+        "StochasticResult",
+        "TwoScaleResult",
+        "deterministic",
+        "stochastic",
+        "two_scale",
+    ),
     "topography": (
         "SurfaceReport",
         "Topography",

@@ -1,4 +1,4 @@
-"""Command line: `femseal new`, `check`, `run`, `accuracy`, `surface`, `schema`.
+"""Command line: `femseal new`, `check`, `run`, `report`, `accuracy`, `surface`, `schema`.
 
 Exit code 0 done, 2 bad input (nothing written), 1 anything else.
 """
@@ -115,6 +115,17 @@ def run(
             if len(results.warnings) > 5:
                 typer.echo(f"warning: {len(results.warnings) - 5} more in {folder / 'run.log'}", err=True)
         typer.echo(f"results in {folder}")
+
+
+@app.command()
+def report(
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Results folder of a run.")],
+    output: Annotated[Path | None, typer.Option("-o", "--output", help="Page to write [DIR/report.html].")] = None,
+) -> None:
+    """Write one self-contained HTML page about a run: pictures, table, error budget, times, versions."""
+    from .output import write_report
+
+    typer.echo(write_report(folder, output))
 
 
 @app.command()

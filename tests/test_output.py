@@ -24,7 +24,6 @@ from femseal.output import (
     open_results,
     save,
     seal_figure,
-    surface_figure,
     write_folder,
     write_vtk,
 )
@@ -329,7 +328,14 @@ def test_another_run_into_the_folder_leaves_nothing_of_the_former(results, scene
     study = deterministic(short)
     written = write_folder(assemble(short, deterministic=study), out)
     assert files(out) == {str(p.relative_to(out)) for p in written} | mine
-    assert {p.name for p in written} == {"results.nc", "table.csv", "leakage.png", "fields.vtkhdf", "files.txt"}
+    assert {p.name for p in written} == {
+        "results.nc",
+        "table.csv",
+        "report.html",
+        "leakage.png",
+        "fields.vtkhdf",
+        "files.txt",
+    }
     assert not list(out.glob("vtk/window*"))
     assert (out / "vtk/view.pvsm").read_text() == "mine"
     assert (tmp_path / "keep.txt").exists()
@@ -366,7 +372,7 @@ def test_a_picture_that_fails_loses_neither_the_results_nor_the_former_run(
 def test_results_come_last(scene, studies, tmp_path, monkeypatch):
     """Wherever the files cease to take their places, the folder either has all of them or no results."""
     r = assemble(scene, deterministic=studies["deterministic"])
-    everything = {"results.nc", "table.csv", "leakage.png", "fields.vtkhdf", "files.txt"}
+    everything = {"results.nc", "table.csv", "report.html", "leakage.png", "fields.vtkhdf", "files.txt"}
     save(r, tmp_path)
     move, left = os.replace, 0
 
@@ -517,7 +523,7 @@ def test_pictures_that_the_results_have_nothing_for(scene, studies):
 def test_picture_of_a_surface_with_holes():
     heights = np.random.default_rng(1).standard_normal((20, 30)) * 1e-6
     heights[3, 4] = np.nan
-    surface_figure(Topography(heights, (1e-6, 2e-6))).savefig(io.BytesIO())
+    Topography(heights, (1e-6, 2e-6)).plot().savefig(io.BytesIO())
 
 
 # --- ParaView ---------------------------------------------------------------------------------------------

@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 from .. import checks
 from ..case import Case, Prepared, load_case
 from ..errors import FemsealError, InputError
+from ..factors import closing_load, leakage_factor
 from ..files import made_folder
 from ..parallel import Map, ordered_map
 from ..studies import deterministic, stochastic, two_scale
-from .factors import closing_load, leakage_factor
 from .plan import Plan, Variant, make_plan
 from .report import AccuracyReport, Comparison, Solution
 

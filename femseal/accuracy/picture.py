@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from ..output.plots import STYLES, new_figure
+from ..drawing import STYLES, new_figure
 from .plan import Variant, by
 
 if TYPE_CHECKING:

@@ -15,10 +15,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..factors import FLOOR, LeakageFactor
 from ..files import made_folder, replacing, write_text
 from ..quantities import to_text
 from ..versions import versions
-from .factors import FLOOR, LeakageFactor
 from .plan import Plan, Variant, by
 
 if TYPE_CHECKING:

@@ -1,12 +1,13 @@
 """Heights and load in, pressure and gap out: elastic-perfectly plastic contact of a half-space."""
 
-from .cycle import LoadState, LoadStep, load_cycle, load_programme, peak_indices, solve_with_memory
+from .cycle import LoadCycle, LoadState, LoadStep, load_cycle, load_programme, peak_indices, solve_with_memory
 from .halfspace import HalfSpace
 from .solver import Contact, solve_contact
 
 __all__ = [
     "Contact",
     "HalfSpace",
+    "LoadCycle",
     "LoadState",
     "LoadStep",
     "load_cycle",

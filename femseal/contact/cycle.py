@@ -11,14 +11,21 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from math import inf
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from .. import checks
+from ..drawing import cycle_panel, new_figure
 from ..errors import InputError
+from ..quantities import to_text
+from ..showing import fact_table
 from .halfspace import HalfSpace
 from .solver import Contact, hardness_bounds, solve_contact
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True)
@@ -40,7 +47,7 @@ class LoadStep:
         return f"{self.branch} {self.pressure / 1e6:g} MPa{end}"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class LoadState(LoadStep):
     """A step of a load programme and the contact there.
 
@@ -50,6 +57,45 @@ class LoadState(LoadStep):
 
     contact: Contact = field(kw_only=True)
     yielded_again: float = field(default=0.0, kw_only=True, metadata={"unit": "1"})
+
+    def __repr__(self) -> str:
+        return f"LoadState({self.name}, {self.contact!r}, yielded_again {self.yielded_again:.3g})"
+
+    def _repr_html_(self) -> str:
+        return f"<p>{self.name}</p>\n{self.contact._repr_html_()}"
+
+    def plot(self) -> Figure:
+        """Maps of contact pressure and gap."""
+        figure = self.contact.plot()
+        figure.suptitle(self.name, fontsize=11)
+        return figure
+
+
+class LoadCycle(tuple[LoadState, ...]):
+    """The states of a load cycle, a tuple that shows itself."""
+
+    __slots__ = ()
+
+    def __repr__(self) -> str:
+        return f"LoadCycle({', '.join(f'{s.name}: contact {s.contact.area_fraction:.1%}' for s in self)})"
+
+    def _repr_html_(self) -> str:
+        head = ("step", "in contact", "at hardness", "mean gap", "residual")
+        lines = []
+        for state in self:
+            c = state.contact
+            shares = (f"{share:.1%}" for share in (c.area_fraction, c.plastic_fraction))
+            lines.append((state.name, *shares, to_text(c.mean_gap, "m"), f"{c.residual:.1e}"))
+        return fact_table("load cycle", lines, head)
+
+    def plot(self) -> Figure:
+        """Share in contact and mean gap against nominal pressure."""
+        figure = new_figure(9.6, 4.0)
+        left, right = figure.subplots(1, 2)
+        cycle_panel(left, self, np.array([100 * s.contact.area_fraction for s in self]), "share in contact [%]")
+        cycle_panel(right, self, np.array([s.contact.mean_gap * 1e6 for s in self]), "mean gap [µm]")
+        left.legend(fontsize=8.5, frameon=False)
+        return figure
 
 
 def load_programme(
@@ -109,7 +155,7 @@ def load_cycle(
     unload_from: Sequence[float] = (),
     unloading: Sequence[float] = (),
     rtol: float = 1e-6,
-) -> tuple[LoadState, ...]:
+) -> LoadCycle:
     """Contact along a loading curve and along any number of unloadings that share it.
 
     Parameters
@@ -143,7 +189,7 @@ def load_cycle(
             left[step.pressure] = contact.plastic_deformation
         again = 0.0 if memory is None else _yielded_again(contact, memory, rtol)
         states.append(LoadState(step.pressure, step.unloaded_from, contact=contact, yielded_again=again))
-    return tuple(states)
+    return LoadCycle(states)
 
 
 def _yielded_again(contact: Contact, memory: np.ndarray, rtol: float) -> float:

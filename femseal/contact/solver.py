@@ -9,15 +9,21 @@ from __future__ import annotations
 import threading
 from dataclasses import dataclass, field
 from math import inf
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .. import checks
+from ..drawing import map_height, map_panel, new_figure, with_closed
 from ..errors import InputError, NotConverged
+from ..showing import Shown
 from . import loops
 from .grid import Grid, nested_grids
 from .halfspace import HalfSpace
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 Array = NDArray[np.float64]
 _COARSE_RTOL = 1e-2
@@ -25,8 +31,8 @@ _COARSE_ITERATIONS = 40
 _MAX_ITERATIONS = 400
 
 
-@dataclass(frozen=True)
-class Contact:
+@dataclass(frozen=True, repr=False)
+class Contact(Shown):
     """Solution of a contact problem; fields carry their unit in the dataclass metadata.
 
     Out of contact p = 0 and g > 0; elastic contact has 0 < p < H and g = 0; at p = H the point floats, g ≤ 0.
@@ -41,6 +47,8 @@ class Contact:
     fft_pairs: int = field(metadata={"unit": "1", "long_name": "transform pairs on the given grid"})
     plastic: NDArray[np.bool_] = field(metadata={"unit": "1", "long_name": "points at the hardness"})
     half_space: HalfSpace = field(repr=False)
+
+    _derived: ClassVar = {"area_fraction": "1", "plastic_fraction": "1", "mean_pressure": "Pa", "mean_gap": "m"}
 
     @property
     def area_fraction(self) -> float:
@@ -84,6 +92,18 @@ class Contact:
     def raw_gap(self) -> Array:
         """Gap between the undeformed-but-elastically-displaced faces [m]; negative where they deformed for good."""
         return self.gap - self.plastic_deformation
+
+    def plot(self) -> Figure:
+        """Maps of contact pressure and gap; grey: no contact, contact."""
+        sides = tuple(n * d * 1e3 for n, d in zip(self.gap.shape, self.half_space.spacing, strict=True))
+        panel = map_height((sides[0], sides[1]), 4.4)
+        figure = new_figure(11.0, panel + 0.9)
+        left, right = figure.subplots(1, 2)
+        pressure, gap = (np.where(a > 0, a, np.nan) for a in (self.pressure / 1e6, self.gap * 1e6))
+        size = sides[0], sides[1]
+        map_panel(left, pressure, size, with_closed("viridis"), "contact pressure [MPa]; grey: no contact")
+        map_panel(right, gap, size, with_closed("magma"), "gap [µm]; grey: contact")
+        return figure
 
 
 def solve_contact(

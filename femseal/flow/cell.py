@@ -10,24 +10,30 @@ from __future__ import annotations
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
 
 from .. import checks
+from ..drawing import map_height, map_panel, new_figure, with_closed
 from ..errors import InputError, NotConverged
+from ..showing import Shown
 from .bounds import pixel_bounds
 from .conductance import conductances_between, validated_cell, validated_gap
 from .connectivity import winding_components
 from .linear import solve_spd
 from .network import MAX_IMBALANCE, solve_network
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
-class Permeability:
+@dataclass(frozen=True, repr=False)
+class Permeability(Shown):
     """Permeability of a cell along one axis, k with Q/L2 = (k/η) Δp/L1; exactly 0 where the gap does not percolate.
 
     lower, upper, resampling_error : NaN unless asked for.
@@ -45,6 +51,14 @@ class Permeability:
     iterations: int
     residual: float
     fluid_pressure: Array = field(metadata={"unit": "1", "long_name": "fluid pressure for a unit drop"}, repr=False)
+
+    def plot(self) -> Figure:
+        """Map of the fluid pressure for a unit drop."""
+        shape = self.fluid_pressure.shape
+        figure = new_figure(6.0, map_height(shape, 4.6) + 0.9)
+        title = "fluid pressure for a unit drop; grey: contact, pockets"
+        map_panel(figure.add_subplot(), self.fluid_pressure, shape, with_closed("cividis"), title, "pixels")
+        return figure
 
 
 def cell_permeability(

@@ -5,8 +5,9 @@ and `open_results` the dataset alone. Libraries for files and pictures are loade
 """
 
 from .folder import write_folder
-from .maps import seal_figure, surface_figure
+from .maps import seal_figure
 from .plots import cells_figure, leakage_figure
+from .report import write_report
 from .results import Results, assemble, open_results, save
 from .survey import survey_figure
 from .vtk import write_vtk
@@ -19,8 +20,8 @@ __all__ = [
     "open_results",
     "save",
     "seal_figure",
-    "surface_figure",
     "survey_figure",
     "write_folder",
+    "write_report",
     "write_vtk",
 ]

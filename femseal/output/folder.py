@@ -13,8 +13,9 @@ from ..errors import FemsealError
 from ..files import made_folder, replacing, write_text
 from ..topography import Topography
 from . import fields
-from .maps import seal_figure, surface_figure
+from .maps import seal_figure
 from .plots import cells_figure, leakage_figure
+from .report import REPORT_NAME, write_report
 from .results import FILE_NAME, Results, save
 from .tables import csv_text
 from .vtk import write_vtk
@@ -36,7 +37,8 @@ def write_folder(
     paraview: str = "vtkhdf",
     fields_limit: float = fields.LIMIT,
 ) -> list[Path]:
-    """Write `results.nc`, `table.csv`, the pictures, the fields over all pixels and, in `vtk/`, files for ParaView.
+    """Write `results.nc`, `table.csv`, `report.html`, the pictures, the fields over all pixels and, in `vtk/`, files
+    for ParaView.
 
     They are written into the folder `.unfinished` and take the place of an earlier run's files once all are there,
     `results.nc` last. Files that femseal did not write stay as they are.
@@ -96,13 +98,14 @@ def _write_for_people(results: Results, folder: Path, surface: Topography | None
     if "k1" in data:
         pictures["seal.png"] = lambda: seal_figure(results)
     if surface is not None:
-        pictures["surface.png"] = lambda: surface_figure(surface)
+        pictures["surface.png"] = surface.plot
     written = [write_text(folder / "table.csv", csv_text(results))]
     for name, picture in pictures.items():
         figure = picture()
         with replacing(folder / name) as temporary:
             figure.savefig(temporary)
         written.append(folder / name)
+    written.append(write_report(results, folder / REPORT_NAME))
     return written
 
 

@@ -1,16 +1,16 @@
-"""Pictures over the face: contact, flow and permeability of the seal, and the heights themselves."""
+"""Pictures over the face: contact, flow and permeability of the seal."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..drawing import CLOSED, STYLES, colour_bar, map_panel, new_figure, with_closed
 from ..errors import InputError
-from ..topography import Topography
-from .plots import STYLES, new_figure
-from .tables import leakage_unit
+from ..quantities import leakage_unit
 
 if TYPE_CHECKING:
     import xarray
@@ -24,7 +24,6 @@ Array = NDArray[np.float64]
 _ARROWS = 24
 #: Permeabilities shown in colour: this many decades below the largest.
 _DECADES = 10
-_CLOSED = "#B0B0B0"
 
 
 def default_step(data: xarray.Dataset) -> int:
@@ -53,7 +52,7 @@ def seal_figure(results: Results, step: int | None = None) -> Figure:
     s = default_step(data) if step is None else step
     if not 0 <= s < data.sizes["step"]:
         raise InputError.of("step", step, f"0 to {data.sizes['step'] - 1}")
-    size = float(data["node1"][-1]) * 1e3, float(data["cell2"][0] + data["cell2"][-1]) * 1e3
+    size = seal_size(data)
     # long seals below one another, others two by two
     columns = 1 if size[1] > 3 * size[0] else 2
     panel = float(np.clip(8.8 / columns * size[0] / size[1], 0.4, 4.4))
@@ -62,42 +61,38 @@ def seal_figure(results: Results, step: int | None = None) -> Figure:
     figure = new_figure(11.0, sum(heights) + 0.2)
     grid = figure.add_gridspec(4 // columns, columns, height_ratios=heights)
     contact, fluid, k_axes = (figure.add_subplot(grid[divmod(n, columns)]) for n in range(3))
-    extent = (0.0, size[1], 0.0, size[0])
-    _image(contact, data["window_pressure"].values[s] / 1e6, extent, "viridis", "contact pressure of windows [MPa]")
-    _fluid_panel(fluid, data, s, size)
-    _permeability_panel(k_axes, data["k1"].values[s], extent)
-    for axes in (contact, fluid, k_axes):
-        axes.set(xlabel="x2 along the seal [mm]", ylabel="x1 [mm]", aspect="equal")
+    contact_panel(contact, data, s)
+    fluid_panel(fluid, data, s)
+    permeability_panel(k_axes, data, s)
     if s in results.stored_steps:
         _insets(figure, grid[divmod(3, columns)], results, s, (contact, k_axes), 72 * panel / data.sizes["cell1"])
     figure.suptitle(f"{data['name'].values[s]}; inlet at x1 = 0", fontsize=11)
     return figure
 
 
-def _image(axes: Axes, values: Array, extent: tuple[float, ...], colours: Any, label: str, **scale: Any) -> None:
-    limits = (extent[0], extent[1], extent[2], extent[3])
-    image = axes.imshow(values, origin="lower", extent=limits, cmap=colours, interpolation="nearest", **scale)
-    _colour_bar(axes, image)
-    axes.set_title(label, fontsize=9.5)
+def seal_size(data: xarray.Dataset) -> tuple[float, float]:
+    """Sides of the face that the windows cover [mm]."""
+    return float(data["node1"][-1]) * 1e3, float(data["cell2"][0] + data["cell2"][-1]) * 1e3
 
 
-def _colour_bar(axes: Axes, image: Any) -> None:
-    """A bar as high as the map."""
-    bar = axes.get_figure().colorbar(image, cax=axes.inset_axes((1.02, 0, 0.03, 1)))  # type: ignore[union-attr]
-    bar.ax.tick_params(which="both", labelsize=8)
-    axes.tick_params(labelsize=8)
+def contact_panel(axes: Axes, data: xarray.Dataset, s: int) -> None:
+    """Mean contact pressure of the windows at a step."""
+    values = data["window_pressure"].values[s] / 1e6
+    map_panel(axes, values, seal_size(data), "viridis", "contact pressure of windows [MPa]")
 
 
-def _fluid_panel(axes: Axes, data: xarray.Dataset, s: int, size: tuple[float, float]) -> None:
+def fluid_panel(axes: Axes, data: xarray.Dataset, s: int) -> None:
     """Pressure of the nodes, each over its own area, and the flux of the windows."""
+    size = seal_size(data)
+    axes.set(xlabel="x2 along the seal [mm]", ylabel="x1 [mm]", aspect="equal")
     p = data["fluid_pressure"].values[s]
     (m1, m2), (x1, x2) = data["k1"].shape[1:], (data[n].values * 1e3 for n in ("cell1", "cell2"))
     rows, columns = np.r_[0, x1, size[0]], np.linspace(0, size[1], m2 + 1)
     known = bool(np.isfinite(data["flux1"].values[s]).all())
     pockets = "; grey: pockets" if known and np.isnan(p).any() else ""
-    axes.set_facecolor(_CLOSED if known else "white")
+    axes.set_facecolor(CLOSED if known else "white")
     image = axes.pcolormesh(columns, rows, p / 1e6, cmap="cividis", rasterized=True)
-    _colour_bar(axes, image)
+    colour_bar(axes, image)
     along, across = window_flux(data, s)
     every = int(np.ceil(m1 / _ARROWS)), int(np.ceil(m2 / _ARROWS))
     pick = np.s_[:: every[0], :: every[1]]
@@ -131,23 +126,38 @@ def window_flux(data: xarray.Dataset, s: int) -> tuple[Array, Array]:
     return along, (rows + np.roll(rows, 1, axis=1)) / 2
 
 
-def _permeability_panel(axes: Axes, k: Array, extent: tuple[float, ...]) -> None:
+def drop_panel(axes: Axes, data: xarray.Dataset, steps: Sequence[int]) -> None:
+    """Fluid pressure along the leakage, mean over the seal's length, and the range of the nodes at the last step."""
+    x1 = data["node1"].values * 1e3
+    for s, (colour, line, marker) in zip(steps, STYLES, strict=False):
+        p = np.ma.masked_invalid(data["fluid_pressure"].values[s] / 1e6)
+        axes.plot(x1, p.mean(axis=1), color=colour, ls=line, marker=marker, ms=4.5, label=str(data["name"].values[s]))
+        if s == steps[-1]:
+            low, high = p.min(axis=1), p.max(axis=1)
+            axes.fill_between(x1, low, high, color=colour, alpha=0.15, lw=0, label="lowest to highest node there")
+    axes.set(xlabel="x1, inlet at 0 [mm]", ylabel="fluid pressure [MPa]")
+    axes.grid(alpha=0.25, lw=0.6)
+    axes.legend(fontsize=8, framealpha=0.9)
+
+
+def permeability_panel(axes: Axes, data: xarray.Dataset, s: int) -> None:
+    """Permeability of the windows along x1 at a step, log scale."""
     from matplotlib import colormaps
     from matplotlib.colors import LogNorm
 
+    k = data["k1"].values[s]
     positive = k[np.isfinite(k) & (k > 0)]
     top = float(positive.max()) if positive.size else 1.0
     low = max(float(positive.min()), top * 10.0**-_DECADES) if positive.size else 0.1
     low = low if low < top else low / 10
-    colours = colormaps["viridis"].with_extremes(under=_CLOSED)
     shown = np.where(k > 0, np.maximum(k, low), np.where(k == 0, low / 10, np.nan))
     label = "permeability of windows along x1 [m³]; grey: closed" + ("; white: failed" if np.isnan(k).any() else "")
-    _image(axes, shown, extent, colours, label, norm=LogNorm(low, top))
+    colours = colormaps["viridis"].with_extremes(under=CLOSED)
+    map_panel(axes, shown, seal_size(data), colours, label, norm=LogNorm(low, top))
 
 
 def _insets(figure: Figure, place: Any, results: Results, s: int, panels: tuple[Axes, ...], height: float) -> None:
     """Gaps of two windows, marked on the panels, in which a window is `height` points high."""
-    from matplotlib import colormaps
     from matplotlib.patches import Rectangle
 
     w1, w2 = (2e3 * float(results.dataset[name][0]) for name in ("cell1", "cell2"))
@@ -159,10 +169,10 @@ def _insets(figure: Figure, place: Any, results: Results, s: int, panels: tuple[
         axes = figure.add_subplot(grid[0, n])
         gap = results.gap(s, (i, j)).values * 1e6
         length = float(np.diff(results.dataset["node1"].values[i : i + 2])[0]) * 1e6
-        colours = colormaps["magma"].with_extremes(bad=_CLOSED)
         shown = np.where(gap > 0, gap, np.nan)
         top = float(np.nanmax(shown)) if np.isfinite(shown).any() else 1.0
-        _image(axes, shown, (0, w2 * 1e3, 0, length), colours, f"{'AB'[n]}: gap [µm],\n{text}", vmin=0, vmax=top)
+        title, sides = f"{'AB'[n]}: gap [µm],\n{text}", (length, w2 * 1e3)
+        map_panel(axes, shown, sides, with_closed("magma"), title, vmin=0, vmax=top)
         axes.set(xlabel="x2 [µm]", ylabel="x1 [µm]" if n == 0 else "")
         for panel in panels:
             panel.add_patch(Rectangle((j * w2, i * w1), w2, w1, fill=False, ec="black", lw=3.0))
@@ -195,42 +205,3 @@ def _outline() -> list[Any]:
     from matplotlib.patheffects import withStroke
 
     return [withStroke(linewidth=2, foreground="black")]
-
-
-def surface_figure(topography: Topography) -> Figure:
-    """Heights, their profiles through the middle, and the spectral density of profiles along both axes.
-
-    Parameters
-    ----------
-    topography : heights; where points are undefined the spectral densities are left out.
-    """
-    from matplotlib.ticker import NullFormatter
-
-    z = topography.heights * 1e6
-    (n1, n2), (l1, l2), (d1, d2) = topography.shape, topography.size, topography.spacing
-    figure = new_figure(11.0, float(np.clip(5.6 * l1 / l2, 3.4, 5.6)) + 0.8)
-    grid = figure.add_gridspec(2, 2, width_ratios=(1.25, 1))
-    image, profile, density = (figure.add_subplot(place) for place in (grid[:, 0], grid[0, 1], grid[1, 1]))
-    _image(image, z, (0, l2 * 1e3, 0, l1 * 1e3), "viridis", "height [µm]")
-    image.set(xlabel="x2 along the seal [mm]", ylabel="x1, inlet at 0 [mm]", aspect="equal")
-    for axis, (line, n, d) in enumerate(((z[:, n2 // 2], n1, d1), (z[n1 // 2], n2, d2))):
-        colour, style, _ = STYLES[axis]
-        label = ("along x1 (leakage)", "along x2")[axis]
-        profile.plot((np.arange(n) + 0.5) * d * 1e3, line, color=colour, ls=style, lw=1.1, label=label)
-        if topography.undefined_share == 0:
-            q, c = topography.psd(axis)
-            shown = (q > 0) & (c > c.max() * 1e-12)
-            density.loglog(q[shown], c[shown], color=colour, ls=style, lw=1.3, label=label)
-    profile.set(xlabel="distance [mm]", ylabel="height [µm]")
-    profile.set_title("profiles through the middle", fontsize=9.5)
-    density.set(xlabel="wavenumber q = 2π/λ [rad/m]", ylabel="spectral density [m³]")
-    density.set_title("mean spectral density of profiles", fontsize=9.5)
-    density.xaxis.set_minor_formatter(NullFormatter())
-    for axes in (profile, density):
-        axes.grid(alpha=0.25, lw=0.6)
-        axes.tick_params(labelsize=8)
-    if topography.undefined_share:
-        density.annotate("undefined points", (0.5, 0.5), xycoords="axes fraction", ha="center", va="center")
-    figure.align_ylabels((profile, density))
-    figure.legend(*profile.get_legend_handles_labels(), loc="outside upper right", ncols=2, fontsize=8.5, frameon=False)
-    return figure

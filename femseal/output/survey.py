@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from ..drawing import STYLES, new_figure
 from ..quantities import to_text
 from ..topography import SPIKES, Conditioning, SurfaceReport, Topography
-from .plots import STYLES, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -9,9 +9,9 @@ from html import escape
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from ..quantities import to_text
+from ..drawing import branch_text
+from ..quantities import leakage_unit, to_text
 
 if TYPE_CHECKING:
     import xarray
@@ -19,14 +19,6 @@ if TYPE_CHECKING:
 
     from .results import Results
 
-#: Units of leakage per length of seal: value in m²/s and text; 1 mL/(m·s) is 1 mm²/s.
-LEAKAGE_UNITS = (
-    (1e-3, "L/(m·s)"),
-    (1e-6, "mL/(m·s)"),
-    (1e-9, "µL/(m·s)"),
-    (1e-12, "nL/(m·s)"),
-    (1e-15, "pL/(m·s)"),
-)
 #: Column of the CSV file, variable of the dataset; a column whose variable is missing is left out.
 _COLUMNS = (
     ("leakage_m2_per_s", None),
@@ -41,23 +33,6 @@ _COLUMNS = (
 
 
 _HEADS = {"two-scale": "two-\nscale", "deterministic": "determi-\nnistic"}
-
-
-def leakage_unit(values: ArrayLike) -> tuple[float, str]:
-    """One unit for all the leakages [m²/s] given: (its value in m²/s, its text), by the median of those not 0.
-
-    >>> leakage_unit([0.0, 3e-9, 4e-7, 2e-8])
-    (1e-09, 'µL/(m·s)')
-    """
-    size = np.abs(np.asarray(values, dtype=float).ravel())
-    size = size[np.isfinite(size) & (size > 0)]
-    middle = float(np.median(size)) if size.size else 1e-9
-    return next((u for u in LEAKAGE_UNITS if middle >= u[0] * (1 - 1e-12)), LEAKAGE_UNITS[-1])
-
-
-def branch_text(unloaded_from: float) -> str:
-    """Name of a branch: "loading", or "unloading from 900 MPa"; `unloaded_from` [Pa], NaN on loading."""
-    return "loading" if np.isnan(unloaded_from) else f"unloading from {to_text(unloaded_from, 'Pa')}"
 
 
 def rows(results: Results) -> list[dict[str, Any]]:
@@ -113,6 +88,11 @@ def texts(results: Results) -> tuple[str, list[str], list[list[str]]]:
         columns.append(("contact\nshare", (_share(r["contact_share"]) for r in table)))
     title = f"leakage per length of seal in {unit} (= {factor:.0e} m²/s)"
     return title, [c[0] for c in columns], [list(cells) for cells in zip(*(c[1] for c in columns), strict=True)]
+
+
+def plain_head(head: str) -> str:
+    """A header in one line."""
+    return next((method for method, text in _HEADS.items() if text == head), head.replace("\n", " "))
 
 
 def rich_table(results: Results) -> Table:

@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 from zipfile import BadZipFile
 
 import numpy as np
@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from ..contact import HalfSpace, LoadStep, peak_indices
 from ..errors import FemsealError, InputError
 from ..files import made_folder, replacing
+from ..showing import Shown
 from .curves import CellCurves
 from .ladder import Cell, Ladder, follow
 
@@ -34,8 +35,8 @@ FORMAT = 1
 WINDOW_STREAM = 2**32 - 1
 
 
-@dataclass(frozen=True)
-class LibraryTable:
+@dataclass(frozen=True, repr=False)
+class LibraryTable(Shown):
     """Cells of a library on common steps, as they are shown: pressures, k along x1, mean gap, contact share."""
 
     steps: tuple[LoadStep, ...]
@@ -97,8 +98,8 @@ class WindowSource:
         return digest.hexdigest()[:32]
 
 
-@dataclass(frozen=True)
-class LadderLibrary:
+@dataclass(frozen=True, repr=False)
+class LadderLibrary(Shown):
     """Windows followed along a ladder.
 
     cells : of the windows that did not fail. rms_height : of the faces [m]. counts : flow solutions of this run by
@@ -107,11 +108,13 @@ class LadderLibrary:
     """
 
     ladder: Ladder
-    cells: tuple[Cell, ...]
-    rms_height: float
+    cells: tuple[Cell, ...] = field(repr=False)
+    rms_height: float = field(metadata={"unit": "m"})
     counts: dict[str, int] = field(default_factory=dict)
     reused: int = 0
     failures: tuple[str, ...] = ()
+
+    _derived: ClassVar = {"size": "1"}
 
     @property
     def size(self) -> int:

@@ -8,7 +8,7 @@ from functools import partial
 from math import ceil
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -29,8 +29,12 @@ from ..scales import (
     solve_global_scale,
 )
 from ..seal import RectangularSeal
-from .scene import Array, Map, Scene, labels
+from ..showing import Shown
+from .scene import Array, Map, Scene, labels, leakage_plot
 from .windows import solve_links, solve_windows
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 #: Loading steps of a library in shares of the pressure at which everything is in contact, about: the hardness, or half
 #: of E* × rms slope where that is less.
@@ -90,16 +94,16 @@ class Sampling:
         return self.sampler or ("block" if self.pressure == "place" else "history")
 
 
-@dataclass(frozen=True)
-class PlacedLibrary:
+@dataclass(frozen=True, repr=False)
+class PlacedLibrary(Shown):
     """Windows of a face at their places: k1 (rows, columns, steps), k2 (rows − 1, columns, steps) [m³].
 
     Columns come in the order of the face, then again for every `shift` of the windows along x2. block_length : number
     of columns over which windows are alike.
     """
 
-    k1: Array
-    k2: Array
+    k1: Array = field(metadata={"unit": "m^3"})
+    k2: Array = field(metadata={"unit": "m^3"})
     curves: LibraryTable
     correlation_length: float
     shifts: int
@@ -112,8 +116,8 @@ class PlacedLibrary:
         return self.k1.shape[0] * self.k1.shape[1]
 
 
-@dataclass(frozen=True)
-class StochasticResult:
+@dataclass(frozen=True, repr=False)
+class StochasticResult(Shown):
     """Realisations of a seal drawn from a library; leakage over realisations and steps.
 
     leakage_resampled : as many more, each from a library drawn with repetition from the library itself, so that their
@@ -122,7 +126,7 @@ class StochasticResult:
 
     steps: tuple[Any, ...]
     seal: RectangularSeal
-    library: LadderLibrary | PlacedLibrary
+    library: LadderLibrary | PlacedLibrary = field(repr=False)
     leakage: Array = field(
         metadata=labels("m^2/s", "leakage per unit seal length, realisations", "realisation", "step")
     )
@@ -191,6 +195,19 @@ class StochasticResult:
                 f"{weak[0]}" + (f" and {len(weak) - 1} more steps" if len(weak) > 1 else "")
             )
         return tuple(reasons)
+
+    def plot(self) -> Figure:
+        """Median of the leakage against nominal pressure, with the bands from 5 to 95 %."""
+        low, high = 0.05, 0.95
+        return leakage_plot(
+            self.steps,
+            self.quantile(0.5),
+            "median of realisations",
+            band=(self.quantile(low), self.quantile(high)),
+            band_together=(self.quantile(low, resampled=True), self.quantile(high, resampled=True)),
+            share=(low, high),
+            mean=self.mean,
+        )
 
     def _at_every_step(self, statistic: Callable[[Array], Any], leakage: Array | None = None) -> Array:
         finite = [column[np.isfinite(column)] for column in (self.leakage if leakage is None else leakage).T]

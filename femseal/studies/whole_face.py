@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..contact import HalfSpace, LoadStep, load_cycle
-from .scene import Array, Map, Scene, labels
+from ..showing import Shown
+from .scene import Array, Map, Scene, labels, leakage_plot
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
-@dataclass(frozen=True)
-class DeterministicResult:
+@dataclass(frozen=True, repr=False)
+class DeterministicResult(Shown):
     """Everything resolved on the surface's own grid; arrays over the steps."""
 
     steps: tuple[LoadStep, ...]
@@ -23,6 +28,10 @@ class DeterministicResult:
     gap: NDArray[np.float32] = field(metadata=labels("m", "deformed gap, deterministic", "step", "x1", "x2"))
     residual: float = 0.0
     failures: tuple[str, ...] = ()
+
+    def plot(self) -> Figure:
+        """Leakage against nominal pressure."""
+        return leakage_plot(self.steps, self.leakage, "deterministic")
 
 
 def deterministic(scene: Scene, *, map: Map = map) -> DeterministicResult:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,8 +14,12 @@ from ..errors import InputError
 from ..scales import Partition, respond, solve_global_scale
 from ..scales.response import body_standoff, flow_history, set_down
 from ..seal import RectangularSeal
+from ..showing import Shown
 from ..topography import Topography
-from .scene import Array, Map, Scene, labels
+from .scene import Array, Map, Scene, labels, leakage_plot
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 #: Wavelength that divides the scales, in window sides: longer ones lose the pressure of features within windows.
 CUT_OFF_WINDOWS = 0.25
@@ -24,12 +29,12 @@ FLOWS = ("links", "resolved")
 RIDGE_WARNING = 0.35
 
 
-@dataclass(frozen=True)
-class TwoScaleResult:
+@dataclass(frozen=True, repr=False)
+class TwoScaleResult(Shown):
     """Windows of the surface between global nodes; arrays over steps and links."""
 
     steps: tuple[LoadStep, ...]
-    partition: Partition
+    partition: Partition = field(repr=False)
     flow: str
     leakage: Array = field(metadata=labels("m^2/s", "leakage per unit seal length, two-scale", "step"))
     k1: Array = field(metadata=labels("m^3", "permeability of links along x1", "step", "cell1", "cell2"))
@@ -47,6 +52,10 @@ class TwoScaleResult:
     )
     counts: dict[str, int] = field(default_factory=dict)
     failures: tuple[str, ...] = ()
+
+    def plot(self) -> Figure:
+        """Leakage against nominal pressure."""
+        return leakage_plot(self.steps, self.leakage, "two-scale")
 
 
 def two_scale(scene: Scene, cells: tuple[int, int], *, flow: str = "links", map: Map = map) -> TwoScaleResult:

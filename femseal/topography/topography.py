@@ -10,7 +10,7 @@ Source of the definitions: ISO 25178-2 (Sq), Jacobs, Junge, Pastewka, Surf. Topo
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,10 +18,14 @@ from numpy.typing import NDArray
 from .. import checks
 from ..errors import InputError
 from ..quantities import to_text
+from ..showing import fact_table
 from . import spectral
 from .form import fit_form
 from .holes import fill_holes
 from .spikes import SPIKES, find_spikes
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -278,6 +282,21 @@ class Topography:
                 f"a map without them for {purpose}: use fill_undefined() first",
             )
         return self.heights
+
+    def plot(self) -> Figure:
+        """Map, profiles through the middle, spectral densities, see `heights_figure`."""
+        from .picture import heights_figure
+
+        return heights_figure(self)
+
+    def _repr_html_(self) -> str:
+        sides, pixel = (" × ".join(to_text(v, "m") for v in pair) for pair in (self.size, self.spacing))
+        share = self.undefined_share
+        facts = {"points": " × ".join(map(str, self.shape)), "size": sides, "pixel": pixel}
+        facts |= {"periodic": " × ".join(map(str, self.periodic)), "undefined": f"{100 * share:.3g} %"}
+        if share == 0:
+            facts |= {"rms height": to_text(self.rms_height, "m"), "rms slope": f"{self.rms_slope:.4g}"}
+        return fact_table(type(self).__name__, [(name, text) for name, text in facts.items()])
 
     def __repr__(self) -> str:
         (l1, l2), (d1, d2) = ((to_text(v, "m") for v in pair) for pair in (self.size, self.spacing))

@@ -1,0 +1,35 @@
+"""Read a results folder back: the table, single numbers by their names, and the page that tells the run.
+
+Run a case first: femseal run examples/turned_seal.toml -o results/turned_seal
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import femseal as fs
+
+
+def memory_of_the_peak(results: fs.Results) -> dict[float, float]:
+    """Leakage on loading over that on unloading from the highest peak, by nominal pressure [Pa]."""
+    leakage = dict(zip(results.steps, results.leakage.values, strict=True))
+    peak = max(step.pressure for step in leakage)
+    loading = {step.pressure: value for step, value in leakage.items() if step.unloaded_from is None}
+    return {
+        step.pressure: float(loading[step.pressure] / value)
+        for step, value in leakage.items()
+        if step.unloaded_from == peak and value > 0 and step.pressure in loading
+    }
+
+
+if __name__ == "__main__":
+    import rich
+
+    results = fs.open_results(Path(sys.argv[1] if len(sys.argv) > 1 else "results/turned_seal"))
+    rich.print(results.table())
+    for pressure, ratio in memory_of_the_peak(results).items():
+        print(f"{pressure / 1e6:g} MPa: {ratio:.3g} times less after the peak")
+    highest = results.dataset["nominal_pressure"].argmax("step")
+    print(f"leakage at the peak: {float(results.leakage[highest]):.4g} m²/s")
+    print("page:", fs.write_report(results))

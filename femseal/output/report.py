@@ -1,0 +1,97 @@
+"""One page that tells a run: self-contained HTML for screens, phones and paper."""
+
+from __future__ import annotations
+
+import json
+import os
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+from ..errors import InputError
+from ..files import replacing
+from . import report_pictures as pictures
+from . import report_words as words
+from .results import Results, open_results
+from .tables import plain_head, texts
+
+REPORT_NAME = "report.html"
+
+
+def write_report(results: Results | str | os.PathLike[str], path: str | os.PathLike[str] | None = None) -> Path:
+    """Write one self-contained HTML page about a run: it loads nothing, and prints.
+
+    The case in words, leakage over load with its bands, curves of the cells, maps of the seal, where the pressure
+    drops, an error budget, times, warnings, versions. It says what is in the dataset, so that a page made of a folder
+    is the one that the run wrote; an `accuracy.json` in the folder is added.
+
+    Parameters
+    ----------
+    results : of a run, or the folder they are in.
+    path : of the page; `report.html` in the folder of the results unless given.
+
+    Returns
+    -------
+    Path of the page; it is written whole or not at all.
+
+    Raises
+    ------
+    InputError : no results in the folder; a path that cannot be written; no path for results without a folder.
+    """
+    if not isinstance(results, Results):
+        results = open_results(results)
+    if path is None and results.folder is None:
+        raise InputError.of("path", "none, for results without a folder", "the path of a file to write")
+    target = Path(path) if path is not None else Path(results.folder or "") / REPORT_NAME
+    if target.is_dir() or not os.access(target.parent, os.W_OK):
+        raise InputError.of("path", f"'{target}'", "a file in a folder that can be written")
+    page = report_html(results)
+    with replacing(target) as temporary:
+        temporary.write_text(page, encoding="utf-8", newline="")
+    return target
+
+
+def report_html(results: Results) -> str:
+    """The page as text."""
+    from jinja2 import Environment, StrictUndefined
+
+    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    source = files("femseal.output").joinpath("report.html.jinja").read_text(encoding="utf-8")
+    return environment.from_string(source).render(_content(results))
+
+
+def _content(results: Results) -> dict[str, Any]:
+    data = results.dataset
+    title, heads, lines = texts(results)
+    content: dict[str, Any] = {
+        "title": results.case.get("title") or "Leakage of a metal-to-metal seal",
+        "source": data.attrs["source"],
+        "key_numbers": words.key_numbers(results),
+        "sentences": words.case_sentences(results),
+        "total": words.total_leakage_text(results),
+        "leakage": pictures.leakage_picture(results),
+        "leakage_table": {
+            "title": title,
+            "heads": [plain_head(h) for h in heads],
+            "lines": lines,
+        },
+        "method": results.method,
+        "cells": pictures.cell_pictures(results) if "library_k" in data or "k1" in data else [],
+        "map_step": "",
+        "maps": [],
+        "drop": None,
+        "drop_sentences": [],
+        "scatter": words.scatter_lines(results),
+        "checks": words.check_lines(results),
+        "accuracy": words.accuracy_lines(results),
+        "times": words.time_lines(results),
+        "warnings": results.warnings,
+        "versions": words.flat(json.loads(data.attrs["versions"])),
+        "platform": data.attrs["platform"],
+        "case": words.flat(results.case),
+    }
+    if "k1" in data:
+        content["map_step"], content["maps"] = pictures.map_pictures(results)
+        content["drop"] = pictures.drop_picture(results)
+        content["drop_sentences"] = words.pressure_drop_sentences(results)
+    return content

@@ -1,0 +1,320 @@
+"""What the report says in words and numbers: the case, the errors, the drop of pressure, the time."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..factors import FLOOR, leakage_factor
+from ..quantities import to_text
+from .maps import default_step
+from .tables import amount, leakage_unit
+
+if TYPE_CHECKING:
+    import xarray
+
+    from .results import Results
+
+Array = NDArray[np.float64]
+Lines = list[tuple[str, ...]]
+
+
+@dataclass(frozen=True)
+class KeyNumber:
+    """One of the numbers that stand first."""
+
+    label: str
+    value: str
+    note: str
+
+
+def key_numbers(results: Results) -> list[KeyNumber]:
+    """Leakage at the first and the highest load and after the last unloading; contact there."""
+    data, steps, leakage = results.dataset, results.steps, results.leakage.values
+    factor, unit = leakage_unit(leakage)
+    peak = max(range(len(steps)), key=lambda s: steps[s].pressure)
+    numbers = []
+    for s in dict.fromkeys((0, peak, len(steps) - 1)):
+        value = amount(leakage[s], factor)
+        value += f" {unit}" if leakage[s] and not np.isnan(leakage[s]) else ""
+        note = ""
+        if "leakage_lower" in data:
+            ends = (amount(float(data[f"leakage_{end}"][s]), factor) for end in ("lower", "upper"))
+            note = f"band {' to '.join(ends)}"
+        numbers.append(KeyNumber(steps[s].name, value, note))
+    if "contact_share" in data:
+        share = float(data["contact_share"][peak])
+        numbers.append(KeyNumber("in contact at the highest load", f"{100 * share:.3g} %", ""))
+    return numbers
+
+
+def case_sentences(results: Results) -> list[str]:
+    """The case in words; what the results do not know is left out."""
+    data, case = results.dataset, results.case
+    attrs = data.attrs
+    width, length = (float(v) for v in attrs["seal_size_m"])
+    sentences = [f"A seal {to_text(width, 'm')} wide along the leakage and {to_text(length, 'm')} long."]
+    faces = [_face_text(face) for face in case.get("face", [])]
+    if faces:
+        surface = json.loads(attrs["surface"])
+        grid = f", solved on {' × '.join(map(str, surface['shape']))} points" if "shape" in surface else ""
+        text = " against ".join(faces)
+        sentences.append(f"{text[0].upper()}{text[1:]}{grid}.")
+    if surface_text := _surface_text(json.loads(attrs["surface"])):
+        sentences.append(surface_text)
+    modulus, hardness = float(attrs["contact_modulus_Pa"]), float(attrs["hardness_Pa"])
+    kind = "elastic" if np.isinf(hardness) else f"elastic-perfectly plastic with hardness {to_text(hardness, 'Pa')}"
+    sentences.append(f"Contact modulus {to_text(modulus, 'Pa')}, {kind}.")
+    sentences.append(_load_text(data))
+    inlet, outlet = (to_text(float(attrs[f"{end}_pressure_Pa"]), "Pa") for end in ("inlet", "outlet"))
+    sentences.append(f"The fluid, {_fluid_text(case, str(attrs['fluid']))}, runs from {inlet} to {outlet}.")
+    sentences += _method_sentences(results)
+    return sentences
+
+
+def _face_text(face: dict[str, Any]) -> str:
+    kind = str(face.get("kind", "face"))
+    if kind == "file":
+        return f"a measured face from {face.get('path', 'a file')}"
+    known = (("pitch", "m"), ("depth", "m"), ("roughness", "m"), ("hurst", ""), ("rms_slope", ""), ("rms_height", "m"),
+             ("roll_off", "m"))  # fmt: skip
+    facts = [
+        f"{name.replace('_', ' ').replace('hurst', 'Hurst exponent')} {_with_unit(face[name], unit)}"
+        for name, unit in known
+        if face.get(name)
+    ]
+    return f"a {kind} face" + (f" ({', '.join(facts)})" if facts else "")
+
+
+def _with_unit(value: float, unit: str) -> str:
+    return to_text(value, unit, 3) if unit else f"{value:g}"
+
+
+def _surface_text(surface: dict[str, Any]) -> str:
+    if "rms_slope" not in surface or "rms_height" not in surface:
+        return ""
+    text = f"Its rms height is {to_text(surface['rms_height'], 'm', 3)}, its rms slope {surface['rms_slope']:.3g}"
+    if share := surface.get("undefined_share"):
+        text += f"; {100 * share:.2g} % undefined points were filled"
+    return text + "."
+
+
+def _load_text(data: xarray.Dataset) -> str:
+    pressure, peaks = data["nominal_pressure"].values, data["unloaded_from"].values
+    up = pressure[np.isnan(peaks)]
+    ends = " to ".join(to_text(float(p), "Pa") for p in dict.fromkeys((up.min(), up.max())))
+    text = f"It is loaded in {up.size} steps, {ends}"
+    if tops := [to_text(float(p), "Pa") for p in np.unique(peaks[~np.isnan(peaks)])]:
+        down = to_text(float(pressure[~np.isnan(peaks)].min()), "Pa")
+        text += f", and unloaded from {' and '.join(tops)} down to {down}"
+    return text + "."
+
+
+def _fluid_text(case: dict[str, Any], fallback: str) -> str:
+    fluid = case.get("fluid", {})
+    if "viscosity" not in fluid:
+        return fallback
+    text = f"a {fluid.get('kind', 'fluid')} of viscosity {to_text(fluid['viscosity'], 'Pa·s')}"
+    return text + (f" and density {fluid['density']:g} kg/m³" if "density" in fluid else "")
+
+
+def _method_sentences(results: Results) -> list[str]:
+    data, case = results.dataset, results.case
+    sentences = []
+    if "leakage_deterministic" in data:
+        sentences.append("Deterministic: contact and flow of the whole face at full resolution.")
+    if "k1" in data:
+        sentences.append(
+            f"Two scales: {data.sizes['cell1']} × {data.sizes['cell2']} windows between the nodes of a global flow."
+        )
+    if "leakage_median" in data:
+        drawn = case.get("stochastic", {})
+        how = [f"{name} {drawn[name]}" for name in ("sampler", "pressure") if name in drawn]
+        sentences.append(
+            f"Stochastic: {data.sizes['realisation']} seals drawn from {data.sizes['library_cell']} library windows"
+            + (f" ({', '.join(how)})" if how else "")
+            + (f", seed {data.attrs['seed']}" if "seed" in data.attrs else "")
+            + ". The leakage given is their median."
+        )
+    return sentences
+
+
+def pressure_drop_sentences(results: Results) -> list[str]:
+    """Where the fluid pressure drops at the step of the maps: which row, and in how few windows."""
+    data = results.dataset
+    s = default_step(data)
+    p, flux = data["fluid_pressure"].values[s], np.nan_to_num(data["flux1"].values[s])
+    name, whole = str(data["name"].values[s]), float(data.attrs["inlet_pressure_Pa"] - data.attrs["outlet_pressure_Pa"])
+    if not np.abs(flux).max() > 0 or whole == 0:
+        return [f"At {name} nothing flows."]
+    drops = -np.diff(np.ma.masked_invalid(p).mean(axis=1).filled(np.nan)) / whole
+    row = int(np.nanargmax(drops))
+    ends = (to_text(float(x), "m", 3) for x in data["node1"].values[row : row + 2])
+    sentences = [f"At {name} {drops[row]:.0%} of the pressure drops between x1 = {' and '.join(ends)}."]
+    power = np.sort(np.nan_to_num(np.abs(flux * np.diff(p, axis=0))).ravel())[::-1]
+    half = int(np.searchsorted(np.cumsum(power), 0.5 * power.sum()) + 1)
+    sentences.append(
+        f"Half of the power that the flow loses along x1 is lost in {half} of {power.size} windows"
+        + (": few constrictions hold the seal." if half <= 0.05 * power.size else ".")
+    )
+    return sentences
+
+
+def scatter_lines(results: Results) -> Lines:
+    """Scatter and differences as factors: source, typical, largest, where, meaning."""
+    data, steps = results.dataset, results.steps
+    leaking = np.abs(results.leakage.values) > FLOOR * np.abs(results.leakage.values[0])
+    lines: Lines = []
+
+    def deviation(source: str, sigma: Array, meaning: str) -> None:
+        chosen = np.where(leaking, sigma, np.nan)
+        if np.isfinite(chosen).any():
+            worst = int(np.nanargmax(chosen))
+            typical, largest = (_factor(float(np.exp(v))) for v in (np.nanmedian(chosen), chosen[worst]))
+            lines.append((source, typical, largest, steps[worst].name, meaning))
+
+    if "realisation_spread" in data:
+        spread, error = data["realisation_spread"].values, data["library_error"].values
+        deviation("realisations", spread, "one standard deviation between drawn seals")
+        deviation("finite library", error, "one standard deviation between libraries of this size")
+        deviation("both together", np.hypot(spread, error), "what a seal of this kind may differ from the median")
+        share = 1.2533 / np.sqrt(data.sizes["realisation"])
+        deviation("median", share * spread, "standard error of the median; more realisations lower it")
+    pairs = (
+        ("two-scale", "leakage_two_scale", "deterministic", "leakage_deterministic"),
+        ("median", "leakage_median", "two-scale", "leakage_two_scale"),
+        ("median", "leakage_median", "deterministic", "leakage_deterministic"),
+    )
+    for one, name, other, reference in pairs:
+        if name in data and reference in data:
+            lines += _comparison(results, one, data[name].values, other, data[reference].values)
+    return lines
+
+
+def _comparison(results: Results, one: str, leakage: Array, other: str, reference: Array) -> Lines:
+    lines: Lines = []
+    steps = results.steps
+    for branch in dict.fromkeys(s.branch for s in steps):
+        factor = leakage_factor(leakage, reference, steps, branch)
+        if not factor.loads:
+            continue
+        chosen = np.array([s.branch == branch for s in steps]) & (np.abs(reference) > FLOOR * np.abs(reference[0]))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ratio = np.where(chosen & (leakage * reference > 0), np.abs(np.log(leakage / reference)), np.nan)
+        worst = int(np.nanargmax(ratio))
+        meaning = f"rms over {factor.loads} loads" + (
+            f", {factor.closed} more closed in one only" if factor.closed else ""
+        )
+        source = f"{one} against {other}, {branch}"
+        lines.append((source, _factor(factor.value), _factor(float(np.exp(ratio[worst]))), steps[worst].name, meaning))
+    return lines
+
+
+def check_lines(results: Results) -> Lines:
+    """Residuals and resolution: what was checked, value, meaning."""
+    data, case = results.dataset, results.case
+    lines: Lines = []
+    if (rtol := case.get("contact", {}).get("rtol")) is not None:
+        lines.append(("contact residual", f"≤ {rtol:.0e}", "reached by every contact that is not in the warnings"))
+    if "window_pressure" in data:
+        nominal = data["nominal_pressure"].values
+        carried = data["window_pressure"].values.mean(axis=(1, 2))
+        off = np.abs(carried - nominal)[nominal > 0] / nominal[nominal > 0]
+        if off.size:
+            lines.append(("load of the windows", f"{np.nanmax(off):.0e}", "largest distance from the nominal pressure"))
+        rows, whole = data["flux1"].values.mean(axis=2), data["leakage_two_scale"].values
+        open_ = np.nan_to_num(whole) != 0
+        if open_.any():
+            balance = np.abs(rows[open_] / whole[open_, None] - 1)
+            lines.append(
+                ("flow balance", f"{np.nanmax(balance):.0e}", "largest difference of a row's flow from the leakage")
+            )
+    for study, counts in json.loads(data.attrs["counts"]).items():
+        if counts:
+            text = ", ".join(f"{n} {kind}" for kind, n in counts.items())
+            lines.append(
+                (
+                    f"flows of windows, {study.replace('_', '-')}",
+                    text,
+                    "closed ones are exactly 0, open ones follow h̄³/12",
+                )
+            )
+    surface = json.loads(data.attrs["surface"])
+    if "shortest_wavelength" in surface and "spacing" in surface:
+        wave, pixel = surface["shortest_wavelength"], max(surface["spacing"])
+        lines.append(
+            (
+                "resolution",
+                f"{wave / pixel:.3g} pixels",
+                f"of {to_text(pixel, 'm', 3)} to the shortest wave, {to_text(wave, 'm', 3)}",
+            )
+        )
+        if before := surface.get("rms_slope_before"):
+            lost = 1 - surface["rms_slope"] / before
+            lines.append(("slope removed", f"{100 * lost:.2g} %", "of the rms slope, with the waves shorter than that"))
+    return lines
+
+
+def accuracy_lines(results: Results) -> Lines:
+    """Factors that `femseal accuracy` wrote into the folder of the results for the same case; none if it did not."""
+    if results.folder is None:
+        return []
+    try:
+        found = json.loads((results.folder / "accuracy.json").read_text(encoding="utf-8"))
+        if found["case"] != results.case:
+            return []
+        return [
+            (
+                f"{s['method']}, {' × '.join(map(str, s['points']))} points"
+                + (f", {' × '.join(map(str, s['cells']))} windows" if s["cells"] else ""),
+                c["against"],
+                *(_factor(c[branch]["factor"]) for branch in ("loading", "unloading")),
+                f"{s['seconds']:.3g} s",
+            )
+            for s in found["solutions"]
+            for c in s["comparisons"]
+        ]
+    except (OSError, ValueError, KeyError, TypeError):
+        return []
+
+
+def _factor(value: float | None) -> str:
+    return "–" if value is None or np.isnan(value) else f"× {value:.3g}"
+
+
+def time_lines(results: Results) -> list[tuple[str, str, float]]:
+    """Stage, time, and its share of the whole in percent."""
+    timings: dict[str, float] = json.loads(results.dataset.attrs["timings"])
+    whole = sum(timings.values()) or 1.0
+    return [(stage, f"{seconds:.3g} s", 100 * seconds / whole) for stage, seconds in timings.items()]
+
+
+def total_leakage_text(results: Results) -> str:
+    """Leakage of the whole seal at the highest load."""
+    steps, leakage = results.steps, results.leakage.values
+    peak = max(range(len(steps)), key=lambda s: steps[s].pressure)
+    rate = leakage[peak] * float(results.dataset.attrs["seal_size_m"][1])
+    if not np.isfinite(rate) or rate == 0:
+        return ""
+    return f"Over its whole length the seal leaks {rate * 60e6:.3g} mL/min at {to_text(steps[peak].pressure, 'Pa')}."
+
+
+def flat(value: Any, name: str = "") -> list[tuple[str, str]]:
+    """A nested case as lines of key and value."""
+    if isinstance(value, dict):
+        return [line for key, item in value.items() for line in flat(item, f"{name}.{key}" if name else str(key))]
+    if isinstance(value, list) and any(isinstance(item, dict) for item in value):
+        return [
+            line for n, item in enumerate(value, 1) for line in flat(item, name if len(value) == 1 else f"{name} {n}")
+        ]
+    if isinstance(value, list):
+        return [(name, ", ".join(_plain(item) for item in value))]
+    return [(name, _plain(value))]
+
+
+def _plain(value: Any) -> str:
+    return f"{value:g}" if isinstance(value, float) else str(value)

@@ -1,0 +1,93 @@
+"""How results show themselves: one line, and a table in notebooks, instead of whole arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import fields
+from html import escape
+from typing import Any, ClassVar
+
+import numpy as np
+
+from .quantities import to_text
+
+_POWERS = str.maketrans("23", "²³")
+
+
+class Shown:
+    """Base of results, frozen dataclasses whose fields carry `unit` and `long_name` in their metadata.
+
+    Numbers are shown with their unit, arrays by their shape and range, steps and failures by their count; fields with
+    repr=False only in the table. `_derived` names properties that are shown first, with their units.
+    """
+
+    _derived: ClassVar[dict[str, str]] = {}
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({', '.join(f'{name} {text}' for name, text, _ in self._facts(whole=False))})"
+
+    def _repr_html_(self) -> str:
+        return fact_table(type(self).__name__, self._facts(whole=True))
+
+    def _facts(self, whole: bool) -> list[tuple[str, str, str]]:
+        """Name, value as text, meaning."""
+        facts = [(name, value_text(getattr(self, name), unit), "") for name, unit in self._derived.items()]
+        for f in fields(self):  # type: ignore[arg-type]
+            value = getattr(self, f.name)
+            if (whole or f.repr) and not _says_nothing(value):
+                text = value_text(value, f.metadata.get("unit", "1"))
+                facts.append((f.name, text, f.metadata.get("long_name", "")))
+        return facts
+
+
+def fact_table(caption: str, lines: Iterable[tuple[str, ...]], head: tuple[str, ...] = ()) -> str:
+    """A table in HTML: one line of texts for each fact."""
+    heads = f"<thead><tr>{_cells(head, 'th')}</tr></thead>\n" if head else ""
+    body = "\n".join(f"<tr>{_cells(line, 'td')}</tr>" for line in lines)
+    return f"<table><caption>{escape(caption)}</caption>\n{heads}<tbody>\n{body}\n</tbody></table>"
+
+
+def _cells(texts: Iterable[str], tag: str) -> str:
+    return "".join(f"<{tag}>{escape(text)}</{tag}>" for text in texts)
+
+
+def _says_nothing(value: Any) -> bool:
+    """Nothing asked for, nothing failed."""
+    return value is None or (isinstance(value, float) and np.isnan(value)) or (isinstance(value, tuple) and not value)
+
+
+def value_text(value: Any, unit: str = "1") -> str:
+    """A value of a result as short text; `unit` as in the metadata of its field.
+
+    >>> value_text(2.5e-6, "m"), value_text(np.array([[0.0, 2e8], [np.nan, 1e9]]), "Pa"), value_text(1.5e-18, "m^3")
+    ('2.5 µm', '(2 × 2: 0 Pa … 1 GPa)', '1.5e-18 m³')
+    """
+    if isinstance(value, np.ndarray):
+        return f"({' × '.join(map(str, value.shape))}: {_range_text(value, unit)})"
+    if isinstance(value, (bool, np.bool_, str)):
+        return str(value)
+    if isinstance(value, (int, np.integer)):
+        return str(int(value))
+    if isinstance(value, (float, np.floating)):
+        return _number_text(float(value), unit)
+    if isinstance(value, tuple) and value and all(hasattr(v, "pressure") for v in value):
+        return f"of {len(value)} load steps"
+    if isinstance(value, tuple) and value and all(isinstance(v, str) for v in value):
+        return f"{len(value)}, the first: {value[0]}"
+    return repr(value)
+
+
+def _range_text(values: np.ndarray, unit: str) -> str:
+    if values.dtype == bool:
+        return f"{100 * values.mean() if values.size else 0:.3g} %"
+    finite = values[np.isfinite(values)]
+    if finite.size == 0:
+        return "undefined"
+    low, high = (_number_text(float(v), unit) for v in (finite.min(), finite.max()))
+    return low if low == high else f"{low} … {high}"
+
+
+def _number_text(value: float, unit: str) -> str:
+    if unit in ("Pa", "m"):
+        return to_text(value, unit)
+    return f"{value:.4g}" if unit == "1" else f"{value:.4g} {unit.replace('^', '').translate(_POWERS)}"

@@ -1,0 +1,128 @@
+"""Example scripts and the tutorial: each runs, and one physical number of it is right."""
+
+import json
+import runpy
+import sys
+from pathlib import Path
+
+import matplotlib
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+import femseal as fs
+from femseal import analytic
+from femseal.output import assemble, save
+
+EXAMPLES = Path(__file__).parents[1] / "examples"
+#: make_measured_face.py is run by the tests of the examples' files.
+SCRIPTS = {path.stem for path in EXAMPLES.glob("*.py")} - {"make_measured_face"}
+
+
+def names(stem):
+    return runpy.run_path(str(EXAMPLES / f"{stem}.py"))
+
+
+@pytest.fixture(scope="module")
+def drawn():
+    return names("real_size_seal")
+
+
+@pytest.fixture(scope="module")
+def drawn_seal(drawn):
+    return drawn["drawn_seal"]()
+
+
+def test_every_script_has_a_test():
+    assert {"elastic_check", "one_cell", "measured_face", "real_size_seal", "read_results"} == SCRIPTS
+
+
+def test_elastic_check_is_right_to_pixels():
+    solved, exact = names("elastic_check")["contact_shares"](np.array([0.1, 0.5, 0.9]))
+    assert_allclose(solved, exact, atol=2 / 128)  # two edges of contact, each off by a pixel at most
+    assert_allclose(exact[1], 0.5)
+
+
+def test_one_cell_closes_and_opens_again_less():
+    states, k = names("one_cell")["cycle"]()
+    assert k[5] == 0  # closed at the top
+    up, down = k[:5][::-1], k[6:]
+    assert (down <= up).all()
+    assert 0 < down[-1] < 0.1 * up[-1]
+    # at light load contact is p / H where all of it is plastic, and somewhat more as part is elastic
+    ratio = states[0].pressure / 2.8e9
+    assert ratio < states[0].contact.area_fraction < 1.2 * ratio
+    assert (k <= analytic.parallel_plates([s.contact.mean_gap for s in states])).all()
+
+
+def test_measured_face_leaks_what_parallel_plates_bound():
+    script = names("measured_face")
+    surface = script["prepared"]()
+    contact, leakage = script["leakage"](surface, 2e8)
+    assert_allclose(contact.mean_pressure, 2e8, rtol=1e-4)
+    assert 2e8 / 3.36e9 < contact.area_fraction < 1.2 * 2e8 / 3.36e9
+    plates = analytic.parallel_plates(contact.mean_gap) * 10e6 / 0.02 / surface.size[0]
+    assert 0 < leakage.per_length < plates
+
+
+def test_real_size_seal_is_as_long_as_asked_and_scatters_little(drawn_seal):
+    assert_allclose(drawn_seal.seal.size[1], 0.1, rtol=1e-3)
+    median = drawn_seal.quantile(0.5)
+    up, down = median[:3], median[3:]
+    assert (np.diff(up) < 0).all()
+    assert (down < up[1::-1]).all()
+    # 20 000 links in parallel: relative scatter of the sum goes with the root of their number
+    assert (drawn_seal.realisation_spread < 0.05).all()
+
+
+def test_read_results_knows_the_memory_of_the_peak(drawn, drawn_seal, tmp_path):
+    results = assemble(drawn["scene"](), stochastic=drawn_seal)
+    save(results, tmp_path)
+    ratios = names("read_results")["memory_of_the_peak"](fs.open_results(tmp_path))
+    median = drawn_seal.quantile(0.5)
+    assert ratios == {150e6: median[1] / median[3], 50e6: median[0] / median[4]}
+    assert min(ratios.values()) > 1
+
+
+@pytest.mark.parametrize("stem", ["measured_face", "read_results"])
+def test_scripts_that_write_run_as_programs(stem, drawn, drawn_seal, tmp_path, monkeypatch, capsys):
+    """Those that open no window are run whole."""
+    monkeypatch.chdir(tmp_path)
+    save(assemble(drawn["scene"](), stochastic=drawn_seal), tmp_path)
+    monkeypatch.setattr(sys, "argv", [stem, str(tmp_path)])
+    runpy.run_path(str(EXAMPLES / f"{stem}.py"), run_name="__main__")
+    assert capsys.readouterr().out
+    assert (tmp_path / {"measured_face": "measured_contact.png", "read_results": "report.html"}[stem]).exists()
+
+
+@pytest.mark.parametrize("stem", ["elastic_check", "one_cell", "real_size_seal"])
+def test_scripts_that_plot_run_as_programs(stem, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    backend = matplotlib.get_backend()
+    matplotlib.use("Agg")
+    try:
+        runpy.run_path(str(EXAMPLES / f"{stem}.py"), run_name="__main__")
+    finally:
+        matplotlib.use(backend)
+    assert capsys.readouterr().out
+
+
+class TestTutorial:
+    notebook = json.loads((EXAMPLES / "tutorial.ipynb").read_text(encoding="utf-8"))
+    code = tuple(c for c in notebook["cells"] if c["cell_type"] == "code")
+
+    def test_outputs_are_stripped(self):
+        assert all(c["outputs"] == [] and c["execution_count"] is None for c in self.code)
+
+    def test_cells_run_in_order(self, tmp_path, monkeypatch):
+        monkeypatch.chdir(tmp_path)
+        space = {}
+        for cell in self.code:
+            exec(compile("".join(cell["source"]), f"tutorial.ipynb {cell['id']}", "exec"), space)
+        k = list(space["permeability"].values())
+        assert k[0] > k[1] > k[2] < k[3] < k[4] < k[0]
+        assert space["k"].value < space["contact"].mean_gap ** 3 / 12
+        # the drawn seal and the windows it is drawn from agree where no constriction decides
+        results = space["results"].dataset
+        assert_allclose(results["leakage_median"][0], results["leakage_two_scale"][0], rtol=0.2)
+        assert (tmp_path / "report.html").stat().st_size > 100_000

@@ -1,0 +1,343 @@
+"""The report: one page that stands by itself, says what the dataset says, and can be read everywhere."""
+
+import base64
+import json
+import re
+import shutil
+import subprocess
+import sys
+from dataclasses import replace
+from xml.etree import ElementTree
+
+import matplotlib.image
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+import femseal as fs
+from femseal import cli
+from femseal.errors import InputError
+from femseal.fluids import Liquid
+from femseal.output import assemble, save, write_folder, write_report
+from femseal.output.report import report_html
+from femseal.output.report_words import accuracy_lines, check_lines, pressure_drop_sentences, scatter_lines
+from femseal.quantities import leakage_unit
+from femseal.studies import Sampling, Scene, deterministic, stochastic, two_scale
+from femseal.topography import self_affine
+
+SECTIONS = ["case", "leakage", "cells", "maps", "drop", "errors", "time", "warnings", "versions", "values"]
+CASE = {"title": "Trial <of> a seal & more", "seed": 7, "contact": {"rtol": 1e-5}, "cells": {"count": [3, 6]},
+        "face": [{"kind": "file", "path": "Face_A.x3p"}], "fluid": {"kind": "liquid", "viscosity": 1e-3}}  # fmt: skip
+SURFACE = {"shape": [48, 96], "spacing": [1e-6, 1e-6], "shortest_wavelength": 8e-6, "rms_height": 1e-6,
+           "rms_slope": 0.15, "rms_slope_before": 0.2, "undefined_share": 0.0}  # fmt: skip
+BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+
+
+@pytest.fixture(scope="module")
+def scene():
+    surface = self_affine((48, 96), (60e-6, 120e-6), hurst=0.8, rms_slope=0.15, roll_off=40e-6, rng=2)
+    return Scene(
+        surface, 115e9, 1.4e9, Liquid(1e-3), 1e6, 0.0,
+        loading=(50e6, 200e6, 700e6), unload_from=(700e6,), unloading=(300e6, 50e6),
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def studies(scene):
+    return {
+        "deterministic": deterministic(scene),
+        "two_scale": two_scale(scene, (3, 6)),
+        "stochastic": stochastic(scene, (3, 6), Sampling(240e-6, 6, 18, seed=7)),
+    }
+
+
+@pytest.fixture(scope="module")
+def results(scene, studies):
+    timings = {"two-scale": 3.0, "stochastic": 1.0}
+    return assemble(scene, **studies, case=CASE, surface_report=SURFACE, timings=timings)
+
+
+@pytest.fixture(scope="module")
+def quick(scene, studies):
+    """Results with a page of one picture."""
+    timings = {"deterministic": 3.0, "writing": 1.0}
+    return assemble(scene, deterministic=studies["deterministic"], case=CASE, timings=timings)
+
+
+@pytest.fixture(scope="module")
+def page(results):
+    return report_html(results)
+
+
+def parsed(page):
+    assert page.startswith("<!DOCTYPE html>\n")
+    return ElementTree.fromstring(page.split("\n", 1)[1])
+
+
+def words(element):
+    return " ".join("".join(element.itertext()).split())
+
+
+def section(page, name):
+    (found,) = (s for s in parsed(page).iter("section") if s.get("id") == name)
+    return found
+
+
+def pictures(page):
+    return list(parsed(page).iter("img"))
+
+
+def body_rows(table):
+    return [[words(cell) for cell in row.findall("td")] for row in table.iter("tr") if row.findall("td")]
+
+
+# --- the page stands by itself ----------------------------------------------------------------------------
+
+
+def test_every_section_is_there_and_reached(page):
+    root = parsed(page)
+    assert [s.get("id") for s in root.iter("section")] == SECTIONS
+    assert [a.get("href") for a in root.find(".//nav").iter("a")] == [f"#{name}" for name in SECTIONS]
+    assert root.get("lang") == "en"
+    assert "width=device-width" in next(m.get("content") for m in root.iter("meta") if m.get("name") == "viewport")
+    assert "@media print" in page
+    ids = [e.get("id") for e in root.iter() if e.get("id")]
+    assert len(ids) == len(set(ids))
+
+
+def test_nothing_is_loaded_from_elsewhere(page):
+    root = parsed(page)
+    for element in root.iter():
+        for name, value in element.attrib.items():
+            if name in ("src", "href", "srcset", "action", "data", "poster"):
+                assert value.startswith(("data:image/svg+xml;base64,", "#")), value[:60]
+    assert not {"script", "link", "iframe", "object", "embed"} & {e.tag for e in root.iter()}
+    assert "url(" not in page
+    assert "http" not in re.sub(r"http-equiv", "", page)
+    for picture in pictures(page):
+        svg = ElementTree.fromstring(base64.b64decode(picture.get("src").split(",")[1]))
+        assert svg.tag.endswith("svg")
+        for element in svg.iter():
+            for name, value in element.attrib.items():
+                if name.endswith("href"):
+                    assert value.startswith(("#", "data:")), value[:60]
+
+
+def test_every_picture_says_what_it_shows(page):
+    texts = [p.get("alt") for p in pictures(page)]
+    assert len(texts) == len(set(texts)) == 8  # leakage, three of cells, three maps, drop of pressure
+    assert all(len(text) > 40 for text in texts)
+
+
+def test_texts_of_the_case_are_escaped(page):
+    root = parsed(page)
+    assert words(root.find(".//h1")) == CASE["title"]
+    assert "Face_A.x3p" in words(section(page, "case"))
+
+
+def test_the_same_results_give_the_same_page(results, page, tmp_path):
+    assert report_html(results) == page
+    save(results, tmp_path)
+    assert write_report(tmp_path) == tmp_path / "report.html"
+    assert (tmp_path / "report.html").read_text(encoding="utf-8") == page
+
+
+# --- what it says -----------------------------------------------------------------------------------------
+
+
+def test_table_has_the_numbers_of_the_dataset(results, page):
+    (table,) = (t for t in section(page, "leakage").iter("table"))
+    heads = [words(h) for h in table.find("thead").iter("th")]
+    rows = body_rows(table)
+    factor, unit = leakage_unit(results.leakage)
+    assert unit in words(section(page, "leakage").find("p[@id='leakage-unit']"))
+    data = results.dataset
+    assert len(rows) == data.sizes["step"]
+    for head, name in (("median", "leakage_median"), ("mean", "leakage_mean"), ("two-scale", "leakage_two_scale"),
+                       ("deterministic", "leakage_deterministic")):  # fmt: skip
+        shown = [row[heads.index(head)] for row in rows]
+        values = [0.0 if text == "sealed" else float(text) * factor for text in shown]
+        assert_allclose(values, data[name].values, rtol=6e-3)
+    low, high = np.array([row[heads.index("5–95 %")].split("–") for row in rows if "–" in row[2]], float).T * factor
+    leaking = data["leakage_lower"].values > 0
+    assert_allclose(low, data["leakage_lower"].values[leaking], rtol=6e-3)
+    assert_allclose(high, data["leakage_upper"].values[leaking], rtol=6e-3)
+
+
+def test_first_numbers_are_those_of_first_and_highest_load(results, page):
+    keys = {words(d.find("dt")): words(d.find("dd")) for d in parsed(page).find(".//header/dl").findall("div")}
+    factor, unit = leakage_unit(results.leakage)
+    for s in (0, 2, 4):
+        value = float(results.leakage[s])
+        text = keys[results.steps[s].name]
+        assert text == "sealed" if value == 0 else abs(float(text.removesuffix(f" {unit}")) * factor / value - 1) < 6e-3
+    assert_allclose(float(keys["in contact at the highest load"].rstrip(" %")), 100 * results.dataset["contact_share"][2],
+                    rtol=6e-3)  # fmt: skip
+
+
+def test_error_budget_is_that_of_the_studies(results, studies, page):
+    lines = {line[0]: line for line in scatter_lines(results)}
+    leaking = results.leakage.values > 1e-3 * results.leakage.values[0]
+    drawn = studies["stochastic"]
+    for source, sigma in (("realisations", drawn.realisation_spread), ("finite library", drawn.library_error)):
+        typical, largest = (float(text.removeprefix("× ")) for text in lines[source][1:3])
+        assert_allclose(typical, np.exp(np.median(sigma[leaking])), rtol=6e-3)
+        assert_allclose(largest, np.exp(np.max(sigma[leaking])), rtol=6e-3)
+        assert lines[source][3] == results.steps[np.flatnonzero(leaking)[np.argmax(sigma[leaking])]].name
+    two, exact = studies["two_scale"].leakage[:3], studies["deterministic"].leakage[:3]
+    chosen = exact > 1e-3 * exact[0]
+    ratio = np.log(two[chosen] / exact[chosen])
+    line = lines["two-scale against deterministic, loading"]
+    assert_allclose(float(line[1].removeprefix("× ")), np.exp(np.sqrt(np.mean(ratio**2))), rtol=6e-3)
+    assert_allclose(float(line[2].removeprefix("× ")), np.exp(np.abs(ratio).max()), rtol=6e-3)
+    text = words(section(page, "errors"))
+    assert all(part in text for line in lines.values() for part in line)
+    assert "8 pixels" in text  # 8 µm waves on pixels of 1 µm
+    assert "25 %" in text  # slope 0.2 before, 0.15 after
+
+
+def test_flow_balance_is_an_independent_sum(results, page):
+    """A row that carries more than the leakage shows in the report."""
+    checks = {row[0]: row[1] for t in section(page, "errors").iter("table") for row in body_rows(t)}
+    assert float(checks["flow balance"]) < 1e-6
+    assert float(checks["load of the windows"]) < 1e-6
+    wrong = results.dataset.copy(deep=True)
+    wrong["flux1"][0, 1] *= 1.25
+    checks = {line[0]: line[1] for line in check_lines(replace(results, dataset=wrong))}
+    assert_allclose(float(checks["flow balance"]), 0.25, rtol=0.21)  # one digit
+
+
+def test_drop_of_pressure_by_hand(results):
+    """All pressure drops in the second row, all power in one window of it."""
+    data = results.dataset.copy(deep=True)
+    data["fluid_pressure"][:] = np.array([1e6, 1e6, 0.0, 0.0])[:, None]
+    data["flux1"][:] = 0.0
+    data["flux1"][:, 1, 2] = 1e-6
+    text = " ".join(pressure_drop_sentences(replace(results, dataset=data)))
+    assert "100% of the pressure drops between x1 = 20 µm and 40 µm" in text
+    assert "lost in 1 of 18 windows" in text
+
+
+def test_times_warnings_and_versions(quick):
+    page = report_html(quick)
+    rows = body_rows(section(page, "time").find("table"))
+    assert rows == [["deterministic", "3 s", "75 %"], ["writing", "1 s", "25 %"]]
+    assert "None" in words(section(page, "warnings"))
+    assert fs.__version__ in words(section(page, "versions"))
+    failed = quick.dataset.copy()
+    failed.attrs["warnings"] = json.dumps(["cell <b>3</b> failed", "cell 4 failed"])
+    page = report_html(replace(quick, dataset=failed))
+    assert [words(item) for item in section(page, "warnings").iter("li")] == ["cell <b>3</b> failed", "cell 4 failed"]
+    assert "2 warnings" in words(parsed(page).find(".//header"))
+
+
+@pytest.mark.parametrize("method", ["deterministic", "two_scale", "stochastic"])
+def test_every_method_alone_has_all_sections(scene, studies, method):
+    page = report_html(assemble(scene, **{method: studies[method]}))
+    assert [s.get("id") for s in parsed(page).iter("section")] == SECTIONS
+    assert len(pictures(page)) == {"deterministic": 1, "two_scale": 8, "stochastic": 4}[method]
+    assert ("not run" in words(section(page, "maps"))) == (method != "two_scale")
+
+
+def test_closed_and_failed_seals_are_told(results):
+    data = results.dataset.copy(deep=True)
+    for name in data.data_vars:
+        if name.startswith(("leakage", "k1", "k2", "flux", "library_k")):
+            data[name][:] = 0.0
+    data["fluid_pressure"][:, 1:-1] = np.nan
+    page = report_html(replace(results, dataset=data))
+    assert "nothing flows" in words(section(page, "drop"))
+    assert "sealed" in words(section(page, "leakage"))
+    data = results.dataset.copy(deep=True)
+    for name in data.data_vars:
+        if name.startswith(("leakage", "realisation_spread", "library_error", "flux", "fluid_pressure")):
+            data[name][-1 if "realisation" in data[name].dims else slice(None)] = np.nan
+    assert "failed" in words(section(report_html(replace(results, dataset=data)), "leakage"))
+
+
+def test_accuracy_of_the_same_case_is_shown(quick, tmp_path):
+    save(quick, tmp_path)
+    factors = {"loading": {"factor": 1.234}, "unloading": {"factor": None}}
+    solution = {"method": "two-scale", "points": [48, 96], "cells": [3, 6], "seconds": 2.0,
+                "comparisons": [{"against": "deterministic 48 × 96"} | factors]}  # fmt: skip
+    found = {"case": fs.open_results(tmp_path).case, "solutions": [solution]}
+    (tmp_path / "accuracy.json").write_text(json.dumps(found))
+    table = next(section(write_report(tmp_path).read_text(encoding="utf-8"), "errors").iter("table"))
+    label = "two-scale, 48 × 96 points, 3 × 6 windows"
+    assert body_rows(table) == [[label, "deterministic 48 × 96", "× 1.23", "–", "2 s"]]
+    for other in (json.dumps(found | {"case": {"title": "another"}}), "{", "[]"):
+        (tmp_path / "accuracy.json").write_text(other)
+        assert accuracy_lines(fs.open_results(tmp_path)) == []
+
+
+# --- files and command line -------------------------------------------------------------------------------
+
+
+def test_it_is_one_of_the_files_of_a_run(quick, tmp_path):
+    written = write_folder(quick, tmp_path)
+    assert tmp_path / "report.html" in written
+    assert "report.html" in (tmp_path / "files.txt").read_text().split()
+    assert (tmp_path / "report.html").read_text(encoding="utf-8") == report_html(quick)
+
+
+def test_bad_paths_are_refused_before_anything_is_drawn(results, tmp_path):
+    with pytest.raises(InputError, match="without a folder"):
+        write_report(results)
+    for path in (tmp_path, tmp_path / "no" / "folder.html"):
+        with pytest.raises(InputError, match="can be written"):
+            write_report(results, path)
+    with pytest.raises(InputError, match="results folder"):
+        write_report(tmp_path)
+    assert not list(tmp_path.iterdir())
+
+
+def test_command_line(quick, tmp_path, monkeypatch, capsys):
+    save(quick, tmp_path)
+    page = report_html(quick)
+    for arguments, target in (
+        ([], tmp_path / "report.html"),
+        (["-o", str(tmp_path / "page.html")], tmp_path / "page.html"),
+    ):
+        monkeypatch.setattr(sys, "argv", ["femseal", "report", str(tmp_path), *arguments])
+        cli.main()
+        assert capsys.readouterr().out.strip() == str(target)
+        assert target.read_text(encoding="utf-8") == page
+    monkeypatch.setattr(sys, "argv", ["femseal", "report", str(tmp_path / "none")])
+    with pytest.raises(SystemExit) as stop:
+        cli.main()
+    assert stop.value.code == 2
+
+
+# --- in a browser -----------------------------------------------------------------------------------------
+
+
+def browse(*arguments):
+    flags = ["--headless", "--no-sandbox", "--disable-gpu", "--hide-scrollbars"]
+    subprocess.run([BROWSER, *flags, *map(str, arguments)], check=True, capture_output=True, timeout=120)
+
+
+@pytest.mark.skipif(BROWSER is None, reason="no Chromium on this machine to look at the page with")
+class TestBrowser:
+    @pytest.mark.parametrize("width", [390, 1200])
+    def test_nothing_reaches_beyond_the_page(self, page, width, tmp_path):
+        """The right margin stays empty from top to bottom, and the page is not."""
+        (tmp_path / "page.html").write_text(page, encoding="utf-8")
+        style = f"width:{width}px;height:6000px;border:0"
+        (tmp_path / "frame.html").write_text(
+            f'<body style="margin:0"><iframe src="page.html" style="{style}"></iframe>'
+        )
+        browse(
+            f"--window-size={max(width, 600)},6000", f"--screenshot={tmp_path / 'page.png'}", tmp_path / "frame.html"
+        )
+        image = matplotlib.image.imread(tmp_path / "page.png")[:, :width, :3]
+        assert (image[:, -8:] > 0.99).all()
+        assert (image < 0.9).any(axis=2).mean() > 0.02
+        lines = (image < 0.9).any(axis=(1, 2))
+        assert lines.nonzero()[0].max() > 2500  # long, and drawn to its end
+
+    def test_print(self, page, tmp_path):
+        (tmp_path / "page.html").write_text(page, encoding="utf-8")
+        browse("--no-pdf-header-footer", f"--print-to-pdf={tmp_path / 'page.pdf'}", tmp_path / "page.html")
+        content = (tmp_path / "page.pdf").read_bytes()
+        assert content.startswith(b"%PDF")
+        assert 2 <= len(re.findall(rb"/Type\s*/Page\b", content)) <= 8

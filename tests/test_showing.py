@@ -1,0 +1,132 @@
+"""Results show themselves: one line without arrays, a table, a picture of their own numbers."""
+
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+from numpy.testing import assert_allclose
+
+import femseal as fs
+from femseal.errors import InputError
+from femseal.quantities import leakage_unit
+from femseal.showing import value_text
+
+MODULUS, HARDNESS = 115e9, 1.4e9
+
+
+@pytest.fixture(scope="module")
+def face():
+    return fs.self_affine((32, 64), (40e-6, 80e-6), hurst=0.8, rms_slope=0.15, roll_off=30e-6, rng=2)
+
+
+@pytest.fixture(scope="module")
+def states(face):
+    body = fs.HalfSpace(face.shape, face.spacing, MODULUS)
+    cycle = {"loading": [5e7, 4e8], "unload_from": [4e8], "unloading": [1e8]}
+    return fs.load_cycle(face.gap(), body, hardness=HARDNESS, **cycle)
+
+
+@pytest.fixture(scope="module")
+def shown(face, states):
+    scene = fs.Scene(
+        face, MODULUS, HARDNESS, fs.Liquid(1e-3), 1e6, 0.0,
+        loading=(5e7, 4e8), unload_from=(4e8,), unloading=(1e8,),
+    )  # fmt: skip
+    k = fs.cell_permeability(states[0].contact.gap, face.spacing)
+    seal = fs.RectangularSeal(face.size, (3, 4))
+    return {
+        "topography": face,
+        "contact": states[0].contact,
+        "state": states[2],
+        "cycle": states,
+        "permeability": k,
+        "leakage": fs.seal_leakage(seal, k.value, fs.Liquid(1e-3), inlet_pressure=1e6),
+        "deterministic": fs.deterministic(scene),
+        "two_scale": fs.two_scale(scene, (2, 4)),
+        "stochastic": fs.stochastic(scene, (2, 4), fs.Sampling(160e-6, 3, 8, seed=1)),
+    }
+
+
+NAMES = [
+    "topography", "contact", "state", "cycle", "permeability", "leakage", "deterministic", "two_scale", "stochastic"
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_line_is_short_and_table_is_well_formed(shown, name):
+    line = repr(shown[name])
+    assert line.startswith(type(shown[name]).__name__ + "(")
+    assert len(line) < 900
+    assert not {"array", "\n"} & {*line.split("("), *line}
+    table = ElementTree.fromstring(f"<div>{shown[name]._repr_html_()}</div>")
+    assert len(list(table.iter("tr"))) >= 3
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_picture_can_be_saved(shown, name, tmp_path):
+    figure = shown[name].plot()
+    assert isinstance(figure, Figure)
+    figure.savefig(tmp_path / "picture.png", dpi=40)
+    assert (tmp_path / "picture.png").stat().st_size > 2000
+
+
+def test_line_of_a_contact_says_its_numbers(states):
+    contact = states[1].contact
+    line = repr(contact)
+    assert f"area_fraction {contact.area_fraction:.4g}" in line
+    assert "mean_pressure 400 MPa" in line
+    assert "(32 × 64: 0 Pa … 1.4 GPa)" in line
+    assert "m^" not in line
+
+
+def test_pictures_show_the_numbers(shown):
+    pressure, gap = (axes.images[0].get_array() for axes in shown["contact"].plot().axes[:2])
+    contact = shown["contact"]
+    assert_allclose(np.nan_to_num(np.ma.filled(pressure, 0.0)) * 1e6, contact.pressure)
+    assert_allclose(np.nan_to_num(np.ma.filled(gap, 0.0)) * 1e-6, contact.gap)
+    loading, unloading = shown["cycle"].plot().axes[0].lines
+    assert_allclose(loading.get_xdata(), [50, 400])
+    assert_allclose(unloading.get_xdata(), [400, 100])  # from the peak on
+    shares = [100 * s.contact.area_fraction for s in shown["cycle"]]
+    assert_allclose(unloading.get_ydata(), shares[1:])
+    drop = shown["permeability"].plot().axes[0].images[0].get_array()
+    assert drop.shape == (32, 64)
+
+
+def test_leakage_of_studies_is_drawn(shown):
+    axes = shown["deterministic"].plot().axes[0]
+    line = next(line for line in axes.lines if line.get_label() == "loading")
+    factor, _ = leakage_unit(shown["deterministic"].leakage)
+    assert_allclose(line.get_ydata() * factor, shown["deterministic"].leakage[:2])
+    assert len(shown["stochastic"].plot().axes[0].collections) == 4  # two bands for each of two branches
+
+
+def test_cycle_is_still_a_tuple(states):
+    assert isinstance(states, tuple)
+    assert states[:2] == tuple(states)[:2]
+    assert isinstance(states, fs.LoadCycle)
+
+
+def test_leakage_of_a_mesh_has_no_map():
+    seal = fs.MeshSeal(Path(__file__).parents[1] / "meshes" / "ring.msh", "inlet", "outlet")
+    leakage = fs.seal_leakage(seal, 1e-18, fs.Liquid(1e-3), inlet_pressure=1e6)
+    with pytest.raises(InputError, match="mesh"):
+        leakage.plot()
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "text"),
+    [
+        (np.zeros((2, 3)), "m", "(2 × 3: 0 m)"),
+        (np.array([np.nan]), "m", "(1: undefined)"),
+        (np.array([True, False]), "1", "(2: 50 %)"),
+        (3e-9, "m^2/s", "3e-09 m²/s"),
+        (np.float64(0.25), "1", "0.25"),
+        (7, "1", "7"),
+        (("it failed", "and again"), "1", "2, the first: it failed"),
+    ],
+)
+def test_texts_of_values(value, unit, text):
+    assert value_text(value, unit) == text
