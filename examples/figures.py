@@ -30,10 +30,10 @@ from matplotlib.patheffects import withStroke
 from matplotlib.ticker import LogLocator, NullFormatter
 
 import femseal as fs
+from femseal.drawing import STYLES, branches, new_figure
 from femseal.errors import InputError
 from femseal.flow.cell import link_conductances
 from femseal.output.maps import default_step, window_flux
-from femseal.output.plots import STYLES, branches, new_figure
 from femseal.output.views import chosen_windows
 from femseal.scales import Partition
 from femseal.seal import largest_shares, window_dissipation
@@ -152,7 +152,12 @@ def cells(results: fs.Results) -> tuple[str, np.ndarray, np.ndarray, np.ndarray]
 
 def up_and_down(results: fs.Results, prefix: str) -> list[np.ndarray]:
     """Steps of the loading, and of the unloading from the highest peak."""
-    paths = [steps for _, steps in branches(results.dataset, prefix)]
+    paths = [
+        steps
+        for _, steps in branches(
+            *(results.dataset[f"{prefix}{n}"].values for n in ("nominal_pressure", "unloaded_from"))
+        )
+    ]
     if len(paths) == 1:
         raise InputError.of("results", "loading alone", "a run with unloading")
     return paths[:2]

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..drawing import branches
 from ..errors import InputError
 from ..quantities import to_si, to_text
-from .plots import branches
 
 if TYPE_CHECKING:
     import xarray
@@ -25,12 +25,12 @@ _WINDOW = (
 
 def loading(data: xarray.Dataset) -> xarray.Dataset:
     """Everything that depends on the step, on loading, over the nominal pressure."""
-    return _over_pressure(data, branches(data)[0][1])
+    return _over_pressure(data, _branches(data)[0][1])
 
 
 def unloading(data: xarray.Dataset, from_: float | str | None) -> xarray.Dataset:
     """The same on unloading from a peak, with which it begins; from the highest unless `from_` says which."""
-    parts = branches(data)[1:]
+    parts = _branches(data)[1:]
     if not parts:
         raise InputError.of("from_", from_, "nothing: the cycle has no unloading")
     peaks = [float(data["nominal_pressure"][steps[0]]) for _, steps in parts]
@@ -39,6 +39,10 @@ def unloading(data: xarray.Dataset, from_: float | str | None) -> xarray.Dataset
         if np.isclose(peak, wanted, rtol=1e-9, atol=0):
             return _over_pressure(data, steps)
     raise InputError.of("from_", from_, f"one of {', '.join(to_text(p, 'Pa') for p in sorted(peaks))}")
+
+
+def _branches(data: xarray.Dataset) -> list[tuple[str, Any]]:
+    return branches(data["nominal_pressure"].values, data["unloaded_from"].values)
 
 
 def _over_pressure(data: xarray.Dataset, steps: np.ndarray) -> xarray.Dataset:
