@@ -87,7 +87,7 @@ def _content(results: Results) -> dict[str, Any]:
         "times": words.time_lines(results),
         "warnings": results.warnings,
         "versions": words.flat(json.loads(data.attrs["versions"])),
-        "platform": data.attrs["platform"],
+        "machine": words.flat(json.loads(data.attrs["machine"])),
         "case": words.flat(results.case),
     }
     if "k1" in data:
