@@ -100,7 +100,7 @@ def draw(rows, path):
     import matplotlib.pyplot as plt
 
     ratios = sorted({r["H/(E* slope)"] for r in rows})
-    figure, axes = plt.subplots(1, len(ratios), figsize=(3.4 * len(ratios), 3.2), sharey=True, layout="constrained")
+    figure, axes = plt.subplots(1, len(ratios), figsize=(3.4 * len(ratios), 3.8), sharey=True, layout="constrained")
     for ax, ratio in zip(np.atleast_1d(axes), ratios, strict=True):
         peaks = sorted({r["peak/H"] for r in rows})
         for peak, marker in zip(peaks, "osD^v<>", strict=False):
@@ -110,10 +110,18 @@ def draw(rows, path):
                 ax.plot([r["length_mm"] for r in some], [100 * r["load_lost_when_doubled"] for r in some],
                         line, marker=marker, color=plt.cm.viridis(peaks.index(peak) / len(peaks)),
                         label=f"peak {peak:g} H, {breadth:g} mm broad")  # fmt: skip
-        ax.set(xscale="log", xlabel="length of the seal [mm]", title=f"H/(E* h′) = {ratio:g}", ylim=(0, 100))
+        never = (
+            ""
+            if any(r["load_lost_when_doubled"] > 0 for r in rows if r["H/(E* slope)"] == ratio)
+            else ": never doubles"
+        )
+        lengths = [r["length_mm"] for r in rows]
+        ax.set(xscale="log", xlabel="length of the seal [mm]", title=f"H/(E* h′) = {ratio:g}{never}", ylim=(0, 100),
+               xlim=(min(lengths) / 1.5, 1.5 * max(lengths)))  # fmt: skip
         ax.grid(alpha=0.3)
     np.atleast_1d(axes)[0].set_ylabel("load lost when leakage has doubled [%]")
-    np.atleast_1d(axes)[-1].legend(fontsize=6)
+    handles, names = np.atleast_1d(axes)[0].get_legend_handles_labels()
+    figure.legend(handles, names, fontsize=7, loc="outside lower center", ncols=4)
     figure.savefig(path, dpi=150)
 
 
