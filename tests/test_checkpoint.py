@@ -21,7 +21,6 @@ from femseal import checkpoint
 from femseal.checkpoint import Checkpoint
 from femseal.versions import numerical_versions
 
-#: Grids so small that FFTW has one way only to transform them: plans chosen by measuring differ between processes.
 CASE = """
 method = "stochastic"
 compare = ["deterministic", "two-scale"]

@@ -18,6 +18,7 @@ from ..errors import InputError, NotConverged
 from . import loops
 from .grid import Grid, nested_grids
 from .halfspace import HalfSpace
+from .plans import preferred
 
 Array = NDArray[np.float64]
 _COARSE_RTOL = 1e-2
@@ -184,7 +185,8 @@ class _Problem:
 
     def solve(self, threads: int) -> Contact:
         """Coarse grids first, each the start of the next finer one."""
-        grids = nested_grids(self.half_space, threading.get_ident(), threads)
+        plans = preferred(self.half_space.plans)
+        grids = nested_grids(self.half_space, plans, threading.get_ident(), threads)
         finest, offset = grids[0], float(self.gap0.mean())
         capacity = float(self.hardness.mean())
         if self.load == 0:
