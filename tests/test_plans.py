@@ -50,7 +50,7 @@ def digest(half_space):
     return hashlib.sha256(b"".join(part.tobytes() for part in parts)).hexdigest()
 
 
-def digests_elsewhere(cache, bodies):
+def digests_elsewhere(cache, bodies, **environment):
     """As a process of its own computes them, which must not measure."""
     code = (
         "import pickle, sys; sys.path.insert(0, sys.argv[1]); import test_plans as t\n"
@@ -59,7 +59,7 @@ def digests_elsewhere(cache, bodies):
         "print([t.digest(b if isinstance(b, t.fs.HalfSpace) else t.fs.HalfSpace(*b)) for b in bodies])"
     )
     command = [sys.executable, "-c", code, str(Path(__file__).parent)]
-    environment = os.environ | {"FEMSEAL_CACHE": str(cache)}
+    environment = os.environ | {"FEMSEAL_CACHE": str(cache)} | environment
     return subprocess.run(command, env=environment, input=pickle.dumps(bodies), stdout=subprocess.PIPE, check=True)
 
 
@@ -72,6 +72,14 @@ def test_every_process_computes_the_same_bits(fresh, tmp_path):
     assert carried == [fs.HalfSpace(*body) for body in BODIES]
     (tmp_path / "file").touch()
     assert digests_elsewhere(tmp_path / "file" / "none", carried).stdout == here
+
+
+@pytest.mark.slow
+def test_the_process_that_compiles_computes_the_same_bits(fresh, tmp_path):
+    here = f"{[digest(fs.HalfSpace(*body)) for body in BODIES]}\n".encode()
+    for _ in range(2):
+        there = digests_elsewhere(tmp_path / "cache", BODIES, NUMBA_CACHE_DIR=str(tmp_path / "compiled"))
+        assert there.stdout == here
 
 
 def planned(transform, given=()):
