@@ -108,18 +108,18 @@ def test_plans_made_again_give_the_same_bits(fresh, dtype, shape, axes, threads)
     assert fresh == [transform.name]
 
 
-def test_other_wisdom_neither_changes_plans_nor_is_lost(fresh):
-    """A plan of the same rows alone would be taken over where they are a part."""
-    here = planned(Transform((64, 96), (0, 1), "float64"))
-    forget()
-    estimated = pyfftw.empty_aligned((64, 96)), pyfftw.empty_aligned((64, 49), dtype=complex)
-    pyfftw.FFTW(*estimated, (0, 1), "FFTW_FORWARD", ("FFTW_PATIENT",))
-    wisdom = sorted(pyfftw.export_wisdom()[0].splitlines())
-    assert planned(Transform((64, 96), (0, 1), "float64")) == here
-    assert sorted(pyfftw.export_wisdom()[0].splitlines()) == wisdom
+def test_other_wisdom_is_neither_used_nor_lost(fresh):
+    others = pyfftw.empty_aligned((7, 101)), pyfftw.empty_aligned((7, 51), dtype=complex)
+    pyfftw.FFTW(*others, (0, 1), "FFTW_FORWARD", ("FFTW_MEASURE",))
+    before = pyfftw.export_wisdom()[0].splitlines()
+    planned(TRANSFORM)
+    assert sorted(pyfftw.export_wisdom()[0].splitlines()) == sorted(before)
+    header, *entries, end = plans.known()[TRANSFORM.name].encode().splitlines()
+    assert entries
+    assert set(before) & {header, *entries, end} == {header, end}
 
 
-@pytest.mark.parametrize("damage", ["cut", "flip", "empty", "binary", "another's"])
+@pytest.mark.parametrize("damage", ["cut", "flip", "checksum", "empty", "binary", "another's"])
 def test_damaged_wisdom_is_measured_again(fresh, tmp_path, damage):
     planned(TRANSFORM)
     (path,) = tmp_path.rglob("*.wisdom")
@@ -132,7 +132,14 @@ def test_damaged_wisdom_is_measured_again(fresh, tmp_path, damage):
     else:
         middle = len(data) // 2
         flipped = data[:middle] + bytes([data[middle] ^ 1]) + data[middle + 1 :]
-        path.write_bytes({"cut": data[:middle], "flip": flipped, "empty": b"", "binary": b"\xff\xfe" * 99}[damage])
+        contents = {
+            "cut": data[:middle],
+            "flip": flipped,
+            "checksum": b"0" * 64 + data[64:],
+            "empty": b"",
+            "binary": b"\xff\xfe" * 99,
+        }
+        path.write_bytes(contents[damage])
     fresh.clear()
     once = planned(TRANSFORM)
     assert fresh == [TRANSFORM.name]
