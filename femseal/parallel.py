@@ -37,6 +37,9 @@ WORKER_SECONDS = 600
 TASK_SECONDS = 0.25
 #: Tasks under way for each thread of a cluster: one computed, one ready.
 UNDER_WAY = 2
+#: Memory that processes of this machine keep when it is freed [bytes]: to get each result's anew costs as much as to
+#: send it. For the GNU C library.
+KEPT_MEMORY = {"MALLOC_TRIM_THRESHOLD_": str(2**25), "MALLOC_MMAP_THRESHOLD_": str(2**25)}
 #: How often a task is sent again when the cluster loses what it needs.
 RETRIES = 10
 
@@ -87,7 +90,7 @@ def _over_processes(count: int, function: Callable[..., Any], *iterables: Iterab
     with TemporaryDirectory(prefix="femseal-") as folder:
         path = Path(folder, "function.pickle")
         path.write_bytes(pickle.dumps(function, protocol=5))
-        with joblib.parallel_config("loky", inner_max_num_threads=1), _deaf_children():
+        with joblib.parallel_config("loky", inner_max_num_threads=1), _children():
             pool = joblib.Parallel(return_as="generator", n_jobs=count)
             call = joblib.delayed(_call_stored)
             results = pool(call(os.getpid(), str(path), *args) for args in chain(first, items))
@@ -104,16 +107,19 @@ def _over_processes(count: int, function: Callable[..., Any], *iterables: Iterab
 
 
 @contextmanager
-def _deaf_children() -> Iterator[None]:
-    """Processes started meanwhile do not hear Ctrl-C: their parent ends them."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    heard = signal.signal(signal.SIGINT, signal.SIG_IGN)
+def _children() -> Iterator[None]:
+    """Processes started meanwhile keep freed memory, and do not hear Ctrl-C: their parent ends them."""
+    added = KEPT_MEMORY.keys() - os.environ.keys()
+    os.environ.update({name: KEPT_MEMORY[name] for name in added})
+    in_main = threading.current_thread() is threading.main_thread()
+    heard = signal.signal(signal.SIGINT, signal.SIG_IGN) if in_main else None
     try:
         yield
     finally:
-        signal.signal(signal.SIGINT, heard)
+        if in_main:
+            signal.signal(signal.SIGINT, heard)
+        for name in added:
+            os.environ.pop(name, None)
 
 
 def _end_processes(count: int) -> None:
@@ -148,6 +154,7 @@ def _end_with(parent: int) -> None:
 def _client(scheduler: str, count: int) -> Iterator[Any]:
     """A client of the cluster, closed at the end together with a cluster of its own."""
     try:
+        from dask import config
         from distributed import Client, LocalCluster
     except ImportError:
         raise InputError.of("scheduler", f"'{scheduler}'", "none without femseal[cluster]") from None
@@ -157,7 +164,9 @@ def _client(scheduler: str, count: int) -> Iterator[Any]:
             yield client
         return
     with ExitStack() as stack:
-        with _deaf_children():
+        # Dask's own settings give memory back at once, and look at what the worker does all the time
+        environment = {f"distributed.nanny.pre-spawn-environ.{name}": value for name, value in KEPT_MEMORY.items()}
+        with _children(), config.set({**environment, "distributed.worker.profile.enabled": False}):
             one_each: dict[str, Any] = {"n_workers": count, "threads_per_worker": 1, "processes": True}
             cluster = LocalCluster(**one_each, dashboard_address="127.0.0.1:0", silence_logs=logging.ERROR)
             # past the scheduler, results cost half as much

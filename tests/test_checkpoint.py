@@ -21,7 +21,6 @@ from femseal import checkpoint
 from femseal.checkpoint import Checkpoint
 from femseal.versions import numerical_versions
 
-#: Grids so small that FFTW has one way only to transform them: plans chosen by measuring differ between processes.
 CASE = """
 method = "stochastic"
 compare = ["deterministic", "two-scale"]
@@ -207,11 +206,11 @@ def test_a_damaged_shard_is_reported_and_computed_again(tmp_path, monkeypatch, c
 
 def test_a_full_disk_loses_nothing_that_is_written(tmp_path, monkeypatch):
     monkeypatch.setattr(checkpoint, "SHARD_ITEMS", 4)
-    synced = []
+    synced = []  # manifest, plans and four shards fit
 
     def full(handle):
         synced.append(handle)
-        if len(synced) > 5:
+        if len(synced) > 6:
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
     with monkeypatch.context() as patch:

@@ -1,5 +1,7 @@
 """Partition, global scale, windows, libraries, samplers."""
 
+import pickle
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
@@ -176,6 +178,20 @@ class TestResponse:
         touch = respond(self.gap0 + 5e-6, [0.0], steps, self.half_space, hardness=H, rigid_at_zero=False)
         assert touch.gap.min() == 0
         assert_allclose(touch.gap[0], self.gap0 - self.gap0.min(), atol=1e-12)
+
+    def test_a_history_goes_to_another_process_as_it_is(self):
+        """Loaded, without pressure and with negative gaps, failed: to the bit, in half the bytes."""
+        steps = (LoadStep(0.0), LoadStep(1e8), LoadStep(9e8), LoadStep(5e7, 2e8))
+        gap0 = self.gap0 - self.gap0.mean()
+        history = respond(gap0, [0.0, 1e8, 9e8, 5e7], steps, self.half_space, hardness=H, rigid_at_zero=True)
+        assert history.gap[0].min() < 0
+        assert np.isnan(history.gap[3]).all()
+        sent = pickle.dumps(history, 5)
+        assert len(sent) < 1.2 * history.gap.nbytes
+        there = pickle.loads(sent)
+        for name in ("gap", "pressure", "contact_fraction", "plastic_fraction", "standoff"):
+            assert getattr(there, name).tobytes() == getattr(history, name).tobytes(), name
+        assert there.failures == history.failures != ()
 
     def test_without_pressure_after_a_peak_the_permanent_deformation_stays(self):
         steps = load_programme((6e8,), (6e8,), (0.0,))

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from . import loops
 from .halfspace import Convolution, HalfSpace
 from .kernels import stiffness_stencil
+from .plans import Kept, preferred, wisdom
 
 Array = NDArray[np.float64]
 #: Shorter side of the coarsest grid, at most.
@@ -21,15 +22,34 @@ _SINGLE = 512**2
 
 
 @lru_cache(maxsize=8)
-def nested_grids(half_space: HalfSpace, thread: int, threads: int) -> tuple[Grid, ...]:
+def nested_grids(half_space: HalfSpace, plans: Kept, thread: int, threads: int) -> tuple[Grid, ...]:
     """Workspaces from the given grid to the coarsest, kept per thread because their buffers are written to."""
-    grids = [Grid(half_space, threads)]
+    return tuple(Grid(level, threads) for level in _levels(replace(half_space, plans=plans)))
+
+
+def plans_of(half_space: HalfSpace) -> Kept:
+    """Plans of all transforms that a solution on this half-space takes in one thread."""
+    given = preferred(half_space.plans)
+    transforms = {t for level in _levels(half_space) for real in _precisions(level) for t in level.transforms(real)}
+    return tuple(sorted((t.name, wisdom(t, given)) for t in transforms))
+
+
+def _levels(half_space: HalfSpace) -> list[HalfSpace]:
+    levels = [half_space]
     while min(half_space.shape) > _COARSEST:
         n1, n2 = half_space.shape
         d1, d2 = half_space.spacing
         half_space = replace(half_space, shape=((n1 + 1) // 2, (n2 + 1) // 2), spacing=(2 * d1, 2 * d2))
-        grids.append(Grid(half_space, threads))
-    return tuple(grids)
+        levels.append(half_space)
+    return levels
+
+
+def _precisions(half_space: HalfSpace) -> tuple[type, type]:
+    """Of products with pressures and with directions.
+
+    Those with directions may be single: what they lose the next product with the pressure gives back.
+    """
+    return np.float64, np.float32 if half_space.shape[0] * half_space.shape[1] >= _SINGLE else np.float64
 
 
 class Grid:
@@ -39,9 +59,8 @@ class Grid:
         self.half_space = half_space
         n1, n2 = half_space.shape
         n = n1 * n2
-        # products with directions may be single: what they lose the next product with the pressure gives back
-        single = np.float32 if n >= _SINGLE else np.float64
-        self._respond = Convolution(half_space, threads=threads)
+        double, single = _precisions(half_space)
+        self._respond = Convolution(half_space, double, threads)
         self._search = Convolution(half_space, single, threads, over=self._respond)
         self.pressure, self.displaced = self._respond.pressure, self._respond.displacement
         stencil = stiffness_stencil(half_space.spacing, half_space.modulus)

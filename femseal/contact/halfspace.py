@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from .. import checks
 from ..errors import InputError
 from . import kernels
+from .plans import Kept, Transform, planned, preferred
 
 Array = NDArray[np.float64]
 BOUNDARIES = ("periodic", "mirror", "free")
@@ -39,6 +40,8 @@ class HalfSpace:
     boundary : kind of each axis, "periodic", "mirror" or "free"; one word stands for both.
     longest_wave : waves longer than this [m] hardly respond, because a coarser solution carries them (no free axis):
         a fiftieth of the response of this wave keeps the pressure unique.
+    plans : of its transforms in one thread, made by another process. A half-space that is pickled takes them along, so
+        that it gives the same bits wherever it is solved; see `contact.plans`.
 
     Raises
     ------
@@ -59,6 +62,7 @@ class HalfSpace:
     modulus: float
     boundary: tuple[str, str] = ("periodic", "periodic")
     longest_wave: float | None = None
+    plans: Kept = field(default=(), compare=False, repr=False)
 
     def __post_init__(self) -> None:
         if isinstance(self.boundary, str):
@@ -78,6 +82,30 @@ class HalfSpace:
             object.__setattr__(self, "longest_wave", checks.number("longest_wave", self.longest_wave, unit="m"))
             if "free" in self.boundary:
                 raise InputError.of("longest_wave", self.longest_wave, "None where an axis is free")
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        from .grid import plans_of  # its grids stand on this module
+
+        plans = self.plans or plans_of(self)
+        return HalfSpace, (self.shape, self.spacing, self.modulus, self.boundary, self.longest_wave, plans)
+
+    def transforms(self, dtype: Any, threads: int = 1) -> list[Transform]:
+        """From the points of a real type to all their waves, one after another."""
+        l1, l2 = self.padded_shape
+        points, waves = np.dtype(dtype), np.result_type(dtype, np.complex64)
+        if self.boundary[0] != "free":
+            return [Transform((l1, l2), (0, 1), points.name, threads)]
+        # only the rows with data
+        rows = Transform((self.shape[0], l2), (1,), points.name, threads)
+        return [rows, Transform((l1, l2 // 2 + 1), (0,), waves.name, threads)]
+
+    @property
+    def padded_shape(self) -> tuple[int, int]:
+        """Points that are transformed along each axis."""
+        first, second = (
+            kernels.padded_length(n) if kind == "free" else n for n, kind in zip(self.shape, self.boundary, strict=True)
+        )
+        return first, second
 
     def symbol(self) -> Array:
         """Eigenvalues of K [m/Pa] for the waves of periodic and padded free axes and the cosines of mirror axes."""
@@ -130,27 +158,26 @@ class Convolution:
     ) -> None:
         (n1, n2), (b1, b2) = half_space.shape, half_space.boundary
         real = np.dtype(dtype)
-        self._threads = threads
         self._memory: list[Any] = []
         self._lent = iter(() if over is None else over._memory)
         self._mirrors = (b1 == "mirror", b2 == "mirror")
-        l1 = kernels.padded_length(n1) if b1 == "free" else n1
-        l2 = kernels.padded_length(n2) if b2 == "free" else n2
-        self.pressure = pyfftw.zeros_aligned((n1, n2), dtype=real)
+        l1, l2 = half_space.padded_shape
+        self.pressure = pyfftw.empty_aligned((n1, n2), dtype=real)
         self.displacement = self._buffer((n1, n2), real)
         self._spectrum = self._buffer((l1, l2 // 2 + 1), np.result_type(real, np.complex64))
         if any(self._mirrors) or b2 == "free":
             source = target = self._staged = self._buffer((n1, l2), real)
         else:
             source, target, self._staged = self.pressure, self.displacement, None
+        places = [(source, self._spectrum, target)]
         if b1 == "free":
-            plans = [
-                self._plan(source, self._spectrum[:n1], target, (1,)),
-                self._plan(self._spectrum, self._spectrum, self._spectrum, (0,)),
-            ]
-        else:
-            plans = [self._plan(source, self._spectrum, target, (0, 1))]
-        self._forward, self._inverse = [plan[0] for plan in plans], [plan[1] for plan in reversed(plans)]
+            places = [(source, self._spectrum[:n1], target), (self._spectrum,) * 3]
+        plans = [
+            planned(transform, *arrays, preferred(half_space.plans))
+            for transform, arrays in zip(half_space.transforms(real, threads), places, strict=True)
+        ]
+        self._forward = [forward.execute for forward, _ in plans]
+        self._inverse = [inverse.execute for _, inverse in reversed(plans)]
         self._empty_rows = self._spectrum[n1:]
         self._weights: Array = over._weights if over else _weights(half_space.symbol() / (l1 * l2), *self._mirrors)
         self._turn1, self._turn2 = (np.exp(1j * np.pi * np.arange(n // 2 + 1) / n) for n in (n1, n2))
@@ -160,18 +187,9 @@ class Convolution:
     def _buffer(self, shape: tuple[int, ...], dtype: np.dtype[Any]) -> Any:
         memory = next(self._lent, None)
         if memory is None:
-            memory = pyfftw.zeros_aligned(shape, dtype=dtype)
+            memory = pyfftw.empty_aligned(shape, dtype=dtype)
         self._memory.append(memory)
         return memory.ravel().view(np.uint8)[: math.prod(shape) * dtype.itemsize].view(dtype).reshape(shape)
-
-    def _plan(self, source: Any, spectrum: Any, target: Any, axes: tuple[int, ...]) -> tuple[Any, Any]:
-        """Executions of source → spectrum and, destroying it, spectrum → target."""
-        plan: dict[str, Any] = {"axes": axes, "threads": self._threads}
-        flags: tuple[str, ...] = ("FFTW_MEASURE",)
-        forward = pyfftw.FFTW(source, spectrum, direction="FFTW_FORWARD", flags=flags, **plan)
-        flags += ("FFTW_DESTROY_INPUT",)
-        inverse = pyfftw.FFTW(spectrum, target, direction="FFTW_BACKWARD", flags=flags, **plan)
-        return forward.execute, inverse.execute
 
     def apply(self) -> None:
         """Fill `displacement` from `pressure`."""

@@ -36,8 +36,9 @@ Progress = np.dtype(
     align=True,
 )  # fmt: skip
 
-_exact: dict[str, Any] = {"cache": True, "nogil": True}
-_fast: dict[str, Any] = {"cache": True, "nogil": True, "fastmath": {"reassoc", "nsz", "arcp", "contract", "nnan"}}
+#: Inlined, as functions that are called may be other ones in the process that compiles, which would change last digits.
+_exact: dict[str, Any] = {"cache": True, "nogil": True, "forceinline": True}
+_fast: dict[str, Any] = {**_exact, "fastmath": {"reassoc", "nsz", "arcp", "contract", "nnan"}}
 
 
 @njit(**_exact)

@@ -21,6 +21,7 @@ from ..showing import Shown
 from . import loops
 from .grid import Grid, nested_grids
 from .halfspace import HalfSpace
+from .plans import preferred
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -204,7 +205,8 @@ class _Problem:
 
     def solve(self, threads: int) -> Contact:
         """Coarse grids first, each the start of the next finer one."""
-        grids = nested_grids(self.half_space, threading.get_ident(), threads)
+        plans = preferred(self.half_space.plans)
+        grids = nested_grids(self.half_space, plans, threading.get_ident(), threads)
         finest, offset = grids[0], float(self.gap0.mean())
         capacity = float(self.hardness.mean())
         if self.load == 0:

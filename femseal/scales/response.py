@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +33,18 @@ class WindowHistory:
     def mean_gap(self) -> Array:
         """Mean gap at every step [m]."""
         return self.gap.mean(axis=(1, 2), dtype=float)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # a gap is closed where there is pressure, so that both fit into one field
+        lowest = np.where(self.pressure.max(axis=(1, 2)) > 0, 0, -np.inf).astype(np.float32)
+        rest = (self.contact_fraction, self.plastic_fraction, self.standoff, self.failures)
+        return _taken_apart, (self.gap - self.pressure, lowest, *rest)
+
+
+def _taken_apart(difference: NDArray[np.float32], lowest: NDArray[np.float32], *rest: Any) -> WindowHistory:
+    """A history from gap − pressure and the lowest gap of each step: 0, or none without pressure."""
+    gap = np.maximum(difference, lowest[:, None, None])
+    return WindowHistory(gap, gap - difference, *rest)
 
 
 def respond(

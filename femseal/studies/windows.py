@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ..contact import HalfSpace, LoadStep
 from ..errors import InputError
 from ..scales import Partition, respond, solve_global_scale
-from ..scales.response import body_standoff, flow_history, set_down
+from ..scales.response import WindowHistory, body_standoff, flow_history, set_down
 from ..seal import RectangularSeal
 from ..showing import Shown
 from ..topography import Topography
@@ -140,15 +140,16 @@ def solve_windows(scene: Scene, cells: tuple[int, int], *, map: Map = map) -> Wi
     m1, m2 = cells
     places = [(i, j) for i in range(m1) for j in range(m2)]
     task = partial(
-        respond,
+        _respond,
         steps=world.steps,
         half_space=window_half_space(scene, partition, cut_off),
         hardness=scene.hardness,
         rigid_at_zero=True,
         rtol=scene.rtol,
     )
-    gaps = (partition.cell(world.raw_gap, i, j) + partition.cell(fine, i, j) for i, j in places)
-    histories = map(task, gaps, [world.pressure[:, i, j] for i, j in places])
+    raw_gaps = (partition.cell(world.raw_gap, i, j) for i, j in places)
+    waves = (partition.cell(fine, i, j) for i, j in places)
+    histories = map(task, raw_gaps, waves, [world.pressure[:, i, j] for i, j in places])
     shape = (len(world.steps), *surface.shape)
     gap, contact_pressure = np.empty(shape, np.float32), np.empty(shape, np.float32)
     statistics = {
@@ -176,6 +177,11 @@ def solve_windows(scene: Scene, cells: tuple[int, int], *, map: Map = map) -> Wi
         failures=tuple(failures),
         **{name: values.T.reshape(-1, m1, m2) for name, values in statistics.items()},
     )
+
+
+def _respond(raw_gap: NDArray[np.float32], fine: Array, pressures: Array, **settings: Any) -> WindowHistory:
+    """`respond` on the gap that a window's raw gaps (steps, n1, n2) and its fine waves make, half as much to send."""
+    return respond(raw_gap + fine, pressures, **settings)
 
 
 @dataclass(frozen=True)
