@@ -52,3 +52,13 @@ def rows(head: list[str], cells: list[list[str]]) -> str:
     """A Markdown table."""
     lines = [head, ["---"] * len(head), *cells]
     return "\n".join("| " + " | ".join(line) + " |" for line in lines)
+
+
+def resident(name: str) -> int:
+    """Resident memory of this process, "VmRSS", or its peak since the last `forget_peak`, "VmHWM" [byte]."""
+    lines = Path("/proc/self/status").read_text(encoding="utf-8").splitlines()
+    return 1024 * next(int(line.split()[1]) for line in lines if line.startswith(name))
+
+
+def forget_peak() -> None:
+    Path("/proc/self/clear_refs").write_text("5", encoding="utf-8")

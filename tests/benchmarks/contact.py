@@ -16,7 +16,7 @@ import sys
 import time
 from pathlib import Path
 
-from common import ROOT, call, machine, replace_between, rows
+from common import ROOT, call, forget_peak, machine, replace_between, resident, rows
 
 HERE = Path(__file__).parent
 PACKAGES = {"Tamaas": "tamaas", "ContactMechanics": "ContactMechanics", "pyFFTW": "pyFFTW"}
@@ -171,17 +171,16 @@ def measure(n, threads, repeats, only):
 
 def peak_memory(n):
     """Peak resident memory of one solution in fields of the grid, beyond what was there before."""
-    import resource
-
     import numpy as np
 
     heights = surface(n)
     # compiled code takes memory too, but once; single precision is used from 512² on
     solve, _, _ = femseal_solver(surface(512), np.inf, 1)
-    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
+    forget_peak()
+    before = resident("VmRSS")
     solve, _, _ = femseal_solver(heights, np.inf, 1)
     solve(200e6, 1e-4)
-    return (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 - before) / heights.nbytes
+    return (resident("VmHWM") - before) / heights.nbytes
 
 
 def first_below(records, target):

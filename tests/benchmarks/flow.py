@@ -20,7 +20,7 @@ import time
 from pathlib import Path
 
 import numpy as np
-from common import ROOT, call, machine, replace_between, rows
+from common import ROOT, call, forget_peak, machine, replace_between, resident, rows
 
 HERE = Path(__file__).parent
 PACKAGES = {
@@ -150,16 +150,6 @@ def measure(name, gap, repeats):
             return {"failure": f"{type(error).__name__}: {error}"[:100], "time": time.perf_counter() - start}
         times.append(time.perf_counter() - start)
     return {"time": float(np.median(times)), "k": k, "iterations": iterations}
-
-
-def resident(name):
-    """Resident memory of this process, "VmRSS", or its peak since the last `forget_peak`, "VmHWM" [byte]."""
-    lines = Path("/proc/self/status").read_text(encoding="utf-8").splitlines()
-    return 1024 * next(int(line.split()[1]) for line in lines if line.startswith(name))
-
-
-def forget_peak():
-    Path("/proc/self/clear_refs").write_text("5", encoding="utf-8")
 
 
 def worker(task):

@@ -14,13 +14,12 @@ from __future__ import annotations
 
 import argparse
 import json
-import resource
 import sys
 import time
 from pathlib import Path
 
 import numpy as np
-from common import ROOT, call, machine, replace_between, rows
+from common import ROOT, call, forget_peak, machine, replace_between, resident, rows
 
 HERE = Path(__file__).parent
 MODULUS, PIXEL = 115e9, 1e-6
@@ -76,11 +75,6 @@ def scene_of(task):
     )
 
 
-def peak():
-    """Largest memory of this process so far [MB]."""
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-
-
 def study(task):
     """One route over the cycle: leakage, contact share and mean gap at every step, CPU time and peak memory."""
     from femseal import deterministic, two_scale
@@ -88,7 +82,8 @@ def study(task):
     scene = scene_of(task)
     warm = scene_of({"kind": "self-affine", "n": 64, "seed": 0})
     deterministic(warm), two_scale(warm, (2, 2))
-    before = peak()
+    forget_peak()
+    before = resident("VmRSS")
     start = time.process_time()
     if task["route"] == "deterministic":
         result = deterministic(scene)
@@ -97,7 +92,7 @@ def study(task):
         result = two_scale(scene, (task["windows"],) * 2)
         record = {"leakage": result.leakage, "area": result.contact_fraction.mean(axis=(1, 2)),
                   "gap": result.mean_gap.mean(axis=(1, 2))}  # fmt: skip
-    record |= {"seconds": time.process_time() - start, "megabytes": peak() - before}
+    record |= {"seconds": time.process_time() - start, "megabytes": (resident("VmHWM") - before) / 2**20}
     if task["route"] == "two-scale":
         record["resolved"] = scene.resolved_leakage(result.gap)[0]
         record["resolved seconds"] = time.process_time() - start
