@@ -48,7 +48,7 @@ def stochastic_cost(
         seconds = _LADDER_STATES * sampling.library_cells * (contact + 2 * flow)
     links = seal[0] * seal[1]
     # as many seals again from resampled libraries
-    seconds += 2 * sampling.realisations * steps * 1.5e-6 * links * max(1.0, np.log2(min(seal)))
+    seconds += 2 * sampling.realisations * steps * 4e-7 * links * max(1.0, np.log2(min(seal)))
     held = 1 if sampling.chosen_sampler in ("history", "block") else steps
     return seconds, 8.0 * (pixels * steps * 3 + links * (held * 2 + 30))
 
