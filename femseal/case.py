@@ -331,6 +331,7 @@ class StochasticTable(_Table):
     profile: tuple[Annotated[float, Field(ge=0)], ...] = ()
     library: Path | None = None
     width: Annotated[float, Field(gt=0)] | None = None
+    bounds: bool = False
     quantiles: tuple[Ratio, Ratio] = (0.05, 0.95)
 
     @model_validator(mode="after")
@@ -465,6 +466,7 @@ class Case(_Table):
                     profile=table.profile,
                     library=None if table.library is None else self.folder / table.library,
                     width=table.width,
+                    bounds=table.bounds,
                 )
                 check_sampling(sampling, cells)
         scene = Scene(

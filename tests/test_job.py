@@ -1,5 +1,6 @@
 """Runs from case to folder, and the command line as a user calls it."""
 
+import json
 import re
 import socket
 import subprocess
@@ -66,6 +67,38 @@ def test_results_do_not_depend_on_the_workers(case):
     for name in ("leakage_deterministic", "leakage_two_scale", "leakage_median"):
         first, top, back = one.dataset[name].values
         assert top < back < first
+
+
+def test_every_choice_of_the_stochastic_method_goes_through_a_case(case, tmp_path):
+    """A wider band, a broader seal, bounds: each choice shows in the results, and a second run finds the library."""
+    choices = """
+pressure = "uniform"
+sampler = "history"
+breadth = "100 um"
+profile = [1.4, 1.2, 1.0, 0.8, 0.6]
+library = "kept"
+bounds = true
+quantiles = [0.2, 0.8]
+"""
+    case.write_text(CASE.replace('compare = ["deterministic", "two-scale"]\n', "") + choices)
+    data = fs.run(case, workers=1).dataset
+    assert (tmp_path / "kept").is_dir()
+    lower, upper = (data[f"leakage_{end}_bound"].values for end in ("lower", "upper"))
+    assert (lower < upper).all()
+    assert (np.abs(np.log(data["leakage"] / np.sqrt(lower * upper))) < np.log(upper / lower)).all()
+    assert data["leakage_lower"].attrs["quantile"] == 0.2
+    again = fs.run(case, workers=1).dataset
+    assert_array_equal(again["leakage"].values, data["leakage"].values)
+    solved, solved_again = (json.loads(d.attrs["counts"])["library"]["solved"] for d in (data, again))
+    assert solved > 0 == solved_again
+    case.write_text(case.read_text().replace("breadth = ", "length_of_run = "))
+    with pytest.raises(fs.InputError, match="length_of_run"):
+        fs.run(case)
+    case.write_text(CASE.replace("count = [3, 6]", 'count = [3, 6]\nflow = "resolved"') + "width = 0.2\n")
+    data = fs.run(case, workers=1).dataset
+    assert data.sizes["realisation"] >= 4
+    # the whole gap, not links: nearer to the deterministic leakage than two times
+    assert (np.abs(np.log(data["leakage_two_scale"] / data["leakage_deterministic"])) < np.log(2)).all()
 
 
 def test_a_cluster_gives_the_same_bits(case):

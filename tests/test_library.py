@@ -45,7 +45,7 @@ class TestFollowing:
             at = np.searchsorted(cell.pressure, p)
             contact = of[p, None]
             k = [cell_permeability(contact.gap, (1e-6, 1e-6), axis=a).value for a in (0, 1)]
-            assert_allclose(cell.k[:, at], k, rtol=1e-5)
+            assert_allclose(cell.k[0, :, at], k, rtol=1e-5)
             assert_allclose(cell.mean_gap[at], contact.mean_gap, rtol=1e-6)
             assert_allclose(cell.standoff[at], -contact.approach, rtol=1e-6)
             assert_allclose(cell.contact_fraction[at], contact.area_fraction, atol=2e-3)
@@ -54,10 +54,10 @@ class TestFollowing:
             for s, share in enumerate(LADDER.stops):
                 contact = of[round(share * peak), peak]
                 k = [cell_permeability(contact.gap, (1e-6, 1e-6), axis=a).value for a in (0, 1)]
-                assert_allclose(cell.k_unloading[:, m, s], k, rtol=1e-4)
+                assert_allclose(cell.k_unloading[0, :, m, s], k, rtol=1e-4)
                 assert_allclose(cell.standoff_unloading[m, s], -contact.approach, rtol=1e-5)
         apart = cell_permeability(np.maximum(gap0 + 1e-6, 0), (1e-6, 1e-6), axis=1).value
-        assert_allclose(cell.rigid[1, 1], apart, rtol=1e-6)
+        assert_allclose(cell.rigid[0, 1, 1], apart, rtol=1e-6)
 
     def test_closing_is_known_to_the_tolerance(self, source):
         ladder = Ladder((*LOADING, 1.6e9, 2.4e9), closing_rtol=0.1)
@@ -65,7 +65,7 @@ class TestFollowing:
         closes = [a for a in (0, 1) if cell.closing_pressure(a) < np.inf]
         assert closes
         for axis in closes:
-            first = np.flatnonzero(cell.k[axis] == 0)[0]
+            first = np.flatnonzero(cell.k[0, axis] == 0)[0]
             low, high = cell.pressure[first - 1 : first + 1]
             assert high - low <= 0.1 * high
             assert low < cell.closing_pressure(axis) < high
@@ -77,8 +77,8 @@ class TestFollowing:
         solved = []
         permeability = femseal.scales.ladder.window_permeability
 
-        def counted(*args):
-            result = permeability(*args)
+        def counted(*args, **settings):
+            result = permeability(*args, **settings)
             solved.append(result[1])
             return result
 
@@ -99,7 +99,32 @@ class TestFollowing:
         between = replace(short, peaks=(1e8, 2e8))
         more = follow(source.window(0), ladder=between, half_space=BODY, hardness=H, rtol=1e-7, known=cell)
         assert_array_equal(more.peaks, [1e8, 2e8, 8e8])
-        assert_array_equal(more.k_unloading[:, 1:], cell.k_unloading)
+        assert_array_equal(more.k_unloading[:, :, 1:], cell.k_unloading)
+
+    def test_bounds_are_those_of_every_state(self, source, cell):
+        tight = replace(LADDER, loading=(*LOADING, 1.6e9, 2.4e9), bounds=True)
+        bounded = follow(source.window(0), ladder=tight, half_space=BODY, hardness=H, rtol=1e-7)
+        assert bounded.k.shape[:2] == bounded.k_unloading.shape[:2] == bounded.rigid.shape[:2] == (3, 2)
+        assert_array_equal(bounded.rigid[0], cell.rigid[0])
+        value, lower, upper = bounded.k
+        assert (lower <= upper).all()
+        assert (upper[:, -1] == 0).any()
+        assert_allclose(value[:, :3], cell.k[0][:, :3], rtol=1e-9)
+        for n, p in enumerate(bounded.pressure):
+            contact = load_cycle(source.window(0), BODY, loading=(p,), hardness=H, rtol=1e-7)[0].contact
+            for axis in (0, 1):
+                k = cell_permeability(contact.gap, (1e-6, 1e-6), axis=axis, bounds=True)
+                assert_allclose([lower[axis, n], upper[axis, n]], [k.lower, k.upper], rtol=1e-5)
+        open_window = WindowSource((0.003 * -source.topographies[0],), BODY, H, seed=1).window(0) + 1e-6
+        (k, low, high), kind = femseal.scales.response.window_permeability(open_window, (1e-6, 1e-6), 0, bounds=True)
+        exact = cell_permeability(open_window, (1e-6, 1e-6)).value
+        assert kind == "open"
+        assert low <= exact <= high
+        assert_allclose(k, exact, rtol=2e-4)
+        # pixels that touch at a corner count in the upper bound only
+        (k, low, high), kind = femseal.scales.response.window_permeability(np.eye(8), (1.0, 1.0), 0, bounds=True)
+        assert (k, low, kind) == (0, 0, "closed")
+        assert high > 0
 
     @pytest.mark.parametrize(
         ("given", "word"),
@@ -127,8 +152,8 @@ def made_cell(k, p=LOADING, unloading=(), peaks=(), rigid=()):
     """A cell of given permeabilities, the same along both axes."""
     n, m = len(p), len(peaks)
     zeros, down = np.zeros(n), np.array(unloading, float).reshape(m, -1 if m else 3)
-    return Cell(np.array(p), np.array([k, k], float), zeros, zeros, zeros, zeros, np.array(peaks),
-                np.array([down, down]), 0 * down, 0 * down, 0 * down, np.array([rigid, rigid], float))  # fmt: skip
+    return Cell(np.array(p), np.array([[k, k]], float), zeros, zeros, zeros, zeros, np.array(peaks),
+                np.array([[down, down]]), 0 * down, 0 * down, 0 * down, np.array([[rigid, rigid]], float))  # fmt: skip
 
 
 def curves(cell, ladder=LADDER, rms=1e-7):
@@ -298,8 +323,8 @@ class TestLibrary:
         assert shown.k.shape == shown.mean_gap.shape == shown.pressure.shape == (2, 11)
         assert_array_equal(shown.pressure[0], [s.pressure for s in shown.steps])
         one = library.cells[1]
-        assert_array_equal(shown.k[1, 5:], one.k_unloading[0].ravel())
-        assert_array_equal(shown.k[1, :5], one.k[0, np.searchsorted(one.pressure, LOADING)])
+        assert_array_equal(shown.k[1, 5:], one.k_unloading[0, 0].ravel())
+        assert_array_equal(shown.k[1, :5], one.k[0, 0, np.searchsorted(one.pressure, LOADING)])
 
     def test_flattening(self, source):
         """What a peak takes from the standoff: nothing without a peak, at the peak nothing yet, the more the higher."""

@@ -196,6 +196,13 @@ def test_error_budget_is_that_of_the_studies(results, studies, page):
     assert "25 %" in text  # slope 0.2 before, 0.15 after
 
 
+def test_bounds_of_the_leakage_are_in_the_error_budget(scene, studies):
+    drawn = studies["stochastic"]
+    drawn = replace(drawn, leakage_lower_bound=0.5 * drawn.leakage, leakage_upper_bound=2 * drawn.leakage)
+    lines = {line[0]: line for line in scatter_lines(assemble(scene, stochastic=drawn, case=CASE))}
+    assert lines["pixels"][1:3] == ("× 2", "× 2")
+
+
 def test_flow_balance_is_an_independent_sum(results, page):
     """A row that carries more than the leakage shows in the report."""
     checks = {row[0]: row[1] for t in section(page, "errors").iter("table") for row in body_rows(t)}

@@ -12,6 +12,7 @@ import femseal.scales.ladder
 import femseal.scales.response
 import femseal.studies.drawn
 import femseal.studies.scene
+import femseal.studies.sources
 from femseal import analytic
 from femseal.contact import HalfSpace, LoadStep, load_cycle
 from femseal.errors import FemsealError, InputError, NotConverged
@@ -405,6 +406,30 @@ class TestDraws:
         with pytest.raises(InputError, match="10, one for each row"):
             stochastic(scene, (2, 2), replace(sampling, breadth=320e-6, profile=(1.0, 1.0)))
 
+    @pytest.mark.parametrize("pressure", ["uniform", "global"])
+    def test_bounds_enclose_the_same_draws_and_their_pixels_close_them(self, pressure):
+        """Twice as many pixels of the same face, twice as close."""
+        distance = []
+        for n in (64, 128):
+            face = self_affine((n, n), (64e-6, 64e-6), hurst=0.8, rms_slope=0.15, roll_off=32e-6, cut_off=8e-6, rng=1)
+            scene = make_scene(face.heights, face.spacing, loading=(1e8, 3e8), unload_from=(3e8,), unloading=(1e8,))
+            sampling = replace(SAMPLING, pressure=pressure, library_cells=4, length=96e-6, realisations=3)
+            plain, bounded = (stochastic(scene, (2, 2), replace(sampling, bounds=b)) for b in (False, True))
+            assert plain.leakage_lower_bound is None
+            assert_array_equal(bounded.leakage, plain.leakage)
+            lower, upper = bounded.leakage_lower_bound, bounded.leakage_upper_bound
+            assert lower.shape == upper.shape == plain.leakage.shape
+            assert (lower < upper).all()
+            assert (lower < 1.05 * plain.leakage).all()
+            assert (upper > 0.95 * plain.leakage).all()
+            distance.append(np.log(upper / lower).mean())
+        assert distance[1] < 0.7 * distance[0]
+
+    def test_bounds_need_ladders_and_histories(self):
+        for options in ({"pressure": "place"}, {"pressure": "uniform", "sampler": "copula"}):
+            with pytest.raises(InputError, match=r"bounds.*'history'"):
+                stochastic(make_scene(np.zeros((64, 64))), (2, 2), replace(SAMPLING, bounds=True, **options))
+
     def test_pressure_profile(self):
         """Equal windows: the rows follow one another under the shares of the profile, inlet first."""
         window = self_affine((32, 32), (32e-6, 32e-6), hurst=0.8, rms_slope=0.15, rng=1).heights
@@ -432,8 +457,8 @@ class TestDraws:
 
     def test_whole_runs_of_columns_are_the_surface(self, rough, rough_two_scale, monkeypatch):
         """A run that goes all round the face, from wherever it begins, is its two-scale solution."""
-        monkeypatch.setattr(femseal.studies.drawn, "correlation_length", lambda k: 1e6)
-        monkeypatch.setattr(femseal.studies.drawn, "RUN_LENGTHS", 1e9)
+        monkeypatch.setattr(femseal.studies.sources, "correlation_length", lambda k: 1e6)
+        monkeypatch.setattr(femseal.studies.sources, "RUN_LENGTHS", 1e9)
         result = stochastic(rough, (4, 6), replace(SAMPLING, sampler="block"))
         assert result.library.correlation_length == 1e6
         whole = np.isclose(result.leakage, rough_two_scale.leakage, rtol=1e-6).all(axis=1)
@@ -554,7 +579,7 @@ class TestErrorOfTheLibrary:
         none = LinkTable(np.empty((1, cells, 1)), np.zeros(0, int), 0, self.steps)
         scene = make_scene(np.zeros((8, 8)), loading=(1e8,))
         seal = RectangularSeal((1e-3, links * 1e-3), (1, links))
-        task = [femseal.studies.drawn._realise(r, again, scene=scene, seal=seal, tables=(table, none),
+        task = [femseal.studies.drawn._realise(r, again, scene=scene, seal=seal, kinds=((table, none),),
                                                sampling=replace(SAMPLING, sampler="history"))[0]
                 for again in (False, True) for r in range(realisations)]  # fmt: skip
         leakage = np.array(task).reshape(2, realisations, 1)

@@ -184,6 +184,10 @@ def scatter_lines(results: Results) -> Lines:
         deviation("both together", np.hypot(spread, error), "what a seal of this kind may differ from the median")
         share = 1.2533 / np.sqrt(data.sizes["realisation"])
         deviation("median", share * spread, "standard error of the median; more realisations lower it")
+    if "leakage_lower_bound" in data:
+        low, high = (np.median(data[f"leakage_{end}_bound"].values, axis=0) for end in ("lower", "upper"))
+        half = 0.5 * np.log(np.divide(high, low, out=np.full(low.shape, np.nan), where=low != 0))
+        deviation("pixels", half, "half the way between the bounds of the flow through pixels; finer ones lower it")
     pairs = (
         ("two-scale", "leakage_two_scale", "deterministic", "leakage_deterministic"),
         ("median", "leakage_median", "two-scale", "leakage_two_scale"),

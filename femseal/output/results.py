@@ -340,7 +340,8 @@ def _labels(unit: str, long_name: str) -> dict[str, str]:
 
 def _add_fields(data: xarray.Dataset, result: Any, names: dict[str, str]) -> None:
     for f in fields(result):
-        if f.name in names and (values := getattr(result, f.name)).size:
+        values = getattr(result, f.name) if f.name in names else None
+        if values is not None and values.size:
             labels = _labels(f.metadata["unit"], f.metadata["long_name"])
             data[names[f.name]] = (f.metadata["dims"], values, labels)
 
@@ -374,7 +375,8 @@ def _add_windows(data: xarray.Dataset, scene: Scene, result: TwoScaleResult) -> 
 
 
 def _add_realisations(data: xarray.Dataset, result: StochasticResult, quantiles: tuple[float, float]) -> None:
-    _add_fields(data, result, {"leakage": "leakage", "leakage_resampled": "leakage_resampled"})
+    every = ("leakage", "leakage_resampled", "leakage_lower_bound", "leakage_upper_bound")
+    _add_fields(data, result, {name: name for name in every})
     data.coords["realisation"] = ("realisation", np.arange(len(result.leakage)), _labels("1", "realisation"))
     text = "leakage per unit seal length, {} of the realisations"
     for name, q in (("median", 0.5), ("lower", quantiles[0]), ("upper", quantiles[1])):

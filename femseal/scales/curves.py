@@ -48,15 +48,15 @@ class LogCurve:
 
 
 class CellCurves:
-    """k of one cell along one axis."""
+    """k of one cell along one axis: the value (kind 0), or its lower (1) or upper bound (2)."""
 
-    def __init__(self, cell: Cell, ladder: Ladder, axis: int, rms_height: float) -> None:
-        self.cell, self.ladder, self.axis, self.rms_height = cell, ladder, axis, rms_height
+    def __init__(self, cell: Cell, ladder: Ladder, axis: int, rms_height: float, kind: int = 0) -> None:
+        self.cell, self.ladder, self.axis, self.rms_height, self.kind = cell, ladder, axis, rms_height, kind
 
     @cached_property
     def loading(self) -> LogCurve:
         """ln k over the cube root of the loading pressure."""
-        return LogCurve(np.cbrt(self.cell.pressure), self.cell.k[self.axis])
+        return LogCurve(np.cbrt(self.cell.pressure), self.cell.k[self.kind, self.axis])
 
     @cached_property
     def _unloading(self) -> list[LogCurve]:
@@ -64,15 +64,15 @@ class CellCurves:
         shares = np.array([1.0, *self.ladder.stops])[::-1]
         curves = []
         for m, peak in enumerate(self.cell.peaks):
-            top = self.cell.k[self.axis, np.searchsorted(self.cell.pressure, peak)]
-            curves.append(LogCurve(shares, np.array([top, *self.cell.k_unloading[self.axis, m]])[::-1]))
+            top = self.cell.k[self.kind, self.axis, np.searchsorted(self.cell.pressure, peak)]
+            curves.append(LogCurve(shares, np.array([top, *self.cell.k_unloading[self.kind, self.axis, m]])[::-1]))
         return curves
 
     @cached_property
     def _rigid(self) -> LogCurve:
         """ln k over the distance, counted downwards so that a cell closes as it rises."""
         distances = np.array(self.ladder.separations)
-        return LogCurve(-distances[::-1], self.cell.rigid[self.axis, ::-1])
+        return LogCurve(-distances[::-1], self.cell.rigid[self.kind, self.axis, ::-1])
 
     def loaded(self, pressure: Array) -> Array:
         """k on loading [m³]."""

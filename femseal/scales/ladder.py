@@ -28,6 +28,7 @@ class Ladder:
     peaks : those of them from which windows are unloaded. stops : shares of the peak on the way down, falling to 0.
     separations : distances between mean planes without contact pressure [m], rising.
     closing_rtol : relative tolerance of closing pressures.
+    bounds : enclose every permeability, for a gap constant on each pixel.
 
     Raises
     ------
@@ -40,6 +41,7 @@ class Ladder:
     stops: tuple[float, ...] = ()
     separations: tuple[float, ...] = ()
     closing_rtol: float = 0.05
+    bounds: bool = False
 
     def __post_init__(self) -> None:
         if not self.loading or self.loading[0] != 0 or np.any(np.diff(self.loading) <= 0):
@@ -52,15 +54,20 @@ class Ladder:
         if np.any(np.diff(self.separations) <= 0):
             raise InputError.of("separations", self.separations, "rising distances [m]")
 
+    @property
+    def kinds(self) -> int:
+        """Permeabilities of each state: the value, and with bounds the lower and the upper one."""
+        return 3 if self.bounds else 1
+
 
 @dataclass(frozen=True)
 class Cell:
-    """A window followed along a ladder; the first axis of permeabilities is the direction.
+    """A window followed along a ladder; the first axes of permeabilities are their kind and the direction.
 
-    pressure : loading steps with those found by bisection (n,), rising from 0 [Pa]; k (2, n) [m³], standoff, mean_gap,
-        mean plastic_deformation [m] and contact_fraction (n,).
-    peaks (m,) [Pa]; k_unloading (2, m, stops), the others with _unloading (m, stops).
-    rigid : (2, separations) [m³].
+    pressure : loading steps with those found by bisection (n,), rising from 0 [Pa]; k (kinds, 2, n) [m³], standoff,
+        mean_gap, mean plastic_deformation [m] and contact_fraction (n,).
+    peaks (m,) [Pa]; k_unloading (kinds, 2, m, stops), the others with _unloading (m, stops).
+    rigid : (kinds, 2, separations) [m³].
     """
 
     pressure: Array
@@ -79,7 +86,7 @@ class Cell:
 
     def closing_pressure(self, axis: int) -> float:
         """Pressure above which nothing flows along `axis` [Pa]; inf if it is still open at the highest step."""
-        shut = np.flatnonzero(self.k[axis] == 0)
+        shut = np.flatnonzero(self.k[0, axis] == 0)
         if shut.size == 0:
             return np.inf
         first = shut[0]
@@ -101,13 +108,13 @@ def follow(
     ----------
     window : undeformed gap (n1, n2) [m].
     half_space, hardness, rtol : as in `contact.solve_contact`.
-    known : the same window along another ladder with the same stops and separations.
+    known : the same window along another ladder with the same stops, separations and bounds.
 
     Raises
     ------
     NotConverged : a contact or flow that failed.
     """
-    work = _Window(np.asarray(window, float), half_space, hardness, rtol)
+    work = _Window(np.asarray(window, float), half_space, hardness, rtol, ladder.kinds)
     loading = {} if known is None else dict(zip(known.pressure.tolist(), _states(known), strict=True))
     for p in ladder.loading:
         if p not in loading:
@@ -118,19 +125,19 @@ def follow(
     peaks = {} if known is None else {p: n for n, p in enumerate(known.peaks.tolist())}
     missing = [p for p in ladder.peaks if p not in peaks]
     unloaded = [list(work.unloaded(p, ladder.stops)) for p in missing]
-    shape = (len(missing), len(ladder.stops))
+    shape, kinds = (len(missing), len(ladder.stops)), ladder.kinds
     rigid = known.rigid if known is not None else work.separated(ladder.separations)
     pressure = np.array(sorted(loading))
     states = [loading[p] for p in pressure.tolist()]
     cell = Cell(
         pressure=pressure,
-        k=np.array([s.k for s in states]).T,
+        k=np.array([s.k for s in states]).transpose(1, 2, 0),
         standoff=np.array([s.standoff for s in states]),
         mean_gap=np.array([s.mean_gap for s in states]),
         plastic_deformation=np.array([s.plastic_deformation for s in states]),
         contact_fraction=np.array([s.contact_fraction for s in states]),
         peaks=np.array(missing),
-        k_unloading=np.array([[s.k for s in way] for way in unloaded]).reshape(*shape, 2).transpose(2, 0, 1),
+        k_unloading=np.array([[s.k for s in way] for way in unloaded]).reshape(*shape, kinds, 2).transpose(2, 3, 0, 1),
         **{
             f"{name}_unloading": np.array([[getattr(s, name) for s in way] for way in unloaded]).reshape(shape)
             for name in ("standoff", "mean_gap", "contact_fraction")
@@ -143,18 +150,23 @@ def follow(
 
 @dataclass(frozen=True)
 class _State:
-    k: tuple[float, float]
+    k: Array
     standoff: float
     mean_gap: float
     plastic_deformation: float
     contact_fraction: float
 
+    @property
+    def closed(self) -> tuple[bool, bool]:
+        """Along which axes nothing flows, nor could by the upper bound."""
+        return bool(self.k[-1, 0] == 0), bool(self.k[-1, 1] == 0)
+
 
 class _Window:
     """Solutions of one window, counted."""
 
-    def __init__(self, gap0: Array, half_space: HalfSpace, hardness: float, rtol: float) -> None:
-        self.gap0, self.half_space, self.hardness, self.rtol = gap0, half_space, hardness, rtol
+    def __init__(self, gap0: Array, half_space: HalfSpace, hardness: float, rtol: float, kinds: int) -> None:
+        self.gap0, self.half_space, self.hardness, self.rtol, self.kinds = gap0, half_space, hardness, rtol, kinds
         self.counts = {"solved": 0, "closed": 0, "open": 0}
 
     def loaded(self, pressure: float, closed: tuple[bool, bool]) -> _State:
@@ -167,15 +179,13 @@ class _Window:
         closed = (False, False)
         for share in reversed(stops):
             state = self._state(self._contact(share * peak, memory), closed)
-            closed = (state.k[0] == 0, state.k[1] == 0)
+            closed = state.closed
             states.append(state)
         return reversed(states)
 
     def separated(self, separations: tuple[float, ...]) -> Array:
-        k = np.zeros((2, len(separations)))
-        for n, distance in enumerate(separations):
-            k[:, n] = self._permeabilities(np.maximum(self.gap0 + distance, 0.0), (False, False))
-        return k
+        apart = [self._permeabilities(np.maximum(self.gap0 + d, 0.0), (False, False)) for d in separations]
+        return np.array(apart).reshape(len(separations), self.kinds, 2).transpose(1, 2, 0)
 
     def _contact(self, pressure: float, memory: Array | None = None) -> Contact:
         return solve_with_memory(
@@ -187,34 +197,31 @@ class _Window:
         plastic = float(contact.plastic_deformation.mean())
         return _State(k, -contact.approach, float(contact.gap.mean()), plastic, contact.area_fraction)
 
-    def _permeabilities(self, gap: Array, closed: tuple[bool, bool]) -> tuple[float, float]:
-        k = [0.0, 0.0]
+    def _permeabilities(self, gap: Array, closed: tuple[bool, bool]) -> Array:
+        """(kinds, 2)."""
+        k = np.zeros((self.kinds, 2))
         for axis in (0, 1):
-            kind = "closed"
+            state = "closed"
             if not closed[axis]:
-                k[axis], kind = window_permeability(gap, self.half_space.spacing, axis)
-            self.counts[kind] += 1
-        return k[0], k[1]
+                k[:, axis], state = window_permeability(gap, self.half_space.spacing, axis, bounds=self.kinds > 1)
+            self.counts[state] += 1
+        return k
 
 
 def _states(cell: Cell) -> list[_State]:
-    return [
-        _State((k1, k2), *values)
-        for k1, k2, *values in zip(
-            *cell.k, cell.standoff, cell.mean_gap, cell.plastic_deformation, cell.contact_fraction, strict=True
-        )
-    ]
+    columns = (cell.standoff, cell.mean_gap, cell.plastic_deformation, cell.contact_fraction)
+    return [_State(*values) for values in zip(np.moveaxis(cell.k, -1, 0), *columns, strict=True)]
 
 
 def _closed_below(loading: dict[float, _State], pressure: float) -> tuple[bool, bool]:
-    below = [s for p, s in loading.items() if p < pressure]
-    return any(s.k[0] == 0 for s in below), any(s.k[1] == 0 for s in below)
+    below = [s.closed for p, s in loading.items() if p < pressure]
+    return any(first for first, _ in below), any(second for _, second in below)
 
 
 def _between(loading: dict[float, _State], axis: int, rtol: float) -> float | None:
     """Middle of the steps between which `axis` closes; None once they are close."""
     pressures = sorted(loading)
-    shut = [p for p in pressures if loading[p].k[axis] == 0]
+    shut = [p for p in pressures if loading[p].k[0, axis] == 0]
     if not shut or shut[0] == 0:
         return None
     low, high = pressures[pressures.index(shut[0]) - 1], shut[0]
@@ -225,7 +232,7 @@ def _with_peaks(cell: Cell, known: Cell) -> Cell:
     """The cell with the peaks that were known before, in rising order."""
     order = np.argsort(np.concatenate([known.peaks, cell.peaks]))
     merged: dict[str, Any] = {}
-    for name, axis in (("k", 1), ("standoff", 0), ("mean_gap", 0), ("contact_fraction", 0)):
+    for name, axis in (("k", 2), ("standoff", 0), ("mean_gap", 0), ("contact_fraction", 0)):
         name = f"{name}_unloading"
         both = np.concatenate([getattr(known, name), getattr(cell, name)], axis=axis)
         merged[name] = both.take(order, axis=axis)

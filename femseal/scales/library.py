@@ -30,7 +30,7 @@ from .ladder import Cell, Ladder, follow
 Array = NDArray[np.float64]
 Map = Callable[..., Iterable[Any]]
 #: Written into every file; a file of another format is computed anew.
-FORMAT = 1
+FORMAT = 2
 #: Random numbers of windows lie far from those of the realisations.
 WINDOW_STREAM = 2**32 - 1
 
@@ -91,7 +91,7 @@ class WindowSource:
         """Name of all that the response of window n depends on, but for the pressures at which it is known."""
         body = self.half_space
         settings = [FORMAT, body.shape, body.spacing, body.modulus, body.boundary, body.longest_wave, self.hardness]
-        settings += [self.seed, self.rtol, ladder.stops, ladder.separations, ladder.closing_rtol]
+        settings += [self.seed, self.rtol, ladder.stops, ladder.separations, ladder.closing_rtol, ladder.bounds]
         digest = hashlib.sha256(json.dumps(settings).encode())
         for topography in self.topographies:
             digest.update(np.ascontiguousarray(topography).tobytes())
@@ -131,7 +131,7 @@ class LadderLibrary(Shown):
         for cell in self.cells:
             on_ladder = np.searchsorted(cell.pressure, ladder.loading)
             peaks = np.searchsorted(cell.peaks, ladder.peaks)
-            columns["k"].append(np.r_[cell.k[0, on_ladder], cell.k_unloading[0, peaks].ravel()])
+            columns["k"].append(np.r_[cell.k[0, 0, on_ladder], cell.k_unloading[0, 0, peaks].ravel()])
             for name in ("mean_gap", "contact_fraction"):
                 unloading = getattr(cell, f"{name}_unloading")[peaks].ravel()
                 columns[name].append(np.r_[getattr(cell, name)[on_ladder], unloading])
@@ -165,7 +165,7 @@ class LadderLibrary(Shown):
         low, high = (np.take_along_axis(stack, n[None], axis=0)[0] for n in (upper - 1, upper))
         return (1 - weight) * low + weight * high
 
-    def along(self, paths: Array, gaps: Array, steps: Sequence[LoadStep], axis: int) -> Array:
+    def along(self, paths: Array, gaps: Array, steps: Sequence[LoadStep], axis: int, kind: int = 0) -> Array:
         """Permeability of every cell along every path: (paths, cells, steps) [m³].
 
         Parameters
@@ -174,6 +174,8 @@ class LadderLibrary(Shown):
         gaps : distance between mean planes (paths, steps) [m], used where the pressure is 0.
         steps : the seal's programme.
         axis : direction of the links.
+        kind : 0 the permeability, and of a ladder with bounds 1 its lower and 2 its upper bound, each at the steps of
+            the ladder, and interpolated between them as the permeability is.
         """
         loading = np.array([s.unloaded_from is None for s in steps])
         p_peak = paths[:, peak_indices(steps)]
@@ -183,7 +185,7 @@ class LadderLibrary(Shown):
         apart = paths <= 0
         table = np.zeros((len(paths), self.size, len(steps)))
         for c, cell in enumerate(self.cells):
-            curves = CellCurves(cell, self.ladder, axis, self.rms_height)
+            curves = CellCurves(cell, self.ladder, axis, self.rms_height, kind)
             values = table[:, c]
             values[up] = curves.loaded(paths[up])
             values[down] = curves.unloaded(paths[down], p_peak[down])

@@ -112,8 +112,7 @@ def body_standoff(standoff: Array, load: Array, lowest: Array) -> Array:
     Parameters
     ----------
     standoff, load, lowest : of each window at each step (windows, steps) its `WindowHistory.standoff` [m], mean
-    pressure
-        [Pa] and lowest gap [m], NaN where unknown.
+        pressure [Pa] and lowest gap [m], NaN where unknown.
     """
     loaded = np.isfinite(standoff)
     weight = np.where(loaded, load, 0.0)
@@ -154,7 +153,7 @@ def flow_history(gaps: NDArray[np.floating], spacing: tuple[float, float], axis:
         if not np.all(np.isfinite(h)):
             continue
         try:
-            k[s], kind = window_permeability(h, spacing, axis)
+            (k[s],), kind = window_permeability(h, spacing, axis)
         except FemsealError as error:
             failures.append(f"step {s}: {error}")
             continue
@@ -162,11 +161,18 @@ def flow_history(gaps: NDArray[np.floating], spacing: tuple[float, float], axis:
     return FlowHistory(k, **counts, failures=tuple(failures))
 
 
-def window_permeability(gap: Array, spacing: tuple[float, float], axis: int) -> tuple[float, str]:
-    """k along `axis` of a window with closed sides [m³], and whether it was "solved", "closed" or "open"
-    (asymptote)."""
+def window_permeability(
+    gap: Array, spacing: tuple[float, float], axis: int, *, bounds: bool = False
+) -> tuple[Array, str]:
+    """k along `axis` of a window with closed sides [m³], and whether it was "solved", "closed" or "open" (asymptote).
+
+    k is (1,), or with `bounds` (3,): with the lower and the upper bound for a gap constant on each pixel, which of
+    plates that are nearly parallel are the harmonic and the arithmetic mean.
+    """
     mean = float(gap.mean())
     if gap.min() > 0 and gap.std() < OPEN_RATIO * mean:
-        return mean**3 / 12, "open"
-    result = cell_permeability(gap, spacing, axis=axis, sides="mirror")
-    return result.value, "solved" if result.percolates else "closed"
+        means = [1 / float(np.mean(gap**-3.0)), float(np.mean(gap**3))] if bounds else []
+        return np.array([mean**3, *means]) / 12, "open"
+    result = cell_permeability(gap, spacing, axis=axis, sides="mirror", bounds=bounds)
+    k = np.array([result.value, result.lower, result.upper] if bounds else [result.value])
+    return k, "solved" if result.percolates else "closed"

@@ -4,8 +4,9 @@
 `stochastic` draws the windows of a seal of any length from a library of real ones. They share a `Scene`.
 """
 
-from .drawn import PRESSURES, Sampling, StochasticResult, check_sampling, seal_cells, stochastic
+from .drawn import StochasticResult, check_sampling, stochastic
 from .scene import Scene
+from .sources import PRESSURES, Sampling, seal_cells
 from .whole_face import DeterministicResult, deterministic
 from .windows import FLOWS, TwoScaleResult, two_scale
 

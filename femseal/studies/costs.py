@@ -6,7 +6,7 @@ import os
 
 import numpy as np
 
-from .drawn import Sampling
+from .sources import Sampling
 
 #: Seconds of one core for one contact solution and one flow solution of n pixels, fitted to 64² … 4096² on a 2-core
 #: x86-64 machine; good to a factor of two.

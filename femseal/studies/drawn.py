@@ -13,107 +13,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from .. import checks
-from ..contact import HalfSpace, peak_indices
 from ..errors import FemsealError, InputError
-from ..scales import (
-    Ladder,
-    LadderLibrary,
-    LibraryTable,
-    LinkTable,
-    Partition,
-    WindowSource,
-    build_ladder_library,
-    correlation_length,
-    draw_links,
-    on_ladder,
-    solve_global_scale,
-)
+from ..scales import LadderLibrary, Partition, draw_links
 from ..seal import RectangularSeal
 from ..showing import Shown
 from .scene import Array, Map, Scene, labels, leakage_plot
-from .windows import solve_links, solve_windows
+from .sources import PRESSURES, PlacedLibrary, Sampling, Tables, seal_cells
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-#: Loading steps of a library in shares of the pressure at which everything is in contact, about: the hardness, or half
-#: of E* × rms slope where that is less.
-LOADING_SHARES = (0, 0.001, 0.004, 0.01, 0.02, 0.04, 0.07, 0.11, 0.16, 0.22, 0.29, 0.37, 0.46, 0.56, 0.67, 0.8, 0.95)
-#: Those from which library windows are unloaded, and stops in shares of the peak.
-PEAK_SHARES = (0.02, 0.07, 0.16, 0.29, 0.46, 0.67, 0.95)
-STOPS = (0.8, 0.6, 0.4, 0.25, 0.12, 0.04, 0.0)
-#: Rigid separations of library windows in rms heights; beyond them k is within 3 % of the asymptote, which takes over.
-SEPARATIONS = (-1.0, 0.0, 1.0, 2.0, 3.0, 5.0, 8.0)
-#: The global contact that gives the pressures of library windows carries waves longer than a window.
-CUT_OFF_WINDOWS = 1.0
-#: Runs of columns last for so many correlation lengths, at most once round the face: where runs meet, channels of the
-#: face are cut off. Measured on circular milling marks with ten columns: 0.83 to 0.95 of the leakage with runs of ten,
-#: 0.36 to 0.87 with runs of two.
-RUN_LENGTHS = 10
 #: For a wanted width, how often realisations and windows are added, and up to how many times as many as given.
 ROUNDS, GROWTH = 4, 8
-
-
-@dataclass(frozen=True)
-class Sampling:
-    """How a seal is drawn.
-
-    length : seal length along x2 [m], rounded to whole cells. breadth : size from inlet to outlet [m], likewise; that
-    of
-        the face unless given; "uniform" only. realisations : how many seals. library_cells : windows in
-    the library. seed : of all random numbers.
-    sampler : "history", "derivative", "copula" or "block", see `scales.sampling`; unless given "block" with "place",
-        which has neighbours, and "history" else.
-    pressure : which pressures and which waves a window sees.
-        "place": the windows of the two-scale solution of the face; a link draws from those of its row, over the face
-        moved by fractions of a window where `library_cells` asks for more: for faces whose form varies over a window.
-        "global": windows with all their waves are followed along a ladder of pressures, and the global contact,
-        repeated along the seal, says which pressure a link has (the paper's).
-        "uniform": windows with the full heights, every link under the nominal pressure, or its share in `profile`.
-    profile : contact pressures from inlet to outlet in shares of the nominal one, one for each row of windows, with the
-        mean 1; "uniform" only.
-    library : folder in which libraries of windows are kept and found again; "global" and "uniform" only.
-    width : wanted standard error of ln(median leakage), at the steps that leak more than 1e-3 of the first;
-        realisations and windows are added until it is reached, up to eight times as many. None: as many as given.
-    """
-
-    length: float
-    realisations: int
-    library_cells: int
-    seed: int
-    sampler: str | None = None
-    pressure: str = "place"
-    profile: tuple[float, ...] = ()
-    library: Path | None = None
-    width: float | None = None
-    breadth: float | None = None
-
-    @property
-    def chosen_sampler(self) -> str:
-        """The sampler given, or the one that suits the pressures."""
-        return self.sampler or ("block" if self.pressure == "place" else "history")
-
-
-@dataclass(frozen=True, repr=False)
-class PlacedLibrary(Shown):
-    """Windows of a face at their places: k1 (rows, columns, steps), k2 (rows − 1, columns, steps) [m³].
-
-    Columns come in the order of the face, then again for every `shift` of the windows along x2. block_length : number
-    of columns over which windows are alike.
-    """
-
-    k1: Array = field(metadata={"unit": "m^3"})
-    k2: Array = field(metadata={"unit": "m^3"})
-    curves: LibraryTable
-    correlation_length: float
-    shifts: int
-    counts: dict[str, int] = field(default_factory=dict)
-    failures: tuple[str, ...] = ()
-
-    @property
-    def size(self) -> int:
-        """Number of windows along x1."""
-        return self.k1.shape[0] * self.k1.shape[1]
 
 
 @dataclass(frozen=True, repr=False)
@@ -122,6 +33,9 @@ class StochasticResult(Shown):
 
     leakage_resampled : as many more, each from a library drawn with repetition from the library itself, so that their
     scatter is that of realisations and library together.
+    leakage_lower_bound, leakage_upper_bound : of the same realisations with the bounds of every window's permeability;
+    None without. They enclose the flow through gaps constant on each pixel: their distance says how well the pixels
+    resolve the gaps.
     """
 
     steps: tuple[Any, ...]
@@ -132,6 +46,12 @@ class StochasticResult(Shown):
     )
     leakage_resampled: Array = field(
         metadata=labels("m^2/s", "leakage per unit seal length, resampled library", "realisation", "step")
+    )
+    leakage_lower_bound: Array | None = field(
+        default=None, metadata=labels("m^2/s", "lower bound of leakage per unit seal length", "realisation", "step")
+    )
+    leakage_upper_bound: Array | None = field(
+        default=None, metadata=labels("m^2/s", "upper bound of leakage per unit seal length", "realisation", "step")
     )
     failures: tuple[str, ...] = ()
 
@@ -281,6 +201,9 @@ def check_sampling(sampling: Sampling, cells: tuple[int, int]) -> None:
         raise InputError.of("library", f"'{sampling.library}'", "none with the pressure 'place', which has no ladder")
     if sampling.width is not None:
         checks.number("width", sampling.width, unit="1")
+    if sampling.bounds and (sampling.pressure == "place" or sampling.chosen_sampler != "history"):
+        given = f"true with the pressure '{sampling.pressure}' and the sampler '{sampling.chosen_sampler}'"
+        raise InputError.of("bounds", given, "true with 'global' or 'uniform' and 'history'")
 
 
 def _draw(scene: Scene, cells: tuple[int, int], sampling: Sampling, map: Map) -> StochasticResult:
@@ -288,156 +211,23 @@ def _draw(scene: Scene, cells: tuple[int, int], sampling: Sampling, map: Map) ->
     n1, n2 = seal_cells(partition, sampling)
     if sampling.profile and len(sampling.profile) != n1:
         raise InputError.of("profile", f"{len(sampling.profile)} numbers", f"{n1}, one for each row of windows")
-    library, tables, rows = PRESSURES[sampling.pressure](scene, partition, sampling, (n1, n2), map)
+    library, kinds, rows = PRESSURES[sampling.pressure](scene, partition, sampling, (n1, n2), map)
     seal = RectangularSeal((n1 * partition.window_size[0], n2 * partition.window_size[1]), (n1, n2), rows)
-    task = partial(_realise, scene=scene, seal=seal, tables=tables, sampling=sampling)
+    task = partial(_realise, scene=scene, seal=seal, kinds=kinds, sampling=sampling)
     count = sampling.realisations
     outcomes = list(map(task, [*range(count)] * 2, [False] * count + [True] * count))
-    leakage = np.array([o[0] for o in outcomes])
+    leakage, *bounds = np.array([o[0] for o in outcomes[:count]]).transpose(1, 0, 2)
+    lower, upper = bounds or (None, None)
     return StochasticResult(
         steps=scene.steps,
         seal=seal,
         library=library,
-        leakage=leakage[:count],
-        leakage_resampled=leakage[count:],
+        leakage=leakage,
+        leakage_resampled=np.array([o[0][0] for o in outcomes[count:]]),
+        leakage_lower_bound=lower,
+        leakage_upper_bound=upper,
         failures=library.failures + tuple(t for o in outcomes for t in o[1]),
     )
-
-
-def seal_cells(partition: Partition, sampling: Sampling) -> tuple[int, int]:
-    """Windows of a drawn seal along x1 and x2."""
-    d1, d2 = partition.window_size
-    n1 = partition.cells[0] if sampling.breadth is None else max(1, round(sampling.breadth / d1))
-    return n1, max(1, round(sampling.length / d2))
-
-
-#: A library, the tables from which links along x1 and x2 are drawn, and the x1 of the rows of nodes (none:
-#: equidistant).
-Source = Callable[
-    [Scene, Partition, Sampling, tuple[int, int], Map],
-    tuple[LadderLibrary | PlacedLibrary, tuple[LinkTable, LinkTable], tuple[float, ...]],
-]
-
-
-def _placed(scene: Scene, partition: Partition, sampling: Sampling, seal: tuple[int, int], map: Map) -> Any:
-    """All windows of the face at their places, moved along it by fractions of a window where more are wanted."""
-    (m1, m2), w2, n2 = partition.cells, partition.window[1], seal[1]
-    contact = solve_windows(scene, partition.cells, map=map)
-    shifts = int(np.clip(-(-sampling.library_cells // (m1 * m2)), 1, w2))
-    moved = [n * w2 // shifts for n in range(shifts)]
-    flows = [[solve_links(contact, axis, shift=s, map=map) for s in moved] for axis in (0, 1)]
-    k1, k2 = (np.concatenate([f.k for f in along], axis=2).transpose(1, 2, 0) for along in flows)
-    k1, k2 = _without_failed(k1, k2)
-    length = float(np.mean([correlation_length(k1[:, n * m2 : (n + 1) * m2]) for n in range(shifts)]))
-    table = LibraryTable(
-        steps=scene.steps,
-        pressure=contact.pressure.reshape(len(scene.steps), -1).T,
-        k=flows[0][0].k.reshape(len(scene.steps), -1).T,
-        mean_gap=contact.mean_gap.reshape(len(scene.steps), -1).T,
-        contact_fraction=contact.contact_fraction.reshape(len(scene.steps), -1).T,
-    )
-    every = flows[0] + flows[1]
-    library = PlacedLibrary(
-        k1=k1,
-        k2=k2,
-        curves=table,
-        correlation_length=length,
-        shifts=shifts,
-        counts={name: sum(f.counts[name] for f in every) for name in every[0].counts},
-        failures=contact.failures + tuple(text for f in every for text in f.failures),
-    )
-    run = min(RUN_LENGTHS * length, float(m2))
-    tables = tuple(LinkTable(k, np.tile(np.arange(len(k)), n2), len(k), scene.steps, run, length) for k in (k1, k2))
-    return library, tables, contact.partition.node_rows
-
-
-def _without_failed(k1: Array, k2: Array) -> tuple[Array, Array]:
-    """A column in which anything failed is replaced by the next one."""
-    good = np.isfinite(k1).all(axis=(0, 2)) & np.isfinite(k2).all(axis=(0, 2))
-    if not good.any():
-        raise FemsealError("library: every column of cells has one that failed")
-    columns = np.flatnonzero(good)
-    taken = columns[np.searchsorted(columns, np.arange(good.size)) % columns.size]
-    return k1[:, taken], k2[:, taken]
-
-
-def _global(scene: Scene, partition: Partition, sampling: Sampling, seal: tuple[int, int], map: Map) -> Any:
-    """A ladder up to the highest window pressure; each link follows its place in the repeated global contact."""
-    (m1, m2), n2 = partition.cells, seal[1]
-    cut_off = CUT_OFF_WINDOWS * min(partition.window_size)
-    world = solve_global_scale(
-        scene.surface, partition, cut_off, modulus=scene.modulus, boundary=scene.boundary, **scene.cycle
-    )
-    library = _library(scene, partition, sampling, float(world.pressure.max()), map, apart=True)
-    # windows without pressure stand off as the asperities of the others make the whole body do
-    peaks = peak_indices(scene.steps)
-    load = world.pressure.sum(axis=(1, 2))
-    own = library.loaded("standoff", world.pressure) - library.flattening(world.pressure, world.pressure[peaks])
-    standoff = np.divide((world.pressure * own).sum(axis=(1, 2)), load, out=np.zeros_like(load), where=load > 0)
-    tables = []
-    for axis, pressure in enumerate((world.pressure, world.pressure_across)):
-        gaps = np.array([partition.means(g, axis) + d for g, d in zip(world.raw_gap, standoff, strict=True)])
-        # what a peak has deformed for good widens their gap
-        gaps += library.loaded("plastic_deformation", pressure[peaks])
-        paths, distances = (a.reshape(len(a), (m1 - axis) * m2).T for a in (pressure, gaps))
-        j, i = np.divmod(np.arange((m1 - axis) * n2), max(m1 - axis, 1))
-        k = library.along(paths, distances, scene.steps, axis)
-        tables.append(LinkTable(k, i * m2 + j % m2, m1 - axis, scene.steps))
-    return library, tuple(tables), ()
-
-
-def _uniform(scene: Scene, partition: Partition, sampling: Sampling, seal: tuple[int, int], map: Map) -> Any:
-    """Full heights under the nominal pressure, or under the share of it that the profile gives to a row."""
-    n1, n2 = seal
-    nominal = np.array([s.pressure for s in scene.steps])
-    rows = np.asarray(sampling.profile or (1.0,), float)
-    # between the rows of a profile lie those of the links across
-    shares = (rows, (rows[:-1] + rows[1:]) / 2 if rows.size > 1 else rows)
-    highest = float(nominal.max() * rows.max())
-    exact = tuple(s.pressure for s in scene.steps if s.unloaded_from is None) if rows.size == 1 else ()
-    library = _library(scene, partition, sampling, highest, map, exact=exact)
-    tables = []
-    for axis in (0, 1):
-        paths = shares[axis][:, None] * nominal
-        gaps = np.full(paths.shape, float(-np.inf))
-        row = np.arange(n1 - axis) if rows.size > 1 else np.zeros(n1 - axis, np.int64)
-        k = library.along(paths, gaps, scene.steps, axis)
-        tables.append(LinkTable(k, np.tile(row, n2), n1 - axis, scene.steps))
-    return library, tuple(tables), ()
-
-
-PRESSURES: dict[str, Source] = {"place": _placed, "global": _global, "uniform": _uniform}
-
-
-def _library(
-    scene: Scene,
-    partition: Partition,
-    sampling: Sampling,
-    highest: float,
-    map: Map,
-    *,
-    apart: bool = False,
-    exact: tuple[float, ...] = (),
-) -> LadderLibrary:
-    """Windows of a topography along the standard ladder as far as needed, `apart` also without pressure.
-
-    Exact loading pressures are solved besides; windows are then unloaded from the scene's own peaks.
-    """
-    full = min(scene.hardness, 0.5 * scene.modulus * scene.surface.rms_slope)
-    half_space = HalfSpace(partition.window, partition.spacing, scene.modulus, ("mirror", "mirror"))
-    source = WindowSource((-scene.surface.heights,), half_space, scene.hardness, sampling.seed, scene.rtol)
-    waits = {s.unloaded_from for s in scene.steps if s.unloaded_from is not None}
-    shares = LOADING_SHARES if highest <= LOADING_SHARES[-1] * full else (*LOADING_SHARES, highest / full)
-    ladder = Ladder(
-        loading=tuple(share * full for share in shares),
-        peaks=tuple(share * full for share in PEAK_SHARES) if waits else (),
-        stops=STOPS if waits else (),
-        separations=tuple(source.rms_height * s for s in SEPARATIONS) if apart else (),
-    )
-    ladder = on_ladder(ladder, exact, highest)
-    if exact:
-        ladder = replace(ladder, peaks=tuple(sorted(waits)), stops=STOPS if waits else ())
-    return build_ladder_library(source, ladder, sampling.library_cells, folder=sampling.library, map=map)
 
 
 def _realise(
@@ -446,30 +236,34 @@ def _realise(
     *,
     scene: Scene,
     seal: RectangularSeal,
-    tables: tuple[LinkTable, LinkTable],
+    kinds: tuple[Tables, ...],
     sampling: Sampling,
 ) -> tuple[Array, list[str]]:
-    """Leakage of one drawn seal at every step, and what failed."""
+    """Leakage of one drawn seal by each kind of tables at every step (kinds, steps), and what failed.
+
+    The same random numbers draw the same windows from each; `resampled` takes values only.
+    """
     steps = scene.steps
     n1, n2 = seal.cells
     if resampled:
-        tables = _resample(tables, sampling.seed, realisation)
-    draws = [
-        draw_links(t, sampler=sampling.chosen_sampler, seed=sampling.seed, realisation=realisation, axis=a)
-        for a, t in enumerate(tables)
-    ]
-    leakage = np.full(len(steps), np.nan)
+        kinds = (_resample(kinds[0], sampling.seed, realisation),)
+    leakage = np.full((len(kinds), len(steps)), np.nan)
     failures: list[str] = []
-    for s in range(len(steps)):
-        maps = draws[0](s).reshape(n2, n1).T, draws[1](s).reshape(n2, n1 - 1).T
-        try:
-            leakage[s] = scene.leakage(seal, maps).per_length
-        except FemsealError as error:
-            failures.append(f"realisation {realisation}, {steps[s].name}: {error}")
+    for kind, tables in enumerate(kinds):
+        draws = [
+            draw_links(t, sampler=sampling.chosen_sampler, seed=sampling.seed, realisation=realisation, axis=a)
+            for a, t in enumerate(tables)
+        ]
+        for s in range(len(steps)):
+            maps = draws[0](s).reshape(n2, n1).T, draws[1](s).reshape(n2, n1 - 1).T
+            try:
+                leakage[kind, s] = scene.leakage(seal, maps).per_length
+            except FemsealError as error:
+                failures.append(f"realisation {realisation}, {steps[s].name}: {error}")
     return leakage, failures
 
 
-def _resample(tables: tuple[LinkTable, LinkTable], seed: int, realisation: int) -> tuple[LinkTable, LinkTable]:
+def _resample(tables: Tables, seed: int, realisation: int) -> Tables:
     """Tables of as many cells drawn with repetition, neighbours together where they are alike."""
     cells = tables[0].k.shape[1]
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(realisation, 2)))

@@ -27,7 +27,7 @@ def library_table(windows):
     from femseal import self_affine
     from femseal.contact import HalfSpace, load_programme
     from femseal.scales import Ladder, WindowSource, build_ladder_library
-    from femseal.studies.drawn import LOADING_SHARES, PEAK_SHARES, STOPS
+    from femseal.studies.sources import LOADING_SHARES, PEAK_SHARES, STOPS
 
     n = 16 * WINDOW
     face = self_affine((n, n), (n * PIXEL,) * 2, hurst=0.8, rms_slope=SLOPE, roll_off=40e-6, cut_off=8 * PIXEL, rng=1)
