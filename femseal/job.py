@@ -27,6 +27,14 @@ log = logging.getLogger("femseal")
 Progress = Callable[[str, int, int | None], None]
 #: Time between two lines of the log on a stage that is under way [s].
 LOG_SECONDS = 60.0
+#: What the parts of a study do, by the function that does it.
+_PARTS = {
+    "respond": "contact of windows",
+    "flow_history": "flow in windows",
+    "cell": "library windows",
+    "realise": "drawn seals",
+    "permeability": "flow of the whole face",
+}
 
 
 def run(
@@ -108,6 +116,8 @@ def _run(case: Case, prepared: Prepared, faces: dict[str, str], mapper: Map, pro
             continue
         start = time.perf_counter()
         watched = _watched(mapper, method, progress, timings)
+        # what is not divided, first of all the contact of the whole face, is under way too
+        progress(method, 0, 1)
         if method == "deterministic":
             studies["deterministic"] = deterministic(scene, map=watched)
         elif method == "two-scale":
@@ -118,6 +128,7 @@ def _run(case: Case, prepared: Prepared, faces: dict[str, str], mapper: Map, pro
             assert prepared.sampling is not None
             studies["stochastic"] = stochastic(scene, cells, prepared.sampling, map=watched)
         timings[method] = time.perf_counter() - start
+        progress(method, 1, 1)
         log.info("%s: %.1f s", method, timings[method])
     results = assemble(
         scene,
@@ -200,7 +211,8 @@ def _watched(mapper: Map, stage: str, progress: Progress, timings: dict[str, flo
 
     def mapping(function: Callable[..., Any], *iterables: Iterable[Any]) -> Iterator[Any]:
         total = min((len(i) for i in iterables if isinstance(i, Sized)), default=None)
-        name = getattr(getattr(function, "func", function), "__name__", "").strip("_").replace("_", " ")
+        called = getattr(getattr(function, "func", function), "__name__", "").strip("_")
+        name = _PARTS.get(called, called.replace("_", " "))
         progress(f"{stage}: {name}", 0, total)
         start = said = time.monotonic()
         done = done_then = 0

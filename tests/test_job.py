@@ -192,3 +192,11 @@ def test_new_writes_a_case_that_is_valid_and_keeps_what_is_there(tmp_path):
     assert femseal("new", path).returncode == 0
     fs.load_case(path)
     assert femseal("new", path).returncode == 2
+
+
+def test_progress_knows_how_much_there_is_to_do(case):
+    told = []
+    fs.run(case, workers=1, progress=lambda *state: told.append(state))
+    last = {stage: (done, total) for stage, done, total in told}
+    assert {"stochastic", "stochastic: contact of windows", "stochastic: flow in windows"} <= set(last)
+    assert all(done == total for done, total in last.values())

@@ -191,6 +191,12 @@ class Results:
 
         return seal_figure(self, step)
 
+    def report(self, path: str | os.PathLike[str] | None = None) -> Path:
+        """Write the page that shows it all, `report.html` in the folder unless given, see `write_report`."""
+        from .report import write_report
+
+        return write_report(self, path)
+
     def __repr__(self) -> str:
         return summary.text(self)
 
