@@ -230,7 +230,11 @@ def test_a_stopped_run_goes_on_with_the_same_bits_and_leaves_no_checkpoint(case,
     whole = fs.run(case, workers=1)
     out = tmp_path / "out"
     stages = []
-    for stage, item in (("two-scale: contact of windows", 3), ("stochastic: flow in windows", 2), ("stochastic: drawn seals", 11)):
+    for stage, item in (
+        ("two-scale: contact of windows", 3),
+        ("stochastic: flow in windows", 2),
+        ("stochastic: drawn seals", 11),
+    ):
         with pytest.raises(KeyboardInterrupt):
             fs.run(case, out, resume=True, workers=1, progress=stop_at(stage, item))
         assert not (out / "results.nc").exists()
