@@ -147,11 +147,9 @@ def _run(case: Case, prepared: Prepared, faces: dict[str, str], mapper: Map, pro
 def _write(results: Results, folder: Path, case: Case, prepared: Prepared) -> None:
     try:
         write_folder(results, folder, prepared.scene.surface, **case.output.model_dump())
-    except FemsealError:
-        raise
     except Exception as error:
-        reason = str(error) or type(error).__name__
-        raise FemsealError(f"results: {reason}; mend that, then a run with --resume has only to write them") from error
+        reason = str(error) if isinstance(error, FemsealError) else f"results: {error or type(error).__name__}"
+        raise FemsealError(f"{reason}; mend that, then a run with --resume has only to write them") from error
     checkpoint.remove(folder)
 
 
@@ -180,12 +178,24 @@ def _finished(case: Case, faces: dict[str, str], folder: Path) -> Results | None
     return results if same else None
 
 
+class _LogFile(logging.FileHandler):
+    """A log that on a full disk ends, while the error that filled it goes on to the user."""
+
+    def handleError(self, record: logging.LogRecord) -> None:
+        """Lines that cannot be written are lost."""
+
+    def close(self) -> None:
+        """Close the file as far as that goes."""
+        with suppress(OSError):
+            super().close()
+
+
 @contextmanager
 def _log_file(folder: Path, append: bool) -> Iterator[None]:
     """Log lines go to run.log in the results folder."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        handler = logging.FileHandler(folder / "run.log", mode="a" if append else "w", encoding="utf-8")
+        handler = _LogFile(folder / "run.log", mode="a" if append else "w", encoding="utf-8")
     except OSError as error:
         raise InputError.of("output", f"'{folder}'", f"a folder that can be written ({error.strerror})") from None
     handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(message)s"))
