@@ -93,5 +93,7 @@ def tightest_leaking_step(folder):
 
 
 if __name__ == "__main__":
-    source, picture = sys.argv[1:3]
+    if len(sys.argv) != 3:
+        sys.exit("two arguments: a results folder of the two-scale method, and the picture to write")
+    source, picture = sys.argv[1:]
     draw(source, tightest_leaking_step(source)).screenshot(picture)

@@ -584,6 +584,8 @@ def parse_case(data: dict[str, Any], folder: Path = Path()) -> Case:
         # a list is also too short where its items have faults of their own
         faults = [dict(e) for e in error.errors() if e["type"] != "too_short" or not e["input"]]
         lines = [_fault(e) for e in faults]
+        if isinstance(data.get("face"), dict):  # one table, which has no number in the file
+            lines = [line.replace("face.0", "face", 1) if line.startswith("face.0") else line for line in lines]
         raise InputError("\n".join(dict.fromkeys(lines))) from None
 
 

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import io
 import os
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 from .errors import InputError
 
@@ -44,6 +46,56 @@ def replacing(path: Path) -> Iterator[Path]:
         os.replace(temporary, path)
     finally:
         temporary.unlink(missing_ok=True)
+
+
+class _Unfailing(io.FileIO):
+    """A file whose writes do not fail before its end: HDF5 crashes the process where one does, as on a full disk.
+
+    From the first failure on, what is written is kept in memory, so that HDF5 reads back what it wrote.
+    """
+
+    failure: OSError | None = None
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(path, "w+")
+        self._kept: list[tuple[int, bytes]] = []
+
+    def write(self, data: Any) -> int:
+        view, start, done = memoryview(data).cast("B"), self.tell(), 0
+        try:
+            while done < len(view) and self.failure is None:
+                done += super().write(view[done:]) or 0
+        except OSError as error:
+            self.failure = error
+        if self.failure is not None:
+            self._kept.append((start, bytes(view)))
+            self.seek(start + len(view))
+        return len(view)
+
+    def readinto(self, buffer: Any) -> int:
+        view, start = memoryview(buffer).cast("B"), self.tell()
+        found = super().readinto(view) or 0
+        if self.failure is not None:
+            view[found:] = bytes(len(view) - found)
+            for at, data in self._kept:
+                first, last = max(at, start), min(at + len(data), start + len(view))
+                if first < last:
+                    view[first - start : last - start] = data[first - at : last - at]
+            found = len(view)
+            self.seek(start + found)
+        return found
+
+
+@contextmanager
+def replacing_hdf5(path: Path) -> Iterator[io.FileIO]:
+    """As `replacing`, the open file for h5py; what could not be written is raised after all."""
+    with replacing(path) as temporary, _Unfailing(temporary) as file:
+        try:
+            yield file
+        except Exception as error:
+            raise file.failure or error from None
+        if file.failure is not None:
+            raise file.failure
 
 
 def write_text(path: Path, text: str) -> Path:

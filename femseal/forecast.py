@@ -1,60 +1,152 @@
-"""What a run will compute, and about how long and in how much memory, before it is started."""
+"""What a run will compute, and about how long, in how much memory and on how much disk, before it is started."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
 from .case import Case, Prepared
+from .output.fields import fields_size
 from .quantities import to_text
 from .scales import Partition
 from .studies import seal_cells
 from .studies.costs import deterministic_cost, stochastic_cost, two_scale_cost
 
+#: Shortest waves that a window should hold along each side.
+ADVISED_WAVES = 8
+
+
+@dataclass(frozen=True)
+class Disk:
+    """Sizes before compression [byte].
+
+    fields : the fields over all pixels, at `steps` of the load steps. others : all other files. checkpoint : what is
+    kept while the run is under way.
+    """
+
+    fields: float
+    steps: int
+    others: float
+    checkpoint: float
+
 
 def describe(case: Case, prepared: Prepared) -> list[str]:
-    """Lines that say what a run of the case computes: surface, steps, cells, unknowns, expected time and memory."""
-    scene, report = prepared.scene, prepared.conditioning
+    """Lines that say what a run of the case computes: surface, steps, cells, unknowns, expected time and sizes."""
+    scene = prepared.scene
     surface, steps = scene.surface, len(scene.steps)
     pixels = int(np.prod(surface.shape))
-    lines = [
-        f"case       {case.title or '(no title)'}: valid",
-        f"surface    {surface}",
-        f"           {report.undefined_share:.2%} undefined points and {report.spikes} in spikes filled, shortest wave "
-        f"{to_text(report.shortest_wavelength, 'm', 3)}, "
-        f"H/(E*·slope) {scene.hardness / scene.modulus / surface.rms_slope:.3g}",
-        f"load       {steps} states: {len(scene.loading)} loading, "
-        f"{steps - len({*scene.loading, *scene.unload_from})} unloading from {len(scene.unload_from)} peaks, "
-        f"up to {to_text(max((*scene.loading, *scene.unload_from)), 'Pa', 3)}",
-    ]
-    if overlap := prepared.overlap:
-        size = " × ".join(to_text(length, "m", 3) for length in overlap.size)
-        resampled = ", the second resampled" if overlap.resampled else ""
-        lines.insert(3, f"           two faces overlap on {size}, {overlap.share:.0%} of the first{resampled}")
+    lines = [_line("case", f"{case.title or '(no title)'}: valid"), *_surface_lines(prepared)]
+    peaks = [to_text(peak, "Pa", 3) for peak in scene.unload_from]
+    down = steps - len({*scene.loading, *scene.unload_from})
+    unloading = f", {down} unloading from {' and '.join(peaks)}" if peaks else ""
+    highest = to_text(max((*scene.loading, *scene.unload_from)), "Pa", 3)
+    lines.append(_line("load", f"{steps} states: {steps - down} loading{unloading}, up to {highest}"))
     if prepared.choice:
-        lines.append(f"method     {prepared.method}: {prepared.choice}")
+        lines.append(_line("method", f"{prepared.method}: {prepared.choice}"))
     costs = [(0.0, 150e6)]
     if "deterministic" in prepared.methods:
-        lines.append(f"determin.  {steps} contact and {steps} flow solutions of {pixels} unknowns")
+        lines.append(_line("deterministic", f"{steps} contact and {steps} flow solutions of {pixels} unknowns"))
         costs.append(deterministic_cost(steps, surface.shape))
     if prepared.cells is not None:
         m1, m2 = prepared.cells
+        partition = Partition(surface.shape, surface.spacing, prepared.cells)
+        if prepared.methods != {"deterministic"}:
+            lines.append(_line("windows", _windows(partition, prepared.conditioning.shortest_wavelength)))
         if "two-scale" in prepared.methods:
             links = m1 * m2 + (m1 - 1) * m2
-            lines.append(
-                f"two-scale  {m1} × {m2} cells of {surface.shape[0] // m1} × {surface.shape[1] // m2} pixels: "
-                f"{steps * m1 * m2} contact and {steps * links} flow solutions"
-            )
+            lines.append(_line("two-scale", f"{steps * m1 * m2} contact and {steps * links} flow solutions of windows"))
             costs.append(two_scale_cost(steps, surface.shape, prepared.cells))
         if prepared.sampling is not None:
             sampling = prepared.sampling
-            n1, n2 = seal_cells(Partition(surface.shape, surface.spacing, prepared.cells), sampling)
-            lines.append(
-                f"stochastic {sampling.library_cells} library cells ({sampling.pressure}), "
-                f"{sampling.realisations} seals of {n1} × {n2} links, "
-                f"{to_text(n2 * surface.size[1] / m2, 'm', 3)} long"
+            n1, n2 = seal_cells(partition, sampling)
+            length = to_text(n2 * surface.size[1] / m2, "m", 3)
+            text = (
+                f"{sampling.library_cells} library windows (pressure: {sampling.pressure}), "
+                f"{sampling.realisations} seals of {n1} × {n2} links, {length} long"
             )
+            lines.append(_line("stochastic", text))
             costs.append(stochastic_cost(steps, surface.shape, prepared.cells, sampling, (n1, n2)))
     seconds, memory = (sum(cost) for cost in zip(*costs, strict=True))
-    workers = "one core; two cores take about half"
-    lines.append(f"expected   about {seconds:.0f} s on {workers}, {memory / 1e9:.1f} GB")
+    lines.append(_line("expected", f"{_duration(seconds)}; {memory / 1e9:.1f} GB of memory"))
+    if not any(Path(__file__).parent.rglob("__pycache__/*.nbi")):
+        lines.append(_line("", "the first run after an installation compiles besides, for a minute or two"))
+    lines.append(_line("disk", _disk_text(disk(case, prepared), steps)))
     return lines
+
+
+def disk(case: Case, prepared: Prepared) -> Disk:
+    """About how much a run of the case writes."""
+    scene = prepared.scene
+    steps, pixels = len(scene.steps), int(np.prod(scene.surface.shape))
+    each = fields_size(scene.surface.shape, {method.replace("-", "_") for method in prepared.methods})
+    fitting = int(min(case.output.fields_limit // each, steps)) if each else 0
+    formats = {"none": 0, "both": 2}.get(case.output.paraview, 1)
+    # pictures and report; heights for ParaView
+    others, checkpoint = 2e6 + 4.0 * pixels * formats, 0.0
+    if prepared.cells is not None and prepared.methods != {"deterministic"}:
+        windows = prepared.cells[0] * prepared.cells[1]
+        # a window: ten numbers in results.nc, twenty in the mesh of the seal; three windows with three fields
+        others += steps * windows * (80 + 160 * formats) + steps * formats * 36 * pixels / windows
+        checkpoint = 4.0 * pixels * steps
+    if (sampling := prepared.sampling) is not None:
+        others += 8.0 * steps * (2 * sampling.realisations + 6 * sampling.library_cells)
+    return Disk(float(each * fitting), fitting, others, checkpoint)
+
+
+def _surface_lines(prepared: Prepared) -> list[str]:
+    scene, report = prepared.scene, prepared.conditioning
+    surface = scene.surface
+    size, pixel = (" × ".join(to_text(x, "m", 4) for x in pair) for pair in (surface.size, surface.spacing))
+    height = to_text(surface.rms_height, "m", 3)
+    lines = [
+        _line("surface", f"{surface.shape[0]} × {surface.shape[1]} points, {size}, pixel {pixel}"),
+        _line("", f"rms height {height}, rms slope {surface.rms_slope:.3g}, "
+                  f"H/(E*·slope) {scene.hardness / scene.modulus / surface.rms_slope:.3g}"),
+    ]  # fmt: skip
+    if report.undefined_share or report.spikes:
+        lines.append(_line("", f"{report.undefined_share:.2%} undefined points and {report.spikes} in spikes filled"))
+    if overlap := prepared.overlap:
+        size = " × ".join(to_text(length, "m", 3) for length in overlap.size)
+        resampled = ", the second resampled" if overlap.resampled else ""
+        lines.append(_line("", f"two faces overlap on {size}, {overlap.share:.0%} of the first{resampled}"))
+    shortest = report.shortest_wavelength
+    removed = 1 - surface.rms_slope / report.rms_slope_before if report.rms_slope_before else 0.0
+    with_them = f", with them {removed:.0%} of the rms slope" if removed > 0.005 else ""
+    waves = f"waves below {to_text(shortest, 'm', 3)} ({shortest / max(surface.spacing):.3g} pixels) removed{with_them}"
+    return [*lines, _line("filter", waves)]
+
+
+def _windows(partition: Partition, shortest_wave: float) -> str:
+    (m1, m2), (n1, n2) = partition.cells, partition.window
+    size = " × ".join(to_text(length, "m", 3) for length in partition.window_size)
+    held = [length / shortest_wave for length in partition.window_size]
+    few = f"; {ADVISED_WAVES} or more are advised" if min(held) < ADVISED_WAVES * 0.99 else ""
+    return f"{m1} × {m2} of {n1} × {n2} pixels, {size}, that is {held[0]:.3g} × {held[1]:.3g} shortest waves{few}"
+
+
+def _disk_text(sizes: Disk, steps: int) -> str:
+    text = f"about {_size(sizes.fields + sizes.others)}"
+    if sizes.fields:
+        kept = f"{sizes.steps} of {steps} steps, fields_limit" if sizes.steps < steps else "all steps"
+        text += f", of it fields.vtkhdf {_size(sizes.fields)} before compression ({kept})"
+    if sizes.checkpoint:
+        text += f"; {_size(sizes.checkpoint)} more while it runs"
+    return text
+
+
+def _size(size: float) -> str:
+    return to_text(float(f"{size:.1e}"), "B", 3)
+
+
+def _duration(seconds: float) -> str:
+    if seconds < 1:
+        return "less than a second"
+    number = next((f"{seconds / length:.2g} {unit}" for unit, length in (("h", 3600.0), ("min", 60.0))
+                   if seconds >= 2 * length), f"{seconds:.0f} s")  # fmt: skip
+    return f"about {number} on one core, half of it on two"
+
+
+def _line(name: str, text: str) -> str:
+    return f"{name:<14} {text}"

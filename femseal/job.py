@@ -27,6 +27,14 @@ log = logging.getLogger("femseal")
 Progress = Callable[[str, int, int | None], None]
 #: Time between two lines of the log on a stage that is under way [s].
 LOG_SECONDS = 60.0
+#: What the parts of a study do, by the function that does it.
+_PARTS = {
+    "respond": "contact of windows",
+    "flow_history": "flow in windows",
+    "cell": "library windows",
+    "realise": "drawn seals",
+    "permeability": "flow of the whole face",
+}
 
 
 def run(
@@ -108,6 +116,8 @@ def _run(case: Case, prepared: Prepared, faces: dict[str, str], mapper: Map, pro
             continue
         start = time.perf_counter()
         watched = _watched(mapper, method, progress, timings)
+        # what is not divided, first of all the contact of the whole face, is under way too
+        progress(method, 0, 1)
         if method == "deterministic":
             studies["deterministic"] = deterministic(scene, map=watched)
         elif method == "two-scale":
@@ -118,6 +128,7 @@ def _run(case: Case, prepared: Prepared, faces: dict[str, str], mapper: Map, pro
             assert prepared.sampling is not None
             studies["stochastic"] = stochastic(scene, cells, prepared.sampling, map=watched)
         timings[method] = time.perf_counter() - start
+        progress(method, 1, 1)
         log.info("%s: %.1f s", method, timings[method])
     results = assemble(
         scene,
@@ -136,11 +147,9 @@ def _run(case: Case, prepared: Prepared, faces: dict[str, str], mapper: Map, pro
 def _write(results: Results, folder: Path, case: Case, prepared: Prepared) -> None:
     try:
         write_folder(results, folder, prepared.scene.surface, **case.output.model_dump())
-    except FemsealError:
-        raise
     except Exception as error:
-        reason = str(error) or type(error).__name__
-        raise FemsealError(f"results: {reason}; mend that, then a run with --resume has only to write them") from error
+        reason = str(error) if isinstance(error, FemsealError) else f"results: {error or type(error).__name__}"
+        raise FemsealError(f"{reason}; mend that, then a run with --resume has only to write them") from error
     checkpoint.remove(folder)
 
 
@@ -169,12 +178,24 @@ def _finished(case: Case, faces: dict[str, str], folder: Path) -> Results | None
     return results if same else None
 
 
+class _LogFile(logging.FileHandler):
+    """A log that on a full disk ends, while the error that filled it goes on to the user."""
+
+    def handleError(self, record: logging.LogRecord) -> None:
+        """Lines that cannot be written are lost."""
+
+    def close(self) -> None:
+        """Close the file as far as that goes."""
+        with suppress(OSError):
+            super().close()
+
+
 @contextmanager
 def _log_file(folder: Path, append: bool) -> Iterator[None]:
     """Log lines go to run.log in the results folder."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        handler = logging.FileHandler(folder / "run.log", mode="a" if append else "w", encoding="utf-8")
+        handler = _LogFile(folder / "run.log", mode="a" if append else "w", encoding="utf-8")
     except OSError as error:
         raise InputError.of("output", f"'{folder}'", f"a folder that can be written ({error.strerror})") from None
     handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(message)s"))
@@ -200,7 +221,8 @@ def _watched(mapper: Map, stage: str, progress: Progress, timings: dict[str, flo
 
     def mapping(function: Callable[..., Any], *iterables: Iterable[Any]) -> Iterator[Any]:
         total = min((len(i) for i in iterables if isinstance(i, Sized)), default=None)
-        name = getattr(getattr(function, "func", function), "__name__", "").strip("_").replace("_", " ")
+        called = getattr(getattr(function, "func", function), "__name__", "").strip("_")
+        name = _PARTS.get(called, called.replace("_", " "))
         progress(f"{stage}: {name}", 0, total)
         start = said = time.monotonic()
         done = done_then = 0

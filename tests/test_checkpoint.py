@@ -230,7 +230,11 @@ def test_a_stopped_run_goes_on_with_the_same_bits_and_leaves_no_checkpoint(case,
     whole = fs.run(case, workers=1)
     out = tmp_path / "out"
     stages = []
-    for stage, item in (("two-scale: respond", 3), ("stochastic: flow history", 2), ("stochastic: realise", 11)):
+    for stage, item in (
+        ("two-scale: contact of windows", 3),
+        ("stochastic: flow in windows", 2),
+        ("stochastic: drawn seals", 11),
+    ):
         with pytest.raises(KeyboardInterrupt):
             fs.run(case, out, resume=True, workers=1, progress=stop_at(stage, item))
         assert not (out / "results.nc").exists()
@@ -249,11 +253,11 @@ def test_a_stopped_run_goes_on_with_the_same_bits_and_leaves_no_checkpoint(case,
     assert_same(whole.dataset, again.dataset)
     assert not (out / ".checkpoint").exists()
     assert "stopped (KeyboardInterrupt)" in (out / "run.log").read_text()
-    assert ("stochastic: realise", 48, 48) in stages
+    assert ("stochastic: drawn seals", 48, 48) in stages
 
 
 def test_a_run_anew_removes_the_old_checkpoint(case, tmp_path):
-    for seed, stage in ((2, "stochastic: realise"), (3, "two-scale: respond")):
+    for seed, stage in ((2, "stochastic: drawn seals"), (3, "two-scale: contact of windows")):
         case.write_text(CASE.replace("seed = 2", f"seed = {seed}"))
         with pytest.raises(KeyboardInterrupt):
             fs.run(case, tmp_path / "out", workers=1, progress=stop_at(stage, 1))
@@ -265,7 +269,7 @@ def test_a_changed_case_file_or_version_is_refused_by_name(case, tmp_path, monke
     case.write_text(text)
     out = tmp_path / "out"
     with pytest.raises(KeyboardInterrupt):
-        fs.run(case, out, workers=1, progress=stop_at("stochastic: realise", 1))
+        fs.run(case, out, workers=1, progress=stop_at("stochastic: drawn seals", 1))
     before = {p: p.stat().st_mtime_ns for p in out.rglob("*")}
 
     def refusal():

@@ -451,8 +451,8 @@ def test_a_case_says_what_is_written_also_when_a_stopped_run_goes_on(case, tmp_p
     assert open_results(tmp_path).stored_steps == [1]
     assert r.left_out[0] in (tmp_path / "run.log").read_text(encoding="utf-8")
     timings = json.loads(r.dataset.attrs["timings"])
-    assert {"two-scale", "two-scale: respond", "two-scale: flow history"} <= set(timings)
-    assert timings["two-scale"] > timings["two-scale: respond"] > 0
+    assert {"two-scale", "two-scale: contact of windows", "two-scale: flow in windows"} <= set(timings)
+    assert timings["two-scale"] > timings["two-scale: contact of windows"] > 0
 
 
 @pytest.mark.parametrize(

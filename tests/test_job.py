@@ -14,6 +14,7 @@ from numpy.testing import assert_array_equal
 
 import femseal as fs
 from femseal import parallel
+from femseal.forecast import disk
 from femseal.parallel import ordered_map
 
 CASE = """
@@ -225,3 +226,23 @@ def test_new_writes_a_case_that_is_valid_and_keeps_what_is_there(tmp_path):
     assert femseal("new", path).returncode == 0
     fs.load_case(path)
     assert femseal("new", path).returncode == 2
+
+
+def test_progress_knows_how_much_there_is_to_do(case):
+    told = []
+    fs.run(case, workers=1, progress=lambda *state: told.append(state))
+    last = {stage: (done, total) for stage, done, total in told}
+    assert {"stochastic", "stochastic: contact of windows", "stochastic: flow in windows"} <= set(last)
+    assert all(done == total for done, total in last.values())
+
+
+@pytest.mark.parametrize("limit", ["1 GB", "250 kB", "0 GB"])
+def test_size_of_the_folder_is_foreseen(case, tmp_path, limit):
+    case.write_text(case.read_text() + f'[output]\nfields_limit = "{limit}"\n')
+    loaded = fs.load_case(case)
+    foreseen = disk(loaded, loaded.prepare())
+    fs.run(loaded, tmp_path / "out", workers=1)
+    written = sum(path.stat().st_size for path in (tmp_path / "out").rglob("*") if path.is_file())
+    assert written < 1.2 * (foreseen.fields + foreseen.others) < 20 * written
+    steps = fs.open_results(tmp_path / "out").stored_steps
+    assert len(steps) == foreseen.steps

@@ -4,6 +4,7 @@ import csv
 import io
 import json
 import os
+import re
 import warnings
 from dataclasses import replace
 
@@ -673,3 +674,12 @@ def test_a_single_row_or_column_of_windows_goes_all_the_way(scene, cells, pressu
     arrays_, points, _, _ = arrays("vtkXMLUnstructuredGridReader", tmp_path / "vtk/seal/step_0000.vtu")
     assert ("k2_m3" in points) == (cells[0] > 1)
     assert_allclose(arrays_["flux_m2_per_s"][::2, 0], data["flux1"][0].values.ravel())
+
+
+def test_cells_of_the_picture_are_called_as_results_takes_them(scene, studies):
+    for names, look in ((("two_scale",), "cell"), (("stochastic",), "library_cell")):
+        told = assemble(scene, **{name: studies[name] for name in names})
+        labels = [text.get_text() for text in told.plot_cells().axes[0].get_legend().get_texts()]
+        for text in labels:
+            numbers = [int(n) for n in re.findall(r"\d+", text)]
+            assert getattr(told, look)(*numbers).sizes

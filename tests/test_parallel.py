@@ -130,7 +130,7 @@ def test_killed_workers_do_not_change_a_bit(case):
 
         def progress(stage, done, total):
             for place, count in ((200, 1), (1000, 2)):
-                if stage == "stochastic: realise" and done == place:
+                if stage == "stochastic: drawn seals" and done == place:
                     for worker in workers[:count]:
                         worker.send_signal(signal.SIGKILL)
                         worker.wait()

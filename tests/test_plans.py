@@ -245,7 +245,7 @@ def test_a_resumed_run_plans_as_before_whatever_the_folder_has(fresh, case, tmp_
     monkeypatch.setenv("FEMSEAL_CACHE", str(tmp_path / "file"))
     whole = fs.run(case, workers=1)
     with pytest.raises(KeyboardInterrupt):
-        fs.run(case, tmp_path / "out", workers=1, progress=stop_at("two-scale: respond", 2))
+        fs.run(case, tmp_path / "out", workers=1, progress=stop_at("two-scale: contact of windows", 2))
     forget()
     monkeypatch.setenv("FEMSEAL_CACHE", str(tmp_path / "cache"))
     resumed = fs.run(case, tmp_path / "out", resume=True, workers=1)
@@ -259,14 +259,14 @@ def test_a_resumed_run_plans_as_before_whatever_the_folder_has(fresh, case, tmp_
 @pytest.mark.parametrize("damage", ["cut", "lost"])
 def test_where_the_plans_of_a_checkpoint_are_lost_all_is_computed_again(fresh, case, tmp_path, caplog, damage):
     with pytest.raises(KeyboardInterrupt):
-        fs.run(case, tmp_path / "out", workers=1, progress=stop_at("two-scale: respond", 2))
+        fs.run(case, tmp_path / "out", workers=1, progress=stop_at("two-scale: contact of windows", 2))
     path = tmp_path / "out/.checkpoint/plans.pickle"
     if damage == "cut":
         path.write_bytes(path.read_bytes()[:-1])
     else:
         path.unlink()
     with pytest.raises(KeyboardInterrupt):
-        fs.run(case, tmp_path / "out", resume=True, workers=1, progress=stop_at("two-scale: respond", 0))
+        fs.run(case, tmp_path / "out", resume=True, workers=1, progress=stop_at("two-scale: contact of windows", 0))
     assert f"{path} is damaged; all items are computed again" in caplog.text
     assert not list(path.parent.glob("001-*.shard"))
 

@@ -294,7 +294,9 @@ def test_no_file(tmp_path):
 def test_missing_or_doubled_size(tmp_path):
     path = tmp_path / "face.npy"
     np.save(path, Z)
-    with pytest.raises(InputError, match=r"no pixel size in the file \(2 × 3 points\), allowed is spacing= or size="):
+    with pytest.raises(
+        InputError, match=r"no pixel size in the file \(2 × 3 points\), allowed is two lengths in size= or spacing="
+    ):
         read_topography(path)
     with pytest.raises(InputError, match="size, spacing: given both, allowed is one of the two"):
         read_topography(path, size=(1, 1), spacing=PIXEL)

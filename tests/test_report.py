@@ -238,6 +238,29 @@ def test_times_warnings_and_versions(quick):
     assert "2 warnings" in words(parsed(page).find(".//header"))
 
 
+def test_parts_of_a_study_are_not_counted_twice(scene, studies):
+    timings = {"two-scale: contact of windows": 3.0, "two-scale: flow in windows": 1.0, "two-scale": 6.0,
+               "stochastic": 2.0}  # fmt: skip
+    told = assemble(scene, two_scale=studies["two_scale"], case=CASE, timings=timings)
+    rows = body_rows(section(report_html(told), "time").find("table"))
+    assert [(name, share) for name, _, share in rows] == [
+        ("two-scale: contact of windows", "38 %"),
+        ("two-scale: flow in windows", "12 %"),
+        ("two-scale: rest", "25 %"),
+        ("stochastic", "25 %"),
+    ]
+
+
+def test_repairs_and_placement_of_measured_faces_are_told(scene, studies):
+    second = {"kind": "file", "path": "B.plu", "mirror": "x2", "rotate": np.pi / 6, "shift": [1e-5, -3e-5]}
+    case = CASE | {"face": [*CASE["face"], second]}
+    surface = SURFACE | {"undefined_share": 0.0114, "spikes": 8}
+    told = assemble(scene, deterministic=studies["deterministic"], case=case, surface_report=surface)
+    text = words(section(report_html(told), "case"))
+    assert "against a measured face from B.plu (mirrored along x2, turned by 30°, shifted by 10 µm, -30 µm)" in text
+    assert "1.1 % undefined points and 8 points in spikes were filled" in text
+
+
 @pytest.mark.parametrize("method", ["deterministic", "two_scale", "stochastic"])
 def test_every_method_alone_has_all_sections(scene, studies, method):
     page = report_html(assemble(scene, **{method: studies[method]}))
@@ -278,6 +301,11 @@ def test_accuracy_of_the_same_case_is_shown(quick, tmp_path):
 
 
 # --- files and command line -------------------------------------------------------------------------------
+
+
+def test_results_write_their_own_page(quick, tmp_path):
+    page = quick.report(tmp_path / "page.html")
+    assert page.read_text(encoding="utf-8") == report_html(quick)
 
 
 def test_it_is_one_of_the_files_of_a_run(quick, tmp_path):

@@ -442,3 +442,10 @@ def test_measured_faces_are_combined():
     assert_allclose(overlap.size, (first.size[0] - 100e-6, first.size[1]), rtol=0.01)
     # nearly independent faces: mean squares add up
     assert_allclose(both.detrend().rms_height, np.sqrt(2) * first.detrend().rms_height, rtol=0.25)
+
+
+def test_two_waves_are_a_list_not_an_area():
+    face = rough()
+    line = next(line for line in str(describe_surface(face)).splitlines() if "shortest wave of the law" in line)
+    assert ", " in line.split("law", 1)[1]
+    assert "×" not in line

@@ -6,6 +6,7 @@ compressed, for `Results.gap` and `Results.contact_pressure` as for ParaView.
 
 from __future__ import annotations
 
+from collections.abc import Container
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -67,6 +68,11 @@ def plan_fields(results: Results, limit: float) -> FieldPlan:
     numbers = ", ".join(str(n) for n in missing)
     sizes = f"{to_text(each * count, 'B', 3)} of all steps are above the limit of {to_text(limit, 'B', 3)}"
     return FieldPlan(np.sort(chosen), f"fields over all pixels at steps {numbers}: {sizes} (fields_limit)")
+
+
+def fields_size(shape: tuple[int, int], studies: Container[str]) -> int:
+    """Size of one step of the fields of the named studies, before compression [byte]."""
+    return sum(_BYTES * shape[0] * shape[1] for _, study, *_ in _FIELDS if study in studies)
 
 
 def write_fields(results: Results, plan: FieldPlan, path: Path) -> Path:

@@ -82,7 +82,7 @@ class Cells:
     """Cells along a cycle, of the library or else the windows: pressure, k, mean gap, each (cells, steps).
 
     nominal, peaks : nominal pressure of each step, and the one it is unloaded from, NaN on loading [Pa]. origin : what
-    the cells are, in words.
+    the cells are, in words. columns : of windows in a row, 0 for a library.
     """
 
     nominal: Array
@@ -91,6 +91,11 @@ class Cells:
     k: Array
     mean_gap: Array
     origin: str
+    columns: int = 0
+
+    def name(self, cell: int) -> str:
+        """The cell as `Results.cell` and `Results.library_cell` take it."""
+        return f"window {divmod(cell, self.columns)}" if self.columns else f"library cell {cell}"
 
     @property
     def limits(self) -> tuple[float, float]:
@@ -110,16 +115,16 @@ def cells_of(results: Results) -> Cells:
     """
     data = results.dataset
     if "library_k" in data:
-        prefix, origin = "library_", "cells of the library"
+        prefix, origin, columns = "library_", "cells of the library", 0
         arrays = [data[f"library_{n}"].values for n in ("pressure", "k", "mean_gap")]
     elif "k1" in data:
-        prefix, origin = "", "windows"
+        prefix, origin, columns = "", "windows", data.sizes["cell2"]
         names = "window_pressure", "k1", "window_mean_gap"
         arrays = [data[name].values.reshape(data.sizes["step"], -1).T for name in names]
     else:
         raise InputError.of("cells figure", "results without cells", "those of a two-scale or a stochastic study")
     nominal, peaks = (data[f"{prefix}{name}"].values for name in ("nominal_pressure", "unloaded_from"))
-    return Cells(nominal, peaks, arrays[0], arrays[1], arrays[2], origin)
+    return Cells(nominal, peaks, arrays[0], arrays[1], arrays[2], origin, columns)
 
 
 #: Points of many cells.
@@ -140,7 +145,7 @@ def cell_curves_panel(axes: Axes, cells: Cells, count: int = 4) -> None:
     for cell, (colour, line, _) in zip(_examples(k, cells.pressure, up, down, count), STYLES[1:], strict=False):
         for steps, width, size in ((up, 1.0, 2.5), (down, 2.4, 3.5)):
             y = np.where(k[cell, steps] > 0, k[cell, steps], np.nan)
-            label = f"cell {cell}" if width > 2 else None
+            label = cells.name(int(cell)) if width > 2 else None
             axes.plot(nominal[steps], y, color=colour, ls=line, lw=width, marker="o", ms=size, label=label)
     axes.set_title(f"thin: loading{name}; no line: closed", fontsize=9.5)
     if not _log_permeability(axes, cells):

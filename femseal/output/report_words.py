@@ -79,7 +79,7 @@ def case_sentences(results: Results) -> list[str]:
 def _face_text(face: dict[str, Any]) -> str:
     kind = str(face.get("kind", "face"))
     if kind == "file":
-        return f"a measured face from {face.get('path', 'a file')}"
+        return f"a measured face from {face.get('path', 'a file')}{_placement_text(face)}"
     known = (("pitch", "m"), ("depth", "m"), ("roughness", "m"), ("hurst", ""), ("rms_slope", ""), ("rms_height", "m"),
              ("roll_off", "m"))  # fmt: skip
     facts = [
@@ -90,6 +90,18 @@ def _face_text(face: dict[str, Any]) -> str:
     return f"a {kind} face" + (f" ({', '.join(facts)})" if facts else "")
 
 
+def _placement_text(face: dict[str, Any]) -> str:
+    """How a second face lies on the first, in the order in which that is done."""
+    facts = []
+    if "mirror" in face:
+        facts.append(f"mirrored along {face['mirror']}")
+    if "rotate" in face:
+        facts.append(f"turned by {np.degrees(face['rotate']):.3g}°")
+    if "shift" in face:
+        facts.append(f"shifted by {', '.join(to_text(length, 'm', 3) for length in face['shift'])}")
+    return f" ({', '.join(facts)})" if facts else ""
+
+
 def _with_unit(value: float, unit: str) -> str:
     return to_text(value, unit, 3) if unit else f"{value:g}"
 
@@ -98,8 +110,11 @@ def _surface_text(surface: dict[str, Any]) -> str:
     if "rms_slope" not in surface or "rms_height" not in surface:
         return ""
     text = f"Its rms height is {to_text(surface['rms_height'], 'm', 3)}, its rms slope {surface['rms_slope']:.3g}"
-    if share := surface.get("undefined_share"):
-        text += f"; {100 * share:.2g} % undefined points were filled"
+    share, spikes = surface.get("undefined_share"), surface.get("spikes")
+    filled = [f"{100 * share:.2g} % undefined points"] if share else []
+    filled += [f"{spikes} {'point' if spikes == 1 else 'points'} in spikes"] if spikes else []
+    if filled:
+        text += f"; {' and '.join(filled)} were filled"
     return text + "."
 
 
@@ -291,10 +306,16 @@ def _factor(value: float | None) -> str:
 
 
 def time_lines(results: Results) -> list[tuple[str, str, float]]:
-    """Stage, time, and its share of the whole in percent."""
+    """Stage, time, and its share of the whole in percent; a study's parts stand before what it spends besides."""
     timings: dict[str, float] = json.loads(results.dataset.attrs["timings"])
-    whole = sum(timings.values()) or 1.0
-    return [(stage, f"{seconds:.3g} s", 100 * seconds / whole) for stage, seconds in timings.items()]
+    whole = sum(seconds for name, seconds in timings.items() if ": " not in name) or 1.0
+    lines = []
+    for name, seconds in timings.items():
+        parts = [part for other, part in timings.items() if other.startswith(f"{name}: ")]
+        label = f"{name}: rest" if parts else name
+        own = max(seconds - sum(parts), 0.0)
+        lines.append((label, f"{own:.3g} s", 100 * own / whole))
+    return lines
 
 
 def total_leakage_text(results: Results) -> str:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ..contact import LoadStep
 from ..errors import InputError
-from ..files import made_folder, replacing
+from ..files import made_folder, replacing_hdf5
 from ..machine import machine, peak_memory
 from ..seal import NARROWEST, RectangularSeal, drop_shares
 from ..versions import versions
@@ -191,6 +191,12 @@ class Results:
 
         return seal_figure(self, step)
 
+    def report(self, path: str | os.PathLike[str] | None = None) -> Path:
+        """Write the page that shows it all, `report.html` in the folder unless given, see `write_report`."""
+        from .report import write_report
+
+        return write_report(self, path)
+
     def __repr__(self) -> str:
         return summary.text(self)
 
@@ -293,8 +299,8 @@ def save(results: Results, folder: str | os.PathLike[str]) -> Path:
         name: dict(packed) for name, v in data.data_vars.items() if v.ndim and v.dtype.kind in "fiu"
     }
     encoding |= {name: {"_FillValue": None} for name, v in data.coords.items() if v.dtype.kind == "f"}
-    with replacing(path) as temporary:
-        data.to_netcdf(temporary, engine="h5netcdf", encoding=encoding)
+    with replacing_hdf5(path) as target:
+        data.to_netcdf(target, engine="h5netcdf", encoding=encoding)
     return path
 
 

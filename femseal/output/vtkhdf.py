@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..files import replacing
+from ..files import replacing_hdf5
 from .views import Grid, Image, LoadSteps
 
 #: Suffix by which ParaView knows the files.
@@ -32,7 +32,7 @@ def write_image(image: Image, path: Path) -> Path:
 
     (n1, n2), count = image.shape, len(image.steps.index)
     chunk = (1, min(n2, max(1, _CHUNK_BYTES // (4 * n1))), n1)
-    with replacing(path) as temporary, h5py.File(temporary, "w") as file:
+    with replacing_hdf5(path) as target, h5py.File(target, "w") as file:
         root = _root(file, "ImageData")
         _plane(root, (n1, n2), image.spacing, image.origin)
         cells = root.create_group("CellData")
@@ -49,7 +49,7 @@ def write_heights(heights: NDArray[Any], spacing: tuple[float, float], path: Pat
     import h5py
 
     n1, n2 = heights.shape
-    with replacing(path) as temporary, h5py.File(temporary, "w") as file:
+    with replacing_hdf5(path) as target, h5py.File(target, "w") as file:
         root = _root(file, "ImageData")
         _plane(root, (n1 - 1, n2 - 1), spacing, (spacing[0] / 2, spacing[1] / 2))
         values = (heights.T * 1e6).astype(np.float32)
@@ -62,7 +62,7 @@ def write_grid(grid: Grid, path: Path) -> Path:
     import h5py
 
     count, points, quads = len(grid.steps.index), len(grid.points), len(grid.quads)
-    with replacing(path) as temporary, h5py.File(temporary, "w") as file:
+    with replacing_hdf5(path) as target, h5py.File(target, "w") as file:
         root = _root(file, "UnstructuredGrid")
         for name, size in (("Points", points), ("Cells", quads), ("ConnectivityIds", 4 * quads)):
             root.create_dataset(f"NumberOf{name}", data=np.array([size], np.int64))

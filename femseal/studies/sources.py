@@ -48,9 +48,9 @@ RUN_LENGTHS = 10
 class Sampling:
     """How a seal is drawn.
 
-    length : seal length along x2 [m], rounded to whole cells. breadth : size from inlet to outlet [m], likewise; that
-        of the face unless given; "uniform" only. realisations : how many seals. library_cells : windows in the library.
-        seed : of all random numbers.
+    length : seal length along x2 [m], rounded to whole cells.
+    breadth : size from inlet to outlet [m], likewise; that of the face unless given; "uniform" only.
+    realisations : how many seals. library_cells : windows in the library. seed : of all random numbers.
     sampler : "history", "derivative", "copula" or "block", see `scales.sampling`; unless given "block" with "place",
         which has neighbours, and "history" else.
     pressure : which pressures and which waves a window sees.

@@ -198,7 +198,8 @@ def solve_links(contact: WindowContacts, axis: int, *, shift: int = 0, map: Map 
     partition, steps = contact.partition, len(contact.steps)
     places = [(i, j) for i in range(partition.cells[0] - axis) for j in range(partition.cells[1])]
     windows = (partition.link(contact.gap, i, j, axis, shift) for i, j in places)
-    flows = list(map(partial(flow_history, spacing=partition.spacing, axis=axis), windows))
+    # a list among the arguments, so that the map knows how many there are
+    flows = list(map(partial(flow_history, axis=axis), windows, [partition.spacing] * len(places)))
     k = np.array([f.permeability for f in flows]).reshape(-1, steps).T
     return LinkFlows(
         k=k.reshape(steps, -1, partition.cells[1]),

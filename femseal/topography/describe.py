@@ -32,7 +32,7 @@ class SurfaceReport(Labelled):
     spacing: tuple[float, float] = field(metadata={"unit": "m", "label": "pixel"})
     undefined_share: float = field(metadata={"unit": "", "label": "undefined points", "percent": True})
     spikes: int = field(metadata={"unit": "", "label": "points in spikes"})
-    tilt: tuple[float, float] = field(metadata={"unit": "rad", "label": "tilt along x1, x2"})
+    tilt: tuple[float, float] = field(metadata={"unit": "rad", "label": "tilt along x1 (leakage), x2"})
     rms_height: float = field(metadata={"unit": "m", "label": "Sq, rms height"})
     mean_height: float = field(metadata={"unit": "m", "label": "Sa, arithmetic mean height"})
     peak_to_valley: float = field(metadata={"unit": "m", "label": "Sz, highest to lowest point"})
@@ -42,13 +42,15 @@ class SurfaceReport(Labelled):
     rms_slopes: tuple[float, float] = field(metadata={"unit": "", "label": "rms slopes along x1, x2"})
     correlation_length: float = field(metadata={"unit": "m", "label": "Sal, autocorrelation length"})
     aspect_ratio: float = field(metadata={"unit": "", "label": "Str, texture aspect ratio"})
-    aspect_ratio_is_bound: bool = field(metadata={"unit": "", "label": "Str is an upper bound: long lay"})
+    aspect_ratio_is_bound: bool = field(metadata={"unit": "", "label": "Str only a bound: lay as long as map"})
     lay_direction: float = field(metadata={"unit": "rad", "label": "Std, lay from x2 (Str <= 0.5)"})
     shortest_wave: float = field(metadata={"unit": "m", "label": "shortest wave above noise, cut-off"})
     noise: float = field(metadata={"unit": "m", "label": "white noise, rms"})
     hurst: float = field(metadata={"unit": "", "label": "Hurst exponent of the power law"})
-    power_law: tuple[float, float] | None = field(metadata={"unit": "m", "label": "longest, shortest wave of the law"})
-    power_law_density: float = field(metadata={"unit": "m^4", "label": "spectral density at the longest"})
+    power_law: tuple[float, float] | None = field(
+        metadata={"unit": "m", "label": "longest, shortest wave of the law", "joint": ", "}
+    )
+    power_law_density: float = field(metadata={"unit": "m^4", "label": "spectral density at its longest wave"})
     roll_off: float = field(metadata={"unit": "m", "label": "roll-off: end of a plateau"})
 
 

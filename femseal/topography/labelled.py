@@ -18,14 +18,14 @@ class Labelled:
         return "\n".join(f"{m['label']:{width}}  {as_text(getattr(self, name), **m)}" for name, m in metadata.items())
 
 
-def as_text(value: Any, unit: str, *, percent: bool = False, **_: Any) -> str:
-    """A value in SI for people: angles in degrees, shares in per cent, None and NaN as a dash.
+def as_text(value: Any, unit: str, *, percent: bool = False, joint: str = "", **_: Any) -> str:
+    """A value in SI for people: angles in degrees, shares in per cent, None and NaN as a dash; `joint` between two.
 
     >>> as_text((1e-6, 2e-6), "m"), as_text(0.5, "rad"), as_text(0.0023, "", percent=True)
     ('1 µm × 2 µm', '28.65°', '0.23 %')
     """
     if isinstance(value, tuple):
-        joint = " × " if unit == "m" or isinstance(value[0], int) else ", "
+        joint = joint or (" × " if unit == "m" or isinstance(value[0], int) else ", ")
         return joint.join(as_text(v, unit, percent=percent) for v in value)
     if value is None or (isinstance(value, float) and isnan(value)):
         return "–"

@@ -85,7 +85,7 @@ def read_topography(
         pixel = (length1 / heights.shape[0], length2 / heights.shape[1])
     if pixel is None:
         given = f"no pixel size in the file ({heights.shape[0]} × {heights.shape[1]} points)"
-        raise bad_file(path, given, "spacing= or size= two lengths [m]")
+        raise bad_file(path, given, "two lengths in size= or spacing= (--size '1.2 mm' '0.9 mm', --spacing)")
     if not all(np.isfinite(d) and d > 0 for d in pixel):
         given = f"a pixel of {pixel[0]:g} m × {pixel[1]:g} m"
         raise bad_file(path, given, "two lengths > 0; to correct it, pass spacing= or size= (--spacing, --size)")
