@@ -26,7 +26,10 @@ def memory_of_the_peak(results: fs.Results) -> dict[float, float]:
 if __name__ == "__main__":
     import rich
 
-    results = fs.open_results(Path(sys.argv[1] if len(sys.argv) > 1 else "results/turned_seal"))
+    try:
+        results = fs.open_results(Path(sys.argv[1] if len(sys.argv) > 1 else "results/turned_seal"))
+    except fs.InputError as error:
+        sys.exit(f"{error}\nusage: python read_results.py DIR")
     rich.print(results.table())
     for pressure, ratio in memory_of_the_peak(results).items():
         print(f"{pressure / 1e6:g} MPa: {ratio:.3g} times less after the peak")

@@ -62,14 +62,24 @@ def resumable(output: Path, identity: dict[str, Any]) -> bool:
         return False
     except (OSError, ValueError) as error:
         given = f"'{path}', which cannot be read ({error})"
-        raise InputError.of("resume", given, "an intact checkpoint; without resume the run starts anew") from None
+        allowed = f"an intact checkpoint; remove '{path.parent}' to start anew"
+        raise InputError.of("resume", given, allowed) from None
     old, new = _flat(former), _flat(_plain(identity))
     changed = [key for key in {**old, **new} if old.get(key) != new.get(key)]
     if changed:
         lines = [f"{key}: was {old.get(key, 'not given')}, is {new.get(key, 'not given')}" for key in changed]
-        allowed = "that of the same case, files and versions; without resume the run starts anew"
+        allowed = f"that of the same case, files and versions; remove '{path.parent}' to start anew"
         raise InputError("\n".join([f"resume: given a checkpoint of another run, allowed is {allowed}", *lines]))
     return True
+
+
+def refuse_unfinished(output: Path) -> None:
+    """Raise InputError if the output folder has results of a run that was ended, which a new one would lose."""
+    kept = len(list((output / FOLDER).glob("*.shard")))
+    if kept:
+        given = f"'{output}', which holds {kept} parts of an unfinished run"
+        allowed = f"--resume to go on; another folder, or none of '{output / FOLDER}', to start anew"
+        raise InputError.of("output", given, allowed)
 
 
 def remove(output: Path) -> None:

@@ -53,7 +53,7 @@ def run(
     case : a `Case`, or the path of a case file.
     output : results folder, made if it does not exist; None writes nothing.
     resume : take the results from the folder if it holds those of the same case, complete; else go on from the
-        checkpoint of a run that was ended, with the same bits. Without resume a checkpoint in the folder is removed.
+        checkpoint of a run that was ended, with the same bits.
     workers : processes; all cores unless given. The results do not depend on it.
     scheduler : address of a Dask scheduler to compute on instead (femseal[cluster]), or "local" for one of its own
         with `workers` processes, see `parallel.ordered_map`.
@@ -61,8 +61,8 @@ def run(
 
     Raises
     ------
-    InputError : the case or an argument cannot be used, or the checkpoint is of another case, other face files or
-        other versions; nothing has been written then.
+    InputError : the case or an argument cannot be used, the checkpoint is of another case, other face files or other
+        versions, or the folder holds an unfinished run without `resume`; nothing has been written then.
     FemsealError : a computation failed as a whole, or a file could not be written: what is computed stays in the
         folder, and `resume` goes on from there. Single cells that fail are listed in `Results.warnings`.
     """
@@ -86,6 +86,8 @@ def run(
                 checkpoint.remove(folder)
             return finished
         resume = checkpoint.resumable(folder, identity)
+    elif folder is not None:
+        checkpoint.refuse_unfinished(folder)
     prepared = case.prepare()
     progress = progress or (lambda stage, done, total: None)
     with ExitStack() as stack:
@@ -126,7 +128,9 @@ def _run(case: Case, prepared: Prepared, faces: dict[str, str], mapper: Map, pro
         else:
             assert cells is not None
             assert prepared.sampling is not None
-            studies["stochastic"] = stochastic(scene, cells, prepared.sampling, map=watched)
+            studies["stochastic"] = stochastic(
+                scene, cells, prepared.sampling, two_scale=studies.get("two_scale"), map=watched
+            )
         timings[method] = time.perf_counter() - start
         progress(method, 1, 1)
         log.info("%s: %.1f s", method, timings[method])

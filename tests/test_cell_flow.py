@@ -15,6 +15,7 @@ from femseal.flow import (
     cell,
     cell_permeabilities,
     cell_permeability,
+    connectivity,
     critical_constriction,
     link_conductances,
     permeability_tensor,
@@ -377,6 +378,7 @@ def test_percolation_against_a_search(seed, n1, n2, sides):
     h = D * (np.random.default_rng(seed).random((n1, n2)) < 0.62)
     k = cell_permeability(h, (D, D), sides=sides, bounds=True)
     assert k.percolates == open_paths(h, sides == "periodic")
+    assert k.percolates == connectivity.percolates(h > 0) or sides == "mirror"
     assert (k.value > 0) == (k.lower > 0) == k.percolates
     assert k.value > 0 or k.value == 0.0
     assert k.upper >= k.lower * (1 - 1e-12)

@@ -256,12 +256,16 @@ def test_a_stopped_run_goes_on_with_the_same_bits_and_leaves_no_checkpoint(case,
     assert ("stochastic: drawn seals", 48, 48) in stages
 
 
-def test_a_run_anew_removes_the_old_checkpoint(case, tmp_path):
-    for seed, stage in ((2, "stochastic: drawn seals"), (3, "two-scale: contact of windows")):
-        case.write_text(CASE.replace("seed = 2", f"seed = {seed}"))
-        with pytest.raises(KeyboardInterrupt):
-            fs.run(case, tmp_path / "out", workers=1, progress=stop_at(stage, 1))
-    assert max(p.name[:3] for p in tmp_path.rglob("*.shard")) == "002"
+def test_an_unfinished_run_is_not_lost_to_one_without_resume(case, tmp_path):
+    out = tmp_path / "out"
+    with pytest.raises(KeyboardInterrupt):
+        fs.run(case, out, workers=1, progress=stop_at("two-scale: contact of windows", 1))
+    before = {p: p.stat().st_mtime_ns for p in out.rglob("*")}
+    with pytest.raises(fs.InputError, match=r"parts of an unfinished run, allowed is --resume"):
+        fs.run(case, out, workers=1)
+    assert {p: p.stat().st_mtime_ns for p in out.rglob("*")} == before
+    shutil.rmtree(out / ".checkpoint")
+    fs.run(case, out, workers=1)
 
 
 def test_a_changed_case_file_or_version_is_refused_by_name(case, tmp_path, monkeypatch):
@@ -347,7 +351,7 @@ def test_ctrl_c_ends_the_workers_and_says_how_to_go_on(case, tmp_path, arguments
     case.write_text(CASE.replace("realisations = 24", "realisations = 100000"))
     out = tmp_path / "out"
     process = start(case, out, "--log-file", tmp_path / "lines.log", *arguments)
-    last_stage = "012"  # after one, three and seven others: the realisations
+    last_stage = "009"  # after one, three and four others: the realisations
     while not list(out.glob(f".checkpoint/{last_stage}-*")):
         assert process.poll() is None, process.stderr.read()
         time.sleep(0.05)

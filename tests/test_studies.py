@@ -13,6 +13,7 @@ import femseal.scales.response
 import femseal.studies.drawn
 import femseal.studies.scene
 import femseal.studies.sources
+import femseal.studies.windows
 from femseal import analytic
 from femseal.contact import HalfSpace, LoadStep, load_cycle
 from femseal.errors import FemsealError, InputError, NotConverged
@@ -265,6 +266,31 @@ class TestWindowsThatCannotWork:
         assert two_scale(scene, (2, 2)).failures == ()
 
 
+class TestLinksThatCloseWhereTheGapIsOpen:
+    def test_links_and_gap_that_differ_are_named(self):
+        """A channel along a diagonal leaves the windows of links at their closed sides."""
+        gap = np.zeros((64, 64))
+        for n in range(64):
+            gap[n, [2 * n % 64, (2 * n + 1) % 64, (2 * n + 2) % 64]] = 1e-6
+        scene = make_scene(np.zeros((64, 64)), loading=(1e8,))
+        contact = SimpleNamespace(steps=scene.steps, gap=gap[None])
+        warn = femseal.studies.windows._wrongly_closed
+        (text,) = warn(contact, np.array([0.0]))
+        assert text.startswith(
+            f"links are closed at {scene.steps[0].name} where the gap of the whole face is still open"
+        )
+        assert warn(contact, np.array([1e-9])) == warn(contact, np.array([np.nan])) == ()
+        contact.gap = 0 * contact.gap
+        (text,) = warn(contact, np.array([1e-9]))
+        assert "links are open" in text
+        assert warn(contact, np.array([0.0])) == ()
+
+    def test_a_run_warns(self, rough, monkeypatch):
+        monkeypatch.setattr(femseal.studies.windows, "percolates", lambda is_open: False)
+        assert any("links are open" in text for text in two_scale(rough, (4, 6)).failures)
+        assert not any("links are" in text for text in two_scale(rough, (4, 6), flow="resolved").failures)
+
+
 class TestResolvedFlow:
     def test_is_the_flow_through_the_stitched_gap(self, rough, rough_two_scale):
         result = two_scale(rough, (4, 6), flow="resolved")
@@ -424,6 +450,16 @@ class TestDraws:
             assert (upper > 0.95 * plain.leakage).all()
             distance.append(np.log(upper / lower).mean())
         assert distance[1] < 0.7 * distance[0]
+
+    def test_windows_of_the_two_scale_solution_are_not_solved_again(self, rough, monkeypatch):
+        sampling = replace(SAMPLING, library_cells=60)
+        own = stochastic(rough, (4, 6), sampling)
+        two = two_scale(rough, (4, 6))
+        monkeypatch.setattr(femseal.studies.sources, "solve_windows", None)
+        given = stochastic(rough, (4, 6), sampling, two_scale=two)
+        assert_array_equal(given.leakage, own.leakage)
+        assert_array_equal(given.leakage_resampled, own.leakage_resampled)
+        assert sum(given.library.counts.values()) < sum(own.library.counts.values())
 
     def test_bounds_need_ladders_and_histories(self):
         for options in ({"pressure": "place"}, {"pressure": "uniform", "sampler": "copula"}):

@@ -69,6 +69,13 @@ def nodes_reached(c1, c2):
     return _ends_reached(parent, n1 + 1, n2)
 
 
+def percolates(is_open: NDArray[np.bool_]) -> bool:
+    """Whether pixels (n1, n2), periodic along x2, join the ends of x1 over common sides."""
+    along = np.concatenate([is_open[:1], is_open[:-1] & is_open[1:], is_open[-1:]])
+    across = is_open & np.roll(is_open, -1, axis=1)
+    return bool(nodes_reached(along.astype(float), across.astype(float))[0, 0] == 3)
+
+
 @njit(cache=True, nogil=True)
 def corners_reached(k, ring):
     """Which ends each corner (n1 + 1, n2 or n2 + 1) of open pixels, k > 0, is joined to, as `nodes_reached`."""

@@ -258,6 +258,7 @@ def assemble(
     _add_contact_share(data, scene, deterministic, two_scale, stochastic)
     counts = {"two_scale": two_scale.counts} if two_scale is not None else {}
     counts |= {"library": stochastic.library.counts} if stochastic is not None else {}
+    few = [] if stochastic is None else [text for q in quantiles if (text := stochastic.too_few(q))]
     seal_size = stochastic.seal.size if stochastic is not None else scene.surface.size
     data.attrs = {
         "title": "Leakage of a metal-to-metal seal over a load cycle",
@@ -268,7 +269,7 @@ def assemble(
         "surface": _json(surface_report or {}),
         "timings": _json(timings or {}),
         "counts": _json(counts),
-        "warnings": _shortened([text for study in studies for text in study.failures]),
+        "warnings": _shortened([*(text for study in studies for text in study.failures), *few]),
         "versions": _json(versions()),
         "machine": _json(machine()),
         "fluid": repr(scene.fluid),

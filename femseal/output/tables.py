@@ -24,6 +24,8 @@ _COLUMNS = (
     ("leakage_m2_per_s", None),
     ("leakage_lower_m2_per_s", "leakage_lower"),
     ("leakage_upper_m2_per_s", "leakage_upper"),
+    ("leakage_lower_together_m2_per_s", "leakage_lower_together"),
+    ("leakage_upper_together_m2_per_s", "leakage_upper_together"),
     ("leakage_mean_m2_per_s", "leakage_mean"),
     ("sealed_share", "sealed_share"),
     ("leakage_two_scale_m2_per_s", "leakage_two_scale"),
@@ -75,17 +77,19 @@ def texts(results: Results) -> tuple[str, list[str], list[list[str]]]:
     ]
     if "leakage_lower" in data:
         low, high = ("leakage_lower_m2_per_s", "leakage_upper_m2_per_s")
+        low_together, high_together = ("leakage_lower_together_m2_per_s", "leakage_upper_together_m2_per_s")
         share = "–".join(f"{100 * data[name].attrs['quantile']:g}" for name in ("leakage_lower", "leakage_upper"))
         columns += [
             (f"{share} %", (_range(r[low], r[high], factor) for r in table)),
-            ("mean", (amount(r["leakage_mean_m2_per_s"], factor) for r in table)),
-            ("sealed\nshare", (_share(r["sealed_share"]) for r in table)),
+            ("with error\nof library", (_range(r[low_together], r[high_together], factor) for r in table)),
         ]
+        if any(r["sealed_share"] != 0 for r in table):
+            columns.append(("sealed\n[%]", (_percent(r["sealed_share"]) for r in table)))
     for name, key in (("two-scale", "leakage_two_scale_m2_per_s"), ("deterministic", "leakage_deterministic_m2_per_s")):
         if key in table[0] and name != results.method:
             columns.append((_HEADS[name], [amount(r[key], factor) for r in table]))
     if "contact_share" in data:
-        columns.append(("contact\nshare", (_share(r["contact_share"]) for r in table)))
+        columns.append(("contact\n[%]", (_percent(r["contact_share"]) for r in table)))
     title = f"leakage per length of seal in {unit} (= {factor:.0e} m²/s)"
     return title, [c[0] for c in columns], [list(cells) for cells in zip(*(c[1] for c in columns), strict=True)]
 
@@ -105,7 +109,7 @@ def rich_table(results: Results) -> Table:
     table = Table(title=plain(title), title_justify="left", box=SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
     table.add_column("pressure")
     for header in headers[2:]:
-        table.add_column(plain(header), justify="right", no_wrap=True)
+        table.add_column(plain(header), justify="right", overflow="fold")
     for n, (branch, pressure, *values) in enumerate(cells):
         if n == 0 or cells[n - 1][0] != branch:
             table.add_row(branch, style="bold")
@@ -139,5 +143,5 @@ def _range(low: float, high: float, factor: float) -> str:
     return (" to " if low < 0 else "–").join(ends)
 
 
-def _share(value: float) -> str:
-    return "failed" if np.isnan(value) else f"{100 * value:.3g} %"
+def _percent(value: float) -> str:
+    return "failed" if np.isnan(value) else f"{100 * value:.3g}"

@@ -19,6 +19,7 @@ from ..seal import RectangularSeal
 from ..showing import Shown
 from .scene import Array, Map, Scene, labels, leakage_plot
 from .sources import PRESSURES, PlacedLibrary, Sampling, Tables, seal_cells
+from .windows import TwoScaleResult
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -98,14 +99,16 @@ class StochasticResult(Shown):
         windows = 2 * self.library.size * (float(np.nanmax(self.library_error[chosen], initial=0)) / width) ** 2
         return max(2, ceil(realisations)), max(1, ceil(windows))
 
+    def too_few(self, q: float) -> str:
+        """Says how many realisations a quantile needs where there are fewer, else nothing."""
+        needed = ceil(1 / min(q, 1 - q)) if 0 < q < 1 else len(self.leakage)
+        if len(self.leakage) >= needed:
+            return ""
+        return f"quantile {q:g} of {len(self.leakage)} realisations: at least {needed} needed"
+
     def unsupported(self, q: float) -> tuple[str, ...]:
         """Why a quantile should not be trusted: too few realisations, or a library that scatters more than the tail."""
-        reasons = []
-        tail = len(self.leakage) * min(q, 1 - q)
-        if tail < 1:
-            reasons.append(
-                f"quantile {q:g} of {len(self.leakage)} realisations: at least {ceil(1 / min(q, 1 - q))} needed"
-            )
+        reasons = [text] if (text := self.too_few(q)) else []
         with np.errstate(divide="ignore", invalid="ignore"):
             distance = np.abs(np.log(self.quantile(q) / self.quantile(0.5)))
         weak = [s.name for s, d, e in zip(self.steps, distance, self.library_error, strict=True) if e > max(d, 0.1)]
@@ -149,8 +152,23 @@ def _log_deviation(values: Array) -> float:
     return float(np.std(np.log(size), ddof=1)) if size.size > 1 else np.nan
 
 
-def stochastic(scene: Scene, cells: tuple[int, int], sampling: Sampling, *, map: Map = map) -> StochasticResult:
+def stochastic(
+    scene: Scene,
+    cells: tuple[int, int],
+    sampling: Sampling,
+    *,
+    two_scale: TwoScaleResult | None = None,
+    map: Map = map,
+) -> StochasticResult:
     """Library of real windows, seals drawn from it, one global flow for each realisation and step.
+
+    Parameters
+    ----------
+    scene : what is loaded.
+    cells : number of windows of the face along x1 and x2.
+    sampling : how seals are drawn.
+    two_scale : the two-scale solution of the same scene and cells, whose windows then are not solved again ("place").
+    map : how to apply a function to all windows and realisations, in order.
 
     Raises
     ------
@@ -159,11 +177,11 @@ def stochastic(scene: Scene, cells: tuple[int, int], sampling: Sampling, *, map:
     """
     check_sampling(sampling, cells)
     if sampling.width is None:
-        return _draw(scene, cells, sampling, map)
+        return _draw(scene, cells, sampling, two_scale, map)
     with TemporaryDirectory() as folder:
         # what is followed in one round is not followed again in the next
         growing = replace(sampling, library=sampling.library or Path(folder))
-        result = _draw(scene, cells, growing, map)
+        result = _draw(scene, cells, growing, two_scale, map)
         for _ in range(ROUNDS):
             realisations, windows = result.needed(sampling.width)
             wanted = replace(
@@ -174,7 +192,7 @@ def stochastic(scene: Scene, cells: tuple[int, int], sampling: Sampling, *, map:
             if wanted == growing or (sampling.pressure == "place" and wanted.realisations == growing.realisations):
                 break
             growing = wanted
-            result = _draw(scene, cells, growing, map)
+            result = _draw(scene, cells, growing, two_scale, map)
     realisations, windows = result.needed(sampling.width)
     if realisations > len(result.leakage) or windows > result.library.size:
         text = f"width {sampling.width:g} not reached: about {realisations} realisations and {windows} windows needed"
@@ -206,12 +224,14 @@ def check_sampling(sampling: Sampling, cells: tuple[int, int]) -> None:
         raise InputError.of("bounds", given, "true with 'global' or 'uniform' and 'history'")
 
 
-def _draw(scene: Scene, cells: tuple[int, int], sampling: Sampling, map: Map) -> StochasticResult:
+def _draw(
+    scene: Scene, cells: tuple[int, int], sampling: Sampling, two_scale: TwoScaleResult | None, map: Map
+) -> StochasticResult:
     partition = Partition(scene.surface.shape, scene.surface.spacing, cells)
     n1, n2 = seal_cells(partition, sampling)
     if sampling.profile and len(sampling.profile) != n1:
         raise InputError.of("profile", f"{len(sampling.profile)} numbers", f"{n1}, one for each row of windows")
-    library, kinds, rows = PRESSURES[sampling.pressure](scene, partition, sampling, (n1, n2), map)
+    library, kinds, rows = PRESSURES[sampling.pressure](scene, partition, sampling, (n1, n2), two_scale, map)
     seal = RectangularSeal((n1 * partition.window_size[0], n2 * partition.window_size[1]), (n1, n2), rows)
     task = partial(_realise, scene=scene, seal=seal, kinds=kinds, sampling=sampling)
     count = sampling.realisations

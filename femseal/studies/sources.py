@@ -26,7 +26,7 @@ from ..scales import (
 )
 from ..showing import Shown
 from .scene import Array, Map, Scene
-from .windows import solve_links, solve_windows
+from .windows import LinkFlows, TwoScaleResult, solve_links, solve_windows
 
 #: Loading steps of a library in shares of the pressure at which everything is in contact, about: the hardness, or half
 #: of E* × rms slope where that is less.
@@ -120,18 +120,34 @@ Tables = tuple[LinkTable, LinkTable]
 #: A library, its tables, with bounds followed by those of the lower and of the upper ones, and the x1 of the rows of
 #: nodes (none: equidistant).
 Source = Callable[
-    [Scene, Partition, Sampling, tuple[int, int], Map],
+    [Scene, Partition, Sampling, tuple[int, int], TwoScaleResult | None, Map],
     tuple[LadderLibrary | PlacedLibrary, tuple[Tables, ...], tuple[float, ...]],
 ]
 
 
-def _placed(scene: Scene, partition: Partition, sampling: Sampling, seal: tuple[int, int], map: Map) -> Any:
+def _placed(
+    scene: Scene,
+    partition: Partition,
+    sampling: Sampling,
+    seal: tuple[int, int],
+    two_scale: TwoScaleResult | None,
+    map: Map,
+) -> Any:
     """All windows of the face at their places, moved along it by fractions of a window where more are wanted."""
     (m1, m2), w2, n2 = partition.cells, partition.window[1], seal[1]
-    contact = solve_windows(scene, partition.cells, map=map)
+    contact = two_scale or solve_windows(scene, partition.cells, map=map)
     shifts = int(np.clip(-(-sampling.library_cells // (m1 * m2)), 1, w2))
     moved = [n * w2 // shifts for n in range(shifts)]
-    flows = [[solve_links(contact, axis, shift=s, map=map) for s in moved] for axis in (0, 1)]
+    known = {} if two_scale is None else {(0, 0): two_scale.k1, (1, 0): two_scale.k2}
+    flows = [
+        [
+            LinkFlows(known[axis, s], _NOTHING_SOLVED, ())
+            if (axis, s) in known
+            else solve_links(contact, axis, shift=s, map=map)
+            for s in moved
+        ]
+        for axis in (0, 1)
+    ]
     k1, k2 = (np.concatenate([f.k for f in along], axis=2).transpose(1, 2, 0) for along in flows)
     k1, k2 = _without_failed(k1, k2)
     length = float(np.mean([correlation_length(k1[:, n * m2 : (n + 1) * m2]) for n in range(shifts)]))
@@ -157,6 +173,9 @@ def _placed(scene: Scene, partition: Partition, sampling: Sampling, seal: tuple[
     return library, (tables,), contact.partition.node_rows
 
 
+_NOTHING_SOLVED = {"solved": 0, "closed": 0, "open": 0}
+
+
 def _without_failed(k1: Array, k2: Array) -> tuple[Array, Array]:
     """A column in which anything failed is replaced by the next one."""
     good = np.isfinite(k1).all(axis=(0, 2)) & np.isfinite(k2).all(axis=(0, 2))
@@ -167,7 +186,14 @@ def _without_failed(k1: Array, k2: Array) -> tuple[Array, Array]:
     return k1[:, taken], k2[:, taken]
 
 
-def _global(scene: Scene, partition: Partition, sampling: Sampling, seal: tuple[int, int], map: Map) -> Any:
+def _global(
+    scene: Scene,
+    partition: Partition,
+    sampling: Sampling,
+    seal: tuple[int, int],
+    two_scale: TwoScaleResult | None,
+    map: Map,
+) -> Any:
     """A ladder up to the highest window pressure; each link follows its place in the repeated global contact."""
     (m1, m2), n2 = partition.cells, seal[1]
     cut_off = CUT_OFF_WINDOWS * min(partition.window_size)
@@ -191,7 +217,14 @@ def _global(scene: Scene, partition: Partition, sampling: Sampling, seal: tuple[
     return library, _tables(library, links, scene), ()
 
 
-def _uniform(scene: Scene, partition: Partition, sampling: Sampling, seal: tuple[int, int], map: Map) -> Any:
+def _uniform(
+    scene: Scene,
+    partition: Partition,
+    sampling: Sampling,
+    seal: tuple[int, int],
+    two_scale: TwoScaleResult | None,
+    map: Map,
+) -> Any:
     """Full heights under the nominal pressure, or under the share of it that the profile gives to a row."""
     n1, n2 = seal
     nominal = np.array([s.pressure for s in scene.steps])

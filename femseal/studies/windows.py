@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ..contact import HalfSpace, LoadStep
 from ..errors import InputError
+from ..flow.connectivity import percolates
 from ..scales import Partition, respond, solve_global_scale
 from ..scales.response import WindowHistory, body_standoff, flow_history, set_down
 from ..seal import RectangularSeal
@@ -90,6 +91,8 @@ def two_scale(scene: Scene, cells: tuple[int, int], *, flow: str = "links", map:
     if flow == "resolved":
         leakage, failed = scene.resolved_leakage(contact.gap, map)
         failures += failed
+    else:
+        failures += _wrongly_closed(contact, leakage)
     return TwoScaleResult(
         steps=contact.steps,
         partition=partition,
@@ -193,7 +196,7 @@ class LinkFlows:
     failures: tuple[str, ...]
 
 
-def solve_links(contact: WindowContacts, axis: int, *, shift: int = 0, map: Map = map) -> LinkFlows:
+def solve_links(contact: WindowContacts | TwoScaleResult, axis: int, *, shift: int = 0, map: Map = map) -> LinkFlows:
     """Permeability of the links' windows cut out of the stitched gap, all moved by `shift` pixels along x2."""
     partition, steps = contact.partition, len(contact.steps)
     places = [(i, j) for i in range(partition.cells[0] - axis) for j in range(partition.cells[1])]
@@ -206,6 +209,24 @@ def solve_links(contact: WindowContacts, axis: int, *, shift: int = 0, map: Map 
         counts={name: sum(getattr(f, name) for f in flows) for name in ("solved", "closed", "open")},
         failures=tuple(f"x{axis + 1}-link {p}, {t}" for p, f in zip(places, flows, strict=True) for t in f.failures),
     )
+
+
+def _wrongly_closed(contact: WindowContacts, leakage: Array) -> tuple[str, ...]:
+    """A warning where links and the gap that they are cut from do not agree whether anything flows."""
+    warnings = []
+    for said, other, flows in (("closed", "open", False), ("open", "closed", True)):
+        names = [
+            step.name
+            for step, q, gap in zip(contact.steps, leakage, contact.gap, strict=True)
+            if np.isfinite(q) and (q != 0) == flows != percolates(gap > 0)
+        ]
+        if names:
+            more = f" and {len(names) - 1} more steps" if len(names) > 1 else ""
+            warnings.append(
+                f"links are {said} at {names[0]}{more} where the gap of the whole face is still {other}: near closing "
+                'take larger windows, or flow = "resolved"'
+            )
+    return tuple(warnings)
 
 
 def _unresolved_ridges(smooth: Array, fine: Array, partition: Partition) -> list[str]:
