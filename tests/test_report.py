@@ -153,15 +153,17 @@ def test_table_has_the_numbers_of_the_dataset(results, page):
     assert unit in words(section(page, "leakage").find("p[@id='leakage-unit']"))
     data = results.dataset
     assert len(rows) == data.sizes["step"]
-    for head, name in (("median", "leakage_median"), ("mean", "leakage_mean"), ("two-scale", "leakage_two_scale"),
+    for head, name in (("median", "leakage_median"), ("two-scale", "leakage_two_scale"),
                        ("deterministic", "leakage_deterministic")):  # fmt: skip
         shown = [row[heads.index(head)] for row in rows]
         values = [0.0 if text == "sealed" else float(text) * factor for text in shown]
         assert_allclose(values, data[name].values, rtol=6e-3)
-    low, high = np.array([row[heads.index("5–95 %")].split("–") for row in rows if "–" in row[2]], float).T * factor
-    leaking = data["leakage_lower"].values > 0
-    assert_allclose(low, data["leakage_lower"].values[leaking], rtol=6e-3)
-    assert_allclose(high, data["leakage_upper"].values[leaking], rtol=6e-3)
+    for head, kind in (("5–95 %", ""), ("with error of library", "_together")):
+        column = heads.index(head)
+        low, high = np.array([row[column].split("–") for row in rows if "–" in row[column]], float).T * factor
+        leaking = data[f"leakage_lower{kind}"].values > 0
+        assert_allclose(low, data[f"leakage_lower{kind}"].values[leaking], rtol=6e-3)
+        assert_allclose(high, data[f"leakage_upper{kind}"].values[leaking], rtol=6e-3)
 
 
 def test_first_numbers_are_those_of_first_and_highest_load(results, page):

@@ -258,7 +258,7 @@ def assemble(
     _add_contact_share(data, scene, deterministic, two_scale, stochastic)
     counts = {"two_scale": two_scale.counts} if two_scale is not None else {}
     counts |= {"library": stochastic.library.counts} if stochastic is not None else {}
-    few = [] if stochastic is None else [text for q in quantiles if (text := stochastic.too_few(q))]
+    few = [text] if stochastic is not None and (text := stochastic.too_few(*quantiles)) else []
     seal_size = stochastic.seal.size if stochastic is not None else scene.surface.size
     data.attrs = {
         "title": "Leakage of a metal-to-metal seal over a load cycle",

@@ -99,12 +99,14 @@ class StochasticResult(Shown):
         windows = 2 * self.library.size * (float(np.nanmax(self.library_error[chosen], initial=0)) / width) ** 2
         return max(2, ceil(realisations)), max(1, ceil(windows))
 
-    def too_few(self, q: float) -> str:
-        """Says how many realisations a quantile needs where there are fewer, else nothing."""
-        needed = ceil(1 / min(q, 1 - q)) if 0 < q < 1 else len(self.leakage)
+    def too_few(self, *quantiles: float) -> str:
+        """Says how many realisations quantiles need where there are fewer, else nothing."""
+        tails = [min(q, 1 - q) for q in quantiles if 0 < q < 1]
+        needed = ceil(max((1 / tail for tail in tails), default=1) - 1e-9)
         if len(self.leakage) >= needed:
             return ""
-        return f"quantile {q:g} of {len(self.leakage)} realisations: at least {needed} needed"
+        named = " and ".join(f"{q:g}" for q in quantiles)
+        return f"quantile {named} of {len(self.leakage)} realisations: at least {needed} needed"
 
     def unsupported(self, q: float) -> tuple[str, ...]:
         """Why a quantile should not be trusted: too few realisations, or a library that scatters more than the tail."""
