@@ -230,6 +230,7 @@ def test_new_writes_a_case_that_is_valid_and_keeps_what_is_there(tmp_path):
 
 def test_progress_knows_how_much_there_is_to_do(case):
     told = []
+    case.write_text(CASE.replace('compare = ["deterministic", "two-scale"]', ""))
     fs.run(case, workers=1, progress=lambda *state: told.append(state))
     last = {stage: (done, total) for stage, done, total in told}
     assert {"stochastic", "stochastic: contact of windows", "stochastic: flow in windows"} <= set(last)
