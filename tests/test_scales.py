@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from femseal.contact import HalfSpace, LoadStep, load_cycle, load_programme, solve_contact
 from femseal.errors import InputError
 from femseal.flow import cell_permeability
-from femseal.scales import Partition, respond, solve_global_scale
+from femseal.scales import GlobalScale, Partition, respond, solve_global_scale
 from femseal.scales.response import body_standoff, flow_history, set_down
 from femseal.topography import Topography, self_affine
 
@@ -143,6 +143,26 @@ class TestGlobalScale:
         turned = Topography(np.roll(face.heights, 32, axis=1), face.spacing)
         gaps = [solve_global_scale(s, partition, 15e-6, **given).raw_gap[0] for s in (face, turned)]
         assert_allclose(np.roll(gaps[1], -32, axis=1), gaps[0], atol=1e-5 * np.ptp(gaps[0]))
+
+    @pytest.mark.parametrize("points", [(8, 8), (16, 12), (32, 24)])
+    def test_outer_gap_is_without_the_response_to_the_own_pressure(self, points):
+        """A cosine over the cell with its sides as mirrors, on a coarser or the same grid: u = 2p/(E*q), no mean."""
+        partition = Partition((64, 48), (1e-6, 2e-6), (2, 2))
+        body = HalfSpace(partition.window, partition.spacing, E, "mirror")
+        q1, q2 = 2 * np.pi / 32e-6, 3 * np.pi / 48e-6
+
+        def wave(n):
+            x1, x2 = ((np.arange(m) + 0.5) * size / m for m, size in zip(n, partition.window_size, strict=True))
+            return np.cos(q1 * x1)[:, None] * np.cos(q2 * x2)
+
+        pressure, raw = np.zeros((2, 2 * points[0], 2 * points[1])), np.random.default_rng(0).random((2, 64, 48))
+        pressure[1, points[0] :, : points[1]] = 3e8 + 2e8 * wave(points)
+        scale = GlobalScale((), pressure.mean(), pressure.mean(), raw * 1e-9, pressure, 0.0)
+        own = partition.cell(scale.raw_gap, 1, 0) - scale.outer_gap(partition, body, 1, 0)
+        expected = 2 * 2e8 / (E * np.hypot(q1, q2)) * wave((32, 24))
+        assert_allclose(own[1], expected, atol=1e-6 * expected.max())
+        assert_allclose(own[0], 0, atol=1e-6 * expected.max())
+        assert_allclose(scale.outer_gap(partition, body, 0, 1), partition.cell(scale.raw_gap, 0, 1), rtol=1e-6)
 
     def test_raw_gap_is_between_virgin_planes(self, face):
         """On unloading the permanent deformation stays negative in the raw gap where the face yielded."""

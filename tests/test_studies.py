@@ -232,12 +232,26 @@ class TestBalance:
 
 class TestAgainstTheWholeFace:
     def test_two_scales_on_an_easy_face(self):
-        """Waves of several windows, low slopes, far from closing: within a tenth of the full resolution."""
+        """Waves of several windows, low slopes, far from closing: links are off by a ninth, the contact is not."""
         face = self_affine((96, 96), (96e-6, 96e-6), hurst=1.0, rms_slope=0.02, roll_off=96e-6, cut_off=16e-6, rng=2)
         scene = make_scene(face.heights, loading=(5e6, 2e7), unload_from=(2e7,), unloading=(5e6,))
         whole, parts = deterministic(scene), two_scale(scene, (3, 3))
-        assert_allclose(parts.leakage, whole.leakage, rtol=0.1)
-        assert_allclose(parts.mean_gap.mean(axis=(1, 2)), whole.mean_gap, rtol=0.05)
+        assert_allclose(parts.leakage, whole.leakage, rtol=0.12)
+        assert_allclose(two_scale(scene, (3, 3), flow="resolved").leakage, whole.leakage, rtol=1e-3)
+        assert_allclose(parts.mean_gap.mean(axis=(1, 2)), whole.mean_gap, rtol=2e-4)
+
+    def test_windows_find_again_what_the_global_contact_resolves(self):
+        """A face without waves shorter than the cut-off: contact in parts is that of the whole, after a peak as well.
+
+        Where windows respond to some of the waves twice, a quarter of the points in contact are others on unloading.
+        """
+        face = self_affine((96, 128), (96e-6, 128e-6), hurst=0.8, rms_slope=0.2, roll_off=64e-6, cut_off=8e-6, rng=3)
+        scene = make_scene(face.heights, loading=(5e7, 2e8, 6e8), unload_from=(6e8,), unloading=(2e8, 5e7), rtol=1e-6)
+        whole, parts = deterministic(scene), two_scale(scene, (3, 4))
+        assert_allclose(parts.contact_fraction.mean(axis=(1, 2)), whole.contact_fraction, rtol=0.02)
+        assert_allclose(parts.plastic_fraction.mean(axis=(1, 2)), whole.plastic_fraction, atol=2e-3)
+        others = ((parts.gap == 0) != (whole.gap == 0)).mean(axis=(1, 2))
+        assert (others < 0.04 * whole.contact_fraction).all()
 
     def test_unloading_begins_where_loading_ended(self, rough):
         scene = replace(rough, loading=(3e8, 6e8), unloading=(6e8 * (1 - 1e-7), 3e8))

@@ -11,12 +11,13 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import ceil
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.fft import dctn, idctn
 from scipy.ndimage import zoom
 
 from ..contact import HalfSpace, LoadStep, load_cycle
@@ -138,13 +139,30 @@ class GlobalScale:
     pressure : mean pressure of each cell (steps, m1, m2) [Pa]; `pressure_across` of the windows of the x2-links between
         them, with the lines on their faces.
     raw_gap : gap between virgin planes on the fine grid (steps, n1, n2) [m], negative where the low-pass face yielded.
+    contact_pressure : of the low-pass face, on the global grid (steps, k1, k2) [Pa].
     """
 
     steps: tuple[LoadStep, ...]
     pressure: Array
     pressure_across: Array
     raw_gap: NDArray[np.float32]
+    contact_pressure: NDArray[np.float32]
     residual: float
+
+    def outer_gap(self, partition: Partition, body: HalfSpace, i: int, j: int) -> NDArray[np.float32]:
+        """Raw gap of the cell (i, j) without what the pressure there adds (steps, w1, w2) [m].
+
+        The cell's own pressure acts on `body`, the mirrored one of a window. A window that starts from this gap may
+        respond to its pressure with all waves: where it finds the global pressure again, it finds the global gap, and
+        what it finds else is no response twice.
+        """
+        coarse = Partition(self.contact_pressure.shape[1:], partition.spacing, partition.cells)
+        size = partition.window_size
+        spacing = (size[0] / coarse.window[0], size[1] / coarse.window[1])
+        symbol = replace(body, shape=coarse.window, spacing=spacing, plans=()).symbol()
+        waves = dctn(coarse.cell(self.contact_pressure, i, j).astype(float), axes=(1, 2), norm="forward")
+        own = idctn(waves * symbol, s=partition.window, axes=(1, 2), norm="forward")
+        return (partition.cell(self.raw_gap, i, j) - own).astype(np.float32)
 
 
 def solve_global_scale(
@@ -193,6 +211,7 @@ def solve_global_scale(
         pressure=np.array([cells.means(s.contact.pressure, 0) for s in states]),
         pressure_across=across.reshape(len(states), m1 - 1, m2),
         raw_gap=raw_gap,
+        contact_pressure=np.array([s.contact.pressure for s in states], np.float32),
         residual=max(s.contact.residual for s in states),
     )
 

@@ -128,7 +128,7 @@ class WindowContacts:
 
 
 def solve_windows(scene: Scene, cells: tuple[int, int], *, map: Map = map) -> WindowContacts:
-    """Fine waves on the global raw gap, under the cell's global pressure; long waves respond globally only.
+    """All waves of every cell, on the gap that the global pressure of the others leaves, under its own global pressure.
 
     Cells without pressure stand off as the asperities of the others make the whole body do.
     """
@@ -142,15 +142,16 @@ def solve_windows(scene: Scene, cells: tuple[int, int], *, map: Map = map) -> Wi
     failures = _unresolved_ridges(surface.heights + fine, fine, partition)
     m1, m2 = cells
     places = [(i, j) for i in range(m1) for j in range(m2)]
+    body = HalfSpace(partition.window, partition.spacing, scene.modulus, ("mirror", "mirror"))
     task = partial(
         _respond,
         steps=world.steps,
-        half_space=window_half_space(scene, partition, cut_off),
+        half_space=body,
         hardness=scene.hardness,
         rigid_at_zero=True,
         rtol=scene.rtol,
     )
-    raw_gaps = (partition.cell(world.raw_gap, i, j) for i, j in places)
+    raw_gaps = (world.outer_gap(partition, body, i, j) for i, j in places)
     waves = (partition.cell(fine, i, j) for i, j in places)
     histories = map(task, raw_gaps, waves, [world.pressure[:, i, j] for i, j in places])
     shape = (len(world.steps), *surface.shape)
@@ -242,10 +243,3 @@ def _unresolved_ridges(smooth: Array, fine: Array, partition: Partition) -> list
 def fine_waves(surface: Topography, cut_off: float) -> Array:
     """Undeformed gap of the waves shorter than the cut-off, mean plane at 0."""
     return surface.low_pass(cut_off).heights - surface.heights
-
-
-def window_half_space(scene: Scene, partition: Partition, longest_wave: float | None) -> HalfSpace:
-    """Body of a window, without the waves that the global contact carries; None keeps all."""
-    return HalfSpace(
-        partition.window, partition.spacing, scene.modulus, ("mirror", "mirror"), longest_wave=longest_wave
-    )
