@@ -44,9 +44,6 @@ def spectral(pressure, half_space):
             p = np.concatenate([p, np.flip(p, axis)], axis)
     q = [2 * np.pi * scipy.fft.fftfreq(n, d) for n, d in zip(p.shape, half_space.spacing, strict=True)]
     size = np.hypot(q[0][:, None], q[1][None, :])
-    if half_space.longest_wave is not None:
-        cut = 2 * np.pi / half_space.longest_wave
-        size[size < cut * (1 - 1e-9)] = 50 * cut
     size[0, 0] = np.inf
     u = scipy.fft.ifft2(scipy.fft.fft2(p) * 2 / (half_space.modulus * size)).real
     return u[: half_space.shape[0], : half_space.shape[1]]

@@ -70,12 +70,11 @@ def loading(seed):
 
 
 def unloading(seed):
-    """Windows unloaded from up to 0.9999 H, also onto another raw gap, with and without a split kernel."""
+    """Windows unloaded from up to 0.9999 H, also onto another raw gap."""
     rng = np.random.default_rng(seed)
     n = int(rng.choice([32, 48, 64]))
     boundary = "periodic" if rng.random() < 0.3 else "mirror"
-    longest = [None, n * 0.5e-6, n * 0.25e-6][rng.integers(3)]
-    half_space = HalfSpace((n, n), (1e-6, 1e-6), E, boundary, longest_wave=longest)
+    half_space = HalfSpace((n, n), (1e-6, 1e-6), E, boundary)
     slope = float(np.exp(rng.uniform(np.log(0.03), np.log(0.6))))
     hardness = float(np.exp(rng.uniform(np.log(0.5e9), np.log(10e9))))
     kind = rng.choice(["smooth", "rough", "white"], p=[0.7, 0.25, 0.05])

@@ -130,40 +130,6 @@ def test_single_waves_respond_with_two_over_modulus_times_wave_number(kind):
         assert_allclose(u, 2 / (E * np.hypot(q1, q2)) * wave, rtol=0, atol=1e-13 * np.abs(u).max())
 
 
-@pytest.mark.parametrize("kind", ["periodic", "mirror"])
-@pytest.mark.parametrize(("waves", "kept"), [(3.999, True), (4.0, True), (4.001, False)])
-def test_longest_wave_leaves_a_fiftieth_to_exactly_the_longer_waves(kind, waves, kept):
-    """`longest_wave` = size/waves: the wave with four periods stays if it is not longer."""
-    n, d = 32, 1e-6
-    x = (np.arange(n) + 0.5) / n
-    full = HalfSpace((n, n), (d, d), E, kind)
-    part = HalfSpace((n, n), (d, d), E, kind, longest_wave=n * d / waves)
-    for k in range(1, 16):
-        wave = np.broadcast_to(np.cos(2 * np.pi * k * x)[:, None], (n, n))
-        for field in (wave, wave.T):
-            whole = full.displacement(field)
-            expected = whole if k > 4 or (k == 4 and kept) else whole / 50 * k / waves
-            assert_allclose(part.displacement(field), expected, rtol=0, atol=1e-13 * np.abs(whole).max())
-    # by the length of the wave vector, not by its components: (3, 3) is a wave of 4.24 periods
-    slanted = np.cos(2 * np.pi * 3 * x)[:, None] * np.cos(2 * np.pi * 3 * x)
-    assert_allclose(part.displacement(slanted), full.displacement(slanted), rtol=1e-12)
-
-
-@pytest.mark.parametrize("boundary", [p for p in PAIRS if "free" not in p])
-def test_longest_wave_splits_the_displacement(boundary, spectral_displacement):
-    half_space = HalfSpace((18, 25), (1e-6, 3e-6), E, boundary, longest_wave=1.7e-5)
-    p = np.random.default_rng(5).random((18, 25))
-    u = half_space.displacement(p)
-    assert_allclose(u, spectral_displacement(p, half_space), rtol=0, atol=1e-13 * np.abs(u).max())
-
-
-def test_longest_wave_beyond_the_cell_changes_nothing():
-    p = np.random.default_rng(6).random((8, 8))
-    full = HalfSpace((8, 8), (1e-6, 1e-6), E).displacement(p)
-    part = HalfSpace((8, 8), (1e-6, 1e-6), E, longest_wave=1.0).displacement(p)
-    assert np.array_equal(full, part)
-
-
 @settings(deadline=None, max_examples=25)
 @given(
     shape=st.tuples(st.integers(1, 13), st.integers(1, 13)),
@@ -249,15 +215,11 @@ def test_one_word_stands_for_both_axes():
         ({"boundary": ("free", "closed")}, ["boundary", "closed", "periodic, mirror, free"]),
         ({"boundary": "open"}, ["boundary", "open"]),
         ({"boundary": ("free",)}, ["boundary", "each axis"]),
-        ({"longest_wave": -1.0}, ["longest_wave", "-1.0"]),
-        ({"longest_wave": np.nan}, ["longest_wave", "nan"]),
-        ({"longest_wave": 1.0, "boundary": ("free", "mirror")}, ["longest_wave", "free"]),
         ({"shape": (np.nan, 4)}, ["shape", "nan"]),
         ({"shape": ("a", 4)}, ["shape", "a"]),
         ({"spacing": ("1 um", 1e-6)}, ["spacing", "1 um"]),
         ({"modulus": "115 GPa"}, ["modulus", "115 GPa"]),
         ({"modulus": None}, ["modulus", "None"]),
-        ({"longest_wave": "1 mm"}, ["longest_wave", "1 mm"]),
     ],
 )
 def test_bad_input_is_named(change, words):

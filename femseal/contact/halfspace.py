@@ -21,8 +21,6 @@ from .plans import Kept, Transform, planned, preferred
 
 Array = NDArray[np.float64]
 BOUNDARIES = ("periodic", "mirror", "free")
-#: Response of waves that a coarser solution carries, beside that of the shortest of them.
-_CARRIED_SHARE = 0.02
 
 
 @dataclass(frozen=True)
@@ -38,8 +36,6 @@ class HalfSpace:
     spacing : (Δ1, Δ2) [m].
     modulus : contact modulus E* [Pa].
     boundary : kind of each axis, "periodic", "mirror" or "free"; one word stands for both.
-    longest_wave : waves longer than this [m] hardly respond, because a coarser solution carries them (no free axis):
-        a fiftieth of the response of this wave keeps the pressure unique.
     plans : of its transforms in one thread, made by another process. A half-space that is pickled takes them along, so
         that it gives the same bits wherever it is solved; see `contact.plans`.
 
@@ -61,7 +57,6 @@ class HalfSpace:
     spacing: tuple[float, float]
     modulus: float
     boundary: tuple[str, str] = ("periodic", "periodic")
-    longest_wave: float | None = None
     plans: Kept = field(default=(), compare=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -78,16 +73,12 @@ class HalfSpace:
         if first not in BOUNDARIES or second not in BOUNDARIES:
             raise InputError.of("boundary", self.boundary, kinds)
         object.__setattr__(self, "boundary", (first, second))
-        if self.longest_wave is not None:
-            object.__setattr__(self, "longest_wave", checks.number("longest_wave", self.longest_wave, unit="m"))
-            if "free" in self.boundary:
-                raise InputError.of("longest_wave", self.longest_wave, "None where an axis is free")
 
     def __reduce__(self) -> tuple[Any, ...]:
         from .grid import plans_of  # its grids stand on this module
 
         plans = self.plans or plans_of(self)
-        return HalfSpace, (self.shape, self.spacing, self.modulus, self.boundary, self.longest_wave, plans)
+        return HalfSpace, (self.shape, self.spacing, self.modulus, self.boundary, plans)
 
     def transforms(self, dtype: Any, threads: int = 1) -> list[Transform]:
         """From the points of a real type to all their waves, one after another."""
@@ -122,12 +113,7 @@ class HalfSpace:
         if b2 == "free":
             full = kernels.strip_symbol(n2, d2, kernels.wave_numbers(n1, d1, b1, half=False), d1, self.modulus)
             return np.ascontiguousarray(full[: full.shape[0] // 2 + 1].T)
-        symbol = kernels.spectral_symbol(q1, q2, self.modulus)
-        if self.longest_wave is not None:
-            carried = np.hypot(q1[:, None], q2[None, :]) < 2 * np.pi / self.longest_wave * (1 - 1e-9)
-            symbol[carried] = _CARRIED_SHARE * 2 / self.modulus * self.longest_wave / (2 * np.pi)
-            symbol[q1 == 0, 0] = 0.0
-        return symbol
+        return kernels.spectral_symbol(q1, q2, self.modulus)
 
     def displacement(self, pressure: ArrayLike) -> Array:
         """Displacement u = K p [m] of shape (n1, n2) under pressures p [Pa] of the same shape."""

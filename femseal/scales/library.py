@@ -90,7 +90,7 @@ class WindowSource:
     def key(self, ladder: Ladder) -> str:
         """Name of all that the response of window n depends on, but for the pressures at which it is known."""
         body = self.half_space
-        settings = [FORMAT, body.shape, body.spacing, body.modulus, body.boundary, body.longest_wave, self.hardness]
+        settings = [FORMAT, body.shape, body.spacing, body.modulus, body.boundary, self.hardness]
         settings += [self.seed, self.rtol, ladder.stops, ladder.separations, ladder.closing_rtol, ladder.bounds]
         digest = hashlib.sha256(json.dumps(settings).encode())
         for topography in self.topographies:
