@@ -1,6 +1,15 @@
 """Heights and load in, pressure and gap out: elastic-perfectly plastic contact of a half-space."""
 
-from .cycle import LoadCycle, LoadState, LoadStep, load_cycle, load_programme, peak_indices, solve_with_memory
+from .cycle import (
+    LoadCycle,
+    LoadState,
+    LoadStep,
+    load_cycle,
+    load_programme,
+    load_states,
+    peak_indices,
+    solve_with_memory,
+)
 from .halfspace import HalfSpace
 from .solver import Contact, solve_contact
 
@@ -12,6 +21,7 @@ __all__ = [
     "LoadStep",
     "load_cycle",
     "load_programme",
+    "load_states",
     "peak_indices",
     "solve_contact",
     "solve_with_memory",

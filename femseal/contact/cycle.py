@@ -7,7 +7,7 @@ Source: Sahlin et al., Proc. IMechE J 224, 2010, 335; Pérez-Ràfols et al., 201
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from math import inf
@@ -156,7 +156,7 @@ def load_cycle(
     unloading: Sequence[float] = (),
     rtol: float = 1e-6,
 ) -> LoadCycle:
-    """Contact along a loading curve and along any number of unloadings that share it.
+    """Contact along a loading curve and along any number of unloadings that share it; `load_states` one by one.
 
     Parameters
     ----------
@@ -175,21 +175,49 @@ def load_cycle(
     ------
     InputError, NotConverged : as `solve_contact`; the whole programme is checked before anything is solved.
     """
+    return LoadCycle(
+        load_states(
+            gap0,
+            half_space,
+            loading=loading,
+            hardness=hardness,
+            unload_from=unload_from,
+            unloading=unloading,
+            rtol=rtol,
+        )
+    )
+
+
+def load_states(
+    gap0: ArrayLike,
+    half_space: HalfSpace,
+    *,
+    loading: Sequence[float],
+    hardness: float | ArrayLike = inf,
+    unload_from: Sequence[float] = (),
+    unloading: Sequence[float] = (),
+    rtol: float = 1e-6,
+) -> Iterator[LoadState]:
+    """The states of `load_cycle` one after another, checked at once and solved when asked for, none of them kept."""
     steps = load_programme(loading, unload_from, unloading)
     highest = max(s.pressure for s in steps)
     if highest > (limit := float(hardness_bounds(hardness, half_space.shape).mean())) * (1 + 1e-12):
         raise InputError.of("loading", f"{highest:g} Pa", f"at most the mean hardness, {limit:g} Pa")
-    gap0 = checks.field("gap0", gap0, unit="m", shape=half_space.shape)
+    return _solved(checks.field("gap0", gap0, unit="m", shape=half_space.shape), half_space, steps, hardness, rtol)
+
+
+def _solved(
+    gap0: np.ndarray, half_space: HalfSpace, steps: Sequence[LoadStep], hardness: float | ArrayLike, rtol: float
+) -> Iterator[LoadState]:
+    peaks = {step.unloaded_from for step in steps}
     left: dict[float, np.ndarray] = {}
-    states = []
     for step in steps:
         memory = None if step.unloaded_from is None else left[step.unloaded_from]
         contact = solve_with_memory(gap0, half_space, memory, pressure=step.pressure, hardness=hardness, rtol=rtol)
-        if step.unloaded_from is None:
+        if step.unloaded_from is None and step.pressure in peaks:
             left[step.pressure] = contact.plastic_deformation
         again = 0.0 if memory is None else _yielded_again(contact, memory, rtol)
-        states.append(LoadState(step.pressure, step.unloaded_from, contact=contact, yielded_again=again))
-    return LoadCycle(states)
+        yield LoadState(step.pressure, step.unloaded_from, contact=contact, yielded_again=again)
 
 
 def _yielded_again(contact: Contact, memory: np.ndarray, rtol: float) -> float:

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from scipy.fft import dctn, idctn
 from scipy.ndimage import zoom
 
-from ..contact import HalfSpace, LoadStep, load_cycle
+from ..contact import HalfSpace, LoadStep, load_programme, load_states
 from ..errors import InputError
 from ..topography import Topography
 
@@ -192,7 +192,12 @@ def solve_global_scale(
     top = float(surface.heights.max())
     fine_gap, coarse_gap = top - smooth.heights, top - coarse.heights
     half_space = HalfSpace(coarse.shape, coarse.spacing, modulus, boundary)
-    states = load_cycle(
+    steps = load_programme(loading, unload_from, unloading)
+    raw_gap = np.empty((len(steps), *surface.shape), np.float32)
+    contact_pressure = np.empty((len(steps), *coarse.shape), np.float32)
+    pressure, across = np.empty((len(steps), m1, m2)), np.empty((len(steps), m1 - 1, m2))
+    residual = 0.0
+    states = load_states(
         coarse_gap,
         half_space,
         loading=loading,
@@ -201,18 +206,19 @@ def solve_global_scale(
         hardness=hardness,
         rtol=rtol,
     )
-    raw_gap = np.empty((len(states), *surface.shape), np.float32)
-    across = np.array([cells.means(s.contact.pressure, 1) for s in states])
-    for s, state in enumerate(states):
+    for s, contact in enumerate(state.contact for state in states):
         # what the load adds is smoother than the gap itself, so that alone is interpolated
-        raw_gap[s] = fine_gap + _refine(state.contact.raw_gap - coarse_gap, surface.shape, boundary)
+        raw_gap[s] = fine_gap + _refine(contact.raw_gap - coarse_gap, surface.shape, boundary)
+        contact_pressure[s] = contact.pressure
+        pressure[s], across[s] = (cells.means(contact.pressure, axis).reshape(-1, m2) for axis in (0, 1))
+        residual = max(residual, contact.residual)
     return GlobalScale(
-        steps=tuple(LoadStep(s.pressure, s.unloaded_from) for s in states),
-        pressure=np.array([cells.means(s.contact.pressure, 0) for s in states]),
-        pressure_across=across.reshape(len(states), m1 - 1, m2),
+        steps=steps,
+        pressure=pressure,
+        pressure_across=across,
         raw_gap=raw_gap,
-        contact_pressure=np.array([s.contact.pressure for s in states], np.float32),
-        residual=max(s.contact.residual for s in states),
+        contact_pressure=contact_pressure,
+        residual=residual,
     )
 
 

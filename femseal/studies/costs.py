@@ -48,7 +48,9 @@ def stochastic_cost(
         seconds = _LADDER_STATES * sampling.library_cells * (contact + 2 * (3 if sampling.bounds else 1) * flow)
     links = seal[0] * seal[1]
     # as many seals again from resampled libraries, and from lower and upper bounds
-    seconds += (4 if sampling.bounds else 2) * sampling.realisations * steps * 4e-7 * links * max(1.0, np.log2(min(seal)))
+    seconds += (
+        (4 if sampling.bounds else 2) * sampling.realisations * steps * 4e-7 * links * max(1.0, np.log2(min(seal)))
+    )
     held = 1 if sampling.chosen_sampler in ("history", "block") else steps
     return seconds, 8.0 * (pixels * steps * 3 + links * (held * 2 + 30))
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ..contact import HalfSpace, LoadStep, load_cycle
+from ..contact import HalfSpace, LoadStep, load_states
 from ..showing import Shown
 from .scene import Array, Map, Scene, labels, leakage_plot
 
@@ -38,15 +38,20 @@ def deterministic(scene: Scene, *, map: Map = map) -> DeterministicResult:
     """Contact and flow of the whole face at full resolution, step by step."""
     surface = scene.surface
     half_space = HalfSpace(surface.shape, surface.spacing, scene.modulus, scene.boundary)
-    states = load_cycle(surface.heights.max() - surface.heights, half_space, **scene.cycle)
-    leakage, failures = scene.resolved_leakage([s.contact.gap for s in states], map)
+    gaps, facts = [], []
+    for state in load_states(surface.heights.max() - surface.heights, half_space, **scene.cycle):
+        contact = state.contact
+        gaps.append(contact.gap)
+        facts.append((contact.area_fraction, contact.plastic_fraction, contact.mean_gap, contact.residual))
+    contact_fraction, plastic_fraction, mean_gap, residual = np.array(facts).T
+    leakage, failures = scene.resolved_leakage(gaps, map)
     return DeterministicResult(
-        steps=tuple(LoadStep(s.pressure, s.unloaded_from) for s in states),
+        steps=scene.steps,
         leakage=leakage,
-        contact_fraction=np.array([s.contact.area_fraction for s in states]),
-        plastic_fraction=np.array([s.contact.plastic_fraction for s in states]),
-        mean_gap=np.array([s.contact.mean_gap for s in states]),
-        gap=np.array([s.contact.gap for s in states], np.float32),
-        residual=max(s.contact.residual for s in states),
+        contact_fraction=contact_fraction,
+        plastic_fraction=plastic_fraction,
+        mean_gap=mean_gap,
+        gap=np.array(gaps, np.float32),
+        residual=float(residual.max()),
         failures=failures,
     )
