@@ -18,7 +18,7 @@ from ..scales import LadderLibrary, Partition, draw_links
 from ..seal import RectangularSeal
 from ..showing import Shown
 from .scene import Array, Map, Scene, labels, leakage_plot
-from .sources import PRESSURES, PlacedLibrary, Sampling, Tables, seal_cells
+from .sources import PRESSURES, PlacedLibrary, Sampling, Tables, Wanted, seal_cells
 from .windows import TwoScaleResult
 
 if TYPE_CHECKING:
@@ -233,7 +233,7 @@ def _draw(
     n1, n2 = seal_cells(partition, sampling)
     if sampling.profile and len(sampling.profile) != n1:
         raise InputError.of("profile", f"{len(sampling.profile)} numbers", f"{n1}, one for each row of windows")
-    library, kinds, rows = PRESSURES[sampling.pressure](scene, partition, sampling, (n1, n2), two_scale, map)
+    library, kinds, rows = PRESSURES[sampling.pressure](Wanted(scene, partition, sampling, (n1, n2), two_scale, map))
     seal = RectangularSeal((n1 * partition.window_size[0], n2 * partition.window_size[1]), (n1, n2), rows)
     task = partial(_realise, scene=scene, seal=seal, kinds=kinds, sampling=sampling)
     count = sampling.realisations

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -117,26 +116,31 @@ def seal_cells(partition: Partition, sampling: Sampling) -> tuple[int, int]:
 
 #: From which links along x1 and x2 are drawn.
 Tables = tuple[LinkTable, LinkTable]
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """What links are wanted for: windows of a face, a seal of so many, and what is known of the face already."""
+
+    scene: Scene
+    partition: Partition
+    sampling: Sampling
+    seal: tuple[int, int]
+    two_scale: TwoScaleResult | None
+    map: Map
+
+
 #: A library, its tables, with bounds followed by those of the lower and of the upper ones, and the x1 of the rows of
 #: nodes (none: equidistant).
-Source = Callable[
-    [Scene, Partition, Sampling, tuple[int, int], TwoScaleResult | None, Map],
-    tuple[LadderLibrary | PlacedLibrary, tuple[Tables, ...], tuple[float, ...]],
-]
+Source = Callable[[Wanted], tuple[LadderLibrary | PlacedLibrary, tuple[Tables, ...], tuple[float, ...]]]
 
 
-def _placed(
-    scene: Scene,
-    partition: Partition,
-    sampling: Sampling,
-    seal: tuple[int, int],
-    two_scale: TwoScaleResult | None,
-    map: Map,
-) -> Any:
+def _placed(wanted: Wanted) -> tuple[PlacedLibrary, tuple[Tables], tuple[float, ...]]:
     """All windows of the face at their places, moved along it by fractions of a window where more are wanted."""
-    (m1, m2), w2, n2 = partition.cells, partition.window[1], seal[1]
+    scene, partition, two_scale, map = wanted.scene, wanted.partition, wanted.two_scale, wanted.map
+    (m1, m2), w2, n2 = partition.cells, partition.window[1], wanted.seal[1]
     contact = two_scale or solve_windows(scene, partition.cells, map=map)
-    shifts = int(np.clip(-(-sampling.library_cells // (m1 * m2)), 1, w2))
+    shifts = int(np.clip(-(-wanted.sampling.library_cells // (m1 * m2)), 1, w2))
     moved = [n * w2 // shifts for n in range(shifts)]
     known = {} if two_scale is None else {(0, 0): two_scale.k1, (1, 0): two_scale.k2}
     flows = [
@@ -166,11 +170,12 @@ def _placed(
         correlation_length=length,
         shifts=shifts,
         counts={name: sum(f.counts[name] for f in every) for name in every[0].counts},
-        failures=contact.failures + tuple(text for f in every for text in f.failures),
+        # those of two scales are theirs
+        failures=(() if two_scale else contact.failures) + tuple(text for f in every for text in f.failures),
     )
     run = min(RUN_LENGTHS * length, float(m2))
-    tables = tuple(LinkTable(k, np.tile(np.arange(len(k)), n2), len(k), scene.steps, run, length) for k in (k1, k2))
-    return library, (tables,), contact.partition.node_rows
+    along, across = (LinkTable(k, np.tile(np.arange(len(k)), n2), len(k), scene.steps, run, length) for k in (k1, k2))
+    return library, ((along, across),), contact.partition.node_rows
 
 
 _NOTHING_SOLVED = {"solved": 0, "closed": 0, "open": 0}
@@ -186,21 +191,15 @@ def _without_failed(k1: Array, k2: Array) -> tuple[Array, Array]:
     return k1[:, taken], k2[:, taken]
 
 
-def _global(
-    scene: Scene,
-    partition: Partition,
-    sampling: Sampling,
-    seal: tuple[int, int],
-    two_scale: TwoScaleResult | None,
-    map: Map,
-) -> Any:
+def _global(wanted: Wanted) -> tuple[LadderLibrary, tuple[Tables, ...], tuple[float, ...]]:
     """A ladder up to the highest window pressure; each link follows its place in the repeated global contact."""
-    (m1, m2), n2 = partition.cells, seal[1]
+    scene, partition = wanted.scene, wanted.partition
+    (m1, m2), n2 = partition.cells, wanted.seal[1]
     cut_off = CUT_OFF_WINDOWS * min(partition.window_size)
     world = solve_global_scale(
         scene.surface, partition, cut_off, modulus=scene.modulus, boundary=scene.boundary, **scene.cycle
     )
-    library = _library(scene, partition, sampling, float(world.pressure.max()), map, apart=True)
+    library = _library(wanted, float(world.pressure.max()), apart=True)
     # windows without pressure stand off as the asperities of the others make the whole body do
     peaks = peak_indices(scene.steps)
     load = world.pressure.sum(axis=(1, 2))
@@ -217,23 +216,16 @@ def _global(
     return library, _tables(library, links, scene), ()
 
 
-def _uniform(
-    scene: Scene,
-    partition: Partition,
-    sampling: Sampling,
-    seal: tuple[int, int],
-    two_scale: TwoScaleResult | None,
-    map: Map,
-) -> Any:
+def _uniform(wanted: Wanted) -> tuple[LadderLibrary, tuple[Tables, ...], tuple[float, ...]]:
     """Full heights under the nominal pressure, or under the share of it that the profile gives to a row."""
-    n1, n2 = seal
+    scene, (n1, n2) = wanted.scene, wanted.seal
     nominal = np.array([s.pressure for s in scene.steps])
-    rows = np.asarray(sampling.profile or (1.0,), float)
+    rows = np.asarray(wanted.sampling.profile or (1.0,), float)
     # between the rows of a profile lie those of the links across
     shares = (rows, (rows[:-1] + rows[1:]) / 2 if rows.size > 1 else rows)
     highest = float(nominal.max() * rows.max())
     exact = tuple(s.pressure for s in scene.steps if s.unloaded_from is None) if rows.size == 1 else ()
-    library = _library(scene, partition, sampling, highest, map, exact=exact)
+    library = _library(wanted, highest, exact=exact)
     links: list[_Links] = []
     for axis in (0, 1):
         paths = shares[axis][:, None] * nominal
@@ -257,20 +249,12 @@ def _tables(library: LadderLibrary, links: list[_Links], scene: Scene) -> tuple[
     return tuple((table(0, kind), table(1, kind)) for kind in range(library.ladder.kinds))
 
 
-def _library(
-    scene: Scene,
-    partition: Partition,
-    sampling: Sampling,
-    highest: float,
-    map: Map,
-    *,
-    apart: bool = False,
-    exact: tuple[float, ...] = (),
-) -> LadderLibrary:
+def _library(wanted: Wanted, highest: float, *, apart: bool = False, exact: tuple[float, ...] = ()) -> LadderLibrary:
     """Windows of a topography along the standard ladder as far as needed, `apart` also without pressure.
 
     Exact loading pressures are solved besides; windows are then unloaded from the scene's own peaks.
     """
+    scene, partition, sampling = wanted.scene, wanted.partition, wanted.sampling
     full = min(scene.hardness, 0.5 * scene.modulus * scene.surface.rms_slope)
     half_space = HalfSpace(partition.window, partition.spacing, scene.modulus, ("mirror", "mirror"))
     source = WindowSource((-scene.surface.heights,), half_space, scene.hardness, sampling.seed, scene.rtol)
@@ -286,7 +270,7 @@ def _library(
     ladder = on_ladder(ladder, exact, highest)
     if exact:
         ladder = replace(ladder, peaks=tuple(sorted(waits)), stops=STOPS if waits else ())
-    return build_ladder_library(source, ladder, sampling.library_cells, folder=sampling.library, map=map)
+    return build_ladder_library(source, ladder, sampling.library_cells, folder=sampling.library, map=wanted.map)
 
 
 PRESSURES: dict[str, Source] = {"place": _placed, "global": _global, "uniform": _uniform}
