@@ -302,6 +302,17 @@ def test_equals_an_independent_solver(boundary, share, hardness, dense_operator)
     assert 0 < contact.area_fraction < 1 or share == 0.9
 
 
+@pytest.mark.parametrize("points", [3, 20, 200])
+@pytest.mark.parametrize("more", [1e-6, 1e-5, 1e-4])
+def test_the_load_is_exact_where_hardly_any_is_left_beside_plastic_points(points, more):
+    """What the last point carries is far below the residual allowed, but belongs to the load."""
+    for seed in range(5):
+        z = 2e-6 * np.random.default_rng(seed).standard_normal((32, 32))
+        load = (points + more) * 4e8 / z.size
+        contact = solve_contact(z, HalfSpace(z.shape, (D, D), E, "mirror"), pressure=load, hardness=4e8, rtol=1e-3)
+        assert_allclose(contact.pressure.mean(), load, rtol=1e-12)
+
+
 # --- invariants ---
 
 

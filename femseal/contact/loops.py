@@ -102,7 +102,8 @@ def advance(
         _look(t, p, v, pending, hardness, state, near, free, place, x, pn, vn, kn)
         pending = 0.0
         t.converged = t.residual <= t.rtol
-        if (t.converged and t.fresh) or t.iteration >= t.limit:
+        # what a solution starts from may miss the load by the residual, a projection does not
+        if (t.converged and t.fresh and t.phase != _FIRST) or t.iteration >= t.limit:
             _clear(free, t.free, d)
             return DONE
         t.iteration += 1
