@@ -164,11 +164,26 @@ def table(records):
     return rows(head, cells)
 
 
+def computed(task, path):
+    """The record of a task: from the file of records if it is there, else computed and appended."""
+    known = [json.loads(line) for line in path.read_text().splitlines()] if path and path.exists() else []
+    for record in known:
+        if all(record[name] == value for name, value in task.items()):
+            return record
+    record = task | call(__file__, ["--worker", json.dumps(task)], 1)
+    if path:
+        with path.open("a", encoding="utf-8") as file:
+            file.write(json.dumps(record) + "\n")
+    print(json.dumps(record), file=sys.stderr, flush=True)
+    return record
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--cells", type=int, nargs="+", default=[10_000, 100_000, 1_000_000])
     parser.add_argument("--repeats", type=int, default=5)
     parser.add_argument("--solvers", nargs="+", default=list(SOLVERS), choices=list(SOLVERS))
+    parser.add_argument("--records", type=Path, help="file in which results are kept")
     parser.add_argument("--write", action="store_true", help="write the table")
     parser.add_argument("--worker", help=argparse.SUPPRESS)
     options = parser.parse_args()
@@ -184,10 +199,8 @@ def main():
                 if not own and (seconds > PATIENCE or size > MEMORY):
                     break
                 task = {"solver": name, "cells": n, "sigma": sigma, "closed": closed, "repeats": options.repeats}
-                new = call(__file__, ["--worker", json.dumps(task)], 1)
-                records.append(task | new)
-                seconds, size = 15 * new["time"], 15 * new["memory"]
-                print(json.dumps(records[-1]), file=sys.stderr, flush=True)
+                records.append(computed(task, options.records))
+                seconds, size = (15 * records[-1][name] for name in ("time", "memory"))
     known = []
     for sigma in (1.0, 2.0, 3.0):
         leakages = call(__file__, ["--worker", json.dumps({"sigma": sigma, "answers": ANSWERS})], 1)
