@@ -12,6 +12,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from math import ceil
 from typing import Any
 
@@ -159,10 +160,16 @@ class GlobalScale:
         coarse = Partition(self.contact_pressure.shape[1:], partition.spacing, partition.cells)
         size = partition.window_size
         spacing = (size[0] / coarse.window[0], size[1] / coarse.window[1])
-        symbol = replace(body, shape=coarse.window, spacing=spacing, plans=()).symbol()
+        symbol = _symbol(body, coarse.window, spacing)
         waves = dctn(coarse.cell(self.contact_pressure, i, j).astype(float), axes=(1, 2), norm="forward")
         own = idctn(waves * symbol, s=partition.window, axes=(1, 2), norm="forward")
         return (partition.cell(self.raw_gap, i, j) - own).astype(np.float32)
+
+
+@lru_cache(maxsize=1)
+def _symbol(body: HalfSpace, shape: tuple[int, int], spacing: tuple[float, float]) -> Array:
+    """Eigenvalues of a body on another grid; every cell of a face asks for the same."""
+    return replace(body, shape=shape, spacing=spacing, plans=()).symbol()
 
 
 def solve_global_scale(

@@ -7,6 +7,7 @@ import os
 import platform
 import subprocess
 import sys
+from collections.abc import Callable, Iterable
 from datetime import date
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -52,6 +53,21 @@ def rows(head: list[str], cells: list[list[str]]) -> str:
     """A Markdown table."""
     lines = [head, ["---"] * len(head), *cells]
     return "\n".join("| " + " | ".join(line) + " |" for line in lines)
+
+
+def kept(task: dict[str, Any], names: Iterable[str], path: Path | None, compute: Callable[[], dict[str, Any]]) -> Any:
+    """The record with the task's values of these names from a file of records, else computed, printed and appended."""
+    known = [json.loads(line) for line in path.read_text().splitlines()] if path and path.exists() else []
+    names = list(names)
+    for record in known:
+        if all(record[name] == task[name] for name in names):
+            return record
+    record = compute()
+    if path:
+        with path.open("a", encoding="utf-8") as file:
+            file.write(json.dumps(record) + "\n")
+    print(json.dumps(record), file=sys.stderr, flush=True)
+    return record
 
 
 def resident(name: str) -> int:

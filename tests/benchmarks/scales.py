@@ -14,12 +14,12 @@ from __future__ import annotations
 
 import argparse
 import json
-import sys
 import time
+from functools import partial
 from pathlib import Path
 
 import numpy as np
-from common import ROOT, call, forget_peak, machine, replace_between, resident, rows
+from common import ROOT, call, forget_peak, kept, machine, replace_between, resident, rows
 
 HERE = Path(__file__).parent
 MODULUS, PIXEL = 115e9, 1e-6
@@ -146,19 +146,10 @@ def table(records):
     return rows(head, cells)
 
 
-def computed(task, path):
-    """The record of a task: from the file of records if it is there, else computed and appended."""
-    known = [json.loads(line) for line in path.read_text().splitlines()] if path and path.exists() else []
-    for record in known:
-        if all(record[name] == task[name] for name in ("kind", "label", "seed", "windows")):
-            return record
+def computed(task):
+    """The record of a task, each route by a process of its own."""
     routes = [call(__file__, ["--worker", json.dumps(task | {"route": r})], 1) for r in ("deterministic", "two-scale")]
-    record = {name: value for name, value in compare(task, *routes).items() if name != "file"}
-    if path:
-        with path.open("a", encoding="utf-8") as file:
-            file.write(json.dumps(record) + "\n")
-    print(json.dumps(record), file=sys.stderr, flush=True)
-    return record
+    return {name: value for name, value in compare(task, *routes).items() if name != "file"}
 
 
 def main():
@@ -193,7 +184,8 @@ def main():
         {"kind": "measured", "label": Path(file).stem, "file": file, "n": 0, "seed": 0, "windows": 16}
         for file in options.measured
     ]
-    records = [computed(task, options.records) for task in tasks]
+    names = ("kind", "label", "seed", "windows")
+    records = [kept(task, names, options.records, partial(computed, task)) for task in tasks]
     if options.records:
         records = [json.loads(line) for line in options.records.read_text(encoding="utf-8").splitlines()]
         records.sort(key=lambda r: ([*KINDS, "measured"].index(r["kind"]), r["n"], r["label"], r["seed"]))

@@ -14,12 +14,12 @@ from __future__ import annotations
 
 import argparse
 import json
-import sys
 import time
+from functools import partial
 from pathlib import Path
 
 import numpy as np
-from common import ROOT, call, forget_peak, machine, replace_between, resident, rows
+from common import ROOT, call, forget_peak, kept, machine, replace_between, resident, rows
 
 HERE = Path(__file__).parent
 PACKAGES = {"pyamg": "pyamg", "scipy": "scipy", "pypardiso": "pypardiso"}
@@ -164,18 +164,9 @@ def table(records):
     return rows(head, cells)
 
 
-def computed(task, path):
-    """The record of a task: from the file of records if it is there, else computed and appended."""
-    known = [json.loads(line) for line in path.read_text().splitlines()] if path and path.exists() else []
-    for record in known:
-        if all(record[name] == value for name, value in task.items()):
-            return record
-    record = task | call(__file__, ["--worker", json.dumps(task)], 1)
-    if path:
-        with path.open("a", encoding="utf-8") as file:
-            file.write(json.dumps(record) + "\n")
-    print(json.dumps(record), file=sys.stderr, flush=True)
-    return record
+def computed(task):
+    """The record of a task, by a process of its own."""
+    return task | call(__file__, ["--worker", json.dumps(task)], 1)
 
 
 def main():
@@ -199,7 +190,7 @@ def main():
                 if not own and (seconds > PATIENCE or size > MEMORY):
                     break
                 task = {"solver": name, "cells": n, "sigma": sigma, "closed": closed, "repeats": options.repeats}
-                records.append(computed(task, options.records))
+                records.append(kept(task, task, options.records, partial(computed, task)))
                 seconds, size = (15 * records[-1][name] for name in ("time", "memory"))
     known = []
     for sigma in (1.0, 2.0, 3.0):
