@@ -3,7 +3,7 @@
 from .curves import CellCurves
 from .ladder import Cell, Ladder, follow
 from .library import LadderLibrary, LibraryTable, WindowSource, build_ladder_library, on_ladder
-from .partition import GlobalScale, Partition, solve_global_scale
+from .partition import GlobalState, Partition, global_states
 from .response import WindowHistory, respond
 from .sampling import SAMPLERS, LinkTable, correlation_length, draw_links
 
@@ -11,7 +11,7 @@ __all__ = [
     "SAMPLERS",
     "Cell",
     "CellCurves",
-    "GlobalScale",
+    "GlobalState",
     "Ladder",
     "LadderLibrary",
     "LibraryTable",
@@ -23,7 +23,7 @@ __all__ = [
     "correlation_length",
     "draw_links",
     "follow",
+    "global_states",
     "on_ladder",
     "respond",
-    "solve_global_scale",
 ]

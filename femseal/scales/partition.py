@@ -10,9 +10,8 @@ short-circuits the constrictions there: on a face with ridges the lines lie in v
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from math import ceil
 from typing import Any
 
@@ -22,6 +21,7 @@ from scipy.fft import dctn, idctn
 from scipy.ndimage import zoom
 
 from ..contact import HalfSpace, LoadStep, load_programme, load_states
+from ..contact.complement import FieldOverSteps
 from ..errors import InputError
 from ..topography import Topography
 
@@ -96,7 +96,7 @@ class Partition:
         w1, w2 = self.window
         return fields[..., i * w1 : (i + 1) * w1, j * w2 : (j + 1) * w2]
 
-    def link(self, fields: NDArray[Any], i: int, j: int, axis: int, shift: int = 0) -> NDArray[Any]:
+    def link(self, fields: NDArray[Any] | FieldOverSteps, i: int, j: int, axis: int, shift: int = 0) -> NDArray[Any]:
         """Window of the link (i, j) along `axis` from fields (…, n1, n2), periodic in x2.
 
         x2-links are counted from line 1. `shift` moves the window by pixels along x2.
@@ -134,45 +134,42 @@ class Partition:
 
 
 @dataclass(frozen=True)
-class GlobalScale:
-    """Global contact at each step of a programme.
+class GlobalState:
+    """Global contact at a step of a programme.
 
-    pressure : mean pressure of each cell (steps, m1, m2) [Pa]; `pressure_across` of the windows of the x2-links between
-        them, with the lines on their faces.
-    raw_gap : gap between virgin planes on the fine grid (steps, n1, n2) [m], negative where the low-pass face yielded.
-    contact_pressure : of the low-pass face, on the global grid (steps, k1, k2) [Pa].
+    pressure : mean pressure of each cell (m1, m2) [Pa]; `pressure_across` of the windows of the x2-links between them,
+        with the lines on their faces.
+    raw_gap : gap between virgin planes on the fine grid (n1, n2) [m], negative where the low-pass face yielded.
+    contact_pressure : of the low-pass face, on the global grid (k1, k2) [Pa].
     """
 
-    steps: tuple[LoadStep, ...]
+    step: LoadStep
     pressure: Array
     pressure_across: Array
-    raw_gap: NDArray[np.float32]
-    contact_pressure: NDArray[np.float32]
-    residual: float
+    raw_gap: Array
+    contact_pressure: Array
 
-    def outer_gap(self, partition: Partition, body: HalfSpace, i: int, j: int) -> NDArray[np.float32]:
-        """Raw gap of the cell (i, j) without what the pressure there adds (steps, w1, w2) [m].
+    def outer_gap(self, partition: Partition, body: HalfSpace) -> Array:
+        """Raw gap without what the pressure of each cell adds in it (n1, n2) [m].
 
-        The cell's own pressure acts on `body`, the mirrored one of a window. A window that starts from this gap may
+        A cell's own pressure acts on `body`, the mirrored one of a window. A window that starts from this gap may
         respond to its pressure with all waves: where it finds the global pressure again, it finds the global gap, and
         what it finds else is no response twice.
         """
-        coarse = Partition(self.contact_pressure.shape[1:], partition.spacing, partition.cells)
+        coarse = Partition(self.contact_pressure.shape, partition.spacing, partition.cells).window
         size = partition.window_size
-        spacing = (size[0] / coarse.window[0], size[1] / coarse.window[1])
-        symbol = _symbol(body, coarse.window, spacing)
-        waves = dctn(coarse.cell(self.contact_pressure, i, j).astype(float), axes=(1, 2), norm="forward")
-        own = idctn(waves * symbol, s=partition.window, axes=(1, 2), norm="forward")
-        return (partition.cell(self.raw_gap, i, j) - own).astype(np.float32)
+        spacing = (size[0] / coarse[0], size[1] / coarse[1])
+        symbol = replace(body, shape=coarse, spacing=spacing, plans=()).symbol()
+        gap = self.raw_gap.copy()
+        for i in range(partition.cells[0]):
+            band = self.contact_pressure[i * coarse[0] : (i + 1) * coarse[0]].reshape(coarse[0], -1, coarse[1])
+            waves = dctn(band, axes=(0, 2), norm="forward") * symbol[:, None, :]
+            own = idctn(waves, s=partition.window, axes=(0, 2), norm="forward")
+            gap[i * partition.window[0] : (i + 1) * partition.window[0]] -= own.reshape(partition.window[0], -1)
+        return gap
 
 
-@lru_cache(maxsize=1)
-def _symbol(body: HalfSpace, shape: tuple[int, int], spacing: tuple[float, float]) -> Array:
-    """Eigenvalues of a body on another grid; every cell of a face asks for the same."""
-    return replace(body, shape=shape, spacing=spacing, plans=()).symbol()
-
-
-def solve_global_scale(
+def global_states(
     surface: Topography,
     partition: Partition,
     cut_off: float,
@@ -184,49 +181,40 @@ def solve_global_scale(
     unload_from: Sequence[float] = (),
     unloading: Sequence[float] = (),
     rtol: float = 1e-6,
-) -> GlobalScale:
-    """Contact of the low-pass face on the global grid along a load programme.
+) -> Iterator[GlobalState]:
+    """Contact of the low-pass face on the global grid along a load programme, state after state.
 
     Waves shorter than `cut_off` [m] are left to the windows.
     """
-    m1, m2 = partition.cells
     cells = Partition(partition.shape, partition.spacing, partition.cells)
     smooth = surface.low_pass(cut_off)
     wanted = (ceil(PIXELS_PER_CUT_OFF * size / cut_off - 1e-9) for size in partition.window_size)
     per_window = [min(pixels, w) for pixels, w in zip(wanted, partition.window, strict=True)]
-    coarse_shape = (m1 * per_window[0], m2 * per_window[1])
+    coarse_shape = (partition.cells[0] * per_window[0], partition.cells[1] * per_window[1])
     coarse = smooth.resample(coarse_shape) if coarse_shape != surface.shape else smooth
     top = float(surface.heights.max())
     fine_gap, coarse_gap = top - smooth.heights, top - coarse.heights
-    half_space = HalfSpace(coarse.shape, coarse.spacing, modulus, boundary)
-    steps = load_programme(loading, unload_from, unloading)
-    raw_gap = np.empty((len(steps), *surface.shape), np.float32)
-    contact_pressure = np.empty((len(steps), *coarse.shape), np.float32)
-    pressure, across = np.empty((len(steps), m1, m2)), np.empty((len(steps), m1 - 1, m2))
-    residual = 0.0
     states = load_states(
         coarse_gap,
-        half_space,
+        HalfSpace(coarse.shape, coarse.spacing, modulus, boundary),
         loading=loading,
         unload_from=unload_from,
         unloading=unloading,
         hardness=hardness,
         rtol=rtol,
     )
-    for s, contact in enumerate(state.contact for state in states):
-        # what the load adds is smoother than the gap itself, so that alone is interpolated
-        raw_gap[s] = fine_gap + _refine(contact.raw_gap - coarse_gap, surface.shape, boundary)
-        contact_pressure[s] = contact.pressure
-        pressure[s], across[s] = (cells.means(contact.pressure, axis).reshape(-1, m2) for axis in (0, 1))
-        residual = max(residual, contact.residual)
-    return GlobalScale(
-        steps=steps,
-        pressure=pressure,
-        pressure_across=across,
-        raw_gap=raw_gap,
-        contact_pressure=contact_pressure,
-        residual=residual,
-    )
+    del smooth, coarse
+    for step, state in zip(load_programme(loading, unload_from, unloading), states, strict=True):
+        contact = state.contact
+        pressure, across = (cells.means(contact.pressure, axis) for axis in (0, 1))
+        yield GlobalState(
+            step=step,
+            pressure=pressure,
+            pressure_across=across,
+            # what the load adds is smoother than the gap itself, so that alone is interpolated
+            raw_gap=fine_gap + _refine(contact.raw_gap - coarse_gap, surface.shape, boundary),
+            contact_pressure=contact.pressure,
+        )
 
 
 def _refine(field: Array, shape: tuple[int, int], boundary: tuple[str, str]) -> Array:

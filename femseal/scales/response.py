@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,31 +19,34 @@ OPEN_RATIO = 0.005
 
 @dataclass(frozen=True)
 class WindowHistory:
-    """One window at every step of a programme; a step that failed is NaN and says why."""
+    """One window at every step of a programme; a step that failed is NaN and says why.
 
-    gap: NDArray[np.float32] = field(metadata={"unit": "m", "long_name": "deformed gap"})
-    pressure: NDArray[np.float32] = field(metadata={"unit": "Pa", "long_name": "contact pressure"})
-    contact_fraction: Array = field(metadata={"unit": "1", "long_name": "share of the window in contact"})
-    plastic_fraction: Array = field(metadata={"unit": "1", "long_name": "share of the window at the hardness"})
-    standoff: Array = field(metadata={"unit": "m", "long_name": "distance that asperities add; NaN without pressure"})
+    gap_minus_pressure : both fields in one, see `contact.complement`; without contact the gap alone, which may be
+        negative until `set_down`.
+    standoff : distance that asperities add [m]; NaN without pressure.
+    """
+
+    gap_minus_pressure: NDArray[np.float32]
+    contact_fraction: Array
+    plastic_fraction: Array
+    standoff: Array
     failures: tuple[str, ...] = ()
+
+    @property
+    def gap(self) -> NDArray[np.float32]:
+        """Deformed gap (steps, n1, n2) [m]."""
+        lowest = np.where(self.contact_fraction > 0, 0, -np.inf).astype(np.float32)
+        return np.maximum(self.gap_minus_pressure, lowest[:, None, None])
+
+    @property
+    def pressure(self) -> NDArray[np.float32]:
+        """Contact pressure (steps, n1, n2) [Pa]."""
+        return self.gap - self.gap_minus_pressure
 
     @property
     def mean_gap(self) -> Array:
         """Mean gap at every step [m]."""
         return self.gap.mean(axis=(1, 2), dtype=float)
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        # a gap is closed where there is pressure, so that both fit into one field
-        lowest = np.where(self.pressure.max(axis=(1, 2)) > 0, 0, -np.inf).astype(np.float32)
-        rest = (self.contact_fraction, self.plastic_fraction, self.standoff, self.failures)
-        return _taken_apart, (self.gap - self.pressure, lowest, *rest)
-
-
-def _taken_apart(difference: NDArray[np.float32], lowest: NDArray[np.float32], *rest: Any) -> WindowHistory:
-    """A history from gap − pressure and the lowest gap of each step: 0, or none without pressure."""
-    gap = np.maximum(difference, lowest[:, None, None])
-    return WindowHistory(gap, gap - difference, *rest)
 
 
 def respond(
@@ -71,7 +73,7 @@ def respond(
     """
     shape = half_space.shape
     n = len(steps)
-    gaps, stresses = np.full((n, *shape), np.nan, np.float32), np.full((n, *shape), np.nan, np.float32)
+    fields = np.full((n, *shape), np.nan, np.float32)
     contact_fraction, plastic_fraction, standoff = np.full(n, np.nan), np.full(n, np.nan), np.full(n, np.nan)
     left: dict[float, Array] = {}
     failures = []
@@ -82,8 +84,8 @@ def respond(
             failures.append(f"{step.name}: the peak of this unloading failed")
             continue
         if pressures[s] <= 0 and rigid_at_zero:
-            gaps[s] = undeformed if memory is None else undeformed + memory
-            stresses[s] = contact_fraction[s] = plastic_fraction[s] = 0.0
+            fields[s] = undeformed if memory is None else undeformed + memory
+            contact_fraction[s] = plastic_fraction[s] = 0.0
             if step.unloaded_from is None:
                 left[step.pressure] = np.zeros(shape)
             continue
@@ -94,12 +96,12 @@ def respond(
         except FemsealError as error:
             failures.append(f"{step.name}: {error}")
             continue
-        gaps[s], stresses[s] = contact.gap, contact.pressure
+        fields[s] = contact.gap - contact.pressure
         contact_fraction[s], plastic_fraction[s] = contact.area_fraction, contact.plastic_fraction
         standoff[s] = -contact.approach
         if step.unloaded_from is None:
             left[step.pressure] = contact.plastic_deformation
-    return WindowHistory(gaps, stresses, contact_fraction, plastic_fraction, standoff, tuple(failures))
+    return WindowHistory(fields, contact_fraction, plastic_fraction, standoff, tuple(failures))
 
 
 def body_standoff(standoff: Array, load: Array, lowest: Array) -> Array:

@@ -20,8 +20,8 @@ from ..scales import (
     WindowSource,
     build_ladder_library,
     correlation_length,
+    global_states,
     on_ladder,
-    solve_global_scale,
 )
 from ..showing import Shown
 from .scene import Array, Map, Scene
@@ -196,23 +196,29 @@ def _global(wanted: Wanted) -> tuple[LadderLibrary, tuple[Tables, ...], tuple[fl
     scene, partition = wanted.scene, wanted.partition
     (m1, m2), n2 = partition.cells, wanted.seal[1]
     cut_off = CUT_OFF_WINDOWS * min(partition.window_size)
-    world = solve_global_scale(
+    pressures: tuple[list[Array], list[Array]] = ([], [])
+    distances: tuple[list[Array], list[Array]] = ([], [])
+    for state in global_states(
         scene.surface, partition, cut_off, modulus=scene.modulus, boundary=scene.boundary, **scene.cycle
-    )
-    library = _library(wanted, float(world.pressure.max()), apart=True)
+    ):
+        for axis, pressure in enumerate((state.pressure, state.pressure_across)):
+            pressures[axis].append(pressure)
+            distances[axis].append(partition.means(state.raw_gap, axis))
+    p = np.array(pressures[0])
+    library = _library(wanted, float(p.max()), apart=True)
     # windows without pressure stand off as the asperities of the others make the whole body do
     peaks = peak_indices(scene.steps)
-    load = world.pressure.sum(axis=(1, 2))
-    own = library.loaded("standoff", world.pressure) - library.flattening(world.pressure, world.pressure[peaks])
-    standoff = np.divide((world.pressure * own).sum(axis=(1, 2)), load, out=np.zeros_like(load), where=load > 0)
+    load = p.sum(axis=(1, 2))
+    own = library.loaded("standoff", p) - library.flattening(p, p[peaks])
+    standoff = np.divide((p * own).sum(axis=(1, 2)), load, out=np.zeros_like(load), where=load > 0)
     links: list[_Links] = []
-    for axis, pressure in enumerate((world.pressure, world.pressure_across)):
-        gaps = np.array([partition.means(g, axis) + d for g, d in zip(world.raw_gap, standoff, strict=True)])
+    for axis in (0, 1):
+        along = np.array(pressures[axis])
         # what a peak has deformed for good widens their gap
-        gaps += library.loaded("plastic_deformation", pressure[peaks])
-        paths, distances = (a.reshape(len(a), (m1 - axis) * m2).T for a in (pressure, gaps))
+        gaps = np.array(distances[axis]) + standoff[:, None, None] + library.loaded("plastic_deformation", along[peaks])
+        paths, gap_paths = (a.reshape(len(a), (m1 - axis) * m2).T for a in (along, gaps))
         j, i = np.divmod(np.arange((m1 - axis) * n2), max(m1 - axis, 1))
-        links.append((paths, distances, i * m2 + j % m2, m1 - axis))
+        links.append((paths, gap_paths, i * m2 + j % m2, m1 - axis))
     return library, _tables(library, links, scene), ()
 
 

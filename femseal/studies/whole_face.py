@@ -38,10 +38,11 @@ def deterministic(scene: Scene, *, map: Map = map) -> DeterministicResult:
     """Contact and flow of the whole face at full resolution, step by step."""
     surface = scene.surface
     half_space = HalfSpace(surface.shape, surface.spacing, scene.modulus, scene.boundary)
-    gaps, facts = [], []
-    for state in load_states(surface.heights.max() - surface.heights, half_space, **scene.cycle):
+    gaps = np.empty((len(scene.steps), *surface.shape), np.float32)
+    facts = []
+    for s, state in enumerate(load_states(surface.heights.max() - surface.heights, half_space, **scene.cycle)):
         contact = state.contact
-        gaps.append(contact.gap)
+        gaps[s] = contact.gap
         facts.append((contact.area_fraction, contact.plastic_fraction, contact.mean_gap, contact.residual))
     contact_fraction, plastic_fraction, mean_gap, residual = np.array(facts).T
     leakage, failures = scene.resolved_leakage(gaps, map)
@@ -51,7 +52,7 @@ def deterministic(scene: Scene, *, map: Map = map) -> DeterministicResult:
         contact_fraction=contact_fraction,
         plastic_fraction=plastic_fraction,
         mean_gap=mean_gap,
-        gap=np.array(gaps, np.float32),
+        gap=gaps,
         residual=float(residual.max()),
         failures=failures,
     )

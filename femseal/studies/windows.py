@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..contact import HalfSpace, LoadStep
+from ..contact.complement import FieldOverSteps, gap_part, pressure_part
 from ..errors import InputError
 from ..flow.connectivity import percolates
-from ..scales import Partition, respond, solve_global_scale
+from ..scales import Partition, global_states, respond
 from ..scales.response import WindowHistory, body_standoff, flow_history, set_down
 from ..seal import RectangularSeal
 from ..showing import Shown
@@ -47,8 +48,8 @@ class TwoScaleResult(Shown):
     fluid_pressure: Array = field(
         metadata=labels("Pa", "fluid pressure at the global nodes, NaN in pockets", "step", "node1", "cell2")
     )
-    gap: NDArray[np.float32] = field(metadata=labels("m", "deformed gap stitched from the windows", "step", "x1", "x2"))
-    contact_pressure: NDArray[np.float32] = field(
+    gap: FieldOverSteps = field(metadata=labels("m", "deformed gap stitched from the windows", "step", "x1", "x2"))
+    contact_pressure: FieldOverSteps = field(
         metadata=labels("Pa", "contact pressure of the windows", "step", "x1", "x2")
     )
     counts: dict[str, int] = field(default_factory=dict)
@@ -122,8 +123,8 @@ class WindowContacts:
     mean_gap: Array
     contact_fraction: Array
     plastic_fraction: Array
-    gap: NDArray[np.float32]
-    contact_pressure: NDArray[np.float32]
+    gap: FieldOverSteps
+    contact_pressure: FieldOverSteps
     failures: tuple[str, ...]
 
 
@@ -135,49 +136,53 @@ def solve_windows(scene: Scene, cells: tuple[int, int], *, map: Map = map) -> Wi
     surface = scene.surface
     cut_off = CUT_OFF_WINDOWS * min(Partition(surface.shape, surface.spacing, cells).window_size)
     partition = Partition.through_valleys(surface, cells, cut_off)
-    world = solve_global_scale(
-        surface, partition, cut_off, modulus=scene.modulus, boundary=scene.boundary, **scene.cycle
-    )
+    body = HalfSpace(partition.window, partition.spacing, scene.modulus, ("mirror", "mirror"))
+    # of each cell the gap that it starts from, and in its place gap − pressure once it is solved
+    fields = np.empty((len(scene.steps), *surface.shape), np.float32)
+    pressures = []
+    for s, state in enumerate(
+        global_states(surface, partition, cut_off, modulus=scene.modulus, boundary=scene.boundary, **scene.cycle)
+    ):
+        fields[s] = state.outer_gap(partition, body)
+        pressures.append(state.pressure)
+    pressure = np.array(pressures)
     fine = fine_waves(surface, cut_off)
     failures = _unresolved_ridges(surface.heights + fine, fine, partition)
     m1, m2 = cells
     places = [(i, j) for i in range(m1) for j in range(m2)]
-    body = HalfSpace(partition.window, partition.spacing, scene.modulus, ("mirror", "mirror"))
     task = partial(
         _respond,
-        steps=world.steps,
+        steps=scene.steps,
         half_space=body,
         hardness=scene.hardness,
         rigid_at_zero=True,
         rtol=scene.rtol,
     )
-    raw_gaps = (world.outer_gap(partition, body, i, j) for i, j in places)
+    raw_gaps = (partition.cell(fields, i, j).copy() for i, j in places)
     waves = (partition.cell(fine, i, j) for i, j in places)
-    histories = map(task, raw_gaps, waves, [world.pressure[:, i, j] for i, j in places])
-    shape = (len(world.steps), *surface.shape)
-    gap, contact_pressure = np.empty(shape, np.float32), np.empty(shape, np.float32)
+    histories = map(task, raw_gaps, waves, [pressure[:, i, j] for i, j in places])
     statistics = {
-        name: np.empty((len(places), shape[0])) for name in ("standoff", "contact_fraction", "plastic_fraction")
+        name: np.empty((len(places), len(fields))) for name in ("standoff", "contact_fraction", "plastic_fraction")
     }
     for n, (place, history) in enumerate(zip(places, histories, strict=True)):
-        partition.cell(gap, *place)[:] = history.gap
-        partition.cell(contact_pressure, *place)[:] = history.pressure
+        partition.cell(fields, *place)[:] = history.gap_minus_pressure
         for name, values in statistics.items():
             values[n] = getattr(history, name)
         failures += [f"cell {place}, {text}" for text in history.failures]
     standoff = statistics.pop("standoff")
-    lowest = np.array([partition.cell(gap, *place).min(axis=(1, 2)) for place in places])
-    held_off = body_standoff(standoff, world.pressure.reshape(len(world.steps), -1).T, lowest)
+    lowest = np.array([partition.cell(fields, *place).min(axis=(1, 2)) for place in places])
+    held_off = body_standoff(standoff, pressure.reshape(len(fields), -1).T, lowest)
     for n, s in np.argwhere(np.isnan(standoff) & np.isfinite(lowest)):
-        window = partition.cell(gap[s], *places[n])
+        window = partition.cell(fields[s], *places[n])
         window[:] = set_down(window, held_off[s])
+    gap = FieldOverSteps(fields, gap_part)
     return WindowContacts(
-        steps=world.steps,
+        steps=scene.steps,
         partition=partition,
-        pressure=world.pressure,
-        mean_gap=partition.cell_means(gap),
+        pressure=pressure,
+        mean_gap=np.array([partition.cell_means(g) for g in gap]),
         gap=gap,
-        contact_pressure=contact_pressure,
+        contact_pressure=FieldOverSteps(fields, pressure_part),
         failures=tuple(failures),
         **{name: values.T.reshape(-1, m1, m2) for name, values in statistics.items()},
     )
