@@ -29,11 +29,12 @@ Progress = Callable[[str, int, int | None], None]
 LOG_SECONDS = 60.0
 #: What the parts of a study do, by the function that does it.
 _PARTS = {
+    "state": "contact of the whole face",
     "respond": "contact of windows",
     "flow_history": "flow in windows",
     "cell": "library windows",
     "realise": "drawn seals",
-    "permeability": "flow of the whole face",
+    "resolved_permeability": "flow of the whole face",
 }
 
 

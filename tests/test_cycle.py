@@ -9,7 +9,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
-from femseal.contact import HalfSpace, LoadStep, load_cycle, load_programme, solve_contact, solve_with_memory
+from femseal.contact import (
+    HalfSpace,
+    LoadStep,
+    load_cycle,
+    load_programme,
+    load_states,
+    solve_contact,
+    solve_with_memory,
+)
 from femseal.contact.complement import FieldOverSteps, gap_part, pressure_part
 from femseal.contact.cycle import _yielded_again
 from femseal.errors import InputError
@@ -267,3 +275,23 @@ class TestFieldOverSteps:
         field = FieldOverSteps(self.difference, lambda part: seen.append(part.shape) or part)
         field[1], field[..., :1, [0]], next(iter(field))
         assert seen == [(2, 2), (2, 1, 1), (2, 2)]
+
+
+def test_states_that_do_not_depend_on_each_other_go_to_the_map_together():
+    """All of loading in any order, then all of unloading; of each what is taken, worked out where it is solved."""
+    gap0, calls = -rough(SHAPE), []
+
+    def backwards(function, *iterables):
+        items = list(zip(*iterables, strict=True))
+        calls.append([args[0] for args in items])
+        done = {n: function(*items[n]) for n in reversed(range(len(items)))}
+        return (done[n] for n in range(len(items)))
+
+    cycle = {"loading": LOADING[:3], "unload_from": PEAKS[:1], "unloading": UNLOADING[:2], "hardness": H}
+    expected = load_cycle(gap0, HALF_SPACE, **cycle)
+    taken = list(load_states(gap0, HALF_SPACE, **cycle, take=lambda s: (s.name, s.contact.gap), map=backwards))
+    steps = load_programme(*(cycle[name] for name in ("loading", "unload_from", "unloading")))
+    assert calls == [list(steps[:3]), list(steps[3:])]
+    assert [name for name, _ in taken] == [step.name for step in steps]
+    for (_, gap), state in zip(taken, expected, strict=True):
+        assert_array_equal(gap, state.contact.gap)

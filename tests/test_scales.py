@@ -5,11 +5,13 @@ import pickle
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
+from scipy.ndimage import zoom
 
 from femseal.contact import HalfSpace, LoadStep, load_cycle, load_programme, solve_contact
 from femseal.errors import InputError
 from femseal.flow import cell_permeability
 from femseal.scales import GlobalState, Partition, global_states, respond
+from femseal.scales.partition import Refinement
 from femseal.scales.response import body_standoff, flow_history, set_down
 from femseal.topography import Topography, self_affine
 
@@ -137,6 +139,23 @@ class TestGlobalScale:
         assert_allclose(world.pressure, partition.means(whole.pressure), atol=0.05 * 2e8)
         added = np.ptp(whole.raw_gap - gap0)
         assert_allclose(world.raw_gap, whole.raw_gap, atol=0.03 * added)
+
+    @pytest.mark.parametrize(
+        ("shape", "finer", "boundary"),
+        [
+            ((16, 24), (32, 48), ("free", "periodic")),
+            ((16, 24), (48, 24), ("mirror", "mirror")),
+            ((12, 12), (32, 20), ("periodic", "free")),
+        ],
+    )
+    def test_refinement_is_that_of_scipy(self, shape, finer, boundary):
+        samples = np.random.default_rng(0).standard_normal(shape)
+        expected = samples
+        for axis, mode in enumerate("grid-wrap" if kind == "periodic" else "grid-mirror" for kind in boundary):
+            factors = [1.0, 1.0]
+            factors[axis] = finer[axis] / shape[axis]
+            expected = zoom(expected, factors, order=3, mode=mode, grid_mode=True)
+        assert_allclose(Refinement(shape, finer, boundary)(samples), expected, atol=1e-12)
 
     def test_the_coarser_grid_has_no_seam(self, face):
         """Counted from another window of a periodic face, the gap is the same, only elsewhere."""

@@ -7,11 +7,12 @@ Source: Sahlin et al., Proc. IMechE J 224, 2010, 335; Pérez-Ràfols et al., 201
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from itertools import pairwise
 from math import inf
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -197,27 +198,56 @@ def load_states(
     unload_from: Sequence[float] = (),
     unloading: Sequence[float] = (),
     rtol: float = 1e-6,
-) -> Iterator[LoadState]:
-    """The states of `load_cycle` one after another, checked at once and solved when asked for, none of them kept."""
+    take: Callable[[LoadState], Any] | None = None,
+    map: Callable[..., Iterable[Any]] = map,
+) -> Iterator[Any]:
+    """The states of `load_cycle` one after another, checked at once and solved when asked for, none of them kept.
+
+    Parameters
+    ----------
+    take : what to give of each state instead of the state itself, worked out where that is solved.
+    map : how to solve states that do not depend on each other, in order: those of loading, then those of unloading.
+    """
     steps = load_programme(loading, unload_from, unloading)
     highest = max(s.pressure for s in steps)
     if highest > (limit := float(hardness_bounds(hardness, half_space.shape).mean())) * (1 + 1e-12):
         raise InputError.of("loading", f"{highest:g} Pa", f"at most the mean hardness, {limit:g} Pa")
-    return _solved(checks.field("gap0", gap0, unit="m", shape=half_space.shape), half_space, steps, hardness, rtol)
+    gap0 = checks.field("gap0", gap0, unit="m", shape=half_space.shape)
+    task = partial(_state, gap0=gap0, half_space=half_space, hardness=hardness, rtol=rtol, take=take)
+    return _solved(task, steps, map)
 
 
-def _solved(
-    gap0: np.ndarray, half_space: HalfSpace, steps: Sequence[LoadStep], hardness: float | ArrayLike, rtol: float
-) -> Iterator[LoadState]:
+def _solved(task: Callable[..., Any], steps: Sequence[LoadStep], map: Callable[..., Iterable[Any]]) -> Iterator[Any]:
     peaks = {step.unloaded_from for step in steps}
-    left: dict[float, np.ndarray] = {}
-    for step in steps:
-        memory = None if step.unloaded_from is None else left[step.unloaded_from]
-        contact = solve_with_memory(gap0, half_space, memory, pressure=step.pressure, hardness=hardness, rtol=rtol)
-        if step.unloaded_from is None and step.pressure in peaks:
-            left[step.pressure] = contact.plastic_deformation
-        again = 0.0 if memory is None else _yielded_again(contact, memory, rtol)
-        yield LoadState(step.pressure, step.unloaded_from, contact=contact, yielded_again=again)
+    loading = [step for step in steps if step.unloaded_from is None]
+    unloading = steps[len(loading) :]
+    left: dict[float | None, np.ndarray] = {}
+    for step, (taken, deformation) in zip(
+        loading, map(task, loading, [step.pressure in peaks for step in loading]), strict=True
+    ):
+        if deformation is not None:
+            left[step.pressure] = deformation
+        yield taken
+    for taken, _ in map(task, unloading, [False] * len(unloading), (left[step.unloaded_from] for step in unloading)):
+        yield taken
+
+
+def _state(
+    step: LoadStep,
+    peak: bool,
+    memory: np.ndarray | None = None,
+    *,
+    gap0: np.ndarray,
+    half_space: HalfSpace,
+    hardness: float | ArrayLike,
+    rtol: float,
+    take: Callable[[LoadState], Any] | None,
+) -> tuple[Any, np.ndarray | None]:
+    """What is taken of a state, and the permanent deformation that a peak leaves."""
+    contact = solve_with_memory(gap0, half_space, memory, pressure=step.pressure, hardness=hardness, rtol=rtol)
+    again = 0.0 if memory is None else _yielded_again(contact, memory, rtol)
+    state = LoadState(step.pressure, step.unloaded_from, contact=contact, yielded_again=again)
+    return state if take is None else take(state), contact.plastic_deformation if peak else None
 
 
 def _yielded_again(contact: Contact, memory: np.ndarray, rtol: float) -> float:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -73,17 +72,17 @@ class Scene:
             outlet_pressure=self.outlet_pressure,
         )
 
-    def resolved_leakage(self, gaps: Iterable[Array], map: Map = map) -> tuple[Array, tuple[str, ...]]:
-        """Leakage through the whole face's gap at every step, at full resolution [m²/s], and what failed (NaN)."""
-        task = partial(_permeability, spacing=self.surface.spacing)
-        values = list(map(task, gaps))
+    def resolved_leakage(self, permeability: Iterable[float | str]) -> tuple[Array, tuple[str, ...]]:
+        """Leakage through the whole face at every step, of `resolved_permeability` [m²/s], and what failed (NaN)."""
         seal = RectangularSeal(self.surface.size, (1, 1))
+        values = list(permeability)
         leakage = [np.nan if isinstance(k, str) else self.leakage(seal, k).per_length for k in values]
         failures = (f"{s.name}: {k}" for s, k in zip(self.steps, values, strict=True) if isinstance(k, str))
         return np.array(leakage), tuple(failures)
 
 
-def _permeability(gap: Array, spacing: tuple[float, float]) -> float | str:
+def resolved_permeability(gap: NDArray[np.floating], spacing: tuple[float, float]) -> float | str:
+    """Permeability along x1 of the whole face at full resolution [m³], or why there is none."""
     try:
         return cell_permeability(np.asarray(gap, float), spacing, sides="periodic").value
     except FemsealError as error:

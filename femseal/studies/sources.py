@@ -198,9 +198,8 @@ def _global(wanted: Wanted) -> tuple[LadderLibrary, tuple[Tables, ...], tuple[fl
     cut_off = CUT_OFF_WINDOWS * min(partition.window_size)
     pressures: tuple[list[Array], list[Array]] = ([], [])
     distances: tuple[list[Array], list[Array]] = ([], [])
-    for state in global_states(
-        scene.surface, partition, cut_off, modulus=scene.modulus, boundary=scene.boundary, **scene.cycle
-    ):
+    settings = {"modulus": scene.modulus, "boundary": scene.boundary, "map": wanted.map, **scene.cycle}
+    for state in global_states(scene.surface, partition, cut_off, **settings):
         for axis, pressure in enumerate((state.pressure, state.pressure_across)):
             pressures[axis].append(pressure)
             distances[axis].append(partition.means(state.raw_gap, axis))

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ..contact import HalfSpace, LoadStep, load_states
+from ..contact import HalfSpace, LoadState, LoadStep, load_states
 from ..showing import Shown
-from .scene import Array, Map, Scene, labels, leakage_plot
+from .scene import Array, Map, Scene, labels, leakage_plot, resolved_permeability
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -35,24 +35,38 @@ class DeterministicResult(Shown):
 
 
 def deterministic(scene: Scene, *, map: Map = map) -> DeterministicResult:
-    """Contact and flow of the whole face at full resolution, step by step."""
+    """Contact and flow of the whole face at full resolution, each load state by itself.
+
+    Parameters
+    ----------
+    map : how to solve states that do not depend on each other, in order.
+    """
     surface = scene.surface
     half_space = HalfSpace(surface.shape, surface.spacing, scene.modulus, scene.boundary)
-    gaps = np.empty((len(scene.steps), *surface.shape), np.float32)
-    facts = []
-    for s, state in enumerate(load_states(surface.heights.max() - surface.heights, half_space, **scene.cycle)):
-        contact = state.contact
-        gaps[s] = contact.gap
-        facts.append((contact.area_fraction, contact.plastic_fraction, contact.mean_gap, contact.residual))
+    gap0 = surface.heights.max() - surface.heights
+    gap = np.empty((len(scene.steps), *surface.shape), np.float32)
+    facts, k = [], []
+    for s, taken in enumerate(load_states(gap0, half_space, **scene.cycle, take=_resolved, map=map)):
+        gap[s], permeability, *others = taken
+        k.append(permeability)
+        facts.append(others)
     contact_fraction, plastic_fraction, mean_gap, residual = np.array(facts).T
-    leakage, failures = scene.resolved_leakage(gaps, map)
+    leakage, failures = scene.resolved_leakage(k)
     return DeterministicResult(
         steps=scene.steps,
         leakage=leakage,
         contact_fraction=contact_fraction,
         plastic_fraction=plastic_fraction,
         mean_gap=mean_gap,
-        gap=gaps,
+        gap=gap,
         residual=float(residual.max()),
         failures=failures,
     )
+
+
+def _resolved(state: LoadState) -> tuple[NDArray[np.float32], float | str, float, float, float, float]:
+    """Gap, permeability of the face or why there is none, contact and plastic share, mean gap, residual."""
+    contact = state.contact
+    permeability = resolved_permeability(contact.gap, contact.half_space.spacing)
+    facts = (contact.area_fraction, contact.plastic_fraction, contact.mean_gap, contact.residual)
+    return contact.gap.astype(np.float32), permeability, *facts

@@ -18,7 +18,7 @@ from ..scales.response import WindowHistory, body_standoff, flow_history, set_do
 from ..seal import RectangularSeal
 from ..showing import Shown
 from ..topography import Topography
-from .scene import Array, Map, Scene, labels, leakage_plot
+from .scene import Array, Map, Scene, labels, leakage_plot, resolved_permeability
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -90,7 +90,8 @@ def two_scale(scene: Scene, cells: tuple[int, int], *, flow: str = "links", map:
             leakage[s], fluid_pressure[s] = result.per_length, result.fluid_pressure
     failures = contact.failures + links[0].failures + links[1].failures
     if flow == "resolved":
-        leakage, failed = scene.resolved_leakage(contact.gap, map)
+        whole = map(partial(resolved_permeability, spacing=surface.spacing), contact.gap)
+        leakage, failed = scene.resolved_leakage(whole)
         failures += failed
     else:
         failures += _wrongly_closed(contact, leakage)
@@ -140,9 +141,8 @@ def solve_windows(scene: Scene, cells: tuple[int, int], *, map: Map = map) -> Wi
     # of each cell the gap that it starts from, and in its place gap − pressure once it is solved
     fields = np.empty((len(scene.steps), *surface.shape), np.float32)
     pressures = []
-    for s, state in enumerate(
-        global_states(surface, partition, cut_off, modulus=scene.modulus, boundary=scene.boundary, **scene.cycle)
-    ):
+    settings = {"modulus": scene.modulus, "boundary": scene.boundary, "map": map, **scene.cycle}
+    for s, state in enumerate(global_states(surface, partition, cut_off, **settings)):
         fields[s] = state.outer_gap(partition, body)
         pressures.append(state.pressure)
     pressure = np.array(pressures)
