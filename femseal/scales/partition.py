@@ -12,6 +12,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 from math import ceil
 from typing import Any
 
@@ -177,14 +178,14 @@ def global_states(
     *,
     modulus: float,
     boundary: tuple[str, str],
+    take: Callable[[GlobalState], Any] | None = None,
     map: Callable[..., Iterable[Any]] = map,
     **cycle: Any,
-) -> Iterator[GlobalState]:
+) -> Iterator[Any]:
     """Contact of the low-pass face on the global grid along a load programme, state after state.
 
-    Waves shorter than `cut_off` [m] are left to the windows. `map` and `cycle` are those of `contact.load_states`.
+    Waves shorter than `cut_off` [m] are left to the windows. `take`, `map` and `cycle` as in `contact.load_states`.
     """
-    cells = Partition(partition.shape, partition.spacing, partition.cells)
     smooth = surface.low_pass(cut_off)
     wanted = (ceil(PIXELS_PER_CUT_OFF * size / cut_off - 1e-9) for size in partition.window_size)
     per_window = [min(pixels, w) for pixels, w in zip(wanted, partition.window, strict=True)]
@@ -195,20 +196,35 @@ def global_states(
     half_space = HalfSpace(coarse.shape, coarse.spacing, modulus, boundary)
     finer = Refinement(coarse.shape, surface.shape, boundary)
     del smooth, coarse
-    for step, contact_pressure, raw_gap in load_states(coarse_gap, half_space, **cycle, take=_global_fields, map=map):
-        pressure, across = (cells.means(contact_pressure, axis) for axis in (0, 1))
-        yield GlobalState(
-            step=step,
-            pressure=pressure,
-            pressure_across=across,
-            # what the load adds is smoother than the gap itself, so that alone is interpolated
-            raw_gap=fine_gap + finer(raw_gap - coarse_gap),
-            contact_pressure=contact_pressure,
-        )
+    solved = partial(
+        _global_state, partition=partition, fine_gap=fine_gap, coarse_gap=coarse_gap, finer=finer, take=take
+    )
+    return load_states(coarse_gap, half_space, **cycle, take=solved, map=map)
 
 
-def _global_fields(state: LoadState) -> tuple[LoadStep, Array, Array]:
-    return LoadStep(state.pressure, state.unloaded_from), state.contact.pressure, state.contact.raw_gap
+def _global_state(
+    state: LoadState,
+    *,
+    partition: Partition,
+    fine_gap: Array,
+    coarse_gap: Array,
+    finer: Refinement,
+    take: Callable[[GlobalState], Any] | None,
+) -> Any:
+    contact = state.contact
+    cells = Partition(partition.shape, partition.spacing, partition.cells)
+    pressure, across = (cells.means(contact.pressure, axis) for axis in (0, 1))
+    # what the load adds is smoother than the gap itself, so that alone is interpolated
+    raw_gap = finer(contact.raw_gap - coarse_gap)
+    raw_gap += fine_gap
+    found = GlobalState(
+        step=LoadStep(state.pressure, state.unloaded_from),
+        pressure=pressure,
+        pressure_across=across,
+        raw_gap=raw_gap,
+        contact_pressure=contact.pressure,
+    )
+    return found if take is None else take(found)
 
 
 class Refinement:
@@ -226,11 +242,10 @@ class Refinement:
 
     def __call__(self, samples: Array) -> Array:
         """The samples on the finer grid."""
-        for axis, (weights, mode) in enumerate(zip(self._weights, self._modes, strict=True)):
-            if weights is not None:
-                coefficients = spline_filter1d(samples, 3, axis=axis, mode=mode)
-                samples = weights @ coefficients if axis == 0 else (weights @ coefficients.T).T
-        return samples
+        rows, columns = self._weights
+        if columns is not None:
+            samples = (columns @ spline_filter1d(samples, 3, axis=1, mode=self._modes[1]).T).T
+        return samples if rows is None else rows @ spline_filter1d(samples, 3, axis=0, mode=self._modes[0])
 
 
 def _spline_weights(n: int, finer: int, mode: str) -> csr_array:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 from ..contact import HalfSpace, peak_indices
 from ..errors import FemsealError
 from ..scales import (
+    GlobalState,
     Ladder,
     LadderLibrary,
     LibraryTable,
@@ -196,14 +198,10 @@ def _global(wanted: Wanted) -> tuple[LadderLibrary, tuple[Tables, ...], tuple[fl
     scene, partition = wanted.scene, wanted.partition
     (m1, m2), n2 = partition.cells, wanted.seal[1]
     cut_off = CUT_OFF_WINDOWS * min(partition.window_size)
-    pressures: tuple[list[Array], list[Array]] = ([], [])
-    distances: tuple[list[Array], list[Array]] = ([], [])
     settings = {"modulus": scene.modulus, "boundary": scene.boundary, "map": wanted.map, **scene.cycle}
-    for state in global_states(scene.surface, partition, cut_off, **settings):
-        for axis, pressure in enumerate((state.pressure, state.pressure_across)):
-            pressures[axis].append(pressure)
-            distances[axis].append(partition.means(state.raw_gap, axis))
-    p = np.array(pressures[0])
+    means = partial(_link_means, partition=partition)
+    states = list(global_states(scene.surface, partition, cut_off, take=means, **settings))
+    p, p_across, gap, gap_across = (np.array(values) for values in zip(*states, strict=True))
     library = _library(wanted, float(p.max()), apart=True)
     # windows without pressure stand off as the asperities of the others make the whole body do
     peaks = peak_indices(scene.steps)
@@ -211,14 +209,19 @@ def _global(wanted: Wanted) -> tuple[LadderLibrary, tuple[Tables, ...], tuple[fl
     own = library.loaded("standoff", p) - library.flattening(p, p[peaks])
     standoff = np.divide((p * own).sum(axis=(1, 2)), load, out=np.zeros_like(load), where=load > 0)
     links: list[_Links] = []
-    for axis in (0, 1):
-        along = np.array(pressures[axis])
+    for axis, (pressure, distance) in enumerate(((p, gap), (p_across, gap_across))):
         # what a peak has deformed for good widens their gap
-        gaps = np.array(distances[axis]) + standoff[:, None, None] + library.loaded("plastic_deformation", along[peaks])
-        paths, gap_paths = (a.reshape(len(a), (m1 - axis) * m2).T for a in (along, gaps))
+        gaps = distance + standoff[:, None, None] + library.loaded("plastic_deformation", pressure[peaks])
+        paths, distances = (a.reshape(len(a), (m1 - axis) * m2).T for a in (pressure, gaps))
         j, i = np.divmod(np.arange((m1 - axis) * n2), max(m1 - axis, 1))
-        links.append((paths, gap_paths, i * m2 + j % m2, m1 - axis))
+        links.append((paths, distances, i * m2 + j % m2, m1 - axis))
     return library, _tables(library, links, scene), ()
+
+
+def _link_means(state: GlobalState, partition: Partition) -> tuple[Array, Array, Array, Array]:
+    """Pressure of the links' windows along x1 and x2, and their mean gap."""
+    gap, across = (partition.means(state.raw_gap, axis) for axis in (0, 1))
+    return state.pressure, state.pressure_across, gap, across
 
 
 def _uniform(wanted: Wanted) -> tuple[LadderLibrary, tuple[Tables, ...], tuple[float, ...]]:

@@ -13,7 +13,7 @@ from ..contact import HalfSpace, LoadStep
 from ..contact.complement import FieldOverSteps, gap_part, pressure_part
 from ..errors import InputError
 from ..flow.connectivity import percolates
-from ..scales import Partition, global_states, respond
+from ..scales import GlobalState, Partition, global_states, respond
 from ..scales.response import WindowHistory, body_standoff, flow_history, set_down
 from ..seal import RectangularSeal
 from ..showing import Shown
@@ -142,9 +142,10 @@ def solve_windows(scene: Scene, cells: tuple[int, int], *, map: Map = map) -> Wi
     fields = np.empty((len(scene.steps), *surface.shape), np.float32)
     pressures = []
     settings = {"modulus": scene.modulus, "boundary": scene.boundary, "map": map, **scene.cycle}
-    for s, state in enumerate(global_states(surface, partition, cut_off, **settings)):
-        fields[s] = state.outer_gap(partition, body)
-        pressures.append(state.pressure)
+    outer = partial(_outer, partition=partition, body=body)
+    for s, (outer_gap, cell_pressure) in enumerate(global_states(surface, partition, cut_off, take=outer, **settings)):
+        fields[s] = outer_gap
+        pressures.append(cell_pressure)
     pressure = np.array(pressures)
     fine = fine_waves(surface, cut_off)
     failures = _unresolved_ridges(surface.heights + fine, fine, partition)
@@ -186,6 +187,10 @@ def solve_windows(scene: Scene, cells: tuple[int, int], *, map: Map = map) -> Wi
         failures=tuple(failures),
         **{name: values.T.reshape(-1, m1, m2) for name, values in statistics.items()},
     )
+
+
+def _outer(state: GlobalState, partition: Partition, body: HalfSpace) -> tuple[NDArray[np.float32], Array]:
+    return state.outer_gap(partition, body).astype(np.float32), state.pressure
 
 
 def _respond(raw_gap: NDArray[np.float32], fine: Array, pressures: Array, **settings: Any) -> WindowHistory:
