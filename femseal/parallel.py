@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import math
 import os
 import pickle
 import signal
@@ -23,6 +24,9 @@ from itertools import chain, islice
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from .errors import FemsealError, InputError
 from .versions import numerical_versions
@@ -40,6 +44,8 @@ UNDER_WAY = 2
 #: Memory that processes of this machine keep when it is freed [bytes]: to get each result's anew costs as much as to
 #: send it. For the GNU C library.
 KEPT_MEMORY = {"MALLOC_TRIM_THRESHOLD_": str(2**25), "MALLOC_MMAP_THRESHOLD_": str(2**25)}
+#: File descriptors of what is shared, for each map over processes that is under way.
+_shared: list[list[int]] = []
 #: How often a task is sent again when the cluster loses what it needs.
 RETRIES = 10
 
@@ -72,10 +78,38 @@ def ordered_map(workers: int | None = None, scheduler: str | None = None) -> Ite
             yield map
         else:
             try:
-                yield partial(_over_processes, count)
+                with _memory_to_share():
+                    yield partial(_over_processes, count)
             except BaseException:
                 _end_processes(count)
                 raise
+
+
+@contextmanager
+def _memory_to_share() -> Iterator[None]:
+    """Arrays of `shared_empty` are shared meanwhile."""
+    _shared.append([])
+    try:
+        yield
+    finally:
+        for descriptor in _shared.pop():
+            os.close(descriptor)
+
+
+def shared_empty(shape: tuple[int, ...], dtype: Any) -> NDArray[Any]:
+    """An array of undefined values, like that of numpy.
+
+    Where a map over processes of this machine is under way, and the system is Linux, its views go to them and come back
+    by reference: what a process writes is written here. The memory is given back with the last view, however a run ends.
+    """
+    size = math.prod(shape) * np.dtype(dtype).itemsize
+    if not _shared or not size or not hasattr(os, "memfd_create"):
+        return np.empty(shape, dtype)
+    descriptor = os.memfd_create("femseal")
+    _shared[-1].append(descriptor)
+    os.ftruncate(descriptor, size)
+    # joblib passes views of mapped files on by the name of the file
+    return np.memmap(f"/proc/{os.getpid()}/fd/{descriptor}", dtype, "r+", shape=shape)
 
 
 def _over_processes(count: int, function: Callable[..., Any], *iterables: Iterable[Any]) -> Iterator[Any]:

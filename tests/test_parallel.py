@@ -1,21 +1,24 @@
 """Maps over processes and clusters: order, threads, small items sent together, workers that die or come late."""
 
 import os
+import pickle
 import re
 import signal
 import subprocess
 import sys
 import threading
 import time
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, nullcontext
+from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.testing import assert_array_equal
 from test_checkpoint import CASE, assert_same
 
 import femseal as fs
 from femseal import parallel
-from femseal.parallel import ordered_map
+from femseal.parallel import ordered_map, shared_empty
 
 distributed = pytest.importorskip("distributed")
 
@@ -161,3 +164,53 @@ def test_a_scheduler_that_is_gone_is_named():
                 client.shutdown()
             with pytest.raises(fs.FemsealError, match="scheduler"):
                 list(results)
+
+
+def add_one(part):
+    part += 1
+    return part
+
+
+@pytest.mark.skipif(not hasattr(os, "memfd_create"), reason="memory is shared on Linux")
+class TestSharedMemory:
+    def test_what_a_process_writes_is_written_here(self):
+        with ordered_map(workers=2) as mapping:
+            whole = shared_empty((3, 40, 50), np.float32)
+            whole[:] = 1
+            views = [whole[:, 10 * n : 10 * (n + 1), 5:] for n in range(4)]
+            came_back = list(mapping(add_one, views))
+            for view in came_back:
+                assert_array_equal(view, 2)
+            assert_array_equal(whole[..., 5:], 2)
+            assert_array_equal(whole[..., :5], 1)
+            whole[:] = 7
+            assert_array_equal(came_back[3], 7)
+        # it is there after the map, and its pickle is one of values
+        copy = pickle.loads(pickle.dumps(whole))
+        whole[0, 0, 0] = 3
+        assert_array_equal(copy, 7)
+
+    def test_where_nothing_can_be_shared_views_go_by_value(self, monkeypatch):
+        monkeypatch.delattr(os, "memfd_create")
+        with ordered_map(workers=2) as mapping:
+            whole = shared_empty((4, 10), float)
+            whole[:] = 1
+            assert_array_equal(list(mapping(add_one, whole)), np.full((4, 10), 2))
+            assert_array_equal(whole, 1)
+
+    @pytest.mark.parametrize("workers", [None, 1])
+    def test_one_process_has_nothing_to_share(self, workers):
+        with ordered_map(workers=workers) if workers else nullcontext():
+            assert type(shared_empty((2, 3), float)) is np.ndarray
+
+    def test_memory_is_given_back(self):
+        def descriptors():
+            return {os.readlink(path) for path in Path("/proc/self/fd").iterdir() if path.is_symlink()}
+
+        with ordered_map(workers=2):
+            whole = shared_empty((10,), float)
+            assert any("femseal" in name for name in descriptors())
+        whole[:] = 5  # the last view keeps it
+        assert_array_equal(whole, 5)
+        del whole
+        assert not any("femseal" in name for name in descriptors())

@@ -30,23 +30,23 @@ class FieldOverSteps(NDArrayOperatorsMixin):
     """
 
     def __init__(self, stored: NDArray[Any], part: Callable[[NDArray[Any]], NDArray[Any]]) -> None:
-        self._stored, self._part = stored, part
+        self.stored, self._part = stored, part
 
     @property
     def shape(self) -> tuple[int, ...]:
         """Steps and pixels."""
-        return self._stored.shape
+        return self.stored.shape
 
     @property
     def dtype(self) -> np.dtype[Any]:
         """Type of the values."""
-        return self._stored.dtype
+        return self.stored.dtype
 
     def __getitem__(self, key: Any) -> NDArray[Any]:
-        return self._part(self._stored[key])
+        return self._part(self.stored[key])
 
     def __len__(self) -> int:
-        return len(self._stored)
+        return len(self.stored)
 
     def __iter__(self) -> Iterator[NDArray[Any]]:
         return (self[s] for s in range(len(self)))
@@ -60,6 +60,6 @@ class FieldOverSteps(NDArrayOperatorsMixin):
 
     def __getattr__(self, name: str) -> Any:
         # nothing of a copy or a pickle that is not built yet
-        if name.startswith("_"):
+        if name.startswith("_") or name == "stored":
             raise AttributeError(name)
         return getattr(np.asarray(self), name)

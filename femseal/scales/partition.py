@@ -104,10 +104,11 @@ class Partition:
         x2-links are counted from line 1. `shift` moves the window by pixels along x2.
         """
         start, stop = self.rows(axis)[i]
-        w2 = self.window[1]
-        first = (j * w2 + shift + (w2 // 2 if axis == 1 else 0)) % self.shape[1]
-        columns = np.arange(first, first + w2) % self.shape[1]
-        return fields[..., start:stop, columns]
+        w2, n2 = self.window[1], self.shape[1]
+        first = (j * w2 + shift + (w2 // 2 if axis == 1 else 0)) % n2
+        columns = slice(first, first + w2)
+        # over the seam there is no view
+        return fields[..., start:stop, columns if columns.stop <= n2 else np.arange(first, first + w2) % n2]
 
     def rows(self, axis: int) -> list[tuple[int, int]]:
         """First pixel row of the windows of each row of links along `axis`, and the row after the last."""

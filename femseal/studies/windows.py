@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -13,8 +13,9 @@ from ..contact import HalfSpace, LoadStep
 from ..contact.complement import FieldOverSteps, gap_part, pressure_part
 from ..errors import InputError
 from ..flow.connectivity import percolates
+from ..parallel import shared_empty
 from ..scales import GlobalState, Partition, global_states, respond
-from ..scales.response import WindowHistory, body_standoff, flow_history, set_down
+from ..scales.response import FlowHistory, WindowHistory, body_standoff, flow_history, set_down
 from ..seal import RectangularSeal
 from ..showing import Shown
 from ..topography import Topography
@@ -139,7 +140,7 @@ def solve_windows(scene: Scene, cells: tuple[int, int], *, map: Map = map) -> Wi
     partition = Partition.through_valleys(surface, cells, cut_off)
     body = HalfSpace(partition.window, partition.spacing, scene.modulus, ("mirror", "mirror"))
     # of each cell the gap that it starts from, and in its place gap − pressure once it is solved
-    fields = np.empty((len(scene.steps), *surface.shape), np.float32)
+    fields = shared_empty((len(scene.steps), *surface.shape), np.float32)
     pressures = []
     settings = {"modulus": scene.modulus, "boundary": scene.boundary, "map": map, **scene.cycle}
     outer = partial(_outer, partition=partition, body=body)
@@ -159,7 +160,7 @@ def solve_windows(scene: Scene, cells: tuple[int, int], *, map: Map = map) -> Wi
         rigid_at_zero=True,
         rtol=scene.rtol,
     )
-    raw_gaps = (partition.cell(fields, i, j).copy() for i, j in places)
+    raw_gaps = (partition.cell(fields, i, j) for i, j in places)
     waves = (partition.cell(fine, i, j) for i, j in places)
     histories = map(task, raw_gaps, waves, [pressure[:, i, j] for i, j in places])
     statistics = {
@@ -194,8 +195,10 @@ def _outer(state: GlobalState, partition: Partition, body: HalfSpace) -> tuple[N
 
 
 def _respond(raw_gap: NDArray[np.float32], fine: Array, pressures: Array, **settings: Any) -> WindowHistory:
-    """`respond` on the gap that a window's raw gaps (steps, n1, n2) and its fine waves make, half as much to send."""
-    return respond(raw_gap + fine, pressures, **settings)
+    """`respond` on the gap that a window's raw gaps (steps, n1, n2) and its fine waves make; it takes their place."""
+    history = respond(raw_gap + fine, pressures, **settings)
+    raw_gap[:] = history.gap_minus_pressure
+    return replace(history, gap_minus_pressure=raw_gap)
 
 
 @dataclass(frozen=True)
@@ -211,15 +214,19 @@ def solve_links(contact: WindowContacts | TwoScaleResult, axis: int, *, shift: i
     """Permeability of the links' windows cut out of the stitched gap, all moved by `shift` pixels along x2."""
     partition, steps = contact.partition, len(contact.steps)
     places = [(i, j) for i in range(partition.cells[0] - axis) for j in range(partition.cells[1])]
-    windows = (partition.link(contact.gap, i, j, axis, shift) for i, j in places)
+    windows = (partition.link(contact.gap.stored, i, j, axis, shift) for i, j in places)
     # a list among the arguments, so that the map knows how many there are
-    flows = list(map(partial(flow_history, axis=axis), windows, [partition.spacing] * len(places)))
+    flows = list(map(partial(_flow_history, axis=axis), windows, [partition.spacing] * len(places)))
     k = np.array([f.permeability for f in flows]).reshape(-1, steps).T
     return LinkFlows(
         k=k.reshape(steps, -1, partition.cells[1]),
         counts={name: sum(getattr(f, name) for f in flows) for name in ("solved", "closed", "open")},
         failures=tuple(f"x{axis + 1}-link {p}, {t}" for p, f in zip(places, flows, strict=True) for t in f.failures),
     )
+
+
+def _flow_history(difference: NDArray[np.float32], spacing: tuple[float, float], axis: int) -> FlowHistory:
+    return flow_history(gap_part(difference), spacing, axis)
 
 
 def _wrongly_closed(contact: WindowContacts, leakage: Array) -> tuple[str, ...]:
