@@ -100,7 +100,8 @@ def shared_empty(shape: tuple[int, ...], dtype: Any) -> NDArray[Any]:
     """An array of undefined values, like that of numpy.
 
     Where a map over processes of this machine is under way, and the system is Linux, its views go to them and come back
-    by reference: what a process writes is written here. The memory is given back with the last view, however a run ends.
+    by reference: what a process writes is written here. The memory is given back with the last view, also of a killed
+    run.
     """
     size = math.prod(shape) * np.dtype(dtype).itemsize
     if not _shared or not size or not hasattr(os, "memfd_create"):
