@@ -266,9 +266,11 @@ def test_where_the_plans_of_a_checkpoint_are_lost_all_is_computed_again(fresh, c
     else:
         path.unlink()
     with pytest.raises(KeyboardInterrupt):
-        fs.run(case, tmp_path / "out", resume=True, workers=1, progress=stop_at("two-scale: contact of windows", 0))
+        fs.run(
+            case, tmp_path / "out", resume=True, workers=1, progress=stop_at("two-scale: contact of the whole face", 0)
+        )
     assert f"{path} is damaged; all items are computed again" in caplog.text
-    assert not list(path.parent.glob("001-*.shard"))
+    assert not list(path.parent.glob("*.shard"))
 
 
 @pytest.mark.slow

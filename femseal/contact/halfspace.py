@@ -265,7 +265,8 @@ def _lay(points, staged, mirror1, mirror2):
             for j in range(n2 // 2):
                 staged[i, n2 - 1 - j] = row[2 * j + 1]
         else:
-            staged[i, :n2] = row
+            for j in range(n2):
+                staged[i, j] = row[j]
             staged[i, n2:] = 0
 
 
@@ -281,4 +282,5 @@ def _take(staged, points, mirror1, mirror2):
             for j in range(n2 // 2):
                 row[2 * j + 1] = staged[i, n2 - 1 - j]
         else:
-            row[:] = staged[i, :n2]
+            for j in range(n2):
+                row[j] = staged[i, j]

@@ -378,8 +378,9 @@ def _search_line(t, p, v, hardness, state, best):
     """
     if not t.monotone:
         t.monotone = 1
-        best[0, :] = p
-        best[1, :] = v
+        for i in range(p.size):
+            best[0, i] = p[i]
+            best[1, i] = v[i]
         return
     slope = 0.0
     curvature = 0.0

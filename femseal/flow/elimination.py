@@ -82,8 +82,10 @@ def eliminate(c1, c2, keep, periodic, inlet, outlet):
             top -= m * m
             _add(left[top : top + m * m].reshape(m, m), border[start[child] : start[child + 1]], local, p, front, rest)
         _eliminate_front(front, rest, total[a : a + p])
-        left[top : top + q * q] = rest.ravel()
-        top += q * q
+        for i in range(q):
+            for j in range(q):
+                left[top] = rest[i, j]
+                top += 1
         pending[n_pending] = f
         n_pending += 1
     rate = 0.0
@@ -231,7 +233,8 @@ def _borders(c1, c2, periodic, order, first, parent, rank):
             most += start[pending[k] + 1] - start[pending[k]]
         if most > border.size:
             grown = np.empty(2 * most, np.int64)
-            grown[:size] = border[:size]
+            for i in range(size):
+                grown[i] = border[i]
             border = grown
         for i in range(first[f], end):
             _links(c1, c2, periodic, order[i], neighbour, link)
@@ -266,17 +269,19 @@ def _borders(c1, c2, periodic, order, first, parent, rank):
 
 @njit(**_exact)
 def _sort(values):
-    """In place; most are few and nearly sorted."""
-    if values.size > 32:
-        values.sort()
-        return
-    for i in range(1, values.size):
-        here = values[i]
-        j = i - 1
-        while j >= 0 and values[j] > here:
-            values[j + 1] = values[j]
-            j -= 1
-        values[j + 1] = here
+    """In place; most are few and nearly sorted. Shell's method with gaps of Tokuda."""
+    gap = 1
+    while gap < values.size:
+        gap = (9 * gap) // 4 + 1
+    while gap > 0:
+        for i in range(gap, values.size):
+            here = values[i]
+            j = i - gap
+            while j >= 0 and values[j] > here:
+                values[j + gap] = values[j]
+                j -= gap
+            values[j + gap] = here
+        gap = (4 * gap) // 9
 
 
 @njit(**_exact)
@@ -316,13 +321,19 @@ def _eliminate_front(front, rest, total):
             shares = later[:, : p - end].copy()
             for i in range(end - start):
                 shares[i] /= total[start + i]
-            front[end:, end:] += np.dot(shares.T, later)
+            product = np.dot(shares.T, later)
+            for i in range(end, p):
+                for j in range(end, p + q):
+                    front[i, j] += product[i - end, j - end]
     if p * q * q > _BLAS:
         later = front[:, p:].copy()
         shares = later.copy()
         for i in range(p):
             shares[i] /= total[i]
-        rest += np.dot(shares.T, later)
+        product = np.dot(shares.T, later)
+        for i in range(q):
+            for j in range(q):
+                rest[i, j] += product[i, j]
         return
     # four pivots at once
     for i in range(0, p, 4):

@@ -100,8 +100,8 @@ def _solve(centre, right, below, below_right, below_left, ring, inlet, outlet, r
     n1, n2 = centre.shape[0] - 2, centre.shape[1] - 2
     z, b = levels[0][7], levels[0][8]
     x, r, p, y = np.zeros(z.shape), np.zeros(z.shape), np.zeros(z.shape), np.zeros(z.shape)
-    r[1, 1:-1] = inlet
-    b[:] = r
+    for j in range(n2):
+        r[1, j + 1] = b[1, j + 1] = inlet[j]
     rz, error, first = 0.0, np.inf, 0.0
     iteration = 0
     while True:
@@ -137,6 +137,17 @@ def _solve(centre, right, below, below_right, below_left, ring, inlet, outlet, r
 
 
 @njit(**_compiled)
+def _wrap(weights):
+    """Those of the first and last columns repeat the others', around a ring."""
+    rows, columns = weights.shape[:2]
+    for i in range(rows):
+        for k in range(3):
+            for m in range(3):
+                weights[i, 0, k, m] = weights[i, columns - 2, k, m]
+                weights[i, columns - 1, k, m] = weights[i, 1, k, m]
+
+
+@njit(**_compiled)
 def _hierarchy(centre, right, below, below_right, below_left, ring):
     """Levels from the finest: operator, inverse centres, weights of the next level's nodes, and work x, b, r."""
     levels = []
@@ -149,8 +160,7 @@ def _hierarchy(centre, right, below, below_right, below_left, ring):
         else:
             weights = _interpolation(centre, right, below, below_right, below_left, nine)
             if ring:
-                weights[:, 0] = weights[:, -2]
-                weights[:, -1] = weights[:, 1]
+                _wrap(weights)
         inverse = np.zeros(shape)
         for i in range(shape[0]):
             for j in range(shape[1]):
