@@ -1,23 +1,21 @@
-"""Windows computed by two processes and by a Dask cluster of two, against one process.
+"""Studies on two processes and on a Dask cluster of two, against one process.
 
-Contact of n² windows along a cycle of ten steps, each window with its own gaps, as the studies send them. Efficiency is
-the processor time of one process over that of all processes of the map, which load by others changes little; after it
-the elapsed time of one process over that of two, halved. Processes have been started before. The overhead is the time of
-an item that computes nothing. What the network carries is the size of the arguments and results for each second that one
-core computes. Every process has one thread. `--write` puts the table beside this file and into the README.
+    python tests/benchmarks/parallel.py --write
+
+Two scales on self-affine faces along a cycle of twenty load steps, and a library of windows with seals drawn from it.
+Efficiency is the elapsed time of one process over that of two, halved: of the whole study, and of its parts that are
+divided. Processes are started, and have computed something small, before. The overhead is the time of an item that
+computes nothing. Every process has one thread. `--write` puts the table beside this file and into the README.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
-import pickle
 import sys
 import time
-from functools import partial
 from pathlib import Path
 
-import numpy as np
 from common import ROOT, call, machine, replace_between, rows
 
 HERE = Path(__file__).parent
@@ -27,90 +25,121 @@ BACKENDS = {
     "Dask": {"workers": 2, "scheduler": "local"},
 }
 MAPS = tuple(BACKENDS)[1:]
+PARTS = {
+    "state": "contact of the whole face",
+    "respond": "contact of windows",
+    "flow_history": "flow in windows",
+    "cell": "library windows",
+    "realise": "drawn seals",
+}
+#: Points of a face and of its windows; 0: a library.
+STUDIES = ((512, 32), (1024, 64), (2048, 64), (0, 64))
 EMPTY = 20_000
 
 
-def windows(n, count):
-    """The task of a study and its arguments."""
-    from femseal import HalfSpace, self_affine
-    from femseal.contact import load_programme
-    from femseal.studies.windows import _respond
+def scene_of(n):
+    """A face of n × n points with all that a seal needs."""
+    from femseal import Liquid, Scene, self_affine
 
-    steps = load_programme((5e7, 1e8, 2e8, 4e8, 6e8, 9e8), (9e8,), (4e8, 2e8, 1e8, 5e7))
-    face = self_affine((n * 4, n * 4), (n * 4e-6, n * 4e-6), hurst=0.8, rms_slope=0.2, roll_off=n * 2e-6, rng=1)
-    half_space = HalfSpace((n, n), face.spacing, 115e9, ("mirror", "mirror"))
-    task = partial(_respond, steps=steps, half_space=half_space, hardness=4e9, rigid_at_zero=True, rtol=1e-5)
-    rng = np.random.default_rng(1)
-    places = rng.integers(n * 3, size=(count, 2))
-    cut = [face.heights.max() - face.heights[i : i + n, j : j + n] for i, j in places]
-    raw_gaps = [np.full((len(steps), n, n), g.mean(), np.float32) for g in cut]
-    return task, raw_gaps, [g - g.mean() for g in cut], [np.array([s.pressure for s in steps])] * count
-
-
-def processor_seconds():
-    """Of this process and its workers."""
-    import psutil
-
-    own = psutil.Process()
-    return sum(sum(process.cpu_times()[:2]) for process in (own, *own.children(recursive=True)))
+    size = (n * 1e-6, n * 1e-6)
+    face = self_affine((n, n), size, hurst=0.8, rms_slope=0.25, roll_off=size[0] / 4, cut_off=8e-6, rng=1)
+    hardness = 0.14 * 115e9 * face.rms_slope
+    shares = (0.004, 0.01, 0.02, 0.04, 0.07, 0.11, 0.16, 0.22, 0.3, 0.4)
+    return Scene(
+        surface=face,
+        modulus=115e9,
+        hardness=hardness,
+        fluid=Liquid(viscosity=1e-3, density=1000.0),
+        inlet_pressure=1e7,
+        outlet_pressure=0.0,
+        loading=tuple(hardness * p for p in shares),
+        unload_from=(hardness * 0.11, hardness * 0.3),
+        unloading=tuple(hardness * p for p in (0.22, 0.16, 0.07, 0.03, 0.01, 0.003)),
+    )
 
 
-def study(task):
-    """Times of a map after its processes are warm."""
+def study(n, window, mapping):
+    """Two scales of a face; without points a library of windows and seals drawn from it."""
+    from femseal import Sampling, stochastic, two_scale
+
+    if n:
+        two_scale(scene_of(n), (n // window,) * 2, map=mapping)
+    else:
+        drawn = {"length": 400 * window * 1e-6, "breadth": 40 * window * 1e-6, "pressure": "uniform", "seed": 1}
+        stochastic(
+            scene_of(512), (512 // window,) * 2, Sampling(**drawn, library_cells=200, realisations=50), map=mapping
+        )
+
+
+def timed(mapping, seconds):
+    """The same map, adding up what its parts take."""
+
+    def watched(function, *iterables):
+        name = getattr(function, "func", function).__name__.strip("_")
+        start = time.perf_counter()
+        for item in mapping(function, *iterables):
+            seconds[name] = seconds.get(name, 0.0) + time.perf_counter() - start
+            yield item
+            start = time.perf_counter()
+
+    return watched
+
+
+def measure(task):
+    """Elapsed times of a study and of its parts."""
     from femseal.parallel import ordered_map
 
     with ordered_map(**BACKENDS[task["backend"]]) as mapping:
-        if task["n"] == 0:
+        if task["study"] is None:
             list(mapping(abs, range(200)))
             start = time.perf_counter()
             list(mapping(abs, range(EMPTY)))
-            return {**task, "seconds": time.perf_counter() - start}
-        function, *arguments = windows(task["n"], task["count"])
-        list(mapping(function, *(a[:100] for a in arguments)))
-        start, before = time.perf_counter(), processor_seconds()
-        results = list(mapping(function, *arguments))
-        seconds, used = time.perf_counter() - start, processor_seconds() - before
-    size = sum(len(pickle.dumps(part, 5)) for part in (*(a[0] for a in arguments), results[0]))
-    return {**task, "seconds": seconds, "processor": used, "bytes": size * task["count"]}
+            return {**task, "seconds": {"": time.perf_counter() - start}}
+        n, window = task["study"]
+        study(min(n, 256), 32, mapping)
+        seconds = {}
+        start = time.perf_counter()
+        study(n, window, timed(mapping, seconds))
+        return {**task, "seconds": {**seconds, "": time.perf_counter() - start}}
 
 
 def table(records):
-    def least(n, backend, key):
-        return min(r[key] for r in records if (r["n"], r["backend"]) == (n, backend))
+    def least(study, backend, part):
+        found = (r["seconds"][part] for r in records if (r["study"], r["backend"]) == (study, backend))
+        return min(found)
 
     cells = []
-    for n in sorted({r["n"] for r in records} - {0}):
-        own = [r for r in records if r["n"] == n]
-        seconds, processor = (least(n, "one process", key) for key in ("seconds", "processor"))
-        cells.append([
-            f"{n}²", f"{1e3 * processor / own[0]['count']:.3g}",
-            *(f"{processor / least(n, b, 'processor'):.2f}, {seconds / (2 * least(n, b, 'seconds')):.2f}" for b in MAPS),
-            f"{own[0]['bytes'] / processor / 1e6:.3g}",
-        ])  # fmt: skip
-    overhead = ", ".join(f"{b} {1e3 * least(0, b, 'seconds') / EMPTY:.2g} ms" for b in MAPS)
-    head = ["window", "one window [ms]", "efficiency, of time: joblib", "Dask", "network for each core [MB/s]"]
+    for n, window in STUDIES:
+        chosen = [n, window]
+        own = [r for r in records if r["study"] == chosen]
+        if not own:
+            continue
+        name = (
+            f"two scales, {n}², windows of {window}²" if n else f"200 windows of {window}², 50 seals of 40 × 400 links"
+        )
+        for part in ("", *(p for p in PARTS if p in own[0]["seconds"])):
+            one = least(chosen, "one process", part)
+            efficiencies = (f"{one / (2 * least(chosen, b, part)):.2f}" for b in MAPS)
+            cells.append(["" if part else name, PARTS.get(part, "all"), f"{one:.3g}", *efficiencies])
+    overhead = ", ".join(f"{b} {1e3 * least(None, b, '') / EMPTY:.2g} ms" for b in MAPS)
+    head = ["study", "part", "one process [s]", "efficiency of two: joblib", "Dask"]
     return f"{rows(head, cells)}\n\nOverhead for each item: {overhead}."
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--points", type=int, nargs="+", default=[32, 64, 128], help="of a side of a window")
-    parser.add_argument("--megapixels", type=float, default=8.0, help="of all windows and steps together")
     parser.add_argument("--repeat", type=int, default=3, help="the best of so many counts")
     parser.add_argument("--write", action="store_true", help="write the table")
     parser.add_argument("--worker", help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.worker:
-        print(json.dumps(study(json.loads(options.worker))))
+        print(json.dumps(measure(json.loads(options.worker))))
         return
     records = []
     for _ in range(options.repeat):
-        for n in (0, *options.points):
+        for which in (None, *STUDIES):
             for backend in BACKENDS:
-                count = EMPTY if n == 0 else max(16, round(options.megapixels * 1e6 / (10 * n * n)))
-                records.append(
-                    call(__file__, ["--worker", json.dumps({"n": n, "count": count, "backend": backend})], 1)
-                )
+                records.append(call(__file__, ["--worker", json.dumps({"study": which, "backend": backend})], 1))
                 print(json.dumps(records[-1]), file=sys.stderr, flush=True)
     packages = {name: name for name in ("joblib", "distributed")}
     text = f"{machine(packages)}. Best of {options.repeat}.\n\n{table(records)}"
