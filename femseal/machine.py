@@ -1,4 +1,4 @@
-"""What a run was computed on, and the memory it took: told with the results, never used by them."""
+"""What a run was computed on, and the memory it took: told with the results, never used by them; what is free."""
 
 from __future__ import annotations
 
@@ -27,6 +27,14 @@ def peak_memory() -> int | None:
         return None
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     return peak if sys.platform == "darwin" else 1024 * peak
+
+
+def free_memory() -> float:
+    """Memory that is free on this machine [byte]; 4 GB where that cannot be told."""
+    try:
+        return float(os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"))
+    except (ValueError, OSError, AttributeError):
+        return 4e9
 
 
 def _processor() -> str:

@@ -29,6 +29,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .errors import FemsealError, InputError
+from .machine import free_memory
 from .versions import numerical_versions
 
 log = logging.getLogger("femseal.parallel")
@@ -39,6 +40,8 @@ ANSWER_SECONDS = 5
 WORKER_SECONDS = 600
 #: Small items are sent together, about so much work at a time [s].
 TASK_SECONDS = 0.25
+#: Share of the free memory that heavy tasks may take together.
+FREE_SHARE = 0.7
 #: Tasks under way for each thread of a cluster: one computed, one ready.
 UNDER_WAY = 2
 #: Memory that processes of this machine keep when it is freed [bytes]: to get each result's anew costs as much as to
@@ -85,6 +88,15 @@ def ordered_map(workers: int | None = None, scheduler: str | None = None) -> Ite
                 raise
 
 
+class HeavyTask(partial[Any]):
+    """A function that takes much memory: a map over processes of this machine computes no more at once than fit.
+
+    memory : of each call [byte].
+    """
+
+    memory = 0.0
+
+
 @contextmanager
 def _memory_to_share() -> Iterator[None]:
     """Arrays of `shared_empty` are shared meanwhile."""
@@ -126,7 +138,10 @@ def _over_processes(count: int, function: Callable[..., Any], *iterables: Iterab
         path = Path(folder, "function.pickle")
         path.write_bytes(pickle.dumps(function, protocol=5))
         with joblib.parallel_config("loky", inner_max_num_threads=1), _children():
-            pool = joblib.Parallel(return_as="generator", n_jobs=count)
+            under_way: Any = "2 * n_jobs"
+            if memory := getattr(function, "memory", 0.0):
+                under_way = int(np.clip(FREE_SHARE * free_memory() / memory, 1, 2 * count))
+            pool = joblib.Parallel(return_as="generator", n_jobs=count, pre_dispatch=under_way)
             call = joblib.delayed(_call_stored)
             results = pool(call(os.getpid(), str(path), *args) for args in chain(first, items))
         try:

@@ -18,7 +18,7 @@ from test_checkpoint import CASE, assert_same
 
 import femseal as fs
 from femseal import parallel
-from femseal.parallel import ordered_map, shared_empty
+from femseal.parallel import HeavyTask, ordered_map, shared_empty
 
 distributed = pytest.importorskip("distributed")
 
@@ -214,3 +214,24 @@ class TestSharedMemory:
         assert_array_equal(whole, 5)
         del whole
         assert not any("femseal" in name for name in descriptors())
+
+
+def running_at_once(folder):
+    """How many of these calls run while this one does, as far as it can see."""
+    mark = Path(folder) / f"{os.getpid()}-{time.monotonic_ns()}"
+    mark.touch()
+    time.sleep(0.1)
+    seen = len(list(Path(folder).iterdir()))
+    mark.unlink()
+    return seen
+
+
+@pytest.mark.parametrize(("memory", "most"), [(0.0, 2), (1.0, 2), (6e8, 1), (1e15, 1)])
+def test_no_more_heavy_tasks_at_once_than_fit(tmp_path, monkeypatch, memory, most):
+    monkeypatch.setattr(parallel, "free_memory", lambda: 1e9)
+    task = HeavyTask(running_at_once)
+    task.memory = memory
+    with ordered_map(workers=2) as mapping:
+        list(mapping(abs, range(4)))
+        seen = list(mapping(task, [tmp_path] * 6))
+    assert max(seen) == most

@@ -182,7 +182,7 @@ class TestGlobalScale:
         own = raw - state.outer_gap(partition, body)
         expected = np.zeros((64, 48))
         expected[32:, :24] = 2 * 2e8 / (E * np.hypot(q1, q2)) * wave((32, 24))
-        assert_allclose(own, expected, atol=1e-9 * expected.max())
+        assert_allclose(own, expected, atol=1e-6 * expected.max())  # in single precision
 
     def test_raw_gap_is_between_virgin_planes(self, face):
         """On unloading the permanent deformation stays negative in the raw gap where the face yielded."""

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
 from itertools import pairwise
 from math import inf
 from typing import TYPE_CHECKING, Any
@@ -20,6 +19,7 @@ from numpy.typing import ArrayLike
 from .. import checks
 from ..drawing import cycle_panel, new_figure
 from ..errors import InputError
+from ..parallel import HeavyTask
 from ..quantities import to_text
 from ..showing import fact_table
 from .halfspace import HalfSpace
@@ -27,6 +27,10 @@ from .solver import Contact, hardness_bounds, solve_contact
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+
+#: Fields over all points that the contact of a state takes, with gap, memory and result.
+STATE_FIELDS = 20
 
 
 @dataclass(frozen=True)
@@ -199,6 +203,7 @@ def load_states(
     unloading: Sequence[float] = (),
     rtol: float = 1e-6,
     take: Callable[[LoadState], Any] | None = None,
+    memory: float | None = None,
     map: Callable[..., Iterable[Any]] = map,
 ) -> Iterator[Any]:
     """The states of `load_cycle` one after another, checked at once and solved when asked for, none of them kept.
@@ -206,14 +211,17 @@ def load_states(
     Parameters
     ----------
     take : what to give of each state instead of the state itself, worked out where that is solved.
+    memory : that a state takes with `take` [byte], unless given that of the contact; a map over processes solves no
+        more at once than fit.
     map : how to solve states that do not depend on each other, in order: those of loading, then those of unloading.
     """
     steps = load_programme(loading, unload_from, unloading)
     highest = max(s.pressure for s in steps)
     if highest > (limit := float(hardness_bounds(hardness, half_space.shape).mean())) * (1 + 1e-12):
         raise InputError.of("loading", f"{highest:g} Pa", f"at most the mean hardness, {limit:g} Pa")
-    gap0 = checks.field("gap0", gap0, unit="m", shape=half_space.shape)
-    task = partial(_state, gap0=gap0, half_space=half_space, hardness=hardness, rtol=rtol, take=take)
+    gap0 = checks.field("gap0", gap0, unit="m", shape=half_space.shape, copy=False)
+    task = HeavyTask(_state, gap0=gap0, half_space=half_space, hardness=hardness, rtol=rtol, take=take)
+    task.memory = 8.0 * STATE_FIELDS * gap0.size if memory is None else memory
     return _solved(task, steps, map)
 
 

@@ -152,7 +152,7 @@ class GlobalState:
     raw_gap: Array
     contact_pressure: Array
 
-    def outer_gap(self, partition: Partition, body: HalfSpace) -> Array:
+    def outer_gap(self, partition: Partition, body: HalfSpace) -> NDArray[np.float32]:
         """Raw gap without what the pressure of each cell adds in it (n1, n2) [m].
 
         A cell's own pressure acts on `body`, the mirrored one of a window. A window that starts from this gap may
@@ -163,12 +163,13 @@ class GlobalState:
         size = partition.window_size
         spacing = (size[0] / coarse[0], size[1] / coarse[1])
         symbol = replace(body, shape=coarse, spacing=spacing, plans=()).symbol()
-        gap = self.raw_gap.copy()
+        gap = np.empty(self.raw_gap.shape, np.float32)
         for i in range(partition.cells[0]):
             band = self.contact_pressure[i * coarse[0] : (i + 1) * coarse[0]].reshape(coarse[0], -1, coarse[1])
             waves = dctn(band, axes=(0, 2), norm="forward") * symbol[:, None, :]
             own = idctn(waves, s=partition.window, axes=(0, 2), norm="forward")
-            gap[i * partition.window[0] : (i + 1) * partition.window[0]] -= own.reshape(partition.window[0], -1)
+            rows = slice(i * partition.window[0], (i + 1) * partition.window[0])
+            gap[rows] = self.raw_gap[rows] - own.reshape(partition.window[0], -1)
         return gap
 
 
@@ -196,6 +197,8 @@ def global_states(
     fine_gap, coarse_gap = top - smooth.heights, top - coarse.heights
     half_space = HalfSpace(coarse.shape, coarse.spacing, modulus, boundary)
     finer = Refinement(coarse.shape, surface.shape, boundary)
+    if coarse is smooth:
+        fine_gap = coarse_gap
     del smooth, coarse
     solved = partial(
         _global_state, partition=partition, fine_gap=fine_gap, coarse_gap=coarse_gap, finer=finer, take=take

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-import os
-
 import numpy as np
 
+from ..contact.cycle import STATE_FIELDS
+from ..machine import free_memory
+from ..scales.partition import PIXELS_PER_CUT_OFF
 from .sources import Sampling
+from .whole_face import state_memory
+from .windows import CUT_OFF_WINDOWS
 
 #: Seconds of one core for one contact solution and one flow solution of n pixels, fitted to 64² … 4096² on a 2-core
 #: x86-64 machine; good to a factor of two.
@@ -25,7 +28,7 @@ def deterministic_cost(steps: int, points: tuple[int, int]) -> tuple[float, floa
     """Expected time on one core [s] and memory [byte] of the deterministic solution."""
     pixels = points[0] * points[1]
     seconds = steps * (_seconds(_CONTACT_SECONDS, pixels) * 2 + _seconds(_FLOW_SECONDS, pixels))
-    return seconds, 8.0 * pixels * (steps * 4 + 60 + 3 * np.log2(pixels))
+    return seconds, 4.0 * pixels * steps + state_memory(pixels)
 
 
 def two_scale_cost(steps: int, points: tuple[int, int], cells: tuple[int, int]) -> tuple[float, float]:
@@ -33,7 +36,8 @@ def two_scale_cost(steps: int, points: tuple[int, int], cells: tuple[int, int]) 
     pixels, (m1, m2) = points[0] * points[1], cells
     window, links = pixels // (m1 * m2), m1 * m2 + (m1 - 1) * m2
     seconds = steps * (m1 * m2 * _seconds(_CONTACT_SECONDS, window) + links * _seconds(_FLOW_SECONDS, window))
-    return seconds, 8.0 * pixels * steps * 3
+    coarse = min(pixels, m1 * m2 * (PIXELS_PER_CUT_OFF / CUT_OFF_WINDOWS) ** 2)
+    return seconds, 4.0 * pixels * steps + 8.0 * (8 * pixels + STATE_FIELDS * coarse)
 
 
 def stochastic_cost(
@@ -69,11 +73,3 @@ def choose_method(steps: int, points: tuple[int, int], cells: tuple[int, int]) -
     other, less = two_scale_cost(steps, points, cells)
     reason = "too long" if memory <= AFFORDABLE_SHARE * free else "too much"
     return "two-scale", f"{cost}: {reason}; two scales about {other:.0f} s and {less / 1e9:.2g} GB"
-
-
-def free_memory() -> float:
-    """Memory that is free on this machine [byte]; 4 GB where that cannot be told."""
-    try:
-        return float(os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"))
-    except (ValueError, OSError, AttributeError):
-        return 4e9

@@ -191,7 +191,7 @@ def solve_windows(scene: Scene, cells: tuple[int, int], *, map: Map = map) -> Wi
 
 
 def _outer(state: GlobalState, partition: Partition, body: HalfSpace) -> tuple[NDArray[np.float32], Array]:
-    return state.outer_gap(partition, body).astype(np.float32), state.pressure
+    return state.outer_gap(partition, body), state.pressure
 
 
 def _respond(raw_gap: NDArray[np.float32], fine: Array, pressures: Array, **settings: Any) -> WindowHistory:
