@@ -85,11 +85,15 @@ def disk(case: Case, prepared: Prepared) -> Disk:
     formats = {"none": 0, "both": 2}.get(case.output.paraview, 1)
     # pictures and report; heights for ParaView
     others, checkpoint = 2e6 + 4.0 * pixels * formats, 0.0
+    peaks = len(set(scene.unload_from))
+    if "deterministic" in prepared.methods:
+        checkpoint += pixels * (4.0 * steps + 8.0 * peaks)
     if prepared.cells is not None and prepared.methods != {"deterministic"}:
         windows = prepared.cells[0] * prepared.cells[1]
         # a window: ten numbers in results.nc, twenty in the mesh of the seal; three windows with three fields
         others += steps * windows * (80 + 160 * formats) + steps * formats * 36 * pixels / windows
-        checkpoint = 4.0 * pixels * steps
+        # the gap that the global contact leaves, and gap and pressure of the windows
+        checkpoint += pixels * (8.0 * steps + 8.0 * peaks)
     if (sampling := prepared.sampling) is not None:
         others += 8.0 * steps * (2 * sampling.realisations + 6 * sampling.library_cells)
     return Disk(float(each * fitting), fitting, others, checkpoint)

@@ -247,3 +247,16 @@ def test_size_of_the_folder_is_foreseen(case, tmp_path, limit):
     assert written < 1.2 * (foreseen.fields + foreseen.others) < 20 * written
     steps = fs.open_results(tmp_path / "out").stored_steps
     assert len(steps) == foreseen.steps
+
+
+def test_size_of_the_checkpoint_is_foreseen(case, tmp_path):
+    """Of the gaps that all studies keep, once all is computed."""
+    case.write_text(CASE.replace("points = [32, 32]", "points = [128, 128]"))
+    loaded, written = fs.load_case(case), []
+
+    def measure(stage, done, total):
+        if stage == "writing results":
+            written.extend(path.stat().st_size for path in (tmp_path / "out/.checkpoint").glob("*.shard"))
+
+    fs.run(loaded, tmp_path / "out", workers=1, progress=measure)
+    assert 0.6 < sum(written) / disk(loaded, loaded.prepare()).checkpoint < 1.2
