@@ -139,6 +139,9 @@ def solve_windows(scene: Scene, cells: tuple[int, int], *, map: Map = map) -> Wi
     cut_off = CUT_OFF_WINDOWS * min(Partition(surface.shape, surface.spacing, cells).window_size)
     partition = Partition.through_valleys(surface, cells, cut_off)
     body = HalfSpace(partition.window, partition.spacing, scene.modulus, ("mirror", "mirror"))
+    fine = fine_waves(surface, cut_off)
+    failures = _unresolved_ridges(surface.heights + fine, fine, partition)
+    fine = fine.astype(np.float32)
     # of each cell the gap that it starts from, and in its place gap − pressure once it is solved
     fields = shared_empty((len(scene.steps), *surface.shape), np.float32)
     pressures = []
@@ -148,8 +151,6 @@ def solve_windows(scene: Scene, cells: tuple[int, int], *, map: Map = map) -> Wi
         fields[s] = outer_gap
         pressures.append(cell_pressure)
     pressure = np.array(pressures)
-    fine = fine_waves(surface, cut_off)
-    failures = _unresolved_ridges(surface.heights + fine, fine, partition)
     m1, m2 = cells
     places = [(i, j) for i in range(m1) for j in range(m2)]
     task = partial(
@@ -194,9 +195,11 @@ def _outer(state: GlobalState, partition: Partition, body: HalfSpace) -> tuple[N
     return state.outer_gap(partition, body), state.pressure
 
 
-def _respond(raw_gap: NDArray[np.float32], fine: Array, pressures: Array, **settings: Any) -> WindowHistory:
+def _respond(
+    raw_gap: NDArray[np.float32], fine: NDArray[np.float32], pressures: Array, **settings: Any
+) -> WindowHistory:
     """`respond` on the gap that a window's raw gaps (steps, n1, n2) and its fine waves make; it takes their place."""
-    history = respond(raw_gap + fine, pressures, **settings)
+    history = respond(np.add(raw_gap, fine, dtype=float), pressures, **settings)
     raw_gap[:] = history.gap_minus_pressure
     return replace(history, gap_minus_pressure=raw_gap)
 
