@@ -27,7 +27,16 @@ PEAKS = (0.06, 0.1, 0.15, 0.2)
 UNLOADING = (0.17, 0.13, 0.1, 0.075, 0.05, 0.03, 0.015, 0.007)
 #: H/(E*·rms slope), and sizes (x1, x2) [m] of the seals.
 PLASTICITY = (0.05, 0.1, 0.3)
-SIZES = ((0.5e-3, 1e-3), (0.5e-3, 1e-2), (0.5e-3, 0.1), (0.5e-3, 1.0), (2e-3, 1e-2), (2e-3, 0.1), (5e-3, 0.1))
+SIZES = (
+    (0.5e-3, 1e-3),
+    (0.5e-3, 1e-2),
+    (0.5e-3, 0.1),
+    (0.5e-3, 1.0),
+    (2e-3, 1e-2),
+    (2e-3, 0.1),
+    (5e-3, 0.1),
+    (20e-3, 1e-2),
+)
 
 
 def scene(plasticity: float) -> Scene:
@@ -105,7 +114,7 @@ def draw(rows, path):
         peaks = sorted({r["peak/H"] for r in rows})
         for peak, marker in zip(peaks, "osD^v<>", strict=False):
             chosen = [r for r in rows if r["H/(E* slope)"] == ratio and r["peak/H"] == peak]
-            for breadth, line in zip(sorted({r["breadth_mm"] for r in chosen}), ("-", "--", ":"), strict=False):
+            for breadth, line in zip(sorted({r["breadth_mm"] for r in chosen}), ("-", "--", ":", "-."), strict=False):
                 some = sorted((r for r in chosen if r["breadth_mm"] == breadth), key=lambda r: r["length_mm"])
                 ax.plot([r["length_mm"] for r in some], [100 * r["load_lost_when_doubled"] for r in some],
                         line, marker=marker, color=plt.cm.viridis(peaks.index(peak) / len(peaks)),

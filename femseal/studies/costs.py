@@ -55,8 +55,9 @@ def stochastic_cost(
     seconds += (
         (4 if sampling.bounds else 2) * sampling.realisations * steps * 4e-7 * links * max(1.0, np.log2(min(seal)))
     )
+    faces = two_scale_cost(steps, points, cells)[1] if sampling.pressure == "place" else 8.0 * 8 * pixels
     held = 1 if sampling.chosen_sampler in ("history", "block") else steps
-    return seconds, 8.0 * (pixels * steps * 3 + links * (held * 2 + 30))
+    return seconds, faces + 8.0 * links * (held * 2 + 30)
 
 
 #: What an automatic choice lets the deterministic solution take: time on one core [s], and share of the free memory.
