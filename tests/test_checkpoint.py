@@ -231,6 +231,8 @@ def test_a_stopped_run_goes_on_with_the_same_bits_and_leaves_no_checkpoint(case,
     out = tmp_path / "out"
     stages = []
     for stage, item in (
+        ("deterministic: contact of the whole face", 1),
+        ("two-scale: contact of the whole face", 2),
         ("two-scale: contact of windows", 3),
         ("stochastic: flow in windows", 2),
         ("stochastic: drawn seals", 11),
@@ -248,6 +250,7 @@ def test_a_stopped_run_goes_on_with_the_same_bits_and_leaves_no_checkpoint(case,
 
     monkeypatch.setattr("femseal.studies.drawn._realise", _realise)
     monkeypatch.setattr("femseal.studies.scene.cell_permeability", _realise)
+    monkeypatch.setattr("femseal.contact.cycle.solve_contact", _realise)
     monkeypatch.setattr("femseal.scales.response.cell_permeability", _realise)
     again = fs.run(case, out, resume=True, workers=1, progress=lambda *a: stages.append(a))
     assert_same(whole.dataset, again.dataset)
