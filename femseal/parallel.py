@@ -118,11 +118,14 @@ def shared_empty(shape: tuple[int, ...], dtype: Any) -> NDArray[Any]:
     size = math.prod(shape) * np.dtype(dtype).itemsize
     if not _shared or not size or not hasattr(os, "memfd_create"):
         return np.empty(shape, dtype)
-    descriptor = os.memfd_create("femseal")
-    _shared[-1].append(descriptor)
-    os.ftruncate(descriptor, size)
-    # joblib passes views of mapped files on by the name of the file
-    return np.memmap(f"/proc/{os.getpid()}/fd/{descriptor}", dtype, "r+", shape=shape)
+    try:
+        descriptor = os.memfd_create("femseal")
+        _shared[-1].append(descriptor)
+        os.ftruncate(descriptor, size)
+        # joblib passes views of mapped files on by the name of the file
+        return np.memmap(f"/proc/{os.getpid()}/fd/{descriptor}", dtype, "r+", shape=shape)
+    except OSError:  # no such files, or no more of them
+        return np.empty(shape, dtype)
 
 
 def _over_processes(count: int, function: Callable[..., Any], *iterables: Iterable[Any]) -> Iterator[Any]:

@@ -190,8 +190,12 @@ class TestSharedMemory:
         whole[0, 0, 0] = 3
         assert_array_equal(copy, 7)
 
-    def test_where_nothing_can_be_shared_views_go_by_value(self, monkeypatch):
-        monkeypatch.delattr(os, "memfd_create")
+    @pytest.mark.parametrize("reason", ["no Linux", "no /proc"])
+    def test_where_nothing_can_be_shared_views_go_by_value(self, monkeypatch, reason):
+        if reason == "no Linux":
+            monkeypatch.delattr(os, "memfd_create")
+        else:
+            monkeypatch.setattr(np, "memmap", lambda *a, **k: open("/none"))  # noqa: SIM115
         with ordered_map(workers=2) as mapping:
             whole = shared_empty((4, 10), float)
             whole[:] = 1
