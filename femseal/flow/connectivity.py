@@ -77,20 +77,18 @@ def percolates(is_open):
     """
     n1, n2 = is_open.shape
     seen = np.zeros((n1, n2), np.bool_)
-    waiting = [(0, 0)]
-    for start in range(n2):
-        waiting.append((0, start))
-        while waiting:
-            i, j = waiting.pop()
-            if i < 0 or not is_open[i, j] or seen[i, j]:
-                continue
-            if i == n1 - 1:
-                return True
-            seen[i, j] = True
-            waiting.append((i - 1, j))
-            waiting.append((i, (j - 1) % n2))
-            waiting.append((i, (j + 1) % n2))
-            waiting.append((i + 1, j))
+    waiting = [(0, j) for j in range(n2)]
+    while waiting:
+        i, j = waiting.pop()
+        if i < 0 or not is_open[i, j] or seen[i, j]:
+            continue
+        if i == n1 - 1:
+            return True
+        seen[i, j] = True
+        waiting.append((i - 1, j))
+        waiting.append((i, (j - 1) % n2))
+        waiting.append((i, (j + 1) % n2))
+        waiting.append((i + 1, j))
     return False
 
 

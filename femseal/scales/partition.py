@@ -194,11 +194,10 @@ def global_states(
     coarse_shape = (partition.cells[0] * per_window[0], partition.cells[1] * per_window[1])
     coarse = smooth.resample(coarse_shape) if coarse_shape != surface.shape else smooth
     top = float(surface.heights.max())
-    fine_gap, coarse_gap = top - smooth.heights, top - coarse.heights
+    coarse_gap = top - coarse.heights
+    fine_gap = coarse_gap if coarse is smooth else top - smooth.heights
     half_space = HalfSpace(coarse.shape, coarse.spacing, modulus, boundary)
     finer = Refinement(coarse.shape, surface.shape, boundary)
-    if coarse is smooth:
-        fine_gap = coarse_gap
     del smooth, coarse
     solved = partial(
         _global_state, partition=partition, fine_gap=fine_gap, coarse_gap=coarse_gap, finer=finer, take=take

@@ -16,6 +16,7 @@ import sys
 import time
 from pathlib import Path
 
+import scales
 from common import ROOT, call, machine, replace_between, rows
 
 HERE = Path(__file__).parent
@@ -38,24 +39,8 @@ EMPTY = 20_000
 
 
 def scene_of(n):
-    """A face of n × n points with all that a seal needs."""
-    from femseal import Liquid, Scene, self_affine
-
-    size = (n * 1e-6, n * 1e-6)
-    face = self_affine((n, n), size, hurst=0.8, rms_slope=0.25, roll_off=size[0] / 4, cut_off=8e-6, rng=1)
-    hardness = 0.14 * 115e9 * face.rms_slope
-    shares = (0.004, 0.01, 0.02, 0.04, 0.07, 0.11, 0.16, 0.22, 0.3, 0.4)
-    return Scene(
-        surface=face,
-        modulus=115e9,
-        hardness=hardness,
-        fluid=Liquid(viscosity=1e-3, density=1000.0),
-        inlet_pressure=1e7,
-        outlet_pressure=0.0,
-        loading=tuple(hardness * p for p in shares),
-        unload_from=(hardness * 0.11, hardness * 0.3),
-        unloading=tuple(hardness * p for p in (0.22, 0.16, 0.07, 0.03, 0.01, 0.003)),
-    )
+    """The self-affine face of n × n points of the study of two scales."""
+    return scales.scene_of({"kind": "self-affine", "n": n, "seed": 1})
 
 
 def study(n, window, mapping):
