@@ -30,8 +30,8 @@ from matplotlib.patheffects import withStroke
 from matplotlib.ticker import LogLocator, NullFormatter
 
 import femseal as fs
+from femseal.base.errors import InputError
 from femseal.drawing import STYLES, branches, new_figure
-from femseal.errors import InputError
 from femseal.flow.cell import link_conductances
 from femseal.output.maps import default_step, window_flux
 from femseal.output.views import chosen_windows

@@ -22,9 +22,9 @@ __version__ = "0.1.0"
 
 if TYPE_CHECKING:
     from .accuracy import AccuracyReport, measure_accuracy
+    from .base.errors import FemsealError, InputError, NotConverged
     from .case import Case, load_case
     from .contact import Contact, HalfSpace, LoadCycle, LoadState, load_cycle, solve_contact
-    from .errors import FemsealError, InputError, NotConverged
     from .flow import (
         Constriction,
         Permeability,

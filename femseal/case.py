@@ -29,12 +29,12 @@ from pydantic import (
 )
 from pydantic_core import PydanticCustomError, core_schema
 
-from .errors import InputError
+from .base.errors import InputError
+from .base.quantities import to_si, to_text
 from .fluids import Fluid, IdealGas, Liquid
 from .materials import Solid, contact_modulus, softer_hardness
 from .output.fields import LIMIT
 from .output.vtk import FORMATS
-from .quantities import to_si, to_text
 from .scales import SAMPLERS, Partition
 from .studies import FLOWS, PRESSURES, Sampling, Scene, check_sampling
 from .studies.costs import choose_method

@@ -27,9 +27,9 @@ from itertools import islice
 from pathlib import Path
 from typing import Any
 
+from .base.errors import FemsealError, InputError
+from .base.files import replacing
 from .contact import plans
-from .errors import FemsealError, InputError
-from .files import replacing
 from .parallel import Map
 
 log = logging.getLogger("femseal.checkpoint")

@@ -16,7 +16,7 @@ from typing import Annotated, Any, NoReturn
 
 import typer
 
-from .errors import FemsealError, InputError
+from .base.errors import FemsealError, InputError
 
 app = typer.Typer(
     name="femseal",
@@ -139,7 +139,7 @@ def accuracy(
 ) -> None:
     """Report speed against error for a case: coarser pixels, other windows, smaller libraries."""
     from .accuracy import measure_accuracy
-    from .quantities import to_si
+    from .base.quantities import to_si
 
     limits = {"limit": to_si(limit, "s", "limit"), "memory": to_si(memory, "byte", "memory")}
     announce = None if quiet else typer.echo

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
+from .base.quantities import to_text
 from .case import Case, Prepared
 from .output.fields import fields_size
-from .quantities import to_text
 from .scales import Partition
 from .studies import seal_cells
 from .studies.costs import deterministic_cost, stochastic_cost, two_scale_cost

@@ -14,9 +14,9 @@ from pathlib import Path
 from typing import Any
 
 from . import checkpoint
+from .base.errors import FemsealError, InputError
 from .case import Case, FileFace, Prepared, load_case
 from .checkpoint import Checkpoint
-from .errors import FemsealError, InputError
 from .output import Results, assemble, write_folder
 from .parallel import Map, ordered_map
 from .studies import deterministic, stochastic, two_scale

@@ -28,8 +28,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .errors import FemsealError, InputError
-from .machine import free_memory
+from .base.errors import FemsealError, InputError
+from .base.machine import free_memory
 from .versions import numerical_versions
 
 log = logging.getLogger("femseal.parallel")

@@ -6,9 +6,9 @@ from math import degrees, isnan, pi
 from pathlib import Path
 from typing import Any
 
-from .errors import InputError
+from .base.errors import InputError
+from .base.quantities import to_si, to_text
 from .output import survey_figure
-from .quantities import to_si, to_text
 from .topography import Conditioning, SurfaceReport, condition, describe_surface, read_topography
 
 _PICTURES = (".png", ".pdf", ".svg")

@@ -9,7 +9,7 @@ from scipy.sparse.linalg import spsolve
 from skfem import Basis, ElementQuad1, ElementQuad2, MeshQuad
 
 from femseal import analytic
-from femseal.errors import InputError, NotConverged
+from femseal.base.errors import InputError, NotConverged
 from femseal.flow import (
     bounds,
     cell,

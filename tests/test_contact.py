@@ -10,8 +10,8 @@ from numpy.testing import assert_allclose
 from scipy.optimize import lsq_linear
 
 from femseal import analytic
+from femseal.base.errors import InputError, NotConverged
 from femseal.contact import HalfSpace, grid, solve_contact
-from femseal.errors import InputError, NotConverged
 
 E = 115e9
 H = 4e9

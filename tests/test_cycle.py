@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
+from femseal.base.errors import InputError
 from femseal.contact import (
     HalfSpace,
     LoadStep,
@@ -20,7 +21,6 @@ from femseal.contact import (
 )
 from femseal.contact.complement import FieldOverSteps, gap_part, pressure_part
 from femseal.contact.cycle import _yielded_again
-from femseal.errors import InputError
 
 E, H, D = 115e9, 4e9, 1e-6
 SHAPE = (48, 40)

@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose
 from skfem import MeshLine, MeshQuad, MeshQuad2, MeshTet, MeshTri, MeshTri2
 
 from femseal.analytic import annulus_rate, checkerboard, stripes_across, stripes_along
-from femseal.errors import InputError, NotConverged
+from femseal.base.errors import InputError, NotConverged
 from femseal.flow import darcy
 from femseal.flow.darcy import darcy_conductance
 

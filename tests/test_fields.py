@@ -14,11 +14,11 @@ import xarray
 from numpy.testing import assert_allclose, assert_array_equal
 
 from femseal import job
+from femseal.base.errors import FemsealError, InputError
+from femseal.base.machine import machine, peak_memory
 from femseal.case import parse_case
-from femseal.errors import FemsealError, InputError
 from femseal.flow import cell_permeability
 from femseal.fluids import Liquid
-from femseal.machine import machine, peak_memory
 from femseal.output import assemble, open_results, seal_figure, write_folder, write_vtk
 from femseal.output.fields import plan_fields
 from femseal.output.views import chosen_windows

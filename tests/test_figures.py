@@ -12,7 +12,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 import femseal as fs
-from femseal.errors import InputError
+from femseal.base.errors import InputError
 from femseal.output.maps import window_flux
 from femseal.seal import largest_shares, window_dissipation
 

@@ -6,13 +6,13 @@ import sys
 import numpy as np
 import pytest
 
-from femseal.files import replacing_hdf5
+from femseal.base.files import replacing_hdf5
 
 CODE = """
 import resource, signal, sys
 from pathlib import Path
 import h5py, numpy as np
-from femseal.files import replacing_hdf5
+from femseal.base.files import replacing_hdf5
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[2]), int(sys.argv[2])))
 try:

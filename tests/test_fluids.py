@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from femseal.errors import InputError
+from femseal.base.errors import InputError
 from femseal.fluids import IdealGas, Liquid
 
 AIR = IdealGas(viscosity=18.1e-6, molar_mass=28.96e-3, temperature=293.15)

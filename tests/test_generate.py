@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from femseal.errors import InputError
+from femseal.base.errors import InputError
 from femseal.topography import self_affine, turned
 
 SIZE = (1e-3, 0.6e-3)

@@ -8,10 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
+from femseal.base.errors import InputError
 from femseal.contact import HalfSpace
 from femseal.contact.halfspace import Convolution
 from femseal.contact.kernels import stiffness_stencil
-from femseal.errors import InputError
 
 E = 115e9
 KINDS = ("periodic", "mirror", "free")

@@ -7,8 +7,8 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 import femseal.scales.library
+from femseal.base.errors import FemsealError, InputError, NotConverged
 from femseal.contact import HalfSpace, load_cycle, load_programme
-from femseal.errors import FemsealError, InputError, NotConverged
 from femseal.flow import cell_permeability
 from femseal.scales import Cell, CellCurves, Ladder, WindowSource, build_ladder_library, follow, on_ladder
 from femseal.topography import self_affine

@@ -5,7 +5,7 @@ from math import inf, nan
 import pytest
 from numpy.testing import assert_allclose
 
-from femseal.errors import InputError
+from femseal.base.errors import InputError
 from femseal.materials import Solid, contact_modulus, softer_hardness
 
 STEEL = Solid(210e9, 0.3, yield_stress=500e6)

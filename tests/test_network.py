@@ -12,7 +12,7 @@ from scipy.sparse.linalg import spsolve
 from skfem import Basis, ElementQuad1, MeshQuad
 
 from femseal import analytic
-from femseal.errors import FemsealError, InputError, NotConverged
+from femseal.base.errors import FemsealError, InputError, NotConverged
 from femseal.flow import elimination, link_conductances, multigrid, network, solve_network
 from femseal.flow.connectivity import links_between, nodes_reached
 from femseal.flow.forms import flow_along_x1, flow_along_x2

@@ -15,7 +15,7 @@ import xarray
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy import stats
 
-from femseal.errors import FemsealError, InputError
+from femseal.base.errors import FemsealError, InputError
 from femseal.flow import cell_permeability
 from femseal.fluids import IdealGas, Liquid
 from femseal.output import (

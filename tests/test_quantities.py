@@ -3,8 +3,8 @@
 import pytest
 from numpy.testing import assert_allclose
 
-from femseal.errors import InputError
-from femseal.quantities import to_si, to_text
+from femseal.base.errors import InputError
+from femseal.base.quantities import to_si, to_text
 
 
 @pytest.mark.parametrize(

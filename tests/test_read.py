@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from femseal.errors import InputError
+from femseal.base.errors import InputError
 from femseal.topography import read_topography
 
 SURFACES = Path(__file__).parents[1].parent / "shared" / "surfaces"

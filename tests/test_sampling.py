@@ -5,8 +5,8 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.stats import spearmanr
 
+from femseal.base.errors import InputError
 from femseal.contact import load_programme
-from femseal.errors import InputError
 from femseal.scales import SAMPLERS, LinkTable, correlation_length, draw_links
 
 STEPS = load_programme((1e8, 2e8, 3e8), (3e8,), (2e8, 1e8))

@@ -7,8 +7,8 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.ndimage import zoom
 
+from femseal.base.errors import InputError
 from femseal.contact import HalfSpace, LoadStep, load_cycle, load_programme, solve_contact
-from femseal.errors import InputError
 from femseal.flow import cell_permeability
 from femseal.scales import GlobalState, Partition, global_states, respond
 from femseal.scales.partition import Refinement

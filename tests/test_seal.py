@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose
 from skfem import MeshLine, MeshQuad, MeshTri
 
 from femseal.analytic import annulus_rate, log_symmetric_links, stripes_across, stripes_along
-from femseal.errors import InputError
+from femseal.base.errors import InputError
 from femseal.fluids import IdealGas, Liquid
 from femseal.seal import AnnularSeal, Leakage, MeshSeal, RectangularSeal, seal_leakage
 from femseal.seal.links import conservative_rate, network_flow

@@ -9,9 +9,9 @@ from matplotlib.figure import Figure
 from numpy.testing import assert_allclose
 
 import femseal as fs
-from femseal.errors import InputError
-from femseal.quantities import leakage_unit
-from femseal.showing import value_text
+from femseal.base.errors import InputError
+from femseal.base.quantities import leakage_unit
+from femseal.base.text import value_text
 
 MODULUS, HARDNESS = 115e9, 1.4e9
 

@@ -15,8 +15,8 @@ import femseal.studies.scene
 import femseal.studies.sources
 import femseal.studies.windows
 from femseal import analytic
+from femseal.base.errors import FemsealError, InputError, NotConverged
 from femseal.contact import HalfSpace, LoadStep, load_cycle
-from femseal.errors import FemsealError, InputError, NotConverged
 from femseal.flow import cell_permeability
 from femseal.fluids import IdealGas, Liquid
 from femseal.scales import LinkTable, draw_links

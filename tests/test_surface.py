@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scipy import ndimage
 
 import femseal as fs
-from femseal.errors import InputError
+from femseal.base.errors import InputError
 from femseal.topography import Topography, combine, describe_surface, repair, self_affine, turned
 from femseal.topography.overlap import _largest_rectangle
 from femseal.topography.power_law import spectrum

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from femseal.errors import InputError
+from femseal.base.errors import InputError
 from femseal.topography import Topography, condition, self_affine
 
 PERIODS = [(True, True), (False, True), (True, False), (False, False)]

@@ -13,11 +13,11 @@ import joblib
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import checks
+from ..base import validate
+from ..base.errors import FemsealError, InputError
+from ..base.files import made_folder
 from ..case import Case, Prepared, load_case
-from ..errors import FemsealError, InputError
 from ..factors import closing_load, leakage_factor
-from ..files import made_folder
 from ..parallel import Map, ordered_map
 from ..studies import deterministic, stochastic, two_scale
 from .plan import Plan, Variant, make_plan
@@ -62,8 +62,8 @@ def measure_accuracy(
     if not isinstance(case, Case):
         case = load_case(case)
     if workers is not None:
-        checks.count("workers", workers)
-    limit, memory = checks.number("limit", limit, unit="s"), checks.number("memory", memory, unit="byte")
+        validate.count("workers", workers)
+    limit, memory = validate.number("limit", limit, unit="s"), validate.number("memory", memory, unit="byte")
     if output is not None and Path(output).exists() and not Path(output).is_dir():
         raise InputError.of("output", f"'{output}', which is a file", "a folder, or one that does not exist")
     plan = make_plan(case, limit=limit, memory=memory)

@@ -6,9 +6,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from math import ceil, log2
 
+from ..base.errors import InputError
+from ..base.quantities import to_text
 from ..case import Case, Prepared
-from ..errors import InputError
-from ..quantities import to_text
 from ..scales import Partition
 from ..studies import seal_cells
 from ..studies.costs import deterministic_cost, stochastic_cost, two_scale_cost

@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.files import made_folder, replacing, write_text
+from ..base.quantities import to_text
 from ..factors import FLOOR, LeakageFactor
-from ..files import made_folder, replacing, write_text
-from ..quantities import to_text
 from ..versions import versions
 from .plan import Plan, Variant, by
 

@@ -16,12 +16,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .. import checks
+from ..base import validate
+from ..base.errors import InputError
+from ..base.quantities import to_text
+from ..base.text import fact_table
 from ..drawing import cycle_panel, new_figure
-from ..errors import InputError
 from ..parallel import HeavyTask
-from ..quantities import to_text
-from ..showing import fact_table
 from .halfspace import HalfSpace
 from .solver import Contact, hardness_bounds, solve_contact
 
@@ -145,7 +145,7 @@ def peak_indices(steps: Sequence[LoadStep]) -> np.ndarray:
 
 def _pressures(name: str, values: Sequence[float]) -> list[float]:
     try:
-        return [checks.number(name, p, unit="Pa", inclusive=True) for p in values]
+        return [validate.number(name, p, unit="Pa", inclusive=True) for p in values]
     except (TypeError, InputError):
         given = values if isinstance(values, str) or not np.iterable(values) else list(values)
         raise InputError.of(name, given, "a list of finite pressures >= 0 [Pa]") from None
@@ -219,7 +219,7 @@ def load_states(
     highest = max(s.pressure for s in steps)
     if highest > (limit := float(hardness_bounds(hardness, half_space.shape).mean())) * (1 + 1e-12):
         raise InputError.of("loading", f"{highest:g} Pa", f"at most the mean hardness, {limit:g} Pa")
-    gap0 = checks.field("gap0", gap0, unit="m", shape=half_space.shape, copy=False)
+    gap0 = validate.field("gap0", gap0, unit="m", shape=half_space.shape, copy=False)
     task = HeavyTask(_state, gap0=gap0, half_space=half_space, hardness=hardness, rtol=rtol, take=take)
     task.memory = 8.0 * STATE_FIELDS * gap0.size if memory is None else memory
     return _solved(task, steps, map)

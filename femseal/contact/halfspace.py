@@ -14,8 +14,8 @@ import pyfftw
 from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
-from .. import checks
-from ..errors import InputError
+from ..base import validate
+from ..base.errors import InputError
 from . import kernels
 from .plans import Kept, Transform, planned, preferred
 
@@ -62,9 +62,9 @@ class HalfSpace:
     def __post_init__(self) -> None:
         if isinstance(self.boundary, str):
             object.__setattr__(self, "boundary", (self.boundary, self.boundary))
-        object.__setattr__(self, "shape", checks.grid("shape", self.shape))
-        object.__setattr__(self, "spacing", checks.lengths("spacing", self.spacing))
-        object.__setattr__(self, "modulus", checks.number("modulus", self.modulus, unit="Pa"))
+        object.__setattr__(self, "shape", validate.grid("shape", self.shape))
+        object.__setattr__(self, "spacing", validate.lengths("spacing", self.spacing))
+        object.__setattr__(self, "modulus", validate.number("modulus", self.modulus, unit="Pa"))
         kinds = f"one of {', '.join(BOUNDARIES)} for each axis"
         try:
             first, second = self.boundary
@@ -117,7 +117,7 @@ class HalfSpace:
 
     def displacement(self, pressure: ArrayLike) -> Array:
         """Displacement u = K p [m] of shape (n1, n2) under pressures p [Pa] of the same shape."""
-        p = checks.field("pressure", pressure, unit="Pa", shape=self.shape)
+        p = validate.field("pressure", pressure, unit="Pa", shape=self.shape)
         convolution = Convolution(self)
         convolution.pressure[:] = p
         convolution.apply()

@@ -30,7 +30,7 @@ from typing import Any
 import numpy as np
 import pyfftw
 
-from ..files import replacing
+from ..base.files import replacing
 
 try:
     import fcntl

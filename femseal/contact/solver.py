@@ -14,10 +14,10 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .. import checks
+from ..base import validate
+from ..base.errors import InputError, NotConverged
+from ..base.text import Shown
 from ..drawing import map_height, map_panel, new_figure, with_closed
-from ..errors import InputError, NotConverged
-from ..showing import Shown
 from . import loops
 from .grid import Grid, nested_grids
 from .halfspace import HalfSpace
@@ -145,7 +145,7 @@ def solve_contact(
     """
     gap, bounds, pressure, approach = _validated(gap0, half_space, pressure, approach, hardness, rtol)
     problem = _Problem(gap, half_space, bounds, pressure, approach, rtol)
-    return problem.solve(checks.count("threads", threads))
+    return problem.solve(validate.count("threads", threads))
 
 
 def _validated(
@@ -156,18 +156,18 @@ def _validated(
     hardness: float | ArrayLike,
     rtol: float,
 ) -> tuple[Array, Array, float | None, float | None]:
-    gap = checks.field("gap0", gap0, unit="m", shape=half_space.shape, copy=False)
+    gap = validate.field("gap0", gap0, unit="m", shape=half_space.shape, copy=False)
     bounds = hardness_bounds(hardness, half_space.shape)
     limit = float(bounds.mean())
-    checks.tolerance("rtol", rtol)
+    validate.tolerance("rtol", rtol)
     if (pressure is None) == (approach is None):
         raise InputError.of("pressure and approach", f"{pressure} and {approach}", "one of them, the other None")
     if pressure is not None:
-        pressure = checks.number("pressure", pressure, unit="Pa", inclusive=True)
+        pressure = validate.number("pressure", pressure, unit="Pa", inclusive=True)
         if pressure > limit * (1 + 1e-12):
             raise InputError.of("pressure", f"{pressure:g} Pa", f"at most the mean hardness, {limit:g} Pa")
     if approach is not None:
-        approach = checks.number("approach", approach, unit="m", above=-inf)
+        approach = validate.number("approach", approach, unit="m", above=-inf)
         if "free" not in half_space.boundary and np.isinf(limit) and approach >= gap.mean():
             raise InputError.of("approach", f"{approach:g} m", f"less than the mean of gap0, {gap.mean():g} m")
     return gap, bounds, pressure, approach

@@ -14,7 +14,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from skfem import Basis, ElementQuad1, MeshQuad
 
-from ..errors import NotConverged
+from ..base.errors import NotConverged
 from .balance import balanced_flux
 from .connectivity import corners_reached
 from .corners import corner_energy, corner_operator

@@ -16,10 +16,10 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
 
-from .. import checks
+from ..base import validate
+from ..base.errors import InputError, NotConverged
+from ..base.text import Shown
 from ..drawing import map_height, map_panel, new_figure, with_closed
-from ..errors import InputError, NotConverged
-from ..showing import Shown
 from .bounds import pixel_bounds
 from .conductance import conductances_between, validated_cell, validated_gap
 from .connectivity import winding_components
@@ -93,7 +93,7 @@ def cell_permeability(
     NotConverged : the linear solver failed.
     """
     h, (d1, d2) = validated_cell(gap, spacing, axis, sides)
-    checks.tolerance("rtol", rtol)
+    validate.tolerance("rtol", rtol)
     scale = float(h.max()) or 1.0
     h = h / scale
     c1, c2 = link_conductances(h, (d1, d2), sides)
@@ -149,13 +149,13 @@ def cell_permeabilities(
         raise InputError.of("gaps", f"a {type(gaps).__name__}", "an array (n, n1, n2) of real numbers [m]") from None
     if stack.ndim != 3:
         raise InputError.of("gaps", f"shape {stack.shape}", "a shape (n, n1, n2)")
-    threads = checks.count("threads", threads)
+    threads = validate.count("threads", threads)
     if not np.iterable(axes):
         raise InputError.of("axes", repr(axes), "a list of 0 (x1) and 1 (x2)")
-    axes = [checks.axis_number(axis) for axis in axes]
+    axes = [validate.axis_number(axis) for axis in axes]
     for gap in stack:
         validated_cell(gap, spacing, 0, sides)
-    checks.tolerance("rtol", rtol)
+    validate.tolerance("rtol", rtol)
     cells = [(gap, axis) for gap in stack for axis in axes]
 
     def value(cell: tuple[Array, int]) -> float:

@@ -12,8 +12,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
-from .. import checks
-from ..errors import InputError
+from ..base import validate
+from ..base.errors import InputError
 
 Array = NDArray[np.float64]
 SIDES = ("mirror", "periodic")
@@ -23,10 +23,10 @@ _compiled: dict[str, Any] = {"cache": True, "nogil": True}
 
 def validated_gap(gap: ArrayLike, spacing: tuple[float, float]) -> tuple[Array, tuple[float, float]]:
     """Gap as a 2-D array of finite numbers >= 0 and spacing as two numbers > 0, or an InputError."""
-    h = checks.field("gap", gap, unit="m")
+    h = validate.field("gap", gap, unit="m")
     if h.min() < 0:
         raise InputError.of("gap", f"{h.min():g} m", "numbers >= 0 [m]")
-    return h, checks.lengths("spacing", spacing)
+    return h, validate.lengths("spacing", spacing)
 
 
 def validated_cell(
@@ -34,7 +34,7 @@ def validated_cell(
 ) -> tuple[Array, tuple[float, float]]:
     """Gap and spacing with the flow along the first axis, or an InputError that names what is wrong."""
     h, (d1, d2) = validated_gap(gap, spacing)
-    axis = checks.axis_number(axis)
+    axis = validate.axis_number(axis)
     if sides not in SIDES:
         raise InputError.of("sides", sides, f"one of {', '.join(SIDES)}")
     return (h, (d1, d2)) if axis == 0 else (np.ascontiguousarray(h.T), (d2, d1))

@@ -31,7 +31,7 @@ from skfem import (
     MeshTri2,
 )
 
-from ..errors import InputError, NotConverged
+from ..base.errors import InputError, NotConverged
 from .balance import balanced_flux
 from .forms import darcy_flow, dissipation, flux_resistance
 from .linear import solve_spd

@@ -14,7 +14,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.sparse.linalg import splu
 
-from ..errors import NotConverged
+from ..base.errors import NotConverged
 
 Array = NDArray[np.float64]
 #: Unknowns up to which the direct solver is taken (about 2 GB at the limit).

@@ -17,7 +17,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from ..errors import NotConverged
+from ..base.errors import NotConverged
 
 Array = NDArray[np.float64]
 #: Nodes of the coarsest level up to which multigrid is worth while; only slender grids have more.

@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import checks
-from ..errors import InputError, NotConverged
+from ..base import validate
+from ..base.errors import InputError, NotConverged
 from .connectivity import links_between, nodes_reached
 from .elimination import eliminate
 from .linear import solve_spd
@@ -78,7 +78,7 @@ def solve_network(c1: Array, c2: Array, *, rtol: float = 1e-6, method: str = "au
     """
     if method not in METHODS:
         raise InputError.of("method", method, f"one of {', '.join(METHODS)}")
-    checks.tolerance("rtol", rtol)
+    validate.tolerance("rtol", rtol)
     c1, c2, periodic = _validated(c1, c2)
     reached = nodes_reached(c1, c2)
     percolates = bool(reached[0, 0] == 3)

@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import InputError
-from ..quantities import to_text
+from ..base.errors import InputError
+from ..base.quantities import to_text
 from .select import window
 from .views import Field, Image, LoadSteps
 from .vtkhdf import write_image

@@ -9,8 +9,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..errors import FemsealError
-from ..files import made_folder, replacing, write_text
+from ..base.errors import FemsealError
+from ..base.files import made_folder, replacing, write_text
 from ..topography import Topography
 from . import fields
 from .maps import seal_figure

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.errors import InputError
+from ..base.quantities import leakage_unit
 from ..drawing import CLOSED, STYLES, colour_bar, map_panel, new_figure, with_closed
-from ..errors import InputError
-from ..quantities import leakage_unit
 
 if TYPE_CHECKING:
     import xarray

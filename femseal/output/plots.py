@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.errors import InputError
 from ..drawing import GREY, STYLES, LeakageCurves, Steps, branches, leakage_curves_figure, new_figure
-from ..errors import InputError
 
 if TYPE_CHECKING:
     import xarray

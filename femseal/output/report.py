@@ -8,8 +8,8 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-from ..errors import InputError
-from ..files import replacing
+from ..base.errors import InputError
+from ..base.files import replacing
 from . import report_pictures as pictures
 from . import report_words as words
 from .results import Results, open_results

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..base.quantities import to_text
 from ..drawing import leakage_panel, map_height, new_figure
-from ..quantities import to_text
 from .maps import contact_panel, default_step, drop_panel, fluid_panel, permeability_panel, seal_size
 from .plots import cell_curves_panel, cells_of, gap_panel, leakage_curves, pressure_panel
 from .tables import amount, leakage_unit

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.quantities import to_text
 from ..factors import FLOOR, leakage_factor
-from ..quantities import to_text
 from .maps import default_step
 from .tables import amount, leakage_unit
 

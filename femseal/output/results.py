@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.errors import InputError
+from ..base.files import made_folder, replacing_hdf5
+from ..base.machine import machine, peak_memory
 from ..contact import LoadStep
-from ..errors import InputError
-from ..files import made_folder, replacing_hdf5
-from ..machine import machine, peak_memory
 from ..seal import NARROWEST, RectangularSeal, drop_shares
 from ..versions import versions
 from . import fields as stitched

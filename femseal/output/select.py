@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..base.errors import InputError
+from ..base.quantities import to_si, to_text
 from ..drawing import branches
-from ..errors import InputError
-from ..quantities import to_si, to_text
 
 if TYPE_CHECKING:
     import xarray

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..quantities import to_text
+from ..base.quantities import to_text
 from . import tables
 
 if TYPE_CHECKING:

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.quantities import to_text
 from ..drawing import STYLES, new_figure
-from ..quantities import to_text
 from ..topography import SPIKES, Conditioning, SurfaceReport, Topography
 
 if TYPE_CHECKING:

@@ -15,8 +15,8 @@ from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
-from ..errors import InputError
-from ..files import made_folder, replacing, write_text
+from ..base.errors import InputError
+from ..base.files import made_folder, replacing, write_text
 from ..topography import Topography
 from . import vtkhdf
 from .views import Grid, Image, LoadSteps, seal_grid, window_images

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..files import replacing_hdf5
+from ..base.files import replacing_hdf5
 from .views import Grid, Image, LoadSteps
 
 #: Suffix by which ParaView knows the files.

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.errors import InputError
 from ..contact import Contact, HalfSpace, solve_with_memory
-from ..errors import InputError
 from .response import window_permeability
 
 Array = NDArray[np.float64]

@@ -20,10 +20,10 @@ from zipfile import BadZipFile
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.errors import FemsealError, InputError
+from ..base.files import made_folder, replacing
+from ..base.text import Shown
 from ..contact import HalfSpace, LoadStep, peak_indices
-from ..errors import FemsealError, InputError
-from ..files import made_folder, replacing
-from ..showing import Shown
 from .curves import CellCurves
 from .ladder import Cell, Ladder, follow
 

@@ -22,9 +22,9 @@ from scipy.fft import dctn, idctn
 from scipy.ndimage import spline_filter1d
 from scipy.sparse import csr_array
 
+from ..base.errors import InputError
 from ..contact import HalfSpace, LoadState, LoadStep, load_states
 from ..contact.complement import FieldOverSteps
-from ..errors import InputError
 from ..topography import Topography
 
 Array = NDArray[np.float64]

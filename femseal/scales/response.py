@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.errors import FemsealError
 from ..contact import HalfSpace, LoadStep, solve_with_memory
-from ..errors import FemsealError
 from ..flow import cell_permeability
 
 Array = NDArray[np.float64]

@@ -22,8 +22,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr, ndtri
 
+from ..base.errors import InputError
 from ..contact import LoadStep
-from ..errors import InputError
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]

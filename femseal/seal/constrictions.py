@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .. import checks
-from ..errors import InputError
+from ..base import validate
+from ..base.errors import InputError
 from ..flow.cell import cell_permeability, link_conductances
 from ..scales import Partition
 from .links import link_dissipation
@@ -65,7 +65,7 @@ def largest_shares(dissipation: ArrayLike, counts: Sequence[int] = NARROWEST) ->
     >>> largest_shares([[1.0, 4.0], [3.0, 0.0]], counts=(1, 2, 10)).tolist()
     [0.5, 0.875, 1.0]
     """
-    counts = [checks.count("counts", n) for n in counts]
+    counts = [validate.count("counts", n) for n in counts]
     falling = np.sort(np.asarray(dissipation, float), axis=None)[::-1]
     sums = falling.cumsum()
     if not sums[-1] > 0:
@@ -89,7 +89,7 @@ def window_dissipation(gap: Any, partition: Partition) -> Array:
     InputError : a gap that is negative, undefined or of another shape.
     NotConverged : the linear solver failed.
     """
-    h = checks.field("gap", gap, unit="m", shape=partition.shape)
+    h = validate.field("gap", gap, unit="m", shape=partition.shape)
     flow = cell_permeability(h, partition.spacing, sides="periodic")
     c1, c2 = link_conductances(h, partition.spacing, "periodic")
     ends = np.ones((1, h.shape[1])), np.zeros((1, h.shape[1]))

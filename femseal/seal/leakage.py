@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.errors import InputError
+from ..base.text import Shown
 from ..drawing import map_height, map_panel, new_figure, with_closed
-from ..errors import InputError
 from ..fluids import Fluid
-from ..showing import Shown
 from .shapes import Seal
 
 if TYPE_CHECKING:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..errors import InputError
+from ..base.errors import InputError
 from ..flow.balance import balanced_flux
 from ..flow.darcy import DarcyFlow
 from ..flow.network import solve_network

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from skfem import Mesh, MeshQuad1, MeshQuad2, MeshTri1, MeshTri2
 
-from ..errors import InputError
+from ..base.errors import InputError
 
 _KINDS: dict[str, tuple[type[Mesh], int]] = {
     "triangle": (MeshTri1, 3),

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from skfem import FacetBasis, Functional, Mesh, MeshQuad1, MeshQuad2, MeshTri1, MeshTri2
 from skfem.quadrature import get_quadrature
 
-from ..errors import InputError
+from ..base.errors import InputError
 from ..flow.darcy import DarcyFlow, darcy_conductance, is_connected
 from .links import link_permeabilities, network_flow
 from .mesh_file import read_mesh

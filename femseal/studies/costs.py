@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..base.machine import free_memory
 from ..contact.cycle import STATE_FIELDS
-from ..machine import free_memory
 from ..scales.partition import PIXELS_PER_CUT_OFF
 from .sources import Sampling
 from .whole_face import state_memory

@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .. import checks
-from ..errors import FemsealError, InputError
+from ..base import validate
+from ..base.errors import FemsealError, InputError
+from ..base.text import Shown
 from ..scales import LadderLibrary, Partition, draw_links
 from ..seal import RectangularSeal
-from ..showing import Shown
 from .scene import Array, Map, Scene, labels, leakage_plot
 from .sources import PRESSURES, PlacedLibrary, Sampling, Tables, Wanted, seal_cells
 from .windows import TwoScaleResult
@@ -220,7 +220,7 @@ def check_sampling(sampling: Sampling, cells: tuple[int, int]) -> None:
     if sampling.library is not None and sampling.pressure == "place":
         raise InputError.of("library", f"'{sampling.library}'", "none with the pressure 'place', which has no ladder")
     if sampling.width is not None:
-        checks.number("width", sampling.width, unit="1")
+        validate.number("width", sampling.width, unit="1")
     if sampling.bounds and (sampling.pressure == "place" or sampling.chosen_sampler != "history"):
         given = f"true with the pressure '{sampling.pressure}' and the sampler '{sampling.chosen_sampler}'"
         raise InputError.of("bounds", given, "true with 'global' or 'uniform' and 'history'")

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.errors import FemsealError
 from ..contact import LoadStep, load_programme
 from ..drawing import LeakageCurves, leakage_curves_figure, pressures_and_peaks
-from ..errors import FemsealError
 from ..flow import cell_permeability
 from ..fluids import Fluid
 from ..seal import RectangularSeal, seal_leakage

@@ -10,8 +10,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.errors import FemsealError
+from ..base.text import Shown
 from ..contact import HalfSpace, peak_indices
-from ..errors import FemsealError
 from ..scales import (
     GlobalState,
     Ladder,
@@ -25,7 +26,6 @@ from ..scales import (
     global_states,
     on_ladder,
 )
-from ..showing import Shown
 from .scene import Array, Map, Scene
 from .windows import LinkFlows, TwoScaleResult, solve_links, solve_windows
 

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.text import Shown
 from ..contact import HalfSpace, LoadState, LoadStep, load_states
-from ..showing import Shown
 from .scene import Array, Map, Scene, labels, leakage_plot, resolved_permeability
 
 if TYPE_CHECKING:

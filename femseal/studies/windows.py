@@ -9,15 +9,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.errors import InputError
+from ..base.text import Shown
 from ..contact import HalfSpace, LoadStep
 from ..contact.complement import FieldOverSteps, gap_part, pressure_part
-from ..errors import InputError
 from ..flow.connectivity import percolates
 from ..parallel import shared_empty
 from ..scales import GlobalState, Partition, global_states, respond
 from ..scales.response import FlowHistory, WindowHistory, body_standoff, flow_history, set_down
 from ..seal import RectangularSeal
-from ..showing import Shown
 from ..topography import Topography
 from .scene import Array, Map, Scene, labels, leakage_plot, resolved_permeability
 

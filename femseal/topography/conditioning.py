@@ -11,8 +11,8 @@ from math import atan
 
 import numpy as np
 
-from .. import checks
-from ..errors import InputError
+from ..base import validate
+from ..base.errors import InputError
 from .form import fit_form
 from .generate import PIXELS_PER_WAVE
 from .labelled import Labelled
@@ -73,12 +73,12 @@ def condition(
     InputError : too many undefined points; a wave of less than 8 pixels asked for, or one longer than the
     map.
     """
-    final = topography.shape if shape is None else checks.grid("shape", shape)
+    final = topography.shape if shape is None else validate.grid("shape", shape)
     spacing = [length / n for length, n in zip(topography.size, final, strict=True)]
     resolved = PIXELS_PER_WAVE * max(spacing)
     if shortest_wavelength is None:
         shortest_wavelength = max(resolved, PIXELS_PER_WAVE * max(topography.spacing))
-    shortest = checks.number("shortest_wavelength", shortest_wavelength, unit="m")
+    shortest = validate.number("shortest_wavelength", shortest_wavelength, unit="m")
     if shortest < resolved * (1 - SLACK):
         finer = tuple(int(np.ceil(PIXELS_PER_WAVE * length / shortest - SLACK)) for length in topography.size)
         allowed = f"at least {PIXELS_PER_WAVE} pixels = {resolved:.4g} m, or shape={finer} for a finer grid"

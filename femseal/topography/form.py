@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import InputError
+from ..base.errors import InputError
 
 ORDERS = "0 (mean), 1 (tilt) or 2 (tilt and curvature)"
 

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
 
-from .. import checks
-from ..errors import InputError
+from ..base import validate
+from ..base.errors import InputError
 from .spectral import SLACK
 from .topography import Topography
 
@@ -59,20 +59,20 @@ def self_affine(
     >>> round(face.rms_slope, 12)
     0.1
     """
-    shape, size = checks.grid("shape", shape), checks.lengths("size", size)
+    shape, size = validate.grid("shape", shape), validate.lengths("size", size)
     spacing = (size[0] / shape[0], size[1] / shape[1])
-    if not 0 < checks.number("hurst", hurst) <= 1:
+    if not 0 < validate.number("hurst", hurst) <= 1:
         raise InputError.of("hurst", hurst, "a number in (0, 1]")
     if (rms_slope is None) == (rms_height is None):
         given = "neither" if rms_slope is None else "both"
         raise InputError.of("rms_slope, rms_height", given, "exactly one of the two")
     target = (
-        checks.number("rms_height", rms_height, unit="m", inclusive=True)
+        validate.number("rms_height", rms_height, unit="m", inclusive=True)
         if rms_slope is None
-        else checks.number("rms_slope", rms_slope, inclusive=True)
+        else validate.number("rms_slope", rms_slope, inclusive=True)
     )
     cut_off = _cut_off(cut_off, spacing, size)
-    roll_off = max(size) if roll_off is None else checks.number("roll_off", roll_off, unit="m")
+    roll_off = max(size) if roll_off is None else validate.number("roll_off", roll_off, unit="m")
     if roll_off <= cut_off:
         raise InputError.of("roll_off", roll_off, f"a wavelength > cut_off = {cut_off:g} [m]")
 
@@ -142,23 +142,23 @@ def turned(
     ------
     InputError : a value out of its range.
     """
-    shape, size = checks.grid("shape", shape), checks.lengths("size", size)
+    shape, size = validate.grid("shape", shape), validate.lengths("size", size)
     spacing = (size[0] / shape[0], size[1] / shape[1])
-    pitch, depth = checks.number("pitch", pitch, unit="m"), checks.number("depth", depth, unit="m")
+    pitch, depth = validate.number("pitch", pitch, unit="m"), validate.number("depth", depth, unit="m")
     cut_off = _cut_off(cut_off, spacing, size)
     if not cut_off < pitch <= size[0] * (1 + SLACK):
         allowed = f"more than cut_off = {cut_off:g} and at most size[0] = {size[0]:g} [m]"
         raise InputError.of("pitch", pitch, allowed)
     radius = pitch**2 / (8 * depth)
     if nose_radius is not None:
-        radius = checks.number("nose_radius", nose_radius, unit="m")
+        radius = validate.number("nose_radius", nose_radius, unit="m")
     for name, error, limit in (("feed_error", feed_error, 0.5), ("depth_error", depth_error, 1.0)):
-        if checks.number(name, error, inclusive=True) > limit:
+        if validate.number(name, error, inclusive=True) > limit:
             raise InputError.of(name, error, f"a number in [0, {limit:g}]")
-    waviness = checks.number("waviness", waviness, unit="m", inclusive=True)
+    waviness = validate.number("waviness", waviness, unit="m", inclusive=True)
     wave = size[0] / 2 if waviness_length is None else waviness_length
-    wave = checks.number("waviness_length", wave, unit="m")
-    roughness = checks.number("roughness", roughness, unit="m", inclusive=True)
+    wave = validate.number("waviness_length", wave, unit="m")
+    roughness = validate.number("roughness", roughness, unit="m", inclusive=True)
 
     rng = _generator(rng)
     wraps = _whole(size[0] / pitch)
@@ -235,7 +235,7 @@ def _waves(size: tuple[float, float], cut_off: float) -> tuple[NDArray, NDArray]
 
 def _cut_off(cut_off: float | None, spacing: tuple[float, float], size: tuple[float, float]) -> float:
     shortest = 2 * max(spacing)
-    given = PIXELS_PER_WAVE * max(spacing) if cut_off is None else checks.number("cut_off", cut_off, unit="m")
+    given = PIXELS_PER_WAVE * max(spacing) if cut_off is None else validate.number("cut_off", cut_off, unit="m")
     if given < shortest * (1 - SLACK):
         raise InputError.of("cut_off", cut_off, f"a wavelength >= 2 pixels = {shortest:g} [m]")
     if given >= max(size) * (1 - SLACK):

@@ -6,7 +6,7 @@ from dataclasses import fields
 from math import degrees, isnan
 from typing import Any
 
-from ..quantities import to_text
+from ..base.quantities import to_text
 
 
 class Labelled:

@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from .. import checks
-from ..errors import InputError
-from ..quantities import to_text
+from ..base import validate
+from ..base.errors import InputError
+from ..base.quantities import to_text
 from .labelled import Labelled
 from .topography import Topography
 
@@ -59,8 +59,8 @@ def combine(
     """
     if mirror not in (None, "x1", "x2"):
         raise InputError.of("mirror", repr(mirror), "None, 'x1' or 'x2'")
-    angle = checks.number("rotate", rotate, unit="rad", above=-np.inf)
-    move = np.array([checks.number("shift", s, unit="m", above=-np.inf) for s in shift])
+    angle = validate.number("rotate", rotate, unit="rad", above=-np.inf)
+    move = np.array([validate.number("shift", s, unit="m", above=-np.inf) for s in shift])
     if mirror is not None:
         second = second.flip(int(mirror == "x2"))
     if angle == 0 and not move.any() and np.allclose(first.size, second.size, rtol=1e-9, atol=0):

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
-from .. import checks
-from ..errors import InputError
-from ..quantities import to_si, to_text
+from ..base import validate
+from ..base.errors import InputError
+from ..base.quantities import to_si, to_text
 from .formats import READERS, TEXT, Options, Raw, bad_file, read_instrument
 from .topography import Topography
 
@@ -79,9 +79,9 @@ def read_topography(
     if transpose:
         heights, pixel = heights.T, pixel and pixel[::-1]
     if spacing is not None:
-        pixel = checks.lengths("spacing", spacing)
+        pixel = validate.lengths("spacing", spacing)
     elif size is not None:
-        length1, length2 = checks.lengths("size", size)
+        length1, length2 = validate.lengths("size", size)
         pixel = (length1 / heights.shape[0], length2 / heights.shape[1])
     if pixel is None:
         given = f"no pixel size in the file ({heights.shape[0]} × {heights.shape[1]} points)"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from ..errors import InputError
+from ..base.errors import InputError
 from .spikes import SPIKES
 from .topography import Topography
 

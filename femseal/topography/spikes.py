@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from .. import checks
+from ..base import validate
 from .form import fit_form
 
 #: A point is far off where |z − m| > SPIKES · s.
@@ -45,7 +45,7 @@ def find_spikes(heights: NDArray, threshold: float = SPIKES) -> NDArray[np.bool_
     """
     if threshold == inf or heights.size == 0:
         return np.zeros(heights.shape, dtype=bool)
-    checks.number("spikes", threshold)
+    validate.number("spikes", threshold)
     flat = heights - fit_form(heights, (1.0, 1.0), 2).heights
     median, deviation = _window_medians(flat)
     off = flat - median

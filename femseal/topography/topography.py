@@ -15,10 +15,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import checks
-from ..errors import InputError
-from ..quantities import to_text
-from ..showing import fact_table
+from ..base import validate
+from ..base.errors import InputError
+from ..base.quantities import to_text
+from ..base.text import fact_table
 from . import spectral
 from .form import fit_form
 from .holes import fill_holes
@@ -62,8 +62,8 @@ class Topography:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "heights", _clean(self.heights))
-        object.__setattr__(self, "spacing", checks.lengths("spacing", self.spacing))
-        object.__setattr__(self, "periodic", checks.flags("periodic", self.periodic))
+        object.__setattr__(self, "spacing", validate.lengths("spacing", self.spacing))
+        object.__setattr__(self, "periodic", validate.flags("periodic", self.periodic))
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -121,7 +121,7 @@ class Topography:
         ------
         InputError : wavelength [m] not a finite number > 0.
         """
-        limit = 2 * np.pi / checks.number("wavelength", wavelength, unit="m")
+        limit = 2 * np.pi / validate.number("wavelength", wavelength, unit="m")
         return self._with(spectral.truncate(self._defined("low_pass"), self.spacing, self.periodic, limit))
 
     def high_pass(self, wavelength: float) -> Topography:
@@ -138,7 +138,7 @@ class Topography:
         ------
         InputError : shape not two whole numbers >= 1.
         """
-        new = checks.grid("shape", shape)
+        new = validate.grid("shape", shape)
         z = self._defined("resample")
         for axis in (0, 1):
             z = spectral.resample_axis(z, new[axis], axis, self.periodic[axis])
@@ -161,7 +161,7 @@ class Topography:
         InputError : more than `max_share` (0 to 1) of the points, or all of them, are undefined.
         """
         share = self.undefined_share
-        limit = checks.number("max_share", max_share, inclusive=True)
+        limit = validate.number("max_share", max_share, inclusive=True)
         if share == 1:
             raise InputError.of("undefined points", "100 %", "a map with defined points")
         if share > limit:
@@ -179,7 +179,7 @@ class Topography:
         ------
         InputError : the part reaches beyond the map.
         """
-        (m1, m2), (i, j) = checks.grid("shape", shape), checks.grid("start", start, minimum=0)
+        (m1, m2), (i, j) = validate.grid("shape", shape), validate.grid("start", start, minimum=0)
         if i + m1 > self.shape[0] or j + m2 > self.shape[1]:
             raise InputError.of(
                 "crop", f"shape {(m1, m2)} from {(i, j)}", f"a part of the {self.shape} points of the map"
@@ -194,7 +194,7 @@ class Topography:
 
     def flip(self, axis: int) -> Topography:
         """Map seen the other way along an axis: what the upper of two faces needs before they are added."""
-        return self._with(np.flip(self.heights, checks.axis_number(axis)))
+        return self._with(np.flip(self.heights, validate.axis_number(axis)))
 
     def __add__(self, other: Topography) -> Topography:
         """Sum of two faces on one grid: the roughness that a rigid flat meets; periodic where both are.
@@ -228,7 +228,7 @@ class Topography:
         -------
         q [rad/m] and C [m³], each (n//2 + 1,) on a periodic axis, (n,) otherwise.
         """
-        axis = checks.axis_number(axis)
+        axis = validate.axis_number(axis)
         shares = self._centred_power("psd").sum(axis=1 - axis)
         step = float(self._wave_steps[axis])
         density = spectral.one_sided(shares, self.periodic[axis]) * (np.pi / step)

@@ -56,7 +56,7 @@ def to_si(text: object, unit: str, name: str = "quantity") -> float:
     293.15
     >>> to_si("1,5 mm", "m")
     Traceback (most recent call last):
-    femseal.errors.InputError: quantity: given '1,5 mm', allowed is a number with a decimal point, not a comma
+    femseal.base.errors.InputError: quantity: given '1,5 mm', allowed is a number with a decimal point, not a comma
     """
     example = f"text with a number and a unit of the kind {unit!r}, such as {_example(unit)!r}"
     if unit == "" and isinstance(text, (int, float)) and not isinstance(text, bool):
