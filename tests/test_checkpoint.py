@@ -10,6 +10,7 @@ import subprocess
 import sys
 import time
 from functools import partial
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -248,10 +249,10 @@ def test_a_stopped_run_goes_on_with_the_same_bits_and_leaves_no_checkpoint(case,
     def _realise(*args, **kwargs):
         raise AssertionError("computed again")
 
-    monkeypatch.setattr("femseal.studies.drawn._realise", _realise)
+    monkeypatch.setattr(import_module("femseal.studies.stochastic"), "_realise", _realise)
     monkeypatch.setattr("femseal.studies.scene.cell_permeability", _realise)
     monkeypatch.setattr("femseal.contact.cycle.solve_contact", _realise)
-    monkeypatch.setattr("femseal.scales.response.cell_permeability", _realise)
+    monkeypatch.setattr("femseal.scales.window.cell_permeability", _realise)
     again = fs.run(case, out, resume=True, workers=1, progress=lambda *a: stages.append(a))
     assert_same(whole.dataset, again.dataset)
     assert not (out / ".checkpoint").exists()

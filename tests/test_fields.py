@@ -5,6 +5,7 @@ import os
 import subprocess
 import sys
 from dataclasses import replace
+from importlib import import_module
 from pathlib import Path
 
 import h5py
@@ -439,7 +440,7 @@ def test_a_case_says_what_is_written_also_when_a_stopped_run_goes_on(case, tmp_p
     def respond(*args, **options):
         solved.append(args)
 
-    monkeypatch.setattr("femseal.studies.windows.respond", respond)
+    monkeypatch.setattr(import_module("femseal.studies.two_scale"), "respond", respond)
     chosen = parse_case({**case, "output": {"paraview": "vtu", "fields_limit": "20 kB"}})
     r = job.run(chosen, tmp_path, resume=True, workers=1)
     assert not solved

@@ -10,8 +10,8 @@ from numpy.testing import assert_allclose
 
 from femseal.base.errors import InputError
 from femseal.contact import HalfSpace
-from femseal.contact.halfspace import Convolution
-from femseal.contact.kernels import stiffness_stencil
+from femseal.contact.half_space import Convolution
+from femseal.contact.influence import stiffness_stencil
 
 E = 115e9
 KINDS = ("periodic", "mirror", "free")

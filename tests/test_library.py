@@ -116,13 +116,13 @@ class TestFollowing:
                 k = cell_permeability(contact.gap, (1e-6, 1e-6), axis=axis, bounds=True)
                 assert_allclose([lower[axis, n], upper[axis, n]], [k.lower, k.upper], rtol=1e-5)
         open_window = WindowSource((0.003 * -source.topographies[0],), BODY, H, seed=1).window(0) + 1e-6
-        (k, low, high), kind = femseal.scales.response.window_permeability(open_window, (1e-6, 1e-6), 0, bounds=True)
+        (k, low, high), kind = femseal.scales.window.window_permeability(open_window, (1e-6, 1e-6), 0, bounds=True)
         exact = cell_permeability(open_window, (1e-6, 1e-6)).value
         assert kind == "open"
         assert low <= exact <= high
         assert_allclose(k, exact, rtol=2e-4)
         # pixels that touch at a corner count in the upper bound only
-        (k, low, high), kind = femseal.scales.response.window_permeability(np.eye(8), (1.0, 1.0), 0, bounds=True)
+        (k, low, high), kind = femseal.scales.window.window_permeability(np.eye(8), (1.0, 1.0), 0, bounds=True)
         assert (k, low, kind) == (0, 0, "closed")
         assert high > 0
 

@@ -12,7 +12,7 @@ from femseal.contact import HalfSpace, LoadStep, load_cycle, load_programme, sol
 from femseal.flow import cell_permeability
 from femseal.scales import GlobalState, Partition, global_states, respond
 from femseal.scales.partition import Refinement
-from femseal.scales.response import body_standoff, flow_history, set_down
+from femseal.scales.window import body_standoff, flow_history, set_down
 from femseal.topography import Topography, self_affine
 
 E, H = 115e9, 3e9

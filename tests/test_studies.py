@@ -1,6 +1,7 @@
 """The three chains from a face to leakage: closed forms, balances, symmetries, draws and failures."""
 
 from dataclasses import replace
+from importlib import import_module
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -9,11 +10,9 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 import femseal.scales.ladder
-import femseal.scales.response
-import femseal.studies.drawn
+import femseal.scales.window
 import femseal.studies.scene
 import femseal.studies.sources
-import femseal.studies.windows
 from femseal import analytic
 from femseal.base.errors import FemsealError, InputError, NotConverged
 from femseal.contact import HalfSpace, LoadStep, load_cycle
@@ -24,6 +23,8 @@ from femseal.seal import RectangularSeal
 from femseal.studies import Sampling, Scene, StochasticResult, deterministic, stochastic, two_scale
 from femseal.topography import Topography, self_affine, turned
 
+# the package has functions of these names
+TWO_SCALE, STOCHASTIC = (import_module(f"femseal.studies.{name}") for name in ("two_scale", "stochastic"))
 MODULUS, HARDNESS = 115e9, 3e9
 WATER, DROP = Liquid(viscosity=1e-3), 1e6
 PIXEL = 1e-6
@@ -288,7 +289,7 @@ class TestLinksThatCloseWhereTheGapIsOpen:
             gap[n, [2 * n % 64, (2 * n + 1) % 64, (2 * n + 2) % 64]] = 1e-6
         scene = make_scene(np.zeros((64, 64)), loading=(1e8,))
         contact = SimpleNamespace(steps=scene.steps, gap=gap[None])
-        warn = femseal.studies.windows._wrongly_closed
+        warn = TWO_SCALE._wrongly_closed
         (text,) = warn(contact, np.array([0.0]))
         assert text.startswith(
             f"links are closed at {scene.steps[0].name} where the gap of the whole face is still open"
@@ -300,7 +301,7 @@ class TestLinksThatCloseWhereTheGapIsOpen:
         assert warn(contact, np.array([0.0])) == ()
 
     def test_a_run_warns(self, rough, monkeypatch):
-        monkeypatch.setattr(femseal.studies.windows, "percolates", lambda is_open: False)
+        monkeypatch.setattr(TWO_SCALE, "percolates", lambda is_open: False)
         assert any("links are open" in text for text in two_scale(rough, (4, 6)).failures)
         assert not any("links are" in text for text in two_scale(rough, (4, 6), flow="resolved").failures)
 
@@ -629,7 +630,7 @@ class TestErrorOfTheLibrary:
         none = LinkTable(np.empty((1, cells, 1)), np.zeros(0, int), 0, self.steps)
         scene = make_scene(np.zeros((8, 8)), loading=(1e8,))
         seal = RectangularSeal((1e-3, links * 1e-3), (1, links))
-        task = [femseal.studies.drawn._realise(r, again, scene=scene, seal=seal, kinds=((table, none),),
+        task = [STOCHASTIC._realise(r, again, scene=scene, seal=seal, kinds=((table, none),),
                                                sampling=replace(SAMPLING, sampler="history"))[0]
                 for again in (False, True) for r in range(realisations)]  # fmt: skip
         leakage = np.array(task).reshape(2, realisations, 1)
@@ -723,7 +724,7 @@ class TestFailures:
     def test_contact_of_a_window(self, rough, rough_two_scale, monkeypatch):
         """Itself and the links across that reach into it."""
         pressure = rough_two_scale.pressure[1, 0, 4]
-        self.fail(monkeypatch, femseal.scales.response, "solve_with_memory", pressure=pressure)
+        self.fail(monkeypatch, femseal.scales.window, "solve_with_memory", pressure=pressure)
         result = two_scale(rough, (4, 6))
         assert result.failures == ("cell (0, 4), loading 300 MPa: did not converge",)
         assert_array_equal(np.isnan(result.leakage), [False, True, False, False, False])
@@ -737,7 +738,7 @@ class TestFailures:
     def test_contact_of_a_window_at_the_peak_takes_its_unloading_along(self, rough, rough_two_scale, monkeypatch):
         window = np.unravel_index(rough_two_scale.pressure[4].argmax(), (4, 6))
         pressure = rough_two_scale.pressure[2][window]
-        self.fail(monkeypatch, femseal.scales.response, "solve_with_memory", pressure=pressure)
+        self.fail(monkeypatch, femseal.scales.window, "solve_with_memory", pressure=pressure)
         result = two_scale(rough, (4, 6))
         assert [f.split(", ", 2)[2] for f in result.failures] == [
             "loading 600 MPa: did not converge",
@@ -748,7 +749,7 @@ class TestFailures:
 
     def test_flow_of_a_link_across(self, rough, monkeypatch):
         """Of the 24 windows along come 5 steps each, then those across: the third step of the second one."""
-        self.fail(monkeypatch, femseal.scales.response, "cell_permeability", calls={24 * 5 + 5 + 2})
+        self.fail(monkeypatch, femseal.scales.window, "cell_permeability", calls={24 * 5 + 5 + 2})
         result = two_scale(rough, (4, 6))
         assert result.failures == ("x2-link (0, 1), step 2: did not converge",)
         assert_array_equal(np.argwhere(np.isnan(result.k2)), [[2, 0, 1]])
@@ -764,7 +765,7 @@ class TestFailures:
     def test_a_column_with_a_failed_cell_gives_way_to_the_next(self, rough, rough_two_scale, monkeypatch):
         """Of the links across it takes the column before along."""
         pressure = rough_two_scale.pressure[1, 0, 4]
-        self.fail(monkeypatch, femseal.scales.response, "solve_with_memory", pressure=pressure)
+        self.fail(monkeypatch, femseal.scales.window, "solve_with_memory", pressure=pressure)
         result = stochastic(rough, (4, 6), SAMPLING)
         assert result.failures == ("cell (0, 4), loading 300 MPa: did not converge",)
         assert np.isfinite(result.leakage).all()
@@ -801,7 +802,7 @@ class TestFailures:
         assert_array_equal(np.argwhere(np.isnan(result.leakage)), [[1, 1]])
 
     def test_a_library_without_any_cell(self, rough, monkeypatch):
-        for module in (femseal.scales.response, femseal.scales.ladder):
+        for module in (femseal.scales.window, femseal.scales.ladder):
             self.fail(monkeypatch, module, "solve_with_memory", calls=range(10**6))
         for pressure in ("place", "uniform"):
             with pytest.raises(FemsealError, match="every c"):

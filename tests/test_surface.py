@@ -12,7 +12,7 @@ from scipy import ndimage
 import femseal as fs
 from femseal.base.errors import InputError
 from femseal.topography import Topography, combine, describe_surface, repair, self_affine, turned
-from femseal.topography.overlap import _largest_rectangle
+from femseal.topography.combine import _largest_rectangle
 from femseal.topography.power_law import spectrum
 from femseal.topography.spikes import _window_medians, find_spikes
 from femseal.topography.texture import autocorrelation, texture

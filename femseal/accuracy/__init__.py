@@ -4,7 +4,7 @@
 affordable (`factors.py`); its `AccuracyReport` prints and writes what came out.
 """
 
-from ..factors import LeakageFactor, closing_load, leakage_factor
+from ..studies.compare import LeakageFactor, closing_load, leakage_factor
 from .measure import measure_accuracy
 from .plan import Plan, Variant, make_plan
 from .report import AccuracyReport, Comparison, Solution

@@ -17,9 +17,9 @@ from ..base import validate
 from ..base.errors import FemsealError, InputError
 from ..base.files import made_folder
 from ..case import Case, Prepared, load_case
-from ..factors import closing_load, leakage_factor
 from ..parallel import Map, ordered_map
 from ..studies import deterministic, stochastic, two_scale
+from ..studies.compare import closing_load, leakage_factor
 from .plan import Plan, Variant, make_plan
 from .report import AccuracyReport, Comparison, Solution
 

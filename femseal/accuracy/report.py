@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from ..base.files import made_folder, replacing, write_text
 from ..base.quantities import to_text
-from ..factors import FLOOR, LeakageFactor
+from ..studies.compare import FLOOR, LeakageFactor
 from ..versions import versions
 from .plan import Plan, Variant, by
 

@@ -10,7 +10,7 @@ from .cycle import (
     peak_indices,
     solve_with_memory,
 )
-from .halfspace import HalfSpace
+from .half_space import HalfSpace
 from .solver import Contact, solve_contact
 
 __all__ = [

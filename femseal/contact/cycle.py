@@ -22,7 +22,7 @@ from ..base.quantities import to_text
 from ..base.text import fact_table
 from ..drawing import cycle_panel, new_figure
 from ..parallel import HeavyTask
-from .halfspace import HalfSpace
+from .half_space import HalfSpace
 from .solver import Contact, hardness_bounds, solve_contact
 
 if TYPE_CHECKING:

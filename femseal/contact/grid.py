@@ -9,9 +9,9 @@ from math import inf
 import numpy as np
 from numpy.typing import NDArray
 
-from . import loops
-from .halfspace import Convolution, HalfSpace
-from .kernels import stiffness_stencil
+from . import kernels
+from .half_space import Convolution, HalfSpace
+from .influence import stiffness_stencil
 from .plans import Kept, preferred, wisdom
 
 Array = NDArray[np.float64]
@@ -66,7 +66,7 @@ class Grid:
         stencil = stiffness_stencil(half_space.spacing, half_space.modulus)
         r1, r2 = min(1, (n1 - 1) // 2), min(1, (n2 - 1) // 2)  # thin grids: not onto itself
         self.state = np.zeros((n1, n2), np.int8)
-        self.progress = np.zeros(1, loops.Progress)
+        self.progress = np.zeros(1, kernels.Progress)
         self.pairs = 0
         self._arrays = (
             self.progress,
@@ -97,7 +97,7 @@ class Grid:
             np.minimum(pressure, bounds, out=self.pressure)
             self.state[:] = self.pressure > 0
         else:
-            loops.prolong(pressure, bounds, self.pressure, self.state)
+            kernels.prolong(pressure, bounds, self.pressure, self.state)
 
     def set_uniform(self, gap0: Array, offset: float, pressure: float | Array, approach: float | None) -> None:
         """A known pressure, and an approach at which no point comes into contact, or at which all do."""
@@ -131,11 +131,11 @@ class Grid:
         t["phase"], t["iteration"], t["residual"] = 0, 0, inf
         self.pairs = 0
         gap, bound = gap0.ravel(), hardness.ravel()
-        needs = loops.PRESSURE
-        while needs != loops.DONE:
-            (self._respond if needs == loops.PRESSURE else self._search).apply()
+        needs = kernels.PRESSURE
+        while needs != kernels.DONE:
+            (self._respond if needs == kernels.PRESSURE else self._search).apply()
             self.pairs += 1
-            needs = loops.advance(gap, bound, *self._arrays)
+            needs = kernels.advance(gap, bound, *self._arrays)
 
 
 def _index_map(n: int, radius: int, boundary: str) -> NDArray[np.int64]:

@@ -18,9 +18,9 @@ from ..base import validate
 from ..base.errors import InputError, NotConverged
 from ..base.text import Shown
 from ..drawing import map_height, map_panel, new_figure, with_closed
-from . import loops
+from . import kernels
 from .grid import Grid, nested_grids
-from .halfspace import HalfSpace
+from .half_space import HalfSpace
 from .plans import preferred
 
 if TYPE_CHECKING:
@@ -221,8 +221,8 @@ class _Problem:
     def _nested(self, grids: tuple[Grid, ...], offset: float) -> None:
         gaps, bounds = [self.gap0], [self.hardness]
         for _ in grids[1:]:
-            gaps.append(loops.coarsen(gaps[-1]))
-            bounds.append(loops.coarsen(bounds[-1]) if bounds[-1].size > 1 else bounds[-1])
+            gaps.append(kernels.coarsen(gaps[-1]))
+            bounds.append(kernels.coarsen(bounds[-1]) if bounds[-1].size > 1 else bounds[-1])
         # means over an odd border weigh it double: the same share of the hardness can be carried on every grid
         capacity = [float(b.mean()) for b in bounds]
         loads = [
@@ -264,7 +264,7 @@ class _Problem:
             )
         p = grid.pressure.copy()
         gap, deformation, plastic = np.empty(p.shape), np.zeros(p.shape), np.empty(p.shape, np.bool_)
-        loops.gap_and_deformation(
+        kernels.gap_and_deformation(
             p.ravel(),
             grid.displaced.ravel(),
             t["delta"],

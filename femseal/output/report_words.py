@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.quantities import to_text
-from ..factors import FLOOR, leakage_factor
+from ..studies.compare import FLOOR, leakage_factor
 from .maps import default_step
 from .tables import amount, leakage_unit
 

@@ -4,8 +4,8 @@ from .curves import CellCurves
 from .ladder import Cell, Ladder, follow
 from .library import LadderLibrary, LibraryTable, WindowSource, build_ladder_library, on_ladder
 from .partition import GlobalState, Partition, global_states
-from .response import WindowHistory, respond
 from .sampling import SAMPLERS, LinkTable, correlation_length, draw_links
+from .window import WindowHistory, respond
 
 __all__ = [
     "SAMPLERS",

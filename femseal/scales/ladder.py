@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ..base.errors import InputError
 from ..contact import Contact, HalfSpace, solve_with_memory
-from .response import window_permeability
+from .window import window_permeability
 
 Array = NDArray[np.float64]
 

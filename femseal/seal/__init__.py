@@ -1,6 +1,6 @@
 """Shapes of seals, the leakage of the whole seal from the permeability of its parts, and where its pressure drops."""
 
-from .constrictions import NARROWEST, drop_shares, largest_shares, window_dissipation
+from .drop_shares import NARROWEST, drop_shares, largest_shares, window_dissipation
 from .leakage import Leakage, seal_leakage
 from .shapes import AnnularSeal, MeshSeal, RectangularSeal
 

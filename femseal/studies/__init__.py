@@ -4,11 +4,11 @@
 `stochastic` draws the windows of a seal of any length from a library of real ones. They share a `Scene`.
 """
 
-from .drawn import StochasticResult, check_sampling, stochastic
+from .deterministic import DeterministicResult, deterministic
 from .scene import Scene
 from .sources import PRESSURES, Sampling, seal_cells
-from .whole_face import DeterministicResult, deterministic
-from .windows import FLOWS, TwoScaleResult, two_scale
+from .stochastic import StochasticResult, check_sampling, stochastic
+from .two_scale import FLOWS, TwoScaleResult, two_scale
 
 __all__ = [
     "FLOWS",

@@ -7,9 +7,9 @@ import numpy as np
 from ..base.machine import free_memory
 from ..contact.cycle import STATE_FIELDS
 from ..scales.partition import PIXELS_PER_CUT_OFF
+from .deterministic import state_memory
 from .sources import Sampling
-from .whole_face import state_memory
-from .windows import CUT_OFF_WINDOWS
+from .two_scale import CUT_OFF_WINDOWS
 
 #: Seconds of one core for one contact solution and one flow solution of n pixels, fitted to 64² … 4096² on a 2-core
 #: x86-64 machine; good to a factor of two.

@@ -27,7 +27,7 @@ from ..scales import (
     on_ladder,
 )
 from .scene import Array, Map, Scene
-from .windows import LinkFlows, TwoScaleResult, solve_links, solve_windows
+from .two_scale import LinkFlows, TwoScaleResult, solve_links, solve_windows
 
 #: Loading steps of a library in shares of the pressure at which everything is in contact, about: the hardness, or half
 #: of E* × rms slope where that is less.

@@ -4,11 +4,11 @@ read_topography (measured) or self_affine, turned (generated) -> Topography -> d
 repair (spikes, undefined points) -> combine (two faces) -> condition (form, waves, grid) -> Topography, Conditioning
 """
 
-from .conditioning import Conditioning, condition
+from .combine import Overlap, combine
+from .condition import Conditioning, condition
 from .describe import SurfaceReport, describe_surface
 from .generate import self_affine, turned
 from .labelled import as_text
-from .overlap import Overlap, combine
 from .read import read_topography
 from .repairs import Repair, repair
 from .spikes import SPIKES

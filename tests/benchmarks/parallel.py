@@ -45,7 +45,8 @@ def scene_of(n):
 
 def study(n, window, mapping):
     """Two scales of a face; without points a library of windows and seals drawn from it."""
-    from femseal import Sampling, stochastic, two_scale
+    from femseal import Sampling, stochastic
+    from femseal import scales as two_scale
 
     if n:
         two_scale(scene_of(n), (n // window,) * 2, map=mapping)

@@ -19,7 +19,7 @@ from ..scales import LadderLibrary, Partition, draw_links
 from ..seal import RectangularSeal
 from .scene import Array, Map, Scene, labels, leakage_plot
 from .sources import PRESSURES, PlacedLibrary, Sampling, Tables, Wanted, seal_cells
-from .windows import TwoScaleResult
+from .two_scale import TwoScaleResult
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -16,7 +16,7 @@ from ..contact.complement import FieldOverSteps, gap_part, pressure_part
 from ..flow.connectivity import percolates
 from ..parallel import shared_empty
 from ..scales import GlobalState, Partition, global_states, respond
-from ..scales.response import FlowHistory, WindowHistory, body_standoff, flow_history, set_down
+from ..scales.window import FlowHistory, WindowHistory, body_standoff, flow_history, set_down
 from ..seal import RectangularSeal
 from ..topography import Topography
 from .scene import Array, Map, Scene, labels, leakage_plot, resolved_permeability

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..base import validate
 from ..base.errors import InputError
-from . import kernels
+from . import influence
 from .plans import Kept, Transform, planned, preferred
 
 Array = NDArray[np.float64]
@@ -94,7 +94,8 @@ class HalfSpace:
     def padded_shape(self) -> tuple[int, int]:
         """Points that are transformed along each axis."""
         first, second = (
-            kernels.padded_length(n) if kind == "free" else n for n, kind in zip(self.shape, self.boundary, strict=True)
+            influence.padded_length(n) if kind == "free" else n
+            for n, kind in zip(self.shape, self.boundary, strict=True)
         )
         return first, second
 
@@ -102,18 +103,18 @@ class HalfSpace:
         """Eigenvalues of K [m/Pa] for the waves of periodic and padded free axes and the cosines of mirror axes."""
         (n1, n2), (d1, d2), (b1, b2) = self.shape, self.spacing, self.boundary
         if b1 == b2 == "free":
-            return kernels.free_symbol(self.shape, self.spacing, self.modulus)
+            return influence.free_symbol(self.shape, self.spacing, self.modulus)
         # a wave and its conjugate respond alike: half of a periodic or free axis is enough, of the second one unless
         # that is a mirror
-        q1 = kernels.wave_numbers(n1, d1, b1, half=b2 == "mirror")
-        q2 = kernels.wave_numbers(n2, d2, b2, half=True)
+        q1 = influence.wave_numbers(n1, d1, b1, half=b2 == "mirror")
+        q2 = influence.wave_numbers(n2, d2, b2, half=True)
         if b1 == "free":
-            symbol = kernels.strip_symbol(n1, d1, q2, d2, self.modulus)
+            symbol = influence.strip_symbol(n1, d1, q2, d2, self.modulus)
             return symbol[: symbol.shape[0] // 2 + 1] if b2 == "mirror" else symbol
         if b2 == "free":
-            full = kernels.strip_symbol(n2, d2, kernels.wave_numbers(n1, d1, b1, half=False), d1, self.modulus)
+            full = influence.strip_symbol(n2, d2, influence.wave_numbers(n1, d1, b1, half=False), d1, self.modulus)
             return np.ascontiguousarray(full[: full.shape[0] // 2 + 1].T)
-        return kernels.spectral_symbol(q1, q2, self.modulus)
+        return influence.spectral_symbol(q1, q2, self.modulus)
 
     def displacement(self, pressure: ArrayLike) -> Array:
         """Displacement u = K p [m] of shape (n1, n2) under pressures p [Pa] of the same shape."""

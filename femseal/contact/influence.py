@@ -1,0 +1,151 @@
+"""Influence of pressure on displacement for every boundary kind, as real symbols (eigenvalues).
+
+Symbols: E* contact modulus, q wave vector [rad/m], Δ pixel spacing, K₀ modified Bessel function,
+Ki₁(x) = ∫ₓ^∞ K₀ (Bickley function).
+Sources: Johnson, Contact Mechanics, 1985, ch. 3 and 13; Love, Phil. Trans. R. Soc. A 228, 1929, 377 (pixel of
+constant pressure); Liu, Wang, Liu, Wear 243, 2000, 101 (DC-FFT).
+"""
+
+from __future__ import annotations
+
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.fft import fft, next_fast_len
+from scipy.special import polygamma
+
+Array = NDArray[np.float64]
+
+
+def padded_length(n: int) -> int:
+    """Length to which a free axis of n points is padded, so that a cyclic convolution has no wrap-around."""
+    return int(next_fast_len(2 * n - 1, real=True)) if n > 1 else 1
+
+
+def wave_numbers(n: int, spacing: float, kind: str, half: bool) -> Array:
+    """|q| [rad/m] of the modes of one axis, in the order of its transform.
+
+    Periodic: FFT order (`half`: the non-negative half of a real transform); mirror: q = πk/(nΔ) of the cosine
+    transform, which is the periodic axis of twice the length.
+    """
+    if kind == "mirror":
+        return np.pi / (n * spacing) * np.arange(n, dtype=float)
+    k = np.arange(n, dtype=float)
+    return 2 * np.pi / (n * spacing) * (k[: n // 2 + 1] if half else np.minimum(k, n - k))
+
+
+def spectral_symbol(q1: Array, q2: Array, modulus: float) -> Array:
+    """Symbol 2/(E*|q|) [m/Pa] on the outer grid of two axes; 0 for q = 0 (mean displacement free)."""
+    q = np.hypot(q1[:, None], q2[None, :])
+    with np.errstate(divide="ignore"):
+        return np.where(q > 0, 2 / (modulus * q), 0.0)
+
+
+def _wrapped_offsets(n: int) -> Array:
+    """Offsets 0, 1, …, 1 of a padded axis, even about 0; what lies past n − 1 is never read."""
+    length = padded_length(n)
+    i = np.arange(length)
+    return np.minimum(i, length - i).astype(float)
+
+
+def _love(x: Array, y: Array) -> Array:
+    """Antiderivative in both coordinates of 1/√(x² + y²); neither coordinate is 0 at a pixel's corners."""
+    return x * np.arcsinh(y / np.abs(x)) + y * np.arcsinh(x / np.abs(y))
+
+
+def free_symbol(shape: tuple[int, int], spacing: tuple[float, float], modulus: float) -> Array:
+    """Both axes free: transform of Love's displacement [m/Pa] of a pixel under constant pressure."""
+    (d1, d2) = spacing
+    x = _wrapped_offsets(shape[0])[:, None] * d1
+    y = _wrapped_offsets(shape[1])[None, :] * d2
+    kernel = np.zeros((x.size, y.size))
+    for s, t in product((-1.0, 1.0), repeat=2):
+        kernel += s * t / (np.pi * modulus) * _love(x + s * d1 / 2, y + t * d2 / 2)
+    symbol = fft(kernel, axis=0).real
+    return fft(symbol, axis=1).real[:, : kernel.shape[1] // 2 + 1]
+
+
+def bickley_1(x: Array) -> Array:
+    """Ki₁(x) = ∫ₓ^∞ K₀(t) dt = ∫₀^∞ exp(−x cosh θ)/cosh θ dθ for x >= 0, to 1e-15.
+
+    The trapezoidal rule converges exponentially because the integrand is even and decays doubly exponentially.
+
+    >>> bool(abs(bickley_1(np.array([0.0]))[0] - np.pi / 2) < 1e-14)
+    True
+    """
+    out = np.zeros_like(x, dtype=float)
+    live = x < 38.0  # Ki₁(38) < 1e-17
+    xs = x[live]
+    # h = 1/6 leaves an error of exp(−π²/h): below rounding
+    h, θ_end = 1 / 6, float(np.arccosh(max(1.0, 40.0 / max(float(xs.min(initial=40.0)), 1e-16))))
+    total = np.zeros_like(xs)
+    for m in range(int(θ_end / h) + 2):
+        c = np.cosh(m * h)
+        total += (0.5 if m == 0 else 1.0) * np.exp(-xs * c) / c
+    out[live] = h * total
+    return out
+
+
+def strip_symbol(n_free: int, d_free: float, q: Array, d_other: float, modulus: float) -> Array:
+    """One free axis of pixels d_free, the other periodic or mirrored with wave numbers q: (padded length, q.size).
+
+    A wave q along the other axis decays as (2/πE*) K₀(|q||x|) across it; q = 0 is the plane-strain logarithm, whose
+    constant is arbitrary. Pressure is constant on each pixel, so every q brings its aliases q + 2πm/Δ: the sum is
+    Love's solution summed over all periodic images, to rounding. Aliases decay exponentially with the distance;
+    their part at zero distance is an alternating series with a closed form.
+    """
+    x = _wrapped_offsets(n_free) * d_free
+    kernel = np.zeros((x.size, q.size))
+    live = q > 0
+    p = q[live]
+    period = 2 * np.pi / d_other
+    a = p / period
+    waves = np.zeros((x.size, p.size))
+    for m in range(int(38 * d_other / (np.pi * d_free)) + 2):
+        for sign in (1, -1) if m else (1,):
+            _add_wave(waves, x, d_free, np.abs(p + sign * m * period), np.sinc(a + sign * m))
+    # Σ_m sinc(π(a + m)) π/|q_m|: the integral of every alias over the whole line
+    waves[0] += np.sin(np.pi * a) / period * (_alternating(a) + _alternating(1 - a))
+    kernel[:, live] = waves
+    length = n_free * d_free
+    t1, t2 = (x - d_free / 2) / length, (x + d_free / 2) / length
+    kernel[:, ~live] = -length * (t2 * np.log(t2) - t1 * np.log(np.abs(t1)) - (t2 - t1))[:, None]
+    return fft(kernel * 2 / (np.pi * modulus), axis=0).real
+
+
+def _add_wave(waves: Array, x: Array, d: float, q: Array, weight: Array) -> None:
+    """Add weight · ∫ K₀(q|t|) dt over the pixels at x; at x = 0 minus what lies outside the pixel."""
+    near = np.flatnonzero((x - d / 2) * q.min(initial=np.inf) < 38.0)
+    inner = bickley_1(np.abs(x[near] - d / 2)[:, None] * q)
+    outer = bickley_1((x[near] + d / 2)[:, None] * q)
+    self_row = (x[near] == 0)[:, None]
+    waves[near] += weight / q * np.where(self_row, -inner - outer, inner - outer)
+
+
+def _alternating(a: Array) -> Array:
+    """Σ_{m>=0} (−1)^m / (m + a)² for a > 0."""
+    return (polygamma(1, a / 2) - polygamma(1, (a + 1) / 2)) / 4
+
+
+def stiffness_stencil(spacing: tuple[float, float], modulus: float, radius: int = 1) -> Array:
+    """(2r+1)² truncation of the inverse operator, symbol E*|q|/2 [Pa/m]: the preconditioner of the solver.
+
+    A truncation that is not positive definite (strongly stretched pixels) is reduced to its diagonal.
+    """
+    n = 64
+    q = np.hypot(
+        wave_numbers(n, spacing[0], "periodic", False)[:, None],
+        wave_numbers(n, spacing[1], "periodic", False)[None, :],
+    )
+    kernel = np.fft.fftshift(np.fft.ifft2(modulus * q / 2).real)
+    c = n // 2
+    stencil = kernel[c - radius : c + radius + 1, c - radius : c + radius + 1].copy()
+    probe = np.zeros((n, n))
+    probe[: 2 * radius + 1, : 2 * radius + 1] = stencil
+    symbol = np.fft.fft2(np.roll(probe, (-radius, -radius), axis=(0, 1))).real
+    if symbol.min() <= 1e-3 * symbol.max():
+        diagonal = stencil[radius, radius]
+        stencil[:] = 0
+        stencil[radius, radius] = diagonal
+    return np.ascontiguousarray(stencil)
