@@ -5,11 +5,11 @@ The flow of data, top to bottom::
     topography   heights of a face: read, generate, condition            Topography, self_affine, turned, ...
     contact      heights + load -> contact pressure, gap                 HalfSpace, solve_contact, load_cycle
     flow         gap -> permeability of a cell                           cell_permeability, permeability_tensor
-    scales       windows, their response, libraries, draws
     seal         permeability -> leakage of a seal of some shape         RectangularSeal, ..., seal_leakage
+    scales       windows, their response, libraries, draws
     studies      the chains: deterministic, two-scale, stochastic
-    output       results folder: netCDF, pictures, VTK, report           open_results, write_report
-    case         TOML case -> everything above                           load_case, run
+    results      netCDF, tables, VTK; plots and report show them         open_results, write_report
+    runs         TOML case -> everything above                           load_case, run
     accuracy     speed against error of the studies for a case           measure_accuracy
 
 Everything is SI. Names are loaded when first used, so that importing the package is quick.
@@ -23,7 +23,6 @@ __version__ = "0.1.0"
 if TYPE_CHECKING:
     from .accuracy import AccuracyReport, measure_accuracy
     from .base.errors import FemsealError, InputError, NotConverged
-    from .case import Case, load_case
     from .contact import Contact, HalfSpace, LoadCycle, LoadState, load_cycle, solve_contact
     from .flow import (
         Constriction,
@@ -34,9 +33,10 @@ if TYPE_CHECKING:
         permeability_tensor,
     )
     from .fluids import IdealGas, Liquid
-    from .job import run
     from .materials import Solid, contact_modulus
-    from .output import Results, open_results, write_report
+    from .results import Results, open_results, write_report
+    from .runs.case import Case, load_case
+    from .runs.job import run
     from .seal import AnnularSeal, Leakage, MeshSeal, RectangularSeal, seal_leakage
     from .studies import (
         DeterministicResult,
@@ -61,9 +61,9 @@ if TYPE_CHECKING:
 
 _MODULES = {
     "accuracy": ("AccuracyReport", "measure_accuracy"),
-    "case": ("Case", "load_case"),
+    "runs.case": ("Case", "load_case"),
     "contact": ("Contact", "HalfSpace", "LoadCycle", "LoadState", "load_cycle", "solve_contact"),
-    "errors": ("FemsealError", "InputError", "NotConverged"),
+    "base.errors": ("FemsealError", "InputError", "NotConverged"),
     "flow": (
         "Constriction",
         "Permeability",
@@ -73,9 +73,9 @@ _MODULES = {
         "permeability_tensor",
     ),
     "fluids": ("IdealGas", "Liquid"),
-    "job": ("run",),
+    "runs.job": ("run",),
     "materials": ("Solid", "contact_modulus"),
-    "output": ("Results", "open_results", "write_report"),
+    "results": ("Results", "open_results", "write_report"),
     "seal": ("AnnularSeal", "Leakage", "MeshSeal", "RectangularSeal", "seal_leakage"),
     "studies": (
         "DeterministicResult",

@@ -30,7 +30,7 @@ app = typer.Typer(
 
 def _version(value: bool) -> None:
     if value:
-        from .versions import versions
+        from .base.provenance import versions
 
         for name, number in versions().items():
             typer.echo(f"{name} {number}")
@@ -58,7 +58,7 @@ def new(path: Annotated[Path, typer.Argument(help="Case file to write.")] = Path
     if path.exists():
         raise InputError.of("path", f"'{path}', which exists", "a new file")
     try:
-        path.write_text(files("femseal").joinpath("template.toml").read_text(encoding="utf-8"), encoding="utf-8")
+        path.write_text(files("femseal.runs").joinpath("template.toml").read_text(encoding="utf-8"), encoding="utf-8")
     except OSError as error:
         raise InputError.of("path", f"'{path}'", f"a file that can be written ({error.strerror})") from None
     typer.echo(f"{path} written; edit it, then: femseal run {path}")
@@ -67,8 +67,8 @@ def new(path: Annotated[Path, typer.Argument(help="Case file to write.")] = Path
 @app.command()
 def check(path: Annotated[Path, typer.Argument(metavar="CASE", help="Case file.")]) -> None:
     """Validate a case and say what a run will compute; nothing is written."""
-    from .case import load_case
-    from .forecast import describe
+    from .runs.case import load_case
+    from .runs.forecast import describe
 
     case = load_case(path)
     for line in describe(case, case.prepare()):
@@ -94,8 +94,8 @@ def run(
     On a terminal progress is shown, elsewhere log lines. A run that was ended, by Ctrl-C or otherwise, goes on with
     --resume.
     """
-    from . import job
-    from .case import load_case
+    from .runs import job
+    from .runs.case import load_case
 
     folder = output or Path("results") / path.stem
     case = load_case(path)
@@ -123,7 +123,7 @@ def report(
     output: Annotated[Path | None, typer.Option("-o", "--output", help="Page to write [DIR/report.html].")] = None,
 ) -> None:
     """Write one self-contained HTML page about a run: pictures, table, error budget, times, versions."""
-    from .output import write_report
+    from .results import write_report
 
     typer.echo(write_report(folder, output))
 
@@ -176,7 +176,7 @@ def surface(
     picture: Annotated[Path | None, typer.Option("-o", "--output", help="Picture to write (.png .pdf .svg).")] = None,
 ) -> None:
     """Describe a measured face, and say what a run would do to it; the options are keys of a case file too."""
-    from .survey import survey
+    from .runs.survey import survey
 
     for line in survey(
         path,
@@ -201,7 +201,7 @@ def schema() -> None:
     """Print the JSON schema of the case file, for editors."""
     import json
 
-    from .schema import case_schema
+    from .runs.schema import case_schema
 
     typer.echo(json.dumps(case_schema(), indent=1, ensure_ascii=False))
 

@@ -11,9 +11,9 @@ import femseal as fs
 from femseal import accuracy
 from femseal.accuracy import closing_load, leakage_factor, make_plan
 from femseal.accuracy.plan import Variant
-from femseal.case import parse_case
 from femseal.cli import main
 from femseal.contact import LoadStep
+from femseal.runs.case import parse_case
 
 STEPS = (LoadStep(1e8), LoadStep(2e8), LoadStep(3e8), LoadStep(2e8, 3e8), LoadStep(1e8, 3e8))
 
@@ -310,7 +310,7 @@ class TestReport:
 
         case = small(method="deterministic", cells=None, stochastic=None)
         (tmp_path / "accuracy.png").write_text("of another case")
-        monkeypatch.setattr("femseal.accuracy.picture.accuracy_figure", fail)
+        monkeypatch.setattr("femseal.accuracy.plot.accuracy_figure", fail)
         with pytest.raises(ValueError, match="no such colour"):
             fs.measure_accuracy(case, tmp_path, workers=1)
         assert {p.name for p in tmp_path.iterdir()} == {"accuracy.csv", "accuracy.json"}

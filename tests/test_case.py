@@ -9,13 +9,13 @@ import pytest
 from numpy.testing import assert_allclose
 
 import femseal as fs
-from femseal.case import parse_case
-from femseal.forecast import describe
-from femseal.schema import case_schema
+from femseal.runs.case import parse_case
+from femseal.runs.forecast import describe
+from femseal.runs.schema import case_schema
 from femseal.studies import Sampling
 
 ROOT = Path(__file__).parents[1]
-CASES = [*sorted((ROOT / "examples").glob("*.toml")), ROOT / "femseal" / "template.toml"]
+CASES = [*sorted((ROOT / "examples").glob("*.toml")), ROOT / "femseal" / "runs" / "template.toml"]
 
 
 @pytest.fixture
@@ -262,7 +262,7 @@ class TestPrepare:
 
 
 def test_the_template_shows_every_key():
-    text = (ROOT / "femseal" / "template.toml").read_text(encoding="utf-8")
+    text = (ROOT / "femseal" / "runs" / "template.toml").read_text(encoding="utf-8")
     shown = {*re.findall(r"\b(\w+) = ", text), *re.findall(r"^(?:# )?\[(\w+)\]", text, re.MULTILINE)}
     keys = {name for table in case_schema()["definitions"].values() for name in table.get("properties", {})}
     keys |= set(case_schema()["properties"])
@@ -271,7 +271,7 @@ def test_the_template_shows_every_key():
 
 def test_lines_of_the_template_that_are_commented_out_are_valid(tmp_path):
     (tmp_path / "face.plu").touch()
-    blocks = (ROOT / "femseal" / "template.toml").read_text(encoding="utf-8").split("\n\n")
+    blocks = (ROOT / "femseal" / "runs" / "template.toml").read_text(encoding="utf-8").split("\n\n")
     (live_face,) = (b for b in blocks if "\n[face]" in b)
     assert sum("\n# " in b for b in blocks) > 5
     for block in blocks:

@@ -18,9 +18,9 @@ import pytest
 import xarray
 
 import femseal as fs
-from femseal import checkpoint
-from femseal.checkpoint import Checkpoint
-from femseal.versions import numerical_versions
+from femseal.base.provenance import numerical_versions
+from femseal.runs import checkpoint
+from femseal.runs.checkpoint import Checkpoint
 
 CASE = """
 method = "stochastic"
@@ -242,7 +242,9 @@ def test_a_stopped_run_goes_on_with_the_same_bits_and_leaves_no_checkpoint(case,
             fs.run(case, out, resume=True, workers=1, progress=stop_at(stage, item))
         assert not (out / "results.nc").exists()
     with monkeypatch.context() as patch:
-        patch.setattr("femseal.job.write_folder", lambda *a, **k: (_ for _ in ()).throw(OSError(errno.ENOSPC, "full")))
+        patch.setattr(
+            "femseal.runs.job.write_folder", lambda *a, **k: (_ for _ in ()).throw(OSError(errno.ENOSPC, "full"))
+        )
         with pytest.raises(fs.FemsealError, match=r"full.*--resume"):
             fs.run(case, out, resume=True, workers=1)
 
@@ -295,7 +297,7 @@ def test_a_changed_case_file_or_version_is_refused_by_name(case, tmp_path, monke
     ]
     case.write_text(text)
     with monkeypatch.context() as patch:
-        patch.setattr("femseal.job.numerical_versions", lambda: {**numerical_versions(), "numpy": "9.9"})
+        patch.setattr("femseal.runs.job.numerical_versions", lambda: {**numerical_versions(), "numpy": "9.9"})
         assert refusal() == [f"version.numpy: was {np.__version__}, is 9.9"]
     measured(case, 1.01)
     (line,) = refusal()
@@ -323,7 +325,7 @@ def test_finished_results_of_another_face_file_are_not_taken(case, tmp_path):
 
 def start(case, out, *arguments, shard_items=20):
     """The command line in a process group of its own."""
-    code = f"import femseal.checkpoint as c; c.SHARD_ITEMS = {shard_items}; from femseal.cli import main; main()"
+    code = f"import femseal.runs.checkpoint as c; c.SHARD_ITEMS = {shard_items}; from femseal.cli import main; main()"
     command = [sys.executable, "-c", code, "run", case, "-o", out, *arguments]
     return subprocess.Popen([*map(str, command)], stderr=subprocess.PIPE, text=True, start_new_session=True)
 

@@ -15,12 +15,12 @@ import pytest
 
 import femseal as fs
 from femseal import cli
-from femseal.case import SurfaceTable, parse_case
-from femseal.schema import case_schema
-from femseal.versions import versions
+from femseal.base.provenance import versions
+from femseal.runs.case import SurfaceTable, parse_case
+from femseal.runs.schema import case_schema
 
 ROOT = Path(__file__).parents[1]
-CASES = [*sorted((ROOT / "examples").glob("*.toml")), ROOT / "femseal" / "template.toml"]
+CASES = [*sorted((ROOT / "examples").glob("*.toml")), ROOT / "femseal" / "runs" / "template.toml"]
 SURFACES = ROOT.parent / "shared" / "surfaces"
 #: Sq, undefined share and points as they are printed.
 MEASURED = {
@@ -124,7 +124,7 @@ def test_errors_are_a_line_and_after_debug_a_traceback(femseal, monkeypatch, tmp
     def fail(path):
         raise ZeroDivisionError("nothing to divide by")
 
-    monkeypatch.setattr("femseal.case.load_case", fail)
+    monkeypatch.setattr("femseal.runs.case.load_case", fail)
     assert femseal("check", path) == (1, "", "femseal: ZeroDivisionError: nothing to divide by\n")
     assert "in fail" in femseal("--debug", "check", path)[2]
     assert femseal("check")[0] == 2
@@ -295,7 +295,7 @@ def test_shipped_cases_fit_the_schema(schema, path):
 
 
 def test_all_that_the_template_comments_out_fits_the_schema(schema):
-    text = (ROOT / "femseal" / "template.toml").read_text(encoding="utf-8")
+    text = (ROOT / "femseal" / "runs" / "template.toml").read_text(encoding="utf-8")
     lines = re.sub(r"^# (?=\[|\w+ = )", "", text, flags=re.MULTILINE)
     data = tomllib.loads(re.sub(r"^\[face\]", "[[face]]", lines, flags=re.MULTILINE))
     assert len(data["face"]) == 3

@@ -10,7 +10,7 @@ from femseal import analytic
 from femseal.base.errors import InputError
 from femseal.flow import cell_permeability
 from femseal.fluids import IdealGas, Liquid
-from femseal.output import assemble, open_results, save
+from femseal.results import assemble, open_results, save
 from femseal.scales import Partition
 from femseal.seal import AnnularSeal, RectangularSeal, drop_shares, largest_shares, seal_leakage, window_dissipation
 from femseal.studies import Scene, two_scale

@@ -12,7 +12,7 @@ from numpy.testing import assert_allclose
 
 import femseal as fs
 from femseal import analytic
-from femseal.output import assemble, save
+from femseal.results import assemble, save
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 #: make_measured_face.py is run by the tests of the examples' files.

@@ -14,15 +14,15 @@ import pytest
 import xarray
 from numpy.testing import assert_allclose, assert_array_equal
 
-from femseal import job
 from femseal.base.errors import FemsealError, InputError
 from femseal.base.machine import machine, peak_memory
-from femseal.case import parse_case
 from femseal.flow import cell_permeability
 from femseal.fluids import Liquid
-from femseal.output import assemble, open_results, seal_figure, write_folder, write_vtk
-from femseal.output.fields import plan_fields
-from femseal.output.views import chosen_windows
+from femseal.results import assemble, open_results, seal_figure, write_folder, write_vtk
+from femseal.results.fields import plan_fields
+from femseal.results.views import chosen_windows
+from femseal.runs import job
+from femseal.runs.case import parse_case
 from femseal.studies import Sampling, Scene, deterministic, stochastic, two_scale
 from femseal.topography import turned
 
@@ -432,7 +432,7 @@ def test_a_case_says_what_is_written_also_when_a_stopped_run_goes_on(case, tmp_p
 
     assert parse_case(case).output.paraview == "vtkhdf"
     with monkeypatch.context() as patch:
-        patch.setattr("femseal.job.write_folder", full)
+        patch.setattr("femseal.runs.job.write_folder", full)
         with pytest.raises(FemsealError, match="disk full"):
             job.run(parse_case(case), tmp_path, workers=1)
     solved = []

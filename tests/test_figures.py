@@ -13,7 +13,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 import femseal as fs
 from femseal.base.errors import InputError
-from femseal.output.maps import window_flux
+from femseal.plots.maps import window_flux
 from femseal.seal import largest_shares, window_dissipation
 
 SCRIPT = Path(__file__).parents[1] / "examples" / "figures.py"

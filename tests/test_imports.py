@@ -1,8 +1,11 @@
-"""Imports run down the flow only, and the package is quick to import."""
+"""Imports run downwards only and in no circle; names of files say one thing; the package is quick to import."""
 
 import ast
 import subprocess
 import sys
+from collections import Counter
+from functools import cache
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 import pytest
@@ -10,87 +13,118 @@ import pytest
 import femseal
 
 ROOT = Path(femseal.__file__).parent
-#: A module may import modules of a lower number, or of its own package.
-LAYERS = {
-    "errors": 0,
-    "checks": 1,
-    "files": 1,
-    "machine": 1,
-    "quantities": 1,
-    "materials": 1,
-    "fluids": 1,
-    "analytic": 1,
-    "parallel": 2,
-    "drawing": 2,
-    "showing": 2,
-    "topography": 3,
-    "contact": 4,
-    "factors": 5,
-    "flow": 5,
-    "scales": 6,
-    "seal": 7,
-    "studies": 8,
-    "output": 9,
-    "case": 10,
-    "versions": 1,
-    "checkpoint": 10,
-    "forecast": 11,
-    "schema": 11,
-    "survey": 11,
-    "job": 11,
-    "accuracy": 12,
-    "cli": 13,
-}
+#: From the bottom to the top: a module imports modules of its own room and of rooms before it.
+ROOMS = (
+    "base",
+    "materials",
+    "fluids",
+    "loads",
+    "analytic",
+    "topography",
+    "contact",
+    "flow",
+    "seal",
+    "scales",
+    "studies",
+    "results",
+    "plots",
+    "report",
+    "runs",
+    "accuracy",
+    "cli",
+)
 HEAVY = ("matplotlib", "jinja2", "vtk", "vtkmodules", "pyvista", "meshio", "SurfaceTopography", "distributed", "pyamg")
+#: A module of more lines has more than one reason to change.
+MOST_LINES = 400
 MODULES = sorted(p for p in ROOT.rglob("*.py") if p != ROOT / "__init__.py")
+each_module = pytest.mark.parametrize("path", MODULES, ids=lambda p: str(p.relative_to(ROOT)))
 
 
 def _for_type_checkers(node):
     return isinstance(node, ast.If) and isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING"
 
 
+@cache
 def _imports(path):
-    """(first part below femseal or outside package, whether it is imported when the module is)."""
+    """(dotted module below femseal or outside package, when it is imported: "at once", "when used", "never")."""
     parts = path.relative_to(ROOT).with_suffix("").parts
     package = parts[:-1]  # for a package's __init__ this is the package itself
     tree = ast.parse(path.read_text(encoding="utf-8"))
-    later = [n for n in ast.walk(tree) if isinstance(n, ast.FunctionDef) or _for_type_checkers(n)]
-    inside = {id(n) for f in later for n in ast.walk(f)}
+    when = {}
     for node in ast.walk(tree):
-        top = id(node) not in inside
+        if isinstance(node, ast.FunctionDef) or _for_type_checkers(node):
+            kind = "never" if _for_type_checkers(node) else "when used"
+            when.update({id(n): kind for n in ast.walk(node)})
+    found = []
+    for node in ast.walk(tree):
+        time = when.get(id(node), "at once")
         if isinstance(node, ast.Import):
-            yield from ((a.name, top) for a in node.names)
+            found += [(a.name, time) for a in node.names]
         elif isinstance(node, ast.ImportFrom):
-            if node.module == "femseal" and node.level == 0:
-                yield from ((f"femseal.{a.name}", top) for a in node.names)
-            elif node.level == 0:
-                yield node.module, top
-            else:
-                base = package[: len(package) - node.level + 1]
-                names = [node.module] if node.module else [a.name for a in node.names]
-                yield from (("femseal." + ".".join((*base, name)), top) for name in names)
+            base = () if node.level == 0 else ("femseal", *package[: len(package) - node.level + 1])
+            full = (*base, *(node.module or "").split(".")) if node.module else base
+            for a in node.names:
+                inner = (*full, a.name)
+                found.append((".".join(inner if _is_module(inner) else full), time))
+    return found
 
 
-@pytest.mark.parametrize("path", MODULES, ids=lambda p: str(p.relative_to(ROOT)))
+def _is_module(parts):
+    if parts[0] != "femseal":
+        return False
+    place = ROOT.joinpath(*parts[1:])
+    return place.with_suffix(".py").is_file() or (place / "__init__.py").is_file()
+
+
+@each_module
 def test_imports_run_downwards(path):
     own = path.relative_to(ROOT).parts[0].removesuffix(".py")
-    assert own in LAYERS, f"{own} has no place in the flow"
+    assert own in ROOMS, f"{own} has no place in the flow"
     for name, _ in _imports(path):
         parts = name.split(".")
-        if parts[0] == "femseal" and len(parts) > 1 and parts[1] in LAYERS and parts[1] != own:
-            assert LAYERS[parts[1]] < LAYERS[own], f"{own} imports {parts[1]}"
+        if parts[0] == "femseal" and len(parts) > 1 and parts[1] in ROOMS:
+            assert ROOMS.index(parts[1]) <= ROOMS.index(own), f"{own} imports {parts[1]}"
+
+
+def test_no_circles_inside_rooms():
+    graph = {}
+    for path in MODULES:
+        name = ".".join(("femseal", *path.relative_to(ROOT).with_suffix("").parts))
+        if path.name != "__init__.py":
+            graph[name] = {other for other, time in _imports(path) if time != "never" and other.startswith("femseal.")}
+    try:
+        TopologicalSorter(graph).prepare()
+    except CycleError as error:
+        pytest.fail(f"a circle of imports: {' -> '.join(error.args[1])}")
+
+
+def test_no_two_files_have_one_name():
+    names = Counter(p.name for p in MODULES if p.name != "__init__.py")
+    assert not [name for name, count in names.items() if count > 1]
+
+
+@each_module
+def test_modules_are_short(path):
+    assert len(path.read_text(encoding="utf-8").splitlines()) <= MOST_LINES
 
 
 def test_contact_and_flow_do_not_know_each_other():
     for package, other in (("contact", "flow"), ("flow", "contact")):
-        for path in (ROOT / package).glob("*.py"):
+        for path in (ROOT / package).rglob("*.py"):
             assert not [n for n, _ in _imports(path) if n.startswith(f"femseal.{other}")]
 
 
-@pytest.mark.parametrize("path", MODULES, ids=lambda p: str(p.relative_to(ROOT)))
+@each_module
 def test_heavy_libraries_are_imported_where_they_are_used(path):
-    heavy = [name for name, top in _imports(path) if top and name.split(".")[0] in HEAVY]
+    heavy = [name for name, time in _imports(path) if time == "at once" and name.split(".")[0] in HEAVY]
     assert not heavy
+
+
+@each_module
+def test_pictures_are_made_in_the_rooms_of_pictures(path):
+    room = path.relative_to(ROOT).parts[0]
+    if room not in ("plots", "report", "accuracy"):
+        assert not [name for name, _ in _imports(path) if name.split(".")[0] == "matplotlib"]
 
 
 def test_analytic_needs_numpy_only():

@@ -13,9 +13,9 @@ import xarray
 from numpy.testing import assert_array_equal
 
 import femseal as fs
-from femseal import parallel
-from femseal.forecast import disk
-from femseal.parallel import ordered_map
+from femseal.runs import executor as parallel
+from femseal.runs.executor import ordered_map
+from femseal.runs.forecast import disk
 
 CASE = """
 title = "small"
@@ -167,7 +167,7 @@ def test_only_a_complete_folder_is_resumed(case, tmp_path, monkeypatch):
     case.write_text(CASE.replace('method = "stochastic"', 'method = "deterministic"').replace("compare", "# "))
     out = tmp_path / "out"
     with monkeypatch.context() as patch:
-        patch.setattr("femseal.output.folder.leakage_figure", fail)
+        patch.setattr("femseal.results.folder.leakage_figure", fail)
         with pytest.raises(fs.FemsealError, match="no such colour"):
             fs.run(case, out, workers=1)
     assert "no such colour" in (out / "run.log").read_text()
@@ -175,7 +175,7 @@ def test_only_a_complete_folder_is_resumed(case, tmp_path, monkeypatch):
     assert done.folder == out
     assert (out / "leakage.png").exists()
     with monkeypatch.context() as patch:
-        patch.setattr("femseal.job.deterministic", fail)
+        patch.setattr("femseal.runs.job.deterministic", fail)
         again = fs.run(case, out, resume=True, workers=1)
         assert_array_equal(again.leakage, done.leakage)
         case.write_text(case.read_text().replace("seed = 2", "seed = 3"))

@@ -17,8 +17,8 @@ from numpy.testing import assert_array_equal
 from test_checkpoint import CASE, assert_same
 
 import femseal as fs
-from femseal import parallel
-from femseal.parallel import HeavyTask, ordered_map, shared_empty
+from femseal.runs import executor as parallel
+from femseal.runs.executor import HeavyTask, ordered_map, shared_empty
 
 distributed = pytest.importorskip("distributed")
 

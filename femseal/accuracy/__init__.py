@@ -7,7 +7,7 @@ affordable (`factors.py`); its `AccuracyReport` prints and writes what came out.
 from ..studies.compare import LeakageFactor, closing_load, leakage_factor
 from .measure import measure_accuracy
 from .plan import Plan, Variant, make_plan
-from .report import AccuracyReport, Comparison, Solution
+from .table import AccuracyReport, Comparison, Solution
 
 __all__ = [
     "AccuracyReport",

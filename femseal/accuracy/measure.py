@@ -16,12 +16,12 @@ from numpy.typing import NDArray
 from ..base import validate
 from ..base.errors import FemsealError, InputError
 from ..base.files import made_folder
-from ..case import Case, Prepared, load_case
-from ..parallel import Map, ordered_map
+from ..runs.case import Case, Prepared, load_case
+from ..runs.executor import Map, ordered_map
 from ..studies import deterministic, stochastic, two_scale
 from ..studies.compare import closing_load, leakage_factor
 from .plan import Plan, Variant, make_plan
-from .report import AccuracyReport, Comparison, Solution
+from .table import AccuracyReport, Comparison, Solution
 
 Array = NDArray[np.float64]
 Progress = Callable[[str, int, int | None], None]

@@ -20,8 +20,8 @@ from ..base import validate
 from ..base.errors import InputError
 from ..base.quantities import to_text
 from ..base.text import fact_table
-from ..drawing import cycle_panel, new_figure
-from ..parallel import HeavyTask
+from ..plots.drawing import cycle_panel, new_figure
+from ..runs.executor import HeavyTask
 from .half_space import HalfSpace
 from .solver import Contact, hardness_bounds, solve_contact
 

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..base import validate
 from ..base.errors import InputError, NotConverged
 from ..base.text import Shown
-from ..drawing import map_height, map_panel, new_figure, with_closed
+from ..plots.drawing import map_height, map_panel, new_figure, with_closed
 from . import kernels
 from .grid import Grid, nested_grids
 from .half_space import HalfSpace

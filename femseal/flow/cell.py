@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..base import validate
 from ..base.errors import InputError, NotConverged
 from ..base.text import Shown
-from ..drawing import map_height, map_panel, new_figure, with_closed
+from ..plots.drawing import map_height, map_panel, new_figure, with_closed
 from .bounds import pixel_bounds
 from .conductance import conductances_between, validated_cell, validated_gap
 from .connectivity import winding_components

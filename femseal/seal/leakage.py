@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from ..base.errors import InputError
 from ..base.text import Shown
-from ..drawing import map_height, map_panel, new_figure, with_closed
 from ..fluids import Fluid
+from ..plots.drawing import map_height, map_panel, new_figure, with_closed
 from .shapes import Seal
 
 if TYPE_CHECKING:

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from ..base.errors import FemsealError
 from ..contact import LoadStep, load_programme
-from ..drawing import LeakageCurves, leakage_curves_figure, pressures_and_peaks
 from ..flow import cell_permeability
 from ..fluids import Fluid
+from ..plots.drawing import LeakageCurves, leakage_curves_figure, pressures_and_peaks
 from ..seal import RectangularSeal, seal_leakage
 from ..topography import Topography
 

@@ -14,7 +14,7 @@ from ..base.text import Shown
 from ..contact import HalfSpace, LoadStep
 from ..contact.complement import FieldOverSteps, gap_part, pressure_part
 from ..flow.connectivity import percolates
-from ..parallel import shared_empty
+from ..runs.executor import shared_empty
 from ..scales import GlobalState, Partition, global_states, respond
 from ..scales.window import FlowHistory, WindowHistory, body_standoff, flow_history, set_down
 from ..seal import RectangularSeal

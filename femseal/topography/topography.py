@@ -285,7 +285,7 @@ class Topography:
 
     def plot(self) -> Figure:
         """Map, profiles through the middle, spectral densities, see `heights_figure`."""
-        from .picture import heights_figure
+        from ..plots.heights import heights_figure
 
         return heights_figure(self)
 

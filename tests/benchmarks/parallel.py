@@ -73,7 +73,7 @@ def timed(mapping, seconds):
 
 def measure(task):
     """Elapsed times of a study and of its parts."""
-    from femseal.parallel import ordered_map
+    from femseal.runs.executor import ordered_map
 
     with ordered_map(**BACKENDS[task["backend"]]) as mapping:
         if task["study"] is None:

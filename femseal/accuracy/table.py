@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.files import made_folder, replacing, write_text
+from ..base.provenance import versions
 from ..base.quantities import to_text
 from ..studies.compare import FLOOR, LeakageFactor
-from ..versions import versions
 from .plan import Plan, Variant, by
 
 if TYPE_CHECKING:
@@ -152,7 +152,7 @@ class AccuracyReport:
 
     def plot(self) -> Figure:
         """Error over time, see `accuracy_figure`."""
-        from .picture import accuracy_figure
+        from .plot import accuracy_figure
 
         return accuracy_figure(self)
 

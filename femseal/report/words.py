@@ -10,14 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.quantities import to_text
+from ..plots.maps import default_step
+from ..results.tables import amount, leakage_unit
 from ..studies.compare import FLOOR, leakage_factor
-from .maps import default_step
-from .tables import amount, leakage_unit
 
 if TYPE_CHECKING:
     import xarray
 
-    from .results import Results
+    from ..results.results import Results
 
 Array = NDArray[np.float64]
 Lines = list[tuple[str, ...]]

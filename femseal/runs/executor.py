@@ -28,11 +28,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .base.errors import FemsealError, InputError
-from .base.machine import free_memory
-from .versions import numerical_versions
+from ..base.errors import FemsealError, InputError
+from ..base.machine import free_memory
+from ..base.provenance import numerical_versions
 
-log = logging.getLogger("femseal.parallel")
+log = logging.getLogger("femseal.runs.executor")
 Map = Callable[..., Iterable[Any]]
 #: For each of these a cluster has so long [s]: to answer, to accept a client.
 ANSWER_SECONDS = 5

@@ -13,14 +13,14 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
+from ..base.errors import FemsealError, InputError
+from ..base.provenance import numerical_versions
+from ..results import Results, assemble, write_folder
+from ..studies import deterministic, stochastic, two_scale
 from . import checkpoint
-from .base.errors import FemsealError, InputError
 from .case import Case, FileFace, Prepared, load_case
 from .checkpoint import Checkpoint
-from .output import Results, assemble, write_folder
-from .parallel import Map, ordered_map
-from .studies import deterministic, stochastic, two_scale
-from .versions import numerical_versions
+from .executor import Map, ordered_map
 
 log = logging.getLogger("femseal")
 #: Called as progress(stage, done, total); total is None where it is not known.
@@ -173,7 +173,7 @@ def _face_files(case: Case) -> dict[str, str]:
 
 def _finished(case: Case, faces: dict[str, str], folder: Path) -> Results | None:
     """Complete results of the same case and face files in a folder."""
-    from .output import open_results
+    from ..results import open_results
 
     try:
         results = open_results(folder)

@@ -8,7 +8,7 @@ from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
-from . import __version__
+from .. import __version__
 
 _REQUIRED = ("numpy", "scipy", "scikit-fem", "pyamg", "pyfftw", "numba", "meshio", "pyvista", "vtk", "pydantic",
              "pint", "typer", "rich", "xarray", "h5netcdf", "h5py", "joblib", "threadpoolctl", "matplotlib", "jinja2",

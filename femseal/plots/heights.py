@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..drawing import STYLES, map_panel, new_figure
+from .drawing import STYLES, map_panel, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from .topography import Topography
+    from ..topography.topography import Topography
 
 
 def heights_figure(topography: Topography) -> Figure:

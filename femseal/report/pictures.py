@@ -12,17 +12,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..base.quantities import to_text
-from ..drawing import leakage_panel, map_height, new_figure
-from .maps import contact_panel, default_step, drop_panel, fluid_panel, permeability_panel, seal_size
-from .plots import cell_curves_panel, cells_of, gap_panel, leakage_curves, pressure_panel
-from .tables import amount, leakage_unit
+from ..plots.curves import cell_curves_panel, cells_of, gap_panel, leakage_curves, pressure_panel
+from ..plots.drawing import leakage_panel, map_height, new_figure
+from ..plots.maps import contact_panel, default_step, drop_panel, fluid_panel, permeability_panel, seal_size
+from ..results.tables import amount, leakage_unit
 
 if TYPE_CHECKING:
     import xarray
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from .results import Results
+    from ..results.results import Results
 
 #: Of a panel [inch]: at 390 pixels its smallest letters are still read.
 _WIDTH, _HEIGHT = 5.4, 4.0

@@ -29,16 +29,16 @@ from pydantic import (
 )
 from pydantic_core import PydanticCustomError, core_schema
 
-from .base.errors import InputError
-from .base.quantities import to_si, to_text
-from .fluids import Fluid, IdealGas, Liquid
-from .materials import Solid, contact_modulus, softer_hardness
-from .output.fields import LIMIT
-from .output.vtk import FORMATS
-from .scales import SAMPLERS, Partition
-from .studies import FLOWS, PRESSURES, Sampling, Scene, check_sampling
-from .studies.costs import choose_method
-from .topography import (
+from ..base.errors import InputError
+from ..base.quantities import to_si, to_text
+from ..fluids import Fluid, IdealGas, Liquid
+from ..materials import Solid, contact_modulus, softer_hardness
+from ..results.fields import LIMIT
+from ..results.vtk import FORMATS
+from ..scales import SAMPLERS, Partition
+from ..studies import FLOWS, PRESSURES, Sampling, Scene, check_sampling
+from ..studies.costs import choose_method
+from ..topography import (
     SPIKES,
     Conditioning,
     Overlap,

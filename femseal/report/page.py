@@ -10,10 +10,10 @@ from typing import Any
 
 from ..base.errors import InputError
 from ..base.files import replacing
-from . import report_pictures as pictures
-from . import report_words as words
-from .results import Results, open_results
-from .tables import plain_head, texts
+from ..results.results import Results, open_results
+from ..results.tables import plain_head, texts
+from . import pictures as pictures
+from . import words as words
 
 REPORT_NAME = "report.html"
 
@@ -56,7 +56,7 @@ def report_html(results: Results) -> str:
     from jinja2 import Environment, StrictUndefined
 
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
-    source = files("femseal.output").joinpath("report.html.jinja").read_text(encoding="utf-8")
+    source = files("femseal.report").joinpath("report.html.jinja").read_text(encoding="utf-8")
     return environment.from_string(source).render(_content(results))
 
 

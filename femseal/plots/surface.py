@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.quantities import to_text
-from ..drawing import STYLES, new_figure
 from ..topography import SPIKES, Conditioning, SurfaceReport, Topography
+from .drawing import STYLES, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -13,9 +13,9 @@ from ..base.errors import FemsealError
 from ..base.files import made_folder, replacing, write_text
 from ..topography import Topography
 from . import fields
-from .maps import seal_figure
-from .plots import cells_figure, leakage_figure
-from .report import REPORT_NAME, write_report
+from ..plots.maps import seal_figure
+from ..plots.curves import cells_figure, leakage_figure
+from ..report.page import REPORT_NAME, write_report
 from .results import FILE_NAME, Results, save
 from .tables import csv_text
 from .vtk import write_vtk

@@ -9,14 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.errors import InputError
-from ..drawing import GREY, STYLES, LeakageCurves, Steps, branches, leakage_curves_figure, new_figure
+from .drawing import GREY, STYLES, LeakageCurves, Steps, branches, leakage_curves_figure, new_figure
 
 if TYPE_CHECKING:
     import xarray
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from .results import Results
+    from ..results.results import Results
 
 Array = NDArray[np.float64]
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .base.quantities import leakage_unit, to_text
+from ..base.quantities import leakage_unit, to_text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -27,12 +27,12 @@ from itertools import islice
 from pathlib import Path
 from typing import Any
 
-from .base.errors import FemsealError, InputError
-from .base.files import replacing
-from .contact import plans
-from .parallel import Map
+from ..base.errors import FemsealError, InputError
+from ..base.files import replacing
+from ..contact import plans
+from .executor import Map
 
-log = logging.getLogger("femseal.checkpoint")
+log = logging.getLogger("femseal.runs.checkpoint")
 #: Subfolder of the output folder.
 FOLDER = ".checkpoint"
 MANIFEST = "manifest.json"

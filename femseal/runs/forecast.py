@@ -7,12 +7,12 @@ from pathlib import Path
 
 import numpy as np
 
-from .base.quantities import to_text
+from ..base.quantities import to_text
+from ..results.fields import fields_size
+from ..scales import Partition
+from ..studies import seal_cells
+from ..studies.costs import deterministic_cost, stochastic_cost, two_scale_cost
 from .case import Case, Prepared
-from .output.fields import fields_size
-from .scales import Partition
-from .studies import seal_cells
-from .studies.costs import deterministic_cost, stochastic_cost, two_scale_cost
 
 #: Shortest waves that a window should hold along each side.
 ADVISED_WAVES = 8

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from ..drawing import STYLES, new_figure
+from ..plots.drawing import STYLES, new_figure
 from .plan import Variant, by
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from .report import AccuracyReport, Comparison, Solution
+    from .table import AccuracyReport, Comparison, Solution
 
 #: Colour and marker of each method.
 _METHODS = {name: (style[0], style[2]) for name, style in zip(

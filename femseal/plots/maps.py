@@ -10,14 +10,14 @@ from numpy.typing import NDArray
 
 from ..base.errors import InputError
 from ..base.quantities import leakage_unit
-from ..drawing import CLOSED, STYLES, colour_bar, map_panel, new_figure, with_closed
+from .drawing import CLOSED, STYLES, colour_bar, map_panel, new_figure, with_closed
 
 if TYPE_CHECKING:
     import xarray
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from .results import Results
+    from ..results.results import Results
 
 Array = NDArray[np.float64]
 #: At most this many arrows along a side.

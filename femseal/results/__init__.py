@@ -5,11 +5,11 @@ and `open_results` the dataset alone. Libraries for files and pictures are loade
 """
 
 from .folder import write_folder
-from .maps import seal_figure
-from .plots import cells_figure, leakage_figure
-from .report import write_report
+from ..plots.maps import seal_figure
+from ..plots.curves import cells_figure, leakage_figure
+from ..report.page import write_report
 from .results import Results, assemble, open_results, save
-from .survey import survey_figure
+from ..plots.surface import survey_figure
 from .vtk import write_vtk
 
 __all__ = [

@@ -17,7 +17,7 @@ from ..base.files import made_folder, replacing_hdf5
 from ..base.machine import machine, peak_memory
 from ..contact import LoadStep
 from ..seal import NARROWEST, RectangularSeal, drop_shares
-from ..versions import versions
+from ..base.provenance import versions
 from . import fields as stitched
 from . import select, summary, tables
 
@@ -175,25 +175,25 @@ class Results:
 
     def plot(self) -> Figure:
         """Leakage against nominal pressure, see `leakage_figure`."""
-        from .plots import leakage_figure
+        from ..plots.curves import leakage_figure
 
         return leakage_figure(self)
 
     def plot_cells(self, count: int = 4) -> Figure:
         """Permeability of cells along the cycle, see `cells_figure`."""
-        from .plots import cells_figure
+        from ..plots.curves import cells_figure
 
         return cells_figure(self, count)
 
     def plot_seal(self, step: int | None = None) -> Figure:
         """Contact, fluid pressure and permeability over the seal at one step, see `seal_figure`."""
-        from .maps import seal_figure
+        from ..plots.maps import seal_figure
 
         return seal_figure(self, step)
 
     def report(self, path: str | os.PathLike[str] | None = None) -> Path:
         """Write the page that shows it all, `report.html` in the folder unless given, see `write_report`."""
-        from .report import write_report
+        from ..report.page import write_report
 
         return write_report(self, path)
 

@@ -6,10 +6,10 @@ from math import degrees, isnan, pi
 from pathlib import Path
 from typing import Any
 
-from .base.errors import InputError
-from .base.quantities import to_si, to_text
-from .output import survey_figure
-from .topography import Conditioning, SurfaceReport, condition, describe_surface, read_topography
+from ..base.errors import InputError
+from ..base.quantities import to_si, to_text
+from ..results import survey_figure
+from ..topography import Conditioning, SurfaceReport, condition, describe_surface, read_topography
 
 _PICTURES = (".png", ".pdf", ".svg")
 
