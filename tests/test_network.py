@@ -5,6 +5,7 @@ import re
 import numpy as np
 import pytest
 import scipy.sparse as sp
+from femseal.flow.connectivity import links_between, nodes_reached
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
@@ -14,7 +15,6 @@ from skfem import Basis, ElementQuad1, MeshQuad
 from femseal import analytic
 from femseal.base.errors import FemsealError, InputError, NotConverged
 from femseal.flow import elimination, link_conductances, multigrid, network, solve_network
-from femseal.flow.connectivity import links_between, nodes_reached
 from femseal.flow.forms import flow_along_x1, flow_along_x2
 from femseal.flow.mesh import link_pattern
 

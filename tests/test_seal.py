@@ -7,6 +7,7 @@ from pathlib import Path
 import meshio
 import numpy as np
 import pytest
+from femseal.seal.links import conservative_rate, network_flow
 from numpy.testing import assert_allclose
 from skfem import MeshLine, MeshQuad, MeshTri
 
@@ -14,7 +15,6 @@ from femseal.analytic import annulus_rate, log_symmetric_links, stripes_across, 
 from femseal.base.errors import InputError
 from femseal.fluids import IdealGas, Liquid
 from femseal.seal import AnnularSeal, Leakage, MeshSeal, RectangularSeal, seal_leakage
-from femseal.seal.links import conservative_rate, network_flow
 
 MESHES = Path(__file__).parents[1] / "meshes"
 RING = MESHES / "ring.msh"

@@ -57,7 +57,6 @@ def elimination(k1, k2):
 def system(k1, k2):
     """Matrix, right-hand side and the potential's share in the leakage, of nodes that both ends reach."""
     import scipy.sparse as sp
-
     from femseal.flow.connectivity import links_between, nodes_reached
 
     keep = nodes_reached(k1, k2) == 3
