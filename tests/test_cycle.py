@@ -289,7 +289,7 @@ def test_states_that_do_not_depend_on_each_other_go_to_the_map_together():
 
     cycle = {"loading": LOADING[:3], "unload_from": PEAKS[:1], "unloading": UNLOADING[:2], "hardness": H}
     expected = load_cycle(gap0, HALF_SPACE, **cycle)
-    taken = list(load_states(gap0, HALF_SPACE, **cycle, take=lambda s: (s.name, s.contact.gap), map=backwards))
+    taken = list(load_states(gap0, HALF_SPACE, **cycle, take=lambda s: (s.name, s.contact.gap), mapper=backwards))
     steps = load_programme(*(cycle[name] for name in ("loading", "unload_from", "unloading")))
     assert calls == [list(steps[:3]), list(steps[3:])]
     assert [name for name, _ in taken] == [step.name for step in steps]

@@ -10,7 +10,7 @@ short-circuits the constrictions there: on a face with ridges the lines lie in v
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
 from math import ceil
@@ -23,6 +23,7 @@ from scipy.ndimage import spline_filter1d
 from scipy.sparse import csr_array
 
 from ..base.errors import InputError
+from ..base.stage import Mapper
 from ..contact import HalfSpace, LoadState, LoadStep, load_states
 from ..contact.complement import FieldOverSteps
 from ..topography import Topography
@@ -181,12 +182,12 @@ def global_states(
     modulus: float,
     boundary: tuple[str, str],
     take: Callable[[GlobalState], Any] | None = None,
-    map: Callable[..., Iterable[Any]] = map,
+    mapper: Mapper = map,
     **cycle: Any,
 ) -> Iterator[Any]:
     """Contact of the low-pass face on the global grid along a load programme, state after state.
 
-    Waves shorter than `cut_off` [m] are left to the windows. `take`, `map` and `cycle` as in `contact.load_states`.
+    Waves shorter than `cut_off` [m] are left to the windows. `take`, `mapper` and `cycle` as in `contact.load_states`.
     """
     smooth = surface.low_pass(cut_off)
     wanted = (ceil(PIXELS_PER_CUT_OFF * size / cut_off - 1e-9) for size in partition.window_size)
@@ -202,7 +203,7 @@ def global_states(
     solved = partial(
         _global_state, partition=partition, fine_gap=fine_gap, coarse_gap=coarse_gap, finer=finer, take=take
     )
-    return load_states(coarse_gap, half_space, **cycle, take=solved, map=map)
+    return load_states(coarse_gap, half_space, **cycle, take=solved, mapper=mapper)
 
 
 def _global_state(

@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.stage import Mapper
 from ..base.text import Shown
 from ..contact import HalfSpace, LoadState, LoadStep, load_states
-from .scene import Array, Map, Scene, labels, leakage_plot, resolved_permeability
+from .scene import Array, Scene, labels, leakage_plot, resolved_permeability
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -34,12 +35,12 @@ class DeterministicResult(Shown):
         return leakage_plot(self.steps, self.leakage, "deterministic")
 
 
-def deterministic(scene: Scene, *, map: Map = map) -> DeterministicResult:
+def deterministic(scene: Scene, *, mapper: Mapper = map) -> DeterministicResult:
     """Contact and flow of the whole face at full resolution, each load state by itself.
 
     Parameters
     ----------
-    map : how to solve states that do not depend on each other, in order.
+    mapper : how to solve states that do not depend on each other, in order.
     """
     surface = scene.surface
     half_space = HalfSpace(surface.shape, surface.spacing, scene.modulus, scene.boundary)
@@ -47,7 +48,7 @@ def deterministic(scene: Scene, *, map: Map = map) -> DeterministicResult:
     gap = np.empty((len(scene.steps), *surface.shape), np.float32)
     facts, k = [], []
     memory = state_memory(gap0.size)
-    states = load_states(gap0, half_space, **scene.cycle, take=_resolved, memory=memory, map=map)
+    states = load_states(gap0, half_space, **scene.cycle, take=_resolved, memory=memory, mapper=mapper)
     for s, taken in enumerate(states):
         gap[s], permeability, *others = taken
         k.append(permeability)
