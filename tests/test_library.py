@@ -8,8 +8,9 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 import femseal.scales.library
 from femseal.base.errors import FemsealError, InputError, NotConverged
-from femseal.contact import HalfSpace, load_cycle, load_programme
+from femseal.contact import HalfSpace, load_cycle
 from femseal.flow import cell_permeability
+from femseal.loads import LoadProgramme
 from femseal.scales import Cell, CellCurves, Ladder, WindowSource, build_ladder_library, follow, on_ladder
 from femseal.topography import self_affine
 
@@ -268,7 +269,7 @@ class TestLibrary:
         assert max(followed[2:]) <= 6  # one step and what bisection adds, along both axes
         assert len(list(tmp_path.glob("*.npz"))) == 1
         assert build_ladder_library(source, LADDER, 5, folder=tmp_path).reused == 5
-        steps = load_programme(LOADING[1:], (8e8,), (4e8, 8e7))
+        steps = LoadProgramme.of(LOADING[1:], (8e8,), (4e8, 8e7))
         paths = np.array([[s.pressure for s in steps]])
         for library in (built, again, more):
             for axis in (0, 1):

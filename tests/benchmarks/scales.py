@@ -105,9 +105,9 @@ def study(task):
 def compare(task, exact, two):
     """Factors of one surface."""
     from femseal.accuracy import closing_load, leakage_factor
-    from femseal.contact import load_programme
+    from femseal.loads import LoadProgramme
 
-    steps = load_programme(LOADING, PEAKS, UNLOADING)
+    steps = LoadProgramme.of(LOADING, PEAKS, UNLOADING)
     record = dict(task)
     for name, leakage in (("links", two["leakage"]), ("resolved", two["resolved"])):
         for branch in ("loading", "unloading"):
