@@ -77,8 +77,7 @@ def scene_of(task):
 
 def study(task):
     """One route over the cycle: leakage, contact share and mean gap at every step, CPU time and peak memory."""
-    from femseal import deterministic
-    from femseal import scales as two_scale
+    from femseal import deterministic, two_scale
     from femseal.studies.scene import resolved_permeability
 
     scene = scene_of(task)
