@@ -16,6 +16,7 @@ from ..base import validate
 from ..base.errors import FemsealError, InputError
 from ..base.stage import Mapper, Stage
 from ..base.text import Shown
+from ..loads import LoadProgramme
 from ..scales import LadderLibrary, Partition, draw_links
 from ..seal import RectangularSeal
 from .scene import Array, Scene, labels, leakage_plot
@@ -40,7 +41,7 @@ class StochasticResult(Shown):
     resolve the gaps.
     """
 
-    steps: tuple[Any, ...]
+    steps: LoadProgramme
     seal: RectangularSeal
     library: LadderLibrary | PlacedLibrary = field(repr=False)
     leakage: Array = field(
