@@ -41,16 +41,11 @@ if TYPE_CHECKING:
     from .runs.case import Case, load_case
     from .runs.job import run
     from .seal import AnnularSeal, Leakage, MeshSeal, RectangularSeal, seal_leakage
-    from .studies import (
-        DeterministicResult,
-        Sampling,
-        Scene,
-        StochasticResult,
-        TwoScaleResult,
-        deterministic,
-        stochastic,
-        two_scale,
-    )
+    from .studies.deterministic import DeterministicResult, deterministic
+    from .studies.scene import Scene
+    from .studies.sources import Sampling
+    from .studies.stochastic import StochasticResult, stochastic
+    from .studies.two_scale import TwoScaleResult, two_scale
     from .topography import (
         SurfaceReport,
         Topography,

@@ -16,7 +16,7 @@ from ..base.errors import InputError
 from ..base.files import made_folder, replacing_hdf5
 from ..base.text import Plotted, room
 from ..base.machine import machine, peak_memory
-from ..contact import LoadStep
+from ..loads import LoadProgramme, LoadStep
 from ..seal import NARROWEST, RectangularSeal, drop_shares
 from ..base.provenance import versions
 from . import fields as stitched
@@ -85,10 +85,10 @@ class Results(Plotted):
         return self.dataset[dict(_METHODS)[self.method]]
 
     @property
-    def steps(self) -> tuple[LoadStep, ...]:
+    def steps(self) -> LoadProgramme:
         """The load programme."""
         pairs = zip(self.dataset["nominal_pressure"].values, self.dataset["unloaded_from"].values, strict=True)
-        return tuple(LoadStep(float(p), None if np.isnan(peak) else float(peak)) for p, peak in pairs)
+        return LoadProgramme(LoadStep(float(p), None if np.isnan(peak) else float(peak)) for p, peak in pairs)
 
     @property
     def warnings(self) -> list[str]:
@@ -317,7 +317,7 @@ def open_results(folder: str | os.PathLike[str]) -> Results:
     return Results(data, Path(folder))
 
 
-def _step_coordinates(dim: str, prefix: str, steps: tuple[LoadStep, ...]) -> dict[str, Any]:
+def _step_coordinates(dim: str, prefix: str, steps: LoadProgramme) -> dict[str, Any]:
     peaks = [np.nan if s.unloaded_from is None else s.unloaded_from for s in steps]
     columns = {
         dim: (np.arange(len(steps)), "1", "index of the load step"),

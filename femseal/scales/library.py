@@ -23,7 +23,8 @@ from numpy.typing import NDArray
 from ..base.errors import FemsealError, InputError
 from ..base.files import made_folder, replacing
 from ..base.text import Shown
-from ..contact import HalfSpace, LoadStep, peak_indices
+from ..contact import HalfSpace
+from ..loads import LoadProgramme, LoadStep
 from .curves import CellCurves
 from .ladder import Cell, Ladder, follow
 
@@ -39,7 +40,7 @@ WINDOW_STREAM = 2**32 - 1
 class LibraryTable(Shown):
     """Cells of a library on common steps, as they are shown: pressures, k along x1, mean gap, contact share."""
 
-    steps: tuple[LoadStep, ...]
+    steps: LoadProgramme
     pressure: Array = field(metadata={"unit": "Pa", "long_name": "mean contact pressure of library cells"})
     k: Array = field(metadata={"unit": "m^3", "long_name": "permeability along x1 of library cells"})
     mean_gap: Array = field(metadata={"unit": "m", "long_name": "mean gap of library cells"})
@@ -135,8 +136,11 @@ class LadderLibrary(Shown):
             for name in ("mean_gap", "contact_fraction"):
                 unloading = getattr(cell, f"{name}_unloading")[peaks].ravel()
                 columns[name].append(np.r_[getattr(cell, name)[on_ladder], unloading])
-        pressure = np.broadcast_to([s.pressure for s in steps], (self.size, len(steps)))
-        return LibraryTable(tuple(steps), pressure, **{name: np.array(values) for name, values in columns.items()})
+        programme = LoadProgramme(steps)
+        pressure = np.broadcast_to(programme.pressures, (self.size, len(steps)))
+        return LibraryTable(
+            LoadProgramme(steps), pressure, **{name: np.array(values) for name, values in columns.items()}
+        )
 
     def loaded(self, name: str, pressure: Array) -> Array:
         """Mean over the cells of "standoff" or "plastic_deformation" under a mean pressure on loading [m]."""
@@ -165,7 +169,7 @@ class LadderLibrary(Shown):
         low, high = (np.take_along_axis(stack, n[None], axis=0)[0] for n in (upper - 1, upper))
         return (1 - weight) * low + weight * high
 
-    def along(self, paths: Array, gaps: Array, steps: Sequence[LoadStep], axis: int, kind: int = 0) -> Array:
+    def along(self, paths: Array, gaps: Array, steps: LoadProgramme, axis: int, kind: int = 0) -> Array:
         """Permeability of every cell along every path: (paths, cells, steps) [m³].
 
         Parameters
@@ -177,8 +181,8 @@ class LadderLibrary(Shown):
         kind : 0 the permeability, and of a ladder with bounds 1 its lower and 2 its upper bound, each at the steps of
             the ladder, and interpolated between them as the permeability is.
         """
-        loading = np.array([s.unloaded_from is None for s in steps])
-        p_peak = paths[:, peak_indices(steps)]
+        loading = steps.on_loading
+        p_peak = paths[:, steps.peak_indices]
         # a window that its peak did not load has the virgin curve
         down = ~loading & (paths > 0) & (p_peak > 0)
         up = (loading | (p_peak <= 0)) & (paths > 0)

@@ -23,8 +23,9 @@ from scipy.ndimage import spline_filter1d
 from scipy.sparse import csr_array
 
 from ..base.errors import InputError
-from ..contact import HalfSpace, LoadState, LoadStep, load_states
+from ..contact import HalfSpace, LoadState, load_states
 from ..contact.complement import FieldOverSteps
+from ..loads import LoadProgramme, LoadStep
 from ..topography import Topography
 
 Array = NDArray[np.float64]
@@ -177,16 +178,19 @@ def global_states(
     surface: Topography,
     partition: Partition,
     cut_off: float,
+    programme: LoadProgramme,
     *,
     modulus: float,
+    hardness: float,
     boundary: tuple[str, str],
+    rtol: float = 1e-6,
     take: Callable[[GlobalState], Any] | None = None,
     map: Callable[..., Iterable[Any]] = map,
-    **cycle: Any,
 ) -> Iterator[Any]:
     """Contact of the low-pass face on the global grid along a load programme, state after state.
 
-    Waves shorter than `cut_off` [m] are left to the windows. `take`, `map` and `cycle` as in `contact.load_states`.
+    Waves shorter than `cut_off` [m] are left to the windows. `modulus` and `boundary` are those of a `HalfSpace`, the
+    other arguments those of `contact.load_states`.
     """
     smooth = surface.low_pass(cut_off)
     wanted = (ceil(PIXELS_PER_CUT_OFF * size / cut_off - 1e-9) for size in partition.window_size)
@@ -202,7 +206,7 @@ def global_states(
     solved = partial(
         _global_state, partition=partition, fine_gap=fine_gap, coarse_gap=coarse_gap, finer=finer, take=take
     )
-    return load_states(coarse_gap, half_space, **cycle, take=solved, map=map)
+    return load_states(coarse_gap, half_space, programme, hardness=hardness, rtol=rtol, take=solved, map=map)
 
 
 def _global_state(

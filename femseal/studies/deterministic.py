@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.text import Shown
-from ..contact import HalfSpace, LoadState, LoadStep, load_states
+from ..contact import HalfSpace, LoadState, load_states
+from ..loads import LoadProgramme
 from .scene import Array, Map, Scene, labels, resolved_permeability
 
 
@@ -16,7 +17,7 @@ from .scene import Array, Map, Scene, labels, resolved_permeability
 class DeterministicResult(Shown):
     """Everything resolved on the surface's own grid; arrays over the steps."""
 
-    steps: tuple[LoadStep, ...]
+    steps: LoadProgramme
     leakage: Array = field(metadata=labels("m^2/s", "leakage per unit seal length, deterministic", "step"))
     contact_fraction: Array = field(metadata=labels("1", "share in contact, deterministic", "step"))
     plastic_fraction: Array = field(metadata=labels("1", "share at the hardness, deterministic", "step"))
@@ -38,8 +39,16 @@ def deterministic(scene: Scene, *, map: Map = map) -> DeterministicResult:
     gap0 = surface.heights.max() - surface.heights
     gap = np.empty((len(scene.steps), *surface.shape), np.float32)
     facts, k = [], []
-    memory = state_memory(gap0.size)
-    states = load_states(gap0, half_space, **scene.cycle, take=_resolved, memory=memory, map=map)
+    states = load_states(
+        gap0,
+        half_space,
+        scene.steps,
+        hardness=scene.hardness,
+        rtol=scene.rtol,
+        take=_resolved,
+        memory=state_memory(gap0.size),
+        map=map,
+    )
     for s, taken in enumerate(states):
         gap[s], permeability, *others = taken
         k.append(permeability)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ..base.errors import FemsealError
 from ..base.text import Shown
-from ..contact import HalfSpace, peak_indices
+from ..contact import HalfSpace
 from ..scales import (
     GlobalState,
     Ladder,
@@ -23,7 +23,6 @@ from ..scales import (
     WindowSource,
     build_ladder_library,
     correlation_length,
-    global_states,
     on_ladder,
 )
 from .scene import Array, Map, Scene
@@ -198,13 +197,12 @@ def _global(wanted: Wanted) -> tuple[LadderLibrary, tuple[Tables, ...], tuple[fl
     scene, partition = wanted.scene, wanted.partition
     (m1, m2), n2 = partition.cells, wanted.seal[1]
     cut_off = CUT_OFF_WINDOWS * min(partition.window_size)
-    settings = {"modulus": scene.modulus, "boundary": scene.boundary, "map": wanted.map, **scene.cycle}
     means = partial(_link_means, partition=partition)
-    states = list(global_states(scene.surface, partition, cut_off, take=means, **settings))
+    states = scene.global_states(partition, cut_off, take=means, map=wanted.map)
     p, p_across, gap, gap_across = (np.array(values) for values in zip(*states, strict=True))
     library = _library(wanted, float(p.max()), apart=True)
     # windows without pressure stand off as the asperities of the others make the whole body do
-    peaks = peak_indices(scene.steps)
+    peaks = scene.steps.peak_indices
     load = p.sum(axis=(1, 2))
     own = library.loaded("standoff", p) - library.flattening(p, p[peaks])
     standoff = np.divide((p * own).sum(axis=(1, 2)), load, out=np.zeros_like(load), where=load > 0)
@@ -227,12 +225,12 @@ def _link_means(state: GlobalState, partition: Partition) -> tuple[Array, Array,
 def _uniform(wanted: Wanted) -> tuple[LadderLibrary, tuple[Tables, ...], tuple[float, ...]]:
     """Full heights under the nominal pressure, or under the share of it that the profile gives to a row."""
     scene, (n1, n2) = wanted.scene, wanted.seal
-    nominal = np.array([s.pressure for s in scene.steps])
+    nominal = scene.steps.pressures
     rows = np.asarray(wanted.sampling.profile or (1.0,), float)
     # between the rows of a profile lie those of the links across
     shares = (rows, (rows[:-1] + rows[1:]) / 2 if rows.size > 1 else rows)
     highest = float(nominal.max() * rows.max())
-    exact = tuple(s.pressure for s in scene.steps if s.unloaded_from is None) if rows.size == 1 else ()
+    exact = scene.steps.loading if rows.size == 1 else ()
     library = _library(wanted, highest, exact=exact)
     links: list[_Links] = []
     for axis in (0, 1):
@@ -266,7 +264,7 @@ def _library(wanted: Wanted, highest: float, *, apart: bool = False, exact: tupl
     full = min(scene.hardness, 0.5 * scene.modulus * scene.surface.rms_slope)
     half_space = HalfSpace(partition.window, partition.spacing, scene.modulus, ("mirror", "mirror"))
     source = WindowSource((-scene.surface.heights,), half_space, scene.hardness, sampling.seed, scene.rtol)
-    waits = {s.unloaded_from for s in scene.steps if s.unloaded_from is not None}
+    waits = scene.steps.unload_from
     shares = LOADING_SHARES if highest <= LOADING_SHARES[-1] * full else (*LOADING_SHARES, highest / full)
     ladder = Ladder(
         loading=tuple(share * full for share in shares),
@@ -277,7 +275,7 @@ def _library(wanted: Wanted, highest: float, *, apart: bool = False, exact: tupl
     )
     ladder = on_ladder(ladder, exact, highest)
     if exact:
-        ladder = replace(ladder, peaks=tuple(sorted(waits)), stops=STOPS if waits else ())
+        ladder = replace(ladder, peaks=waits, stops=STOPS if waits else ())
     return build_ladder_library(source, ladder, sampling.library_cells, folder=sampling.library, map=wanted.map)
 
 

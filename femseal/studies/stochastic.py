@@ -15,6 +15,7 @@ import numpy as np
 from ..base import validate
 from ..base.errors import FemsealError, InputError
 from ..base.text import Shown
+from ..loads import LoadProgramme
 from ..scales import LadderLibrary, Partition, draw_links
 from ..seal import RectangularSeal
 from .scene import Array, Map, Scene, labels
@@ -36,7 +37,7 @@ class StochasticResult(Shown):
     resolve the gaps.
     """
 
-    steps: tuple[Any, ...]
+    steps: LoadProgramme
     seal: RectangularSeal
     library: LadderLibrary | PlacedLibrary = field(repr=False)
     leakage: Array = field(

@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 
 from ..base.errors import InputError
 from ..base.text import Shown
-from ..contact import HalfSpace, LoadStep
+from ..contact import HalfSpace
 from ..contact.complement import FieldOverSteps, gap_part, pressure_part
 from ..flow.connectivity import percolates
+from ..loads import LoadProgramme
 from ..runs.executor import shared_empty
-from ..scales import GlobalState, Partition, global_states, respond
+from ..scales import GlobalState, Partition, respond
 from ..scales.window import FlowHistory, WindowHistory, body_standoff, flow_history, set_down
 from ..seal import RectangularSeal
 from ..topography import Topography
@@ -33,7 +34,7 @@ RIDGE_WARNING = 0.35
 class TwoScaleResult(Shown):
     """Windows of the surface between global nodes; arrays over steps and links."""
 
-    steps: tuple[LoadStep, ...]
+    steps: LoadProgramme
     partition: Partition = field(repr=False)
     flow: str
     leakage: Array = field(metadata=labels("m^2/s", "leakage per unit seal length, two-scale", "step"))
@@ -112,7 +113,7 @@ def two_scale(scene: Scene, cells: tuple[int, int], *, flow: str = "links", map:
 class WindowContacts:
     """Contact of all cells of a face along a cycle, stitched; arrays as in `TwoScaleResult`."""
 
-    steps: tuple[LoadStep, ...]
+    steps: LoadProgramme
     partition: Partition
     pressure: Array
     mean_gap: Array
@@ -138,9 +139,8 @@ def solve_windows(scene: Scene, cells: tuple[int, int], *, map: Map = map) -> Wi
     # of each cell the gap that it starts from, and in its place gap − pressure once it is solved
     fields = shared_empty((len(scene.steps), *surface.shape), np.float32)
     pressures = []
-    settings = {"modulus": scene.modulus, "boundary": scene.boundary, "map": map, **scene.cycle}
-    outer = partial(_outer, partition=partition, body=body)
-    for s, (outer_gap, cell_pressure) in enumerate(global_states(surface, partition, cut_off, take=outer, **settings)):
+    states = scene.global_states(partition, cut_off, take=partial(_outer, partition=partition, body=body), map=map)
+    for s, (outer_gap, cell_pressure) in enumerate(states):
         fields[s] = outer_gap
         pressures.append(cell_pressure)
     pressure = np.array(pressures)
