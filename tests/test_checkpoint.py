@@ -19,6 +19,7 @@ import xarray
 
 import femseal as fs
 from femseal.base.provenance import numerical_versions
+from femseal.base.stage import Stage
 from femseal.runs import checkpoint
 from femseal.runs.checkpoint import Checkpoint
 
@@ -104,7 +105,7 @@ def study(mapper, computed=None):
     """Calls of the map as a study makes them, with lazy arguments."""
     results = []
     for stage, size in enumerate(SIZES):
-        results += mapper(partial(value, stage, computed=computed), (n for n in range(size)), [str(n) for n in range(size)])  # fmt: skip
+        results += mapper(Stage(f"stage {stage}", partial(value, stage, computed=computed)), (n for n in range(size)), [str(n) for n in range(size)])  # fmt: skip
     return results
 
 
@@ -177,7 +178,7 @@ def test_what_is_in_memory_is_kept_where_the_run_can_still_write(tmp_path):
         computed = []
         task = partial(value, 0, computed=computed)
         with Checkpoint(tmp_path, {"case": 1}, resume=first > 0) as kept:
-            items = iter(kept.over(map)(task, range(7), range(7)))
+            items = iter(kept.over(map)(Stage("stage 0", task), range(7), range(7)))
             for _ in range(last):
                 next(items)
         assert [n for _, n in computed] == list(range(first, last))
@@ -192,8 +193,8 @@ def test_a_damaged_shard_is_reported_and_computed_again(tmp_path, monkeypatch, c
     if damage == "of another run":
         with Checkpoint(tmp_path / "..", {"case": 2}, resume=False) as other:
             for _ in SIZES[:-1]:
-                list(other.over(map)(abs, []))
-            list(other.over(map)(abs, range(8)))
+                list(other.over(map)(Stage("trial", abs), []))
+            list(other.over(map)(Stage("stage 3", abs), range(8)))
         shutil.copy(tmp_path / ".." / path.relative_to(tmp_path), path)
         checkpoint.remove(tmp_path / "..")
     else:

@@ -255,7 +255,7 @@ def test_states_that_do_not_depend_on_each_other_go_to_the_map_together():
     steps = LoadProgramme.of(LOADING[:3], PEAKS[:1], UNLOADING[:2])
     expected = list(load_states(gap0, HALF_SPACE, steps, hardness=H))
     taken = list(
-        load_states(gap0, HALF_SPACE, steps, hardness=H, take=lambda s: (s.name, s.contact.gap), map=backwards)
+        load_states(gap0, HALF_SPACE, steps, hardness=H, take=lambda s: (s.name, s.contact.gap), mapper=backwards)
     )
     assert calls == [list(steps[:3]), list(steps[3:])]
     assert [name for name, _ in taken] == [step.name for step in steps]

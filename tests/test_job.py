@@ -13,6 +13,7 @@ import xarray
 from numpy.testing import assert_array_equal
 
 import femseal as fs
+from femseal.base.stage import Stage
 from femseal.runs import executor as parallel
 from femseal.runs.executor import ordered_map
 from femseal.runs.forecast import disk
@@ -126,13 +127,13 @@ def test_a_cluster_is_given_a_few_tasks_at_a_time_and_returns_them_in_order(recw
         distributed.LocalCluster(n_workers=1, threads_per_worker=2, processes=False, dashboard_address=None) as cluster,
         ordered_map(scheduler=cluster.scheduler_address) as mapping,
     ):
-        results = iter(mapping(pow, numbers(), [3] * 30))
+        results = iter(mapping(Stage("powers", pow), numbers(), [3] * 30))
         assert next(results) == 0
         assert len(drawn) <= 10
         assert list(results) == [n**3 for n in range(1, 30)]
         with pytest.raises(ZeroDivisionError):
-            list(mapping(divmod, [1], [0]))
-        list(mapping(np.sum, [np.zeros(2_000_000)]))
+            list(mapping(Stage("quotients", divmod), [1], [0]))
+        list(mapping(Stage("sums", np.sum), [np.zeros(2_000_000)]))
     assert not [w for w in recwarn if "large graph" in str(w.message)]
 
 

@@ -17,8 +17,10 @@ from numpy.testing import assert_array_equal
 from test_checkpoint import CASE, assert_same
 
 import femseal as fs
+from femseal.base.shared_array import shared_empty
+from femseal.base.stage import Stage
 from femseal.runs import executor as parallel
-from femseal.runs.executor import HeavyTask, ordered_map, shared_empty
+from femseal.runs.executor import ordered_map
 
 distributed = pytest.importorskip("distributed")
 
@@ -65,7 +67,7 @@ def test_each_worker_has_one_thread(cluster):
 
     for arguments in ({"workers": 1}, {"workers": 2}, {"scheduler": cluster.scheduler_address}):
         with ordered_map(**arguments) as mapping:
-            for libraries in mapping(_libraries, [threadpoolctl.threadpool_info] * 2, [np.ones(2)] * 2):
+            for libraries in mapping(Stage("trial", _libraries), [threadpoolctl.threadpool_info] * 2, [np.ones(2)] * 2):
                 assert libraries
                 assert {library["num_threads"] for library in libraries} == {1}
 
@@ -76,24 +78,26 @@ def _libraries(info, _):
 
 def test_processes_return_results_in_order_and_end_with_a_reason():
     with ordered_map(workers=2) as mapping:
-        assert list(mapping(divmod, (n for n in range(100)), [7] * 100)) == [divmod(n, 7) for n in range(100)]
-        assert list(mapping(divmod, [], [])) == []
+        assert list(mapping(Stage("trial", divmod), (n for n in range(100)), [7] * 100)) == [
+            divmod(n, 7) for n in range(100)
+        ]
+        assert list(mapping(Stage("trial", divmod), [], [])) == []
         with pytest.raises(ZeroDivisionError):
-            list(mapping(divmod, [1], [0]))
+            list(mapping(Stage("trial", divmod), [1], [0]))
         with pytest.raises(fs.FemsealError, match="a process died"):
-            list(mapping(os._exit, [3]))
-        assert list(mapping(abs, [-1, 2])) == [1, 2]
+            list(mapping(Stage("trial", os._exit), [3]))
+        assert list(mapping(Stage("trial", abs), [-1, 2])) == [1, 2]
 
 
 def test_small_items_are_sent_together(cluster, monkeypatch):
     sizes, submit = [], parallel._submit
     monkeypatch.setattr(parallel, "_submit", lambda *a: sizes.append(len(a[2])) or submit(*a))
     with ordered_map(scheduler=cluster.scheduler_address) as mapping:
-        assert list(mapping(pow, range(3000), [2] * 3000)) == [n**2 for n in range(3000)]
+        assert list(mapping(Stage("trial", pow), range(3000), [2] * 3000)) == [n**2 for n in range(3000)]
         assert sum(sizes) == 3000
         assert len(sizes) < 100
         sizes.clear()
-        list(mapping(time.sleep, [2 * parallel.TASK_SECONDS] * 6))
+        list(mapping(Stage("trial", time.sleep), [2 * parallel.TASK_SECONDS] * 6))
         assert sizes == [1] * 6
 
 
@@ -111,7 +115,7 @@ def test_a_late_worker_is_awaited(caplog):
         late_worker.start()
         with ordered_map(scheduler=late.scheduler_address) as mapping:
             assert "no workers: waiting up to 600 s" in caplog.text
-            assert list(mapping(abs, [-1, -2])) == [1, 2]
+            assert list(mapping(Stage("trial", abs), [-1, -2])) == [1, 2]
         late_worker.join()
 
 
@@ -149,8 +153,8 @@ def test_killed_workers_do_not_change_a_bit(case):
 def test_a_task_that_ends_its_workers_is_given_up_with_a_reason():
     with ordered_map(workers=2, scheduler="local") as mapping:
         with pytest.raises(fs.FemsealError, match=r"workers .*died"):
-            list(mapping(os._exit, [3]))
-        assert list(mapping(abs, [-1, 2])) == [1, 2]
+            list(mapping(Stage("trial", os._exit), [3]))
+        assert list(mapping(Stage("trial", abs), [-1, 2])) == [1, 2]
 
 
 @pytest.mark.slow
@@ -158,7 +162,7 @@ def test_a_scheduler_that_is_gone_is_named():
     with real_cluster() as (address, start_worker):
         start_worker()
         with ordered_map(scheduler=address) as mapping:
-            results = iter(mapping(time.sleep, [0.5] * 100))
+            results = iter(mapping(Stage("trial", time.sleep), [0.5] * 100))
             next(results)
             with distributed.Client(address) as client:
                 client.shutdown()
@@ -178,7 +182,7 @@ class TestSharedMemory:
             whole = shared_empty((3, 40, 50), np.float32)
             whole[:] = 1
             views = [whole[:, 10 * n : 10 * (n + 1), 5:] for n in range(4)]
-            came_back = list(mapping(add_one, views))
+            came_back = list(mapping(Stage("trial", add_one), views))
             for view in came_back:
                 assert_array_equal(view, 2)
             assert_array_equal(whole[..., 5:], 2)
@@ -199,7 +203,7 @@ class TestSharedMemory:
         with ordered_map(workers=2) as mapping:
             whole = shared_empty((4, 10), float)
             whole[:] = 1
-            assert_array_equal(list(mapping(add_one, whole)), np.full((4, 10), 2))
+            assert_array_equal(list(mapping(Stage("trial", add_one), whole)), np.full((4, 10), 2))
             assert_array_equal(whole, 1)
 
     @pytest.mark.parametrize("workers", [None, 1])
@@ -242,9 +246,7 @@ def running_at_once(folder):
 @pytest.mark.parametrize(("memory", "most"), [(0.0, 2), (1.0, 2), (6e8, 1), (1e15, 1)])
 def test_no_more_heavy_tasks_at_once_than_fit(tmp_path, monkeypatch, memory, most):
     monkeypatch.setattr(parallel, "free_memory", lambda: 1e9)
-    task = HeavyTask(running_at_once)
-    task.memory = memory
     with ordered_map(workers=2) as mapping:
-        list(mapping(abs, range(4)))
-        seen = list(mapping(task, [tmp_path] * 6))
+        list(mapping(Stage("trial", abs), range(4)))
+        seen = list(mapping(Stage("trial", running_at_once, memory), [tmp_path] * 6))
     assert max(seen) == most

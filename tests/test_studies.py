@@ -531,9 +531,9 @@ class TestDraws:
 
         for pressure in ("place", "global", "uniform"):
             sampling = replace(SAMPLING, pressure=pressure, library_cells=8)
-            one, other = (stochastic(rough, (4, 6), sampling, map=m) for m in (map, backwards))
+            one, other = (stochastic(rough, (4, 6), sampling, mapper=m) for m in (map, backwards))
             assert_array_equal(one.leakage, other.leakage)
-        assert_array_equal(two_scale(rough, (4, 6), map=backwards).leakage, two_scale(rough, (4, 6)).leakage)
+        assert_array_equal(two_scale(rough, (4, 6), mapper=backwards).leakage, two_scale(rough, (4, 6)).leakage)
 
     def test_the_seed_decides(self, rough):
         """Which cells are in the library, and which of them are drawn."""

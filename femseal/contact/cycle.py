@@ -7,8 +7,9 @@ Source: Sahlin et al., Proc. IMechE J 224, 2010, 335; Pérez-Ràfols et al., 201
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from math import inf
 from typing import Any
 
@@ -18,9 +19,9 @@ from numpy.typing import ArrayLike
 from ..base import validate
 from ..base.errors import InputError
 from ..base.quantities import to_text
+from ..base.stage import Mapper, Stage
 from ..base.text import Plotted, fact_table
 from ..loads import LoadProgramme, LoadStep
-from ..runs.executor import HeavyTask
 from .half_space import HalfSpace
 from .solver import Contact, hardness_bounds, solve_contact
 
@@ -106,7 +107,7 @@ def load_states(
     rtol: float = 1e-6,
     take: Callable[[LoadState], Any] | None = None,
     memory: float | None = None,
-    map: Callable[..., Iterable[Any]] = map,
+    mapper: Mapper = map,
 ) -> Iterator[Any]:
     """The contact states of a programme one after another, checked at once and solved when asked for, none kept.
 
@@ -114,30 +115,32 @@ def load_states(
     ----------
     programme : the load steps; the others are as in `load_cycle`.
     take : what to give of each state instead of the state itself, worked out where that is solved.
-    memory : that a state takes with `take` [byte], unless given that of the contact; a map over processes solves no
-        more at once than fit.
-    map : how to solve states that do not depend on each other, in order: those of loading, then those of unloading.
+    memory : that a state takes with `take` [byte], unless given that of the contact; a mapper over processes solves
+        no more at once than fit.
+    mapper : how to solve states that do not depend on each other, in order: those of loading, then those of unloading.
     """
     highest = float(programme.pressures.max())
     if highest > (limit := float(hardness_bounds(hardness, half_space.shape).mean())) * (1 + 1e-12):
         raise InputError.of("loading", f"{highest:g} Pa", f"at most the mean hardness, {limit:g} Pa")
     gap0 = validate.field("gap0", gap0, unit="m", shape=half_space.shape, copy=False)
-    task = HeavyTask(_state, gap0=gap0, half_space=half_space, hardness=hardness, rtol=rtol, take=take)
-    task.memory = 8.0 * STATE_FIELDS * gap0.size if memory is None else memory
-    return _solved(task, programme, map)
+    solve = partial(_state, gap0=gap0, half_space=half_space, hardness=hardness, rtol=rtol, take=take)
+    if memory is None:
+        memory = 8.0 * STATE_FIELDS * gap0.size
+    return _solved(Stage("contact of the whole face", solve, memory), programme, mapper)
 
 
-def _solved(task: Callable[..., Any], programme: LoadProgramme, map: Callable[..., Iterable[Any]]) -> Iterator[Any]:
+def _solved(stage: Stage, programme: LoadProgramme, mapper: Mapper) -> Iterator[Any]:
     peaks = programme.unload_from
     loading = [step for step in programme if step.unloaded_from is None]
     unloading = programme[len(loading) :]
     left: dict[float | None, np.ndarray] = {}
     is_peak = [step.pressure in peaks for step in loading]
-    for step, (taken, deformation) in zip(loading, map(task, loading, is_peak), strict=True):
+    for step, (taken, deformation) in zip(loading, mapper(stage, loading, is_peak), strict=True):
         if deformation is not None:
             left[step.pressure] = deformation
         yield taken
-    for taken, _ in map(task, unloading, [False] * len(unloading), (left[step.unloaded_from] for step in unloading)):
+    deformations = (left[step.unloaded_from] for step in unloading)
+    for taken, _ in mapper(stage, unloading, [False] * len(unloading), deformations):
         yield taken
 
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 import hashlib
 import json
 import zlib
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import partial
 from pathlib import Path
@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from ..base.errors import FemsealError, InputError
 from ..base.files import made_folder, replacing
+from ..base.stage import Mapper, Stage
 from ..base.text import Shown
 from ..contact import HalfSpace
 from ..loads import LoadProgramme, LoadStep
@@ -29,7 +30,6 @@ from .curves import CellCurves
 from .ladder import Cell, Ladder, follow
 
 Array = NDArray[np.float64]
-Map = Callable[..., Iterable[Any]]
 #: Written into every file; a file of another format is computed anew.
 FORMAT = 2
 #: Random numbers of windows lie far from those of the realisations.
@@ -198,7 +198,7 @@ class LadderLibrary(Shown):
 
 
 def build_ladder_library(
-    source: WindowSource, ladder: Ladder, count: int, *, folder: Path | None = None, map: Map = map
+    source: WindowSource, ladder: Ladder, count: int, *, folder: Path | None = None, mapper: Mapper = map
 ) -> LadderLibrary:
     """Follow windows along a ladder, or take them from a folder as far as they are known there.
 
@@ -207,7 +207,7 @@ def build_ladder_library(
     source, ladder : which windows, and where they are solved.
     count : number of windows.
     folder : where libraries are kept; None keeps nothing.
-    map : how to apply a function to all windows; the order of the results is that of the windows.
+    mapper : how to compute a stage for all windows; the order of the results is that of the windows.
 
     Raises
     ------
@@ -220,9 +220,9 @@ def build_ladder_library(
     known = [] if path is None else _read(path)
     complete = [n for n, cell in enumerate(known[:count]) if cell is not None and _covers(cell, ladder)]
     missing = sorted({*range(count)} - {*complete})
-    task = partial(_cell, source=source, ladder=ladder)
+    stage = Stage("library windows", partial(_cell, source=source, ladder=ladder))
     outcomes = dict(
-        zip(missing, map(task, missing, [known[n] if n < len(known) else None for n in missing]), strict=True)
+        zip(missing, mapper(stage, missing, [known[n] if n < len(known) else None for n in missing]), strict=True)
     )
     cells: list[Cell | None] = [outcomes[n][0] if n in outcomes else known[n] for n in range(count)]
     failures = tuple(f"cell {n}: {text}" for n, (_, text) in outcomes.items() if text)

@@ -10,7 +10,7 @@ short-circuits the constrictions there: on a face with ridges the lines lie in v
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
 from math import ceil
@@ -23,6 +23,7 @@ from scipy.ndimage import spline_filter1d
 from scipy.sparse import csr_array
 
 from ..base.errors import InputError
+from ..base.stage import Mapper
 from ..contact import HalfSpace, LoadState, load_states
 from ..contact.complement import FieldOverSteps
 from ..loads import LoadProgramme, LoadStep
@@ -185,7 +186,7 @@ def global_states(
     boundary: tuple[str, str],
     rtol: float = 1e-6,
     take: Callable[[GlobalState], Any] | None = None,
-    map: Callable[..., Iterable[Any]] = map,
+    mapper: Mapper = map,
 ) -> Iterator[Any]:
     """Contact of the low-pass face on the global grid along a load programme, state after state.
 
@@ -206,7 +207,7 @@ def global_states(
     solved = partial(
         _global_state, partition=partition, fine_gap=fine_gap, coarse_gap=coarse_gap, finer=finer, take=take
     )
-    return load_states(coarse_gap, half_space, programme, hardness=hardness, rtol=rtol, take=solved, map=map)
+    return load_states(coarse_gap, half_space, programme, hardness=hardness, rtol=rtol, take=solved, mapper=mapper)
 
 
 def _global_state(

@@ -7,10 +7,11 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.stage import Mapper
 from ..base.text import Shown
 from ..contact import HalfSpace, LoadState, load_states
 from ..loads import LoadProgramme
-from .scene import Array, Map, Scene, labels, resolved_permeability
+from .scene import Array, Scene, labels, resolved_permeability
 
 
 @dataclass(frozen=True, repr=False)
@@ -27,12 +28,12 @@ class DeterministicResult(Shown):
     failures: tuple[str, ...] = ()
 
 
-def deterministic(scene: Scene, *, map: Map = map) -> DeterministicResult:
+def deterministic(scene: Scene, *, mapper: Mapper = map) -> DeterministicResult:
     """Contact and flow of the whole face at full resolution, each load state by itself.
 
     Parameters
     ----------
-    map : how to solve states that do not depend on each other, in order.
+    mapper : how to solve states that do not depend on each other, in order.
     """
     surface = scene.surface
     half_space = HalfSpace(surface.shape, surface.spacing, scene.modulus, scene.boundary)
@@ -47,7 +48,7 @@ def deterministic(scene: Scene, *, map: Map = map) -> DeterministicResult:
         rtol=scene.rtol,
         take=_resolved,
         memory=state_memory(gap0.size),
-        map=map,
+        mapper=mapper,
     )
     for s, taken in enumerate(states):
         gap[s], permeability, *others = taken

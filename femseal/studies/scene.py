@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.errors import FemsealError
+from ..base.stage import Mapper
 from ..flow import cell_permeability
 from ..fluids import Fluid
 from ..loads import LoadProgramme
@@ -18,7 +19,6 @@ from ..seal import RectangularSeal, seal_leakage
 from ..topography import Topography
 
 Array = NDArray[np.float64]
-Map = Callable[..., Iterable[Any]]
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ class Scene:
         return LoadProgramme.of(self.loading, self.unload_from, self.unloading)
 
     def global_states(
-        self, partition: Partition, cut_off: float, *, take: Callable[[GlobalState], Any], map: Map
+        self, partition: Partition, cut_off: float, *, take: Callable[[GlobalState], Any], mapper: Mapper
     ) -> Iterator[Any]:
         """`scales.global_states` of the scene: what is taken of the global contact at every step."""
         return global_states(
@@ -62,7 +62,7 @@ class Scene:
             boundary=self.boundary,
             rtol=self.rtol,
             take=take,
-            map=map,
+            mapper=mapper,
         )
 
     def leakage(self, seal: RectangularSeal, permeability: Any) -> Any:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.errors import FemsealError
+from ..base.stage import Mapper
 from ..base.text import Shown
 from ..contact import HalfSpace
 from ..scales import (
@@ -25,7 +26,7 @@ from ..scales import (
     correlation_length,
     on_ladder,
 )
-from .scene import Array, Map, Scene
+from .scene import Array, Scene
 from .two_scale import LinkFlows, TwoScaleResult, solve_links, solve_windows
 
 #: Loading steps of a library in shares of the pressure at which everything is in contact, about: the hardness, or half
@@ -128,7 +129,7 @@ class Wanted:
     sampling: Sampling
     seal: tuple[int, int]
     two_scale: TwoScaleResult | None
-    map: Map
+    mapper: Mapper
 
 
 #: A library, its tables, with bounds followed by those of the lower and of the upper ones, and the x1 of the rows of
@@ -138,9 +139,9 @@ Source = Callable[[Wanted], tuple[LadderLibrary | PlacedLibrary, tuple[Tables, .
 
 def _placed(wanted: Wanted) -> tuple[PlacedLibrary, tuple[Tables], tuple[float, ...]]:
     """All windows of the face at their places, moved along it by fractions of a window where more are wanted."""
-    scene, partition, two_scale, map = wanted.scene, wanted.partition, wanted.two_scale, wanted.map
+    scene, partition, two_scale, mapper = wanted.scene, wanted.partition, wanted.two_scale, wanted.mapper
     (m1, m2), w2, n2 = partition.cells, partition.window[1], wanted.seal[1]
-    contact = two_scale or solve_windows(scene, partition.cells, map=map)
+    contact = two_scale or solve_windows(scene, partition.cells, mapper=mapper)
     shifts = int(np.clip(-(-wanted.sampling.library_cells // (m1 * m2)), 1, w2))
     moved = [n * w2 // shifts for n in range(shifts)]
     known = {} if two_scale is None else {(0, 0): two_scale.k1, (1, 0): two_scale.k2}
@@ -148,7 +149,7 @@ def _placed(wanted: Wanted) -> tuple[PlacedLibrary, tuple[Tables], tuple[float, 
         [
             LinkFlows(known[axis, s], _NOTHING_SOLVED, ())
             if (axis, s) in known
-            else solve_links(contact, axis, shift=s, map=map)
+            else solve_links(contact, axis, shift=s, mapper=mapper)
             for s in moved
         ]
         for axis in (0, 1)
@@ -198,7 +199,7 @@ def _global(wanted: Wanted) -> tuple[LadderLibrary, tuple[Tables, ...], tuple[fl
     (m1, m2), n2 = partition.cells, wanted.seal[1]
     cut_off = CUT_OFF_WINDOWS * min(partition.window_size)
     means = partial(_link_means, partition=partition)
-    states = scene.global_states(partition, cut_off, take=means, map=wanted.map)
+    states = scene.global_states(partition, cut_off, take=means, mapper=wanted.mapper)
     p, p_across, gap, gap_across = (np.array(values) for values in zip(*states, strict=True))
     library = _library(wanted, float(p.max()), apart=True)
     # windows without pressure stand off as the asperities of the others make the whole body do
@@ -276,7 +277,7 @@ def _library(wanted: Wanted, highest: float, *, apart: bool = False, exact: tupl
     ladder = on_ladder(ladder, exact, highest)
     if exact:
         ladder = replace(ladder, peaks=waits, stops=STOPS if waits else ())
-    return build_ladder_library(source, ladder, sampling.library_cells, folder=sampling.library, map=wanted.map)
+    return build_ladder_library(source, ladder, sampling.library_cells, folder=sampling.library, mapper=wanted.mapper)
 
 
 PRESSURES: dict[str, Source] = {"place": _placed, "global": _global, "uniform": _uniform}
