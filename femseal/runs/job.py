@@ -16,7 +16,8 @@ from typing import Any
 from ..base.errors import FemsealError, InputError
 from ..base.provenance import numerical_versions
 from ..base.stage import Mapper, Stage
-from ..results import Results, assemble, write_folder
+from ..report import write_folder
+from ..results import Results, assemble
 from ..studies import deterministic, stochastic, two_scale
 from . import checkpoint
 from .case import Case, FileFace, Prepared, load_case

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,10 +11,7 @@ from ..base.stage import Mapper
 from ..base.text import Shown
 from ..contact import HalfSpace, LoadState, load_states
 from ..loads import LoadProgramme
-from .scene import Array, Scene, labels, leakage_plot, resolved_permeability
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from .scene import Array, Scene, labels, resolved_permeability
 
 
 @dataclass(frozen=True, repr=False)
@@ -30,10 +26,6 @@ class DeterministicResult(Shown):
     gap: NDArray[np.float32] = field(metadata=labels("m", "deformed gap, deterministic", "step", "x1", "x2"))
     residual: float = 0.0
     failures: tuple[str, ...] = ()
-
-    def plot(self) -> Figure:
-        """Leakage against nominal pressure."""
-        return leakage_plot(self.steps, self.leakage, "deterministic")
 
 
 def deterministic(scene: Scene, *, mapper: Mapper = map) -> DeterministicResult:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,10 +21,7 @@ from ..scales import GlobalState, Partition, respond
 from ..scales.window import FlowHistory, WindowHistory, body_standoff, flow_history, set_down
 from ..seal import RectangularSeal
 from ..topography import Topography
-from .scene import Array, Scene, labels, leakage_plot, resolved_permeability
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from .scene import Array, Scene, labels, resolved_permeability
 
 #: Wavelength that divides the scales, in window sides: longer ones lose the pressure of features within windows.
 CUT_OFF_WINDOWS = 0.25
@@ -57,10 +54,6 @@ class TwoScaleResult(Shown):
     )
     counts: dict[str, int] = field(default_factory=dict)
     failures: tuple[str, ...] = ()
-
-    def plot(self) -> Figure:
-        """Leakage against nominal pressure."""
-        return leakage_plot(self.steps, self.leakage, "two-scale")
 
 
 def two_scale(scene: Scene, cells: tuple[int, int], *, flow: str = "links", mapper: Mapper = map) -> TwoScaleResult:
