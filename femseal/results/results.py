@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 
 from ..base.errors import InputError
 from ..base.files import made_folder, replacing_hdf5
-from ..base.text import Plotted, room
 from ..base.machine import machine, peak_memory
+from ..base.provenance import versions
+from ..base.text import Plotted, room
 from ..loads import LoadProgramme, LoadStep
 from ..seal import NARROWEST, RectangularSeal, drop_shares
-from ..base.provenance import versions
 from . import fields as stitched
 from . import select, summary, tables
 
