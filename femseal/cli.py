@@ -123,7 +123,7 @@ def report(
     output: Annotated[Path | None, typer.Option("-o", "--output", help="Page to write [DIR/report.html].")] = None,
 ) -> None:
     """Write one self-contained HTML page about a run: pictures, table, error budget, times, versions."""
-    from .results import write_report
+    from .report import write_report
 
     typer.echo(write_report(folder, output))
 

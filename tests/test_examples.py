@@ -13,7 +13,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 import femseal as fs
-from femseal.contact import LoadStep
+from femseal.loads import LoadStep
 from femseal.runs.case import parse_case
 
 ROOT = Path(__file__).parents[1]

@@ -18,17 +18,11 @@ from scipy import stats
 from femseal.base.errors import FemsealError, InputError
 from femseal.flow import cell_permeability
 from femseal.fluids import IdealGas, Liquid
-from femseal.results import (
-    assemble,
-    cells_figure,
-    leakage_figure,
-    open_results,
-    save,
-    seal_figure,
-    write_folder,
-    write_vtk,
-)
-from femseal.results.tables import amount, branch_text, leakage_unit
+from femseal.plots import cells_figure, leakage_figure, seal_figure
+from femseal.report import write_folder
+from femseal.results import assemble, open_results, save, write_vtk
+from femseal.results.branches import branch_text
+from femseal.results.tables import amount, leakage_unit
 from femseal.results.views import chosen_windows
 from femseal.seal import RectangularSeal
 from femseal.studies import Sampling, Scene, deterministic, stochastic, two_scale
@@ -358,7 +352,7 @@ def test_a_picture_that_fails_loses_neither_the_results_nor_the_former_run(
         raise error
 
     with monkeypatch.context() as patch:
-        patch.setattr("femseal.results.folder.cells_figure", fail)
+        patch.setattr("femseal.report.folder.cells_figure", fail)
         with pytest.raises(FemsealError, match=error.args[-1]) as caught:
             write_folder(results, tmp_path, scene.surface)
     assert str(tmp_path / ".unfinished/results.nc") in str(caught.value)

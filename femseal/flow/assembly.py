@@ -116,29 +116,40 @@ def assemble_on_links(grid: Grid, k1: Array, k2: Array, *, overwrite: bool = Fal
     -----
     All elements around an edge see its K, so that their parts are summed before they are weighted.
     """
-    m1, _ = grid.elements
-    d1, d2 = np.diff(grid.lines1), np.diff(grid.lines2)
-    kinds = (EDGES_AT_INLET, EDGES, EDGES_AT_OUTLET) if grid.half_ends else (EDGES,) * 3
-    weights = np.array([_own_couples(elemental(forms.darcy_flow, ElementQuad1, samples)) for samples in kinds])
-    kind = np.ones(m1, np.int64)
-    kind[0], kind[-1] = 0, 2
-    if grid.half_ends and m1 < 2:
-        raise ValueError("half elements at both ends need two rows of elements")
-    columns = np.zeros((3, grid.nodes[1]))
-    for side in (0, 1):
-        np.add.at(columns.T, grid.columns[side : d2.size + side], d2[:, None] * weights[:, side])
-    widths = np.zeros(grid.nodes[0])
-    for side in (0, 1):
-        np.add.at(widths, grid.rows[side : m1 + side], d1 * weights[kind, 2 + side])
-    if not grid.ring1:
-        widths = widths[1:-1]
-    apart = grid.columns[:-1] != grid.columns[1:]
-    along = _weighted(k1, 1 / d1, columns, kind, k1 if overwrite else np.empty(k1.shape))
-    one = np.zeros(widths.size, np.int64)
-    across = _weighted(k2, widths, (1 / d2[apart])[None], one, k2 if overwrite else np.empty(k2.shape))
-    if k2.shape[1] != across.shape[1]:
-        raise ValueError(f"k2 has {k2.shape[1]} columns")
+    w = _edge_weights(grid, forms.darcy_flow, forms.darcy_flow.form)
+    along = _weighted(k1, w.rows1, w.columns1, w.kinds1, k1 if overwrite else np.empty(k1.shape))
+    across = _weighted(k2, w.rows2, w.columns2, w.kinds2, k2 if overwrite else np.empty(k2.shape))
     return Stencil(along, across, ring1=grid.ring1, ring2=grid.ring2)
+
+
+@dataclass(frozen=True)
+class _EdgeWeights:
+    """Couple for K = 1 of the edges along x1 and x2: weight of its row times that of its column by the row's kind."""
+
+    rows1: Array
+    columns1: Array
+    kinds1: NDArray[np.int64]
+    rows2: Array
+    columns2: Array
+    kinds2: NDArray[np.int64]
+
+
+@lru_cache(maxsize=64)
+def _edge_weights(grid: Grid, form: BilinearForm, _: Callable[..., Any]) -> _EdgeWeights:
+    m1, m2 = grid.elements
+    d1, d2 = np.diff(grid.lines1), np.diff(grid.lines2)
+    quadratures = (EDGES_AT_INLET, EDGES, EDGES_AT_OUTLET) if grid.half_ends else (EDGES,) * 3
+    couples = np.array([_own_couples(elemental(form, ElementQuad1, samples)) for samples in quadratures])
+    kinds = np.ones(m1, np.int64)
+    kinds[0], kinds[-1] = 0, 2
+    columns, rows = np.zeros((3, grid.nodes[1])), np.zeros(grid.nodes[0])
+    for side in (0, 1):  # an edge has an element on either side
+        for kind in range(3):
+            columns[kind] += np.bincount(grid.columns[side : m2 + side], d2 * couples[kind, side], grid.nodes[1])
+        rows += np.bincount(grid.rows[side : m1 + side], d1 * couples[kinds, 2 + side], grid.nodes[0])
+    inner = rows if grid.ring1 else rows[1:-1]
+    apart = grid.columns[:-1] != grid.columns[1:]
+    return _EdgeWeights(1 / d1, columns, kinds, inner, (1 / d2[apart])[None], np.zeros(inner.size, np.int64))
 
 
 def assemble_on_elements(grid: Grid, k: Sequence[Array], samples: tuple[Sample, ...], of: Sequence[int]) -> Stencil:

@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,16 +16,12 @@ from numpy.typing import ArrayLike, NDArray
 from ..base import validate
 from ..base.errors import InputError
 from ..base.text import Shown
-from ..plots.drawing import map_height, map_panel, new_figure, with_closed
 from .bounds import pixel_bounds
 from .coefficient import validated_cell
 from .discretisation import cell_stencil, check_discretisation, mesh_flow, on_grid
 from .grid import Grid
 from .solution import DarcyFlow
 from .solvers.choice import solve_flow
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 Array = NDArray[np.float64]
 
@@ -52,14 +47,6 @@ class Permeability(Shown):
     imbalance: float
     solver: str
     fluid_pressure: Array = field(metadata={"unit": "1", "long_name": "fluid pressure for a unit drop"}, repr=False)
-
-    def plot(self) -> Figure:
-        """Map of the fluid pressure for a unit drop."""
-        shape = self.fluid_pressure.shape
-        figure = new_figure(6.0, map_height(shape, 4.6) + 0.9)
-        title = "fluid pressure for a unit drop; grey: contact, pockets"
-        map_panel(figure.add_subplot(), self.fluid_pressure, shape, with_closed("cividis"), title, "pixels")
-        return figure
 
 
 def cell_permeability(

@@ -31,7 +31,7 @@ def cubic_law(gap: Any) -> Any:
 
 def rough_plates(mean_gap: Any, rms_height: float) -> Any:
     """Permeability [m³] of widely separated isotropic rough faces, (h̄³/12)(1 − 3σ²/2h̄²), in the next order of σ/h̄."""
-    return cubic_law(mean_gap) * (1 - 1.5 * (rms_height / mean_gap) ** 2)
+    return cubic_law(mean_gap) - mean_gap * rms_height**2 / 8
 
 
 def validated_gap(gap: ArrayLike, spacing: tuple[float, float]) -> tuple[Array, tuple[float, float]]:

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from skfem import Basis, ElementQuad1, ElementQuad2, ElementQuadRT0, ElementTriP1, Mesh, MeshQuad
+from skfem import Basis, ElementQuad1, ElementQuad2, ElementQuadRT0, ElementTriP1, Mesh, MeshQuad, MeshTri
 from skfem.mesh import MeshQuad1DG, MeshTri1DG
 
 from ..base.errors import InputError
@@ -138,7 +138,8 @@ def _meshes(lines1: Array, lines2: Array, sides: str, triangles: bool) -> tuple[
     """A mesh between lines, the same with periodic sides joined to a ring, and where each vertex of the first is there."""
     plain = MeshQuad.init_tensor(lines1, lines2)
     if triangles:
-        plain = plain.to_meshtri()
+        halves = np.hstack([plain.t[[0, 1, 3]], plain.t[[1, 2, 3]]])
+        plain = MeshTri(plain.p, np.ascontiguousarray(halves))
     if sides != "periodic":
         return plain, plain, np.arange(plain.nvertices)
     last, first = (np.flatnonzero(plain.p[1] == end) for end in (lines2[-1], lines2[0]))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -11,7 +12,7 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Grid:
     """Elements between m1 + 1 rows and m2 + 1 columns of nodes.
 
@@ -35,9 +36,8 @@ class Grid:
 
     @classmethod
     def of_pixel_centres(cls, shape: tuple[int, int], spacing: tuple[float, float], sides: str) -> Grid:
-        """Nodes at the centres of a cell's pixels and on its ends."""
-        x1, x2 = ((np.arange(n) + 0.5) * d for n, d in zip(shape, spacing, strict=True))
-        return cls.of_points(x1, x2, (shape[0] * spacing[0], shape[1] * spacing[1]), sides)
+        """Nodes at the centres of a cell's pixels and on its ends; the same object for the same cell."""
+        return _of_pixel_centres(shape, spacing, sides)
 
     @classmethod
     def of_points(cls, x1: Array, x2: Array, size: tuple[float, float], sides: str) -> Grid:
@@ -83,6 +83,12 @@ class Grid:
     def nodes(self) -> tuple[int, int]:
         """Rows and columns of degrees of freedom."""
         return int(self.rows.max()) + 1, int(self.columns.max()) + 1
+
+
+@lru_cache(maxsize=64)
+def _of_pixel_centres(shape: tuple[int, int], spacing: tuple[float, float], sides: str) -> Grid:
+    x1, x2 = ((np.arange(n) + 0.5) * d for n, d in zip(shape, spacing, strict=True))
+    return Grid.of_points(x1, x2, (shape[0] * spacing[0], shape[1] * spacing[1]), sides)
 
 
 def _ring(n: int, spacing: float) -> tuple[Array, Indices]:

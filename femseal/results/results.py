@@ -15,15 +15,15 @@ from numpy.typing import NDArray
 from ..base.errors import InputError
 from ..base.files import made_folder, replacing_hdf5
 from ..base.machine import machine, peak_memory
-from ..contact import LoadStep
-from ..seal import NARROWEST, RectangularSeal, drop_shares
 from ..base.provenance import versions
+from ..base.text import Plotted, room
+from ..loads import LoadProgramme, LoadStep
+from ..seal import NARROWEST, RectangularSeal, drop_shares
 from . import fields as stitched
 from . import select, summary, tables
 
 if TYPE_CHECKING:
     import xarray
-    from matplotlib.figure import Figure
     from rich.table import Table
 
     from ..scales import LibraryTable
@@ -59,7 +59,7 @@ _METHODS = (
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Results:
+class Results(Plotted):
     """What came out of a case.
 
     dataset : every number with its unit, see `assemble`. folder : where it was read from or saved to.
@@ -85,10 +85,10 @@ class Results:
         return self.dataset[dict(_METHODS)[self.method]]
 
     @property
-    def steps(self) -> tuple[LoadStep, ...]:
+    def steps(self) -> LoadProgramme:
         """The load programme."""
         pairs = zip(self.dataset["nominal_pressure"].values, self.dataset["unloaded_from"].values, strict=True)
-        return tuple(LoadStep(float(p), None if np.isnan(peak) else float(peak)) for p, peak in pairs)
+        return LoadProgramme(LoadStep(float(p), None if np.isnan(peak) else float(peak)) for p, peak in pairs)
 
     @property
     def warnings(self) -> list[str]:
@@ -173,29 +173,17 @@ class Results:
         """The table for a terminal, to be given to `rich.print`."""
         return tables.rich_table(self)
 
-    def plot(self) -> Figure:
-        """Leakage against nominal pressure, see `leakage_figure`."""
-        from ..plots.curves import leakage_figure
-
-        return leakage_figure(self)
-
-    def plot_cells(self, count: int = 4) -> Figure:
+    def plot_cells(self, count: int = 4) -> Any:
         """Permeability of cells along the cycle, see `cells_figure`."""
-        from ..plots.curves import cells_figure
+        return room("plots").cells_figure(self, count)
 
-        return cells_figure(self, count)
-
-    def plot_seal(self, step: int | None = None) -> Figure:
+    def plot_seal(self, step: int | None = None) -> Any:
         """Contact, fluid pressure and permeability over the seal at one step, see `seal_figure`."""
-        from ..plots.maps import seal_figure
-
-        return seal_figure(self, step)
+        return room("plots").seal_figure(self, step)
 
     def report(self, path: str | os.PathLike[str] | None = None) -> Path:
         """Write the page that shows it all, `report.html` in the folder unless given, see `write_report`."""
-        from ..report.page import write_report
-
-        return write_report(self, path)
+        return room("report").write_report(self, path)
 
     def __repr__(self) -> str:
         return summary.text(self)
@@ -329,7 +317,7 @@ def open_results(folder: str | os.PathLike[str]) -> Results:
     return Results(data, Path(folder))
 
 
-def _step_coordinates(dim: str, prefix: str, steps: tuple[LoadStep, ...]) -> dict[str, Any]:
+def _step_coordinates(dim: str, prefix: str, steps: LoadProgramme) -> dict[str, Any]:
     peaks = [np.nan if s.unloaded_from is None else s.unloaded_from for s in steps]
     columns = {
         dim: (np.arange(len(steps)), "1", "index of the load step"),

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..base.quantities import leakage_unit, to_text
-from ..plots.drawing import branch_text
+from .branches import branch_text
 
 if TYPE_CHECKING:
     import xarray

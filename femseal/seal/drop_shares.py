@@ -1,4 +1,4 @@
-"""Where the pressure drops: in links of a network, or in windows of a face that is resolved.
+"""Where the pressure drops in a network of links.
 
 Symbols: φ potential, c conductance of a link [m³], q = c Δφ its flow. Its dissipation q Δφ = c (Δφ)² adds up to the
 flow times the drop of the whole, so that wherever all flow passes through one link after the other the share of the
@@ -8,15 +8,12 @@ dissipation in a link is its share of the pressure drop.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..base import validate
 from ..base.errors import InputError
-from ..flow.cell import pixel_dissipation
-from ..scales import Partition
 from .shapes import AnnularSeal, RectangularSeal
 from .structured import link_dissipation
 
@@ -71,24 +68,3 @@ def largest_shares(dissipation: ArrayLike, counts: Sequence[int] = NARROWEST) ->
     if not sums[-1] > 0:
         return np.full(len(counts), np.nan)
     return sums[np.minimum(counts, sums.size) - 1] / sums[-1]
-
-
-def window_dissipation(gap: Any, partition: Partition) -> Array:
-    """Dissipation (m1, m2) [m³] of the flow through a whole face for a unit drop, in the windows of its x1-links.
-
-    These tile the face. The sum is the conductance k L2/L1, with k of `cell_permeability` on periodic sides.
-
-    Parameters
-    ----------
-    gap : (n1, n2) [m].
-    partition : of the face.
-
-    Raises
-    ------
-    InputError : a gap that is negative, undefined or of another shape.
-    NotConverged : the linear solver failed.
-    """
-    h = validate.field("gap", gap, unit="m", shape=partition.shape)
-    pixels = pixel_dissipation(h, partition.spacing)
-    rows = np.add.reduceat(pixels, partition.lines[:-1], axis=0)
-    return rows.reshape(*partition.cells, partition.window[1]).sum(axis=2)
