@@ -66,7 +66,7 @@ def whole_mesh(grid, points, weights, coefficients):
     corner = mesh.p[:, mesh.t].min(axis=1)
     i, j = (np.searchsorted(lines, x) for lines, x in zip((grid.lines1, grid.lines2), corner, strict=True))
     # where each quadrature point lies in its element, whatever scikit-fem's local axes are
-    at = basis.global_coordinates().value
+    at = np.asarray(basis.global_coordinates())
     local = [(at[a] - corner[a][:, None]) / np.diff(lines)[n][:, None]
              for a, (lines, n) in enumerate(((grid.lines1, i), (grid.lines2, j)))]  # fmt: skip
     k11, k12, k22 = coefficients(local[0], local[1], i[:, None], j[:, None])
@@ -244,7 +244,7 @@ def test_uniform_tensor_on_a_strip(angle):
 def test_uniform_tensor_on_a_ring():
     k = 1e-18 * rotated(3.0, 0.2, 0.7)
     found = leak(fs.AnnularSeal(1.0, 1.5, (5, 12)), np.broadcast_to(k, (5, 12, 2, 2)))
-    assert_allclose(found.volume_rate, analytic.annulus_rate(k[0, 0], 1e-3, 1e6, 1.0, 1.5), rtol=1e-9)
+    assert_allclose(found.volume_rate, analytic.annulus_rate(k[0, 0], 1e6, 1e-3, 1.0, 1.5), rtol=1e-9)
 
 
 def test_tensors_on_a_strip_equal_the_general_mesh():
@@ -281,7 +281,7 @@ def test_solvers_of_nine_points_agree(solver):
     p[:n2] = 1
     inner = slice(n2, -n2)
     p[inner] = sp.linalg.spsolve(a[inner, inner], -(a[inner] @ p))
-    assert_allclose(leak(seal, k, solver=solver).conductance, 1e6 * p @ (a @ p), rtol=1e-6)
+    assert_allclose(leak(seal, k, solver=solver).conductance, p @ (a @ p), rtol=1e-6)
 
 
 def test_tensors_that_are_refused():
@@ -291,7 +291,7 @@ def test_tensors_that_are_refused():
         (k, {"bounds": True}, "bounds: given true with tensors"),
         (k, {"solver": "elimination"}, "nine points"),
         (-k, {}, "negative principal value"),
-        (k * np.array([[1, 2], [0, 1]]), {}, "not symmetric"),
+        (k + np.array([[0, 1], [0, 0]]), {}, "not symmetric"),
         (k[:1], {}, r"\(2, 3, 2, 2\)"),
     ):
         with pytest.raises(InputError, match=words):

@@ -196,7 +196,9 @@ def _flow(
     flow = solve_flow(
         cell_stencil(h, Grid.of_pixel_centres(h.shape, spacing, sides), discretisation), rtol=rtol, solver=solver
     )
-    return replace(flow, potential=flow.potential[1:-1], complement=flow.complement[1:-1])
+    # Q1 elements reach into contact
+    inside, complement = (np.where(h > 0, values[1:-1], np.nan) for values in (flow.potential, flow.complement))
+    return replace(flow, potential=inside, complement=complement)
 
 
 def _resampling_error(

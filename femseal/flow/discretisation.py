@@ -113,8 +113,10 @@ def mesh_flow(
         flow = conforming_flow(basis, k, ends, rtol=rtol, solver=solver)
         solved = np.unique(mesh.t[:, carrying])
         potential[solved] = flow.potential[basis.nodal_dofs[0, solved]]
+    at_centre = (row > 0) & (row < grid.elements[0]) & ((column > 0) & (column < grid.elements[1]) | grid.ring2)
     at_pixels = np.empty(gap.shape)
-    at_pixels[pixel] = np.where(gap[pixel] > 0, potential[vertex], np.nan)
+    at_pixels[pixel[0][at_centre], pixel[1][at_centre]] = potential[vertex[at_centre]]
+    at_pixels[gap == 0] = np.nan
     return replace(flow, potential=at_pixels, complement=1 - at_pixels)
 
 
@@ -135,7 +137,7 @@ def _mixed(
 
 
 def _meshes(lines1: Array, lines2: Array, sides: str, triangles: bool) -> tuple[Mesh, Mesh, Indices]:
-    """A mesh between lines, the same with periodic sides joined to a ring, and where each vertex of the first is there."""
+    """A mesh between lines, the same with periodic sides joined, and where each vertex of the first is in that."""
     plain = MeshQuad.init_tensor(lines1, lines2)
     if triangles:
         halves = np.hstack([plain.t[[0, 1, 3]], plain.t[[1, 2, 3]]])

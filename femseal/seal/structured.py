@@ -1,8 +1,8 @@
 """Leakage through a structured seal, enclosed from both sides if asked.
 
 The permeability is given on the links between nodes (Q1 with quadrature at the midpoints of edges: a network of links)
-or as a tensor in each element between four nodes (Q1, exact). The form is the same in all conformal coordinates, so that
-a shape is a grid: (x1, x2) of a strip, (ln r, θ) of a ring.
+or as a tensor in each element between four nodes (Q1, exact). The form is the same in all conformal coordinates, so
+that a shape is a grid: (x1, x2) of a strip, (ln r, θ) of a ring.
 
 Symbols: c conductance of a link = permeability × width / length [m³], q its flow, φ potential of a node.
 Source of the bounds: Dirichlet's and Thomson's principles for networks (Doyle & Snell, Random Walks and Electric
