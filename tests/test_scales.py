@@ -12,7 +12,7 @@ from femseal.contact import HalfSpace, load_cycle, solve_contact
 from femseal.flow import cell_permeability
 from femseal.loads import LoadProgramme, LoadStep
 from femseal.scales import GlobalState, Partition, global_states, respond
-from femseal.scales.partition import Refinement
+from femseal.scales.global_contact import Refinement
 from femseal.scales.window import body_standoff, flow_history, set_down
 from femseal.topography import Topography, self_affine
 

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from math import inf
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -20,22 +20,17 @@ from ..base import validate
 from ..base.errors import InputError
 from ..base.quantities import to_text
 from ..base.stage import Mapper, Stage
-from ..base.text import fact_table
+from ..base.text import Plotted, fact_table
 from ..loads import LoadProgramme, LoadStep
-from ..plots.drawing import cycle_panel, new_figure
 from .half_space import HalfSpace
 from .solver import Contact, hardness_bounds, solve_contact
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
 
 #: Fields over all points that the contact of a state takes, with gap, plastic deformation and result.
 STATE_FIELDS = 20
 
 
 @dataclass(frozen=True, repr=False)
-class LoadState(LoadStep):
+class LoadState(LoadStep, Plotted):
     """A step of a load programme and the contact there.
 
     yielded_again : share of points that unloading deformed further for good; the material flows on where the load
@@ -51,14 +46,8 @@ class LoadState(LoadStep):
     def _repr_html_(self) -> str:
         return f"<p>{self.name}</p>\n{self.contact._repr_html_()}"
 
-    def plot(self) -> Figure:
-        """Maps of contact pressure and gap."""
-        figure = self.contact.plot()
-        figure.suptitle(self.name, fontsize=11)
-        return figure
 
-
-class LoadCycle(tuple[LoadState, ...]):
+class LoadCycle(tuple[LoadState, ...], Plotted):
     """The states of a load cycle, a tuple that shows itself."""
 
     __slots__ = ()
@@ -74,15 +63,6 @@ class LoadCycle(tuple[LoadState, ...]):
             shares = (f"{share:.1%}" for share in (c.area_fraction, c.plastic_fraction))
             lines.append((state.name, *shares, to_text(c.mean_gap, "m"), f"{c.residual:.1e}"))
         return fact_table("load cycle", lines, head)
-
-    def plot(self) -> Figure:
-        """Share in contact and mean gap against nominal pressure."""
-        figure = new_figure(9.6, 4.0)
-        left, right = figure.subplots(1, 2)
-        cycle_panel(left, self, np.array([100 * s.contact.area_fraction for s in self]), "share in contact [%]")
-        cycle_panel(right, self, np.array([s.contact.mean_gap * 1e6 for s in self]), "mean gap [µm]")
-        left.legend(fontsize=8.5, frameon=False)
-        return figure
 
 
 def load_cycle(

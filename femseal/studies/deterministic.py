@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,10 +11,7 @@ from ..base.stage import Mapper
 from ..base.text import Shown
 from ..contact import HalfSpace, LoadState, load_states
 from ..loads import LoadProgramme
-from .scene import Array, Scene, labels, leakage_plot, resolved_permeability
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from .scene import Array, Scene, labels, resolved_permeability
 
 
 @dataclass(frozen=True, repr=False)
@@ -23,17 +19,25 @@ class DeterministicResult(Shown):
     """Everything resolved on the surface's own grid; arrays over the steps."""
 
     steps: LoadProgramme
-    leakage: Array = field(metadata=labels("m^2/s", "leakage per unit seal length, deterministic", "step"))
-    contact_fraction: Array = field(metadata=labels("1", "share in contact, deterministic", "step"))
-    plastic_fraction: Array = field(metadata=labels("1", "share at the hardness, deterministic", "step"))
-    mean_gap: Array = field(metadata=labels("m", "mean gap, deterministic", "step"))
+    leakage: Array = field(
+        metadata=labels(
+            "m^2/s",
+            "leakage per unit seal length, deterministic",
+            "step",
+            name="leakage_deterministic",
+            heading="deterministic",
+        )
+    )
+    contact_fraction: Array = field(
+        metadata=labels("1", "share in contact, deterministic", "step", name="contact_fraction_deterministic")
+    )
+    plastic_fraction: Array = field(
+        metadata=labels("1", "share at the hardness, deterministic", "step", name="plastic_fraction_deterministic")
+    )
+    mean_gap: Array = field(metadata=labels("m", "mean gap, deterministic", "step", name="mean_gap_deterministic"))
     gap: NDArray[np.float32] = field(metadata=labels("m", "deformed gap, deterministic", "step", "x1", "x2"))
     residual: float = 0.0
     failures: tuple[str, ...] = ()
-
-    def plot(self) -> Figure:
-        """Leakage against nominal pressure."""
-        return leakage_plot(self.steps, self.leakage, "deterministic")
 
 
 def deterministic(scene: Scene, *, mapper: Mapper = map) -> DeterministicResult:

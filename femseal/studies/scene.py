@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,13 +14,9 @@ from ..base.stage import Mapper
 from ..flow import cell_permeability
 from ..fluids import Fluid
 from ..loads import LoadProgramme
-from ..plots.drawing import LeakageCurves, leakage_curves_figure, pressures_and_peaks
 from ..scales import GlobalState, Partition, global_states
 from ..seal import RectangularSeal, seal_leakage
 from ..topography import Topography
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 Array = NDArray[np.float64]
 
@@ -96,12 +92,10 @@ def resolved_permeability(gap: NDArray[np.floating], spacing: tuple[float, float
         return str(error)
 
 
-def labels(unit: str, long_name: str, *dims: str) -> dict[str, Any]:
-    """Metadata of a field of a result, which label it in files and plots."""
-    return {"unit": unit, "long_name": long_name, "dims": dims}
+def labels(unit: str, long_name: str, *dims: str, name: str = "", heading: str = "") -> dict[str, Any]:
+    """Metadata of a field of a result, which label it in files, tables and plots.
 
-
-def leakage_plot(steps: LoadProgramme, leakage: Array, title: str, **curves: Any) -> Figure:
-    """Leakage over the steps of a study, see `LeakageCurves` for what else is drawn."""
-    pressure, peaks = pressures_and_peaks(steps)
-    return leakage_curves_figure(LeakageCurves(pressure, peaks, leakage, title, **curves))
+    name : in the dataset, where fields of several studies stand beside each other; that of the field unless given.
+    heading : of the column in the table for people, for a field over the steps; "" for no column there.
+    """
+    return {"unit": unit, "long_name": long_name, "dims": dims, "name": name, "heading": heading}

@@ -8,7 +8,7 @@ from functools import partial
 from math import ceil
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -19,12 +19,9 @@ from ..base.text import Shown
 from ..loads import LoadProgramme
 from ..scales import LadderLibrary, Partition, draw_links
 from ..seal import RectangularSeal
-from .scene import Array, Scene, labels, leakage_plot
+from .scene import Array, Scene, labels
 from .sources import PRESSURES, PlacedLibrary, Sampling, Tables, Wanted, seal_cells
 from .two_scale import TwoScaleResult
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 #: For a wanted width, how often realisations and windows are added, and up to how many times as many as given.
 ROUNDS, GROWTH = 4, 8
@@ -122,19 +119,6 @@ class StochasticResult(Shown):
                 f"{weak[0]}" + (f" and {len(weak) - 1} more steps" if len(weak) > 1 else "")
             )
         return tuple(reasons)
-
-    def plot(self) -> Figure:
-        """Median of the leakage against nominal pressure, with the bands from 5 to 95 %."""
-        low, high = 0.05, 0.95
-        return leakage_plot(
-            self.steps,
-            self.quantile(0.5),
-            "median of realisations",
-            band=(self.quantile(low), self.quantile(high)),
-            band_together=(self.quantile(low, resampled=True), self.quantile(high, resampled=True)),
-            share=(low, high),
-            mean=self.mean,
-        )
 
     def _at_every_step(self, statistic: Callable[[Array], Any], leakage: Array | None = None) -> Array:
         finite = [column[np.isfinite(column)] for column in (self.leakage if leakage is None else leakage).T]

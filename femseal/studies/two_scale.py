@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,10 +21,7 @@ from ..scales import GlobalState, Partition, respond
 from ..scales.window import FlowHistory, WindowHistory, body_standoff, flow_history, set_down
 from ..seal import RectangularSeal
 from ..topography import Topography
-from .scene import Array, Scene, labels, leakage_plot, resolved_permeability
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from .scene import Array, Scene, labels, resolved_permeability
 
 #: Wavelength that divides the scales, in window sides: longer ones lose the pressure of features within windows.
 CUT_OFF_WINDOWS = 0.25
@@ -41,13 +38,27 @@ class TwoScaleResult(Shown):
     steps: LoadProgramme
     partition: Partition = field(repr=False)
     flow: str
-    leakage: Array = field(metadata=labels("m^2/s", "leakage per unit seal length, two-scale", "step"))
+    leakage: Array = field(
+        metadata=labels(
+            "m^2/s", "leakage per unit seal length, two-scale", "step", name="leakage_two_scale", heading="two-scale"
+        )
+    )
     k1: Array = field(metadata=labels("m^3", "permeability of links along x1", "step", "cell1", "cell2"))
     k2: Array = field(metadata=labels("m^3", "permeability of links along x2", "step", "corner1", "cell2"))
-    pressure: Array = field(metadata=labels("Pa", "contact pressure of windows", "step", "cell1", "cell2"))
-    mean_gap: Array = field(metadata=labels("m", "mean gap of windows", "step", "cell1", "cell2"))
-    contact_fraction: Array = field(metadata=labels("1", "share of windows in contact", "step", "cell1", "cell2"))
-    plastic_fraction: Array = field(metadata=labels("1", "share of windows at the hardness", "step", "cell1", "cell2"))
+    pressure: Array = field(
+        metadata=labels("Pa", "contact pressure of windows", "step", "cell1", "cell2", name="window_pressure")
+    )
+    mean_gap: Array = field(
+        metadata=labels("m", "mean gap of windows", "step", "cell1", "cell2", name="window_mean_gap")
+    )
+    contact_fraction: Array = field(
+        metadata=labels("1", "share of windows in contact", "step", "cell1", "cell2", name="window_contact_fraction")
+    )
+    plastic_fraction: Array = field(
+        metadata=labels(
+            "1", "share of windows at the hardness", "step", "cell1", "cell2", name="window_plastic_fraction"
+        )
+    )
     fluid_pressure: Array = field(
         metadata=labels("Pa", "fluid pressure at the global nodes, NaN in pockets", "step", "node1", "cell2")
     )
@@ -57,10 +68,6 @@ class TwoScaleResult(Shown):
     )
     counts: dict[str, int] = field(default_factory=dict)
     failures: tuple[str, ...] = ()
-
-    def plot(self) -> Figure:
-        """Leakage against nominal pressure."""
-        return leakage_plot(self.steps, self.leakage, "two-scale")
 
 
 def two_scale(scene: Scene, cells: tuple[int, int], *, flow: str = "links", mapper: Mapper = map) -> TwoScaleResult:
