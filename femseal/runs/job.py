@@ -58,7 +58,7 @@ def run(
     InputError : the case or an argument cannot be used, the checkpoint is of another case, other face files or other
         versions, or the folder holds an unfinished run without `resume`; nothing has been written then.
     FemsealError : a computation failed as a whole, or a file could not be written: what is computed stays in the
-        folder, and `resume` goes on from there. Single cells that fail are listed in `Results.warnings`.
+        folder, and `resume` goes on from there. Single cells that fail are listed in `Results.failures`.
     """
     if not isinstance(case, Case):
         case = load_case(case)
@@ -99,6 +99,18 @@ def run(
         return replace(results, folder=folder)
 
 
+@contextmanager
+def _interrupts() -> Iterator[None]:
+    """A Ctrl-C that numba hears within a call of compiled code, and wraps into a SystemError, is one again."""
+    try:
+        yield
+    except SystemError as error:
+        if isinstance(error.__cause__, KeyboardInterrupt):
+            raise KeyboardInterrupt from error
+        raise
+
+
+@_interrupts()
 def _run(case: Case, prepared: Prepared, faces: dict[str, str], mapper: Mapper, progress: Progress) -> Results:
     scene, cells = prepared.scene, prepared.cells
     log.info("case %s: surface %s", case.title or "without title", scene.surface)
@@ -137,8 +149,8 @@ def _run(case: Case, prepared: Prepared, faces: dict[str, str], mapper: Mapper, 
         quantiles=case.stochastic.quantiles if case.stochastic else (0.05, 0.95),
     )
     results.dataset.attrs["face_files"] = json.dumps(faces)
-    for warning in results.warnings:
-        log.warning("%s", warning)
+    for text in [*results.warnings, *results.failures]:
+        log.warning("%s", text)
     return results
 
 
