@@ -16,13 +16,14 @@ from femseal import analytic
 from femseal.base.errors import InputError, NotConverged
 from femseal.flow import (
     bounds,
-    cell,
     cell_permeabilities,
     cell_permeability,
     critical_constriction,
     percolation,
     permeability_tensor,
 )
+from femseal.flow.discretisation import cell_stencil
+from femseal.flow.grid import Grid
 
 D = 1e-6
 SIDES = ("mirror", "periodic")
@@ -862,8 +863,11 @@ def test_a_tensor_is_right_or_refused(decades):
 @pytest.mark.parametrize("sides", SIDES)
 def test_every_second_pixel_fills_the_same_cell(shape, offset, sides):
     """Columns of links in series are as long as the cell, rows of them as wide."""
-    (d1, d2), (n1, n2) = (1.0, 3.0), shape
-    c1, c2 = cell._coarse_links(np.ones(shape), (d1, d2), sides, offset)
+    (d1, d2), (n1, n2), (a, b) = (1.0, 3.0), shape, offset
+    x1, x2 = (np.arange(n1) + 0.5) * d1, (np.arange(n2) + 0.5) * d2
+    grid = Grid.of_points(x1[a::2], x2[b::2], (n1 * d1, n2 * d2), sides)
+    stencil = cell_stencil(np.ones((x1[a::2].size, x2[b::2].size)), grid)
+    c1, c2 = stencil.along, stencil.across
     assert_allclose((1 / (1 / c1).sum(axis=0)).sum(), n2 * d2 / (n1 * d1) / 12, rtol=1e-13)
     if sides == "periodic":
         assert_allclose((1 / (1 / c2).sum(axis=1)).sum(), n1 * d1 / (n2 * d2) / 12, rtol=1e-13)

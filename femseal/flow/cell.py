@@ -161,8 +161,10 @@ def cell_permeabilities(
 
     def value(cell: tuple[Array, int]) -> float:
         gap, axis = cell
-        options = {"sides": sides, "rtol": rtol, "discretisation": discretisation, "solver": solver}
-        return cell_permeability(gap, spacing, axis=axis, **options).value
+        result = cell_permeability(
+            gap, spacing, axis=axis, sides=sides, rtol=rtol, discretisation=discretisation, solver=solver
+        )
+        return result.value
 
     with ThreadPoolExecutor(threads) as pool:
         values = list(pool.map(value, cells) if threads > 1 else map(value, cells))
@@ -177,9 +179,11 @@ def pixel_dissipation(gap: Array, spacing: tuple[float, float]) -> Array:
 
     Raises
     ------
+    InputError : a gap that is negative, undefined or not two-dimensional.
     NotConverged : the linear solver failed.
     """
-    stencil = cell_stencil(gap, Grid.of_pixel_centres(gap.shape, spacing, "periodic"))
+    h, spacing = validated_cell(gap, spacing, 0, "periodic")
+    stencil = cell_stencil(h, Grid.of_pixel_centres(h.shape, spacing, "periodic"))
     φ = np.nan_to_num(solve_flow(stencil).potential)
     along = stencil.along * np.diff(φ, axis=0) ** 2
     along[[0, -1]] *= 2  # halved below

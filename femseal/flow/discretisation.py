@@ -92,6 +92,7 @@ def mesh_flow(
     if sides == "periodic" and gap.shape[1] < 3:
         raise InputError.of("gap", f"{gap.shape[1]} columns", f"at least 3 with periodic sides and '{discretisation}'")
     kind = DISCRETISATIONS[discretisation]
+    assert kind.element is not None
     if discretisation == "RT0":
         return _mixed(gap, spacing, sides, kind, rtol, solver)
     grid = Grid.of_pixel_centres(gap.shape, spacing, sides)
@@ -124,12 +125,12 @@ def _mixed(
     gap: Array, spacing: tuple[float, float], sides: str, kind: Discretisation, rtol: float, solver: str
 ) -> DarcyFlow:
     """Lowest-order Raviart-Thomas flux on the pixels; its conductance is a lower bound for their gap."""
-    lines = [np.arange(n + 1) * d for n, d in zip(gap.shape, spacing, strict=True)]
-    plain, mesh, vertex = _meshes(*lines, sides, triangles=False)
+    lines1, lines2 = (np.arange(n + 1) * d for n, d in zip(gap.shape, spacing, strict=True))
+    plain, mesh, vertex = _meshes(lines1, lines2, sides, triangles=False)
     middle = plain.p[:, plain.t].mean(axis=1)
     pixel = tuple((x / d).astype(int) for x, d in zip(middle, spacing, strict=True))
     tensor = cubic_law(gap[pixel])[:, None, None] * np.eye(2)
-    ends = tuple(_facets_of(mesh, vertex[plain.p[0] == end]) for end in (lines[0][0], lines[0][-1]))
+    ends = tuple(_facets_of(mesh, vertex[plain.p[0] == end]) for end in (lines1[0], lines1[-1]))
     flow = flux_conductance(mesh, tensor, (ends[0], ends[1]), ElementQuadRT0(), kind.degree, rtol=rtol, solver=solver)
     at_pixels = np.empty(gap.shape)
     at_pixels[pixel] = flow.potential

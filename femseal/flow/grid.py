@@ -56,10 +56,10 @@ class Grid:
     @classmethod
     def of_pixel_corners(cls, shape: tuple[int, int], spacing: tuple[float, float], sides: str) -> Grid:
         """Nodes at the corners of a cell's pixels, which are the elements."""
-        lines1 = np.arange(shape[0] + 1) * spacing[0]
+        lines1 = _borders(shape[0], spacing[0])
         if sides == "periodic":
             return cls(lines1, *_ring_last(lines1, shape[1], spacing[1]))
-        lines2 = np.arange(shape[1] + 1) * spacing[1]
+        lines2 = _borders(shape[1], spacing[1])
         return cls(lines1, lines2, np.arange(lines1.size), np.arange(lines2.size), ring2=False)
 
     @classmethod
@@ -87,12 +87,20 @@ class Grid:
 
 @lru_cache(maxsize=64)
 def _of_pixel_centres(shape: tuple[int, int], spacing: tuple[float, float], sides: str) -> Grid:
-    x1, x2 = ((np.arange(n) + 0.5) * d for n, d in zip(shape, spacing, strict=True))
+    x1, x2 = (_centres(n, d) for n, d in zip(shape, spacing, strict=True))
     return Grid.of_points(x1, x2, (shape[0] * spacing[0], shape[1] * spacing[1]), sides)
 
 
+def _centres(n: int, spacing: float) -> Array:
+    return np.asarray((np.arange(n) + 0.5) * spacing, dtype=np.float64)
+
+
+def _borders(n: int, spacing: float) -> Array:
+    return np.asarray(np.arange(n + 1) * spacing, dtype=np.float64)
+
+
 def _ring(n: int, spacing: float) -> tuple[Array, Indices]:
-    return (np.arange(n + 1) + 0.5) * spacing, np.arange(n + 1) % n
+    return _centres(n + 1, spacing), np.arange(n + 1, dtype=np.int64) % n
 
 
 def _ring_last(lines1: Array, n2: int, width: float) -> tuple[Array, Indices, Indices]:

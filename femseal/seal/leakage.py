@@ -31,7 +31,7 @@ class Leakage(Shown):
     residual: float = field(metadata={"unit": "1", "long_name": "residual of the linear solver"})
     imbalance: float = field(metadata={"unit": "1", "long_name": "difference of inlet and outlet flow"})
     percolates: bool = field(metadata={"unit": "1", "long_name": "an open path from inlet to outlet"})
-    solver: str = field(metadata={"long_name": "solver of the linear system"})
+    solver: str = field(metadata={"unit": "1", "long_name": "solver of the linear system"})
 
 
 def seal_leakage(

@@ -84,7 +84,8 @@ def link_permeabilities(permeability: Any, cells: tuple[int, int]) -> tuple[Arra
         raise InputError.of(
             "permeability",
             given,
-            f"a number, the links (k1, k2), numbers or arrays {shapes[0]} and {shapes[1]}, or tensors {(n1, n2, 2, 2)}",
+            f"a number, or the links (k1, k2), numbers or arrays {shapes[0]} and {shapes[1]}, or tensors "
+            f"{(n1, n2, 2, 2)}",
         )
     k1, k2 = (_checked(n, k, s) for n, k, s in zip(("k1", "k2"), pair, shapes, strict=True))
     return k1, k2

@@ -158,8 +158,8 @@ def _by_multigrid(stencil: Stencil, keep: Flags, rtol: float, limit: int) -> Dar
     """Multigrid, then elimination of what hangs on links so narrow that its potential is lost in the others' sums."""
     hidden = np.zeros_like(keep[1:-1])
     if not stencil.nine:
-        wide = (np.where(c >= _SEEN, c, 0.0) for c in (stencil.along, stencil.across))
-        hidden = (keep & (nodes_reached(Stencil(*wide, ring2=stencil.ring2)) == 0))[1:-1]
+        along, across = (np.where(c >= _SEEN, c, 0.0) for c in (stencil.along, stencil.across))
+        hidden = (keep & (nodes_reached(replace(stencil, along=along, across=across)) == 0))[1:-1]
     φ, iterations, error = solve_multigrid(stencil, 0.1 * rtol, limit, ~hidden)
     ψ = 1 - φ
     if hidden.any():
