@@ -98,10 +98,12 @@ def _conjugate_gradients(a: sp.csr_array, b: Array, rtol: float) -> tuple[Array,
 
 
 def solve_direct(matrix, rhs, largest_residual=1e-8):
+    """Factorise and solve A x = b."""
     x = solve_spd(sp.csc_array(matrix), rhs, 1e-12, "direct", largest_residual)
     return LinearSolution(x.x, 0, x.residual, "direct")
 
 
 def solve_amg(matrix, rhs, *, rtol):
+    """Solve A x = b by conjugate gradients on the hierarchy of pyamg."""
     x = solve_spd(sp.csc_array(matrix), rhs, rtol, "amg")
     return LinearSolution(x.x, x.iterations, x.residual, "amg")
