@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose
 
 from femseal.base.errors import InputError
 from femseal.contact import HalfSpace
-from femseal.contact.half_space import Convolution
+from femseal.contact.convolution import Convolution
 from femseal.contact.influence import stiffness_stencil
 
 E = 115e9
@@ -155,7 +155,7 @@ def test_linear_and_transposed(shape, boundary, ratio, seed):
 @pytest.mark.parametrize("boundary", PAIRS)
 def test_workspace_can_be_used_again(boundary):
     half_space = HalfSpace((10, 7), (1e-6, 1e-6), E, boundary)
-    workspace = Convolution(half_space)
+    workspace = Convolution(half_space.shape, half_space.boundary, half_space.symbol())
     p, q = np.random.default_rng(7).random((2, 10, 7))
 
     def displacement(pressure):
@@ -173,8 +173,8 @@ def test_workspace_can_be_used_again(boundary):
 @pytest.mark.parametrize(("dtype", "error"), [(np.float64, 0), (np.float32, 1e-5)])
 def test_two_workspaces_in_the_same_memory(boundary, dtype, error):
     half_space = HalfSpace((10, 7), (1e-6, 1e-6), E, boundary)
-    first = Convolution(half_space)
-    second = Convolution(half_space, dtype, over=first)
+    first = Convolution(half_space.shape, half_space.boundary, half_space.symbol())
+    second = Convolution(half_space.shape, half_space.boundary, half_space.symbol(), dtype=dtype, over=first)
     p, q = np.random.default_rng(7).random((2, 10, 7))
     for _ in range(2):
         for workspace, pressure, rtol in ((first, p, 0), (second, q, error)):

@@ -21,7 +21,6 @@ from ..plots.drawing import map_height, map_panel, new_figure, with_closed
 from . import kernels
 from .grid import Grid, nested_grids
 from .half_space import HalfSpace
-from .plans import preferred
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -205,8 +204,7 @@ class _Problem:
 
     def solve(self, threads: int) -> Contact:
         """Coarse grids first, each the start of the next finer one."""
-        plans = preferred(self.half_space.plans)
-        grids = nested_grids(self.half_space, plans, threading.get_ident(), threads)
+        grids = nested_grids(self.half_space, threading.get_ident(), threads)
         finest, offset = grids[0], float(self.gap0.mean())
         capacity = float(self.hardness.mean())
         if self.load == 0:
