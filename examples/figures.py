@@ -32,11 +32,12 @@ from matplotlib.ticker import LogLocator, NullFormatter
 import femseal as fs
 from femseal.base.errors import InputError
 from femseal.flow.cell import link_conductances
-from femseal.plots.drawing import STYLES, branches, new_figure
+from femseal.plots.drawing import STYLES, new_figure
 from femseal.plots.maps import default_step, window_flux
+from femseal.results.branches import branches
 from femseal.results.views import chosen_windows
-from femseal.scales import Partition
-from femseal.seal import largest_shares, window_dissipation
+from femseal.scales import Partition, window_dissipation
+from femseal.seal import largest_shares
 
 WIDTH = 7.2  # 183 mm, two columns of a journal
 CLOSED, RED = "#B0B0B0", "#D7191C"

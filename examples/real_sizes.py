@@ -71,14 +71,14 @@ def doubling_share(pressure: np.ndarray, leakage: np.ndarray) -> float:
     return float(1 - at / pressure[0])
 
 
-def study(plasticity=PLASTICITY, sizes=SIZES, realisations=6, windows=96, map=map):
+def study(plasticity=PLASTICITY, sizes=SIZES, realisations=6, windows=96, mapper=map):
     """Rows of the table, one for each hardness, size and peak."""
     rows = []
     for ratio in plasticity:
         base = Sampling(sizes[0][1], realisations, windows, seed=1, pressure="uniform", breadth=sizes[0][0])
         case = scene(ratio)
         for breadth, length in sizes:
-            result = fs.stochastic(case, (4, 4), replace(base, breadth=breadth, length=length), map=map)
+            result = fs.stochastic(case, (4, 4), replace(base, breadth=breadth, length=length), mapper=mapper)
             median = result.quantile(0.5)
             for peak in sorted({s.unloaded_from for s in case.steps} - {None}):
                 top = next(n for n, s in enumerate(case.steps) if s.unloaded_from is None and s.pressure == peak)

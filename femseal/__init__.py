@@ -8,7 +8,9 @@ The flow of data, top to bottom::
     seal         permeability -> leakage of a seal of some shape         RectangularSeal, ..., seal_leakage
     scales       windows, their response, libraries, draws
     studies      the chains: deterministic, two-scale, stochastic
-    results      netCDF, tables, VTK; plots and report show them         open_results, write_report
+    results      one dataset: netCDF, tables, files for ParaView         open_results
+    plots        pictures of every result
+    report       the folder and the page of a run                        write_report
     runs         TOML case -> everything above                           load_case, run
     accuracy     speed against error of the studies for a case           measure_accuracy
 
@@ -34,20 +36,16 @@ if TYPE_CHECKING:
     )
     from .fluids import IdealGas, Liquid
     from .materials import Solid, contact_modulus
-    from .results import Results, open_results, write_report
+    from .report import write_report
+    from .results import Results, open_results
     from .runs.case import Case, load_case
     from .runs.job import run
     from .seal import AnnularSeal, Leakage, MeshSeal, RectangularSeal, seal_leakage
-    from .studies import (
-        DeterministicResult,
-        Sampling,
-        Scene,
-        StochasticResult,
-        TwoScaleResult,
-        deterministic,
-        stochastic,
-        two_scale,
-    )
+    from .studies.deterministic import DeterministicResult, deterministic
+    from .studies.scene import Scene
+    from .studies.sources import Sampling
+    from .studies.stochastic import StochasticResult, stochastic
+    from .studies.two_scale import TwoScaleResult, two_scale
     from .topography import (
         SurfaceReport,
         Topography,
@@ -75,7 +73,8 @@ _MODULES = {
     "fluids": ("IdealGas", "Liquid"),
     "runs.job": ("run",),
     "materials": ("Solid", "contact_modulus"),
-    "results": ("Results", "open_results", "write_report"),
+    "report": ("write_report",),
+    "results": ("Results", "open_results"),
     "seal": ("AnnularSeal", "Leakage", "MeshSeal", "RectangularSeal", "seal_leakage"),
     "studies": (
         "DeterministicResult",

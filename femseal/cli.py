@@ -110,10 +110,11 @@ def run(
 
         Console(width=None if sys.stdout.isatty() else 160).print(results.table())
         if terminal:  # elsewhere the log lines have said so
-            for warning in results.warnings[:5]:
-                typer.echo(f"warning: {warning}", err=True)
-            if len(results.warnings) > 5:
-                typer.echo(f"warning: {len(results.warnings) - 5} more in {folder / 'run.log'}", err=True)
+            for kind, texts in (("warning", results.warnings), ("failure", results.failures)):
+                for text in texts[:5]:
+                    typer.echo(f"{kind}: {text}", err=True)
+                if len(texts) > 5:
+                    typer.echo(f"{kind}: {len(texts) - 5} more in {folder / 'run.log'}", err=True)
         typer.echo(f"results in {folder}")
 
 
@@ -123,7 +124,7 @@ def report(
     output: Annotated[Path | None, typer.Option("-o", "--output", help="Page to write [DIR/report.html].")] = None,
 ) -> None:
     """Write one self-contained HTML page about a run: pictures, table, error budget, times, versions."""
-    from .results import write_report
+    from .report import write_report
 
     typer.echo(write_report(folder, output))
 

@@ -12,7 +12,7 @@ from femseal import accuracy
 from femseal.accuracy import closing_load, leakage_factor, make_plan
 from femseal.accuracy.plan import Variant
 from femseal.cli import main
-from femseal.contact import LoadStep
+from femseal.loads import LoadStep
 from femseal.runs.case import parse_case
 
 STEPS = (LoadStep(1e8), LoadStep(2e8), LoadStep(3e8), LoadStep(2e8, 3e8), LoadStep(1e8, 3e8))

@@ -19,9 +19,12 @@ import xarray
 
 import femseal as fs
 from femseal.base.provenance import numerical_versions
+from femseal.base.stage import Stage
 from femseal.runs import checkpoint
 from femseal.runs.checkpoint import Checkpoint
 
+#: A process that has not answered by then never will [s]: no measure of how quick it is.
+HANG = 600
 CASE = """
 method = "stochastic"
 compare = ["deterministic", "two-scale"]
@@ -102,7 +105,7 @@ def study(mapper, computed=None):
     """Calls of the map as a study makes them, with lazy arguments."""
     results = []
     for stage, size in enumerate(SIZES):
-        results += mapper(partial(value, stage, computed=computed), (n for n in range(size)), [str(n) for n in range(size)])  # fmt: skip
+        results += mapper(Stage(f"stage {stage}", partial(value, stage, computed=computed)), (n for n in range(size)), [str(n) for n in range(size)])  # fmt: skip
     return results
 
 
@@ -175,7 +178,7 @@ def test_what_is_in_memory_is_kept_where_the_run_can_still_write(tmp_path):
         computed = []
         task = partial(value, 0, computed=computed)
         with Checkpoint(tmp_path, {"case": 1}, resume=first > 0) as kept:
-            items = iter(kept.over(map)(task, range(7), range(7)))
+            items = iter(kept.over(map)(Stage("stage 0", task), range(7), range(7)))
             for _ in range(last):
                 next(items)
         assert [n for _, n in computed] == list(range(first, last))
@@ -190,8 +193,8 @@ def test_a_damaged_shard_is_reported_and_computed_again(tmp_path, monkeypatch, c
     if damage == "of another run":
         with Checkpoint(tmp_path / "..", {"case": 2}, resume=False) as other:
             for _ in SIZES[:-1]:
-                list(other.over(map)(abs, []))
-            list(other.over(map)(abs, range(8)))
+                list(other.over(map)(Stage("trial", abs), []))
+            list(other.over(map)(Stage("stage 3", abs), range(8)))
         shutil.copy(tmp_path / ".." / path.relative_to(tmp_path), path)
         checkpoint.remove(tmp_path / "..")
     else:
@@ -323,11 +326,33 @@ def test_finished_results_of_another_face_file_are_not_taken(case, tmp_path):
 # --- signals -------------------------------------------------------------------------------------------------------
 
 
-def start(case, out, *arguments, shard_items=20):
-    """The command line in a process group of its own."""
-    code = f"import femseal.runs.checkpoint as c; c.SHARD_ITEMS = {shard_items}; from femseal.cli import main; main()"
-    command = [sys.executable, "-c", code, "run", case, "-o", out, *arguments]
-    return subprocess.Popen([*map(str, command)], stderr=subprocess.PIPE, text=True, start_new_session=True)
+@pytest.fixture
+def start():
+    """Starts the command line in a process group of its own, which ends with the test at the latest."""
+    started = []
+
+    def start(case, out, *arguments, shard_items=20):
+        code = (
+            f"import femseal.runs.checkpoint as c; c.SHARD_ITEMS = {shard_items}; from femseal.cli import main; main()"
+        )
+        command = [sys.executable, "-c", code, "run", case, "-o", out, *arguments]
+        process = subprocess.Popen([*map(str, command)], stderr=subprocess.PIPE, text=True, start_new_session=True)
+        started.append(process)
+        return process
+
+    yield start
+    for process in started:
+        if alive(process.pid):
+            os.killpg(process.pid, signal.SIGKILL)
+        process.communicate()
+
+
+def wait_until(condition):
+    """Come back once the condition holds; fail where it never does."""
+    end = time.monotonic() + HANG
+    while not condition():
+        assert time.monotonic() < end
+        time.sleep(0.05)
 
 
 def alive(group):
@@ -353,29 +378,25 @@ def alive(group):
         pytest.param(["--workers", "2", "--scheduler", "local"], signal.SIGINT, marks=pytest.mark.slow),
     ],
 )
-def test_ctrl_c_ends_the_workers_and_says_how_to_go_on(case, tmp_path, arguments, sent):
+def test_ctrl_c_ends_the_workers_and_says_how_to_go_on(case, start, tmp_path, arguments, sent):
     case.write_text(CASE.replace("realisations = 24", "realisations = 100000"))
     out = tmp_path / "out"
     process = start(case, out, "--log-file", tmp_path / "lines.log", *arguments)
     last_stage = "009"  # after one, three and four others: the realisations
-    while not list(out.glob(f".checkpoint/{last_stage}-*")):
-        assert process.poll() is None, process.stderr.read()
-        time.sleep(0.05)
+    wait_until(lambda: list(out.glob(f".checkpoint/{last_stage}-*")) or process.poll() is not None)
+    assert process.poll() is None, process.stderr.read()
     os.killpg(process.pid, sent)
-    lines = process.communicate(timeout=60)[1].splitlines()
+    lines = process.communicate(timeout=HANG)[1].splitlines()
     assert process.returncode == 1
     assert lines[-1] == f"femseal: stopped; `femseal run {case} -o {out} --resume` goes on"
-    until = time.monotonic() + 10  # trackers end when they see that the others have
-    while alive(process.pid) and time.monotonic() < until:
-        time.sleep(0.05)
-    assert not alive(process.pid)
+    wait_until(lambda: not alive(process.pid))  # trackers end when they see that the others have
     assert "was stopped (KeyboardInterrupt)" in (tmp_path / "lines.log").read_text()
     assert list(out.glob(f".checkpoint/{last_stage}-*"))
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("workers", [1, 2])
-def test_kills_at_random_moments_leave_the_same_bits(case, tmp_path, workers):
+def test_kills_at_random_moments_leave_the_same_bits(case, start, tmp_path, workers):
     rng = random.Random(workers)
     case.write_text(CASE.replace("realisations = 24", "realisations = 1500"))
     begin = time.perf_counter()

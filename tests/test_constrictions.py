@@ -11,8 +11,8 @@ from femseal.base.errors import InputError
 from femseal.flow import cell_permeability
 from femseal.fluids import IdealGas, Liquid
 from femseal.results import assemble, open_results, save
-from femseal.scales import Partition
-from femseal.seal import AnnularSeal, RectangularSeal, drop_shares, largest_shares, seal_leakage, window_dissipation
+from femseal.scales import Partition, window_dissipation
+from femseal.seal import AnnularSeal, RectangularSeal, drop_shares, largest_shares, seal_leakage
 from femseal.studies import Scene, two_scale
 from femseal.topography import self_affine
 

@@ -1,26 +1,23 @@
-"""Load cycle: invariants of loading and unloading with plastic memory, the programme, bad input."""
+"""Load cycle: invariants of loading and unloading with plastic deformation, bad input."""
 
 import pickle
 from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
 from femseal.base.errors import InputError
 from femseal.contact import (
     HalfSpace,
-    LoadStep,
     load_cycle,
-    load_programme,
     load_states,
     solve_contact,
-    solve_with_memory,
+    solve_deformed_contact,
 )
 from femseal.contact.complement import FieldOverSteps, gap_part, pressure_part
 from femseal.contact.cycle import _yielded_again
+from femseal.loads import LoadProgramme
 
 E, H, D = 115e9, 4e9, 1e-6
 SHAPE = (48, 40)
@@ -58,7 +55,7 @@ def state(cycle, pressure, peak=None):
 
 def test_states_follow_the_programme(cycle):
     assert [(s.pressure, s.unloaded_from) for s in cycle] == [
-        (s.pressure, s.unloaded_from) for s in load_programme(LOADING, PEAKS, UNLOADING)
+        (s.pressure, s.unloaded_from) for s in LoadProgramme.of(LOADING, PEAKS, UNLOADING)
     ]
     for s in cycle:
         assert_allclose(s.contact.mean_pressure, s.pressure, rtol=1e-12)
@@ -74,7 +71,7 @@ def test_loading_is_path_independent(cycle):
 def test_at_the_peak_unloading_returns_the_same_state(cycle, peak):
     virgin = state(cycle, peak)
     assert virgin.plastic_fraction > 0.02
-    again = solve_with_memory(GAP, HALF_SPACE, virgin.plastic_deformation, pressure=peak, hardness=H, rtol=RTOL)
+    again = solve_deformed_contact(GAP, HALF_SPACE, virgin.plastic_deformation, pressure=peak, hardness=H, rtol=RTOL)
     assert_allclose(again.pressure, virgin.pressure, rtol=0, atol=1e-6 * H)
     assert_allclose(again.gap, virgin.gap, rtol=0, atol=1e-6 * np.ptp(GAP))
     assert_allclose(again.plastic_deformation, virgin.plastic_deformation, rtol=0, atol=1e-6 * np.ptp(GAP))
@@ -84,14 +81,14 @@ def test_at_the_peak_unloading_returns_the_same_state(cycle, peak):
 @pytest.mark.parametrize("peak", PEAKS)
 def test_reloading_follows_the_unloading_curve(cycle, peak):
     """Down to a pressure and up again: what yielded on the way, if anything, changes nothing up to the peak."""
-    memory = state(cycle, peak).plastic_deformation
+    left = state(cycle, peak).plastic_deformation
     for low, high in [(0.02 * H, 0.1 * H), (0.1 * H, 0.15 * H)]:
         down = state(cycle, low, peak)
-        up = solve_with_memory(GAP, HALF_SPACE, down.plastic_deformation, pressure=high, hardness=H, rtol=RTOL)
+        up = solve_deformed_contact(GAP, HALF_SPACE, down.plastic_deformation, pressure=high, hardness=H, rtol=RTOL)
         reference = state(cycle, high, peak)
         assert_allclose(up.pressure, reference.pressure, rtol=0, atol=1e-6 * H)
         assert_allclose(up.gap, reference.gap, rtol=0, atol=1e-6 * np.ptp(GAP))
-        assert_allclose(down.plastic_deformation, memory, rtol=0, atol=1e-6 * np.ptp(GAP))
+        assert_allclose(down.plastic_deformation, left, rtol=0, atol=1e-6 * np.ptp(GAP))
 
 
 @pytest.mark.parametrize("peak", PEAKS)
@@ -113,13 +110,13 @@ def test_permanent_deformation_grows_with_the_load(cycle):
 
 
 @pytest.mark.parametrize("peak", PEAKS)
-def test_unloading_keeps_the_memory(cycle, peak):
-    memory = state(cycle, peak).plastic_deformation
+def test_unloading_keeps_the_plastic_deformation(cycle, peak):
+    left = state(cycle, peak).plastic_deformation
     for s in cycle:
         if s.unloaded_from == peak:
-            assert np.all(s.contact.plastic_deformation >= memory)
+            assert np.all(s.contact.plastic_deformation >= left)
             # an elastic half-space does not yield further on the way down
-            assert_allclose(s.contact.plastic_deformation, memory, rtol=0, atol=1e-6 * np.ptp(GAP))
+            assert_allclose(s.contact.plastic_deformation, left, rtol=0, atol=1e-6 * np.ptp(GAP))
 
 
 def test_unloading_has_more_contact_and_less_gap_than_loading(cycle):
@@ -162,38 +159,6 @@ def test_hardness_per_point():
     )
     again = alone(GAP + states[1].contact.plastic_deformation, peak, hardness)
     assert_allclose(again.pressure, states[1].contact.pressure, rtol=0, atol=1e-6 * H)
-
-
-# --- the programme ---
-
-
-def test_peaks_are_put_on_the_loading_curve():
-    steps = load_programme([1e8, 3e8], unload_from=[2e8], unloading=[0.5e8, 1.5e8, 2.5e8])
-    assert [(s.branch, s.pressure) for s in steps] == [
-        ("loading", 1e8), ("loading", 2e8), ("loading", 3e8), ("unloading", 1.5e8), ("unloading", 0.5e8),
-    ]  # fmt: skip
-    assert {s.unloaded_from for s in steps[3:]} == {2e8}
-
-
-def test_names():
-    assert LoadStep(2e8).name == "loading 200 MPa"
-    assert LoadStep(2e8, 9e8).name == "unloading 200 MPa from 900 MPa"
-
-
-@settings(deadline=None, max_examples=50)
-@given(
-    loading=st.sets(st.floats(0, 1e9), min_size=1, max_size=6),
-    peaks=st.sets(st.floats(1e6, 1e9), max_size=3),
-    unloading=st.sets(st.floats(0, 9e5), min_size=1, max_size=4),
-)
-def test_programme_is_ordered(loading, peaks, unloading):
-    steps = load_programme(sorted(loading), sorted(peaks), sorted(unloading) if peaks else ())
-    up = [s.pressure for s in steps if s.branch == "loading"]
-    assert up == sorted(loading | peaks)
-    for peak in peaks:
-        down = [s.pressure for s in steps if s.unloaded_from == peak]
-        assert down == sorted(unloading, reverse=True)
-    assert len(steps) == len(up) + len(peaks) * (len(unloading) if peaks else 0)
 
 
 @pytest.mark.parametrize(
@@ -240,9 +205,9 @@ def test_yielding_on_unloading_is_reported():
         grown = state.contact.plastic_deformation - states[0].contact.plastic_deformation
         assert grown.min() >= 0
         assert state.yielded_again == pytest.approx(np.mean(grown > 1e-4 * np.ptp(GAP)), abs=0.02)
-    # a memory at the wrong place is pressed flat again
+    # a plastic deformation at the wrong place is pressed flat again
     moved = np.roll(states[0].contact.plastic_deformation, 20, axis=0)
-    contact = solve_with_memory(GAP, HALF_SPACE, moved, pressure=0.4 * H, hardness=H, rtol=1e-6)
+    contact = solve_deformed_contact(GAP, HALF_SPACE, moved, pressure=0.4 * H, hardness=H, rtol=1e-6)
     assert _yielded_again(contact, moved, 1e-6) > 0.02
 
 
@@ -287,10 +252,11 @@ def test_states_that_do_not_depend_on_each_other_go_to_the_map_together():
         done = {n: function(*items[n]) for n in reversed(range(len(items)))}
         return (done[n] for n in range(len(items)))
 
-    cycle = {"loading": LOADING[:3], "unload_from": PEAKS[:1], "unloading": UNLOADING[:2], "hardness": H}
-    expected = load_cycle(gap0, HALF_SPACE, **cycle)
-    taken = list(load_states(gap0, HALF_SPACE, **cycle, take=lambda s: (s.name, s.contact.gap), map=backwards))
-    steps = load_programme(*(cycle[name] for name in ("loading", "unload_from", "unloading")))
+    steps = LoadProgramme.of(LOADING[:3], PEAKS[:1], UNLOADING[:2])
+    expected = list(load_states(gap0, HALF_SPACE, steps, hardness=H))
+    taken = list(
+        load_states(gap0, HALF_SPACE, steps, hardness=H, take=lambda s: (s.name, s.contact.gap), mapper=backwards)
+    )
     assert calls == [list(steps[:3]), list(steps[3:])]
     assert [name for name, _ in taken] == [step.name for step in steps]
     for (_, gap), state in zip(taken, expected, strict=True):

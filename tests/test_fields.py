@@ -18,7 +18,9 @@ from femseal.base.errors import FemsealError, InputError
 from femseal.base.machine import machine, peak_memory
 from femseal.flow import cell_permeability
 from femseal.fluids import Liquid
-from femseal.results import assemble, open_results, seal_figure, write_folder, write_vtk
+from femseal.plots import seal_figure
+from femseal.report import write_folder
+from femseal.results import assemble, open_results, write_vtk
 from femseal.results.fields import plan_fields
 from femseal.results.views import chosen_windows
 from femseal.runs import job

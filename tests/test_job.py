@@ -11,8 +11,10 @@ import numpy as np
 import pytest
 import xarray
 from numpy.testing import assert_array_equal
+from test_checkpoint import HANG
 
 import femseal as fs
+from femseal.base.stage import Stage
 from femseal.runs import executor as parallel
 from femseal.runs.executor import ordered_map
 from femseal.runs.forecast import disk
@@ -102,8 +104,9 @@ quantiles = [0.2, 0.8]
     assert (np.abs(np.log(data["leakage_two_scale"] / data["leakage_deterministic"])) < np.log(2)).all()
 
 
-def test_a_cluster_gives_the_same_bits(case):
+def test_a_cluster_gives_the_same_bits(case, monkeypatch):
     distributed = pytest.importorskip("distributed")
+    monkeypatch.setattr(parallel, "ANSWER_SECONDS", HANG)
     one = fs.run(case, workers=1)
     with distributed.LocalCluster(
         n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, silence_logs=50
@@ -113,8 +116,9 @@ def test_a_cluster_gives_the_same_bits(case):
         assert_array_equal(one.dataset[name].values, there.dataset[name].values, err_msg=name)
 
 
-def test_a_cluster_is_given_a_few_tasks_at_a_time_and_returns_them_in_order(recwarn):
+def test_a_cluster_is_given_a_few_tasks_at_a_time_and_returns_them_in_order(recwarn, monkeypatch):
     distributed = pytest.importorskip("distributed")
+    monkeypatch.setattr(parallel, "ANSWER_SECONDS", HANG)
     drawn = []
 
     def numbers():
@@ -126,13 +130,13 @@ def test_a_cluster_is_given_a_few_tasks_at_a_time_and_returns_them_in_order(recw
         distributed.LocalCluster(n_workers=1, threads_per_worker=2, processes=False, dashboard_address=None) as cluster,
         ordered_map(scheduler=cluster.scheduler_address) as mapping,
     ):
-        results = iter(mapping(pow, numbers(), [3] * 30))
+        results = iter(mapping(Stage("powers", pow), numbers(), [3] * 30))
         assert next(results) == 0
         assert len(drawn) <= 10
         assert list(results) == [n**3 for n in range(1, 30)]
         with pytest.raises(ZeroDivisionError):
-            list(mapping(divmod, [1], [0]))
-        list(mapping(np.sum, [np.zeros(2_000_000)]))
+            list(mapping(Stage("quotients", divmod), [1], [0]))
+        list(mapping(Stage("sums", np.sum), [np.zeros(2_000_000)]))
     assert not [w for w in recwarn if "large graph" in str(w.message)]
 
 
@@ -167,7 +171,7 @@ def test_only_a_complete_folder_is_resumed(case, tmp_path, monkeypatch):
     case.write_text(CASE.replace('method = "stochastic"', 'method = "deterministic"').replace("compare", "# "))
     out = tmp_path / "out"
     with monkeypatch.context() as patch:
-        patch.setattr("femseal.results.folder.leakage_figure", fail)
+        patch.setattr("femseal.report.folder.leakage_figure", fail)
         with pytest.raises(fs.FemsealError, match="no such colour"):
             fs.run(case, out, workers=1)
     assert "no such colour" in (out / "run.log").read_text()

@@ -8,8 +8,9 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 import femseal.scales.library
 from femseal.base.errors import FemsealError, InputError, NotConverged
-from femseal.contact import HalfSpace, load_cycle, load_programme
+from femseal.contact import HalfSpace, load_cycle
 from femseal.flow import cell_permeability
+from femseal.loads import LoadProgramme
 from femseal.scales import Cell, CellCurves, Ladder, WindowSource, build_ladder_library, follow, on_ladder
 from femseal.topography import self_affine
 
@@ -160,6 +161,7 @@ def curves(cell, ladder=LADDER, rms=1e-7):
     return CellCurves(cell, ladder, 0, rms)
 
 
+@pytest.mark.filterwarnings("error")
 class TestCurves:
     def test_steps_come_back(self):
         """Open, closing and closed cells."""
@@ -221,6 +223,53 @@ class TestCurves:
         assert opens(end * 0.999) > 0.99
         assert_allclose(opens((end + 4e8) / 2), 0.75, atol=0.01)
 
+    def test_a_cell_that_never_opens_again_does_so_at_a_share_that_falls_to_nothing(self):
+        """Closed from 300 MPa on; from 400 MPa it opens below a half, from 800 MPa never."""
+        ladder = Ladder(LOADING, (4e8, 8e8), (0.75, 0.25, 0.0))
+        cell = made_cell([16, 8, 4, 0, 0], unloading=[[0, 1, 3], [0, 0, 0]], peaks=(4e8, 8e8))
+        curve = curves(cell, ladder)
+        shares = np.linspace(0.001, 0.999, 999)
+        for peak, opens in ((4e8, 0.5), (6e8, 0.25), (7e8, 0.125), (8e8, 0.0)):
+            k = curve.unloaded(shares * peak, np.full(shares.shape, peak))
+            assert_allclose(max(shares[k > 0], default=0.0), opens, atol=2e-3)
+            # as far as it opens, by the way of the peak from which it does
+            below = shares < opens - 2e-3
+            as_from_lower = curve.unloaded(shares[below] / opens * 2e8, np.full(below.sum(), 4e8)) if opens else []
+            ceiling = curve.loaded(shares[below] * peak)
+            assert_allclose(k[below], np.minimum(as_from_lower, ceiling), rtol=1e-9)
+
+    @pytest.mark.parametrize("seed", range(20))
+    def test_any_cell_has_numbers_everywhere(self, seed):
+        """Closed from any step on, on any way; peaks at, between and beyond those of the ladder, to the last digit."""
+        rng = np.random.default_rng(seed)
+
+        def falling(n):
+            k = np.sort(rng.lognormal(0, 5, n))[::-1]
+            k[rng.integers(0, n + 1) :] = 0
+            return k
+
+        k = falling(5)
+        down = []
+        for at in (2, 4):
+            way = falling(3)[::-1]
+            down.append(np.where(way > 0, np.clip(way, k[at], max(k[0], 1e-300)), k[at]))
+        ladder = replace(LADDER, separations=(0.0,))
+        curve = curves(made_cell(k, unloading=down, peaks=(2e8, 8e8), rigid=(k[0],)), ladder)
+        end = curve.loading.end**3
+        peaks = np.array([1.0, 1e8, 2e8, 4e8, 8e8, 2e9, *([end] if 0 < end < np.inf else [])])
+        peaks = np.concatenate([np.nextafter(peaks, 0), peaks, np.nextafter(peaks, np.inf)])
+        shares = np.r_[1e-9, np.linspace(0, 1, 41)[1:], 1 - 1e-16]
+        pressure, peak = (a.ravel() for a in np.broadcast_arrays(shares[:, None] * peaks, peaks))
+        with np.errstate(divide="raise", invalid="raise", over="raise"):
+            found = curve.unloaded(pressure, peak)
+            loaded = curve.loaded(pressure)
+            apart = curve.separated(np.array([-np.inf, -1e-6, 0.0, 1e-6]))
+        assert np.isfinite(found).all()
+        assert (found <= loaded * (1 + 1e-12)).all()
+        assert np.isfinite(apart).all()
+        # less pressure, never less flow
+        assert (np.diff(found.reshape(shares.size, -1)[1:-1], axis=0) <= 1e-9 * k[0]).all()
+
     def test_apart_by_rigid_values_and_the_asymptote(self):
         ladder = replace(LADDER, separations=(1e-6, 2e-6))
         curve = curves(made_cell([1] * 5, unloading=[[1] * 3] * 2, peaks=(2e8, 8e8), rigid=(3.0, 7.0)), ladder)
@@ -268,7 +317,7 @@ class TestLibrary:
         assert max(followed[2:]) <= 6  # one step and what bisection adds, along both axes
         assert len(list(tmp_path.glob("*.npz"))) == 1
         assert build_ladder_library(source, LADDER, 5, folder=tmp_path).reused == 5
-        steps = load_programme(LOADING[1:], (8e8,), (4e8, 8e7))
+        steps = LoadProgramme.of(LOADING[1:], (8e8,), (4e8, 8e7))
         paths = np.array([[s.pressure for s in steps]])
         for library in (built, again, more):
             for axis in (0, 1):

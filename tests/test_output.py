@@ -18,17 +18,11 @@ from scipy import stats
 from femseal.base.errors import FemsealError, InputError
 from femseal.flow import cell_permeability
 from femseal.fluids import IdealGas, Liquid
-from femseal.results import (
-    assemble,
-    cells_figure,
-    leakage_figure,
-    open_results,
-    save,
-    seal_figure,
-    write_folder,
-    write_vtk,
-)
-from femseal.results.tables import amount, branch_text, leakage_unit
+from femseal.plots import cells_figure, leakage_figure, seal_figure
+from femseal.report import write_folder
+from femseal.results import assemble, open_results, save, write_vtk
+from femseal.results.branches import branch_text
+from femseal.results.tables import amount, leakage_unit
 from femseal.results.views import chosen_windows
 from femseal.seal import RectangularSeal
 from femseal.studies import Sampling, Scene, deterministic, stochastic, two_scale
@@ -238,16 +232,18 @@ def test_failures_are_nan_not_sealed(scene, studies):
     r = assemble(scene, stochastic=broken)
     for name in ("leakage_median", "leakage_lower", "leakage_upper", "leakage_mean", "sealed_share"):
         assert_array_equal(np.isnan(r.dataset[name]), [False, True, False, False, False])
-    assert r.warnings[0] == "realisation 0: bad"
-    assert f"{len(r.warnings)} warnings" in repr(r)
+    assert r.failures == ["realisation 0: bad"]
+    assert "failures   1, the first: realisation 0: bad" in repr(r)
+    # too few realisations are a warning: the numbers are there
+    assert ["at least 20 needed" in text for text in r.warnings] == [True]
     assert "failed" in r._repr_html_()
 
 
-def test_many_warnings_fit_into_the_file(scene, studies, tmp_path):
+def test_many_failures_fit_into_the_file(scene, studies, tmp_path):
     many = replace(studies["two_scale"], failures=tuple(f"cell {n}: did not converge, é" for n in range(20000)))
     r = assemble(scene, two_scale=many)
     save(r, tmp_path)
-    kept = open_results(tmp_path).warnings
+    kept = open_results(tmp_path).failures
     assert kept[0] == "cell 0: did not converge, é"
     assert kept[-1] == f"… and {20000 - len(kept) + 1} more"
 
@@ -358,7 +354,7 @@ def test_a_picture_that_fails_loses_neither_the_results_nor_the_former_run(
         raise error
 
     with monkeypatch.context() as patch:
-        patch.setattr("femseal.results.folder.cells_figure", fail)
+        patch.setattr("femseal.report.folder.cells_figure", fail)
         with pytest.raises(FemsealError, match=error.args[-1]) as caught:
             write_folder(results, tmp_path, scene.surface)
     assert str(tmp_path / ".unfinished/results.nc") in str(caught.value)

@@ -8,17 +8,19 @@ import subprocess
 import sys
 import threading
 import time
-from contextlib import ExitStack, contextmanager, nullcontext
+from contextlib import ExitStack, contextmanager, nullcontext, suppress
 from pathlib import Path
 
 import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
-from test_checkpoint import CASE, assert_same
+from test_checkpoint import CASE, HANG, assert_same, wait_until
 
 import femseal as fs
+from femseal.base.shared_array import shared_empty
+from femseal.base.stage import Stage
 from femseal.runs import executor as parallel
-from femseal.runs.executor import HeavyTask, ordered_map, shared_empty
+from femseal.runs.executor import ordered_map
 
 distributed = pytest.importorskip("distributed")
 
@@ -31,8 +33,9 @@ def case(tmp_path):
 
 
 @pytest.fixture
-def cluster():
-    """Two threads of this process."""
+def cluster(monkeypatch):
+    """Two threads of this process, which may be slow to answer."""
+    monkeypatch.setattr(parallel, "ANSWER_SECONDS", HANG)
     with distributed.LocalCluster(n_workers=2, threads_per_worker=1, processes=False, dashboard_address=None) as it:
         yield it
 
@@ -51,12 +54,11 @@ def real_cluster():
             return process
 
         lines = []
-        start("scheduler", "--host", "127.0.0.1", "--port", 0)
-        found = None
-        while not found:
-            time.sleep(0.05)
-            found = re.search(r"Scheduler at:\s+(tcp://\S+)", "".join(lines))
-        address = found[1]
+        scheduler = start("scheduler", "--host", "127.0.0.1", "--port", 0)
+        found = re.compile(r"Scheduler at:\s+(tcp://\S+)").search
+        wait_until(lambda: found("".join(lines)) or scheduler.poll() is not None)
+        assert scheduler.poll() is None, "".join(lines)
+        address = found("".join(lines))[1]
         yield address, lambda: start("worker", address, "--nthreads", 1, "--no-nanny")
 
 
@@ -65,7 +67,7 @@ def test_each_worker_has_one_thread(cluster):
 
     for arguments in ({"workers": 1}, {"workers": 2}, {"scheduler": cluster.scheduler_address}):
         with ordered_map(**arguments) as mapping:
-            for libraries in mapping(_libraries, [threadpoolctl.threadpool_info] * 2, [np.ones(2)] * 2):
+            for libraries in mapping(Stage("trial", _libraries), [threadpoolctl.threadpool_info] * 2, [np.ones(2)] * 2):
                 assert libraries
                 assert {library["num_threads"] for library in libraries} == {1}
 
@@ -76,24 +78,50 @@ def _libraries(info, _):
 
 def test_processes_return_results_in_order_and_end_with_a_reason():
     with ordered_map(workers=2) as mapping:
-        assert list(mapping(divmod, (n for n in range(100)), [7] * 100)) == [divmod(n, 7) for n in range(100)]
-        assert list(mapping(divmod, [], [])) == []
+        assert list(mapping(Stage("trial", divmod), (n for n in range(100)), [7] * 100)) == [
+            divmod(n, 7) for n in range(100)
+        ]
+        assert list(mapping(Stage("trial", divmod), [], [])) == []
         with pytest.raises(ZeroDivisionError):
-            list(mapping(divmod, [1], [0]))
+            list(mapping(Stage("trial", divmod), [1], [0]))
         with pytest.raises(fs.FemsealError, match="a process died"):
-            list(mapping(os._exit, [3]))
-        assert list(mapping(abs, [-1, 2])) == [1, 2]
+            list(mapping(Stage("trial", os._exit), [3]))
+        assert list(mapping(Stage("trial", abs), [-1, 2])) == [1, 2]
+
+
+class Clock(threading.local):
+    """A time of each thread that passes by what is said to be worked, however busy the machine is."""
+
+    now = 0.0
+
+    def perf_counter(self):
+        return self.now
+
+    def work(self, item, seconds):
+        self.now += seconds
+        return item
+
+
+clock = Clock()
+
+
+def worked(item, seconds):
+    return clock.work(item, seconds)
 
 
 def test_small_items_are_sent_together(cluster, monkeypatch):
     sizes, submit = [], parallel._submit
     monkeypatch.setattr(parallel, "_submit", lambda *a: sizes.append(len(a[2])) or submit(*a))
+    monkeypatch.setattr(parallel, "time", clock)
     with ordered_map(scheduler=cluster.scheduler_address) as mapping:
-        assert list(mapping(pow, range(3000), [2] * 3000)) == [n**2 for n in range(3000)]
+        assert list(mapping(Stage("trial", worked), range(3000), [1e-3 * parallel.TASK_SECONDS] * 3000)) == [
+            *range(3000)
+        ]
         assert sum(sizes) == 3000
-        assert len(sizes) < 100
+        assert sizes[:4] == [1] * 4
+        assert max(sizes) == 1000
         sizes.clear()
-        list(mapping(time.sleep, [2 * parallel.TASK_SECONDS] * 6))
+        list(mapping(Stage("trial", worked), range(6), [2 * parallel.TASK_SECONDS] * 6))
         assert sizes == [1] * 6
 
 
@@ -105,14 +133,20 @@ def test_workers_of_other_versions_are_refused(cluster, monkeypatch):
         parallel._connected(cluster.scheduler_address)
 
 
-def test_a_late_worker_is_awaited(caplog):
+def test_a_late_worker_is_awaited(monkeypatch):
+    """It comes once it is known that there is none."""
+    monkeypatch.setattr(parallel, "ANSWER_SECONDS", HANG)
+    said = []
     with distributed.LocalCluster(n_workers=0, processes=False, dashboard_address=None) as late:
-        late_worker = threading.Timer(0.3, lambda: late.scale(1))
-        late_worker.start()
+
+        def warning(text, *numbers):
+            said.append(text % numbers)
+            late.scale(1)
+
+        monkeypatch.setattr(parallel.log, "warning", warning)
         with ordered_map(scheduler=late.scheduler_address) as mapping:
-            assert "no workers: waiting up to 600 s" in caplog.text
-            assert list(mapping(abs, [-1, -2])) == [1, 2]
-        late_worker.join()
+            assert said == ["no workers: waiting up to 600 s for one"]
+            assert list(mapping(Stage("trial", abs), [-1, -2])) == [1, 2]
 
 
 @pytest.mark.slow
@@ -149,8 +183,8 @@ def test_killed_workers_do_not_change_a_bit(case):
 def test_a_task_that_ends_its_workers_is_given_up_with_a_reason():
     with ordered_map(workers=2, scheduler="local") as mapping:
         with pytest.raises(fs.FemsealError, match=r"workers .*died"):
-            list(mapping(os._exit, [3]))
-        assert list(mapping(abs, [-1, 2])) == [1, 2]
+            list(mapping(Stage("trial", os._exit), [3]))
+        assert list(mapping(Stage("trial", abs), [-1, 2])) == [1, 2]
 
 
 @pytest.mark.slow
@@ -158,7 +192,7 @@ def test_a_scheduler_that_is_gone_is_named():
     with real_cluster() as (address, start_worker):
         start_worker()
         with ordered_map(scheduler=address) as mapping:
-            results = iter(mapping(time.sleep, [0.5] * 100))
+            results = iter(mapping(Stage("trial", time.sleep), [0.5] * 100))
             next(results)
             with distributed.Client(address) as client:
                 client.shutdown()
@@ -178,7 +212,7 @@ class TestSharedMemory:
             whole = shared_empty((3, 40, 50), np.float32)
             whole[:] = 1
             views = [whole[:, 10 * n : 10 * (n + 1), 5:] for n in range(4)]
-            came_back = list(mapping(add_one, views))
+            came_back = list(mapping(Stage("trial", add_one), views))
             for view in came_back:
                 assert_array_equal(view, 2)
             assert_array_equal(whole[..., 5:], 2)
@@ -199,7 +233,7 @@ class TestSharedMemory:
         with ordered_map(workers=2) as mapping:
             whole = shared_empty((4, 10), float)
             whole[:] = 1
-            assert_array_equal(list(mapping(add_one, whole)), np.full((4, 10), 2))
+            assert_array_equal(list(mapping(Stage("trial", add_one), whole)), np.full((4, 10), 2))
             assert_array_equal(whole, 1)
 
     @pytest.mark.parametrize("workers", [None, 1])
@@ -208,34 +242,52 @@ class TestSharedMemory:
             assert type(shared_empty((2, 3), float)) is np.ndarray
 
     def test_memory_is_given_back(self):
-        def descriptors():
-            return {os.readlink(path) for path in Path("/proc/self/fd").iterdir() if path.is_symlink()}
+        def held():
+            """The files in memory alone that this process has open."""
+            found = set()
+            for path in Path("/proc/self/fd").iterdir():
+                with suppress(FileNotFoundError):  # other threads close theirs
+                    if os.readlink(path).startswith("/memfd:"):
+                        found.add(path.stat().st_ino)
+            return found
 
+        before = held()
         with ordered_map(workers=2):
             whole = shared_empty((10,), float)
-            assert any("femseal" in name for name in descriptors())
+            own = held() - before
+            assert len(own) == 1
         whole[:] = 5  # the last view keeps it
         assert_array_equal(whole, 5)
+        assert own <= held()
         del whole
-        assert not any("femseal" in name for name in descriptors())
+        assert not own & held()
 
 
-def running_at_once(folder):
-    """How many of these calls run while this one does, as far as it can see."""
-    mark = Path(folder) / f"{os.getpid()}-{time.monotonic_ns()}"
+def running_at_once(folder, expected):
+    """How many of these calls run while this one does; until so many have met, the others are awaited."""
+    mark, met = folder / "running" / f"{os.getpid()}-{time.monotonic_ns()}", folder / "met"
     mark.touch()
-    time.sleep(0.1)
-    seen = len(list(Path(folder).iterdir()))
+    most = 0
+
+    def seen():
+        nonlocal most
+        most = max(most, len(list(mark.parent.iterdir())))
+        if most >= expected:
+            met.touch()
+        return met.exists()
+
+    wait_until(seen)
+    time.sleep(0.05)  # more of them would be seen
+    seen()
     mark.unlink()
-    return seen
+    return most
 
 
 @pytest.mark.parametrize(("memory", "most"), [(0.0, 2), (1.0, 2), (6e8, 1), (1e15, 1)])
 def test_no_more_heavy_tasks_at_once_than_fit(tmp_path, monkeypatch, memory, most):
     monkeypatch.setattr(parallel, "free_memory", lambda: 1e9)
-    task = HeavyTask(running_at_once)
-    task.memory = memory
+    (tmp_path / "running").mkdir()
     with ordered_map(workers=2) as mapping:
-        list(mapping(abs, range(4)))
-        seen = list(mapping(task, [tmp_path] * 6))
+        list(mapping(Stage("trial", abs), range(4)))
+        seen = list(mapping(Stage("trial", running_at_once, memory), [tmp_path] * 6, [most] * 6))
     assert max(seen) == most

@@ -6,10 +6,10 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scipy.stats import spearmanr
 
 from femseal.base.errors import InputError
-from femseal.contact import load_programme
+from femseal.loads import LoadProgramme
 from femseal.scales import SAMPLERS, LinkTable, correlation_length, draw_links
 
-STEPS = load_programme((1e8, 2e8, 3e8), (3e8,), (2e8, 1e8))
+STEPS = LoadProgramme.of((1e8, 2e8, 3e8), (3e8,), (2e8, 1e8))
 SMOOTH = ("history", "derivative", "copula")
 
 
@@ -107,7 +107,7 @@ class TestNumbers:
         n = 101
         k_top = np.arange(1.0, n + 1)
         k = np.stack([k_top + 1000 * np.arange(n), k_top], axis=1)[None]
-        links = drawn(k, 5000, "derivative", steps=load_programme((1e8, 2e8)), seed=5)
+        links = drawn(k, 5000, "derivative", steps=LoadProgramme.of((1e8, 2e8)), seed=5)
         own, other = links[:, 1] - 1, (links[:, 0] - links[:, 1]) / 1000
         inside = (own > 2) & (own < n - 3)
         away = (other - own)[inside]
@@ -126,7 +126,7 @@ class TestRunsOfColumns:
         k = np.arange(3)[:, None] * 1000.0 + np.arange(40.0)
         k = np.repeat(k[..., None], 2, axis=2)
         path = np.tile(np.arange(3), n)
-        return drawn(k, 3 * n, "block", path=path, rows=3, run_length=length, steps=load_programme((1e8, 2e8)))
+        return drawn(k, 3 * n, "block", path=path, rows=3, run_length=length, steps=LoadProgramme.of((1e8, 2e8)))
 
     def test_columns_stay_whole_at_all_loads(self):
         links = self.columns(4.0)

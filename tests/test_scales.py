@@ -8,10 +8,11 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scipy.ndimage import zoom
 
 from femseal.base.errors import InputError
-from femseal.contact import HalfSpace, LoadStep, load_cycle, load_programme, solve_contact
+from femseal.contact import HalfSpace, load_cycle, solve_contact
 from femseal.flow import cell_permeability
+from femseal.loads import LoadProgramme, LoadStep
 from femseal.scales import GlobalState, Partition, global_states, respond
-from femseal.scales.partition import Refinement
+from femseal.scales.global_contact import Refinement
 from femseal.scales.window import body_standoff, flow_history, set_down
 from femseal.topography import Topography, self_affine
 
@@ -96,18 +97,18 @@ class TestGlobalScale:
     def test_windows_carry_the_load(self, face):
         """The mean over all windows of x1-links is the nominal pressure, at every step."""
         partition = Partition(face.shape, face.spacing, (4, 8))
-        cycle = {"loading": (1e8, 5e8), "unload_from": (5e8,), "unloading": (2e8,)}
-        states = list(global_states(face, partition, 7.5e-6, modulus=E, hardness=H, boundary=("free", "periodic"),
-                                    **cycle))  # fmt: skip
-        assert tuple(s.step for s in states) == load_programme(**cycle)
+        programme = LoadProgramme.of((1e8, 5e8), (5e8,), (2e8,))
+        boundary = ("free", "periodic")
+        states = list(global_states(face, partition, 7.5e-6, programme, modulus=E, hardness=H, boundary=boundary))
+        assert tuple(s.step for s in states) == programme
         assert_allclose([s.pressure.mean() for s in states], [1e8, 5e8, 2e8], rtol=1e-9)
         assert {s.raw_gap.shape for s in states} == {(64, 128)}
         assert {s.pressure_across.shape for s in states} == {(3, 8)}
 
     def test_gap_of_a_flat_face_is_zero_under_load(self):
         flat = Topography(np.zeros((32, 32)), (1e-6, 1e-6))
-        (world,) = global_states(flat, Partition(flat.shape, flat.spacing, (2, 2)), 8e-6, modulus=E, hardness=H,
-                                 boundary=("periodic", "periodic"), loading=(1e8,))  # fmt: skip
+        (world,) = global_states(flat, Partition(flat.shape, flat.spacing, (2, 2)), 8e-6, LoadProgramme.of((1e8,)),
+                                 modulus=E, hardness=H, boundary=("periodic", "periodic"))  # fmt: skip
         assert_allclose(world.raw_gap, 0, atol=1e-18)
         assert_allclose(world.pressure, 1e8)
 
@@ -115,8 +116,8 @@ class TestGlobalScale:
     def test_a_flat_face_is_a_punch(self, boundary):
         """A strip with free ends: p = 2p̄/(π √(1 − ξ²)), in parts of the width (arcsin ξ₂ − arcsin ξ₁)/π."""
         flat = Topography(np.zeros((128, 128)), (1e-6, 1e-6))
-        (world,) = global_states(flat, Partition(flat.shape, flat.spacing, (8, 8)), 8e-6, modulus=E, hardness=np.inf,
-                                 boundary=boundary, loading=(1e8,))  # fmt: skip
+        (world,) = global_states(flat, Partition(flat.shape, flat.spacing, (8, 8)), 8e-6, LoadProgramme.of((1e8,)),
+                                 modulus=E, hardness=np.inf, boundary=boundary)  # fmt: skip
         expected = 8e8 * np.diff(np.arcsin(np.linspace(-1, 1, 9))) / np.pi
         pressure = world.pressure if boundary[0] == "free" else world.pressure.T
         assert_allclose(pressure, np.tile(expected[:, None], (1, 8)), rtol=0.02)
@@ -132,8 +133,8 @@ class TestGlobalScale:
         partition = Partition(shape, smooth.spacing, cells)
         cut_off = 16 * min(smooth.spacing)
         surface = surface.low_pass(cut_off)
-        (world,) = global_states(surface, partition, cut_off, modulus=E, hardness=np.inf, boundary=boundary,
-                                 loading=(2e8,))  # fmt: skip
+        (world,) = global_states(surface, partition, cut_off, LoadProgramme.of((2e8,)), modulus=E, hardness=np.inf,
+                                 boundary=boundary)  # fmt: skip
         gap0 = surface.heights.max() - surface.heights
         whole = load_cycle(gap0, HalfSpace(shape, smooth.spacing, E, boundary), loading=(2e8,))[0].contact
         assert_allclose(world.pressure, partition.means(whole.pressure), atol=0.05 * 2e8)
@@ -160,9 +161,10 @@ class TestGlobalScale:
     def test_the_coarser_grid_has_no_seam(self, face):
         """Counted from another window of a periodic face, the gap is the same, only elsewhere."""
         partition = Partition(face.shape, face.spacing, (2, 4))
-        given = {"modulus": E, "hardness": H, "boundary": ("free", "periodic"), "loading": (2e8,), "rtol": 1e-9}
+        given = {"modulus": E, "hardness": H, "boundary": ("free", "periodic"), "rtol": 1e-9}
+        programme = LoadProgramme.of((2e8,))
         turned = Topography(np.roll(face.heights, 32, axis=1), face.spacing)
-        gaps = [next(global_states(s, partition, 15e-6, **given)).raw_gap for s in (face, turned)]
+        gaps = [next(global_states(s, partition, 15e-6, programme, **given)).raw_gap for s in (face, turned)]
         assert_allclose(np.roll(gaps[1], -32, axis=1), gaps[0], atol=1e-5 * np.ptp(gaps[0]))
 
     @pytest.mark.parametrize("points", [(8, 8), (16, 12), (32, 24)])
@@ -188,8 +190,8 @@ class TestGlobalScale:
         """On unloading the permanent deformation stays negative in the raw gap where the face yielded."""
         partition = Partition(face.shape, face.spacing, (4, 8))
         peak, lower, apart = (s.raw_gap for s in global_states(
-            face, partition, 7.5e-6, modulus=E, hardness=0.5e9, boundary=("periodic", "periodic"), loading=(2e8,),
-            unload_from=(2e8,), unloading=(1e8, 0.0)))  # fmt: skip
+            face, partition, 7.5e-6, LoadProgramme.of((2e8,), (2e8,), (1e8, 0.0)), modulus=E, hardness=0.5e9,
+            boundary=("periodic", "periodic")))  # fmt: skip
         yielded = peak < -1e-9
         assert yielded.any()
         # opened by elastic recovery, but still below the virgin plane in most places, and never closer
@@ -201,8 +203,8 @@ class TestResponse:
     half_space = HalfSpace((24, 24), (1e-6, 1e-6), E, "mirror")
     gap0 = -self_affine((24, 24), (24e-6, 24e-6), hurst=0.8, rms_slope=0.2, rng=1).heights
 
-    def test_load_and_memory(self):
-        steps = load_programme((1e8, 6e8), (6e8,), (6e8 - 1, 1e8))
+    def test_load_and_plastic_deformation(self):
+        steps = LoadProgramme.of((1e8, 6e8), (6e8,), (6e8 - 1, 1e8))
         history = respond(
             self.gap0, [s.pressure for s in steps], steps, self.half_space, hardness=H, rigid_at_zero=True
         )
@@ -213,7 +215,7 @@ class TestResponse:
         assert history.failures == ()
 
     def test_without_pressure_rigid_or_at_first_touch(self):
-        steps = (LoadStep(0.0),)
+        steps = LoadProgramme.of((0.0,))
         rigid = respond(self.gap0 + 5e-6, [0.0], steps, self.half_space, hardness=H, rigid_at_zero=True)
         assert_allclose(rigid.gap[0], self.gap0 + 5e-6, rtol=1e-6)
         touch = respond(self.gap0 + 5e-6, [0.0], steps, self.half_space, hardness=H, rigid_at_zero=False)
@@ -222,8 +224,9 @@ class TestResponse:
 
     def test_a_history_goes_to_another_process_as_it_is(self):
         """Loaded, without pressure and with negative gaps, failed: to the bit, in half the bytes."""
-        steps = (LoadStep(0.0), LoadStep(1e8), LoadStep(9e8), LoadStep(5e7, 2e8))
-        gap0 = self.gap0 - self.gap0.mean()
+        steps = LoadProgramme.of((0.0, 1e8, 9e8), (9e8,), (5e7,))
+        gap0 = np.stack([self.gap0 - self.gap0.mean()] * 4)
+        gap0[3] = np.nan
         history = respond(gap0, [0.0, 1e8, 9e8, 5e7], steps, self.half_space, hardness=H, rigid_at_zero=True)
         assert history.gap[0].min() < 0
         assert np.isnan(history.gap[3]).all()
@@ -235,7 +238,7 @@ class TestResponse:
         assert there.failures == history.failures != ()
 
     def test_without_pressure_after_a_peak_the_permanent_deformation_stays(self):
-        steps = load_programme((6e8,), (6e8,), (0.0,))
+        steps = LoadProgramme.of((6e8,), (6e8,), (0.0,))
         gap0 = np.stack([self.gap0, self.gap0 - self.gap0.min() - 5e-8])
         history = respond(gap0, [6e8, 0.0], steps, self.half_space, hardness=H, rigid_at_zero=True)
         peak = solve_contact(self.gap0, self.half_space, pressure=6e8, hardness=H)
@@ -247,26 +250,28 @@ class TestResponse:
     def test_without_the_peak_nothing_is_known_of_its_unloading(self):
         gap0 = np.stack([self.gap0] * 3)
         gap0[1] = np.nan
-        steps = load_programme((1e8, 5e8), (5e8,), (0.0,))
+        steps = LoadProgramme.of((1e8, 5e8), (5e8,), (0.0,))
         history = respond(gap0, [1e8, 5e8, 0.0], steps, self.half_space, hardness=H, rigid_at_zero=True)
         assert [f.split(":")[0] for f in history.failures] == ["loading 500 MPa", "unloading 0 MPa from 500 MPa"]
         assert np.isnan(history.gap[1:]).all()
 
     def test_a_peak_without_pressure_leaves_nothing_behind(self):
         """As where the global contact moves to another window as the load falls."""
-        steps = load_programme((6e8,), (6e8,), (1e8,))
+        steps = LoadProgramme.of((6e8,), (6e8,), (1e8,))
         history = respond(self.gap0, [0.0, 1e8], steps, self.half_space, hardness=H, rigid_at_zero=True)
         virgin = solve_contact(self.gap0, self.half_space, pressure=1e8, hardness=H)
         assert history.failures == ()
         assert_allclose(history.gap[1], virgin.gap, atol=1e-11)
 
     def test_rounding_above_the_hardness_is_forgiven(self):
-        history = respond(self.gap0, [H * (1 + 1e-9)], (LoadStep(H),), self.half_space, hardness=H, rigid_at_zero=True)
+        history = respond(
+            self.gap0, [H * (1 + 1e-9)], LoadProgramme.of((H,)), self.half_space, hardness=H, rigid_at_zero=True
+        )
         assert history.failures == ()
         assert (history.gap[0].max(), history.plastic_fraction[0]) == (0, 1)
 
     def test_a_step_that_fails_is_recorded_and_the_others_go_on(self):
-        steps = load_programme((1e8, 2e8))
+        steps = LoadProgramme.of((1e8, 2e8))
         gap0 = np.stack([np.full((24, 24), np.nan), self.gap0])
         history = respond(gap0, [1e8, 2e8], steps, self.half_space, hardness=H, rigid_at_zero=True)
         assert len(history.failures) == 1
@@ -312,7 +317,7 @@ class TestStandoff:
     def test_of_a_smooth_window_is_none_and_of_a_rough_one_its_approach(self):
         body = HalfSpace((32, 32), (1e-6, 1e-6), E, "mirror")
         rough = -self_affine((32, 32), (32e-6, 32e-6), hurst=0.8, rms_slope=0.2, rng=1).heights
-        steps = load_programme((1e8,))
+        steps = LoadProgramme.of((1e8,))
         for gap0 in (np.zeros((32, 32)), rough - rough.mean()):
             history = respond(gap0, [1e8], steps, body, hardness=H, rigid_at_zero=True)
             contact = solve_contact(gap0, body, pressure=1e8, hardness=H)

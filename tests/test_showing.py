@@ -1,5 +1,6 @@
 """Results show themselves: one line without arrays, a table, a picture of their own numbers."""
 
+from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -11,7 +12,7 @@ from numpy.testing import assert_allclose
 import femseal as fs
 from femseal.base.errors import InputError
 from femseal.base.quantities import leakage_unit
-from femseal.base.text import value_text
+from femseal.base.text import Shown, value_text
 
 MODULUS, HARDNESS = 115e9, 1.4e9
 
@@ -93,6 +94,54 @@ def test_pictures_show_the_numbers(shown):
     assert_allclose(unloading.get_ydata(), shares[1:])
     drop = shown["permeability"].plot().axes[0].images[0].get_array()
     assert drop.shape == (32, 64)
+
+
+@pytest.mark.parametrize("name", ["permeability", "leakage", "deterministic", "two_scale", "stochastic"])
+def test_pictures_of_one_panel_are_drawn_into_given_axes(shown, name):
+    figure = Figure()
+    axes = figure.subplots(1, 2)[1]
+    assert shown[name].plot(ax=axes) is figure
+    assert axes.images or axes.lines
+    assert len(figure.axes[0].get_children()) == len(Figure().add_subplot().get_children())
+
+
+@pytest.mark.parametrize("name", ["topography", "contact", "cycle"])
+def test_pictures_of_several_panels_do_not_take_axes(shown, name):
+    with pytest.raises(InputError, match="option 'ax'"):
+        shown[name].plot(ax=Figure().add_subplot())
+
+
+def test_leakages_are_drawn_together(shown):
+    """The unit, the strip of closed loads and the legend are of both."""
+    axes = Figure().add_subplot()
+    q = shown["two_scale"].leakage
+    tight = replace(shown["two_scale"], leakage=np.where(np.arange(q.size) == 1, 0.0, 1e-6 * q))
+    for study, label in ((shown["two_scale"], "rough"), (tight, "smooth")):
+        study.plot(ax=axes, label=label)
+    texts = [text.get_text() for text in axes.get_legend().get_texts()]
+    assert [texts[0], texts[3]] == ["rough", "smooth"]
+    factor, unit = leakage_unit(q)
+    assert unit in axes.get_ylabel()
+    drawn = [line.get_ydata() * factor for line in axes.lines if line.get_label() == "loading"]
+    assert_allclose(drawn, [q[:2], [tight.leakage[0], np.nan]])
+    assert [text.get_text().strip() for text in axes.texts] == ["sealed"]
+    assert len({line.get_color() for line in axes.lines if not line.get_label().startswith("_")}) == 4
+
+
+def test_notebooks_show_pictures(shown):
+    """Without pyplot, at the size of the screen."""
+    formatter = pytest.importorskip("IPython.core.formatters").DisplayFormatter()
+    data, metadata = formatter.format(shown["permeability"].plot(), include=["image/png"])
+    assert data["image/png"].startswith(b"\x89PNG")
+    assert metadata["image/png"]["width"] == 480
+
+
+def test_what_has_no_picture_says_so():
+    class Bare(Shown):
+        pass
+
+    with pytest.raises(InputError, match="plot: given a Bare"):
+        Bare().plot()
 
 
 def test_leakage_of_studies_is_drawn(shown):

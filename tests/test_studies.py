@@ -15,9 +15,10 @@ import femseal.studies.scene
 import femseal.studies.sources
 from femseal import analytic
 from femseal.base.errors import FemsealError, InputError, NotConverged
-from femseal.contact import HalfSpace, LoadStep, load_cycle
+from femseal.contact import HalfSpace, load_states
 from femseal.flow import cell_permeability
 from femseal.fluids import IdealGas, Liquid
+from femseal.loads import LoadProgramme
 from femseal.scales import LinkTable, draw_links
 from femseal.seal import RectangularSeal
 from femseal.studies import Sampling, Scene, StochasticResult, deterministic, stochastic, two_scale
@@ -385,7 +386,8 @@ SAMPLING = Sampling(length=120e-6, realisations=6, library_cells=24, seed=3)
 
 def alone(heights, scene):
     """Permeabilities of a window that a scene's pressures load by itself."""
-    states = load_cycle(-heights, HalfSpace(heights.shape, (PIXEL, PIXEL), MODULUS, "mirror"), **scene.cycle)
+    body = HalfSpace(heights.shape, (PIXEL, PIXEL), MODULUS, "mirror")
+    states = load_states(-heights, body, scene.steps, hardness=scene.hardness, rtol=scene.rtol)
     return np.array([cell_permeability(s.contact.gap, (PIXEL, PIXEL)).value for s in states])
 
 
@@ -420,7 +422,7 @@ class TestDraws:
             surface=Topography(np.tile(high, (2, 3)), (PIXEL, PIXEL)),
         )  # fmt: skip
         result = stochastic(scene, (2, 3), replace(SAMPLING, pressure="global", library_cells=6, length=2e-4))
-        assert not {*scene.cycle["loading"]} & {*result.library.ladder.loading}
+        assert not {*scene.loading} & {*result.library.ladder.loading}
         # of a single window k falls in small jumps, as constrictions close; over many of them the ladder is exacter
         assert_allclose(result.leakage, np.tile(leakage_of(alone(high, scene), scene), (6, 1)), rtol=0.05)
 
@@ -529,9 +531,9 @@ class TestDraws:
 
         for pressure in ("place", "global", "uniform"):
             sampling = replace(SAMPLING, pressure=pressure, library_cells=8)
-            one, other = (stochastic(rough, (4, 6), sampling, map=m) for m in (map, backwards))
+            one, other = (stochastic(rough, (4, 6), sampling, mapper=m) for m in (map, backwards))
             assert_array_equal(one.leakage, other.leakage)
-        assert_array_equal(two_scale(rough, (4, 6), map=backwards).leakage, two_scale(rough, (4, 6)).leakage)
+        assert_array_equal(two_scale(rough, (4, 6), mapper=backwards).leakage, two_scale(rough, (4, 6)).leakage)
 
     def test_the_seed_decides(self, rough):
         """Which cells are in the library, and which of them are drawn."""
@@ -620,7 +622,7 @@ class TestDraws:
 class TestErrorOfTheLibrary:
     """A row of parallel links with ln k normal of deviation σ: all is known in closed form."""
 
-    steps = (LoadStep(1e8),)
+    steps = LoadProgramme.of((1e8,))
 
     def spread(self, cells, links, sigma=0.5, realisations=200):
         rng = np.random.default_rng(4)
@@ -673,7 +675,7 @@ class TestErrorOfTheLibrary:
 
 
 class TestStatistics:
-    steps = (LoadStep(1e8), LoadStep(2e8))
+    steps = LoadProgramme.of((1e8, 2e8))
 
     def result(self, leakage):
         leakage = np.array(leakage, float)
@@ -724,7 +726,7 @@ class TestFailures:
     def test_contact_of_a_window(self, rough, rough_two_scale, monkeypatch):
         """Itself and the links across that reach into it."""
         pressure = rough_two_scale.pressure[1, 0, 4]
-        self.fail(monkeypatch, femseal.scales.window, "solve_with_memory", pressure=pressure)
+        self.fail(monkeypatch, femseal.scales.window, "solve_deformed_contact", pressure=pressure)
         result = two_scale(rough, (4, 6))
         assert result.failures == ("cell (0, 4), loading 300 MPa: did not converge",)
         assert_array_equal(np.isnan(result.leakage), [False, True, False, False, False])
@@ -738,7 +740,7 @@ class TestFailures:
     def test_contact_of_a_window_at_the_peak_takes_its_unloading_along(self, rough, rough_two_scale, monkeypatch):
         window = np.unravel_index(rough_two_scale.pressure[4].argmax(), (4, 6))
         pressure = rough_two_scale.pressure[2][window]
-        self.fail(monkeypatch, femseal.scales.window, "solve_with_memory", pressure=pressure)
+        self.fail(monkeypatch, femseal.scales.window, "solve_deformed_contact", pressure=pressure)
         result = two_scale(rough, (4, 6))
         assert [f.split(", ", 2)[2] for f in result.failures] == [
             "loading 600 MPa: did not converge",
@@ -765,7 +767,7 @@ class TestFailures:
     def test_a_column_with_a_failed_cell_gives_way_to_the_next(self, rough, rough_two_scale, monkeypatch):
         """Of the links across it takes the column before along."""
         pressure = rough_two_scale.pressure[1, 0, 4]
-        self.fail(monkeypatch, femseal.scales.window, "solve_with_memory", pressure=pressure)
+        self.fail(monkeypatch, femseal.scales.window, "solve_deformed_contact", pressure=pressure)
         result = stochastic(rough, (4, 6), SAMPLING)
         assert result.failures == ("cell (0, 4), loading 300 MPa: did not converge",)
         assert np.isfinite(result.leakage).all()
@@ -779,7 +781,7 @@ class TestFailures:
         sampling = replace(SAMPLING, pressure="uniform", library_cells=8)
         whole = stochastic(rough, (4, 6), sampling).library
         counted = []
-        solve = femseal.scales.ladder.solve_with_memory
+        solve = femseal.scales.ladder.solve_deformed_contact
 
         def failing(gap0, *args, **given):
             if not counted or not np.array_equal(counted[-1], gap0):
@@ -788,7 +790,7 @@ class TestFailures:
                 raise NotConverged("did not converge", 1.0)
             return solve(gap0, *args, **given)
 
-        monkeypatch.setattr(femseal.scales.ladder, "solve_with_memory", failing)
+        monkeypatch.setattr(femseal.scales.ladder, "solve_deformed_contact", failing)
         result = stochastic(rough, (4, 6), sampling)
         assert result.failures == ("cell 2: did not converge",)
         assert_array_equal(result.library.curves.k, np.delete(whole.curves.k, 2, axis=0))
@@ -803,7 +805,7 @@ class TestFailures:
 
     def test_a_library_without_any_cell(self, rough, monkeypatch):
         for module in (femseal.scales.window, femseal.scales.ladder):
-            self.fail(monkeypatch, module, "solve_with_memory", calls=range(10**6))
+            self.fail(monkeypatch, module, "solve_deformed_contact", calls=range(10**6))
         for pressure in ("place", "uniform"):
             with pytest.raises(FemsealError, match="every c"):
                 stochastic(rough, (4, 6), replace(SAMPLING, pressure=pressure, library_cells=4))

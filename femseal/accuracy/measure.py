@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 from ..base import validate
 from ..base.errors import FemsealError, InputError
 from ..base.files import made_folder
+from ..base.stage import Mapper
 from ..runs.case import Case, Prepared, load_case
-from ..runs.executor import Map, ordered_map
+from ..runs.executor import ordered_map
 from ..studies import deterministic, stochastic, two_scale
 from ..studies.compare import closing_load, leakage_factor
 from .plan import Plan, Variant, make_plan
@@ -80,7 +81,7 @@ def measure_accuracy(
     return report
 
 
-def _measure(plan: Plan, workers: int, mapper: Map, progress: Progress) -> AccuracyReport:
+def _measure(plan: Plan, workers: int, mapper: Mapper, progress: Progress) -> AccuracyReport:
     leakages: dict[Variant, Array] = {}
     seconds: dict[Variant, float] = {}
     failures: dict[Variant, tuple[str, ...]] = {}
@@ -134,22 +135,22 @@ def _at_resolution(prepared: Prepared, variant: Variant) -> Prepared:
     return replace(prepared, scene=replace(scene, surface=scene.surface.resample(variant.points)))
 
 
-def _solve(prepared: Prepared, variant: Variant, mapper: Map) -> tuple[Array, tuple[str, ...]]:
+def _solve(prepared: Prepared, variant: Variant, mapper: Mapper) -> tuple[Array, tuple[str, ...]]:
     """Leakage at every step, and what failed on the way."""
     scene = prepared.scene
     if variant.cells is None:
-        whole = deterministic(scene, map=mapper)
+        whole = deterministic(scene, mapper=mapper)
         return whole.leakage, whole.failures
     if variant.library_cells is None:
-        windows = two_scale(scene, variant.cells, map=mapper)
+        windows = two_scale(scene, variant.cells, mapper=mapper)
         return windows.leakage, windows.failures
     assert prepared.sampling is not None
     sampling = replace(prepared.sampling, library_cells=variant.library_cells)
-    seals = stochastic(scene, variant.cells, sampling, map=mapper)
+    seals = stochastic(scene, variant.cells, sampling, mapper=mapper)
     return seals.quantile(0.5), seals.failures
 
 
-def _warm_up(prepared: Prepared, variant: Variant, workers: int, mapper: Map) -> None:
+def _warm_up(prepared: Prepared, variant: Variant, workers: int, mapper: Mapper) -> None:
     """A load for each process untimed, so that no time contains the loading of libraries and the planning of FFTs."""
     first = replace(prepared.scene, loading=prepared.scene.loading[:workers], unload_from=(), unloading=())
     sampling = prepared.sampling and replace(prepared.sampling, realisations=workers)

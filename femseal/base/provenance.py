@@ -37,7 +37,7 @@ def numerical_versions() -> dict[str, str]:
     femseal's own has a digest of its source appended, so that edited code is another version.
     """
     source = hashlib.sha256()
-    for path in sorted(Path(__file__).parent.rglob("*.py")):
+    for path in sorted(Path(__file__).parents[1].rglob("*.py")):
         source.update(path.read_bytes())
     found = {
         "femseal": f"{__version__}+{source.hexdigest()[:12]}",

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import fields
 from html import escape
+from importlib import import_module
+from types import ModuleType
 from typing import Any, ClassVar
 
 import numpy as np
@@ -15,7 +17,32 @@ from .quantities import to_text
 _POWERS = str.maketrans("23", "²³")
 
 
-class Shown:
+class Plotted:
+    """Base of everything that has a picture; the pictures are functions in `femseal.plots`, one for each class."""
+
+    __slots__ = ()
+
+    def plot(self, **options: Any) -> Any:
+        """The picture of this result, a matplotlib figure that belongs to no window; it shows itself in a notebook.
+
+        Parameters
+        ----------
+        ax : axes to draw into, where the picture has one panel, so that several results go into one figure.
+        options : of the function in `femseal.plots` that draws this class.
+
+        Raises
+        ------
+        InputError : an option that this picture does not have.
+        """
+        return room("plots").picture(self, **options)
+
+
+def room(name: str) -> ModuleType:
+    """A package of femseal that shows results, such as "plots"; it is loaded when called, since it imports them."""
+    return import_module(f"femseal.{name}")
+
+
+class Shown(Plotted):
     """Base of results, frozen dataclasses whose fields carry `unit` and `long_name` in their metadata.
 
     Numbers are shown with their unit, arrays by their shape and range, steps and failures by their count; fields with

@@ -1,15 +1,6 @@
 """Heights and load in, pressure and gap out: elastic-perfectly plastic contact of a half-space."""
 
-from .cycle import (
-    LoadCycle,
-    LoadState,
-    LoadStep,
-    load_cycle,
-    load_programme,
-    load_states,
-    peak_indices,
-    solve_with_memory,
-)
+from .cycle import LoadCycle, LoadState, load_cycle, load_states, solve_deformed_contact
 from .half_space import HalfSpace
 from .solver import Contact, solve_contact
 
@@ -18,11 +9,8 @@ __all__ = [
     "HalfSpace",
     "LoadCycle",
     "LoadState",
-    "LoadStep",
     "load_cycle",
-    "load_programme",
     "load_states",
-    "peak_indices",
     "solve_contact",
-    "solve_with_memory",
+    "solve_deformed_contact",
 ]

@@ -1,4 +1,4 @@
-"""Loading and unloading with plastic memory.
+"""Contact along a load programme, with the plastic deformation that every peak leaves behind.
 
 First loading is path independent. Unloading from p_u adds the permanent deformation u_p to the gap once and solves with
 the same bounds, so that it returns the state at p_u, coincides with reloading, and meets the virgin curve beyond p_u.
@@ -7,11 +7,11 @@ Source: Sahlin et al., Proc. IMechE J 224, 2010, 335; Pérez-Ràfols et al., 201
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import pairwise
+from functools import partial
 from math import inf
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,41 +19,18 @@ from numpy.typing import ArrayLike
 from ..base import validate
 from ..base.errors import InputError
 from ..base.quantities import to_text
-from ..base.text import fact_table
-from ..plots.drawing import cycle_panel, new_figure
-from ..runs.executor import HeavyTask
+from ..base.stage import Mapper, Stage
+from ..base.text import Plotted, fact_table
+from ..loads import LoadProgramme, LoadStep
 from .half_space import HalfSpace
 from .solver import Contact, hardness_bounds, solve_contact
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-
-#: Fields over all points that the contact of a state takes, with gap, memory and result.
+#: Fields over all points that the contact of a state takes, with gap, plastic deformation and result.
 STATE_FIELDS = 20
 
 
-@dataclass(frozen=True)
-class LoadStep:
-    """One step of a load programme: nominal pressure [Pa] on loading, or on unloading from a peak."""
-
-    pressure: float
-    unloaded_from: float | None = None
-
-    @property
-    def branch(self) -> str:
-        """ "loading" or "unloading"."""
-        return "loading" if self.unloaded_from is None else "unloading"
-
-    @property
-    def name(self) -> str:
-        """Readable name, such as "unloading 200 MPa from 900 MPa"."""
-        end = "" if self.unloaded_from is None else f" from {self.unloaded_from / 1e6:g} MPa"
-        return f"{self.branch} {self.pressure / 1e6:g} MPa{end}"
-
-
 @dataclass(frozen=True, repr=False)
-class LoadState(LoadStep):
+class LoadState(LoadStep, Plotted):
     """A step of a load programme and the contact there.
 
     yielded_again : share of points that unloading deformed further for good; the material flows on where the load
@@ -69,14 +46,8 @@ class LoadState(LoadStep):
     def _repr_html_(self) -> str:
         return f"<p>{self.name}</p>\n{self.contact._repr_html_()}"
 
-    def plot(self) -> Figure:
-        """Maps of contact pressure and gap."""
-        figure = self.contact.plot()
-        figure.suptitle(self.name, fontsize=11)
-        return figure
 
-
-class LoadCycle(tuple[LoadState, ...]):
+class LoadCycle(tuple[LoadState, ...], Plotted):
     """The states of a load cycle, a tuple that shows itself."""
 
     __slots__ = ()
@@ -92,63 +63,6 @@ class LoadCycle(tuple[LoadState, ...]):
             shares = (f"{share:.1%}" for share in (c.area_fraction, c.plastic_fraction))
             lines.append((state.name, *shares, to_text(c.mean_gap, "m"), f"{c.residual:.1e}"))
         return fact_table("load cycle", lines, head)
-
-    def plot(self) -> Figure:
-        """Share in contact and mean gap against nominal pressure."""
-        figure = new_figure(9.6, 4.0)
-        left, right = figure.subplots(1, 2)
-        cycle_panel(left, self, np.array([100 * s.contact.area_fraction for s in self]), "share in contact [%]")
-        cycle_panel(right, self, np.array([s.contact.mean_gap * 1e6 for s in self]), "mean gap [µm]")
-        left.legend(fontsize=8.5, frameon=False)
-        return figure
-
-
-def load_programme(
-    loading: Sequence[float], unload_from: Sequence[float] = (), unloading: Sequence[float] = ()
-) -> tuple[LoadStep, ...]:
-    """Steps of a cycle: the loading curve, with every peak on it, then each unloading in falling order.
-
-    Parameters
-    ----------
-    loading : rising nominal pressures >= 0 [Pa].
-    unload_from : pressures from which the seal is unloaded [Pa]; those not in `loading` are added to it.
-    unloading : nominal pressures to stop at on the way down [Pa]; each peak uses those below it.
-
-    Raises
-    ------
-    InputError : an empty or falling list, negative or non-finite pressures, a peak with nothing below it.
-    """
-    loading, unload_from, unloading = (
-        _pressures(name, values)
-        for name, values in (("loading", loading), ("unload_from", unload_from), ("unloading", unloading))
-    )
-    if len(loading) == 0:
-        raise InputError.of("loading", "an empty list", "at least one pressure [Pa]")
-    if any(b <= a for a, b in pairwise(loading)):
-        raise InputError.of("loading", loading, "rising pressures")
-    if len(unloading) and not len(unload_from):
-        raise InputError.of("unload_from", "an empty list", "at least one pressure where `unloading` is given")
-    steps = [LoadStep(p) for p in sorted({*loading, *unload_from})]
-    for peak in sorted(set(unload_from)):
-        below = sorted({p for p in unloading if p < peak}, reverse=True)
-        if not below:
-            raise InputError.of("unloading", unloading, f"at least one pressure below the peak {peak:g} Pa")
-        steps += [LoadStep(p, peak) for p in below]
-    return tuple(steps)
-
-
-def peak_indices(steps: Sequence[LoadStep]) -> np.ndarray:
-    """Number of the loading step from which each step is unloaded; on loading its own."""
-    loading = {s.pressure: n for n, s in enumerate(steps) if s.unloaded_from is None}
-    return np.array([n if s.unloaded_from is None else loading[s.unloaded_from] for n, s in enumerate(steps)])
-
-
-def _pressures(name: str, values: Sequence[float]) -> list[float]:
-    try:
-        return [validate.number(name, p, unit="Pa", inclusive=True) for p in values]
-    except (TypeError, InputError):
-        given = values if isinstance(values, str) or not np.iterable(values) else list(values)
-        raise InputError.of(name, given, "a list of finite pressures >= 0 [Pa]") from None
 
 
 def load_cycle(
@@ -167,83 +81,73 @@ def load_cycle(
     ----------
     gap0 : undeformed gap (n1, n2) [m].
     half_space : elastic body and grid.
-    loading, unload_from, unloading : nominal pressures [Pa], see `load_programme`.
+    loading, unload_from, unloading : nominal pressures [Pa], see `LoadProgramme.of`.
     hardness : H [Pa], a number or one per point.
     rtol : residual of each solution, see `solve_contact`.
 
     Returns
     -------
-    The states in the order of `load_programme`. On unloading, `plastic_deformation` is the permanent deformation
+    The states in the order of the programme. On unloading, `plastic_deformation` is the permanent deformation
     left by the peak, plus what a further yielding added.
 
     Raises
     ------
     InputError, NotConverged : as `solve_contact`; the whole programme is checked before anything is solved.
     """
-    return LoadCycle(
-        load_states(
-            gap0,
-            half_space,
-            loading=loading,
-            hardness=hardness,
-            unload_from=unload_from,
-            unloading=unloading,
-            rtol=rtol,
-        )
-    )
+    programme = LoadProgramme.of(loading, unload_from, unloading)
+    return LoadCycle(load_states(gap0, half_space, programme, hardness=hardness, rtol=rtol))
 
 
 def load_states(
     gap0: ArrayLike,
     half_space: HalfSpace,
+    programme: LoadProgramme,
     *,
-    loading: Sequence[float],
     hardness: float | ArrayLike = inf,
-    unload_from: Sequence[float] = (),
-    unloading: Sequence[float] = (),
     rtol: float = 1e-6,
     take: Callable[[LoadState], Any] | None = None,
     memory: float | None = None,
-    map: Callable[..., Iterable[Any]] = map,
+    mapper: Mapper = map,
 ) -> Iterator[Any]:
-    """The states of `load_cycle` one after another, checked at once and solved when asked for, none of them kept.
+    """The contact states of a programme one after another, checked at once and solved when asked for, none kept.
 
     Parameters
     ----------
+    programme : the load steps; the others are as in `load_cycle`.
     take : what to give of each state instead of the state itself, worked out where that is solved.
-    memory : that a state takes with `take` [byte], unless given that of the contact; a map over processes solves no
-        more at once than fit.
-    map : how to solve states that do not depend on each other, in order: those of loading, then those of unloading.
+    memory : that a state takes with `take` [byte], unless given that of the contact; a mapper over processes solves
+        no more at once than fit.
+    mapper : how to solve states that do not depend on each other, in order: those of loading, then those of unloading.
     """
-    steps = load_programme(loading, unload_from, unloading)
-    highest = max(s.pressure for s in steps)
+    highest = float(programme.pressures.max())
     if highest > (limit := float(hardness_bounds(hardness, half_space.shape).mean())) * (1 + 1e-12):
         raise InputError.of("loading", f"{highest:g} Pa", f"at most the mean hardness, {limit:g} Pa")
     gap0 = validate.field("gap0", gap0, unit="m", shape=half_space.shape, copy=False)
-    task = HeavyTask(_state, gap0=gap0, half_space=half_space, hardness=hardness, rtol=rtol, take=take)
-    task.memory = 8.0 * STATE_FIELDS * gap0.size if memory is None else memory
-    return _solved(task, steps, map)
+    solve = partial(_state, gap0=gap0, half_space=half_space, hardness=hardness, rtol=rtol, take=take)
+    if memory is None:
+        memory = 8.0 * STATE_FIELDS * gap0.size
+    return _solved(Stage("contact of the whole face", solve, memory), programme, mapper)
 
 
-def _solved(task: Callable[..., Any], steps: Sequence[LoadStep], map: Callable[..., Iterable[Any]]) -> Iterator[Any]:
-    peaks = {step.unloaded_from for step in steps}
-    loading = [step for step in steps if step.unloaded_from is None]
-    unloading = steps[len(loading) :]
+def _solved(stage: Stage, programme: LoadProgramme, mapper: Mapper) -> Iterator[Any]:
+    peaks = programme.unload_from
+    loading = [step for step in programme if step.unloaded_from is None]
+    unloading = programme[len(loading) :]
     left: dict[float | None, np.ndarray] = {}
-    for step, (taken, deformation) in zip(
-        loading, map(task, loading, [step.pressure in peaks for step in loading]), strict=True
-    ):
+    is_peak = [step.pressure in peaks for step in loading]
+    for step, (taken, deformation) in zip(loading, mapper(stage, loading, is_peak), strict=True):
         if deformation is not None:
             left[step.pressure] = deformation
         yield taken
-    for taken, _ in map(task, unloading, [False] * len(unloading), (left[step.unloaded_from] for step in unloading)):
+    deformations = (left[step.unloaded_from] for step in unloading)
+    for taken, _ in mapper(stage, unloading, [False] * len(unloading), deformations):
         yield taken
 
 
 def _state(
     step: LoadStep,
     peak: bool,
-    memory: np.ndarray | None = None,
+    deformation: np.ndarray | None = None,
     *,
     gap0: np.ndarray,
     half_space: HalfSpace,
@@ -252,32 +156,44 @@ def _state(
     take: Callable[[LoadState], Any] | None,
 ) -> tuple[Any, np.ndarray | None]:
     """What is taken of a state, and the permanent deformation that a peak leaves."""
-    contact = solve_with_memory(gap0, half_space, memory, pressure=step.pressure, hardness=hardness, rtol=rtol)
-    again = 0.0 if memory is None else _yielded_again(contact, memory, rtol)
+    contact = solve_deformed_contact(
+        gap0, half_space, deformation, pressure=step.pressure, hardness=hardness, rtol=rtol
+    )
+    again = 0.0 if deformation is None else _yielded_again(contact, deformation, rtol)
     state = LoadState(step.pressure, step.unloaded_from, contact=contact, yielded_again=again)
     return state if take is None else take(state), contact.plastic_deformation if peak else None
 
 
-def _yielded_again(contact: Contact, memory: np.ndarray, rtol: float) -> float:
+def _yielded_again(contact: Contact, deformation: np.ndarray, rtol: float) -> float:
     """Share of points whose permanent deformation grew, beyond what the residual leaves open."""
     # the displacement of a pixel under the hardness is about pressure / stiffness
     spacing = contact.half_space.spacing
     depth = 4 * max(spacing) * float(contact.pressure.max()) / (np.pi * contact.half_space.modulus)
-    grown = contact.plastic_deformation - memory > 100 * rtol * depth
+    grown = contact.plastic_deformation - deformation > 100 * rtol * depth
     return float(np.count_nonzero(grown) / grown.size)
 
 
-def solve_with_memory(
+def solve_deformed_contact(
     gap0: np.ndarray,
     half_space: HalfSpace,
-    memory: np.ndarray | None,
+    deformation: np.ndarray | None,
     *,
     pressure: float,
     hardness: float | ArrayLike,
     rtol: float,
 ) -> Contact:
-    """`solve_contact` on a gap to which a permanent deformation is added first; it stays part of the result's."""
-    if memory is None:
+    """`solve_contact` of faces that an earlier load has deformed for good.
+
+    Parameters
+    ----------
+    gap0 : gap (n1, n2) before any load [m].
+    deformation : plastic deformation (n1, n2) >= 0 left by the earlier load [m]; None without one.
+
+    Returns
+    -------
+    The contact; its `plastic_deformation` is the earlier one plus what this load adds.
+    """
+    if deformation is None:
         return solve_contact(gap0, half_space, pressure=pressure, hardness=hardness, rtol=rtol)
-    contact = solve_contact(gap0 + memory, half_space, pressure=pressure, hardness=hardness, rtol=rtol)
-    return replace(contact, plastic_deformation=contact.plastic_deformation + memory)
+    contact = solve_contact(gap0 + deformation, half_space, pressure=pressure, hardness=hardness, rtol=rtol)
+    return replace(contact, plastic_deformation=contact.plastic_deformation + deformation)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import threading
 from dataclasses import dataclass, field
 from math import inf
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,13 +17,9 @@ from numpy.typing import ArrayLike, NDArray
 from ..base import validate
 from ..base.errors import InputError, NotConverged
 from ..base.text import Shown
-from ..plots.drawing import map_height, map_panel, new_figure, with_closed
 from . import kernels
 from .grid import Grid, nested_grids
 from .half_space import HalfSpace
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 Array = NDArray[np.float64]
 _COARSE_RTOL = 1e-2
@@ -92,18 +88,6 @@ class Contact(Shown):
     def raw_gap(self) -> Array:
         """Gap between the undeformed-but-elastically-displaced faces [m]; negative where they deformed for good."""
         return self.gap - self.plastic_deformation
-
-    def plot(self) -> Figure:
-        """Maps of contact pressure and gap; grey: no contact, contact."""
-        sides = tuple(n * d * 1e3 for n, d in zip(self.gap.shape, self.half_space.spacing, strict=True))
-        panel = map_height((sides[0], sides[1]), 4.4)
-        figure = new_figure(11.0, panel + 0.9)
-        left, right = figure.subplots(1, 2)
-        pressure, gap = (np.where(a > 0, a, np.nan) for a in (self.pressure / 1e6, self.gap * 1e6))
-        size = sides[0], sides[1]
-        map_panel(left, pressure, size, with_closed("viridis"), "contact pressure [MPa]; grey: no contact")
-        map_panel(right, gap, size, with_closed("magma"), "gap [µm]; grey: contact")
-        return figure
 
 
 def solve_contact(

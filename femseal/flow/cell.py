@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.sparse as sp
@@ -19,15 +18,11 @@ from numpy.typing import ArrayLike, NDArray
 from ..base import validate
 from ..base.errors import InputError, NotConverged
 from ..base.text import Shown
-from ..plots.drawing import map_height, map_panel, new_figure, with_closed
 from .bounds import pixel_bounds
 from .conductance import conductances_between, validated_cell, validated_gap
 from .connectivity import winding_components
 from .linear import solve_spd
 from .network import MAX_IMBALANCE, solve_network
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 Array = NDArray[np.float64]
 
@@ -51,14 +46,6 @@ class Permeability(Shown):
     iterations: int
     residual: float
     fluid_pressure: Array = field(metadata={"unit": "1", "long_name": "fluid pressure for a unit drop"}, repr=False)
-
-    def plot(self) -> Figure:
-        """Map of the fluid pressure for a unit drop."""
-        shape = self.fluid_pressure.shape
-        figure = new_figure(6.0, map_height(shape, 4.6) + 0.9)
-        title = "fluid pressure for a unit drop; grey: contact, pockets"
-        map_panel(figure.add_subplot(), self.fluid_pressure, shape, with_closed("cividis"), title, "pixels")
-        return figure
 
 
 def cell_permeability(

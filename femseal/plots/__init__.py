@@ -1,1 +1,26 @@
-"""Pictures of everything that can be shown; matplotlib is imported here and nowhere below."""
+"""Pictures of everything that can be shown; nothing below this package draws.
+
+`picture(result)` is what `result.plot()` gives: each function below is the picture of one class, or one more picture of
+a run. matplotlib is loaded when something is drawn.
+"""
+
+from .cell_curves import cells_figure
+from .heights import heights_figure
+from .leakage_curves import leakage_figure
+from .maps import seal_figure
+from .registry import picture
+from .solutions import contact_figure, cycle_figure, permeability_figure, seal_leakage_figure
+from .surface import survey_figure
+
+__all__ = [
+    "cells_figure",
+    "contact_figure",
+    "cycle_figure",
+    "heights_figure",
+    "leakage_figure",
+    "permeability_figure",
+    "picture",
+    "seal_figure",
+    "seal_leakage_figure",
+    "survey_figure",
+]

@@ -6,14 +6,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..topography import Topography
 from .drawing import STYLES, map_panel, new_figure
+from .registry import shows
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from ..topography.topography import Topography
 
-
+@shows(Topography)
 def heights_figure(topography: Topography) -> Figure:
     """Heights, their profiles through the middle, and the spectral density of profiles along both axes.
 

@@ -1,1 +1,6 @@
-"""One self-contained page of a run."""
+"""What a run leaves for people: the folder of all files, and one self-contained page."""
+
+from .folder import write_folder
+from .page import write_report
+
+__all__ = ["write_folder", "write_report"]

@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..base.quantities import to_text
-from ..plots.curves import cell_curves_panel, cells_of, gap_panel, leakage_curves, pressure_panel
-from ..plots.drawing import leakage_panel, map_height, new_figure
+from ..plots.cell_curves import cell_curves_panel, cells_of, gap_panel, pressure_panel
+from ..plots.drawing import map_height, new_figure
+from ..plots.leakage_curves import leakage_curves, leakage_panel
 from ..plots.maps import contact_panel, default_step, drop_panel, fluid_panel, permeability_panel, seal_size
 from ..results.tables import amount, leakage_unit
 

@@ -1,27 +1,12 @@
-"""Results out: one dataset as netCDF, tables, pictures, and files for ParaView.
+"""Results out: one dataset as netCDF, tables, and files for ParaView.
 
-`assemble` gathers the studies of a scene into `Results`; `write_folder` writes everything there is to look at, `save`
-and `open_results` the dataset alone. Libraries for files and pictures are loaded when first needed.
+`assemble` gathers the studies of a scene into `Results`; `save` and `open_results` write and read the dataset.
+Pictures and pages of results are made above, in `plots` and `report`.
 """
 
-from .folder import write_folder
-from ..plots.maps import seal_figure
-from ..plots.curves import cells_figure, leakage_figure
-from ..report.page import write_report
-from .results import Results, assemble, open_results, save
-from ..plots.surface import survey_figure
+from .dataset import assemble
+from .netcdf import open_results, save
+from .results import Results
 from .vtk import write_vtk
 
-__all__ = [
-    "Results",
-    "assemble",
-    "cells_figure",
-    "leakage_figure",
-    "open_results",
-    "save",
-    "seal_figure",
-    "survey_figure",
-    "write_folder",
-    "write_report",
-    "write_vtk",
-]
+__all__ = ["Results", "assemble", "open_results", "save", "write_vtk"]

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..base.errors import InputError
 from ..base.quantities import to_si, to_text
-from ..plots.drawing import branches
+from .branches import branches
 
 if TYPE_CHECKING:
     import xarray

@@ -244,7 +244,7 @@ class SolidTable(_Table):
 
 
 class LoadTable(_Table):
-    """Nominal pressures of the cycle, see `contact.load_programme`."""
+    """Nominal pressures of the cycle, see `loads.LoadProgramme`."""
 
     loading: Annotated[tuple[Pressure, ...], Field(min_length=1)]
     unload_from: tuple[Pressure, ...] = ()

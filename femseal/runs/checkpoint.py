@@ -20,7 +20,7 @@ import pickle
 import shutil
 import time
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass
 from itertools import islice
@@ -29,8 +29,8 @@ from typing import Any
 
 from ..base.errors import FemsealError, InputError
 from ..base.files import replacing
+from ..base.stage import Mapper, Stage
 from ..contact import plans
-from .executor import Map
 
 log = logging.getLogger("femseal.runs.checkpoint")
 #: Subfolder of the output folder.
@@ -120,6 +120,7 @@ class Checkpoint:
         self._key = hashlib.sha256(text.encode()).hexdigest()
         self._folder = output / FOLDER
         self._stages = 0
+        self._stage = ""
         self._pending: list[bytes] = []
         self._start = 0
         self._since = time.monotonic()
@@ -152,14 +153,15 @@ class Checkpoint:
         finally:
             self._scope.close()
 
-    def over(self, mapper: Map) -> Map:
+    def over(self, mapper: Mapper) -> Mapper:
         """The same map, whose items are kept, and computed only where they are not."""
 
-        def mapping(function: Callable[..., Any], *iterables: Iterable[Any]) -> Iterator[Any]:
+        def mapping(stage: Stage, *iterables: Iterable[Any]) -> Iterator[Any]:
             self._stages += 1
+            self._stage = stage.name
             shards = deque(self._intact())
             left = (_left(iterable, list(shards)) for iterable in iterables)
-            computed = iter(mapper(function, *left))
+            computed = iter(mapper(stage, *left))
             self._start, self._since = 0, time.monotonic()
             while True:
                 if shards and shards[0].start == self._start + len(self._pending):
@@ -194,7 +196,7 @@ class Checkpoint:
             if (used := plans.known()) != self._plans:
                 _write(self._folder / PLANS, _sealed(pickle.dumps(used, protocol=5)))
                 self._plans = used
-            _write(shard.path, _sealed(pickle.dumps((self._key, items), protocol=5)))
+            _write(shard.path, _sealed(pickle.dumps((self._key, self._stage, items), protocol=5)))
         except OSError as error:
             raise self._failure(error) from error
         self._start, self._since = shard.stop, time.monotonic()
@@ -217,13 +219,13 @@ class Checkpoint:
         for path in sorted(self._folder.glob(f"{self._stages:03d}-*.shard")):
             shard = _Shard.at(path)
             try:
-                intact = shard.content()[0] == self._key
+                intact = shard.content()[:2] == (self._key, self._stage)
             except (OSError, ValueError):
                 intact = False
             if intact:
                 yield shard
             else:
-                log.warning("checkpoint: %s is damaged; its items are computed again", path)
+                log.warning("checkpoint: %s is damaged; its items are computed again (%s)", path, self._stage)
                 path.unlink(missing_ok=True)
 
     def _failure(self, error: OSError) -> FemsealError:
@@ -252,13 +254,13 @@ class _Shard:
         start, stop = (int(n) for n in path.stem.split("-")[1:])
         return cls(path, start, stop)
 
-    def content(self) -> tuple[str, list[bytes]]:
-        """Key of the run and pickled items; ValueError where the file is damaged."""
+    def content(self) -> tuple[str, str, list[bytes]]:
+        """Key of the run, name of the stage and pickled items; ValueError where the file is damaged."""
         return pickle.loads(_unsealed(self.path.read_bytes()))
 
     def items(self) -> Iterator[Any]:
         """The items."""
-        return map(pickle.loads, self.content()[1])
+        return map(pickle.loads, self.content()[2])
 
 
 def _left(iterable: Iterable[Any], shards: list[_Shard]) -> Iterator[Any]:

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import asyncio
 import logging
-import math
 import os
 import pickle
 import signal
@@ -26,14 +25,14 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..base.errors import FemsealError, InputError
 from ..base.machine import free_memory
 from ..base.provenance import numerical_versions
+from ..base.shared_array import sharing
+from ..base.stage import Mapper, Stage
 
 log = logging.getLogger("femseal.runs.executor")
-Map = Callable[..., Iterable[Any]]
 #: For each of these a cluster has so long [s]: to answer, to accept a client.
 ANSWER_SECONDS = 5
 #: So long a cluster may be without any worker, before the first one or after the last [s].
@@ -47,14 +46,12 @@ UNDER_WAY = 2
 #: Memory that processes of this machine keep when it is freed [bytes]: to get each result's anew costs as much as to
 #: send it. For the GNU C library.
 KEPT_MEMORY = {"MALLOC_TRIM_THRESHOLD_": str(2**25), "MALLOC_MMAP_THRESHOLD_": str(2**25)}
-#: File descriptors of what is shared, for each map over processes that is under way.
-_shared: list[list[int]] = []
 #: How often a task is sent again when the cluster loses what it needs.
 RETRIES = 10
 
 
 @contextmanager
-def ordered_map(workers: int | None = None, scheduler: str | None = None) -> Iterator[Map]:
+def ordered_map(workers: int | None = None, scheduler: str | None = None) -> Iterator[Mapper]:
     """A map whose results come in the order of its arguments, whoever computes them.
 
     Parameters
@@ -81,55 +78,15 @@ def ordered_map(workers: int | None = None, scheduler: str | None = None) -> Ite
             yield map
         else:
             try:
-                with _memory_to_share():
+                with sharing():
                     yield partial(_over_processes, count)
             except BaseException:
                 _end_processes(count)
                 raise
 
 
-class HeavyTask(partial[Any]):
-    """A function that takes much memory: a map over processes of this machine computes no more at once than fit.
-
-    memory : of each call [byte].
-    """
-
-    memory = 0.0
-
-
-@contextmanager
-def _memory_to_share() -> Iterator[None]:
-    """Arrays of `shared_empty` are shared meanwhile."""
-    _shared.append([])
-    try:
-        yield
-    finally:
-        for descriptor in _shared.pop():
-            os.close(descriptor)
-
-
-def shared_empty(shape: tuple[int, ...], dtype: Any) -> NDArray[Any]:
-    """An array of undefined values, like that of numpy.
-
-    Where a map over processes of this machine is under way, and the system is Linux, its views go to them and come back
-    by reference: what a process writes is written here. The memory is given back with the last view, also of a killed
-    run.
-    """
-    size = math.prod(shape) * np.dtype(dtype).itemsize
-    if not _shared or not size or not hasattr(os, "memfd_create"):
-        return np.empty(shape, dtype)
-    try:
-        descriptor = os.memfd_create("femseal")
-        _shared[-1].append(descriptor)
-        os.ftruncate(descriptor, size)
-        # joblib passes views of mapped files on by the name of the file
-        return np.memmap(f"/proc/{os.getpid()}/fd/{descriptor}", dtype, "r+", shape=shape)
-    except OSError:  # no such files, or no more of them
-        return np.empty(shape, dtype)
-
-
-def _over_processes(count: int, function: Callable[..., Any], *iterables: Iterable[Any]) -> Iterator[Any]:
-    """The function goes to the processes through a file that each reads once, the items in batches."""
+def _over_processes(count: int, stage: Stage, *iterables: Iterable[Any]) -> Iterator[Any]:
+    """The stage goes to the processes through a file that each reads once, the items in batches."""
     import joblib
     from joblib.externals.loky.process_executor import TerminatedWorkerError
 
@@ -138,12 +95,12 @@ def _over_processes(count: int, function: Callable[..., Any], *iterables: Iterab
     if not first:
         return
     with TemporaryDirectory(prefix="femseal-") as folder:
-        path = Path(folder, "function.pickle")
-        path.write_bytes(pickle.dumps(function, protocol=5))
+        path = Path(folder, "stage.pickle")
+        path.write_bytes(pickle.dumps(stage, protocol=5))
         with joblib.parallel_config("loky", inner_max_num_threads=1), _children():
             under_way: Any = "2 * n_jobs"
-            if memory := getattr(function, "memory", 0.0):
-                under_way = int(np.clip(FREE_SHARE * free_memory() / memory, 1, 2 * count))
+            if stage.memory:
+                under_way = int(np.clip(FREE_SHARE * free_memory() / stage.memory, 1, 2 * count))
             pool = joblib.Parallel(return_as="generator", n_jobs=count, pre_dispatch=under_way)
             call = joblib.delayed(_call_stored)
             results = pool(call(os.getpid(), str(path), *args) for args in chain(first, items))
@@ -263,16 +220,16 @@ def _connected(scheduler: str) -> Any:
     return client
 
 
-def _on_cluster(client: Any, function: Callable[..., Any], *iterables: Iterable[Any]) -> Iterator[Any]:
-    """The function goes to the workers once; a few batches of items for each thread are under way at a time."""
+def _on_cluster(client: Any, stage: Stage, *iterables: Iterable[Any]) -> Iterator[Any]:
+    """The stage goes to the workers once; a few batches of items for each thread are under way at a time."""
     items = zip(*iterables, strict=False)
-    function_there = _scattered(client, function)
+    stage_there = _scattered(client, stage)
     under_way: deque[tuple[list[Any], Any]] = deque()
     size = 1
     while True:
         wanted = UNDER_WAY * max(1, _threads(client))
         while len(under_way) < wanted and (batch := list(islice(items, size))):
-            under_way.append((batch, _submit(client, function_there, batch)))
+            under_way.append((batch, _submit(client, stage_there, batch)))
         if not under_way:
             return
         batch, task = under_way.popleft()
@@ -282,9 +239,9 @@ def _on_cluster(client: Any, function: Callable[..., Any], *iterables: Iterable[
                 break
             except CancelledError:
                 # all workers that had the function are gone
-                if function_there.status != "finished":
-                    function_there = _scattered(client, function)
-                task = _submit(client, function_there, batch)
+                if stage_there.status != "finished":
+                    stage_there = _scattered(client, stage)
+                task = _submit(client, stage_there, batch)
         else:
             raise FemsealError(f"scheduler: the workers of a task died {RETRIES} times, as when memory runs out")
         size = min(2 * size, max(1, round(TASK_SECONDS * len(batch) / max(seconds, 1e-6))))

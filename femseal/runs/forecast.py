@@ -70,7 +70,7 @@ def describe(case: Case, prepared: Prepared) -> list[str]:
             costs.append(stochastic_cost(steps, surface.shape, prepared.cells, sampling, (n1, n2)))
     seconds, memory = (sum(cost) for cost in zip(*costs, strict=True))
     lines.append(_line("expected", f"{_duration(seconds)}; {memory / 1e9:.1f} GB of memory"))
-    if not any(Path(__file__).parent.rglob("__pycache__/*.nbi")):
+    if not any(Path(__file__).parents[1].rglob("__pycache__/*.nbi")):
         lines.append(_line("", "the first run after an installation compiles besides, for a minute or two"))
     lines.append(_line("disk", _disk_text(disk(case, prepared), steps)))
     return lines

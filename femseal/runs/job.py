@@ -15,27 +15,20 @@ from typing import Any
 
 from ..base.errors import FemsealError, InputError
 from ..base.provenance import numerical_versions
-from ..results import Results, assemble, write_folder
+from ..base.stage import Mapper, Stage
+from ..report import write_folder
+from ..results import Results, assemble
 from ..studies import deterministic, stochastic, two_scale
 from . import checkpoint
 from .case import Case, FileFace, Prepared, load_case
 from .checkpoint import Checkpoint
-from .executor import Map, ordered_map
+from .executor import ordered_map
 
 log = logging.getLogger("femseal")
 #: Called as progress(stage, done, total); total is None where it is not known.
 Progress = Callable[[str, int, int | None], None]
 #: Time between two lines of the log on a stage that is under way [s].
 LOG_SECONDS = 60.0
-#: What the parts of a study do, by the function that does it.
-_PARTS = {
-    "state": "contact of the whole face",
-    "respond": "contact of windows",
-    "flow_history": "flow in windows",
-    "cell": "library windows",
-    "realise": "drawn seals",
-    "resolved_permeability": "flow of the whole face",
-}
 
 
 def run(
@@ -65,7 +58,7 @@ def run(
     InputError : the case or an argument cannot be used, the checkpoint is of another case, other face files or other
         versions, or the folder holds an unfinished run without `resume`; nothing has been written then.
     FemsealError : a computation failed as a whole, or a file could not be written: what is computed stays in the
-        folder, and `resume` goes on from there. Single cells that fail are listed in `Results.warnings`.
+        folder, and `resume` goes on from there. Single cells that fail are listed in `Results.failures`.
     """
     if not isinstance(case, Case):
         case = load_case(case)
@@ -106,7 +99,7 @@ def run(
         return replace(results, folder=folder)
 
 
-def _run(case: Case, prepared: Prepared, faces: dict[str, str], mapper: Map, progress: Progress) -> Results:
+def _run(case: Case, prepared: Prepared, faces: dict[str, str], mapper: Mapper, progress: Progress) -> Results:
     scene, cells = prepared.scene, prepared.cells
     log.info("case %s: surface %s", case.title or "without title", scene.surface)
     if prepared.choice:
@@ -122,15 +115,15 @@ def _run(case: Case, prepared: Prepared, faces: dict[str, str], mapper: Map, pro
         # what is not divided, first of all the contact of the whole face, is under way too
         progress(method, 0, 1)
         if method == "deterministic":
-            studies["deterministic"] = deterministic(scene, map=watched)
+            studies["deterministic"] = deterministic(scene, mapper=watched)
         elif method == "two-scale":
             assert cells is not None
-            studies["two_scale"] = two_scale(scene, cells, flow=case.two_scale_flow, map=watched)
+            studies["two_scale"] = two_scale(scene, cells, flow=case.two_scale_flow, mapper=watched)
         else:
             assert cells is not None
             assert prepared.sampling is not None
             studies["stochastic"] = stochastic(
-                scene, cells, prepared.sampling, two_scale=studies.get("two_scale"), map=watched
+                scene, cells, prepared.sampling, two_scale=studies.get("two_scale"), mapper=watched
             )
         timings[method] = time.perf_counter() - start
         progress(method, 1, 1)
@@ -144,8 +137,8 @@ def _run(case: Case, prepared: Prepared, faces: dict[str, str], mapper: Map, pro
         quantiles=case.stochastic.quantiles if case.stochastic else (0.05, 0.95),
     )
     results.dataset.attrs["face_files"] = json.dumps(faces)
-    for warning in results.warnings:
-        log.warning("%s", warning)
+    for text in [*results.warnings, *results.failures]:
+        log.warning("%s", text)
     return results
 
 
@@ -221,26 +214,25 @@ def _log_file(folder: Path, append: bool) -> Iterator[None]:
         handler.close()
 
 
-def _watched(mapper: Map, stage: str, progress: Progress, timings: dict[str, float]) -> Map:
-    """The same map, telling how far it is, and adding up its wall times [s]."""
+def _watched(mapper: Mapper, study: str, progress: Progress, timings: dict[str, float]) -> Mapper:
+    """The same mapper, telling how far each stage of a study is, and adding up their wall times [s]."""
 
-    def mapping(function: Callable[..., Any], *iterables: Iterable[Any]) -> Iterator[Any]:
+    def mapping(stage: Stage, *iterables: Iterable[Any]) -> Iterator[Any]:
         total = min((len(i) for i in iterables if isinstance(i, Sized)), default=None)
-        called = getattr(getattr(function, "func", function), "__name__", "").strip("_")
-        name = _PARTS.get(called, called.replace("_", " "))
-        progress(f"{stage}: {name}", 0, total)
+        name = f"{study}: {stage.name}"
+        progress(name, 0, total)
         start = said = time.monotonic()
         done = done_then = 0
-        for done, item in enumerate(mapper(function, *iterables), start=1):
-            progress(f"{stage}: {name}", done, total)
+        for done, item in enumerate(mapper(stage, *iterables), start=1):
+            progress(name, done, total)
             yield item
             if (now := time.monotonic()) - said >= LOG_SECONDS:
                 rate = (done - done_then) / (now - said)
                 left = "" if total is None else f", {(total - done) / rate:.0f} s left"
-                log.info("%s: %s %d of %s, %.3g/s%s", stage, name, done, total or "?", rate, left)
+                log.info("%s %d of %s, %.3g/s%s", name, done, total or "?", rate, left)
                 said, done_then = now, done
         seconds = time.monotonic() - start
-        timings[f"{stage}: {name}"] = timings.get(f"{stage}: {name}", 0.0) + seconds
-        log.info("%s: %s %d in %.1f s", stage, name, done, seconds)
+        timings[name] = timings.get(name, 0.0) + seconds
+        log.info("%s %d in %.1f s", name, done, seconds)
 
     return mapping

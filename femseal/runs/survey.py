@@ -8,7 +8,7 @@ from typing import Any
 
 from ..base.errors import InputError
 from ..base.quantities import to_si, to_text
-from ..results import survey_figure
+from ..plots import survey_figure
 from ..topography import Conditioning, SurfaceReport, condition, describe_surface, read_topography
 
 _PICTURES = (".png", ".pdf", ".svg")

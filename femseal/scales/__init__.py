@@ -1,9 +1,11 @@
 """Two scales: windows of a surface, their response along a load cycle, a library of them, and draws from it."""
 
 from .curves import CellCurves
+from .dissipation import window_dissipation
+from .global_contact import GlobalState, global_states
 from .ladder import Cell, Ladder, follow
 from .library import LadderLibrary, LibraryTable, WindowSource, build_ladder_library, on_ladder
-from .partition import GlobalState, Partition, global_states
+from .partition import Partition
 from .sampling import SAMPLERS, LinkTable, correlation_length, draw_links
 from .window import WindowHistory, respond
 
@@ -26,4 +28,5 @@ __all__ = [
     "global_states",
     "on_ladder",
     "respond",
+    "window_dissipation",
 ]

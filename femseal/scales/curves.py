@@ -84,7 +84,7 @@ class CellCurves:
             return self.loaded(np.zeros_like(gap))
         last = self.ladder.separations[-1]
         wide = np.maximum(gap, last)
-        beyond = wide**3 / 12 * (1 - 1.5 * (self.rms_height / wide) ** 2)
+        beyond = wide / 12 * (wide**2 - 1.5 * self.rms_height**2)
         return np.where(gap <= last, np.exp(self._rigid(-np.maximum(gap, self.ladder.separations[0]))), beyond)
 
     def unloaded(self, pressure: Array, peak: Array) -> Array:
@@ -94,35 +94,51 @@ class CellCurves:
         share = np.clip(pressure / peak, 0.0, 1.0)
         knots = np.r_[0.0, self.cell.peaks]
         upper = np.clip(np.searchsorted(knots, peak), 1, knots.size - 1)
-        closing = self.loading.end**3 if self.loading.end > -np.inf else 0.0
-        opens = np.array([min(curve.end, 1.0) for curve in self._unloading])
+        closing = self._closing_root**3
+        opens = np.array([_reopening(curve) for curve in self._unloading])
         # below the closing pressure a peak leaves the cell open: the share at which it opens again falls from 1 there
         start = np.clip(closing, knots[upper - 1], knots[upper])
         before = np.where(closing > knots[upper - 1], 1.0, np.r_[1.0, opens][upper - 1])
         span = knots[upper] - start
         way = np.divide(peak - start, span, out=np.zeros(peak.shape), where=span > 0)
         reopening = np.where(peak <= closing, 1.0, before + np.clip(way, 0, 1) * (np.r_[1.0, opens][upper] - before))
-        with np.errstate(divide="ignore", invalid="ignore"):
-            relative = np.where(reopening > 0, share / reopening, np.inf)
+        relative = np.divide(share, reopening, out=np.full(share.shape, np.inf), where=reopening > 0)
         x = np.cbrt(knots)
         weight = np.clip((np.cbrt(peak) - x[upper - 1]) / (x[upper] - x[upper - 1]), 0, 1)
         inside = np.clip(relative, 0, 1)
-        value = (1 - weight) * self._at(upper - 1, inside, peak) + weight * self._at(upper, inside, peak)
-        top = (1 - weight) * self._at(upper - 1, np.ones_like(inside), peak) + weight * self._at(
-            upper, np.ones_like(inside), peak
+        value, top = (
+            _between(weight, self._at(upper - 1, at, peak), self._at(upper, at, peak))
+            for at in (inside, np.ones_like(inside))
         )
         ceiling, floor = self.loading(np.cbrt(pressure)), self.loading(np.cbrt(peak))
-        with np.errstate(invalid="ignore"):
-            value = value + np.where(np.isfinite(floor), floor - top, 0.0)
+        # from a peak at which the cell is open, k starts at its value on loading
+        value += np.subtract(floor, top, out=np.zeros_like(top), where=np.isfinite(floor) & np.isfinite(top))
         value = np.clip(value, np.minimum(floor, ceiling), ceiling)
         return np.where((relative <= 1) & np.isfinite(ceiling), np.exp(value), 0.0)
 
+    @property
+    def _closing_root(self) -> float:
+        """Cube root of the pressure at which the cell closes on loading; 0 if it is never open."""
+        return max(self.loading.end, 0.0)
+
     def _at(self, knot: NDArray[np.int64], inside: Array, peak: Array) -> Array:
         """ln k at shares of the reopening pressure of the peaks at knots; knot 0 is the loading curve."""
-        closing = self.loading.end**3 if self.loading.end > -np.inf else 0.0
-        out = self.loading(np.cbrt(inside * np.minimum(peak, closing)))
+        out = self.loading(np.cbrt(inside) * np.minimum(np.cbrt(peak), self._closing_root))
         for m, curve in enumerate(self._unloading):
             chosen = knot == m + 1
             if chosen.any():
-                out[chosen] = curve(inside[chosen] * min(curve.end, 1.0))
+                out[chosen] = curve(inside[chosen] * _reopening(curve))
         return out
+
+
+def _reopening(unloading: LogCurve) -> float:
+    """Share of the peak below which a cell is open on unloading; 0 if it never is."""
+    return min(max(unloading.end, 0.0), 1.0)
+
+
+def _between(weight: Array, a: Array, b: Array) -> Array:
+    """(1 − weight) a + weight b of ln k; a curve that is never open, −inf, has no shape, and the other's is taken."""
+    shut_a, shut_b = np.isneginf(a), np.isneginf(b)
+    weight = np.where(shut_a, 1.0, np.where(shut_b, 0.0, weight))
+    mean = (1 - weight) * np.where(shut_a, 0.0, a) + weight * np.where(shut_b, 0.0, b)
+    return np.where(shut_a & shut_b, -np.inf, mean)

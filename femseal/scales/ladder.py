@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.errors import InputError
-from ..contact import Contact, HalfSpace, solve_with_memory
+from ..contact import Contact, HalfSpace, solve_deformed_contact
 from .window import window_permeability
 
 Array = NDArray[np.float64]
@@ -174,11 +174,11 @@ class _Window:
 
     def unloaded(self, peak: float, stops: tuple[float, ...]) -> Iterator[_State]:
         """From the lowest stop upwards a closed window stays closed; yielded in the order of the stops."""
-        memory = self._contact(peak).plastic_deformation
+        deformation = self._contact(peak).plastic_deformation
         states: list[_State] = []
         closed = (False, False)
         for share in reversed(stops):
-            state = self._state(self._contact(share * peak, memory), closed)
+            state = self._state(self._contact(share * peak, deformation), closed)
             closed = state.closed
             states.append(state)
         return reversed(states)
@@ -187,9 +187,9 @@ class _Window:
         apart = [self._permeabilities(np.maximum(self.gap0 + d, 0.0), (False, False)) for d in separations]
         return np.array(apart).reshape(len(separations), self.kinds, 2).transpose(1, 2, 0)
 
-    def _contact(self, pressure: float, memory: Array | None = None) -> Contact:
-        return solve_with_memory(
-            self.gap0, self.half_space, memory, pressure=pressure, hardness=self.hardness, rtol=self.rtol
+    def _contact(self, pressure: float, deformation: Array | None = None) -> Contact:
+        return solve_deformed_contact(
+            self.gap0, self.half_space, deformation, pressure=pressure, hardness=self.hardness, rtol=self.rtol
         )
 
     def _state(self, contact: Contact, closed: tuple[bool, bool]) -> _State:

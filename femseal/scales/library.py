@@ -10,7 +10,7 @@ from __future__ import annotations
 import hashlib
 import json
 import zlib
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import partial
 from pathlib import Path
@@ -22,13 +22,14 @@ from numpy.typing import NDArray
 
 from ..base.errors import FemsealError, InputError
 from ..base.files import made_folder, replacing
+from ..base.stage import Mapper, Stage
 from ..base.text import Shown
-from ..contact import HalfSpace, LoadStep, peak_indices
+from ..contact import HalfSpace
+from ..loads import LoadProgramme, LoadStep
 from .curves import CellCurves
 from .ladder import Cell, Ladder, follow
 
 Array = NDArray[np.float64]
-Map = Callable[..., Iterable[Any]]
 #: Written into every file; a file of another format is computed anew.
 FORMAT = 2
 #: Random numbers of windows lie far from those of the realisations.
@@ -39,7 +40,7 @@ WINDOW_STREAM = 2**32 - 1
 class LibraryTable(Shown):
     """Cells of a library on common steps, as they are shown: pressures, k along x1, mean gap, contact share."""
 
-    steps: tuple[LoadStep, ...]
+    steps: LoadProgramme
     pressure: Array = field(metadata={"unit": "Pa", "long_name": "mean contact pressure of library cells"})
     k: Array = field(metadata={"unit": "m^3", "long_name": "permeability along x1 of library cells"})
     mean_gap: Array = field(metadata={"unit": "m", "long_name": "mean gap of library cells"})
@@ -135,8 +136,11 @@ class LadderLibrary(Shown):
             for name in ("mean_gap", "contact_fraction"):
                 unloading = getattr(cell, f"{name}_unloading")[peaks].ravel()
                 columns[name].append(np.r_[getattr(cell, name)[on_ladder], unloading])
-        pressure = np.broadcast_to([s.pressure for s in steps], (self.size, len(steps)))
-        return LibraryTable(tuple(steps), pressure, **{name: np.array(values) for name, values in columns.items()})
+        programme = LoadProgramme(steps)
+        pressure = np.broadcast_to(programme.pressures, (self.size, len(steps)))
+        return LibraryTable(
+            LoadProgramme(steps), pressure, **{name: np.array(values) for name, values in columns.items()}
+        )
 
     def loaded(self, name: str, pressure: Array) -> Array:
         """Mean over the cells of "standoff" or "plastic_deformation" under a mean pressure on loading [m]."""
@@ -165,7 +169,7 @@ class LadderLibrary(Shown):
         low, high = (np.take_along_axis(stack, n[None], axis=0)[0] for n in (upper - 1, upper))
         return (1 - weight) * low + weight * high
 
-    def along(self, paths: Array, gaps: Array, steps: Sequence[LoadStep], axis: int, kind: int = 0) -> Array:
+    def along(self, paths: Array, gaps: Array, steps: LoadProgramme, axis: int, kind: int = 0) -> Array:
         """Permeability of every cell along every path: (paths, cells, steps) [m³].
 
         Parameters
@@ -177,8 +181,8 @@ class LadderLibrary(Shown):
         kind : 0 the permeability, and of a ladder with bounds 1 its lower and 2 its upper bound, each at the steps of
             the ladder, and interpolated between them as the permeability is.
         """
-        loading = np.array([s.unloaded_from is None for s in steps])
-        p_peak = paths[:, peak_indices(steps)]
+        loading = steps.on_loading
+        p_peak = paths[:, steps.peak_indices]
         # a window that its peak did not load has the virgin curve
         down = ~loading & (paths > 0) & (p_peak > 0)
         up = (loading | (p_peak <= 0)) & (paths > 0)
@@ -194,7 +198,7 @@ class LadderLibrary(Shown):
 
 
 def build_ladder_library(
-    source: WindowSource, ladder: Ladder, count: int, *, folder: Path | None = None, map: Map = map
+    source: WindowSource, ladder: Ladder, count: int, *, folder: Path | None = None, mapper: Mapper = map
 ) -> LadderLibrary:
     """Follow windows along a ladder, or take them from a folder as far as they are known there.
 
@@ -203,7 +207,7 @@ def build_ladder_library(
     source, ladder : which windows, and where they are solved.
     count : number of windows.
     folder : where libraries are kept; None keeps nothing.
-    map : how to apply a function to all windows; the order of the results is that of the windows.
+    mapper : how to compute a stage for all windows; the order of the results is that of the windows.
 
     Raises
     ------
@@ -216,9 +220,9 @@ def build_ladder_library(
     known = [] if path is None else _read(path)
     complete = [n for n, cell in enumerate(known[:count]) if cell is not None and _covers(cell, ladder)]
     missing = sorted({*range(count)} - {*complete})
-    task = partial(_cell, source=source, ladder=ladder)
+    stage = Stage("library windows", partial(_cell, source=source, ladder=ladder))
     outcomes = dict(
-        zip(missing, map(task, missing, [known[n] if n < len(known) else None for n in missing]), strict=True)
+        zip(missing, mapper(stage, missing, [known[n] if n < len(known) else None for n in missing]), strict=True)
     )
     cells: list[Cell | None] = [outcomes[n][0] if n in outcomes else known[n] for n in range(count)]
     failures = tuple(f"cell {n}: {text}" for n, (_, text) in outcomes.items() if text)

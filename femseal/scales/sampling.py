@@ -15,7 +15,7 @@ one does.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from scipy.special import ndtr, ndtri
 
 from ..base.errors import InputError
-from ..contact import LoadStep
+from ..loads import LoadProgramme
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -49,7 +49,7 @@ class LinkTable:
     k: Array
     path: Index
     rows: int
-    steps: tuple[LoadStep, ...]
+    steps: LoadProgramme
     run_length: float = 0.0
     correlation_length: float = 1.0
 
@@ -118,7 +118,7 @@ def _block(table: LinkTable, rng: np.random.Generator) -> Draw:
 
 def _derivative(table: LinkTable, rng: np.random.Generator) -> Draw:
     uniform = rng.random((table.path.size, len(table.steps)))
-    top = max(_loading(table.steps), key=lambda n: table.steps[n].pressure)
+    top = len(table.steps.loading) - 1
     k = np.empty(uniform.shape)
     k[:, top] = table.k[table.path, (uniform[:, top] * table.k.shape[1]).astype(np.int64), top]
     for p in np.unique(table.path):
@@ -148,7 +148,7 @@ class _RankModel:
     cov(m₁, m₂) is about ρ var(m₁) var(m₂), exactly so where only one of the steps has closed cells.
     """
 
-    def __init__(self, k: Array, steps: Sequence[LoadStep]) -> None:
+    def __init__(self, k: Array, steps: LoadProgramme) -> None:
         self.steps, self.sorted = steps, np.sort(k, axis=0)
         normal = ndtri((np.arange(len(k)) + 0.5) / len(k))
         scores = np.empty(k.shape)
@@ -170,7 +170,7 @@ class _RankModel:
         """Permeabilities (links, steps) of independent normal numbers of the same shape."""
         position = ndtr(normal @ self.root.T) * len(self.sorted) - 0.5
         k = np.stack([_quantile(self.sorted[:, s], position[:, s]) for s in range(len(self.steps))], axis=1)
-        loading = _loading(self.steps)
+        loading = list(range(len(self.steps.loading)))
         k[:, loading] = np.maximum.accumulate(k[:, loading[::-1]], axis=1)[:, ::-1]
         for start, end in _moves(self.steps):
             if self.steps[end].unloaded_from is not None:
@@ -190,13 +190,9 @@ def _quantile(values: Array, position: Array) -> Array:
     return np.where(position >= n_closed - 0.5, np.exp(inside), 0.0)
 
 
-def _loading(steps: Sequence[LoadStep]) -> list[int]:
-    return [n for n, s in enumerate(steps) if s.unloaded_from is None]
-
-
-def _moves(steps: Sequence[LoadStep]) -> list[tuple[int, int]]:
+def _moves(steps: LoadProgramme) -> list[tuple[int, int]]:
     """From the highest load down, then from every peak down its own unloading."""
-    loading = _loading(steps)
+    loading = list(range(len(steps.loading)))
     at = {steps[n].pressure: n for n in loading}
     moves = list(zip(loading[:0:-1], loading[-2::-1], strict=True))
     previous: dict[float, int] = {}

@@ -1,4 +1,4 @@
-"""Response of one window along a load programme: contact with plastic memory, then permeability."""
+"""Response of one window along a load programme: contact with plastic deformation, then permeability."""
 
 from __future__ import annotations
 
@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.errors import FemsealError
-from ..contact import HalfSpace, LoadStep, solve_with_memory
+from ..contact import HalfSpace, solve_deformed_contact
 from ..flow import cell_permeability
+from ..loads import LoadProgramme
 
 Array = NDArray[np.float64]
 #: Below this ratio of rms gap variation to mean gap parallel plates are exact to 2e-4 whatever the lay.
@@ -52,7 +53,7 @@ class WindowHistory:
 def respond(
     gap0: Array,
     pressures: Sequence[float] | Array,
-    steps: Sequence[LoadStep],
+    steps: LoadProgramme,
     half_space: HalfSpace,
     *,
     hardness: float,
@@ -79,19 +80,20 @@ def respond(
     failures = []
     for s, step in enumerate(steps):
         undeformed = gap0[s] if gap0.ndim == 3 else gap0
-        memory = None if step.unloaded_from is None else left.get(step.unloaded_from)
-        if step.unloaded_from is not None and memory is None:
+        deformation = None if step.unloaded_from is None else left.get(step.unloaded_from)
+        if step.unloaded_from is not None and deformation is None:
             failures.append(f"{step.name}: the peak of this unloading failed")
             continue
         if pressures[s] <= 0 and rigid_at_zero:
-            fields[s] = undeformed if memory is None else undeformed + memory
+            fields[s] = undeformed if deformation is None else undeformed + deformation
             contact_fraction[s] = plastic_fraction[s] = 0.0
             if step.unloaded_from is None:
                 left[step.pressure] = np.zeros(shape)
             continue
         try:
-            contact = solve_with_memory(
-                undeformed, half_space, memory, pressure=min(pressures[s], hardness), hardness=hardness, rtol=rtol
+            pressure = min(pressures[s], hardness)
+            contact = solve_deformed_contact(
+                undeformed, half_space, deformation, pressure=pressure, hardness=hardness, rtol=rtol
             )
         except FemsealError as error:
             failures.append(f"{step.name}: {error}")

@@ -1,6 +1,6 @@
 """Shapes of seals, the leakage of the whole seal from the permeability of its parts, and where its pressure drops."""
 
-from .drop_shares import NARROWEST, drop_shares, largest_shares, window_dissipation
+from .drop_shares import NARROWEST, drop_shares, largest_shares
 from .leakage import Leakage, seal_leakage
 from .shapes import AnnularSeal, MeshSeal, RectangularSeal
 
@@ -13,5 +13,4 @@ __all__ = [
     "drop_shares",
     "largest_shares",
     "seal_leakage",
-    "window_dissipation",
 ]

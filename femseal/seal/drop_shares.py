@@ -1,4 +1,4 @@
-"""Where the pressure drops: in links of a network, or in windows of a face that is resolved.
+"""Where the pressure drops in a network of links.
 
 Symbols: φ potential, c conductance of a link [m³], q = c Δφ its flow. Its dissipation q Δφ = c (Δφ)² adds up to the
 flow times the drop of the whole, so that wherever all flow passes through one link after the other the share of the
@@ -8,15 +8,12 @@ dissipation in a link is its share of the pressure drop.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..base import validate
 from ..base.errors import InputError
-from ..flow.cell import cell_permeability, link_conductances
-from ..scales import Partition
 from .links import link_dissipation
 from .shapes import AnnularSeal, RectangularSeal
 
@@ -71,30 +68,3 @@ def largest_shares(dissipation: ArrayLike, counts: Sequence[int] = NARROWEST) ->
     if not sums[-1] > 0:
         return np.full(len(counts), np.nan)
     return sums[np.minimum(counts, sums.size) - 1] / sums[-1]
-
-
-def window_dissipation(gap: Any, partition: Partition) -> Array:
-    """Dissipation (m1, m2) [m³] of the flow through a whole face for a unit drop, in the windows of its x1-links.
-
-    These tile the face. The sum is the conductance k L2/L1, with k of `cell_permeability` on periodic sides: each link
-    between two pixels gives half to both, the half links at inlet and outlet all to their pixel.
-
-    Parameters
-    ----------
-    gap : (n1, n2) [m].
-    partition : of the face.
-
-    Raises
-    ------
-    InputError : a gap that is negative, undefined or of another shape.
-    NotConverged : the linear solver failed.
-    """
-    h = validate.field("gap", gap, unit="m", shape=partition.shape)
-    flow = cell_permeability(h, partition.spacing, sides="periodic")
-    c1, c2 = link_conductances(h, partition.spacing, "periodic")
-    ends = np.ones((1, h.shape[1])), np.zeros((1, h.shape[1]))
-    along, across = link_dissipation(c1, c2, np.concatenate([ends[0], flow.fluid_pressure, ends[1]]))
-    along[[0, -1]] *= 2  # halved below
-    pixels = (along[:-1] + along[1:] + across + np.roll(across, 1, axis=1)) / 2
-    rows = np.add.reduceat(pixels, partition.lines[:-1], axis=0)
-    return rows.reshape(*partition.cells, partition.window[1]).sum(axis=2)

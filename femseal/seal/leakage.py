@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,11 +11,7 @@ from numpy.typing import NDArray
 from ..base.errors import InputError
 from ..base.text import Shown
 from ..fluids import Fluid
-from ..plots.drawing import map_height, map_panel, new_figure, with_closed
 from .shapes import Seal
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 Array = NDArray[np.float64]
 
@@ -35,24 +31,6 @@ class Leakage(Shown):
     residual: float = field(metadata={"unit": "1", "long_name": "residual of the linear solver"})
     imbalance: float = field(metadata={"unit": "1", "long_name": "difference of inlet and outlet flow"})
     percolates: bool = field(metadata={"unit": "1", "long_name": "an open path from inlet to outlet"})
-
-    def plot(self) -> Figure:
-        """Map of the fluid pressure at the nodes of a structured seal.
-
-        Raises
-        ------
-        InputError : the leakage of a mesh, whose nodes have no rows.
-        """
-        shape = self.fluid_pressure.shape
-        if len(shape) != 2:
-            given = f"the leakage of a mesh, with {self.fluid_pressure.size} nodes"
-            raise InputError.of("plot", given, "that of a seal with rows of nodes, rectangular or annular")
-        figure = new_figure(6.4, map_height((shape[0], shape[1]), 4.8) + 0.9)
-        axes = figure.add_subplot()
-        title = "fluid pressure [MPa]; grey: pockets"
-        map_panel(axes, self.fluid_pressure / 1e6, (shape[0], shape[1]), with_closed("cividis"), title, "nodes")
-        axes.set_ylabel("x1, inlet at 0 [nodes]")
-        return figure
 
 
 def seal_leakage(

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..contact import LoadStep
+from ..loads import LoadStep
 
 #: Loads are compared that leak more than this share of the first one.
 FLOOR = 1e-3

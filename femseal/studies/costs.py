@@ -6,7 +6,7 @@ import numpy as np
 
 from ..base.machine import free_memory
 from ..contact.cycle import STATE_FIELDS
-from ..scales.partition import PIXELS_PER_CUT_OFF
+from ..scales.global_contact import PIXELS_PER_CUT_OFF
 from .deterministic import state_memory
 from .sources import Sampling
 from .two_scale import CUT_OFF_WINDOWS

@@ -3,51 +3,65 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.stage import Mapper
 from ..base.text import Shown
-from ..contact import HalfSpace, LoadState, LoadStep, load_states
-from .scene import Array, Map, Scene, labels, leakage_plot, resolved_permeability
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from ..contact import HalfSpace, LoadState, load_states
+from ..loads import LoadProgramme
+from .scene import Array, Scene, labels, resolved_permeability
 
 
 @dataclass(frozen=True, repr=False)
 class DeterministicResult(Shown):
     """Everything resolved on the surface's own grid; arrays over the steps."""
 
-    steps: tuple[LoadStep, ...]
-    leakage: Array = field(metadata=labels("m^2/s", "leakage per unit seal length, deterministic", "step"))
-    contact_fraction: Array = field(metadata=labels("1", "share in contact, deterministic", "step"))
-    plastic_fraction: Array = field(metadata=labels("1", "share at the hardness, deterministic", "step"))
-    mean_gap: Array = field(metadata=labels("m", "mean gap, deterministic", "step"))
+    steps: LoadProgramme
+    leakage: Array = field(
+        metadata=labels(
+            "m^2/s",
+            "leakage per unit seal length, deterministic",
+            "step",
+            name="leakage_deterministic",
+            heading="deterministic",
+        )
+    )
+    contact_fraction: Array = field(
+        metadata=labels("1", "share in contact, deterministic", "step", name="contact_fraction_deterministic")
+    )
+    plastic_fraction: Array = field(
+        metadata=labels("1", "share at the hardness, deterministic", "step", name="plastic_fraction_deterministic")
+    )
+    mean_gap: Array = field(metadata=labels("m", "mean gap, deterministic", "step", name="mean_gap_deterministic"))
     gap: NDArray[np.float32] = field(metadata=labels("m", "deformed gap, deterministic", "step", "x1", "x2"))
     residual: float = 0.0
     failures: tuple[str, ...] = ()
 
-    def plot(self) -> Figure:
-        """Leakage against nominal pressure."""
-        return leakage_plot(self.steps, self.leakage, "deterministic")
 
-
-def deterministic(scene: Scene, *, map: Map = map) -> DeterministicResult:
+def deterministic(scene: Scene, *, mapper: Mapper = map) -> DeterministicResult:
     """Contact and flow of the whole face at full resolution, each load state by itself.
 
     Parameters
     ----------
-    map : how to solve states that do not depend on each other, in order.
+    mapper : how to solve states that do not depend on each other, in order.
     """
     surface = scene.surface
     half_space = HalfSpace(surface.shape, surface.spacing, scene.modulus, scene.boundary)
     gap0 = surface.heights.max() - surface.heights
     gap = np.empty((len(scene.steps), *surface.shape), np.float32)
     facts, k = [], []
-    memory = state_memory(gap0.size)
-    states = load_states(gap0, half_space, **scene.cycle, take=_resolved, memory=memory, map=map)
+    states = load_states(
+        gap0,
+        half_space,
+        scene.steps,
+        hardness=scene.hardness,
+        rtol=scene.rtol,
+        take=_resolved,
+        memory=state_memory(gap0.size),
+        mapper=mapper,
+    )
     for s, taken in enumerate(states):
         gap[s], permeability, *others = taken
         k.append(permeability)

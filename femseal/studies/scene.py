@@ -2,26 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..base.errors import FemsealError
-from ..contact import LoadStep, load_programme
+from ..base.stage import Mapper
 from ..flow import cell_permeability
 from ..fluids import Fluid
-from ..plots.drawing import LeakageCurves, leakage_curves_figure, pressures_and_peaks
+from ..loads import LoadProgramme
+from ..scales import GlobalState, Partition, global_states
 from ..seal import RectangularSeal, seal_leakage
 from ..topography import Topography
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
 Array = NDArray[np.float64]
-Map = Callable[..., Iterable[Any]]
 
 
 @dataclass(frozen=True)
@@ -31,7 +28,7 @@ class Scene:
     surface : heights of the combined faces, high points touch first.
     modulus, hardness : E* and H [Pa].
     boundary : contact boundary of the whole face along x1 and x2.
-    loading, unload_from, unloading : nominal pressures [Pa], see `contact.load_programme`.
+    loading, unload_from, unloading : nominal pressures [Pa], see `LoadProgramme.of`.
     """
 
     surface: Topography
@@ -47,20 +44,26 @@ class Scene:
     rtol: float = 1e-5
 
     @property
-    def steps(self) -> tuple[LoadStep, ...]:
+    def steps(self) -> LoadProgramme:
         """The load programme."""
-        return load_programme(self.loading, self.unload_from, self.unloading)
+        return LoadProgramme.of(self.loading, self.unload_from, self.unloading)
 
-    @property
-    def cycle(self) -> dict[str, Any]:
-        """The load programme and the material, as arguments of a contact cycle."""
-        return {
-            "loading": self.loading,
-            "unload_from": self.unload_from,
-            "unloading": self.unloading,
-            "hardness": self.hardness,
-            "rtol": self.rtol,
-        }
+    def global_states(
+        self, partition: Partition, cut_off: float, *, take: Callable[[GlobalState], Any], mapper: Mapper
+    ) -> Iterator[Any]:
+        """`scales.global_states` of the scene: what is taken of the global contact at every step."""
+        return global_states(
+            self.surface,
+            partition,
+            cut_off,
+            self.steps,
+            modulus=self.modulus,
+            hardness=self.hardness,
+            boundary=self.boundary,
+            rtol=self.rtol,
+            take=take,
+            mapper=mapper,
+        )
 
     def leakage(self, seal: RectangularSeal, permeability: Any) -> Any:
         """Leakage of a seal between the scene's fluid pressures."""
@@ -89,12 +92,10 @@ def resolved_permeability(gap: NDArray[np.floating], spacing: tuple[float, float
         return str(error)
 
 
-def labels(unit: str, long_name: str, *dims: str) -> dict[str, Any]:
-    """Metadata of a field of a result, which label it in files and plots."""
-    return {"unit": unit, "long_name": long_name, "dims": dims}
+def labels(unit: str, long_name: str, *dims: str, name: str = "", heading: str = "") -> dict[str, Any]:
+    """Metadata of a field of a result, which label it in files, tables and plots.
 
-
-def leakage_plot(steps: tuple[LoadStep, ...], leakage: Array, title: str, **curves: Any) -> Figure:
-    """Leakage over the steps of a study, see `LeakageCurves` for what else is drawn."""
-    pressure, peaks = pressures_and_peaks(steps)
-    return leakage_curves_figure(LeakageCurves(pressure, peaks, leakage, title, **curves))
+    name : in the dataset, where fields of several studies stand beside each other; that of the field unless given.
+    heading : of the column in the table for people, for a field over the steps; "" for no column there.
+    """
+    return {"unit": unit, "long_name": long_name, "dims": dims, "name": name, "heading": heading}

@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.errors import FemsealError
+from ..base.stage import Mapper
 from ..base.text import Shown
-from ..contact import HalfSpace, peak_indices
+from ..contact import HalfSpace
 from ..scales import (
     GlobalState,
     Ladder,
@@ -23,10 +24,9 @@ from ..scales import (
     WindowSource,
     build_ladder_library,
     correlation_length,
-    global_states,
     on_ladder,
 )
-from .scene import Array, Map, Scene
+from .scene import Array, Scene
 from .two_scale import LinkFlows, TwoScaleResult, solve_links, solve_windows
 
 #: Loading steps of a library in shares of the pressure at which everything is in contact, about: the hardness, or half
@@ -129,7 +129,7 @@ class Wanted:
     sampling: Sampling
     seal: tuple[int, int]
     two_scale: TwoScaleResult | None
-    map: Map
+    mapper: Mapper
 
 
 #: A library, its tables, with bounds followed by those of the lower and of the upper ones, and the x1 of the rows of
@@ -139,9 +139,9 @@ Source = Callable[[Wanted], tuple[LadderLibrary | PlacedLibrary, tuple[Tables, .
 
 def _placed(wanted: Wanted) -> tuple[PlacedLibrary, tuple[Tables], tuple[float, ...]]:
     """All windows of the face at their places, moved along it by fractions of a window where more are wanted."""
-    scene, partition, two_scale, map = wanted.scene, wanted.partition, wanted.two_scale, wanted.map
+    scene, partition, two_scale, mapper = wanted.scene, wanted.partition, wanted.two_scale, wanted.mapper
     (m1, m2), w2, n2 = partition.cells, partition.window[1], wanted.seal[1]
-    contact = two_scale or solve_windows(scene, partition.cells, map=map)
+    contact = two_scale or solve_windows(scene, partition.cells, mapper=mapper)
     shifts = int(np.clip(-(-wanted.sampling.library_cells // (m1 * m2)), 1, w2))
     moved = [n * w2 // shifts for n in range(shifts)]
     known = {} if two_scale is None else {(0, 0): two_scale.k1, (1, 0): two_scale.k2}
@@ -149,7 +149,7 @@ def _placed(wanted: Wanted) -> tuple[PlacedLibrary, tuple[Tables], tuple[float, 
         [
             LinkFlows(known[axis, s], _NOTHING_SOLVED, ())
             if (axis, s) in known
-            else solve_links(contact, axis, shift=s, map=map)
+            else solve_links(contact, axis, shift=s, mapper=mapper)
             for s in moved
         ]
         for axis in (0, 1)
@@ -198,13 +198,12 @@ def _global(wanted: Wanted) -> tuple[LadderLibrary, tuple[Tables, ...], tuple[fl
     scene, partition = wanted.scene, wanted.partition
     (m1, m2), n2 = partition.cells, wanted.seal[1]
     cut_off = CUT_OFF_WINDOWS * min(partition.window_size)
-    settings = {"modulus": scene.modulus, "boundary": scene.boundary, "map": wanted.map, **scene.cycle}
     means = partial(_link_means, partition=partition)
-    states = list(global_states(scene.surface, partition, cut_off, take=means, **settings))
+    states = scene.global_states(partition, cut_off, take=means, mapper=wanted.mapper)
     p, p_across, gap, gap_across = (np.array(values) for values in zip(*states, strict=True))
     library = _library(wanted, float(p.max()), apart=True)
     # windows without pressure stand off as the asperities of the others make the whole body do
-    peaks = peak_indices(scene.steps)
+    peaks = scene.steps.peak_indices
     load = p.sum(axis=(1, 2))
     own = library.loaded("standoff", p) - library.flattening(p, p[peaks])
     standoff = np.divide((p * own).sum(axis=(1, 2)), load, out=np.zeros_like(load), where=load > 0)
@@ -227,12 +226,12 @@ def _link_means(state: GlobalState, partition: Partition) -> tuple[Array, Array,
 def _uniform(wanted: Wanted) -> tuple[LadderLibrary, tuple[Tables, ...], tuple[float, ...]]:
     """Full heights under the nominal pressure, or under the share of it that the profile gives to a row."""
     scene, (n1, n2) = wanted.scene, wanted.seal
-    nominal = np.array([s.pressure for s in scene.steps])
+    nominal = scene.steps.pressures
     rows = np.asarray(wanted.sampling.profile or (1.0,), float)
     # between the rows of a profile lie those of the links across
     shares = (rows, (rows[:-1] + rows[1:]) / 2 if rows.size > 1 else rows)
     highest = float(nominal.max() * rows.max())
-    exact = tuple(s.pressure for s in scene.steps if s.unloaded_from is None) if rows.size == 1 else ()
+    exact = scene.steps.loading if rows.size == 1 else ()
     library = _library(wanted, highest, exact=exact)
     links: list[_Links] = []
     for axis in (0, 1):
@@ -266,7 +265,7 @@ def _library(wanted: Wanted, highest: float, *, apart: bool = False, exact: tupl
     full = min(scene.hardness, 0.5 * scene.modulus * scene.surface.rms_slope)
     half_space = HalfSpace(partition.window, partition.spacing, scene.modulus, ("mirror", "mirror"))
     source = WindowSource((-scene.surface.heights,), half_space, scene.hardness, sampling.seed, scene.rtol)
-    waits = {s.unloaded_from for s in scene.steps if s.unloaded_from is not None}
+    waits = scene.steps.unload_from
     shares = LOADING_SHARES if highest <= LOADING_SHARES[-1] * full else (*LOADING_SHARES, highest / full)
     ladder = Ladder(
         loading=tuple(share * full for share in shares),
@@ -277,8 +276,8 @@ def _library(wanted: Wanted, highest: float, *, apart: bool = False, exact: tupl
     )
     ladder = on_ladder(ladder, exact, highest)
     if exact:
-        ladder = replace(ladder, peaks=tuple(sorted(waits)), stops=STOPS if waits else ())
-    return build_ladder_library(source, ladder, sampling.library_cells, folder=sampling.library, map=wanted.map)
+        ladder = replace(ladder, peaks=waits, stops=STOPS if waits else ())
+    return build_ladder_library(source, ladder, sampling.library_cells, folder=sampling.library, mapper=wanted.mapper)
 
 
 PRESSURES: dict[str, Source] = {"place": _placed, "global": _global, "uniform": _uniform}

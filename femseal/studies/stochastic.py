@@ -8,21 +8,20 @@ from functools import partial
 from math import ceil
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from ..base import validate
 from ..base.errors import FemsealError, InputError
+from ..base.stage import Mapper, Stage
 from ..base.text import Shown
+from ..loads import LoadProgramme
 from ..scales import LadderLibrary, Partition, draw_links
 from ..seal import RectangularSeal
-from .scene import Array, Map, Scene, labels, leakage_plot
+from .scene import Array, Scene, labels
 from .sources import PRESSURES, PlacedLibrary, Sampling, Tables, Wanted, seal_cells
 from .two_scale import TwoScaleResult
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 #: For a wanted width, how often realisations and windows are added, and up to how many times as many as given.
 ROUNDS, GROWTH = 4, 8
@@ -39,7 +38,7 @@ class StochasticResult(Shown):
     resolve the gaps.
     """
 
-    steps: tuple[Any, ...]
+    steps: LoadProgramme
     seal: RectangularSeal
     library: LadderLibrary | PlacedLibrary = field(repr=False)
     leakage: Array = field(
@@ -121,19 +120,6 @@ class StochasticResult(Shown):
             )
         return tuple(reasons)
 
-    def plot(self) -> Figure:
-        """Median of the leakage against nominal pressure, with the bands from 5 to 95 %."""
-        low, high = 0.05, 0.95
-        return leakage_plot(
-            self.steps,
-            self.quantile(0.5),
-            "median of realisations",
-            band=(self.quantile(low), self.quantile(high)),
-            band_together=(self.quantile(low, resampled=True), self.quantile(high, resampled=True)),
-            share=(low, high),
-            mean=self.mean,
-        )
-
     def _at_every_step(self, statistic: Callable[[Array], Any], leakage: Array | None = None) -> Array:
         finite = [column[np.isfinite(column)] for column in (self.leakage if leakage is None else leakage).T]
         return np.array([statistic(column) if column.size else np.nan for column in finite])
@@ -160,7 +146,7 @@ def stochastic(
     sampling: Sampling,
     *,
     two_scale: TwoScaleResult | None = None,
-    map: Map = map,
+    mapper: Mapper = map,
 ) -> StochasticResult:
     """Library of real windows, seals drawn from it, one global flow for each realisation and step.
 
@@ -170,7 +156,7 @@ def stochastic(
     cells : number of windows of the face along x1 and x2.
     sampling : how seals are drawn.
     two_scale : the two-scale solution of the same scene and cells, whose windows then are not solved again ("place").
-    map : how to apply a function to all windows and realisations, in order.
+    mapper : how to compute a stage for all windows and realisations, in order.
 
     Raises
     ------
@@ -179,11 +165,11 @@ def stochastic(
     """
     check_sampling(sampling, cells)
     if sampling.width is None:
-        return _draw(scene, cells, sampling, two_scale, map)
+        return _draw(scene, cells, sampling, two_scale, mapper)
     with TemporaryDirectory() as folder:
         # what is followed in one round is not followed again in the next
         growing = replace(sampling, library=sampling.library or Path(folder))
-        result = _draw(scene, cells, growing, two_scale, map)
+        result = _draw(scene, cells, growing, two_scale, mapper)
         for _ in range(ROUNDS):
             realisations, windows = result.needed(sampling.width)
             wanted = replace(
@@ -194,7 +180,7 @@ def stochastic(
             if wanted == growing or (sampling.pressure == "place" and wanted.realisations == growing.realisations):
                 break
             growing = wanted
-            result = _draw(scene, cells, growing, two_scale, map)
+            result = _draw(scene, cells, growing, two_scale, mapper)
     realisations, windows = result.needed(sampling.width)
     if realisations > len(result.leakage) or windows > result.library.size:
         text = f"width {sampling.width:g} not reached: about {realisations} realisations and {windows} windows needed"
@@ -227,17 +213,17 @@ def check_sampling(sampling: Sampling, cells: tuple[int, int]) -> None:
 
 
 def _draw(
-    scene: Scene, cells: tuple[int, int], sampling: Sampling, two_scale: TwoScaleResult | None, map: Map
+    scene: Scene, cells: tuple[int, int], sampling: Sampling, two_scale: TwoScaleResult | None, mapper: Mapper
 ) -> StochasticResult:
     partition = Partition(scene.surface.shape, scene.surface.spacing, cells)
     n1, n2 = seal_cells(partition, sampling)
     if sampling.profile and len(sampling.profile) != n1:
         raise InputError.of("profile", f"{len(sampling.profile)} numbers", f"{n1}, one for each row of windows")
-    library, kinds, rows = PRESSURES[sampling.pressure](Wanted(scene, partition, sampling, (n1, n2), two_scale, map))
+    library, kinds, rows = PRESSURES[sampling.pressure](Wanted(scene, partition, sampling, (n1, n2), two_scale, mapper))
     seal = RectangularSeal((n1 * partition.window_size[0], n2 * partition.window_size[1]), (n1, n2), rows)
-    task = partial(_realise, scene=scene, seal=seal, kinds=kinds, sampling=sampling)
+    stage = Stage("drawn seals", partial(_realise, scene=scene, seal=seal, kinds=kinds, sampling=sampling))
     count = sampling.realisations
-    outcomes = list(map(task, [*range(count)] * 2, [False] * count + [True] * count))
+    outcomes = list(mapper(stage, [*range(count)] * 2, [False] * count + [True] * count))
     leakage, *bounds = np.array([o[0] for o in outcomes[:count]]).transpose(1, 0, 2)
     lower, upper = bounds or (None, None)
     return StochasticResult(

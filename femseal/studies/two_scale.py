@@ -4,25 +4,24 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..base.errors import InputError
+from ..base.shared_array import shared_empty
+from ..base.stage import Mapper, Stage
 from ..base.text import Shown
-from ..contact import HalfSpace, LoadStep
+from ..contact import HalfSpace
 from ..contact.complement import FieldOverSteps, gap_part, pressure_part
 from ..flow.connectivity import percolates
-from ..runs.executor import shared_empty
-from ..scales import GlobalState, Partition, global_states, respond
+from ..loads import LoadProgramme
+from ..scales import GlobalState, Partition, respond
 from ..scales.window import FlowHistory, WindowHistory, body_standoff, flow_history, set_down
 from ..seal import RectangularSeal
 from ..topography import Topography
-from .scene import Array, Map, Scene, labels, leakage_plot, resolved_permeability
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from .scene import Array, Scene, labels, resolved_permeability
 
 #: Wavelength that divides the scales, in window sides: longer ones lose the pressure of features within windows.
 CUT_OFF_WINDOWS = 0.25
@@ -36,16 +35,30 @@ RIDGE_WARNING = 0.35
 class TwoScaleResult(Shown):
     """Windows of the surface between global nodes; arrays over steps and links."""
 
-    steps: tuple[LoadStep, ...]
+    steps: LoadProgramme
     partition: Partition = field(repr=False)
     flow: str
-    leakage: Array = field(metadata=labels("m^2/s", "leakage per unit seal length, two-scale", "step"))
+    leakage: Array = field(
+        metadata=labels(
+            "m^2/s", "leakage per unit seal length, two-scale", "step", name="leakage_two_scale", heading="two-scale"
+        )
+    )
     k1: Array = field(metadata=labels("m^3", "permeability of links along x1", "step", "cell1", "cell2"))
     k2: Array = field(metadata=labels("m^3", "permeability of links along x2", "step", "corner1", "cell2"))
-    pressure: Array = field(metadata=labels("Pa", "contact pressure of windows", "step", "cell1", "cell2"))
-    mean_gap: Array = field(metadata=labels("m", "mean gap of windows", "step", "cell1", "cell2"))
-    contact_fraction: Array = field(metadata=labels("1", "share of windows in contact", "step", "cell1", "cell2"))
-    plastic_fraction: Array = field(metadata=labels("1", "share of windows at the hardness", "step", "cell1", "cell2"))
+    pressure: Array = field(
+        metadata=labels("Pa", "contact pressure of windows", "step", "cell1", "cell2", name="window_pressure")
+    )
+    mean_gap: Array = field(
+        metadata=labels("m", "mean gap of windows", "step", "cell1", "cell2", name="window_mean_gap")
+    )
+    contact_fraction: Array = field(
+        metadata=labels("1", "share of windows in contact", "step", "cell1", "cell2", name="window_contact_fraction")
+    )
+    plastic_fraction: Array = field(
+        metadata=labels(
+            "1", "share of windows at the hardness", "step", "cell1", "cell2", name="window_plastic_fraction"
+        )
+    )
     fluid_pressure: Array = field(
         metadata=labels("Pa", "fluid pressure at the global nodes, NaN in pockets", "step", "node1", "cell2")
     )
@@ -56,12 +69,8 @@ class TwoScaleResult(Shown):
     counts: dict[str, int] = field(default_factory=dict)
     failures: tuple[str, ...] = ()
 
-    def plot(self) -> Figure:
-        """Leakage against nominal pressure."""
-        return leakage_plot(self.steps, self.leakage, "two-scale")
 
-
-def two_scale(scene: Scene, cells: tuple[int, int], *, flow: str = "links", map: Map = map) -> TwoScaleResult:
+def two_scale(scene: Scene, cells: tuple[int, int], *, flow: str = "links", mapper: Mapper = map) -> TwoScaleResult:
     """Global contact of the low-pass face, contact of every cell in it, and the flow through the stitched gap.
 
     Parameters
@@ -70,7 +79,7 @@ def two_scale(scene: Scene, cells: tuple[int, int], *, flow: str = "links", map:
     cells : number of cells along x1 and x2.
     flow : "links": a permeability for each window between global nodes, then the flow through the links. "resolved":
         the flow through the stitched gap at full resolution, where that fits; the links are computed as well.
-    map : how to apply a function to all windows, in order.
+    mapper : how to compute a stage for all windows, in order.
 
     Raises
     ------
@@ -79,9 +88,9 @@ def two_scale(scene: Scene, cells: tuple[int, int], *, flow: str = "links", map:
     if flow not in FLOWS:
         raise InputError.of("flow", flow, f"one of {', '.join(FLOWS)}")
     surface = scene.surface
-    contact = solve_windows(scene, cells, map=map)
+    contact = solve_windows(scene, cells, mapper=mapper)
     partition = contact.partition
-    links = [solve_links(contact, axis, map=map) for axis in (0, 1)]
+    links = [solve_links(contact, axis, mapper=mapper) for axis in (0, 1)]
     k1, k2 = links[0].k, links[1].k
     seal = RectangularSeal(surface.size, cells, partition.node_rows)
     leakage, fluid_pressure = np.full(len(k1), np.nan), np.full((len(k1), cells[0] + 1, cells[1]), np.nan)
@@ -91,7 +100,8 @@ def two_scale(scene: Scene, cells: tuple[int, int], *, flow: str = "links", map:
             leakage[s], fluid_pressure[s] = result.per_length, result.fluid_pressure
     failures = contact.failures + links[0].failures + links[1].failures
     if flow == "resolved":
-        whole = map(partial(resolved_permeability, spacing=surface.spacing), contact.gap)
+        stage = Stage("flow of the whole face", partial(resolved_permeability, spacing=surface.spacing))
+        whole = mapper(stage, contact.gap)
         leakage, failed = scene.resolved_leakage(whole)
         failures += failed
     else:
@@ -119,7 +129,7 @@ def two_scale(scene: Scene, cells: tuple[int, int], *, flow: str = "links", map:
 class WindowContacts:
     """Contact of all cells of a face along a cycle, stitched; arrays as in `TwoScaleResult`."""
 
-    steps: tuple[LoadStep, ...]
+    steps: LoadProgramme
     partition: Partition
     pressure: Array
     mean_gap: Array
@@ -130,7 +140,7 @@ class WindowContacts:
     failures: tuple[str, ...]
 
 
-def solve_windows(scene: Scene, cells: tuple[int, int], *, map: Map = map) -> WindowContacts:
+def solve_windows(scene: Scene, cells: tuple[int, int], *, mapper: Mapper = map) -> WindowContacts:
     """All waves of every cell, on the gap that the global pressure of the others leaves, under its own global pressure.
 
     Cells without pressure stand off as the asperities of the others make the whole body do.
@@ -145,15 +155,16 @@ def solve_windows(scene: Scene, cells: tuple[int, int], *, map: Map = map) -> Wi
     # of each cell the gap that it starts from, and in its place gap − pressure once it is solved
     fields = shared_empty((len(scene.steps), *surface.shape), np.float32)
     pressures = []
-    settings = {"modulus": scene.modulus, "boundary": scene.boundary, "map": map, **scene.cycle}
-    outer = partial(_outer, partition=partition, body=body)
-    for s, (outer_gap, cell_pressure) in enumerate(global_states(surface, partition, cut_off, take=outer, **settings)):
+    states = scene.global_states(
+        partition, cut_off, take=partial(_outer, partition=partition, body=body), mapper=mapper
+    )
+    for s, (outer_gap, cell_pressure) in enumerate(states):
         fields[s] = outer_gap
         pressures.append(cell_pressure)
     pressure = np.array(pressures)
     m1, m2 = cells
     places = [(i, j) for i in range(m1) for j in range(m2)]
-    task = partial(
+    solve = partial(
         _respond,
         steps=scene.steps,
         half_space=body,
@@ -163,7 +174,7 @@ def solve_windows(scene: Scene, cells: tuple[int, int], *, map: Map = map) -> Wi
     )
     raw_gaps = (partition.cell(fields, i, j) for i, j in places)
     waves = (partition.cell(fine, i, j) for i, j in places)
-    histories = map(task, raw_gaps, waves, [pressure[:, i, j] for i, j in places])
+    histories = mapper(Stage("contact of windows", solve), raw_gaps, waves, [pressure[:, i, j] for i, j in places])
     statistics = {
         name: np.empty((len(places), len(fields))) for name in ("standoff", "contact_fraction", "plastic_fraction")
     }
@@ -213,13 +224,16 @@ class LinkFlows:
     failures: tuple[str, ...]
 
 
-def solve_links(contact: WindowContacts | TwoScaleResult, axis: int, *, shift: int = 0, map: Map = map) -> LinkFlows:
+def solve_links(
+    contact: WindowContacts | TwoScaleResult, axis: int, *, shift: int = 0, mapper: Mapper = map
+) -> LinkFlows:
     """Permeability of the links' windows cut out of the stitched gap, all moved by `shift` pixels along x2."""
     partition, steps = contact.partition, len(contact.steps)
     places = [(i, j) for i in range(partition.cells[0] - axis) for j in range(partition.cells[1])]
     windows = (partition.link(contact.gap.stored, i, j, axis, shift) for i, j in places)
-    # a list among the arguments, so that the map knows how many there are
-    flows = list(map(partial(_flow_history, axis=axis), windows, [partition.spacing] * len(places)))
+    stage = Stage("flow in windows", partial(_flow_history, axis=axis))
+    # a list among the arguments, so that the mapper knows how many there are
+    flows = list(mapper(stage, windows, [partition.spacing] * len(places)))
     k = np.array([f.permeability for f in flows]).reshape(-1, steps).T
     return LinkFlows(
         k=k.reshape(steps, -1, partition.cells[1]),

@@ -10,7 +10,7 @@ Source of the definitions: ISO 25178-2 (Sq), Jacobs, Junge, Pastewka, Surf. Topo
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,18 +18,15 @@ from numpy.typing import NDArray
 from ..base import validate
 from ..base.errors import InputError
 from ..base.quantities import to_text
-from ..base.text import fact_table
+from ..base.text import Plotted, fact_table
 from . import spectral
 from .form import fit_form
 from .holes import fill_holes
 from .spikes import SPIKES, find_spikes
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Topography:
+class Topography(Plotted):
     """Heights on a regular grid.
 
     Along an axis where `periodic` is set the map continues by repeating itself, along the others by its
@@ -282,12 +279,6 @@ class Topography:
                 f"a map without them for {purpose}: use fill_undefined() first",
             )
         return self.heights
-
-    def plot(self) -> Figure:
-        """Map, profiles through the middle, spectral densities, see `heights_figure`."""
-        from ..plots.heights import heights_figure
-
-        return heights_figure(self)
 
     def _repr_html_(self) -> str:
         sides, pixel = (" × ".join(to_text(v, "m") for v in pair) for pair in (self.size, self.spacing))

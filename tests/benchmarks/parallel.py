@@ -26,13 +26,6 @@ BACKENDS = {
     "Dask": {"workers": 2, "scheduler": "local"},
 }
 MAPS = tuple(BACKENDS)[1:]
-PARTS = {
-    "state": "contact of the whole face",
-    "respond": "contact of windows",
-    "flow_history": "flow in windows",
-    "cell": "library windows",
-    "realise": "drawn seals",
-}
 #: Points of a face and of its windows; 0: a library.
 STUDIES = ((512, 32), (1024, 64), (2048, 64), (0, 64))
 EMPTY = 20_000
@@ -45,26 +38,24 @@ def scene_of(n):
 
 def study(n, window, mapping):
     """Two scales of a face; without points a library of windows and seals drawn from it."""
-    from femseal import Sampling, stochastic
-    from femseal import scales as two_scale
+    from femseal import Sampling, stochastic, two_scale
 
     if n:
-        two_scale(scene_of(n), (n // window,) * 2, map=mapping)
+        two_scale(scene_of(n), (n // window,) * 2, mapper=mapping)
     else:
         drawn = {"length": 400 * window * 1e-6, "breadth": 40 * window * 1e-6, "pressure": "uniform", "seed": 1}
         stochastic(
-            scene_of(512), (512 // window,) * 2, Sampling(**drawn, library_cells=200, realisations=50), map=mapping
+            scene_of(512), (512 // window,) * 2, Sampling(**drawn, library_cells=200, realisations=50), mapper=mapping
         )
 
 
 def timed(mapping, seconds):
-    """The same map, adding up what its parts take."""
+    """The same map, adding up what its stages take."""
 
-    def watched(function, *iterables):
-        name = getattr(function, "func", function).__name__.strip("_")
+    def watched(stage, *iterables):
         start = time.perf_counter()
-        for item in mapping(function, *iterables):
-            seconds[name] = seconds.get(name, 0.0) + time.perf_counter() - start
+        for item in mapping(stage, *iterables):
+            seconds[stage.name] = seconds.get(stage.name, 0.0) + time.perf_counter() - start
             yield item
             start = time.perf_counter()
 
@@ -73,13 +64,15 @@ def timed(mapping, seconds):
 
 def measure(task):
     """Elapsed times of a study and of its parts."""
+    from femseal.base.stage import Stage
     from femseal.runs.executor import ordered_map
 
     with ordered_map(**BACKENDS[task["backend"]]) as mapping:
         if task["study"] is None:
-            list(mapping(abs, range(200)))
+            nothing = Stage("nothing", abs)
+            list(mapping(nothing, range(200)))
             start = time.perf_counter()
-            list(mapping(abs, range(EMPTY)))
+            list(mapping(nothing, range(EMPTY)))
             return {**task, "seconds": {"": time.perf_counter() - start}}
         n, window = task["study"]
         study(min(n, 256), 32, mapping)
@@ -103,10 +96,10 @@ def table(records):
         name = (
             f"two scales, {n}², windows of {window}²" if n else f"200 windows of {window}², 50 seals of 40 × 400 links"
         )
-        for part in ("", *(p for p in PARTS if p in own[0]["seconds"])):
+        for part in ("", *filter(None, own[0]["seconds"])):
             one = least(chosen, "one process", part)
             efficiencies = (f"{one / (2 * least(chosen, b, part)):.2f}" for b in MAPS)
-            cells.append(["" if part else name, PARTS.get(part, "all"), f"{one:.3g}", *efficiencies])
+            cells.append(["" if part else name, part or "all", f"{one:.3g}", *efficiencies])
     overhead = ", ".join(f"{b} {1e3 * least(None, b, '') / EMPTY:.2g} ms" for b in MAPS)
     head = ["study", "part", "one process [s]", "efficiency of two: joblib", "Dask"]
     return f"{rows(head, cells)}\n\nOverhead for each item: {overhead}."

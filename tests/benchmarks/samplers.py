@@ -25,7 +25,8 @@ LINKS, MAPS, SHAPES = 20_000, 30, ((32, 32), (100, 10))
 def library_table(windows):
     """Permeabilities (cells, steps) along x1 and x2, and the steps."""
     from femseal import self_affine
-    from femseal.contact import HalfSpace, load_programme
+    from femseal.contact import HalfSpace
+    from femseal.loads import LoadProgramme
     from femseal.scales import Ladder, WindowSource, build_ladder_library
     from femseal.studies.sources import LOADING_SHARES, PEAK_SHARES, STOPS
 
@@ -39,7 +40,9 @@ def library_table(windows):
     source = WindowSource((-face.heights,), half_space, hardness, seed=1, rtol=1e-5)
     library = build_ladder_library(source, ladder, windows)
     shares = (0.02, 0.05, 0.09, 0.14, 0.18, 0.23, 0.28, 0.33)
-    steps = load_programme([hardness * s for s in shares], [hardness * 0.33], [hardness * s for s in (0.2, 0.1, 0.03)])
+    steps = LoadProgramme.of(
+        [hardness * s for s in shares], [hardness * 0.33], [hardness * s for s in (0.2, 0.1, 0.03)]
+    )
     paths = np.array([[s.pressure for s in steps]])
     return [library.along(paths, np.zeros_like(paths), steps, axis)[0] for axis in (0, 1)], steps
 

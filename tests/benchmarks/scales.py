@@ -77,8 +77,7 @@ def scene_of(task):
 
 def study(task):
     """One route over the cycle: leakage, contact share and mean gap at every step, CPU time and peak memory."""
-    from femseal import deterministic
-    from femseal import scales as two_scale
+    from femseal import deterministic, two_scale
     from femseal.studies.scene import resolved_permeability
 
     scene = scene_of(task)
@@ -105,9 +104,9 @@ def study(task):
 def compare(task, exact, two):
     """Factors of one surface."""
     from femseal.accuracy import closing_load, leakage_factor
-    from femseal.contact import load_programme
+    from femseal.loads import LoadProgramme
 
-    steps = load_programme(LOADING, PEAKS, UNLOADING)
+    steps = LoadProgramme.of(LOADING, PEAKS, UNLOADING)
     record = dict(task)
     for name, leakage in (("links", two["leakage"]), ("resolved", two["resolved"])):
         for branch in ("loading", "unloading"):

@@ -11,14 +11,14 @@ from typing import TYPE_CHECKING
 
 from ..base.errors import FemsealError
 from ..base.files import made_folder, replacing, write_text
+from ..plots import cells_figure, leakage_figure, seal_figure
+from ..results import fields
+from ..results.netcdf import FILE_NAME, save
+from ..results.results import Results
+from ..results.tables import csv_text
+from ..results.vtk import write_vtk
 from ..topography import Topography
-from . import fields
-from ..plots.maps import seal_figure
-from ..plots.curves import cells_figure, leakage_figure
-from ..report.page import REPORT_NAME, write_report
-from .results import FILE_NAME, Results, save
-from .tables import csv_text
-from .vtk import write_vtk
+from .page import REPORT_NAME, write_report
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -1,4 +1,4 @@
-"""Pictures of leakage and of cells."""
+"""Permeability of cells along the load cycle."""
 
 from __future__ import annotations
 
@@ -9,50 +9,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.errors import InputError
-from .drawing import GREY, STYLES, LeakageCurves, Steps, branches, leakage_curves_figure, new_figure
+from ..results.branches import Steps, branches
+from .drawing import GREY, STYLES, new_figure
 
 if TYPE_CHECKING:
-    import xarray
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
     from ..results.results import Results
 
 Array = NDArray[np.float64]
-
-
-def leakage_figure(results: Results) -> Figure:
-    """Size of the leakage per length against nominal pressure, log scale; steps without leakage stand in a strip below.
-
-    Bands: between the quantiles of the realisations, and with the error of the library besides; mean thin and dotted.
-    """
-    return leakage_curves_figure(leakage_curves(results))
-
-
-def leakage_curves(results: Results) -> LeakageCurves:
-    """All leakages of a run, as they are drawn."""
-    data = results.dataset
-    share = [data[n].attrs["quantile"] for n in ("leakage_lower", "leakage_upper") if n in data] or [0.05, 0.95]
-    notes = ["gas at 101 325 Pa"] if "IdealGas" in str(data.attrs.get("fluid", "")) else []
-    notes += ["from outlet to inlet"] if data.attrs["outlet_pressure_Pa"] > data.attrs["inlet_pressure_Pa"] else []
-    others = {"two-scale": "leakage_two_scale", "deterministic": "leakage_deterministic"}
-    return LeakageCurves(
-        pressure=data["nominal_pressure"].values,
-        peaks=data["unloaded_from"].values,
-        leakage=results.leakage.values,
-        title="median of realisations" if results.method == "median" else results.method,
-        band=_band(data, ""),
-        band_together=_band(data, "_together"),
-        share=(share[0], share[1]),
-        mean=data["leakage_mean"].values if "leakage_mean" in data else None,
-        others={m: data[name].values for m, name in others.items() if name in data and m != results.method},
-        notes=tuple(notes),
-    )
-
-
-def _band(data: xarray.Dataset, end: str) -> tuple[Array, Array] | None:
-    names = f"leakage_lower{end}", f"leakage_upper{end}"
-    return (data[names[0]].values, data[names[1]].values) if names[0] in data else None
 
 
 def cells_figure(results: Results, count: int = 4) -> Figure:

@@ -1,0 +1,151 @@
+"""Load programmes: the nominal pressures at which a seal is solved, on loading and on unloading from peaks."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .base import validate
+from .base.errors import InputError
+
+
+@dataclass(frozen=True)
+class LoadStep:
+    """One step of a load programme: nominal pressure [Pa] on loading, or on unloading from a peak."""
+
+    pressure: float
+    unloaded_from: float | None = None
+
+    @property
+    def branch(self) -> str:
+        """ "loading" or "unloading"."""
+        return "loading" if self.unloaded_from is None else "unloading"
+
+    @property
+    def name(self) -> str:
+        """Readable name, such as "unloading 200 MPa from 900 MPa"."""
+        end = "" if self.unloaded_from is None else f" from {self.unloaded_from / 1e6:g} MPa"
+        return f"{self.branch} {self.pressure / 1e6:g} MPa{end}"
+
+
+class LoadProgramme(tuple[LoadStep, ...]):
+    """Load steps in the order in which they are solved: all of the loading, then each unloading from its peak.
+
+    A tuple of steps, which cannot be changed. `LoadProgramme.of` makes one from lists of pressures.
+
+    Raises
+    ------
+    InputError : loading steps that come after unloading steps or do not rise, or an unloading step from a peak that is
+        no loading step.
+
+    Examples
+    --------
+    >>> programme = LoadProgramme.of([1e8, 3e8], unload_from=[2e8], unloading=[1e8])
+    >>> [step.name for step in programme]
+    ['loading 100 MPa', 'loading 200 MPa', 'loading 300 MPa', 'unloading 100 MPa from 200 MPa']
+    >>> programme.peak_indices.tolist(), programme.on_loading.tolist()
+    ([0, 1, 2, 1], [True, True, True, False])
+    """
+
+    __slots__ = ()
+
+    def __new__(cls, steps: Iterable[LoadStep]) -> LoadProgramme:
+        """Check the order of the steps."""
+        programme = super().__new__(cls, steps)
+        loading = programme.loading
+        if any(step.unloaded_from is not None for step in programme[: len(loading)]) or any(
+            b <= a for a, b in pairwise(loading)
+        ):
+            given = ", ".join(step.name for step in programme)
+            raise InputError.of("load programme", given, "all loading steps first, with rising pressures")
+        for step in programme[len(loading) :]:
+            if step.unloaded_from not in loading:
+                raise InputError.of("load programme", step.name, "an unloading step from one of the loading steps")
+        return programme
+
+    @classmethod
+    def of(
+        cls, loading: Sequence[float], unload_from: Sequence[float] = (), unloading: Sequence[float] = ()
+    ) -> LoadProgramme:
+        """The loading curve with every peak on it, then from each peak the stops below it in falling order.
+
+        Parameters
+        ----------
+        loading : rising nominal pressures >= 0 [Pa].
+        unload_from : pressures from which the seal is unloaded [Pa]; those not in `loading` are added to it.
+        unloading : nominal pressures to stop at on the way down [Pa]; each peak uses those below it.
+
+        Raises
+        ------
+        InputError : an empty or falling list, negative or non-finite pressures, a peak with nothing below it.
+        """
+        loading, unload_from, unloading = (
+            _pressures(name, values)
+            for name, values in (("loading", loading), ("unload_from", unload_from), ("unloading", unloading))
+        )
+        if len(loading) == 0:
+            raise InputError.of("loading", "an empty list", "at least one pressure [Pa]")
+        if any(b <= a for a, b in pairwise(loading)):
+            raise InputError.of("loading", loading, "rising pressures")
+        if len(unloading) and not len(unload_from):
+            raise InputError.of("unload_from", "an empty list", "at least one pressure where `unloading` is given")
+        steps = [LoadStep(p) for p in sorted({*loading, *unload_from})]
+        for peak in sorted(set(unload_from)):
+            below = sorted({p for p in unloading if p < peak}, reverse=True)
+            if not below:
+                raise InputError.of("unloading", unloading, f"at least one pressure below the peak {peak:g} Pa")
+            steps += [LoadStep(p, peak) for p in below]
+        return cls(steps)
+
+    def __getnewargs__(self) -> tuple[Any, ...]:
+        return (tuple(self),)
+
+    @property
+    def pressures(self) -> NDArray[np.float64]:
+        """Nominal pressure of every step (steps,) [Pa]."""
+        return np.array([s.pressure for s in self], dtype=float)
+
+    @property
+    def loading(self) -> tuple[float, ...]:
+        """Pressures of the loading steps, the peaks among them [Pa]."""
+        return tuple(s.pressure for s in self if s.unloaded_from is None)
+
+    @property
+    def unload_from(self) -> tuple[float, ...]:
+        """Peaks, rising [Pa]."""
+        return tuple(sorted({s.unloaded_from for s in self if s.unloaded_from is not None}))
+
+    @property
+    def unloading(self) -> tuple[float, ...]:
+        """Pressures at which any unloading stops, falling [Pa]."""
+        return tuple(sorted({s.pressure for s in self if s.unloaded_from is not None}, reverse=True))
+
+    @property
+    def on_loading(self) -> NDArray[np.bool_]:
+        """True at the loading steps (steps,)."""
+        return np.array([s.unloaded_from is None for s in self], dtype=bool)
+
+    @property
+    def on_unloading(self) -> NDArray[np.bool_]:
+        """True at the unloading steps (steps,)."""
+        return ~self.on_loading
+
+    @property
+    def peak_indices(self) -> NDArray[np.int64]:
+        """Index of the loading step from which each step is unloaded (steps,); on loading its own."""
+        loading = {s.pressure: n for n, s in enumerate(self) if s.unloaded_from is None}
+        found = [n if s.unloaded_from is None else loading[s.unloaded_from] for n, s in enumerate(self)]
+        return np.array(found, dtype=np.int64)
+
+
+def _pressures(name: str, values: Sequence[float]) -> list[float]:
+    try:
+        return [validate.number(name, p, unit="Pa", inclusive=True) for p in values]
+    except (TypeError, InputError):
+        given = values if isinstance(values, str) or not np.iterable(values) else list(values)
+        raise InputError.of(name, given, "a list of finite pressures >= 0 [Pa]") from None

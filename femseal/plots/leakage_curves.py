@@ -1,0 +1,237 @@
+"""Leakage against nominal pressure over a load cycle, of a study or of a whole run."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
+from weakref import WeakKeyDictionary
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..base.quantities import leakage_unit
+from ..results.branches import Steps, branches, pressures_and_peaks
+from ..results.results import Results
+from ..studies import DeterministicResult, StochasticResult, TwoScaleResult
+from .drawing import GREY, branch_styles, new_figure, one_panel
+from .registry import shows
+
+if TYPE_CHECKING:
+    import xarray
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+Array = NDArray[np.float64]
+#: Studies shown by single markers beside the main curve.
+_SINGLE = (("two-scale", "D", 7), ("deterministic", "x", 5))
+
+
+@dataclass(frozen=True)
+class LeakageCurves:
+    """Leakages per length of seal over a cycle [m²/s] that are drawn together.
+
+    pressure, peaks : of the steps [Pa], see `branches`. leakage, title : the main curve, and what it is.
+    band, band_together : lower and upper ends over realisations, and over realisations with the error of the library.
+    share : lower and upper quantile of the bands. mean : thin and dotted. others : single markers, by method.
+    notes : added to the axis.
+    """
+
+    pressure: Array
+    peaks: Array
+    leakage: Array
+    title: str
+    band: tuple[Array, Array] | None = None
+    band_together: tuple[Array, Array] | None = None
+    share: tuple[float, float] = (0.05, 0.95)
+    mean: Array | None = None
+    others: dict[str, Array] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+
+    @property
+    def drawn(self) -> list[Array]:
+        """Everything that is drawn."""
+        ends = [end for band in (self.band, self.band_together) if band is not None for end in band]
+        return [self.leakage, *ends, *([] if self.mean is None else [self.mean]), *self.others.values()]
+
+
+def leakage_panel(axes: Axes, *several: LeakageCurves) -> list[Any]:
+    """Size of the leakage against nominal pressure, log scale; steps without leakage stand in a strip below.
+
+    Returns the handles of its legend.
+    """
+    factor, unit = leakage_unit(np.concatenate([curves.leakage for curves in several]))
+    parts = [(curves, name, steps) for curves in several for name, steps in branches(curves.pressure, curves.peaks)]
+    drawn = np.concatenate([values for curves in several for values in curves.drawn])
+    floor, lanes = _log_axis(axes, np.abs(drawn) / factor, len(parts))
+    handles: dict[int, list[Any]] = {id(curves): [] for curves in several}
+    for (curves, name, steps), style, lane in zip(parts, branch_styles(len(parts)), lanes, strict=True):
+        handles[id(curves)].append(_branch(axes, curves, name, steps, style, factor, floor, lane))
+    axes.set_xlabel("nominal pressure [MPa]")
+    notes = dict.fromkeys(note for curves in several for note in curves.notes)
+    axes.set_ylabel("\n".join([f"leakage per length of seal [{unit}]", *([", ".join(notes)] if notes else [])]))
+    axes.set_xlim(0, max(max(curves.pressure.max() for curves in several) / 1e6, 1e-300) * 1.03)
+    axes.grid(alpha=0.25, lw=0.6)
+    from matplotlib.lines import Line2D
+
+    named = [h for c in several for h in (Line2D([], [], ls="", label=c.title), *handles[id(c)])]
+    return [*named, *_other_handles(several)]
+
+
+def _branch(
+    axes: Axes, curves: LeakageCurves, name: str, steps: Steps, style: Any, factor: float, floor: float, lane: float
+) -> Any:
+    """Draw one branch; returns its main line."""
+    colour, line, marker = style
+    x, y = curves.pressure[steps] / 1e6, np.abs(curves.leakage[steps]) / factor
+    for band, alpha in ((curves.band_together, 0.09), (curves.band, 0.2)):
+        if band is not None:
+            low, high = (np.maximum(np.abs(end[steps]) / factor, floor) for end in band)
+            axes.fill_between(x, low, high, color=colour, lw=0, alpha=alpha)
+    if curves.band_together is not None:
+        for end in curves.band_together:
+            edge = np.abs(end[steps]) / factor
+            axes.plot(x, np.where(edge > 0, edge, np.nan), color=colour, ls=(0, (1, 3)), lw=0.8)
+    if curves.mean is not None:
+        mean = np.abs(curves.mean[steps]) / factor
+        axes.plot(x, np.where(mean > 0, mean, np.nan), color=colour, ls=":", lw=1.1)
+    (main,) = axes.plot(x, np.where(y > 0, y, np.nan), color=colour, ls=line, lw=1.8, marker=marker, ms=4.5, label=name)
+    axes.plot(x[y == 0], np.full(np.sum(y == 0), lane), color=colour, ls="", marker=marker, ms=4.5)
+    for method, symbol, size in _SINGLE:
+        if method in curves.others:
+            single = np.abs(curves.others[method][steps]) / factor
+            at = np.where(single == 0, lane, single)
+            axes.plot(x, at, color=colour, ls="", marker=symbol, ms=size, mew=1.2, mfc="none")
+    return main
+
+
+def _log_axis(axes: Axes, values: Array, count: int) -> tuple[float, list[float]]:
+    """Log scale over the values > 0, and below it a strip for those that are 0.
+
+    Returns the end of the scale, and the places of `count` branches in the strip.
+    """
+    axes.set_yscale("log")
+    positive = values[np.isfinite(values) & (values > 0)]
+    low, high = (float(positive.min()), float(positive.max())) if positive.size else (0.1, 10.0)
+    low = max(low, high * 1e-15)
+    decades = max(np.log10(high / low), 0.5)
+    floor, top = low * 10 ** (-0.05 * decades), high * 10 ** (0.06 * decades)
+    if not np.any(values == 0):
+        axes.set_ylim(floor, top)
+        return floor, [floor] * count
+    height = (0.05 + 0.04 * count) * decades
+    lanes = [float(floor * 10 ** (-height * (n + 0.5) / count)) for n in range(count)]
+    bottom = floor * 10**-height
+    axes.set_ylim(bottom, top)
+    axes.set_yticks([t for t in axes.get_yticks() if floor <= t <= top])
+    axes.set_yticks([t for t in axes.get_yticks(minor=True) if floor <= t <= top], minor=True)
+    axes.axhspan(bottom, floor, color="#E4E4E4", lw=0, zorder=0)
+    middle = float(np.sqrt(floor * bottom))
+    axes.annotate(" sealed", (1, middle), xycoords=("axes fraction", "data"), ha="left", va="center", fontsize=9)
+    return floor, lanes
+
+
+def _other_handles(several: Sequence[LeakageCurves]) -> list[Any]:
+    """Handles of what all branches share: bands, mean, single markers."""
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
+    handles: list[Any] = []
+    low, high = (100 * q for q in several[0].share)
+    if any(curves.band is not None for curves in several):
+        handles.append(Patch(color=GREY, alpha=0.35, lw=0, label=f"{low:g} – {high:g} % of realisations"))
+    if any(curves.band_together is not None for curves in several):
+        handles.append(
+            Patch(fc="#EFEFEF", ec=GREY, ls=(0, (1, 3)), lw=0.8, label="the same with the\nerror of the library")
+        )
+    if any(curves.mean is not None for curves in several):
+        handles.append(Line2D([], [], color=GREY, ls=":", lw=1.1, label="mean of realisations"))
+    for name, symbol, size in _SINGLE:
+        if any(name in curves.others for curves in several):
+            handles.append(Line2D([], [], color=GREY, ls="", marker=symbol, ms=size, mew=1.2, mfc="none", label=name))
+    return handles
+
+
+#: What has been drawn into axes that were given, and with which artists: the next curves are drawn together with them.
+_SHARED: WeakKeyDictionary[Axes, tuple[list[LeakageCurves], list[Any]]] = WeakKeyDictionary()
+
+
+def _curves_figure(curves: LeakageCurves, ax: Axes | None, label: str | None) -> Figure:
+    """The curves in a figure of their own, or together with those drawn into the same axes before."""
+    curves = curves if label is None else replace(curves, title=label)
+    if ax is None:
+        figure = new_figure(7.4, 4.4)
+        handles = leakage_panel(figure.add_subplot(), curves)
+        figure.legend(handles=handles, loc="outside right upper", frameon=False, fontsize=8.5, handlelength=3.4)
+        return figure
+    several, artists = _SHARED.setdefault(ax, ([], []))
+    for artist in artists:
+        artist.remove()
+    several.append(curves)
+    before = set(ax.get_children())
+    handles = leakage_panel(ax, *several)
+    artists[:] = [artist for artist in ax.get_children() if artist not in before]
+    ax.legend(handles=handles, frameon=False, fontsize=8.5, handlelength=3.4)
+    return one_panel(ax, 0, 0)[0]
+
+
+@shows(DeterministicResult)
+@shows(TwoScaleResult)
+def study_figure(
+    study: DeterministicResult | TwoScaleResult, ax: Axes | None = None, label: str | None = None
+) -> Figure:
+    """Leakage of a study against nominal pressure; `label` names it in the legend."""
+    title = "two-scale" if isinstance(study, TwoScaleResult) else "deterministic"
+    return _curves_figure(LeakageCurves(*pressures_and_peaks(study.steps), study.leakage, title), ax, label)
+
+
+@shows(StochasticResult)
+def realisations_figure(study: StochasticResult, ax: Axes | None = None, label: str | None = None) -> Figure:
+    """Median of the leakage against nominal pressure, with the bands from 5 to 95 %."""
+    low, high = 0.05, 0.95
+    curves = LeakageCurves(
+        *pressures_and_peaks(study.steps),
+        study.quantile(0.5),
+        "median of realisations",
+        band=(study.quantile(low), study.quantile(high)),
+        band_together=(study.quantile(low, resampled=True), study.quantile(high, resampled=True)),
+        share=(low, high),
+        mean=study.mean,
+    )
+    return _curves_figure(curves, ax, label)
+
+
+@shows(Results)
+def leakage_figure(results: Results, ax: Axes | None = None, label: str | None = None) -> Figure:
+    """Size of the leakage per length against nominal pressure, log scale; steps without leakage stand in a strip below.
+
+    Bands: between the quantiles of the realisations, and with the error of the library besides; mean thin and dotted.
+    `label` names the run in the legend; several runs are drawn together into one `ax`.
+    """
+    return _curves_figure(leakage_curves(results), ax, label)
+
+
+def leakage_curves(results: Results) -> LeakageCurves:
+    """All leakages of a run, as they are drawn."""
+    data = results.dataset
+    share = [data[n].attrs["quantile"] for n in ("leakage_lower", "leakage_upper") if n in data] or [0.05, 0.95]
+    notes = ["gas at 101 325 Pa"] if "IdealGas" in str(data.attrs.get("fluid", "")) else []
+    notes += ["from outlet to inlet"] if data.attrs["outlet_pressure_Pa"] > data.attrs["inlet_pressure_Pa"] else []
+    others = {"two-scale": "leakage_two_scale", "deterministic": "leakage_deterministic"}
+    return LeakageCurves(
+        pressure=data["nominal_pressure"].values,
+        peaks=data["unloaded_from"].values,
+        leakage=results.leakage.values,
+        title="median of realisations" if results.method == "median" else results.method,
+        band=_band(data, ""),
+        band_together=_band(data, "_together"),
+        share=(share[0], share[1]),
+        mean=data["leakage_mean"].values if "leakage_mean" in data else None,
+        others={m: data[name].values for m, name in others.items() if name in data and m != results.method},
+        notes=tuple(notes),
+    )
+
+
+def _band(data: xarray.Dataset, end: str) -> tuple[Array, Array] | None:
+    names = f"leakage_lower{end}", f"leakage_upper{end}"
+    return (data[names[0]].values, data[names[1]].values) if names[0] in data else None

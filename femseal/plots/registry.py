@@ -1,0 +1,40 @@
+"""Which function draws which result: one for each class, found by `plot()` of the result."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import singledispatch
+from inspect import signature
+from typing import TYPE_CHECKING, Any
+
+from ..base.errors import InputError
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+@singledispatch
+def _draw(result: Any) -> Figure:
+    raise InputError.of("plot", f"a {type(result).__name__}", "a result that has a picture")
+
+
+def shows(kind: type) -> Callable[[Callable[..., Figure]], Callable[..., Figure]]:
+    """Decorator: the function is the picture of a class; arguments beside the result are options of its `plot()`."""
+    return _draw.register(kind)
+
+
+def picture(result: Any, **options: Any) -> Figure:
+    """The picture of a result.
+
+    Raises
+    ------
+    InputError : a result without a picture, or an option that its picture does not have, such as `ax` where it has
+        several panels.
+    """
+    draw = _draw.dispatch(type(result))
+    allowed = list(signature(draw).parameters)[1:]
+    for name in options:
+        if name not in allowed:
+            given = f"option '{name}' for the picture of a {type(result).__name__}"
+            raise InputError.of("plot", given, f"one of {', '.join(allowed)}" if allowed else "none: it has no options")
+    return draw(result, **options)

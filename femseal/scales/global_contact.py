@@ -1,0 +1,159 @@
+"""Global contact of a face: its long waves on a coarse grid say which pressure every window has."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from functools import partial
+from math import ceil
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.fft import dctn, idctn
+from scipy.ndimage import spline_filter1d
+from scipy.sparse import csr_array
+
+from ..base.stage import Mapper
+from ..contact import HalfSpace, LoadState, load_states
+from ..loads import LoadProgramme, LoadStep
+from ..topography import Topography
+from .partition import Partition
+
+Array = NDArray[np.float64]
+#: Pixels of the global grid for the cut-off wavelength, or the fine grid's if those are fewer.
+PIXELS_PER_CUT_OFF = 8
+
+
+@dataclass(frozen=True)
+class GlobalState:
+    """Global contact at a step of a programme.
+
+    pressure : mean pressure of each cell (m1, m2) [Pa]; `pressure_across` of the windows of the x2-links between them,
+        with the lines on their faces.
+    raw_gap : gap between virgin planes on the fine grid (n1, n2) [m], negative where the low-pass face yielded.
+    contact_pressure : of the low-pass face, on the global grid (k1, k2) [Pa].
+    """
+
+    step: LoadStep
+    pressure: Array
+    pressure_across: Array
+    raw_gap: Array
+    contact_pressure: Array
+
+    def outer_gap(self, partition: Partition, body: HalfSpace) -> NDArray[np.float32]:
+        """Raw gap without what the pressure of each cell adds in it (n1, n2) [m].
+
+        A cell's own pressure acts on `body`, the mirrored one of a window. A window that starts from this gap may
+        respond to its pressure with all waves: where it finds the global pressure again, it finds the global gap, and
+        what it finds else is no response twice.
+        """
+        coarse = Partition(self.contact_pressure.shape, partition.spacing, partition.cells).window
+        size = partition.window_size
+        spacing = (size[0] / coarse[0], size[1] / coarse[1])
+        symbol = replace(body, shape=coarse, spacing=spacing, plans=()).symbol()
+        gap = np.empty(self.raw_gap.shape, np.float32)
+        for i in range(partition.cells[0]):
+            band = self.contact_pressure[i * coarse[0] : (i + 1) * coarse[0]].reshape(coarse[0], -1, coarse[1])
+            waves = dctn(band, axes=(0, 2), norm="forward") * symbol[:, None, :]
+            own = idctn(waves, s=partition.window, axes=(0, 2), norm="forward")
+            rows = slice(i * partition.window[0], (i + 1) * partition.window[0])
+            gap[rows] = self.raw_gap[rows] - own.reshape(partition.window[0], -1)
+        return gap
+
+
+def global_states(
+    surface: Topography,
+    partition: Partition,
+    cut_off: float,
+    programme: LoadProgramme,
+    *,
+    modulus: float,
+    hardness: float,
+    boundary: tuple[str, str],
+    rtol: float = 1e-6,
+    take: Callable[[GlobalState], Any] | None = None,
+    mapper: Mapper = map,
+) -> Iterator[Any]:
+    """Contact of the low-pass face on the global grid along a load programme, state after state.
+
+    Waves shorter than `cut_off` [m] are left to the windows. `modulus` and `boundary` are those of a `HalfSpace`, the
+    other arguments those of `contact.load_states`.
+    """
+    smooth = surface.low_pass(cut_off)
+    wanted = (ceil(PIXELS_PER_CUT_OFF * size / cut_off - 1e-9) for size in partition.window_size)
+    per_window = [min(pixels, w) for pixels, w in zip(wanted, partition.window, strict=True)]
+    coarse_shape = (partition.cells[0] * per_window[0], partition.cells[1] * per_window[1])
+    coarse = smooth.resample(coarse_shape) if coarse_shape != surface.shape else smooth
+    top = float(surface.heights.max())
+    coarse_gap = top - coarse.heights
+    fine_gap = coarse_gap if coarse is smooth else top - smooth.heights
+    half_space = HalfSpace(coarse.shape, coarse.spacing, modulus, boundary)
+    finer = Refinement(coarse.shape, surface.shape, boundary)
+    del smooth, coarse
+    solved = partial(
+        _global_state, partition=partition, fine_gap=fine_gap, coarse_gap=coarse_gap, finer=finer, take=take
+    )
+    return load_states(coarse_gap, half_space, programme, hardness=hardness, rtol=rtol, take=solved, mapper=mapper)
+
+
+def _global_state(
+    state: LoadState,
+    *,
+    partition: Partition,
+    fine_gap: Array,
+    coarse_gap: Array,
+    finer: Refinement,
+    take: Callable[[GlobalState], Any] | None,
+) -> Any:
+    contact = state.contact
+    cells = Partition(partition.shape, partition.spacing, partition.cells)
+    pressure, across = (cells.means(contact.pressure, axis) for axis in (0, 1))
+    # what the load adds is smoother than the gap itself, so that alone is interpolated
+    raw_gap = finer(contact.raw_gap - coarse_gap)
+    raw_gap += fine_gap
+    found = GlobalState(
+        step=LoadStep(state.pressure, state.unloaded_from),
+        pressure=pressure,
+        pressure_across=across,
+        raw_gap=raw_gap,
+        contact_pressure=contact.pressure,
+    )
+    return found if take is None else take(found)
+
+
+class Refinement:
+    """Cubic interpolation of cell-centred samples onto a finer grid of the same extent.
+
+    As `scipy.ndimage.zoom` does it, in a fraction of its time.
+    """
+
+    def __init__(self, shape: tuple[int, int], finer: tuple[int, int], boundary: tuple[str, str]) -> None:
+        self._modes = ["grid-wrap" if kind == "periodic" else "grid-mirror" for kind in boundary]
+        self._weights = [
+            None if n == m else _spline_weights(n, m, mode)
+            for n, m, mode in zip(shape, finer, self._modes, strict=True)
+        ]
+
+    def __call__(self, samples: Array) -> Array:
+        """The samples on the finer grid."""
+        rows, columns = self._weights
+        if columns is not None:
+            samples = (columns @ spline_filter1d(samples, 3, axis=1, mode=self._modes[1]).T).T
+        return samples if rows is None else rows @ spline_filter1d(samples, 3, axis=0, mode=self._modes[0])
+
+
+def _spline_weights(n: int, finer: int, mode: str) -> csr_array:
+    """Cubic B-splines on n samples at the centres of finer ones (finer, n)."""
+    position = (np.arange(finer) + 0.5) * n / finer - 0.5
+    first = np.floor(position).astype(int) - 1
+    t = position - (first + 1)
+    values = [(1 - t) ** 3, 3 * t**3 - 6 * t**2 + 4, 3 * (1 - t) ** 3 - 6 * (1 - t) ** 2 + 4, t**3]
+    columns = first[:, None] + np.arange(4)
+    if mode == "grid-wrap":
+        columns %= n
+    else:
+        columns %= 2 * n
+        columns = np.minimum(columns, 2 * n - 1 - columns)
+    rows = np.repeat(np.arange(finer), 4)
+    return csr_array((np.stack(values, axis=1).ravel() / 6, (rows, columns.ravel())), shape=(finer, n))

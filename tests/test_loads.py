@@ -1,0 +1,83 @@
+"""Load programmes: their order, the masks and indices of their steps, and what they refuse."""
+
+import pickle
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.testing import assert_array_equal
+
+from femseal.base.errors import InputError
+from femseal.loads import LoadProgramme, LoadStep
+
+PROGRAMME = LoadProgramme.of((1e8, 2e8, 4e8), (2e8, 4e8), (3e8, 1e8))
+
+
+def test_peaks_are_put_on_the_loading_curve():
+    steps = LoadProgramme.of([1e8, 3e8], unload_from=[2e8], unloading=[0.5e8, 1.5e8, 2.5e8])
+    assert [(s.branch, s.pressure) for s in steps] == [
+        ("loading", 1e8), ("loading", 2e8), ("loading", 3e8), ("unloading", 1.5e8), ("unloading", 0.5e8),
+    ]  # fmt: skip
+    assert {s.unloaded_from for s in steps[3:]} == {2e8}
+
+
+def test_names():
+    assert LoadStep(2e8).name == "loading 200 MPa"
+    assert LoadStep(2e8, 9e8).name == "unloading 200 MPa from 900 MPa"
+
+
+@settings(deadline=None, max_examples=50)
+@given(
+    loading=st.sets(st.floats(0, 1e9), min_size=1, max_size=6),
+    peaks=st.sets(st.floats(1e6, 1e9), max_size=3),
+    unloading=st.sets(st.floats(0, 9e5), min_size=1, max_size=4),
+)
+def test_programme_is_ordered(loading, peaks, unloading):
+    steps = LoadProgramme.of(sorted(loading), sorted(peaks), sorted(unloading) if peaks else ())
+    up = [s.pressure for s in steps if s.branch == "loading"]
+    assert up == sorted(loading | peaks)
+    for peak in peaks:
+        down = [s.pressure for s in steps if s.unloaded_from == peak]
+        assert down == sorted(unloading, reverse=True)
+    assert len(steps) == len(up) + len(peaks) * (len(unloading) if peaks else 0)
+    assert LoadProgramme.of(steps.loading, steps.unload_from, steps.unloading) == steps
+
+
+def test_a_programme_says_where_its_branches_are():
+    assert [s.name for s in PROGRAMME[3:]] == [
+        "unloading 100 MPa from 200 MPa", "unloading 300 MPa from 400 MPa", "unloading 100 MPa from 400 MPa",
+    ]  # fmt: skip
+    assert (PROGRAMME.loading, PROGRAMME.unload_from) == ((1e8, 2e8, 4e8), (2e8, 4e8))
+    assert PROGRAMME.unloading == (3e8, 1e8)
+    assert_array_equal(PROGRAMME.pressures, [1e8, 2e8, 4e8, 1e8, 3e8, 1e8])
+    assert_array_equal(PROGRAMME.on_loading, [True] * 3 + [False] * 3)
+    assert_array_equal(PROGRAMME.on_unloading, [False] * 3 + [True] * 3)
+    assert_array_equal(PROGRAMME.peak_indices, [0, 1, 2, 1, 2, 2])
+
+
+def test_a_programme_is_a_tuple_and_pickles():
+    again = pickle.loads(pickle.dumps(PROGRAMME))
+    assert type(again) is LoadProgramme
+    assert again == PROGRAMME == tuple(PROGRAMME)
+    assert PROGRAMME.index(LoadStep(1e8, 2e8)) == 3
+
+
+@pytest.mark.parametrize(
+    "steps",
+    [
+        (LoadStep(2e8), LoadStep(1e8)),
+        (LoadStep(1e8), LoadStep(1e8)),
+        (LoadStep(2e8), LoadStep(1e8, 2e8), LoadStep(3e8)),
+        (LoadStep(2e8), LoadStep(1e8, 3e8)),
+    ],
+)
+def test_steps_in_another_order_are_refused(steps):
+    with pytest.raises(InputError, match="load programme"):
+        LoadProgramme(steps)
+
+
+def test_no_step_leaves_empty_masks():
+    empty = LoadProgramme(())
+    assert empty.on_loading.dtype == bool
+    assert empty.peak_indices.dtype == np.int64
