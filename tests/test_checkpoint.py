@@ -210,11 +210,11 @@ def test_a_damaged_shard_is_reported_and_computed_again(tmp_path, monkeypatch, c
 
 def test_a_full_disk_loses_nothing_that_is_written(tmp_path, monkeypatch):
     monkeypatch.setattr(checkpoint, "SHARD_ITEMS", 4)
-    synced = []  # manifest, plans and four shards fit
+    synced = []  # manifest and four shards fit
 
     def full(handle):
         synced.append(handle)
-        if len(synced) > 6:
+        if len(synced) > 5:
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
     with monkeypatch.context() as patch:

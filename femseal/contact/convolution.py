@@ -26,6 +26,8 @@ from .influence import padded_length
 Array = NDArray[np.float64]
 #: Bytes of a block of columns: about a level-2 cache with what else it has to hold.
 _BLOCK_BYTES = 2**19
+#: Blocks begin at multiples of so many columns, which FFTW's vector instructions ask for.
+_ALIGNED = 8
 
 
 class Convolution:
@@ -73,7 +75,8 @@ class Convolution:
         self._rows = _plans(points, spectrum[:n1], target, axis=1, threads=threads)
         self._weights: Array = over._weights if over else _weights(symbol / (l1 * l2), *self._mirrors)
         turns = [np.exp(1j * np.pi * np.arange(n // 2 + 1) / n) for n in (l1, l2)]
-        width = max(1, min(_BLOCK_BYTES // (l1 * waves.itemsize), math.ceil(m2 / threads)))
+        width = min(_BLOCK_BYTES // (l1 * waves.itemsize), math.ceil(m2 / threads))
+        width = max(_ALIGNED, width - width % _ALIGNED)
         starts = range(0, m2, width)
         self._blocks: list[list[Any]] = []
         for part in np.array_split(starts, threads):

@@ -42,9 +42,7 @@ def spectral_symbol(q1: Array, q2: Array, modulus: float) -> Array:
         return np.where(q > 0, 2 / (modulus * q), 0.0)
 
 
-def symbol(
-    shape: tuple[int, int], spacing: tuple[float, float], modulus: float, boundary: tuple[str, str]
-) -> Array:
+def symbol(shape: tuple[int, int], spacing: tuple[float, float], modulus: float, boundary: tuple[str, str]) -> Array:
     """Eigenvalues of K [m/Pa] for the waves of periodic and padded free axes and the cosines of mirror axes.
 
     A wave and its conjugate respond alike, so that half of the second axis is enough, or half of the first where the
