@@ -35,7 +35,8 @@ class Convolution:
 
     A mirror axis needs no more than the transform of its N points taken in the order 0, 2, 4 … 5, 3, 1: cosine
     coefficients k and N − k are sums of the waves k and N − k, so that K mixes these two. Source: Makhoul, IEEE Trans.
-    Acoust. Speech Signal Process. 28, 1980, 27. A free axis is padded with zeros; rows without points are not transformed.
+    Acoust. Speech Signal Process. 28, 1980, 27. A free axis is padded with zeros; padding rows are not
+    transformed.
 
     Parameters
     ----------
