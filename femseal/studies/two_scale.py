@@ -15,7 +15,7 @@ from ..base.stage import Mapper, Stage
 from ..base.text import Shown
 from ..contact import HalfSpace
 from ..contact.complement import FieldOverSteps, gap_part, pressure_part
-from ..flow.connectivity import percolates
+from ..flow.percolation import percolates
 from ..loads import LoadProgramme
 from ..scales import GlobalState, Partition, respond
 from ..scales.window import FlowHistory, WindowHistory, body_standoff, flow_history, set_down
