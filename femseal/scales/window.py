@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from ..base.errors import FemsealError
 from ..contact import HalfSpace, solve_deformed_contact
 from ..flow import cell_permeability
+from ..flow.coefficient import cubic_law
 from ..loads import LoadProgramme
 
 Array = NDArray[np.float64]
@@ -175,8 +176,9 @@ def window_permeability(
     """
     mean = float(gap.mean())
     if gap.min() > 0 and gap.std() < OPEN_RATIO * mean:
-        means = [1 / float(np.mean(gap**-3.0)), float(np.mean(gap**3))] if bounds else []
-        return np.array([mean**3, *means]) / 12, "open"
+        k = cubic_law(gap) if bounds else np.empty(0)
+        means = [1 / float(np.mean(1 / k)), float(np.mean(k))] if bounds else []
+        return np.array([cubic_law(mean), *means]), "open"
     result = cell_permeability(gap, spacing, axis=axis, sides="mirror", bounds=bounds)
     k = np.array([result.value, result.lower, result.upper] if bounds else [result.value])
     return k, "solved" if result.percolates else "closed"

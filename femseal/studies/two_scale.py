@@ -15,11 +15,10 @@ from ..base.stage import Mapper, Stage
 from ..base.text import Shown
 from ..contact import HalfSpace
 from ..contact.complement import FieldOverSteps, gap_part, pressure_part
-from ..flow.connectivity import percolates
+from ..flow.percolation import percolates
 from ..loads import LoadProgramme
 from ..scales import GlobalState, Partition, respond
 from ..scales.window import FlowHistory, WindowHistory, body_standoff, flow_history, set_down
-from ..seal import RectangularSeal
 from ..topography import Topography
 from .scene import Array, Scene, labels, resolved_permeability
 
@@ -92,7 +91,7 @@ def two_scale(scene: Scene, cells: tuple[int, int], *, flow: str = "links", mapp
     partition = contact.partition
     links = [solve_links(contact, axis, mapper=mapper) for axis in (0, 1)]
     k1, k2 = links[0].k, links[1].k
-    seal = RectangularSeal(surface.size, cells, partition.node_rows)
+    seal = scene.layout.seal(surface.size, cells, partition.node_rows)
     leakage, fluid_pressure = np.full(len(k1), np.nan), np.full((len(k1), cells[0] + 1, cells[1]), np.nan)
     for s in range(len(k1)):
         if np.isfinite(k1[s]).all() and np.isfinite(k2[s]).all():
