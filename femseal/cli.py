@@ -110,10 +110,11 @@ def run(
 
         Console(width=None if sys.stdout.isatty() else 160).print(results.table())
         if terminal:  # elsewhere the log lines have said so
-            for warning in results.warnings[:5]:
-                typer.echo(f"warning: {warning}", err=True)
-            if len(results.warnings) > 5:
-                typer.echo(f"warning: {len(results.warnings) - 5} more in {folder / 'run.log'}", err=True)
+            for kind, texts in (("warning", results.warnings), ("failure", results.failures)):
+                for text in texts[:5]:
+                    typer.echo(f"{kind}: {text}", err=True)
+                if len(texts) > 5:
+                    typer.echo(f"{kind}: {len(texts) - 5} more in {folder / 'run.log'}", err=True)
         typer.echo(f"results in {folder}")
 
 

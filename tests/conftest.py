@@ -1,8 +1,19 @@
-"""Reference operators of the contact tests, independent of the package: dense matrices and plain FFTs."""
+"""What all tests share: surroundings that are the same everywhere, and reference operators of the contact tests.
+
+The operators are independent of the package: dense matrices and plain FFTs.
+"""
+
+import os
+from pathlib import Path
 
 import numpy as np
 import pytest
 import scipy.fft
+from hypothesis import settings
+
+# the same examples in every run; others are tried with --hypothesis-profile=default
+settings.register_profile("repeatable", derandomize=True, database=None)
+settings.load_profile("repeatable")
 
 
 def love(x, y, spacing, modulus):
@@ -79,3 +90,28 @@ def dense_operator():
 @pytest.fixture
 def spectral_displacement():
     return spectral
+
+
+@pytest.fixture(autouse=True, scope="session")
+def _plain_terminal():
+    """Texts for a terminal are plain and of a usual width, whatever the tests run in."""
+    with pytest.MonkeyPatch.context() as patch:
+        for name in ("FORCE_COLOR", "GITHUB_ACTIONS", "PY_COLORS", "TERMINAL_WIDTH"):
+            patch.delenv(name, raising=False)
+        patch.setenv("COLUMNS", "80")
+        yield
+
+
+@pytest.fixture
+def instrument_file():
+    """Path of a file as an instrument wrote it, from the folder FEMSEAL_SURFACES; without it the test is skipped."""
+
+    def path(name):
+        folder = os.environ.get("FEMSEAL_SURFACES")
+        if not folder or not Path(folder, name).exists():
+            pytest.skip(f"FEMSEAL_SURFACES does not name a folder with the measured surface {name}")
+        if not name.endswith(".x3p"):
+            pytest.importorskip("SurfaceTopography", reason="the extra femseal[surface] is not installed")
+        return Path(folder, name).resolve()
+
+    return path

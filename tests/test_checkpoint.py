@@ -332,7 +332,9 @@ def start():
     started = []
 
     def start(case, out, *arguments, shard_items=20):
+        # a shell starts what runs in its background so that Ctrl-C is ignored, which is inherited
         code = (
+            "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)\n"
             f"import femseal.runs.checkpoint as c; c.SHARD_ITEMS = {shard_items}; from femseal.cli import main; main()"
         )
         command = [sys.executable, "-c", code, "run", case, "-o", out, *arguments]

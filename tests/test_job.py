@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import xarray
 from numpy.testing import assert_array_equal
+from test_checkpoint import HANG
 
 import femseal as fs
 from femseal.base.stage import Stage
@@ -103,8 +104,9 @@ quantiles = [0.2, 0.8]
     assert (np.abs(np.log(data["leakage_two_scale"] / data["leakage_deterministic"])) < np.log(2)).all()
 
 
-def test_a_cluster_gives_the_same_bits(case):
+def test_a_cluster_gives_the_same_bits(case, monkeypatch):
     distributed = pytest.importorskip("distributed")
+    monkeypatch.setattr(parallel, "ANSWER_SECONDS", HANG)
     one = fs.run(case, workers=1)
     with distributed.LocalCluster(
         n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, silence_logs=50
@@ -114,8 +116,9 @@ def test_a_cluster_gives_the_same_bits(case):
         assert_array_equal(one.dataset[name].values, there.dataset[name].values, err_msg=name)
 
 
-def test_a_cluster_is_given_a_few_tasks_at_a_time_and_returns_them_in_order(recwarn):
+def test_a_cluster_is_given_a_few_tasks_at_a_time_and_returns_them_in_order(recwarn, monkeypatch):
     distributed = pytest.importorskip("distributed")
+    monkeypatch.setattr(parallel, "ANSWER_SECONDS", HANG)
     drawn = []
 
     def numbers():

@@ -232,16 +232,18 @@ def test_failures_are_nan_not_sealed(scene, studies):
     r = assemble(scene, stochastic=broken)
     for name in ("leakage_median", "leakage_lower", "leakage_upper", "leakage_mean", "sealed_share"):
         assert_array_equal(np.isnan(r.dataset[name]), [False, True, False, False, False])
-    assert r.warnings[0] == "realisation 0: bad"
-    assert f"{len(r.warnings)} warnings" in repr(r)
+    assert r.failures == ["realisation 0: bad"]
+    assert "failures   1, the first: realisation 0: bad" in repr(r)
+    # too few realisations are a warning: the numbers are there
+    assert ["at least 20 needed" in text for text in r.warnings] == [True]
     assert "failed" in r._repr_html_()
 
 
-def test_many_warnings_fit_into_the_file(scene, studies, tmp_path):
+def test_many_failures_fit_into_the_file(scene, studies, tmp_path):
     many = replace(studies["two_scale"], failures=tuple(f"cell {n}: did not converge, é" for n in range(20000)))
     r = assemble(scene, two_scale=many)
     save(r, tmp_path)
-    kept = open_results(tmp_path).warnings
+    kept = open_results(tmp_path).failures
     assert kept[0] == "cell 0: did not converge, é"
     assert kept[-1] == f"… and {20000 - len(kept) + 1} more"
 

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
-from test_checkpoint import CASE, assert_same
+from test_checkpoint import CASE, HANG, assert_same, wait_until
 
 import femseal as fs
 from femseal.base.shared_array import shared_empty
@@ -33,8 +33,9 @@ def case(tmp_path):
 
 
 @pytest.fixture
-def cluster():
-    """Two threads of this process."""
+def cluster(monkeypatch):
+    """Two threads of this process, which may be slow to answer."""
+    monkeypatch.setattr(parallel, "ANSWER_SECONDS", HANG)
     with distributed.LocalCluster(n_workers=2, threads_per_worker=1, processes=False, dashboard_address=None) as it:
         yield it
 
@@ -53,12 +54,11 @@ def real_cluster():
             return process
 
         lines = []
-        start("scheduler", "--host", "127.0.0.1", "--port", 0)
-        found = None
-        while not found:
-            time.sleep(0.05)
-            found = re.search(r"Scheduler at:\s+(tcp://\S+)", "".join(lines))
-        address = found[1]
+        scheduler = start("scheduler", "--host", "127.0.0.1", "--port", 0)
+        found = re.compile(r"Scheduler at:\s+(tcp://\S+)").search
+        wait_until(lambda: found("".join(lines)) or scheduler.poll() is not None)
+        assert scheduler.poll() is None, "".join(lines)
+        address = found("".join(lines))[1]
         yield address, lambda: start("worker", address, "--nthreads", 1, "--no-nanny")
 
 
@@ -89,15 +89,39 @@ def test_processes_return_results_in_order_and_end_with_a_reason():
         assert list(mapping(Stage("trial", abs), [-1, 2])) == [1, 2]
 
 
+class Clock(threading.local):
+    """A time of each thread that passes by what is said to be worked, however busy the machine is."""
+
+    now = 0.0
+
+    def perf_counter(self):
+        return self.now
+
+    def work(self, item, seconds):
+        self.now += seconds
+        return item
+
+
+clock = Clock()
+
+
+def worked(item, seconds):
+    return clock.work(item, seconds)
+
+
 def test_small_items_are_sent_together(cluster, monkeypatch):
     sizes, submit = [], parallel._submit
     monkeypatch.setattr(parallel, "_submit", lambda *a: sizes.append(len(a[2])) or submit(*a))
+    monkeypatch.setattr(parallel, "time", clock)
     with ordered_map(scheduler=cluster.scheduler_address) as mapping:
-        assert list(mapping(Stage("trial", pow), range(3000), [2] * 3000)) == [n**2 for n in range(3000)]
+        assert list(mapping(Stage("trial", worked), range(3000), [1e-3 * parallel.TASK_SECONDS] * 3000)) == [
+            *range(3000)
+        ]
         assert sum(sizes) == 3000
-        assert len(sizes) < 100
+        assert sizes[:4] == [1] * 4
+        assert max(sizes) == 1000
         sizes.clear()
-        list(mapping(Stage("trial", time.sleep), [2 * parallel.TASK_SECONDS] * 6))
+        list(mapping(Stage("trial", worked), range(6), [2 * parallel.TASK_SECONDS] * 6))
         assert sizes == [1] * 6
 
 
@@ -109,14 +133,20 @@ def test_workers_of_other_versions_are_refused(cluster, monkeypatch):
         parallel._connected(cluster.scheduler_address)
 
 
-def test_a_late_worker_is_awaited(caplog):
+def test_a_late_worker_is_awaited(monkeypatch):
+    """It comes once it is known that there is none."""
+    monkeypatch.setattr(parallel, "ANSWER_SECONDS", HANG)
+    said = []
     with distributed.LocalCluster(n_workers=0, processes=False, dashboard_address=None) as late:
-        late_worker = threading.Timer(0.3, lambda: late.scale(1))
-        late_worker.start()
+
+        def warning(text, *numbers):
+            said.append(text % numbers)
+            late.scale(1)
+
+        monkeypatch.setattr(parallel.log, "warning", warning)
         with ordered_map(scheduler=late.scheduler_address) as mapping:
-            assert "no workers: waiting up to 600 s" in caplog.text
+            assert said == ["no workers: waiting up to 600 s for one"]
             assert list(mapping(Stage("trial", abs), [-1, -2])) == [1, 2]
-        late_worker.join()
 
 
 @pytest.mark.slow
@@ -233,20 +263,31 @@ class TestSharedMemory:
         assert not own & held()
 
 
-def running_at_once(folder):
-    """How many of these calls run while this one does, as far as it can see."""
-    mark = Path(folder) / f"{os.getpid()}-{time.monotonic_ns()}"
+def running_at_once(folder, expected):
+    """How many of these calls run while this one does; until so many have met, the others are awaited."""
+    mark, met = folder / "running" / f"{os.getpid()}-{time.monotonic_ns()}", folder / "met"
     mark.touch()
-    time.sleep(0.1)
-    seen = len(list(Path(folder).iterdir()))
+    most = 0
+
+    def seen():
+        nonlocal most
+        most = max(most, len(list(mark.parent.iterdir())))
+        if most >= expected:
+            met.touch()
+        return met.exists()
+
+    wait_until(seen)
+    time.sleep(0.05)  # more of them would be seen
+    seen()
     mark.unlink()
-    return seen
+    return most
 
 
 @pytest.mark.parametrize(("memory", "most"), [(0.0, 2), (1.0, 2), (6e8, 1), (1e15, 1)])
 def test_no_more_heavy_tasks_at_once_than_fit(tmp_path, monkeypatch, memory, most):
     monkeypatch.setattr(parallel, "free_memory", lambda: 1e9)
+    (tmp_path / "running").mkdir()
     with ordered_map(workers=2) as mapping:
         list(mapping(Stage("trial", abs), range(4)))
-        seen = list(mapping(Stage("trial", running_at_once, memory), [tmp_path] * 6))
+        seen = list(mapping(Stage("trial", running_at_once, memory), [tmp_path] * 6, [most] * 6))
     assert max(seen) == most

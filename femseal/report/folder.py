@@ -13,7 +13,8 @@ from ..base.errors import FemsealError
 from ..base.files import made_folder, replacing, write_text
 from ..plots import cells_figure, leakage_figure, seal_figure
 from ..results import fields
-from ..results.results import FILE_NAME, Results, save
+from ..results.netcdf import FILE_NAME, save
+from ..results.results import Results
 from ..results.tables import csv_text
 from ..results.vtk import write_vtk
 from ..topography import Topography

@@ -10,8 +10,9 @@ from typing import Any
 
 from ..base.errors import InputError
 from ..base.files import replacing
-from ..results.results import Results, open_results
-from ..results.tables import plain_head, texts
+from ..results.netcdf import open_results
+from ..results.results import Results
+from ..results.tables import texts
 from . import pictures as pictures
 from . import words as words
 
@@ -72,7 +73,7 @@ def _content(results: Results) -> dict[str, Any]:
         "leakage": pictures.leakage_picture(results),
         "leakage_table": {
             "title": title,
-            "heads": [plain_head(h) for h in heads],
+            "heads": heads,
             "lines": lines,
         },
         "method": results.method,
@@ -86,6 +87,7 @@ def _content(results: Results) -> dict[str, Any]:
         "accuracy": words.accuracy_lines(results),
         "times": words.time_lines(results),
         "warnings": results.warnings,
+        "failures": results.failures,
         "versions": words.flat(json.loads(data.attrs["versions"])),
         "machine": words.flat(json.loads(data.attrs["machine"])),
         "case": words.flat(results.case),

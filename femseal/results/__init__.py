@@ -4,7 +4,9 @@
 Pictures and pages of results are made above, in `plots` and `report`.
 """
 
-from .results import Results, assemble, open_results, save
+from .dataset import assemble
+from .netcdf import open_results, save
+from .results import Results
 from .vtk import write_vtk
 
 __all__ = ["Results", "assemble", "open_results", "save", "write_vtk"]

@@ -50,8 +50,9 @@ def facts(results: Results) -> dict[str, str]:
         found["cells"] = ", ".join(cells)
     if stored := results.stored_steps:
         found["fields"] = f"over all pixels at {len(stored)} of {len(steps)} steps"
-    if failed := results.warnings:
-        found["warnings"] = f"{len(failed)} warnings: {failed[0]}"
+    for name, told in (("warnings", results.warnings), ("failures", results.failures)):
+        if told:
+            found[name] = f"{len(told)}, the first: {told[0]}"
     if missing := results.left_out:
         found["left out"] = "; ".join(missing)
     return found

@@ -6,12 +6,14 @@ import csv
 import io
 from collections.abc import Iterable
 from html import escape
+from textwrap import fill
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..base.quantities import leakage_unit, to_text
 from .branches import branch_text
+from .variables import name_with_unit
 
 if TYPE_CHECKING:
     import xarray
@@ -19,27 +21,15 @@ if TYPE_CHECKING:
 
     from .results import Results
 
-#: Column of the CSV file, variable of the dataset; a column whose variable is missing is left out.
-_COLUMNS = (
-    ("leakage_m2_per_s", None),
-    ("leakage_lower_m2_per_s", "leakage_lower"),
-    ("leakage_upper_m2_per_s", "leakage_upper"),
-    ("leakage_lower_together_m2_per_s", "leakage_lower_together"),
-    ("leakage_upper_together_m2_per_s", "leakage_upper_together"),
-    ("leakage_mean_m2_per_s", "leakage_mean"),
-    ("sealed_share", "sealed_share"),
-    ("leakage_two_scale_m2_per_s", "leakage_two_scale"),
-    ("leakage_deterministic_m2_per_s", "leakage_deterministic"),
-    ("contact_share", "contact_share"),
-)
-
-
-_HEADS = {"two-scale": "two-\nscale", "deterministic": "determi-\nnistic"}
+#: Letters beyond which a heading in the terminal is broken between words.
+_HEADING = 10
 
 
 def rows(results: Results) -> list[dict[str, Any]]:
     """One dictionary for each step, everything in SI; keys carry the units."""
     data = results.dataset
+    columns = {name_with_unit(results.leakage, "leakage"): results.leakage.values}
+    columns |= {name_with_unit(v): v.values for v in data.data_vars.values() if v.dims == ("step",)}
     table = []
     for s in range(data.sizes["step"]):
         row: dict[str, Any] = {
@@ -47,10 +37,7 @@ def rows(results: Results) -> list[dict[str, Any]]:
             "branch": branch_text(float(data["unloaded_from"][s])),
             "nominal_pressure_Pa": float(data["nominal_pressure"][s]),
         }
-        for key, name in _COLUMNS:
-            variable = results.leakage if name is None else data.get(name)
-            if variable is not None:
-                row[key] = float(variable[s])
+        row |= {key: float(values[s]) for key, values in columns.items()}
         table.append(row)
     return table
 
@@ -66,37 +53,38 @@ def csv_text(results: Results) -> str:
 
 
 def texts(results: Results) -> tuple[str, list[str], list[list[str]]]:
-    """Title, headers and cells of the table for people: one unit of leakage in all columns, 0 is "sealed"."""
-    table = rows(results)
-    factor, unit = leakage_unit([row["leakage_m2_per_s"] for row in table])
-    data: xarray.Dataset = results.dataset
+    """Title, headings and cells of the table for people: one unit of leakage in all columns, 0 is "sealed".
+
+    Branch, pressure, leakage with its bands, and every variable over the steps that has a heading.
+    """
+    data, best = results.dataset, results.leakage
+    factor, unit = leakage_unit(best.values)
     columns: list[tuple[str, Iterable[str]]] = [
-        ("branch", (r["branch"] for r in table)),
-        ("pressure", (to_text(r["nominal_pressure_Pa"], "Pa") for r in table)),
-        (_HEADS.get(results.method, results.method), (amount(r["leakage_m2_per_s"], factor) for r in table)),
+        ("branch", (branch_text(float(peak)) for peak in data["unloaded_from"].values)),
+        ("pressure", (to_text(float(p), "Pa") for p in data["nominal_pressure"].values)),
+        (best.attrs.get("heading", results.method), _cells(best, factor)),
     ]
     if "leakage_lower" in data:
-        low, high = ("leakage_lower_m2_per_s", "leakage_upper_m2_per_s")
-        low_together, high_together = ("leakage_lower_together_m2_per_s", "leakage_upper_together_m2_per_s")
         share = "–".join(f"{100 * data[name].attrs['quantile']:g}" for name in ("leakage_lower", "leakage_upper"))
-        columns += [
-            (f"{share} %", (_range(r[low], r[high], factor) for r in table)),
-            ("with error\nof library", (_range(r[low_together], r[high_together], factor) for r in table)),
-        ]
-        if any(r["sealed_share"] != 0 for r in table):
-            columns.append(("sealed\n[%]", (_percent(r["sealed_share"]) for r in table)))
-    for name, key in (("two-scale", "leakage_two_scale_m2_per_s"), ("deterministic", "leakage_deterministic_m2_per_s")):
-        if key in table[0] and name != results.method:
-            columns.append((_HEADS[name], [amount(r[key], factor) for r in table]))
-    if "contact_share" in data:
-        columns.append(("contact\n[%]", (_percent(r["contact_share"]) for r in table)))
+        for heading, end in ((f"{share} %", ""), ("with error of library", "_together")):
+            ends = zip(data[f"leakage_lower{end}"].values, data[f"leakage_upper{end}"].values, strict=True)
+            columns.append((heading, [_range(low, high, factor) for low, high in ends]))
+    for name, variable in data.data_vars.items():
+        # without sealed realisations there is nothing to say of them
+        if "heading" in variable.attrs and name != best.name and (name != "sealed_share" or variable.any()):
+            columns.append((variable.attrs["heading"], _cells(variable, factor)))
     title = f"leakage per length of seal in {unit} (= {factor:.0e} m²/s)"
     return title, [c[0] for c in columns], [list(cells) for cells in zip(*(c[1] for c in columns), strict=True)]
 
 
-def plain_head(head: str) -> str:
-    """A header in one line."""
-    return next((method for method, text in _HEADS.items() if text == head), head.replace("\n", " "))
+def _cells(variable: xarray.DataArray, factor: float) -> list[str]:
+    """Values over the steps as texts: leakages in the unit `factor`, shares in percent, others with their unit."""
+    unit = variable.attrs["units"]
+    if unit == "m^2/s":
+        return [amount(value, factor) for value in variable.values]
+    if unit == "1":
+        return [_percent(value) for value in variable.values]
+    return [to_text(float(value), unit, 3) for value in variable.values]
 
 
 def rich_table(results: Results) -> Table:
@@ -109,7 +97,7 @@ def rich_table(results: Results) -> Table:
     table = Table(title=plain(title), title_justify="left", box=SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
     table.add_column("pressure")
     for header in headers[2:]:
-        table.add_column(plain(header), justify="right", overflow="fold")
+        table.add_column(plain(fill(header, _HEADING, break_long_words=False)), justify="right", overflow="fold")
     for n, (branch, pressure, *values) in enumerate(cells):
         if n == 0 or cells[n - 1][0] != branch:
             table.add_row(branch, style="bold")
@@ -120,7 +108,7 @@ def rich_table(results: Results) -> Table:
 def html_table(results: Results) -> str:
     """The table for a notebook."""
     title, headers, cells = texts(results)
-    head = "".join(f"<th>{escape(h).replace(chr(10), '<br>')}</th>" for h in headers)
+    head = "".join(f"<th>{escape(h)}</th>" for h in headers)
     body = "\n".join("<tr>" + "".join(f"<td>{escape(c)}</td>" for c in line) + "</tr>" for line in cells)
     caption = f"<caption>{escape(title)}</caption>"
     return f"<table>{caption}\n<thead><tr>{head}</tr></thead>\n<tbody>\n{body}\n</tbody></table>"

@@ -58,7 +58,7 @@ def run(
     InputError : the case or an argument cannot be used, the checkpoint is of another case, other face files or other
         versions, or the folder holds an unfinished run without `resume`; nothing has been written then.
     FemsealError : a computation failed as a whole, or a file could not be written: what is computed stays in the
-        folder, and `resume` goes on from there. Single cells that fail are listed in `Results.warnings`.
+        folder, and `resume` goes on from there. Single cells that fail are listed in `Results.failures`.
     """
     if not isinstance(case, Case):
         case = load_case(case)
@@ -137,8 +137,8 @@ def _run(case: Case, prepared: Prepared, faces: dict[str, str], mapper: Mapper, 
         quantiles=case.stochastic.quantiles if case.stochastic else (0.05, 0.95),
     )
     results.dataset.attrs["face_files"] = json.dumps(faces)
-    for warning in results.warnings:
-        log.warning("%s", warning)
+    for text in [*results.warnings, *results.failures]:
+        log.warning("%s", text)
     return results
 
 

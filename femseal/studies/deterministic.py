@@ -23,10 +23,22 @@ class DeterministicResult(Shown):
     """
 
     steps: LoadProgramme
-    leakage: Array = field(metadata=labels("m^2/s", "leakage per unit seal length, deterministic", "step"))
-    contact_fraction: Array = field(metadata=labels("1", "share in contact, deterministic", "step"))
-    plastic_fraction: Array = field(metadata=labels("1", "share at the hardness, deterministic", "step"))
-    mean_gap: Array = field(metadata=labels("m", "mean gap, deterministic", "step"))
+    leakage: Array = field(
+        metadata=labels(
+            "m^2/s",
+            "leakage per unit seal length, deterministic",
+            "step",
+            name="leakage_deterministic",
+            heading="deterministic",
+        )
+    )
+    contact_fraction: Array = field(
+        metadata=labels("1", "share in contact, deterministic", "step", name="contact_fraction_deterministic")
+    )
+    plastic_fraction: Array = field(
+        metadata=labels("1", "share at the hardness, deterministic", "step", name="plastic_fraction_deterministic")
+    )
+    mean_gap: Array = field(metadata=labels("m", "mean gap, deterministic", "step", name="mean_gap_deterministic"))
     gap: NDArray[np.float32] = field(metadata=labels("m", "deformed gap, deterministic", "step", "x1", "x2"))
     residual: float = 0.0
     failures: tuple[str, ...] = ()

@@ -112,6 +112,10 @@ def resolved_flow(gap: NDArray[np.floating], spacing: tuple[float, float]) -> Fa
     return FaceFlow(cell_permeability(np.asarray(gap, float), spacing, sides="periodic").value)
 
 
-def labels(unit: str, long_name: str, *dims: str) -> dict[str, Any]:
-    """Metadata of a field of a result, which label it in files and plots."""
-    return {"unit": unit, "long_name": long_name, "dims": dims}
+def labels(unit: str, long_name: str, *dims: str, name: str = "", heading: str = "") -> dict[str, Any]:
+    """Metadata of a field of a result, which label it in files, tables and plots.
+
+    name : in the dataset, where fields of several studies stand beside each other; that of the field unless given.
+    heading : of the column in the table for people, for a field over the steps; "" for no column there.
+    """
+    return {"unit": unit, "long_name": long_name, "dims": dims, "name": name, "heading": heading}

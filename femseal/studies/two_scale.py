@@ -34,13 +34,27 @@ class TwoScaleResult(Shown):
     steps: LoadProgramme
     partition: Partition = field(repr=False)
     flow: str
-    leakage: Array = field(metadata=labels("m^2/s", "leakage per unit seal length, two-scale", "step"))
+    leakage: Array = field(
+        metadata=labels(
+            "m^2/s", "leakage per unit seal length, two-scale", "step", name="leakage_two_scale", heading="two-scale"
+        )
+    )
     k1: Array = field(metadata=labels("m^3", "permeability of links along x1", "step", "cell1", "cell2"))
     k2: Array = field(metadata=labels("m^3", "permeability of links along x2", "step", "corner1", "cell2"))
-    pressure: Array = field(metadata=labels("Pa", "contact pressure of windows", "step", "cell1", "cell2"))
-    mean_gap: Array = field(metadata=labels("m", "mean gap of windows", "step", "cell1", "cell2"))
-    contact_fraction: Array = field(metadata=labels("1", "share of windows in contact", "step", "cell1", "cell2"))
-    plastic_fraction: Array = field(metadata=labels("1", "share of windows at the hardness", "step", "cell1", "cell2"))
+    pressure: Array = field(
+        metadata=labels("Pa", "contact pressure of windows", "step", "cell1", "cell2", name="window_pressure")
+    )
+    mean_gap: Array = field(
+        metadata=labels("m", "mean gap of windows", "step", "cell1", "cell2", name="window_mean_gap")
+    )
+    contact_fraction: Array = field(
+        metadata=labels("1", "share of windows in contact", "step", "cell1", "cell2", name="window_contact_fraction")
+    )
+    plastic_fraction: Array = field(
+        metadata=labels(
+            "1", "share of windows at the hardness", "step", "cell1", "cell2", name="window_plastic_fraction"
+        )
+    )
     fluid_pressure: Array = field(
         metadata=labels("Pa", "fluid pressure at the global nodes, NaN in pockets", "step", "node1", "cell2")
     )

@@ -1,0 +1,123 @@
+"""The studies of a scene gathered into one labelled dataset."""
+
+from __future__ import annotations
+
+import json
+from datetime import UTC, datetime
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import xarray
+
+from ..base.errors import InputError
+from ..base.machine import machine, peak_memory
+from ..base.provenance import versions
+from . import variables
+from .results import Results
+
+if TYPE_CHECKING:
+    from ..studies import DeterministicResult, Scene, StochasticResult, TwoScaleResult
+
+#: An attribute of an HDF5 file holds at most 64 kB.
+_ATTRIBUTE_BYTES = 50_000
+
+
+def assemble(
+    scene: Scene,
+    *,
+    deterministic: DeterministicResult | None = None,
+    two_scale: TwoScaleResult | None = None,
+    stochastic: StochasticResult | None = None,
+    case: dict[str, Any] | None = None,
+    surface_report: dict[str, Any] | None = None,
+    timings: dict[str, float] | None = None,
+    quantiles: tuple[float, float] = (0.05, 0.95),
+) -> Results:
+    """One dataset of all the studies of a scene.
+
+    Parameters
+    ----------
+    scene : what the studies were run on.
+    deterministic, two_scale, stochastic : results of studies, at least one.
+    case : the case in SI, of plain values; its "seed", if any, is stored by itself too.
+    surface_report : what was done to the measured face.
+    timings : stage to wall time [s].
+    quantiles : lower and upper end of the band of realisations.
+
+    Returns
+    -------
+    Results; every variable has `units` and `long_name`. Dimensions: step; realisation; cell1, cell2, windows by their
+    centres [m]; node1, corner1, rows of nodes and of x2-links along x1 [m] (the x2-link of column j runs from cell2 j
+    to j + 1); narrowest, numbers of links; library_cell, library_step. Fluxes are volume rates per width at the
+    fluid's reference density. Attributes tell the case, the surface, versions, machine, wall times, peak memory of the
+    main process, how many flows were solved or known without (`counts`), warnings and failures.
+
+    Raises
+    ------
+    InputError : no study, a study of another load programme, quantiles not 0 <= lower < upper <= 1.
+    """
+    studies = [s for s in (deterministic, two_scale, stochastic) if s is not None]
+    if not studies:
+        raise InputError.of("results", "no study", "at least one of deterministic, two_scale, stochastic")
+    if any(s.steps != scene.steps for s in studies):
+        raise InputError.of("results", "a study of another load programme", "studies of the scene's own steps")
+    if len(quantiles) != 2 or not 0 <= quantiles[0] < quantiles[1] <= 1:
+        raise InputError.of("quantiles", quantiles, "two numbers, 0 <= lower < upper <= 1")
+    data = xarray.Dataset(coords=variables.step_coordinates("step", "", scene.steps))
+    if deterministic is not None:
+        variables.add_fields(data, deterministic)
+    if two_scale is not None:
+        variables.add_windows(data, scene, two_scale)
+    if stochastic is not None:
+        variables.add_realisations(data, stochastic, quantiles)
+        variables.add_library(data, stochastic.library.curves)
+    variables.add_contact_share(data, scene, deterministic, two_scale, stochastic)
+    counts = {"two_scale": two_scale.counts} if two_scale is not None else {}
+    counts |= {"library": stochastic.library.counts} if stochastic is not None else {}
+    few = [text] if stochastic is not None and (text := stochastic.too_few(*quantiles)) else []
+    seal_size = stochastic.seal.size if stochastic is not None else scene.surface.size
+    data.attrs = {
+        "title": "Leakage of a metal-to-metal seal over a load cycle",
+        "Conventions": "CF-1.11",
+        "source": f"femseal {versions()['femseal']}",
+        "date_created": datetime.now(UTC).isoformat(timespec="seconds"),
+        "case": _json(case or {}),
+        "surface": _json(surface_report or {}),
+        "timings": _json(timings or {}),
+        "counts": _json(counts),
+        "warnings": _shortened([*(text for study in studies for text in getattr(study, "warnings", ())), *few]),
+        "failures": _shortened([text for study in studies for text in study.failures]),
+        "versions": _json(versions()),
+        "machine": _json(machine()),
+        "fluid": repr(scene.fluid),
+        "inlet_pressure_Pa": float(scene.inlet_pressure),
+        "outlet_pressure_Pa": float(scene.outlet_pressure),
+        "contact_modulus_Pa": float(scene.modulus),
+        "hardness_Pa": float(scene.hardness),
+        "seal_size_m": [float(length) for length in seal_size],
+    }
+    if (peak := peak_memory()) is not None:
+        data.attrs["peak_memory_bytes"] = peak
+    if case and case.get("seed") is not None:
+        data.attrs["seed"] = case["seed"]
+    return Results(data, scene=scene, deterministic=deterministic, two_scale=two_scale, stochastic=stochastic)
+
+
+def _json(value: Any) -> str:
+    return json.dumps(value, ensure_ascii=False, default=_plain)
+
+
+def _plain(value: Any) -> Any:
+    return value.tolist() if isinstance(value, (np.generic, np.ndarray)) else str(value)
+
+
+def _shortened(texts: list[str]) -> str:
+    """The texts as JSON, as many as an attribute holds; the last one then says how many are left out."""
+    kept, size = [], 0
+    for n, text in enumerate(texts):
+        size += len(_json(text).encode()) + 2
+        if size > _ATTRIBUTE_BYTES:
+            kept.append(f"… and {len(texts) - n} more")
+            break
+        kept.append(text)
+    return _json(kept)

@@ -1,0 +1,136 @@
+"""Variables of the dataset, each with its name, unit, meaning and dimensions, which are said once.
+
+Fields of the studies' results say them in their metadata; what is worked out from several fields says them here. A
+variable over the steps is a column of the table, with a heading also of the table for people; one over the windows is
+an array of the seal in ParaView.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import fields
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import xarray
+
+from ..loads import LoadStep
+from ..seal import NARROWEST, RectangularSeal, drop_shares
+
+if TYPE_CHECKING:
+    from ..scales import LibraryTable
+    from ..studies import DeterministicResult, Scene, StochasticResult, TwoScaleResult
+
+_SUFFIXES = {"m": "m", "m^2/s": "m2_per_s", "m^3": "m3", "Pa": "Pa", "1": ""}
+
+
+def name_with_unit(variable: xarray.DataArray, name: str | None = None) -> str:
+    """Name of a variable with its unit in SI, in letters that every program takes, such as "leakage_mean_m2_per_s"."""
+    return "_".join(filter(None, (name or str(variable.name), _SUFFIXES[variable.attrs["units"]])))
+
+
+def _labels(unit: str, long_name: str, heading: str = "") -> dict[str, str]:
+    return {"units": unit, "long_name": long_name} | ({"heading": heading} if heading else {})
+
+
+def step_coordinates(dim: str, prefix: str, steps: Sequence[LoadStep]) -> dict[str, Any]:
+    """Coordinates that tell the steps of a load programme along a dimension; `prefix` stands before their names."""
+    peaks = [np.nan if s.unloaded_from is None else s.unloaded_from for s in steps]
+    columns = {
+        dim: (np.arange(len(steps)), "1", "index of the load step"),
+        f"{prefix}branch": ([s.branch for s in steps], "1", "branch of the load cycle"),
+        f"{prefix}nominal_pressure": ([float(s.pressure) for s in steps], "Pa", "nominal pressure"),
+        f"{prefix}unloaded_from": (peaks, "Pa", "nominal pressure from which the step is unloaded"),
+        f"{prefix}name": ([s.name for s in steps], "1", "name of the load step"),
+    }
+    return {name: (dim, values, _labels(unit, text)) for name, (values, unit, text) in columns.items()}
+
+
+def add_fields(data: xarray.Dataset, result: Any) -> None:
+    """Every field of a result whose metadata names its dimensions, but for those over all pixels, which are large."""
+    for f in fields(result):
+        values, dims = getattr(result, f.name), f.metadata.get("dims", ())
+        if dims and "x1" not in dims and values is not None and values.size:
+            attrs = _labels(f.metadata["unit"], f.metadata["long_name"], f.metadata["heading"])
+            data[f.metadata["name"] or f.name] = (dims, values, attrs)
+
+
+def add_windows(data: xarray.Dataset, scene: Scene, result: TwoScaleResult) -> None:
+    """Fields of the windows and of the nodes between them, the flux through the links, and where the pressure drops."""
+    (m1, m2), (d1, d2) = result.partition.cells, result.partition.window_size
+    data.coords["cell1"] = ("cell1", (np.arange(m1) + 0.5) * d1, _labels("m", "x1 of window centres, from the inlet"))
+    data.coords["cell2"] = ("cell2", (np.arange(m2) + 0.5) * d2, _labels("m", "x2 of window centres, along the seal"))
+    rows = np.array(result.partition.node_rows)
+    data.coords["node1"] = ("node1", rows, _labels("m", "x1 of the global nodes"))
+    if m1 > 1:
+        data.coords["corner1"] = ("corner1", rows[1:-1], _labels("m", "x1 of links along x2"))
+    add_fields(data, result)
+    # the fluid of a pocket has no pressure to speak of, and does not flow
+    pocket = np.isnan(result.fluid_pressure) & np.isfinite(result.leakage)[:, None, None]
+    pressure = np.where(pocket, scene.outlet_pressure, result.fluid_pressure)
+    potential = scene.fluid.potential(pressure) / scene.fluid.reference_density
+    along = result.k1 * (potential[:, :-1] - potential[:, 1:]) / np.diff(rows)[:, None]
+    text = "flow per width through links along"
+    data["flux1"] = (("step", "cell1", "cell2"), along, _labels("m^2/s", f"{text} x1"))
+    if m1 > 1:
+        across = result.k2 * (potential - np.roll(potential, -1, axis=2))[:, 1:-1] / d2
+        data["flux2"] = (("step", "corner1", "cell2"), across, _labels("m^2/s", f"{text} x2"))
+    seal = RectangularSeal(scene.surface.size, (m1, m2), result.partition.node_rows)
+    shares = np.full((len(result.steps), len(NARROWEST)), np.nan)
+    for s in np.flatnonzero(np.isfinite(result.fluid_pressure[:, 0]).all(axis=1)):  # NaN where a link failed
+        shares[s] = drop_shares(result.k1[s], result.k2[s], seal, potential[s])
+    data.coords["narrowest"] = ("narrowest", list(NARROWEST), _labels("1", "number of links that dissipate most"))
+    text = "share of the pressure drop over the links that dissipate most, NaN without flow"
+    data["drop_share"] = (("step", "narrowest"), shares, _labels("1", text))
+
+
+def add_realisations(data: xarray.Dataset, result: StochasticResult, quantiles: tuple[float, float]) -> None:
+    """Leakage of every realisation, and its quantiles, mean and spread."""
+    add_fields(data, result)
+    data.coords["realisation"] = ("realisation", np.arange(len(result.leakage)), _labels("1", "realisation"))
+    text = "leakage per unit seal length, {} of the realisations"
+    for name, q in (("median", 0.5), ("lower", quantiles[0]), ("upper", quantiles[1])):
+        labels = _labels("m^2/s", text.format(name if name == "median" else f"{name} quantile {q:g}"))
+        data[f"leakage_{name}"] = ("step", result.quantile(q), labels | {"quantile": q})
+        if name != "median":
+            labels = _labels("m^2/s", labels["long_name"] + " with the error of the finite library")
+            data[f"leakage_{name}_together"] = ("step", result.quantile(q, resampled=True), labels | {"quantile": q})
+    data["leakage_mean"] = ("step", result.mean, _labels("m^2/s", text.format("mean")))
+    spread, error = result.realisation_spread, result.library_error
+    data["realisation_spread"] = ("step", spread, _labels("1", "standard deviation of ln(leakage), realisations"))
+    data["library_error"] = ("step", error, _labels("1", "standard deviation of ln(leakage), finite library"))
+    text = "share of the realisations without leakage"
+    data["sealed_share"] = ("step", result.sealed_share, _labels("1", text, "sealed [%]"))
+
+
+def add_library(data: xarray.Dataset, curves: LibraryTable) -> None:
+    """Curves of the cells of the library over its own steps."""
+    for name, entry in step_coordinates("library_step", "library_", curves.steps).items():
+        data.coords[name] = entry
+    cells = np.arange(len(curves.k))
+    data.coords["library_cell"] = ("library_cell", cells, _labels("1", "number of the library cell"))
+    for f in fields(curves):
+        if f.name != "steps":
+            labels = _labels(f.metadata["unit"], f.metadata["long_name"])
+            data[f"library_{f.name}"] = (("library_cell", "library_step"), getattr(curves, f.name), labels)
+
+
+def add_contact_share(
+    data: xarray.Dataset,
+    scene: Scene,
+    deterministic: DeterministicResult | None,
+    two_scale: TwoScaleResult | None,
+    stochastic: StochasticResult | None,
+) -> None:
+    """Share of the face in contact at every step, of the study that says most about it."""
+    if two_scale is not None:
+        share, origin = two_scale.contact_fraction.mean(axis=(1, 2)), "windows"
+    elif deterministic is not None:
+        share, origin = deterministic.contact_fraction, "deterministic"
+    elif stochastic is not None and set(scene.steps) <= set(stochastic.library.curves.steps):
+        curves = stochastic.library.curves
+        share = np.nanmean(curves.contact_fraction[:, [curves.steps.index(s) for s in scene.steps]], axis=0)
+        origin = "library"
+    else:
+        return
+    data["contact_share"] = ("step", share, _labels("1", f"share of the face in contact, {origin}", "contact [%]"))
