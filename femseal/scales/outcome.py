@@ -47,6 +47,11 @@ class SolveCounts:
     def __add__(self, other: SolveCounts) -> SolveCounts:
         return SolveCounts(self.solved + other.solved, self.closed + other.closed, self.open + other.open)
 
+    @property
+    def flows(self) -> int:
+        """All of them."""
+        return self.solved + self.closed + self.open
+
     @classmethod
     def total(cls, counts: Iterable[SolveCounts]) -> SolveCounts:
         """The sum of all."""

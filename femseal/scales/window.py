@@ -72,7 +72,7 @@ def respond(
     shape, n = half_space.shape, len(steps)
     gap = np.full((n, *shape), np.nan, np.float32)
     contact_fraction, plastic_fraction, standoff = np.full(n, np.nan), np.full(n, np.nan), np.full(n, np.nan)
-    unknown, apart = (ContactValues.of(np.full(shape, value)) for value in (np.nan, 0.0))
+    unknown, apart = (ContactValues.constant(shape, value) for value in (np.nan, 0.0))
     in_contact = [unknown] * n
     left: dict[float, Array] = {}
     failures = []

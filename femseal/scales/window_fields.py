@@ -24,7 +24,7 @@ class ContactValues:
     """A field (n1, n2) that is 0 out of contact.
 
     bits : where it is not 0, eight pixels in a byte, row after row.
-    values : the numbers there, in the same order.
+    values : the numbers there, in the same order; a single one where they are all the same.
     """
 
     shape: tuple[int, int]
@@ -37,6 +37,12 @@ class ContactValues:
         single = np.asarray(values, np.float32)
         inside = single != 0
         return cls((single.shape[0], single.shape[1]), np.packbits(inside), single[inside])
+
+    @classmethod
+    def constant(cls, shape: tuple[int, int], value: float) -> ContactValues:
+        """The field that has the same value at every pixel, such as NaN."""
+        bits = np.packbits(np.full(shape, value != 0))
+        return cls(shape, bits, np.full(1 if value != 0 else 0, value, np.float32))
 
     def dense(self) -> NDArray[np.float32]:
         """The field as an array (n1, n2)."""
@@ -97,6 +103,12 @@ class ContactPressure(NDArrayOperatorsMixin):
     def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **options: Any) -> Any:
         arrays = (np.asarray(i) if isinstance(i, ContactPressure) else i for i in inputs)
         return getattr(ufunc, method)(*arrays, **options)
+
+    def __getattr__(self, name: str) -> Any:
+        # methods of an array, such as mean; a copy or a pickle that is not built yet has none
+        if name.startswith("_"):
+            raise AttributeError(name)
+        return getattr(self[...], name)
 
 
 @dataclass(frozen=True, eq=False, repr=False)

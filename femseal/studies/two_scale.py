@@ -13,7 +13,7 @@ from ..base.stage import Mapper, Stage
 from ..base.text import Shown
 from ..flow.connectivity import percolates
 from ..loads import LoadProgramme
-from ..scales import Partition, SolveCounts, attempt
+from ..scales import Failed, Partition, SolveCounts, attempt
 from ..scales.window_fields import ContactPressure, WindowFields
 from ..seal import RectangularSeal
 from .scene import Array, Scene, labels, resolved_flow
@@ -98,16 +98,20 @@ def two_scale(scene: Scene, cells: tuple[int, int], *, flow: str = "links", mapp
     k1, k2 = along.k, across.k
     seal = RectangularSeal(surface.size, cells, partition.node_rows)
     leakage, fluid_pressure = np.full(len(k1), np.nan), np.full((len(k1), cells[0] + 1, cells[1]), np.nan)
-    for s in range(len(k1)):
-        if np.isfinite(k1[s]).all() and np.isfinite(k2[s]).all():
-            result = scene.leakage(seal, (k1[s], k2[s]))
-            leakage[s], fluid_pressure[s] = result.per_length, result.fluid_pressure
     failures, warnings = contact.failures + along.failures + across.failures, contact.warnings
+    for s, step in enumerate(scene.steps):
+        if not (np.isfinite(k1[s]).all() and np.isfinite(k2[s]).all()):
+            continue
+        through = attempt(scene.leakage, seal, (k1[s], k2[s]))
+        if isinstance(through, Failed):
+            failures += (f"{step.name}: {through.reason}",)
+        else:
+            leakage[s], fluid_pressure[s] = through.per_length, through.fluid_pressure
     if flow == "resolved":
         solve = partial(attempt, resolved_flow, spacing=surface.spacing)
-        through = scene.resolved_leakage(mapper(Stage("flow of the whole face", solve), contact.fields.gap))
-        leakage = through.leakage
-        failures += through.failures
+        resolved = scene.resolved_leakage(mapper(Stage("flow of the whole face", solve), contact.fields.gap))
+        leakage = resolved.leakage
+        failures += resolved.failures
     else:
         warnings += _wrongly_closed(contact.fields, leakage)
     return TwoScaleResult(
