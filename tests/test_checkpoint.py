@@ -384,7 +384,7 @@ def test_ctrl_c_ends_the_workers_and_says_how_to_go_on(case, start, tmp_path, ar
     case.write_text(CASE.replace("realisations = 24", "realisations = 100000"))
     out = tmp_path / "out"
     process = start(case, out, "--log-file", tmp_path / "lines.log", *arguments)
-    last_stage = "009"  # after one, three and four others: the realisations
+    last_stage = "012"  # after two, five and four others: the realisations
     wait_until(lambda: list(out.glob(f".checkpoint/{last_stage}-*")) or process.poll() is not None)
     assert process.poll() is None, process.stderr.read()
     os.killpg(process.pid, sent)

@@ -99,6 +99,18 @@ def run(
         return replace(results, folder=folder)
 
 
+@contextmanager
+def _interrupts() -> Iterator[None]:
+    """A Ctrl-C that numba hears within a call of compiled code, and wraps into a SystemError, is one again."""
+    try:
+        yield
+    except SystemError as error:
+        if isinstance(error.__cause__, KeyboardInterrupt):
+            raise KeyboardInterrupt from error
+        raise
+
+
+@_interrupts()
 def _run(case: Case, prepared: Prepared, faces: dict[str, str], mapper: Mapper, progress: Progress) -> Results:
     scene, cells = prepared.scene, prepared.cells
     log.info("case %s: surface %s", case.title or "without title", scene.surface)
