@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ..contact import HalfSpace, solve_deformed_contact
 from ..flow import cell_permeability
+from ..flow.coefficient import cubic_law
 from ..loads import LoadProgramme
 from .outcome import Failed, SolveCounts, attempt
 from .window_fields import ContactValues
@@ -195,8 +196,11 @@ def window_permeability(
     """
     mean = float(gap.mean())
     if gap.min() > 0 and gap.std() < OPEN_RATIO * mean:
-        means = [1 / float(np.mean(gap**-3.0)), float(np.mean(gap**3))] if bounds else []
-        return WindowPermeability(np.array([mean**3, *means]) / 12, SolveCounts(open=1))
+        means = []
+        if bounds:
+            k = cubic_law(gap)
+            means = [1 / float(np.mean(1 / k)), float(np.mean(k))]
+        return WindowPermeability(np.array([cubic_law(mean), *means]), SolveCounts(open=1))
     result = cell_permeability(gap, spacing, axis=axis, sides="mirror", bounds=bounds)
     k = np.array([result.value, result.lower, result.upper] if bounds else [result.value])
     return WindowPermeability(k, SolveCounts(solved=1) if result.percolates else SolveCounts(closed=1))

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ..base.errors import InputError
 from ..base.stage import Mapper, Stage
 from ..base.text import Shown
-from ..flow.connectivity import percolates
+from ..flow.percolation import percolates
 from ..loads import LoadProgramme
 from ..scales import Failed, Partition, SolveCounts, attempt
 from ..scales.window_fields import ContactPressure, WindowFields
