@@ -6,13 +6,15 @@
 
 from .deterministic import DeterministicResult, deterministic
 from .sampling_options import PRESSURES, Sampling, check_sampling, seal_cells
-from .scene import Scene
+from .scene import DISCRETISATIONS, SOLVERS, Scene
 from .stochastic import StochasticResult, stochastic
 from .two_scale import FLOWS, TwoScaleResult, two_scale
 
 __all__ = [
+    "DISCRETISATIONS",
     "FLOWS",
     "PRESSURES",
+    "SOLVERS",
     "DeterministicResult",
     "Sampling",
     "Scene",

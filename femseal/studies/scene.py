@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -15,9 +15,13 @@ from ..fluids import Fluid
 from ..loads import LoadProgramme
 from ..scales import Failed, GlobalState, Partition, global_states
 from ..seal import RectangularSeal, seal_leakage
+from ..seal.layouts import Layout, RectangularLayout
 from ..topography import Topography
 
 Array = NDArray[np.float64]
+#: How the equations of a flow are solved, and how flow is discretised on pixels, see `cell_permeability`.
+SOLVERS = ("auto", "multigrid", "elimination", "amg")
+DISCRETISATIONS = ("edge", "gauss")
 
 
 @dataclass(frozen=True)
@@ -28,6 +32,9 @@ class Scene:
     modulus, hardness : E* and H [Pa].
     boundary : contact boundary of the whole face along x1 and x2.
     loading, unload_from, unloading : nominal pressures [Pa], see `LoadProgramme.of`.
+    rtol : residual of each contact, see `contact.solve_contact`.
+    layout : shape of the seal, see `seal.layouts`.
+    solver, discretisation : of all flow, in cells and over the seal; out of `SOLVERS` and `DISCRETISATIONS`.
     """
 
     surface: Topography
@@ -41,6 +48,9 @@ class Scene:
     unloading: tuple[float, ...] = ()
     boundary: tuple[str, str] = ("free", "periodic")
     rtol: float = 1e-5
+    layout: Layout = field(default_factory=RectangularLayout)
+    solver: str = "auto"
+    discretisation: str = "edge"
 
     @property
     def steps(self) -> LoadProgramme:
@@ -76,7 +86,7 @@ class Scene:
 
     def resolved_leakage(self, flows: Iterable[FaceFlow | Failed]) -> FaceLeakage:
         """Leakage through the whole face of its resolved flow at every step."""
-        seal = RectangularSeal(self.surface.size, (1, 1))
+        seal = self.layout.seal(self.surface.size, (1, 1))
         leakage, failures = [], []
         for step, flow in zip(self.steps, flows, strict=True):
             if isinstance(flow, Failed):

@@ -206,7 +206,7 @@ def _draw(
     if sampling.profile and len(sampling.profile) != n1:
         raise InputError.of("profile", f"{len(sampling.profile)} numbers", f"{n1}, one for each row of windows")
     supply = SOURCES[sampling.pressure](Wanted(scene, partition, sampling, (n1, n2), two_scale, mapper))
-    seal = RectangularSeal((n1 * partition.window_size[0], n2 * partition.window_size[1]), (n1, n2), supply.node_rows)
+    seal = scene.layout.seal((n1 * partition.window_size[0], n2 * partition.window_size[1]), (n1, n2), supply.node_rows)
     stage = Stage("drawn seals", partial(_realise, scene=scene, seal=seal, kinds=supply.tables, sampling=sampling))
     count = sampling.realisations
     drawn = list(mapper(stage, [*range(count)] * 2, [False] * count + [True] * count))
