@@ -19,9 +19,9 @@ from .balance import balanced_flux
 from .connectivity import corners_reached
 from .corners import corner_energy, corner_operator
 from .forms import flow_along_x1, flow_along_x2
-from .linear import solve_spd
 from .multigrid import COARSEST_NODES, coarsest_nodes, solve_multigrid
 from .network import solve_network
+from .solvers.amg import solve_direct
 
 Array = NDArray[np.float64]
 #: Error of the pressure behind the upper bound, which is above by its square; iterations before a factorisation.
@@ -150,7 +150,7 @@ def _corner_potential(k: Array, spacing: tuple[float, float], periodic: bool, ke
     p[:columns] = keep[0]
     if unknown.any():
         i = np.flatnonzero(unknown)
-        p[i] = solve_spd(full[i][:, i].tocsc(), -(full[i] @ p), 1e-12, direct_residual=np.inf).x
+        p[i] = solve_direct(full[i][:, i], -(full[i] @ p), direct_residual=np.inf).x
     return np.nan_to_num(p).reshape(keep.shape)[1:-1]
 
 

@@ -21,8 +21,8 @@ from ..base.text import Shown
 from .bounds import pixel_bounds
 from .conductance import conductances_between, validated_cell, validated_gap
 from .connectivity import winding_components
-from .linear import solve_spd
 from .network import MAX_IMBALANCE, solve_network
+from .solvers.amg import solve_spd
 
 Array = NDArray[np.float64]
 

@@ -34,8 +34,8 @@ from skfem import (
 from ..base.errors import InputError, NotConverged
 from .balance import balanced_flux
 from .forms import darcy_flow, dissipation, flux_resistance
-from .linear import solve_spd
 from .network import MAX_IMBALANCE
+from .solvers.amg import solve_spd
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -267,7 +267,7 @@ def _solve_free(matrix: sp.csr_array, unknown: Indices, phi: Array) -> tuple[int
     if unknown.size == 0:
         return 0, 0.0
     rows = sp.csr_array(matrix)[unknown]
-    solution = solve_spd(sp.csc_array(rows[:, unknown]), -(rows @ phi), _RTOL)
+    solution = solve_spd(rows[:, unknown], -(rows @ phi), _RTOL, unit_drop=True)
     phi[unknown] = solution.x
     return solution.iterations, solution.residual
 

@@ -16,9 +16,9 @@ from ..base import validate
 from ..base.errors import InputError, NotConverged
 from .connectivity import links_between, nodes_reached
 from .elimination import eliminate
-from .linear import solve_spd
 from .mesh import link_pattern
 from .multigrid import COARSEST_NODES, coarsest_nodes, network_operator, solve_multigrid
+from .solvers.amg import solve_amg
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -46,7 +46,7 @@ class NetworkFlow:
     complement : 1 − potential, of its own relative accuracy with the direct method.
     imbalance : difference of inlet and outlet flow, in shares of the rate.
     iterations, residual : 0 for a direct solution; otherwise residual is the estimated error of the potential in the
-        norm of the energy (multigrid) or ‖b − Ax‖/‖b‖ (amg).
+        norm of the energy.
     """
 
     rate: float
@@ -207,11 +207,9 @@ def _links_to(c1: Array, c2: Array, values: Array) -> Array:
 
 def _by_amg(c1: Array, c2: Array, keep: Flags, periodic: bool, rtol: float) -> NetworkFlow:
     n1, n2 = c1.shape
-    pattern = link_pattern(n1, n2, periodic)
-    matrix = pattern.matrix(c1, c2)
-    matrix.data[pattern.diagonal[~keep[1:-1].ravel()]] = 1.0
-    solution = solve_spd(matrix, np.r_[c1[0], np.zeros((n1 - 2) * n2)], rtol, "amg")
-    return _balanced(c1, c2, keep, solution.x, 1 - solution.x, None, solution.iterations, solution.residual)
+    matrix = link_pattern(n1, n2, periodic).matrix(c1, c2)
+    solution = solve_amg(matrix, np.r_[c1[0], np.zeros((n1 - 2) * n2)], rtol=rtol, unit_drop=True)
+    return _balanced(c1, c2, keep, solution.x, solution.complement, None, solution.iterations, solution.residual)
 
 
 def _balanced(
