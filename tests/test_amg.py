@@ -7,21 +7,24 @@ from numpy.testing import assert_allclose, assert_array_equal
 from skfem import Basis, ElementQuad1, ElementQuad2, ElementTriP1, ElementTriP2, MeshQuad, MeshTri
 
 from femseal.base.errors import InputError, NotConverged
-from femseal.flow.cell import link_conductances
+from femseal.flow.discretisation import cell_stencil
 from femseal.flow.forms import darcy_flow
-from femseal.flow.network import solve_network
+from femseal.flow.grid import Grid
 from femseal.flow.solvers import amg
 from femseal.flow.solvers.amg import solve_amg, solve_direct, solve_spd
+from femseal.flow.solvers.choice import solve_flow
+from femseal.flow.stencil import Stencil
 from femseal.topography.generate import self_affine
 
 
 def drawn_links(rng, shape, sigma, closed, periodic):
-    """Independent log-normal conductances, of which a share is closed."""
+    """Network of independent log-normal conductances, of which a share is closed."""
     n1, n2 = shape
-    return [
+    along, across = (
         np.exp(sigma * rng.standard_normal(s)) * (rng.random(s) >= closed)
         for s in (shape, (n1 - 1, n2 if periodic else n2 - 1))
-    ]
+    )
+    return Stencil.network(along, across, ring=bool(periodic))
 
 
 def cut_gap(rng, n, contact):
@@ -58,12 +61,13 @@ def test_drawn_seals_agree_with_elimination(seed):
     for number in range(40):
         shape = tuple(rng.integers(5, 45, 2))
         closed = rng.choice([0, rng.uniform(0, 0.35)])
-        c1, c2 = drawn_links(rng, shape, rng.uniform(0.3, 5), closed, number % 2)
-        exact = solve_network(c1, c2, method="direct")
-        flow = solve_network(c1, c2, method="amg", rtol=1e-6)
+        stencil = drawn_links(rng, shape, rng.uniform(0.3, 5), closed, number % 2)
+        exact = solve_flow(stencil, solver="elimination")
+        flow = solve_flow(stencil, solver="amg", rtol=1e-6)
         assert flow.percolates == exact.percolates
-        assert_allclose(flow.rate, exact.rate, rtol=1e-9)
+        assert_allclose(flow.conductance, exact.conductance, rtol=1e-9)
         assert flow.imbalance <= 1e-5
+        assert flow.solver == ("amg" if exact.percolates and exact.solver != "none" else "none")
         assert flow.residual <= 1e-6
         assert flow.iterations <= 30
 
@@ -74,21 +78,24 @@ def test_cells_agree_with_elimination(n):
     rng = np.random.default_rng(n)
     for number in range(30):
         gap = cut_gap(rng, n, rng.uniform(0.02, 0.46))
-        c1, c2 = link_conductances(gap, (1.0, rng.choice([0.5, 1.0])), ["mirror", "periodic"][number % 2])
-        exact = solve_network(c1, c2, method="direct")
-        flow = solve_network(c1, c2, method="amg", rtol=1e-6)
-        assert_allclose(flow.rate, exact.rate, rtol=1e-9)
+        grid = Grid.of_pixel_centres(gap.shape, (1.0, rng.choice([0.5, 1.0])), ["mirror", "periodic"][number % 2])
+        stencil = cell_stencil(gap, grid)
+        exact = solve_flow(stencil, solver="elimination")
+        flow = solve_flow(stencil, solver="amg", rtol=1e-6)
+        assert_allclose(flow.conductance, exact.conductance, rtol=1e-9)
         assert flow.imbalance <= 1e-5
+        assert flow.solver == ("amg" if exact.percolates and exact.solver != "none" else "none")
         assert flow.iterations <= 30
 
 
 def test_many_levels_take_few_iterations():
     rng = np.random.default_rng(5)
     for sigma, closed in ((1, 0.0), (5, 0.0), (5, 0.3)):
-        c1, c2 = drawn_links(rng, (150, 170), sigma, closed, True)
-        flow = solve_network(c1, c2, method="amg", rtol=1e-6)
+        stencil = drawn_links(rng, (150, 170), sigma, closed, True)
+        flow = solve_flow(stencil, solver="amg", rtol=1e-6)
+        assert flow.solver == "amg"
         assert 3 <= flow.iterations <= 30
-        assert_allclose(flow.rate, solve_network(c1, c2, method="direct").rate, rtol=1e-9)
+        assert_allclose(flow.conductance, solve_flow(stencil, solver="elimination").conductance, rtol=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -182,7 +189,7 @@ def test_several_right_hand_sides():
     assert_array_equal(solution.x[:, 1], solve_amg(matrix, rhs[:, 1], rtol=1e-10).x)
 
 
-def test_what_it_cannot_solve_is_refused(monkeypatch):
+def test_what_it_cannot_solve_is_refused():
     matrix, rhs = chain(np.linspace(1, 3, 900))
     n = len(rhs)
     with pytest.raises(NotConverged, match="without links"):
@@ -192,15 +199,19 @@ def test_what_it_cannot_solve_is_refused(monkeypatch):
         solve_amg(pocket, np.r_[rhs, 1.0, 1.0], rtol=1e-6, unit_drop=True)
     with pytest.raises(NotConverged):
         solve_amg(matrix - 3 * sp.eye_array(n), rhs, rtol=1e-6)  # indefinite
+
+
+def test_networks_that_do_not_converge_are_eliminated(monkeypatch):
     monkeypatch.setattr(amg, "_MAX_ITERATIONS", 1)
-    c1, c2 = drawn_links(np.random.default_rng(10), (60, 60), 3, 0.2, True)
-    with pytest.raises(NotConverged, match="did not converge within 1 iterations"):
-        solve_network(c1, c2, method="amg")
+    stencil = drawn_links(np.random.default_rng(10), (60, 60), 3, 0.2, True)
+    flow = solve_flow(stencil, solver="amg")
+    assert (flow.solver, flow.iterations) == ("elimination", 0)
+    assert flow.conductance == solve_flow(stencil, solver="elimination").conductance
 
 
 def test_a_solution_that_only_the_iteration_believes_in_is_refused(monkeypatch):
     """The residual that the iteration carries along says it has converged; that of x itself does not."""
-    c1, c2 = drawn_links(np.random.default_rng(11), (60, 60), 2, 0.2, True)
+    matrix, rhs = chain(np.exp(np.random.default_rng(11).standard_normal(900)))
     believed = amg._System._corrected
 
     def careless(self, start, rest, *others):
@@ -208,8 +219,9 @@ def test_a_solution_that_only_the_iteration_believes_in_is_refused(monkeypatch):
         return corrected + 1e-3 * np.sin(np.arange(len(rest))), iterations
 
     monkeypatch.setattr(amg._System, "_corrected", careless)
-    with pytest.raises(NotConverged, match="has an error of"):
-        solve_network(c1, c2, method="amg")
+    for unit_drop in (True, False):
+        with pytest.raises(NotConverged, match="has an error of"):
+            solve_amg(matrix, rhs, rtol=1e-6, unit_drop=unit_drop)
 
 
 def test_meshes_take_the_faster_one_and_the_factorisation_where_it_fails(monkeypatch):
@@ -223,9 +235,10 @@ def test_meshes_take_the_faster_one_and_the_factorisation_where_it_fails(monkeyp
     fallen_back = solve_spd(matrix, rhs, 1e-8)
     assert (fallen_back.solver, fallen_back.iterations) == ("direct", 0)
     assert_allclose(fallen_back.x, solve_direct(matrix, rhs).x)
-    with pytest.raises(NotConverged):
-        solve_spd(matrix, rhs, 1e-8, "amg")
-    with pytest.raises(InputError, match=r"^method: given fast, allowed is one of auto, direct, amg"):
+    assert solve_spd(matrix, rhs, 1e-8, "amg").solver == "direct"
+    with pytest.raises(NotConverged, match="did not converge within 1 iterations"):
+        solve_amg(matrix, rhs, rtol=1e-8)
+    with pytest.raises(InputError, match=r"^solver: given 'fast', allowed is one of auto, direct, amg"):
         solve_spd(matrix, rhs, 1e-8, "fast")
 
 

@@ -22,7 +22,7 @@ from scipy.sparse.linalg import splu
 from ...base.errors import InputError, NotConverged
 
 Array = NDArray[np.float64]
-METHODS = ("auto", "direct", "amg")
+SOLVERS = ("auto", "direct", "amg")
 #: Unknowns up to which the factorisation of a mesh's matrix takes less time than multigrid.
 DIRECT_UNKNOWNS = 50_000
 #: Unknowns of the coarsest level, which is factorised.
@@ -59,43 +59,42 @@ def solve_spd(
     matrix: Any,
     rhs: Array,
     rtol: float,
-    method: str = "auto",
+    solver: str = "auto",
     *,
     unit_drop: bool = False,
-    direct_residual: float = 1e-8,
+    largest_residual: float = 1e-8,
 ) -> LinearSolution:
-    """Solve A x = b for a mesh by whichever method is expected to be faster.
+    """Solve A x = b for a mesh by whichever solver is expected to be faster.
 
     Parameters
     ----------
     matrix, rhs, rtol, unit_drop : as in `solve_amg`.
-    method : "direct", "amg", or "auto": multigrid from 50,000 unknowns on, and the factorisation where that fails.
-    direct_residual : as in `solve_direct`.
+    solver : "direct", "amg", or "auto": multigrid from 50,000 unknowns on. Where it fails, the factorisation is taken.
+    largest_residual : as in `solve_direct`.
 
     Raises
     ------
-    InputError : an unknown method.
-    NotConverged : as `solve_amg` and `solve_direct`.
+    InputError : an unknown solver.
+    NotConverged : as `solve_direct`.
     """
-    if method not in METHODS:
-        raise InputError.of("method", method, f"one of {', '.join(METHODS)}")
-    if method == "amg" or (method == "auto" and matrix.shape[0] > DIRECT_UNKNOWNS):
+    if solver not in SOLVERS:
+        raise InputError.of("solver", repr(solver), f"one of {', '.join(SOLVERS)}")
+    if solver == "amg" or (solver == "auto" and matrix.shape[0] > DIRECT_UNKNOWNS):
         try:
             return solve_amg(matrix, rhs, rtol=rtol, unit_drop=unit_drop)
         except NotConverged:
-            if method == "amg":
-                raise
-    return solve_direct(matrix, rhs, direct_residual=direct_residual)
+            pass
+    return solve_direct(matrix, rhs, largest_residual=largest_residual)
 
 
-def solve_direct(matrix: Any, rhs: Array, *, direct_residual: float = 1e-8) -> LinearSolution:
+def solve_direct(matrix: Any, rhs: Array, *, largest_residual: float = 1e-8) -> LinearSolution:
     """Solve A x = b by SuperLU with minimum degree ordering, A scaled to unit diagonal against its contrast.
 
     Parameters
     ----------
     matrix : (n, n) symmetric positive definite, sparse.
     rhs : (n,) or (n, m).
-    direct_residual : ‖b − Ax‖/‖b‖ of the scaled system that is allowed.
+    largest_residual : ‖b − Ax‖/‖b‖ of the scaled system that is allowed.
 
     Raises
     ------
@@ -109,7 +108,7 @@ def solve_direct(matrix: Any, rhs: Array, *, direct_residual: float = 1e-8) -> L
     y = _factorised(scaled).solve(b)
     norm = float(np.linalg.norm(b))
     residual = float(np.linalg.norm(b - scaled @ y)) / norm if norm else 0.0
-    if not residual <= direct_residual:
+    if not residual <= largest_residual:
         raise NotConverged(f"flow: the direct solution has a residual of {residual:.1e}", residual)
     x = (y.T * scale).T
     return LinearSolution(x, 1 - x, 0, residual, "direct")
