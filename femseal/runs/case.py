@@ -344,7 +344,7 @@ class StochasticTable(_Table):
 class OutputTable(_Table):
     """What the results folder holds besides, see `output.write_folder`."""
 
-    paraview: Annotated[str, *_names(FORMATS)] = "vtkhdf"
+    paraview: Annotated[str, *_names(FORMATS)] = "vtu"
     fields_limit: FileSize = LIMIT
 
 
