@@ -31,7 +31,8 @@ from matplotlib.ticker import LogLocator, NullFormatter
 
 import femseal as fs
 from femseal.base.errors import InputError
-from femseal.flow.cell import link_conductances
+from femseal.flow.discretisation import cell_stencil
+from femseal.flow.grid import Grid
 from femseal.plots.drawing import STYLES, new_figure
 from femseal.plots.maps import default_step, window_flux
 from femseal.results.branches import branches
@@ -111,10 +112,10 @@ def closely(results: fs.Results, step: int) -> dict[tuple[int, int], dict[str, n
 def pixel_flow(gap: np.ndarray, spacing: tuple[float, float]) -> dict[str, np.ndarray]:
     """Fluid pressure for a unit drop through a window's gap [m], and the flow at its pixels."""
     p = fs.cell_permeability(gap, spacing).fluid_pressure
-    c1, c2 = link_conductances(gap, spacing, "mirror")
+    links = cell_stencil(gap, Grid.of_pixel_centres(gap.shape, spacing, "mirror"))
     known = np.nan_to_num(p)
-    q1 = c1 * np.diff(known, axis=0, prepend=1.0, append=0.0)
-    q2 = np.pad(c2 * np.diff(known, axis=1), ((0, 0), (1, 1)))
+    q1 = links.along * np.diff(known, axis=0, prepend=1.0, append=0.0)
+    q2 = np.pad(links.across * np.diff(known, axis=1), ((0, 0), (1, 1)))
     q = np.hypot(q1[:-1] + q1[1:], q2[:, :-1] + q2[:, 1:])
     return {"fluid": p, "flow": q / (q.max() or 1.0)}
 

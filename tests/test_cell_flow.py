@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from networks import cell_links, solve_links
 from numpy.testing import assert_allclose
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
@@ -15,16 +16,14 @@ from femseal import analytic
 from femseal.base.errors import InputError, NotConverged
 from femseal.flow import (
     bounds,
-    cell,
     cell_permeabilities,
     cell_permeability,
-    connectivity,
     critical_constriction,
-    link_conductances,
+    percolation,
     permeability_tensor,
-    solve_network,
 )
-from femseal.flow.forms import flow_along_x1, flow_along_x2
+from femseal.flow.discretisation import cell_stencil
+from femseal.flow.grid import Grid
 
 D = 1e-6
 SIDES = ("mirror", "periodic")
@@ -122,7 +121,7 @@ def test_limit_of_refinement_is_that_of_quadratic_elements(axis):
         mesh = MeshQuad.init_tensor(np.arange(n + 1.0) / n, np.arange(n + 1.0) / n)
         basis = Basis(mesh, ElementQuad2(), intorder=8)
         k = gap(*basis.global_coordinates().value) ** 3 / 12
-        a = (flow_along_x1.assemble(basis, c=k) + flow_along_x2.assemble(basis, c=k)).tocsr()
+        a = energy_of_pressure.assemble(basis, k=k).tocsr()
         x = basis.doflocs[axis]
         p = np.where(x == 0, 1.0, 0.0)
         unknown = (x > 0) & (x < 1)
@@ -381,7 +380,7 @@ def test_percolation_against_a_search(seed, n1, n2, sides):
     h = D * (np.random.default_rng(seed).random((n1, n2)) < 0.62)
     k = cell_permeability(h, (D, D), sides=sides, bounds=True)
     assert k.percolates == open_paths(h, sides == "periodic")
-    assert k.percolates == connectivity.percolates(h > 0) or sides == "mirror"
+    assert k.percolates == percolation.percolates(h > 0) or sides == "mirror"
     assert (k.value > 0) == (k.lower > 0) == k.percolates
     assert k.value > 0 or k.value == 0.0
     assert k.upper >= k.lower * (1 - 1e-12)
@@ -613,7 +612,7 @@ def test_tensor_of_two_parallel_components():
 def test_links_never_orphan_and_never_open_contact():
     h = np.random.default_rng(9).choice([0.0, 1e-9, 1.0], (30, 30))
     for sides in SIDES:
-        c1, c2 = link_conductances(h, (D, D), sides)
+        c1, c2 = cell_links(h, (D, D), sides)
         assert np.array_equal(c1[1:-1] > 0, (h[:-1] > 0) & (h[1:] > 0))
         assert np.array_equal(c1[[0, -1]] > 0, h[[0, -1]] > 0)
         neighbour = np.roll(h, -1, axis=1) if sides == "periodic" else h[:, 1:]
@@ -622,7 +621,7 @@ def test_links_never_orphan_and_never_open_contact():
 
 def test_linear_gap_is_interpolated_exactly_between_pixels():
     h = np.broadcast_to(1 + 0.1 * np.arange(12.0)[:, None], (12, 5))
-    c1, _ = link_conductances(h, (2.0, 3.0), "mirror")
+    c1, _ = cell_links(h, (2.0, 3.0), "mirror")
     assert_allclose(c1[2:-2], np.broadcast_to(((1.15 + 0.1 * np.arange(9.0)) ** 3 / 12 * 3 / 2)[:, None], (9, 5)))
 
 
@@ -681,11 +680,11 @@ def test_without_the_critical_link_the_widest_path_is_closed(sides, axis, seed):
     found = critical_constriction(h, (D, 2 * D), axis=axis, sides=sides)
     turned = h if axis == 0 else h.T
     d1, d2 = (D, 2 * D) if axis == 0 else (2 * D, D)
-    c1, c2 = link_conductances(turned, (d1, d2), sides)
+    c1, c2 = cell_links(turned, (d1, d2), sides)
     h1, h2 = np.cbrt(12 * c1 * d1 / d2), np.cbrt(12 * c2 * d2 / d1)
     h1[[0, -1]] /= np.cbrt(2)
     wide = 1 - 1e-9, 1 + 1e-9
-    open_, shut = (solve_network(c1 * (h1 >= f * found.gap), c2 * (h2 >= f * found.gap)).percolates for f in wide)
+    open_, shut = (solve_links(c1 * (h1 >= f * found.gap), c2 * (h2 >= f * found.gap)).percolates for f in wide)
     assert open_
     assert not shut
     x1, x2 = (p / d for p, d in zip(found.position, (D, 2 * D), strict=True))
@@ -801,7 +800,7 @@ def test_pressure_of_an_island_behind_a_narrow_film(n, narrow):
     h[6:15, 6:15] = narrow * D
     h[8:13, 8:13] = D
     k = cell_permeability(h, (D, D))
-    direct = solve_network(*link_conductances(h / D, (D, D), "mirror"), method="direct")
+    direct = solve_links(*cell_links(h / D, (D, D), "mirror"), solver="elimination")
     assert_allclose(k.fluid_pressure, direct.potential[1:-1], rtol=0, atol=1e-4)
     assert 0.7 < k.fluid_pressure[10, 10] < 0.95
 
@@ -812,7 +811,7 @@ def test_pressure_over_a_film_of_any_thickness(film):
         h = cut_by_plane((72, 80), 0.3, seed)
         h = np.maximum(h / h.max(), film)
         k = cell_permeability(h, (D, D))
-        direct = solve_network(*link_conductances(h, (D, D), "mirror"), method="direct")
+        direct = solve_links(*cell_links(h, (D, D), "mirror"), solver="elimination")
         assert_allclose(k.fluid_pressure, direct.potential[1:-1], rtol=0, atol=1e-4)
         assert k.fluid_pressure.min() > -1e-6
         assert k.fluid_pressure.max() < 1 + 1e-6
@@ -864,8 +863,11 @@ def test_a_tensor_is_right_or_refused(decades):
 @pytest.mark.parametrize("sides", SIDES)
 def test_every_second_pixel_fills_the_same_cell(shape, offset, sides):
     """Columns of links in series are as long as the cell, rows of them as wide."""
-    (d1, d2), (n1, n2) = (1.0, 3.0), shape
-    c1, c2 = cell._coarse_links(np.ones(shape), (d1, d2), sides, offset)
+    (d1, d2), (n1, n2), (a, b) = (1.0, 3.0), shape, offset
+    x1, x2 = (np.arange(n1) + 0.5) * d1, (np.arange(n2) + 0.5) * d2
+    grid = Grid.of_points(x1[a::2], x2[b::2], (n1 * d1, n2 * d2), sides)
+    stencil = cell_stencil(np.ones((x1[a::2].size, x2[b::2].size)), grid)
+    c1, c2 = stencil.along, stencil.across
     assert_allclose((1 / (1 / c1).sum(axis=0)).sum(), n2 * d2 / (n1 * d1) / 12, rtol=1e-13)
     if sides == "periodic":
         assert_allclose((1 / (1 / c2).sum(axis=1)).sum(), n1 * d1 / (n2 * d2) / 12, rtol=1e-13)

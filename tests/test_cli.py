@@ -16,12 +16,12 @@ import pytest
 import femseal as fs
 from femseal import cli
 from femseal.base.provenance import versions
-from femseal.runs.case import SurfaceTable, parse_case
+from femseal.runs.case import parse_case
+from femseal.runs.case_faces import SurfaceTable
 from femseal.runs.schema import case_schema
 
 ROOT = Path(__file__).parents[1]
 CASES = [*sorted((ROOT / "examples").glob("*.toml")), ROOT / "femseal" / "runs" / "template.toml"]
-SURFACES = ROOT.parent / "shared" / "surfaces"
 #: Sq, undefined share and points as they are printed.
 MEASURED = {
     "plu-1.plu": ("18.28 nm", "0 %", "768 × 576"),
@@ -222,12 +222,8 @@ def test_defaults_of_surface_are_those_of_a_case():
 
 
 @pytest.mark.parametrize("name", MEASURED)
-def test_measured_surfaces_on_the_command_line(femseal, name):
-    if not (SURFACES / name).exists():
-        pytest.skip(f"the measured surface {name} is not at hand")
-    if not name.endswith(".x3p"):
-        pytest.importorskip("SurfaceTopography", reason="the extra femseal[surface] is not installed")
-    code, text, _ = femseal("surface", SURFACES / name)
+def test_measured_surfaces_on_the_command_line(femseal, instrument_file, name):
+    code, text, _ = femseal("surface", instrument_file(name))
     assert code == 0
     found = fields(text.split("what a run does")[0])
     assert (found["Sq, rms height"], found["undefined points"], found["points"]) == MEASURED[name]

@@ -66,7 +66,8 @@ class TestNetwork:
         rng = np.random.default_rng(3)
         k = [1e-18 * np.exp(2 * rng.standard_normal(s)) * (rng.random(s) > 0.2) for s in ((6, 10), (5, 10))]
         flow = seal.flow(tuple(k))
-        c1, c2 = seal.conductances(tuple(k))
+        stencil = seal.stencil(tuple(k))
+        c1, c2 = stencil.along, stencil.across
         φ = np.nan_to_num(flow.potential)
         energy = np.r_[(c1 * np.diff(φ, axis=0) ** 2).ravel(), (c2 * (np.roll(φ, -1, 1) - φ)[1:-1] ** 2).ravel()]
         assert_allclose(energy.sum(), flow.conductance, rtol=1e-7)

@@ -10,8 +10,8 @@ from skfem import MeshLine, MeshQuad, MeshQuad2, MeshTet, MeshTri, MeshTri2
 
 from femseal.analytic import annulus_rate, checkerboard, stripes_across, stripes_along
 from femseal.base.errors import InputError, NotConverged
-from femseal.flow import darcy
-from femseal.flow.darcy import darcy_conductance
+from femseal.flow import mesh as darcy
+from femseal.flow.mesh import darcy_conductance
 
 QUARTER = annulus_rate(1.0, 1.0, 1.0, 1.0, 1.5) / 4
 LINEAR = [MeshTri, MeshQuad]

@@ -1,6 +1,5 @@
 """What is shipped to be run: examples, their scripts, the README's code; measured faces as instruments wrote them."""
 
-import os
 import re
 import runpy
 import shutil
@@ -36,7 +35,6 @@ REDUCED = {
     },
     "measured_seal": {"stochastic": {"library_cells": 60, "length": "1.2 mm"}},
 }
-SURFACES = os.environ.get("FEMSEAL_SURFACES")
 #: Files of instruments: Sq without tilt [m] and undefined share as SurfaceTopography reports them; points and cells here.
 FACES = {
     "plu-1.plu": (18.3e-9, 0.0, (96, 72), (4, 3)),
@@ -201,10 +199,9 @@ class TestReadme:
             assert (ROOT / name.rstrip(".")).exists()
 
 
-@pytest.mark.skipif(not SURFACES, reason="FEMSEAL_SURFACES does not name a folder of measured surfaces")
 class TestMeasuredSurfaces:
     @pytest.mark.parametrize("name", FACES)
-    def test_cycle_from_a_case_file(self, name, tmp_path):
+    def test_cycle_from_a_case_file(self, name, instrument_file, tmp_path):
         """Every method, from the instrument's file to leakage, under loads that suit the slopes of the face."""
         height, undefined, points, cells = FACES[name]
         path = tmp_path / "case.toml"
@@ -217,7 +214,7 @@ class TestMeasuredSurfaces:
                 compare = ["deterministic", "two-scale"]
                 [face]
                 kind = "file"
-                path = "{(Path(SURFACES) / name).resolve().as_posix()}"
+                path = "{instrument_file(name).as_posix()}"
                 [surface]
                 points = {list(points)}
                 [material]

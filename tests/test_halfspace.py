@@ -1,6 +1,10 @@
 """Half-space: every boundary kind against sums of Love's solution, plain transforms and closed forms; bad input."""
 
+import hashlib
 import itertools
+import subprocess
+import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,7 +14,7 @@ from numpy.testing import assert_allclose
 
 from femseal.base.errors import InputError
 from femseal.contact import HalfSpace
-from femseal.contact.half_space import Convolution
+from femseal.contact.convolution import Convolution
 from femseal.contact.influence import stiffness_stencil
 
 E = 115e9
@@ -20,9 +24,12 @@ SIZES = [(6, 9), (7, 5), (1, 8), (8, 1), (2, 2), (1, 1), (3, 16)]
 
 
 def applied(half_space):
-    """The matrix that `displacement` applies, column by column."""
+    """The matrix that `displacement` applies, column by column; the symbol, the same for all, is computed once."""
     unit = np.eye(np.prod(half_space.shape)).reshape(-1, *half_space.shape)
-    return np.array([half_space.displacement(p).ravel() for p in unit]).T
+    symbol = half_space.symbol()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(HalfSpace, "symbol", lambda self: symbol)
+        return np.array([half_space.displacement(p).ravel() for p in unit]).T
 
 
 @pytest.mark.parametrize("shape", SIZES)
@@ -155,7 +162,7 @@ def test_linear_and_transposed(shape, boundary, ratio, seed):
 @pytest.mark.parametrize("boundary", PAIRS)
 def test_workspace_can_be_used_again(boundary):
     half_space = HalfSpace((10, 7), (1e-6, 1e-6), E, boundary)
-    workspace = Convolution(half_space)
+    workspace = Convolution(half_space.shape, half_space.boundary, half_space.symbol())
     p, q = np.random.default_rng(7).random((2, 10, 7))
 
     def displacement(pressure):
@@ -173,8 +180,8 @@ def test_workspace_can_be_used_again(boundary):
 @pytest.mark.parametrize(("dtype", "error"), [(np.float64, 0), (np.float32, 1e-5)])
 def test_two_workspaces_in_the_same_memory(boundary, dtype, error):
     half_space = HalfSpace((10, 7), (1e-6, 1e-6), E, boundary)
-    first = Convolution(half_space)
-    second = Convolution(half_space, dtype, over=first)
+    first = Convolution(half_space.shape, half_space.boundary, half_space.symbol())
+    second = Convolution(half_space.shape, half_space.boundary, half_space.symbol(), dtype=dtype, over=first)
     p, q = np.random.default_rng(7).random((2, 10, 7))
     for _ in range(2):
         for workspace, pressure, rtol in ((first, p, 0), (second, q, error)):
@@ -234,3 +241,31 @@ def test_bad_pressure_is_named(pressure, word):
     with pytest.raises(InputError, match="pressure") as caught:
         HalfSpace((4, 4), (1e-6, 1e-6), E).displacement(pressure)
     assert word in str(caught.value)
+
+
+def displacements():
+    """Bytes of displacements on grids of every boundary kind, of one block of columns and of several."""
+    rng = np.random.default_rng(8)
+    parts = []
+    for kinds in PAIRS:
+        for n in (40, 288):
+            parts.append(HalfSpace((n, n), (1e-6, 1e-6), E, kinds).displacement(rng.standard_normal((n, n))).tobytes())
+    return hashlib.sha256(b"".join(parts)).hexdigest()
+
+
+def test_every_process_computes_the_same_bits():
+    code = "import sys; sys.path.insert(0, sys.argv[1]); import test_halfspace as t; print(t.displacements())"
+    command = [sys.executable, "-c", code, str(Path(__file__).parent)]
+    once = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+    assert once == f"{displacements()}\n"
+
+
+@pytest.mark.parametrize("boundary", PAIRS)
+def test_threads_share_the_blocks(boundary):
+    half_space = HalfSpace((36, 50), (1e-6, 1e-6), E, boundary)
+    p = np.random.default_rng(9).random((36, 50))
+    shared = Convolution(half_space.shape, half_space.boundary, half_space.symbol(), threads=3)
+    shared.pressure[:] = p
+    shared.apply()
+    u = half_space.displacement(p)
+    assert_allclose(shared.displacement, u, rtol=0, atol=1e-14 * np.abs(u).max())

@@ -6,6 +6,7 @@ import socket
 import subprocess
 import sys
 from contextlib import ExitStack
+from functools import partial
 
 import numpy as np
 import pytest
@@ -264,3 +265,17 @@ def test_size_of_the_checkpoint_is_foreseen(case, tmp_path):
 
     fs.run(loaded, tmp_path / "out", workers=1, progress=measure)
     assert 0.6 < sum(written) / disk(loaded, loaded.prepare()).checkpoint < 1.2
+
+
+def test_ctrl_c_within_compiled_code_stops_as_any_other(case, tmp_path):
+    """As numba tells it; other errors of the system stay what they are."""
+
+    def fail(stage, done, total, cause):
+        raise SystemError("returned a result with an exception set") from cause
+
+    for cause, expected in ((KeyboardInterrupt(), KeyboardInterrupt), (ValueError(), SystemError)):
+        with pytest.raises(expected):
+            fs.run(case, tmp_path / "out", resume=True, workers=1, progress=partial(fail, cause=cause))
+        last = (tmp_path / "out/run.log").read_text()
+        assert ("the run was stopped (KeyboardInterrupt)" in last) == (expected is KeyboardInterrupt)
+        (tmp_path / "out/run.log").unlink()

@@ -89,6 +89,28 @@ def test_processes_return_results_in_order_and_end_with_a_reason():
         assert list(mapping(Stage("trial", abs), [-1, 2])) == [1, 2]
 
 
+def deaf(n):
+    os.kill(os.getpid(), signal.SIGINT)
+    return n
+
+
+# where it is stopped at once, loky's own thread ends with an error
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")
+@pytest.mark.skipif(not hasattr(signal, "pthread_sigmask"), reason="signals cannot be blocked")
+@pytest.mark.parametrize("backend", [{}, pytest.param({"scheduler": "local"}, marks=pytest.mark.slow)])
+def test_ctrl_c_is_heard_here_even_while_processes_start_and_never_there(backend):
+    def stopped_while_sent():
+        yield from range(3)
+        os.kill(os.getpid(), signal.SIGINT)
+        yield from range(1000)
+
+    with ExitStack() as stack:
+        mapping = stack.enter_context(ordered_map(workers=2, **backend))
+        assert list(mapping(Stage("trial", deaf), range(8))) == list(range(8))
+        with pytest.raises(KeyboardInterrupt):
+            list(mapping(Stage("trial", abs), stopped_while_sent()))
+
+
 class Clock(threading.local):
     """A time of each thread that passes by what is said to be worked, however busy the machine is."""
 

@@ -2,7 +2,6 @@
 
 import sys
 import zipfile
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,7 +10,6 @@ from numpy.testing import assert_allclose
 from femseal.base.errors import InputError
 from femseal.topography import read_topography
 
-SURFACES = Path(__file__).parents[1].parent / "shared" / "surfaces"
 Z = np.array([[1.0, 2.0, np.nan], [4.0, -5.0, 6.5]]) * 1e-6
 PIXEL = (2e-6, 3e-6)
 
@@ -324,13 +322,8 @@ def test_options_of_other_formats_are_refused(tmp_path):
         ("opd-1.opd", (640, 480), (125.9e-6, 94.4e-6), 6.7e-9, 0.0004),
     ],
 )
-def test_measured_surfaces(name, shape, size, sq, undefined):
-    path = SURFACES / name
-    if not path.exists():
-        pytest.skip(f"the measured surface {name} is not at hand")
-    if path.suffix != ".x3p":
-        pytest.importorskip("SurfaceTopography", reason="the extra femseal[surface] is not installed")
-    face = read_topography(path)
+def test_measured_surfaces(instrument_file, name, shape, size, sq, undefined):
+    face = read_topography(instrument_file(name))
     assert face.shape == shape
     assert_allclose(face.size, size, rtol=1e-3)
     assert_allclose(np.nanstd(face.detrend().heights), sq, rtol=5e-3)
@@ -338,10 +331,6 @@ def test_measured_surfaces(name, shape, size, sq, undefined):
     assert face.fill_undefined().undefined_share == 0
 
 
-def test_measured_surface_in_a_wrong_channel():
-    path = SURFACES / "plu-1.plu"
-    if not path.exists():
-        pytest.skip("the measured surface plu-1.plu is not at hand")
-    pytest.importorskip("SurfaceTopography", reason="the extra femseal[surface] is not installed")
+def test_measured_surface_in_a_wrong_channel(instrument_file):
     with pytest.raises(InputError, match="given channel=1, allowed is 0 to 0, it has 1 channels"):
-        read_topography(path, channel=1)
+        read_topography(instrument_file("plu-1.plu"), channel=1)

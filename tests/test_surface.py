@@ -17,7 +17,6 @@ from femseal.topography.power_law import spectrum
 from femseal.topography.spikes import _window_medians, find_spikes
 from femseal.topography.texture import autocorrelation, texture
 
-SURFACES = Path(__file__).parents[1].parent / "shared" / "surfaces"
 EXAMPLE = Path(__file__).parents[1] / "examples" / "measured_face.x3p"
 #: Points, Sq and height range without tilt [m], undefined share, most points that may be called spikes.
 MEASURED = {
@@ -26,14 +25,6 @@ MEASURED = {
     "x3p-2.x3p": ((650, 650), 77e-9, 0.55e-6, 0.0, 0),
     "opd-1.opd": ((640, 480), 6.7e-9, 0.11e-6, 0.0004, 0),
 }
-
-
-def measured(name):
-    if not (SURFACES / name).exists():
-        pytest.skip(f"the measured surface {name} is not at hand")
-    if not name.endswith(".x3p"):
-        pytest.importorskip("SurfaceTopography", reason="the extra femseal[surface] is not installed")
-    return fs.read_topography(SURFACES / name)
 
 
 def rough(shape=(160, 120), **given):
@@ -306,9 +297,9 @@ def test_spikes_and_undefined_points_are_counted():
 
 
 @pytest.mark.parametrize("name", MEASURED)
-def test_measured_faces_are_described(name):
+def test_measured_faces_are_described(instrument_file, name):
     shape, sq, height, undefined, spikes = MEASURED[name]
-    report = describe_surface(measured(name))
+    report = describe_surface(fs.read_topography(instrument_file(name)))
     assert report.shape == shape
     assert_allclose(report.rms_height, sq, rtol=5e-3)
     assert_allclose(report.peak_to_valley, height, rtol=0.03)
@@ -321,8 +312,8 @@ def test_measured_faces_are_described(name):
 
 
 @pytest.mark.parametrize("name", MEASURED)
-def test_spikes_put_on_measured_faces_are_found(name):
-    face = measured(name)
+def test_spikes_put_on_measured_faces_are_found(instrument_file, name):
+    face = fs.read_topography(instrument_file(name))
     places = np.random.default_rng(1).integers(0, face.heights.size, 200)
     z = face.heights.copy()
     z.flat[places] += 8 * np.nanstd(face.detrend().heights)
@@ -436,8 +427,8 @@ def test_faces_that_cannot_be_combined():
         combine(face, holed, shift=(5e-6, 0))
 
 
-def test_measured_faces_are_combined():
-    first, _ = repair(measured("surfalize_test_1.opd"))
+def test_measured_faces_are_combined(instrument_file):
+    first, _ = repair(fs.read_topography(instrument_file("surfalize_test_1.opd")))
     both, overlap = combine(first, first, mirror="x2", shift=(100e-6, 0))
     assert_allclose(overlap.size, (first.size[0] - 100e-6, first.size[1]), rtol=0.01)
     # nearly independent faces: mean squares add up

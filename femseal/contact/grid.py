@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import kernels
-from .half_space import Convolution, HalfSpace
+from .convolution import Convolution
+from .half_space import HalfSpace
 from .influence import stiffness_stencil
-from .plans import Kept, preferred, wisdom
 
 Array = NDArray[np.float64]
 #: Shorter side of the coarsest grid, at most.
@@ -22,34 +22,15 @@ _SINGLE = 512**2
 
 
 @lru_cache(maxsize=8)
-def nested_grids(half_space: HalfSpace, plans: Kept, thread: int, threads: int) -> tuple[Grid, ...]:
-    """Workspaces from the given grid to the coarsest, kept per thread because their buffers are written to."""
-    return tuple(Grid(level, threads) for level in _levels(replace(half_space, plans=plans)))
-
-
-def plans_of(half_space: HalfSpace) -> Kept:
-    """Plans of all transforms that a solution on this half-space takes in one thread."""
-    given = preferred(half_space.plans)
-    transforms = {t for level in _levels(half_space) for real in _precisions(level) for t in level.transforms(real)}
-    return tuple(sorted((t.name, wisdom(t, given)) for t in transforms))
-
-
-def _levels(half_space: HalfSpace) -> list[HalfSpace]:
+def nested_grids(half_space: HalfSpace, thread: int, threads: int) -> tuple[Grid, ...]:
+    """Workspaces from the given grid to the coarsest, kept per thread because their arrays are written to."""
     levels = [half_space]
     while min(half_space.shape) > _COARSEST:
         n1, n2 = half_space.shape
         d1, d2 = half_space.spacing
         half_space = replace(half_space, shape=((n1 + 1) // 2, (n2 + 1) // 2), spacing=(2 * d1, 2 * d2))
         levels.append(half_space)
-    return levels
-
-
-def _precisions(half_space: HalfSpace) -> tuple[type, type]:
-    """Of products with pressures and with directions.
-
-    Those with directions may be single: what they lose the next product with the pressure gives back.
-    """
-    return np.float64, np.float32 if half_space.shape[0] * half_space.shape[1] >= _SINGLE else np.float64
+    return tuple(Grid(level, threads) for level in levels)
 
 
 class Grid:
@@ -59,9 +40,11 @@ class Grid:
         self.half_space = half_space
         n1, n2 = half_space.shape
         n = n1 * n2
-        double, single = _precisions(half_space)
-        self._respond = Convolution(half_space, double, threads)
-        self._search = Convolution(half_space, single, threads, over=self._respond)
+        body = half_space.shape, half_space.boundary, half_space.symbol()
+        self._respond = Convolution(*body, threads=threads)
+        # what single precision loses in products with directions, the next product with the pressure gives back
+        precision = np.float32 if n >= _SINGLE else np.float64
+        self._search = Convolution(*body, dtype=precision, threads=threads, over=self._respond)
         self.pressure, self.displaced = self._respond.pressure, self._respond.displacement
         stencil = stiffness_stencil(half_space.spacing, half_space.modulus)
         r1, r2 = min(1, (n1 - 1) // 2), min(1, (n2 - 1) // 2)  # thin grids: not onto itself

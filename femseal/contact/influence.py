@@ -42,6 +42,26 @@ def spectral_symbol(q1: Array, q2: Array, modulus: float) -> Array:
         return np.where(q > 0, 2 / (modulus * q), 0.0)
 
 
+def symbol(shape: tuple[int, int], spacing: tuple[float, float], modulus: float, boundary: tuple[str, str]) -> Array:
+    """Eigenvalues of K [m/Pa] for the waves of periodic and padded free axes and the cosines of mirror axes.
+
+    A wave and its conjugate respond alike, so that half of the second axis is enough, or half of the first where the
+    second is a mirror.
+    """
+    (n1, n2), (d1, d2), (b1, b2) = shape, spacing, boundary
+    if b1 == b2 == "free":
+        return free_symbol(shape, spacing, modulus)
+    q1 = wave_numbers(n1, d1, b1, half=b2 == "mirror")
+    q2 = wave_numbers(n2, d2, b2, half=True)
+    if b1 == "free":
+        strip = strip_symbol(n1, d1, q2, d2, modulus)
+        return strip[: strip.shape[0] // 2 + 1] if b2 == "mirror" else strip
+    if b2 == "free":
+        strip = strip_symbol(n2, d2, wave_numbers(n1, d1, b1, half=False), d1, modulus)
+        return np.ascontiguousarray(strip[: strip.shape[0] // 2 + 1].T)
+    return spectral_symbol(q1, q2, modulus)
+
+
 def _wrapped_offsets(n: int) -> Array:
     """Offsets 0, 1, …, 1 of a padded axis, even about 0; what lies past n − 1 is never read."""
     length = padded_length(n)

@@ -20,7 +20,6 @@ from ..base.text import Shown
 from . import kernels
 from .grid import Grid, nested_grids
 from .half_space import HalfSpace
-from .plans import preferred
 
 Array = NDArray[np.float64]
 _COARSE_RTOL = 1e-2
@@ -189,8 +188,7 @@ class _Problem:
 
     def solve(self, threads: int) -> Contact:
         """Coarse grids first, each the start of the next finer one."""
-        plans = preferred(self.half_space.plans)
-        grids = nested_grids(self.half_space, plans, threading.get_ident(), threads)
+        grids = nested_grids(self.half_space, threading.get_ident(), threads)
         finest, offset = grids[0], float(self.gap0.mean())
         capacity = float(self.hardness.mean())
         if self.load == 0:

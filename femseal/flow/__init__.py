@@ -1,17 +1,23 @@
-"""Gap in, permeability out; permeability in, leakage out: one network of links serves the cell and the seal."""
+"""Gap in, permeability out; permeability in, leakage out: one equation, one assembly for the cell and the seal."""
 
-from .cell import Permeability, cell_permeabilities, cell_permeability, link_conductances, permeability_tensor
+from .cell import Permeability, cell_permeabilities, cell_permeability
 from .constriction import Constriction, critical_constriction
-from .network import NetworkFlow, solve_network
+from .discretisation import DISCRETISATIONS
+from .solution import DarcyFlow
+from .solvers.choice import SOLVERS, solve_flow
+from .stencil import Stencil
+from .tensor import permeability_tensor
 
 __all__ = [
+    "DISCRETISATIONS",
+    "SOLVERS",
     "Constriction",
-    "NetworkFlow",
+    "DarcyFlow",
     "Permeability",
+    "Stencil",
     "cell_permeabilities",
     "cell_permeability",
     "critical_constriction",
-    "link_conductances",
     "permeability_tensor",
-    "solve_network",
+    "solve_flow",
 ]

@@ -10,7 +10,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from .connectivity import union
+from .percolation import union
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]

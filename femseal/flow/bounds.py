@@ -1,31 +1,38 @@
 """Two-sided bounds of the flow through a cell whose gap is constant on each pixel.
 
-Lower: complementary energy of a conservative flux (lowest-order Raviart-Thomas, from the harmonic link network).
-Upper: Dirichlet energy of a conforming pressure (Q1 on pixel corners). Source: Thomson's and Dirichlet's principles.
+Lower: complementary energy of a conservative flux, lowest-order Raviart-Thomas. Upper: Dirichlet energy of a conforming
+pressure, Q1 on the corners of pixels. Source: Thomson's and Dirichlet's principles.
 """
 
 from __future__ import annotations
 
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
-import scipy.sparse as sp
 from numpy.typing import NDArray
-from skfem import Basis, ElementQuad1, MeshQuad
+from skfem import ElementQuadRT0
 
 from ..base.errors import NotConverged
+from . import forms
+from .assembly import Sample, assemble_on_elements, elemental, gauss
 from .balance import balanced_flux
-from .connectivity import corners_reached
-from .corners import corner_energy, corner_operator
-from .forms import flow_along_x1, flow_along_x2
-from .linear import solve_spd
-from .multigrid import COARSEST_NODES, coarsest_nodes, solve_multigrid
-from .network import solve_network
+from .coefficient import cubic_law
+from .grid import Grid
+from .percolation import nodes_reached, restricted
+from .solvers.amg import solve_direct
+from .solvers.choice import solve_flow
+from .solvers.hierarchy import coarsest_nodes
+from .solvers.multigrid import COARSEST_NODES, solve_multigrid
+from .stencil import Stencil
 
 Array = NDArray[np.float64]
 #: Error of the pressure behind the upper bound, which is above by its square; iterations before a factorisation.
 _RTOL, _ITERATIONS = 1e-8, 60
+#: Component K11 at the two ends of a pixel: the mixed form decouples its two fluxes, and gives the harmonic mean of
+#: neighbouring pixels.
+_LUMPED = (Sample((0.0, 0.5), 0.5, (0, 0)), Sample((1.0, 0.5), 0.5, (0, 0)))
+#: Facets of a pixel at its two ends along x1, in the order of `elemental`.
+_ENDS = np.ix_([0, 3], [0, 3])
 
 
 def pixel_bounds(gap: Array, spacing: tuple[float, float], sides: str) -> tuple[float, float]:
@@ -33,40 +40,63 @@ def pixel_bounds(gap: Array, spacing: tuple[float, float], sides: str) -> tuple[
 
     Diagonal neighbours touch in the upper bound and not in the lower one.
     """
-    k = gap**3 / 12
-    lower, potential = _lower(k, spacing, sides == "periodic")
-    return lower, _upper(k, spacing, sides == "periodic", potential)
+    k = cubic_law(gap)
+    lower, potential = lower_bound(k, spacing, sides == "periodic")
+    return lower, _upper(k, spacing, sides, potential)
 
 
-def _lower(k: Array, spacing: tuple[float, float], periodic: bool) -> tuple[float, Array]:
-    """The lower bound, and the potential of the pixels that it comes from."""
+def flux_energy() -> Array:
+    """Energy (2, 2) of unit fluxes along x1 through the two ends of a unit pixel of K = 1: from the mixed form."""
+    local = elemental(forms.flux_resistance, ElementQuadRT0, gauss((0, 0)), "resistance").sum(axis=0)[_ENDS]
+    return _along(local)
+
+
+def half_resistance() -> float:
+    """Resistance of a unit pixel of K = 1 from its centre to one end: from the mixed form, lumped."""
+    local = _along(elemental(forms.flux_resistance, ElementQuadRT0, _LUMPED, "resistance").sum(axis=0)[_ENDS])
+    return float(local[0, 0])
+
+
+def _along(local: Array) -> Array:
+    """Basis functions turned to fluxes along x1: a uniform flux costs the more energy."""
+    return local if local.sum() > np.trace(local) else local * np.array([[1.0, -1.0], [-1.0, 1.0]])
+
+
+def lower_bound(k: Array, spacing: tuple[float, float], ring: bool) -> tuple[float, Array]:
+    """The lower bound for a permeability k (n1, n2) constant on each pixel, and the potential that it comes from."""
     d1, d2 = spacing
-    neighbour = np.roll(k, -1, axis=1) if periodic else k[:, 1:]
-    here = k if periodic else k[:, :-1]
-    c1 = np.concatenate([2 * k[:1], _harmonic(k[:-1], k[1:]), 2 * k[-1:]]) * d2 / d1
-    c2 = _harmonic(here, neighbour) * d1 / d2
-    flow = solve_network(c1, c2)
+    with np.errstate(divide="ignore"):
+        half = half_resistance() / k
+    neighbour = np.roll(half, -1, axis=1) if ring else half[:, 1:]
+    here = half if ring else half[:, :-1]
+    c1 = 1 / np.concatenate([half[:1], half[:-1] + half[1:], half[-1:]]) * (d2 / d1)
+    c2 = 1 / (here + neighbour) * (d1 / d2)
+    if ring and k.shape[1] == 1:
+        c2 = np.zeros_like(c2)
+    stencil = Stencil(c1, c2, ring2=ring)
+    flow = solve_flow(stencil)
     if not flow.percolates:
         return 0.0, flow.potential[1:-1]
-    q1, q2 = _balanced_fluxes(c1, c2, np.nan_to_num(flow.potential), np.nan_to_num(flow.complement))
-    if periodic:
+    q1, q2 = _balanced_fluxes(stencil, np.nan_to_num(flow.potential), np.nan_to_num(flow.complement))
+    closed = np.zeros((k.shape[0], 0 if ring else 1))
+    west, east = np.hstack([closed, q2]), np.hstack([q2, closed])
+    if ring:
         west = np.roll(q2, 1, axis=1)
-        east = q2
-    else:
-        closed = np.zeros((k.shape[0], 1))
-        west, east = np.hstack([closed, q2]), np.hstack([q2, closed])
-    north, south = q1[:-1], q1[1:]
+    (same, other), _ = flux_energy()
+
+    def energy(before: Array, after: Array, ratio: float) -> Array:
+        return (same * (before**2 + after**2) + 2 * other * before * after) * ratio
+
     with np.errstate(divide="ignore", invalid="ignore"):
-        # ∫ |q|²/k over a pixel with a flux linear in each coordinate
-        along = (north**2 + north * south + south**2) / 3 * d1 / d2
-        across = (west**2 + west * east + east**2) / 3 * d2 / d1
-        energy = np.where(k > 0, (along + across) / k, 0.0).sum()
-    bound = min(abs(q1[0].sum()), abs(q1[-1].sum())) ** 2 / energy if energy > 0 else 0.0
+        dissipated = energy(q1[:-1], q1[1:], d1 / d2) + energy(west, east, d2 / d1)
+        total = np.where(k > 0, dissipated / k, 0.0).sum()
+    bound = min(abs(q1[0].sum()), abs(q1[-1].sum())) ** 2 / total if total > 0 else 0.0
     return float(bound), flow.potential[1:-1]
 
 
-def _balanced_fluxes(c1: Array, c2: Array, p: Array, complement: Array) -> tuple[Array, Array]:
+def _balanced_fluxes(stencil: Stencil, p: Array, complement: Array) -> tuple[Array, Array]:
     """Fluxes near −c Δp that balance at every node, which differences of pressures at high contrast do not."""
+    c1, c2 = stencil.along, stencil.across
     n1, n2 = c1.shape
     m2 = c2.shape[1]
     node = np.zeros(p.shape, np.int64)  # both ends are node 0
@@ -87,89 +117,56 @@ def _drop(p: Array, p_next: Array, complement: Array, complement_next: Array) ->
     return np.where(p + p_next < 1, p - p_next, complement_next - complement)
 
 
-def _harmonic(a: Array, b: Array) -> Array:
-    total = a + b
-    return np.divide(2 * a * b, total, out=np.zeros_like(total), where=total > 0)
-
-
-def _upper(k: Array, spacing: tuple[float, float], periodic: bool, potential: Array) -> float:
+def _upper(k: Array, spacing: tuple[float, float], sides: str, potential: Array) -> float:
     """Any pressure gives an upper bound: the better the pressure, the closer."""
-    links = [w * k for w in _corner_links(spacing)]
-    keep = corners_reached(k, periodic) == 3
+    grid = Grid.of_pixel_corners(k.shape, spacing, sides)
+    stencil = assemble_on_elements(grid, [k], gauss((0, 0), (1, 1)), [0] * 8)
+    keep = nodes_reached(stencil) == 3
     if not keep.any():
         return 0.0
-    n1, columns = keep.shape[0] - 1, keep.shape[1]
+    stencil = restricted(stencil, keep)
+    n1, columns = stencil.along.shape
 
     def energy(inner: Array) -> float:
         p = np.zeros(keep.shape)
         p[0] = keep[0]
         p[1:-1] = np.where(keep[1:-1], inner, 0.0)  # other corners are at rest
-        return float(corner_energy(*links, p))
+        return stencil.energy(p)
 
     if n1 == 1:
         return energy(np.zeros((0, columns)))
     if coarsest_nodes(n1 - 1, columns) <= COARSEST_NODES:
-        operator, inlet, outlet = corner_operator(*links, keep, periodic)
         try:
-            return energy(solve_multigrid(operator, periodic, inlet, outlet, _RTOL, _ITERATIONS)[0])
+            return energy(solve_multigrid(stencil, _RTOL, _ITERATIONS)[0])
         except NotConverged:
             pass
-    candidates = [_mean_at_corners(k, potential, periodic)[1:-1]]
+    candidates = [_mean_at_corners(k, potential, sides == "periodic")[1:-1]]
     try:
-        p = _corner_potential(k, spacing, periodic, keep)
+        p = _factorised(stencil, keep)
         candidates += [p, np.clip(p, 0.0, 1.0)]
     except NotConverged:
         pass
     return min(energy(p) for p in candidates)
 
 
-def _mean_at_corners(k: Array, potential: Array, periodic: bool) -> Array:
+def _mean_at_corners(k: Array, potential: Array, ring: bool) -> Array:
     """Mean of the potential of the pixels about each corner, weighted with their permeability."""
-    sides: Any = "wrap" if periodic else "constant"
+    sides: Any = "wrap" if ring else "constant"
     weight, value = (np.pad(np.pad(a, ((1, 1), (0, 0))), ((0, 0), (1, 1)), mode=sides)
                      for a in (k, k * np.nan_to_num(potential)))  # fmt: skip
     weight, value = (a[:-1, :-1] + a[:-1, 1:] + a[1:, :-1] + a[1:, 1:] for a in (weight, value))
     mean = np.divide(value, weight, out=np.zeros_like(value), where=weight > 0)
-    return mean[:, :-1] if periodic else mean
+    return mean[:, :-1] if ring else mean
 
 
-def _corner_potential(k: Array, spacing: tuple[float, float], periodic: bool, keep: NDArray[np.bool_]) -> Array:
-    """Pressure at the inner corners by a sparse factorisation, whatever its residual; 0 where it is no number."""
-    d1, d2 = spacing
-    n1, n2 = k.shape
-    local1, local2 = _pixel_matrices()
+def _factorised(stencil: Stencil, keep: NDArray[np.bool_]) -> Array:
+    """Pressure at the inner nodes by a sparse factorisation, whatever its residual; 0 where it is no number."""
     columns = keep.shape[1]
-    i, j = np.divmod(np.arange(n1 * n2), n2)
-    corner = np.array([(i + a) * columns + (j + b) % columns for a in (0, 1) for b in (0, 1)])
-    values = (local1 * d2 / d1 + local2 * d1 / d2)[:, :, None] * k.ravel()
-    rows, cols = np.broadcast_arrays(corner[:, None], corner[None, :])
-    full = sp.coo_array((values.ravel(), (rows.ravel(), cols.ravel())), shape=(keep.size, keep.size)).tocsr()
     unknown = keep.ravel().copy()
     unknown[:columns] = unknown[-columns:] = False
     p = np.zeros(keep.size)
     p[:columns] = keep[0]
     if unknown.any():
-        i = np.flatnonzero(unknown)
-        p[i] = solve_spd(full[i][:, i].tocsc(), -(full[i] @ p), 1e-12, direct_residual=np.inf).x
+        rows = stencil.to_csr()[np.flatnonzero(unknown)]
+        p[unknown] = solve_direct(rows[:, np.flatnonzero(unknown)], -(rows @ p), largest_residual=np.inf).x
     return np.nan_to_num(p).reshape(keep.shape)[1:-1]
-
-
-def _corner_links(spacing: tuple[float, float]) -> tuple[float, float, float]:
-    """Q1 of a pixel as links between its corners, for k = 1: along x1, along x2, along each diagonal."""
-    d1, d2 = spacing
-    local1, local2 = _pixel_matrices()
-    local = local1 * d2 / d1 + local2 * d1 / d2
-    # corners (0, 0), (0, 1), (1, 0), (1, 1)
-    return -local[0, 2], -local[0, 1], -local[0, 3]
-
-
-@lru_cache(maxsize=1)
-def _pixel_matrices() -> tuple[Array, Array]:
-    """The two parts (4, 4) of the Q1 matrix of a unit square."""
-    square = Basis(MeshQuad.init_tensor(np.arange(2.0), np.arange(2.0)), ElementQuad1(), intorder=3)
-    ones = np.ones((1, square.X.shape[1]))
-    # corners of the one element in the order of their coordinates
-    order = np.lexsort(square.doflocs[::-1])
-    local1, local2 = (form.assemble(square, c=ones).toarray()[np.ix_(order, order)]
-                      for form in (flow_along_x1, flow_along_x2))  # fmt: skip
-    return local1, local2

@@ -1,28 +1,27 @@
-"""Permeability of a cell from its gap: ∇·(h³ ∇p) = 0, k = h³/12 for parallel plates.
+"""Permeability of a cell from its gap: ∇·(K ∇p) = 0 with the cubic law K = h³/12.
 
-Unknowns are the pressures at pixel centres. The conductance of the link between two pixels takes h, not h³,
-interpolated by a four-point cubic at its midpoint; the links from the inlet edge to the first pixels and from the
-last to the outlet edge have half the length. Order 2 in the pixel for smooth gaps.
+Unknowns are the pressures at pixel centres, the pressures of both ends are given. How the equation is discretised is a
+choice, `DISCRETISATIONS`; the default takes K at the midpoints of the elements' edges.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
-import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
 
 from ..base import validate
-from ..base.errors import InputError, NotConverged
+from ..base.errors import InputError
 from ..base.text import Shown
 from .bounds import pixel_bounds
-from .conductance import conductances_between, validated_cell, validated_gap
-from .connectivity import winding_components
-from .linear import solve_spd
-from .network import MAX_IMBALANCE, solve_network
+from .coefficient import validated_cell
+from .discretisation import cell_stencil, check_discretisation, mesh_flow, on_grid
+from .grid import Grid
+from .solution import DarcyFlow
+from .solvers.choice import solve_flow
 
 Array = NDArray[np.float64]
 
@@ -33,7 +32,7 @@ class Permeability(Shown):
 
     lower, upper, resampling_error : NaN unless asked for.
     percolating_share : pixels that both ends reach, in shares of all.
-    iterations, residual : of the linear solver, see `NetworkFlow`.
+    iterations, residual, imbalance, solver : of the linear system, see `femseal.flow.DarcyFlow`.
     fluid_pressure : (n1, n2), NaN at pixels in contact and in pockets that neither end reaches.
     """
 
@@ -45,6 +44,8 @@ class Permeability(Shown):
     percolating_share: float
     iterations: int
     residual: float
+    imbalance: float
+    solver: str
     fluid_pressure: Array = field(metadata={"unit": "1", "long_name": "fluid pressure for a unit drop"}, repr=False)
 
 
@@ -57,6 +58,8 @@ def cell_permeability(
     bounds: bool = False,
     estimate: bool = False,
     rtol: float = 1e-6,
+    discretisation: str = "edge",
+    solver: str = "auto",
 ) -> Permeability:
     """Permeability [m³] of a cell whose gap h >= 0 is given at pixel centres; h = 0 is contact.
 
@@ -73,33 +76,41 @@ def cell_permeability(
         every second pixel, as for order 2. It was 4 to 16 times the true error of gaps cut by a plane, with 8 pixels
         per shortest wave and up to 0.4 in contact; inf where some of these are closed and others not.
     rtol : relative error of k allowed to an iterative linear solver.
+    discretisation : "edge" (Q1, the gap interpolated to the midpoints of edges; order 2), "gauss" (Q1, the bilinear gap
+        at 2 × 2 Gauss points; order 2 with a larger error), and by a general mesh "P1", "Q2" (gap linear or bilinear
+        between pixels) and "RT0" (mixed, gap constant on each pixel).
+    solver : of the linear system, see `femseal.flow.solve_flow`; a general mesh takes "auto" or "amg".
 
     Raises
     ------
-    InputError : a gap that is negative, undefined or not two-dimensional; an unknown side or axis.
+    InputError : a gap that is negative, undefined or not two-dimensional; an unknown side, axis, discretisation or
+        solver, an estimate with a general mesh.
     NotConverged : the linear solver failed.
     """
     h, (d1, d2) = validated_cell(gap, spacing, axis, sides)
     validate.tolerance("rtol", rtol)
+    check_discretisation(discretisation, solver, estimate)
     scale = float(h.max()) or 1.0
     h = h / scale
-    c1, c2 = link_conductances(h, (d1, d2), sides)
-    flow = solve_network(c1, c2, rtol=rtol)
+    flow = _flow(h, (d1, d2), sides, discretisation, rtol, solver)
     n1, n2 = h.shape
     shape_factor = scale**3 * (n1 * d1) / (n2 * d2)
     lower, upper = np.nan, np.nan
     if bounds:
         lower, upper = (shape_factor * b for b in pixel_bounds(h, (d1, d2), sides))
-    pressure = flow.potential[1:-1]
+    pressure = flow.potential
+    estimated = _resampling_error(h, (d1, d2), sides, discretisation, flow.conductance, rtol) if estimate else np.nan
     return Permeability(
-        value=shape_factor * flow.rate,
+        value=shape_factor * flow.conductance,
         lower=lower,
         upper=upper,
-        resampling_error=_resampling_error(h, (d1, d2), sides, flow.rate, rtol) if estimate else np.nan,
+        resampling_error=estimated,
         percolates=flow.percolates,
         percolating_share=float(np.isfinite(pressure).mean()) if flow.percolates else 0.0,
         iterations=flow.iterations,
         residual=flow.residual,
+        imbalance=flow.imbalance,
+        solver=flow.solver,
         fluid_pressure=pressure.T if axis == 1 else pressure,
     )
 
@@ -112,6 +123,8 @@ def cell_permeabilities(
     sides: str = "mirror",
     rtol: float = 1e-6,
     threads: int = 1,
+    discretisation: str = "edge",
+    solver: str = "auto",
 ) -> Array:
     """Permeabilities [m³] of many gaps, such as those of a load cycle, along one axis or both.
 
@@ -119,7 +132,7 @@ def cell_permeabilities(
     ----------
     gaps : (n, n1, n2) [m].
     axes : directions of the flow.
-    spacing, sides, rtol : as in `cell_permeability`.
+    spacing, sides, rtol, discretisation, solver : as in `cell_permeability`.
     threads : gaps solved at the same time.
 
     Returns
@@ -143,114 +156,67 @@ def cell_permeabilities(
     for gap in stack:
         validated_cell(gap, spacing, 0, sides)
     validate.tolerance("rtol", rtol)
+    check_discretisation(discretisation, solver)
     cells = [(gap, axis) for gap in stack for axis in axes]
 
     def value(cell: tuple[Array, int]) -> float:
-        return cell_permeability(cell[0], spacing, axis=cell[1], sides=sides, rtol=rtol).value
+        gap, axis = cell
+        result = cell_permeability(
+            gap, spacing, axis=axis, sides=sides, rtol=rtol, discretisation=discretisation, solver=solver
+        )
+        return result.value
 
     with ThreadPoolExecutor(threads) as pool:
         values = list(pool.map(value, cells) if threads > 1 else map(value, cells))
     return np.array(values, dtype=float).reshape(len(stack), len(axes))
 
 
-def link_conductances(gap: Array, spacing: tuple[float, float], sides: str) -> tuple[Array, Array]:
-    """Conductances k Δ⊥/Δ∥ of the links of a cell: c1 (n1 + 1, n2) with the half links at both ends, and c2.
+def pixel_dissipation(gap: Array, spacing: tuple[float, float]) -> Array:
+    """Dissipation of each pixel (n1, n2) [m³] of the flow through a cell with periodic sides for a unit drop along x1.
 
-    c2 is (n1, n2) with periodic sides and (n1, n2 − 1) with closed ones. The gap continues evenly past the ends.
-    """
-    d1, d2 = spacing
-    c1, c2 = conductances_between(gap, d2 / d1, d1 / d2, False, sides == "periodic")
-    c1[0] *= 2
-    c1[-1] *= 2
-    return c1, c2
-
-
-def _resampling_error(h: Array, spacing: tuple[float, float], sides: str, rate: float, rtol: float) -> float:
-    """Estimated relative error of `rate`, from the four ways to take every second pixel along both axes."""
-    if min(h.shape) < 4:
-        return np.nan
-    rates = [solve_network(*_coarse_links(h, spacing, sides, o), rtol=rtol).rate for o in np.ndindex(2, 2)]
-    if rate == 0 or min(rates) == 0:
-        return np.inf if max(rate, *rates) > 0 else 0.0
-    return max(abs(rate - r) for r in rates) / (3 * rate)
-
-
-def _coarse_links(h: Array, spacing: tuple[float, float], sides: str, offset: tuple[int, ...]) -> tuple[Array, Array]:
-    """`link_conductances` of every second pixel from an offset on; the cell's borders are where they were."""
-    c1, c2 = link_conductances(h[offset[0] :: 2, offset[1] :: 2], (2 * spacing[0], 2 * spacing[1]), sides)
-    before, after = _to_the_borders(h.shape[0], offset[0])
-    c1[0] /= 2 * before
-    c1[-1] /= 2 * after
-    width1 = np.ones((c2.shape[0], 1))
-    width1[0] += before - 0.5
-    width1[-1] += after - 0.5
-    before, after = _to_the_borders(h.shape[1], offset[1])
-    width2 = np.ones(c1.shape[1])
-    if sides == "periodic":
-        c2[:, -1] /= before + after
-        before = after = (before + after) / 2
-    width2[0] += before - 0.5
-    width2[-1] += after - 0.5
-    return c1 * width2, c2 * width1
-
-
-def _to_the_borders(n: int, offset: int) -> tuple[float, float]:
-    """Distance of the first and the last of every second of n pixels to the borders, in spacings of two pixels."""
-    last = offset + 2 * ((n - 1 - offset) // 2)
-    return (offset + 0.5) / 2, (n - last - 0.5) / 2
-
-
-def permeability_tensor(gap: ArrayLike, spacing: tuple[float, float]) -> Array:
-    """Permeability tensor (2, 2) [m³] of a doubly periodic cell: mean flux −K∇p for a mean pressure gradient.
-
-    K_ab = (1/|Ω|) ∫ h³/12 (e_a + ∇χ_a)·(e_b + ∇χ_b), χ periodic; symmetric, and exactly 0 along an axis around which
-    no open path winds. It is another quantity than `cell_permeability`, whose inlet and outlet are straight.
+    A link between two pixels gives half of its own to both, those at inlet and outlet give all to their pixel, so that
+    the sum is the conductance k L2/L1 with k of `cell_permeability`.
 
     Raises
     ------
     InputError : a gap that is negative, undefined or not two-dimensional.
-    NotConverged : the solution lost too many digits, as it may at contrasts of the gap above 1e4.
+    NotConverged : the linear solver failed.
     """
-    h, (d1, d2) = validated_gap(gap, spacing)
-    n1, n2 = h.shape
-    scale = float(h.max()) or 1.0
-    h = h / scale
-    c1, c2 = conductances_between(h, d2 / d1, d1 / d2, True, True)
-    label, winds = winding_components(c1, c2)
-    winds = winds[label].reshape(n1, n2, 2)
-    carrying = winds.any(axis=2)
-    if not carrying.any():
-        return np.zeros((2, 2))
-    c1, c2 = np.where(carrying, c1, 0.0), np.where(carrying, c2, 0.0)
-    node = np.arange(n1 * n2).reshape(n1, n2)
-    start = np.concatenate([node.ravel(), node.ravel()])
-    end = np.concatenate([np.roll(node, -1, axis=0).ravel(), np.roll(node, -1, axis=1).ravel()])
-    c = np.concatenate([c1.ravel(), c2.ravel()])
-    links = np.arange(c.size)
-    gradient = sp.csr_array(
-        (np.r_[np.ones(c.size), -np.ones(c.size)], (np.r_[links, links], np.r_[end, start])), shape=(c.size, node.size)
+    h, spacing = validated_cell(gap, spacing, 0, "periodic")
+    stencil = cell_stencil(h, Grid.of_pixel_centres(h.shape, spacing, "periodic"))
+    φ = np.nan_to_num(solve_flow(stencil).potential)
+    along = stencil.along * np.diff(φ, axis=0) ** 2
+    along[[0, -1]] *= 2  # halved below
+    across = stencil.across * (np.roll(φ, -1, axis=1) - φ)[1:-1] ** 2
+    return (along[:-1] + along[1:] + across + np.roll(across, 1, axis=1)) / 2
+
+
+def _flow(
+    h: Array, spacing: tuple[float, float], sides: str, discretisation: str, rtol: float, solver: str
+) -> DarcyFlow:
+    """Flow along x1 through a cell, its potential at the pixels (n1, n2)."""
+    if not on_grid(discretisation):
+        return mesh_flow(h, spacing, sides, discretisation, rtol=rtol, solver=solver)
+    flow = solve_flow(
+        cell_stencil(h, Grid.of_pixel_centres(h.shape, spacing, sides), discretisation), rtol=rtol, solver=solver
     )
-    mean_drop = np.zeros((c.size, 2))
-    mean_drop[: n1 * n2, 0], mean_drop[n1 * n2 :, 1] = d1, d2
-    # one node of each component is held; the others are unknown
-    roots = np.zeros(node.size, bool)
-    roots[np.unique(label)] = True
-    unknown = np.flatnonzero(carrying.ravel() & ~roots)
-    correction = np.zeros((node.size, 2))
-    if unknown.size:
-        g = gradient[:, unknown]
-        matrix = (g.T @ sp.diags_array(c) @ g).tocsc()
-        correction[unknown] = solve_spd(matrix, -(g.T @ (c[:, None] * mean_drop)), 1e-12).x
-    drop = mean_drop + gradient @ correction
-    tensor, flux = drop.T @ (c[:, None] * drop), mean_drop.T @ (c[:, None] * drop)
-    closed = ~winds.any(axis=(0, 1))
-    for a in (tensor, flux):
-        a[closed, :] = 0.0
-        a[:, closed] = 0.0
-    largest = np.sqrt(np.outer(tensor.diagonal(), tensor.diagonal()))
-    error = float((np.abs(tensor - flux) / np.where(largest > 0, largest, 1.0)).max())
-    if not error <= MAX_IMBALANCE:
-        raise NotConverged(
-            f"flow: energy and mean flux of the cell differ by {error:.1e}; the contrast is too high", error
-        )
-    return scale**3 * tensor / (n1 * d1 * n2 * d2)
+    # Q1 elements reach into contact
+    inside, complement = (np.where(h > 0, values[1:-1], np.nan) for values in (flow.potential, flow.complement))
+    return replace(flow, potential=inside, complement=complement)
+
+
+def _resampling_error(
+    h: Array, spacing: tuple[float, float], sides: str, discretisation: str, rate: float, rtol: float
+) -> float:
+    """Estimated relative error of `rate`, from the four ways to take every second pixel along both axes."""
+    if min(h.shape) < 4:
+        return np.nan
+    x1, x2 = ((np.arange(n) + 0.5) * d for n, d in zip(h.shape, spacing, strict=True))
+    size = (h.shape[0] * spacing[0], h.shape[1] * spacing[1])
+    rates = []
+    for a, b in np.ndindex(2, 2):
+        grid = Grid.of_points(x1[a::2], x2[b::2], size, sides)
+        rates.append(solve_flow(cell_stencil(h[a::2, b::2], grid, discretisation), rtol=rtol).conductance)
+    if rate == 0 or min(rates) == 0:
+        return np.inf if max(rate, *rates) > 0 else 0.0
+    return max(abs(rate - r) for r in rates) / (3 * rate)

@@ -13,8 +13,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike
 
-from .conductance import conductances_between, validated_cell
-from .connectivity import find, union
+from .coefficient import gap_on_links, validated_cell
+from .percolation import find, union
 
 
 @dataclass(frozen=True)
@@ -39,8 +39,7 @@ def critical_constriction(
     InputError : as `cell_permeability`.
     """
     h, (d1, d2) = validated_cell(gap, spacing, axis, sides)
-    scale = float(h.max()) or 1.0
-    h1, h2 = (scale * np.cbrt(c) for c in conductances_between(h / scale, 12.0, 12.0, False, sides == "periodic"))
+    h1, h2 = gap_on_links(h, False, sides == "periodic")
     values = np.concatenate([h1.ravel(), h2.ravel()])
     widest_first = np.argsort(-values, kind="stable")
     link = _joining(widest_first, values, h.shape[0], h.shape[1], h2.shape[1])

@@ -1,4 +1,8 @@
-"""Weak forms of thin-film and Darcy flow, ∇·(k ∇p) = 0, for scikit-fem."""
+"""The equation of thin-film and Darcy flow, ∇·(K ∇p) = 0, in weak form, for scikit-fem.
+
+Every operator of the flow, on a grid or a mesh, at the scale of a cell or of a seal, is assembled from these forms.
+K is the permeability [m³] as a tensor (2, 2, …) at the quadrature points; of a thin film h³/12 times the unit tensor.
+"""
 
 from __future__ import annotations
 
@@ -9,30 +13,18 @@ from skfem.helpers import dot, grad, mul
 
 
 @BilinearForm
-def flow_along_x1(p: Any, q: Any, w: Any) -> Any:
-    """∫ c ∂₁p ∂₁q."""
-    return w.c * grad(p)[0] * grad(q)[0]
-
-
-@BilinearForm
-def flow_along_x2(p: Any, q: Any, w: Any) -> Any:
-    """∫ c ∂₂p ∂₂q."""
-    return w.c * grad(p)[1] * grad(q)[1]
-
-
-@BilinearForm
 def darcy_flow(p: Any, q: Any, w: Any) -> Any:
-    """∫ (K ∇p)·∇q."""
+    """∫ (K ∇p)·∇q of a pressure p: minus its divergence form, tested with q."""
     return dot(mul(w.k, grad(p)), grad(q))
 
 
 @BilinearForm
 def flux_resistance(u: Any, v: Any, w: Any) -> Any:
-    """∫ (K⁻¹ u)·v."""
+    """∫ (K⁻¹ u)·v of a flux u: the mixed form, whose flux gives the lower bound."""
     return dot(mul(w.resistance, u), v)
 
 
 @Functional
 def dissipation(w: Any) -> Any:
-    """∫ (K ∇p)·∇p."""
-    return dot(mul(w.k, w.p.grad), w.p.grad)
+    """∫ (K ∇p)·∇p, the energy that the pressure p dissipates: the flow for a unit drop."""
+    return darcy_flow.form(w.p, w.p, w)

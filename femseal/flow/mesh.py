@@ -1,86 +1,246 @@
-"""The structured mesh of a link network, and its assembly pattern.
+"""Darcy flow on an unstructured mesh: ∇·(K∇φ) = 0, φ = 1 on the inlet, 0 on the outlet, no flow elsewhere.
 
-Q1 with edge-midpoint quadrature: the x1-part of the form is integrated at the midpoints of an element's two x1-edges,
-the x2-part at those of its x2-edges. The matrix is then that of a network of links between neighbouring nodes, and it
-depends linearly on the links' conductances c = k Δ⊥/Δ∥, which carry the geometry (the mesh itself has unit squares).
-scikit-fem assembles it once for each shape; a new conductance field is then one sparse product.
+Value and upper bound: conforming elements, P1 or Q1 on straight meshes (order 2 in the flow), isoparametric P2 or Q2 on
+second-order meshes (order 4). Lower bound: `mixed`.
+
+Symbols: K permeability [m³] (any unit: the conductance has the same), φ potential for a unit drop.
+Source: Dirichlet's principle.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from functools import lru_cache
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
-from skfem import Basis, ElementQuad1, MeshQuad
+from numpy.typing import ArrayLike, NDArray
+from skfem import (
+    Basis,
+    ElementQuad1,
+    ElementQuad2,
+    ElementQuadRT0,
+    ElementTriP1,
+    ElementTriP2,
+    ElementTriRT0,
+    Mesh,
+    MeshQuad1,
+    MeshQuad2,
+    MeshTri1,
+    MeshTri2,
+)
 
-from .forms import flow_along_x1, flow_along_x2
+from ..base.errors import InputError, NotConverged
+from . import forms
+from .mixed import flux_conductance
+from .reach import elements_reached, open_facets
+from .solution import MAX_IMBALANCE, DarcyFlow
+from .solvers.amg import solve_spd
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
+#: A tensor closed along one principal axis keeps this share of its other value there, so that K⁻¹ exists.
+CLOSED_AXIS = 1e-10
+#: Relative error of the conductance.
+RTOL = 1e-8
 
 
 @dataclass(frozen=True)
-class LinkPattern:
-    """Where each link's conductance goes in the matrix of the unknown nodes (rows 1 … n1 − 1 of n1 + 1)."""
+class _Kind:
+    """How one kind of mesh is discretised."""
 
-    shape: tuple[int, int]
-    indices: NDArray[np.int32]
-    indptr: NDArray[np.int32]
-    diagonal: Indices
-    links_to_entries: sp.csr_array
-
-    def matrix(self, c1: Array, c2: Array) -> sp.csc_array:
-        """Matrix of the network with conductances c1 (n1, n2) along x1 and c2 along x2; symmetric."""
-        data = self.links_to_entries @ np.concatenate([c1.ravel(), c2.ravel()])
-        n = self.diagonal.size
-        return sp.csc_array((data, self.indices, self.indptr), shape=(n, n))
+    element: type
+    flux_element: type | None
+    intorder: int
 
 
-@lru_cache(maxsize=16)
-def link_pattern(n1: int, n2: int, periodic: bool) -> LinkPattern:
-    """Pattern of n1 × n2 links along x1; along x2 there are n1 − 1 rows of n2 links (n2 − 1 if not periodic)."""
-    columns = n2 if periodic else n2 - 1
-    rows, cols, links, values = assemble_links(n1, n2, periodic)
-    n = (n1 - 1) * n2
-    row, col = rows - n2, cols - n2
-    inside = (row >= 0) & (row < n) & (col >= 0) & (col < n) & (links >= 0) & (values != 0)
-    key, entry = np.unique(col[inside] * n + row[inside], return_inverse=True)
-    n_links = n1 * n2 + (n1 - 1) * columns
-    product = sp.csr_array((values[inside], (entry, links[inside])), shape=(key.size, n_links))
-    key_row, key_col = key % n, key // n
-    indptr = np.searchsorted(key_col, np.arange(n + 1)).astype(np.int32)
-    return LinkPattern((n1, n2), key_row.astype(np.int32), indptr, np.flatnonzero(key_row == key_col), product)
+_KINDS = {
+    MeshTri1: _Kind(ElementTriP1, ElementTriRT0, 2),
+    MeshQuad1: _Kind(ElementQuad1, ElementQuadRT0, 4),
+    MeshTri2: _Kind(ElementTriP2, None, 6),
+    MeshQuad2: _Kind(ElementQuad2, None, 6),
+}
 
 
-def assemble_links(n1: int, n2: int, periodic: bool) -> tuple[Indices, Indices, Indices, Array]:
-    """Row node, column node, link and value of every local matrix entry, from scikit-fem on unit squares.
+def darcy_conductance(
+    mesh: Mesh,
+    permeability: ArrayLike,
+    inlet: ArrayLike,
+    outlet: ArrayLike,
+    *,
+    bounds: bool = False,
+    solver: str = "auto",
+) -> DarcyFlow:
+    """Flow [unit of K] through a mesh for a unit drop of potential between two parts of its boundary.
 
-    Nodes are numbered i·n2 + j; links along x1 i·n2 + j, then those along x2 from row 1 on; −1 on the two end rows,
-    whose pressure is given.
+    Parameters
+    ----------
+    mesh : scikit-fem MeshTri1, MeshQuad1, MeshTri2 or MeshQuad2 with n elements.
+    permeability : K >= 0; a number, (n,), (n, 2) values along x and y, or (n, 2, 2) symmetric tensors; 0 is
+        closed. A tensor closed along one principal axis only keeps 1e-10 of its other value there, and
+        carries flow across facets only along the open one.
+    inlet, outlet : indices of boundary facets, with no vertex in common.
+    bounds : also enclose the conductance of this very mesh (straight sides, K constant on each element), up
+        to quadrature on quadrilaterals that are not parallelograms; otherwise both bounds are NaN.
+
+    solver : of the linear system, "auto" (pyamg or a factorisation, whichever is faster) or "amg".
+
+    Returns
+    -------
+    DarcyFlow, `potential` at the vertices; it is 1 or 0 in dead ends of the inlet or outlet, NaN in
+    closed pockets.
+
+    Raises
+    ------
+    InputError : another kind of mesh, wrong facets, a bad K, or bounds asked of a curved mesh.
+    NotConverged : inlet and outlet flow differ by more than 1e-5, or the linear solver failed.
+
+    Notes
+    -----
+    The value is the energy ∫ ∇φ·K∇φ, so it equals `upper`. Open elements that meet in a corner are connected
+    in the value and in the upper bound, and not in the lower one.
     """
-    columns = n2 if periodic else n2 - 1
-    mesh = MeshQuad.init_tensor(np.arange(n1 + 1.0), np.arange(columns + 1.0))
-    element = np.arange(n1 * columns)
-    i, j = element // columns, element % columns
-    parts = []
-    for form, along_x1 in ((flow_along_x1, True), (flow_along_x2, False)):
-        for side in (0, 1):
-            # local axis 0 of the element lies along x2
-            point = np.array([[float(side)], [0.5]] if along_x1 else [[0.5], [float(side)]])
-            basis = Basis(mesh, ElementQuad1(), quadrature=(point, np.array([0.5])))
-            weight = np.ones((element.size, 1))
-            if along_x1:
-                link = i * n2 + (j + side) % n2
-                if not periodic:  # the full width of a column at a closed side
-                    weight[(j + side == 0) | (j + side == n2 - 1)] = 2.0
-            else:
-                row = i + side - 1
-                link = np.where((row >= 0) & (row < n1 - 1), n1 * n2 + row * columns + j, -1)
-            data = form.coo_data(basis, c=weight)
-            nodes = (data.indices // (columns + 1)) * n2 + (data.indices % (columns + 1)) % n2
-            parts.append((nodes[0], nodes[1], np.tile(link, data.data.size // element.size), data.data))
-    rows, cols, links, values = (np.concatenate(p) for p in zip(*parts, strict=True))
-    return rows.astype(np.int64), cols.astype(np.int64), links.astype(np.int64), values
+    kind = _KINDS.get(type(mesh))
+    if kind is None:
+        names = ", ".join(t.__name__ for t in _KINDS)
+        raise InputError.of("mesh", f"a {type(mesh).__name__}", f"one of {names}")
+    if bounds and kind.flux_element is None:
+        raise InputError.of("bounds", f"a curved mesh, {type(mesh).__name__}", "a straight mesh (first-order elements)")
+    ends = _ends(mesh, inlet, outlet)
+    tensor = permeability_tensors(permeability, mesh.nelements)
+    scale = float(np.abs(tensor).max()) or 1.0
+    tensor = tensor / scale
+    carrying, at_inlet, at_outlet = elements_reached(mesh, tensor, ends, through_corners=True)
+    potential = np.full(mesh.nvertices, np.nan)
+    for value, elements, facets in ((0.0, at_outlet, ends[1]), (1.0, at_inlet, ends[0])):
+        potential[mesh.t[:, elements]] = value
+        potential[mesh.facets[:, facets]] = value
+    if carrying.size == 0:
+        bound = 0.0 if bounds else np.nan
+        return DarcyFlow(0.0, potential, 1 - potential, False, lower=bound, upper=bound)
+    tensor = _invertible(tensor)
+    basis = Basis(mesh, kind.element(), intorder=kind.intorder, elements=carrying)
+    k = np.moveaxis(tensor[carrying], 0, -1)[..., None]
+    flow = conforming_flow(basis, k, ends, rtol=RTOL, solver=solver)
+    vertices = np.unique(mesh.t[:, carrying])
+    potential[vertices] = flow.potential[basis.nodal_dofs[0, vertices]]
+    lower, upper = np.nan, np.nan
+    if bounds and kind.flux_element is not None:
+        upper = flow.conductance * scale
+        flux = flux_conductance(mesh, tensor, ends, kind.flux_element(), kind.intorder, rtol=RTOL, solver=solver)
+        lower = min(flux.conductance * scale, upper)
+    return replace(
+        flow,
+        conductance=flow.conductance * scale,
+        potential=potential,
+        complement=1 - potential,
+        lower=lower,
+        upper=upper,
+    )
+
+
+def conforming_flow(
+    basis: Basis, k: Array, ends: tuple[Indices, Indices], *, rtol: float, solver: str = "auto"
+) -> DarcyFlow:
+    """Flow of a conforming element, `potential` at its degrees of freedom.
+
+    Parameters
+    ----------
+    basis : over the elements that carry the flow, of the mesh.
+    k : permeability tensors at the quadrature points, (2, 2, elements, points or 1), of any one unit.
+    ends : boundary facets of inlet and outlet; those that no element of the basis has are left out.
+    rtol, solver : of the linear system.
+
+    Raises
+    ------
+    NotConverged : inlet and outlet flow differ by more than 1e-5, or the linear solver failed.
+    """
+    matrix = forms.darcy_flow.assemble(basis, k=k).tocsr()
+    carrying = np.arange(basis.mesh.nelements) if basis.tind is None else basis.tind
+    dofs = [basis.get_dofs(open_facets(basis.mesh, f, carrying)).flatten() for f in ends]
+    phi = np.zeros(basis.N)
+    phi[dofs[0]] = 1.0
+    unknown = np.setdiff1d(np.unique(basis.element_dofs), np.concatenate(dofs))
+    iterations, residual, used = 0, 0.0, "none"
+    if unknown.size:
+        rows = sp.csr_array(matrix)[unknown]
+        solution = solve_spd(rows[:, unknown], -(rows @ phi), rtol, solver)
+        phi[unknown] = solution.x
+        iterations, residual, used = solution.iterations, solution.residual, solution.solver
+    conductance = float(forms.dissipation.assemble(basis, k=k, p=basis.interpolate(phi)))
+    reaction = matrix @ phi
+    imbalance = abs(float(reaction[dofs[0]].sum() + reaction[dofs[1]].sum())) / conductance
+    if not imbalance <= MAX_IMBALANCE:
+        raise NotConverged(
+            f"flow: inlet and outlet differ by {imbalance:.1e} of the flow, allowed is {MAX_IMBALANCE:.0e}; "
+            "try a smaller contrast of the permeability",
+            imbalance,
+        )
+    return DarcyFlow(conductance, phi, 1 - phi, True, iterations, residual, imbalance, used)
+
+
+def permeability_tensors(permeability: ArrayLike, elements: int) -> Array:
+    """K as (elements, 2, 2) positive semidefinite tensors, from any allowed shape; or an InputError."""
+    try:
+        k = np.asarray(permeability, dtype=float)
+    except (TypeError, ValueError):
+        raise InputError.of("permeability", type(permeability).__name__, "numbers [m³]") from None
+    n = elements
+    if k.shape not in ((), (n,), (n, 2), (n, 2, 2)):
+        raise InputError.of(
+            "permeability",
+            f"shape {k.shape}",
+            f"a number, or shape ({n},), ({n}, 2) or ({n}, 2, 2) for {n} elements",
+        )
+    if not np.all(np.isfinite(k)):
+        raise InputError.of(
+            "permeability", f"{np.count_nonzero(~np.isfinite(k))} values not finite", "numbers >= 0 [m³]"
+        )
+    if k.ndim < 3:
+        if k.min(initial=0.0) < 0:
+            raise InputError.of("permeability", f"{k.min():g}", "numbers >= 0 [m³]")
+        principal = np.broadcast_to(k if k.ndim == 2 else k.reshape(-1, 1), (n, 2))
+        return principal[:, :, None] * np.eye(2)
+    size = np.abs(k).max(axis=(1, 2))
+    skew = np.flatnonzero(np.abs(k[:, 0, 1] - k[:, 1, 0]) > 1e-9 * size)
+    if skew.size:
+        raise InputError.of("permeability", f"a tensor that is not symmetric in element {skew[0]}", "symmetric tensors")
+    k = (k + k.transpose(0, 2, 1)) / 2
+    negative = np.flatnonzero(np.linalg.eigvalsh(k)[:, 0] < -1e-12 * size)
+    if negative.size:
+        raise InputError.of(
+            "permeability",
+            f"a negative principal value in element {negative[0]}",
+            "principal values >= 0 [m³]",
+        )
+    return k
+
+
+def is_connected(mesh: Mesh, inlet: ArrayLike, outlet: ArrayLike) -> bool:
+    """Whether the mesh itself, all of it open, joins inlet and outlet; InputError if these cannot be ends."""
+    unit = np.broadcast_to(np.eye(2), (mesh.nelements, 2, 2))
+    return elements_reached(mesh, unit, _ends(mesh, inlet, outlet), through_corners=True)[0].size > 0
+
+
+def _ends(mesh: Mesh, inlet: ArrayLike, outlet: ArrayLike) -> tuple[Indices, Indices]:
+    ends = _facets(mesh, inlet, "inlet"), _facets(mesh, outlet, "outlet")
+    if np.intersect1d(mesh.facets[:, ends[0]], mesh.facets[:, ends[1]]).size:
+        raise InputError("inlet and outlet: they touch, allowed are boundaries with no vertex in common")
+    return ends
+
+
+def _facets(mesh: Mesh, facets: ArrayLike, name: str) -> Indices:
+    chosen = np.unique(np.asarray(facets).astype(np.int64))
+    if chosen.size == 0:
+        raise InputError.of(name, "no facets", "at least one facet of the boundary")
+    if not np.all(np.isin(chosen, mesh.boundary_facets())):
+        raise InputError.of(name, "facets inside the mesh", "facets of its boundary")
+    return chosen
+
+
+def _invertible(tensor: Array) -> Array:
+    """Tensors with a smaller principal value of CLOSED_AXIS of the larger instead of 0."""
+    values, axes = np.linalg.eigh(tensor)
+    half = (values[:, 1] > 0) & (values[:, 0] <= 1e-14 * values[:, 1])
+    values[half, 0] = CLOSED_AXIS * values[half, 1]
+    regular = np.einsum("eij,ej,ekj->eik", axes, values, axes)
+    return np.where(half[:, None, None], regular, tensor)

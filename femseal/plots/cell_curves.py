@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.errors import InputError
+from ..flow.coefficient import cubic_law
 from ..results.branches import Steps, branches
 from .drawing import GREY, STYLES, new_figure
 
@@ -134,7 +135,7 @@ def gap_panel(axes: Axes, cells: Cells) -> None:
         h = cells.mean_gap[(cells.k >= low) & (cells.mean_gap > 0)] * 1e6
     plates = np.geomspace(h.min() / 1.3, h.max() * 1.3, 50)
     axes.set_xscale("log")
-    axes.plot(plates, (plates * 1e-6) ** 3 / 12, color="black", lw=1.4, label="parallel plates, h̄³/12")
+    axes.plot(plates, cubic_law(plates * 1e-6), color="black", lw=1.4, label="parallel plates, h̄³/12")
     axes.set_xlim(plates[0], plates[-1])
     axes.set_ylim(low, max(high, (plates[-1] * 1e-6) ** 3 / 4))
     if plates[-1] < 1e3 * plates[0]:

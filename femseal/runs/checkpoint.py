@@ -2,8 +2,7 @@
 
 Every call of the map that a study makes is a stage; the order of the calls depends on the case alone. Results of
 consecutive items are kept in shards, each a file that is complete or not there, with a checksum. A resumed run makes
-the same calls, takes the items of intact shards from their files and computes the others, with the same plans of
-transforms.
+the same calls, takes the items of intact shards from their files and computes the others.
 
 Shards are pickles: only the versions that wrote them read them back, and only in a folder that you trust. They are no
 exchange format; `results.nc` is.
@@ -21,7 +20,6 @@ import shutil
 import time
 from collections import deque
 from collections.abc import Iterable, Iterator
-from contextlib import ExitStack
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
@@ -30,13 +28,11 @@ from typing import Any
 from ..base.errors import FemsealError, InputError
 from ..base.files import replacing
 from ..base.stage import Mapper, Stage
-from ..contact import plans
 
 log = logging.getLogger("femseal.runs.checkpoint")
 #: Subfolder of the output folder.
 FOLDER = ".checkpoint"
 MANIFEST = "manifest.json"
-PLANS = "plans.pickle"
 #: A shard is written when it has so many items or bytes, or when so long has passed since the last one [s].
 SHARD_ITEMS = 1000
 SHARD_BYTES = 64_000_000
@@ -102,8 +98,6 @@ def remove(output: Path) -> None:
 class Checkpoint:
     """The checkpoint of one run; a context, which on leaving writes what it still has in memory.
 
-    Within it this process plans transforms as those of the kept items were.
-
     Parameters
     ----------
     output : the output folder, which exists.
@@ -124,15 +118,12 @@ class Checkpoint:
         self._pending: list[bytes] = []
         self._start = 0
         self._since = time.monotonic()
-        self._plans: dict[str, str] | None = None
-        self._scope = ExitStack()
         if not resume:
             remove(output)
         try:
             self._folder.mkdir(exist_ok=True)
             for leftover in self._folder.glob(".unfinished-*"):
                 leftover.unlink()
-            self._plans = self._kept_plans()
             _write(self._folder / MANIFEST, text.encode())
         except OSError as error:
             raise self._failure(error) from error
@@ -140,7 +131,6 @@ class Checkpoint:
             log.info("resumed: %d shards in %s", len(list(self._folder.glob("*.shard"))), self._folder)
 
     def __enter__(self) -> Checkpoint:
-        self._scope.enter_context(plans.restored(self._plans or {}))
         return self
 
     def __exit__(self, kind: type[BaseException] | None, *details: object) -> None:
@@ -150,8 +140,6 @@ class Checkpoint:
             if kind is None:
                 raise
             log.warning("%s", error)
-        finally:
-            self._scope.close()
 
     def over(self, mapper: Mapper) -> Mapper:
         """The same map, whose items are kept, and computed only where they are not."""
@@ -193,26 +181,10 @@ class Checkpoint:
         items, self._pending = self._pending, []
         shard = _Shard.of(self._folder, self._stages, self._start, self._start + len(items))
         try:
-            if (used := plans.known()) != self._plans:
-                _write(self._folder / PLANS, _sealed(pickle.dumps(used, protocol=5)))
-                self._plans = used
             _write(shard.path, _sealed(pickle.dumps((self._key, self._stage, items), protocol=5)))
         except OSError as error:
             raise self._failure(error) from error
         self._start, self._since = shard.stop, time.monotonic()
-
-    def _kept_plans(self) -> dict[str, str] | None:
-        """Plans of the kept items, None without items; where lost, all items are removed, which is reported."""
-        path = self._folder / PLANS
-        try:
-            return pickle.loads(_unsealed(path.read_bytes()))
-        except (OSError, ValueError):
-            shards = list(self._folder.glob("*.shard"))
-            if shards:
-                log.warning("checkpoint: %s is damaged; all items are computed again", path)
-            for shard in shards:
-                shard.unlink()
-            return None
 
     def _intact(self) -> Iterator[_Shard]:
         """Shards of this stage in order; damaged ones are removed and reported."""

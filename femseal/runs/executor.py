@@ -97,14 +97,15 @@ def _over_processes(count: int, stage: Stage, *iterables: Iterable[Any]) -> Iter
     with TemporaryDirectory(prefix="femseal-") as folder:
         path = Path(folder, "stage.pickle")
         path.write_bytes(pickle.dumps(stage, protocol=5))
-        with joblib.parallel_config("loky", inner_max_num_threads=1), _children():
-            under_way: Any = "2 * n_jobs"
-            if stage.memory:
-                under_way = int(np.clip(FREE_SHARE * free_memory() / stage.memory, 1, 2 * count))
-            pool = joblib.Parallel(return_as="generator", n_jobs=count, pre_dispatch=under_way)
-            call = joblib.delayed(_call_stored)
-            results = pool(call(os.getpid(), str(path), *args) for args in chain(first, items))
+        under_way: Any = "2 * n_jobs"
+        if stage.memory:
+            under_way = int(np.clip(FREE_SHARE * free_memory() / stage.memory, 1, 2 * count))
+        results = None
         try:
+            with joblib.parallel_config("loky", inner_max_num_threads=1), _children():
+                pool = joblib.Parallel(return_as="generator", n_jobs=count, pre_dispatch=under_way)
+                call = joblib.delayed(_call_stored)
+                results = pool(call(os.getpid(), str(path), *args) for args in chain(first, items))
             for result in results:  # noqa: UP028, as it would close them here
                 yield result
         except TerminatedWorkerError as error:
@@ -113,23 +114,35 @@ def _over_processes(count: int, stage: Stage, *iterables: Iterable[Any]) -> Iter
         finally:
             with warnings.catch_warnings():
                 warnings.filterwarnings("ignore", ".* tasks ")  # where the run was stopped, the rest is not wanted
-                results.close()
+                if results is not None:
+                    results.close()
 
 
 @contextmanager
 def _children() -> Iterator[None]:
-    """Processes started meanwhile keep freed memory, and do not hear Ctrl-C: their parent ends them."""
+    """Processes started meanwhile keep freed memory, and never hear SIGINT and SIGTERM: this process ends them.
+
+    The signals are blocked, which processes inherit; this process hears them when the context ends.
+    """
+    from multiprocessing import resource_tracker
+
+    from joblib.externals.loky.backend import resource_tracker as loky_tracker
+
     added = KEPT_MEMORY.keys() - os.environ.keys()
     os.environ.update({name: KEPT_MEMORY[name] for name in added})
-    in_main = threading.current_thread() is threading.main_thread()
-    heard = signal.signal(signal.SIGINT, signal.SIG_IGN) if in_main else None
+    heard = None
+    if hasattr(signal, "pthread_sigmask"):  # not on Windows
+        # these unblock the signals when they start
+        resource_tracker.ensure_running()
+        loky_tracker.ensure_running()
+        heard = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
     try:
         yield
     finally:
-        if in_main:
-            signal.signal(signal.SIGINT, heard)
         for name in added:
             os.environ.pop(name, None)
+        if heard is not None:
+            signal.pthread_sigmask(signal.SIG_SETMASK, heard)
 
 
 def _end_processes(count: int) -> None:

@@ -20,9 +20,11 @@ from ..report import write_folder
 from ..results import Results, assemble
 from ..studies import deterministic, stochastic, two_scale
 from . import checkpoint
-from .case import Case, FileFace, Prepared, load_case
+from .case import Case, load_case
+from .case_faces import FileFace
 from .checkpoint import Checkpoint
 from .executor import ordered_map
+from .preparation import Prepared
 
 log = logging.getLogger("femseal")
 #: Called as progress(stage, done, total); total is None where it is not known.
@@ -99,6 +101,18 @@ def run(
         return replace(results, folder=folder)
 
 
+@contextmanager
+def _interrupts() -> Iterator[None]:
+    """A Ctrl-C that numba hears within a call of compiled code, and wraps into a SystemError, is one again."""
+    try:
+        yield
+    except SystemError as error:
+        if isinstance(error.__cause__, KeyboardInterrupt):
+            raise KeyboardInterrupt from error
+        raise
+
+
+@_interrupts()
 def _run(case: Case, prepared: Prepared, faces: dict[str, str], mapper: Mapper, progress: Progress) -> Results:
     scene, cells = prepared.scene, prepared.cells
     log.info("case %s: surface %s", case.title or "without title", scene.surface)

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
+from ..flow.coefficient import rough_plates
 from .ladder import Cell, Ladder
 
 Array = NDArray[np.float64]
@@ -84,7 +85,7 @@ class CellCurves:
             return self.loaded(np.zeros_like(gap))
         last = self.ladder.separations[-1]
         wide = np.maximum(gap, last)
-        beyond = wide / 12 * (wide**2 - 1.5 * self.rms_height**2)
+        beyond = rough_plates(wide, self.rms_height)
         return np.where(gap <= last, np.exp(self._rigid(-np.maximum(gap, self.ladder.separations[0]))), beyond)
 
     def unloaded(self, pressure: Array, peak: Array) -> Array:

@@ -51,7 +51,7 @@ class GlobalState:
         coarse = Partition(self.contact_pressure.shape, partition.spacing, partition.cells).window
         size = partition.window_size
         spacing = (size[0] / coarse[0], size[1] / coarse[1])
-        symbol = replace(body, shape=coarse, spacing=spacing, plans=()).symbol()
+        symbol = replace(body, shape=coarse, spacing=spacing).symbol()
         gap = np.empty(self.raw_gap.shape, np.float32)
         for i in range(partition.cells[0]):
             band = self.contact_pressure[i * coarse[0] : (i + 1) * coarse[0]].reshape(coarse[0], -1, coarse[1])

@@ -31,6 +31,7 @@ class Leakage(Shown):
     residual: float = field(metadata={"unit": "1", "long_name": "residual of the linear solver"})
     imbalance: float = field(metadata={"unit": "1", "long_name": "difference of inlet and outlet flow"})
     percolates: bool = field(metadata={"unit": "1", "long_name": "an open path from inlet to outlet"})
+    solver: str = field(metadata={"unit": "1", "long_name": "solver of the linear system"})
 
 
 def seal_leakage(
@@ -41,6 +42,7 @@ def seal_leakage(
     inlet_pressure: float,
     outlet_pressure: float = 0.0,
     bounds: bool = False,
+    solver: str = "auto",
 ) -> Leakage:
     """Leakage of a seal, ∇·(k∇φ) = 0 in the pressure potential φ of the fluid; exactly 0 without an open
     path.
@@ -48,14 +50,15 @@ def seal_leakage(
     Parameters
     ----------
     seal : shape of the seal.
-    permeability : k >= 0 [m³]; a number; on structured seals of (n1, n2) cells the links (k1, k2), numbers
-        or arrays (n1, n2) and (n1 − 1, n2); on meshes (n_elements,), (n_elements, 2) along x and y, or
-        (n_elements, 2, 2).
+    permeability : k >= 0 [m³]; a number; on structured seals of (n1, n2) cells the links (k1, k2), numbers or arrays
+        (n1, n2) and (n1 − 1, n2), or symmetric tensors (n1, n2, 2, 2) of the elements between four nodes, in the
+        directions of the two axes; on meshes (n_elements,), (n_elements, 2) along x and y, or (n_elements, 2, 2).
     fluid : a `Liquid`, an `IdealGas` or anything else with a pressure potential.
     inlet_pressure, outlet_pressure : [Pa]; absolute for a gas.
     bounds : also enclose the rate between `lower` and `upper`; otherwise both are NaN. On structured seals
         they enclose the flow of the network of links, on straight meshes that of the mesh with k constant on
-        each element.
+        each element. Not with tensors on structured seals.
+    solver : of the linear system, see `femseal.flow.solve_flow`; on meshes "auto" or "amg".
 
     Returns
     -------
@@ -71,7 +74,7 @@ def seal_leakage(
     """
     φ_in = _potential(fluid, "inlet_pressure", inlet_pressure)
     φ_out = _potential(fluid, "outlet_pressure", outlet_pressure)
-    flow = seal.flow(permeability, bounds=bounds)
+    flow = seal.flow(permeability, bounds=bounds, solver=solver)
     drop = φ_in - φ_out
     to_volume = drop / fluid.reference_density
     volume_rate = flow.conductance * to_volume
@@ -90,6 +93,7 @@ def seal_leakage(
         residual=flow.residual,
         imbalance=flow.imbalance,
         percolates=flow.percolates,
+        solver=flow.solver,
     )
 
 

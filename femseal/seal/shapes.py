@@ -1,8 +1,8 @@
 """Shapes of seals: where the leakage runs, and the conductance of the whole from the permeability of the
 parts.
 
-A shape is a frozen dataclass with `length`, `points` and `flow`; a new one needs nothing else (see `Seal`).
-Symbols: k permeability [m³], c = k × shape factor conductance [m³], φ potential for a unit drop.
+A shape is a frozen dataclass with `length`, `points` and `flow` (see `Seal`); one on a structured grid says its `grid`
+instead of its flow. Symbols: k permeability [m³], φ potential for a unit drop.
 """
 
 from __future__ import annotations
@@ -20,9 +20,11 @@ from skfem import FacetBasis, Functional, Mesh, MeshQuad1, MeshQuad2, MeshTri1, 
 from skfem.quadrature import get_quadrature
 
 from ..base.errors import InputError
-from ..flow.darcy import DarcyFlow, darcy_conductance, is_connected
-from .links import link_permeabilities, network_flow
+from ..flow.grid import Grid
+from ..flow.mesh import darcy_conductance, is_connected
+from ..flow.solution import DarcyFlow
 from .mesh_file import read_mesh
+from .structured import StructuredSeal
 
 Array = NDArray[np.float64]
 
@@ -40,13 +42,13 @@ class Seal(Protocol):
         """Coordinates (…, 2) [m] of the nodes at which the fluid pressure is given."""
         ...
 
-    def flow(self, permeability: Any, *, bounds: bool = False) -> DarcyFlow:
+    def flow(self, permeability: Any, *, bounds: bool = False, solver: str = "auto") -> DarcyFlow:
         """Flow for a unit drop of potential through the given permeability, checked."""
         ...
 
 
 @dataclass(frozen=True)
-class RectangularSeal:
+class RectangularSeal(StructuredSeal):
     """A straight seal, inlet at x1 = 0, outlet at x1 = L1, periodic along x2.
 
     Nodes lie in n1 + 1 rows and at x2 = (j + ½)Δ2; permeabilities belong to the links between them, k1 (n1, n2)
@@ -87,24 +89,20 @@ class RectangularSeal:
         x1, x2 = np.meshgrid(self.rows, (np.arange(n2) + 0.5) * (self.size[1] / n2), indexing="ij")
         return np.stack([x1, x2], axis=-1)
 
-    def conductances(self, permeability: Any) -> tuple[Array, Array]:
-        """Permeability × width / length of the links along both axes [m³]; permeability as in `flow`."""
-        k1, k2 = link_permeabilities(permeability, self.cells)
-        width, lengths = self.size[1] / self.cells[1], np.diff(self.rows)[:, None]
-        return k1 * (width / lengths), k2 * ((lengths[:-1] + lengths[1:]) / 2 / width)
-
-    def flow(self, permeability: Any, *, bounds: bool = False) -> DarcyFlow:
-        """Flow for a unit drop; permeability: a number, or the links (k1, k2), numbers or arrays [m³]."""
-        return network_flow(*self.conductances(permeability), bounds)
+    @property
+    def grid(self) -> Grid:
+        """Nodes in rows x1 and columns x2."""
+        return Grid.of_strip(self.rows, self.size[1] / self.cells[1], self.cells[1])
 
 
 @dataclass(frozen=True)
-class AnnularSeal:
+class AnnularSeal(StructuredSeal):
     """A ring, leaking along the radius; axis 0 always runs from the inlet to the outlet, axis 1 along the
     angle.
 
-    Nodes lie at n_r + 1 equidistant radii and at n_θ angles. A radial link has the conductance k1
-    Δθ/ln(r₊/r₋), exact for constant k; a tangential one, at the radii between, k2 ln(r₊½/r₋½)/Δθ.
+    Nodes lie at n_r + 1 equidistant radii and at n_θ angles. A radial link has the conductance k1 Δθ/ln(r₊/r₋), exact
+    for constant k; a tangential one carries the flow from half way to the radius before to half way to the one after,
+    in ln r, k2 ln(r₊/r₋)/2Δθ.
 
     Parameters
     ----------
@@ -149,19 +147,11 @@ class AnnularSeal:
         θ = (np.arange(self.cells[1]) + 0.5) * (2 * pi / self.cells[1])
         return self.radii[:, None, None] * np.stack([np.cos(θ), np.sin(θ)], axis=-1)
 
-    def conductances(self, permeability: Any) -> tuple[Array, Array]:
-        """Permeability × shape factor of the radial and tangential links [m³]; permeability as in `flow`."""
-        k1, k2 = link_permeabilities(permeability, self.cells)
+    @property
+    def grid(self) -> Grid:
+        """Nodes in rows of |ln r/r₀| and columns of θ, in which the form is that of a strip."""
         r = self.radii
-        dθ = 2 * pi / self.cells[1]
-        middle = (r[:-1] + r[1:]) / 2
-        radial = dθ / np.abs(np.log(r[1:] / r[:-1]))
-        tangential = np.abs(np.log(middle[1:] / middle[:-1])) / dθ
-        return k1 * radial[:, None], k2 * tangential[:, None]
-
-    def flow(self, permeability: Any, *, bounds: bool = False) -> DarcyFlow:
-        """Flow for a unit drop; permeability: a number, or radial and tangential links (k1, k2) [m³]."""
-        return network_flow(*self.conductances(permeability), bounds)
+        return Grid.of_strip(np.abs(np.log(r / r[0])), 2 * pi / self.cells[1], self.cells[1])
 
 
 @dataclass(frozen=True)
@@ -214,9 +204,9 @@ class MeshSeal:
         """Coordinates of the vertices (n_vertices, 2) [m]."""
         return np.ascontiguousarray(self.mesh.p[:, : self.mesh.nvertices].T)
 
-    def flow(self, permeability: Any, *, bounds: bool = False) -> DarcyFlow:
+    def flow(self, permeability: Any, *, bounds: bool = False, solver: str = "auto") -> DarcyFlow:
         """Flow for a unit drop; permeability: a number, (n,), (n, 2) or (n, 2, 2) for n elements [m³]."""
-        return darcy_conductance(self.mesh, permeability, *self._ends, bounds=bounds)
+        return darcy_conductance(self.mesh, permeability, *self._ends, bounds=bounds, solver=solver)
 
 
 @Functional

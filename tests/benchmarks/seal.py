@@ -49,19 +49,21 @@ def femseal_solver(k1, k2):
 
 
 def elimination(k1, k2):
-    from femseal.flow.network import solve_network
+    from femseal.flow import Stencil, solve_flow
 
-    return solve_network(k1, k2, method="direct").rate, 0
+    return solve_flow(Stencil(k1, k2), solver="elimination").conductance, 0
 
 
 def system(k1, k2):
     """Matrix, right-hand side and the potential's share in the leakage, of nodes that both ends reach."""
     import scipy.sparse as sp
 
-    from femseal.flow.connectivity import links_between, nodes_reached
+    from femseal.flow import Stencil
+    from femseal.flow.percolation import nodes_reached, restricted
 
-    keep = nodes_reached(k1, k2) == 3
-    k1, k2 = links_between(k1, k2, keep)
+    keep = nodes_reached(Stencil(k1, k2)) == 3
+    inside = restricted(Stencil(k1, k2), keep)
+    k1, k2 = inside.along, inside.across
     n1, n2 = k1.shape
     node = np.full((n1 + 1, n2), -1)
     node[1:-1][keep[1:-1]] = np.arange(np.count_nonzero(keep[1:-1]))

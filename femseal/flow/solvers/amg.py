@@ -14,7 +14,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.sparse.linalg import splu
 
-from ..base.errors import NotConverged
+from ...base.errors import NotConverged
 
 Array = NDArray[np.float64]
 #: Unknowns up to which the direct solver is taken (about 2 GB at the limit).
@@ -29,10 +29,11 @@ class LinearSolution:
     x: Array
     iterations: int
     residual: float
+    solver: str = "direct"
 
 
 def solve_spd(
-    a: sp.csc_array, b: Array, rtol: float, method: str = "auto", direct_residual: float = 1e-8
+    a: sp.csc_array, b: Array, rtol: float, method: str = "auto", largest_residual: float = 1e-8
 ) -> LinearSolution:
     """Solve A x = b, scaled to unit diagonal so that any contrast of the coefficients is bearable.
 
@@ -42,12 +43,13 @@ def solve_spd(
     b : (n,) or (n, m).
     rtol : relative error of the energy bᵀx to reach iteratively.
     method : "auto" by size, "direct" or "amg".
-    direct_residual : allowed to a direct solution.
+    largest_residual : allowed to a direct solution.
 
     Raises
     ------
     NotConverged : the iteration stalled, the factorisation failed, or its residual is too large.
     """
+    a = sp.csc_array(a)
     scale = 1 / np.sqrt(a.diagonal())
     columns = np.repeat(np.arange(a.shape[0]), np.diff(a.indptr))
     scaled = sp.csc_array((a.data * scale[a.indices] * scale[columns], a.indices, a.indptr), shape=a.shape)
@@ -64,7 +66,7 @@ def solve_spd(
         y, iterations = _conjugate_gradients(scaled.tocsr(), rhs, rtol)
     norm = float(np.linalg.norm(rhs))
     residual = float(np.linalg.norm(rhs - scaled @ y)) / norm if norm else 0.0
-    if direct and not residual <= direct_residual:
+    if direct and not residual <= largest_residual:
         raise NotConverged(f"flow: the direct solution has a residual of {residual:.1e}", residual)
     return LinearSolution((y.T * scale).T, iterations, residual)
 
@@ -93,3 +95,15 @@ def _conjugate_gradients(a: sp.csr_array, b: Array, rtol: float) -> tuple[Array,
         "try fewer unknowns so that the direct solver is taken",
         rz / float(b @ x),
     )
+
+
+def solve_direct(matrix, rhs, largest_residual=1e-8):
+    """Factorise and solve A x = b."""
+    x = solve_spd(sp.csc_array(matrix), rhs, 1e-12, "direct", largest_residual)
+    return LinearSolution(x.x, 0, x.residual, "direct")
+
+
+def solve_amg(matrix, rhs, *, rtol):
+    """Solve A x = b by conjugate gradients on the hierarchy of pyamg."""
+    x = solve_spd(sp.csc_array(matrix), rhs, rtol, "amg")
+    return LinearSolution(x.x, x.iterations, x.residual, "amg")

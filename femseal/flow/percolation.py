@@ -1,10 +1,17 @@
-"""Which nodes of a link network its ends reach: union-find over the open links, compiled."""
+"""Percolation: which nodes are joined to the inlet, to the outlet, or around a periodic cell, by union-find.
+
+What no path joins to both ends carries no flow: it is left out, and without a path the flow is exactly 0.
+"""
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
+
+from .stencil import Stencil
 
 Array = NDArray[np.float64]
 
@@ -44,15 +51,18 @@ def _ends_reached(parent, rows, columns):
     return reached
 
 
-@njit(cache=True, nogil=True)
-def nodes_reached(c1, c2):
-    """Which ends each node (n1 + 1, n2) is joined to by open links: 0 none, 1 inlet, 2 outlet, 3 both.
+def nodes_reached(stencil: Stencil) -> NDArray[np.int8]:
+    """Which ends each node is joined to by couples that are not 0, (n1 + 1, n2): 0 none, 1 inlet, 2 outlet, 3 both.
 
-    c1 (n1, n2) and c2 (n1 − 1, n2 or n2 − 1) are conductances; a link is open where c > 0. Dead ends of a path from
-    inlet to outlet are joined to both: they carry no flow and do no harm.
+    Dead ends of a path from inlet to outlet are joined to both: they carry no flow and do no harm.
     """
-    n1, n2 = c1.shape
-    m2 = c2.shape[1]
+    return _nodes_reached(stencil.along, stencil.across, stencil.falling, stencil.rising)
+
+
+@njit(cache=True, nogil=True)
+def _nodes_reached(along, across, falling, rising):
+    n1, n2 = along.shape
+    m2 = across.shape[1]
     n = (n1 + 1) * n2
     parent = np.arange(n + 2)
     for j in range(n2):
@@ -60,13 +70,52 @@ def nodes_reached(c1, c2):
         union(parent, n + 1, n1 * n2 + j)
     for i in range(n1):
         for j in range(n2):
-            if c1[i, j] > 0:
+            if along[i, j] != 0.0:
                 union(parent, i * n2 + j, (i + 1) * n2 + j)
     for i in range(n1 - 1):
         for j in range(m2):
-            if c2[i, j] > 0:
+            if across[i, j] != 0.0:
                 union(parent, (i + 1) * n2 + j, (i + 1) * n2 + (j + 1) % n2)
+    if falling.size > 0:
+        for i in range(n1):
+            for j in range(m2):
+                k = (j + 1) % n2
+                if falling[i, j] != 0.0:
+                    union(parent, i * n2 + j, (i + 1) * n2 + k)
+                if rising[i, j] != 0.0:
+                    union(parent, i * n2 + k, (i + 1) * n2 + j)
     return _ends_reached(parent, n1 + 1, n2)
+
+
+def restricted(stencil: Stencil, keep: NDArray[np.bool_], factor: float = 1.0) -> Stencil:
+    """Copy without the couples of nodes (n1 + 1, n2) that are not kept, the others times a factor."""
+    parts = _restricted(stencil.along, stencil.across, stencil.falling, stencil.rising, keep, factor)
+    return replace(stencil, along=parts[0], across=parts[1], falling=parts[2], rising=parts[3])
+
+
+@njit(cache=True, nogil=True)
+def _restricted(along, across, falling, rising, keep, factor):
+    n1, n2 = along.shape
+    m2 = across.shape[1]
+    out1, out2 = np.zeros(along.shape), np.zeros(across.shape)
+    out3, out4 = np.zeros(falling.shape), np.zeros(rising.shape)
+    for i in range(n1):
+        for j in range(n2):
+            if keep[i, j] and keep[i + 1, j]:
+                out1[i, j] = factor * along[i, j]
+    for i in range(n1 - 1):
+        for j in range(m2):
+            if keep[i + 1, j] and keep[i + 1, (j + 1) % n2]:
+                out2[i, j] = factor * across[i, j]
+    if falling.size > 0:
+        for i in range(n1):
+            for j in range(m2):
+                k = (j + 1) % n2
+                if keep[i, j] and keep[i + 1, k]:
+                    out3[i, j] = factor * falling[i, j]
+                if keep[i, k] and keep[i + 1, j]:
+                    out4[i, j] = factor * rising[i, j]
+    return out1, out2, out3, out4
 
 
 @njit(cache=True, nogil=True)
@@ -90,44 +139,6 @@ def percolates(is_open):
         waiting.append((i, (j + 1) % n2))
         waiting.append((i + 1, j))
     return False
-
-
-@njit(cache=True, nogil=True)
-def corners_reached(k, ring):
-    """Which ends each corner (n1 + 1, n2 or n2 + 1) of open pixels, k > 0, is joined to, as `nodes_reached`."""
-    n1, n2 = k.shape
-    columns = n2 if ring else n2 + 1
-    n = (n1 + 1) * columns
-    parent = np.arange(n + 2)
-    for i in range(n1):
-        for j in range(n2):
-            if k[i, j] > 0:
-                a, b = i * columns + j, i * columns + (j + 1) % columns
-                union(parent, a, b)
-                union(parent, a, a + columns)
-                union(parent, a, b + columns)
-                if i == 0:
-                    union(parent, n, a)
-                if i == n1 - 1:
-                    union(parent, n + 1, a + columns)
-    return _ends_reached(parent, n1 + 1, columns)
-
-
-@njit(cache=True, nogil=True)
-def links_between(c1, c2, keep):
-    """Copies of c1 and c2 without the links to nodes that are not kept."""
-    n1, n2 = c1.shape
-    m2 = c2.shape[1]
-    along, across = np.zeros(c1.shape), np.zeros(c2.shape)
-    for i in range(n1):
-        for j in range(n2):
-            if keep[i, j] and keep[i + 1, j]:
-                along[i, j] = c1[i, j]
-    for i in range(n1 - 1):
-        for j in range(m2):
-            if keep[i + 1, j] and keep[i + 1, (j + 1) % n2]:
-                across[i, j] = c2[i, j]
-    return along, across
 
 
 @njit(cache=True, nogil=True)

@@ -1,0 +1,227 @@
+"""From the weak form to the operator of a structured grid.
+
+scikit-fem evaluates the form on the unit square, once for each sample of the coefficient: `elemental`. All elements of
+a grid are stretched unit squares, so that these few local matrices, weighted with the coefficient and the stretch, are
+summed to a `Stencil`. It equals scikit-fem's own assembly of the whole mesh, which takes longer than the solver.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+from skfem import Basis, BilinearForm, ElementQuad1, MeshQuad
+
+from . import forms
+from .grid import Grid
+from .stencil import Stencil
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Sample:
+    """A point (ξ1, ξ2) of the unit square at which a component (a, b) of the coefficient is taken, and its weight.
+
+    A component off the diagonal stands for both, (a, b) and (b, a).
+    """
+
+    point: tuple[float, float]
+    weight: float
+    component: tuple[int, int]
+
+
+def _edges(first: float, last: float) -> tuple[Sample, ...]:
+    """Edge midpoints: K11 on both edges along x1, K22 on the two along x2 with the weights given."""
+    along = [Sample((0.5, side), 0.5, (0, 0)) for side in (0.0, 1.0)]
+    return (*along, Sample((0.0, 0.5), first, (1, 1)), Sample((1.0, 0.5), last, (1, 1)))
+
+
+#: Q1 with these has no couples across corners: every sample couples the two nodes of its own edge.
+EDGES = _edges(0.5, 0.5)
+#: Half elements at the ends take K22 where the pixels are; along an end the pressure is constant.
+EDGES_AT_INLET, EDGES_AT_OUTLET = _edges(0.0, 1.0), _edges(1.0, 0.0)
+_NEAR, _FAR = 0.5 - 0.5 / np.sqrt(3.0), 0.5 + 0.5 / np.sqrt(3.0)
+#: Two Gauss points along each axis: exact for Q1 with constant coefficients.
+GAUSS_POINTS = tuple((a, b) for a in (_NEAR, _FAR) for b in (_NEAR, _FAR))
+#: Corners (0, 0), (0, 1), (1, 0), (1, 1) of an element that each of its six couples joins.
+_COUPLES = ((0, 2), (1, 3), (0, 1), (2, 3), (0, 3), (1, 2))
+
+
+def gauss(*components: tuple[int, int]) -> tuple[Sample, ...]:
+    """Samples of these components at the four Gauss points, point by point."""
+    return tuple(Sample(point, 0.25, c) for point in GAUSS_POINTS for c in components)
+
+
+def elemental(form: BilinearForm, element: type, samples: tuple[Sample, ...], coefficient: str = "k") -> Array:
+    """Local matrices of a form on the unit square, one for each sample, from scikit-fem.
+
+    Parameters
+    ----------
+    form : bilinear form whose coefficient, a tensor of the name `coefficient`, is 1 in the component of the sample.
+    element : class of a scikit-fem element of quadrilaterals.
+    samples : where the coefficient is taken.
+
+    Returns
+    -------
+    (samples, n, n), the n degrees of freedom in the order of their coordinates: Q1 corners as (0, 0), (0, 1), (1, 0),
+    (1, 1); RT0 facets as ξ1 = 0, ξ2 = 0, ξ2 = 1, ξ1 = 1. On a rectangle Δ1 × Δ2 the matrix of component (a, b) is
+    Δ1Δ2/ΔaΔb times as large for gradients, ΔaΔb/Δ1Δ2 times for total fluxes through the facets.
+    """
+    return _elemental(form, form.form, element, samples, coefficient)
+
+
+@lru_cache(maxsize=32)
+def _elemental(
+    form: BilinearForm, _: Callable[..., Any], element: type, samples: tuple[Sample, ...], coefficient: str
+) -> Array:
+    """Kept as long as neither the form nor what it says is another."""
+    square = MeshQuad()  # the unit square, its first axis x1
+    matrices = []
+    for s in samples:
+        basis = Basis(square, element(), quadrature=(np.array(s.point)[:, None], np.array([s.weight])))
+        tensor = np.zeros((2, 2, 1, 1))
+        tensor[s.component] = tensor[s.component[::-1]] = 1.0
+        order = np.lexsort(basis.doflocs[::-1])
+        matrices.append(form.assemble(basis, **{coefficient: tensor}).toarray()[np.ix_(order, order)])
+    local = np.array(matrices)
+    local.flags.writeable = False
+    return local
+
+
+def couples_of(local: Array) -> Array:
+    """Minus the entries of local matrices of Q1 (…, 4, 4) that its six couples have (…, 6); row sums must vanish."""
+    size = float(np.abs(local).max())
+    if not np.abs(local.sum(axis=-1)).max() <= 1e-12 * size:
+        raise ValueError("the form has local matrices whose rows do not add up to 0: it is no flow of a pressure drop")
+    return np.stack([-(local[..., a, b] + local[..., b, a]) / 2 for a, b in _COUPLES], axis=-1)
+
+
+def assemble_on_links(grid: Grid, k1: Array, k2: Array, *, overwrite: bool = False) -> Stencil:
+    """Operator ∫ K∇p·∇q of Q1 with quadrature at the midpoints of edges: a five-point stencil.
+
+    Parameters
+    ----------
+    grid : of the nodes.
+    k1, k2 : permeability on the edges along x1, (m1, n2), and on those along x2 between different nodes of the rows
+        that are no end, for instance (m1 − 1, n2) on a strip [m³].
+    overwrite : work in the memory of k1 and k2.
+
+    Notes
+    -----
+    All elements around an edge see its K, so that their parts are summed before they are weighted.
+    """
+    w = _edge_weights(grid, forms.darcy_flow, forms.darcy_flow.form)
+    along = _weighted(k1, w.rows1, w.columns1, w.kinds1, k1 if overwrite else np.empty(k1.shape))
+    across = _weighted(k2, w.rows2, w.columns2, w.kinds2, k2 if overwrite else np.empty(k2.shape))
+    return Stencil(along, across, ring1=grid.ring1, ring2=grid.ring2)
+
+
+@dataclass(frozen=True)
+class _EdgeWeights:
+    """Couple for K = 1 of the edges along x1 and x2: weight of its row times that of its column by the row's kind."""
+
+    rows1: Array
+    columns1: Array
+    kinds1: NDArray[np.int64]
+    rows2: Array
+    columns2: Array
+    kinds2: NDArray[np.int64]
+
+
+@lru_cache(maxsize=64)
+def _edge_weights(grid: Grid, form: BilinearForm, _: Callable[..., Any]) -> _EdgeWeights:
+    m1, m2 = grid.elements
+    d1, d2 = np.diff(grid.lines1), np.diff(grid.lines2)
+    quadratures = (EDGES_AT_INLET, EDGES, EDGES_AT_OUTLET) if grid.half_ends else (EDGES,) * 3
+    couples = np.array([_own_couples(elemental(form, ElementQuad1, samples)) for samples in quadratures])
+    kinds = np.ones(m1, np.int64)
+    kinds[0], kinds[-1] = 0, 2
+    columns, rows = np.zeros((3, grid.nodes[1])), np.zeros(grid.nodes[0])
+    for side in (0, 1):  # an edge has an element on either side
+        for kind in range(3):
+            columns[kind] += np.bincount(grid.columns[side : m2 + side], d2 * couples[kind, side], grid.nodes[1])
+        rows += np.bincount(grid.rows[side : m1 + side], d1 * couples[kinds, 2 + side], grid.nodes[0])
+    inner = rows if grid.ring1 else rows[1:-1]
+    apart = grid.columns[:-1] != grid.columns[1:]
+    return _EdgeWeights(1 / d1, columns, kinds, inner, (1 / d2[apart])[None], np.zeros(inner.size, np.int64))
+
+
+def assemble_on_elements(grid: Grid, k: Sequence[Array], samples: tuple[Sample, ...], of: Sequence[int]) -> Stencil:
+    """Operator ∫ K∇p·∇q of Q1 with any quadrature inside the elements: a nine-point stencil.
+
+    Parameters
+    ----------
+    grid : of the nodes.
+    k : arrays (m1, m2) of a value for each element [m³].
+    samples : of the quadrature.
+    of : which array of k each sample takes its value from.
+    """
+    local = couples_of(elemental(forms.darcy_flow, ElementQuad1, samples))
+    table = np.zeros((len(k), 3, 6))
+    for sample, source, couples in zip(samples, of, local, strict=True):
+        table[source, sum(sample.component)] += couples  # 0: K11, 1: K12, 2: K22
+    shape = grid.elements
+    rows, n2 = grid.nodes
+    m2 = n2 if grid.ring2 else n2 - 1
+    n1 = rows if grid.ring1 else rows - 1
+    along, across = np.zeros((n1, n2)), np.zeros((rows if grid.ring1 else rows - 2, m2))
+    falling, rising = np.zeros((n1, m2)), np.zeros((n1, m2))
+    stacked = np.array([np.broadcast_to(values, shape) for values in k], dtype=float)
+    first = 0 if grid.ring1 else 1
+    _scatter(stacked, table, np.diff(grid.lines1), np.diff(grid.lines2), grid.rows, grid.columns, first,
+             along, across, falling, rising)  # fmt: skip
+    return Stencil(along, across, falling, rising, ring1=grid.ring1, ring2=grid.ring2)
+
+
+def _own_couples(local: Array) -> Array:
+    """Couple of each sample of an edge quadrature with the nodes of its edge; it must have no other."""
+    couples = couples_of(local)
+    own = couples[[0, 1, 2, 3], [0, 1, 2, 3]]
+    couples[[0, 1, 2, 3], [0, 1, 2, 3]] = 0.0
+    if np.any(couples):
+        raise ValueError("the form couples nodes beyond the edge at whose midpoint its coefficient is taken")
+    return own
+
+
+@njit(cache=True, nogil=True)
+def _weighted(k, by_row, by_column, kind, out):
+    """k times the weight of its row and, by the kind of the row, of its column."""
+    for i in range(k.shape[0]):
+        of_row, of_column = by_row[i], by_column[kind[i]]
+        for j in range(k.shape[1]):
+            out[i, j] = k[i, j] * (of_row * of_column[j])
+    return out
+
+
+@njit(cache=True, nogil=True)
+def _scatter(k, table, d1, d2, rows, columns, first, along, across, falling, rising):
+    """Sum the six couples of every element; table (arrays, K11 K12 K22, couples) is of the unit square."""
+    value = np.empty(6)
+    for i in range(d1.size):
+        above, below = rows[i], rows[i + 1]
+        for j in range(d2.size):
+            left, right = columns[j], columns[j + 1]
+            ratio = d2[j] / d1[i]
+            value[:] = 0.0
+            for a in range(k.shape[0]):
+                here = k[a, i, j]
+                if here != 0.0:
+                    for c in range(6):
+                        value[c] += here * (table[a, 0, c] * ratio + table[a, 1, c] + table[a, 2, c] / ratio)
+            along[above, left] += value[0]
+            along[above, right] += value[1]
+            if left == right:
+                along[above, left] += value[4] + value[5]
+                continue
+            if 0 <= above - first < across.shape[0]:
+                across[above - first, left] += value[2]
+            if 0 <= below - first < across.shape[0]:
+                across[below - first, left] += value[3]
+            falling[above, left] += value[4]
+            rising[above, left] += value[5]

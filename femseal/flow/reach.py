@@ -1,0 +1,61 @@
+"""Which elements of a mesh carry flow from inlet to outlet."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+from scipy.sparse.csgraph import connected_components
+from skfem import Mesh
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+
+def open_facets(mesh: Mesh, facets: Indices, elements: Indices) -> Indices:
+    """Those of boundary facets that belong to these elements."""
+    return facets[np.isin(mesh.f2t[0, facets], elements)]
+
+
+def elements_reached(
+    mesh: Mesh, tensor: Array, ends: tuple[Indices, Indices], *, through_corners: bool
+) -> tuple[Indices, Indices, Indices]:
+    """Elements connected to both inlet and outlet, to the inlet alone, and to the outlet alone.
+
+    Elements connect through a facet that both can carry flow across, n·Kn > 0; with `through_corners` also
+    through a vertex if both are open in every direction.
+    """
+    full, across = _open_ways(mesh, tensor)
+    slot, element = np.nonzero(across)
+    facet = mesh.t2f[slot, element]
+    # one graph of elements, facets, vertices and the two ends
+    ne, nf = mesh.nelements, mesh.nfacets
+    inlet, outlet = ne + nf + mesh.nvertices, ne + nf + mesh.nvertices + 1
+    start, end = [element], [ne + facet]
+    if through_corners:
+        open_ = np.flatnonzero(full)
+        start.append(np.tile(open_, mesh.t.shape[0]))
+        end.append(ne + nf + mesh.t[:, open_].ravel())
+    for facets, node in zip(ends, (inlet, outlet), strict=True):
+        start.append(ne + facets)
+        end.append(np.full(facets.size, node))
+    i, j = np.concatenate(start), np.concatenate(end)
+    graph = sp.coo_array((np.ones(i.size), (i, j)), shape=(outlet + 1, outlet + 1))
+    _, label = connected_components(graph, directed=False)
+    empty = np.empty(0, np.int64)
+    at_inlet, at_outlet = (np.flatnonzero(label[:ne] == label[end]) for end in (inlet, outlet))
+    return (at_inlet, empty, empty) if label[inlet] == label[outlet] else (empty, at_inlet, at_outlet)
+
+
+def _open_ways(mesh: Mesh, tensor: Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Elements open in every direction, and which facets (facets of an element, elements) they carry flow across."""
+    if not np.any(tensor[:, 0, 1]) and np.array_equal(tensor[:, 0, 0], tensor[:, 1, 1]):
+        full = tensor[:, 0, 0] > 0
+        return full, np.broadcast_to(full, mesh.t2f.shape)
+    values = np.linalg.eigvalsh(tensor)
+    # normals of the chords: their length does not matter
+    chord = mesh.p[:, mesh.facets[1]] - mesh.p[:, mesh.facets[0]]
+    normal = np.array([chord[1], -chord[0]]) / np.linalg.norm(chord, axis=0)
+    n = normal[:, mesh.t2f]
+    across = np.einsum("ife,eij,jfe->fe", n, tensor, n) > 1e-12 * values[:, 1]
+    return values[:, 0] > 1e-14 * values[:, 1], across

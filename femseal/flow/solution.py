@@ -1,0 +1,38 @@
+"""What a solution of the flow gives, on grids and meshes alike."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+#: Inlet and outlet flow may differ by this share before a solution is refused.
+MAX_IMBALANCE = 1e-5
+
+
+@dataclass(frozen=True)
+class DarcyFlow:
+    """Flow for a unit drop of potential; exactly 0 without an open path from inlet to outlet.
+
+    conductance : equal to the energy that the potential dissipates.
+    potential : at the nodes; 1 and 0 where only the inlet or only the outlet reaches, NaN in pockets that neither does.
+    complement : 1 − potential, of its own relative accuracy from elimination.
+    iterations, residual : 0 for a direct solution; otherwise residual is the estimated error of the potential in the
+        norm of the energy.
+    imbalance : difference of inlet and outlet flow, in shares of the conductance.
+    solver : that found the solution: "multigrid", "elimination", "amg" or "direct"; "none" where nothing was to solve.
+    lower, upper : bounds of the conductance, NaN unless asked for.
+    """
+
+    conductance: float = field(metadata={"unit": "m^3", "long_name": "flow for a unit drop of potential"})
+    potential: Array = field(metadata={"unit": "1", "long_name": "potential at the nodes"}, repr=False)
+    complement: Array = field(metadata={"unit": "1", "long_name": "1 - potential"}, repr=False)
+    percolates: bool
+    iterations: int = 0
+    residual: float = 0.0
+    imbalance: float = 0.0
+    solver: str = "none"
+    lower: float = field(default=np.nan, metadata={"unit": "m^3", "long_name": "lower bound of the conductance"})
+    upper: float = field(default=np.nan, metadata={"unit": "m^3", "long_name": "upper bound of the conductance"})

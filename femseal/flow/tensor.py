@@ -1,0 +1,68 @@
+"""Permeability tensor of a doubly periodic cell."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..base.errors import NotConverged
+from .assembly import assemble_on_links
+from .coefficient import permeability_on_links, validated_gap
+from .grid import Grid
+from .percolation import winding_components
+from .solution import MAX_IMBALANCE
+from .solvers.amg import solve_direct
+
+Array = NDArray[np.float64]
+
+
+def permeability_tensor(gap: ArrayLike, spacing: tuple[float, float]) -> Array:
+    """Permeability tensor (2, 2) [m³] of a doubly periodic cell: mean flux −K∇p for a mean pressure gradient.
+
+    K_ab = (1/|Ω|) ∫ h³/12 (e_a + ∇χ_a)·(e_b + ∇χ_b), χ periodic; symmetric, and exactly 0 along an axis around which
+    no open path winds. It is another quantity than `cell_permeability`, whose inlet and outlet are straight.
+
+    Raises
+    ------
+    InputError : a gap that is negative, undefined or not two-dimensional.
+    NotConverged : the solution lost too many digits, as it may at contrasts of the gap above 1e4.
+    """
+    h, (d1, d2) = validated_gap(gap, spacing)
+    n1, n2 = h.shape
+    scale = float(h.max()) or 1.0
+    k1, k2 = permeability_on_links(h / scale, True, True)
+    label, winds = winding_components(k1, k2)
+    winds = winds[label].reshape(n1, n2, 2)
+    carrying = winds.any(axis=2)
+    if not carrying.any():
+        return np.zeros((2, 2))
+    k1, k2 = (np.where(carrying, k, 0.0) for k in (k1, k2))
+    stencil = assemble_on_links(Grid.of_torus((n1, n2), (d1, d2)), k1, k2)
+    # the mean gradient drops the pressure along every couple; the correction is periodic
+    parts = [(c.ravel(), a.ravel(), b.ravel(), np.full((c.size, 2), (s1 * d1, s2 * d2)))
+             for c, a, b, (s1, s2) in stencil.couples()]  # fmt: skip
+    c, start, end, mean_drop = (np.concatenate(part) for part in zip(*parts, strict=True))
+    load = np.zeros((n1 * n2, 2))
+    np.add.at(load, start, c[:, None] * mean_drop)
+    np.add.at(load, end, -c[:, None] * mean_drop)
+    # one node of each component is held; the others are unknown
+    roots = np.zeros(n1 * n2, bool)
+    roots[np.unique(label)] = True
+    unknown = np.flatnonzero(carrying.ravel() & ~roots)
+    correction = np.zeros((n1 * n2, 2))
+    if unknown.size:
+        matrix = stencil.to_csr()[unknown][:, unknown]
+        correction[unknown] = solve_direct(matrix, load[unknown]).x
+    drop = mean_drop + correction[end] - correction[start]
+    tensor, flux = drop.T @ (c[:, None] * drop), mean_drop.T @ (c[:, None] * drop)
+    closed = ~winds.any(axis=(0, 1))
+    for a in (tensor, flux):
+        a[closed, :] = 0.0
+        a[:, closed] = 0.0
+    largest = np.sqrt(np.outer(tensor.diagonal(), tensor.diagonal()))
+    error = float((np.abs(tensor - flux) / np.where(largest > 0, largest, 1.0)).max())
+    if not error <= MAX_IMBALANCE:
+        raise NotConverged(
+            f"flow: energy and mean flux of the cell differ by {error:.1e}; the contrast is too high", error
+        )
+    return scale**3 * tensor / (n1 * d1 * n2 * d2)

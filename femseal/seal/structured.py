@@ -1,0 +1,153 @@
+"""Leakage through a structured seal, enclosed from both sides if asked.
+
+The permeability is given on the links between nodes (Q1 with quadrature at the midpoints of edges: a network of links)
+or as a tensor in each element between four nodes (Q1, exact). The form is the same in all conformal coordinates, so
+that a shape is a grid: (x1, x2) of a strip, (ln r, θ) of a ring.
+
+Symbols: c conductance of a link = permeability × width / length [m³], q its flow, φ potential of a node.
+Source of the bounds: Dirichlet's and Thomson's principles for networks (Doyle & Snell, Random Walks and Electric
+Networks, 1984).
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..base.errors import InputError
+from ..flow.assembly import assemble_on_elements, assemble_on_links, gauss
+from ..flow.balance import balanced_flux
+from ..flow.grid import Grid
+from ..flow.mesh import permeability_tensors
+from ..flow.solution import DarcyFlow
+from ..flow.solvers.choice import solve_flow
+from ..flow.stencil import Stencil
+
+Array = NDArray[np.float64]
+_RTOL = 1e-8
+_TENSOR = gauss((0, 0), (0, 1), (1, 1))
+
+
+class StructuredSeal(ABC):
+    """A seal whose nodes lie on a structured grid: a shape says its `cells` and `grid`."""
+
+    cells: tuple[int, int]
+
+    @property
+    @abstractmethod
+    def grid(self) -> Grid:
+        """Grid of the nodes, in coordinates in which the form is that of a plane strip."""
+
+    def stencil(self, permeability: Any) -> Stencil:
+        """Operator of the flow [m³]; permeability as in `flow`. On links, its couples are their conductances."""
+        n1, n2 = self.cells
+        if not isinstance(permeability, (tuple, list)) and np.shape(permeability) == (n1, n2, 2, 2):
+            k = permeability_tensors(np.reshape(permeability, (n1 * n2, 2, 2)), n1 * n2).reshape(n1, n2, 2, 2)
+            values = [np.ascontiguousarray(k[..., a, b]) for a, b in ((0, 0), (0, 1), (1, 1))]
+            return assemble_on_elements(self.grid, values, _TENSOR, [0, 1, 2] * 4)
+        return assemble_on_links(self.grid, *link_permeabilities(permeability, self.cells))
+
+    def flow(self, permeability: Any, *, bounds: bool = False, solver: str = "auto") -> DarcyFlow:
+        """Flow for a unit drop, potential at the nodes (n1 + 1, n2).
+
+        Parameters
+        ----------
+        permeability : a number, the links (k1, k2), numbers or arrays (n1, n2) and (n1 − 1, n2), or symmetric tensors
+            (n1, n2, 2, 2) of the elements in the directions of the two axes [m³].
+        bounds : enclose the flow of the network of links; not with tensors.
+        solver : see `femseal.flow.solve_flow`.
+
+        Raises
+        ------
+        InputError : a bad permeability, bounds with tensors, a solver that does not do them.
+        NotConverged : see `femseal.flow.solve_flow`.
+        """
+        stencil = self.stencil(permeability)
+        if bounds and stencil.nine:
+            raise InputError.of("bounds", "true with tensors on a structured seal", "true with links, or on a mesh")
+        return structured_flow(stencil, bounds=bounds, solver=solver)
+
+
+def link_permeabilities(permeability: Any, cells: tuple[int, int]) -> tuple[Array, Array]:
+    """k1 (n1, n2) and k2 (n1 − 1, n2) [m³] from a number, or a pair of numbers or arrays; or InputError."""
+    n1, n2 = cells
+    shapes = (n1, n2), (n1 - 1, n2)
+    pair = permeability if isinstance(permeability, (tuple, list)) else None
+    if pair is None and np.ndim(permeability) == 0:
+        pair = (permeability, permeability)
+    if pair is None or len(pair) != 2:
+        given = f"{len(pair)} items" if pair is not None else f"one array of shape {np.shape(permeability)}"
+        raise InputError.of(
+            "permeability",
+            given,
+            f"a number, or the links (k1, k2), numbers or arrays {shapes[0]} and {shapes[1]}, or tensors "
+            f"{(n1, n2, 2, 2)}",
+        )
+    k1, k2 = (_checked(n, k, s) for n, k, s in zip(("k1", "k2"), pair, shapes, strict=True))
+    return k1, k2
+
+
+def _checked(name: str, value: ArrayLike, shape: tuple[int, int]) -> Array:
+    try:
+        k = np.asarray(value, dtype=float)
+    except (TypeError, ValueError):
+        raise InputError.of(f"permeability {name}", repr(value), "numbers [m³]") from None
+    if k.shape not in ((), shape):
+        raise InputError.of(f"permeability {name}", f"shape {k.shape}", f"a number or shape {shape}")
+    if not np.all(np.isfinite(k)):
+        raise InputError.of(
+            f"permeability {name}",
+            f"{np.count_nonzero(~np.isfinite(k))} values not finite",
+            "numbers >= 0 [m³]",
+        )
+    if k.min(initial=0.0) < 0:
+        raise InputError.of(f"permeability {name}", f"{k.min():g}", "numbers >= 0 [m³]")
+    return np.broadcast_to(k, shape)
+
+
+def structured_flow(stencil: Stencil, *, bounds: bool = False, solver: str = "auto") -> DarcyFlow:
+    """Flow for a unit drop between the first and the last row of nodes.
+
+    With `bounds`, the upper bound is the energy of the computed potential and the lower one that of a flux that
+    balances at every node; they enclose the flow of the network, and the value, whatever the error of the solver.
+
+    Raises
+    ------
+    NotConverged : see `femseal.flow.solve_flow`.
+    """
+    flow = solve_flow(stencil, rtol=_RTOL, solver=solver)
+    if not bounds:
+        return flow
+    if not flow.percolates:
+        return replace(flow, lower=0.0, upper=0.0)
+    potential = np.nan_to_num(flow.potential)  # nothing flows in pockets
+    # an upper bound for any potential that is 1 and 0 at the ends
+    upper = max(stencil.energy(potential), flow.conductance)
+    return replace(flow, lower=min(conservative_rate(stencil, potential), flow.conductance), upper=upper)
+
+
+def link_dissipation(stencil: Stencil, potential: Array) -> tuple[Array, Array]:
+    """c (Δφ)² of the links along both axes; `potential` (n1 + 1, n2) is NaN in pockets, in which nothing flows."""
+    φ = np.nan_to_num(potential)
+    across = (np.roll(φ, -1, axis=1) - φ)[1:-1, : stencil.across.shape[1]]
+    return stencil.along * np.diff(φ, axis=0) ** 2, stencil.across * across**2
+
+
+def conservative_rate(stencil: Stencil, potential: Array) -> float:
+    """Q²/Σ(q²/c) of a balanced flux near −c Δφ: a lower bound for any `potential` (n1 + 1, n2) on five points."""
+    n1, n2 = stencil.along.shape
+    parts = [(c.ravel(), a.ravel(), b.ravel()) for c, a, b, _ in stencil.couples()]
+    c, tail, head = (np.concatenate(part) for part in zip(*parts, strict=True))
+    φ = potential.ravel()
+    q = c * (φ[tail] - φ[head])
+    # both ends are node 0: what enters and leaves there need not balance
+    rooted = np.zeros((n1 + 1) * n2, np.int64)
+    rooted[n2:-n2] = np.arange(1, (n1 - 1) * n2 + 1)
+    q = balanced_flux(rooted[tail], rooted[head], c, q, (n1 - 1) * n2 + 1)
+    total = min(abs(q[:n2].sum()), abs(q[(n1 - 1) * n2 : n1 * n2].sum()))
+    energy = float(np.divide(q**2, c, out=np.zeros_like(q), where=c > 0).sum())
+    return float(total**2 / energy) if energy > 0 else 0.0

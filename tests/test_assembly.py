@@ -1,0 +1,431 @@
+"""The operator of structured grids: against scikit-fem's own assembly of the whole mesh, and the form it comes from."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from networks import cell_links
+from numpy.testing import assert_allclose, assert_array_equal
+from skfem import Basis, BilinearForm, ElementQuad1, MeshQuad
+from skfem.helpers import dot, grad
+
+import femseal as fs
+from femseal import analytic
+from femseal.base.errors import InputError
+from femseal.flow import DISCRETISATIONS, Stencil, forms, permeability_tensor, solve_flow
+from femseal.flow.assembly import (
+    EDGES,
+    GAUSS_POINTS,
+    Sample,
+    assemble_on_elements,
+    assemble_on_links,
+    couples_of,
+    elemental,
+    gauss,
+)
+from femseal.flow.grid import Grid
+
+D = 1e-6
+UNEVEN = np.array([0.0, 0.4, 1.0, 2.5, 2.8, 4.0])
+
+
+@BilinearForm
+def energy_of_tensor(p, q, w):
+    """Written out, apart from the package."""
+    a, b = grad(p), grad(q)
+    return w.k11 * a[0] * b[0] + w.k12 * (a[0] * b[1] + a[1] * b[0]) + w.k22 * a[1] * b[1]
+
+
+def grids():
+    rows = np.arange(UNEVEN.size)
+    yield "strip", Grid.of_strip(UNEVEN, 0.7, 4)
+    yield "strip of one column", Grid.of_strip(UNEVEN, 0.7, 1)
+    yield "strip of two columns", Grid.of_strip(UNEVEN, 0.7, 2)
+    yield "uneven columns", Grid(UNEVEN, np.array([0.0, 1.0, 1.5, 4.0]), rows, np.arange(4), ring2=False)
+    yield "torus", Grid.of_torus((5, 4), (1.0, 0.6))
+    for sides in ("mirror", "periodic"):
+        yield f"pixels, {sides}", Grid.of_pixel_centres((5, 4), (2.0, 0.7), sides)
+        yield (
+            f"every second pixel, {sides}",
+            Grid.of_points(np.array([0.5, 2.5, 4.5]), np.array([1.5, 3.5]), (5.0, 4.0), sides),
+        )
+        yield f"corners, {sides}", Grid.of_pixel_corners((5, 4), (2.0, 0.7), sides)
+
+
+GRIDS = dict(grids())
+each_grid = pytest.mark.parametrize("name", GRIDS)
+
+
+def whole_mesh(grid, points, weights, coefficients):
+    """Matrix of the degrees of freedom from scikit-fem on the whole mesh; coefficients (k11, k12, k22)(e, q, i, j)."""
+    mesh = MeshQuad.init_tensor(grid.lines1, grid.lines2)
+    basis = Basis(mesh, ElementQuad1(), quadrature=(points, weights))
+    corner = mesh.p[:, mesh.t].min(axis=1)
+    i, j = (np.searchsorted(lines, x) for lines, x in zip((grid.lines1, grid.lines2), corner, strict=True))
+    # where each quadrature point lies in its element, whatever scikit-fem's local axes are
+    at = np.asarray(basis.global_coordinates())
+    local = [(at[a] - corner[a][:, None]) / np.diff(lines)[n][:, None]
+             for a, (lines, n) in enumerate(((grid.lines1, i), (grid.lines2, j)))]  # fmt: skip
+    k11, k12, k22 = coefficients(local[0], local[1], i[:, None], j[:, None])
+    matrix = energy_of_tensor.assemble(basis, k11=k11, k12=k12, k22=k22)
+    row, column = (np.searchsorted(lines, x) for lines, x in zip((grid.lines1, grid.lines2), mesh.p, strict=True))
+    n2 = grid.nodes[1]
+    node = grid.rows[row] * n2 + grid.columns[column]
+    join = sp.csr_array((np.ones(node.size), (node, np.arange(node.size))))
+    return (join @ matrix @ join.T).toarray()
+
+
+def assert_same(grid, stencil, expected):
+    """Equal but for the couples between nodes of one end, which a stencil leaves out."""
+    n2 = grid.nodes[1]
+    ours = stencil.to_csr().toarray()
+    inner = slice(None) if grid.ring1 else slice(n2, -n2)
+    assert_allclose(ours[inner], expected[inner], rtol=0, atol=1e-13 * np.abs(expected).max())
+
+
+def at(local, value):
+    return np.abs(local - value) < 1e-6
+
+
+@each_grid
+def test_edges_equal_the_assembly_of_the_whole_mesh(name):
+    grid = GRIDS[name]
+    rng = np.random.default_rng(3)
+    m1, m2 = grid.elements
+    rows, n2 = grid.nodes
+    k1 = rng.lognormal(0, 2, (m1, n2))
+    k2 = rng.lognormal(0, 2, (rows if grid.ring1 else rows - 2, m2 if grid.ring2 else n2 - 1))
+    stencil = assemble_on_links(grid, k1, k2)
+    first = 0 if grid.ring1 else 1
+
+    def coefficients(x, y, i, j):
+        """K11 on edges along x1, K22 on those along x2; half pixels at the ends take K22 at their inner edge only."""
+        on1, on2 = at(x, 0.5), at(y, 0.5)
+        column = grid.columns[j + at(y, 1)]
+        k11 = np.where(on1, k1[i + 0 * column, column], 0.0)
+        row = grid.rows[i + at(x, 1)] - first
+        apart = grid.columns[j] != grid.columns[j + 1]
+        inside = (row >= 0) & (row < len(k2)) & apart
+        k22 = np.where(on2 & inside, k2[np.clip(row, 0, len(k2) - 1), grid.columns[j] % k2.shape[1]], 0.0)
+        if grid.half_ends:
+            k22 = k22 * np.where((i == 0) | (i == m1 - 1), 2.0, 1.0)
+        return k11, 0 * k11, k22
+
+    points = np.array([[0.5, 0.5, 0.0, 1.0], [0.0, 1.0, 0.5, 0.5]])
+    assert_same(grid, stencil, whole_mesh(grid, points, np.full(4, 0.5), coefficients))
+    assert not stencil.nine
+
+
+@each_grid
+def test_gauss_points_equal_the_assembly_of_the_whole_mesh(name):
+    grid = GRIDS[name]
+    k = np.random.default_rng(4).lognormal(0, 2, (4, *grid.elements))
+    stencil = assemble_on_elements(grid, list(k), gauss((0, 0), (1, 1)), [0, 0, 1, 1, 2, 2, 3, 3])
+
+    def coefficients(x, y, i, j):
+        value = sum(np.where(at(x, a) & at(y, b), k[n][i, j], 0.0) for n, (a, b) in enumerate(GAUSS_POINTS))
+        return value, 0 * value, value
+
+    points = np.array(GAUSS_POINTS).T
+    assert_same(grid, stencil, whole_mesh(grid, points, np.full(4, 0.25), coefficients))
+
+
+@each_grid
+def test_tensors_equal_the_assembly_of_the_whole_mesh(name):
+    grid = GRIDS[name]
+    k11, k22, c = np.random.default_rng(5).lognormal(0, 1, (3, *grid.elements))
+    k12 = np.sqrt(k11 * k22) * np.tanh(c - 1)
+    stencil = assemble_on_elements(grid, [k11, k12, k22], gauss((0, 0), (0, 1), (1, 1)), [0, 1, 2] * 4)
+    expected = whole_mesh(grid, np.array(GAUSS_POINTS).T, np.full(4, 0.25),
+                          lambda x, y, i, j: tuple(k[i, j] + 0 * x for k in (k11, k12, k22)))  # fmt: skip
+    assert_same(grid, stencil, expected)
+
+
+def test_edge_midpoints_have_links_and_no_diagonals():
+    """On a cell Δ1 × Δ2: exactly Δ2/2Δ1 along x1 and Δ1/2Δ2 along x2."""
+    d1, d2 = 3.0, 0.7
+    couples = couples_of(elemental(forms.darcy_flow, ElementQuad1, EDGES))
+    stretch = np.array([d2 / d1, d2 / d1, d1 / d2, d1 / d2])[:, None]
+    total = (couples * stretch).sum(axis=0)
+    assert_allclose(total, [d2 / d1 / 2, d2 / d1 / 2, d1 / d2 / 2, d1 / d2 / 2, 0, 0], rtol=1e-15, atol=1e-17)
+    assert_array_equal(total[4:], 0)
+
+
+def test_a_form_that_is_no_flow_is_refused():
+    mass = BilinearForm(lambda p, q, w: w.k[0, 0] * p * q)
+    with pytest.raises(ValueError, match="do not add up to 0"):
+        couples_of(elemental(mass, ElementQuad1, EDGES))
+
+
+def test_a_quadrature_that_couples_beyond_its_edges_is_refused(monkeypatch):
+    skew = BilinearForm(lambda p, q, w: dot(grad(p), grad(q)) * w.k[0, 0])
+    monkeypatch.setattr(forms, "darcy_flow", skew)
+    with pytest.raises(ValueError, match="beyond the edge"):
+        assemble_on_links(Grid.of_strip([0.0, 1.0, 2.0], 1.0, 3), np.ones((2, 3)), np.ones((1, 3)))
+
+
+def test_elemental_matrices_are_kept_for_one_form():
+    other = Sample((0.3, 0.2), 1.0, (1, 1))
+    assert elemental(forms.darcy_flow, ElementQuad1, (other,)) is elemental(forms.darcy_flow, ElementQuad1, (other,))
+
+
+DOUBLED = """
+import sys
+import numpy as np
+from skfem import BilinearForm
+from femseal.flow import forms
+
+if sys.argv[1] == "2":
+    once = forms.darcy_flow
+    forms.darcy_flow = BilinearForm(lambda p, q, w: 2 * once.form(p, q, w))
+
+import femseal as fs
+
+h = np.abs(np.sin(np.arange(400.0).reshape(20, 20))) * 1e-6 + 1e-7
+h[3:6, 4:9] = 0
+found = [fs.cell_permeability(h, (1e-6, 2e-6), axis=a, sides=s).value for a in (0, 1) for s in ("mirror", "periodic")]
+found += [fs.cell_permeability(h, (1e-6, 2e-6), discretisation=d).value for d in ("gauss", "P1", "Q2")]
+found += [fs.cell_permeability(h, (1e-6, 2e-6), bounds=True).upper]
+found += list(fs.permeability_tensor(h, (1e-6, 2e-6)).ravel())
+seals = (fs.RectangularSeal((0.01, 0.03), (4, 5)), fs.AnnularSeal(0.01, 0.02, (4, 5)),
+         fs.MeshSeal(sys.argv[2], "inlet", "outlet"))
+for seal in seals:
+    found.append(fs.seal_leakage(seal, 1e-18, fs.Liquid(1e-3), inlet_pressure=1e6).volume_rate)
+tensors = np.broadcast_to(1e-18 * np.array([[2.0, 0.5], [0.5, 1.0]]), (4, 5, 2, 2))
+found += [fs.seal_leakage(s, tensors, fs.Liquid(1e-3), inlet_pressure=1e6).volume_rate for s in seals[:2]]
+print(*map(float, found))
+"""
+
+
+def test_every_flow_follows_the_form():
+    """Doubled before anything is assembled, it doubles every permeability and leakage."""
+    ring = Path(__file__).parents[1] / "meshes" / "ring.msh"
+    once, twice = (
+        np.array(
+            subprocess.run(
+                [sys.executable, "-c", DOUBLED, factor, ring], capture_output=True, text=True, check=True
+            ).stdout.split(),
+            dtype=float,
+        )
+        for factor in ("1", "2")
+    )
+    assert once.size == 17
+    assert_allclose(twice, 2 * once, rtol=1e-9)
+
+
+# --- full tensors on structured seals ---
+
+
+def rotated(k1, k2, angle):
+    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    return turn @ np.diag([k1, k2]) @ turn.T
+
+
+WATER = fs.Liquid(1e-3)
+
+
+def leak(seal, k, **options):
+    return fs.seal_leakage(seal, k, WATER, inlet_pressure=1e6, **options)
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.3, np.pi / 4, 1.2])
+def test_uniform_tensor_on_a_strip(angle):
+    """In a ring of columns nothing depends on x2: the flow is that of K11, and the pressure falls evenly."""
+    k = 1e-18 * rotated(3.0, 0.2, angle)
+    seal = fs.RectangularSeal((1e-3, 5e-3), (6, 10), rows=(0, 1e-4, 3e-4, 4e-4, 6e-4, 8e-4, 1e-3))
+    found = leak(seal, np.broadcast_to(k, (6, 10, 2, 2)))
+    assert_allclose(found.volume_rate, k[0, 0] / 1e-3 * 1e6 * 5e-3 / 1e-3, rtol=1e-9)
+    assert_allclose(found.fluid_pressure[:, 0], 1e6 * (1 - np.array(seal.rows) / 1e-3), atol=1e-3)
+
+
+def test_uniform_tensor_on_a_ring():
+    k = 1e-18 * rotated(3.0, 0.2, 0.7)
+    found = leak(fs.AnnularSeal(1.0, 1.5, (5, 12)), np.broadcast_to(k, (5, 12, 2, 2)))
+    assert_allclose(found.volume_rate, analytic.annulus_rate(k[0, 0], 1e6, 1e-3, 1.0, 1.5), rtol=1e-9)
+
+
+def test_tensors_on_a_strip_equal_the_general_mesh():
+    """A mesh whose columns repeat is a ring: random tensors in one row of columns, three times side by side."""
+    rng = np.random.default_rng(2)
+    n1, n2 = 6, 5
+    k = 1e-18 * np.array([rotated(*rng.lognormal(0, 1, 2), rng.uniform(0, 3)) for _ in range(n1 * n2)]).reshape(
+        n1, n2, 2, 2
+    )
+    ours = leak(fs.RectangularSeal((6.0, 5.0), (n1, n2)), k)
+    repeats = 9
+    mesh = MeshQuad.init_tensor(np.arange(n1 + 1.0), np.arange(repeats * n2 + 1.0))
+    mesh = mesh.with_boundaries({"in": lambda x: x[0] == 0, "out": lambda x: x[0] == n1})
+    middle = mesh.p[:, mesh.t].mean(axis=1).astype(int)
+    theirs = [leak(fs.MeshSeal(mesh, "in", "out"), k[middle[0], (middle[1] + shift) % n2]) for shift in (0, 2)]
+    # closed sides of the long mesh matter less and less
+    rates = np.array([t.volume_rate / repeats for t in theirs])
+    assert_allclose(rates, ours.volume_rate, rtol=0.03)
+    inner = theirs[0].fluid_pressure[np.abs(mesh.p[1] - 22.0) < 0.1]
+    rows = mesh.p[0][np.abs(mesh.p[1] - 22.0) < 0.1]
+    assert_allclose(inner[np.argsort(rows)], ours.fluid_pressure[:, 2], atol=5e3)
+
+
+@pytest.mark.parametrize("solver", ["auto", "multigrid", "amg"])
+def test_solvers_of_nine_points_agree(solver):
+    rng = np.random.default_rng(8)
+    k = 1e-18 * np.array([rotated(*rng.lognormal(0, 1, 2), rng.uniform(0, 3)) for _ in range(600)]).reshape(
+        20, 30, 2, 2
+    )
+    seal = fs.RectangularSeal((2.0, 3.0), (20, 30))
+    stencil = seal.stencil(k)
+    a, n2 = stencil.to_csr().tocsc(), 30
+    p = np.zeros(21 * n2)
+    p[:n2] = 1
+    inner = slice(n2, -n2)
+    p[inner] = sp.linalg.spsolve(a[inner, inner], -(a[inner] @ p))
+    assert_allclose(leak(seal, k, solver=solver).conductance, p @ (a @ p), rtol=1e-6)
+
+
+def test_tensors_that_are_refused():
+    seal = fs.RectangularSeal((1.0, 1.0), (2, 3))
+    k = np.broadcast_to(np.eye(2), (2, 3, 2, 2))
+    for given, options, words in (
+        (k, {"bounds": True}, "bounds: given true with tensors"),
+        (k, {"solver": "elimination"}, "nine points"),
+        (-k, {}, "negative principal value"),
+        (k + np.array([[0, 1], [0, 0]]), {}, "not symmetric"),
+        (k[:1], {}, r"\(2, 3, 2, 2\)"),
+    ):
+        with pytest.raises(InputError, match=words):
+            leak(seal, given, **options)
+
+
+# --- the choice of the discretisation ---
+
+
+def smooth_cell(n):
+    x = (np.arange(n) + 0.5) / n
+    return D * (1 + 0.4 * np.cos(2 * np.pi * x)[:, None] * np.cos(4 * np.pi * x) + 0.2 * np.sin(2 * np.pi * x))
+
+
+@pytest.mark.parametrize("discretisation", DISCRETISATIONS)
+@pytest.mark.parametrize("sides", ["mirror", "periodic"])
+@pytest.mark.parametrize("axis", [0, 1])
+def test_plates_are_exact(discretisation, sides, axis):
+    flat = np.full((6, 5), D)
+    found = fs.cell_permeability(flat, (D, 3 * D), axis=axis, sides=sides, discretisation=discretisation)
+    assert_allclose(found.value, D**3 / 12, rtol=1e-12)
+    away = (np.arange(flat.shape[axis]) + 0.5) / flat.shape[axis]
+    assert_allclose(found.fluid_pressure.mean(axis=1 - axis), 1 - away, atol=1e-7)
+
+
+@pytest.mark.parametrize("discretisation", DISCRETISATIONS)
+@pytest.mark.parametrize("sides", ["mirror", "periodic"])
+def test_order_of_discretisations(discretisation, sides):
+    """All tend to the same limit, with at least the second order."""
+    limit = fs.cell_permeability(smooth_cell(256), (1 / 256, 1 / 256), sides=sides, rtol=1e-10).value
+    finer = fs.cell_permeability(smooth_cell(128), (1 / 128, 1 / 128), sides=sides, rtol=1e-10).value
+    limit += (limit - finer) / 3
+    errors = [
+        fs.cell_permeability(smooth_cell(n), (1 / n, 1 / n), sides=sides, discretisation=discretisation).value / limit
+        - 1
+        for n in (16, 32, 64)
+    ]
+    assert abs(errors[-1]) < 6e-3
+    assert np.log2(abs(errors[0] / errors[2])) / 2 > 1.75
+
+
+def test_mixed_elements_are_below_and_q1_elements_above_for_the_gap_of_the_pixels():
+    h = np.maximum(np.random.default_rng(6).normal(1, 0.6, (20, 24)), 0) * D
+    for sides in ("mirror", "periodic"):
+        exact = fs.cell_permeability(h, (D, 2 * D), sides=sides, bounds=True)
+        mixed = fs.cell_permeability(h, (D, 2 * D), sides=sides, discretisation="RT0")
+        # the minimum of the energy over all fluxes of the space is above that of one flux in it
+        assert exact.lower * (1 - 1e-12) <= mixed.value <= exact.upper
+        assert mixed.solver in ("direct", "amg")
+
+
+@pytest.mark.parametrize("discretisation", DISCRETISATIONS)
+def test_closed_cells_carry_exactly_nothing(discretisation):
+    h = np.full((8, 9), D)
+    h[3:5] = 0
+    found = fs.cell_permeability(h, (D, D), discretisation=discretisation)
+    assert (found.value, found.percolates, found.solver) == (0.0, False, "none")
+    assert np.isnan(found.fluid_pressure[3:5]).all()
+    assert_array_equal(found.fluid_pressure[[0, 2, 5, 7]].mean(axis=1), [1, 1, 0, 0])
+
+
+def test_discretisations_that_are_refused():
+    h = np.ones((4, 4))
+    for options, words in (
+        ({"discretisation": "Q3"}, "discretisation: given 'Q3', allowed is one of edge, gauss, P1, Q2, RT0"),
+        ({"solver": "cholesky"}, "solver: given 'cholesky', allowed is one of auto, multigrid, elimination, amg"),
+        ({"discretisation": "P1", "solver": "multigrid"}, "general mesh"),
+        ({"discretisation": "gauss", "solver": "elimination"}, "nine points"),
+        ({"discretisation": "Q2", "estimate": True}, "estimate"),
+    ):
+        with pytest.raises(InputError, match=words):
+            fs.cell_permeability(h, (1.0, 1.0), **options)
+    with pytest.raises(InputError, match="at least 3"):
+        fs.cell_permeability(h[:, :2], (1.0, 1.0), sides="periodic", discretisation="P1")
+
+
+@pytest.mark.parametrize("solver", ["multigrid", "elimination", "amg"])
+def test_solvers_of_a_cell_agree_and_say_their_name(solver):
+    h = np.maximum(np.random.default_rng(1).normal(1, 0.4, (40, 36)), 0) * D
+    found = fs.cell_permeability(h, (D, D), solver=solver)
+    assert found.solver == solver
+    assert_allclose(found.value, fs.cell_permeability(h, (D, D)).value, rtol=1e-6)
+    assert found.imbalance <= 1e-5
+
+
+def test_the_estimate_sees_the_borders_where_they_are():
+    """Every second pixel of a flat cell of odd size is a flat cell of the same size."""
+    for sides in ("mirror", "periodic"):
+        found = fs.cell_permeability(np.full((7, 9), D), (D, 2 * D), sides=sides, estimate=True)
+        assert found.resampling_error < 1e-12
+
+
+def test_tensor_of_a_cell_is_that_of_its_links():
+    """Against a dense solution of the network on the torus, written out."""
+    h = np.maximum(np.random.default_rng(2).normal(1, 0.3, (6, 7)), 0.1) * D
+    found = permeability_tensor(h, (D, 2 * D))
+    stencil = assemble_on_links(Grid.of_torus((6, 7), (D, 2 * D)), *_torus_permeabilities(h))
+    node = np.arange(42).reshape(6, 7)
+    a = stencil.to_csr().toarray()
+    rhs = np.zeros((42, 2))
+    parts = []
+    for couples, shift, axis, length in ((stencil.along, (1, 0), 0, D), (stencil.across, (0, 1), 1, 2 * D)):
+        there = np.roll(node, (-shift[0], -shift[1]), axis=(0, 1))
+        for c, s, e in zip(couples.ravel(), node.ravel(), there.ravel(), strict=True):
+            rhs[s, axis] += c * length
+            rhs[e, axis] -= c * length
+            parts.append((c, s, e, axis, length))
+    chi = np.linalg.lstsq(a, rhs, rcond=None)[0]
+    expected = np.zeros((2, 2))
+    for c, s, e, axis, length in parts:
+        drop = chi[e] - chi[s] + length * np.eye(2)[axis]
+        expected += c * np.outer(drop, drop)
+    assert_allclose(found, expected / (6 * D * 7 * 2 * D), rtol=1e-9)
+
+
+def _torus_permeabilities(h):
+    """Four-point cubic in h along both axes, written with numpy."""
+    found = []
+    for axis in (0, 1):
+        before, after, last = (np.roll(h, s, axis=axis) for s in (1, -1, -2))
+        middle = np.maximum((9 * (h + after) - before - last) / 16, 0.1 * np.minimum(h, after))
+        found.append(middle**3 / 12)
+    return found
+
+
+def test_pixels_of_a_cell_have_links_of_their_full_width():
+    """Half links at both ends, full rows and columns everywhere."""
+    for sides in ("mirror", "periodic"):
+        c1, c2 = cell_links(np.ones((5, 4)), (2.0, 3.0), sides)
+        assert_allclose(c1, np.array([2, 1, 1, 1, 1, 2])[:, None] * np.full((6, 4), 3 / 2 / 12), rtol=1e-14)
+        assert_allclose(c2, np.full((5, 4 if sides == "periodic" else 3), 2 / 3 / 12), rtol=1e-14)
+
+
+def test_a_stencil_knows_its_shape():
+    s = Stencil(np.ones((3, 4)), np.ones((2, 3)), ring2=False)
+    assert s.nodes == (4, 4)
+    assert solve_flow(s).conductance == pytest.approx(4 / 3)
