@@ -1,7 +1,6 @@
 """File formats of height maps: each reader turns a file into the same raw record.
 
-Orientation: the file's x is axis 0, its y axis 1. In a text x runs along a line. Arrays of NumPy files are taken as they
-are.
+Orientation: the file's x is axis 0, its y axis 1. In a text x runs along a line. Arrays of NumPy are taken as they are.
 Sources: ISO 25178-71 (.sdf), ISO 25178-72 (.x3p), the Esri ASCII raster format, the text export of Gwyddion.
 """
 
