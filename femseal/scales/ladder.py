@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from ..base.errors import InputError
 from ..contact import Contact, HalfSpace, solve_deformed_contact
-from .window import window_permeability
+from .outcome import SolveCounts
+from .window import FlowSettings, window_permeability
 
 Array = NDArray[np.float64]
 
@@ -82,7 +83,7 @@ class Cell:
     mean_gap_unloading: Array
     contact_fraction_unloading: Array
     rigid: Array
-    counts: dict[str, int] = field(default_factory=dict, compare=False)
+    counts: SolveCounts = field(default_factory=SolveCounts, compare=False)
 
     def closing_pressure(self, axis: int) -> float:
         """Pressure above which nothing flows along `axis` [Pa]; inf if it is still open at the highest step."""
@@ -100,6 +101,7 @@ def follow(
     half_space: HalfSpace,
     hardness: float,
     rtol: float = 1e-6,
+    flow: FlowSettings | None = None,
     known: Cell | None = None,
 ) -> Cell:
     """Follow a window along a ladder, or add to a known cell what the ladder has more.
@@ -108,13 +110,14 @@ def follow(
     ----------
     window : undeformed gap (n1, n2) [m].
     half_space, hardness, rtol : as in `contact.solve_contact`.
+    flow : how the flow is discretised and solved.
     known : the same window along another ladder with the same stops, separations and bounds.
 
     Raises
     ------
     NotConverged : a contact or flow that failed.
     """
-    work = _Window(np.asarray(window, float), half_space, hardness, rtol, ladder.kinds)
+    work = _Window(np.asarray(window, float), half_space, hardness, rtol, ladder.kinds, flow)
     loading = {} if known is None else dict(zip(known.pressure.tolist(), _states(known), strict=True))
     for p in ladder.loading:
         if p not in loading:
@@ -165,9 +168,18 @@ class _State:
 class _Window:
     """Solutions of one window, counted."""
 
-    def __init__(self, gap0: Array, half_space: HalfSpace, hardness: float, rtol: float, kinds: int) -> None:
-        self.gap0, self.half_space, self.hardness, self.rtol, self.kinds = gap0, half_space, hardness, rtol, kinds
-        self.counts = {"solved": 0, "closed": 0, "open": 0}
+    def __init__(
+        self,
+        gap0: Array,
+        half_space: HalfSpace,
+        hardness: float,
+        rtol: float,
+        kinds: int,
+        flow: FlowSettings | None,
+    ) -> None:
+        self.gap0, self.half_space, self.hardness, self.rtol = gap0, half_space, hardness, rtol
+        self.kinds, self.flow = kinds, flow
+        self.counts = SolveCounts()
 
     def loaded(self, pressure: float, closed: tuple[bool, bool]) -> _State:
         return self._state(self._contact(pressure), closed)
@@ -201,10 +213,14 @@ class _Window:
         """(kinds, 2)."""
         k = np.zeros((self.kinds, 2))
         for axis in (0, 1):
-            state = "closed"
-            if not closed[axis]:
-                k[:, axis], state = window_permeability(gap, self.half_space.spacing, axis, bounds=self.kinds > 1)
-            self.counts[state] += 1
+            if closed[axis]:
+                self.counts += SolveCounts(closed=1)
+            else:
+                found = window_permeability(
+                    gap, self.half_space.spacing, axis, bounds=self.kinds > 1, settings=self.flow
+                )
+                k[:, axis] = found.k
+                self.counts += found.counts
         return k
 
 

@@ -3,22 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base.errors import FemsealError
 from ..base.stage import Mapper
 from ..flow import cell_permeability
 from ..fluids import Fluid
 from ..loads import LoadProgramme
-from ..scales import GlobalState, Partition, global_states
-from ..seal import RectangularSeal, seal_leakage
+from ..scales import Failed, FlowSettings, GlobalState, Partition, SolverCounts, global_states
+from ..seal import Leakage, RectangularSeal, seal_leakage
+from ..seal.layouts import Layout, RectangularLayout
 from ..topography import Topography
 
 Array = NDArray[np.float64]
+#: How flow may be discretised on pixels, see `cell_permeability`.
+DISCRETISATIONS = ("edge", "gauss")
 
 
 @dataclass(frozen=True)
@@ -29,6 +31,9 @@ class Scene:
     modulus, hardness : E* and H [Pa].
     boundary : contact boundary of the whole face along x1 and x2.
     loading, unload_from, unloading : nominal pressures [Pa], see `LoadProgramme.of`.
+    rtol : residual of each contact, see `contact.solve_contact`.
+    layout : shape of the seal, see `seal.layouts`.
+    solver, discretisation : of all flow, in cells and over the seal; out of `flow.SOLVERS` and `DISCRETISATIONS`.
     """
 
     surface: Topography
@@ -42,6 +47,9 @@ class Scene:
     unloading: tuple[float, ...] = ()
     boundary: tuple[str, str] = ("free", "periodic")
     rtol: float = 1e-5
+    layout: Layout = field(default_factory=RectangularLayout)
+    solver: str = "auto"
+    discretisation: str = "edge"
 
     @property
     def steps(self) -> LoadProgramme:
@@ -65,7 +73,12 @@ class Scene:
             mapper=mapper,
         )
 
-    def leakage(self, seal: RectangularSeal, permeability: Any) -> Any:
+    @property
+    def flow(self) -> FlowSettings:
+        """How the flow through windows and faces is discretised and solved."""
+        return FlowSettings(self.solver, self.discretisation)
+
+    def leakage(self, seal: RectangularSeal, permeability: Any) -> Leakage:
         """Leakage of a seal between the scene's fluid pressures."""
         return seal_leakage(
             seal,
@@ -73,23 +86,59 @@ class Scene:
             self.fluid,
             inlet_pressure=self.inlet_pressure,
             outlet_pressure=self.outlet_pressure,
+            solver=self.solver,
         )
 
-    def resolved_leakage(self, permeability: Iterable[float | str]) -> tuple[Array, tuple[str, ...]]:
-        """Leakage through the whole face at every step, of `resolved_permeability` [m²/s], and what failed (NaN)."""
-        seal = RectangularSeal(self.surface.size, (1, 1))
-        values = list(permeability)
-        leakage = [np.nan if isinstance(k, str) else self.leakage(seal, k).per_length for k in values]
-        failures = (f"{s.name}: {k}" for s, k in zip(self.steps, values, strict=True) if isinstance(k, str))
-        return np.array(leakage), tuple(failures)
+    def resolved_leakage(self, flows: Iterable[FaceFlow | Failed]) -> FaceLeakage:
+        """Leakage through the whole face of its resolved flow at every step."""
+        seal = self.layout.seal(self.surface.size, (1, 1))
+        leakage, failures, solvers = [], [], SolverCounts()
+        for step, flow in zip(self.steps, flows, strict=True):
+            if isinstance(flow, Failed):
+                leakage.append(np.nan)
+                failures.append(f"{step.name}: {flow.reason}")
+            else:
+                through = self.leakage(seal, flow.permeability)
+                leakage.append(through.per_length)
+                solvers += flow.solvers + SolverCounts.of(through)
+        return FaceLeakage(np.array(leakage), tuple(failures), solvers)
 
 
-def resolved_permeability(gap: NDArray[np.floating], spacing: tuple[float, float]) -> float | str:
-    """Permeability along x1 of the whole face at full resolution [m³], or why there is none."""
-    try:
-        return cell_permeability(np.asarray(gap, float), spacing, sides="periodic").value
-    except FemsealError as error:
-        return str(error)
+@dataclass(frozen=True)
+class FaceFlow:
+    """Flow through a whole face at full resolution: its permeability along x1 [m³], and the solver of its system."""
+
+    permeability: float
+    solvers: SolverCounts
+
+
+@dataclass(frozen=True, eq=False)
+class FaceLeakage:
+    """Leakage per length of seal at every step (steps,) [m²/s], NaN where the flow failed."""
+
+    leakage: Array
+    failures: tuple[str, ...]
+    solvers: SolverCounts
+
+
+def resolved_flow(
+    gap: NDArray[np.floating], spacing: tuple[float, float], settings: FlowSettings | None = None
+) -> FaceFlow:
+    """Flow along x1 through the gap (n1, n2) [m] of a whole face, periodic along x2.
+
+    Raises
+    ------
+    NotConverged : the linear solver failed.
+    """
+    settings = settings or FlowSettings()
+    flow = cell_permeability(
+        np.asarray(gap, float),
+        spacing,
+        sides="periodic",
+        discretisation=settings.discretisation,
+        solver=settings.solver,
+    )
+    return FaceFlow(flow.value, SolverCounts.of(flow))
 
 
 def labels(unit: str, long_name: str, *dims: str, name: str = "", heading: str = "") -> dict[str, Any]:
