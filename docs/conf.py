@@ -1,4 +1,4 @@
-"""Configuration of Sphinx: `sphinx-build -W docs docs/_build`; with `-t short` the gallery leaves out what takes long."""
+"""Configuration of Sphinx: `sphinx-build docs docs/_build`, with `-t short` without the long examples of the gallery."""
 
 import logging
 import os
@@ -22,7 +22,13 @@ author = "the femseal developers"
 copyright = "the femseal developers"
 release = version = femseal.__version__
 
-extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx.ext.mathjax", "sphinx_gallery.gen_gallery"]
+extensions = [
+    "myst_parser",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.napoleon",
+    "sphinx.ext.mathjax",
+    "sphinx_gallery.gen_gallery",
+]
 exclude_patterns = ["_build", "_examples", "gallery_header.rst"]
 suppress_warnings = ["config.cache"]
 
@@ -42,8 +48,8 @@ autodoc_typehints_format = "short"
 autodoc_preserve_defaults = True
 maximum_signature_line_length = 80
 
-#: Examples of the gallery; those that are not quick are shown but not run with `-t short`. All others of the folder need
-#: a folder of results or an argument.
+#: Examples of the gallery; with `-t short` only the quick ones are run. All others of the folder need results or an
+#: argument.
 QUICK = ("elastic_check", "one_cell", "measured_face")
 LONG = ("tutorial", "real_size_seal")
 SHOWN = (*QUICK, *LONG)
