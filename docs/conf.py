@@ -1,4 +1,4 @@
-"""Configuration of Sphinx: `sphinx-build docs docs/_build`, with `-t short` without the long examples of the gallery."""
+"""Configuration of Sphinx: `sphinx-build docs docs/_build`; `-t short` leaves out the long examples of the gallery."""
 
 import logging
 import os
