@@ -6,8 +6,8 @@ Gaps are self-affine (Hurst 0.8, shortest wave 8 pixels, longest a quarter of th
 of contact, or those of an elastic-plastic contact; pressure drops along x1, x2 is periodic. Peers: Q1 elements with
 Gauss points assembled by scikit-fem and solved by pyamg's smoothed aggregation with conjugate gradients, as a user
 would write it, and reynoldsflow with its default solver and with PARDISO. One thread each, in a process of their own,
-compilation before; a gap of pixels in, one number out. `--write` puts table and picture beside this file and the
-table's largest sizes into the README.
+compilation before; a gap of pixels in, one number out. `--write` puts table and picture beside this file,
+where the documentation takes them from.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ import time
 from pathlib import Path
 
 import numpy as np
-from common import ROOT, call, forget_peak, machine, replace_between, resident, rows
+from common import call, forget_peak, machine, resident, rows, save_report
 
 HERE = Path(__file__).parent
 PACKAGES = {
@@ -287,10 +287,7 @@ pixels with 8 pixels per shortest wave and its refinements:
     print(text)
     if options.write:
         picture(errors, HERE / "flow.png")
-        report = f"# Flow solvers\n\nWritten by `flow.py`.\n\n{text}\n\n![error over time](flow.png)\n"
-        (HERE / "flow.md").write_text(report, encoding="utf-8")
-        short = [r for r in records if r["n"] in (64, 256, 1024)]
-        replace_between(ROOT / "README.md", "flow benchmark", f"\n{machine(PACKAGES)}:\n\n{speed_table(short)}\n")
+        save_report(__file__, "Flow solvers", f"{text}\n\n![error over time](flow.png)")
 
 
 if __name__ == "__main__":
