@@ -112,7 +112,7 @@ class LinkFlows:
 def solve_links(
     fields: WindowFields, axis: int, settings: FlowSettings, *, shift: int = 0, mapper: Mapper = map
 ) -> LinkFlows:
-    """Solve the permeability of all links along `axis`, whose windows are cut out of the gap `shift` pixels along x2."""
+    """Solve the permeability of all links along `axis`; `shift` moves their windows by so many pixels along x2."""
     partition = fields.partition
     places = partition.links(axis)
     windows = (partition.link(fields.gap, i, j, axis, shift) for i, j in places)
