@@ -68,7 +68,7 @@ def _link_means(state: GlobalState, partition: Partition) -> tuple[Array, Array,
 
 
 def windows_under_uniform_pressure(wanted: Wanted) -> WindowSupply:
-    """Follow windows with the full heights; links have the nominal pressure, or the share of their row in the profile."""
+    """Follow windows with the full heights; links have the nominal pressure or their share in the profile."""
     scene, (n1, n2) = wanted.scene, wanted.seal
     nominal = scene.steps.pressures
     rows = np.asarray(wanted.sampling.profile or (1.0,), float)
