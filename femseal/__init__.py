@@ -42,8 +42,8 @@ if TYPE_CHECKING:
     from .runs.job import run
     from .seal import AnnularSeal, Leakage, MeshSeal, RectangularSeal, seal_leakage
     from .studies.deterministic import DeterministicResult, deterministic
+    from .studies.sampling_options import Sampling
     from .studies.scene import Scene
-    from .studies.sources import Sampling
     from .studies.stochastic import StochasticResult, stochastic
     from .studies.two_scale import TwoScaleResult, two_scale
     from .topography import (

@@ -2,18 +2,19 @@
 
 Every fluid whose density ρ and viscosity η depend on pressure alone solves the same linear equation in the
 pressure potential φ, dφ = (ρ/η) dp [kg/(m³ s) = Pa·(kg/m³)/(Pa s)]; the mass rate is then conductance × drop of φ.
-To add a fluid, write a frozen dataclass with `potential`, `pressure` and `reference_density`.
+To add a fluid, write a frozen dataclass with `potential`, `pressure` and `reference_density`. Case files know it by its
+`kind` once it is in `FLUIDS`, with a key for each of its parameters; fluids made in Python need neither.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .base.errors import InputError
+from .base.parameters import check_parameters, parameter
 
 #: Molar gas constant [J/(mol K)], CODATA (exact since 2019).
 GAS_CONSTANT = 8.31446261815324
@@ -38,9 +39,8 @@ class Fluid(Protocol):
         ...
 
 
-def _positive(name: str, value: float, unit: str) -> None:
-    if not (np.isfinite(value) and value > 0):
-        raise InputError.of(name, value, f"a finite number > 0 [{unit}]")
+def _viscosity() -> Any:
+    return parameter("Pa*s", "a viscosity > 0, such as '1 mPa*s'")
 
 
 @dataclass(frozen=True)
@@ -56,15 +56,15 @@ class Liquid:
     pressure_viscosity : α [1/Pa], >= 0.
     """
 
-    viscosity: float
-    density: float = 1000.0
-    pressure_viscosity: float = 0.0
+    kind: ClassVar[str] = "liquid"
+    #: Outlet pressure of a case that gives none [Pa], above that of the surroundings.
+    outlet_pressure: ClassVar[float] = 0.0
+    viscosity: float = _viscosity()
+    density: float = parameter("kg/m^3", "a density > 0, such as '870 kg/m^3'", default=1000.0)
+    pressure_viscosity: float = parameter("1/Pa", "a coefficient >= 0, such as '20 1/GPa'", inclusive=True, default=0.0)
 
     def __post_init__(self) -> None:
-        _positive("viscosity", self.viscosity, "Pa s")
-        _positive("density", self.density, "kg/m³")
-        if not (np.isfinite(self.pressure_viscosity) and self.pressure_viscosity >= 0):
-            raise InputError.of("pressure_viscosity", self.pressure_viscosity, "a finite number >= 0 [1/Pa]")
+        check_parameters(self)
 
     @property
     def reference_density(self) -> float:
@@ -95,14 +95,15 @@ class IdealGas:
     temperature : T [K].
     """
 
-    viscosity: float
-    molar_mass: float
-    temperature: float
+    kind: ClassVar[str] = "ideal-gas"
+    #: Outlet pressure of a case that gives none [Pa], absolute.
+    outlet_pressure: ClassVar[float] = STANDARD_PRESSURE
+    viscosity: float = _viscosity()
+    molar_mass: float = parameter("kg/mol", "a molar mass > 0, such as '29 g/mol'")
+    temperature: float = parameter("K", "a temperature above absolute zero, such as '20 °C'")
 
     def __post_init__(self) -> None:
-        _positive("viscosity", self.viscosity, "Pa s")
-        _positive("molar_mass", self.molar_mass, "kg/mol")
-        _positive("temperature", self.temperature, "K")
+        check_parameters(self)
 
     @property
     def reference_density(self) -> float:
@@ -120,3 +121,7 @@ class IdealGas:
     def pressure(self, potential: ArrayLike) -> NDArray[np.float64]:
         """Inverse of `potential` [Pa], absolute."""
         return np.sqrt(np.asarray(potential, dtype=float) / self._factor)
+
+
+#: Fluids that a case can choose, by their kind.
+FLUIDS: dict[str, Any] = {fluid.kind: fluid for fluid in (Liquid, IdealGas)}

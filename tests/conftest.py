@@ -34,13 +34,12 @@ def image_sum(x, y, period, spacing, modulus):
     """
     far = 1 + int(np.abs(x).max() / period)
     sums, t = [], []
-    total, m = 0.0, 0
+    total, first = 0.0, 0
     for last in (8 * far, 12 * far, 16 * far, 24 * far, 32 * far):
-        while m <= last:
-            for image in {m, -m}:
-                total = total + love(x, y + image * period, spacing, modulus)
-                total = total - love(0.0, image * period, spacing, modulus)
-            m += 1
+        m = np.arange(first, last + 1)
+        shift = period * np.r_[m, -m[m > 0]].reshape(-1, *np.ones(np.broadcast(x, y).ndim, int))
+        images = love(x, y + shift, spacing, modulus) - love(0.0, shift, spacing, modulus)
+        total, first = total + images.sum(axis=0), last + 1
         sums.append(total)
         t.append((last + 0.5) ** -2)
     weights = [np.prod([u / (u - v) for u in t if u != v]) for v in t]
@@ -67,19 +66,28 @@ def matrix(half_space):
         unit = np.eye(n1 * n2).reshape(-1, n1, n2)
         return np.array([spectral(p, half_space).ravel() for p in unit]).T
     i, j = (a.ravel() for a in np.indices((n1, n2)))
-    x, y = (i[:, None] - i) * d1, (j[:, None] - j) * d2
     if half_space.boundary == ("free", "free"):
-        return love(x, y, (d1, d2), half_space.modulus)
+        table = love(steps(n1)[:, None] * d1, steps(n2) * d2, (d1, d2), half_space.modulus)
+        return table[i[:, None] - i, j[:, None] - j]
     if half_space.boundary[0] == "free":
-        kind, n, d, pixel, along = half_space.boundary[1], n2, d2, (d1, d2), (x, y, j)
+        kind, m, n, across, d, row, column = half_space.boundary[1], n1, n2, d1, d2, i, j
     else:
-        kind, n, d, pixel, along = half_space.boundary[0], n1, d1, (d2, d1), (y, x, i)
-    across, offset, index = along
+        kind, m, n, across, d, row, column = half_space.boundary[0], n2, n1, d2, d1, j, i
     period = n * d * (2 if kind == "mirror" else 1)
-    k = image_sum(across, offset, period, pixel, half_space.modulus)
+
+    def images(offsets):
+        x, y = steps(m)[:, None] * across, offsets * d
+        return image_sum(x, y, period, (across, d), half_space.modulus)
+
+    k = images(steps(n))[row[:, None] - row, column[:, None] - column]
     if kind == "mirror":
-        k = k + image_sum(across, (index[:, None] + index + 1) * d, period, pixel, half_space.modulus)
+        k = k + images(np.arange(1, 2 * n))[row[:, None] - row, column[:, None] + column]
     return k
+
+
+def steps(n):
+    """Differences of two of n indices, the one k at index k as Python counts: 0 … n − 1, 1 − n … −1."""
+    return np.r_[:n, 1 - n : 0]
 
 
 @pytest.fixture

@@ -2,14 +2,21 @@
 
 import re
 import tomllib
+from dataclasses import MISSING, dataclass, fields
 from pathlib import Path
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from pydantic import TypeAdapter, ValidationError
 
 import femseal as fs
+from femseal.base.parameters import parameter
+from femseal.base.quantities import to_si
+from femseal.fluids import FLUIDS
 from femseal.runs.case import parse_case
+from femseal.runs.case_registry import table_of_any
+from femseal.runs.case_values import Table
 from femseal.runs.forecast import describe
 from femseal.runs.schema import case_schema
 from femseal.studies import Sampling
@@ -77,10 +84,15 @@ def test_quantities_become_si(data):
         ("stochastic", "quantiles", [0.5, 0.5], ["stochastic", "rising"]),
         ("stochastic", "realisations", 1, ["stochastic.realisations", "greater than or equal to 2"]),
         ("stochastic", "pressure", "magic", ["stochastic.pressure", "place, global, uniform"]),
+        ("flow", "solver", "magic", ["flow.solver", "'magic'", "auto, multigrid, elimination, amg"]),
+        ("flow", "discretisation", "P7", ["flow.discretisation", "'P7'", "edge, gauss"]),
+        ("flow", "rtol", 1e-3, ["flow.rtol", "unknown key, allowed are solver, discretisation"]),
+        ("seal", "kind", "square", ["seal.kind", "'square'", "'rectangular'"]),
+        ("seal", "radius", "1 mm", ["seal.radius", "unknown key, allowed are kind"]),
     ],
 )
 def test_faults_name_key_value_and_what_is_allowed(data, table, key, value, words):
-    data[table][key] = value
+    data.setdefault(table, {"kind": "rectangular"} if table == "seal" else {})[key] = value
     with pytest.raises(fs.InputError) as caught:
         parse_case(data)
     assert all(word in str(caught.value) for word in words), str(caught.value)
@@ -97,6 +109,44 @@ def test_values_at_their_limits_are_taken(data):
     case = parse_case(data)
     assert case.load.loading == (0.0, 2.79999e9)
     assert case.stochastic.quantiles == (0.0, 1.0)
+
+
+@pytest.mark.parametrize("kind", FLUIDS)
+def test_every_registered_fluid_can_be_chosen(data, kind):
+    """Its parameters are keys, in their unit, with the range and the default of the class."""
+    parameters = {f.name: f for f in fields(FLUIDS[kind])}
+    examples = {name: re.search("'(.*)'", f.metadata["allowed"])[1] for name, f in parameters.items()}
+    data["fluid"] = {"kind": kind, "inlet_pressure": "2 bar", **examples}
+    case = parse_case(data)
+    expected = {name: to_si(text, parameters[name].metadata["unit"]) for name, text in examples.items()}
+    assert case.fluid.fluid == FLUIDS[kind](**expected)
+    assert case.fluid.outlet_pressure == FLUIDS[kind].outlet_pressure
+    for name, declared in parameters.items():
+        low = f"{declared.metadata['above'] - 300:g} {declared.metadata['unit']}"
+        with pytest.raises(fs.InputError, match=rf"^fluid\.{name}: given '{re.escape(low)}', allowed is a .*such as"):
+            parse_case({**data, "fluid": data["fluid"] | {name: low}})
+        without = {key: value for key, value in data["fluid"].items() if key != name}
+        if declared.default is MISSING:
+            with pytest.raises(fs.InputError, match=f"^fluid.{name}: missing$"):
+                parse_case({**data, "fluid": without})
+        else:
+            assert getattr(parse_case({**data, "fluid": without}).fluid.fluid, name) == declared.default
+
+
+def test_a_registered_class_has_a_table_without_another_line():
+    @dataclass(frozen=True)
+    class Grease:
+        """A grease."""
+
+        yield_stress: float = parameter("Pa", "a stress >= 0, such as '40 Pa'", inclusive=True)
+        grade: int = 2
+
+    table = TypeAdapter(table_of_any({**FLUIDS, "grease": Grease}, Table))
+    read = table.validate_python({"kind": "grease", "yield_stress": "0 Pa"})
+    assert read.model_dump() == {"kind": "grease", "yield_stress": 0.0, "grade": 2}
+    with pytest.raises(ValidationError, match="such as '40 Pa'"):
+        table.validate_python({"kind": "grease", "yield_stress": "-1 Pa"})
+    assert "GreaseTable" in table.json_schema()["$defs"]
 
 
 def test_tables_that_are_missing(data):
@@ -186,6 +236,24 @@ class TestPrepare:
         scene = parse_case(small).prepare().scene
         assert scene.fluid == fs.IdealGas(viscosity=18e-6, molar_mass=0.029, temperature=293.15)
         assert (scene.inlet_pressure, scene.outlet_pressure) == (5e5, 101_325)
+
+    def test_flow_and_shape(self, small):
+        case = parse_case(small)
+        scene = case.prepare().scene
+        assert (scene.solver, scene.discretisation) == ("auto", "edge")
+        assert scene.layout.seal((1e-3, 2e-3), (2, 3)) == fs.RectangularSeal((1e-3, 2e-3), (2, 3))
+        small["flow"] = {"solver": "amg", "discretisation": "gauss"}
+        small["seal"] = {"kind": "rectangular"}
+        other = parse_case(small)
+        prepared = other.prepare()
+        assert (prepared.scene.solver, prepared.scene.discretisation) == ("amg", "gauss")
+        assert prepared.scene.layout == scene.layout
+        assert any(
+            line.split() == ["flow", "discretisation", "gauss,", "solver", "amg"] for line in describe(other, prepared)
+        )
+        # results of other equations, or from another solver, are not those of this case
+        assert case.echo()["flow"] != other.echo()["flow"]
+        assert case.echo()["seal"] == other.echo()["seal"] == {"kind": "rectangular"}
 
     def test_sampling(self, small):
         small["seed"] = 9

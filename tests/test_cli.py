@@ -16,7 +16,8 @@ import pytest
 import femseal as fs
 from femseal import cli
 from femseal.base.provenance import versions
-from femseal.runs.case import SurfaceTable, parse_case
+from femseal.runs.case import parse_case
+from femseal.runs.case_faces import SurfaceTable
 from femseal.runs.schema import case_schema
 
 ROOT = Path(__file__).parents[1]

@@ -1,6 +1,5 @@
 """Load cycle: invariants of loading and unloading with plastic deformation, bad input."""
 
-import pickle
 from itertools import pairwise
 
 import numpy as np
@@ -15,7 +14,6 @@ from femseal.contact import (
     solve_contact,
     solve_deformed_contact,
 )
-from femseal.contact.complement import FieldOverSteps, gap_part, pressure_part
 from femseal.contact.cycle import _yielded_again
 from femseal.loads import LoadProgramme
 
@@ -209,37 +207,6 @@ def test_yielding_on_unloading_is_reported():
     moved = np.roll(states[0].contact.plastic_deformation, 20, axis=0)
     contact = solve_deformed_contact(GAP, HALF_SPACE, moved, pressure=0.4 * H, hardness=H, rtol=1e-6)
     assert _yielded_again(contact, moved, 1e-6) > 0.02
-
-
-class TestFieldOverSteps:
-    """Gap and contact pressure that are kept as their difference."""
-
-    difference = np.array([[[1.5, -2.0], [0.0, 3.0]], [[-4.0, 5.0], [np.nan, -0.0]]], np.float32)
-    gap, pressure = FieldOverSteps(difference, gap_part), FieldOverSteps(difference, pressure_part)
-
-    def test_each_is_worked_out_of_the_difference(self):
-        assert_array_equal(self.gap, [[[1.5, 0], [0, 3]], [[0, 5], [np.nan, 0]]])
-        assert_array_equal(self.pressure, [[[0, 2], [0, 0]], [[4, 0], [np.nan, 0]]])
-        assert not np.signbit(np.asarray(self.pressure)).any()
-        assert_array_equal(self.gap - self.pressure, self.difference)
-
-    def test_it_is_used_like_an_array(self):
-        for field in (self.gap, self.pressure):
-            whole = np.asarray(field)
-            assert (field.shape, field.dtype, field.ndim, len(field)) == ((2, 2, 2), np.float32, 3, 2)
-            for key in (0, -1, (0, slice(None), 1), (Ellipsis, slice(1), [1, 0]), slice(1, None)):
-                assert_array_equal(field[key], whole[key])
-            assert_array_equal(list(field), list(whole))
-            assert_array_equal(field.mean(axis=(1, 2)), whole.mean(axis=(1, 2)))
-            assert_array_equal(2 * field == 0, 2 * whole == 0)
-            assert np.asarray(field, float).dtype == float
-            assert_array_equal(pickle.loads(pickle.dumps(field)), whole)
-
-    def test_no_more_is_worked_out_than_asked_for(self):
-        seen = []
-        field = FieldOverSteps(self.difference, lambda part: seen.append(part.shape) or part)
-        field[1], field[..., :1, [0]], next(iter(field))
-        assert seen == [(2, 2), (2, 1, 1), (2, 2)]
 
 
 def test_states_that_do_not_depend_on_each_other_go_to_the_map_together():

@@ -206,7 +206,9 @@ def test_fluid_that_stands_at_one_end_of_a_closed_window_keeps_its_pressure(scen
     k1[:] = 0
     k1[:, 1, 2] = 1e-30
     fluid_pressure[:, 1, 2], fluid_pressure[:, 2, 2] = 2e7, np.nan
-    r = assemble(scene, two_scale=replace(two, gap=gap, k1=k1, fluid_pressure=fluid_pressure))
+    r = assemble(
+        scene, two_scale=replace(two, fields=replace(two.fields, gap=gap), k1=k1, fluid_pressure=fluid_pressure)
+    )
     write_vtk(r, None, tmp_path)
     _, cells, *_ = next(in_time(tmp_path / "window_001_002.vtkhdf"))
     shown = cells["fluid_pressure_Pa"].reshape((last - first, 24), order="F")
@@ -442,7 +444,7 @@ def test_a_case_says_what_is_written_also_when_a_stopped_run_goes_on(case, tmp_p
     def respond(*args, **options):
         solved.append(args)
 
-    monkeypatch.setattr(import_module("femseal.studies.two_scale"), "respond", respond)
+    monkeypatch.setattr(import_module("femseal.studies.windows"), "respond", respond)
     chosen = parse_case({**case, "output": {"paraview": "vtu", "fields_limit": "20 kB"}})
     r = job.run(chosen, tmp_path, resume=True, workers=1)
     assert not solved

@@ -24,9 +24,11 @@ def histories(n=400, seed=0):
 
 
 def drawn(k, n, sampler, *, path=None, steps=STEPS, rows=1, run_length=0.0, **numbers):
-    table = LinkTable(k, np.zeros(n, int) if path is None else path, rows, steps, run_length)
+    """Permeabilities (links, steps), links column after column, of k (paths, cells, steps)."""
+    path = np.zeros(n, int) if path is None else path
+    table = LinkTable(np.moveaxis(k, -1, 0), path.reshape(-1, rows).T, steps, run_length)
     draw = draw_links(table, sampler=sampler, **({"seed": 1, "realisation": 0, "axis": 0} | numbers))
-    return np.stack([draw(s) for s in range(len(steps))], axis=1)
+    return np.stack([draw(s).T.ravel() for s in range(len(steps))], axis=1)
 
 
 @pytest.mark.parametrize("sampler", SMOOTH)
@@ -146,12 +148,12 @@ class TestRunsOfColumns:
     def test_length_of_alike_columns(self):
         """Moving averages of n columns: correlations fall linearly to lag n, 1 + 2 Σ = n."""
         rng = np.random.default_rng(0)
-        noise = rng.standard_normal((50, 300, 1))
+        noise = rng.standard_normal((1, 50, 300))
         assert correlation_length(noise) < 1.5
-        alike = sum(np.roll(noise, n, axis=1) for n in range(6))
+        alike = sum(np.roll(noise, n, axis=2) for n in range(6))
         assert_allclose(correlation_length(alike), 6, rtol=0.15)
-        assert correlation_length(np.ones((2, 8, 1))) == 1
-        assert correlation_length(np.cumsum(noise[:1, :9], axis=1)) <= 4.5
+        assert correlation_length(np.ones((1, 2, 8))) == 1
+        assert correlation_length(np.cumsum(noise[:, :1, :9], axis=2)) <= 4.5
 
     def test_needs_neighbours(self):
         with pytest.raises(InputError, match="neighbours"):

@@ -17,8 +17,9 @@ from ..base import validate
 from ..base.errors import FemsealError, InputError
 from ..base.files import made_folder
 from ..base.stage import Mapper
-from ..runs.case import Case, Prepared, load_case
+from ..runs.case import Case, load_case
 from ..runs.executor import ordered_map
+from ..runs.preparation import Prepared
 from ..studies import deterministic, stochastic, two_scale
 from ..studies.compare import closing_load, leakage_factor
 from .plan import Plan, Variant, make_plan

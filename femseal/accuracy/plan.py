@@ -8,7 +8,8 @@ from math import ceil, log2
 
 from ..base.errors import InputError
 from ..base.quantities import to_text
-from ..runs.case import Case, Prepared
+from ..runs.case import Case
+from ..runs.preparation import Prepared
 from ..scales import Partition
 from ..studies import seal_cells
 from ..studies.costs import deterministic_cost, stochastic_cost, two_scale_cost

@@ -72,8 +72,8 @@ def assemble(
         variables.add_realisations(data, stochastic, quantiles)
         variables.add_library(data, stochastic.library.curves)
     variables.add_contact_share(data, scene, deterministic, two_scale, stochastic)
-    counts = {"two_scale": two_scale.counts} if two_scale is not None else {}
-    counts |= {"library": stochastic.library.counts} if stochastic is not None else {}
+    counts = {"two_scale": two_scale.counts.by_kind()} if two_scale is not None else {}
+    counts |= {"library": stochastic.library.counts.by_kind()} if stochastic is not None else {}
     few = [text] if stochastic is not None and (text := stochastic.too_few(*quantiles)) else []
     seal_size = stochastic.seal.size if stochastic is not None else scene.surface.size
     data.attrs = {
@@ -85,7 +85,7 @@ def assemble(
         "surface": _json(surface_report or {}),
         "timings": _json(timings or {}),
         "counts": _json(counts),
-        "warnings": _shortened([*(text for study in studies for text in getattr(study, "warnings", ())), *few]),
+        "warnings": _shortened([*(text for study in studies for text in study.warnings), *few]),
         "failures": _shortened([text for study in studies for text in study.failures]),
         "versions": _json(versions()),
         "machine": _json(machine()),

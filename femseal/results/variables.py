@@ -15,7 +15,7 @@ import numpy as np
 import xarray
 
 from ..loads import LoadStep
-from ..seal import NARROWEST, RectangularSeal, drop_shares
+from ..seal import NARROWEST, drop_shares
 
 if TYPE_CHECKING:
     from ..scales import LibraryTable
@@ -75,7 +75,7 @@ def add_windows(data: xarray.Dataset, scene: Scene, result: TwoScaleResult) -> N
     if m1 > 1:
         across = result.k2 * (potential - np.roll(potential, -1, axis=2))[:, 1:-1] / d2
         data["flux2"] = (("step", "corner1", "cell2"), across, _labels("m^2/s", f"{text} x2"))
-    seal = RectangularSeal(scene.surface.size, (m1, m2), result.partition.node_rows)
+    seal = scene.layout.seal(scene.surface.size, (m1, m2), result.partition.node_rows)
     shares = np.full((len(result.steps), len(NARROWEST)), np.nan)
     for s in np.flatnonzero(np.isfinite(result.fluid_pressure[:, 0]).all(axis=1)):  # NaN where a link failed
         shares[s] = drop_shares(result.k1[s], result.k2[s], seal, potential[s])

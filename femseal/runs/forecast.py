@@ -12,7 +12,8 @@ from ..results.fields import fields_size
 from ..scales import Partition
 from ..studies import seal_cells
 from ..studies.costs import deterministic_cost, stochastic_cost, two_scale_cost
-from .case import Case, Prepared
+from .case import Case
+from .preparation import Prepared
 
 #: Shortest waves that a window should hold along each side.
 ADVISED_WAVES = 8
@@ -43,6 +44,7 @@ def describe(case: Case, prepared: Prepared) -> list[str]:
     unloading = f", {down} unloading from {' and '.join(peaks)}" if peaks else ""
     highest = to_text(max((*scene.loading, *scene.unload_from)), "Pa", 3)
     lines.append(_line("load", f"{steps} states: {steps - down} loading{unloading}, up to {highest}"))
+    lines.append(_line("flow", f"discretisation {scene.discretisation}, solver {scene.solver}"))
     if prepared.choice:
         lines.append(_line("method", f"{prepared.method}: {prepared.choice}"))
     costs = [(0.0, 150e6)]

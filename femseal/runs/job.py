@@ -20,9 +20,11 @@ from ..report import write_folder
 from ..results import Results, assemble
 from ..studies import deterministic, stochastic, two_scale
 from . import checkpoint
-from .case import Case, FileFace, Prepared, load_case
+from .case import Case, load_case
+from .case_faces import FileFace
 from .checkpoint import Checkpoint
 from .executor import ordered_map
+from .preparation import Prepared
 
 log = logging.getLogger("femseal")
 #: Called as progress(stage, done, total); total is None where it is not known.

@@ -5,22 +5,29 @@ from .dissipation import window_dissipation
 from .global_contact import GlobalState, global_states
 from .ladder import Cell, Ladder, follow
 from .library import LadderLibrary, LibraryTable, WindowSource, build_ladder_library, on_ladder
+from .outcome import Failed, SolveCounts, attempt
 from .partition import Partition
 from .sampling import SAMPLERS, LinkTable, correlation_length, draw_links
 from .window import WindowHistory, respond
+from .window_fields import ContactPressure, WindowFields
 
 __all__ = [
     "SAMPLERS",
     "Cell",
     "CellCurves",
+    "ContactPressure",
+    "Failed",
     "GlobalState",
     "Ladder",
     "LadderLibrary",
     "LibraryTable",
     "LinkTable",
     "Partition",
+    "SolveCounts",
+    "WindowFields",
     "WindowHistory",
     "WindowSource",
+    "attempt",
     "build_ladder_library",
     "correlation_length",
     "draw_links",

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from ..base.errors import InputError
 from ..contact import Contact, HalfSpace, solve_deformed_contact
+from .outcome import SolveCounts
 from .window import window_permeability
 
 Array = NDArray[np.float64]
@@ -82,7 +83,7 @@ class Cell:
     mean_gap_unloading: Array
     contact_fraction_unloading: Array
     rigid: Array
-    counts: dict[str, int] = field(default_factory=dict, compare=False)
+    counts: SolveCounts = field(default_factory=SolveCounts, compare=False)
 
     def closing_pressure(self, axis: int) -> float:
         """Pressure above which nothing flows along `axis` [Pa]; inf if it is still open at the highest step."""
@@ -167,7 +168,7 @@ class _Window:
 
     def __init__(self, gap0: Array, half_space: HalfSpace, hardness: float, rtol: float, kinds: int) -> None:
         self.gap0, self.half_space, self.hardness, self.rtol, self.kinds = gap0, half_space, hardness, rtol, kinds
-        self.counts = {"solved": 0, "closed": 0, "open": 0}
+        self.counts = SolveCounts()
 
     def loaded(self, pressure: float, closed: tuple[bool, bool]) -> _State:
         return self._state(self._contact(pressure), closed)
@@ -201,10 +202,12 @@ class _Window:
         """(kinds, 2)."""
         k = np.zeros((self.kinds, 2))
         for axis in (0, 1):
-            state = "closed"
-            if not closed[axis]:
-                k[:, axis], state = window_permeability(gap, self.half_space.spacing, axis, bounds=self.kinds > 1)
-            self.counts[state] += 1
+            if closed[axis]:
+                self.counts += SolveCounts(closed=1)
+            else:
+                flow = window_permeability(gap, self.half_space.spacing, axis, bounds=self.kinds > 1)
+                k[:, axis] = flow.k
+                self.counts += flow.counts
         return k
 
 

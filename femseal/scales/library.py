@@ -28,6 +28,7 @@ from ..contact import HalfSpace
 from ..loads import LoadProgramme, LoadStep
 from .curves import CellCurves
 from .ladder import Cell, Ladder, follow
+from .outcome import Failed, SolveCounts, attempt
 
 Array = NDArray[np.float64]
 #: Written into every file; a file of another format is computed anew.
@@ -38,7 +39,10 @@ WINDOW_STREAM = 2**32 - 1
 
 @dataclass(frozen=True, repr=False)
 class LibraryTable(Shown):
-    """Cells of a library on common steps, as they are shown: pressures, k along x1, mean gap, contact share."""
+    """Cells of a library on common steps, as they are shown: a row for each cell, a column for each step.
+
+    pressure, k along x1, mean_gap, contact_fraction : (cells, steps).
+    """
 
     steps: LoadProgramme
     pressure: Array = field(metadata={"unit": "Pa", "long_name": "mean contact pressure of library cells"})
@@ -111,7 +115,7 @@ class LadderLibrary(Shown):
     ladder: Ladder
     cells: tuple[Cell, ...] = field(repr=False)
     rms_height: float = field(metadata={"unit": "m"})
-    counts: dict[str, int] = field(default_factory=dict)
+    counts: SolveCounts = field(default_factory=SolveCounts)
     reused: int = 0
     failures: tuple[str, ...] = ()
 
@@ -170,27 +174,26 @@ class LadderLibrary(Shown):
         return (1 - weight) * low + weight * high
 
     def along(self, paths: Array, gaps: Array, steps: LoadProgramme, axis: int, kind: int = 0) -> Array:
-        """Permeability of every cell along every path: (paths, cells, steps) [m³].
+        """Permeability of every cell along every path: (steps, paths, cells) [m³].
 
         Parameters
         ----------
-        paths : mean pressure of a window at each step of the seal's programme (paths, steps) [Pa].
-        gaps : distance between mean planes (paths, steps) [m], used where the pressure is 0.
+        paths : mean pressure of a window at each step of the seal's programme (steps, paths) [Pa].
+        gaps : distance between mean planes (steps, paths) [m], used where the pressure is 0.
         steps : the seal's programme.
         axis : direction of the links.
         kind : 0 the permeability, and of a ladder with bounds 1 its lower and 2 its upper bound, each at the steps of
             the ladder, and interpolated between them as the permeability is.
         """
-        loading = steps.on_loading
-        p_peak = paths[:, steps.peak_indices]
+        p_peak = paths[steps.peak_indices]
         # a window that its peak did not load has the virgin curve
-        down = ~loading & (paths > 0) & (p_peak > 0)
-        up = (loading | (p_peak <= 0)) & (paths > 0)
+        down = steps.on_unloading[:, None] & (paths > 0) & (p_peak > 0)
+        up = (paths > 0) & ~down
         apart = paths <= 0
-        table = np.zeros((len(paths), self.size, len(steps)))
+        table = np.zeros((*paths.shape, self.size))
         for c, cell in enumerate(self.cells):
             curves = CellCurves(cell, self.ladder, axis, self.rms_height, kind)
-            values = table[:, c]
+            values = table[:, :, c]
             values[up] = curves.loaded(paths[up])
             values[down] = curves.unloaded(paths[down], p_peak[down])
             values[apart] = curves.separated(gaps[apart])
@@ -224,37 +227,34 @@ def build_ladder_library(
     outcomes = dict(
         zip(missing, mapper(stage, missing, [known[n] if n < len(known) else None for n in missing]), strict=True)
     )
-    cells: list[Cell | None] = [outcomes[n][0] if n in outcomes else known[n] for n in range(count)]
-    failures = tuple(f"cell {n}: {text}" for n, (_, text) in outcomes.items() if text)
+    followed = {n: cell for n, cell in outcomes.items() if not isinstance(cell, Failed)}
+    cells = [followed.get(n) if n in outcomes else known[n] for n in range(count)]
+    failures = tuple(f"cell {n}: {cell.reason}" for n, cell in outcomes.items() if isinstance(cell, Failed))
     if path is not None and missing:
         _write(path, cells + known[count:])
     good = tuple(c for c in cells if c is not None)
     if not good:
         raise FemsealError(f"library: every cell failed; the first: {failures[0]}")
-    counts = [cell.counts for cell, _ in outcomes.values() if cell is not None]
     return LadderLibrary(
         ladder=ladder,
         cells=good,
         rms_height=source.rms_height,
-        counts={name: sum(c[name] for c in counts) for name in ("solved", "closed", "open")},
+        counts=SolveCounts.total(cell.counts for cell in followed.values()),
         reused=len(complete),
         failures=failures,
     )
 
 
-def _cell(n: int, known: Cell | None, *, source: WindowSource, ladder: Ladder) -> tuple[Cell | None, str]:
-    try:
-        cell = follow(
-            source.window(n),
-            ladder=ladder,
-            half_space=source.half_space,
-            hardness=source.hardness,
-            rtol=source.rtol,
-            known=known,
-        )
-    except FemsealError as error:
-        return None, str(error)
-    return cell, ""
+def _cell(n: int, known: Cell | None, *, source: WindowSource, ladder: Ladder) -> Cell | Failed:
+    return attempt(
+        follow,
+        source.window(n),
+        ladder=ladder,
+        half_space=source.half_space,
+        hardness=source.hardness,
+        rtol=source.rtol,
+        known=known,
+    )
 
 
 def _covers(cell: Cell, ladder: Ladder) -> bool:

@@ -17,7 +17,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.errors import InputError
-from ..contact.complement import FieldOverSteps
 from ..topography import Topography
 
 Array = NDArray[np.float64]
@@ -84,13 +83,22 @@ class Partition:
         """Size of a window [m]."""
         return (self.window[0] * self.spacing[0], self.window[1] * self.spacing[1])
 
+    @property
+    def places(self) -> list[tuple[int, int]]:
+        """Row and column of every cell, row after row."""
+        return [(i, j) for i in range(self.cells[0]) for j in range(self.cells[1])]
+
+    def links(self, axis: int) -> list[tuple[int, int]]:
+        """Row and column of every link along `axis`, row after row."""
+        return [(i, j) for i in range(self.cells[0] - axis) for j in range(self.cells[1])]
+
     def cell(self, fields: NDArray[Any], i: int, j: int) -> NDArray[Any]:
         """The cell (i, j) of fields (…, n1, n2)."""
         w1, w2 = self.window
         return fields[..., i * w1 : (i + 1) * w1, j * w2 : (j + 1) * w2]
 
-    def link(self, fields: NDArray[Any] | FieldOverSteps, i: int, j: int, axis: int, shift: int = 0) -> NDArray[Any]:
-        """Window of the link (i, j) along `axis` from fields (…, n1, n2), periodic in x2.
+    def link(self, fields: Any, i: int, j: int, axis: int, shift: int = 0) -> NDArray[Any]:
+        """Window of the link (i, j) along `axis` from fields (…, n1, n2), periodic in x2; a view, except over the seam.
 
         x2-links are counted from line 1. `shift` moves the window by pixels along x2.
         """
@@ -122,6 +130,5 @@ class Partition:
     def means(self, field: NDArray[Any], axis: int = 0) -> Array:
         """Means of a field on any grid that the windows divide, over the windows of the links along `axis`."""
         grid = Partition(field.shape, self.spacing, self.cells) if field.shape != self.shape else self
-        rows, columns = self.cells[0] - axis, self.cells[1]
-        means = [grid.link(field, i, j, axis).mean() for i in range(rows) for j in range(columns)]
-        return np.array(means).reshape(rows, columns)
+        means = [grid.link(field, i, j, axis).mean() for i, j in self.links(axis)]
+        return np.array(means).reshape(-1, self.cells[1])

@@ -9,14 +9,15 @@ block        neighbouring columns of the measured face follow one another in run
              links: keeps the correlation between links, on faces whose long waves reach over many cells. Source of
              the stationary bootstrap: Politis & Romano, J. Am. Stat. Assoc. 89, 1994, 1303.
 
-Random numbers depend on (seed, realisation, axis, link) only: link n of a longer seal draws what link n of a shorter
-one does.
+Random numbers depend on (seed, realisation, axis, link) only, with links counted along x1 first, column after column:
+link n of a longer seal draws what link n of a shorter one does.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,7 +28,7 @@ from ..loads import LoadProgramme
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
-#: Permeability of all links at a step.
+#: Permeability of all links (rows, columns) at a step.
 Draw = Callable[[int], Array]
 #: Cells close in rank among which the derivative sampler draws; more than a few bias the median leakage.
 NEIGHBOURS = 5
@@ -39,8 +40,8 @@ CHUNK = 100_000
 class LinkTable:
     """What links along one axis are drawn from.
 
-    k : permeability of every cell along every pressure path (paths, cells, steps) [m³].
-    path : path that each link follows (links,); links are counted along x1 first, `rows` of them in a column.
+    k : permeability of every cell along every pressure path (steps, paths, cells) [m³].
+    path : path that each link follows (rows, columns).
     steps : the programme.
     run_length : mean number of columns that "block" takes in a run; 0 where cells are not neighbours in a row.
     correlation_length : number of columns over which cells are alike.
@@ -48,14 +49,13 @@ class LinkTable:
 
     k: Array
     path: Index
-    rows: int
     steps: LoadProgramme
     run_length: float = 0.0
     correlation_length: float = 1.0
 
 
 def draw_links(table: LinkTable, *, sampler: str, seed: int, realisation: int, axis: int) -> Draw:
-    """Permeabilities (links,) [m³] of one realisation at any step.
+    """Permeabilities (rows, columns) [m³] of one realisation at any step.
 
     "history" and "block" hold one number for each link, the others one for each link and step.
 
@@ -82,77 +82,83 @@ def correlation_length(k: Array) -> float:
 
     Parameters
     ----------
-    k : permeabilities (rows, columns, steps), columns in the order of the face and periodic.
+    k : permeabilities (steps, rows, columns), columns in the order of the face and periodic.
     """
-    columns = k.shape[1]
-    ranks = np.argsort(np.argsort(k, axis=1, kind="stable"), axis=1).astype(float)
-    ranks -= ranks.mean(axis=1, keepdims=True)
+    steps, _, columns = k.shape
+    ranks = np.argsort(np.argsort(k, axis=2, kind="stable"), axis=2).astype(float)
+    ranks -= ranks.mean(axis=2, keepdims=True)
     spread = np.mean(ranks**2)
     length = 1.0
     for lag in range(1, max(columns // 2, 1)):
-        rho = np.mean(ranks * np.roll(ranks, lag, axis=1)) / spread if spread > 0 else 0.0
-        if rho < 2 / np.sqrt(ranks.size / max(k.shape[2], 1)):
+        rho = np.mean(ranks * np.roll(ranks, lag, axis=2)) / spread if spread > 0 else 0.0
+        if rho < 2 / np.sqrt(ranks.size / max(steps, 1)):
             break
         length += 2 * rho
     return float(min(length, max(columns / 2, 1.0)))
 
 
 def _history(table: LinkTable, rng: np.random.Generator) -> Draw:
-    cell = (rng.random(table.path.size) * table.k.shape[1]).astype(np.int64)
-    return lambda s: table.k[table.path, cell, s]
+    cell = _on_links((rng.random(table.path.size) * table.k.shape[2]).astype(np.int64), table)
+    return lambda s: table.k[s, table.path, cell]
 
 
 def _block(table: LinkTable, rng: np.random.Generator) -> Draw:
     if table.run_length < 1:
         raise InputError.of("sampler", "block", "another one, where cells are not neighbours on a face")
-    cells, columns = table.k.shape[1], -(-table.path.size // max(table.rows, 1))
+    cells, columns = table.k.shape[2], table.path.shape[1]
     fresh = rng.random((columns, 2))
     starts = fresh[:, 0] < 1 / table.run_length
     starts[:1] = True
     first = np.flatnonzero(starts)
     run = np.cumsum(starts) - 1
     column = ((fresh[first, 1] * cells).astype(np.int64)[run] + np.arange(columns) - first[run]) % cells
-    cell = np.repeat(column, table.rows)[: table.path.size]
-    return lambda s: table.k[table.path, cell, s]
+    return lambda s: table.k[s, table.path, column]
 
 
 def _derivative(table: LinkTable, rng: np.random.Generator) -> Draw:
-    uniform = rng.random((table.path.size, len(table.steps)))
+    path = table.path.T.ravel()
+    uniform = rng.random((path.size, len(table.steps))).T
     top = len(table.steps.loading) - 1
     k = np.empty(uniform.shape)
-    k[:, top] = table.k[table.path, (uniform[:, top] * table.k.shape[1]).astype(np.int64), top]
-    for p in np.unique(table.path):
-        links, cells = np.flatnonzero(table.path == p), table.k[p]
+    k[top] = table.k[top, path, (uniform[top] * table.k.shape[2]).astype(np.int64)]
+    for p in np.unique(path):
+        links, cells = np.flatnonzero(path == p), table.k[:, p]
         for start, end in _moves(table.steps):
-            k[links, end] = _step_down(cells[:, start], cells[:, end], k[links, start], uniform[links, end])
-    return lambda s: k[:, s]
+            k[end, links] = _step_down(cells[start], cells[end], k[start, links], uniform[end, links])
+    return lambda s: _on_links(k[s], table)
 
 
 def _copula(table: LinkTable, rng: np.random.Generator) -> Draw:
-    steps, n_links = table.steps, table.path.size
-    k = np.empty((n_links, len(steps)))
-    models = {int(p): _RankModel(table.k[p], steps) for p in np.unique(table.path)}
-    for start in range(0, n_links, CHUNK):
-        normal = rng.standard_normal((min(CHUNK, n_links - start), len(steps)))
-        path = table.path[start : start + CHUNK]
+    path = table.path.T.ravel()
+    k = np.empty((len(table.steps), path.size))
+    models = {int(p): _RankModel(table.k[:, p], table.steps) for p in np.unique(path)}
+    for start in range(0, path.size, CHUNK):
+        normal = rng.standard_normal((min(CHUNK, path.size - start), len(table.steps)))
         for p, model in models.items():
-            links = np.flatnonzero(path == p)
-            k[start + links] = model.draw(normal[links])
-    return lambda s: k[:, s]
+            links = np.flatnonzero(path[start : start + CHUNK] == p)
+            k[:, start + links] = model.draw(normal[links])
+    return lambda s: _on_links(k[s], table)
+
+
+def _on_links(values: NDArray[Any], table: LinkTable) -> NDArray[Any]:
+    """Values of links counted column after column, as (rows, columns)."""
+    rows, columns = table.path.shape
+    return np.ascontiguousarray(values.reshape(columns, rows).T)
 
 
 class _RankModel:
-    """Normal scores of the cells of one path at all steps, and the values behind them.
+    """Normal scores of the cells of one path at all steps, and the values behind them, of k (steps, cells).
 
     Closed cells share the mean score m of their ranks, as nothing orders them. For normal numbers z of correlation ρ,
     cov(m₁, m₂) is about ρ var(m₁) var(m₂), exactly so where only one of the steps has closed cells.
     """
 
     def __init__(self, k: Array, steps: LoadProgramme) -> None:
-        self.steps, self.sorted = steps, np.sort(k, axis=0)
-        normal = ndtri((np.arange(len(k)) + 0.5) / len(k))
-        scores = np.empty(k.shape)
-        for s, values in enumerate(k.T):
+        self.steps, self.sorted = steps, np.sort(k, axis=1)
+        cells = k.shape[1]
+        normal = ndtri((np.arange(cells) + 0.5) / cells)
+        scores = np.empty((cells, len(k)))
+        for s, values in enumerate(k):
             order = np.argsort(values, kind="stable")
             n_closed = np.count_nonzero(values <= 0)
             scores[order, s] = np.r_[
@@ -167,16 +173,16 @@ class _RankModel:
         self.root = root / np.sqrt((root**2).sum(axis=1, keepdims=True))
 
     def draw(self, normal: Array) -> Array:
-        """Permeabilities (links, steps) of independent normal numbers of the same shape."""
-        position = ndtr(normal @ self.root.T) * len(self.sorted) - 0.5
-        k = np.stack([_quantile(self.sorted[:, s], position[:, s]) for s in range(len(self.steps))], axis=1)
-        loading = list(range(len(self.steps.loading)))
-        k[:, loading] = np.maximum.accumulate(k[:, loading[::-1]], axis=1)[:, ::-1]
+        """Permeabilities (steps, links) of independent normal numbers (links, steps)."""
+        position = (ndtr(normal @ self.root.T) * self.sorted.shape[1] - 0.5).T
+        k = np.stack([_quantile(values, place) for values, place in zip(self.sorted, position, strict=True)])
+        top = len(self.steps.loading)
+        k[:top] = np.maximum.accumulate(k[:top][::-1], axis=0)[::-1]
         for start, end in _moves(self.steps):
             if self.steps[end].unloaded_from is not None:
-                above = [n for n in loading if self.steps[n].pressure <= self.steps[end].pressure]
-                ceiling = k[:, above[-1]] if above else np.inf
-                k[:, end] = np.minimum(np.maximum(k[:, end], k[:, start]), np.maximum(ceiling, k[:, start]))
+                above = np.flatnonzero(np.array(self.steps.loading) <= self.steps[end].pressure)
+                ceiling = k[above[-1]] if above.size else np.inf
+                k[end] = np.minimum(np.maximum(k[end], k[start]), np.maximum(ceiling, k[start]))
         return k
 
 

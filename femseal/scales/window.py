@@ -8,42 +8,39 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base.errors import FemsealError
 from ..contact import HalfSpace, solve_deformed_contact
 from ..flow import cell_permeability
 from ..flow.coefficient import cubic_law
 from ..loads import LoadProgramme
+from .outcome import Failed, SolveCounts, attempt
+from .window_fields import ContactValues
 
 Array = NDArray[np.float64]
 #: Below this ratio of rms gap variation to mean gap parallel plates are exact to 2e-4 whatever the lay.
 OPEN_RATIO = 0.005
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class WindowHistory:
-    """One window at every step of a programme; a step that failed is NaN and says why.
+    """One window at every step of a programme; a step that failed is NaN, and `failures` says why.
 
-    gap_minus_pressure : both fields in one, see `contact.complement`; without contact the gap alone, which may be
-        negative until `set_down`.
-    standoff : distance that asperities add [m]; NaN without pressure.
+    gap : deformed gap (steps, n1, n2) [m]; without contact it may be negative until `set_down`.
+    contact : contact pressure at every step, kept where there is contact.
+    contact_fraction, plastic_fraction : shares in contact and at the hardness (steps,).
+    standoff : distance that asperities add (steps,) [m]; NaN without pressure.
     """
 
-    gap_minus_pressure: NDArray[np.float32]
+    gap: NDArray[np.float32]
+    contact: tuple[ContactValues, ...]
     contact_fraction: Array
     plastic_fraction: Array
     standoff: Array
     failures: tuple[str, ...] = ()
 
     @property
-    def gap(self) -> NDArray[np.float32]:
-        """Deformed gap (steps, n1, n2) [m]."""
-        lowest = np.where(self.contact_fraction > 0, 0, -np.inf).astype(np.float32)
-        return np.maximum(self.gap_minus_pressure, lowest[:, None, None])
-
-    @property
     def pressure(self) -> NDArray[np.float32]:
         """Contact pressure (steps, n1, n2) [Pa]."""
-        return self.gap - self.gap_minus_pressure
+        return np.stack([values.dense() for values in self.contact])
 
     @property
     def mean_gap(self) -> Array:
@@ -67,16 +64,17 @@ def respond(
     ----------
     gap0 : undeformed gap (n1, n2) [m], or one for each step (steps, n1, n2) where a coarser solution shapes it.
     pressures : mean pressure of the window at each step [Pa].
-    steps : the programme; an unloading step takes the permanent deformation of its peak's loading step.
+    steps : the programme; an unloading step takes the plastic deformation of its peak's loading step.
     half_space : elastic body and boundary kinds of the window.
     hardness : H [Pa].
     rigid_at_zero : without pressure the window keeps the gap given, which may be negative until `set_down` (True), or
         is brought to first touch (False).
     """
-    shape = half_space.shape
-    n = len(steps)
-    fields = np.full((n, *shape), np.nan, np.float32)
+    shape, n = half_space.shape, len(steps)
+    gap = np.full((n, *shape), np.nan, np.float32)
     contact_fraction, plastic_fraction, standoff = np.full(n, np.nan), np.full(n, np.nan), np.full(n, np.nan)
+    unknown, apart = (ContactValues.constant(shape, value) for value in (np.nan, 0.0))
+    in_contact = [unknown] * n
     left: dict[float, Array] = {}
     failures = []
     for s, step in enumerate(steps):
@@ -86,25 +84,32 @@ def respond(
             failures.append(f"{step.name}: the peak of this unloading failed")
             continue
         if pressures[s] <= 0 and rigid_at_zero:
-            fields[s] = undeformed if deformation is None else undeformed + deformation
+            gap[s] = undeformed if deformation is None else undeformed + deformation
+            in_contact[s] = apart
             contact_fraction[s] = plastic_fraction[s] = 0.0
             if step.unloaded_from is None:
                 left[step.pressure] = np.zeros(shape)
             continue
-        try:
-            pressure = min(pressures[s], hardness)
-            contact = solve_deformed_contact(
-                undeformed, half_space, deformation, pressure=pressure, hardness=hardness, rtol=rtol
-            )
-        except FemsealError as error:
-            failures.append(f"{step.name}: {error}")
+        pressure = min(pressures[s], hardness)
+        contact = attempt(
+            solve_deformed_contact,
+            undeformed,
+            half_space,
+            deformation,
+            pressure=pressure,
+            hardness=hardness,
+            rtol=rtol,
+        )
+        if isinstance(contact, Failed):
+            failures.append(f"{step.name}: {contact.reason}")
             continue
-        fields[s] = contact.gap - contact.pressure
+        gap[s] = contact.gap
+        in_contact[s] = ContactValues.of(contact.pressure)
         contact_fraction[s], plastic_fraction[s] = contact.area_fraction, contact.plastic_fraction
         standoff[s] = -contact.approach
         if step.unloaded_from is None:
             left[step.pressure] = contact.plastic_deformation
-    return WindowHistory(fields, contact_fraction, plastic_fraction, standoff, tuple(failures))
+    return WindowHistory(gap, tuple(in_contact), contact_fraction, plastic_fraction, standoff, tuple(failures))
 
 
 def body_standoff(standoff: Array, load: Array, lowest: Array) -> Array:
@@ -116,17 +121,19 @@ def body_standoff(standoff: Array, load: Array, lowest: Array) -> Array:
 
     Parameters
     ----------
-    standoff, load, lowest : of each window at each step (windows, steps) its `WindowHistory.standoff` [m], mean
+    standoff, load, lowest : of each window at each step (steps, rows, columns) its `WindowHistory.standoff` [m], mean
         pressure [Pa] and lowest gap [m], NaN where unknown.
     """
+    windows = (1, 2)
     loaded = np.isfinite(standoff)
     weight = np.where(loaded, load, 0.0)
     held = np.where(loaded, standoff, 0.0)
-    touch = -np.nanmin(np.where(np.isfinite(lowest), lowest, np.inf), axis=0)
+    touch = -np.nanmin(np.where(np.isfinite(lowest), lowest, np.inf), axis=windows)
+    any_loaded = loaded.any(axis=windows)
     mean = np.divide(
-        (weight * held).sum(axis=0), weight.sum(axis=0), out=np.zeros(len(touch)), where=loaded.any(axis=0)
+        (weight * held).sum(axis=windows), weight.sum(axis=windows), out=np.zeros(len(touch)), where=any_loaded
     )
-    return np.where(loaded.any(axis=0), mean, np.where(np.isfinite(touch), touch, 0.0))
+    return np.where(any_loaded, mean, np.where(np.isfinite(touch), touch, 0.0))
 
 
 def set_down(gap: NDArray[np.float32], standoff: float) -> NDArray[np.float32]:
@@ -137,48 +144,63 @@ def set_down(gap: NDArray[np.float32], standoff: float) -> NDArray[np.float32]:
     return moved
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class FlowHistory:
-    """Permeability of one window at every step (NaN where there is no gap), and how many were solved or skipped."""
+    """Permeability of one window at every step (steps,) [m³], NaN where there is no gap or the flow failed."""
 
     permeability: Array
-    solved: int
-    closed: int
-    open: int
+    counts: SolveCounts
     failures: tuple[str, ...] = ()
 
 
 def flow_history(gaps: NDArray[np.floating], spacing: tuple[float, float], axis: int) -> FlowHistory:
     """Permeability along `axis` of a window's gaps (steps, n1, n2), sides closed; closed or wide-open ones unsolved."""
     k = np.full(len(gaps), np.nan)
-    counts = {"solved": 0, "closed": 0, "open": 0}
-    failures = []
+    counts, failures = SolveCounts(), []
     for s, gap in enumerate(gaps):
         h = np.asarray(gap, dtype=float)
         if not np.all(np.isfinite(h)):
             continue
-        try:
-            (k[s],), kind = window_permeability(h, spacing, axis)
-        except FemsealError as error:
-            failures.append(f"step {s}: {error}")
+        flow = attempt(window_permeability, h, spacing, axis)
+        if isinstance(flow, Failed):
+            failures.append(f"step {s}: {flow.reason}")
             continue
-        counts[kind] += 1
-    return FlowHistory(k, **counts, failures=tuple(failures))
+        k[s] = flow.k[0]
+        counts += flow.counts
+    return FlowHistory(k, counts, tuple(failures))
+
+
+@dataclass(frozen=True, eq=False)
+class WindowPermeability:
+    """Permeability of a window at one step.
+
+    k : the value (1,), or with bounds the value, the lower and the upper bound (3,) [m³].
+    counts : this one, as solved, closed or open.
+    """
+
+    k: Array
+    counts: SolveCounts
 
 
 def window_permeability(
     gap: Array, spacing: tuple[float, float], axis: int, *, bounds: bool = False
-) -> tuple[Array, str]:
-    """k along `axis` of a window with closed sides [m³], and whether it was "solved", "closed" or "open" (asymptote).
+) -> WindowPermeability:
+    """Permeability along `axis` of a window (n1, n2) [m] with closed sides.
 
-    k is (1,), or with `bounds` (3,): with the lower and the upper bound for a gap constant on each pixel, which of
-    plates that are nearly parallel are the harmonic and the arithmetic mean.
+    With `bounds` it is enclosed for a gap constant on each pixel; those of nearly parallel plates are the harmonic and
+    the arithmetic mean of the pixels' permeabilities.
+
+    Raises
+    ------
+    NotConverged : the linear solver failed.
     """
     mean = float(gap.mean())
     if gap.min() > 0 and gap.std() < OPEN_RATIO * mean:
-        k = cubic_law(gap) if bounds else np.empty(0)
-        means = [1 / float(np.mean(1 / k)), float(np.mean(k))] if bounds else []
-        return np.array([cubic_law(mean), *means]), "open"
+        means = []
+        if bounds:
+            k = cubic_law(gap)
+            means = [1 / float(np.mean(1 / k)), float(np.mean(k))]
+        return WindowPermeability(np.array([cubic_law(mean), *means]), SolveCounts(open=1))
     result = cell_permeability(gap, spacing, axis=axis, sides="mirror", bounds=bounds)
     k = np.array([result.value, result.lower, result.upper] if bounds else [result.value])
-    return k, "solved" if result.percolates else "closed"
+    return WindowPermeability(k, SolveCounts(solved=1) if result.percolates else SolveCounts(closed=1))

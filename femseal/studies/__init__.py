@@ -5,14 +5,16 @@
 """
 
 from .deterministic import DeterministicResult, deterministic
-from .scene import Scene
-from .sources import PRESSURES, Sampling, seal_cells
-from .stochastic import StochasticResult, check_sampling, stochastic
+from .sampling_options import PRESSURES, Sampling, check_sampling, seal_cells
+from .scene import DISCRETISATIONS, SOLVERS, Scene
+from .stochastic import StochasticResult, stochastic
 from .two_scale import FLOWS, TwoScaleResult, two_scale
 
 __all__ = [
+    "DISCRETISATIONS",
     "FLOWS",
     "PRESSURES",
+    "SOLVERS",
     "DeterministicResult",
     "Sampling",
     "Scene",

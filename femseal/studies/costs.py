@@ -9,7 +9,7 @@ from ..contact.cycle import STATE_FIELDS
 from ..scales.global_contact import PIXELS_PER_CUT_OFF
 from .deterministic import state_memory
 from .sources import Sampling
-from .two_scale import CUT_OFF_WINDOWS
+from .windows import CUT_OFF_WINDOWS
 
 #: Seconds of one core for one contact solution and one flow solution of n pixels, fitted to 64² … 4096² on a 2-core
 #: x86-64 machine; good to a factor of two.

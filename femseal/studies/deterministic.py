@@ -11,12 +11,16 @@ from ..base.stage import Mapper
 from ..base.text import Shown
 from ..contact import HalfSpace, LoadState, load_states
 from ..loads import LoadProgramme
-from .scene import Array, Scene, labels, resolved_permeability
+from ..scales import Failed, attempt
+from .scene import Array, FaceFlow, Scene, labels, resolved_flow
 
 
 @dataclass(frozen=True, repr=False)
 class DeterministicResult(Shown):
-    """Everything resolved on the surface's own grid; arrays over the steps."""
+    """Everything resolved on the surface's own grid; arrays over the steps.
+
+    failures : steps whose flow failed, which have no leakage (NaN).
+    """
 
     steps: LoadProgramme
     leakage: Array = field(
@@ -38,6 +42,7 @@ class DeterministicResult(Shown):
     gap: NDArray[np.float32] = field(metadata=labels("m", "deformed gap, deterministic", "step", "x1", "x2"))
     residual: float = 0.0
     failures: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
 
 
 def deterministic(scene: Scene, *, mapper: Mapper = map) -> DeterministicResult:
@@ -51,7 +56,7 @@ def deterministic(scene: Scene, *, mapper: Mapper = map) -> DeterministicResult:
     half_space = HalfSpace(surface.shape, surface.spacing, scene.modulus, scene.boundary)
     gap0 = surface.heights.max() - surface.heights
     gap = np.empty((len(scene.steps), *surface.shape), np.float32)
-    facts, k = [], []
+    facts, flows = [], []
     states = load_states(
         gap0,
         half_space,
@@ -62,22 +67,34 @@ def deterministic(scene: Scene, *, mapper: Mapper = map) -> DeterministicResult:
         memory=state_memory(gap0.size),
         mapper=mapper,
     )
-    for s, taken in enumerate(states):
-        gap[s], permeability, *others = taken
-        k.append(permeability)
-        facts.append(others)
+    for s, state in enumerate(states):
+        gap[s] = state.gap
+        flows.append(state.flow)
+        facts.append((state.contact_fraction, state.plastic_fraction, state.mean_gap, state.residual))
     contact_fraction, plastic_fraction, mean_gap, residual = np.array(facts).T
-    leakage, failures = scene.resolved_leakage(k)
+    through = scene.resolved_leakage(flows)
     return DeterministicResult(
         steps=scene.steps,
-        leakage=leakage,
+        leakage=through.leakage,
         contact_fraction=contact_fraction,
         plastic_fraction=plastic_fraction,
         mean_gap=mean_gap,
         gap=gap,
         residual=float(residual.max()),
-        failures=failures,
+        failures=through.failures,
     )
+
+
+@dataclass(frozen=True, eq=False)
+class _ResolvedState:
+    """What is kept of the contact and the flow of a step."""
+
+    gap: NDArray[np.float32]
+    flow: FaceFlow | Failed
+    contact_fraction: float
+    plastic_fraction: float
+    mean_gap: float
+    residual: float
 
 
 def state_memory(pixels: int) -> float:
@@ -85,9 +102,13 @@ def state_memory(pixels: int) -> float:
     return 8.0 * pixels * (40 + 2.5 * np.log2(pixels))
 
 
-def _resolved(state: LoadState) -> tuple[NDArray[np.float32], float | str, float, float, float, float]:
-    """Gap, permeability of the face or why there is none, contact and plastic share, mean gap, residual."""
+def _resolved(state: LoadState) -> _ResolvedState:
     contact = state.contact
-    permeability = resolved_permeability(contact.gap, contact.half_space.spacing)
-    facts = (contact.area_fraction, contact.plastic_fraction, contact.mean_gap, contact.residual)
-    return contact.gap.astype(np.float32), permeability, *facts
+    return _ResolvedState(
+        gap=contact.gap.astype(np.float32),
+        flow=attempt(resolved_flow, contact.gap, contact.half_space.spacing),
+        contact_fraction=contact.area_fraction,
+        plastic_fraction=contact.plastic_fraction,
+        mean_gap=contact.mean_gap,
+        residual=contact.residual,
+    )

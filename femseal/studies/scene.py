@@ -3,22 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base.errors import FemsealError
 from ..base.stage import Mapper
 from ..flow import cell_permeability
 from ..fluids import Fluid
 from ..loads import LoadProgramme
-from ..scales import GlobalState, Partition, global_states
+from ..scales import Failed, GlobalState, Partition, global_states
 from ..seal import RectangularSeal, seal_leakage
+from ..seal.layouts import Layout, RectangularLayout
 from ..topography import Topography
 
 Array = NDArray[np.float64]
+#: How the equations of a flow are solved, and how flow is discretised on pixels, see `cell_permeability`.
+SOLVERS = ("auto", "multigrid", "elimination", "amg")
+DISCRETISATIONS = ("edge", "gauss")
 
 
 @dataclass(frozen=True)
@@ -29,6 +32,9 @@ class Scene:
     modulus, hardness : E* and H [Pa].
     boundary : contact boundary of the whole face along x1 and x2.
     loading, unload_from, unloading : nominal pressures [Pa], see `LoadProgramme.of`.
+    rtol : residual of each contact, see `contact.solve_contact`.
+    layout : shape of the seal, see `seal.layouts`.
+    solver, discretisation : of all flow, in cells and over the seal; out of `SOLVERS` and `DISCRETISATIONS`.
     """
 
     surface: Topography
@@ -42,6 +48,9 @@ class Scene:
     unloading: tuple[float, ...] = ()
     boundary: tuple[str, str] = ("free", "periodic")
     rtol: float = 1e-5
+    layout: Layout = field(default_factory=RectangularLayout)
+    solver: str = "auto"
+    discretisation: str = "edge"
 
     @property
     def steps(self) -> LoadProgramme:
@@ -75,21 +84,42 @@ class Scene:
             outlet_pressure=self.outlet_pressure,
         )
 
-    def resolved_leakage(self, permeability: Iterable[float | str]) -> tuple[Array, tuple[str, ...]]:
-        """Leakage through the whole face at every step, of `resolved_permeability` [m²/s], and what failed (NaN)."""
-        seal = RectangularSeal(self.surface.size, (1, 1))
-        values = list(permeability)
-        leakage = [np.nan if isinstance(k, str) else self.leakage(seal, k).per_length for k in values]
-        failures = (f"{s.name}: {k}" for s, k in zip(self.steps, values, strict=True) if isinstance(k, str))
-        return np.array(leakage), tuple(failures)
+    def resolved_leakage(self, flows: Iterable[FaceFlow | Failed]) -> FaceLeakage:
+        """Leakage through the whole face of its resolved flow at every step."""
+        seal = self.layout.seal(self.surface.size, (1, 1))
+        leakage, failures = [], []
+        for step, flow in zip(self.steps, flows, strict=True):
+            if isinstance(flow, Failed):
+                leakage.append(np.nan)
+                failures.append(f"{step.name}: {flow.reason}")
+            else:
+                leakage.append(self.leakage(seal, flow.permeability).per_length)
+        return FaceLeakage(np.array(leakage), tuple(failures))
 
 
-def resolved_permeability(gap: NDArray[np.floating], spacing: tuple[float, float]) -> float | str:
-    """Permeability along x1 of the whole face at full resolution [m³], or why there is none."""
-    try:
-        return cell_permeability(np.asarray(gap, float), spacing, sides="periodic").value
-    except FemsealError as error:
-        return str(error)
+@dataclass(frozen=True)
+class FaceFlow:
+    """Flow through a whole face at full resolution: its permeability along x1 [m³]."""
+
+    permeability: float
+
+
+@dataclass(frozen=True, eq=False)
+class FaceLeakage:
+    """Leakage per length of seal at every step (steps,) [m²/s], NaN where the flow failed."""
+
+    leakage: Array
+    failures: tuple[str, ...] = ()
+
+
+def resolved_flow(gap: NDArray[np.floating], spacing: tuple[float, float]) -> FaceFlow:
+    """Flow along x1 through the gap (n1, n2) [m] of a whole face, periodic along x2.
+
+    Raises
+    ------
+    NotConverged : the linear solver failed.
+    """
+    return FaceFlow(cell_permeability(np.asarray(gap, float), spacing, sides="periodic").value)
 
 
 def labels(unit: str, long_name: str, *dims: str, name: str = "", heading: str = "") -> dict[str, Any]:

@@ -12,19 +12,27 @@ from typing import Any
 
 import numpy as np
 
-from ..base import validate
-from ..base.errors import FemsealError, InputError
+from ..base.errors import InputError
 from ..base.stage import Mapper, Stage
 from ..base.text import Shown
 from ..loads import LoadProgramme
-from ..scales import LadderLibrary, Partition, draw_links
+from ..scales import Failed, LadderLibrary, Partition, attempt, draw_links
 from ..seal import RectangularSeal
+from .followed import windows_under_global_contact, windows_under_uniform_pressure
+from .placed import windows_in_place
+from .sampling_options import Sampling, check_sampling, seal_cells
 from .scene import Array, Scene, labels
-from .sources import PRESSURES, PlacedLibrary, Sampling, Tables, Wanted, seal_cells
+from .sources import PlacedLibrary, Source, Tables, Wanted
 from .two_scale import TwoScaleResult
 
 #: For a wanted width, how often realisations and windows are added, and up to how many times as many as given.
 ROUNDS, GROWTH = 4, 8
+#: Where windows come from, for every `Sampling.pressure`.
+SOURCES: dict[str, Source] = {
+    "place": windows_in_place,
+    "global": windows_under_global_contact,
+    "uniform": windows_under_uniform_pressure,
+}
 
 
 @dataclass(frozen=True, repr=False)
@@ -36,6 +44,7 @@ class StochasticResult(Shown):
     leakage_lower_bound, leakage_upper_bound : of the same realisations with the bounds of every window's permeability;
     None without. They enclose the flow through gaps constant on each pixel: their distance says how well the pixels
     resolve the gaps.
+    failures : what failed, and is NaN or left out. warnings : why the result may be far from the truth.
     """
 
     steps: LoadProgramme
@@ -54,6 +63,7 @@ class StochasticResult(Shown):
         default=None, metadata=labels("m^2/s", "upper bound of leakage per unit seal length", "realisation", "step")
     )
     failures: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
 
     def quantile(self, q: float, *, resampled: bool = False) -> Array:
         """Quantile over the realisations that did not fail, at every step [m²/s]; NaN where all failed.
@@ -184,32 +194,8 @@ def stochastic(
     realisations, windows = result.needed(sampling.width)
     if realisations > len(result.leakage) or windows > result.library.size:
         text = f"width {sampling.width:g} not reached: about {realisations} realisations and {windows} windows needed"
-        result = replace(result, failures=(*result.failures, text))
+        result = replace(result, warnings=(*result.warnings, text))
     return result
-
-
-def check_sampling(sampling: Sampling, cells: tuple[int, int]) -> None:
-    """Raise InputError for options that do not exist or do not go together."""
-    if sampling.pressure not in PRESSURES:
-        raise InputError.of("pressure", sampling.pressure, f"one of {', '.join(PRESSURES)}")
-    if sampling.chosen_sampler == "block" and sampling.pressure != "place":
-        raise InputError.of("sampler", "block", "another one, or the pressure 'place', whose windows are neighbours")
-    if sampling.breadth is not None and (sampling.pressure != "uniform" or not sampling.breadth > 0):
-        raise InputError.of("breadth", sampling.breadth, "a length > 0 with the pressure 'uniform', none with others")
-    if sampling.profile:
-        if sampling.pressure != "uniform":
-            raise InputError.of("profile", sampling.profile, "none but with the pressure 'uniform'")
-        shares = np.asarray(sampling.profile, float)
-        rows = cells[0] if sampling.breadth is None else shares.size
-        if shares.shape != (rows,) or not np.all(shares >= 0) or abs(shares.mean() - 1) > 1e-6:
-            raise InputError.of("profile", sampling.profile, f"{rows} numbers >= 0 with the mean 1")
-    if sampling.library is not None and sampling.pressure == "place":
-        raise InputError.of("library", f"'{sampling.library}'", "none with the pressure 'place', which has no ladder")
-    if sampling.width is not None:
-        validate.number("width", sampling.width, unit="1")
-    if sampling.bounds and (sampling.pressure == "place" or sampling.chosen_sampler != "history"):
-        given = f"true with the pressure '{sampling.pressure}' and the sampler '{sampling.chosen_sampler}'"
-        raise InputError.of("bounds", given, "true with 'global' or 'uniform' and 'history'")
 
 
 def _draw(
@@ -219,23 +205,32 @@ def _draw(
     n1, n2 = seal_cells(partition, sampling)
     if sampling.profile and len(sampling.profile) != n1:
         raise InputError.of("profile", f"{len(sampling.profile)} numbers", f"{n1}, one for each row of windows")
-    library, kinds, rows = PRESSURES[sampling.pressure](Wanted(scene, partition, sampling, (n1, n2), two_scale, mapper))
-    seal = RectangularSeal((n1 * partition.window_size[0], n2 * partition.window_size[1]), (n1, n2), rows)
-    stage = Stage("drawn seals", partial(_realise, scene=scene, seal=seal, kinds=kinds, sampling=sampling))
+    supply = SOURCES[sampling.pressure](Wanted(scene, partition, sampling, (n1, n2), two_scale, mapper))
+    seal = scene.layout.seal((n1 * partition.window_size[0], n2 * partition.window_size[1]), (n1, n2), supply.node_rows)
+    stage = Stage("drawn seals", partial(_realise, scene=scene, seal=seal, kinds=supply.tables, sampling=sampling))
     count = sampling.realisations
-    outcomes = list(mapper(stage, [*range(count)] * 2, [False] * count + [True] * count))
-    leakage, *bounds = np.array([o[0] for o in outcomes[:count]]).transpose(1, 0, 2)
+    drawn = list(mapper(stage, [*range(count)] * 2, [False] * count + [True] * count))
+    leakage, *bounds = np.array([r.leakage for r in drawn[:count]]).transpose(1, 0, 2)
     lower, upper = bounds or (None, None)
     return StochasticResult(
         steps=scene.steps,
         seal=seal,
-        library=library,
+        library=supply.library,
         leakage=leakage,
-        leakage_resampled=np.array([o[0][0] for o in outcomes[count:]]),
+        leakage_resampled=np.array([r.leakage[0] for r in drawn[count:]]),
         leakage_lower_bound=lower,
         leakage_upper_bound=upper,
-        failures=library.failures + tuple(t for o in outcomes for t in o[1]),
+        failures=supply.library.failures + tuple(text for r in drawn for text in r.failures),
+        warnings=supply.warnings,
     )
+
+
+@dataclass(frozen=True, eq=False)
+class Realisation:
+    """Leakage of one drawn seal by each kind of tables at every step (kinds, steps) [m²/s], NaN where it failed."""
+
+    leakage: Array
+    failures: tuple[str, ...] = ()
 
 
 def _realise(
@@ -246,37 +241,33 @@ def _realise(
     seal: RectangularSeal,
     kinds: tuple[Tables, ...],
     sampling: Sampling,
-) -> tuple[Array, list[str]]:
-    """Leakage of one drawn seal by each kind of tables at every step (kinds, steps), and what failed.
-
-    The same random numbers draw the same windows from each; `resampled` takes values only.
-    """
+) -> Realisation:
+    """The same random numbers draw the same windows from each kind of tables; `resampled` takes values only."""
     steps = scene.steps
-    n1, n2 = seal.cells
     if resampled:
         kinds = (_resample(kinds[0], sampling.seed, realisation),)
     leakage = np.full((len(kinds), len(steps)), np.nan)
     failures: list[str] = []
     for kind, tables in enumerate(kinds):
-        draws = [
-            draw_links(t, sampler=sampling.chosen_sampler, seed=sampling.seed, realisation=realisation, axis=a)
-            for a, t in enumerate(tables)
-        ]
-        for s in range(len(steps)):
-            maps = draws[0](s).reshape(n2, n1).T, draws[1](s).reshape(n2, n1 - 1).T
-            try:
-                leakage[kind, s] = scene.leakage(seal, maps).per_length
-            except FemsealError as error:
-                failures.append(f"realisation {realisation}, {steps[s].name}: {error}")
-    return leakage, failures
+        along, across = (
+            draw_links(t, sampler=sampling.chosen_sampler, seed=sampling.seed, realisation=realisation, axis=axis)
+            for axis, t in enumerate(tables)
+        )
+        for s, step in enumerate(steps):
+            found = attempt(scene.leakage, seal, (along(s), across(s)))
+            if isinstance(found, Failed):
+                failures.append(f"realisation {realisation}, {step.name}: {found.reason}")
+            else:
+                leakage[kind, s] = found.per_length
+    return Realisation(leakage, tuple(failures))
 
 
 def _resample(tables: Tables, seed: int, realisation: int) -> Tables:
     """Tables of as many cells drawn with repetition, neighbours together where they are alike."""
-    cells = tables[0].k.shape[1]
+    cells = tables[0].k.shape[2]
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(realisation, 2)))
     length = min(max(1, round(tables[0].correlation_length)), cells)
     first = rng.integers(cells, size=-(-cells // length))
     taken = ((first[:, None] + np.arange(length)) % cells).ravel()[:cells]
-    first_table, second = (replace(t, k=t.k[:, taken]) for t in tables)
+    first_table, second = (replace(t, k=t.k[:, :, taken]) for t in tables)
     return first_table, second

@@ -28,7 +28,7 @@ def library_table(windows):
     from femseal.contact import HalfSpace
     from femseal.loads import LoadProgramme
     from femseal.scales import Ladder, WindowSource, build_ladder_library
-    from femseal.studies.sources import LOADING_SHARES, PEAK_SHARES, STOPS
+    from femseal.studies.followed import LOADING_SHARES, PEAK_SHARES, STOPS
 
     n = 16 * WINDOW
     face = self_affine((n, n), (n * PIXEL,) * 2, hurst=0.8, rms_slope=SLOPE, roll_off=40e-6, cut_off=8 * PIXEL, rng=1)
@@ -43,8 +43,8 @@ def library_table(windows):
     steps = LoadProgramme.of(
         [hardness * s for s in shares], [hardness * 0.33], [hardness * s for s in (0.2, 0.1, 0.03)]
     )
-    paths = np.array([[s.pressure for s in steps]])
-    return [library.along(paths, np.zeros_like(paths), steps, axis)[0] for axis in (0, 1)], steps
+    paths = steps.pressures[:, None]
+    return [library.along(paths, np.zeros_like(paths), steps, axis)[:, 0].T for axis in (0, 1)], steps
 
 
 def distance(a, b):
@@ -100,9 +100,9 @@ def main():
 
     def sampled(sampler):
         def draw(axis, links, m):
-            table = LinkTable(first[axis][None], np.zeros(links, int), 1, steps)
+            table = LinkTable(first[axis].T[:, None], np.zeros((1, links), int), steps)
             one = draw_links(table, sampler=sampler, seed=1, realisation=m, axis=axis)
-            return np.stack([one(s) for s in range(len(steps))], axis=1)
+            return np.stack([one(s)[0] for s in range(len(steps))], axis=1)
 
         return draw
 

@@ -1,0 +1,64 @@
+"""Faults that pydantic finds in a case, one line for each: the key, what was given, what is allowed."""
+
+from __future__ import annotations
+
+from typing import Any, get_args
+
+from pydantic import BaseModel, ValidationError
+
+
+def fault_lines(case: type[BaseModel], error: ValidationError) -> list[str]:
+    """One line for each fault in a case given to the model."""
+    # a list is also too short where its items have faults of their own
+    faults = [dict(e) for e in error.errors() if e["type"] != "too_short" or not e["input"]]
+    return list(dict.fromkeys(_line(case, fault) for fault in faults))
+
+
+def _line(case: type[BaseModel], error: dict[str, Any]) -> str:
+    place, tables = _place(case, error["loc"])
+    key = ".".join(place) or "case"
+    kind, given = error["type"], error["input"]
+    if kind == "extra_forbidden":
+        return f"{key}: unknown key, allowed are {', '.join(n for n in tables[0].model_fields if n != 'folder')}"
+    if kind == "missing":
+        return f"{key}: missing"
+    if kind == "too_short":
+        return f"{key}: given {given!r}, allowed is a list of at least one"
+    if kind.startswith("int_"):
+        return f"{key}: given {given!r}, allowed is a whole number"
+    if kind in ("union_tag_invalid", "union_tag_not_found"):
+        given = given.get("kind") if isinstance(given, dict) else given
+        return f"{key}.kind: given {given!r}, allowed is one of {', '.join(map(repr, map(_kind, tables)))}"
+    message = str(error["msg"])
+    if ": given " in message:  # a fault between keys names its own
+        return message
+    if isinstance(given, (dict, BaseModel)):
+        return f"{key}: allowed is {message}"
+    text = message.removeprefix("Input should be ").removeprefix("Value error, ")
+    return f"{key}: given {given!r}, allowed is {text}"
+
+
+def _place(case: type[BaseModel], loc: tuple[Any, ...]) -> tuple[list[str], list[Any]]:
+    """Key of a fault as it is in the file, and the table that holds it, or the tables that its value may be."""
+    place: list[str] = []
+    inside: list[Any] = [case]
+    for part in loc:
+        if isinstance(part, str) and part in map(_kind, inside):  # which is not written in the file
+            inside = [table for table in inside if _kind(table) == part]
+            continue
+        place.append(str(part))
+        if isinstance(part, str) and part in inside[0].model_fields:
+            inside = _tables(inside[0].model_fields[part].annotation) or inside
+    return place, inside
+
+
+def _tables(annotation: Any) -> list[Any]:
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return [annotation]
+    return [table for inner in get_args(annotation) for table in _tables(inner)]
+
+
+def _kind(table: Any) -> str | None:
+    """Kind of a table that has one."""
+    field = table.model_fields.get("kind")
+    return None if field is None else get_args(field.annotation)[0]

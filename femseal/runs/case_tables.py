@@ -1,0 +1,164 @@
+"""Tables of a case file but for its faces: solids, load, contact, flow, fluid, seal, windows, draws, output.
+
+Fluids and shapes of seals are not named here: whatever is registered in `fluids.FLUIDS` and `seal.layouts.LAYOUTS` has
+a table, with a key for each of its parameters.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from pydantic import Field, model_validator
+from pydantic_core import PydanticCustomError
+
+from ..base.quantities import to_text
+from ..fluids import FLUIDS, Fluid
+from ..materials import Solid
+from ..results.fields import LIMIT
+from ..results.vtk import FORMATS
+from ..scales import SAMPLERS
+from ..seal.layouts import LAYOUTS, Layout
+from ..studies import DISCRETISATIONS, FLOWS, PRESSURES, SOLVERS
+from .case_registry import table_of_any
+from .case_values import Count, FileSize, Length, Modulus, Poisson, Pressure, Ratio, Table, one_of
+
+Boundary = Literal["periodic", "mirror", "free"]
+
+
+class SolidTable(Table):
+    """A solid, see `materials.Solid`."""
+
+    young: Modulus
+    poisson: Poisson = 0.3
+    yield_stress: Modulus | None = None
+    hardness: Modulus | None = None
+
+    @model_validator(mode="after")
+    def _one_strength(self) -> SolidTable:
+        if self.yield_stress is not None and self.hardness is not None:
+            raise PydanticCustomError("strength", "yield_stress or hardness, not both")
+        return self
+
+    @property
+    def solid(self) -> Solid:
+        """The solid."""
+        return Solid(**self.model_dump())
+
+
+class LoadTable(Table):
+    """Nominal pressures of the cycle, see `loads.LoadProgramme`."""
+
+    loading: Annotated[tuple[Pressure, ...], Field(min_length=1)]
+    unload_from: tuple[Pressure, ...] = ()
+    unloading: tuple[Pressure, ...] = ()
+
+    @model_validator(mode="after")
+    def _programme(self) -> LoadTable:
+        if any(b <= a for a, b in zip(self.loading[:-1], self.loading[1:], strict=True)):
+            raise PydanticCustomError("load", "rising pressures in `loading`")
+        if bool(self.unload_from) != bool(self.unloading):
+            raise PydanticCustomError("load", "`unload_from` and `unloading` both, or neither")
+        for peak in self.unload_from:
+            if not any(p < peak for p in self.unloading):
+                low = to_text(peak, "Pa")
+                raise PydanticCustomError("load", "a pressure in `unloading` below the peak {low}", {"low": low})
+        return self
+
+
+class ContactTable(Table):
+    """How contact is solved."""
+
+    boundary: tuple[Boundary, Boundary] = ("free", "periodic")
+    rtol: Annotated[float, Field(gt=0, lt=0.1)] = 1e-5
+
+
+class FlowTable(Table):
+    """How flow is discretised and solved, in windows, in whole faces and over the seal."""
+
+    solver: Annotated[str, *one_of(SOLVERS)] = "auto"
+    discretisation: Annotated[str, *one_of(DISCRETISATIONS)] = "edge"
+
+
+class FluidTable(Table):
+    """A fluid, with a key for each of its parameters, and its pressures at both ends."""
+
+    if TYPE_CHECKING:
+        kind: str
+        inlet_pressure: float
+        outlet_pressure: float
+
+    @property
+    def fluid(self) -> Fluid:
+        """The fluid."""
+        return FLUIDS[self.kind](**self.model_dump(exclude={"kind", "inlet_pressure", "outlet_pressure"}))
+
+
+class SealTable(Table):
+    """The shape of the seal, with a key for each of its parameters."""
+
+    if TYPE_CHECKING:
+        kind: str
+
+    @property
+    def layout(self) -> Layout:
+        """The shape."""
+        return LAYOUTS[self.kind](**self.model_dump(exclude={"kind"}))
+
+
+def _pressures(fluid: Any) -> dict[str, Any]:
+    return {"inlet_pressure": (Pressure, ...), "outlet_pressure": (Pressure, fluid.outlet_pressure)}
+
+
+if TYPE_CHECKING:
+    AnyFluid = FluidTable
+    AnySeal = SealTable
+else:
+    AnyFluid = table_of_any(FLUIDS, FluidTable, _pressures)
+    AnySeal = table_of_any(LAYOUTS, SealTable)
+
+
+class CellsTable(Table):
+    """Windows of the two-scale and stochastic methods: their number, or about their size; and the two-scale flow.
+
+    flow : see `studies.two_scale`.
+    """
+
+    count: tuple[Count, Count] | None = None
+    size: Length | None = None
+    flow: Annotated[str, *one_of(FLOWS)] = "links"
+
+    @model_validator(mode="after")
+    def _one_of(self) -> CellsTable:
+        if (self.count is None) == (self.size is None):
+            raise PydanticCustomError("cells", "one of `count` and `size`")
+        return self
+
+
+class StochasticTable(Table):
+    """How a seal is drawn, see `studies.Sampling`."""
+
+    length: Length
+    breadth: Length | None = None
+    realisations: Annotated[int, Field(strict=True, ge=2)] = 50
+    library_cells: Count = 128
+    sampler: Annotated[str, *one_of(SAMPLERS)] | None = None
+    pressure: Annotated[str, *one_of(PRESSURES)] = "place"
+    profile: tuple[Annotated[float, Field(ge=0)], ...] = ()
+    library: Path | None = None
+    width: Annotated[float, Field(gt=0)] | None = None
+    bounds: bool = False
+    quantiles: tuple[Ratio, Ratio] = (0.05, 0.95)
+
+    @model_validator(mode="after")
+    def _ordered(self) -> StochasticTable:
+        if not self.quantiles[0] < self.quantiles[1]:
+            raise PydanticCustomError("quantiles", "two rising `quantiles`")
+        return self
+
+
+class OutputTable(Table):
+    """What the results folder holds besides, see `report.write_folder`."""
+
+    paraview: Annotated[str, *one_of(FORMATS)] = "vtkhdf"
+    fields_limit: FileSize = LIMIT

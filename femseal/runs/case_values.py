@@ -1,0 +1,97 @@
+"""Values in a case file: quantities with their unit, numbers in a range, and names out of those that are known."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from functools import partial
+from typing import Annotated, Any
+
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    GetCoreSchemaHandler,
+    GetJsonSchemaHandler,
+    WithJsonSchema,
+)
+from pydantic_core import PydanticCustomError, core_schema
+
+from ..base.errors import InputError
+from ..base.quantities import to_si
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """Text with a unit, or a plain number where `unit` is "", as a float in SI."""
+
+    unit: str
+    test: Callable[[float], bool]
+    allowed: str
+
+    def _read(self, value: Any) -> float:
+        try:
+            number = to_si(value, self.unit)
+        except InputError as error:
+            context = {"allowed": str(error).split("allowed is ")[-1]}
+            raise PydanticCustomError("quantity", "{allowed}", context) from None
+        if not self.test(number):
+            raise PydanticCustomError("quantity", "{allowed}", {"allowed": self.allowed})
+        return number
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> Any:
+        return core_schema.no_info_before_validator_function(self._read, handler(source))
+
+    def __get_pydantic_json_schema__(self, core: Any, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        described = {"description": self.allowed}
+        if self.unit:
+            return {"type": "string", "pattern": r"^\s*[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?[^,]*[^\s\d.,]"} | described
+        return {"type": ["number", "string"]} | described
+
+
+def _known(value: Any, names: tuple[str, ...]) -> str:
+    if value not in names:
+        raise PydanticCustomError("name", "{allowed}", {"allowed": f"one of {', '.join(names)}"})
+    return str(value)
+
+
+def one_of(names: Iterable[str]) -> tuple[BeforeValidator, WithJsonSchema]:
+    """Annotations of a text that is one of the names."""
+    known = tuple(names)
+    return BeforeValidator(partial(_known, names=known)), WithJsonSchema({"type": "string", "enum": list(known)})
+
+
+def _threshold(value: Any) -> float:
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not value > 0:
+        raise PydanticCustomError("threshold", "{allowed}", {"allowed": "a number > 0; inf leaves all points"})
+    return float(value)
+
+
+def _positive(x: float) -> bool:
+    return x > 0
+
+
+def _not_negative(x: float) -> bool:
+    return x >= 0
+
+
+Length = Annotated[float, Quantity("m", _positive, "a length > 0, such as '1.5 mm'")]
+Height = Annotated[float, Quantity("m", _not_negative, "a height >= 0, such as '0.2 um'")]
+Pressure = Annotated[float, Quantity("Pa", _not_negative, "a pressure >= 0, such as '300 MPa'")]
+Modulus = Annotated[float, Quantity("Pa", _positive, "a stress > 0, such as '210 GPa'")]
+FileSize = Annotated[float, Quantity("byte", _not_negative, "a size >= 0, such as '500 MB'")]
+Ratio = Annotated[float, Quantity("", lambda x: 0 <= x <= 1, "a number from 0 to 1")]
+Hurst = Annotated[float, Quantity("", lambda x: 0 < x <= 1, "a Hurst exponent above 0, at most 1")]
+Slope = Annotated[float, Quantity("", _positive, "a slope > 0")]
+Poisson = Annotated[float, Quantity("", lambda x: -1 < x <= 0.5, "a Poisson's ratio above -1, at most 0.5")]
+Angle = Annotated[float, Quantity("rad", lambda x: True, "an angle, such as '90 deg'")]
+Shift = Annotated[float, Quantity("m", lambda x: True, "a length, such as '-20 um'")]
+Threshold = Annotated[float, BeforeValidator(_threshold), WithJsonSchema({"type": "number", "exclusiveMinimum": 0})]
+Count = Annotated[int, Field(strict=True, ge=1)]
+
+
+class Table(BaseModel):
+    """A table of a case file: its keys are the fields, any other one is a fault."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)

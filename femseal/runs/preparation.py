@@ -1,0 +1,152 @@
+"""From a case to what the studies take: faces are made or read, conditioned, and divided into windows."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, replace
+from math import ceil, inf
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..base.errors import InputError
+from ..base.quantities import to_text
+from ..scales import Partition
+from ..studies import Sampling, Scene, check_sampling
+from ..studies.costs import choose_method
+from ..topography import Conditioning, Overlap, Topography, combine, condition, repair
+from .case_faces import FileFace
+from .case_tables import StochasticTable
+
+if TYPE_CHECKING:
+    from .case import Case
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """What the studies take: the scene, its division, how to draw seals; and how the surface came about.
+
+    method, methods : what is to be solved, "auto" decided; choice : why, if it was.
+    """
+
+    scene: Scene
+    cells: tuple[int, int] | None
+    sampling: Sampling | None
+    conditioning: Conditioning
+    overlap: Overlap | None
+    method: str
+    methods: frozenset[str]
+    choice: str
+
+    @property
+    def surface_report(self) -> dict[str, Any]:
+        """What was done to the surface, as plain data."""
+        return asdict(self.conditioning) | ({} if self.overlap is None else {"overlap": asdict(self.overlap)})
+
+
+def prepare(case: Case) -> Prepared:
+    """Make or read the faces, condition their sum, divide it into windows.
+
+    Raises
+    ------
+    InputError : a face that cannot be read or used, or windows that do not suit it.
+    """
+    surface, repaired, overlap = _combined_faces(case)
+    cells = _cell_count(case, surface)
+    shape = case.surface.points or surface.shape
+    if cells is not None:
+        shape = (_multiple(shape[0], cells[0]), _multiple(shape[1], cells[1]))
+    surface, report = condition(
+        surface,
+        spikes=inf,
+        detrend=case.surface.detrend,
+        shortest_wavelength=case.surface.shortest_wave,
+        max_undefined=case.surface.max_undefined,
+        shape=shape,
+    )
+    sampling = None
+    if cells is not None:
+        window = Partition(surface.shape, surface.spacing, cells).window_size
+        if min(window) < 2 * report.shortest_wavelength * (1 - 1e-9):
+            sizes = " × ".join(to_text(w, "m", 3) for w in window)
+            least = to_text(2 * report.shortest_wavelength, "m", 3)
+            raise InputError.of("cells", f"windows of {sizes}", f"windows of at least two shortest waves, {least}")
+        if case.stochastic is not None and "stochastic" in case.methods:
+            sampling = _sampling(case, case.stochastic, window[1])
+            check_sampling(sampling, cells)
+    scene = Scene(
+        surface=surface,
+        modulus=case.modulus,
+        hardness=case.hardness,
+        fluid=case.fluid.fluid,
+        inlet_pressure=case.fluid.inlet_pressure,
+        outlet_pressure=case.fluid.outlet_pressure,
+        loading=case.load.loading,
+        unload_from=case.load.unload_from,
+        unloading=case.load.unloading,
+        boundary=case.contact.boundary,
+        rtol=case.contact.rtol,
+        layout=case.seal.layout,
+        solver=case.flow.solver,
+        discretisation=case.flow.discretisation,
+    )
+    method: str = case.method
+    choice = ""
+    if method == "auto":
+        assert cells is not None
+        method, choice = choose_method(len(scene.steps), surface.shape, cells)
+    methods = frozenset({method, *case.compare})
+    return Prepared(scene, cells, sampling, replace(report, **repaired), overlap, method, methods, choice)
+
+
+def _sampling(case: Case, table: StochasticTable, window_length: float) -> Sampling:
+    if table.length < window_length * (1 - 1e-9):
+        cell, given = to_text(window_length, "m", 3), to_text(table.length, "m", 3)
+        raise InputError.of("stochastic.length", given, f"at least one cell, {cell}")
+    return Sampling(
+        length=table.length,
+        breadth=table.breadth,
+        realisations=table.realisations,
+        library_cells=table.library_cells,
+        seed=case.seed,
+        sampler=table.sampler,
+        pressure=table.pressure,
+        profile=table.profile,
+        library=None if table.library is None else case.folder / table.library,
+        width=table.width,
+        bounds=table.bounds,
+    )
+
+
+def _combined_faces(case: Case) -> tuple[Topography, dict[str, Any], Overlap | None]:
+    """Sum of the faces without spikes and undefined points, what was repaired in them, and where they overlap."""
+    # a stream of its own for every face, whatever the method draws later
+    seeds = np.random.SeedSequence(case.seed).spawn(len(case.face))
+    faces, undefined, spikes = [], 0.0, 0
+    for table, seed in zip(case.face, seeds, strict=True):
+        measured = table.make(case.folder, np.random.default_rng(seed))
+        threshold = case.surface.spikes if isinstance(table, FileFace) else inf
+        face, repaired = repair(measured, spikes=threshold, max_undefined=case.surface.max_undefined)
+        faces.append(face)
+        undefined, spikes = undefined + repaired.undefined_share / len(case.face), spikes + repaired.spikes
+    found = {"undefined_share": undefined, "spikes": spikes}
+    if len(faces) == 1:
+        return faces[0], found, None
+    second = case.face[1]
+    surface, overlap = combine(*faces, **(second.placement if isinstance(second, FileFace) else {}))
+    return surface, found, overlap
+
+
+def _cell_count(case: Case, surface: Topography) -> tuple[int, int] | None:
+    if case.methods == {"deterministic"} or (case.cells is None and case.method != "auto"):
+        return None
+    if case.cells is not None and case.cells.count is not None:
+        return case.cells.count
+    # eight shortest waves: shorter windows cut more paths off than two scales save
+    waves = case.surface.shortest_wave or 8 * max(surface.spacing)
+    size = 8 * waves if case.cells is None or case.cells.size is None else case.cells.size
+    m1, m2 = (max(1, round(length / size)) for length in surface.size)
+    return m1, m2
+
+
+def _multiple(n: int, of: int) -> int:
+    return ceil(n / of) * of

@@ -1,0 +1,128 @@
+"""Windows that are followed along a ladder of pressures, and the pressure that every link of a seal has."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+
+from ..contact import HalfSpace
+from ..scales import (
+    GlobalState,
+    Ladder,
+    LadderLibrary,
+    LinkTable,
+    Partition,
+    WindowSource,
+    build_ladder_library,
+    on_ladder,
+)
+from ..scales.sampling import Index
+from .scene import Array, Scene
+from .sources import Tables, Wanted, WindowSupply
+
+#: Loading steps of a library in shares of the pressure at which everything is in contact, about: the hardness, or half
+#: of E* × rms slope where that is less.
+LOADING_SHARES = (0, 0.001, 0.004, 0.01, 0.02, 0.04, 0.07, 0.11, 0.16, 0.22, 0.29, 0.37, 0.46, 0.56, 0.67, 0.8, 0.95)
+#: Those from which library windows are unloaded, and stops in shares of the peak.
+PEAK_SHARES = (0.02, 0.07, 0.16, 0.29, 0.46, 0.67, 0.95)
+STOPS = (0.8, 0.6, 0.4, 0.25, 0.12, 0.04, 0.0)
+#: Rigid separations of library windows in rms heights; beyond them k is within 3 % of the asymptote, which takes over.
+SEPARATIONS = (-1.0, 0.0, 1.0, 2.0, 3.0, 5.0, 8.0)
+#: The global contact that gives the pressures of library windows carries waves longer than a window.
+CUT_OFF_WINDOWS = 1.0
+
+
+def windows_under_global_contact(wanted: Wanted) -> WindowSupply:
+    """A ladder up to the highest window pressure; each link follows its place in the repeated global contact."""
+    scene, partition = wanted.scene, wanted.partition
+    (m1, m2), n2 = partition.cells, wanted.seal[1]
+    cut_off = CUT_OFF_WINDOWS * min(partition.window_size)
+    means = partial(_link_means, partition=partition)
+    states = scene.global_states(partition, cut_off, take=means, mapper=wanted.mapper)
+    p, p_across, gap, gap_across = (np.array(values) for values in zip(*states, strict=True))
+    library = _library(wanted, float(p.max()), apart=True)
+    # windows without pressure stand off as the asperities of the others make the whole body do
+    peaks = scene.steps.peak_indices
+    load = p.sum(axis=(1, 2))
+    own = library.loaded("standoff", p) - library.flattening(p, p[peaks])
+    standoff = np.divide((p * own).sum(axis=(1, 2)), load, out=np.zeros_like(load), where=load > 0)
+    links = []
+    for axis, (pressure, distance) in enumerate(((p, gap), (p_across, gap_across))):
+        # what a peak has deformed for good widens their gap
+        gaps = distance + standoff[:, None, None] + library.loaded("plastic_deformation", pressure[peaks])
+        path = np.arange(m1 - axis)[:, None] * m2 + np.arange(n2) % m2
+        flat = (len(pressure), (m1 - axis) * m2)
+        links.append(_LinkPaths(pressure.reshape(flat), gaps.reshape(flat), path))
+    return WindowSupply(library, _tables(library, links, scene))
+
+
+def _link_means(state: GlobalState, partition: Partition) -> tuple[Array, Array, Array, Array]:
+    """Pressure of the links' windows along x1 and x2, and their mean gap."""
+    gap, across = (partition.means(state.raw_gap, axis) for axis in (0, 1))
+    return state.pressure, state.pressure_across, gap, across
+
+
+def windows_under_uniform_pressure(wanted: Wanted) -> WindowSupply:
+    """Full heights under the nominal pressure, or under the share of it that the profile gives to a row."""
+    scene, (n1, n2) = wanted.scene, wanted.seal
+    nominal = scene.steps.pressures
+    rows = np.asarray(wanted.sampling.profile or (1.0,), float)
+    # between the rows of a profile lie those of the links across
+    shares = (rows, (rows[:-1] + rows[1:]) / 2 if rows.size > 1 else rows)
+    highest = float(nominal.max() * rows.max())
+    exact = scene.steps.loading if rows.size == 1 else ()
+    library = _library(wanted, highest, exact=exact)
+    links = []
+    for axis in (0, 1):
+        pressure = nominal[:, None] * shares[axis]
+        row = np.arange(n1 - axis) if rows.size > 1 else np.zeros(n1 - axis, np.int64)
+        links.append(_LinkPaths(pressure, np.full(pressure.shape, -np.inf), np.repeat(row[:, None], n2, axis=1)))
+    return WindowSupply(library, _tables(library, links, scene))
+
+
+@dataclass(frozen=True, eq=False)
+class _LinkPaths:
+    """Which pressures the links along one axis have.
+
+    pressure, gap : of every path (steps, paths) [Pa], [m]. path : that each link follows (rows, columns).
+    """
+
+    pressure: Array
+    gap: Array
+    path: Index
+
+
+def _tables(library: LadderLibrary, links: list[_LinkPaths], scene: Scene) -> tuple[Tables, ...]:
+    """The values, and with bounds the lower and upper ones."""
+
+    def table(axis: int, kind: int) -> LinkTable:
+        k = library.along(links[axis].pressure, links[axis].gap, scene.steps, axis, kind)
+        return LinkTable(k, links[axis].path, scene.steps)
+
+    return tuple((table(0, kind), table(1, kind)) for kind in range(library.ladder.kinds))
+
+
+def _library(wanted: Wanted, highest: float, *, apart: bool = False, exact: tuple[float, ...] = ()) -> LadderLibrary:
+    """Windows of a topography along the standard ladder as far as needed, `apart` also without pressure.
+
+    Exact loading pressures are solved besides; windows are then unloaded from the scene's own peaks.
+    """
+    scene, partition, sampling = wanted.scene, wanted.partition, wanted.sampling
+    full = min(scene.hardness, 0.5 * scene.modulus * scene.surface.rms_slope)
+    half_space = HalfSpace(partition.window, partition.spacing, scene.modulus, ("mirror", "mirror"))
+    source = WindowSource((-scene.surface.heights,), half_space, scene.hardness, sampling.seed, scene.rtol)
+    waits = scene.steps.unload_from
+    shares = LOADING_SHARES if highest <= LOADING_SHARES[-1] * full else (*LOADING_SHARES, highest / full)
+    ladder = Ladder(
+        loading=tuple(share * full for share in shares),
+        peaks=tuple(share * full for share in PEAK_SHARES) if waits else (),
+        stops=STOPS if waits else (),
+        separations=tuple(source.rms_height * s for s in SEPARATIONS) if apart else (),
+        bounds=sampling.bounds,
+    )
+    ladder = on_ladder(ladder, exact, highest)
+    if exact:
+        ladder = replace(ladder, peaks=waits, stops=STOPS if waits else ())
+    return build_ladder_library(source, ladder, sampling.library_cells, folder=sampling.library, mapper=wanted.mapper)

@@ -1,0 +1,75 @@
+"""Windows of a face at their places, under the contact of the two-scale solution."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..base.errors import FemsealError
+from ..scales import LibraryTable, LinkTable, SolveCounts, correlation_length
+from .scene import Array
+from .sources import PlacedLibrary, Wanted, WindowSupply
+from .windows import LinkFlows, solve_links, solve_windows
+
+#: Runs of columns last for so many correlation lengths, at most once round the face: where runs meet, channels of the
+#: face are cut off. Measured on circular milling marks with ten columns: 0.83 to 0.95 of the leakage with runs of ten,
+#: 0.36 to 0.87 with runs of two.
+RUN_LENGTHS = 10
+
+
+def windows_in_place(wanted: Wanted) -> WindowSupply:
+    """All windows of the face at their places, moved along it by fractions of a window where more are wanted.
+
+    Raises
+    ------
+    FemsealError : every column has a window that failed.
+    """
+    scene, partition, two_scale, mapper = wanted.scene, wanted.partition, wanted.two_scale, wanted.mapper
+    (m1, m2), w2, n2 = partition.cells, partition.window[1], wanted.seal[1]
+    contact = two_scale or solve_windows(scene, partition.cells, mapper=mapper)
+    shifts = int(np.clip(-(-wanted.sampling.library_cells // (m1 * m2)), 1, w2))
+    moved = [n * w2 // shifts for n in range(shifts)]
+    known = {} if two_scale is None else {(0, 0): LinkFlows(two_scale.k1), (1, 0): LinkFlows(two_scale.k2)}
+    flows = [
+        [known.get((axis, s)) or solve_links(contact.fields, axis, shift=s, mapper=mapper) for s in moved]
+        for axis in (0, 1)
+    ]
+    k1, k2 = _without_failed(*(np.concatenate([f.k for f in along], axis=2) for along in flows))
+    length = float(np.mean([correlation_length(k1[:, :, n * m2 : (n + 1) * m2]) for n in range(shifts)]))
+    every = flows[0] + flows[1]
+    library = PlacedLibrary(
+        k1=k1,
+        k2=k2,
+        curves=LibraryTable(
+            steps=scene.steps,
+            pressure=_each_window(contact.pressure),
+            k=_each_window(flows[0][0].k),
+            mean_gap=_each_window(contact.mean_gap),
+            contact_fraction=_each_window(contact.contact_fraction),
+        ),
+        correlation_length=length,
+        shifts=shifts,
+        counts=SolveCounts.total(f.counts for f in every),
+        # what failed in the two-scale study is told by its own result
+        failures=(() if two_scale else contact.failures) + tuple(text for f in every for text in f.failures),
+    )
+    run = min(RUN_LENGTHS * length, float(m2))
+    along, across = (
+        LinkTable(k, np.repeat(np.arange(k.shape[1])[:, None], n2, axis=1), scene.steps, run, length) for k in (k1, k2)
+    )
+    node_rows = contact.fields.partition.node_rows
+    return WindowSupply(library, ((along, across),), node_rows, () if two_scale else contact.warnings)
+
+
+def _each_window(values: Array) -> Array:
+    """(windows, steps) of numbers of windows at their places (steps, rows, columns)."""
+    return values.reshape(len(values), -1).T
+
+
+def _without_failed(k1: Array, k2: Array) -> tuple[Array, Array]:
+    """A column in which anything failed is replaced by the next one."""
+    good = np.isfinite(k1).all(axis=(0, 1)) & np.isfinite(k2).all(axis=(0, 1))
+    if not good.any():
+        raise FemsealError("library: every column of cells has one that failed")
+    columns = np.flatnonzero(good)
+    taken = columns[np.searchsorted(columns, np.arange(good.size)) % columns.size]
+    return k1[:, :, taken], k2[:, :, taken]

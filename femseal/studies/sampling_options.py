@@ -1,0 +1,88 @@
+"""How a seal is drawn from windows: the options, and which of them go together."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ..base import validate
+from ..base.errors import InputError
+from ..scales import Partition
+
+#: Which pressures and which waves a window may see, see `Sampling.pressure`.
+PRESSURES = ("place", "global", "uniform")
+
+
+@dataclass(frozen=True)
+class Sampling:
+    """How a seal is drawn.
+
+    length : seal length along x2 [m], rounded to whole cells.
+    breadth : size from inlet to outlet [m], likewise; that of the face unless given; "uniform" only.
+    realisations : how many seals. library_cells : windows in the library. seed : of all random numbers.
+    sampler : "history", "derivative", "copula" or "block", see `scales.sampling`; unless given "block" with "place",
+        which has neighbours, and "history" else.
+    pressure : which pressures and which waves a window sees.
+        "place": the windows of the two-scale solution of the face; a link draws from those of its row, over the face
+        moved by fractions of a window where `library_cells` asks for more: for faces whose form varies over a window.
+        "global": windows with all their waves are followed along a ladder of pressures, and the global contact,
+        repeated along the seal, says which pressure a link has (the paper's).
+        "uniform": windows with the full heights, every link under the nominal pressure, or its share in `profile`.
+    profile : contact pressures from inlet to outlet in shares of the nominal one, one for each row of windows, with the
+        mean 1; "uniform" only.
+    library : folder in which libraries of windows are kept and found again; "global" and "uniform" only.
+    width : wanted standard error of ln(median leakage), at the steps that leak more than 1e-3 of the first;
+        realisations and windows are added until it is reached, up to eight times as many. None: as many as given.
+    bounds : also enclose the flow of every window, and so the leakage of the seals, for a gap constant on each pixel;
+        about three times the time of a library. "global" and "uniform" with the sampler "history" only.
+    """
+
+    length: float
+    realisations: int
+    library_cells: int
+    seed: int
+    sampler: str | None = None
+    pressure: str = "place"
+    profile: tuple[float, ...] = ()
+    library: Path | None = None
+    width: float | None = None
+    breadth: float | None = None
+    bounds: bool = False
+
+    @property
+    def chosen_sampler(self) -> str:
+        """The sampler given, or the one that suits the pressures."""
+        return self.sampler or ("block" if self.pressure == "place" else "history")
+
+
+def seal_cells(partition: Partition, sampling: Sampling) -> tuple[int, int]:
+    """Windows of a drawn seal along x1 and x2."""
+    d1, d2 = partition.window_size
+    n1 = partition.cells[0] if sampling.breadth is None else max(1, round(sampling.breadth / d1))
+    return n1, max(1, round(sampling.length / d2))
+
+
+def check_sampling(sampling: Sampling, cells: tuple[int, int]) -> None:
+    """Raise InputError for options that do not exist or do not go together."""
+    if sampling.pressure not in PRESSURES:
+        raise InputError.of("pressure", sampling.pressure, f"one of {', '.join(PRESSURES)}")
+    if sampling.chosen_sampler == "block" and sampling.pressure != "place":
+        raise InputError.of("sampler", "block", "another one, or the pressure 'place', whose windows are neighbours")
+    if sampling.breadth is not None and (sampling.pressure != "uniform" or not sampling.breadth > 0):
+        raise InputError.of("breadth", sampling.breadth, "a length > 0 with the pressure 'uniform', none with others")
+    if sampling.profile:
+        if sampling.pressure != "uniform":
+            raise InputError.of("profile", sampling.profile, "none but with the pressure 'uniform'")
+        shares = np.asarray(sampling.profile, float)
+        rows = cells[0] if sampling.breadth is None else shares.size
+        if shares.shape != (rows,) or not np.all(shares >= 0) or abs(shares.mean() - 1) > 1e-6:
+            raise InputError.of("profile", sampling.profile, f"{rows} numbers >= 0 with the mean 1")
+    if sampling.library is not None and sampling.pressure == "place":
+        raise InputError.of("library", f"'{sampling.library}'", "none with the pressure 'place', which has no ladder")
+    if sampling.width is not None:
+        validate.number("width", sampling.width, unit="1")
+    if sampling.bounds and (sampling.pressure == "place" or sampling.chosen_sampler != "history"):
+        given = f"true with the pressure '{sampling.pressure}' and the sampler '{sampling.chosen_sampler}'"
+        raise InputError.of("bounds", given, "true with 'global' or 'uniform' and 'history'")

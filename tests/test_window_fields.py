@@ -1,0 +1,81 @@
+"""Gap and contact pressure of a face: pressure is kept where there is contact, and nothing can be changed."""
+
+import pickle
+from dataclasses import FrozenInstanceError
+
+import numpy as np
+import pytest
+from numpy.testing import assert_array_equal
+
+from femseal.loads import LoadProgramme
+from femseal.scales import ContactPressure, Partition, WindowFields
+from femseal.scales.window_fields import ContactValues
+
+PARTITION = Partition((24, 16), (1e-6, 1e-6), (3, 2))
+rng = np.random.default_rng(0)
+DENSE = np.where(rng.random((4, 24, 16)) < 0.2, rng.random((4, 24, 16)), 0).astype(np.float32)
+DENSE[1, :8, 8:] = np.nan  # a window that failed
+
+
+def stitched(dense):
+    windows = [[ContactValues.of(PARTITION.cell(face, *place)) for face in dense] for place in PARTITION.places]
+    return ContactPressure(PARTITION, tuple(tuple(window) for window in windows))
+
+
+PRESSURE = stitched(DENSE)
+
+
+@pytest.mark.parametrize("shape", [(3, 5), (8, 8), (1, 1)])
+@pytest.mark.parametrize("share", [0.0, 0.3, 1.0])
+def test_values_in_contact_are_the_field(shape, share):
+    dense = np.where(rng.random(shape) < share, rng.random(shape), 0)
+    assert_array_equal(ContactValues.of(dense).dense(), dense.astype(np.float32))
+
+
+def test_no_more_than_the_contact_is_kept():
+    """A number for each pixel in contact, and a bit for every one."""
+    values = ContactValues.of(DENSE[0])
+    assert values.values.size == np.count_nonzero(DENSE[0])
+    assert values.bits.nbytes == DENSE[0].size / 8
+
+
+@pytest.mark.parametrize("value", [0.0, 3.0, np.nan])
+def test_a_constant_keeps_one_number(value):
+    field = ContactValues.constant((3, 5), value)
+    assert field.values.size <= 1
+    assert_array_equal(field.dense(), np.full((3, 5), value, np.float32))
+
+
+@pytest.mark.parametrize(
+    "key",
+    [0, -1, (2, slice(3, 9), 5), (0, slice(None), 1), (Ellipsis, slice(1), [1, 0]), slice(1, None), (slice(2), 3),
+     np.array([True, False, False, True]), (Ellipsis, 3), Ellipsis, (Ellipsis, slice(8, 16), np.arange(12, 20) % 16)],
+    ids=str,
+)  # fmt: skip
+def test_pressure_is_indexed_like_an_array(key):
+    assert_array_equal(PRESSURE[key], DENSE[key])
+
+
+def test_pressure_is_used_like_an_array():
+    assert (PRESSURE.shape, PRESSURE.dtype, PRESSURE.ndim, len(PRESSURE)) == ((4, 24, 16), np.float32, 3, 4)
+    assert_array_equal(list(PRESSURE), list(DENSE))
+    for mean in (np.mean(PRESSURE, axis=(1, 2)), PRESSURE.mean(axis=(1, 2))):
+        assert_array_equal(mean, DENSE.mean(axis=(1, 2)))
+    assert_array_equal(2 * PRESSURE == 0, 2 * DENSE == 0)
+    assert np.asarray(PRESSURE, float).dtype == float
+    assert_array_equal(pickle.loads(pickle.dumps(PRESSURE)), DENSE)
+    with pytest.raises(IndexError):
+        PRESSURE[4]
+    with pytest.raises(TypeError):
+        PRESSURE[0] = 1
+
+
+def test_fields_cannot_be_changed():
+    gap = rng.random(DENSE.shape).astype(np.float32)
+    fields = WindowFields(LoadProgramme.of((1e8, 2e8, 3e8, 4e8)), PARTITION, gap, PRESSURE)
+    with pytest.raises(ValueError, match="read-only"):
+        fields.gap[0] = 1
+    with pytest.raises(FrozenInstanceError):
+        fields.gap = gap
+    assert_array_equal(fields.gap, gap)
+    assert "gap (4 × 24 × 16" in repr(fields)
