@@ -188,7 +188,7 @@ def test_bad_programmes_are_refused_before_anything_is_solved(change, word, monk
     def unwanted(*args, **kwargs):
         raise AssertionError("solved")
 
-    monkeypatch.setattr("femseal.contact.grid.Grid.solve", unwanted)
+    monkeypatch.setattr("femseal.contact.active_sets.ActiveSets.solve", unwanted)
     given = {"gap0": GAP, "loading": [1e8, 2e8], "hardness": H} | change
     with pytest.raises(InputError, match=word):
         load_cycle(given.pop("gap0"), HALF_SPACE, **given)

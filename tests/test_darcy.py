@@ -282,8 +282,8 @@ def test_bad_permeability(k, message):
 def test_flows_that_do_not_balance_are_refused(monkeypatch):
     exact = darcy.solve_spd
 
-    def careless(*args):
-        solution = exact(*args)
+    def careless(*args, **options):
+        solution = exact(*args, **options)
         return replace(solution, x=solution.x * 1.001)
 
     monkeypatch.setattr(darcy, "solve_spd", careless)

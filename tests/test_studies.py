@@ -709,6 +709,41 @@ class TestStatistics:
         assert_allclose(result.quantile(0.5), [-10, 0])
 
 
+class TestSolvers:
+    """Every linear system is counted under the solver that solved it."""
+
+    def test_of_two_scales(self, rough_two_scale):
+        """A system for each open link, and for each step of the seal."""
+        counts, solvers = rough_two_scale.counts, rough_two_scale.solvers
+        assert sum(counts.solvers.by_solver().values()) == counts.solved
+        assert sum(solvers.by_solver().values()) == counts.solved + 5
+        assert 0 < solvers.worst_imbalance < 1e-5
+
+    @pytest.mark.parametrize("solver", ["elimination", "amg"])
+    def test_the_scene_chooses_the_solver(self, rough, rough_two_scale, solver):
+        chosen = replace(rough, solver=solver, loading=(1e8,), unload_from=(), unloading=())
+        sampling = replace(SAMPLING, pressure="uniform", library_cells=4, realisations=2)
+        results = deterministic(chosen), two_scale(chosen, (4, 6)), stochastic(chosen, (4, 6), sampling)
+        for result in results:
+            assert {*result.solvers.by_solver()} == {solver}
+        assert_allclose(results[1].leakage, rough_two_scale.leakage[:1], rtol=1e-4)
+
+    def test_the_scene_chooses_the_discretisation(self, rough, rough_two_scale):
+        """With the same gaps other permeabilities, which differ as the pixels resolve the gap."""
+        result = two_scale(replace(rough, discretisation="gauss"), (4, 6))
+        assert_array_equal(result.gap, rough_two_scale.gap)
+        gap = result.partition.link(result.gap[0], 1, 5, 0)
+        exact = cell_permeability(gap, rough.surface.spacing, discretisation="gauss").value
+        assert_allclose(result.k1[0, 1, 5], exact, rtol=1e-9)
+        assert abs(result.k1[0, 1, 5] / rough_two_scale.k1[0, 1, 5] - 1) > 1e-3
+
+    def test_of_drawn_seals(self, rough):
+        """Systems of the library, and for each realisation, as many resampled ones, and each step."""
+        result = stochastic(rough, (4, 6), replace(SAMPLING, pressure="uniform", library_cells=8))
+        seals = sum(result.solvers.by_solver().values()) - result.library.counts.solved
+        assert seals == np.count_nonzero(result.leakage) + np.count_nonzero(result.leakage_resampled)
+
+
 class TestFailures:
     """What cannot be solved is NaN and named; the rest goes on."""
 
@@ -795,6 +830,13 @@ class TestFailures:
         assert result.failures == ("cell 2: did not converge",)
         assert_array_equal(result.library.curves.k, np.delete(whole.curves.k, 2, axis=0))
         assert np.isfinite(result.leakage).all()
+
+    def test_flow_over_the_face_of_two_scales(self, rough, rough_two_scale, monkeypatch):
+        self.fail(monkeypatch, femseal.studies.scene, "seal_leakage", calls={3})
+        result = two_scale(rough, (4, 6))
+        assert result.failures == ("unloading 300 MPa from 600 MPa: did not converge",)
+        assert_array_equal(np.isnan(result.leakage), [False, False, False, True, False])
+        assert_array_equal(result.k1, rough_two_scale.k1)
 
     def test_flow_through_a_seal(self, rough, monkeypatch):
         self.fail(monkeypatch, femseal.studies.scene, "seal_leakage", calls={5 + 1})

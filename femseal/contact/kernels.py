@@ -1,11 +1,14 @@
-"""Compiled part of the contact solver: all between two products with K, on flat arrays.
+"""Compiled loops of the contact solver on flat arrays; `active_sets` calls them between two products with K.
 
-`advance` is a coroutine in all but name. It goes on until it needs a product, says which, and is called again once the
-buffers hold it; what it has to remember is a `Progress` record. State of a point: 0 out of contact (p = 0), 1 free
-(0 < p < H), 2 plastic (p = H). `hardness` has one value or one per point.
+State of a point: 0 out of contact (p = 0), 1 free (0 < p < H), 2 plastic (p = H). `hardness` has one value or one per
+point. Lists hold a number of points that a kernel returns or is given:
 
-Between two products with the pressure, only points in contact or near it are looked at: their values stand in the
-rows of `near_values` in the order of `near`, those of the free ones in `free_values`.
+lists : indices of the points near contact, of the free points, and of the free points in the first list.
+near : x, p, v = Kp + h₁ and Kd of the points near contact, in the order of their list.
+on_free : residual r, preconditioned residual w, direction d and M1 of the free points, in the order of their list.
+dense : on all points of the grid, 0 where a point is not free: first what the stencil is applied to, then d.
+
+`loaded` tells whether the load is given, or else the approach.
 """
 
 from __future__ import annotations
@@ -15,234 +18,118 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-#: What `advance` asks for: v = K p, Kd, or nothing more.
-PRESSURE, DIRECTION, DONE = 0, 1, 2
-#: Where a solution is.
-_FIRST, _PROJECTED, _SEARCHING = 0, 1, 2
-#: Conjugate gradients go on for so many steps, or until the residual's energy norm fell so far.
-_STEPS_AFTER_CHANGE, _STEPS, _DROP = 3, 5, 0.04
-#: Sets stay while the points that would leave them have no more than this share of the squared residual, and it halves.
-_PROPORTION = 0.1
-#: From this iteration on no step may raise the energy. It is seldom needed, and slower.
-_MONOTONE_AFTER = 60
-
-Progress = np.dtype(
-    [(name, "f8") for name in (
-        "load", "delta", "offset", "c", "c0", "c_min", "rtol", "damping", "energy", "residual", "rz", "rz_start",
-        "rz_direction", "largest", "ones_total", "margin", "reach")]
-    + [(name, "i8") for name in (
-        "phase", "approach_given", "near", "free", "changed", "converged", "fresh", "preconditioned", "block", "cg",
-        "iteration", "limit", "monotone", "gradient_next")],
-    align=True,
-)  # fmt: skip
-
 #: Inlined, as functions that are called may be other ones in the process that compiles, which would change last digits.
 _exact: dict[str, Any] = {"cache": True, "nogil": True, "forceinline": True}
 _fast: dict[str, Any] = {**_exact, "fastmath": {"reassoc", "nsz", "arcp", "contract", "nnan"}}
+#: Sets stay while the points that would leave them have no more than this share of the squared residual, and it halves.
+_SHARE = 0.1
 
 
 @njit(**_exact)
-def advance(
-    gap0, hardness, progress, p, v, d, kd, state, lists, near_values, free_values, stencil, rows, columns, best
-):
-    """Continue a solution; returns what is needed next.
+def add_gap(p, v, gap0, offset, reach, state, lists, near):
+    """v = Kp + h₁ from Kp; lists the points in contact or with v below `reach`.
 
-    p, v : pressure, and K p where asked for, to which the gap is added.
-    d, kd : direction and K d; kd may be in v's memory. Between products d holds residuals or ones for the stencil.
-        It is always 0 where a point is not free.
-    state : of each point. lists : indices of the points near contact, of the free ones, and of these in the first list.
-    near_values, free_values : work.
-    best : p and v of the lowest energy, once steps are monotone.
+    Returns the numbers of points near contact and of free points, ½⟨p, Kp⟩ + ⟨p, h₁⟩, Σ p, and Σ v on the first list.
     """
-    t = progress[0]
-    near, free, place = lists[0], lists[1], lists[2]
-    x, pn, vn, kn = near_values[0], near_values[1], near_values[2], near_values[3]
-    r, w, direction, ones = free_values[0], free_values[1], free_values[2], free_values[3]
-    pending = 0.0
-    if t.phase == _SEARCHING:
-        curvature, length = _curvature(t, near, place, direction, kd, kn)
-        if curvature > 0.0:
-            pending = t.rz_direction / curvature
-            t.largest = min(t.largest, length / curvature)
-            _step(t, free, place, pending, direction, kn, pn, r, d)
-            t.fresh = 0
-            t.block += 1
-            t.cg += 1
-            t.preconditioned = 0
-            if t.block < (_STEPS_AFTER_CHANGE if t.changed else _STEPS):
-                t.rz = _precondition(t, free, r, w, ones, d, stencil, rows, columns)
-                t.preconditioned = 1
-                if t.rz > 0.0 and t.rz >= _DROP * t.rz_start:
-                    for j in range(t.near):
-                        vn[j] += pending * kn[j]
-                    return _search(t, free, w, direction, d)
-        else:
-            t.cg = 0
-            _scatter(t, free, r, 0.0, d)
-        t.c = max(t.c_min, min(t.c0, 2.0 * t.damping * t.largest))
-    else:
-        _full_product(t, p, v, gap0, state, near, free, place, pn, vn)
-        if t.iteration >= _MONOTONE_AFTER:
-            _search_line(t, p, v, hardness, state, best)
-            _list_near(t, p, v, state, near, free, place, pn, vn)
-        if t.phase == _PROJECTED:
-            if t.changed:
-                _fill(free, t.free, d)
-                t.ones_total = _stencil_product(free, t.free, d, ones, stencil, rows, columns)
-            _free_residual(t, free, place, vn, r, d)
-            t.cg = 0
-            t.preconditioned = 0
-            if t.converged:
-                t.c = t.c0  # judged by the residual as it is defined
-            if not t.converged and t.free >= 2 and not t.gradient_next:
-                needs = _begin_block(t, free, r, w, direction, ones, d, stencil, rows, columns)
-                if needs != DONE:
-                    return needs
-    while True:
-        _look(t, p, v, pending, hardness, state, near, free, place, x, pn, vn, kn)
-        pending = 0.0
-        t.converged = t.residual <= t.rtol
-        if (t.converged and t.fresh and _carries_load(t, p)) or t.iteration >= t.limit:
-            _clear(free, t.free, d)
-            return DONE
-        t.iteration += 1
-        if t.changed or t.converged or t.phase == _FIRST or t.free < 2 or t.gradient_next:
-            _clear(free, t.free, d)
-            _project(t, p, hardness, state, near, free, x, pn)
-            t.changed += t.phase == _FIRST
-            t.phase = _PROJECTED
-            return PRESSURE
-        needs = _begin_block(t, free, r, w, direction, ones, d, stencil, rows, columns)
-        if needs != DONE:
-            return needs
-
-
-@njit(**_exact)
-def _carries_load(t, p):
-    """A projected pressure does; what a solution starts from may miss the load by as much as the residual."""
-    if t.approach_given or t.phase != _FIRST:
-        return True
+    energy = 0.0
+    load = 0.0
     total = 0.0
-    for i in range(p.size):
-        total += p[i]
-    return abs(total - t.load) <= 1e-10 * t.load
+    n = 0
+    k = 0
+    for i in range(v.size):
+        h = gap0[i] - offset
+        vi = v[i] + h
+        v[i] = vi
+        if state[i] != 0 or vi < reach:
+            energy += 0.5 * p[i] * (vi + h)
+            load += p[i]
+            total += vi
+            lists[0, n] = i
+            near[1, n] = p[i]
+            near[2, n] = vi
+            if state[i] == 1:
+                lists[1, k] = i
+                lists[2, k] = n
+                k += 1
+            n += 1
+    return n, k, energy, load, total
 
 
 @njit(**_exact)
-def _begin_block(t, free, r, w, direction, ones, d, stencil, rows, columns):
-    """Direction of a next run of conjugate gradients; DONE if the residual is 0."""
-    if not t.preconditioned:
-        t.rz = _precondition(t, free, r, w, ones, d, stencil, rows, columns)
-    t.rz_start = t.rz
-    t.block = 0
-    t.largest = t.c0
-    if t.rz > 0.0:
-        return _search(t, free, w, direction, d)
-    # flat on the free points: the sets have to change
-    t.c = max(t.c_min, t.damping * t.c0)
-    return DONE
+def list_near(p, v, reach, state, lists, near):
+    """Lists the points in contact or with v below `reach`; returns how many they are, and how many are free."""
+    n = 0
+    k = 0
+    for i in range(v.size):
+        if state[i] != 0 or v[i] < reach:
+            lists[0, n] = i
+            near[1, n] = p[i]
+            near[2, n] = v[i]
+            if state[i] == 1:
+                lists[1, k] = i
+                lists[2, k] = n
+                k += 1
+            n += 1
+    return n, k
 
 
 @njit(**_exact)
-def _search(t, free, w, direction, d):
-    """Ask for the product with the next direction."""
-    _new_direction(free, t.free, w, direction, t.rz / t.rz_direction if t.cg > 0 else 0.0, d)
-    t.rz_direction = t.rz
-    t.preconditioned = 0
-    t.phase = _SEARCHING
-    return DIRECTION
+def look(n, c, load, loaded, delta, hardness, state, lists, near):
+    """Approach δ and residual of the complementarity on the points near contact.
 
-
-@njit(**_exact)
-def _look(t, p, v, pending, hardness, state, near, free, place, x, pn, vn, kn):
-    """v += pending · Kd, then δ, the residual and the number of points to change state.
-
-    With y(δ) = clip(p − c(v − δ), 0, H). At the last product with p, points that are not near had v above `reach`. If
-    that is still how things are and δ lies beyond, the list is made anew; else the next such product will tell.
+    With x = p − c v and y(δ) = clip(x + cδ, 0, H), δ from Σ y = load. Returns δ, whether these points can carry the
+    load, ‖p − y‖/‖p‖, the number of points whose state y changes, and the share of ‖p − y‖² that they have.
     """
-    c = t.c
-    while True:
-        if pending != 0.0:
-            for j in range(t.near):
-                vn[j] += pending * kn[j]
-        for j in range(t.near):
-            x[j] = pn[j] - c * vn[j]
-        carried = True
-        if not t.approach_given:
-            t.delta, carried = _root(x, t.near, hardness, near, c, t.load, t.delta)
-        if (carried and t.delta <= t.reach) or not t.fresh or t.reach == np.inf:
-            break
-        t.margin = max(4.0 * t.margin, t.delta - t.reach)
-        # also if something is not a number
-        t.reach = t.delta + t.margin if carried and t.margin < np.inf else np.inf
-        _list_near(t, p, v, state, near, free, place, pn, vn)
+    listed, x, p, v = lists[0], near[0], near[1], near[2]
+    for j in range(n):
+        x[j] = p[j] - c * v[j]
+    carried = True
+    if loaded:
+        delta, carried = _root(x, n, hardness, listed, c, load, delta)
     r2 = 0.0
     y2 = 0.0
     c2 = 0.0
     changed = 0
-    shift = c * t.delta
+    shift = c * delta
     one = hardness.size == 1
     h = hardness[0]
-    for j in range(t.near):
-        i = near[j]
+    for j in range(n):
+        i = listed[j]
         if not one:
             h = hardness[i]
         y, s = _clip(x[j] + shift, h)
-        e = y - pn[j]
+        e = y - p[j]
         r2 += e * e
         y2 += y * y
         if s != state[i]:
             changed += 1
             c2 += e * e
-    # about that of the step c₀
-    residual = np.sqrt(r2 / y2) * (t.c0 / c) if y2 > 0.0 else (0.0 if r2 == 0.0 else np.inf)
-    # the sets are worth keeping as long as it helps and the points that would leave them matter little
-    t.changed = changed if c2 > _PROPORTION * r2 or residual > 0.5 * t.residual else 0
-    t.residual = residual
+    residual = np.sqrt(r2 / y2) if y2 > 0.0 else (0.0 if r2 == 0.0 else np.inf)
+    return delta, carried, residual, changed, c2 > _SHARE * r2
 
 
 @njit(**_exact)
 def _clip(y, h):
-    """y within 0 and h, and the state that says."""
+    """Clip y to the bounds 0 and h; the second value is the state of the point."""
     y = min(max(y, 0.0), h)
     return y, (y > 0.0) + (y >= h)
 
 
 @njit(**_exact)
-def _list_near(t, p, v, state, near, free, place, pn, vn):
-    """Points in contact or below `reach`, their pressure and v; the free ones."""
-    n = 0
-    k = 0
-    reach = t.reach
-    for i in range(v.size):
-        if state[i] != 0 or v[i] < reach:
-            near[n] = i
-            pn[n] = p[i]
-            vn[n] = v[i]
-            if state[i] == 1:
-                free[k] = i
-                place[k] = n
-                k += 1
-            n += 1
-    t.near = n
-    t.free = k
+def _root(x, n, hardness, listed, c, load, start):
+    """Find δ with Σ clip(x + cδ, 0, H) = load on a list of points; tells whether they can carry the load.
 
-
-@njit(**_exact)
-def _root(x, m, hardness, active, c, load, start):
-    """δ with Σ clip(x + cδ, 0, H) = load on a list of points, and whether they can carry it.
-
-    The sum is monotone and piecewise linear: Newton within a bracket.
+    The sum is monotone and piecewise linear in δ: Newton's method within a bracket.
     """
     highest = -np.inf
     full = -np.inf
     capacity = 0.0
     h = hardness[0]
     one = hardness.size == 1
-    for j in range(m):
+    for j in range(n):
         highest = max(highest, x[j])
         if not one:
-            h = hardness[active[j]]
+            h = hardness[listed[j]]
         full = max(full, min(h, load) - x[j])
         capacity += h
     if capacity <= load:
@@ -252,7 +139,7 @@ def _root(x, m, hardness, active, c, load, start):
     top += 1e-12 * abs(top)
     d = min(max(start, low), top)
     for _ in range(200):
-        total, slope = _clipped(x, m, c * d, hardness, active)
+        total, slope = _clipped(x, n, c * d, hardness, listed)
         excess = total - load
         if excess > 0.0:
             top = min(top, d)
@@ -270,21 +157,21 @@ def _root(x, m, hardness, active, c, load, start):
 
 
 @njit(**_fast)
-def _clipped(x, m, shift, hardness, active):
-    """Σ clip(x + shift, 0, H), and the number of points between the bounds."""
+def _clipped(x, n, shift, hardness, listed):
+    """Return Σ clip(x + shift, 0, H) and the number of points between the bounds."""
     total = 0.0
     slope = 0.0
     if hardness.size == 1:
         h = hardness[0]
-        for j in range(m):
+        for j in range(n):
             y = x[j] + shift
             inside = 1.0 if (y > 0.0) & (y < h) else 0.0
             y = y if y > 0.0 else 0.0
             total += y if y < h else h
             slope += inside
     else:
-        for j in range(m):
-            h = hardness[active[j]]
+        for j in range(n):
+            h = hardness[listed[j]]
             y = x[j] + shift
             inside = 1.0 if (y > 0.0) & (y < h) else 0.0
             y = y if y > 0.0 else 0.0
@@ -294,174 +181,129 @@ def _clipped(x, m, shift, hardness, active):
 
 
 @njit(**_exact)
-def _project(t, p, hardness, state, near, free, x, pn):
-    """The states, and a pressure within the bounds that is exactly the load.
+def project(n, free, shift, load, loaded, keep, p, hardness, state, lists, near, dense):
+    """Give every point near contact the state of clip(x + shift, 0, H), and p that value; the load is then exact.
 
-    Points that stay free keep what conjugate gradients made of them, the others take clip(x + cδ, 0, H).
+    keep : points that stay free keep the pressure that conjugate gradients gave them. The load that all others leave
+    is put on the free points by a uniform shift within the bounds. Returns the number of free points.
     """
-    shift = t.c * t.delta
-    left = t.load
+    listed, listed_free, x, pn = lists[0], lists[1], near[0], near[1]
+    for k in range(free):
+        dense[listed_free[k]] = 0.0
+    left = load
     k = 0
     one = hardness.size == 1
     h = hardness[0]
-    for j in range(t.near):
-        i = near[j]
+    for j in range(n):
+        i = listed[j]
         if not one:
             h = hardness[i]
         y, s = _clip(x[j] + shift, h)
         if s == 1:
-            if state[i] == 1 and t.phase != _FIRST and not t.gradient_next:
+            if keep and state[i] == 1:
                 y = min(max(pn[j], 0.0), h)
-            free[k] = i
+            listed_free[k] = i
             x[k] = y
             k += 1
         else:
             left -= y
         p[i] = y
         state[i] = s
-    t.free = k
-    t.reach = t.delta + t.margin
-    if k > 0 and left > 0.0 and not t.approach_given:
-        shift = _root(x, k, hardness, free, 1.0, left, 0.0)[0]
+    if k > 0 and left > 0.0 and loaded:
+        uniform = _root(x, k, hardness, listed_free, 1.0, left, 0.0)[0]
         for j in range(k):
-            p[free[j]] = min(max(x[j] + shift, 0.0), h if one else hardness[free[j]])
+            i = listed_free[j]
+            p[i] = min(max(x[j] + uniform, 0.0), h if one else hardness[i])
+    return k
 
 
-@njit(**_exact)
-def _full_product(t, p, v, gap0, state, near, free, place, pn, vn):
-    """v = Kp + h₁ everywhere, the lists, and whether ½⟨p, Kp⟩ + ⟨p, h₁⟩ fell."""
-    offset = t.offset
-    reach = t.reach
-    energy = 0.0
+@njit(**_fast)
+def restart(free, delta, loaded, lists, near, on_free, dense, stencil, rows, columns):
+    """Residual r = δ − v and M1 on the free points, with which conjugate gradients begin; returns Σ M1."""
+    listed, place, v, r, ones = lists[1], lists[2], near[2], on_free[0], on_free[3]
+    for k in range(free):
+        dense[listed[k]] = 1.0
+    ones_total = _apply_stencil(free, listed, dense, ones, stencil, rows, columns)
     total = 0.0
-    n = 0
-    k = 0
-    for i in range(v.size):
-        h = gap0[i] - offset
-        vi = v[i] + h
-        v[i] = vi
-        if state[i] != 0 or vi < reach:
-            energy += 0.5 * p[i] * (vi + h)
-            total += p[i]
-            near[n] = i
-            pn[n] = p[i]
-            vn[n] = vi
-            if state[i] == 1:
-                free[k] = i
-                place[k] = n
-                k += 1
-            n += 1
-    t.near = n
-    t.free = k
-    t.fresh = 1
-    if t.approach_given:
-        energy -= t.delta * total
-    if t.phase == _FIRST:
-        # so far the list has the points in contact only
-        if not t.approach_given:
-            t.delta = vn[:n].mean()
-        t.margin = 0.5 * total / (max(n, 1) * t.c0)
-        t.reach = t.delta + t.margin
-        _list_near(t, p, v, state, near, free, place, pn, vn)
-    else:
-        rose = energy > t.energy + 1e-13 * abs(t.energy)
-        t.damping = max(t.damping / 2, 1e-3) if rose else min(1.0, 1.25 * t.damping)
-        t.energy = energy
+    for k in range(free):
+        r[k] = delta - v[place[k]]
+        total += r[k]
+    _spread_residual(free, listed, r, total, loaded, dense)
+    return ones_total
 
 
-@njit(**_exact)
-def _search_line(t, p, v, hardness, state, best):
-    """The lowest energy between the best point so far and this one; it is quadratic, and v linear, on the way.
+@njit(**_fast)
+def turn(free, former, ones_total, loaded, lists, on_free, dense, stencil, rows, columns):
+    """Next direction d = w + (w·r / former) d, where w = M r less a multiple of M1 that keeps Σ w = 0 under a load.
 
-    Where conjugate gradients and projection do not lead down, a projected gradient does: that comes next, with a step
-    of Barzilai and Borwein. Source: Birgin, Martínez & Raydan, SIAM J. Optim. 10, 2000, 1196.
+    Returns w·r. Where that is not > 0, there is no direction.
     """
-    if not t.monotone:
-        t.monotone = 1
-        for i in range(p.size):
-            best[0, i] = p[i]
-            best[1, i] = v[i]
-        return
-    slope = 0.0
+    listed, r, w, d, ones = lists[1], on_free[0], on_free[1], on_free[2], on_free[3]
+    total = _apply_stencil(free, listed, dense, w, stencil, rows, columns)
+    wr = 0.0
+    if loaded:
+        factor = total / ones_total
+        for k in range(free):
+            w[k] -= factor * ones[k]
+            wr += w[k] * r[k]
+    else:
+        for k in range(free):
+            wr += w[k] * r[k]
+    if wr > 0.0:
+        beta = wr / former
+        if beta == 0.0:
+            for k in range(free):
+                d[k] = w[k]
+                dense[listed[k]] = w[k]
+        else:
+            for k in range(free):
+                d[k] = w[k] + beta * d[k]
+                dense[listed[k]] = d[k]
+    return wr
+
+
+@njit(**_fast)
+def step(n, free, wr, loaded, kd, lists, near, on_free, dense):
+    """One step of conjugate gradients, p += α d, v += α Kd and r −= α Kd, with α = w·r / d·Kd.
+
+    Returns d·Kd and d·d. Where d·Kd is not > 0, no step is made.
+    """
+    listed_near, listed, place = lists[0], lists[1], lists[2]
+    p, v, kn, r, d = near[1], near[2], near[3], on_free[0], on_free[2]
+    for j in range(n):
+        kn[j] = kd[listed_near[j]]
     curvature = 0.0
     length = 0.0
-    for i in range(p.size):
-        step = p[i] - best[0, i]
-        slope += step * (best[1, i] - t.delta)
-        curvature += step * (v[i] - best[1, i])
-        length += step * step
-    s = 0.0
-    if slope < 0.0:
-        s = min(1.0, -slope / curvature) if curvature > 0.0 else 1.0
-    h = hardness[0]
-    for i in range(p.size):
-        if hardness.size > 1:
-            h = hardness[i]
-        p[i] = best[0, i] + s * (p[i] - best[0, i])
-        v[i] = best[1, i] + s * (v[i] - best[1, i])
-        best[0, i] = p[i]
-        best[1, i] = v[i]
-        state[i] = 0 if p[i] <= 0.0 else (2 if p[i] >= h else 1)
-    if curvature > 0.0:
-        t.c = max(1e-2 * t.c_min, min(t.c0, length / curvature))
-    t.gradient_next = not t.gradient_next and s < 0.1
-    # the points between the bounds may be others now
-    t.changed += 1
-
-
-@njit(**_fast)
-def _free_residual(t, free, place, vn, r, d):
-    """r = δ − v on the free points, also at its place."""
+    for k in range(free):
+        curvature += kn[place[k]] * d[k]
+        length += d[k] * d[k]
     total = 0.0
-    for k in range(t.free):
-        r[k] = t.delta - vn[place[k]]
-        total += r[k]
-    _scatter(t, free, r, total, d)
+    if curvature > 0.0:
+        alpha = wr / curvature
+        for k in range(free):
+            p[place[k]] += alpha * d[k]
+            r[k] -= alpha * kn[place[k]]
+            total += r[k]
+        for j in range(n):
+            v[j] += alpha * kn[j]
+    _spread_residual(free, listed, r, total, loaded, dense)
+    return curvature, length
 
 
 @njit(**_fast)
-def _scatter(t, free, r, total, d):
-    """Residuals at their place, less their mean where the load is given: it would only cancel, but for rounding."""
-    mean = 0.0 if t.approach_given or t.free == 0 else total / t.free
-    for k in range(t.free):
+def _spread_residual(free, listed, r, total, loaded, dense):
+    """Put residuals in their places, less their mean under a load, which would cancel but for rounding."""
+    mean = total / free if loaded and free > 0 else 0.0
+    for k in range(free):
         r[k] -= mean
-        d[free[k]] = r[k]
+        dense[listed[k]] = r[k]
 
 
 @njit(**_fast)
-def _fill(free, n, d):
-    for k in range(n):
-        d[free[k]] = 1.0
+def _apply_stencil(n, listed, dense, out, stencil, rows, columns):
+    """Write stencil ∗ dense at the listed points to `out` and return its sum.
 
-
-@njit(**_fast)
-def _clear(free, n, d):
-    for k in range(n):
-        d[free[k]] = 0.0
-
-
-@njit(**_fast)
-def _precondition(t, free, r, w, ones, d, stencil, rows, columns):
-    """w = M r, with Σ w = 0 where the load is given; returns w·r."""
-    n = t.free
-    total = _stencil_product(free, n, d, w, stencil, rows, columns)
-    rz = 0.0
-    if t.approach_given:
-        for k in range(n):
-            rz += w[k] * r[k]
-    else:
-        factor = total / t.ones_total
-        for k in range(n):
-            w[k] -= factor * ones[k]
-            rz += w[k] * r[k]
-    return rz
-
-
-@njit(**_fast)
-def _stencil_product(free, n, dense, out, stencil, rows, columns):
-    """out = stencil ∗ dense at the free points; `rows`, `columns` map padded to real indices, −1 outside.
-
-    Returns Σ out.
+    rows, columns : real indices of padded ones, −1 outside.
     """
     r1 = stencil.shape[0] // 2
     r2 = stencil.shape[1] // 2
@@ -473,7 +315,7 @@ def _stencil_product(free, n, dense, out, stencil, rows, columns):
     s10, s11, s12 = stencil[r1, 0], stencil[r1, r2], stencil[r1, -1]
     s20, s21, s22 = stencil[-1, 0], stencil[-1, r2], stencil[-1, -1]
     for k in range(n):
-        f = free[k]
+        f = listed[k]
         i = f // n2
         j = f - i * n2
         s = 0.0
@@ -502,67 +344,33 @@ def _stencil_product(free, n, dense, out, stencil, rows, columns):
     return total
 
 
-@njit(**_fast)
-def _new_direction(free, n, w, direction, beta, d):
-    """d = w + β d on the free points, and at its place."""
-    if beta == 0.0:
-        for k in range(n):
-            direction[k] = w[k]
-            d[free[k]] = w[k]
-    else:
-        for k in range(n):
-            direction[k] = w[k] + beta * direction[k]
-            d[free[k]] = direction[k]
+@njit(**_exact)
+def search_line(delta, p, v, hardness, state, best_p, best_v):
+    """Go back to the lowest energy between the best point so far and this one: the energy is quadratic on the way.
 
-
-@njit(**_fast)
-def _curvature(t, near, place, direction, kd, kn):
-    """d·Kd and d·d over the free points; Kd near contact."""
-    for j in range(t.near):
-        kn[j] = kd[near[j]]
+    Returns the share of the way, and the squared length and the curvature of the whole way. v is linear on it.
+    """
+    slope = 0.0
     curvature = 0.0
     length = 0.0
-    for k in range(t.free):
-        curvature += kn[place[k]] * direction[k]
-        length += direction[k] * direction[k]
-    return curvature, length
-
-
-@njit(**_fast)
-def _step(t, free, place, alpha, direction, kn, pn, r, d):
-    """p += α d and r −= α Kd on the free points."""
-    total = 0.0
-    for k in range(t.free):
-        pn[place[k]] += alpha * direction[k]
-        r[k] -= alpha * kn[place[k]]
-        total += r[k]
-    _scatter(t, free, r, total, d)
-
-
-@njit(**_exact)
-def prolong(coarse, hardness, p, state):
-    """Values of a grid of half the points on the finer one, at most the hardness; state 1 where there is pressure."""
-    n1, n2 = p.shape
-    one = hardness.size == 1
-    for i in range(n1):
-        for j in range(n2):
-            h = hardness[0, 0] if one else hardness[i, j]
-            y = min(coarse[i // 2, j // 2], h)
-            p[i, j] = y
-            state[i, j] = 1 if y > 0.0 else 0
-
-
-@njit(**_exact)
-def coarsen(a):
-    """Means over 2×2 points; an odd last row or column stands for itself."""
-    n1, n2 = a.shape
-    out = np.empty(((n1 + 1) // 2, (n2 + 1) // 2))
-    for i in range(out.shape[0]):
-        a1 = min(2 * i + 1, n1 - 1)
-        for j in range(out.shape[1]):
-            b1 = min(2 * j + 1, n2 - 1)
-            out[i, j] = 0.25 * (a[2 * i, 2 * j] + a[a1, 2 * j] + a[2 * i, b1] + a[a1, b1])
-    return out
+    for i in range(p.size):
+        way = p[i] - best_p[i]
+        slope += way * (best_v[i] - delta)
+        curvature += way * (v[i] - best_v[i])
+        length += way * way
+    s = 0.0
+    if slope < 0.0:
+        s = min(1.0, -slope / curvature) if curvature > 0.0 else 1.0
+    h = hardness[0]
+    for i in range(p.size):
+        if hardness.size > 1:
+            h = hardness[i]
+        p[i] = best_p[i] + s * (p[i] - best_p[i])
+        v[i] = best_v[i] + s * (v[i] - best_v[i])
+        best_p[i] = p[i]
+        best_v[i] = v[i]
+        state[i] = 0 if p[i] <= 0.0 else (2 if p[i] >= h else 1)
+    return s, length, curvature
 
 
 @njit(**_exact)

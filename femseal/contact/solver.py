@@ -18,8 +18,10 @@ from ..base import validate
 from ..base.errors import InputError, NotConverged
 from ..base.text import Shown
 from . import kernels
+from .active_sets import ActiveSets
 from .grid import Grid, nested_grids
 from .half_space import HalfSpace
+from .transfer import coarsen
 
 Array = NDArray[np.float64]
 _COARSE_RTOL = 1e-2
@@ -187,37 +189,38 @@ class _Problem:
     rtol: float
 
     def solve(self, threads: int) -> Contact:
-        """Coarse grids first, each the start of the next finer one."""
+        """Solve at once where no point or every point is at its bound, else from coarse grids to this one."""
         grids = nested_grids(self.half_space, threading.get_ident(), threads)
-        finest, offset = grids[0], float(self.gap0.mean())
-        capacity = float(self.hardness.mean())
+        # an offset of the heights would cost digits of the load
+        offset = float(self.gap0.mean())
         if self.load == 0:
-            finest.set_uniform(self.gap0, offset, 0.0, float(self.gap0.min()))
-            return self._result(finest, offset)
-        if self.load is not None and self.load >= capacity * (1 - 1e-12):
-            finest.set_uniform(self.gap0, offset, self.hardness, None)
-            return self._result(finest, offset)
-        self._nested(grids, offset)
-        return self._result(finest, offset)
+            return self._uniform(grids[0], offset, 0.0, float(self.gap0.min()))
+        if self.load is not None and self.load >= float(self.hardness.mean()) * (1 - 1e-12):
+            return self._uniform(grids[0], offset, self.hardness, None)
+        sets = self._nested(grids, offset)
+        self._check(sets, grids[0])
+        return self._result(grids[0], offset, sets.delta, sets.residual, sets.iterations, sets.pairs)
 
-    def _nested(self, grids: tuple[Grid, ...], offset: float) -> None:
+    def _nested(self, grids: tuple[Grid, ...], offset: float) -> ActiveSets:
+        """Solve on the coarsest grid first; each solution is the start on the next finer grid."""
         gaps, bounds = [self.gap0], [self.hardness]
         for _ in grids[1:]:
-            gaps.append(kernels.coarsen(gaps[-1]))
-            bounds.append(kernels.coarsen(bounds[-1]) if bounds[-1].size > 1 else bounds[-1])
-        # means over an odd border weigh it double: the same share of the hardness can be carried on every grid
-        capacity = [float(b.mean()) for b in bounds]
-        loads = [
-            None if self.load is None else self.load * (c / capacity[0] if np.isfinite(c) else 1) for c in capacity
-        ]
+            gaps.append(coarsen(gaps[-1]))
+            bounds.append(coarsen(bounds[-1]) if bounds[-1].size > 1 else bounds[-1])
+        loads = [self.load] * len(grids)
+        if self.load is not None and self.hardness.size > 1:
+            # means over an odd border weigh it double: the same share of the hardness can be carried on every grid
+            capacity = [float(b.mean()) for b in bounds]
+            loads = [self.load * (c / capacity[0] if np.isfinite(c) else 1) for c in capacity]
         start = self._first_guess(grids[-1], gaps[-1], bounds[-1], loads[-1])
-        for level in range(len(grids) - 1, -1, -1):
-            rtol, limit = (self.rtol, _MAX_ITERATIONS) if level == 0 else (_COARSE_RTOL, _COARSE_ITERATIONS)
+        for level in reversed(range(len(grids))):
             grids[level].start(start, bounds[level])
-            grids[level].solve(
-                gaps[level], offset, bounds[level], rtol, limit, load=loads[level], approach=self.approach
-            )
+            sets = ActiveSets(grids[level], gaps[level], offset, bounds[level], loads[level], self.approach)
+            if level > 0:
+                sets.solve(_COARSE_RTOL, _COARSE_ITERATIONS)
             start = grids[level].pressure
+        sets.solve(self.rtol, _MAX_ITERATIONS)
+        return sets
 
     def _first_guess(self, grid: Grid, gap0: Array, hardness: Array, load: float | None) -> Array:
         """Load: spread over as many of the highest points as E*·slope or H need. Approach: as the longest wave's."""
@@ -227,42 +230,45 @@ class _Problem:
             size = max(n * d for n, d in zip(grid.half_space.shape, grid.half_space.spacing, strict=True))
             return np.maximum(self.approach - gap0, 0.0) * np.pi * modulus / size
         soft = min(float(hardness.mean()), 0.1 * modulus)
-        n = int(np.clip(load / soft * gap0.size, min(4, gap0.size), gap0.size))
-        touching = gap0 <= np.partition(gap0.ravel(), n - 1)[n - 1]
-        return np.where(touching, load * gap0.size / touching.sum(), 0.0)
+        n = max(min(4, gap0.size), min(gap0.size, int(load / soft * gap0.size)))
+        touching = gap0 <= np.partition(gap0, n - 1, axis=None)[n - 1]
+        return touching * (load * gap0.size / np.count_nonzero(touching))
 
-    def _result(self, grid: Grid, offset: float) -> Contact:
-        t = grid.progress[0]
-        residual = float(t["residual"])
-        carried = grid.pressure.mean()
+    def _uniform(self, grid: Grid, offset: float, pressure: float | Array, approach: float | None) -> Contact:
+        """The solution of a known pressure: at its approach no point comes into contact, or (None) every point does."""
+        grid.pressure[:] = pressure
+        grid.respond.apply()
+        grid.v += (self.gap0 - offset).ravel()
+        delta = float(grid.v.max()) if approach is None else approach - offset
+        return self._result(grid, offset, delta, residual=0.0, iterations=0, pairs=1)
+
+    def _check(self, sets: ActiveSets, grid: Grid) -> None:
+        carried = float(grid.p.mean())
         if self.load and not abs(carried - self.load) <= 1e-9 * self.load:
-            share = carried / self.load
-            raise NotConverged(f"contact: the load is {share:.6g} of what was asked for; try another grid", residual)
-        if not residual <= self.rtol:
             raise NotConverged(
-                f"contact: residual {residual:.1e} after {t['iteration']} iterations, wanted {self.rtol:.1e}; "
-                "try a larger rtol, a filtered surface or a finer grid",
-                residual,
+                f"contact: the load is {carried / self.load:.6g} of what was asked for; try another grid", sets.residual
             )
+        if not sets.residual <= self.rtol:
+            raise NotConverged(
+                f"contact: residual {sets.residual:.1e} after {sets.iterations} iterations, wanted {self.rtol:.1e}; "
+                "try a larger rtol, a filtered surface or a finer grid",
+                sets.residual,
+            )
+
+    def _result(self, grid: Grid, offset: float, delta: float, residual: float, iterations: int, pairs: int) -> Contact:
         p = grid.pressure.copy()
         gap, deformation, plastic = np.empty(p.shape), np.zeros(p.shape), np.empty(p.shape, np.bool_)
         kernels.gap_and_deformation(
-            p.ravel(),
-            grid.displaced.ravel(),
-            t["delta"],
-            self.hardness.ravel(),
-            gap.ravel(),
-            deformation.ravel(),
-            plastic.ravel(),
+            grid.p, grid.v, delta, self.hardness.ravel(), gap.ravel(), deformation.ravel(), plastic.ravel()
         )
         return Contact(
             pressure=p,
             gap=gap,
             plastic_deformation=deformation,
-            approach=float(t["delta"]) + offset,
+            approach=delta + offset,
             residual=residual,
-            iterations=int(t["iteration"]),
-            fft_pairs=grid.pairs,
+            iterations=iterations,
+            fft_pairs=pairs,
             plastic=plastic,
             half_space=self.half_space,
         )

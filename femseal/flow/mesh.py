@@ -163,7 +163,7 @@ def conforming_flow(
     iterations, residual, used = 0, 0.0, "none"
     if unknown.size:
         rows = sp.csr_array(matrix)[unknown]
-        solution = solve_spd(rows[:, unknown], -(rows @ phi), rtol, solver)
+        solution = solve_spd(rows[:, unknown], -(rows @ phi), rtol, solver, unit_drop=True)
         phi[unknown] = solution.x
         iterations, residual, used = solution.iterations, solution.residual, solution.solver
     conductance = float(forms.dissipation.assemble(basis, k=k, p=basis.interpolate(phi)))

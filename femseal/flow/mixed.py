@@ -76,7 +76,7 @@ def flux_conductance(
     iterations, residual, used = 0, 0.0, "none"
     if unknown.size:
         rows_of = matrix[unknown]
-        found = solve_spd(rows_of[:, unknown], -(rows_of @ lam), rtol, solver)
+        found = solve_spd(rows_of[:, unknown], -(rows_of @ lam), rtol, solver, unit_drop=True)
         lam[unknown] = found.x
         iterations, residual, used = found.iterations, found.residual, found.solver
     # differences within an element: no cancellation where λ is nearly constant

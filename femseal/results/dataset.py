@@ -89,6 +89,7 @@ def assemble(
         "failures": _shortened([text for study in studies for text in study.failures]),
         "versions": _json(versions()),
         "machine": _json(machine()),
+        "peak_memory_bytes": peak_memory(),
         "fluid": repr(scene.fluid),
         "inlet_pressure_Pa": float(scene.inlet_pressure),
         "outlet_pressure_Pa": float(scene.outlet_pressure),
@@ -96,8 +97,6 @@ def assemble(
         "hardness_Pa": float(scene.hardness),
         "seal_size_m": [float(length) for length in seal_size],
     }
-    if (peak := peak_memory()) is not None:
-        data.attrs["peak_memory_bytes"] = peak
     if case and case.get("seed") is not None:
         data.attrs["seed"] = case["seed"]
     return Results(data, scene=scene, deterministic=deterministic, two_scale=two_scale, stochastic=stochastic)

@@ -13,13 +13,14 @@ from pydantic import Field, model_validator
 from pydantic_core import PydanticCustomError
 
 from ..base.quantities import to_text
+from ..flow import SOLVERS
 from ..fluids import FLUIDS, Fluid
 from ..materials import Solid
 from ..results.fields import LIMIT
 from ..results.vtk import FORMATS
 from ..scales import SAMPLERS
 from ..seal.layouts import LAYOUTS, Layout
-from ..studies import DISCRETISATIONS, FLOWS, PRESSURES, SOLVERS
+from ..studies import DISCRETISATIONS, FLOWS, PRESSURES
 from .case_registry import table_of_any
 from .case_values import Count, FileSize, Length, Modulus, Poisson, Pressure, Ratio, Table, one_of
 

@@ -5,10 +5,10 @@ from .dissipation import window_dissipation
 from .global_contact import GlobalState, global_states
 from .ladder import Cell, Ladder, follow
 from .library import LadderLibrary, LibraryTable, WindowSource, build_ladder_library, on_ladder
-from .outcome import Failed, SolveCounts, attempt
+from .outcome import Failed, SolveCounts, SolverCounts, attempt
 from .partition import Partition
 from .sampling import SAMPLERS, LinkTable, correlation_length, draw_links
-from .window import WindowHistory, respond
+from .window import FlowSettings, WindowHistory, respond
 from .window_fields import ContactPressure, WindowFields
 
 __all__ = [
@@ -17,6 +17,7 @@ __all__ = [
     "CellCurves",
     "ContactPressure",
     "Failed",
+    "FlowSettings",
     "GlobalState",
     "Ladder",
     "LadderLibrary",
@@ -24,6 +25,7 @@ __all__ = [
     "LinkTable",
     "Partition",
     "SolveCounts",
+    "SolverCounts",
     "WindowFields",
     "WindowHistory",
     "WindowSource",

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from ..base.errors import InputError
 from ..contact import Contact, HalfSpace, solve_deformed_contact
 from .outcome import SolveCounts
-from .window import window_permeability
+from .window import FlowSettings, window_permeability
 
 Array = NDArray[np.float64]
 
@@ -101,6 +101,7 @@ def follow(
     half_space: HalfSpace,
     hardness: float,
     rtol: float = 1e-6,
+    flow: FlowSettings | None = None,
     known: Cell | None = None,
 ) -> Cell:
     """Follow a window along a ladder, or add to a known cell what the ladder has more.
@@ -109,13 +110,14 @@ def follow(
     ----------
     window : undeformed gap (n1, n2) [m].
     half_space, hardness, rtol : as in `contact.solve_contact`.
+    flow : how the flow is discretised and solved.
     known : the same window along another ladder with the same stops, separations and bounds.
 
     Raises
     ------
     NotConverged : a contact or flow that failed.
     """
-    work = _Window(np.asarray(window, float), half_space, hardness, rtol, ladder.kinds)
+    work = _Window(np.asarray(window, float), half_space, hardness, rtol, ladder.kinds, flow)
     loading = {} if known is None else dict(zip(known.pressure.tolist(), _states(known), strict=True))
     for p in ladder.loading:
         if p not in loading:
@@ -166,8 +168,17 @@ class _State:
 class _Window:
     """Solutions of one window, counted."""
 
-    def __init__(self, gap0: Array, half_space: HalfSpace, hardness: float, rtol: float, kinds: int) -> None:
-        self.gap0, self.half_space, self.hardness, self.rtol, self.kinds = gap0, half_space, hardness, rtol, kinds
+    def __init__(
+        self,
+        gap0: Array,
+        half_space: HalfSpace,
+        hardness: float,
+        rtol: float,
+        kinds: int,
+        flow: FlowSettings | None,
+    ) -> None:
+        self.gap0, self.half_space, self.hardness, self.rtol = gap0, half_space, hardness, rtol
+        self.kinds, self.flow = kinds, flow
         self.counts = SolveCounts()
 
     def loaded(self, pressure: float, closed: tuple[bool, bool]) -> _State:
@@ -205,9 +216,11 @@ class _Window:
             if closed[axis]:
                 self.counts += SolveCounts(closed=1)
             else:
-                flow = window_permeability(gap, self.half_space.spacing, axis, bounds=self.kinds > 1)
-                k[:, axis] = flow.k
-                self.counts += flow.counts
+                found = window_permeability(
+                    gap, self.half_space.spacing, axis, bounds=self.kinds > 1, settings=self.flow
+                )
+                k[:, axis] = found.k
+                self.counts += found.counts
         return k
 
 

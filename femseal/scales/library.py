@@ -29,6 +29,7 @@ from ..loads import LoadProgramme, LoadStep
 from .curves import CellCurves
 from .ladder import Cell, Ladder, follow
 from .outcome import Failed, SolveCounts, attempt
+from .window import FlowSettings
 
 Array = NDArray[np.float64]
 #: Written into every file; a file of another format is computed anew.
@@ -57,7 +58,7 @@ class WindowSource:
 
     topographies : undeformed gaps of whole faces (n1, n2) [m], all with the same pixels; window n is cut from face n
         modulo their number, and its mean plane put at 0.
-    half_space, hardness, rtol : of a window. seed : where windows lie.
+    half_space, hardness, rtol : of a window. seed : where windows lie. flow : how flow is discretised and solved.
     """
 
     topographies: tuple[Array, ...]
@@ -65,6 +66,7 @@ class WindowSource:
     hardness: float
     seed: int
     rtol: float = 1e-6
+    flow: FlowSettings = field(default_factory=FlowSettings)
 
     @property
     def rms_height(self) -> float:
@@ -96,7 +98,16 @@ class WindowSource:
         """Name of all that the response of window n depends on, but for the pressures at which it is known."""
         body = self.half_space
         settings = [FORMAT, body.shape, body.spacing, body.modulus, body.boundary, self.hardness]
-        settings += [self.seed, self.rtol, ladder.stops, ladder.separations, ladder.closing_rtol, ladder.bounds]
+        settings += [
+            self.flow.solver,
+            self.flow.discretisation,
+            self.seed,
+            self.rtol,
+            ladder.stops,
+            ladder.separations,
+            ladder.closing_rtol,
+            ladder.bounds,
+        ]
         digest = hashlib.sha256(json.dumps(settings).encode())
         for topography in self.topographies:
             digest.update(np.ascontiguousarray(topography).tobytes())
@@ -253,6 +264,7 @@ def _cell(n: int, known: Cell | None, *, source: WindowSource, ladder: Ladder) -
         half_space=source.half_space,
         hardness=source.hardness,
         rtol=source.rtol,
+        flow=source.flow,
         known=known,
     )
 

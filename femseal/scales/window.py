@@ -12,7 +12,7 @@ from ..contact import HalfSpace, solve_deformed_contact
 from ..flow import cell_permeability
 from ..flow.coefficient import cubic_law
 from ..loads import LoadProgramme
-from .outcome import Failed, SolveCounts, attempt
+from .outcome import Failed, SolveCounts, SolverCounts, attempt
 from .window_fields import ContactValues
 
 Array = NDArray[np.float64]
@@ -153,7 +153,17 @@ class FlowHistory:
     failures: tuple[str, ...] = ()
 
 
-def flow_history(gaps: NDArray[np.floating], spacing: tuple[float, float], axis: int) -> FlowHistory:
+@dataclass(frozen=True)
+class FlowSettings:
+    """How the flow through windows is discretised and solved, see `cell_permeability`."""
+
+    solver: str = "auto"
+    discretisation: str = "edge"
+
+
+def flow_history(
+    gaps: NDArray[np.floating], spacing: tuple[float, float], axis: int, settings: FlowSettings | None = None
+) -> FlowHistory:
     """Permeability along `axis` of a window's gaps (steps, n1, n2), sides closed; closed or wide-open ones unsolved."""
     k = np.full(len(gaps), np.nan)
     counts, failures = SolveCounts(), []
@@ -161,7 +171,7 @@ def flow_history(gaps: NDArray[np.floating], spacing: tuple[float, float], axis:
         h = np.asarray(gap, dtype=float)
         if not np.all(np.isfinite(h)):
             continue
-        flow = attempt(window_permeability, h, spacing, axis)
+        flow = attempt(window_permeability, h, spacing, axis, settings=settings)
         if isinstance(flow, Failed):
             failures.append(f"step {s}: {flow.reason}")
             continue
@@ -183,7 +193,12 @@ class WindowPermeability:
 
 
 def window_permeability(
-    gap: Array, spacing: tuple[float, float], axis: int, *, bounds: bool = False
+    gap: Array,
+    spacing: tuple[float, float],
+    axis: int,
+    *,
+    bounds: bool = False,
+    settings: FlowSettings | None = None,
 ) -> WindowPermeability:
     """Permeability along `axis` of a window (n1, n2) [m] with closed sides.
 
@@ -201,6 +216,18 @@ def window_permeability(
             k = cubic_law(gap)
             means = [1 / float(np.mean(1 / k)), float(np.mean(k))]
         return WindowPermeability(np.array([cubic_law(mean), *means]), SolveCounts(open=1))
-    result = cell_permeability(gap, spacing, axis=axis, sides="mirror", bounds=bounds)
+    settings = settings or FlowSettings()
+    result = cell_permeability(
+        gap,
+        spacing,
+        axis=axis,
+        sides="mirror",
+        bounds=bounds,
+        discretisation=settings.discretisation,
+        solver=settings.solver,
+    )
     k = np.array([result.value, result.lower, result.upper] if bounds else [result.value])
-    return WindowPermeability(k, SolveCounts(solved=1) if result.percolates else SolveCounts(closed=1))
+    solvers = SolverCounts.of(result)
+    return WindowPermeability(
+        k, SolveCounts(solved=1, solvers=solvers) if result.percolates else SolveCounts(closed=1, solvers=solvers)
+    )

@@ -6,7 +6,7 @@
 
 from .deterministic import DeterministicResult, deterministic
 from .sampling_options import PRESSURES, Sampling, check_sampling, seal_cells
-from .scene import DISCRETISATIONS, SOLVERS, Scene
+from .scene import DISCRETISATIONS, Scene
 from .stochastic import StochasticResult, stochastic
 from .two_scale import FLOWS, TwoScaleResult, two_scale
 
@@ -14,7 +14,6 @@ __all__ = [
     "DISCRETISATIONS",
     "FLOWS",
     "PRESSURES",
-    "SOLVERS",
     "DeterministicResult",
     "Sampling",
     "Scene",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +12,7 @@ from ..base.stage import Mapper
 from ..base.text import Shown
 from ..contact import HalfSpace, LoadState, load_states
 from ..loads import LoadProgramme
-from ..scales import Failed, attempt
+from ..scales import Failed, FlowSettings, SolverCounts, attempt
 from .scene import Array, FaceFlow, Scene, labels, resolved_flow
 
 
@@ -19,7 +20,8 @@ from .scene import Array, FaceFlow, Scene, labels, resolved_flow
 class DeterministicResult(Shown):
     """Everything resolved on the surface's own grid; arrays over the steps.
 
-    failures : steps whose flow failed, which have no leakage (NaN).
+    failures : steps whose flow failed, which have no leakage (NaN). solvers : linear systems of
+    all flow.
     """
 
     steps: LoadProgramme
@@ -43,6 +45,7 @@ class DeterministicResult(Shown):
     residual: float = 0.0
     failures: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
+    solvers: SolverCounts = field(default_factory=SolverCounts)
 
 
 def deterministic(scene: Scene, *, mapper: Mapper = map) -> DeterministicResult:
@@ -63,7 +66,7 @@ def deterministic(scene: Scene, *, mapper: Mapper = map) -> DeterministicResult:
         scene.steps,
         hardness=scene.hardness,
         rtol=scene.rtol,
-        take=_resolved,
+        take=partial(_resolved, settings=scene.flow),
         memory=state_memory(gap0.size),
         mapper=mapper,
     )
@@ -82,6 +85,7 @@ def deterministic(scene: Scene, *, mapper: Mapper = map) -> DeterministicResult:
         gap=gap,
         residual=float(residual.max()),
         failures=through.failures,
+        solvers=through.solvers,
     )
 
 
@@ -102,11 +106,11 @@ def state_memory(pixels: int) -> float:
     return 8.0 * pixels * (40 + 2.5 * np.log2(pixels))
 
 
-def _resolved(state: LoadState) -> _ResolvedState:
+def _resolved(state: LoadState, settings: FlowSettings) -> _ResolvedState:
     contact = state.contact
     return _ResolvedState(
         gap=contact.gap.astype(np.float32),
-        flow=attempt(resolved_flow, contact.gap, contact.half_space.spacing),
+        flow=attempt(resolved_flow, contact.gap, contact.half_space.spacing, settings),
         contact_fraction=contact.area_fraction,
         plastic_fraction=contact.plastic_fraction,
         mean_gap=contact.mean_gap,

@@ -112,7 +112,7 @@ def _library(wanted: Wanted, highest: float, *, apart: bool = False, exact: tupl
     scene, partition, sampling = wanted.scene, wanted.partition, wanted.sampling
     full = min(scene.hardness, 0.5 * scene.modulus * scene.surface.rms_slope)
     half_space = HalfSpace(partition.window, partition.spacing, scene.modulus, ("mirror", "mirror"))
-    source = WindowSource((-scene.surface.heights,), half_space, scene.hardness, sampling.seed, scene.rtol)
+    source = WindowSource((-scene.surface.heights,), half_space, scene.hardness, sampling.seed, scene.rtol, scene.flow)
     waits = scene.steps.unload_from
     shares = LOADING_SHARES if highest <= LOADING_SHARES[-1] * full else (*LOADING_SHARES, highest / full)
     ladder = Ladder(

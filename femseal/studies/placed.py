@@ -30,7 +30,7 @@ def windows_in_place(wanted: Wanted) -> WindowSupply:
     moved = [n * w2 // shifts for n in range(shifts)]
     known = {} if two_scale is None else {(0, 0): LinkFlows(two_scale.k1), (1, 0): LinkFlows(two_scale.k2)}
     flows = [
-        [known.get((axis, s)) or solve_links(contact.fields, axis, shift=s, mapper=mapper) for s in moved]
+        [known.get((axis, s)) or solve_links(contact.fields, axis, scene.flow, shift=s, mapper=mapper) for s in moved]
         for axis in (0, 1)
     ]
     k1, k2 = _without_failed(*(np.concatenate([f.k for f in along], axis=2) for along in flows))

@@ -13,14 +13,13 @@ from ..base.stage import Mapper
 from ..flow import cell_permeability
 from ..fluids import Fluid
 from ..loads import LoadProgramme
-from ..scales import Failed, GlobalState, Partition, global_states
-from ..seal import RectangularSeal, seal_leakage
+from ..scales import Failed, FlowSettings, GlobalState, Partition, SolverCounts, global_states
+from ..seal import Leakage, RectangularSeal, seal_leakage
 from ..seal.layouts import Layout, RectangularLayout
 from ..topography import Topography
 
 Array = NDArray[np.float64]
-#: How the equations of a flow are solved, and how flow is discretised on pixels, see `cell_permeability`.
-SOLVERS = ("auto", "multigrid", "elimination", "amg")
+#: How flow may be discretised on pixels, see `cell_permeability`.
 DISCRETISATIONS = ("edge", "gauss")
 
 
@@ -34,7 +33,7 @@ class Scene:
     loading, unload_from, unloading : nominal pressures [Pa], see `LoadProgramme.of`.
     rtol : residual of each contact, see `contact.solve_contact`.
     layout : shape of the seal, see `seal.layouts`.
-    solver, discretisation : of all flow, in cells and over the seal; out of `SOLVERS` and `DISCRETISATIONS`.
+    solver, discretisation : of all flow, in cells and over the seal; out of `flow.SOLVERS` and `DISCRETISATIONS`.
     """
 
     surface: Topography
@@ -74,7 +73,12 @@ class Scene:
             mapper=mapper,
         )
 
-    def leakage(self, seal: RectangularSeal, permeability: Any) -> Any:
+    @property
+    def flow(self) -> FlowSettings:
+        """How the flow through windows and faces is discretised and solved."""
+        return FlowSettings(self.solver, self.discretisation)
+
+    def leakage(self, seal: RectangularSeal, permeability: Any) -> Leakage:
         """Leakage of a seal between the scene's fluid pressures."""
         return seal_leakage(
             seal,
@@ -82,26 +86,30 @@ class Scene:
             self.fluid,
             inlet_pressure=self.inlet_pressure,
             outlet_pressure=self.outlet_pressure,
+            solver=self.solver,
         )
 
     def resolved_leakage(self, flows: Iterable[FaceFlow | Failed]) -> FaceLeakage:
         """Leakage through the whole face of its resolved flow at every step."""
         seal = self.layout.seal(self.surface.size, (1, 1))
-        leakage, failures = [], []
+        leakage, failures, solvers = [], [], SolverCounts()
         for step, flow in zip(self.steps, flows, strict=True):
             if isinstance(flow, Failed):
                 leakage.append(np.nan)
                 failures.append(f"{step.name}: {flow.reason}")
             else:
-                leakage.append(self.leakage(seal, flow.permeability).per_length)
-        return FaceLeakage(np.array(leakage), tuple(failures))
+                through = self.leakage(seal, flow.permeability)
+                leakage.append(through.per_length)
+                solvers += flow.solvers + SolverCounts.of(through)
+        return FaceLeakage(np.array(leakage), tuple(failures), solvers)
 
 
 @dataclass(frozen=True)
 class FaceFlow:
-    """Flow through a whole face at full resolution: its permeability along x1 [m³]."""
+    """Flow through a whole face at full resolution: its permeability along x1 [m³], and the solver of its system."""
 
     permeability: float
+    solvers: SolverCounts
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,17 +117,28 @@ class FaceLeakage:
     """Leakage per length of seal at every step (steps,) [m²/s], NaN where the flow failed."""
 
     leakage: Array
-    failures: tuple[str, ...] = ()
+    failures: tuple[str, ...]
+    solvers: SolverCounts
 
 
-def resolved_flow(gap: NDArray[np.floating], spacing: tuple[float, float]) -> FaceFlow:
+def resolved_flow(
+    gap: NDArray[np.floating], spacing: tuple[float, float], settings: FlowSettings | None = None
+) -> FaceFlow:
     """Flow along x1 through the gap (n1, n2) [m] of a whole face, periodic along x2.
 
     Raises
     ------
     NotConverged : the linear solver failed.
     """
-    return FaceFlow(cell_permeability(np.asarray(gap, float), spacing, sides="periodic").value)
+    settings = settings or FlowSettings()
+    flow = cell_permeability(
+        np.asarray(gap, float),
+        spacing,
+        sides="periodic",
+        discretisation=settings.discretisation,
+        solver=settings.solver,
+    )
+    return FaceFlow(flow.value, SolverCounts.of(flow))
 
 
 def labels(unit: str, long_name: str, *dims: str, name: str = "", heading: str = "") -> dict[str, Any]:

@@ -16,7 +16,7 @@ from ..base.errors import InputError
 from ..base.stage import Mapper, Stage
 from ..base.text import Shown
 from ..loads import LoadProgramme
-from ..scales import Failed, LadderLibrary, Partition, attempt, draw_links
+from ..scales import Failed, LadderLibrary, Partition, SolverCounts, attempt, draw_links
 from ..seal import RectangularSeal
 from .followed import windows_under_global_contact, windows_under_uniform_pressure
 from .placed import windows_in_place
@@ -45,6 +45,7 @@ class StochasticResult(Shown):
     None without. They enclose the flow through gaps constant on each pixel: their distance says how well the pixels
     resolve the gaps.
     failures : what failed, and is NaN or left out. warnings : why the result may be far from the truth.
+    solvers : linear systems of all flow, of library windows and of drawn seals.
     """
 
     steps: LoadProgramme
@@ -64,6 +65,7 @@ class StochasticResult(Shown):
     )
     failures: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
+    solvers: SolverCounts = field(default_factory=SolverCounts)
 
     def quantile(self, q: float, *, resampled: bool = False) -> Array:
         """Quantile over the realisations that did not fail, at every step [m²/s]; NaN where all failed.
@@ -222,6 +224,7 @@ def _draw(
         leakage_upper_bound=upper,
         failures=supply.library.failures + tuple(text for r in drawn for text in r.failures),
         warnings=supply.warnings,
+        solvers=supply.library.counts.solvers + SolverCounts.total(r.solvers for r in drawn),
     )
 
 
@@ -230,7 +233,8 @@ class Realisation:
     """Leakage of one drawn seal by each kind of tables at every step (kinds, steps) [m²/s], NaN where it failed."""
 
     leakage: Array
-    failures: tuple[str, ...] = ()
+    failures: tuple[str, ...]
+    solvers: SolverCounts
 
 
 def _realise(
@@ -247,7 +251,7 @@ def _realise(
     if resampled:
         kinds = (_resample(kinds[0], sampling.seed, realisation),)
     leakage = np.full((len(kinds), len(steps)), np.nan)
-    failures: list[str] = []
+    failures, solvers = [], SolverCounts()
     for kind, tables in enumerate(kinds):
         along, across = (
             draw_links(t, sampler=sampling.chosen_sampler, seed=sampling.seed, realisation=realisation, axis=axis)
@@ -259,7 +263,8 @@ def _realise(
                 failures.append(f"realisation {realisation}, {step.name}: {found.reason}")
             else:
                 leakage[kind, s] = found.per_length
-    return Realisation(leakage, tuple(failures))
+                solvers += SolverCounts.of(found)
+    return Realisation(leakage, tuple(failures), solvers)
 
 
 def _resample(tables: Tables, seed: int, realisation: int) -> Tables:

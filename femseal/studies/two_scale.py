@@ -13,7 +13,7 @@ from ..base.stage import Mapper, Stage
 from ..base.text import Shown
 from ..flow.percolation import percolates
 from ..loads import LoadProgramme
-from ..scales import Failed, Partition, SolveCounts, attempt
+from ..scales import Failed, Partition, SolveCounts, SolverCounts, attempt
 from ..scales.window_fields import ContactPressure, WindowFields
 from .scene import Array, Scene, labels, resolved_flow
 from .windows import solve_links, solve_windows
@@ -27,7 +27,7 @@ class TwoScaleResult(Shown):
 
     fields : deformed gap and contact pressure at every pixel.
     counts : flows of links that were solved, or known without. failures : what failed, and is NaN. warnings : why the
-    result may be far from the truth.
+    result may be far from the truth. solvers : linear systems of all flow, of links and over the face.
     """
 
     steps: LoadProgramme
@@ -61,6 +61,7 @@ class TwoScaleResult(Shown):
     counts: SolveCounts = field(default_factory=SolveCounts)
     failures: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
+    solvers: SolverCounts = field(default_factory=SolverCounts)
 
     @property
     def gap(self) -> NDArray[np.float32]:
@@ -93,10 +94,12 @@ def two_scale(scene: Scene, cells: tuple[int, int], *, flow: str = "links", mapp
     surface = scene.surface
     contact = solve_windows(scene, cells, mapper=mapper)
     partition = contact.fields.partition
-    along, across = (solve_links(contact.fields, axis, mapper=mapper) for axis in (0, 1))
+    along, across = (solve_links(contact.fields, axis, scene.flow, mapper=mapper) for axis in (0, 1))
     k1, k2 = along.k, across.k
     seal = scene.layout.seal(surface.size, cells, partition.node_rows)
     leakage, fluid_pressure = np.full(len(k1), np.nan), np.full((len(k1), cells[0] + 1, cells[1]), np.nan)
+    counts = along.counts + across.counts
+    solvers = counts.solvers
     failures, warnings = contact.failures + along.failures + across.failures, contact.warnings
     for s, step in enumerate(scene.steps):
         if not (np.isfinite(k1[s]).all() and np.isfinite(k2[s]).all()):
@@ -106,11 +109,13 @@ def two_scale(scene: Scene, cells: tuple[int, int], *, flow: str = "links", mapp
             failures += (f"{step.name}: {through.reason}",)
         else:
             leakage[s], fluid_pressure[s] = through.per_length, through.fluid_pressure
+            solvers += SolverCounts.of(through)
     if flow == "resolved":
-        solve = partial(attempt, resolved_flow, spacing=surface.spacing)
+        solve = partial(attempt, resolved_flow, spacing=surface.spacing, settings=scene.flow)
         resolved = scene.resolved_leakage(mapper(Stage("flow of the whole face", solve), contact.fields.gap))
         leakage = resolved.leakage
         failures += resolved.failures
+        solvers += resolved.solvers
     else:
         warnings += _wrongly_closed(contact.fields, leakage)
     return TwoScaleResult(
@@ -126,9 +131,10 @@ def two_scale(scene: Scene, cells: tuple[int, int], *, flow: str = "links", mapp
         plastic_fraction=contact.plastic_fraction,
         fluid_pressure=fluid_pressure,
         fields=contact.fields,
-        counts=along.counts + across.counts,
+        counts=counts,
         failures=failures,
         warnings=warnings,
+        solvers=solvers,
     )
 
 

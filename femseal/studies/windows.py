@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ..base.shared_array import shared_empty
 from ..base.stage import Mapper, Stage
 from ..contact import HalfSpace
-from ..scales import GlobalState, Partition, SolveCounts, respond
+from ..scales import FlowSettings, GlobalState, Partition, SolveCounts, respond
 from ..scales.window import WindowHistory, body_standoff, flow_history, set_down
 from ..scales.window_fields import ContactPressure, WindowFields
 from ..topography import Topography
@@ -108,12 +108,14 @@ class LinkFlows:
     failures: tuple[str, ...] = ()
 
 
-def solve_links(fields: WindowFields, axis: int, *, shift: int = 0, mapper: Mapper = map) -> LinkFlows:
+def solve_links(
+    fields: WindowFields, axis: int, settings: FlowSettings, *, shift: int = 0, mapper: Mapper = map
+) -> LinkFlows:
     """Permeability of the links' windows cut out of the stitched gap, all moved by `shift` pixels along x2."""
     partition = fields.partition
     places = partition.links(axis)
     windows = (partition.link(fields.gap, i, j, axis, shift) for i, j in places)
-    stage = Stage("flow in windows", partial(flow_history, axis=axis))
+    stage = Stage("flow in windows", partial(flow_history, axis=axis, settings=settings))
     # a list among the arguments, so that the mapper knows how many there are
     flows = list(mapper(stage, windows, [partition.spacing] * len(places)))
     k = np.empty((len(fields.steps), partition.cells[0] - axis, partition.cells[1]))

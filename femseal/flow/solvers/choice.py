@@ -17,7 +17,7 @@ from ...base.errors import InputError, NotConverged
 from ..percolation import nodes_reached, restricted
 from ..solution import MAX_IMBALANCE, DarcyFlow
 from ..stencil import Stencil
-from .amg import LinearSolution, solve_amg, solve_direct
+from .amg import solve_amg, solve_direct
 from .elimination import eliminate
 from .hierarchy import coarsest_nodes
 from .multigrid import COARSEST_NODES, solve_multigrid
@@ -47,7 +47,8 @@ def solve_flow(stencil: Stencil, *, rtol: float = 1e-6, solver: str = "auto") ->
     rtol : relative error of the conductance allowed to an iterative solution.
     solver : "multigrid" (conjugate gradients on the grid's own hierarchy), "elimination" (star-mesh elimination, keeps
         its relative accuracy at any contrast up to 1e150; five points only), "amg" (conjugate gradients on pyamg's
-        hierarchy of the assembled matrix, with a factorisation where that does not converge), or "auto". What hangs on
+        hierarchy of the assembled matrix; where that does not converge, elimination, or a factorisation on nine points,
+        and the solution says so), or "auto". What hangs on
         links 1e-8 times as wide as others only is eliminated behind multigrid.
 
     Returns
@@ -93,7 +94,10 @@ def check_solver(solver: str) -> None:
 
 def _solve(stencil: Stencil, keep: Flags, rtol: float, solver: str) -> DarcyFlow:
     if solver == "amg":
-        return _by_matrix(stencil, keep, rtol)
+        try:
+            return _by_matrix(stencil, keep, rtol)
+        except NotConverged:
+            return _reliably(stencil, keep)
     if solver == "multigrid":
         return _by_multigrid(stencil, keep, rtol, _MOST_ITERATIONS)
     if solver == "elimination":
@@ -112,7 +116,7 @@ def _solve(stencil: Stencil, keep: Flags, rtol: float, solver: str) -> DarcyFlow
                 pass
     elif not few:
         return _by_matrix(stencil, keep, rtol)
-    return _by_matrix(stencil, keep, rtol, direct=True) if stencil.nine else _by_elimination(stencil, keep)
+    return _reliably(stencil, keep)
 
 
 def _worth_of_multigrid(along: Array, unknowns: int, nodes: int) -> tuple[bool, int]:
@@ -144,6 +148,11 @@ def _iterations_of_noise(along: Array) -> float:
     contrast = np.abs(np.diff(logarithm, axis=1)).sum(where=both) / max(1, int(both.sum()))
     ends = (left ^ right).sum() / max(1, int((left | right).sum()))
     return float(5 * np.exp(1.3 * contrast + 7 * ends))
+
+
+def _reliably(stencil: Stencil, keep: Flags) -> DarcyFlow:
+    """What does not iterate: elimination, or a factorisation on nine points."""
+    return _by_matrix(stencil, keep, 0.0, direct=True) if stencil.nine else _by_elimination(stencil, keep)
 
 
 def _by_elimination(stencil: Stencil, keep: Flags) -> DarcyFlow:
@@ -194,11 +203,10 @@ def _by_matrix(stencil: Stencil, keep: Flags, rtol: float, direct: bool = False)
     rows = matrix[unknown]
     rhs = -np.asarray(rows[:, :n2].sum(axis=1)).ravel()
     inner = rows[:, unknown].tocsr()
-    found: LinearSolution = solve_direct(inner, rhs) if direct else solve_amg(inner, rhs, rtol=rtol)
-    φ = np.zeros(keep.size)
-    φ[unknown] = found.x
-    φ = φ[n2:-n2]
-    return _balanced(stencil, keep, φ, 1 - φ, None, found.iterations, found.residual, found.solver)
+    found = solve_direct(inner, rhs) if direct else solve_amg(inner, rhs, rtol=rtol, unit_drop=True)
+    φ, ψ = np.zeros((2, keep.size))
+    φ[unknown], ψ[unknown] = found.x, found.complement
+    return _balanced(stencil, keep, φ[n2:-n2], ψ[n2:-n2], None, found.iterations, found.residual, found.solver)
 
 
 def _balanced(

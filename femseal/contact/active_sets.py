@@ -1,0 +1,212 @@
+"""Contact on one grid: projected active sets, and preconditioned conjugate gradients on the free points.
+
+The minimum of ½⟨p, Kp⟩ + ⟨p, h₁⟩ under 0 ≤ p ≤ H and a given load is where p = y(δ) = clip(p − c (v − δ), 0, H) for any
+c > 0, with v = Kp + h₁ and the δ that keeps Σ y = load. One iteration looks at y. Where it moves points out of contact,
+on to the hardness or back, the sets are changed: p becomes y, and a product with K gives v anew. Then conjugate
+gradients on the free points (0 < p < H) lower the energy for a few steps, with a product with K each. This is an
+inexact semismooth Newton method. There is no proof of convergence: `ActiveSets.residual` tells what was reached.
+Sources: Moré & Toraldo, SIAM J. Optim. 1, 1991, 93; Polonsky & Keer, Wear 231, 1999, 206.
+"""
+
+from __future__ import annotations
+
+from math import inf
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import kernels
+from .grid import Grid
+
+Array = NDArray[np.float64]
+#: Steps of conjugate gradients where the sets were changed, and where they were not.
+_STEPS_AFTER_CHANGE, _STEPS = 3, 5
+#: Conjugate gradients stop where the squared energy norm of the residual fell to this share.
+_DROP = 0.04
+#: From this iteration on no step may raise the energy. It is seldom needed, and slower.
+_MONOTONE_AFTER = 60
+
+
+class ActiveSets:
+    """The contact problem on one grid, and how far it is solved.
+
+    Parameters
+    ----------
+    grid : with the pressure to start from; its arrays hold pressure and v of the solution.
+    gap0 : undeformed gap h₁ [m]. offset : that is taken off it.
+    hardness : H [Pa], of one value or one per point.
+    load : mean pressure [Pa], or None. approach : δ [m], or None.
+
+    Attributes
+    ----------
+    delta : approach δ less the offset. residual : ‖p − y‖/‖p‖ c₀/c. iterations, pairs : looks, and products with K.
+    """
+
+    def __init__(
+        self, grid: Grid, gap0: Array, offset: float, hardness: Array, load: float | None, approach: float | None
+    ) -> None:
+        self._grid = grid
+        self._gap0, self._offset, self._hardness = gap0.ravel(), offset, hardness.ravel()
+        self._loaded = load is not None
+        self._load = 0.0 if load is None else load * gap0.size
+        self.delta = 0.0 if approach is None else approach - offset
+        self.residual, self.iterations, self.pairs = inf, 0, 0
+        self._c = self._c0 = grid.stiffness
+        self._least_c = grid.stiffness / (4 * max(grid.half_space.shape))
+        self._damping, self._energy = 1.0, inf
+        self._new_sets = True
+        # numbers of points near contact (in it or v < reach) and of free ones
+        self._n_near, self._n_free, self._reach, self._margin = 0, 0, -inf, 0.0
+        self._changed, self._fresh, self._gradient_next = True, False, False
+        # of conjugate gradients: Σ M1, w·r of the next and of the former direction, and whether there is a next one
+        self._ones, self._wr, self._former, self._turned = 0.0, 0.0, inf, False
+        self._best: tuple[Array, Array] | None = None
+
+    def solve(self, rtol: float, limit: int) -> None:
+        """Iterate to the residual `rtol`, or as near as `limit` iterations bring it."""
+        self._grid.dense[:] = 0
+        self._begin()
+        self._look()
+        while not self._solved(rtol) and self.iterations < limit:
+            self.iterations += 1
+            converged = self.residual <= rtol
+            if self._changed or converged or self._n_free < 2 or self._gradient_next:
+                self._change_sets()
+            if converged:
+                self._c = self._c0  # judged by the residual as it is defined
+            elif self._n_free >= 2 and not self._gradient_next:
+                self._conjugate_gradients()
+            self._look()
+
+    def _solved(self, rtol: float) -> bool:
+        """Whether the residual is reached by a pressure whose v is known and that carries the load."""
+        if not (self.residual <= rtol and self._fresh):
+            return False
+        # a projected pressure does; what the iteration starts from may miss the load by as much as the residual
+        start = self.iterations == 0 and self._loaded
+        return not start or abs(float(self._grid.p.sum()) - self._load) <= 1e-10 * self._load
+
+    def _begin(self) -> None:
+        """List the points near contact of the start, from a first guess of the approach."""
+        _, load, total = self._product()
+        if self._loaded:
+            self.delta = total / self._n_near
+        self._margin = 0.5 * load / (max(self._n_near, 1) * self._c0)
+        self._reach = self.delta + self._margin
+        self._list_near()
+
+    def _product(self) -> tuple[float, float, float]:
+        """v = Kp + h₁ and the points near contact; returns energy and load of p, and Σ v on the list."""
+        grid = self._grid
+        grid.respond.apply()
+        self.pairs += 1
+        self._fresh = True
+        self._n_near, self._n_free, energy, load, total = kernels.add_gap(
+            grid.p, grid.v, self._gap0, self._offset, self._reach, grid.state, grid.lists, grid.near
+        )
+        return energy - (0.0 if self._loaded else self.delta * load), load, total
+
+    def _list_near(self) -> None:
+        grid = self._grid
+        self._n_near, self._n_free = kernels.list_near(grid.p, grid.v, self._reach, grid.state, grid.lists, grid.near)
+
+    def _look(self) -> None:
+        """δ, the residual, and whether the sets should be changed.
+
+        Points that are not on the list had v above `reach` when that was made. If δ lies beyond, the list is made
+        anew; where v is not known everywhere, the next product with the pressure will tell.
+        """
+        grid, former = self._grid, self.residual
+        while True:
+            self.delta, carried, residual, changed, leaving = kernels.look(
+                self._n_near, self._c, self._load, self._loaded, self.delta,
+                self._hardness, grid.state, grid.lists, grid.near,
+            )  # fmt: skip
+            if (carried and self.delta <= self._reach) or not self._fresh or self._reach == inf:
+                break
+            self._margin = max(4.0 * self._margin, self.delta - self._reach)
+            reach = self.delta + self._margin
+            self._reach = reach if carried and reach < inf else inf  # also where it is not a number
+            self._list_near()
+        self.residual = residual * (self._c0 / self._c)  # about that of the step c₀
+        # the sets are worth keeping as long as it helps and the points that would leave them matter little
+        self._changed = (changed > 0 and (leaving or self.residual > 0.5 * former)) or self.iterations == 0
+
+    def _change_sets(self) -> None:
+        """Project p on the bounds and the load, which says which points are free, and find v."""
+        grid = self._grid
+        keep = self.iterations > 1 and not self._gradient_next
+        self._n_free = kernels.project(
+            self._n_near, self._n_free, self._c * self.delta, self._load, self._loaded, keep,
+            grid.p, self._hardness, grid.state, grid.lists, grid.near, grid.dense,
+        )  # fmt: skip
+        self._reach = self.delta + self._margin
+        energy, _, _ = self._product()
+        rose = energy > self._energy + 1e-13 * abs(self._energy)
+        self._damping = max(self._damping / 2, 1e-3) if rose else min(1.0, 1.25 * self._damping)
+        self._energy = energy
+        if self.iterations >= _MONOTONE_AFTER:
+            self._descend()
+        self._new_sets = True
+
+    def _conjugate_gradients(self) -> None:
+        """A few steps on the free points; their Rayleigh quotients d·Kd/d·d give the step c of the next look."""
+        grid, longest, first = self._grid, self._c0, inf
+        if self._new_sets:
+            self._ones = kernels.restart(
+                self._n_free, self.delta, self._loaded, grid.lists, grid.near, grid.on_free, grid.dense, *grid.stencil
+            )
+            self._former, self._turned, self._new_sets = inf, False, False
+        for steps in range(_STEPS_AFTER_CHANGE if self._changed else _STEPS):
+            if not self._turned:
+                self._wr = kernels.turn(
+                    self._n_free, self._former, self._ones, self._loaded,
+                    grid.lists, grid.on_free, grid.dense, *grid.stencil,
+                )  # fmt: skip
+                self._turned = True
+            if steps == 0:
+                first = self._wr
+                if not first > 0.0:  # flat on the free points: the sets have to change
+                    self._c = max(self._least_c, self._damping * self._c0)
+                    return
+            if not (self._wr > 0.0 and self._wr >= _DROP * first):
+                break
+            grid.search.apply()
+            self.pairs += 1
+            curvature, length = kernels.step(
+                self._n_near,
+                self._n_free,
+                self._wr,
+                self._loaded,
+                grid.kd,
+                grid.lists,
+                grid.near,
+                grid.on_free,
+                grid.dense,
+            )
+            self._turned = False
+            if not curvature > 0.0:
+                self._former = inf
+                break
+            self._former, self._fresh = self._wr, False
+            longest = min(longest, length / curvature)
+        self._c = max(self._least_c, min(self._c0, 2.0 * self._damping * longest))
+
+    def _descend(self) -> None:
+        """Go back towards the best point so far where the energy rose.
+
+        Where conjugate gradients and projection do not lead down, a projected gradient does: that comes next, with a
+        step of Barzilai and Borwein. Source: Birgin, Martínez & Raydan, SIAM J. Optim. 10, 2000, 1196.
+        """
+        grid = self._grid
+        if self._best is None:
+            self._best = grid.p.copy(), grid.v.copy()
+        else:
+            s, length, curvature = kernels.search_line(
+                self.delta, grid.p, grid.v, self._hardness, grid.state, *self._best
+            )
+            if curvature > 0.0:
+                self._c = max(1e-2 * self._least_c, min(self._c0, length / curvature))
+            self._gradient_next = not self._gradient_next and s < 0.1
+            self._changed = True  # the points between the bounds may be others now
+        self._list_near()

@@ -1,0 +1,247 @@
+"""Algebraic multigrid against elimination and the factorisation: whatever it returns is right, and the same every time."""
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from numpy.testing import assert_allclose, assert_array_equal
+from skfem import Basis, ElementQuad1, ElementQuad2, ElementTriP1, ElementTriP2, MeshQuad, MeshTri
+
+from femseal.base.errors import InputError, NotConverged
+from femseal.flow.discretisation import cell_stencil
+from femseal.flow.forms import darcy_flow
+from femseal.flow.grid import Grid
+from femseal.flow.solvers import amg
+from femseal.flow.solvers.amg import solve_amg, solve_direct, solve_spd
+from femseal.flow.solvers.choice import solve_flow
+from femseal.flow.stencil import Stencil
+from femseal.topography.generate import self_affine
+
+
+def drawn_links(rng, shape, sigma, closed, periodic):
+    """Network of independent log-normal conductances, of which a share is closed."""
+    n1, n2 = shape
+    along, across = (
+        np.exp(sigma * rng.standard_normal(s)) * (rng.random(s) >= closed)
+        for s in (shape, (n1 - 1, n2 if periodic else n2 - 1))
+    )
+    return Stencil.network(along, across, ring=bool(periodic))
+
+
+def cut_gap(rng, n, contact):
+    """A self-affine face cut by a plane."""
+    heights = self_affine((n, n), (1.0, 1.0), hurst=0.8, rms_slope=0.1, roll_off=0.5, cut_off=8 / n, rng=rng).heights
+    return np.maximum(heights - np.quantile(heights, contact), 0) / np.ptp(heights)
+
+
+def chain(links):
+    """Matrix and right-hand side of links in series between the inlet and the outlet."""
+    links = np.asarray(links, float)
+    matrix = sp.diags_array([links[:-1] + links[1:], -links[1:-1], -links[1:-1]], offsets=[0, 1, -1]).tocsr()
+    return matrix, np.r_[links[0], np.zeros(len(links) - 2)]
+
+
+def mesh_system(mesh, element, k):
+    """Matrix and right-hand side of Darcy flow along x for a unit drop."""
+    basis = Basis(mesh, element, intorder=4)
+    matrix = darcy_flow.assemble(basis, k=np.moveaxis(k, 0, -1)[..., None] * np.ones(basis.dx.shape)).tocsr()
+    inlet, outlet = (basis.get_dofs(lambda x, at=at: np.isclose(x[0], at)).flatten() for at in (0, 1))
+    unknown = np.setdiff1d(np.arange(basis.N), np.concatenate([inlet, outlet]))
+    return matrix[unknown][:, unknown], -np.asarray(matrix[unknown][:, inlet].sum(axis=1)).ravel()
+
+
+def energy_error(matrix, rhs, x, exact):
+    difference = x - exact
+    return np.sqrt(difference @ (matrix @ difference) / (rhs @ (1 - exact)))
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_drawn_seals_agree_with_elimination(seed):
+    """Standard deviations of ln k up to 5, up to a third of the links closed."""
+    rng = np.random.default_rng(seed)
+    for number in range(40):
+        shape = tuple(rng.integers(5, 45, 2))
+        closed = rng.choice([0, rng.uniform(0, 0.35)])
+        stencil = drawn_links(rng, shape, rng.uniform(0.3, 5), closed, number % 2)
+        exact = solve_flow(stencil, solver="elimination")
+        flow = solve_flow(stencil, solver="amg", rtol=1e-6)
+        assert flow.percolates == exact.percolates
+        assert_allclose(flow.conductance, exact.conductance, rtol=1e-9)
+        assert flow.imbalance <= 1e-5
+        assert flow.solver == ("amg" if exact.percolates and exact.solver != "none" else "none")
+        assert flow.residual <= 1e-6
+        assert flow.iterations <= 30
+
+
+@pytest.mark.parametrize("n", [24, 40, 64])
+def test_cells_agree_with_elimination(n):
+    """From open to nearly closed ones, where the flow is a tiny share of what the inlet could carry."""
+    rng = np.random.default_rng(n)
+    for number in range(30):
+        gap = cut_gap(rng, n, rng.uniform(0.02, 0.46))
+        grid = Grid.of_pixel_centres(gap.shape, (1.0, rng.choice([0.5, 1.0])), ["mirror", "periodic"][number % 2])
+        stencil = cell_stencil(gap, grid)
+        exact = solve_flow(stencil, solver="elimination")
+        flow = solve_flow(stencil, solver="amg", rtol=1e-6)
+        assert_allclose(flow.conductance, exact.conductance, rtol=1e-9)
+        assert flow.imbalance <= 1e-5
+        assert flow.solver == ("amg" if exact.percolates and exact.solver != "none" else "none")
+        assert flow.iterations <= 30
+
+
+def test_many_levels_take_few_iterations():
+    rng = np.random.default_rng(5)
+    for sigma, closed in ((1, 0.0), (5, 0.0), (5, 0.3)):
+        stencil = drawn_links(rng, (150, 170), sigma, closed, True)
+        flow = solve_flow(stencil, solver="amg", rtol=1e-6)
+        assert flow.solver == "amg"
+        assert 3 <= flow.iterations <= 30
+        assert_allclose(flow.conductance, solve_flow(stencil, solver="elimination").conductance, rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("mesh", "element"),
+    [
+        (MeshTri, ElementTriP1()),
+        (MeshTri, ElementTriP2()),
+        (MeshQuad, ElementQuad1()),
+        (MeshQuad, ElementQuad2()),
+    ],
+)
+def test_elements_agree_with_the_factorisation(mesh, element):
+    """Also where some off-diagonal entries are positive: second order, sheared and stretched elements."""
+    rng = np.random.default_rng(6)
+    mesh = mesh.init_tensor(np.linspace(0, 1, 33), np.linspace(0, 0.7, 29))
+    inside = mesh.interior_nodes()
+    points = mesh.p.copy()
+    points[:, inside] += rng.uniform(-0.006, 0.006, (2, inside.size))
+    mesh = type(mesh)(points, mesh.t)
+    for sigma, stretch in ((0, 1), (3, 1), (1, 5)):
+        k = np.exp(sigma * rng.standard_normal(mesh.nelements))[:, None, None] * np.diag([1.0, stretch])
+        matrix, rhs = mesh_system(mesh, element, k)
+        exact = solve_direct(matrix, rhs)
+        solution = solve_amg(matrix, rhs, rtol=1e-7, unit_drop=True)
+        assert solution.solver == "amg"
+        assert 3 <= solution.iterations <= 60
+        assert energy_error(matrix, rhs, solution.x, exact.x) <= 1e-7
+
+
+def test_the_same_bits_every_time_and_no_random_number():
+    rng = np.random.default_rng(7)
+    matrix, rhs = mesh_system(
+        MeshQuad.init_tensor(*np.linspace(0, 1, 45)[None].repeat(2, axis=0)),
+        ElementQuad1(),
+        np.exp(rng.standard_normal(44**2))[:, None, None] * np.eye(2),
+    )
+    first = solve_amg(matrix, rhs, rtol=1e-6, unit_drop=True)
+    np.random.seed(3)  # noqa: NPY002
+    before = np.random.get_state()[1].copy()  # noqa: NPY002
+    second = solve_amg(matrix, rhs, rtol=1e-6, unit_drop=True)
+    assert_array_equal(np.random.get_state()[1], before)  # noqa: NPY002
+    assert_array_equal(second.x, first.x)
+    assert_array_equal(second.complement, first.complement)
+    assert second.iterations == first.iterations
+
+
+@pytest.mark.parametrize("weak", [1e-4, 1e-9, 1e-12, 1e-14])
+@pytest.mark.parametrize("place", [0.02, 0.5, 0.98])
+def test_constrictions_keep_their_digits(weak, place):
+    """A chain of wide links with a narrow one: 1 − x before it is nearly 0, x behind it, and both ends have the flow."""
+    links = np.full(1500, 1.0)
+    links[int(place * 1500)] = weak
+    links[700:720] = 1e5
+    matrix, rhs = chain(links)
+    solution = solve_amg(matrix, rhs, rtol=1e-6, unit_drop=True)
+    resistance = np.cumsum(1 / links)
+    flow = 1 / resistance[-1]
+    assert_allclose([links[0] * solution.complement[0], links[-1] * solution.x[-1]], flow, rtol=1e-5)
+    assert_allclose(solution.complement, flow * resistance[:-1], rtol=1e-3)
+    assert_allclose(solution.x, flow * np.cumsum(1 / links[::-1])[-2::-1], rtol=1e-3)
+
+
+def test_rows_without_links_are_left_out():
+    matrix, rhs = chain(np.linspace(1, 3, 40))
+    n = matrix.shape[0]
+    place = np.sort(np.random.default_rng(8).permutation(2 * n)[:n])
+    spread = sp.csr_array((np.ones(n), (place, np.arange(n))), shape=(2 * n, n))
+    wide, b = (spread @ matrix @ spread.T).tolil(), spread @ rhs
+    alone = np.setdiff1d(np.arange(2 * n), place)[0]
+    wide[alone, alone], b[alone] = 4.0, 2.0  # linked to the ends only
+    solution = solve_amg(wide.tocsr(), b, rtol=1e-10, unit_drop=False)
+    assert_allclose(solution.x[place], solve_direct(matrix, rhs).x, rtol=1e-9)
+    assert solution.x[alone] == 0.5
+    assert np.count_nonzero(solution.x) == n + 1
+    assert solve_amg(sp.csr_array((5, 5)), np.zeros(5), rtol=1e-6).iterations == 0
+
+
+def test_zeros_that_are_stored_are_no_links():
+    matrix, rhs = chain([1.0, 2.0, 3.0])
+    stored = sp.csr_array(
+        (np.r_[matrix.data, 0.0], np.r_[matrix.indices, 2], np.r_[matrix.indptr, matrix.nnz + 1]), shape=(3, 3)
+    )
+    assert_allclose(solve_amg(stored, np.r_[rhs, 0.0], rtol=1e-8).x, np.r_[solve_direct(matrix, rhs).x, 0.0])
+
+
+def test_several_right_hand_sides():
+    matrix, _ = chain(np.linspace(1, 3, 900))
+    rhs = np.random.default_rng(9).standard_normal((899, 3))
+    solution = solve_amg(matrix, rhs, rtol=1e-10)
+    assert_allclose(solution.x, solve_direct(matrix, rhs).x, rtol=1e-6, atol=1e-9)
+    assert_array_equal(solution.x[:, 1], solve_amg(matrix, rhs[:, 1], rtol=1e-10).x)
+
+
+def test_what_it_cannot_solve_is_refused():
+    matrix, rhs = chain(np.linspace(1, 3, 900))
+    n = len(rhs)
+    with pytest.raises(NotConverged, match="without links"):
+        solve_amg(sp.diags_array(np.r_[np.zeros(1), np.ones(3)]).tocsr(), np.ones(4), rtol=1e-6)
+    pocket = sp.block_diag([matrix, sp.csr_array([[1.0, -1.0], [-1.0, 1.0]])]).tocsr()
+    with pytest.raises(NotConverged):
+        solve_amg(pocket, np.r_[rhs, 1.0, 1.0], rtol=1e-6, unit_drop=True)
+    with pytest.raises(NotConverged):
+        solve_amg(matrix - 3 * sp.eye_array(n), rhs, rtol=1e-6)  # indefinite
+
+
+def test_networks_that_do_not_converge_are_eliminated(monkeypatch):
+    monkeypatch.setattr(amg, "_MAX_ITERATIONS", 1)
+    stencil = drawn_links(np.random.default_rng(10), (60, 60), 3, 0.2, True)
+    flow = solve_flow(stencil, solver="amg")
+    assert (flow.solver, flow.iterations) == ("elimination", 0)
+    assert flow.conductance == solve_flow(stencil, solver="elimination").conductance
+
+
+def test_a_solution_that_only_the_iteration_believes_in_is_refused(monkeypatch):
+    """The residual that the iteration carries along says it has converged; that of x itself does not."""
+    matrix, rhs = chain(np.exp(np.random.default_rng(11).standard_normal(900)))
+    believed = amg._System._corrected
+
+    def careless(self, start, rest, *others):
+        corrected, iterations = believed(self, start, rest, *others)
+        return corrected + 1e-3 * np.sin(np.arange(len(rest))), iterations
+
+    monkeypatch.setattr(amg._System, "_corrected", careless)
+    for unit_drop in (True, False):
+        with pytest.raises(NotConverged, match="has an error of"):
+            solve_amg(matrix, rhs, rtol=1e-6, unit_drop=unit_drop)
+
+
+def test_meshes_take_the_faster_one_and_the_factorisation_where_it_fails(monkeypatch):
+    matrix, rhs = chain(np.linspace(1, 3, 900))
+    assert solve_spd(matrix, rhs, 1e-8).solver == "direct"
+    assert solve_spd(matrix, rhs, 1e-8, "amg").solver == "amg"
+    monkeypatch.setattr(amg, "DIRECT_UNKNOWNS", 800)
+    assert solve_spd(matrix, rhs, 1e-8).solver == "amg"
+    assert solve_spd(matrix, rhs, 1e-8, "direct").solver == "direct"
+    monkeypatch.setattr(amg, "_MAX_ITERATIONS", 1)
+    fallen_back = solve_spd(matrix, rhs, 1e-8)
+    assert (fallen_back.solver, fallen_back.iterations) == ("direct", 0)
+    assert_allclose(fallen_back.x, solve_direct(matrix, rhs).x)
+    assert solve_spd(matrix, rhs, 1e-8, "amg").solver == "direct"
+    with pytest.raises(NotConverged, match="did not converge within 1 iterations"):
+        solve_amg(matrix, rhs, rtol=1e-8)
+    with pytest.raises(InputError, match=r"^solver: given 'fast', allowed is one of auto, direct, amg"):
+        solve_spd(matrix, rhs, 1e-8, "fast")
+
+
+def test_a_singular_matrix_is_refused_by_the_factorisation():
+    with pytest.raises(NotConverged):
+        solve_direct(sp.csr_array([[1.0, -1.0], [-1.0, 1.0]]), np.ones(2))
