@@ -34,7 +34,7 @@ def write_folder(
     folder: str | os.PathLike[str],
     surface: Topography | None = None,
     *,
-    paraview: str = "vtkhdf",
+    paraview: str = "vtu",
     fields_limit: float = fields.LIMIT,
 ) -> list[Path]:
     """Write `results.nc`, `table.csv`, `report.html`, the pictures, the fields over all pixels and, in `vtk/`, files
@@ -74,7 +74,7 @@ def write_folder(
     try:
         written = _write_for_people(results, unfinished, surface)
         if plan.steps.size:
-            written.append(fields.write_fields(results, plan, unfinished / fields.FILE_NAME))
+            written += fields.write_fields(results, plan, unfinished)
         written += [*write_vtk(results, surface, unfinished / "vtk", paraview), saved]
         names = [path.relative_to(unfinished) for path in written]
         (target / FILE_NAME).unlink(missing_ok=True)

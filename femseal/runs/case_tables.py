@@ -161,5 +161,5 @@ class StochasticTable(Table):
 class OutputTable(Table):
     """What the results folder holds besides, see `report.write_folder`."""
 
-    paraview: Annotated[str, *one_of(FORMATS)] = "vtkhdf"
+    paraview: Annotated[str, *one_of(FORMATS)] = "vtu"
     fields_limit: FileSize = LIMIT
