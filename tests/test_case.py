@@ -88,12 +88,14 @@ def test_quantities_become_si(data):
         ("flow", "solver", "magic", ["flow.solver", "'magic'", "auto, multigrid, elimination, amg"]),
         ("flow", "discretisation", "P7", ["flow.discretisation", "'P7'", "edge, gauss"]),
         ("flow", "rtol", 1e-3, ["flow.rtol", "unknown key, allowed are solver, discretisation"]),
+        ("flow", "solver", "elimination", ["flow.solver: given 'elimination'", "'auto', 'multigrid' or 'amg'"]),
         ("seal", "kind", "square", ["seal.kind", "'square'", "'rectangular'"]),
         ("seal", "radius", "1 mm", ["seal.radius", "unknown key, allowed are kind"]),
     ],
 )
 def test_faults_name_key_value_and_what_is_allowed(data, table, key, value, words):
-    data.setdefault(table, {"kind": "rectangular"} if table == "seal" else {})[key] = value
+    data["flow"] = {"discretisation": "gauss"}
+    data.setdefault(table, {"kind": "rectangular"})[key] = value
     with pytest.raises(fs.InputError) as caught:
         parse_case(data)
     assert all(word in str(caught.value) for word in words), str(caught.value)

@@ -19,8 +19,6 @@ from ..seal.layouts import Layout, RectangularLayout
 from ..topography import Topography
 
 Array = NDArray[np.float64]
-#: How flow may be discretised on pixels, see `cell_permeability`.
-DISCRETISATIONS = ("edge", "gauss")
 
 
 @dataclass(frozen=True)
@@ -33,7 +31,7 @@ class Scene:
     loading, unload_from, unloading : nominal pressures [Pa], see `LoadProgramme.of`.
     rtol : residual of each contact, see `contact.solve_contact`.
     layout : shape of the seal, see `seal.layouts`.
-    solver, discretisation : of all flow, in cells and over the seal; out of `flow.SOLVERS` and `DISCRETISATIONS`.
+    solver, discretisation : of all flow, in cells and over the seal; see `flow.cell_permeability`.
     """
 
     surface: Topography

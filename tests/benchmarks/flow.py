@@ -6,8 +6,8 @@ Gaps are self-affine (Hurst 0.8, shortest wave 8 pixels, longest a quarter of th
 of contact, or those of an elastic-plastic contact; pressure drops along x1, x2 is periodic. Peers: Q1 elements with
 Gauss points assembled by scikit-fem and solved by pyamg's smoothed aggregation with conjugate gradients, as a user
 would write it, and reynoldsflow with its default solver and with PARDISO. One thread each, in a process of their own,
-compilation before; a gap of pixels in, one number out. `--write` puts table and picture beside this file and the
-table's largest sizes into the README.
+compilation before; a gap of pixels in, one number out. `--write` puts table and picture beside this file,
+where the documentation takes them from.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-from common import ROOT, call, forget_peak, machine, replace_between, resident, rows
+from common import call, forget_peak, machine, resident, rows, save_report
 
 HERE = Path(__file__).parent
 PACKAGES = {
@@ -305,10 +305,7 @@ The same with femseal's discretisations; "femseal" is "edge", the default. "RT0"
         picture(errors, SOLVERS, HERE / "flow.png")
         picture(errors, OWN, HERE / "discretisations.png")
         pictures = "![error over time](flow.png)\n\n![error over time of discretisations](discretisations.png)"
-        report = f"# Flow solvers\n\nWritten by `flow.py`.\n\n{text}\n\n{pictures}\n"
-        (HERE / "flow.md").write_text(report, encoding="utf-8")
-        short = [r for r in records if r["n"] in (64, 256, 1024)]
-        replace_between(ROOT / "README.md", "flow benchmark", f"\n{machine(PACKAGES)}:\n\n{speed_table(short)}\n")
+        save_report(__file__, "Flow solvers", f"{text}\n\n{pictures}")
 
 
 if __name__ == "__main__":
