@@ -160,6 +160,10 @@ def test_attributes_tell_the_origin(results, studies):
     assert json.loads(attrs["surface"]) == {"rms_height": 1e-6}
     assert json.loads(attrs["timings"]) == {"two-scale": 1.5}
     assert json.loads(attrs["counts"])["two_scale"] == studies["two_scale"].counts.by_kind()
+    for name, study in studies.items():
+        solvers = json.loads(attrs["solvers"])[name]
+        assert solvers["systems"] == study.solvers.by_solver() != {}
+        assert solvers["worst_imbalance"] == study.solvers.worst_imbalance < 1e-5
     assert {"femseal", "python", "numpy", "scikit-fem"} <= set(json.loads(attrs["versions"]))
     assert attrs["inlet_pressure_Pa"] == 1e6
     assert "Liquid" in attrs["fluid"]
