@@ -247,7 +247,7 @@ def test_a_full_disk_loses_nothing_that_is_written(tmp_path, monkeypatch):
 # --- runs ----------------------------------------------------------------------------------------------------------
 
 
-def test_a_stopped_run_goes_on_with_the_same_bits_and_leaves_no_checkpoint(case, tmp_path, monkeypatch):
+def test_a_stopped_run_goes_on_with_the_same_bits_and_leaves_no_checkpoint(case, undrawn, tmp_path, monkeypatch):
     whole = fs.run(case, workers=1)
     out = tmp_path / "out"
     stages = []
@@ -282,7 +282,7 @@ def test_a_stopped_run_goes_on_with_the_same_bits_and_leaves_no_checkpoint(case,
     assert ("stochastic: drawn seals", 48, 48) in stages
 
 
-def test_an_unfinished_run_is_not_lost_to_one_without_resume(case, tmp_path):
+def test_an_unfinished_run_is_not_lost_to_one_without_resume(case, undrawn, tmp_path):
     out = tmp_path / "out"
     with pytest.raises(KeyboardInterrupt):
         fs.run(case, out, workers=1, progress=stop_at("two-scale: contact of windows", 1))
@@ -327,7 +327,7 @@ def test_a_changed_case_file_or_version_is_refused_by_name(case, tmp_path, monke
     refusal()
 
 
-def test_finished_results_of_another_face_file_are_not_taken(case, tmp_path):
+def test_finished_results_of_another_face_file_are_not_taken(case, undrawn, tmp_path):
     text = measured(case).replace('"stochastic"', '"deterministic"', 1)
     case.write_text(text.replace('compare = ["deterministic", "two-scale"]', ""))
     runs = []

@@ -503,7 +503,7 @@ def test_two_scale_view_is_drawn(folder, back, tmp_path):
     arguments = [str(a) for a in (EXAMPLES / "two_scale_view.py", folder, tmp_path / "view.png", step)]
     setting = {} if os.environ.get("DISPLAY") else {"VTK_DEFAULT_OPENGL_WINDOW": "vtkEGLRenderWindow"}
     command = [sys.executable, "-c", VIEW, *arguments]
-    run = subprocess.run(command, env=os.environ | setting, capture_output=True, text=True, timeout=300)
+    run = subprocess.run(command, env=os.environ | setting, capture_output=True, text=True, timeout=600)
     if "can draw" not in run.stdout:
         pytest.skip("nothing can be drawn off screen here")
     assert run.returncode == 0, run.stderr

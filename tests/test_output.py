@@ -310,7 +310,7 @@ def files(folder):
     return {str(p.relative_to(folder)) for p in folder.rglob("*") if p.is_file()}
 
 
-def test_another_run_into_the_folder_leaves_nothing_of_the_former(results, scene, studies, tmp_path):
+def test_another_run_into_the_folder_leaves_nothing_of_the_former(results, scene, undrawn, tmp_path):
     out = tmp_path / "out"
     write_folder(results, out, scene.surface)
     mine = {"notes.txt", "vtk/view.pvsm", "vtk/seal/step_9999.vtu", "vtk/own/a.vtu", "old_leakage.png"}
@@ -346,7 +346,7 @@ def test_another_run_into_the_folder_leaves_nothing_of_the_former(results, scene
 
 @pytest.mark.parametrize("error", [ValueError("no such colour"), OSError(28, "No space left on device")])
 def test_a_picture_that_fails_loses_neither_the_results_nor_the_former_run(
-    results, scene, studies, tmp_path, monkeypatch, error
+    results, scene, studies, undrawn, tmp_path, monkeypatch, error
 ):
     old = assemble(scene, deterministic=studies["deterministic"])
     write_folder(old, tmp_path, scene.surface)
@@ -675,7 +675,9 @@ def test_names_are_plain(folder):
 
 @pytest.mark.parametrize("cells", [(1, 8), (4, 1), (1, 1)])
 @pytest.mark.parametrize("pressure", ["place", "global", "uniform"])
-def test_a_single_row_or_column_of_windows_goes_all_the_way(scene, cells, pressure, tmp_path):
+def test_a_single_row_or_column_of_windows_goes_all_the_way(scene, cells, pressure, tmp_path, request):
+    if pressure != "place":
+        request.getfixturevalue("undrawn")  # pictures of such seals are drawn once
     two = two_scale(scene, cells)
     drawn = stochastic(scene, cells, Sampling(240e-6, 2, cells[0], seed=7, pressure=pressure))
     # a row of windows leaks as they do side by side, a column as they do behind one another
