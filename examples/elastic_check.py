@@ -1,4 +1,8 @@
-"""Elastic contact of a wave against the closed form of Westergaard: what a grid of 128 points does to it."""
+"""Elastic contact of a wave
+=========================
+
+The share in contact of a wave against the closed form of Westergaard, and what a grid of 128 points does to it.
+"""
 
 from __future__ import annotations
 

@@ -1,6 +1,8 @@
-"""A measured face, from the file of an instrument to the leakage of the measured area at one load.
+"""A measured face
+===============
 
-The file is self-made, by make_measured_face.py.
+From the file of an instrument to the leakage of the measured area at one load. The file is self-made, by
+``make_measured_face.py``.
 """
 
 from __future__ import annotations
@@ -37,4 +39,5 @@ if __name__ == "__main__":
     print("as solved:  ", surface)
     contact, result = leakage(surface, 2e8)
     print(f"at 200 MPa {contact.area_fraction:.1%} in contact, {result.per_length * 1e6:.3g} mL/(m·s)")
-    contact.plot().savefig("measured_contact.png")
+    picture = contact.plot()
+    picture.savefig("measured_contact.png")

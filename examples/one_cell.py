@@ -1,4 +1,8 @@
-"""One cell along a load cycle: contact, then the permeability of its gap, closed at the top and open again later."""
+"""One cell along a load cycle
+===========================
+
+Contact, then the permeability of the gap. The cell is closed at the peak, and opens again late on unloading.
+"""
 
 from __future__ import annotations
 

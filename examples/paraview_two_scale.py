@@ -1,12 +1,12 @@
 """The two-scale view in ParaView: fluid pressure with the flow over the seal, contact pressure over all pixels.
 
-As a macro (Macros > Import new macro): open `seal` of the folder `vtk` of a results folder, select it, run the macro.
-Without a window, the last argument being the load step:
+As a macro (Macros > Import new macro): open `vtk/seal.pvd` of a results folder, select it, run the macro. Without a
+window, the last argument being the load step:
 
-    pvpython --force-offscreen-rendering examples/paraview_two_scale.py results/turned_seal view.png 8
+    xvfb-run -a pvpython examples/paraview_two_scale.py results/turned_seal view.png 8
 
-ParaView before 5.13 does not read VTKHDF in time: it gets the series of `paraview = "vtu"` in `[output]`, and the mean
-contact pressure of the windows. Time is the index of the load step.
+It was tried with ParaView 5.11. Time is the index of the load step. Pockets, whose fluid has no pressure of its own,
+are grey.
 """
 
 import os
@@ -15,17 +15,17 @@ import sys
 import paraview.simple as pv
 
 PALETTES = "Viridis (matplotlib)", "Inferno (matplotlib)"
-VTKHDF = pv.GetParaViewVersion() >= (5, 13)
+GREY = [0.69, 0.69, 0.69]
 
 
 def opened(folder):
-    """The seal, what the contact pressure is on, and the name of that."""
-    names = [os.path.join(folder, "vtk", name) for name in ("seal.vtkhdf", "seal.pvd")]
-    path = next(name for name in names[0 if VTKHDF else 1 :] if os.path.isfile(name))
-    seal, fields = pv.OpenDataFile(path), os.path.join(folder, "fields.vtkhdf")
-    if VTKHDF and os.path.isfile(fields):
-        return seal, pv.OpenDataFile(fields), "contact_pressure_MPa"
-    return seal, seal, "nominal_contact_pressure_MPa"
+    """The seal and the fields over all pixels."""
+    paths = [os.path.join(folder, *name) for name in (("vtk", "seal.pvd"), ("fields.pvd",))]
+    missing = [path for path in paths if not os.path.isfile(path)]
+    if missing:
+        need = 'a results folder of a two-scale study; [output] paraview = "vtu" (the default) writes vtk/seal.pvd'
+        raise SystemExit(f"paraview_two_scale.py: there is no {' and no '.join(missing)}: give {need}")
+    return [pv.PVDReader(FileName=path) for path in paths]
 
 
 def flow(seal, time, longest):
@@ -61,6 +61,7 @@ def coloured(source, array, title, palette, view, time):
     shown.Ambient, shown.Diffuse = 1.0, 0.0
     colours = pv.GetColorTransferFunction(array[1])
     colours.ApplyPreset(palette, True)
+    colours.NanColor = GREY
     bar = pv.GetScalarBar(colours, view)
     bar.Title, bar.ComponentTitle = title, ""
     bar.Orientation, bar.WindowLocation = "Horizontal", "Lower Center"
@@ -85,7 +86,7 @@ def look(view, bounds, time):
 
 def draw(folder, time):
     """A layout with both views; returns it."""
-    seal, contact, pressure = opened(folder)
+    seal, contact = opened(folder)
     pv.GetAnimationScene().UpdateAnimationUsingDataTimeSteps()
     pv.GetAnimationScene().AnimationTime = time
     seal.UpdatePipeline(time)
@@ -106,7 +107,7 @@ def draw(folder, time):
     load.ArrayAssociation = "Field Data"
     load.Expression = "'%g MPa' % nominal_pressure_MPa[0]"
     pv.Show(load, upper).Color = [0.0, 0.0, 0.0]
-    coloured(contact, ("CELLS", pressure), "contact pressure [MPa]", PALETTES[1], lower, time)
+    coloured(contact, ("CELLS", "contact_pressure_MPa"), "contact pressure [MPa]", PALETTES[1], lower, time)
     for view in (upper, lower):
         look(view, bounds, time)
     return layout

@@ -1,4 +1,8 @@
-"""A seal of real size, 0.1 m long, drawn from a library of a few dozen followed windows of a small face."""
+"""A seal of real size
+===================
+
+A seal 0.1 m long, drawn from a library of a few dozen windows of a small face that are followed along the load cycle.
+"""
 
 from __future__ import annotations
 
@@ -36,4 +40,5 @@ if __name__ == "__main__":
     print(f"{cells[0]} × {cells[1]} windows, {len(result.leakage)} realisations")
     for step, median, spread in zip(result.steps, result.quantile(0.5), result.realisation_spread, strict=True):
         print(f"{step.name:32} {median * 1e6:.3g} mL/(m·s), a seal scatters by {100 * spread:.1g} %")
-    result.plot().savefig("real_size_seal.png")
+    picture = result.plot()
+    picture.savefig("real_size_seal.png")

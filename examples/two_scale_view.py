@@ -2,7 +2,7 @@
 
     python examples/two_scale_view.py results/turned_seal view.png
 
-It reads `vtk/seal.vtkhdf` and `fields.vtkhdf` by VTK's own reader. Without a display, set
+It reads `vtk/seal.pvd` and `fields.pvd`. Without a display, set
 VTK_DEFAULT_OPENGL_WINDOW=vtkEGLRenderWindow (or vtkOSOpenGLRenderWindow). `paraview_two_scale.py` draws the same.
 """
 
@@ -20,12 +20,9 @@ ARROWS = 24
 
 def read(path, step):
     """The mesh at a step; lengths in µm."""
-    from vtkmodules.vtkIOHDF import vtkHDFReader
-
-    reader = vtkHDFReader()
-    reader.SetFileName(str(path))
-    reader.UpdateTimeStep(step)
-    mesh = pv.wrap(reader.GetOutputDataObject(0))
+    reader = pv.get_reader(path)
+    reader.set_active_time_value(step)
+    (mesh,) = reader.read()
     return mesh.scale(1e6, inplace=False)
 
 
@@ -49,7 +46,7 @@ def flow_arrows(seal, longest):
 def draw(folder, step):
     """A plotter with both views at a step: inlet below, x2 to the right."""
     folder = Path(folder)
-    seal, face = read(folder / "vtk" / "seal.vtkhdf", step), read(folder / "fields.vtkhdf", step)
+    seal, face = read(folder / "vtk" / "seal.pvd", step), read(folder / "fields.pvd", step)
     x1, x2 = seal.bounds[1], seal.bounds[3]
     stacked = x2 > x1
     plotter = pv.Plotter(shape=(2, 1) if stacked else (1, 2), off_screen=True, window_size=(1000, 1100))
@@ -79,7 +76,9 @@ def draw(folder, step):
     arrows = flow_arrows(seal, max(np.sqrt(2 * x1 * x2 / seal.n_cells), max(x1, x2) / ARROWS))
     if arrows is not None:
         plotter.add_mesh(arrows, color="#D7191C", lighting=False)
-    plotter.add_text(str(seal.field_data["step_name"][0]), font_size=12, color="black")
+    load, peak = (float(seal.field_data[name][0]) for name in ("nominal_pressure_MPa", "unloaded_from_MPa"))
+    branch = "loading" if np.isnan(peak) else f"unloading from {peak:g} MPa"
+    plotter.add_text(f"{load:g} MPa, {branch}", font_size=12, color="black")
     return plotter
 
 

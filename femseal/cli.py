@@ -5,18 +5,15 @@ Exit code 0 done, 2 bad input (nothing written), 1 anything else.
 
 from __future__ import annotations
 
-import logging
-import os
 import signal
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Any, NoReturn
+from typing import Annotated, NoReturn
 
 import typer
 
 from .base.errors import FemsealError, InputError
+from .runs.terminal import ProgressBars, log_lines
 
 app = typer.Typer(
     name="femseal",
@@ -78,21 +75,27 @@ def check(path: Annotated[Path, typer.Argument(metavar="CASE", help="Case file."
 @app.command()
 def run(
     path: Annotated[Path, typer.Argument(metavar="CASE", help="Case file.")],
-    output: Annotated[Path | None, typer.Option("-o", "--output", help="Results folder [results/CASE].")] = None,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="Results folder.", show_default="results/CASE")
+    ] = None,
     resume: Annotated[
         bool, typer.Option("--resume", help="Keep complete results of the same case, or go on where a run was ended.")
     ] = False,
-    workers: Annotated[int | None, typer.Option(help="Processes [all cores].")] = None,
+    workers: Annotated[int | None, typer.Option(help="Processes.", show_default="all cores")] = None,
     scheduler: Annotated[
-        str | None, typer.Option(help='Address of a Dask scheduler, or "local" for one with WORKERS processes.')
+        str | None,
+        typer.Option(
+            help='Address of a Dask scheduler, or "local" for one with WORKERS processes.', show_default="none"
+        ),
     ] = None,
     quiet: Annotated[bool, typer.Option("--quiet", help="No progress, no log lines, no table.")] = False,
-    log_file: Annotated[Path | None, typer.Option(help="Log lines also go to the end of this file.")] = None,
+    log_file: Annotated[
+        Path | None, typer.Option(help="Log lines also go to the end of this file.", show_default="none")
+    ] = None,
 ) -> None:
     """Compute a case, write its results folder and print the leakage at every load.
 
-    On a terminal progress is shown, elsewhere log lines. A run that was ended, by Ctrl-C or otherwise, goes on with
-    --resume.
+    A terminal shows progress, anything else gets log lines. With --resume a run that was stopped goes on.
     """
     from .runs import job
     from .runs.case import load_case
@@ -101,7 +104,7 @@ def run(
     case = load_case(path)
     terminal = sys.stderr.isatty()
     try:
-        with _log(log_file, quiet, terminal), _Progress(show=not quiet and terminal) as progress:
+        with log_lines(log_file, quiet, terminal), ProgressBars(show=not quiet and terminal) as progress:
             results = job.run(case, folder, resume, workers, scheduler, progress=progress)
     except KeyboardInterrupt:
         raise FemsealError(f"stopped; `femseal run {path} -o {folder} --resume` goes on") from None
@@ -121,7 +124,9 @@ def run(
 @app.command()
 def report(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="Results folder of a run.")],
-    output: Annotated[Path | None, typer.Option("-o", "--output", help="Page to write [DIR/report.html].")] = None,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="Page to write.", show_default="DIR/report.html")
+    ] = None,
 ) -> None:
     """Write one self-contained HTML page about a run: pictures, table, error budget, times, versions."""
     from .report import write_report
@@ -132,10 +137,12 @@ def report(
 @app.command()
 def accuracy(
     path: Annotated[Path, typer.Argument(metavar="CASE", help="Case file.")],
-    output: Annotated[Path | None, typer.Option("-o", "--output", help="Folder for table and picture [none].")] = None,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="Folder for table and picture.", show_default="none")
+    ] = None,
     limit: Annotated[str, typer.Option(help="Skip solutions expected to take longer on one core.")] = "10 min",
     memory: Annotated[str, typer.Option(help="Skip solutions expected to need more.")] = "4 GB",
-    workers: Annotated[int | None, typer.Option(help="Processes [all cores].")] = None,
+    workers: Annotated[int | None, typer.Option(help="Processes.", show_default="all cores")] = None,
     quiet: Annotated[bool, typer.Option("--quiet", help="No plan, no progress, no table.")] = False,
 ) -> None:
     """Report speed against error for a case: coarser pixels, other windows, smaller libraries."""
@@ -144,7 +151,7 @@ def accuracy(
 
     limits = {"limit": to_si(limit, "s", "limit"), "memory": to_si(memory, "byte", "memory")}
     announce = None if quiet else typer.echo
-    with _Progress(show=not quiet and sys.stderr.isatty()) as progress:
+    with ProgressBars(show=not quiet and sys.stderr.isatty()) as progress:
         report = measure_accuracy(path, output, workers, **limits, announce=announce, progress=progress)
     if not quiet:
         from rich.console import Console
@@ -162,19 +169,31 @@ def accuracy(
 def surface(
     path: Annotated[Path, typer.Argument(metavar="FILE", help="File with the heights of a face.")],
     size: Annotated[
-        tuple[str, str] | None, typer.Option(help="Sides along x1 and x2, such as '1.2 mm' '0.9 mm'.")
+        tuple[str, str] | None,
+        typer.Option(help="Sides along x1 and x2, such as '1.2 mm' '0.9 mm'.", show_default="as the file says"),
     ] = None,
-    spacing: Annotated[tuple[str, str] | None, typer.Option(help="Pixel along x1 and x2 instead of the size.")] = None,
-    height_unit: Annotated[str | None, typer.Option(help="Unit of the heights in the file, such as um.")] = None,
+    spacing: Annotated[
+        tuple[str, str] | None,
+        typer.Option(help="Pixel along x1 and x2 instead of the size.", show_default="size / points"),
+    ] = None,
+    height_unit: Annotated[
+        str | None, typer.Option(help="Unit of the heights in the file, such as um.", show_default="as the file says")
+    ] = None,
     channel: Annotated[int, typer.Option(help="Layer or channel in files with several.")] = 0,
-    array: Annotated[str | None, typer.Option(help="Array in an .npz with several.")] = None,
-    delimiter: Annotated[str | None, typer.Option(help="Between the numbers of a text.")] = None,
+    array: Annotated[
+        str | None, typer.Option(help="Array in an .npz with several.", show_default="the only one")
+    ] = None,
+    delimiter: Annotated[
+        str | None, typer.Option(help="Between the numbers of a text.", show_default="as found")
+    ] = None,
     transpose: Annotated[bool, typer.Option("--transpose", help="Exchange x and y.")] = False,
     spikes: Annotated[float, typer.Option(help="Robust deviations beyond which an isolated point is a spike.")] = 6.0,
     detrend: Annotated[int, typer.Option(help="Form taken off: 0 mean, 1 tilt, 2 tilt and curvature.")] = 1,
-    shortest_wave: Annotated[str | None, typer.Option(help="Low-pass of a run [8 pixels].")] = None,
+    shortest_wave: Annotated[str | None, typer.Option(help="Low-pass of a run.", show_default="8 pixels")] = None,
     max_undefined: Annotated[float, typer.Option(help="Largest share of undefined points that may be filled.")] = 0.05,
-    picture: Annotated[Path | None, typer.Option("-o", "--output", help="Picture to write (.png .pdf .svg).")] = None,
+    picture: Annotated[
+        Path | None, typer.Option("-o", "--output", help="Picture to write (.png .pdf .svg).", show_default="none")
+    ] = None,
 ) -> None:
     """Describe a measured face, and say what a run would do to it; the options are keys of a case file too."""
     from .runs.survey import survey
@@ -205,85 +224,6 @@ def schema() -> None:
     from .runs.schema import case_schema
 
     typer.echo(json.dumps(case_schema(), indent=1, ensure_ascii=False))
-
-
-@contextmanager
-def _log(path: Path | None, quiet: bool, terminal: bool) -> Iterator[None]:
-    """Log lines to the end of a file and, unless quiet, to stderr."""
-    log = logging.getLogger("femseal")
-    handlers: list[logging.Handler] = []
-    if path is not None:
-        if path.is_dir() or not os.access(path if path.exists() else path.parent, os.W_OK):
-            raise InputError.of("log-file", f"'{path}'", "a file that can be written")
-        handlers.append(logging.FileHandler(path, encoding="utf-8", delay=True))
-    if not quiet:
-        handlers.append(_Echo(logging.WARNING if terminal else logging.INFO))
-        # what went wrong in the studies is told with the results, and how a run ended at its end
-        handlers[-1].addFilter(lambda record: record.exc_info is None and (not terminal or record.name != log.name))
-    level = log.level
-    log.setLevel(logging.INFO)
-    for handler in handlers:
-        handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(message)s"))
-        log.addHandler(handler)
-    try:
-        yield
-    finally:
-        log.setLevel(level)
-        for handler in handlers:
-            log.removeHandler(handler)
-            handler.close()
-
-
-class _Echo(logging.Handler):
-    """Lines on stderr, above the bars if there are any."""
-
-    def emit(self, record: logging.LogRecord) -> None:
-        typer.echo(self.format(record), err=True)
-
-
-class _Progress:
-    """A bar for each stage on a terminal, with items done, their rate and the time left; nothing elsewhere."""
-
-    def __init__(self, show: bool) -> None:
-        self._bars: Any = None
-        self._tasks: dict[str, Any] = {}
-        if show:
-            from rich.console import Console
-            from rich.progress import BarColumn, MofNCompleteColumn, Progress, ProgressColumn, Task, TextColumn
-            from rich.progress import TimeRemainingColumn as TimeLeft
-            from rich.text import Text
-
-            class Rate(ProgressColumn):
-                """Items per second."""
-
-                def render(self, task: Task) -> Text:
-                    rate = task.finished_speed or task.speed
-                    return Text("" if rate is None else f"{rate:.3g}/s")
-
-            self._bars = Progress(
-                TextColumn("{task.description}"),
-                BarColumn(),
-                MofNCompleteColumn(),
-                Rate(),
-                TimeLeft(),
-                console=Console(stderr=True),
-            )
-
-    def __enter__(self) -> _Progress:
-        if self._bars is not None:
-            self._bars.start()
-        return self
-
-    def __exit__(self, *details: object) -> None:
-        if self._bars is not None:
-            self._bars.stop()
-
-    def __call__(self, stage: str, done: int, total: int | None) -> None:
-        if self._bars is None:
-            return
-        if stage not in self._tasks:
-            self._tasks[stage] = self._bars.add_task(stage, total=total)
-        self._bars.update(self._tasks[stage], completed=done, total=total)
 
 
 _debug = False

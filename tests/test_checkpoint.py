@@ -1,6 +1,7 @@
 """Runs that are ended and go on: which items are kept, what is refused, and the same bits in the end."""
 
 import errno
+import hashlib
 import os
 import random
 import re
@@ -208,6 +209,22 @@ def test_a_damaged_shard_is_reported_and_computed_again(tmp_path, monkeypatch, c
     assert resumed(tmp_path)[1] == []
 
 
+def test_items_of_a_stage_with_another_name_are_computed_again(tmp_path):
+    for name, before in (("contact", []), ("contact", [0, 1, 2]), ("flow", [])):
+        computed = []
+        stage = Stage(name, partial(value, 0, computed=computed))
+        with Checkpoint(tmp_path, {"case": 1}, resume=True) as kept:
+            assert len(list(kept.over(map)(stage, range(3), range(3)))) == 3
+        assert [n for _, n in computed] == [n for n in range(3) if n not in before]
+
+
+def test_every_file_of_the_source_is_part_of_the_version():
+    digest = hashlib.sha256()
+    for path in sorted(Path(fs.__file__).parent.rglob("*.py")):
+        digest.update(path.read_bytes())
+    assert numerical_versions()["femseal"].endswith(f"+{digest.hexdigest()[:12]}")
+
+
 def test_a_full_disk_loses_nothing_that_is_written(tmp_path, monkeypatch):
     monkeypatch.setattr(checkpoint, "SHARD_ITEMS", 4)
     synced = []  # manifest and four shards fit
@@ -230,7 +247,7 @@ def test_a_full_disk_loses_nothing_that_is_written(tmp_path, monkeypatch):
 # --- runs ----------------------------------------------------------------------------------------------------------
 
 
-def test_a_stopped_run_goes_on_with_the_same_bits_and_leaves_no_checkpoint(case, tmp_path, monkeypatch):
+def test_a_stopped_run_goes_on_with_the_same_bits_and_leaves_no_checkpoint(case, undrawn, tmp_path, monkeypatch):
     whole = fs.run(case, workers=1)
     out = tmp_path / "out"
     stages = []
@@ -265,7 +282,7 @@ def test_a_stopped_run_goes_on_with_the_same_bits_and_leaves_no_checkpoint(case,
     assert ("stochastic: drawn seals", 48, 48) in stages
 
 
-def test_an_unfinished_run_is_not_lost_to_one_without_resume(case, tmp_path):
+def test_an_unfinished_run_is_not_lost_to_one_without_resume(case, undrawn, tmp_path):
     out = tmp_path / "out"
     with pytest.raises(KeyboardInterrupt):
         fs.run(case, out, workers=1, progress=stop_at("two-scale: contact of windows", 1))
@@ -310,7 +327,7 @@ def test_a_changed_case_file_or_version_is_refused_by_name(case, tmp_path, monke
     refusal()
 
 
-def test_finished_results_of_another_face_file_are_not_taken(case, tmp_path):
+def test_finished_results_of_another_face_file_are_not_taken(case, undrawn, tmp_path):
     text = measured(case).replace('"stochastic"', '"deterministic"', 1)
     case.write_text(text.replace('compare = ["deterministic", "two-scale"]', ""))
     runs = []
@@ -394,6 +411,18 @@ def test_ctrl_c_ends_the_workers_and_says_how_to_go_on(case, start, tmp_path, ar
     wait_until(lambda: not alive(process.pid))  # trackers end when they see that the others have
     assert "was stopped (KeyboardInterrupt)" in (tmp_path / "lines.log").read_text()
     assert list(out.glob(beyond_others))
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="looks for processes in /proc")
+def test_processes_end_with_their_parent(case, start, tmp_path):
+    """Also where it is killed, so that it cannot end them."""
+    case.write_text(CASE.replace("realisations = 24", "realisations = 100000"))
+    process = start(case, tmp_path / "out", "--workers", "2")
+    wait_until(lambda: list(tmp_path.glob("out/.checkpoint/012-*")) or process.poll() is not None)
+    assert len(alive(process.pid)) > 2
+    process.kill()
+    wait_until(lambda: not alive(process.pid))
 
 
 @pytest.mark.slow

@@ -90,6 +90,17 @@ def test_help_names_commands_and_exit_codes(femseal):
     assert "Exit code: 0 done, 2 bad input (nothing is written), 1 anything else." in text
 
 
+@pytest.mark.parametrize("command", ["new", "check", "run", "report", "accuracy", "surface"])
+def test_help_says_what_is_taken_where_nothing_is_given(femseal, monkeypatch, command):
+    monkeypatch.setenv("COLUMNS", "160")
+    code, text, _ = femseal(command, "--help")
+    assert code == 0
+    lines = [line for line in text.splitlines() if re.match(r"\W*(--\w|[a-zA-Z]+ +<)", line) and "<bool>" not in line]
+    assert lines or command == "check"
+    for line in lines:
+        assert re.search(r"\[default: .+\]|\[required\]", line), line
+
+
 def test_version_lists_the_stack(femseal):
     code, text, _ = femseal("--version")
     listed = dict(line.split(" ") for line in text.splitlines())

@@ -194,10 +194,6 @@ class TestReadme:
         (path,) = re.findall(r'load_case\("(.*?)"\)', whole_run)
         assert fs.load_case(ROOT / path).methods == {"stochastic", "two-scale"}
 
-    def test_files_it_names_are_there(self):
-        for name in re.findall(r"(?:examples|meshes)/[\w.]+", self.text):
-            assert (ROOT / name.rstrip(".")).exists()
-
 
 class TestMeasuredSurfaces:
     @pytest.mark.parametrize("name", FACES)

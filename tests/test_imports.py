@@ -142,3 +142,12 @@ def test_every_public_name_is_there():
         assert getattr(femseal, name) is not None
     with pytest.raises(AttributeError, match="nonsense"):
         femseal.nonsense  # noqa: B018
+
+
+def test_a_warning_of_numbers_in_a_module_of_the_package_fails_its_test():
+    """The rule of pyproject.toml goes by the name of the module, wherever the package lies."""
+    code = compile("import numpy as np\nnp.array(0.0) * np.inf", "anywhere.py", "exec")
+    with pytest.raises(RuntimeWarning, match="invalid value"):
+        exec(code, {"__name__": "femseal.scales.curves"})
+    with pytest.warns(RuntimeWarning, match="invalid value"):
+        exec(code, {"__name__": "another.module"})

@@ -189,7 +189,7 @@ def test_only_a_complete_folder_is_resumed(case, tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("count", [[1, 6], [3, 1], [1, 1]])
-def test_one_row_or_column_of_cells(case, tmp_path, count):
+def test_one_row_or_column_of_cells(case, undrawn, tmp_path, count):
     fs.run(case, tmp_path / "out", workers=1)
     case.write_text(CASE.replace("count = [3, 6]", f"count = {count}"))
     results = fs.run(case, tmp_path / "out", workers=1)
@@ -254,7 +254,7 @@ def test_size_of_the_folder_is_foreseen(case, tmp_path, limit):
     assert len(steps) == foreseen.steps
 
 
-def test_size_of_the_checkpoint_is_foreseen(case, tmp_path):
+def test_size_of_the_checkpoint_is_foreseen(case, undrawn, tmp_path):
     """Of the gaps that all studies keep, once all is computed."""
     case.write_text(CASE.replace("points = [32, 32]", "points = [128, 128]"))
     loaded, written = fs.load_case(case), []

@@ -94,12 +94,12 @@ def test_arrays_that_are_no_map(tmp_path, array):
 @pytest.mark.parametrize("suffix", [".csv", ".txt", ".asc", ".TXT"])
 def test_text_delimiters_are_found(tmp_path, delimiter, suffix):
     text = "# measured\n\n" + "".join(delimiter.join(f"{v!r}" for v in row) + "\r\n" for row in Z.tolist())
-    same(read_topography(write(tmp_path, f"face{suffix}", text), spacing=PIXEL))
+    same(read_topography(write(tmp_path, f"face{suffix}", text), spacing=PIXEL), Z.T)
 
 
 def test_given_delimiter(tmp_path):
     path = write(tmp_path, "face.txt", "1e-6|2e-6\n3e-6|4e-6\n")
-    same(read_topography(path, spacing=PIXEL, delimiter="|"), [[1e-6, 2e-6], [3e-6, 4e-6]])
+    same(read_topography(path, spacing=PIXEL, delimiter="|"), [[1e-6, 3e-6], [2e-6, 4e-6]])
     with pytest.raises(InputError, match=r"'1e-6\|2e-6' in line 1"):
         read_topography(path, spacing=PIXEL)
 
@@ -116,24 +116,60 @@ def test_given_delimiter(tmp_path):
     ],
 )
 def test_undefined_points_of_text(tmp_path, text):
-    same(read_topography(write(tmp_path, "face.csv", text), spacing=PIXEL))
+    same(read_topography(write(tmp_path, "face.csv", text), spacing=PIXEL), Z.T)
 
 
 def test_text_header_with_sides_and_unit(tmp_path):
     text = "# Channel: height\n# Width: 9 um\n# Height: 4 µm\n# Value units: nm\n1 2 3\n4 5 6\n"
     path = write(tmp_path, "face.txt", text)
-    same(read_topography(path), np.arange(1, 7).reshape(2, 3) * 1e-9)
-    same(read_topography(path, spacing=(1, 1), height_unit="um"), np.arange(1, 7).reshape(2, 3) * 1e-6, (1, 1))
+    lines = np.arange(1, 7).reshape(2, 3).T
+    same(read_topography(path), lines * 1e-9, (3e-6, 2e-6))
+    same(read_topography(path, transpose=True), lines.T * 1e-9)
+    same(read_topography(path, spacing=(1, 1), height_unit="um"), lines * 1e-6, (1, 1))
     with pytest.raises(InputError, match="a header with width: given '9 apples'"):
         read_topography(write(tmp_path, "face.txt", text.replace("9 um", "9 apples")))
+
+
+def test_text_lies_as_the_same_face_of_an_instrument(tmp_path):
+    """x of the file is x1: a text, one line for each y, and the standard's format of the same face."""
+    import x3pio
+
+    z = np.random.default_rng(0).standard_normal((5, 7)) * 1e-6  # x, y
+    path = tmp_path / "face.x3p"
+    x3pio.write(path, z.T, x_scale=3e-6, y_scale=2e-6)
+    text = "# Width: 15 um\n# Height: 14 um\n" + "\n".join(" ".join(f"{v:.17g}" for v in line) for line in z.T)
+    same(read_topography(write(tmp_path, "face.txt", text)), z, (3e-6, 2e-6), rtol=1e-15)
+    same(read_topography(path), z, (3e-6, 2e-6))
+
+
+@pytest.mark.parametrize("delimiter", [";", "\t", " "])
+def test_decimal_commas_and_a_german_header(tmp_path, delimiter):
+    text = "# Kanal: Höhe\n# Breite: 9,0 um\n# Höhe: 4,0 µm\n# Werteeinheiten: nm\n"
+    text += "\n".join(delimiter.join(f"{v},5" for v in line) for line in ((1, 2, 3), (4, 5, 6)))
+    same(
+        read_topography(write(tmp_path, "face.txt", text)), (np.arange(1, 7) + 0.5).reshape(2, 3).T * 1e-9, (3e-6, 2e-6)
+    )
+
+
+def test_triplets_are_a_grid_in_any_order(tmp_path):
+    rng = np.random.default_rng(0)
+    z = rng.standard_normal((4, 5)) * 1e-6
+    z[1, 2] = np.nan
+    i, j = (n.ravel() for n in np.indices(z.shape))
+    order = rng.permutation(z.size)
+    lines = [f"{1e-3 + 3e-6 * i[n]:.12g}, {2e-6 * j[n]:.12g}, {z[i[n], j[n]]:.12g}" for n in order]
+    same(read_topography(write(tmp_path, "face.csv", "\n".join(lines))), z, (3e-6, 2e-6))
+    # one point short of a grid: an ordinary matrix of three columns, whose pixel is not said
+    with pytest.raises(InputError, match="no pixel size"):
+        read_topography(write(tmp_path, "face.csv", "\n".join(lines[:-1])))
 
 
 def test_esri_raster(tmp_path):
     head = "ncols 3\nNROWS 2\nxllcorner 0\nyllcorner 0\ncellsize 2e-6\nNODATA_value -9\n"
     text = head + "1e-6 2e-6 -9\n4e-6 -5e-6\n6.5e-6\n"
-    same(read_topography(write(tmp_path, "face.asc", text)), spacing=(2e-6, 2e-6))
+    same(read_topography(write(tmp_path, "face.asc", text)), Z.T, spacing=(2e-6, 2e-6))
     oblong = text.replace("cellsize 2e-6", "dx 3e-6\ndy 2e-6")
-    same(read_topography(write(tmp_path, "face.asc", oblong)))
+    same(read_topography(write(tmp_path, "face.asc", oblong)), Z.T, spacing=(3e-6, 2e-6))
     with pytest.raises(InputError, match=r"given 6 numbers, allowed is nrows × ncols = 3 × 3"):
         read_topography(write(tmp_path, "face.asc", text.replace("NROWS 2", "NROWS 3")))
     with pytest.raises(InputError, match=r"given a header with ncols, nrows, .* cellsize"):
@@ -145,7 +181,8 @@ def test_esri_raster(tmp_path):
     [
         ("1,2\n3\n", "given 1 numbers in line 2 after 2 in line 1"),
         ("1;2\n3;x4\n", "given 'x4' in line 2, allowed is numbers with a decimal point"),
-        ("1,5;2,5\n", "given '1,5' in line 1"),
+        ("1.5;2,5\n", "given '2,5' in line 1"),
+        ("1,5;2,5,1\n", "given '2,5,1' in line 1"),
         ("# nothing\n", "given no line with numbers"),
         ("", "given no line with numbers"),
         (b"\xff\xfe\x00\x01", "bytes that are not UTF-8 text"),

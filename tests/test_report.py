@@ -351,7 +351,7 @@ def test_command_line(quick, tmp_path, monkeypatch, capsys):
 
 def browse(*arguments):
     flags = ["--headless", "--no-sandbox", "--disable-gpu", "--hide-scrollbars"]
-    subprocess.run([BROWSER, *flags, *map(str, arguments)], check=True, capture_output=True, timeout=120)
+    subprocess.run([BROWSER, *flags, *map(str, arguments)], check=True, capture_output=True, timeout=600)
 
 
 @pytest.mark.skipif(BROWSER is None, reason="no Chromium on this machine to look at the page with")

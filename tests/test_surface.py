@@ -123,10 +123,24 @@ def test_repair_fills_spikes_like_undefined_points():
     z[20, 20], z[40, 10] = 1e-6, np.nan
     whole, found = repair(Topography(z, (1e-6, 1e-6), (False, False)))
     assert (found.spikes, found.undefined_share) == (1, 1 / z.size)
-    assert_allclose(whole.heights, plane, atol=1e-11)
-    kept, found = repair(Topography(z, (1e-6, 1e-6), (False, False)), spikes=inf)
+    assert_allclose(whole.heights, 0, atol=1e-11)
+    assert_allclose(found.form.slopes, (1e-3, 2e-3), rtol=1e-5)
+    kept, found = repair(Topography(z, (1e-6, 1e-6), (False, False)), spikes=inf, detrend=0)
     assert found.spikes == 0
-    assert kept.heights[20, 20] == 1e-6
+    assert_allclose(kept.heights[20, 20] - kept.heights[20, 22], 1e-6 - z[20, 22], rtol=1e-9)
+
+
+@pytest.mark.parametrize("share", [0.05, 0.2, 0.4])
+def test_undefined_points_do_not_bend_the_form(share):
+    """A steeply tilted face with a corner missing: its roughness stays that of the defined points."""
+    face = rough()
+    x1, x2 = np.indices(face.shape) * np.array(face.spacing)[:, None, None]
+    tilted = face.heights + 0.2 * x1 - 0.3 * x2
+    rows = round(np.sqrt(share) * face.shape[0])
+    tilted[:rows, : round(np.sqrt(share) * face.shape[1])] = np.nan
+    _, report = fs.condition(Topography(tilted, face.spacing, (False, False)), max_undefined=0.5, spikes=inf)
+    assert_allclose(np.tan(report.removed_tilt), (0.2, -0.3), atol=3 * face.rms_height / min(face.size))
+    assert report.rms_height_before < 1.05 * face.rms_height
 
 
 def test_spikes_count_as_undefined():

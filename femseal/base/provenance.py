@@ -12,7 +12,7 @@ from .. import __version__
 
 _REQUIRED = ("numpy", "scipy", "scikit-fem", "pyamg", "pyfftw", "numba", "meshio", "pyvista", "vtk", "pydantic",
              "pint", "typer", "rich", "xarray", "h5netcdf", "h5py", "joblib", "threadpoolctl", "matplotlib", "jinja2",
-             "x3pio", "sdfio")  # fmt: skip
+             "psutil", "x3pio", "sdfio")  # fmt: skip
 _OPTIONAL = ("SurfaceTopography", "distributed", "gmsh")
 #: What the bits of a result depend on.
 _NUMERICAL = ("numpy", "scipy", "numba", "llvmlite", "pyfftw", "pyamg", "scikit-fem")

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from ..base.errors import FemsealError
 from ..base.files import made_folder, replacing, write_text
 from ..plots import cells_figure, leakage_figure, seal_figure
+from ..plots.drawing import png
 from ..results import fields
 from ..results.netcdf import FILE_NAME, save
 from ..results.results import Results
@@ -34,7 +35,7 @@ def write_folder(
     folder: str | os.PathLike[str],
     surface: Topography | None = None,
     *,
-    paraview: str = "vtkhdf",
+    paraview: str = "vtu",
     fields_limit: float = fields.LIMIT,
 ) -> list[Path]:
     """Write `results.nc`, `table.csv`, `report.html`, the pictures, the fields over all pixels and, in `vtk/`, files
@@ -74,7 +75,7 @@ def write_folder(
     try:
         written = _write_for_people(results, unfinished, surface)
         if plan.steps.size:
-            written.append(fields.write_fields(results, plan, unfinished / fields.FILE_NAME))
+            written += fields.write_fields(results, plan, unfinished)
         written += [*write_vtk(results, surface, unfinished / "vtk", paraview), saved]
         names = [path.relative_to(unfinished) for path in written]
         (target / FILE_NAME).unlink(missing_ok=True)
@@ -103,7 +104,7 @@ def _write_for_people(results: Results, folder: Path, surface: Topography | None
     for name, picture in pictures.items():
         figure = picture()
         with replacing(folder / name) as temporary:
-            figure.savefig(temporary)
+            temporary.write_bytes(png(figure))
         written.append(folder / name)
     written.append(write_report(results, folder / REPORT_NAME))
     return written

@@ -1,7 +1,7 @@
-"""Fields over all pixels of the face: gap and contact pressure, in one file that is read a step at a time.
+"""Fields over all pixels of the face: gap and contact pressure, an image for each load step.
 
-They are large, so they are not part of `results.nc`: `fields.vtkhdf` holds them once, in single precision and
-compressed, for `Results.gap` and `Results.contact_pressure` as for ParaView.
+They are large, so they are not part of `results.nc`: `fields.pvd` and the images in the folder `fields` hold them once,
+in single precision and compressed, for `Results.gap` and `Results.contact_pressure` as for ParaView.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 
 from ..base.errors import InputError
 from ..base.quantities import to_text
+from . import series
 from .select import window
 from .views import Field, Image, LoadSteps
-from .vtkhdf import write_image
 
 if TYPE_CHECKING:
     import xarray
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from .results import Results
 
 Array = NDArray[np.float64]
-FILE_NAME = "fields.vtkhdf"
+NAME = "fields"
 #: Size above which steps are left out unless another is given [byte], before compression.
 LIMIT = 1e9
 #: Field, study that has it, its name in the file, the file's unit in SI, unit and long name.
@@ -75,7 +75,7 @@ def fields_size(shape: tuple[int, int], studies: Container[str]) -> int:
     return sum(_BYTES * shape[0] * shape[1] for _, study, *_ in _FIELDS if study in studies)
 
 
-def write_fields(results: Results, plan: FieldPlan, path: Path) -> Path:
+def write_fields(results: Results, plan: FieldPlan, folder: Path) -> list[Path]:
     """Write the fields of the studies in memory at the steps of a plan."""
     cells: dict[str, Field] = {}
     shape, spacing = (0, 0), (1.0, 1.0)
@@ -85,7 +85,7 @@ def write_fields(results: Results, plan: FieldPlan, path: Path) -> Path:
             shape, spacing = array.shape[1:], results.scene.surface.spacing
             cells[name] = _scaled(array, plan.steps, 1 / unit)
     steps = LoadSteps.of(results.dataset, plan.steps)
-    return write_image(Image("fields", spacing, (0.0, 0.0), shape, steps, cells), path)
+    return series.write(Image(NAME, spacing, (0.0, 0.0), shape, steps, cells), folder)
 
 
 def _scaled(array: NDArray[Any], steps: NDArray[np.int64], factor: float) -> Field:
@@ -112,7 +112,7 @@ def read_field(results: Results, field: str, step: int, cell: tuple[int, int] | 
             break
     else:
         at_hand = stored_steps(results)
-        allowed = f"one of {', '.join(map(str, at_hand))}" if at_hand else f"a folder with {FILE_NAME}"
+        allowed = f"one of {', '.join(map(str, at_hand))}" if at_hand else f"a folder with {NAME}.pvd"
         raise InputError.of("step", f"{step}, of which there is no {field.replace('_', ' ')}", allowed)
     coordinates = {}
     for n, (start, count, d) in enumerate(zip(starts, values.shape, spacing, strict=True), start=1):
@@ -126,12 +126,7 @@ def stored_steps(results: Results) -> list[int]:
     """Steps whose fields are in memory, or else in the results folder."""
     if any(_array(results, study, field) is not None for field, study, *_ in _FIELDS):
         return list(range(results.dataset.sizes["step"]))
-    import h5py
-
-    if results.folder is None or not (path := results.folder / FILE_NAME).is_file():
-        return []
-    with h5py.File(path) as file:
-        return [int(step) for step in file["VTKHDF/Steps/Values"]]
+    return [] if results.folder is None else list(series.stored(results.folder, NAME))
 
 
 def _at_step(
@@ -144,18 +139,13 @@ def _at_step(
         d1, d2 = results.scene.surface.spacing
         rows, columns = _pixels(results.dataset, cell, array.shape[1:], (d1, d2))
         return np.asarray(array[step, rows, columns], np.float64), (rows.start, columns.start), (d1, d2)
-    import h5py
-
-    if results.folder is None or step not in (steps := stored_steps(results)):
+    path = None if results.folder is None else series.stored(results.folder, NAME).get(step)
+    if path is None or (image := series.read_image(path, name)) is None:
         return None
-    with h5py.File(results.folder / FILE_NAME) as file:
-        root = file["VTKHDF"]
-        if name not in root["CellData"]:
-            return None
-        stored = root["CellData"][name]
-        d1, d2 = (float(d) for d in root.attrs["Spacing"][:2])
-        rows, columns = _pixels(results.dataset, cell, stored.shape[:0:-1], (d1, d2))
-        values = np.asarray(stored[steps.index(step), columns, rows], np.float64).T * unit
+    n1, n2 = (count - 1 for count in image.dimensions[:2])
+    d1, d2 = image.spacing[:2]
+    rows, columns = _pixels(results.dataset, cell, (n1, n2), (d1, d2))
+    values = np.asarray(image.cell_data[name].reshape((n1, n2), order="F")[rows, columns], np.float64) * unit
     return values, (rows.start, columns.start), (d1, d2)
 
 

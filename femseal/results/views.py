@@ -1,19 +1,22 @@
-"""What there is to see in results, before it is written in one format or another.
+"""What there is to see in results, as VTK's data, before it is written in one format or another.
 
 The seal is a mesh of quadrilaterals, two to a window, so that both the nodes of the flow and the corners of the windows
-are points of it. Coordinates are x = x1, y = x2 in metres. Names carry the units and have no brackets.
+are points of it. Coordinates are x = x1, y = x2 in metres. Names of arrays carry the units and have no brackets. There
+are no texts, which meshio cannot read.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..flow import cell_permeability
+from ..topography import Topography
 
 if TYPE_CHECKING:
     import xarray
@@ -22,14 +25,22 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 Field = Callable[[int], NDArray[Any]]
+#: Unit in the dataset, ending of the name of an array in ParaView, and factor.
+_UNITS = {"m": ("_um", 1e6), "Pa": ("_MPa", 1e-6), "m^3": ("_m3", 1.0), "m^2/s": ("_m2_per_s", 1.0), "1": ("", 1.0)}
+#: Variables of windows that are told from those over all pixels by their name.
+_NAMES = {
+    "window_pressure": "nominal_contact_pressure",
+    "window_mean_gap": "mean_gap",
+    "window_contact_fraction": "contact_share",
+    "window_plastic_fraction": "plastic_share",
+}
 
 
 @dataclass(frozen=True)
 class LoadSteps:
-    """The steps that a view has, by their index in the load programme, and what is told of each."""
+    """The steps that a view has, by their index in the load programme, and their loads [Pa]."""
 
     index: NDArray[np.int64]
-    name: tuple[str, ...]
     nominal_pressure: Array
     unloaded_from: Array
 
@@ -37,17 +48,33 @@ class LoadSteps:
     def of(cls, data: xarray.Dataset, index: NDArray[np.int64] | None = None) -> LoadSteps:
         """Steps of a dataset; all of them unless `index` says which."""
         chosen = np.arange(data.sizes["step"]) if index is None else index
-        names = tuple(str(name) for name in data["name"].values[chosen])
-        return cls(chosen, names, data["nominal_pressure"].values[chosen], data["unloaded_from"].values[chosen])
+        return cls(chosen, data["nominal_pressure"].values[chosen], data["unloaded_from"].values[chosen])
 
     @property
-    def fields(self) -> dict[str, list[str] | list[float]]:
-        """Field data, one value for each step."""
+    def fields(self) -> dict[str, Array]:
+        """Field data, one value for each step; no load that it is unloaded from on loading (NaN)."""
         return {
-            "step_name": list(self.name),
-            "nominal_pressure_MPa": [float(p) / 1e6 for p in self.nominal_pressure],
-            "unloaded_from_MPa": [float(p) / 1e6 for p in self.unloaded_from],
+            "nominal_pressure_MPa": self.nominal_pressure / 1e6,
+            "unloaded_from_MPa": self.unloaded_from / 1e6,
         }
+
+
+class View(Protocol):
+    """What is written under a name: as a pyvista data set at each of its steps, or once if it has none."""
+
+    @property
+    def name(self) -> str:
+        """Of the file, without its ending."""
+        ...
+
+    @property
+    def steps(self) -> LoadSteps | None:
+        """The steps, or None."""
+        ...
+
+    def at(self, n: int) -> Any:
+        """The data set at the n-th step."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -61,6 +88,16 @@ class Image:
     steps: LoadSteps
     cells: Mapping[str, Field]
 
+    def at(self, n: int) -> Any:
+        """Image data whose cells are the pixels; x1 runs fastest in VTK, that is order F of an array (n1, n2)."""
+        import pyvista
+
+        (n1, n2), (d1, d2), origin = self.shape, self.spacing, (*self.origin, 0.0)
+        image = pyvista.ImageData(dimensions=(n1 + 1, n2 + 1, 1), spacing=(d1, d2, 1.0), origin=origin)
+        for name, field in self.cells.items():
+            image.cell_data[name] = np.asarray(field(n), np.float32).ravel(order="F")
+        return _with_loads(image, self.steps, n)
+
 
 @dataclass(frozen=True)
 class Grid:
@@ -72,6 +109,46 @@ class Grid:
     steps: LoadSteps
     point_data: Mapping[str, NDArray[Any]]
     cell_data: Mapping[str, NDArray[Any]]
+
+    @cached_property
+    def _mesh(self) -> Any:
+        import meshio
+        import pyvista
+
+        return pyvista.from_meshio(meshio.Mesh(self.points, [("quad", self.quads)]))
+
+    def at(self, n: int) -> Any:
+        """The mesh, which all steps share, with its data."""
+        mesh = self._mesh.copy(deep=False)
+        for name, values in self.point_data.items():
+            mesh.point_data[name] = values[n]
+        for name, values in self.cell_data.items():
+            mesh.cell_data[name] = values[n]
+        return _with_loads(mesh, self.steps, n)
+
+
+@dataclass(frozen=True)
+class Heights:
+    """Heights of the face as points, so that the map can be warped at once."""
+
+    surface: Topography
+    name: str = "surface"
+    steps: None = None
+
+    def at(self, n: int = 0) -> Any:
+        """Image data with `height_um`."""
+        import pyvista
+
+        (n1, n2), (d1, d2) = self.surface.shape, self.surface.spacing
+        image = pyvista.ImageData(dimensions=(n1, n2, 1), spacing=(d1, d2, 1.0), origin=(d1 / 2, d2 / 2, 0.0))
+        image.point_data["height_um"] = (self.surface.heights * 1e6).astype(np.float32).ravel(order="F")
+        return image
+
+
+def _with_loads(mesh: Any, steps: LoadSteps, n: int) -> Any:
+    for name, values in steps.fields.items():
+        mesh.field_data[name] = values[n : n + 1]
+    return mesh
 
 
 def seal_grid(data: xarray.Dataset) -> Grid:
@@ -88,15 +165,13 @@ def seal_grid(data: xarray.Dataset) -> Grid:
         # the link from column j to j + 1 lies at their common corner, half a window beyond the node
         at_corners = np.roll(at_points(k2)[..., :-1], 1, axis=-1)
         point_data["k2_m3"] = np.concatenate([at_corners, at_corners[..., :1]], axis=-1).reshape(count, -1)
-    windows = {
-        "k1_m3": data["k1"].values,
-        "nominal_contact_pressure_MPa": data["window_pressure"].values / 1e6,
-        "mean_gap_um": data["window_mean_gap"].values * 1e6,
-        "contact_share": data["window_contact_fraction"].values,
-    }
-    cell_data: dict[str, NDArray[Any]] = {
-        name: np.repeat(values, 2, axis=2).reshape(count, -1) for name, values in windows.items()
-    }
+    cell_data: dict[str, NDArray[Any]] = {}
+    for key, variable in data.data_vars.items():
+        # the flux is one vector
+        if variable.dims == ("step", "cell1", "cell2") and key != "flux1":
+            ending, factor = _UNITS[variable.attrs["units"]]
+            values = np.repeat(variable.values * factor, 2, axis=2)
+            cell_data[_NAMES.get(str(key), str(key)) + ending] = values.reshape(count, -1)
     cell_data["flux_m2_per_s"] = _flux(data).reshape(count, -1, 3)
     points = np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)])
     return Grid("seal", points, quads.reshape(-1, 4), LoadSteps.of(data), point_data, cell_data)

@@ -1,8 +1,7 @@
-"""VTKHDF, VTK's format in HDF5: one file for all load steps, compressed, with a mesh that is stored once.
+"""VTKHDF, VTK's format in HDF5: one compressed file for all load steps, with a mesh that is stored once.
 
-Time is the index of the load step, since loads come back on unloading; the loads are field data. Arrays of a plane
-image are laid out (step, n2, n1): x1 runs fastest. Texts are in ASCII, the only kind that VTK's reader converts.
-Format: VTKHDF 2.0, docs.vtk.org, "VTKHDF file format".
+Written by VTK's own writer. What that leaves out, the field data of images (VTK 9.7), is added by h5py. Time is the
+index of the load step, since loads come back on unloading; the loads are field data. ParaView 5.13 or later reads it.
 """
 
 from __future__ import annotations
@@ -11,108 +10,84 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ..base.files import replacing_hdf5
-from .views import Grid, Image, LoadSteps
+from ..base.files import replacing
+from .views import LoadSteps, View
 
 #: Suffix by which ParaView knows the files.
 SUFFIX = ".vtkhdf"
-_VERSION = (2, 0)
-_QUAD = 9
-#: Rows of an image are compressed together up to this size, so that a part can be read by itself.
-_CHUNK_BYTES = 2**20
-#: Level 1 of deflate: higher ones gain a few per cent at several times the time.
-_PACKED: dict[str, Any] = {"compression": "gzip", "compression_opts": 1, "shuffle": True}
+#: Of deflate: higher levels gain a few per cent at several times the time.
+_LEVEL = 1
 
 
-def write_image(image: Image, path: Path) -> Path:
-    """Write an image step by step; returns the path, whose file is whole or not there."""
-    import h5py
+def write(view: View, folder: Path) -> list[Path]:
+    """Write a view with all its steps into one file, which is whole or not there."""
+    from vtkmodules.vtkIOHDF import vtkHDFWriter
 
-    (n1, n2), count = image.shape, len(image.steps.index)
-    chunk = (1, min(n2, max(1, _CHUNK_BYTES // (4 * n1))), n1)
-    with replacing_hdf5(path) as target, h5py.File(target, "w") as file:
-        root = _root(file, "ImageData")
-        _plane(root, (n1, n2), image.spacing, image.origin)
-        cells = root.create_group("CellData")
-        for name, field in image.cells.items():
-            values = cells.create_dataset(name, (count, n2, n1), np.float32, chunks=chunk, **_PACKED)
-            for s in range(count):
-                values[s] = field(s).T
-        _write_steps(root, image.steps)
-    return path
-
-
-def write_heights(heights: NDArray[Any], spacing: tuple[float, float], path: Path) -> Path:
-    """Write heights (n1, n2) [m] as `height_um` of points, so that the map can be warped at once."""
-    import h5py
-
-    n1, n2 = heights.shape
-    with replacing_hdf5(path) as target, h5py.File(target, "w") as file:
-        root = _root(file, "ImageData")
-        _plane(root, (n1 - 1, n2 - 1), spacing, (spacing[0] / 2, spacing[1] / 2))
-        values = (heights.T * 1e6).astype(np.float32)
-        root.create_group("PointData").create_dataset("height_um", data=values, **_PACKED)
-    return path
+    path = folder / f"{view.name}{SUFFIX}"
+    with replacing(path) as target:
+        writer = vtkHDFWriter()
+        writer.SetFileName(str(target))
+        writer.SetCompressionLevel(_LEVEL)
+        if view.steps is None:
+            writer.SetInputData(view.at(0))
+        else:
+            source = _source(view, view.steps)
+            writer.SetInputConnection(source.GetOutputPort())
+            writer.SetWriteAllTimeSteps(True)
+        if not writer.Write():
+            raise OSError(f"VTK could not write {target}")
+        if view.steps is not None:
+            _add_field_data(target, view.steps)
+    return [path]
 
 
-def write_grid(grid: Grid, path: Path) -> Path:
-    """Write a mesh once and its data at all steps; returns the path, whose file is whole or not there."""
-    import h5py
+def _source(view: View, steps: LoadSteps) -> Any:
+    """The view as a source of VTK, which gives the writer one step after the other."""
+    from vtkmodules.util.vtkAlgorithm import VTKPythonAlgorithmBase
+    from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkImageData
+    from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline as Pipeline
 
-    count, points, quads = len(grid.steps.index), len(grid.points), len(grid.quads)
-    with replacing_hdf5(path) as target, h5py.File(target, "w") as file:
-        root = _root(file, "UnstructuredGrid")
-        for name, size in (("Points", points), ("Cells", quads), ("ConnectivityIds", 4 * quads)):
-            root.create_dataset(f"NumberOf{name}", data=np.array([size], np.int64))
-        root.create_dataset("Points", data=grid.points, **_PACKED)
-        root.create_dataset("Connectivity", data=grid.quads.ravel().astype(np.int64), **_PACKED)
-        root.create_dataset("Offsets", data=np.arange(quads + 1, dtype=np.int64) * 4, **_PACKED)
-        root.create_dataset("Types", data=np.full(quads, _QUAD, np.uint8))
-        steps = _write_steps(root, grid.steps)
-        # every step has the one and same part
-        steps.create_dataset("NumberOfParts", data=np.ones(count, np.int64))
-        for name in ("PartOffsets", "PointOffsets"):
-            steps.create_dataset(name, data=np.zeros(count, np.int64))
-        for name in ("CellOffsets", "ConnectivityIdOffsets"):
-            steps.create_dataset(name, data=np.zeros((count, 1), np.int64))
-        for kind, data in (("PointData", grid.point_data), ("CellData", grid.cell_data)):
-            group, offsets = root.create_group(kind), steps.create_group(f"{kind}Offsets")
-            for name, values in data.items():
-                group.create_dataset(name, data=values.reshape(-1, *values.shape[2:]), **_PACKED)
-                offsets.create_dataset(name, data=np.arange(count, dtype=np.int64) * values.shape[1])
-    return path
+    times = [float(step) for step in steps.index]
+    first = view.at(0)
 
+    class Source(VTKPythonAlgorithmBase):
+        def __init__(self) -> None:
+            super().__init__(nInputPorts=0, nOutputPorts=1, outputType=first.GetClassName())
 
-def _root(file: Any, kind: str) -> Any:
-    root = file.create_group("VTKHDF")
-    root.attrs["Version"] = np.array(_VERSION, np.int64)
-    root.attrs["Type"] = np.bytes_(kind)
-    return root
+        def RequestInformation(self, request: Any, inputs: Any, outputs: Any) -> int:
+            information = outputs.GetInformationObject(0)
+            information.Set(Pipeline.TIME_STEPS(), times, len(times))
+            information.Set(Pipeline.TIME_RANGE(), [times[0], times[-1]], 2)
+            if isinstance(first, vtkImageData):
+                information.Set(Pipeline.WHOLE_EXTENT(), first.GetExtent(), 6)
+            return 1
+
+        def RequestData(self, request: Any, inputs: Any, outputs: Any) -> int:
+            information = outputs.GetInformationObject(0)
+            asked = information.Has(Pipeline.UPDATE_TIME_STEP())
+            time = information.Get(Pipeline.UPDATE_TIME_STEP()) if asked else times[0]
+            output = vtkDataObject.GetData(outputs, 0)
+            output.ShallowCopy(view.at(times.index(time)))
+            output.GetInformation().Set(vtkDataObject.DATA_TIME_STEP(), time)
+            return 1
+
+    return Source()
 
 
-def _plane(root: Any, pixels: tuple[int, int], spacing: tuple[float, float], origin: tuple[float, float]) -> None:
-    root.attrs["WholeExtent"] = np.array([0, pixels[0], 0, pixels[1], 0, 0], np.int64)
-    root.attrs["Origin"] = np.array([*origin, 0.0])
-    root.attrs["Spacing"] = np.array([*spacing, 1.0])
-    root.attrs["Direction"] = np.eye(3).ravel()
-
-
-def _write_steps(root: Any, steps: LoadSteps) -> Any:
-    """Group of the time axis, and the field data of every step."""
+def _add_field_data(path: Path, steps: LoadSteps) -> None:
+    """Add one value of the field data for each step where VTK's writer has left them out."""
     import h5py
 
     count = len(steps.index)
-    group = root.create_group("Steps")
-    group.attrs["NSteps"] = count
-    group.create_dataset("Values", data=steps.index.astype(np.float64))
-    fields = root.create_group("FieldData")
-    offsets, sizes = (group.create_group(f"FieldData{name}") for name in ("Offsets", "Sizes"))
-    for name, values in steps.fields.items():
-        kind = h5py.string_dtype("ascii") if isinstance(values[0], str) else np.float64
-        fields.create_dataset(name, data=values, dtype=kind)
-        offsets.create_dataset(name, data=np.arange(count, dtype=np.int64))
-        # components and tuples
-        sizes.create_dataset(name, data=np.ones((count, 2), np.int64))
-    return group
+    with h5py.File(path, "a") as file:
+        root = file["VTKHDF"]
+        if "FieldData" in root:
+            return
+        data = root.create_group("FieldData")
+        offsets, sizes = (root["Steps"].create_group(f"FieldData{name}") for name in ("Offsets", "Sizes"))
+        for name, values in steps.fields.items():
+            data.create_dataset(name, data=values)
+            offsets.create_dataset(name, data=np.arange(count, dtype=np.int64))
+            # components and tuples
+            sizes.create_dataset(name, data=np.ones((count, 2), np.int64))

@@ -12,15 +12,17 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from pydantic import Field, model_validator
 from pydantic_core import PydanticCustomError
 
+from ..base.errors import InputError
 from ..base.quantities import to_text
-from ..flow import SOLVERS
+from ..flow import DISCRETISATIONS, SOLVERS
+from ..flow.discretisation import check_discretisation, on_grid
 from ..fluids import FLUIDS, Fluid
 from ..materials import Solid
 from ..results.fields import LIMIT
 from ..results.vtk import FORMATS
 from ..scales import SAMPLERS
 from ..seal.layouts import LAYOUTS, Layout
-from ..studies import DISCRETISATIONS, FLOWS, PRESSURES
+from ..studies import FLOWS, PRESSURES
 from .case_registry import table_of_any
 from .case_values import Count, FileSize, Length, Modulus, Poisson, Pressure, Ratio, Table, one_of
 
@@ -78,7 +80,15 @@ class FlowTable(Table):
     """How flow is discretised and solved, in windows, in whole faces and over the seal."""
 
     solver: Annotated[str, *one_of(SOLVERS)] = "auto"
-    discretisation: Annotated[str, *one_of(DISCRETISATIONS)] = "edge"
+    discretisation: Annotated[str, *one_of(filter(on_grid, DISCRETISATIONS))] = "edge"
+
+    @model_validator(mode="after")
+    def _together(self) -> FlowTable:
+        try:
+            check_discretisation(self.discretisation, self.solver)
+        except InputError as error:
+            raise PydanticCustomError("flow", "flow.{fault}", {"fault": str(error)}) from None
+        return self
 
 
 class FluidTable(Table):
@@ -161,5 +171,5 @@ class StochasticTable(Table):
 class OutputTable(Table):
     """What the results folder holds besides, see `report.write_folder`."""
 
-    paraview: Annotated[str, *one_of(FORMATS)] = "vtkhdf"
+    paraview: Annotated[str, *one_of(FORMATS)] = "vtu"
     fields_limit: FileSize = LIMIT

@@ -136,7 +136,7 @@ def _disk_text(sizes: Disk, steps: int) -> str:
     text = f"about {_size(sizes.fields + sizes.others)}"
     if sizes.fields:
         kept = f"{sizes.steps} of {steps} steps, fields_limit" if sizes.steps < steps else "all steps"
-        text += f", of it fields.vtkhdf {_size(sizes.fields)} before compression ({kept})"
+        text += f", of it fields {_size(sizes.fields)} before compression ({kept})"
     if sizes.checkpoint:
         text += f"; {_size(sizes.checkpoint)} more while it runs"
     return text

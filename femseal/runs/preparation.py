@@ -50,14 +50,14 @@ def prepare(case: Case) -> Prepared:
     ------
     InputError : a face that cannot be read or used, or windows that do not suit it.
     """
-    surface, repaired, overlap = _combined_faces(case)
+    surface, repaired, overlap, spikes = _combined_faces(case)
     cells = _cell_count(case, surface)
     shape = case.surface.points or surface.shape
     if cells is not None:
         shape = (_multiple(shape[0], cells[0]), _multiple(shape[1], cells[1]))
     surface, report = condition(
         surface,
-        spikes=inf,
+        spikes=spikes,
         detrend=case.surface.detrend,
         shortest_wavelength=case.surface.shortest_wave,
         max_undefined=case.surface.max_undefined,
@@ -117,23 +117,27 @@ def _sampling(case: Case, table: StochasticTable, window_length: float) -> Sampl
     )
 
 
-def _combined_faces(case: Case) -> tuple[Topography, dict[str, Any], Overlap | None]:
-    """Sum of the faces without spikes and undefined points, what was repaired in them, and where they overlap."""
+def _combined_faces(case: Case) -> tuple[Topography, dict[str, Any], Overlap | None, float]:
+    """One face as it is, or the sum of two repaired ones.
+
+    With it, what was repaired in the two, where they overlap, and the threshold of the spikes that are still in it.
+    """
     # a stream of its own for every face, whatever the method draws later
     seeds = np.random.SeedSequence(case.seed).spawn(len(case.face))
-    faces, undefined, spikes = [], 0.0, 0
-    for table, seed in zip(case.face, seeds, strict=True):
-        measured = table.make(case.folder, np.random.default_rng(seed))
-        threshold = case.surface.spikes if isinstance(table, FileFace) else inf
-        face, repaired = repair(measured, spikes=threshold, max_undefined=case.surface.max_undefined)
-        faces.append(face)
-        undefined, spikes = undefined + repaired.undefined_share / len(case.face), spikes + repaired.spikes
-    found = {"undefined_share": undefined, "spikes": spikes}
+    faces = [table.make(case.folder, np.random.default_rng(seed)) for table, seed in zip(case.face, seeds, strict=True)]
+    thresholds = [case.surface.spikes if isinstance(table, FileFace) else inf for table in case.face]
     if len(faces) == 1:
-        return faces[0], found, None
-    second = case.face[1]
-    surface, overlap = combine(*faces, **(second.placement if isinstance(second, FileFace) else {}))
-    return surface, found, overlap
+        return faces[0], {}, None, thresholds[0]
+    treatment: dict[str, Any] = {"max_undefined": case.surface.max_undefined, "detrend": case.surface.detrend}
+    repaired = [repair(face, spikes=most, **treatment) for face, most in zip(faces, thresholds, strict=True)]
+    found = {
+        "undefined_share": sum(r.undefined_share for _, r in repaired) / len(faces),
+        "spikes": sum(r.spikes for _, r in repaired),
+    }
+    first, second = (face for face, _ in repaired)
+    table = case.face[1]
+    surface, overlap = combine(first, second, **(table.placement if isinstance(table, FileFace) else {}))
+    return surface, found, overlap, inf
 
 
 def _cell_count(case: Case, surface: Topography) -> tuple[int, int] | None:

@@ -6,12 +6,11 @@
 
 from .deterministic import DeterministicResult, deterministic
 from .sampling_options import PRESSURES, Sampling, check_sampling, seal_cells
-from .scene import DISCRETISATIONS, Scene
+from .scene import Scene
 from .stochastic import StochasticResult, stochastic
 from .two_scale import FLOWS, TwoScaleResult, two_scale
 
 __all__ = [
-    "DISCRETISATIONS",
     "FLOWS",
     "PRESSURES",
     "DeterministicResult",

@@ -13,7 +13,6 @@ import numpy as np
 
 from ..base import validate
 from ..base.errors import InputError
-from .form import fit_form
 from .generate import PIXELS_PER_WAVE
 from .labelled import Labelled
 from .repairs import repair
@@ -52,7 +51,7 @@ def condition(
     max_undefined: float = 0.05,
     shape: tuple[int, int] | None = None,
 ) -> tuple[Topography, Conditioning]:
-    """Fill spikes and undefined points, remove the form, low-pass, bring the map on the grid of `shape` if given.
+    """Take off the form of the defined points, fill spikes and undefined ones, low-pass, resample if asked.
 
     Parameters
     ----------
@@ -71,7 +70,7 @@ def condition(
     Raises
     ------
     InputError : too many undefined points; a wave of less than 8 pixels asked for, or one longer than the
-    map.
+        map.
     """
     final = topography.shape if shape is None else validate.grid("shape", shape)
     spacing = [length / n for length, n in zip(topography.size, final, strict=True)]
@@ -87,9 +86,8 @@ def condition(
         allowed = f"less than the larger side, {max(topography.size):.4g} m"
         raise InputError.of("shortest_wavelength", shortest, allowed)
 
-    filled, repaired = repair(topography, spikes=spikes, max_undefined=max_undefined)
-    form = fit_form(filled.heights, filled.size, detrend)
-    flat = filled.detrend(detrend)
+    flat, repaired = repair(topography, spikes=spikes, max_undefined=max_undefined, detrend=detrend)
+    form = repaired.form
     smooth = flat.low_pass(shortest).resample(final)
     tilt1, tilt2 = form.slopes
     return smooth, Conditioning(

@@ -77,8 +77,7 @@ def describe_surface(
     >>> round(report.hurst, 1), report.spikes, report.shape
     (0.8, 0, (256, 256))
     """
-    filled, repaired = repair(topography, spikes=spikes, max_undefined=max_undefined)
-    flat = filled.detrend(detrend)
+    flat, repaired = repair(topography, spikes=spikes, max_undefined=max_undefined, detrend=detrend)
     measured = topography.heights - fit_form(topography.heights, topography.size, detrend).heights
     z = measured[~np.isnan(measured)]
     z = z - z.mean()

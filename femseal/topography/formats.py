@@ -1,7 +1,6 @@
 """File formats of height maps: each reader turns a file into the same raw record.
 
-Orientation: NumPy and text files as written, line = axis 0; instrument files with their x as axis 0, y as
-axis 1.
+Orientation: the file's x is axis 0, its y axis 1. In a text x runs along a line. Arrays of NumPy are taken as they are.
 Sources: ISO 25178-71 (.sdf), ISO 25178-72 (.x3p), the Esri ASCII raster format, the text export of Gwyddion.
 """
 
@@ -21,7 +20,13 @@ from ..base.quantities import to_si
 
 _ESRI_KEYS = {"ncols", "nrows", "xllcorner", "xllcenter", "yllcorner", "yllcenter", "cellsize", "dx", "dy",
               "nodata_value"}  # fmt: skip
-_HEADER = re.compile(r"^\W*(width|height|value units)\s*[:=]\s*(.+?)\s*$", re.IGNORECASE)
+_HEADER = re.compile(
+    r"^\W*(width|height|value units|breite|höhe|werteeinheit(?:en)?|einheit der werte)\s*[:=]\s*(.+?)\s*$",
+    re.IGNORECASE,
+)
+_ENGLISH = {"breite": "width", "höhe": "height", "werteeinheit": "value units", "werteeinheiten": "value units",
+            "einheit der werte": "value units"}  # fmt: skip
+_DECIMAL_COMMA = re.compile(r"^([-+]?\d*),(\d+(?:[eE][-+]?\d+)?)$")
 #: Suffixes of matrices as text.
 TEXT = (".csv", ".asc", ".txt")
 #: Words that instruments write for an undefined point, beside nan.
@@ -83,10 +88,10 @@ def read_npz(path: Path, options: Options) -> Raw:
 
 
 def read_text(path: Path, options: Options) -> Raw:
-    """A matrix of heights as text, or an Esri ASCII raster.
+    """A matrix of heights as text, one line for each y; an Esri ASCII raster; or triplets x, y, z of a regular grid.
 
-    Lines beginning with # are comments; "# Width: 1 mm" (along a line), "# Height: 2 mm" (down the lines) and
-    "# Value units: nm" among them are honoured.
+    Lines beginning with # are comments; "# Width: 1 mm" (x, along a line), "# Height: 2 mm" (y, down the lines) and
+    "# Value units: nm" among them are honoured, in German too. Decimal commas are read where commas are nothing else.
     """
     try:
         lines = path.read_text(encoding="utf-8-sig").splitlines()
@@ -98,7 +103,8 @@ def read_text(path: Path, options: Options) -> Raw:
         text = line.strip(" \r\n")
         if text.lstrip().startswith("#"):
             if match := _HEADER.match(text):
-                header[match[1].lower()] = match[2]
+                # the library of units takes a decimal comma for nothing
+                header[_ENGLISH.get(match[1].lower(), match[1].lower())] = match[2].replace(",", ".")
         elif text.strip():
             rows.append((at, text))
     if not rows:
@@ -108,17 +114,45 @@ def read_text(path: Path, options: Options) -> Raw:
     z = _matrix(path, rows, options.delimiter)
     try:
         unit = to_si(f"1 {header['value units']}", "m", "value units") if "value units" in header else None
-        sides = [to_si(header[side], "m", side) for side in ("height", "width") if side in header]
+        sides = [to_si(header[side], "m", side) for side in ("width", "height") if side in header]
     except InputError as error:
         raise bad_file(path, f"a header with {error}", "lengths such as '# Width: 1 mm'") from None
-    spacing = (sides[0] / z.shape[0], sides[1] / z.shape[1]) if len(sides) == 2 else None
-    return Raw(z, unit, spacing)
+    if len(sides) < 2 and (grid := _triplets(path, z)):
+        return Raw(grid[0], unit, grid[1])
+    spacing = (sides[0] / z.shape[1], sides[1] / z.shape[0]) if len(sides) == 2 else None
+    return Raw(z.T, unit, spacing)
+
+
+def _triplets(path: Path, z: NDArray) -> tuple[NDArray, tuple[float, float]] | None:
+    """Heights and pixel of lines x, y, z that name every point of a regular grid once; None for another matrix."""
+    if z.shape[1] != 3 or len(z) < 9 or np.isnan(z[:, :2]).any():
+        return None
+    places = []
+    for x in (z[:, 0], z[:, 1]):
+        values = np.unique(x)
+        if values.size < 2:
+            return None
+        step = (values[-1] - values[0]) / (values.size - 1)
+        if not np.allclose(np.diff(values), step, rtol=1e-3, atol=0):
+            return None
+        places.append((np.rint((x - values[0]) / step).astype(int), values.size, step))
+    (i, n1, d1), (j, n2, d2) = places
+    if n1 * n2 != len(z) or np.unique(i * n2 + j).size != len(z):
+        return None
+    heights = np.empty((n1, n2))
+    heights[i, j] = z[:, 2]
+    return heights, (d1, d2)
 
 
 def _matrix(path: Path, rows: list[tuple[int, str]], delimiter: str | None) -> NDArray:
     if delimiter is None:
-        delimiter = next((d for d in (";", "\t", ",") if d in rows[0][1]), None)
+        first = rows[0][1]
+        delimiter = next((d for d in (";", "\t", ",") if d in first), None)
+        if delimiter == "," and len(first.split()) > 1 and all(map(_DECIMAL_COMMA.fullmatch, first.split())):
+            delimiter = None
     fields = [[f.strip() for f in text.split(delimiter)] for _, text in rows]
+    if delimiter != "," and not any("." in f for f in fields[0]):
+        fields = [[_DECIMAL_COMMA.sub(r"\1.\2", f) for f in row] for row in fields]
     # A delimiter behind the last number of every line ends the line; it does not begin an undefined point.
     if delimiter is not None and all(len(row) > 1 and not row[-1] for row in fields):
         fields = [row[:-1] for row in fields]
@@ -152,7 +186,7 @@ def _esri(path: Path, rows: list[tuple[int, str]]) -> Raw:
     if z.size != shape[0] * shape[1]:
         raise bad_file(path, f"{z.size} numbers", f"nrows × ncols = {shape[0]} × {shape[1]} of them")
     z[z == header.get("nodata_value", -9999.0)] = np.nan
-    return Raw(z.reshape(shape), spacing=(step1, step2))
+    return Raw(z.reshape(shape).T, spacing=(step2, step1))
 
 
 def read_x3p(path: Path, options: Options) -> Raw:

@@ -35,8 +35,8 @@ def read_topography(
     """Height map of a file, by its suffix; undefined points as NaN, heights as measured (tilt and all).
 
     .npy and .npz (heights in metres, pixel from `spacing` in the .npz or the caller), .csv .asc .txt (matrix
-    of heights in metres, Esri raster), .x3p, .sdf; every other kind through SurfaceTopography
-    (femseal[surface]). Arrays and text are taken as written, line = x1; instrument files with their x as x1.
+    of heights in metres, triplets x y z in metres, Esri raster), .x3p, .sdf; every other kind through SurfaceTopography
+    (femseal[surface]). The file's x is x1: a line of a text runs along x1. Arrays of NumPy are taken as they are.
     What the caller says about size, spacing and unit goes before what the file says: units in files are wrong
     now and then.
 

@@ -1,10 +1,14 @@
-"""A measured map made whole: spikes marked undefined, undefined points filled."""
+"""A measured map made whole: spikes marked undefined, the form taken off, undefined points filled.
+
+The form is fitted to the defined points alone, before anything is filled: filled points would bend it.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 
 from ..base.errors import InputError
+from .form import Form, fit_form
 from .spikes import SPIKES
 from .topography import Topography
 
@@ -15,27 +19,32 @@ class Repair:
 
     undefined_share: float = field(metadata={"unit": "", "label": "share of undefined points", "percent": True})
     spikes: int = field(metadata={"unit": "", "label": "points in spikes"})
+    form: Form = field(metadata={"unit": "", "label": "form of the defined points"})
 
 
-def repair(topography: Topography, *, spikes: float = SPIKES, max_undefined: float = 0.05) -> tuple[Topography, Repair]:
-    """Map without spikes and without undefined points: both filled by the harmonic surface through their rims.
+def repair(
+    topography: Topography, *, spikes: float = SPIKES, max_undefined: float = 0.05, detrend: int = 1
+) -> tuple[Topography, Repair]:
+    """Flat map without spikes and without undefined points: both filled by the harmonic surface through their rims.
 
     Parameters
     ----------
     topography : as measured.
     spikes : threshold of `find_spikes` in robust standard deviations; infinite leaves them.
     max_undefined : largest share of points (0 to 1) that may be filled, spikes included.
+    detrend : order of the form taken off, see `Topography.detrend`.
 
     Raises
     ------
-    InputError : more points to fill; threshold not > 0.
+    InputError : more points to fill, or none that is defined; threshold not > 0; another order.
     """
     marked = topography.without_spikes(spikes)
     count = round((marked.undefined_share - topography.undefined_share) * topography.heights.size)
     try:
-        filled = marked.fill_undefined(max_undefined)
+        form = fit_form(marked.heights, marked.size, detrend)
+        flat = Topography(marked.heights - form.heights, marked.spacing, marked.periodic).fill_undefined(max_undefined)
     except InputError as error:
         if not count or topography.undefined_share > max_undefined:
             raise
         raise InputError(f"{error}; {count} of them are spikes, which spikes=inf leaves alone") from None
-    return filled, Repair(topography.undefined_share, count)
+    return flat, Repair(topography.undefined_share, count, form)

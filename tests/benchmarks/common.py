@@ -1,4 +1,4 @@
-"""What the benchmarks share: processes of their own, the machine, marked sections of files, tables."""
+"""What the benchmarks share: processes of their own, the machine, tables, the report beside a script."""
 
 from __future__ import annotations
 
@@ -12,8 +12,6 @@ from datetime import date
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
-
-ROOT = Path(__file__).parents[2]
 
 
 def call(script: str, arguments: list[str], threads: int) -> Any:
@@ -41,12 +39,11 @@ def machine(packages: dict[str, str]) -> str:
     return f"{date.today()}, {processor}, {', '.join(versions)}"
 
 
-def replace_between(path: Path, mark: str, text: str) -> None:
-    """Put text between two marks of a file."""
-    whole = path.read_text(encoding="utf-8")
-    begin, end = f"<!-- {mark} -->", f"<!-- /{mark} -->"
-    head, rest = whole.split(begin)
-    path.write_text(head + begin + "\n" + text + "\n" + end + rest.split(end)[1], encoding="utf-8")
+def save_report(script: str, title: str, text: str) -> None:
+    """Write the report beside a script, by which the page of the documentation about it is made."""
+    path = Path(script)
+    report = f"# {title}\n\nWritten by `{path.name}`.\n\n{text}\n"
+    path.with_suffix(".md").write_text(report, encoding="utf-8")
 
 
 def rows(head: list[str], cells: list[list[str]]) -> str:

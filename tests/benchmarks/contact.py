@@ -5,7 +5,8 @@
 Surfaces are self-affine (Hurst 0.8, roll-off an eighth of the size, shortest wave 8 pixels, rms slope 0.2), periodic,
 E* = 115 GPa. Each solver runs through its own tolerances until the residual is small enough; the time of that run,
 median of the repeats, is what counts, plans and compilation made before. Tamaas solves without hardness only;
-ContactMechanics with and without. `--write` puts table and picture beside this file and the table's head into the README.
+ContactMechanics with and without. `--write` puts table and picture beside this file, where the documentation takes
+them from.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ import sys
 import time
 from pathlib import Path
 
-from common import ROOT, call, forget_peak, machine, replace_between, resident, rows
+from common import call, forget_peak, machine, resident, rows, save_report
 
 HERE = Path(__file__).parent
 PACKAGES = {"Tamaas": "tamaas", "ContactMechanics": "ContactMechanics", "pyFFTW": "pyFFTW"}
@@ -271,11 +272,7 @@ Times of the peers as multiples of femseal's; not reached: the best residual wit
     print(text)
     if options.write:
         picture(records, HERE / "contact.png")
-        report = "# Contact solvers\n\nWritten by `contact.py`.\n\n" + text + "\n\n![residual over time](contact.png)\n"
-        (HERE / "contact.md").write_text(report, encoding="utf-8")
-        largest = max(r["n"] for r in records if r["solver"] != "femseal")
-        short = [r for r in records if r["n"] == largest and r["threads"] == 1]
-        replace_between(ROOT / "README.md", "contact benchmark", f"\n{machine(PACKAGES)}:\n\n{table(short)}\n")
+        save_report(__file__, "Contact solvers", f"{text}\n\n![residual over time](contact.png)")
 
 
 if __name__ == "__main__":

@@ -5,7 +5,8 @@
 Two scales on self-affine faces along a cycle of twenty load steps, and a library of windows with seals drawn from it.
 Efficiency is the elapsed time of one process over that of two, halved: of the whole study, and of its parts that are
 divided. Processes are started, and have computed something small, before. The overhead is the time of an item that
-computes nothing. Every process has one thread. `--write` puts the table beside this file and into the README.
+computes nothing. Every process has one thread. `--write` puts the table beside this file,
+where the documentation takes it from.
 """
 
 from __future__ import annotations
@@ -14,12 +15,10 @@ import argparse
 import json
 import sys
 import time
-from pathlib import Path
 
 import scales
-from common import ROOT, call, machine, replace_between, rows
+from common import call, machine, rows, save_report
 
-HERE = Path(__file__).parent
 BACKENDS = {
     "one process": {"workers": 1},
     "joblib": {"workers": 2},
@@ -124,9 +123,7 @@ def main():
     text = f"{machine(packages)}. Best of {options.repeat}.\n\n{table(records)}"
     print(text)
     if options.write:
-        report = f"# Parallel maps\n\nWritten by `parallel.py`.\n\n{text}\n"
-        (HERE / "parallel.md").write_text(report, encoding="utf-8")
-        replace_between(ROOT / "README.md", "parallel benchmark", f"\n{text}\n")
+        save_report(__file__, "Parallel maps", text)
 
 
 if __name__ == "__main__":

@@ -12,12 +12,10 @@ against the first: what chance alone does to numbers this small.
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 
 import numpy as np
-from common import ROOT, machine, replace_between, rows
+from common import machine, rows, save_report
 
-HERE = Path(__file__).parent
 MODULUS, SLOPE, PIXEL, WINDOW = 115e9, 0.25, 1e-6, 32
 LINKS, MAPS, SHAPES = 20_000, 30, ((32, 32), (100, 10))
 
@@ -129,8 +127,7 @@ def main():
     text += rows(["sampler", "KS", "closed share", "rank correlation", "not monotone", *shapes], cells)
     print(text)
     if options.write:
-        (HERE / "samplers.md").write_text(f"# Samplers\n\nWritten by `samplers.py`.\n\n{text}\n", encoding="utf-8")
-        replace_between(ROOT / "README.md", "samplers benchmark", f"\n{text}\n")
+        save_report(__file__, "Samplers", text)
 
 
 if __name__ == "__main__":

@@ -7,7 +7,7 @@ files (`--measured FILE ...`, levelled, without waves shorter than 8 pixels); co
 Factors are exp(rms ln(Q/Q_det)) over the loads with Q_det above 1e-3 of the first: of links between windows, and of the
 flow resolved on their stitched gap, so that contact and flow can be told apart. Every route runs in a process of its own
 with one thread; times are its CPU time, memory is what its peak is above that of a small surface before. `--records` keeps what is computed and goes on from there.
-`--write` puts the table beside this file and into the README.
+`--write` puts the table beside this file, where the documentation takes it from.
 """
 
 from __future__ import annotations
@@ -19,9 +19,8 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-from common import ROOT, call, forget_peak, kept, machine, replace_between, resident, rows
+from common import call, forget_peak, kept, machine, resident, rows, save_report
 
-HERE = Path(__file__).parent
 MODULUS, PIXEL = 115e9, 1e-6
 #: Nominal pressures in shares of the hardness, the one to unload from, and the stops on the way down.
 LOADING = (0.004, 0.01, 0.02, 0.04, 0.07, 0.11, 0.16, 0.22, 0.3, 0.4)
@@ -194,8 +193,7 @@ def main():
     text = f"{machine({})}. Median over the seeds (lowest–highest).\n\n{table(records)}"
     print(text)
     if options.write:
-        (HERE / "scales.md").write_text(f"# Two scales\n\nWritten by `scales.py`.\n\n{text}\n", encoding="utf-8")
-        replace_between(ROOT / "README.md", "scales benchmark", f"\n{text}\n")
+        save_report(__file__, "Two scales", text)
 
 
 if __name__ == "__main__":

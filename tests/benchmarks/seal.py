@@ -7,7 +7,7 @@ Square seals, periodic along x2, of links drawn one by one: log-normal with a st
 scipy, MKL's PARDISO, and pyamg's smoothed aggregation with conjugate gradients as its manual has it. A peer's leakage is
 wrong where it differs by more than 1 % from elimination's. One thread each, in a process of their own, compilation
 before. Open maps have a known answer: exp⟨ln k⟩ for a large seal, by duality (Dykhne 1971; Keller 1964). `--write` puts
-the table beside this file and into the README.
+the table beside this file, where the documentation takes it from.
 """
 
 from __future__ import annotations
@@ -19,9 +19,8 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-from common import ROOT, call, forget_peak, kept, machine, replace_between, resident, rows
+from common import call, forget_peak, kept, machine, resident, rows, save_report
 
-HERE = Path(__file__).parent
 PACKAGES = {"pyamg": "pyamg", "scipy": "scipy", "pypardiso": "pypardiso"}
 #: (σ, share of closed links)
 MAPS = ((1.0, 0.0), (3.0, 0.0), (3.0, 0.35))
@@ -213,8 +212,7 @@ Leakage over the known answer, open maps of {ANSWER_CELLS:.0e} links, mean and s
 {", ".join(known)}."""
     print(text)
     if options.write:
-        (HERE / "seal.md").write_text(f"# Flow over a seal\n\nWritten by `seal.py`.\n\n{text}\n", encoding="utf-8")
-        replace_between(ROOT / "README.md", "seal benchmark", f"\n{text}\n")
+        save_report(__file__, "Flow over a seal", text)
 
 
 if __name__ == "__main__":

@@ -1,0 +1,86 @@
+"""Configuration of Sphinx: `sphinx-build docs docs/_build`; `-t short` leaves out the long examples of the gallery."""
+
+import logging
+import os
+import shutil
+import sys
+from pathlib import Path
+
+from sphinx_gallery.sorting import ExplicitOrder
+
+import femseal
+
+HERE = Path(__file__).parent
+sys.path.insert(0, str(HERE / "extensions"))
+
+from docstrings import restructured_docstring, short_signature  # noqa: E402
+from gallery_support import figures_of_results, name_the_script, notebook_as_script  # noqa: E402  beside this file
+
+os.environ["MPLBACKEND"] = "Agg"
+logging.getLogger("skfem").setLevel(logging.WARNING)
+
+project = "femseal"
+author = "the femseal developers"
+copyright = "the femseal developers"
+release = version = femseal.__version__
+
+extensions = [
+    "myst_parser",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.napoleon",
+    "sphinx.ext.mathjax",
+    "sphinx_gallery.gen_gallery",
+]
+exclude_patterns = ["_build", "_examples", "gallery_header.rst"]
+suppress_warnings = ["config.cache"]
+
+myst_enable_extensions = ["dollarmath", "amsmath", "deflist"]
+myst_heading_anchors = 3
+
+html_theme = "furo"
+html_title = f"femseal {release}"
+html_static_path = ["static"]
+html_css_files = ["femseal.css"]
+html_show_sourcelink = False
+
+default_role = "py:obj"
+napoleon_use_ivar = True
+napoleon_attr_annotations = False
+autodoc_member_order = "bysource"
+autodoc_typehints_format = "short"
+autodoc_preserve_defaults = True
+maximum_signature_line_length = 80
+
+#: Examples of the gallery; with `-t short` only the quick ones are run. All others of the folder need results or an
+#: argument.
+SHOWN = ("tutorial", "elastic_check", "one_cell", "measured_face", "real_size_seal")
+QUICK = ("elastic_check", "one_cell", "measured_face")
+
+# Examples run in a folder of their own, as some write files beside themselves.
+EXAMPLES = HERE / "_examples"
+shutil.rmtree(EXAMPLES, ignore_errors=True)
+EXAMPLES.mkdir()
+for name in (*(f"{stem}.py" for stem in SHOWN if stem != "tutorial"), "measured_face.x3p"):
+    shutil.copy(HERE.parent / "examples" / name, EXAMPLES)
+notebook_as_script(HERE.parent / "examples" / "tutorial.ipynb", EXAMPLES / "tutorial.py")
+shutil.copy(HERE / "gallery_header.rst", EXAMPLES / "GALLERY_HEADER.rst")
+
+sphinx_gallery_conf = {
+    "examples_dirs": "_examples",
+    "gallery_dirs": "gallery",
+    "filename_pattern": rf"/({'|'.join(QUICK if tags.has('short') else SHOWN)})\.py",  # noqa: F821  Sphinx defines tags
+    "image_scrapers": ("matplotlib", figures_of_results),
+    "reset_modules": ("matplotlib", name_the_script),
+    "within_subsection_order": ExplicitOrder([f"{stem}.py" for stem in SHOWN]),
+    "capture_repr": ("_repr_html_",),
+    "copyfile_regex": r".*\.x3p",
+    "download_all_examples": False,
+    "show_signature": False,
+    "write_computation_times": False,
+    "min_reported_time": 3600,
+}
+
+
+def setup(app):
+    app.connect("autodoc-process-docstring", restructured_docstring, priority=400)  # before napoleon
+    app.connect("autodoc-process-signature", short_signature)

@@ -1,0 +1,49 @@
+"""What sphinx-gallery does not do by itself: figures of results, the name of a script, a notebook as an example."""
+
+import builtins
+import json
+import re
+from pathlib import Path
+from weakref import WeakSet
+
+from matplotlib.figure import Figure
+from sphinx_gallery.scrapers import figure_rst
+
+_SAVED: WeakSet = WeakSet()
+
+
+def figures_of_results(block, block_vars, gallery_conf):
+    """Save every figure among the variables of an example, and that of its last line: they do not belong to pyplot."""
+    names = []
+    for value in list(block_vars["example_globals"].values()):
+        if isinstance(value, Figure) and value not in _SAVED:
+            _SAVED.add(value)
+            names.append(block_vars["image_path_iterator"].next())
+            value.savefig(names[-1])
+    return figure_rst(names, gallery_conf["src_dir"])
+
+
+def name_the_script(gallery_conf, fname):
+    """Tell an example its `__file__`, which it does not have where its text is executed."""
+    if fname:
+        builtins.__file__ = str(Path(gallery_conf["src_dir"], gallery_conf["examples_dirs"], Path(fname).name))
+
+
+def notebook_as_script(notebook: Path, script: Path) -> None:
+    """Write the cells of a notebook as blocks of a script; its first cell is the docstring, with the title."""
+    first, *others = json.loads(notebook.read_text(encoding="utf-8"))["cells"]
+    blocks = [f'"""{_restructured(first)}\n"""']
+    after_text = False
+    for cell in others:
+        if cell["cell_type"] == "markdown":
+            blocks.append("# %%\n" + "\n".join(f"# {line}".rstrip() for line in _restructured(cell).splitlines()))
+        else:
+            blocks.append(("" if after_text else "# %%\n") + "".join(cell["source"]))
+        after_text = cell["cell_type"] == "markdown"
+    script.write_text("\n\n".join(blocks) + "\n", encoding="utf-8")
+
+
+def _restructured(cell: dict) -> str:
+    """Headings and code in the text of a Markdown cell, as reStructuredText has them."""
+    text = "".join(cell["source"]).replace("`", "``")
+    return re.sub(r"^(#+) (.*)$", lambda m: f"{m[2]}\n{'=-~'[len(m[1]) - 1] * len(m[2])}", text, flags=re.MULTILINE)

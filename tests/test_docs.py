@@ -1,0 +1,39 @@
+"""The documentation names what there is, and all of it; `.ci/run` builds it."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+import femseal
+
+ROOT = Path(__file__).parents[1]
+DOCS = ROOT / "docs"
+PAGES = sorted([*ROOT.glob("*.md"), *DOCS.rglob("*.md")])
+PAGES = [page for page in PAGES if not {"_build", "gallery", "_examples"} & set(page.relative_to(ROOT).parts)]
+
+
+def test_every_public_name_is_in_the_reference_once():
+    text = "".join(page.read_text(encoding="utf-8") for page in (DOCS / "api").glob("*.md"))
+    assert sorted(re.findall(r"auto(?:class|function):: femseal\.(\w+)", text)) == femseal.__all__
+
+
+def test_every_benchmark_has_its_page():
+    included = {
+        (page.parent / name).resolve()
+        for page in DOCS.rglob("*.md")
+        for name in re.findall(r"\{include\} (\S+)", page.read_text(encoding="utf-8"))
+    }
+    assert set((ROOT / "tests" / "benchmarks").glob("*.md")) <= included
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+class TestPages:
+    def test_files_they_name_are_there(self, page):
+        for name in re.findall(r"(?<![\w/])(?:examples|meshes)/[\w.]+", page.read_text(encoding="utf-8")):
+            assert (ROOT / name.rstrip(".")).exists(), name
+
+    def test_links_lead_somewhere(self, page):
+        for target in re.findall(r"\]\((?!https?:)([^)#\s]+)[^)]*\)", page.read_text(encoding="utf-8")):
+            if not target.startswith("gallery/"):  # made by the build
+                assert (page.parent / target).exists(), target

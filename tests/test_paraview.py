@@ -1,0 +1,157 @@
+"""The folder of a run as meshio reads it, and, where it is installed, as ParaView itself opens it."""
+
+import json
+import os
+import shutil
+import subprocess
+from pathlib import Path
+
+import matplotlib.image
+import meshio
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+import femseal as fs
+from femseal.report import write_folder
+from femseal.results import assemble
+
+MACRO = Path(__file__).parents[1] / "examples" / "paraview_two_scale.py"
+M1, M2 = 3, 4
+in_paraview = pytest.mark.skipif(
+    shutil.which("pvpython") is None or shutil.which("xvfb-run") is None, reason="ParaView is not installed"
+)
+#: Reads every file it is given and writes, for every time, what is in it.
+SCRIPT = """
+import json, sys
+import paraview.simple as pv
+from paraview import servermanager
+from vtkmodules.util.numpy_support import vtk_to_numpy
+found = {}
+for path in sys.argv[2:]:
+    source = pv.OpenDataFile(path)
+    source.UpdatePipelineInformation()
+    steps = found[path] = []
+    for time in list(source.GetProperty("TimestepValues") or []) or [None]:
+        source.UpdatePipeline() if time is None else source.UpdatePipeline(time)
+        data = servermanager.Fetch(source)
+        step = {"time": time, "bounds": data.GetBounds()}
+        for kind in ("Cell", "Point", "Field"):
+            arrays = getattr(data, "Get%sData" % kind)()
+            each = [arrays.GetArray(n) for n in range(arrays.GetNumberOfArrays())]
+            step[kind] = {a.GetName(): vtk_to_numpy(a).tolist() for a in each}
+        steps.append(step)
+    pv.Delete(source)
+json.dump(found, open(sys.argv[1], "w"))
+"""
+
+
+@pytest.fixture(scope="module")
+def results():
+    face = fs.turned((48, 96), (60e-6, 120e-6), pitch=27e-6, depth=1e-6, roughness=0.3e-6, rng=2)
+    scene = fs.Scene(
+        face, 115e9, 2.8e9, fs.Liquid(1e-3), 3e7, 1e6, loading=(50e6, 700e6), unload_from=(700e6,), unloading=(50e6,)
+    )
+    return assemble(scene, two_scale=fs.two_scale(scene, (M1, M2)))
+
+
+@pytest.fixture(scope="module")
+def folder(results, tmp_path_factory):
+    path = tmp_path_factory.mktemp("a run") / "out"
+    write_folder(results, path, results.scene.surface)
+    return path
+
+
+def test_meshio_reads_every_mesh(results, folder):
+    paths = sorted(folder.rglob("*.vtu"))
+    assert len(paths) == 3
+    for s, path in enumerate(paths):
+        mesh = meshio.read(path)
+        (block,) = mesh.cells
+        assert (block.type, block.data.shape) == ("quad", (2 * M1 * M2, 4))
+        k1 = mesh.cell_data["k1_m3"][0].reshape(M1, M2, 2)
+        assert_array_equal(k1[..., 0], results.dataset["k1"][s])
+        p = mesh.point_data["fluid_pressure_Pa"].reshape(M1 + 1, -1)
+        assert_array_equal(p[:, 1::2], results.dataset["fluid_pressure"][s])
+        assert_allclose(mesh.field_data["nominal_pressure_MPa"], results.steps[s].pressure / 1e6)
+
+
+def pvpython(*arguments):
+    environment = {name: value for name, value in os.environ.items() if not name.startswith("PYTHON")}
+    command = ["xvfb-run", "-a", "pvpython", *map(str, arguments)]
+    return subprocess.run(command, env=environment, capture_output=True, text=True, timeout=300)
+
+
+@in_paraview
+def test_paraview_opens_every_file(results, folder, tmp_path):
+    (tmp_path / "read.py").write_text(SCRIPT, encoding="utf-8")
+    paths = sorted(p for p in folder.rglob("*.*") if p.suffix in (".pvd", ".vtu", ".vti"))
+    run = pvpython(tmp_path / "read.py", tmp_path / "found.json", *paths)
+    assert run.returncode == 0, run.stderr
+    found = json.loads((tmp_path / "found.json").read_text(encoding="utf-8"))
+    assert set(found) == {str(path) for path in paths}
+    data, two = results.dataset, results.two_scale
+    for path in paths:
+        if path.suffix == ".pvd":
+            assert [step["time"] for step in found[str(path)]] == [0, 1, 2]
+            assert_allclose([s["Field"]["nominal_pressure_MPa"][0] for s in found[str(path)]], [50, 700, 50])
+            assert_allclose([s["Field"]["unloaded_from_MPa"][0] for s in found[str(path)]], [np.nan, np.nan, 700])
+    for s, step in enumerate(found[str(folder / "vtk/seal.pvd")]):
+        cells = {name: np.array(values).reshape(M1, M2, 2, -1)[:, :, 1, 0] for name, values in step["Cell"].items()}
+        for name, variable, factor in (
+            ("k1_m3", "k1", 1),
+            ("nominal_contact_pressure_MPa", "window_pressure", 1e-6),
+            ("mean_gap_um", "window_mean_gap", 1e6),
+            ("contact_share", "window_contact_fraction", 1),
+            ("plastic_share", "window_plastic_fraction", 1),
+            ("flux_m2_per_s", "flux1", 1),
+        ):
+            assert_allclose(cells.pop(name), data[variable][s] * factor, rtol=1e-12)
+        assert not cells
+        points = {name: np.array(values).reshape(M1 + 1, -1) for name, values in step["Point"].items()}
+        assert_array_equal(points.pop("fluid_pressure_Pa")[:, 1::2], data["fluid_pressure"][s])
+        assert_array_equal(points.pop("k2_m3")[1:-1, 2::2], data["k2"][s])
+        assert not points
+    for s, step in enumerate(found[str(folder / "fields.pvd")]):
+        assert_allclose(step["bounds"][:4], [0, 60e-6, 0, 120e-6])
+        cells = {name: np.reshape(values, (48, 96), order="F") for name, values in step["Cell"].items()}
+        assert_allclose(cells.pop("gap_um"), two.gap[s] * 1e6, rtol=1e-6)
+        assert_allclose(cells.pop("contact_pressure_MPa"), two.contact_pressure[s] / 1e6, rtol=1e-6)
+        assert not cells
+    windows = [path for path in paths if path.parent.name == "vtk" and path.name.startswith("window")]
+    assert windows
+    for path in windows:
+        for step in found[str(path)]:
+            assert set(step["Cell"]) == {"gap_um", "contact_pressure_MPa", "fluid_pressure_Pa"}
+    (heights,) = found[str(folder / "vtk/surface.vti")]
+    shown = np.reshape(heights["Point"]["height_um"], (48, 96), order="F")
+    assert_allclose(shown, results.scene.surface.heights * 1e6, rtol=1e-6)
+
+
+@in_paraview
+def test_the_macro_draws_both_scales(folder, tmp_path):
+    """With a pocket in the middle, which has no pressure and is grey, not red."""
+    import pyvista
+
+    shutil.copytree(folder, tmp_path / "run")
+    path = tmp_path / "run/vtk/seal/step_0001.vtu"
+    mesh = pyvista.read(path)
+    pressure = mesh.point_data["fluid_pressure_Pa"].reshape(M1 + 1, -1)
+    pressure[1:-1, 2:-2] = np.nan
+    mesh.save(path)
+    run = pvpython(MACRO, tmp_path / "run", tmp_path / "view.png", 1)
+    assert run.returncode == 0, run.stderr
+    picture = matplotlib.image.imread(tmp_path / "view.png")[..., :3]
+    red, green, blue = np.moveaxis(picture[: len(picture) // 2], -1, 0)
+    grey = np.abs(picture[: len(picture) // 2] - 0.69).max(axis=-1) < 0.02
+    assert grey.mean() > 0.02
+    assert np.mean((red > 0.95) & (green < 0.4) & (blue < 0.4)) == 0
+
+
+@in_paraview
+def test_the_macro_says_what_is_missing(tmp_path):
+    run = pvpython(MACRO, tmp_path, tmp_path / "view.png", 0)
+    assert run.returncode == 1
+    assert f"there is no {tmp_path / 'vtk' / 'seal.pvd'}" in run.stderr
+    assert "results folder of a two-scale study" in run.stderr
+    assert "Traceback" not in run.stderr
