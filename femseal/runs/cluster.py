@@ -76,7 +76,8 @@ def _connected(scheduler: str) -> Any:
             # in a thread, as the caller may run an event loop
             with ThreadPoolExecutor(1) as thread:
                 thread.submit(lambda: asyncio.run(asyncio.wait_for(greet(), 1.1 * ANSWER_SECONDS))).result()
-            client = stack.enter_context(Client(scheduler, timeout=ANSWER_SECONDS))
+            client = Client(scheduler, timeout=ANSWER_SECONDS)
+            stack.callback(client.close)
             _await_worker(client)
             there = client.run(numerical_versions)
         except Exception as error:  # of any kind, where another service answers
