@@ -32,6 +32,8 @@ _SAMPLED = 64
 #: Links narrower than this share of the widest hardly count in sums of conductances: an iteration does not see, or only
 #: slowly, what hangs on them only.
 _SEEN = 1e-8
+#: Links so narrow are rounding in the sums of wide ones: with them the matrix may not be positive definite.
+_LOST = 1e-13
 #: Iterations of multigrid allowed where it is wanted, or elimination takes much memory.
 _MOST_ITERATIONS = 400
 #: Potential of a node that neither, the inlet, or the outlet reaches.
@@ -164,7 +166,12 @@ def _by_multigrid(stencil: Stencil, keep: Flags, rtol: float, limit: int) -> Dar
     if not stencil.nine:
         along, across = (np.where(c >= _SEEN, c, 0.0) for c in (stencil.along, stencil.across))
         hidden = (keep & (nodes_reached(replace(stencil, along=along, across=across)) == 0))[1:-1]
-    φ, iterations, error = solve_multigrid(stencil, 0.1 * rtol, limit, ~hidden)
+    seen = stencil
+    if hidden.any():
+        along, across = (np.where(c >= _LOST, c, 0.0) for c in (stencil.along, stencil.across))
+        seen = replace(stencil, along=along, across=across)
+        seen = restricted(seen, nodes_reached(seen) == 3)
+    φ, iterations, error = solve_multigrid(seen, 0.1 * rtol, limit, ~hidden)
     ψ = 1 - φ
     if hidden.any():
         n1, n2 = stencil.along.shape
