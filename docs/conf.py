@@ -6,12 +6,15 @@ import shutil
 import sys
 from pathlib import Path
 
+from sphinx_gallery.sorting import ExplicitOrder
+
 import femseal
 
 HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE / "extensions"))
 
-from docstrings import restructured_docstring, short_types  # noqa: E402
+from command_line import write_command_line  # noqa: E402
+from docstrings import restructured_docstring, short_signature  # noqa: E402
 from gallery_support import figures_of_results, name_the_script, notebook_as_script  # noqa: E402  beside this file
 
 os.environ["MPLBACKEND"] = "Agg"
@@ -43,6 +46,7 @@ html_show_sourcelink = False
 
 default_role = "py:obj"
 napoleon_use_ivar = True
+napoleon_attr_annotations = False
 autodoc_member_order = "bysource"
 autodoc_typehints_format = "short"
 autodoc_preserve_defaults = True
@@ -50,9 +54,8 @@ maximum_signature_line_length = 80
 
 #: Examples of the gallery; with `-t short` only the quick ones are run. All others of the folder need results or an
 #: argument.
+SHOWN = ("tutorial", "elastic_check", "one_cell", "measured_face", "real_size_seal")
 QUICK = ("elastic_check", "one_cell", "measured_face")
-LONG = ("tutorial", "real_size_seal")
-SHOWN = (*QUICK, *LONG)
 
 # Examples run in a folder of their own, as some write files beside themselves.
 EXAMPLES = HERE / "_examples"
@@ -63,12 +66,15 @@ for name in (*(f"{stem}.py" for stem in SHOWN if stem != "tutorial"), "measured_
 notebook_as_script(HERE.parent / "examples" / "tutorial.ipynb", EXAMPLES / "tutorial.py")
 shutil.copy(HERE / "gallery_header.rst", EXAMPLES / "GALLERY_HEADER.rst")
 
+write_command_line(HERE / "command_line.md")
+
 sphinx_gallery_conf = {
     "examples_dirs": "_examples",
     "gallery_dirs": "gallery",
     "filename_pattern": rf"/({'|'.join(QUICK if tags.has('short') else SHOWN)})\.py",  # noqa: F821  Sphinx defines tags
     "image_scrapers": ("matplotlib", figures_of_results),
     "reset_modules": ("matplotlib", name_the_script),
+    "within_subsection_order": ExplicitOrder([f"{stem}.py" for stem in SHOWN]),
     "capture_repr": ("_repr_html_",),
     "copyfile_regex": r".*\.x3p",
     "download_all_examples": False,
@@ -80,4 +86,4 @@ sphinx_gallery_conf = {
 
 def setup(app):
     app.connect("autodoc-process-docstring", restructured_docstring, priority=400)  # before napoleon
-    app.connect("autodoc-process-signature", short_types)
+    app.connect("autodoc-process-signature", short_signature)

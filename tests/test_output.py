@@ -6,7 +6,7 @@ import json
 import os
 import re
 import warnings
-from dataclasses import replace
+from dataclasses import dataclass, field, fields, replace
 
 import matplotlib.image
 import numpy as np
@@ -25,7 +25,8 @@ from femseal.results.branches import branch_text
 from femseal.results.tables import amount, leakage_unit
 from femseal.results.views import chosen_windows
 from femseal.seal import RectangularSeal
-from femseal.studies import Sampling, Scene, deterministic, stochastic, two_scale
+from femseal.studies import Sampling, Scene, TwoScaleResult, deterministic, stochastic, two_scale
+from femseal.studies.scene import labels
 from femseal.topography import Topography, self_affine
 
 CASE = {"title": "trial", "seed": 7, "material": {"modulus": 115e9}, "cells": [4, 8]}
@@ -160,6 +161,10 @@ def test_attributes_tell_the_origin(results, studies):
     assert json.loads(attrs["surface"]) == {"rms_height": 1e-6}
     assert json.loads(attrs["timings"]) == {"two-scale": 1.5}
     assert json.loads(attrs["counts"])["two_scale"] == studies["two_scale"].counts.by_kind()
+    for name, study in studies.items():
+        solvers = json.loads(attrs["solvers"])[name]
+        assert solvers["systems"] == study.solvers.by_solver() != {}
+        assert solvers["worst_imbalance"] == study.solvers.worst_imbalance < 1e-5
     assert {"femseal", "python", "numpy", "scikit-fem"} <= set(json.loads(attrs["versions"]))
     assert attrs["inlet_pressure_Pa"] == 1e6
     assert "Liquid" in attrs["fluid"]
@@ -412,6 +417,28 @@ def test_nothing_is_left_behind_by_a_failure(results, scene, tmp_path, monkeypat
 
 
 # --- tables -----------------------------------------------------------------------------------------------
+
+
+def test_a_new_column_is_declared_once(scene, studies, tmp_path):
+    """A field whose metadata say what it is comes out in every file and table."""
+
+    @dataclass(frozen=True, repr=False)
+    class More(TwoScaleResult):
+        wet: np.ndarray = field(default=None, metadata=labels("1", "share wetted", "step", heading="wet [%]"))
+        depth: np.ndarray = field(default=None, metadata=labels("m", "depth", "step", "cell1", "cell2"))
+
+    two = studies["two_scale"]
+    known = {f.name: getattr(two, f.name) for f in fields(two)}
+    more = More(**known, wet=np.linspace(0.1, 0.5, 5), depth=np.full((5, M1, M2), 2e-6))
+    r = assemble(scene, two_scale=more)
+    write_folder(r, tmp_path)
+    assert open_results(tmp_path).dataset["wet"].attrs["long_name"] == "share wetted"
+    assert r.rows()[4]["wet"] == 0.5
+    assert ",wet," in (tmp_path / "table.csv").read_text(encoding="utf-8").splitlines()[0] + ","
+    for page in (r._repr_html_(), (tmp_path / "report.html").read_text(encoding="utf-8")):
+        assert "wet [%]" in page
+    cells, *_ = arrays("vtkXMLUnstructuredGridReader", tmp_path / "vtk/seal/step_0000.vtu")
+    assert_allclose(cells["depth_um"], 2.0)
 
 
 def test_table_says_what_happened(results, scene):

@@ -1,5 +1,6 @@
 """Results show themselves: one line without arrays, a table, a picture of their own numbers."""
 
+import io
 from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree
@@ -13,6 +14,7 @@ import femseal as fs
 from femseal.base.errors import InputError
 from femseal.base.quantities import leakage_unit
 from femseal.base.text import Shown, value_text
+from femseal.plots.drawing import png
 
 MODULUS, HARDNESS = 115e9, 1.4e9
 
@@ -134,6 +136,17 @@ def test_notebooks_show_pictures(shown):
     data, metadata = formatter.format(shown["permeability"].plot(), include=["image/png"])
     assert data["image/png"].startswith(b"\x89PNG")
     assert metadata["image/png"]["width"] == 480
+
+
+def test_pictures_are_drawn_once(shown, monkeypatch):
+    """And look as savefig, which draws twice, makes them."""
+    stream = io.BytesIO()
+    shown["two_scale"].plot().savefig(stream)
+    drawn = []
+    draw = Figure.draw
+    monkeypatch.setattr(Figure, "draw", lambda self, *args: drawn.append(self) or draw(self, *args))
+    assert png(shown["two_scale"].plot()) == stream.getvalue()
+    assert len(drawn) == 1
 
 
 def test_what_has_no_picture_says_so():

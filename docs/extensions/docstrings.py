@@ -4,37 +4,77 @@ import re
 from dataclasses import fields, is_dataclass
 
 _ENTRY = re.compile(r"(\w[\w, ]*) : (.*)")
+_NAMED = ("Parameters", "Attributes", "Raises")
 
 
 def restructured_docstring(app, what, name, obj, options, lines):
     """Handler of `autodoc-process-docstring`."""
-    if what == "class" and is_dataclass(obj) and not any(re.fullmatch("-{3,}", line) for line in lines):
+    if what == "class" and is_dataclass(obj) and not any(map(_is_rule, lines)):
         _list_fields(obj, lines)
+    text = [_without_bars(line) for line in _returns_in_one_line(lines)]
     section = ""
-    for n, line in enumerate(lines):
-        if n + 1 < len(lines) and re.fullmatch("-{3,}", lines[n + 1].strip()):
+    for n, line in enumerate(text):
+        if n + 1 < len(text) and _is_rule(text[n + 1]):
             section = line.strip()
-        elif section in ("Parameters", "Attributes", "Raises") and (found := _ENTRY.match(line)):
+        elif section in _NAMED and (found := _ENTRY.match(line)):
             # numpydoc would take the text for a type
-            lines[n] = f"{found[1]}\n    {found[2]}"
-        parts = re.split("(`+.*?`+)", lines[n])
-        lines[n] = "".join(part if part.startswith("`") else part.replace("|", r"\|") for part in parts)
-    lines[:] = "\n".join(lines).split("\n")
+            text[n] = f"{found[1]}\n    {found[2]}"
+    lines[:] = "\n".join(text).split("\n")
+
+
+def short_signature(app, what, name, obj, options, signature, returns):
+    """Handler of `autodoc-process-signature`: numpy's types by the names of the code, defaults that can be read."""
+    return ("(...)" if name == "femseal.Case" else _shortened(signature)), _shortened(returns)
+
+
+def _shortened(text):
+    if text is None:
+        return None
+    text = re.sub(r"~?[\w.]*_Buffer \| .*?complex \| bytes \| str\]", "ArrayLike", text)
+    text = re.sub(r"~?[\w.]*\bndarray\[tuple\[[^]]*\], ~?[\w.]*dtype\[[^]]*\]\]", "Array", text)
+    return re.sub(r"<[^<>]*>", "...", text)
+
+
+def _is_rule(line):
+    return re.fullmatch("-{3,}", line.strip()) is not None
+
+
+def _without_bars(line):
+    parts = re.split("(`+.*?`+)", line)
+    return "".join(part if part.startswith("`") else part.replace("|", r"\|") for part in parts)
+
+
+def _returns_in_one_line(lines):
+    """What a function returns is told in words, which numpydoc would take for types."""
+    out, n = [], 0
+    while n < len(lines):
+        if lines[n].strip() == "Returns" and n + 1 < len(lines) and _is_rule(lines[n + 1]):
+            end = next((m for m in range(n + 2, len(lines)) if not lines[m].strip()), len(lines))
+            out.append("")  # two empty lines end the section before
+            out.append(":returns: " + " ".join(line.strip() for line in lines[n + 2 : end]))
+            n = end
+        else:
+            out.append(lines[n])
+            n += 1
+    return out
 
 
 def _list_fields(obj, lines):
     """Fields that a docstring or their metadata explain, in their order, at the end of the docstring."""
-    said, text, entry = {}, [], None
+    names = {field.name for field in fields(obj)}
+    said, text, entry = {}, [], ""
     for line in lines:
-        if found := _ENTRY.match(line):
-            entry = found[1]
-            said[entry] = [found[2]]
-        elif entry and line.strip():
-            said[entry].append(line.strip())
-        else:
-            entry = None
+        words = re.split(r"(?:^|(?<=[.;] ))(\w+(?:, \w+)*) : ", line.strip())
+        is_entry = len(words) > 1 and set(words[1].split(", ")) <= names and not words[0]
+        if not is_entry and not (entry and line.strip()):
+            entry = ""
             text.append(line)
-    names = {name: entry for entry in said for name in entry.split(", ")}
+            continue
+        # entries that follow one another on a line
+        for new, words_of_it in [("", words[0]), *zip(words[1::2], words[2::2], strict=True)]:
+            entry = new or entry
+            said.setdefault(entry, []).append(words_of_it.strip())
+    explained = {name: " ".join(filter(None, said[entry])) for entry in said for name in entry.split(", ")}
     rows = []
     for field in fields(obj):
         meaning = field.metadata.get("long_name") or field.metadata.get("label", "")
@@ -42,20 +82,7 @@ def _list_fields(obj, lines):
             meaning += f" [{unit.replace('^2', '²').replace('^3', '³')}]"
         if dims := field.metadata.get("dims"):
             meaning += f" ({', '.join(dims)})"
-        parts = [meaning, *said.get(names.get(field.name), [])]
-        if any(parts):
-            rows += [f"{field.name} : {'; '.join(filter(None, (parts[0], ' '.join(parts[1:]))))}"]
+        if told := "; ".join(filter(None, (meaning.strip(), explained.get(field.name)))):
+            rows.append(f"{field.name} : {told}")
     if rows:
         lines[:] = [*text, "", "Attributes", "----------", *rows, ""]
-
-
-def short_types(app, what, name, obj, options, signature, returns):
-    """Handler of `autodoc-process-signature`: numpy's types by the names that the code has for them."""
-    return _shortened(signature), _shortened(returns)
-
-
-def _shortened(text):
-    if text is None:
-        return None
-    text = re.sub(r"_Buffer \| _SupportsArray\[.*?complex \| bytes \| str\]", "ArrayLike", text)
-    return re.sub(r"~?(numpy\.)?ndarray\[tuple\[[^]]*\], ~?(numpy\.)?dtype\[[^]]*\]\]", "Array", text)

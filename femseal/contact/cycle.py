@@ -1,7 +1,8 @@
 """Contact along a load programme, with the plastic deformation that every peak leaves behind.
 
-First loading is path independent. Unloading from p_u adds the permanent deformation u_p to the gap once and solves with
-the same bounds, so that it returns the state at p_u, coincides with reloading, and meets the virgin curve beyond p_u.
+First loading is path independent. On unloading from a peak p_u, the plastic deformation u_p of the peak is added to the
+gap once, and the contact is solved with the same bounds. At p_u this returns the state of the peak; reloading follows
+the unloading curve, and beyond p_u it follows the first loading.
 Source: Sahlin et al., Proc. IMechE J 224, 2010, 335; Pérez-Ràfols et al., 2018.
 """
 
@@ -33,8 +34,8 @@ STATE_FIELDS = 20
 class LoadState(LoadStep, Plotted):
     """A step of a load programme and the contact there.
 
-    yielded_again : share of points that unloading deformed further for good; the material flows on where the load
-        moves to points that were not plastic at the peak.
+    yielded_again : share of points that yield on unloading. This happens where the load moves to points that were not
+        plastic at the peak.
     """
 
     contact: Contact = field(kw_only=True)
@@ -48,7 +49,7 @@ class LoadState(LoadStep, Plotted):
 
 
 class LoadCycle(tuple[LoadState, ...], Plotted):
-    """The states of a load cycle, a tuple that shows itself."""
+    """The states of a load cycle: a tuple with a table and a picture."""
 
     __slots__ = ()
 
@@ -75,7 +76,7 @@ def load_cycle(
     unloading: Sequence[float] = (),
     rtol: float = 1e-6,
 ) -> LoadCycle:
-    """Contact along a loading curve and along any number of unloadings that share it; `load_states` one by one.
+    """Solve the contact along a loading curve and along any number of unloadings from it.
 
     Parameters
     ----------
@@ -87,8 +88,8 @@ def load_cycle(
 
     Returns
     -------
-    The states in the order of the programme. On unloading, `plastic_deformation` is the permanent deformation
-    left by the peak, plus what a further yielding added.
+    The states in the order of the programme. On unloading, `plastic_deformation` is that of the peak plus what yields
+    afterwards.
 
     Raises
     ------
@@ -109,15 +110,15 @@ def load_states(
     memory: float | None = None,
     mapper: Mapper = map,
 ) -> Iterator[Any]:
-    """The contact states of a programme one after another, checked at once and solved when asked for, none kept.
+    """Solve the contact states of a programme one after another; arguments are checked at once, no state is kept.
 
     Parameters
     ----------
     programme : the load steps; the others are as in `load_cycle`.
-    take : what to give of each state instead of the state itself, worked out where that is solved.
-    memory : that a state takes with `take` [byte], unless given that of the contact; a mapper over processes solves
-        no more at once than fit.
-    mapper : how to solve states that do not depend on each other, in order: those of loading, then those of unloading.
+    take : computes what is given instead of each state, in the process that solves the state.
+    memory : that solving a state and `take` need [byte]; that of the contact unless given. A mapper over processes
+        solves no more states at once than fit.
+    mapper : solves the states of a branch, which do not depend on each other: first loading, then unloading.
     """
     highest = float(programme.pressures.max())
     if highest > (limit := float(hardness_bounds(hardness, half_space.shape).mean())) * (1 + 1e-12):
@@ -155,7 +156,7 @@ def _state(
     rtol: float,
     take: Callable[[LoadState], Any] | None,
 ) -> tuple[Any, np.ndarray | None]:
-    """What is taken of a state, and the permanent deformation that a peak leaves."""
+    """Solve a state; return what is taken of it, and of a peak its plastic deformation."""
     contact = solve_deformed_contact(
         gap0, half_space, deformation, pressure=step.pressure, hardness=hardness, rtol=rtol
     )
@@ -165,7 +166,7 @@ def _state(
 
 
 def _yielded_again(contact: Contact, deformation: np.ndarray, rtol: float) -> float:
-    """Share of points whose permanent deformation grew, beyond what the residual leaves open."""
+    """Share of points whose plastic deformation grew by more than the residual explains."""
     # the displacement of a pixel under the hardness is about pressure / stiffness
     spacing = contact.half_space.spacing
     depth = 4 * max(spacing) * float(contact.pressure.max()) / (np.pi * contact.half_space.modulus)

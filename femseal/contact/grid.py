@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 #: Shorter side of the coarsest grid, at most.
 _COARSEST = 48
 #: From so many points on, single precision is faster where it may be used.
-_SINGLE = 512**2
+_SINGLE = 160**2
 
 
 @lru_cache(maxsize=8)

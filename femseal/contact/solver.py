@@ -88,7 +88,7 @@ class Contact(Shown):
 
     @property
     def raw_gap(self) -> Array:
-        """Gap between the undeformed-but-elastically-displaced faces [m]; negative where they deformed for good."""
+        """Gap with the elastic but without the plastic displacement [m]; negative where plastic deformation is."""
         return self.gap - self.plastic_deformation
 
 
@@ -143,7 +143,7 @@ def _validated(
 ) -> tuple[Array, Array, float | None, float | None]:
     gap = validate.field("gap0", gap0, unit="m", shape=half_space.shape, copy=False)
     bounds = hardness_bounds(hardness, half_space.shape)
-    limit = float(bounds.mean())
+    limit = _mean(bounds)
     validate.tolerance("rtol", rtol)
     if (pressure is None) == (approach is None):
         raise InputError.of("pressure and approach", f"{pressure} and {approach}", "one of them, the other None")
@@ -177,6 +177,10 @@ def hardness_bounds(hardness: float | ArrayLike, shape: tuple[int, int]) -> Arra
     return bounds
 
 
+def _mean(hardness: Array) -> float:
+    return hardness.item() if hardness.size == 1 else float(hardness.mean())
+
+
 @dataclass(frozen=True)
 class _Problem:
     """Checked input of one problem: load or approach, one of them None."""
@@ -195,7 +199,7 @@ class _Problem:
         offset = float(self.gap0.mean())
         if self.load == 0:
             return self._uniform(grids[0], offset, 0.0, float(self.gap0.min()))
-        if self.load is not None and self.load >= float(self.hardness.mean()) * (1 - 1e-12):
+        if self.load is not None and self.load >= _mean(self.hardness) * (1 - 1e-12):
             return self._uniform(grids[0], offset, self.hardness, None)
         sets = self._nested(grids, offset)
         self._check(sets, grids[0])
@@ -223,19 +227,23 @@ class _Problem:
         return sets
 
     def _first_guess(self, grid: Grid, gap0: Array, hardness: Array, load: float | None) -> Array:
-        """Load: spread over as many of the highest points as E*·slope or H need. Approach: as the longest wave's."""
+        """Pressure to start from on the coarsest grid.
+
+        A load is spread over as many of the highest points as carry it at H, or at 0.1 E*. At an approach each point
+        below δ has the pressure that would press the longest wave so deep.
+        """
         modulus = self.half_space.modulus
         if load is None:
             assert self.approach is not None
             size = max(n * d for n, d in zip(grid.half_space.shape, grid.half_space.spacing, strict=True))
             return np.maximum(self.approach - gap0, 0.0) * np.pi * modulus / size
-        soft = min(float(hardness.mean()), 0.1 * modulus)
+        soft = min(_mean(hardness), 0.1 * modulus)
         n = max(min(4, gap0.size), min(gap0.size, int(load / soft * gap0.size)))
         touching = gap0 <= np.partition(gap0, n - 1, axis=None)[n - 1]
         return touching * (load * gap0.size / np.count_nonzero(touching))
 
     def _uniform(self, grid: Grid, offset: float, pressure: float | Array, approach: float | None) -> Contact:
-        """The solution of a known pressure: at its approach no point comes into contact, or (None) every point does."""
+        """Solution whose pressure is known; `approach` None is the least at which every point is in contact."""
         grid.pressure[:] = pressure
         grid.respond.apply()
         grid.v += (self.gap0 - offset).ravel()

@@ -32,13 +32,18 @@ GREY = "#666666"
 CLOSED = "#B0B0B0"
 
 
+#: Margin of a figure that is cut to what is drawn [inch].
+_CUT = 0.04
 #: Pixels of a notebook for an inch of a figure.
 _NOTEBOOK_PIXELS = 80
 
 
-def new_figure(width: float, height: float) -> Figure:
-    """An empty figure [inch] that lays itself out, belongs to no window, and shows itself in a notebook."""
-    return _figure_class()(figsize=(width, height), layout="constrained", dpi=150)
+def new_figure(width: float, height: float, layout: str | None = "constrained") -> Figure:
+    """An empty figure [inch] that lays itself out, belongs to no window, and shows itself in a notebook.
+
+    Laying out takes as long as drawing: `layout` None spares it where one panel is cut to what is drawn.
+    """
+    return _figure_class()(figsize=(width, height), layout=layout, dpi=150)
 
 
 @cache
@@ -49,12 +54,35 @@ def _figure_class() -> type[Figure]:
         """A figure that notebooks show without pyplot."""
 
         def _repr_png_(self) -> tuple[bytes, dict[str, int]]:
-            stream = io.BytesIO()
-            self.savefig(stream, format="png")
             width, height = (round(_NOTEBOOK_PIXELS * float(side)) for side in self.get_size_inches())
-            return stream.getvalue(), {"width": width, "height": height}
+            return png(self), {"width": width, "height": height}
 
     return NotebookFigure
+
+
+def png(figure: Figure) -> bytes:
+    """The figure as PNG, laid out and drawn once; `savefig` draws it twice for the sake of its layout."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+    stream = io.BytesIO()
+    FigureCanvasAgg(figure).print_png(stream)
+    return stream.getvalue()
+
+
+def svg(figure: Figure) -> bytes:
+    """The figure as SVG, drawn once, cut to what is drawn if nothing lays it out; the same figure gives the same."""
+    from matplotlib import rc_context
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.backends.backend_svg import FigureCanvasSVG
+
+    stream, metadata = io.BytesIO(), {"Date": None, "Creator": None}
+    with rc_context({"svg.hashsalt": "femseal"}):
+        if figure.get_layout_engine() is None:
+            box = figure.get_tightbbox(FigureCanvasAgg(figure).get_renderer()).padded(_CUT)
+            figure.savefig(stream, format="svg", bbox_inches=box, metadata=metadata)
+        else:
+            FigureCanvasSVG(figure).print_svg(stream, metadata=metadata)
+    return stream.getvalue()
 
 
 def one_panel(ax: Axes | None, width: float, height: float) -> tuple[Figure, Axes]:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from ..base.errors import FemsealError
 from ..base.files import made_folder, replacing, write_text
 from ..plots import cells_figure, leakage_figure, seal_figure
+from ..plots.drawing import png
 from ..results import fields
 from ..results.netcdf import FILE_NAME, save
 from ..results.results import Results
@@ -103,7 +104,7 @@ def _write_for_people(results: Results, folder: Path, surface: Topography | None
     for name, picture in pictures.items():
         figure = picture()
         with replacing(folder / name) as temporary:
-            figure.savefig(temporary)
+            temporary.write_bytes(png(figure))
         written.append(folder / name)
     written.append(write_report(results, folder / REPORT_NAME))
     return written

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import base64
-import io
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
@@ -13,7 +12,7 @@ import numpy as np
 
 from ..base.quantities import to_text
 from ..plots.cell_curves import cell_curves_panel, cells_of, gap_panel, pressure_panel
-from ..plots.drawing import map_height, new_figure
+from ..plots.drawing import map_height, new_figure, svg
 from ..plots.leakage_curves import leakage_curves, leakage_panel
 from ..plots.maps import contact_panel, default_step, drop_panel, fluid_panel, permeability_panel, seal_size
 from ..results.tables import amount, leakage_unit
@@ -52,7 +51,7 @@ def leakage_picture(results: Results) -> Picture:
     caption = "Leakage against nominal pressure, one line and marker for each branch of the load cycle."
     if "leakage_lower_together" in results.dataset:
         caption += " Shaded: band of the realisations, and lighter that with the error of the finite library besides."
-    return Picture(_svg(figure), alt, caption)
+    return Picture(_uri(figure), alt, caption)
 
 
 def cell_pictures(results: Results) -> list[Picture]:
@@ -76,8 +75,8 @@ def cell_pictures(results: Results) -> list[Picture]:
         (
             pressure_panel,
             f"Permeability of {many} against their contact pressure: loading in circles, unloading in squares.",
-            "Permeability against contact pressure: what lies between loading (circles) and unloading (squares) is the "
-            "memory of the peak.",
+            "Permeability against contact pressure: unloading (squares) lies below loading (circles) because of the "
+            "plastic deformation that the peak left.",
         ),
     ]
     return [_panel(partial(draw, cells=cells), alt, caption) for draw, alt, caption in panels]
@@ -131,21 +130,14 @@ def drop_steps(data: xarray.Dataset) -> list[int]:
 
 
 def _panel(draw: Callable[[Axes], None], alt: str, caption: str, height: float = _HEIGHT) -> Picture:
-    figure = new_figure(_WIDTH, height)
-    draw(figure.add_subplot())
-    return Picture(_svg(figure), alt, caption)
+    figure = new_figure(_WIDTH, height, layout=None)
+    draw(figure.add_axes((0.13, 0.13, 0.8, 0.8)))
+    return Picture(_uri(figure), alt, caption)
 
 
-def _svg(figure: Figure) -> str:
-    """The figure as a data URI; the same figure gives the same text."""
-    from matplotlib import rc_context
-
-    stream = io.BytesIO()
-    with rc_context({"svg.hashsalt": "femseal"}):
-        figure.savefig(
-            stream, format="svg", metadata={"Date": None, "Creator": None}, bbox_inches="tight", pad_inches=0.04
-        )
-    return "data:image/svg+xml;base64," + base64.b64encode(stream.getvalue()).decode()
+def _uri(figure: Figure) -> str:
+    """The figure as a data URI."""
+    return "data:image/svg+xml;base64," + base64.b64encode(svg(figure)).decode()
 
 
 def _range(values: np.ndarray, unit: str) -> str:

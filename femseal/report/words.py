@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ..base.quantities import to_text
 from ..plots.maps import default_step
+from ..results.summary import solvers_text
 from ..results.tables import amount, leakage_unit
 from ..studies.compare import FLOOR, leakage_factor
 
@@ -262,6 +263,9 @@ def check_lines(results: Results) -> Lines:
                     "closed ones are exactly 0, open ones follow h̄³/12",
                 )
             )
+    for study, solvers in json.loads(data.attrs.get("solvers", "{}")).items():
+        meaning = "which solver solved how many; the imbalance is that of inlet and outlet flow"
+        lines.append((f"linear systems, {study.replace('_', '-')}", solvers_text(solvers), meaning))
     surface = json.loads(data.attrs["surface"])
     if "shortest_wavelength" in surface and "spacing" in surface:
         wave, pixel = surface["shortest_wavelength"], max(surface["spacing"])

@@ -50,7 +50,8 @@ def assemble(
     centres [m]; node1, corner1, rows of nodes and of x2-links along x1 [m] (the x2-link of column j runs from cell2 j
     to j + 1); narrowest, numbers of links; library_cell, library_step. Fluxes are volume rates per width at the
     fluid's reference density. Attributes tell the case, the surface, versions, machine, wall times, peak memory of the
-    main process, how many flows were solved or known without (`counts`), warnings and failures.
+    main process, how many flows were solved or known without (`counts`), which solver
+    solved how many linear systems with the worst imbalance of inlet and outlet flow (`solvers`), warnings and failures.
 
     Raises
     ------
@@ -74,6 +75,11 @@ def assemble(
     variables.add_contact_share(data, scene, deterministic, two_scale, stochastic)
     counts = {"two_scale": two_scale.counts.by_kind()} if two_scale is not None else {}
     counts |= {"library": stochastic.library.counts.by_kind()} if stochastic is not None else {}
+    solvers = {
+        name: {"systems": study.solvers.by_solver(), "worst_imbalance": study.solvers.worst_imbalance}
+        for name, study in (("deterministic", deterministic), ("two_scale", two_scale), ("stochastic", stochastic))
+        if study is not None
+    }
     few = [text] if stochastic is not None and (text := stochastic.too_few(*quantiles)) else []
     seal_size = stochastic.seal.size if stochastic is not None else scene.surface.size
     data.attrs = {
@@ -85,6 +91,7 @@ def assemble(
         "surface": _json(surface_report or {}),
         "timings": _json(timings or {}),
         "counts": _json(counts),
+        "solvers": _json(solvers),
         "warnings": _shortened([*(text for study in studies for text in study.warnings), *few]),
         "failures": _shortened([text for study in studies for text in study.failures]),
         "versions": _json(versions()),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from html import escape
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -61,7 +61,7 @@ def facts(results: Results) -> dict[str, str]:
 def provenance(results: Results) -> dict[str, str]:
     """Name and text of the lines that say where the numbers come from."""
     attrs = results.dataset.attrs
-    told = {name: json.loads(attrs.get(name, "{}")) for name in ("timings", "machine", "counts", "versions")}
+    told = {name: json.loads(attrs.get(name, "{}")) for name in ("timings", "machine", "counts", "solvers", "versions")}
     memory = "memory_bytes", "peak_memory_bytes"
     sizes = {name: value for name, value in (told["machine"] | dict(attrs)).items() if name in memory}
     machine = [str(value) for name, value in told["machine"].items() if name in ("processor", "system")]
@@ -80,9 +80,18 @@ def provenance(results: Results) -> dict[str, str]:
             f"{study.replace('_', '-')}: " + ", ".join(f"{count} {kind}" for kind, count in counts.items())
             for study, counts in told["counts"].items()
         ),
+        "linear systems": "; ".join(
+            f"{study.replace('_', '-')}: {solvers_text(solvers)}" for study, solvers in told["solvers"].items()
+        ),
         "versions": ", ".join(f"{name} {number}" for name, number in told["versions"].items()),
     }
     return {name: value for name, value in lines.items() if value}
+
+
+def solvers_text(solvers: dict[str, Any]) -> str:
+    """How many linear systems each solver solved, and their worst imbalance; from the attribute `solvers`."""
+    systems = ", ".join(f"{count} by {name}" for name, count in solvers["systems"].items())
+    return f"{systems}, worst imbalance {solvers['worst_imbalance']:.0e}" if systems else "none to solve"
 
 
 def _leakage(results: Results, step: int) -> str:

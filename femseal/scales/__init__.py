@@ -1,4 +1,4 @@
-"""Two scales: windows of a surface, their response along a load cycle, a library of them, and draws from it."""
+"""The pieces of the two-scale method: windows of a face, the contact and flow in them, libraries, and drawn links."""
 
 from .curves import CellCurves
 from .dissipation import window_dissipation

@@ -1,9 +1,9 @@
-"""Permeability of a followed cell at any pressure of any cycle, between the steps of its ladder.
+"""Permeability of a library cell at any pressure of any load cycle, interpolated between the steps of its ladder.
 
 ln k is interpolated monotonically (PCHIP; Fritsch & Carlson, SIAM J. Numer. Anal. 17, 1980, 238) in the cube root of
-the pressure, in which it is nearly straight from first touch to closing. Unloading is interpolated between peaks at
-equal share of the pressure at which the cell opens again, so that it starts from the loading curve at any peak; below
-the lowest peak it tends to the loading curve itself, as without yielding.
+the pressure, in which it is nearly straight from first touch to closing. Unloading curves are interpolated between the
+peaks of the ladder, at equal shares of the pressure at which the cell opens again; so every unloading curve starts on
+the loading curve. Below the lowest peak the unloading curve tends to the loading curve, as without yielding.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ Curve = Callable[[Array], Array]
 
 
 class LogCurve:
-    """ln k over a rising x at which k falls to 0 at some point: −inf beyond the middle between open and closed."""
+    """ln k as a function of a rising x. Where k falls to 0 the curve ends, halfway between open and closed."""
 
     def __init__(self, x: Array, k: Array) -> None:
         n_open = int(np.argmin(k > 0)) if not np.all(k > 0) else k.size
@@ -39,7 +39,10 @@ class LogCurve:
             self._slope = min(0.0, float((log_k[-1] - log_k[-2]) / (x[n_open - 1] - x[n_open - 2])))
 
     def __call__(self, x: Array) -> Array:
-        """ln k; beyond the last open point with its last slope up to the closing one, constant outside of the rest."""
+        """ln k at x, −inf where the cell is closed.
+
+        Below the first point the curve is constant; beyond the last open point it keeps its last slope to its end.
+        """
         x = np.asarray(x, float)
         if self._inner is None:
             return np.full(x.shape, -np.inf)
@@ -49,19 +52,19 @@ class LogCurve:
 
 
 class CellCurves:
-    """k of one cell along one axis: the value (kind 0), or its lower (1) or upper bound (2)."""
+    """Permeability of one cell along one axis: the value (kind 0), its lower bound (1) or its upper bound (2)."""
 
     def __init__(self, cell: Cell, ladder: Ladder, axis: int, rms_height: float, kind: int = 0) -> None:
         self.cell, self.ladder, self.axis, self.rms_height, self.kind = cell, ladder, axis, rms_height, kind
 
     @cached_property
     def loading(self) -> LogCurve:
-        """ln k over the cube root of the loading pressure."""
+        """ln k as a function of the cube root of the loading pressure."""
         return LogCurve(np.cbrt(self.cell.pressure), self.cell.k[self.kind, self.axis])
 
     @cached_property
     def _unloading(self) -> list[LogCurve]:
-        """ln k over the share of each peak, the peak itself being the share 1."""
+        """For each peak, ln k as a function of the share of the peak pressure; the peak itself has the share 1."""
         shares = np.array([1.0, *self.ladder.stops])[::-1]
         curves = []
         for m, peak in enumerate(self.cell.peaks):
@@ -71,7 +74,7 @@ class CellCurves:
 
     @cached_property
     def _rigid(self) -> LogCurve:
-        """ln k over the distance, counted downwards so that a cell closes as it rises."""
+        """ln k as a function of the negative distance, so that the cell closes as the argument rises."""
         distances = np.array(self.ladder.separations)
         return LogCurve(-distances[::-1], self.cell.rigid[self.kind, self.axis, ::-1])
 
@@ -123,7 +126,7 @@ class CellCurves:
         return max(self.loading.end, 0.0)
 
     def _at(self, knot: NDArray[np.int64], inside: Array, peak: Array) -> Array:
-        """ln k at shares of the reopening pressure of the peaks at knots; knot 0 is the loading curve."""
+        """ln k of the peak at each knot, at shares of the pressure at which the cell opens again; knot 0 is loading."""
         out = self.loading(np.cbrt(inside) * np.minimum(np.cbrt(peak), self._closing_root))
         for m, curve in enumerate(self._unloading):
             chosen = knot == m + 1

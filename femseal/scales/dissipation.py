@@ -17,7 +17,8 @@ Array = NDArray[np.float64]
 def window_dissipation(gap: Any, partition: Partition) -> Array:
     """Dissipation (m1, m2) [m³] of the flow through a whole face for a unit drop, in the windows of its x1-links.
 
-    These tile the face. The sum is the conductance k L2/L1, with k of `cell_permeability` on periodic sides.
+    These windows tile the face. The sum over them is the conductance k L2/L1, with k of `cell_permeability` on periodic
+    sides.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Global contact of a face: its long waves on a coarse grid say which pressure every window has."""
+"""Global contact of a face: its long waves, solved on a coarse grid, give the mean pressure of every window."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ PIXELS_PER_CUT_OFF = 8
 
 @dataclass(frozen=True)
 class GlobalState:
-    """Global contact at a step of a programme.
+    """Global contact at one load step.
 
-    pressure : mean pressure of each cell (m1, m2) [Pa]; `pressure_across` of the windows of the x2-links between them,
-        with the lines on their faces.
-    raw_gap : gap between virgin planes on the fine grid (n1, n2) [m], negative where the low-pass face yielded.
-    contact_pressure : of the low-pass face, on the global grid (k1, k2) [Pa].
+    pressure : mean pressure of each cell (m1, m2) [Pa].
+    pressure_across : mean pressure of the windows of the x2-links (m1 − 1, m2) [Pa], for lines on the faces of cells.
+    raw_gap : gap between the undeformed planes on the fine grid (n1, n2) [m], negative where the low-pass face yielded.
+    contact_pressure : pressure of the low-pass face on the global grid (k1, k2) [Pa].
     """
 
     step: LoadStep
@@ -42,11 +42,11 @@ class GlobalState:
     contact_pressure: Array
 
     def outer_gap(self, partition: Partition, body: HalfSpace) -> NDArray[np.float32]:
-        """Raw gap without what the pressure of each cell adds in it (n1, n2) [m].
+        """Raw gap minus the displacement that each cell's own pressure causes in that cell (n1, n2) [m].
 
-        A cell's own pressure acts on `body`, the mirrored one of a window. A window that starts from this gap may
-        respond to its pressure with all waves: where it finds the global pressure again, it finds the global gap, and
-        what it finds else is no response twice.
+        The displacement is that of `body`, the mirrored half-space of a window. A window that starts from this gap
+        responds to its own pressure with all waves, and no displacement is counted twice: if the window finds the
+        global pressure again, it finds the global gap again.
         """
         coarse = Partition(self.contact_pressure.shape, partition.spacing, partition.cells).window
         size = partition.window_size
@@ -75,10 +75,10 @@ def global_states(
     take: Callable[[GlobalState], Any] | None = None,
     mapper: Mapper = map,
 ) -> Iterator[Any]:
-    """Contact of the low-pass face on the global grid along a load programme, state after state.
+    """Contact of the low-pass face on the global grid at every step of a load programme, one step after the other.
 
-    Waves shorter than `cut_off` [m] are left to the windows. `modulus` and `boundary` are those of a `HalfSpace`, the
-    other arguments those of `contact.load_states`.
+    Waves shorter than `cut_off` [m] are left to the windows. `modulus` and `boundary` are those of `HalfSpace`; the
+    other arguments are those of `contact.load_states`.
     """
     smooth = surface.low_pass(cut_off)
     wanted = (ceil(PIXELS_PER_CUT_OFF * size / cut_off - 1e-9) for size in partition.window_size)
@@ -125,7 +125,7 @@ def _global_state(
 class Refinement:
     """Cubic interpolation of cell-centred samples onto a finer grid of the same extent.
 
-    As `scipy.ndimage.zoom` does it, in a fraction of its time.
+    The result is that of `scipy.ndimage.zoom`, in a fraction of its time.
     """
 
     def __init__(self, shape: tuple[int, int], finer: tuple[int, int], boundary: tuple[str, str]) -> None:
@@ -136,7 +136,7 @@ class Refinement:
         ]
 
     def __call__(self, samples: Array) -> Array:
-        """The samples on the finer grid."""
+        """Interpolate samples onto the finer grid."""
         rows, columns = self._weights
         if columns is not None:
             samples = (columns @ spline_filter1d(samples, 3, axis=1, mode=self._modes[1]).T).T
@@ -144,7 +144,7 @@ class Refinement:
 
 
 def _spline_weights(n: int, finer: int, mode: str) -> csr_array:
-    """Cubic B-splines on n samples at the centres of finer ones (finer, n)."""
+    """Values of the n cubic B-splines at the centres of the finer cells, a sparse matrix (finer, n)."""
     position = (np.arange(finer) + 0.5) * n / finer - 0.5
     first = np.floor(position).astype(int) - 1
     t = position - (first + 1)

@@ -1,7 +1,7 @@
 """One window followed along a ladder of pressures: loading until it is closed, unloading from peaks, rigid separation.
 
-Loading is path independent, so that steps can be added to a window at any time. Where the window closes along one axis
-the ladder is refined by bisection until its closing pressure is known to a tolerance; closed states are not solved.
+Loading is path independent, so steps can be added to a window at any time. Where the window closes along one axis,
+bisection refines the ladder until the closing pressure is known to a tolerance. Flow in closed states is not solved.
 """
 
 from __future__ import annotations
@@ -23,13 +23,14 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Ladder:
-    """Where windows are solved.
+    """States in which every window of a library is solved.
 
-    loading : mean pressures on loading [Pa], rising from 0, first touch.
-    peaks : those of them from which windows are unloaded. stops : shares of the peak on the way down, falling to 0.
-    separations : distances between mean planes without contact pressure [m], rising.
+    loading : mean pressures on loading [Pa]; they rise from 0, which is first touch.
+    peaks : pressures of `loading` from which windows are unloaded.
+    stops : pressures on the way down in shares of the peak; they fall to 0.
+    separations : distances between the mean planes without contact pressure [m], rising.
     closing_rtol : relative tolerance of closing pressures.
-    bounds : enclose every permeability, for a gap constant on each pixel.
+    bounds : also compute a lower and an upper bound of every permeability, for a gap constant on each pixel.
 
     Raises
     ------
@@ -57,18 +58,23 @@ class Ladder:
 
     @property
     def kinds(self) -> int:
-        """Permeabilities of each state: the value, and with bounds the lower and the upper one."""
+        """Number of permeabilities of each state: 1, the value, or with bounds 3, the value and its two bounds."""
         return 3 if self.bounds else 1
 
 
 @dataclass(frozen=True)
 class Cell:
-    """A window followed along a ladder; the first axes of permeabilities are their kind and the direction.
+    """A window followed along a ladder: one row of a library, with the states along its last axes.
 
-    pressure : loading steps with those found by bisection (n,), rising from 0 [Pa]; k (kinds, 2, n) [m³], standoff,
-        mean_gap, mean plastic_deformation [m] and contact_fraction (n,).
-    peaks (m,) [Pa]; k_unloading (kinds, 2, m, stops), the others with _unloading (m, stops).
-    rigid : (kinds, 2, separations) [m³].
+    pressure : n loading pressures, those of the ladder and those found by bisection, rising from 0 (n,) [Pa].
+    k : permeability on loading by kind and direction (kinds, 2, n) [m³], see `Ladder.kinds`.
+    standoff, mean_gap, plastic_deformation : on loading (n,) [m]; the plastic deformation is a mean over the pixels.
+    contact_fraction : share in contact on loading (n,).
+    peaks : m pressures from which the window was unloaded (m,) [Pa].
+    k_unloading : permeability on unloading (kinds, 2, m, stops) [m³]; `standoff_unloading` and the others with this
+        ending are (m, stops).
+    rigid : permeability at the separations (kinds, 2, separations) [m³].
+    counts : flows that were solved for this cell, or known without.
     """
 
     pressure: Array
@@ -104,7 +110,7 @@ def follow(
     flow: FlowSettings | None = None,
     known: Cell | None = None,
 ) -> Cell:
-    """Follow a window along a ladder, or add to a known cell what the ladder has more.
+    """Solve a window along a ladder, or solve only the states of the ladder that a known cell lacks.
 
     Parameters
     ----------
@@ -115,7 +121,7 @@ def follow(
 
     Raises
     ------
-    NotConverged : a contact or flow that failed.
+    NotConverged : a contact or a flow failed.
     """
     work = _Window(np.asarray(window, float), half_space, hardness, rtol, ladder.kinds, flow)
     loading = {} if known is None else dict(zip(known.pressure.tolist(), _states(known), strict=True))
@@ -161,12 +167,12 @@ class _State:
 
     @property
     def closed(self) -> tuple[bool, bool]:
-        """Along which axes nothing flows, nor could by the upper bound."""
+        """Whether the window is closed along x1 and along x2: k, or with bounds its upper bound, is 0."""
         return bool(self.k[-1, 0] == 0), bool(self.k[-1, 1] == 0)
 
 
 class _Window:
-    """Solutions of one window, counted."""
+    """Solves the states of one window and counts its flows."""
 
     def __init__(
         self,
@@ -185,7 +191,10 @@ class _Window:
         return self._state(self._contact(pressure), closed)
 
     def unloaded(self, peak: float, stops: tuple[float, ...]) -> Iterator[_State]:
-        """From the lowest stop upwards a closed window stays closed; yielded in the order of the stops."""
+        """States on unloading from a peak, in the order of the stops.
+
+        They are solved from the lowest stop upwards: a window that is closed at a stop is closed at all higher ones.
+        """
         deformation = self._contact(peak).plastic_deformation
         states: list[_State] = []
         closed = (False, False)
@@ -210,7 +219,7 @@ class _Window:
         return _State(k, -contact.approach, float(contact.gap.mean()), plastic, contact.area_fraction)
 
     def _permeabilities(self, gap: Array, closed: tuple[bool, bool]) -> Array:
-        """(kinds, 2)."""
+        """Permeabilities of a gap by kind and direction (kinds, 2) [m³]; 0 along axes known to be closed."""
         k = np.zeros((self.kinds, 2))
         for axis in (0, 1):
             if closed[axis]:
@@ -235,7 +244,7 @@ def _closed_below(loading: dict[float, _State], pressure: float) -> tuple[bool, 
 
 
 def _between(loading: dict[float, _State], axis: int, rtol: float) -> float | None:
-    """Middle of the steps between which `axis` closes; None once they are close."""
+    """Middle of the two pressures between which the window closes along `axis`; None once they are close enough."""
     pressures = sorted(loading)
     shut = [p for p in pressures if loading[p].k[0, axis] == 0]
     if not shut or shut[0] == 0:
@@ -245,7 +254,7 @@ def _between(loading: dict[float, _State], axis: int, rtol: float) -> float | No
 
 
 def _with_peaks(cell: Cell, known: Cell) -> Cell:
-    """The cell with the peaks that were known before, in rising order."""
+    """The new cell with the peaks of the known one added, in rising order."""
     order = np.argsort(np.concatenate([known.peaks, cell.peaks]))
     merged: dict[str, Any] = {}
     for name, axis in (("k", 2), ("standoff", 0), ("mean_gap", 0), ("contact_fraction", 0)):

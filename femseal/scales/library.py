@@ -1,7 +1,7 @@
-"""Libraries of real windows, each followed along a ladder, which serve seals of any size under any load.
+"""Libraries of real windows, each followed along a ladder; one library serves seals of any size under any load.
 
-A library belongs to one kind of face and material: it can be kept in a folder, under a name that says what it was
-computed from, and is then read instead of computed, or extended by windows and by steps that are missing.
+A library belongs to one kind of face and material. It can be kept in a folder, in a file whose name is a digest of all
+it was computed from. A later run reads the file and computes only the windows and the steps that are missing.
 Source: Pérez-Ràfols et al., 2018.
 """
 
@@ -40,10 +40,7 @@ WINDOW_STREAM = 2**32 - 1
 
 @dataclass(frozen=True, repr=False)
 class LibraryTable(Shown):
-    """Cells of a library on common steps, as they are shown: a row for each cell, a column for each step.
-
-    pressure, k along x1, mean_gap, contact_fraction : (cells, steps).
-    """
+    """Cells of a library on common load steps, for tables and pictures; all arrays are (cells, steps)."""
 
     steps: LoadProgramme
     pressure: Array = field(metadata={"unit": "Pa", "long_name": "mean contact pressure of library cells"})
@@ -54,11 +51,13 @@ class LibraryTable(Shown):
 
 @dataclass(frozen=True)
 class WindowSource:
-    """Windows of one kind of face and how they respond: number n is the same window however many there are.
+    """Where library windows are cut, and how they are solved. Window n is the same however many windows are wanted.
 
-    topographies : undeformed gaps of whole faces (n1, n2) [m], all with the same pixels; window n is cut from face n
-        modulo their number, and its mean plane put at 0.
-    half_space, hardness, rtol : of a window. seed : where windows lie. flow : how flow is discretised and solved.
+    topographies : undeformed gaps of whole faces (n1, n2) [m], all with the same pixels. Window n is cut from face n
+        modulo the number of faces; its mean plane is put at 0.
+    half_space, hardness, rtol : elastic body, hardness and residual of the contact of a window.
+    seed : of the random places of windows.
+    flow : how the flow through windows is discretised and solved.
     """
 
     topographies: tuple[Array, ...]
@@ -70,7 +69,7 @@ class WindowSource:
 
     @property
     def rms_height(self) -> float:
-        """Of windows, over those that tile the faces [m]."""
+        """Root mean square height of the windows that tile the faces [m]."""
         w1, w2 = self.half_space.shape
         variances = [
             t[: t.shape[0] // w1 * w1, : t.shape[1] // w2 * w2].reshape(t.shape[0] // w1, w1, -1, w2).var(axis=(1, 3))
@@ -79,7 +78,10 @@ class WindowSource:
         return float(np.sqrt(np.mean(np.concatenate([v.ravel() for v in variances]))))
 
     def window(self, n: int) -> Array:
-        """Window n; the first of each face tile it without overlap, in random order, later ones lie anywhere."""
+        """Undeformed gap of window n (w1, w2) [m].
+
+        The first windows of each face tile it without overlap, in random order; later ones lie anywhere.
+        """
         face = n % len(self.topographies)
         topography, number = self.topographies[face], n // len(self.topographies)
         (n1, n2), (w1, w2) = topography.shape, self.half_space.shape
@@ -95,7 +97,7 @@ class WindowSource:
         return np.ascontiguousarray(window - window.mean())
 
     def key(self, ladder: Ladder) -> str:
-        """Name of all that the response of window n depends on, but for the pressures at which it is known."""
+        """Digest of all that the response of window n depends on, except the loading pressures and the peaks."""
         body = self.half_space
         settings = [FORMAT, body.shape, body.spacing, body.modulus, body.boundary, self.hardness]
         settings += [
@@ -118,9 +120,11 @@ class WindowSource:
 class LadderLibrary(Shown):
     """Windows followed along a ladder.
 
-    cells : of the windows that did not fail. rms_height : of the faces [m]. counts : flow solutions of this run by
-    kind.
-    reused : cells that needed nothing new.
+    cells : the windows that did not fail.
+    rms_height : root mean square height of the windows [m].
+    counts : flows of windows that this run solved, or knew without.
+    reused : number of cells that were read and needed nothing new.
+    failures : windows that failed and are left out, one line each.
     """
 
     ladder: Ladder
@@ -139,7 +143,7 @@ class LadderLibrary(Shown):
 
     @property
     def curves(self) -> LibraryTable:
-        """The cells on the steps of the ladder."""
+        """All cells at the loading steps, the peaks and the stops of the ladder."""
         ladder = self.ladder
         steps = [LoadStep(p) for p in ladder.loading]
         steps += [LoadStep(share * peak, peak) for peak in ladder.peaks for share in ladder.stops]
@@ -158,16 +162,16 @@ class LadderLibrary(Shown):
         )
 
     def loaded(self, name: str, pressure: Array) -> Array:
-        """Mean over the cells of "standoff" or "plastic_deformation" under a mean pressure on loading [m]."""
+        """Mean over the cells of "standoff" or "plastic_deformation" at mean pressures on loading [m]."""
         x = np.cbrt(pressure)
         return np.mean([np.interp(x, np.cbrt(c.pressure), getattr(c, name)) for c in self.cells], axis=0)
 
     def flattening(self, pressure: Array, peak: Array) -> Array:
-        """Mean over the cells of what a peak has taken away from the standoff under a pressure below it [m]."""
+        """How much smaller the standoff is on unloading from a peak than on loading, mean over the cells [m]."""
         return np.mean([self._flattening(cell, pressure, peak) for cell in self.cells], axis=0)
 
     def _flattening(self, cell: Cell, pressure: Array, peak: Array) -> Array:
-        """Between peaks at equal share of them; none without a peak."""
+        """`flattening` of one cell, interpolated between peaks at equal shares of them; 0 without peaks."""
         if not cell.peaks.size:
             return np.zeros_like(pressure)
         share = np.divide(pressure, peak, out=np.ones_like(pressure), where=peak > 0)
@@ -193,8 +197,8 @@ class LadderLibrary(Shown):
         gaps : distance between mean planes (steps, paths) [m], used where the pressure is 0.
         steps : the seal's programme.
         axis : direction of the links.
-        kind : 0 the permeability, and of a ladder with bounds 1 its lower and 2 its upper bound, each at the steps of
-            the ladder, and interpolated between them as the permeability is.
+        kind : 0 for the permeability; with bounds also 1 for its lower and 2 for its upper bound. Bounds hold at the
+            steps of the ladder; between them they are interpolated as the permeability is.
         """
         p_peak = paths[steps.peak_indices]
         # a window that its peak did not load has the virgin curve
@@ -214,18 +218,18 @@ class LadderLibrary(Shown):
 def build_ladder_library(
     source: WindowSource, ladder: Ladder, count: int, *, folder: Path | None = None, mapper: Mapper = map
 ) -> LadderLibrary:
-    """Follow windows along a ladder, or take them from a folder as far as they are known there.
+    """Follow windows along a ladder; read what a folder holds of them already.
 
     Parameters
     ----------
     source, ladder : which windows, and where they are solved.
     count : number of windows.
-    folder : where libraries are kept; None keeps nothing.
-    mapper : how to compute a stage for all windows; the order of the results is that of the windows.
+    folder : where libraries are kept; with None nothing is read or written.
+    mapper : computes a stage for all windows, see `base.stage.Mapper`.
 
     Raises
     ------
-    InputError : no window, or a folder that cannot be written.
+    InputError : `count` is below 1, or the folder cannot be written.
     FemsealError : every window failed.
     """
     if count < 1:
@@ -277,7 +281,7 @@ _ARRAYS = tuple(f.name for f in fields(Cell) if f.name != "counts")
 
 
 def _write(path: Path, cells: Sequence[Cell | None]) -> None:
-    """All cells in one file, each array of theirs in one row with its shapes beside it; a failed cell has none."""
+    """Write all cells into one file, each of their arrays end to end with its shapes; failed cells have none."""
     good = [n for n, c in enumerate(cells) if c is not None]
     content: dict[str, Any] = {"format": FORMAT, "count": len(cells), "good": good}
     for name in _ARRAYS:
@@ -289,7 +293,7 @@ def _write(path: Path, cells: Sequence[Cell | None]) -> None:
 
 
 def _read(path: Path) -> list[Cell | None]:
-    """Cells of a file; none if it is not there, damaged or of another format."""
+    """Read the cells of a file; an empty list if there is no file, or it is damaged or of another format."""
     try:
         with np.load(path) as data:
             if data["format"] != FORMAT:
@@ -308,7 +312,7 @@ def _read(path: Path) -> list[Cell | None]:
 
 
 def on_ladder(ladder: Ladder, extra: Sequence[float], highest: float) -> Ladder:
-    """The ladder up to the first step at or above a highest pressure, with further loading steps."""
+    """The ladder cut after its first step at or above `highest`, with the `extra` loading steps added."""
     reach = next((p for p in ladder.loading if p >= highest * (1 - 1e-12)), highest)
     loading = tuple(sorted({*(p for p in ladder.loading if p <= reach), *extra}))
     return replace(ladder, loading=loading, peaks=tuple(p for p in ladder.peaks if p <= reach))

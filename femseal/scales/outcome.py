@@ -1,4 +1,4 @@
-"""What comes out of many solutions: which of them failed and why, and how many were solved or known without."""
+"""Outcomes of an ensemble of solutions: which failed and why, how many were solved, and by which solver."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ Result = TypeVar("Result")
 
 @dataclass(frozen=True)
 class Failed:
-    """One solution of many that failed; the others are not touched by it.
+    """The outcome of a solution that failed, in the place of its result; the other solutions of the ensemble go on.
 
-    reason : the message of the error.
+    reason : message of the error.
     """
 
     reason: str
 
 
 def attempt(solve: Callable[..., Result], *arguments: Any, **options: Any) -> Result | Failed:
-    """What `solve` returns for these arguments, or `Failed` where it raises a `FemsealError`."""
+    """Call `solve` with the arguments; return its result, or `Failed` if it raises a `FemsealError`."""
     try:
         return solve(*arguments, **options)
     except FemsealError as error:
@@ -31,11 +31,11 @@ def attempt(solve: Callable[..., Result], *arguments: Any, **options: Any) -> Re
 
 
 class Solved(Protocol):
-    """Part of a `Permeability` or a `Leakage`: what is known of its linear system."""
+    """The part of a `Permeability` or a `Leakage` that tells of its linear system."""
 
     @property
     def solver(self) -> str:
-        """Name of the solver, "none" where there was no system to solve."""
+        """Name of the solver; "none" if there was no system to solve."""
 
     @property
     def imbalance(self) -> float:
@@ -44,10 +44,10 @@ class Solved(Protocol):
 
 @dataclass(frozen=True)
 class SolverCounts:
-    """Linear systems by the solver that solved them.
+    """How many linear systems each solver solved.
 
-    systems : each solver that solved any, and how many.
-    worst_imbalance : largest relative difference of inlet and outlet flow.
+    systems : name of each solver that solved any, and their number.
+    worst_imbalance : largest relative difference of inlet and outlet flow of all systems.
 
     >>> SolverCounts((("elimination", 2),), 1e-15) + SolverCounts((("amg", 1), ("elimination", 1)), 1e-9)
     SolverCounts(systems=(('amg', 1), ('elimination', 3)), worst_imbalance=1e-09)
@@ -58,7 +58,7 @@ class SolverCounts:
 
     @classmethod
     def of(cls, flow: Solved) -> SolverCounts:
-        """That of one flow; none where there was no system to solve."""
+        """The count of one flow; empty if there was no system to solve."""
         return cls() if flow.solver == "none" else cls(((flow.solver, 1),), flow.imbalance)
 
     def __add__(self, other: SolverCounts) -> SolverCounts:
@@ -67,20 +67,22 @@ class SolverCounts:
 
     @classmethod
     def total(cls, counts: Iterable[SolverCounts]) -> SolverCounts:
-        """The sum of all."""
+        """Add them all up."""
         return sum(counts, start=cls())
 
     def by_solver(self) -> dict[str, int]:
-        """Number of systems by the name of their solver."""
+        """Number of systems, by the name of their solver."""
         return dict(self.systems)
 
 
 @dataclass(frozen=True)
 class SolveCounts:
-    """How many flows of windows were solved, and how many were known without a solution.
+    """How many flows of windows were solved, and how many were known without solving.
 
-    solved : by a linear solver. closed : without an open path, where nothing flows. open : between nearly parallel
-    plates, from the closed form. solvers : which solver solved how many.
+    solved : flows with an open path, which a linear solver solved.
+    closed : flows without an open path, which are 0.
+    open : flows between nearly parallel plates, which the closed form gives.
+    solvers : how many of the systems each solver solved.
 
     >>> SolveCounts(solved=2) + SolveCounts(solved=1, closed=3) == SolveCounts(solved=3, closed=3)
     True
@@ -101,14 +103,14 @@ class SolveCounts:
 
     @property
     def flows(self) -> int:
-        """All of them."""
+        """Number of all flows: solved, closed and open."""
         return self.solved + self.closed + self.open
 
     @classmethod
     def total(cls, counts: Iterable[SolveCounts]) -> SolveCounts:
-        """The sum of all."""
+        """Add them all up."""
         return sum(counts, start=cls())
 
     def by_kind(self) -> dict[str, int]:
-        """The numbers by their names."""
+        """The numbers of solved, closed and open flows, by these names."""
         return {"solved": self.solved, "closed": self.closed, "open": self.open}

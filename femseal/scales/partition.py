@@ -31,7 +31,7 @@ RIDGE_SHARE = 0.5
 class Partition:
     """(m1, m2) equal cells of (w1, w2) pixels that tile a surface of `shape` pixels, and the nodes between them.
 
-    lines : pixel rows (m1 + 1) of the nodes, from 0 to n1; on the faces between cells unless given.
+    lines : the m1 + 1 pixel rows on which the nodes lie, from 0 to n1; the faces between cells unless given.
 
     Raises
     ------
@@ -57,9 +57,10 @@ class Partition:
 
     @classmethod
     def through_valleys(cls, surface: Topography, cells: tuple[int, int], cut_off: float) -> Partition:
-        """The partition of a surface whose lines lie where its waves longer than `cut_off` [m] are deepest on average.
+        """A partition whose lines lie in the valleys of the surface's waves longer than `cut_off` [m].
 
-        On a face without ridges across the leakage, lines stay on the faces between cells.
+        Each line moves to the lowest row of the mean profile near its place. On a face without ridges across the
+        leakage the lines stay on the faces between cells.
         """
         uniform = cls(surface.shape, surface.spacing, cells)
         smooth = surface.low_pass(cut_off).heights
@@ -75,12 +76,12 @@ class Partition:
 
     @property
     def window(self) -> tuple[int, int]:
-        """Pixels of a window."""
+        """Pixels (w1, w2) of a window."""
         return (self.shape[0] // self.cells[0], self.shape[1] // self.cells[1])
 
     @property
     def window_size(self) -> tuple[float, float]:
-        """Size of a window [m]."""
+        """Size of a window along x1 and x2 [m]."""
         return (self.window[0] * self.spacing[0], self.window[1] * self.spacing[1])
 
     @property
@@ -98,9 +99,10 @@ class Partition:
         return fields[..., i * w1 : (i + 1) * w1, j * w2 : (j + 1) * w2]
 
     def link(self, fields: Any, i: int, j: int, axis: int, shift: int = 0) -> NDArray[Any]:
-        """Window of the link (i, j) along `axis` from fields (…, n1, n2), periodic in x2; a view, except over the seam.
+        """Cut the window of the link (i, j) along `axis` out of fields (…, n1, n2), which are periodic in x2.
 
-        x2-links are counted from line 1. `shift` moves the window by pixels along x2.
+        It is a view, except over the seam. The first row of x2-links lies on line 1. `shift` moves the window along x2
+        by so many pixels.
         """
         start, stop = self.rows(axis)[i]
         w2, n2 = self.window[1], self.shape[1]
@@ -110,7 +112,7 @@ class Partition:
         return fields[..., start:stop, columns if columns.stop <= n2 else np.arange(first, first + w2) % n2]
 
     def rows(self, axis: int) -> list[tuple[int, int]]:
-        """First pixel row of the windows of each row of links along `axis`, and the row after the last."""
+        """First pixel row, and the row after the last, of the windows in each row of links along `axis`."""
         edges = self.lines
         if axis == 1:
             edges = tuple((a + b) // 2 for a, b in zip(self.lines[:-1], self.lines[1:], strict=True))
@@ -122,13 +124,13 @@ class Partition:
         return tuple(line * self.spacing[0] for line in self.lines)
 
     def cell_means(self, fields: NDArray[Any]) -> Array:
-        """Means over the cells (…, m1, m2) of fields (…, n1, n2)."""
+        """Mean over each cell (…, m1, m2) of fields (…, n1, n2)."""
         (m1, m2), (w1, w2) = self.cells, self.window
         split = fields.reshape(*fields.shape[:-2], m1, w1, m2, w2)
         return split.mean(axis=(-3, -1), dtype=float)
 
     def means(self, field: NDArray[Any], axis: int = 0) -> Array:
-        """Means of a field on any grid that the windows divide, over the windows of the links along `axis`."""
+        """Mean of a field over the window of each link along `axis` (rows, m2); its grid may be coarser."""
         grid = Partition(field.shape, self.spacing, self.cells) if field.shape != self.shape else self
         means = [grid.link(field, i, j, axis).mean() for i, j in self.links(axis)]
         return np.array(means).reshape(-1, self.cells[1])

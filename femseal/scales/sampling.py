@@ -1,16 +1,16 @@
-"""Drawing the links of a seal from tables of measured permeabilities.
+"""Samplers: they draw the links of a seal from tables of measured permeabilities.
 
-history      each link takes one measured cell along the whole cycle, which keeps every correlation between loads.
-derivative   (Pérez-Ràfols et al., 2018) each link draws its permeability at the highest load, then, step by step down,
-             the increment of one of the cells closest in rank; closed links draw from closed cells.
-copula       ranks at all loads are drawn together from a normal distribution with the cells' rank correlations, then
-             made monotone by a running maximum from the peaks down: a smooth sampler that never repeats a cell.
-block        neighbouring columns of the measured face follow one another in runs of random length, with all their
-             links: keeps the correlation between links, on faces whose long waves reach over many cells. Source of
-             the stationary bootstrap: Politis & Romano, J. Am. Stat. Assoc. 89, 1994, 1303.
+history      Each link takes one measured cell along the whole cycle. This keeps every correlation between loads.
+derivative   Each link draws its permeability at the highest load. Then, step by step down, it draws the increment of
+             one of the cells closest in rank; closed links draw from closed cells (Pérez-Ràfols et al., 2018).
+copula       Each link draws its ranks at all loads from a normal distribution with the cells' rank correlations. A
+             running maximum from the peaks down makes them monotone. This sampler is smooth and repeats no cell.
+block        Columns of the seal take neighbouring columns of the measured face, with all their links, in runs of random
+             length. This keeps the correlation between links on faces whose long waves reach over many cells. Source
+             of the stationary bootstrap: Politis & Romano, J. Am. Stat. Assoc. 89, 1994, 1303.
 
-Random numbers depend on (seed, realisation, axis, link) only, with links counted along x1 first, column after column:
-link n of a longer seal draws what link n of a shorter one does.
+Random numbers depend on (seed, realisation, axis, link) only. Links are counted along x1 first, column after column, so
+that link n of a longer seal draws what link n of a shorter one draws.
 """
 
 from __future__ import annotations
@@ -38,12 +38,12 @@ CHUNK = 100_000
 
 @dataclass(frozen=True)
 class LinkTable:
-    """What links along one axis are drawn from.
+    """The permeabilities from which the links along one axis are drawn.
 
     k : permeability of every cell along every pressure path (steps, paths, cells) [m³].
-    path : path that each link follows (rows, columns).
-    steps : the programme.
-    run_length : mean number of columns that "block" takes in a run; 0 where cells are not neighbours in a row.
+    path : number of the path that each link follows (rows, columns).
+    steps : the load programme.
+    run_length : mean number of columns in a run of "block"; 0 if the cells are not neighbours in a row.
     correlation_length : number of columns over which cells are alike.
     """
 
@@ -55,15 +55,15 @@ class LinkTable:
 
 
 def draw_links(table: LinkTable, *, sampler: str, seed: int, realisation: int, axis: int) -> Draw:
-    """Permeabilities (rows, columns) [m³] of one realisation at any step.
+    """Draw all links of one realisation: a function that gives their permeabilities (rows, columns) [m³] at a step.
 
     "history" and "block" hold one number for each link, the others one for each link and step.
 
     Parameters
     ----------
-    table : what to draw from.
+    table : the permeabilities to draw from.
     sampler : "history", "derivative", "copula" or "block".
-    seed, realisation, axis : which random numbers to use, besides the link's own number.
+    seed, realisation, axis : choose the random numbers, with the number of the link.
 
     Raises
     ------
@@ -78,7 +78,9 @@ def draw_links(table: LinkTable, *, sampler: str, seed: int, realisation: int, a
 
 
 def correlation_length(k: Array) -> float:
-    """Number of columns over which cells of a face are alike: 1 + 2 Σ of the rank correlations until they vanish.
+    """Number of columns over which the cells of a face are alike.
+
+    It is 1 + 2 Σ of the rank correlations between columns, summed until they vanish.
 
     Parameters
     ----------
@@ -141,16 +143,16 @@ def _copula(table: LinkTable, rng: np.random.Generator) -> Draw:
 
 
 def _on_links(values: NDArray[Any], table: LinkTable) -> NDArray[Any]:
-    """Values of links counted column after column, as (rows, columns)."""
+    """Arrange values of links, which are counted column after column, as (rows, columns)."""
     rows, columns = table.path.shape
     return np.ascontiguousarray(values.reshape(columns, rows).T)
 
 
 class _RankModel:
-    """Normal scores of the cells of one path at all steps, and the values behind them, of k (steps, cells).
+    """Normal scores of the cells of one path at all steps, and the sorted values behind them, from k (steps, cells).
 
-    Closed cells share the mean score m of their ranks, as nothing orders them. For normal numbers z of correlation ρ,
-    cov(m₁, m₂) is about ρ var(m₁) var(m₂), exactly so where only one of the steps has closed cells.
+    Closed cells share the mean score m of their ranks, because nothing orders them. For normal numbers z of
+    correlation ρ, cov(m₁, m₂) is about ρ var(m₁) var(m₂), exactly so where only one of the steps has closed cells.
     """
 
     def __init__(self, k: Array, steps: LoadProgramme) -> None:
@@ -173,7 +175,7 @@ class _RankModel:
         self.root = root / np.sqrt((root**2).sum(axis=1, keepdims=True))
 
     def draw(self, normal: Array) -> Array:
-        """Permeabilities (steps, links) of independent normal numbers (links, steps)."""
+        """Turn independent normal numbers (links, steps) into permeabilities (steps, links) [m³]."""
         position = (ndtr(normal @ self.root.T) * self.sorted.shape[1] - 0.5).T
         k = np.stack([_quantile(values, place) for values, place in zip(self.sorted, position, strict=True)])
         top = len(self.steps.loading)
@@ -187,7 +189,7 @@ class _RankModel:
 
 
 def _quantile(values: Array, position: Array) -> Array:
-    """Between sorted values in ln k; below the last closed one 0."""
+    """Interpolate sorted permeabilities in ln k at positions between them; 0 up to the last closed one."""
     n_closed = int(np.searchsorted(values, 0.0, side="right"))
     if n_closed == values.size:
         return np.zeros(position.size)
@@ -197,7 +199,7 @@ def _quantile(values: Array, position: Array) -> Array:
 
 
 def _moves(steps: LoadProgramme) -> list[tuple[int, int]]:
-    """From the highest load down, then from every peak down its own unloading."""
+    """Pairs of steps, from and to: from the highest load down the loading, then down the unloading of every peak."""
     loading = list(range(len(steps.loading)))
     at = {steps[n].pressure: n for n in loading}
     moves = list(zip(loading[:0:-1], loading[-2::-1], strict=True))
@@ -210,7 +212,7 @@ def _moves(steps: LoadProgramme) -> list[tuple[int, int]]:
 
 
 def _step_down(k_start: Array, k_end: Array, k: Array, u: Array) -> Array:
-    """k plus the increment start → end of a cell close to k in rank at the start."""
+    """Add to each k the increment from start to end of a cell that is close to k in rank at the start."""
     order = np.argsort(k_start, kind="stable")
     sorted_start, increment = k_start[order], (k_end - k_start)[order]
     n_closed = int(np.searchsorted(sorted_start, 0.0, side="right"))

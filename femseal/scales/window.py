@@ -1,4 +1,4 @@
-"""Response of one window along a load programme: contact with plastic deformation, then permeability."""
+"""Response of one window along a load programme: its contact with plastic deformation, and its permeability."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ OPEN_RATIO = 0.005
 
 @dataclass(frozen=True, eq=False)
 class WindowHistory:
-    """One window at every step of a programme; a step that failed is NaN, and `failures` says why.
+    """Contact of one window at every step of a programme; a step that failed is NaN, and `failures` says why.
 
     gap : deformed gap (steps, n1, n2) [m]; without contact it may be negative until `set_down`.
     contact : contact pressure at every step, kept where there is contact.
-    contact_fraction, plastic_fraction : shares in contact and at the hardness (steps,).
-    standoff : distance that asperities add (steps,) [m]; NaN without pressure.
+    contact_fraction, plastic_fraction : shares of the pixels in contact and at the hardness (steps,).
+    standoff : distance by which asperities hold the body off (steps,) [m]; NaN without pressure.
     """
 
     gap: NDArray[np.float32]
@@ -58,17 +58,17 @@ def respond(
     rigid_at_zero: bool,
     rtol: float = 1e-6,
 ) -> WindowHistory:
-    """Contact of a window at every step.
+    """Solve the contact of a window at every step of a load programme.
 
     Parameters
     ----------
-    gap0 : undeformed gap (n1, n2) [m], or one for each step (steps, n1, n2) where a coarser solution shapes it.
+    gap0 : undeformed gap (n1, n2) [m], or one for each step (steps, n1, n2) if a global contact shapes it.
     pressures : mean pressure of the window at each step [Pa].
-    steps : the programme; an unloading step takes the plastic deformation of its peak's loading step.
+    steps : the programme; an unloading step starts from the plastic deformation of its peak.
     half_space : elastic body and boundary kinds of the window.
     hardness : H [Pa].
-    rigid_at_zero : without pressure the window keeps the gap given, which may be negative until `set_down` (True), or
-        is brought to first touch (False).
+    rigid_at_zero : what a window without pressure does. True: it keeps the given gap, which may be negative until
+        `set_down`. False: it is brought to first touch.
     """
     shape, n = half_space.shape, len(steps)
     gap = np.full((n, *shape), np.nan, np.float32)
@@ -113,16 +113,17 @@ def respond(
 
 
 def body_standoff(standoff: Array, load: Array, lowest: Array) -> Array:
-    """How far the asperities of the loaded windows hold the whole body off at every step (steps,) [m].
+    """Distance by which the asperities of the loaded windows hold the whole body off at every step (steps,) [m].
 
-    The mean over the windows, weighted with their pressure; without any pressure, what brings the body to first touch.
-    A global contact of smooth faces does not know of the asperities on them: where nothing touches, its gap is too
-    narrow by as much.
+    It is the mean over the windows, weighted with their pressure; if no window has pressure, it is the distance that
+    brings the body to first touch. The global contact of the smoothed face does not see the asperities: where nothing
+    touches, its gap is too narrow by this distance.
 
     Parameters
     ----------
-    standoff, load, lowest : of each window at each step (steps, rows, columns) its `WindowHistory.standoff` [m], mean
-        pressure [Pa] and lowest gap [m], NaN where unknown.
+    standoff : `WindowHistory.standoff` of each window (steps, rows, columns) [m], NaN where unknown.
+    load : mean pressure of each window (steps, rows, columns) [Pa].
+    lowest : lowest gap of each window (steps, rows, columns) [m], NaN where unknown.
     """
     windows = (1, 2)
     loaded = np.isfinite(standoff)
@@ -137,7 +138,7 @@ def body_standoff(standoff: Array, load: Array, lowest: Array) -> Array:
 
 
 def set_down(gap: NDArray[np.float32], standoff: float) -> NDArray[np.float32]:
-    """A window without pressure (n1, n2) at the distance that the body has; what would overlap touches."""
+    """Move a window without pressure (n1, n2) off by the standoff of the body; pixels that would overlap touch."""
     rounding = 4 * np.finfo(np.float32).eps * max(float(np.abs(gap).max()), abs(standoff))
     moved = gap + np.float32(standoff)
     moved[moved <= rounding] = 0.0
@@ -164,7 +165,7 @@ class FlowSettings:
 def flow_history(
     gaps: NDArray[np.floating], spacing: tuple[float, float], axis: int, settings: FlowSettings | None = None
 ) -> FlowHistory:
-    """Permeability along `axis` of a window's gaps (steps, n1, n2), sides closed; closed or wide-open ones unsolved."""
+    """Permeability along `axis` of a window with closed sides at every step, from its gaps (steps, n1, n2) [m]."""
     k = np.full(len(gaps), np.nan)
     counts, failures = SolveCounts(), []
     for s, gap in enumerate(gaps):
@@ -184,8 +185,8 @@ def flow_history(
 class WindowPermeability:
     """Permeability of a window at one step.
 
-    k : the value (1,), or with bounds the value, the lower and the upper bound (3,) [m³].
-    counts : this one, as solved, closed or open.
+    k : the value (1,), or with bounds the value, its lower and its upper bound (3,) [m³].
+    counts : this one flow, counted as solved, closed or open.
     """
 
     k: Array
@@ -202,8 +203,8 @@ def window_permeability(
 ) -> WindowPermeability:
     """Permeability along `axis` of a window (n1, n2) [m] with closed sides.
 
-    With `bounds` it is enclosed for a gap constant on each pixel; those of nearly parallel plates are the harmonic and
-    the arithmetic mean of the pixels' permeabilities.
+    Nearly parallel plates have that of their mean gap. `bounds` adds a lower and an upper bound for a gap constant on
+    each pixel; for nearly parallel plates they are the harmonic and the arithmetic mean over the pixels.
 
     Raises
     ------

@@ -1,7 +1,7 @@
 """Deformed gap and contact pressure of a face at every step of a load programme, stitched from its windows.
 
-The gap is kept at every pixel, the contact pressure only where there is contact: a bit for every pixel says where, and
-a number for each pixel in contact how much.
+The gap is kept at every pixel. The contact pressure is kept only where there is contact: a bit for every pixel says
+whether it is in contact, and a number for each pixel in contact is its pressure.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ from .partition import Partition
 class ContactValues:
     """A field (n1, n2) that is 0 out of contact.
 
-    bits : where it is not 0, eight pixels in a byte, row after row.
-    values : the numbers there, in the same order; a single one where they are all the same.
+    bits : 1 for each pixel where the field is not 0, eight pixels in a byte, row after row.
+    values : the values at these pixels in the same order; a single one if all are the same.
     """
 
     shape: tuple[int, int]
@@ -33,14 +33,14 @@ class ContactValues:
 
     @classmethod
     def of(cls, values: NDArray[Any]) -> ContactValues:
-        """The field of an array (n1, n2)."""
+        """Keep the values of an array (n1, n2)."""
         single = np.asarray(values, np.float32)
         inside = single != 0
         return cls((single.shape[0], single.shape[1]), np.packbits(inside), single[inside])
 
     @classmethod
     def constant(cls, shape: tuple[int, int], value: float) -> ContactValues:
-        """The field that has the same value at every pixel, such as NaN."""
+        """A field with the same value at every pixel, such as NaN."""
         bits = np.packbits(np.full(shape, value != 0))
         return cls(shape, bits, np.full(1 if value != 0 else 0, value, np.float32))
 
@@ -54,13 +54,13 @@ class ContactValues:
 class ContactPressure(NDArrayOperatorsMixin):
     """Contact pressure (steps, n1, n2) [Pa] of all windows of a face, kept where there is contact.
 
-    It is used like an array that cannot be changed: an index works out the steps that it asks for, arithmetic and numpy
-    functions work out the whole field.
+    Use it like an array that cannot be changed. An index computes the steps that it asks for; arithmetic, methods and
+    numpy functions compute the whole field.
 
     Parameters
     ----------
-    partition : of the face.
-    windows : the field of every cell, row after row, at every step.
+    partition : the cells of the face.
+    windows : for every cell, row after row, its field at every step.
     """
 
     dtype = np.dtype(np.float32)
@@ -71,7 +71,7 @@ class ContactPressure(NDArrayOperatorsMixin):
 
     @property
     def shape(self) -> tuple[int, int, int]:
-        """Steps and pixels."""
+        """Number of steps, and pixels along x1 and x2."""
         return (len(self), *self._partition.shape)
 
     def __len__(self) -> int:
@@ -91,7 +91,7 @@ class ContactPressure(NDArrayOperatorsMixin):
         return np.array([self._at(int(s))[pixels] for s in steps], np.float32)
 
     def _at(self, step: int) -> NDArray[np.float32]:
-        """The whole face at one step."""
+        """The field over the whole face at one step."""
         face = np.empty(self._partition.shape, np.float32)
         for place, window in zip(self._partition.places, self._windows, strict=True):
             self._partition.cell(face, *place)[:] = window[step].dense()
@@ -115,7 +115,8 @@ class ContactPressure(NDArrayOperatorsMixin):
 class WindowFields(Shown):
     """Deformed gap and contact pressure of a face along a load programme; neither can be changed.
 
-    gap : NaN in windows that failed. pressure : used like an array, see `ContactPressure`.
+    gap : (steps, n1, n2) [m], NaN in windows that failed; it is read-only.
+    pressure : (steps, n1, n2) [Pa], used like an array, see `ContactPressure`.
     """
 
     steps: LoadProgramme

@@ -137,6 +137,11 @@ class AnnularSeal(StructuredSeal):
         return r if self.inlet == "inner" else r[::-1]
 
     @property
+    def size(self) -> tuple[float, float]:
+        """Breadth from inlet to outlet and mean circumference [m]."""
+        return (self.outer_radius - self.inner_radius, self.length)
+
+    @property
     def length(self) -> float:
         """Mean circumference π(r_i + r_o) [m]."""
         return pi * (self.inner_radius + self.outer_radius)

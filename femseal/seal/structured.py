@@ -33,7 +33,7 @@ _TENSOR = gauss((0, 0), (0, 1), (1, 1))
 
 
 class StructuredSeal(ABC):
-    """A seal whose nodes lie on a structured grid: a shape says its `cells` and `grid`."""
+    """A seal whose nodes lie on a structured grid: a shape says its `cells`, `size` and `grid`."""
 
     cells: tuple[int, int]
 

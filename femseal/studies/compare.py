@@ -1,4 +1,4 @@
-"""How far one leakage curve is from another over a load cycle."""
+"""Distance between two leakage curves over a load cycle."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class LeakageFactor:
 
 
 def leakage_factor(leakage: ArrayLike, reference: ArrayLike, steps: Sequence[LoadStep], branch: str) -> LeakageFactor:
-    """Factor exp(rms ln(Q/Q_ref)) over the loads of a branch whose reference leaks more than 1e-3 of its first load.
+    """Factor exp(rms ln(Q/Q_ref)) over the loads of a branch at which the reference leaks more than 1e-3 of its first.
 
     A factor of 1.2 says that the leakage is typically 20 % too high or too low. Leakage falls over decades as a seal
     closes, so errors are measured in its logarithm. The direction of the flow does not matter.

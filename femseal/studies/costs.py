@@ -1,4 +1,4 @@
-"""What a study costs, before it is started, and which one an automatic choice takes."""
+"""Expected time and memory of a study before it is started, and the choice of the method that follows from them."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from ..base.machine import free_memory
 from ..contact.cycle import STATE_FIELDS
 from ..scales.global_contact import PIXELS_PER_CUT_OFF
 from .deterministic import state_memory
-from .sources import Sampling
+from .sampling_options import Sampling
 from .windows import CUT_OFF_WINDOWS
 
 #: Seconds of one core for one contact solution and one flow solution of n pixels, fitted to 64² … 4096² on a 2-core
@@ -65,7 +65,12 @@ AFFORDABLE_SECONDS, AFFORDABLE_SHARE = 3600.0, 0.7
 
 
 def choose_method(steps: int, points: tuple[int, int], cells: tuple[int, int]) -> tuple[str, str]:
-    """ "deterministic" where that is affordable, being exact on its pixels, else "two-scale"; and why, in a line."""
+    """Choose "deterministic" if it is affordable, because it is exact on its pixels, else "two-scale".
+
+    Returns
+    -------
+    The method, and a line that says why.
+    """
     seconds, memory = deterministic_cost(steps, points)
     free = free_memory()
     cost = f"deterministic about {seconds:.0f} s and {memory / 1e9:.2g} GB of {free / 1e9:.2g} GB free"

@@ -18,10 +18,10 @@ from .scene import Array, FaceFlow, Scene, labels, resolved_flow
 
 @dataclass(frozen=True, repr=False)
 class DeterministicResult(Shown):
-    """Everything resolved on the surface's own grid; arrays over the steps.
+    """Contact and flow of a whole face on its own pixels; arrays over the steps.
 
-    failures : steps whose flow failed, which have no leakage (NaN). solvers : linear systems of
-    all flow.
+    residual : largest residual of the contacts. failures : steps whose flow failed; their leakage is NaN. warnings :
+    why the result may be far from the truth. solvers : which solver solved how many systems.
     """
 
     steps: LoadProgramme
@@ -49,11 +49,16 @@ class DeterministicResult(Shown):
 
 
 def deterministic(scene: Scene, *, mapper: Mapper = map) -> DeterministicResult:
-    """Contact and flow of the whole face at full resolution, each load state by itself.
+    """Solve contact and flow of the whole face at full resolution, at every step of the load programme.
 
     Parameters
     ----------
-    mapper : how to solve states that do not depend on each other, in order.
+    scene : the face, its load and its fluid.
+    mapper : computes a stage for many items, such as the builtin `map`; it may use several processes.
+
+    Raises
+    ------
+    NotConverged : a contact failed. A flow that fails is NaN, and listed in `failures`.
     """
     surface = scene.surface
     half_space = HalfSpace(surface.shape, surface.spacing, scene.modulus, scene.boundary)
@@ -91,7 +96,7 @@ def deterministic(scene: Scene, *, mapper: Mapper = map) -> DeterministicResult:
 
 @dataclass(frozen=True, eq=False)
 class _ResolvedState:
-    """What is kept of the contact and the flow of a step."""
+    """The parts of the contact and the flow of a step that are kept."""
 
     gap: NDArray[np.float32]
     flow: FaceFlow | Failed
@@ -102,7 +107,7 @@ class _ResolvedState:
 
 
 def state_memory(pixels: int) -> float:
-    """What contact and flow of a state take [byte], measured on 256² to 2048² pixels."""
+    """Memory that contact and flow of one step need [byte], measured on 256² to 2048² pixels."""
     return 8.0 * pixels * (40 + 2.5 * np.log2(pixels))
 
 

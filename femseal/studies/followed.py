@@ -1,4 +1,4 @@
-"""Windows that are followed along a ladder of pressures, and the pressure that every link of a seal has."""
+"""Sources of windows that are followed along a ladder of pressures, and the pressures that the links of a seal have."""
 
 from __future__ import annotations
 
@@ -35,7 +35,10 @@ CUT_OFF_WINDOWS = 1.0
 
 
 def windows_under_global_contact(wanted: Wanted) -> WindowSupply:
-    """A ladder up to the highest window pressure; each link follows its place in the repeated global contact."""
+    """Follow windows up to the highest window pressure; each link has the pressure of its place in the global contact.
+
+    The global contact of the face repeats along the seal.
+    """
     scene, partition = wanted.scene, wanted.partition
     (m1, m2), n2 = partition.cells, wanted.seal[1]
     cut_off = CUT_OFF_WINDOWS * min(partition.window_size)
@@ -59,13 +62,13 @@ def windows_under_global_contact(wanted: Wanted) -> WindowSupply:
 
 
 def _link_means(state: GlobalState, partition: Partition) -> tuple[Array, Array, Array, Array]:
-    """Pressure of the links' windows along x1 and x2, and their mean gap."""
+    """Pressure of the windows of the links along x1 and along x2, then the mean gap of both."""
     gap, across = (partition.means(state.raw_gap, axis) for axis in (0, 1))
     return state.pressure, state.pressure_across, gap, across
 
 
 def windows_under_uniform_pressure(wanted: Wanted) -> WindowSupply:
-    """Full heights under the nominal pressure, or under the share of it that the profile gives to a row."""
+    """Follow windows with the full heights; links have the nominal pressure or their share in the profile."""
     scene, (n1, n2) = wanted.scene, wanted.seal
     nominal = scene.steps.pressures
     rows = np.asarray(wanted.sampling.profile or (1.0,), float)
@@ -84,9 +87,10 @@ def windows_under_uniform_pressure(wanted: Wanted) -> WindowSupply:
 
 @dataclass(frozen=True, eq=False)
 class _LinkPaths:
-    """Which pressures the links along one axis have.
+    """Pressures and gaps of the links along one axis.
 
-    pressure, gap : of every path (steps, paths) [Pa], [m]. path : that each link follows (rows, columns).
+    pressure, gap : mean pressure [Pa] and distance of the mean planes [m] along every path (steps, paths).
+    path : number of the path that each link follows (rows, columns).
     """
 
     pressure: Array
@@ -95,7 +99,7 @@ class _LinkPaths:
 
 
 def _tables(library: LadderLibrary, links: list[_LinkPaths], scene: Scene) -> tuple[Tables, ...]:
-    """The values, and with bounds the lower and upper ones."""
+    """Tables of the permeabilities, and with bounds also of their lower and their upper bounds."""
 
     def table(axis: int, kind: int) -> LinkTable:
         k = library.along(links[axis].pressure, links[axis].gap, scene.steps, axis, kind)
@@ -105,9 +109,10 @@ def _tables(library: LadderLibrary, links: list[_LinkPaths], scene: Scene) -> tu
 
 
 def _library(wanted: Wanted, highest: float, *, apart: bool = False, exact: tuple[float, ...] = ()) -> LadderLibrary:
-    """Windows of a topography along the standard ladder as far as needed, `apart` also without pressure.
+    """Follow windows of the face along the standard ladder, up to the pressure `highest`.
 
-    Exact loading pressures are solved besides; windows are then unloaded from the scene's own peaks.
+    `apart` adds separations without pressure. `exact` adds loading pressures; windows are then unloaded from the
+    scene's own peaks.
     """
     scene, partition, sampling = wanted.scene, wanted.partition, wanted.sampling
     full = min(scene.hardness, 0.5 * scene.modulus * scene.surface.rms_slope)

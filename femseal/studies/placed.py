@@ -1,4 +1,4 @@
-"""Windows of a face at their places, under the contact of the two-scale solution."""
+"""The source of windows that keeps the places they have on the face, under the contact of the two-scale solution."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ RUN_LENGTHS = 10
 
 
 def windows_in_place(wanted: Wanted) -> WindowSupply:
-    """All windows of the face at their places, moved along it by fractions of a window where more are wanted.
+    """Take all windows of the face at their places; if more are wanted, move them along it by fractions of a window.
 
     Raises
     ------
-    FemsealError : every column has a window that failed.
+    FemsealError : every column of windows has one that failed.
     """
     scene, partition, two_scale, mapper = wanted.scene, wanted.partition, wanted.two_scale, wanted.mapper
     (m1, m2), w2, n2 = partition.cells, partition.window[1], wanted.seal[1]
@@ -61,12 +61,12 @@ def windows_in_place(wanted: Wanted) -> WindowSupply:
 
 
 def _each_window(values: Array) -> Array:
-    """(windows, steps) of numbers of windows at their places (steps, rows, columns)."""
+    """Arrange numbers of windows at their places (steps, rows, columns) as (windows, steps)."""
     return values.reshape(len(values), -1).T
 
 
 def _without_failed(k1: Array, k2: Array) -> tuple[Array, Array]:
-    """A column in which anything failed is replaced by the next one."""
+    """Replace each column in which a window failed by the next column without failure."""
     good = np.isfinite(k1).all(axis=(0, 1)) & np.isfinite(k2).all(axis=(0, 1))
     if not good.any():
         raise FemsealError("library: every column of cells has one that failed")

@@ -1,4 +1,4 @@
-"""How a seal is drawn from windows: the options, and which of them go together."""
+"""Options of a drawn seal, and a check of which go together."""
 
 from __future__ import annotations
 
@@ -17,26 +17,29 @@ PRESSURES = ("place", "global", "uniform")
 
 @dataclass(frozen=True)
 class Sampling:
-    """How a seal is drawn.
+    """Options of a drawn seal.
 
-    length : seal length along x2 [m], rounded to whole cells.
-    breadth : size from inlet to outlet [m], likewise; that of the face unless given; "uniform" only.
-    realisations : how many seals. library_cells : windows in the library. seed : of all random numbers.
-    sampler : "history", "derivative", "copula" or "block", see `scales.sampling`; unless given "block" with "place",
-        which has neighbours, and "history" else.
-    pressure : which pressures and which waves a window sees.
-        "place": the windows of the two-scale solution of the face; a link draws from those of its row, over the face
-        moved by fractions of a window where `library_cells` asks for more: for faces whose form varies over a window.
-        "global": windows with all their waves are followed along a ladder of pressures, and the global contact,
-        repeated along the seal, says which pressure a link has (the paper's).
-        "uniform": windows with the full heights, every link under the nominal pressure, or its share in `profile`.
-    profile : contact pressures from inlet to outlet in shares of the nominal one, one for each row of windows, with the
-        mean 1; "uniform" only.
+    length : length of the seal along x2 [m], rounded to whole cells.
+    breadth : size from inlet to outlet [m], rounded to whole cells; that of the face unless given; "uniform" only.
+    realisations : number of seals that are drawn.
+    library_cells : number of windows in the library.
+    seed : of all random numbers.
+    sampler : "history", "derivative", "copula" or "block", see `scales.sampling`. Unless given it is "block" with the
+        pressure "place", where windows have neighbours, and "history" with the others.
+    pressure : the source of the windows and of their pressures.
+        "place": the windows of the two-scale solution of the face. A link draws from the windows of its row; if
+        `library_cells` asks for more than the face has, windows are moved by fractions of their width. For faces whose
+        form varies over a window.
+        "global": windows with all their waves, followed along a ladder of pressures. The global contact of the face,
+        repeated along the seal, gives the pressure of each link (Pérez-Ràfols et al., 2018).
+        "uniform": windows with the full heights. Every link has the nominal pressure, or its share in `profile`.
+    profile : contact pressure of each row of windows from inlet to outlet in shares of the nominal one; their mean is
+        1; "uniform" only.
     library : folder in which libraries of windows are kept and found again; "global" and "uniform" only.
-    width : wanted standard error of ln(median leakage), at the steps that leak more than 1e-3 of the first;
-        realisations and windows are added until it is reached, up to eight times as many. None: as many as given.
-    bounds : also enclose the flow of every window, and so the leakage of the seals, for a gap constant on each pixel;
-        about three times the time of a library. "global" and "uniform" with the sampler "history" only.
+    width : wanted standard error of ln(median leakage) at the steps that leak more than 1e-3 of the first. Realisations
+        and windows are added until it is reached, up to eight times as many. With None none are added.
+    bounds : also compute bounds of the flow of every window, and so of the leakage, for a gap constant on each pixel.
+        The library then takes about three times as long. "global" and "uniform" with the sampler "history" only.
     """
 
     length: float
@@ -53,19 +56,19 @@ class Sampling:
 
     @property
     def chosen_sampler(self) -> str:
-        """The sampler given, or the one that suits the pressures."""
+        """The given sampler, or the one that suits `pressure`."""
         return self.sampler or ("block" if self.pressure == "place" else "history")
 
 
 def seal_cells(partition: Partition, sampling: Sampling) -> tuple[int, int]:
-    """Windows of a drawn seal along x1 and x2."""
+    """Number of windows of a drawn seal along x1 and along x2."""
     d1, d2 = partition.window_size
     n1 = partition.cells[0] if sampling.breadth is None else max(1, round(sampling.breadth / d1))
     return n1, max(1, round(sampling.length / d2))
 
 
 def check_sampling(sampling: Sampling, cells: tuple[int, int]) -> None:
-    """Raise InputError for options that do not exist or do not go together."""
+    """Raise InputError if an option does not exist or does not go with another one."""
     if sampling.pressure not in PRESSURES:
         raise InputError.of("pressure", sampling.pressure, f"one of {', '.join(PRESSURES)}")
     if sampling.chosen_sampler == "block" and sampling.pressure != "place":

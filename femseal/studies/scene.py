@@ -25,9 +25,10 @@ Array = NDArray[np.float64]
 class Scene:
     """A rough face under load, and the fluid it keeps back.
 
-    surface : heights of the combined faces, high points touch first.
-    modulus, hardness : E* and H [Pa].
-    boundary : contact boundary of the whole face along x1 and x2.
+    surface : heights of the combined faces; high points touch first.
+    modulus, hardness : contact modulus E* and hardness H [Pa].
+    fluid : the fluid that leaks. inlet_pressure, outlet_pressure : its pressures at both ends of x1 [Pa].
+    boundary : contact boundary of the whole face along x1 and x2, see `HalfSpace`.
     loading, unload_from, unloading : nominal pressures [Pa], see `LoadProgramme.of`.
     rtol : residual of each contact, see `contact.solve_contact`.
     layout : shape of the seal, see `seal.layouts`.
@@ -57,7 +58,7 @@ class Scene:
     def global_states(
         self, partition: Partition, cut_off: float, *, take: Callable[[GlobalState], Any], mapper: Mapper
     ) -> Iterator[Any]:
-        """`scales.global_states` of the scene: what is taken of the global contact at every step."""
+        """Solve the global contact of the scene at every step, see `scales.global_states`."""
         return global_states(
             self.surface,
             partition,
@@ -77,7 +78,12 @@ class Scene:
         return FlowSettings(self.solver, self.discretisation)
 
     def leakage(self, seal: RectangularSeal, permeability: Any) -> Leakage:
-        """Leakage of a seal between the scene's fluid pressures."""
+        """Solve the leakage of a seal between the scene's fluid pressures.
+
+        Raises
+        ------
+        NotConverged : the linear solver failed.
+        """
         return seal_leakage(
             seal,
             permeability,
@@ -88,7 +94,7 @@ class Scene:
         )
 
     def resolved_leakage(self, flows: Iterable[FaceFlow | Failed]) -> FaceLeakage:
-        """Leakage through the whole face of its resolved flow at every step."""
+        """Leakage through the whole face at every step, from its flow at full resolution."""
         seal = self.layout.seal(self.surface.size, (1, 1))
         leakage, failures, solvers = [], [], SolverCounts()
         for step, flow in zip(self.steps, flows, strict=True):
@@ -104,7 +110,7 @@ class Scene:
 
 @dataclass(frozen=True)
 class FaceFlow:
-    """Flow through a whole face at full resolution: its permeability along x1 [m³], and the solver of its system."""
+    """Flow along x1 through a whole face at full resolution: its permeability [m³], and the solver of its system."""
 
     permeability: float
     solvers: SolverCounts
@@ -112,7 +118,7 @@ class FaceFlow:
 
 @dataclass(frozen=True, eq=False)
 class FaceLeakage:
-    """Leakage per length of seal at every step (steps,) [m²/s], NaN where the flow failed."""
+    """Leakage per length of seal through a whole face at every step (steps,) [m²/s], NaN where the flow failed."""
 
     leakage: Array
     failures: tuple[str, ...]
@@ -122,7 +128,7 @@ class FaceLeakage:
 def resolved_flow(
     gap: NDArray[np.floating], spacing: tuple[float, float], settings: FlowSettings | None = None
 ) -> FaceFlow:
-    """Flow along x1 through the gap (n1, n2) [m] of a whole face, periodic along x2.
+    """Solve the flow along x1 through the gap (n1, n2) [m] of a whole face, which is periodic along x2.
 
     Raises
     ------

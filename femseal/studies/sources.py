@@ -1,4 +1,4 @@
-"""What is asked of a source of windows for a drawn seal, and what it gives."""
+"""Sources of windows for drawn seals: the request they get, and the supply they return."""
 
 from __future__ import annotations
 
@@ -12,13 +12,17 @@ from .sampling_options import Sampling
 from .scene import Array, Scene
 from .two_scale import TwoScaleResult
 
-#: From which links along x1 and x2 are drawn.
+#: The tables from which links along x1 and along x2 are drawn.
 Tables = tuple[LinkTable, LinkTable]
 
 
 @dataclass(frozen=True)
 class Wanted:
-    """What links are wanted for: windows of a face, a seal of so many, and what is known of the face already."""
+    """A request for windows.
+
+    scene, partition : the face and its windows. sampling : how the seal is drawn. seal : its windows along x1 and x2.
+    two_scale : the two-scale solution of the face, if it is known already. mapper : computes a stage for many items.
+    """
 
     scene: Scene
     partition: Partition
@@ -32,10 +36,10 @@ class Wanted:
 class WindowSupply:
     """Windows for the links of a seal.
 
-    library : where they come from.
-    tables : what links are drawn from, along x1 and x2; with bounds followed by those of the lower and of the upper
-        ones.
-    node_rows : x1 of the rows of nodes [m]; none where they are equidistant.
+    library : the windows.
+    tables : the tables from which links along x1 and along x2 are drawn; with bounds also those of the lower and of the
+        upper bounds.
+    node_rows : x1 of the rows of nodes [m]; empty if they are equidistant.
     warnings : why the result may be far from the truth.
     """
 
@@ -45,17 +49,21 @@ class WindowSupply:
     warnings: tuple[str, ...] = ()
 
 
-#: Finds or solves the windows that are wanted.
+#: Supplies the windows that are wanted.
 Source = Callable[[Wanted], WindowSupply]
 
 
 @dataclass(frozen=True, repr=False)
 class PlacedLibrary(Shown):
-    """Windows of a face at their places: k1 (steps, rows, columns), k2 (steps, rows − 1, columns) [m³].
+    """Windows of a face at their places.
 
-    Columns come in the order of the face, then again for every `shift` of the windows along x2.
-    correlation_length : number of columns over which windows are alike. counts : flows of windows that were solved for
-    this library, or known without.
+    k1, k2 : permeability of links along x1 (steps, rows, columns) and x2 (steps, rows − 1, columns) [m³]. Columns come
+        in the order of the face, once for every shift of the windows along x2.
+    curves : the windows without shift, for tables and pictures.
+    correlation_length : number of columns over which windows are alike.
+    shifts : how often the windows were moved, the unmoved ones included.
+    counts : flows of windows that were solved for this library, or known without.
+    failures : what failed, one line each.
     """
 
     k1: Array = field(metadata={"unit": "m^3", "long_name": "permeability along x1"})
@@ -68,5 +76,5 @@ class PlacedLibrary(Shown):
 
     @property
     def size(self) -> int:
-        """Number of windows along x1."""
+        """Number of windows of links along x1."""
         return self.k1.shape[1] * self.k1.shape[2]

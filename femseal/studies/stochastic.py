@@ -1,4 +1,4 @@
-"""Seals of any length whose windows are drawn from a library of real ones."""
+"""The stochastic study: seals of any length, whose windows are drawn from a library of real ones."""
 
 from __future__ import annotations
 
@@ -37,15 +37,16 @@ SOURCES: dict[str, Source] = {
 
 @dataclass(frozen=True, repr=False)
 class StochasticResult(Shown):
-    """Realisations of a seal drawn from a library; leakage over realisations and steps.
+    """Realisations of a seal drawn from a library. A realisation is a curve over the steps: arrays (realisation, step).
 
-    leakage_resampled : as many more, each from a library drawn with repetition from the library itself, so that their
-    scatter is that of realisations and library together.
-    leakage_lower_bound, leakage_upper_bound : of the same realisations with the bounds of every window's permeability;
-    None without. They enclose the flow through gaps constant on each pixel: their distance says how well the pixels
-    resolve the gaps.
+    leakage : of each realisation.
+    leakage_resampled : of as many more realisations, each from a library that is drawn with repetition from the library
+        itself. Their scatter is that of realisations and library together.
+    leakage_lower_bound, leakage_upper_bound : of the realisations in `leakage`, with the bounds of every window's
+        permeability; None without bounds. They enclose the flow through gaps constant on each pixel: their distance
+        says how well the pixels resolve the gaps.
     failures : what failed, and is NaN or left out. warnings : why the result may be far from the truth.
-    solvers : linear systems of all flow, of library windows and of drawn seals.
+    solvers : which solver solved how many systems, of library windows and of drawn seals.
     """
 
     steps: LoadProgramme
@@ -70,7 +71,8 @@ class StochasticResult(Shown):
     def quantile(self, q: float, *, resampled: bool = False) -> Array:
         """Quantile over the realisations that did not fail, at every step [m²/s]; NaN where all failed.
 
-        Between two values of one sign in log space; 0 beside a 0. `resampled`: with the error of the library.
+        Between two values of one sign it is interpolated in log space; beside a 0 it is 0. `resampled` takes
+        `leakage_resampled`, which has the error of the library too.
         """
         return self._at_every_step(partial(_quantile, q=q), self.leakage_resampled if resampled else self.leakage)
 
@@ -81,7 +83,7 @@ class StochasticResult(Shown):
 
     @property
     def sealed_share(self) -> Array:
-        """Share without any leakage of the realisations that did not fail, at every step; NaN where all failed."""
+        """Share of realisations without leakage among those that did not fail, at every step; NaN where all failed."""
         return self._at_every_step(lambda leakage: np.mean(leakage == 0))
 
     @property
@@ -97,9 +99,10 @@ class StochasticResult(Shown):
         return np.sqrt(np.maximum(together**2 - self.realisation_spread**2, 0.0))
 
     def needed(self, width: float) -> tuple[int, int]:
-        """Realisations and library windows for a standard error `width` of ln(median leakage).
+        """Number of realisations and of library windows for a standard error `width` of ln(median leakage).
 
-        At the worst of the steps that leak more than 1e-3 of the first; both errors together, half of it to each.
+        It holds at all steps that leak more than 1e-3 of the first. Realisations and library may each cause half of the
+        variance.
         """
         median = self.quantile(0.5)
         chosen = np.abs(median) > 1e-3 * np.abs(median[0])
@@ -111,7 +114,7 @@ class StochasticResult(Shown):
         return max(2, ceil(realisations)), max(1, ceil(windows))
 
     def too_few(self, *quantiles: float) -> str:
-        """Says how many realisations quantiles need where there are fewer, else nothing."""
+        """A text that says how many realisations the quantiles need, if there are fewer; else an empty one."""
         tails = [min(q, 1 - q) for q in quantiles if 0 < q < 1]
         needed = ceil(max((1 / tail for tail in tails), default=1) - 1e-9)
         if len(self.leakage) >= needed:
@@ -120,7 +123,7 @@ class StochasticResult(Shown):
         return f"quantile {named} of {len(self.leakage)} realisations: at least {needed} needed"
 
     def unsupported(self, q: float) -> tuple[str, ...]:
-        """Why a quantile should not be trusted: too few realisations, or a library that scatters more than the tail."""
+        """Reasons not to trust a quantile: too few realisations, or a library that scatters more than the tail."""
         reasons = [text] if (text := self.too_few(q)) else []
         with np.errstate(divide="ignore", invalid="ignore"):
             distance = np.abs(np.log(self.quantile(q) / self.quantile(0.5)))
@@ -160,19 +163,19 @@ def stochastic(
     two_scale: TwoScaleResult | None = None,
     mapper: Mapper = map,
 ) -> StochasticResult:
-    """Library of real windows, seals drawn from it, one global flow for each realisation and step.
+    """Build a library of real windows, draw seals from it, and solve the flow over each seal at every step.
 
     Parameters
     ----------
-    scene : what is loaded.
+    scene : the face, its load and its fluid.
     cells : number of windows of the face along x1 and x2.
     sampling : how seals are drawn.
-    two_scale : the two-scale solution of the same scene and cells, whose windows then are not solved again ("place").
-    mapper : how to compute a stage for all windows and realisations, in order.
+    two_scale : the two-scale solution of the same scene and cells; its windows are not solved again ("place").
+    mapper : computes a stage for many items, such as the builtin `map`; it may use several processes.
 
     Raises
     ------
-    InputError : an option that does not exist or does not go with the others.
+    InputError : an option does not exist or does not go with the others.
     FemsealError : every window of the library failed.
     """
     check_sampling(sampling, cells)
@@ -230,7 +233,10 @@ def _draw(
 
 @dataclass(frozen=True, eq=False)
 class Realisation:
-    """Leakage of one drawn seal by each kind of tables at every step (kinds, steps) [m²/s], NaN where it failed."""
+    """Leakage of one drawn seal at every step (kinds, steps) [m²/s], NaN where it failed.
+
+    The kinds are the value, and with bounds its lower and its upper bound.
+    """
 
     leakage: Array
     failures: tuple[str, ...]
@@ -246,7 +252,11 @@ def _realise(
     kinds: tuple[Tables, ...],
     sampling: Sampling,
 ) -> Realisation:
-    """The same random numbers draw the same windows from each kind of tables; `resampled` takes values only."""
+    """Draw one seal and solve its flow at every step.
+
+    The same random numbers draw the same windows from each kind of tables. `resampled` draws the library anew, and
+    takes the values without their bounds.
+    """
     steps = scene.steps
     if resampled:
         kinds = (_resample(kinds[0], sampling.seed, realisation),)
@@ -268,7 +278,7 @@ def _realise(
 
 
 def _resample(tables: Tables, seed: int, realisation: int) -> Tables:
-    """Tables of as many cells drawn with repetition, neighbours together where they are alike."""
+    """Tables of as many cells, drawn with repetition; neighbours that are alike are drawn together."""
     cells = tables[0].k.shape[2]
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(realisation, 2)))
     length = min(max(1, round(tables[0].correlation_length)), cells)

@@ -1,4 +1,4 @@
-"""Windows of a face between global nodes: contact and flow at two scales."""
+"""The two-scale study: contact and flow in the windows of a face, and over the whole face."""
 
 from __future__ import annotations
 
@@ -23,11 +23,12 @@ FLOWS = ("links", "resolved")
 
 @dataclass(frozen=True, repr=False)
 class TwoScaleResult(Shown):
-    """Windows of the surface between global nodes; arrays over steps and links.
+    """Contact and flow at two scales; arrays over steps, rows and columns of windows.
 
+    partition : the windows. flow : "links" or "resolved", see `two_scale`.
     fields : deformed gap and contact pressure at every pixel.
-    counts : flows of links that were solved, or known without. failures : what failed, and is NaN. warnings : why the
-    result may be far from the truth. solvers : linear systems of all flow, of links and over the face.
+    counts : flows of links that were solved, or known without. solvers : which solver solved how many systems, of links
+    and over the face. failures : what failed, and is NaN. warnings : why the result may be far from the truth.
     """
 
     steps: LoadProgramme
@@ -65,7 +66,7 @@ class TwoScaleResult(Shown):
 
     @property
     def gap(self) -> NDArray[np.float32]:
-        """Deformed gap stitched from the windows (steps, n1, n2) [m]; it cannot be changed."""
+        """Deformed gap stitched from the windows (steps, n1, n2) [m]; it is read-only."""
         return self.fields.gap
 
     @property
@@ -75,19 +76,20 @@ class TwoScaleResult(Shown):
 
 
 def two_scale(scene: Scene, cells: tuple[int, int], *, flow: str = "links", mapper: Mapper = map) -> TwoScaleResult:
-    """Global contact of the low-pass face, contact of every cell in it, and the flow through the stitched gap.
+    """Solve the global contact of the low-pass face, the contact of every cell, and the flow through the stitched gap.
 
     Parameters
     ----------
-    scene : what is loaded.
+    scene : the face, its load and its fluid.
     cells : number of cells along x1 and x2.
-    flow : "links": a permeability for each window between global nodes, then the flow through the links. "resolved":
-        the flow through the stitched gap at full resolution, where that fits; the links are computed as well.
-    mapper : how to compute a stage for all windows, in order.
+    flow : "links": solve the permeability of each window between global nodes, then the flow through these links.
+        "resolved": solve the flow through the stitched gap at full resolution; the links are solved as well.
+    mapper : computes a stage for many items, such as the builtin `map`; it may use several processes.
 
     Raises
     ------
     InputError : another flow, or cells that do not suit the surface.
+    NotConverged : a global contact failed. Windows and flows that fail are NaN, and listed in `failures`.
     """
     if flow not in FLOWS:
         raise InputError.of("flow", flow, f"one of {', '.join(FLOWS)}")
@@ -139,7 +141,7 @@ def two_scale(scene: Scene, cells: tuple[int, int], *, flow: str = "links", mapp
 
 
 def _wrongly_closed(fields: WindowFields, leakage: Array) -> tuple[str, ...]:
-    """A warning where links and the gap that they are cut from do not agree whether anything flows."""
+    """Warn of steps at which the links and the gap of the whole face do not agree whether anything flows."""
     warnings = []
     for said, other, flows in (("closed", "open", False), ("open", "closed", True)):
         names = [

@@ -1,4 +1,4 @@
-"""All windows of a face under load: their contact, and the flow through the links that are cut from them."""
+"""All windows of a face under load: their contact, and the flow through the links cut out of the stitched gap."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ RIDGE_WARNING = 0.35
 
 @dataclass(frozen=True, eq=False)
 class WindowContacts:
-    """Contact of all cells of a face along a cycle; numbers of each cell (steps, m1, m2) as in `TwoScaleResult`."""
+    """Contact of all cells of a face along a cycle; arrays (steps, m1, m2) as in `TwoScaleResult`."""
 
     fields: WindowFields
     pressure: Array
@@ -39,9 +39,10 @@ class WindowContacts:
 
 
 def solve_windows(scene: Scene, cells: tuple[int, int], *, mapper: Mapper = map) -> WindowContacts:
-    """All waves of every cell, on the gap that the global pressure of the others leaves, under its own global pressure.
+    """Solve the contact of every cell with all its waves, under the mean pressure that the global contact gives it.
 
-    Cells without pressure stand off as the asperities of the others make the whole body do.
+    A cell starts from the gap that the global pressure of the other cells leaves. Cells without pressure stand off by
+    the distance by which the asperities of the loaded cells hold the whole body off.
     """
     surface, steps = scene.surface, scene.steps
     cut_off = CUT_OFF_WINDOWS * min(Partition(surface.shape, surface.spacing, cells).window_size)
@@ -95,13 +96,13 @@ def _outer(state: GlobalState, partition: Partition, body: HalfSpace) -> tuple[N
 def _respond(
     outer_gap: NDArray[np.float32], fine: NDArray[np.float32], pressures: Array, **settings: Any
 ) -> WindowHistory:
-    """`respond` on the gap that a window's outer gaps (steps, n1, n2) and its fine waves (n1, n2) make."""
+    """`respond` of a window whose undeformed gap is its outer gap (steps, n1, n2) plus its fine waves (n1, n2)."""
     return respond(np.add(outer_gap, fine, dtype=float), pressures, **settings)
 
 
 @dataclass(frozen=True, eq=False)
 class LinkFlows:
-    """Permeability of the links along one axis (steps, rows, m2) [m³], NaN where the window failed."""
+    """Permeability of all links along one axis (steps, rows, columns) [m³], NaN where the window failed."""
 
     k: Array
     counts: SolveCounts = field(default_factory=SolveCounts)
@@ -111,7 +112,7 @@ class LinkFlows:
 def solve_links(
     fields: WindowFields, axis: int, settings: FlowSettings, *, shift: int = 0, mapper: Mapper = map
 ) -> LinkFlows:
-    """Permeability of the links' windows cut out of the stitched gap, all moved by `shift` pixels along x2."""
+    """Solve the permeability of all links along `axis`; `shift` moves their windows by so many pixels along x2."""
     partition = fields.partition
     places = partition.links(axis)
     windows = (partition.link(fields.gap, i, j, axis, shift) for i, j in places)
@@ -129,7 +130,7 @@ def solve_links(
 
 
 def _unresolved_ridges(smooth: Array, fine: Array, partition: Partition) -> tuple[str, ...]:
-    """A warning where windows are too large for a form with a lay, which the global scale then carries in part only."""
+    """Warn if windows are too large to resolve the ridges of a face with a lay."""
     carried, share = (max(z.mean(axis=axis).std() for axis in (0, 1)) / (z.std() or 1.0) for z in (smooth, fine))
     if share <= RIDGE_WARNING or carried <= RIDGE_WARNING or not 0.05 < fine.std() / (smooth.std() or np.inf) < 1:
         return ()
@@ -142,5 +143,5 @@ def _unresolved_ridges(smooth: Array, fine: Array, partition: Partition) -> tupl
 
 
 def fine_waves(surface: Topography, cut_off: float) -> Array:
-    """Undeformed gap of the waves shorter than the cut-off, mean plane at 0."""
+    """Undeformed gap of the waves shorter than the cut-off [m], its mean plane at 0."""
     return surface.low_pass(cut_off).heights - surface.heights

@@ -70,7 +70,7 @@ def condition(
     Raises
     ------
     InputError : too many undefined points; a wave of less than 8 pixels asked for, or one longer than the
-    map.
+        map.
     """
     final = topography.shape if shape is None else validate.grid("shape", shape)
     spacing = [length / n for length, n in zip(topography.size, final, strict=True)]

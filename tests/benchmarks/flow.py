@@ -17,6 +17,7 @@ import json
 import logging
 import sys
 import time
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -76,10 +77,10 @@ def contact_gap(n):
     return solve_contact(z, HalfSpace((n, n), (1e-6, 1e-6), 115e9), pressure=0.5e9, hardness=4e9, rtol=1e-4).gap
 
 
-def femseal_solver(gap):
+def femseal_solver(gap, **options):
     from femseal import cell_permeability
 
-    k = cell_permeability(gap, (1.0, 1.0), sides="periodic")
+    k = cell_permeability(gap, (1.0, 1.0), sides="periodic", **options)
     return k.value, k.iterations
 
 
@@ -132,15 +133,23 @@ def pardiso_solver(gap):
 
 SOLVERS = {
     "femseal": femseal_solver,
+    "femseal, pyamg": partial(femseal_solver, solver="amg"),
     "scikit-fem + pyamg": skfem_solver,
     "reynoldsflow": reynoldsflow_solver,
     "reynoldsflow, PARDISO": pardiso_solver,
 }
+#: femseal's own discretisations, whose error is followed besides.
+DISCRETISATIONS = {
+    f"femseal, {name}": partial(femseal_solver, discretisation=name) for name in ("gauss", "P1", "Q2", "RT0")
+}
+
+
+OWN = ["femseal", *DISCRETISATIONS]
 
 
 def measure(name, gap, repeats):
     """Record of one solver on one gap."""
-    solve = SOLVERS[name]
+    solve = (SOLVERS | DISCRETISATIONS)[name]
     times, k, iterations = [], np.nan, 0
     while len(times) < repeats and (not times or sum(times) < 3.0):
         start = time.perf_counter()
@@ -207,14 +216,14 @@ def references(records):
     return {s: own[s, FINEST] + (own[s, FINEST] - own[s, FINEST // 2]) / 3 for s in ERROR_SHARES}
 
 
-def error_table(records):
+def error_table(records, names):
     limit = references(records)
-    head = ["contact", "pixels per shortest wave", *(f"{name}: error, time [s]" for name in SOLVERS)]
+    head = ["contact", "pixels per shortest wave", *(f"{name}: error, time [s]" for name in names)]
     cells = []
     for share in ERROR_SHARES:
         for refinement in (1, 2, 4, 8):
             line = [str(share), str(8 * refinement)]
-            for name in SOLVERS:
+            for name in names:
                 r = next((r for r in records if r["solver"] == name and r["share"] == share
                           and r["refinement"] == refinement), None)  # fmt: skip
                 if r is None or "failure" in r:
@@ -225,14 +234,14 @@ def error_table(records):
     return rows(head, cells)
 
 
-def picture(records, path):
+def picture(records, names, path):
     import matplotlib.pyplot as plt
 
     limit = references(records)
     figure, axes = plt.subplots(1, len(ERROR_SHARES), figsize=(12, 4), sharey=True, layout="constrained")
-    styles = dict(zip(SOLVERS, ("C0o-", "C1s--", "C2^:", "C3v-."), strict=True))
+    styles = dict(zip(names, ("C0o-", "C1s--", "C2^:", "C3v-.", "C4d--"), strict=True))
     for ax, share in zip(axes, ERROR_SHARES, strict=True):
-        for name in SOLVERS:
+        for name in names:
             points = [(r["time"], abs(r["k"] / limit[share] - 1)) for r in records
                       if r["solver"] == name and r["share"] == share and "k" in r
                       and r["refinement"] < FINEST]  # fmt: skip
@@ -250,6 +259,7 @@ def main():
     parser.add_argument("--sizes", type=int, nargs="+", default=[64, 128, 256, 512, 1024])
     parser.add_argument("--repeats", type=int, default=7)
     parser.add_argument("--solvers", nargs="+", default=list(SOLVERS), choices=list(SOLVERS))
+    parser.add_argument("--discretisations", nargs="*", default=list(DISCRETISATIONS), choices=list(DISCRETISATIONS))
     parser.add_argument("--write", action="store_true", help="write tables and picture")
     parser.add_argument("--worker", help=argparse.SUPPRESS)
     options = parser.parse_args()
@@ -267,9 +277,11 @@ def main():
             expected = 5 * max(r["time"] for r in new)
             records += [{"solver": name, "n": n} | r for r in new]
             print(f"{name}, {n}² done", file=sys.stderr, flush=True)
+    for name in [*options.solvers, *options.discretisations]:
         steps = [1, 2, 4, 8, FINEST] if name == "femseal" else [1, 2, 4, 8]
         task = {"solver": name, "n": BASE, "repeats": 3, "refinements": steps}
         errors += [{"solver": name} | r for r in call(__file__, ["--worker", json.dumps(task)], 1)]
+        print(f"{name}, refinements done", file=sys.stderr, flush=True)
     failures = sorted(
         {f"{r['solver']}, {r['n']}², contact {r['share']}: {r['failure']}" for r in records if "failure" in r}
     )
@@ -283,11 +295,17 @@ Failures: {"; ".join(failures) or "none"}.
 Error of the permeability against Richardson's limit of refinements 8 and {FINEST} of femseal's scheme, a cell of {BASE}²
 pixels with 8 pixels per shortest wave and its refinements:
 
-{error_table(errors)}"""
+{error_table(errors, SOLVERS)}
+
+The same with femseal's discretisations; "femseal" is "edge", the default. "RT0" takes the gap constant on each pixel.
+
+{error_table(errors, OWN)}"""
     print(text)
     if options.write:
-        picture(errors, HERE / "flow.png")
-        save_report(__file__, "Flow solvers", f"{text}\n\n![error over time](flow.png)")
+        picture(errors, SOLVERS, HERE / "flow.png")
+        picture(errors, OWN, HERE / "discretisations.png")
+        pictures = "![error over time](flow.png)\n\n![error over time of discretisations](discretisations.png)"
+        save_report(__file__, "Flow solvers", f"{text}\n\n{pictures}")
 
 
 if __name__ == "__main__":
