@@ -19,7 +19,7 @@ from ..base.errors import InputError, NotConverged
 from ..base.text import Shown
 from . import kernels
 from .active_sets import ActiveSets
-from .grid import Grid, nested_grids
+from .workspace import Grid, nested_grids
 from .half_space import HalfSpace
 from .transfer import coarsen
 
