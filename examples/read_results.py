@@ -1,6 +1,8 @@
-"""Read a results folder back: the table, single numbers by their names, and the page that tells the run.
+"""Results of a case
+=================
 
-Run a case first: femseal run examples/turned_seal.toml -o results/turned_seal
+Read a results folder back: the table, single numbers by their names, pictures, and the page that tells the run. Run a
+case first: ``femseal run examples/turned_seal.toml -o results/turned_seal``.
 """
 
 from __future__ import annotations
@@ -11,7 +13,7 @@ from pathlib import Path
 import femseal as fs
 
 
-def memory_of_the_peak(results: fs.Results) -> dict[float, float]:
+def loading_over_unloading(results: fs.Results) -> dict[float, float]:
     """Leakage on loading over that on unloading from the highest peak, by nominal pressure [Pa]."""
     leakage = dict(zip(results.steps, results.leakage.values, strict=True))
     peak = max(step.pressure for step in leakage)
@@ -31,8 +33,11 @@ if __name__ == "__main__":
     except fs.InputError as error:
         sys.exit(f"{error}\nusage: python read_results.py DIR")
     rich.print(results.table())
-    for pressure, ratio in memory_of_the_peak(results).items():
+    for pressure, ratio in loading_over_unloading(results).items():
         print(f"{pressure / 1e6:g} MPa: {ratio:.3g} times less after the peak")
     highest = results.dataset["nominal_pressure"].argmax("step")
     print(f"leakage at the peak: {float(results.leakage[highest]):.4g} m²/s")
     print("page:", fs.write_report(results))
+    leakage, cells = results.plot(), results.plot_cells()
+    leakage.savefig("leakage.png")
+    cells.savefig("cells.png")

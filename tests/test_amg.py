@@ -110,10 +110,10 @@ def test_many_levels_take_few_iterations():
 def test_elements_agree_with_the_factorisation(mesh, element):
     """Also where some off-diagonal entries are positive: second order, sheared and stretched elements."""
     rng = np.random.default_rng(6)
-    mesh = mesh.init_tensor(np.linspace(0, 1, 33), np.linspace(0, 0.7, 29))
+    mesh = mesh.init_tensor(np.linspace(0, 1, 49), np.linspace(0, 0.7, 45))
     inside = mesh.interior_nodes()
     points = mesh.p.copy()
-    points[:, inside] += rng.uniform(-0.006, 0.006, (2, inside.size))
+    points[:, inside] += rng.uniform(-0.004, 0.004, (2, inside.size))
     mesh = type(mesh)(points, mesh.t)
     for sigma, stretch in ((0, 1), (3, 1), (1, 5)):
         k = np.exp(sigma * rng.standard_normal(mesh.nelements))[:, None, None] * np.diag([1.0, stretch])
@@ -121,7 +121,7 @@ def test_elements_agree_with_the_factorisation(mesh, element):
         exact = solve_direct(matrix, rhs)
         solution = solve_amg(matrix, rhs, rtol=1e-7, unit_drop=True)
         assert solution.solver == "amg"
-        assert 3 <= solution.iterations <= 60
+        assert 3 <= solution.iterations <= 25
         assert energy_error(matrix, rhs, solution.x, exact.x) <= 1e-7
 
 
@@ -146,9 +146,9 @@ def test_the_same_bits_every_time_and_no_random_number():
 @pytest.mark.parametrize("place", [0.02, 0.5, 0.98])
 def test_constrictions_keep_their_digits(weak, place):
     """A chain of wide links with a narrow one: 1 − x before it is nearly 0, x behind it, and both ends have the flow."""
-    links = np.full(1500, 1.0)
+    links = np.random.default_rng(4).uniform(1, 3, 1500)
+    links[700:720] *= 1e5
     links[int(place * 1500)] = weak
-    links[700:720] = 1e5
     matrix, rhs = chain(links)
     solution = solve_amg(matrix, rhs, rtol=1e-6, unit_drop=True)
     resistance = np.cumsum(1 / links)

@@ -1,6 +1,7 @@
 """Contact: closed forms with measured orders, an independent solver, complementarity, invariants, edges, bad input."""
 
 import itertools
+import threading
 
 import numpy as np
 import pytest
@@ -490,6 +491,18 @@ def test_single_precision_directions_lose_nothing(boundary, monkeypatch):
     assert residual(single, h, half_space, lambda p, body: body.displacement(p), H) <= 1.001e-11
     assert_allclose(single.pressure, double.pressure, rtol=0, atol=1e-8 * H)
     assert not np.array_equal(single.pressure, double.pressure)
+
+
+def test_an_interrupted_solution_leaves_nothing_behind():
+    h, half_space = rough((40, 40)), HalfSpace((40, 40), (D, D), E)
+    whole = solve_contact(h, half_space, pressure=0.1 * H, hardness=H)
+    for level in grid.nested_grids(half_space, threading.get_ident(), 1):
+        for leftover in (level.dense, level.v, level.near, level.on_free):
+            leftover[...] = 1.0
+        level.lists[...], level.state[...] = 7, 1
+    again = solve_contact(h, half_space, pressure=0.1 * H, hardness=H)
+    assert np.array_equal(again.pressure, whole.pressure)
+    assert again.fft_pairs == whole.fft_pairs
 
 
 def test_threads_change_nothing():

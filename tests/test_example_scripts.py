@@ -77,10 +77,10 @@ def test_real_size_seal_is_as_long_as_asked_and_scatters_little(drawn_seal):
     assert (drawn_seal.realisation_spread < 0.05).all()
 
 
-def test_read_results_knows_the_memory_of_the_peak(drawn, drawn_seal, tmp_path):
+def test_read_results_knows_what_the_peak_leaves(drawn, drawn_seal, tmp_path):
     results = assemble(drawn["scene"](), stochastic=drawn_seal)
     save(results, tmp_path)
-    ratios = names("read_results")["memory_of_the_peak"](fs.open_results(tmp_path))
+    ratios = names("read_results")["loading_over_unloading"](fs.open_results(tmp_path))
     median = drawn_seal.quantile(0.5)
     assert ratios == {150e6: median[1] / median[3], 50e6: median[0] / median[4]}
     assert min(ratios.values()) > 1

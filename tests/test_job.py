@@ -16,7 +16,7 @@ from test_checkpoint import HANG
 
 import femseal as fs
 from femseal.base.stage import Stage
-from femseal.runs import executor as parallel
+from femseal.runs import cluster as cluster_map
 from femseal.runs.executor import ordered_map
 from femseal.runs.forecast import disk
 
@@ -107,7 +107,7 @@ quantiles = [0.2, 0.8]
 
 def test_a_cluster_gives_the_same_bits(case, monkeypatch):
     distributed = pytest.importorskip("distributed")
-    monkeypatch.setattr(parallel, "ANSWER_SECONDS", HANG)
+    monkeypatch.setattr(cluster_map, "ANSWER_SECONDS", HANG)
     one = fs.run(case, workers=1)
     with distributed.LocalCluster(
         n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, silence_logs=50
@@ -119,7 +119,7 @@ def test_a_cluster_gives_the_same_bits(case, monkeypatch):
 
 def test_a_cluster_is_given_a_few_tasks_at_a_time_and_returns_them_in_order(recwarn, monkeypatch):
     distributed = pytest.importorskip("distributed")
-    monkeypatch.setattr(parallel, "ANSWER_SECONDS", HANG)
+    monkeypatch.setattr(cluster_map, "ANSWER_SECONDS", HANG)
     drawn = []
 
     def numbers():
@@ -150,9 +150,9 @@ def silent_service():
 @pytest.mark.parametrize("kind", ["nobody", "silent", "nonsense", "no workers"])
 def test_a_bad_address_of_a_scheduler_is_named(case, tmp_path, monkeypatch, silent_service, kind):
     distributed = pytest.importorskip("distributed")
-    assert parallel.ANSWER_SECONDS <= 5
-    monkeypatch.setattr(parallel, "ANSWER_SECONDS", 0.5)
-    monkeypatch.setattr(parallel, "WORKER_SECONDS", 0.5)
+    assert cluster_map.ANSWER_SECONDS <= 5
+    monkeypatch.setattr(cluster_map, "ANSWER_SECONDS", 0.5)
+    monkeypatch.setattr(cluster_map, "WORKER_SECONDS", 0.5)
     address = {"nobody": "tcp://127.0.0.1:1", "silent": silent_service, "nonsense": "http://x"}.get(kind)
     with ExitStack() as stack:
         if kind == "no workers":

@@ -19,7 +19,8 @@ from test_checkpoint import CASE, HANG, assert_same, wait_until
 import femseal as fs
 from femseal.base.shared_array import shared_empty
 from femseal.base.stage import Stage
-from femseal.runs import executor as parallel
+from femseal.runs import cluster as cluster_map
+from femseal.runs import processes
 from femseal.runs.executor import ordered_map
 
 distributed = pytest.importorskip("distributed")
@@ -35,7 +36,7 @@ def case(tmp_path):
 @pytest.fixture
 def cluster(monkeypatch):
     """Two threads of this process, which may be slow to answer."""
-    monkeypatch.setattr(parallel, "ANSWER_SECONDS", HANG)
+    monkeypatch.setattr(cluster_map, "ANSWER_SECONDS", HANG)
     with distributed.LocalCluster(n_workers=2, threads_per_worker=1, processes=False, dashboard_address=None) as it:
         yield it
 
@@ -132,32 +133,32 @@ def worked(item, seconds):
 
 
 def test_small_items_are_sent_together(cluster, monkeypatch):
-    sizes, submit = [], parallel._submit
-    monkeypatch.setattr(parallel, "_submit", lambda *a: sizes.append(len(a[2])) or submit(*a))
-    monkeypatch.setattr(parallel, "time", clock)
+    sizes, submit = [], cluster_map._submit
+    monkeypatch.setattr(cluster_map, "_submit", lambda *a: sizes.append(len(a[2])) or submit(*a))
+    monkeypatch.setattr(cluster_map, "time", clock)
     with ordered_map(scheduler=cluster.scheduler_address) as mapping:
-        assert list(mapping(Stage("trial", worked), range(3000), [1e-3 * parallel.TASK_SECONDS] * 3000)) == [
+        assert list(mapping(Stage("trial", worked), range(3000), [1e-3 * cluster_map.TASK_SECONDS] * 3000)) == [
             *range(3000)
         ]
         assert sum(sizes) == 3000
         assert sizes[:4] == [1] * 4
         assert max(sizes) == 1000
         sizes.clear()
-        list(mapping(Stage("trial", worked), range(6), [2 * parallel.TASK_SECONDS] * 6))
+        list(mapping(Stage("trial", worked), range(6), [2 * cluster_map.TASK_SECONDS] * 6))
         assert sizes == [1] * 6
 
 
 def test_workers_of_other_versions_are_refused(cluster, monkeypatch):
     monkeypatch.setattr(
-        parallel, "numerical_versions", lambda: {"numpy": threading.current_thread().name, "scipy": "1"}
+        cluster_map, "numerical_versions", lambda: {"numpy": threading.current_thread().name, "scipy": "1"}
     )
     with pytest.raises(fs.InputError, match=r"has numpy .* instead of MainThread, allowed is"):
-        parallel._connected(cluster.scheduler_address)
+        cluster_map._connected(cluster.scheduler_address)
 
 
 def test_a_late_worker_is_awaited(monkeypatch):
     """It comes once it is known that there is none."""
-    monkeypatch.setattr(parallel, "ANSWER_SECONDS", HANG)
+    monkeypatch.setattr(cluster_map, "ANSWER_SECONDS", HANG)
     said = []
     with distributed.LocalCluster(n_workers=0, processes=False, dashboard_address=None) as late:
 
@@ -165,7 +166,7 @@ def test_a_late_worker_is_awaited(monkeypatch):
             said.append(text % numbers)
             late.scale(1)
 
-        monkeypatch.setattr(parallel.log, "warning", warning)
+        monkeypatch.setattr(cluster_map.log, "warning", warning)
         with ordered_map(scheduler=late.scheduler_address) as mapping:
             assert said == ["no workers: waiting up to 600 s for one"]
             assert list(mapping(Stage("trial", abs), [-1, -2])) == [1, 2]
@@ -307,9 +308,28 @@ def running_at_once(folder, expected):
 
 @pytest.mark.parametrize(("memory", "most"), [(0.0, 2), (1.0, 2), (6e8, 1), (1e15, 1)])
 def test_no_more_heavy_tasks_at_once_than_fit(tmp_path, monkeypatch, memory, most):
-    monkeypatch.setattr(parallel, "free_memory", lambda: 1e9)
+    monkeypatch.setattr(processes, "free_memory", lambda: 1e9)
     (tmp_path / "running").mkdir()
     with ordered_map(workers=2) as mapping:
         list(mapping(Stage("trial", abs), range(4)))
         seen = list(mapping(Stage("trial", running_at_once, memory), [tmp_path] * 6, [most] * 6))
     assert max(seen) == most
+
+
+@pytest.mark.parametrize("layout", ["Fortran", "four bytes off", "read only"])
+def test_bits_do_not_depend_on_where_a_process_gets_its_arrays(layout):
+    """Dask lays the arrays that it sends anywhere in its messages, and numpy sums them in another order there."""
+    rng = np.random.default_rng(0)
+    body = fs.HalfSpace((66, 132), (1e-6, 1e-6), 2.3e11, ("free", "periodic"))
+    memory = np.empty(8 * 66 * 132 + 4, np.uint8)
+    moved = memory[4:].view(float).reshape(66, 132)
+    for _ in range(8):
+        gap0 = 1e-6 * rng.random((66, 132))
+        moved[...] = gap0
+        other = np.asfortranarray(gap0) if layout == "Fortran" else moved
+        other.flags.writeable = layout != "read only"
+        one, two = (fs.solve_contact(gap, body, pressure=1e9, hardness=3e9, rtol=1e-4) for gap in (gap0, other))
+        assert_array_equal(two.gap, one.gap)
+        one, two = (fs.cell_permeability(gap, (1e-6, 1e-6)).value for gap in (gap0, other))
+        assert two == one
+        moved.flags.writeable = True

@@ -48,10 +48,10 @@ def replacing(path: Path) -> Iterator[Path]:
         temporary.unlink(missing_ok=True)
 
 
-class _Unfailing(io.FileIO):
-    """A file whose writes do not fail before its end: HDF5 crashes the process where one does, as on a full disk.
+class _LateFailingFile(io.FileIO):
+    """A file that keeps the error of a failed write in `failure`: HDF5 crashes the process where a write raises it.
 
-    From the first failure on, what is written is kept in memory, so that HDF5 reads back what it wrote.
+    After the first failure, as on a full disk, writes are kept in memory, so that HDF5 reads back what it wrote.
     """
 
     failure: OSError | None = None
@@ -88,8 +88,8 @@ class _Unfailing(io.FileIO):
 
 @contextmanager
 def replacing_hdf5(path: Path) -> Iterator[io.FileIO]:
-    """As `replacing`, the open file for h5py; what could not be written is raised after all."""
-    with replacing(path) as temporary, _Unfailing(temporary) as file:
+    """As `replacing`, but gives the open file for h5py; the error of a failed write is raised at the end."""
+    with replacing(path) as temporary, _LateFailingFile(temporary) as file:
         try:
             yield file
         except Exception as error:

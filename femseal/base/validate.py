@@ -43,6 +43,8 @@ def field(
         if np.ma.is_masked(value) or np.iscomplexobj(value):
             raise TypeError
         array = np.array(value, dtype=float, copy=True if copy else None)
+        # results depend on the layout in memory by their last digits: arrays that come from a cluster may lie anywhere
+        array = np.require(array, requirements=("C", "ALIGNED"))
     except (TypeError, ValueError):
         raise InputError.of(name, f"a {type(value).__name__}", f"an array (n1, n2) of real numbers [{unit}]") from None
     if array.ndim != 2 or array.size == 0 or (shape is not None and array.shape != shape):

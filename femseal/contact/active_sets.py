@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import kernels
-from .grid import Grid
+from .workspace import Grid
 
 Array = NDArray[np.float64]
 #: Steps of conjugate gradients where the sets were changed, and where they were not.
@@ -32,14 +32,19 @@ class ActiveSets:
 
     Parameters
     ----------
-    grid : with the pressure to start from; its arrays hold pressure and v of the solution.
-    gap0 : undeformed gap h₁ [m]. offset : that is taken off it.
-    hardness : H [Pa], of one value or one per point.
-    load : mean pressure [Pa], or None. approach : δ [m], or None.
+    grid : holds the pressure to start from, and in the end pressure and v of the solution.
+    gap0 : undeformed gap h₁ [m].
+    offset : height [m] that is subtracted from h₁ and δ, because large heights cost digits.
+    hardness : H [Pa], one value or one per point.
+    load : mean pressure [Pa]; None where the approach is given.
+    approach : δ [m]; None where the load is given.
 
     Attributes
     ----------
-    delta : approach δ less the offset. residual : ‖p − y‖/‖p‖ c₀/c. iterations, pairs : looks, and products with K.
+    delta : δ less the offset [m].
+    residual : ‖p − y‖/‖p‖ · c₀/c.
+    iterations : number of times that the sets were looked at, less one.
+    pairs : number of products with K, each a pair of transforms.
     """
 
     def __init__(
@@ -67,9 +72,11 @@ class ActiveSets:
         self._grid.dense[:] = 0
         self._begin()
         self._look()
-        while not self._solved(rtol) and self.iterations < limit:
-            self.iterations += 1
+        while not self._solved(rtol):
             converged = self.residual <= rtol
+            if self.iterations >= limit and not converged:
+                return
+            self.iterations += 1
             if self._changed or converged or self._n_free < 2 or self._gradient_next:
                 self._change_sets()
             if converged:
@@ -96,7 +103,7 @@ class ActiveSets:
         self._list_near()
 
     def _product(self) -> tuple[float, float, float]:
-        """v = Kp + h₁ and the points near contact; returns energy and load of p, and Σ v on the list."""
+        """Find v = Kp + h₁ and list the points near contact; returns energy and load of p, and Σ v on the list."""
         grid = self._grid
         grid.respond.apply()
         self.pairs += 1
@@ -111,10 +118,10 @@ class ActiveSets:
         self._n_near, self._n_free = kernels.list_near(grid.p, grid.v, self._reach, grid.state, grid.lists, grid.near)
 
     def _look(self) -> None:
-        """δ, the residual, and whether the sets should be changed.
+        """Find δ and the residual, and decide whether the sets are to be changed.
 
-        Points that are not on the list had v above `reach` when that was made. If δ lies beyond, the list is made
-        anew; where v is not known everywhere, the next product with the pressure will tell.
+        Points that are not on the list had v above `reach` when the list was made. If δ is larger, the list is made
+        anew. That takes v of all points: after a step of conjugate gradients it waits for the next product with p.
         """
         grid, former = self._grid, self.residual
         while True:
@@ -150,7 +157,7 @@ class ActiveSets:
         self._new_sets = True
 
     def _conjugate_gradients(self) -> None:
-        """A few steps on the free points; their Rayleigh quotients d·Kd/d·d give the step c of the next look."""
+        """Make a few steps on the free points; their Rayleigh quotients d·Kd/d·d give the step c of the next look."""
         grid, longest, first = self._grid, self._c0, inf
         if self._new_sets:
             self._ones = kernels.restart(

@@ -1,4 +1,4 @@
-"""The elastic half-space: which pressure gives which displacement."""
+"""The elastic half-space: its boundary kinds, its symbol, and the displacement under a pressure."""
 
 from __future__ import annotations
 

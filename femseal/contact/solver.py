@@ -19,9 +19,9 @@ from ..base.errors import InputError, NotConverged
 from ..base.text import Shown
 from . import kernels
 from .active_sets import ActiveSets
-from .grid import Grid, nested_grids
 from .half_space import HalfSpace
 from .transfer import coarsen
+from .workspace import Grid, nested_grids
 
 Array = NDArray[np.float64]
 _COARSE_RTOL = 1e-2
@@ -88,7 +88,7 @@ class Contact(Shown):
 
     @property
     def raw_gap(self) -> Array:
-        """Gap between the undeformed-but-elastically-displaced faces [m]; negative where they deformed for good."""
+        """Gap with the elastic but without the plastic displacement [m]; negative where plastic deformation is."""
         return self.gap - self.plastic_deformation
 
 
@@ -227,7 +227,11 @@ class _Problem:
         return sets
 
     def _first_guess(self, grid: Grid, gap0: Array, hardness: Array, load: float | None) -> Array:
-        """Load: spread over as many of the highest points as E*·slope or H need. Approach: as the longest wave's."""
+        """Pressure to start from on the coarsest grid.
+
+        A load is spread over as many of the highest points as carry it at H, or at 0.1 E*. At an approach each point
+        below δ has the pressure that would press the longest wave so deep.
+        """
         modulus = self.half_space.modulus
         if load is None:
             assert self.approach is not None
@@ -239,7 +243,7 @@ class _Problem:
         return touching * (load * gap0.size / np.count_nonzero(touching))
 
     def _uniform(self, grid: Grid, offset: float, pressure: float | Array, approach: float | None) -> Contact:
-        """The solution of a known pressure: at its approach no point comes into contact, or (None) every point does."""
+        """Solution whose pressure is known; `approach` None is the least at which every point is in contact."""
         grid.pressure[:] = pressure
         grid.respond.apply()
         grid.v += (self.gap0 - offset).ravel()

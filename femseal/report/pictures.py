@@ -75,8 +75,8 @@ def cell_pictures(results: Results) -> list[Picture]:
         (
             pressure_panel,
             f"Permeability of {many} against their contact pressure: loading in circles, unloading in squares.",
-            "Permeability against contact pressure: what lies between loading (circles) and unloading (squares) is the "
-            "memory of the peak.",
+            "Permeability against contact pressure: unloading (squares) lies below loading (circles) because of the "
+            "plastic deformation that the peak left.",
         ),
     ]
     return [_panel(partial(draw, cells=cells), alt, caption) for draw, alt, caption in panels]

@@ -1,6 +1,6 @@
 """Results of a run while it is under way, so that it survives a kill at any moment.
 
-Every call of the map that a study makes is a stage; the order of the calls depends on the case alone. Results of
+Every call of the mapper in a study is a stage; the order of the calls depends on the case alone. Results of
 consecutive items are kept in shards, each a file that is complete or not there, with a checksum. A resumed run makes
 the same calls, takes the items of intact shards from their files and computes the others.
 
@@ -106,7 +106,7 @@ class Checkpoint:
 
     Raises
     ------
-    FemsealError : the folder cannot be written, also from the maps made by `over`: what is kept stays.
+    FemsealError : the folder cannot be written, also from the mappers made by `over`: what is kept stays.
     """
 
     def __init__(self, output: Path, identity: dict[str, Any], resume: bool) -> None:
@@ -142,7 +142,7 @@ class Checkpoint:
             log.warning("%s", error)
 
     def over(self, mapper: Mapper) -> Mapper:
-        """The same map, whose items are kept, and computed only where they are not."""
+        """The same mapper, which takes the items that are kept from their files, and keeps those that it computes."""
 
         def mapping(stage: Stage, *iterables: Iterable[Any]) -> Iterator[Any]:
             self._stages += 1

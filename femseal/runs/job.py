@@ -52,7 +52,7 @@ def run(
         checkpoint of a run that was ended, with the same bits.
     workers : processes; all cores unless given. The results do not depend on it.
     scheduler : address of a Dask scheduler to compute on instead (femseal[cluster]), or "local" for one of its own
-        with `workers` processes, see `parallel.ordered_map`.
+        with `workers` processes, see `executor.ordered_map`.
     progress : called as progress(stage, done, total) while windows and realisations are computed.
 
     Raises
@@ -126,7 +126,7 @@ def _run(case: Case, prepared: Prepared, faces: dict[str, str], mapper: Mapper, 
             continue
         start = time.perf_counter()
         watched = _watched(mapper, method, progress, timings)
-        # what is not divided, first of all the contact of the whole face, is under way too
+        # what the study computes outside its stages counts as one item
         progress(method, 0, 1)
         if method == "deterministic":
             studies["deterministic"] = deterministic(scene, mapper=watched)

@@ -4,7 +4,7 @@
 
 Surfaces are self-affine (Hurst 0.8, roll-off an eighth of the size, shortest wave 8 pixels, rms slope 0.2), periodic,
 E* = 115 GPa. Each solver runs through its own tolerances until the residual is small enough; the time of that run,
-median of the repeats, is what counts, plans and compilation made before. Tamaas solves without hardness only;
+median of the repeats, is what counts; plans and compilation are made before. Tamaas solves without hardness only;
 ContactMechanics with and without. `--write` puts table and picture beside this file, where the documentation takes
 them from.
 """
@@ -175,7 +175,7 @@ def peak_memory(n):
     import numpy as np
 
     heights = surface(n)
-    # compiled code takes memory too, but once; single precision is used from 512² on
+    # compiled code takes memory too, but once; large grids use single precision too
     solve, _, _ = femseal_solver(surface(512), np.inf, 1)
     forget_peak()
     before = resident("VmRSS")

@@ -32,6 +32,8 @@ _SAMPLED = 64
 #: Links narrower than this share of the widest hardly count in sums of conductances: an iteration does not see, or only
 #: slowly, what hangs on them only.
 _SEEN = 1e-8
+#: Links so narrow are rounding in the sums of wide ones: with them the matrix may not be positive definite.
+_LOST = 1e-13
 #: Iterations of multigrid allowed where it is wanted, or elimination takes much memory.
 _MOST_ITERATIONS = 400
 #: Potential of a node that neither, the inlet, or the outlet reaches.
@@ -48,8 +50,8 @@ def solve_flow(stencil: Stencil, *, rtol: float = 1e-6, solver: str = "auto") ->
     solver : "multigrid" (conjugate gradients on the grid's own hierarchy), "elimination" (star-mesh elimination, keeps
         its relative accuracy at any contrast up to 1e150; five points only), "amg" (conjugate gradients on pyamg's
         hierarchy of the assembled matrix; where that does not converge, elimination, or a factorisation on nine points,
-        and the solution says so), or "auto". What hangs on
-        links 1e-8 times as wide as others only is eliminated behind multigrid.
+        and the solution says so), or "auto". Behind multigrid, what hangs only on links 1e-8 times as wide as others is
+        eliminated.
 
     Returns
     -------
@@ -93,30 +95,30 @@ def check_solver(solver: str) -> None:
 
 
 def _solve(stencil: Stencil, keep: Flags, rtol: float, solver: str) -> DarcyFlow:
-    if solver == "amg":
-        try:
+    """By the solver asked for or chosen; where an iteration does not converge that was not asked for, directly."""
+    first, limit = _chosen(stencil, keep) if solver == "auto" else (solver, _MOST_ITERATIONS)
+    try:
+        if first == "multigrid":
+            return _by_multigrid(stencil, keep, rtol, limit)
+        if first == "amg":
             return _by_matrix(stencil, keep, rtol)
-        except NotConverged:
-            return _reliably(stencil, keep)
-    if solver == "multigrid":
-        return _by_multigrid(stencil, keep, rtol, _MOST_ITERATIONS)
-    if solver == "elimination":
-        return _by_elimination(stencil, keep)
+    except NotConverged:
+        if solver == "multigrid":
+            raise
+    return _by_matrix(stencil, keep, rtol, direct=True) if stencil.nine else _by_elimination(stencil, keep)
+
+
+def _chosen(stencil: Stencil, keep: Flags) -> tuple[str, int]:
+    """The solver to try first, and the iterations after which multigrid is given up."""
     n1, n2 = stencil.along.shape
     nodes = int(np.count_nonzero(keep[1:-1]))
-    few = nodes <= ELIMINATED_NODES
-    if coarsest_nodes(n1 - 1, n2) <= COARSEST_NODES:
-        worth, limit = (
-            (True, _MOST_ITERATIONS) if stencil.nine else _worth_of_multigrid(stencil.along, (n1 - 1) * n2, nodes)
-        )
-        if worth or not few:
-            try:
-                return _by_multigrid(stencil, keep, rtol, limit if few else _MOST_ITERATIONS)
-            except NotConverged:
-                pass
-    elif not few:
-        return _by_matrix(stencil, keep, rtol)
-    return _reliably(stencil, keep)
+    fits = nodes <= ELIMINATED_NODES
+    if coarsest_nodes(n1 - 1, n2) > COARSEST_NODES:  # a slender grid, whose coarsest level would be a large one
+        return ("elimination" if fits else "amg"), 0
+    if stencil.nine or not fits:
+        return "multigrid", _MOST_ITERATIONS
+    worth, limit = _worth_of_multigrid(stencil.along, (n1 - 1) * n2, nodes)
+    return ("multigrid" if worth else "elimination"), limit
 
 
 def _worth_of_multigrid(along: Array, unknowns: int, nodes: int) -> tuple[bool, int]:
@@ -150,11 +152,6 @@ def _iterations_of_noise(along: Array) -> float:
     return float(5 * np.exp(1.3 * contrast + 7 * ends))
 
 
-def _reliably(stencil: Stencil, keep: Flags) -> DarcyFlow:
-    """What does not iterate: elimination, or a factorisation on nine points."""
-    return _by_matrix(stencil, keep, 0.0, direct=True) if stencil.nine else _by_elimination(stencil, keep)
-
-
 def _by_elimination(stencil: Stencil, keep: Flags) -> DarcyFlow:
     c1 = stencil.along
     inlet, outlet = np.zeros((2, len(c1) - 1, c1.shape[1]))
@@ -169,7 +166,12 @@ def _by_multigrid(stencil: Stencil, keep: Flags, rtol: float, limit: int) -> Dar
     if not stencil.nine:
         along, across = (np.where(c >= _SEEN, c, 0.0) for c in (stencil.along, stencil.across))
         hidden = (keep & (nodes_reached(replace(stencil, along=along, across=across)) == 0))[1:-1]
-    φ, iterations, error = solve_multigrid(stencil, 0.1 * rtol, limit, ~hidden)
+    seen = stencil
+    if hidden.any():
+        along, across = (np.where(c >= _LOST, c, 0.0) for c in (stencil.along, stencil.across))
+        seen = replace(stencil, along=along, across=across)
+        seen = restricted(seen, nodes_reached(seen) == 3)
+    φ, iterations, error = solve_multigrid(seen, 0.1 * rtol, limit, ~hidden)
     ψ = 1 - φ
     if hidden.any():
         n1, n2 = stencil.along.shape

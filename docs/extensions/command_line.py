@@ -1,0 +1,27 @@
+"""The page of the command line: what `femseal COMMAND --help` says."""
+
+from pathlib import Path
+
+from typer.testing import CliRunner
+
+from femseal.cli import app
+
+_HEAD = """# Command line
+
+`femseal --help` and `femseal COMMAND --help` say this. The exit code is 0 when all is done, 2 for bad input (nothing
+is written), and 1 for anything else, also for a run that Ctrl-C stops.
+"""
+
+
+def write_command_line(page: Path) -> None:
+    """Write the page; help comes without boxes."""
+    app.rich_markup_mode = None
+    names = [command.name or command.callback.__name__ for command in app.registered_commands]
+    blocks = [f"## {name}\n\n```text\n{_help(name)}\n```" for name in names]
+    page.write_text("\n\n".join([_HEAD + f"\n```text\n{_help()}\n```", *blocks]) + "\n", encoding="utf-8")
+
+
+def _help(*command: str) -> str:
+    done = CliRunner().invoke(app, [*command, "--help"], prog_name="femseal", env={"COLUMNS": "110"})
+    assert done.exit_code == 0, done.output
+    return done.output.strip()

@@ -1,0 +1,133 @@
+"""The mapper over processes of this machine, by joblib."""
+
+from __future__ import annotations
+
+import os
+import pickle
+import signal
+import threading
+import warnings
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, suppress
+from functools import cache, lru_cache, partial
+from itertools import chain, islice
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+import psutil
+
+from ..base.errors import FemsealError
+from ..base.machine import free_memory
+from ..base.shared_array import sharing
+from ..base.stage import Mapper, Stage
+
+#: Share of the free memory that the calls of a stage under way may take together.
+FREE_SHARE = 0.7
+#: Settings of the GNU C library by which processes keep memory up to this size when it is freed [bytes]: to get the
+#: memory of each result anew takes as long as to send the result.
+KEPT_MEMORY = {"MALLOC_TRIM_THRESHOLD_": str(2**25), "MALLOC_MMAP_THRESHOLD_": str(2**25)}
+
+
+@contextmanager
+def over_processes(count: int) -> Iterator[Mapper]:
+    """A mapper over so many processes, which end with the context where that ends with an error.
+
+    Within it, arrays of `shared_empty` are shared with the processes.
+    """
+    try:
+        with sharing():
+            yield partial(_map, count)
+    except BaseException:
+        _end_processes(count)
+        raise
+
+
+def _map(count: int, stage: Stage, *iterables: Iterable[Any]) -> Iterator[Any]:
+    """Results of the stage, which each process reads once from a file; joblib sends the items in batches."""
+    import joblib
+    from joblib.externals.loky.process_executor import TerminatedWorkerError
+
+    items = zip(*iterables, strict=False)
+    first = list(islice(items, 1))
+    if not first:
+        return
+    with TemporaryDirectory(prefix="femseal-") as folder:
+        path = Path(folder, "stage.pickle")
+        path.write_bytes(pickle.dumps(stage, protocol=5))
+        under_way: Any = "2 * n_jobs"
+        if stage.memory:
+            under_way = int(np.clip(FREE_SHARE * free_memory() / stage.memory, 1, 2 * count))
+        results = None
+        try:
+            with joblib.parallel_config("loky", inner_max_num_threads=1), starting_processes():
+                pool = joblib.Parallel(return_as="generator", n_jobs=count, pre_dispatch=under_way)
+                call = joblib.delayed(_call_stored)
+                results = pool(call(os.getpid(), str(path), *args) for args in chain(first, items))
+            for result in results:  # noqa: UP028, as it would close them here
+                yield result
+        except TerminatedWorkerError as error:
+            reason = "a process died, as when memory runs out; try fewer workers"
+            raise FemsealError(f"workers: {reason} ({str(error).splitlines()[0]})") from error
+        finally:
+            with warnings.catch_warnings():
+                warnings.filterwarnings("ignore", ".* tasks ")  # of a run that was stopped, and needs no more results
+                if results is not None:
+                    results.close()
+
+
+@contextmanager
+def starting_processes() -> Iterator[None]:
+    """Processes that start within this context keep freed memory, and never hear SIGINT and SIGTERM.
+
+    The signals are blocked, which the processes inherit; this process hears them when the context ends, and ends the
+    others itself.
+    """
+    from multiprocessing import resource_tracker
+
+    from joblib.externals.loky.backend import resource_tracker as loky_tracker
+
+    added = KEPT_MEMORY.keys() - os.environ.keys()
+    os.environ.update({name: KEPT_MEMORY[name] for name in added})
+    heard = None
+    if hasattr(signal, "pthread_sigmask"):  # not on Windows
+        # these unblock the signals when they start
+        resource_tracker.ensure_running()
+        loky_tracker.ensure_running()
+        heard = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
+    try:
+        yield
+    finally:
+        for name in added:
+            os.environ.pop(name, None)
+        if heard is not None:
+            signal.pthread_sigmask(signal.SIG_SETMASK, heard)
+
+
+def _end_processes(count: int) -> None:
+    from joblib.externals.loky import get_reusable_executor
+
+    get_reusable_executor(max_workers=count, reuse=True).shutdown(wait=True, kill_workers=True)
+
+
+def _call_stored(parent: int, path: str, *args: Any) -> Any:
+    _end_with(parent)
+    return _stored(path)(*args)
+
+
+@lru_cache(maxsize=1)
+def _stored(path: str) -> Stage:
+    return pickle.loads(Path(path).read_bytes())
+
+
+@cache
+def _end_with(parent: int) -> None:
+    """End this process soon after its parent, which may be killed before it can say so."""
+
+    def watch() -> None:
+        with suppress(psutil.NoSuchProcess):
+            psutil.Process(parent).wait()
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
