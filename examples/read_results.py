@@ -1,6 +1,8 @@
-"""Read a results folder back: the table, single numbers by their names, and the page that tells the run.
+"""Results of a case
+=================
 
-Run a case first: femseal run examples/turned_seal.toml -o results/turned_seal
+Read a results folder back: the table, single numbers by their names, pictures, and the page that tells the run. Run a
+case first: ``femseal run examples/turned_seal.toml -o results/turned_seal``.
 """
 
 from __future__ import annotations
@@ -36,3 +38,6 @@ if __name__ == "__main__":
     highest = results.dataset["nominal_pressure"].argmax("step")
     print(f"leakage at the peak: {float(results.leakage[highest]):.4g} m²/s")
     print("page:", fs.write_report(results))
+    leakage, cells = results.plot(), results.plot_cells()
+    leakage.savefig("leakage.png")
+    cells.savefig("cells.png")

@@ -7,6 +7,7 @@ import sys
 from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
+from types import SimpleNamespace
 
 import h5py
 import numpy as np
@@ -529,3 +530,37 @@ def test_the_macro_of_paraview_names_what_is_written(folder):
     for name in ("fluid_pressure_Pa", "flux_m2_per_s", "nominal_pressure_MPa", "contact_pressure_MPa"):
         assert name in text
         assert name in {*cells, *points, *fields, *pixels}
+
+
+# --- full disks -------------------------------------------------------------------------------------------
+
+FULL = """
+import resource, signal, sys
+from pathlib import Path
+from types import SimpleNamespace
+from femseal.results.series import write
+from femseal.results.views import Heights
+from femseal.topography import self_affine
+view = Heights(self_affine((64, 64), (1e-4, 1e-4), hurst=0.8, rms_slope=0.1, rng=1))
+view.at(0)
+signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+resource.setrlimit(resource.RLIMIT_FSIZE, (2000, 2000))
+try:
+    write(view, Path(sys.argv[1]))
+except OSError as error:
+    print(type(error).__name__, error.errno)
+"""
+
+
+def test_a_full_disk_is_an_error(tmp_path):
+    pytest.importorskip("resource")
+    run = subprocess.run([sys.executable, "-c", FULL, str(tmp_path)], capture_output=True, text=True, timeout=120)
+    assert run.stdout.startswith("OSError"), run.stderr
+    assert not list(tmp_path.iterdir())
+
+
+def test_vtkhdf_is_not_begun_on_a_full_disk(results, scene, tmp_path, monkeypatch):
+    monkeypatch.setattr("shutil.disk_usage", lambda path: SimpleNamespace(free=0))
+    with pytest.raises(OSError, match="No space left"):
+        write_vtk(results, scene.surface, tmp_path, "vtkhdf")
+    assert not list(tmp_path.iterdir())

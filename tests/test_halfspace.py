@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
+import pyfftw
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -258,6 +259,17 @@ def test_every_process_computes_the_same_bits():
     command = [sys.executable, "-c", code, str(Path(__file__).parent)]
     once = subprocess.run(command, capture_output=True, text=True, check=True).stdout
     assert once == f"{displacements()}\n"
+
+
+def test_what_fftw_has_planned_before_changes_no_bits_and_is_kept():
+    before = displacements()
+    for n in (40, 288):
+        points, waves = pyfftw.empty_aligned((n, n)), pyfftw.empty_aligned((n, n // 2 + 1), dtype=complex)
+        pyfftw.FFTW(points, waves, (1,), "FFTW_FORWARD", ("FFTW_MEASURE",))
+        pyfftw.FFTW(waves, points, (1,), "FFTW_BACKWARD", ("FFTW_MEASURE", "FFTW_DESTROY_INPUT"))
+    known = pyfftw.export_wisdom()
+    assert displacements() == before
+    assert [sorted(part.splitlines()) for part in pyfftw.export_wisdom()] == [sorted(k.splitlines()) for k in known]
 
 
 @pytest.mark.parametrize("boundary", PAIRS)

@@ -737,6 +737,14 @@ class TestSolvers:
         assert_allclose(result.k1[0, 1, 5], exact, rtol=1e-9)
         assert abs(result.k1[0, 1, 5] / rough_two_scale.k1[0, 1, 5] - 1) > 1e-3
 
+    @pytest.mark.parametrize(
+        "given",
+        [{"solver": "magic"}, {"discretisation": "magic"}, {"solver": "elimination", "discretisation": "gauss"}],
+    )
+    def test_what_no_flow_can_take_is_refused_at_once(self, rough, given):
+        with pytest.raises(InputError, match=r"solver|discretisation"):
+            replace(rough, **given)
+
     def test_of_drawn_seals(self, rough):
         """Systems of the library, and for each realisation, as many resampled ones, and each step."""
         result = stochastic(rough, (4, 6), replace(SAMPLING, pressure="uniform", library_cells=8))

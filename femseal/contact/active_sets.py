@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import kernels
-from .grid import Grid
+from .workspace import Grid
 
 Array = NDArray[np.float64]
 #: Steps of conjugate gradients where the sets were changed, and where they were not.

@@ -4,18 +4,20 @@ A product has five stages: points are laid out for the transform (mirror and fre
 then for a block of columns at a time, while it is in cache: columns are transformed, waves are multiplied with the
 symbol, columns are transformed back; rows are transformed back; points are taken out again.
 
-FFTW plans with FFTW_ESTIMATE: it chooses by a rule and not by timing, so that every process gets the same plans and the
-same bits, unless the process has measured the same transforms itself. Columns go from strided memory to contiguous
-blocks, where FFTW's rule chooses well. Measured against plans that FFTW timed, whole solutions of 256² to 1024² points
-take 0.9 to 1.03 times as long on periodic and 0.8 to 0.9 times on mirror axes; small periodic grids are slower, by 2 %
-at 48², 8 % at 64² and 24 % at 128².
+FFTW plans with FFTW_ESTIMATE and without wisdom: it chooses by a rule and not by timing, so that every process gets the
+same plans and the same bits. Columns go from strided memory to contiguous blocks, where FFTW's rule chooses well.
+Measured against plans that FFTW timed, whole solutions of 256² to 1024² points take 0.9 to 1.03 times as long on
+periodic and 0.8 to 0.95 times on mirror axes. Smaller periodic grids are slower: by 2 % at 48², 8 % at 64², 12 % at 96²
+and 24 % at 128².
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+import threading
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
@@ -32,6 +34,7 @@ _BLOCK_BYTES = 2**18
 _ALIGNED = 8
 #: Rows of waves take 8k + 3 cache lines of 64 bytes: the points of a column do not push each other out of the cache.
 _LINE, _LINES, _MORE_LINES = 64, 8, 3
+_PLANNING = threading.RLock()
 
 
 class Convolution:
@@ -130,9 +133,23 @@ def _row_length(waves: int, itemsize: int) -> int:
 
 def _plans(points: Any, waves: Any, target: Any, *, axis: int, threads: int = 1) -> tuple[Any, Any]:
     """FFTW's transforms points → waves and, destroying them, waves → target."""
-    forward = pyfftw.FFTW(points, waves, (axis,), "FFTW_FORWARD", ("FFTW_ESTIMATE",), threads)
     flags = "FFTW_ESTIMATE", "FFTW_DESTROY_INPUT"
-    return forward.execute, pyfftw.FFTW(waves, target, (axis,), "FFTW_BACKWARD", flags, threads).execute
+    with _no_wisdom():
+        forward = pyfftw.FFTW(points, waves, (axis,), "FFTW_FORWARD", flags[:1], threads)
+        return forward.execute, pyfftw.FFTW(waves, target, (axis,), "FFTW_BACKWARD", flags, threads).execute
+
+
+@contextmanager
+def _no_wisdom() -> Iterator[None]:
+    """FFTW plans as in a new process: its rule also goes by what it has planned before."""
+    with _PLANNING:
+        known = pyfftw.export_wisdom()
+        pyfftw.forget_wisdom()
+        try:
+            yield
+        finally:
+            pyfftw.forget_wisdom()
+            pyfftw.import_wisdom(known)
 
 
 def _respond_in(blocks: Sequence[Any]) -> None:

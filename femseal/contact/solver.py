@@ -19,9 +19,9 @@ from ..base.errors import InputError, NotConverged
 from ..base.text import Shown
 from . import kernels
 from .active_sets import ActiveSets
-from .grid import Grid, nested_grids
 from .half_space import HalfSpace
 from .transfer import coarsen
+from .workspace import Grid, nested_grids
 
 Array = NDArray[np.float64]
 _COARSE_RTOL = 1e-2

@@ -35,13 +35,13 @@ _LUMPED = (Sample((0.0, 0.5), 0.5, (0, 0)), Sample((1.0, 0.5), 0.5, (0, 0)))
 _ENDS = np.ix_([0, 3], [0, 3])
 
 
-def pixel_bounds(gap: Array, spacing: tuple[float, float], sides: str) -> tuple[float, float]:
+def pixel_bounds(gap: Array, spacing: tuple[float, float], sides: str, solver: str = "auto") -> tuple[float, float]:
     """Lower and upper bound of the flow for a unit drop along x1 [unit of h³]; both 0 where all is closed.
 
     Diagonal neighbours touch in the upper bound and not in the lower one.
     """
     k = cubic_law(gap)
-    lower, potential = lower_bound(k, spacing, sides == "periodic")
+    lower, potential = lower_bound(k, spacing, sides == "periodic", solver)
     return lower, _upper(k, spacing, sides, potential)
 
 
@@ -62,7 +62,7 @@ def _along(local: Array) -> Array:
     return local if local.sum() > np.trace(local) else local * np.array([[1.0, -1.0], [-1.0, 1.0]])
 
 
-def lower_bound(k: Array, spacing: tuple[float, float], ring: bool) -> tuple[float, Array]:
+def lower_bound(k: Array, spacing: tuple[float, float], ring: bool, solver: str = "auto") -> tuple[float, Array]:
     """The lower bound for a permeability k (n1, n2) constant on each pixel, and the potential that it comes from."""
     d1, d2 = spacing
     with np.errstate(divide="ignore"):
@@ -74,7 +74,7 @@ def lower_bound(k: Array, spacing: tuple[float, float], ring: bool) -> tuple[flo
     if ring and k.shape[1] == 1:
         c2 = np.zeros_like(c2)
     stencil = Stencil(c1, c2, ring2=ring)
-    flow = solve_flow(stencil)
+    flow = solve_flow(stencil, solver=solver)
     if not flow.percolates:
         return 0.0, flow.potential[1:-1]
     q1, q2 = _balanced_fluxes(stencil, np.nan_to_num(flow.potential), np.nan_to_num(flow.complement))

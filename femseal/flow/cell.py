@@ -97,9 +97,13 @@ def cell_permeability(
     shape_factor = scale**3 * (n1 * d1) / (n2 * d2)
     lower, upper = np.nan, np.nan
     if bounds:
-        lower, upper = (shape_factor * b for b in pixel_bounds(h, (d1, d2), sides))
+        lower, upper = (
+            shape_factor * b for b in pixel_bounds(h, (d1, d2), sides, solver if on_grid(discretisation) else "auto")
+        )
     pressure = flow.potential
-    estimated = _resampling_error(h, (d1, d2), sides, discretisation, flow.conductance, rtol) if estimate else np.nan
+    estimated = np.nan
+    if estimate:
+        estimated = _resampling_error(h, (d1, d2), sides, discretisation, flow.conductance, rtol, solver)
     return Permeability(
         value=shape_factor * flow.conductance,
         lower=lower,
@@ -206,7 +210,7 @@ def _flow(
 
 
 def _resampling_error(
-    h: Array, spacing: tuple[float, float], sides: str, discretisation: str, rate: float, rtol: float
+    h: Array, spacing: tuple[float, float], sides: str, discretisation: str, rate: float, rtol: float, solver: str
 ) -> float:
     """Estimated relative error of `rate`, from the four ways to take every second pixel along both axes."""
     if min(h.shape) < 4:
@@ -216,7 +220,8 @@ def _resampling_error(
     rates = []
     for a, b in np.ndindex(2, 2):
         grid = Grid.of_points(x1[a::2], x2[b::2], size, sides)
-        rates.append(solve_flow(cell_stencil(h[a::2, b::2], grid, discretisation), rtol=rtol).conductance)
+        stencil = cell_stencil(h[a::2, b::2], grid, discretisation)
+        rates.append(solve_flow(stencil, rtol=rtol, solver=solver).conductance)
     if rate == 0 or min(rates) == 0:
         return np.inf if max(rate, *rates) > 0 else 0.0
     return max(abs(rate - r) for r in rates) / (3 * rate)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import io
 from functools import cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,7 +38,7 @@ _CUT = 0.04
 _NOTEBOOK_PIXELS = 80
 
 
-def new_figure(width: float, height: float, layout: str | None = "constrained") -> Figure:
+def new_figure(width: float, height: float, layout: Literal["constrained"] | None = "constrained") -> Figure:
     """An empty figure [inch] that lays itself out, belongs to no window, and shows itself in a notebook.
 
     Laying out takes as long as drawing: `layout` None spares it where one panel is cut to what is drawn.

@@ -171,7 +171,7 @@ def _curves_figure(curves: LeakageCurves, ax: Axes | None, label: str | None) ->
     before = set(ax.get_children())
     handles = leakage_panel(ax, *several)
     artists[:] = [artist for artist in ax.get_children() if artist not in before]
-    ax.legend(handles=handles, frameon=False, fontsize=8.5, handlelength=3.4)
+    ax.legend(handles=handles, framealpha=0.9, edgecolor="none", fontsize=7.5, handlelength=3.4)
     return one_panel(ax, 0, 0)[0]
 
 

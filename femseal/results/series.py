@@ -61,8 +61,15 @@ def _save(mesh: Any, stem: Path) -> Path:
 
     image = isinstance(mesh, pyvista.ImageData)
     path = stem.with_suffix(IMAGE if image else ".vtu")
+    writer = (pyvista.XMLImageDataWriter if image else pyvista.XMLUnstructuredGridWriter)(path, mesh).writer
+    writer.SetDataModeToAppended()
+    writer.EncodeAppendedDataOff()
+    # into memory first: VTK crashes where a disk is full
+    writer.WriteToOutputStringOn()
+    if not writer.Write():
+        raise OSError(f"VTK could not write {path}")
+    content = writer.GetOutputString()
     with replacing(path) as temporary:
-        writer = (pyvista.XMLImageDataWriter if image else pyvista.XMLUnstructuredGridWriter)(temporary, mesh)
-        writer.writer.EncodeAppendedDataOff()
-        writer.write()
+        # text if the packed data happen to be text
+        temporary.write_bytes(content if isinstance(content, bytes) else content.encode())
     return path

@@ -6,6 +6,9 @@ index of the load step, since loads come back on unloading; the loads are field 
 
 from __future__ import annotations
 
+import errno
+import os
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -25,12 +28,17 @@ def write(view: View, folder: Path) -> list[Path]:
     from vtkmodules.vtkIOHDF import vtkHDFWriter
 
     path = folder / f"{view.name}{SUFFIX}"
+    first = view.at(0)
+    size = 1024 * first.GetActualMemorySize() * (1 if view.steps is None else len(view.steps.index))
+    if shutil.disk_usage(folder).free < size:
+        # HDF5 crashes or hangs where a disk is full
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path))
     with replacing(path) as target:
         writer = vtkHDFWriter()
         writer.SetFileName(str(target))
         writer.SetCompressionLevel(_LEVEL)
         if view.steps is None:
-            writer.SetInputData(view.at(0))
+            writer.SetInputData(first)
         else:
             source = _source(view, view.steps)
             writer.SetInputConnection(source.GetOutputPort())

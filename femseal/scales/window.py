@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from ..contact import HalfSpace, solve_deformed_contact
 from ..flow import cell_permeability
 from ..flow.coefficient import cubic_law
+from ..flow.discretisation import check_discretisation
 from ..loads import LoadProgramme
 from .outcome import Failed, SolveCounts, SolverCounts, attempt
 from .window_fields import ContactValues
@@ -156,10 +157,18 @@ class FlowHistory:
 
 @dataclass(frozen=True)
 class FlowSettings:
-    """How the flow through windows is discretised and solved, see `cell_permeability`."""
+    """How the flow through windows is discretised and solved, see `cell_permeability`.
+
+    Raises
+    ------
+    InputError : an unknown solver or discretisation, or two that do not go together.
+    """
 
     solver: str = "auto"
     discretisation: str = "edge"
+
+    def __post_init__(self) -> None:
+        check_discretisation(self.discretisation, self.solver)
 
 
 def flow_history(

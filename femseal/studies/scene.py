@@ -50,6 +50,9 @@ class Scene:
     solver: str = "auto"
     discretisation: str = "edge"
 
+    def __post_init__(self) -> None:
+        _ = self.flow  # refuses a solver or a discretisation that no flow could take
+
     @property
     def steps(self) -> LoadProgramme:
         """The load programme."""

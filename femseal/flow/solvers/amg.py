@@ -23,7 +23,10 @@ from ...base.errors import InputError, NotConverged
 
 Array = NDArray[np.float64]
 SOLVERS = ("auto", "direct", "amg")
-#: Unknowns up to which the factorisation of a mesh's matrix takes less time than multigrid.
+#: Unknowns up to which the factorisation of a mesh's matrix takes less time than multigrid. Factorisation against
+#: multigrid in ms on one core, P1, Q1, P2 and Q2: 20,000 unknowns 74:78, 58:61, 75:90, 61:76; 50,000 260:200, 160:150,
+#: 240:220, 170:170; 100,000 650:410, 350:280, 460:400, 375:345; 300,000 2000:1200, 1460:920, 2200:1330, 1420:1470; a
+#: million with P1 34,000:4500. Memory 560 against 320 MB at 300,000 with Q2, 490 against 200 MB with P1.
 DIRECT_UNKNOWNS = 50_000
 #: Unknowns of the coarsest level, which is factorised.
 _COARSEST = 500
