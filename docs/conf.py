@@ -33,7 +33,8 @@ extensions = [
     "sphinx_gallery.gen_gallery",
 ]
 exclude_patterns = ["_build", "_examples", "gallery_header.rst"]
-suppress_warnings = ["config.cache"]
+# functions in the configuration; spaces in the path of the whole, which do no harm
+suppress_warnings = ["config.cache", "sphinx_gallery.space_in_filename"]
 
 myst_enable_extensions = ["dollarmath", "amsmath", "deflist"]
 myst_heading_anchors = 3

@@ -271,7 +271,9 @@ def test_ctrl_c_within_compiled_code_stops_as_any_other(case, tmp_path):
     """As numba tells it; other errors of the system stay what they are."""
 
     def fail(stage, done, total, cause):
-        raise SystemError("returned a result with an exception set") from cause
+        inner = SystemError("returned a result with an exception set")
+        inner.__cause__ = cause
+        raise SystemError("returned a result with an exception set") from inner
 
     for cause, expected in ((KeyboardInterrupt(), KeyboardInterrupt), (ValueError(), SystemError)):
         with pytest.raises(expected):

@@ -7,7 +7,6 @@ from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import xarray
 
 from ..base.errors import InputError
 from ..base.machine import machine, peak_memory
@@ -57,6 +56,8 @@ def assemble(
     ------
     InputError : no study, a study of another load programme, quantiles not 0 <= lower < upper <= 1.
     """
+    import xarray
+
     studies = [s for s in (deterministic, two_scale, stochastic) if s is not None]
     if not studies:
         raise InputError.of("results", "no study", "at least one of deterministic, two_scale, stochastic")

@@ -12,12 +12,13 @@ from dataclasses import fields
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import xarray
 
 from ..loads import LoadStep
 from ..seal import NARROWEST, drop_shares
 
 if TYPE_CHECKING:
+    import xarray
+
     from ..scales import LibraryTable
     from ..studies import DeterministicResult, Scene, StochasticResult, TwoScaleResult
 

@@ -103,11 +103,14 @@ def run(
 
 @contextmanager
 def _interrupts() -> Iterator[None]:
-    """A Ctrl-C that numba hears within a call of compiled code, and wraps into a SystemError, is one again."""
+    """A Ctrl-C that arrives within a call of compiled code, which numba tells as SystemErrors, is one again."""
     try:
         yield
     except SystemError as error:
-        if isinstance(error.__cause__, KeyboardInterrupt):
+        cause: BaseException | None = error
+        while isinstance(cause, SystemError):
+            cause = cause.__cause__
+        if isinstance(cause, KeyboardInterrupt):
             raise KeyboardInterrupt from error
         raise
 
