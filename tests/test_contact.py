@@ -12,7 +12,7 @@ from scipy.optimize import lsq_linear
 
 from femseal import analytic
 from femseal.base.errors import InputError, NotConverged
-from femseal.contact import HalfSpace, grid, solve_contact
+from femseal.contact import HalfSpace, solve_contact, workspace
 
 E = 115e9
 H = 4e9
@@ -482,12 +482,12 @@ def test_bad_control_is_refused(given, word):
 @pytest.mark.parametrize("boundary", [p for p in PAIRS if p[0] == "periodic" or p[0] == p[1]])
 def test_single_precision_directions_lose_nothing(boundary, monkeypatch):
     h, half_space = rough((64, 60)), HalfSpace((64, 60), (D, 1.25 * D), E, boundary)
-    grid.nested_grids.cache_clear()
+    workspace.nested_grids.cache_clear()
     double = solve_contact(h, half_space, pressure=0.1 * H, hardness=H, rtol=1e-11)
-    monkeypatch.setattr(grid, "_SINGLE", 1)
-    grid.nested_grids.cache_clear()
+    monkeypatch.setattr(workspace, "_SINGLE", 1)
+    workspace.nested_grids.cache_clear()
     single = solve_contact(h, half_space, pressure=0.1 * H, hardness=H, rtol=1e-11)
-    grid.nested_grids.cache_clear()
+    workspace.nested_grids.cache_clear()
     assert residual(single, h, half_space, lambda p, body: body.displacement(p), H) <= 1.001e-11
     assert_allclose(single.pressure, double.pressure, rtol=0, atol=1e-8 * H)
     assert not np.array_equal(single.pressure, double.pressure)
@@ -496,7 +496,7 @@ def test_single_precision_directions_lose_nothing(boundary, monkeypatch):
 def test_an_interrupted_solution_leaves_nothing_behind():
     h, half_space = rough((40, 40)), HalfSpace((40, 40), (D, D), E)
     whole = solve_contact(h, half_space, pressure=0.1 * H, hardness=H)
-    for level in grid.nested_grids(half_space, threading.get_ident(), 1):
+    for level in workspace.nested_grids(half_space, threading.get_ident(), 1):
         for leftover in (level.dense, level.v, level.near, level.on_free):
             leftover[...] = 1.0
         level.lists[...], level.state[...] = 7, 1
