@@ -1,9 +1,8 @@
 """VTK's XML files, which every ParaView opens: one for each load step, and a `.pvd` that puts them on the time axis.
 
 Time is the index of the load step, since the same load occurs on loading and on unloading; the loads are field data.
-pyvista writes the data, compressed. Images are written as raw bytes, which take a quarter less space. Meshes are written
-in base64, because meshio 5.3 mixes up the arrays of some files of raw bytes. pyvista writes no `.pvd`, so its few lines
-are written here.
+pyvista writes the data, compressed: images as raw bytes, which take a quarter less space, meshes in base64, because
+meshio 5.3 mixes up the arrays of some files of raw bytes. pyvista writes no `.pvd`, so its few lines are written here.
 """
 
 from __future__ import annotations
