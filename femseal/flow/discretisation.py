@@ -5,6 +5,7 @@ All of them assemble `forms.darcy_flow` (RT0: `forms.flux_resistance`). A new el
 
 from __future__ import annotations
 
+import logging
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -41,6 +42,8 @@ class Discretisation:
     triangles: bool = False
 
 
+# scikit-fem warns that it copies vertices whenever it makes a mesh of more than 1000 vertices periodic
+logging.getLogger("skfem.mesh.mesh").addFilter(lambda record: "C_CONTIGUOUS" not in record.getMessage())
 #: Degrees on general meshes: the cube of the gap times the square of the gradient.
 DISCRETISATIONS = {
     "edge": Discretisation("Q1, cubic gap at the midpoints of edges"),
