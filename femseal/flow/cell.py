@@ -17,8 +17,9 @@ from ..base import validate
 from ..base.errors import InputError
 from ..base.text import Shown
 from .bounds import pixel_bounds
+from .cell_mesh import mesh_flow
 from .coefficient import validated_cell
-from .discretisation import cell_stencil, check_discretisation, mesh_flow, on_grid
+from .discretisation import cell_stencil, check_discretisation, on_grid
 from .grid import Grid
 from .solution import DarcyFlow
 from .solvers.choice import solve_flow
