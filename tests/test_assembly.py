@@ -353,6 +353,11 @@ def test_closed_cells_carry_exactly_nothing(discretisation):
     assert_array_equal(found.fluid_pressure[[0, 2, 5, 7]].mean(axis=1), [1, 1, 0, 0])
 
 
+def test_a_large_periodic_mesh_warns_of_nothing(caplog):
+    fs.cell_permeability(np.full((40, 30), 1e-6), (1e-6, 1e-6), sides="periodic", discretisation="P1")
+    assert not caplog.records
+
+
 def test_discretisations_that_are_refused():
     h = np.ones((4, 4))
     for options, words in (

@@ -86,7 +86,7 @@ def test_quantities_become_si(data):
         ("stochastic", "realisations", 1, ["stochastic.realisations", "greater than or equal to 2"]),
         ("stochastic", "pressure", "magic", ["stochastic.pressure", "place, global, uniform"]),
         ("flow", "solver", "magic", ["flow.solver", "'magic'", "auto, multigrid, elimination, amg"]),
-        ("flow", "discretisation", "P7", ["flow.discretisation", "'P7'", "edge, gauss"]),
+        ("flow", "discretisation", "P7", ["flow.discretisation", "'P7'", "edge, gauss, P1, Q2, RT0"]),
         ("flow", "rtol", 1e-3, ["flow.rtol", "unknown key, allowed are solver, discretisation"]),
         ("flow", "solver", "elimination", ["flow.solver: given 'elimination'", "'auto', 'multigrid' or 'amg'"]),
         ("seal", "kind", "square", ["seal.kind", "'square'", "'rectangular'"]),
@@ -254,6 +254,8 @@ class TestPrepare:
         assert any(
             line.split() == ["flow", "discretisation", "gauss,", "solver", "amg"] for line in describe(other, prepared)
         )
+        small["flow"] = {"solver": "amg", "discretisation": "RT0"}
+        assert parse_case(small).prepare().scene.discretisation == "RT0"
         # results of other equations, or from another solver, are not those of this case
         assert case.echo()["flow"] != other.echo()["flow"]
         assert case.echo()["seal"] == other.echo()["seal"] == {"kind": "rectangular"}

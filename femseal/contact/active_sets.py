@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import kernels
-from .workspace import Grid
+from .workspace import Workspace
 
 Array = NDArray[np.float64]
 #: Steps of conjugate gradients where the sets were changed, and where they were not.
@@ -48,7 +48,7 @@ class ActiveSets:
     """
 
     def __init__(
-        self, grid: Grid, gap0: Array, offset: float, hardness: Array, load: float | None, approach: float | None
+        self, grid: Workspace, gap0: Array, offset: float, hardness: Array, load: float | None, approach: float | None
     ) -> None:
         self._grid = grid
         self._gap0, self._offset, self._hardness = gap0.ravel(), offset, hardness.ravel()

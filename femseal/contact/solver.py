@@ -21,7 +21,7 @@ from . import kernels
 from .active_sets import ActiveSets
 from .half_space import HalfSpace
 from .transfer import coarsen
-from .workspace import Grid, nested_grids
+from .workspace import Workspace, nested_grids
 
 Array = NDArray[np.float64]
 _COARSE_RTOL = 1e-2
@@ -205,7 +205,7 @@ class _Problem:
         self._check(sets, grids[0])
         return self._result(grids[0], offset, sets.delta, sets.residual, sets.iterations, sets.pairs)
 
-    def _nested(self, grids: tuple[Grid, ...], offset: float) -> ActiveSets:
+    def _nested(self, grids: tuple[Workspace, ...], offset: float) -> ActiveSets:
         """Solve on the coarsest grid first; each solution is the start on the next finer grid."""
         gaps, bounds = [self.gap0], [self.hardness]
         for _ in grids[1:]:
@@ -226,7 +226,7 @@ class _Problem:
         sets.solve(self.rtol, _MAX_ITERATIONS)
         return sets
 
-    def _first_guess(self, grid: Grid, gap0: Array, hardness: Array, load: float | None) -> Array:
+    def _first_guess(self, grid: Workspace, gap0: Array, hardness: Array, load: float | None) -> Array:
         """Pressure to start from on the coarsest grid.
 
         A load is spread over as many of the highest points as carry it at H, or at 0.1 E*. At an approach each point
@@ -242,7 +242,7 @@ class _Problem:
         touching = gap0 <= np.partition(gap0, n - 1, axis=None)[n - 1]
         return touching * (load * gap0.size / np.count_nonzero(touching))
 
-    def _uniform(self, grid: Grid, offset: float, pressure: float | Array, approach: float | None) -> Contact:
+    def _uniform(self, grid: Workspace, offset: float, pressure: float | Array, approach: float | None) -> Contact:
         """Solution whose pressure is known; `approach` None is the least at which every point is in contact."""
         grid.pressure[:] = pressure
         grid.respond.apply()
@@ -250,7 +250,7 @@ class _Problem:
         delta = float(grid.v.max()) if approach is None else approach - offset
         return self._result(grid, offset, delta, residual=0.0, iterations=0, pairs=1)
 
-    def _check(self, sets: ActiveSets, grid: Grid) -> None:
+    def _check(self, sets: ActiveSets, grid: Workspace) -> None:
         carried = float(grid.p.mean())
         if self.load and not abs(carried - self.load) <= 1e-9 * self.load:
             raise NotConverged(
@@ -263,7 +263,9 @@ class _Problem:
                 sets.residual,
             )
 
-    def _result(self, grid: Grid, offset: float, delta: float, residual: float, iterations: int, pairs: int) -> Contact:
+    def _result(
+        self, grid: Workspace, offset: float, delta: float, residual: float, iterations: int, pairs: int
+    ) -> Contact:
         p = grid.pressure.copy()
         gap, deformation, plastic = np.empty(p.shape), np.zeros(p.shape), np.empty(p.shape, np.bool_)
         kernels.gap_and_deformation(

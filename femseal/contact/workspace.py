@@ -21,7 +21,7 @@ _SINGLE = 160**2
 
 
 @lru_cache(maxsize=8)
-def nested_grids(half_space: HalfSpace, thread: int, threads: int) -> tuple[Grid, ...]:
+def nested_grids(half_space: HalfSpace, thread: int, threads: int) -> tuple[Workspace, ...]:
     """Workspaces from the given grid to the coarsest, kept per thread because their arrays are written to."""
     levels = [half_space]
     while min(half_space.shape) > _COARSEST:
@@ -29,10 +29,10 @@ def nested_grids(half_space: HalfSpace, thread: int, threads: int) -> tuple[Grid
         d1, d2 = half_space.spacing
         half_space = replace(half_space, shape=((n1 + 1) // 2, (n2 + 1) // 2), spacing=(2 * d1, 2 * d2))
         levels.append(half_space)
-    return tuple(Grid(level, threads) for level in levels)
+    return tuple(Workspace(level, threads) for level in levels)
 
 
-class Grid:
+class Workspace:
     """Products with K, preconditioner and work arrays of one grid; `kernels` tells what the arrays hold.
 
     Attributes

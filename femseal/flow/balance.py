@@ -1,7 +1,7 @@
-"""A flux made to balance: what a solver leaves over at the nodes of a graph is sent out along a spanning tree.
+"""Correct a flux so that it balances: the excess of every node is sent to the ends along a spanning tree.
 
-The flux of a numerical solution balances up to rounding, which a high contrast makes matter. For a lower
-bound of the flow (Thomson's principle) it must balance exactly.
+The flux of a numerical solution balances up to rounding only, and at a high contrast rounding matters. A lower bound of
+the flow (Thomson's principle) needs a flux that balances exactly.
 """
 
 from __future__ import annotations
@@ -11,9 +11,27 @@ from numba import njit
 from numpy.typing import NDArray
 
 from .percolation import union
+from .stencil import Stencil
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
+
+
+def balanced_link_fluxes(stencil: Stencil, potential: Array, complement: Array) -> tuple[Array, Array]:
+    """Fluxes near −c Δφ along and across that balance at every node between the ends, on five points.
+
+    `complement` is 1 − φ: each difference is taken of the smaller of the two, which has the smaller rounding errors.
+    """
+    n1, n2 = stencil.along.shape
+    parts = [(c.ravel(), a.ravel(), b.ravel()) for c, a, b, _ in stencil.couples()]
+    c, tail, head = (np.concatenate(part) for part in zip(*parts, strict=True))
+    φ, ψ = potential.ravel(), complement.ravel()
+    q = c * np.where(φ[tail] + φ[head] < 1, φ[tail] - φ[head], ψ[head] - ψ[tail])
+    # both ends are node 0: what enters and leaves there need not balance
+    rooted = np.zeros((n1 + 1) * n2, np.int64)
+    rooted[n2:-n2] = np.arange(1, (n1 - 1) * n2 + 1)
+    q = balanced_flux(rooted[tail], rooted[head], c, q, (n1 - 1) * n2 + 1)
+    return q[: n1 * n2].reshape(n1, n2), q[n1 * n2 :].reshape(stencil.across.shape)
 
 
 def balanced_flux(tail: Indices, head: Indices, width: Array, flux: Array, nodes: int) -> Array:

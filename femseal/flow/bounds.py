@@ -15,7 +15,7 @@ from skfem import ElementQuadRT0
 from ..base.errors import NotConverged
 from . import forms
 from .assembly import Sample, assemble_on_elements, elemental, gauss
-from .balance import balanced_flux
+from .balance import balanced_link_fluxes
 from .coefficient import cubic_law
 from .grid import Grid
 from .percolation import nodes_reached, restricted
@@ -77,7 +77,7 @@ def lower_bound(k: Array, spacing: tuple[float, float], ring: bool, solver: str 
     flow = solve_flow(stencil, solver=solver)
     if not flow.percolates:
         return 0.0, flow.potential[1:-1]
-    q1, q2 = _balanced_fluxes(stencil, np.nan_to_num(flow.potential), np.nan_to_num(flow.complement))
+    q1, q2 = balanced_link_fluxes(stencil, np.nan_to_num(flow.potential), np.nan_to_num(flow.complement))
     closed = np.zeros((k.shape[0], 0 if ring else 1))
     west, east = np.hstack([closed, q2]), np.hstack([q2, closed])
     if ring:
@@ -92,29 +92,6 @@ def lower_bound(k: Array, spacing: tuple[float, float], ring: bool, solver: str 
         total = np.where(k > 0, dissipated / k, 0.0).sum()
     bound = min(abs(q1[0].sum()), abs(q1[-1].sum())) ** 2 / total if total > 0 else 0.0
     return float(bound), flow.potential[1:-1]
-
-
-def _balanced_fluxes(stencil: Stencil, p: Array, complement: Array) -> tuple[Array, Array]:
-    """Fluxes near −c Δp that balance at every node, which differences of pressures at high contrast do not."""
-    c1, c2 = stencil.along, stencil.across
-    n1, n2 = c1.shape
-    m2 = c2.shape[1]
-    node = np.zeros(p.shape, np.int64)  # both ends are node 0
-    node[1:-1] = 1 + np.arange((n1 - 1) * n2).reshape(n1 - 1, n2)
-    q1 = c1 * _drop(p[:-1], p[1:], complement[:-1], complement[1:])
-    inner, inner_complement = p[1:-1], complement[1:-1]
-    next_p, next_complement = (np.roll(a, -1, axis=1)[:, :m2] for a in (inner, inner_complement))
-    q2 = c2 * _drop(inner[:, :m2], next_p, inner_complement[:, :m2], next_complement)
-    tail = np.concatenate([node[:-1].ravel(), node[1:-1, :m2].ravel()])
-    head = np.concatenate([node[1:].ravel(), np.roll(node[1:-1], -1, axis=1)[:, :m2].ravel()])
-    c, q = (np.concatenate([a.ravel(), b.ravel()]) for a, b in ((c1, c2), (q1, q2)))
-    q = balanced_flux(tail, head, c, q, 1 + inner.size)
-    return q[: n1 * n2].reshape(c1.shape), q[n1 * n2 :].reshape(c2.shape)
-
-
-def _drop(p: Array, p_next: Array, complement: Array, complement_next: Array) -> Array:
-    """p − p_next from whichever of p and 1 − p is smaller and so has the smaller rounding errors."""
-    return np.where(p + p_next < 1, p - p_next, complement_next - complement)
 
 
 def _upper(k: Array, spacing: tuple[float, float], sides: str, potential: Array) -> float:

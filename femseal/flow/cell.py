@@ -17,8 +17,9 @@ from ..base import validate
 from ..base.errors import InputError
 from ..base.text import Shown
 from .bounds import pixel_bounds
+from .cell_mesh import mesh_flow
 from .coefficient import validated_cell
-from .discretisation import cell_stencil, check_discretisation, mesh_flow, on_grid
+from .discretisation import cell_stencil, check_discretisation, on_grid
 from .grid import Grid
 from .solution import DarcyFlow
 from .solvers.choice import solve_flow
@@ -188,10 +189,8 @@ def pixel_dissipation(gap: Array, spacing: tuple[float, float]) -> Array:
     """
     h, spacing = validated_cell(gap, spacing, 0, "periodic")
     stencil = cell_stencil(h, Grid.of_pixel_centres(h.shape, spacing, "periodic"))
-    φ = np.nan_to_num(solve_flow(stencil).potential)
-    along = stencil.along * np.diff(φ, axis=0) ** 2
+    along, across = stencil.dissipation(solve_flow(stencil).potential)
     along[[0, -1]] *= 2  # halved below
-    across = stencil.across * (np.roll(φ, -1, axis=1) - φ)[1:-1] ** 2
     return (along[:-1] + along[1:] + across + np.roll(across, 1, axis=1)) / 2
 
 

@@ -104,6 +104,15 @@ class Stencil:
         """Σ c (Δp)² over all couples for a pressure at the nodes: from differences, so that nothing cancels."""
         return float(_energy(self.along, self.across, self.falling, self.rising, pressure, self.ring1))
 
+    def dissipation(self, potential: Array) -> tuple[Array, Array]:
+        """Dissipation c (Δφ)² of the couples along both axes of a five-point stencil.
+
+        `potential` (n1 + 1, n2) is NaN in pockets, where nothing flows.
+        """
+        φ = np.nan_to_num(potential)
+        across = (np.roll(φ, -1, axis=1) - φ)[1:-1, : self.across.shape[1]]
+        return self.along * np.diff(φ, axis=0) ** 2, self.across * across**2
+
     def to_csr(self) -> sp.csr_array:
         """The matrix of all nodes, those of the ends among them; couples between nodes of one end are left out."""
         rows, n2 = self.nodes

@@ -137,7 +137,7 @@ def gap_panel(axes: Axes, cells: Cells) -> None:
     axes.set_xscale("log")
     axes.plot(plates, cubic_law(plates * 1e-6), color="black", lw=1.4, label="parallel plates, h̄³/12")
     axes.set_xlim(plates[0], plates[-1])
-    axes.set_ylim(low, max(high, (plates[-1] * 1e-6) ** 3 / 4))
+    axes.set_ylim(low, max(high, 3 * cubic_law(plates[-1] * 1e-6)))
     if plates[-1] < 1e3 * plates[0]:
         axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
         axes.xaxis.set_major_formatter("{x:g}")

@@ -1,8 +1,8 @@
 """VTK's XML files, which every ParaView opens: one for each load step, and a `.pvd` that puts them on the time axis.
 
-Time is the index of the load step, since loads come back on unloading; the loads are field data. The data are written
-by pyvista, compressed and without base64, a quarter smaller; meshio reads the meshes too. pyvista writes no `.pvd`, so
-its few lines are written here.
+Time is the index of the load step, since the same load occurs on loading and on unloading; the loads are field data.
+pyvista writes the data, compressed: images as raw bytes, which take a quarter less space, meshes in base64, because
+meshio 5.3 mixes up the arrays of some files of raw bytes. pyvista writes no `.pvd`, so its few lines are written here.
 """
 
 from __future__ import annotations
@@ -63,13 +63,13 @@ def _save(mesh: Any, stem: Path) -> Path:
     path = stem.with_suffix(IMAGE if image else ".vtu")
     writer = (pyvista.XMLImageDataWriter if image else pyvista.XMLUnstructuredGridWriter)(path, mesh).writer
     writer.SetDataModeToAppended()
-    writer.EncodeAppendedDataOff()
-    # into memory first: VTK crashes where a disk is full
+    writer.SetEncodeAppendedData(not image)
+    # VTK crashes where a disk is full, so it writes into memory
     writer.WriteToOutputStringOn()
     if not writer.Write():
         raise OSError(f"VTK could not write {path}")
     content = writer.GetOutputString()
     with replacing(path) as temporary:
-        # text if the packed data happen to be text
+        # VTK returns text instead of bytes where the content is valid text
         temporary.write_bytes(content if isinstance(content, bytes) else content.encode())
     return path

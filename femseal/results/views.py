@@ -100,7 +100,7 @@ class Image:
 
 
 @dataclass(frozen=True)
-class Grid:
+class QuadMesh:
     """Quadrilaterals at all steps: `point_data` (steps, points), `cell_data` (steps, quads) or (steps, quads, 3)."""
 
     name: str
@@ -151,7 +151,7 @@ def _with_loads(mesh: Any, steps: LoadSteps, n: int) -> Any:
     return mesh
 
 
-def seal_grid(data: xarray.Dataset) -> Grid:
+def seal_grid(data: xarray.Dataset) -> QuadMesh:
     """Windows of the whole seal: contact, permeability, fluid pressure and flow."""
     count, m2 = data.sizes["step"], data.sizes["cell2"]
     x, y = np.meshgrid(data["node1"].values, np.arange(2 * m2 + 1) * float(data["cell2"][0]), indexing="ij")
@@ -174,7 +174,7 @@ def seal_grid(data: xarray.Dataset) -> Grid:
             cell_data[_NAMES.get(str(key), str(key)) + ending] = values.reshape(count, -1)
     cell_data["flux_m2_per_s"] = _flux(data).reshape(count, -1, 3)
     points = np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)])
-    return Grid("seal", points, quads.reshape(-1, 4), LoadSteps.of(data), point_data, cell_data)
+    return QuadMesh("seal", points, quads.reshape(-1, 4), LoadSteps.of(data), point_data, cell_data)
 
 
 def at_points(nodes: Array) -> Array:

@@ -20,9 +20,9 @@ FORMATS = ("vtu", "vtkhdf", "both", "none")
 
 
 def write_vtk(
-    results: Results, surface: Topography | None, folder: str | os.PathLike[str], format: str = "vtu"
+    results: Results, surface: Topography | None, folder: str | os.PathLike[str], file_format: str = "vtu"
 ) -> list[Path]:
-    """Write what there is to see; open the `.pvd` or the `.vtkhdf` files in ParaView.
+    """Write the views of results; open the `.pvd` or the `.vtkhdf` files in ParaView.
 
     Parameters
     ----------
@@ -31,7 +31,7 @@ def write_vtk(
         smallest k1 > 0 at the highest load.
     surface : heights, for `surface` [µm]; None: not written.
     folder : made if needed. Each file is written whole or not at all, a `.pvd` after the files it names.
-    format : "vtu" (series of `.vtu`, images of windows as `.vti`), "vtkhdf", "both" or "none".
+    file_format : "vtu" (series of `.vtu`, images of windows as `.vti`), "vtkhdf", "both" or "none".
 
     Returns
     -------
@@ -41,13 +41,13 @@ def write_vtk(
     ------
     InputError : the folder cannot be made, or another format.
     """
-    if format not in FORMATS:
-        raise InputError.of("format", format, f"one of {', '.join(FORMATS)}")
-    if format == "none":
+    if file_format not in FORMATS:
+        raise InputError.of("file_format", file_format, f"one of {', '.join(FORMATS)}")
+    if file_format == "none":
         return []
     views: list[View] = [seal_grid(results.dataset)] if "k1" in results.dataset else []
     views += window_images(results)
     views += [] if surface is None else [Heights(surface)]
     target = made_folder(folder)
-    writers = [module.write for name, module in (("vtu", series), ("vtkhdf", vtkhdf)) if format in (name, "both")]
+    writers = [module.write for name, module in (("vtu", series), ("vtkhdf", vtkhdf)) if file_format in (name, "both")]
     return [path for write in writers for view in views for path in write(view, target)]

@@ -15,7 +15,7 @@ from pydantic_core import PydanticCustomError
 from ..base.errors import InputError
 from ..base.quantities import to_text
 from ..flow import DISCRETISATIONS, SOLVERS
-from ..flow.discretisation import check_discretisation, on_grid
+from ..flow.discretisation import check_discretisation
 from ..fluids import FLUIDS, Fluid
 from ..materials import Solid
 from ..results.fields import LIMIT
@@ -86,7 +86,7 @@ class FlowTable(Table):
     """How flow is discretised and solved, in windows, in whole faces and over the seal."""
 
     solver: Annotated[str, *one_of(SOLVERS)] = "auto"
-    discretisation: Annotated[str, *one_of(filter(on_grid, DISCRETISATIONS))] = "edge"
+    discretisation: Annotated[str, *one_of(DISCRETISATIONS)] = "edge"
 
     @model_validator(mode="after")
     def _together(self) -> FlowTable:

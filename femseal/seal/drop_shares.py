@@ -15,7 +15,6 @@ from numpy.typing import ArrayLike, NDArray
 from ..base import validate
 from ..base.errors import InputError
 from .shapes import AnnularSeal, RectangularSeal
-from .structured import link_dissipation
 
 Array = NDArray[np.float64]
 #: Numbers of links over which the drop of pressure is summed unless asked for others.
@@ -52,7 +51,7 @@ def drop_shares(
     φ = np.asarray(potential, float)
     if φ.shape != (n1 + 1, n2):
         raise InputError.of("potential", f"shape {φ.shape}", f"shape {(n1 + 1, n2)}")
-    along, across = link_dissipation(seal.stencil((k1, k2)), φ)
+    along, across = seal.stencil((k1, k2)).dissipation(φ)
     return largest_shares(np.concatenate([along.ravel(), across.ravel()]), counts)
 
 

@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..base.errors import InputError
 from ..flow.assembly import assemble_on_elements, assemble_on_links, gauss
-from ..flow.balance import balanced_flux
+from ..flow.balance import balanced_link_fluxes
 from ..flow.grid import Grid
 from ..flow.mesh import permeability_tensors
 from ..flow.solution import DarcyFlow
@@ -130,24 +130,12 @@ def structured_flow(stencil: Stencil, *, bounds: bool = False, solver: str = "au
     return replace(flow, lower=min(conservative_rate(stencil, potential), flow.conductance), upper=upper)
 
 
-def link_dissipation(stencil: Stencil, potential: Array) -> tuple[Array, Array]:
-    """c (Δφ)² of the links along both axes; `potential` (n1 + 1, n2) is NaN in pockets, in which nothing flows."""
-    φ = np.nan_to_num(potential)
-    across = (np.roll(φ, -1, axis=1) - φ)[1:-1, : stencil.across.shape[1]]
-    return stencil.along * np.diff(φ, axis=0) ** 2, stencil.across * across**2
-
-
 def conservative_rate(stencil: Stencil, potential: Array) -> float:
     """Q²/Σ(q²/c) of a balanced flux near −c Δφ: a lower bound for any `potential` (n1 + 1, n2) on five points."""
-    n1, n2 = stencil.along.shape
-    parts = [(c.ravel(), a.ravel(), b.ravel()) for c, a, b, _ in stencil.couples()]
-    c, tail, head = (np.concatenate(part) for part in zip(*parts, strict=True))
-    φ = potential.ravel()
-    q = c * (φ[tail] - φ[head])
-    # both ends are node 0: what enters and leaves there need not balance
-    rooted = np.zeros((n1 + 1) * n2, np.int64)
-    rooted[n2:-n2] = np.arange(1, (n1 - 1) * n2 + 1)
-    q = balanced_flux(rooted[tail], rooted[head], c, q, (n1 - 1) * n2 + 1)
-    total = min(abs(q[:n2].sum()), abs(q[(n1 - 1) * n2 : n1 * n2].sum()))
-    energy = float(np.divide(q**2, c, out=np.zeros_like(q), where=c > 0).sum())
+    fluxes = balanced_link_fluxes(stencil, potential, 1 - potential)
+    total = min(abs(fluxes[0][0].sum()), abs(fluxes[0][-1].sum()))
+    energy = sum(
+        float(np.divide(q**2, c, out=np.zeros_like(q), where=c > 0).sum())
+        for q, c in zip(fluxes, (stencil.along, stencil.across), strict=True)
+    )
     return float(total**2 / energy) if energy > 0 else 0.0
