@@ -42,7 +42,7 @@ def to_si(text: object, unit: str, name: str = "quantity") -> float:
     ----------
     text : for example ``"210 GPa"``, ``"1 mm"``, ``"20 °C"``. A bare number is refused unless `unit` is "" (a ratio).
     unit : the SI unit of what is expected, for example "Pa", "m", "Pa*s", "" for a plain number.
-    name : how the value is called in an error.
+    name : of the value in an error message.
 
     Raises
     ------
@@ -74,7 +74,7 @@ def to_si(text: object, unit: str, name: str = "quantity") -> float:
 
     try:
         quantity = float(match[1]) * _registry().parse_units(match[2] or "")
-        # 15 digits: the factors of prefixes are not exact in binary, what was written is
+        # 15 digits restore the decimal number as written, although the factor of a prefix is not exact in binary
         value = float(f"{quantity.to(unit or 'dimensionless').magnitude:.15g}")
     except (pint.PintError, ArithmeticError, AttributeError, ValueError, TypeError, AssertionError):
         raise InputError.of(name, repr(text), example) from None
