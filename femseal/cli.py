@@ -5,8 +5,11 @@ Exit code 0 done, 2 bad input (nothing written), 1 anything else.
 
 from __future__ import annotations
 
+import os
 import signal
 import sys
+import traceback
+from contextlib import suppress
 from pathlib import Path
 from typing import Annotated, NoReturn
 
@@ -237,13 +240,18 @@ def main() -> None:
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         app(prog_name="femseal", standalone_mode=False)
+        sys.stdout.flush()
     except InputError as error:
         _stop(error, str(error), 2)
     except FemsealError as error:
         _stop(error, str(error), 1)
     except KeyboardInterrupt as error:
         _stop(error, "stopped", 1)
+    except MemoryError as error:
+        _stop(error, f"out of memory ({error or 'no more is free'}); `femseal check` says what a run takes", 1)
     except Exception as error:
+        if isinstance(error, OSError) and _is_of_output(error):
+            _stop(error, f"standard output: cannot be written ({error.strerror})", 1)
         # usage errors of the parser know how to show themselves and their exit code
         if hasattr(error, "show") and hasattr(error, "exit_code"):
             error.show()
@@ -251,10 +259,21 @@ def main() -> None:
         _stop(error, f"{type(error).__name__}: {error}", 1)
 
 
+def _is_of_output(error: OSError) -> bool:
+    """Whether an error is of writing to standard output; what is left for it is dropped then."""
+    *_, (frame, _line) = traceback.walk_tb(error.__traceback__)
+    if (
+        frame.f_globals["__name__"].partition(".")[0] not in ("click", "typer", "rich")
+        and frame.f_code is not main.__code__
+    ):
+        return False
+    with open(os.devnull, "w") as nowhere, suppress(OSError, ValueError):
+        os.dup2(nowhere.fileno(), sys.stdout.fileno())
+    return True
+
+
 def _stop(error: BaseException, message: str, code: int) -> NoReturn:
     if _debug:
-        import traceback
-
         traceback.print_exception(error)
     typer.echo(f"femseal: {message}", err=True)
     sys.exit(code)

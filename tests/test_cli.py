@@ -205,10 +205,10 @@ def test_noise_below_the_low_pass_is_pointed_out(femseal, tmp_path):
     [
         (["--size", "1", "2 mm"], "--size: given '1', allowed is text with a number and a unit"),
         (["--shortest-wave", "1 s"], "--shortest-wave: given '1 s'"),
-        (["--spikes", "0"], "spikes: given 0"),
-        (["--detrend", "3"], "order: given 3"),
+        (["--spikes", "0"], "--spikes: given 0"),
+        (["--detrend", "3"], "--detrend: given 3"),
         (["--max-undefined", "1e-5"], "undefined points: given 0.0244 %, allowed is at most 0.001 %"),
-        (["--shortest-wave", "1 mm"], "shortest_wavelength: given 0.001"),
+        (["--shortest-wave", "1 mm"], "--shortest-wave: given 1 mm"),
         (["-o", "no such folder/a.png"], "output: given 'no such folder/a.png'"),
         (["-o", "a.xyz"], "output: given 'a.xyz', allowed is a file .png, .pdf, .svg"),
         (["--channel", "1"], "channel: given 1"),
@@ -272,6 +272,8 @@ def faults(value, schema, root, place="case"):
             or (word == "minItems" and isinstance(value, list) and len(value) < given)
             or (word == "maxItems" and isinstance(value, list) and len(value) > given)
             or (word == "minimum" and isinstance(value, (int, float)) and value < given)
+            or (word == "maximum" and isinstance(value, (int, float)) and value > given)
+            or (word == "maxLength" and isinstance(value, str) and len(value) > given)
             or (word == "exclusiveMinimum" and isinstance(value, (int, float)) and value <= given)
             or (word == "exclusiveMaximum" and isinstance(value, (int, float)) and value >= given)
         ):
@@ -279,6 +281,7 @@ def faults(value, schema, root, place="case"):
         else:
             assert word in {
                 "required", "additionalProperties", "pattern", "enum", "const", "minItems", "maxItems", "minimum",
+                "maximum", "maxLength",
                 "exclusiveMinimum", "exclusiveMaximum", "properties", "items", "description", "default", "format",
                 "$schema", "definitions", "title",
             }, word  # fmt: skip

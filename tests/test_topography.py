@@ -417,7 +417,7 @@ def test_condition_on_another_grid():
 
 
 def test_condition_refuses_waves_the_grid_does_not_resolve():
-    with pytest.raises(InputError, match=r"shortest_wavelength: given 0.0001, .* 8 pixels = 0.00025 m") as error:
+    with pytest.raises(InputError, match=r"shortest_wavelength: given 100 µm, .* 8 pixels = 250 µm") as error:
         condition(measured(), shortest_wavelength=1e-4)
     assert "shape=(240, 160)" in str(error.value)
     assert condition(measured(), shortest_wavelength=1e-4, shape=(240, 160))[0].shape == (240, 160)

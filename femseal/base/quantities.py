@@ -10,10 +10,21 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .errors import InputError
+from .errors import InputError, shown
 
 _DECIMAL_COMMA = re.compile(r"\d,\d")
 _TEMPERATURE = re.compile(r"^\s*([-+]?[\d.]+(?:[eE][-+]?\d+)?)\s*(°C|degC|celsius)\s*$")
+#: Longest text that can be a quantity, in characters.
+_LONGEST = 80
+_EXPONENT = r"(?:(?:\^|\*\*)?[-+]?\d{1,2}|⁻?[¹²³⁴⁵⁶])"
+_NAME = r"(?:[^\W\d_]|[°%])+(?:(?:_|\d+)[^\W\d_]+)*"
+_FACTOR = rf"(?:1|{_NAME}{_EXPONENT}?)"
+_PRODUCT = rf"{_FACTOR}(?:(?:\s*(?:\*|/|·)\s*|\s+){_FACTOR})*"
+#: What may be given to the parser of units: names with exponents, multiplied and divided, brackets one deep.
+_UNIT = re.compile(_PRODUCT.replace(_FACTOR, rf"(?:{_FACTOR}|\(\s*{_PRODUCT}\s*\))"))
+_BARE_EXPONENT = re.compile(r"(?<=[^\W\d_])([-+]?\d)(?!\d*[^\W\d_])")
+#: Pressure times time is often written as one word, which a parser of units takes for a plural.
+_PASCAL_SECOND = re.compile(r"(?<=Pa)s\b")
 _NUMBER_AND_UNIT = re.compile(r"^\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(\S.*)?$")
 #: Prefixes for people: (factor, text), used when a value is printed.
 _PREFIXES = [(1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"), (1e-12, "p")]
@@ -62,23 +73,31 @@ def to_si(text: object, unit: str, name: str = "quantity") -> float:
     if unit == "" and isinstance(text, (int, float)) and not isinstance(text, bool):
         return _finite(float(text), text, name, "a finite number")
     if not isinstance(text, str):
-        raise InputError.of(name, repr(text), example)
+        raise InputError.of(name, shown(text), example)
+    if len(text) > _LONGEST:
+        raise InputError.of(name, shown(text), f"{example}, not longer than {_LONGEST} characters")
     if _DECIMAL_COMMA.search(text):
-        raise InputError.of(name, repr(text), "a number with a decimal point, not a comma")
+        raise InputError.of(name, shown(text), "a number with a decimal point, not a comma")
     if unit == "K" and (match := _TEMPERATURE.match(text)):
         return _finite(float(match[1]) + 273.15, text, name, example)
     match = _NUMBER_AND_UNIT.match(text)
     if match is None or (match[2] is None and unit):
-        raise InputError.of(name, repr(text), example)
-    import pint
-
+        raise InputError.of(name, shown(text), example)
+    written = (match[2] or "").strip()
+    if written and not _UNIT.fullmatch(written):
+        raise InputError.of(name, shown(text), example)
     try:
-        quantity = float(match[1]) * _registry().parse_units(match[2] or "")
+        quantity = float(match[1]) * _registry().parse_units(_spelled(written))
         # 15 digits restore the decimal number as written, although the factor of a prefix is not exact in binary
         value = float(f"{quantity.to(unit or 'dimensionless').magnitude:.15g}")
-    except (pint.PintError, ArithmeticError, AttributeError, ValueError, TypeError, AssertionError):
-        raise InputError.of(name, repr(text), example) from None
+    except Exception:  # a parser of units fails on unknown names in many ways, all of which mean the same
+        raise InputError.of(name, shown(text), example) from None
     return _finite(value, text, name, example)
+
+
+def _spelled(unit: str) -> str:
+    """A unit as the parser of units reads it: N/mm2 is N/mm^2, mPas is mPa*s."""
+    return _BARE_EXPONENT.sub(r"^\1", _PASCAL_SECOND.sub("*s", unit))
 
 
 def _example(unit: str) -> str:
@@ -88,7 +107,7 @@ def _example(unit: str) -> str:
 
 def _finite(value: float, given: object, name: str, allowed: str) -> float:
     if not isfinite(value):
-        raise InputError.of(name, repr(given), allowed)
+        raise InputError.of(name, shown(given), allowed)
     return value
 
 

@@ -4,8 +4,8 @@ The minimum of ½⟨p, Kp⟩ + ⟨p, h₁⟩ under 0 ≤ p ≤ H and a given loa
 c > 0, with v = Kp + h₁ and the δ that keeps Σ y = load. One iteration computes y. Where y moves points out of contact,
 to the hardness or back, the sets change: p becomes y, and a product with K gives the new v. Then conjugate gradients on
 the free points (0 < p < H) lower the energy for a few steps, with a product with K each. This is an inexact semismooth
-Newton method. There is no proof of convergence: `ActiveSets.residual` is the residual reached. Sources: Moré & Toraldo,
-SIAM J. Optim. 1, 1991, 93; Polonsky & Keer, Wear 231, 1999, 206.
+Newton method. There is no proof of convergence: `ActiveSets.residual` is the residual reached.
+Sources: Moré & Toraldo, SIAM J. Optim. 1, 1991, 93; Polonsky & Keer, Wear 231, 1999, 206.
 """
 
 from __future__ import annotations
@@ -133,7 +133,7 @@ class ActiveSets:
                 break
             self._margin = max(4.0 * self._margin, self.delta - self._reach)
             reach = self.delta + self._margin
-            self._reach = reach if carried and reach < inf else inf  # true for NaN too
+            self._reach = reach if carried and reach < inf else inf  # inf if NaN
             self._list_near()
         self.residual = residual * (self._c0 / self._c)  # about the residual for the step c₀
         # keep the sets as long as the residual falls and the points that would leave them have a small share of it

@@ -47,8 +47,12 @@ def write_report(results: Results | str | os.PathLike[str], path: str | os.PathL
     if target.is_dir() or not os.access(target.parent, os.W_OK):
         raise InputError.of("path", f"'{target}'", "a file in a folder that can be written")
     page = report_html(results)
-    with replacing(target) as temporary:
-        temporary.write_text(page, encoding="utf-8", newline="")
+    try:
+        with replacing(target) as temporary:
+            temporary.write_text(page, encoding="utf-8", newline="")
+    except OSError as error:
+        allowed = f"a file in a folder that can be written ({error.strerror})"
+        raise InputError.of("path", f"'{target}'", allowed) from None
     return target
 
 

@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import tomllib
 from os import PathLike
+from os.path import isfile
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import Field, ValidationError, model_validator
 from pydantic_core import PydanticCustomError
 
-from ..base.errors import InputError
+from ..base.errors import InputError, shortened
 from ..base.quantities import to_text
 from ..materials import Solid, contact_modulus, softer_hardness
 from .case_faces import Face, FileFace, SurfaceTable
@@ -30,8 +31,11 @@ from .case_tables import (
     SolidTable,
     StochasticTable,
 )
-from .case_values import Table
+from .case_values import Number, Table
 from .preparation import Prepared, prepare
+
+#: No case is larger [byte].
+_LARGEST_FILE = 1_000_000
 
 Method = Literal["auto", "deterministic", "two-scale", "stochastic"]
 
@@ -39,10 +43,10 @@ Method = Literal["auto", "deterministic", "two-scale", "stochastic"]
 class Case(Table):
     """A validated case, all values in SI."""
 
-    title: str = ""
+    title: Annotated[str, Field(max_length=200)] = ""
     method: Method = "stochastic"
     compare: tuple[Literal["deterministic", "two-scale", "stochastic"], ...] = ()
-    seed: Annotated[int, Field(strict=True, ge=0)] = 0
+    seed: Number = 0
     face: tuple[Face, ...] = Field(min_length=1, max_length=2)
     surface: SurfaceTable = SurfaceTable()
     material: SolidTable
@@ -75,8 +79,8 @@ class Case(Table):
             given = {"p": to_text(highest, "Pa"), "h": to_text(self.hardness, "Pa")}
             raise PydanticCustomError("load", "load: given {p}, allowed are pressures below the hardness, {h}", given)
         for face in self.face:
-            if isinstance(face, FileFace) and not (self.folder / face.path).is_file():
-                path = {"path": str(face.path)}
+            if isinstance(face, FileFace) and not isfile(self.folder / face.path):
+                path = {"path": shortened(face.path)}
                 raise PydanticCustomError("file", "face.path: given '{path}', allowed is a file that exists", path)
         if isinstance(first := self.face[0], FileFace) and first.placement:
             keys = {"keys": ", ".join(sorted(first.placement))}
@@ -131,13 +135,25 @@ def load_case(path: str | PathLike[str]) -> Case:
     """
     path = Path(path)
     try:
-        data = tomllib.loads(path.read_text(encoding="utf-8"))
+        # a pipe or a device may have no end
+        if path.exists() and not path.is_file():
+            raise InputError.of("case", f"'{path}', which is no file", "a TOML file")
+        with path.open("rb") as file:
+            content = file.read(_LARGEST_FILE + 1)
+        if len(content) > _LARGEST_FILE:
+            raise InputError.of("case", f"'{path}' of more than {_LARGEST_FILE:.0e} bytes", "a TOML file of a case")
+        data = tomllib.loads(content.decode("utf-8").replace("\r\n", "\n"))
     except OSError as error:
         raise InputError.of("case", f"'{path}'", f"a file that can be read ({error.strerror})") from None
     except UnicodeDecodeError:
         raise InputError.of("case", f"'{path}', which is not text", "a TOML file in UTF-8") from None
-    except tomllib.TOMLDecodeError as error:
-        raise InputError.of("case", f"'{path}', which is not TOML ({error})", "a TOML file") from None
+    except RecursionError:
+        raise InputError.of("case", f"'{path}' with lists or tables too deep in each other", "a TOML file") from None
+    except ValueError as error:  # of TOML, or of a number with thousands of digits
+        if isinstance(error, InputError):
+            raise
+        reason = shortened(error, 120)
+        raise InputError.of("case", f"'{path}', which is not TOML", f"a TOML file ({reason})") from None
     return parse_case(data, path.parent)
 
 
@@ -152,6 +168,8 @@ def parse_case(data: dict[str, Any], folder: Path = Path()) -> Case:
         raise InputError.of("folder", "a value", "no such key")
     try:
         return Case.model_validate({**data, "folder": folder})
+    except RecursionError:
+        raise InputError.of("case", "lists or tables too deep in each other", "the tables of a case") from None
     except ValidationError as error:
         lines = fault_lines(Case, error)
         if isinstance(data.get("face"), dict):  # one table, which has no number in the file

@@ -12,7 +12,7 @@ import numpy as np
 from pydantic import Field
 
 from ..topography import SPIKES, Topography, read_topography, self_affine, turned
-from .case_values import Angle, Count, Height, Hurst, Length, Ratio, Shift, Slope, Table, Threshold
+from .case_values import Angle, Count, Height, Hurst, Length, Number, Ratio, Shift, Slope, Table, Threshold
 
 
 class SelfAffineFace(Table):
@@ -70,7 +70,7 @@ class FileFace(Table):
     height_unit: str | None = None
     delimiter: str | None = None
     array: str | None = None
-    channel: Annotated[int, Field(strict=True, ge=0)] = 0
+    channel: Number = 0
     transpose: bool = False
     periodic: tuple[bool, bool] = (False, False)
     mirror: Literal["x1", "x2"] | None = None

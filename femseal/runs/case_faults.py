@@ -6,12 +6,20 @@ from typing import Any, get_args
 
 from pydantic import BaseModel, ValidationError
 
+from ..base.errors import shortened, shown
+
+#: Faults told at once; longest key of a user in a message, in characters.
+_MOST_FAULTS = 20
+_LONGEST_KEY = 40
+
 
 def fault_lines(case: type[BaseModel], error: ValidationError) -> list[str]:
     """One line for each fault in a case given to the model."""
     # a list is also too short where its items have faults of their own
     faults = [dict(e) for e in error.errors() if e["type"] != "too_short" or not e["input"]]
-    return list(dict.fromkeys(_line(case, fault) for fault in faults))
+    lines = list(dict.fromkeys(_line(case, fault) for fault in faults))
+    more = [f"{len(lines) - _MOST_FAULTS} more faults"] if len(lines) > _MOST_FAULTS else []
+    return lines[:_MOST_FAULTS] + more
 
 
 def _line(case: type[BaseModel], error: dict[str, Any]) -> str:
@@ -23,19 +31,19 @@ def _line(case: type[BaseModel], error: dict[str, Any]) -> str:
     if kind == "missing":
         return f"{key}: missing"
     if kind == "too_short":
-        return f"{key}: given {given!r}, allowed is a list of at least one"
+        return f"{key}: given {shown(given)}, allowed is a list of at least one"
     if kind.startswith("int_"):
-        return f"{key}: given {given!r}, allowed is a whole number"
+        return f"{key}: given {shown(given)}, allowed is a whole number"
     if kind in ("union_tag_invalid", "union_tag_not_found"):
         given = given.get("kind") if isinstance(given, dict) else given
-        return f"{key}.kind: given {given!r}, allowed is one of {', '.join(map(repr, map(_kind, tables)))}"
+        return f"{key}.kind: given {shown(given)}, allowed is one of {', '.join(map(repr, map(_kind, tables)))}"
     message = str(error["msg"])
     if ": given " in message:  # a fault between keys names its own
-        return message
+        return shortened(message, 400)
     if isinstance(given, (dict, BaseModel)):
         return f"{key}: allowed is {message}"
     text = message.removeprefix("Input should be ").removeprefix("Value error, ")
-    return f"{key}: given {given!r}, allowed is {text}"
+    return f"{key}: given {shown(given)}, allowed is {text}"
 
 
 def _place(case: type[BaseModel], loc: tuple[Any, ...]) -> tuple[list[str], list[Any]]:
@@ -46,7 +54,7 @@ def _place(case: type[BaseModel], loc: tuple[Any, ...]) -> tuple[list[str], list
         if isinstance(part, str) and part in map(_kind, inside):  # which is not written in the file
             inside = [table for table in inside if _kind(table) == part]
             continue
-        place.append(str(part))
+        place.append(shortened(part, _LONGEST_KEY))
         if isinstance(part, str) and part in inside[0].model_fields:
             inside = _tables(inside[0].model_fields[part].annotation) or inside
     return place, inside

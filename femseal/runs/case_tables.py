@@ -26,6 +26,9 @@ from ..studies import FLOWS, PRESSURES
 from .case_registry import table_of_any
 from .case_values import Count, FileSize, Length, Modulus, Poisson, Pressure, Ratio, Table, one_of
 
+#: No cycle is longer [load steps].
+_MOST_STEPS = 10_000
+
 Boundary = Literal["periodic", "mirror", "free"]
 
 
@@ -62,6 +65,9 @@ class LoadTable(Table):
             raise PydanticCustomError("load", "rising pressures in `loading`")
         if bool(self.unload_from) != bool(self.unloading):
             raise PydanticCustomError("load", "`unload_from` and `unloading` both, or neither")
+        steps = len(self.loading) + len(self.unload_from) * (1 + len(self.unloading))
+        if steps > _MOST_STEPS:
+            raise PydanticCustomError("load", "at most {most} steps, not {n}", {"most": _MOST_STEPS, "n": steps})
         for peak in self.unload_from:
             if not any(p < peak for p in self.unloading):
                 low = to_text(peak, "Pa")

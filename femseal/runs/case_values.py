@@ -21,6 +21,11 @@ from pydantic_core import PydanticCustomError, core_schema
 from ..base.errors import InputError
 from ..base.quantities import to_si
 
+#: Largest value in SI of a quantity, one over it the smallest: products of several stay finite.
+_LARGEST = 1e30
+#: Largest number of a count: no array is as long.
+_MOST = 10**12
+
 
 @dataclass(frozen=True)
 class Quantity:
@@ -38,6 +43,9 @@ class Quantity:
             raise PydanticCustomError("quantity", "{allowed}", context) from None
         if not self.test(number):
             raise PydanticCustomError("quantity", "{allowed}", {"allowed": self.allowed})
+        if number and not 1 / _LARGEST <= abs(number) <= _LARGEST:
+            allowed = f"{self.allowed}, from {1 / _LARGEST:g} to {_LARGEST:g} {self.unit}".rstrip()
+            raise PydanticCustomError("quantity", "{allowed}", {"allowed": allowed})
         return number
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> Any:
@@ -88,7 +96,9 @@ Poisson = Annotated[float, Quantity("", lambda x: -1 < x <= 0.5, "a Poisson's ra
 Angle = Annotated[float, Quantity("rad", lambda x: True, "an angle, such as '90 deg'")]
 Shift = Annotated[float, Quantity("m", lambda x: True, "a length, such as '-20 um'")]
 Threshold = Annotated[float, BeforeValidator(_threshold), WithJsonSchema({"type": "number", "exclusiveMinimum": 0})]
-Count = Annotated[int, Field(strict=True, ge=1)]
+Count = Annotated[int, Field(strict=True, ge=1, le=_MOST)]
+#: A whole number that is told apart and not counted, such as a seed.
+Number = Annotated[int, Field(strict=True, ge=0, lt=2**63)]
 
 
 class Table(BaseModel):

@@ -24,6 +24,7 @@ from .case import Case, load_case
 from .case_faces import FileFace
 from .checkpoint import Checkpoint
 from .executor import ordered_map
+from .log_file import LogFile
 from .preparation import Prepared
 
 log = logging.getLogger("femseal")
@@ -193,27 +194,14 @@ def _finished(case: Case, faces: dict[str, str], folder: Path) -> Results | None
     return results if same else None
 
 
-class _LogFile(logging.FileHandler):
-    """A log that on a full disk ends, while the error that filled it goes on to the user."""
-
-    def handleError(self, record: logging.LogRecord) -> None:
-        """Lines that cannot be written are lost."""
-
-    def close(self) -> None:
-        """Close the file as far as that goes."""
-        with suppress(OSError):
-            super().close()
-
-
 @contextmanager
 def _log_file(folder: Path, append: bool) -> Iterator[None]:
     """Log lines go to run.log in the results folder."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        handler = _LogFile(folder / "run.log", mode="a" if append else "w", encoding="utf-8")
+        handler = LogFile(folder / "run.log", mode="a" if append else "w")
     except OSError as error:
         raise InputError.of("output", f"'{folder}'", f"a folder that can be written ({error.strerror})") from None
-    handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(message)s"))
     level = log.level
     log.addHandler(handler)
     log.setLevel(logging.INFO)

@@ -11,11 +11,13 @@ import numpy as np
 from ..base.errors import InputError
 from ..base.quantities import to_text
 from ..scales import Partition
-from ..studies import Sampling, Scene, check_sampling
+from ..studies import Sampling, Scene, check_sampling, seal_cells
 from ..studies.costs import choose_method
 from ..topography import Conditioning, Overlap, Topography, combine, condition, repair
 from .case_faces import FileFace
 from .case_tables import StochasticTable
+from .case_words import FACE_KEYS, SURFACE_KEYS, in_words_of
+from .sizes import refused_if_too_large, weigh_draws, weigh_points
 
 if TYPE_CHECKING:
     from .case import Case
@@ -50,19 +52,31 @@ def prepare(case: Case) -> Prepared:
     ------
     InputError : a face that cannot be read or used, or windows that do not suit it.
     """
+    with refused_if_too_large():
+        return _prepare(case)
+
+
+def _prepare(case: Case) -> Prepared:
+    for place, table in zip(face_places(case), case.face, strict=True):
+        if not isinstance(table, FileFace):
+            weigh_points(f"{place}.points", table.points)
     surface, repaired, overlap, spikes = _combined_faces(case)
     cells = _cell_count(case, surface)
     shape = case.surface.points or surface.shape
+    weigh_points("surface.points", shape)
     if cells is not None:
         shape = (_multiple(shape[0], cells[0]), _multiple(shape[1], cells[1]))
-    surface, report = condition(
-        surface,
-        spikes=spikes,
-        detrend=case.surface.detrend,
-        shortest_wavelength=case.surface.shortest_wave,
-        max_undefined=case.surface.max_undefined,
-        shape=shape,
-    )
+        weigh_points("cells", shape)
+        Partition(shape, surface.spacing, cells)  # refuses windows of too few pixels
+    with in_words_of(SURFACE_KEYS):
+        surface, report = condition(
+            surface,
+            spikes=spikes,
+            detrend=case.surface.detrend,
+            shortest_wavelength=case.surface.shortest_wave,
+            max_undefined=case.surface.max_undefined,
+            shape=shape,
+        )
     sampling = None
     if cells is not None:
         window = Partition(surface.shape, surface.spacing, cells).window_size
@@ -89,6 +103,9 @@ def prepare(case: Case) -> Prepared:
         solver=case.flow.solver,
         discretisation=case.flow.discretisation,
     )
+    if sampling is not None and cells is not None:
+        seal = seal_cells(Partition(surface.shape, surface.spacing, cells), sampling)
+        weigh_draws(len(scene.steps), seal, sampling.realisations, sampling.library_cells)
     method: str = case.method
     choice = ""
     if method == "auto":
@@ -96,6 +113,11 @@ def prepare(case: Case) -> Prepared:
         method, choice = choose_method(len(scene.steps), surface.shape, cells)
     methods = frozenset({method, *case.compare})
     return Prepared(scene, cells, sampling, replace(report, **repaired), overlap, method, methods, choice)
+
+
+def face_places(case: Case) -> list[str]:
+    """Where the faces are in the file: one table has no number there."""
+    return ["face"] if len(case.face) == 1 else [f"face.{n}" for n in range(len(case.face))]
 
 
 def _sampling(case: Case, table: StochasticTable, window_length: float) -> Sampling:
@@ -124,12 +146,16 @@ def _combined_faces(case: Case) -> tuple[Topography, dict[str, Any], Overlap | N
     """
     # a stream of its own for every face, whatever the method draws later
     seeds = np.random.SeedSequence(case.seed).spawn(len(case.face))
-    faces = [table.make(case.folder, np.random.default_rng(seed)) for table, seed in zip(case.face, seeds, strict=True)]
+    faces = []
+    for place, table, seed in zip(face_places(case), case.face, seeds, strict=True):
+        with in_words_of(FACE_KEYS, "" if isinstance(table, FileFace) else place):
+            faces.append(table.make(case.folder, np.random.default_rng(seed)))
     thresholds = [case.surface.spikes if isinstance(table, FileFace) else inf for table in case.face]
     if len(faces) == 1:
         return faces[0], {}, None, thresholds[0]
     treatment: dict[str, Any] = {"max_undefined": case.surface.max_undefined, "detrend": case.surface.detrend}
-    repaired = [repair(face, spikes=most, **treatment) for face, most in zip(faces, thresholds, strict=True)]
+    with in_words_of(SURFACE_KEYS):
+        repaired = [repair(face, spikes=most, **treatment) for face, most in zip(faces, thresholds, strict=True)]
     found = {
         "undefined_share": sum(r.undefined_share for _, r in repaired) / len(faces),
         "spikes": sum(r.spikes for _, r in repaired),

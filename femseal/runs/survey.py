@@ -10,7 +10,16 @@ from ..base.errors import InputError
 from ..base.quantities import to_si, to_text
 from ..plots import survey_figure
 from ..topography import Conditioning, SurfaceReport, condition, describe_surface, read_topography
+from .case_words import in_words_of
 
+#: Arguments of `topography` by their option.
+SURFACE_OPTIONS = {
+    "shortest_wavelength": "--shortest-wave",
+    "max_share": "--max-undefined",
+    "order": "--detrend",
+    "spikes": "--spikes",
+    "shape": "surface.points",
+}
 _PICTURES = (".png", ".pdf", ".svg")
 
 
@@ -48,13 +57,14 @@ def survey(
     wave = None if shortest_wave is None else to_si(shortest_wave, "m", "--shortest-wave")
     face = read_topography(path, **lengths, **reading)
     treatment: dict[str, Any] = {"detrend": detrend, "spikes": spikes, "max_undefined": max_undefined}
-    report = describe_surface(face, **treatment)
-    _, conditioning = condition(face, shortest_wavelength=wave, **treatment)
+    with in_words_of(SURFACE_OPTIONS):
+        report = describe_surface(face, **treatment)
+        _, conditioning = condition(face, shortest_wavelength=wave, **treatment)
     lines = [str(path), *_indented(report), "what a run does to it", *_indented(conditioning)]
     lines += _notes(report, conditioning)
     if picture is not None:
         figure = survey_figure(face, report, conditioning, detrend=detrend, spikes=spikes)
-        figure.suptitle(path.name, fontsize=11)
+        figure.suptitle(path.name, fontsize=11, parse_math=False)
         try:
             figure.savefig(picture)
         except OSError as error:

@@ -12,6 +12,7 @@ from typing import Any
 import typer
 
 from ..base.errors import InputError
+from .log_file import LogFile
 
 
 @contextmanager
@@ -22,15 +23,15 @@ def log_lines(path: Path | None, quiet: bool, terminal: bool) -> Iterator[None]:
     if path is not None:
         if path.is_dir() or not os.access(path if path.exists() else path.parent, os.W_OK):
             raise InputError.of("log-file", f"'{path}'", "a file that can be written")
-        handlers.append(logging.FileHandler(path, encoding="utf-8", delay=True))
+        handlers.append(LogFile(path, delay=True))
     if not quiet:
         handlers.append(_Echo(logging.WARNING if terminal else logging.INFO))
+        handlers[-1].setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(message)s"))
         # what went wrong in the studies is told with the results, and how a run ended at its end
         handlers[-1].addFilter(lambda record: record.exc_info is None and (not terminal or record.name != log.name))
     level = log.level
     log.setLevel(logging.INFO)
     for handler in handlers:
-        handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(message)s"))
         log.addHandler(handler)
     try:
         yield
@@ -39,6 +40,8 @@ def log_lines(path: Path | None, quiet: bool, terminal: bool) -> Iterator[None]:
         for handler in handlers:
             log.removeHandler(handler)
             handler.close()
+            if isinstance(handler, LogFile) and handler.failure is not None:
+                typer.echo(f"log-file: lines are missing in '{path}' ({handler.failure.strerror})", err=True)
 
 
 class _Echo(logging.Handler):

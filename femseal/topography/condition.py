@@ -13,6 +13,7 @@ import numpy as np
 
 from ..base import validate
 from ..base.errors import InputError
+from ..base.quantities import to_text
 from .generate import PIXELS_PER_WAVE
 from .labelled import Labelled
 from .repairs import repair
@@ -80,11 +81,11 @@ def condition(
     shortest = validate.number("shortest_wavelength", shortest_wavelength, unit="m")
     if shortest < resolved * (1 - SLACK):
         finer = tuple(int(np.ceil(PIXELS_PER_WAVE * length / shortest - SLACK)) for length in topography.size)
-        allowed = f"at least {PIXELS_PER_WAVE} pixels = {resolved:.4g} m, or shape={finer} for a finer grid"
-        raise InputError.of("shortest_wavelength", shortest, allowed)
+        allowed = f"at least {PIXELS_PER_WAVE} pixels = {to_text(resolved, 'm')}, or shape={finer} for a finer grid"
+        raise InputError.of("shortest_wavelength", to_text(shortest, "m"), allowed)
     if shortest >= max(topography.size):
-        allowed = f"less than the larger side, {max(topography.size):.4g} m"
-        raise InputError.of("shortest_wavelength", shortest, allowed)
+        allowed = f"less than the larger side, {to_text(max(topography.size), 'm')}"
+        raise InputError.of("shortest_wavelength", to_text(shortest, "m"), allowed)
 
     flat, repaired = repair(topography, spikes=spikes, max_undefined=max_undefined, detrend=detrend)
     form = repaired.form

@@ -165,7 +165,7 @@ class Topography(Plotted):
             raise InputError.of(
                 "undefined points",
                 f"{100 * share:.3g} %",
-                f"at most {100 * limit:.3g} %: crop the map, or raise max_share (max_undefined)",
+                f"at most {100 * limit:.3g} %: crop the map, or raise the share that may be filled (max_undefined)",
             )
         return self._with(fill_holes(self.heights, self.spacing, self.periodic))
 

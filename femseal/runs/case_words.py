@@ -1,0 +1,30 @@
+"""Errors of arguments told in the words of a case: its keys instead of the names of arguments."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from ..base.errors import InputError
+
+#: Arguments of `topography` by their key in a case.
+SURFACE_KEYS = {
+    "shortest_wavelength": "surface.shortest_wave",
+    "max_share": "surface.max_undefined",
+    "shape": "surface.points",
+    "spikes": "surface.spikes",
+    "order": "surface.detrend",
+}
+FACE_KEYS = {"shape": "points", "height_unit": "height_unit"}
+
+
+@contextmanager
+def in_words_of(keys: dict[str, str], place: str = "") -> Iterator[None]:
+    """Tell an InputError with keys instead of names of arguments, and after the place of its table, if given."""
+    try:
+        yield
+    except InputError as error:
+        # a name before ":", or before "=" where another value is proposed
+        words = re.sub(r"\b(\w+)(?=[:=])", lambda name: keys.get(name[1], name[1]), str(error))
+        raise InputError(f"{place}.{words}" if place else words) from error

@@ -1,0 +1,289 @@
+"""Cases that nobody should write: refused with a short message, before anything large is made, or warned of."""
+
+import os
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import femseal as fs
+from femseal import cli
+from femseal.base.errors import shortened, shown
+from femseal.base.quantities import to_si
+from femseal.runs import sizes
+from femseal.runs.case import parse_case
+
+ROOT = Path(__file__).parents[1]
+#: A message that people read: no line is longer, in characters.
+LONGEST = 420
+
+
+@pytest.fixture
+def data():
+    case = tomllib.loads((ROOT / "examples" / "turned_seal.toml").read_text(encoding="utf-8"))
+    case["face"] |= {"points": [64, 96], "size": ["60 um", "120 um"], "pitch": "30 um"}
+    case["cells"] = {"count": [2, 4]}
+    return case
+
+
+@pytest.fixture
+def memory(monkeypatch):
+    """A machine with 4 GB free."""
+    monkeypatch.setattr(sizes, "free_memory", lambda: 4e9)
+
+
+def refusal(call, *arguments):
+    """The message of the InputError, of which no line is long."""
+    with pytest.raises(fs.InputError) as caught:
+        call(*arguments)
+    message = str(caught.value)
+    assert max(map(len, message.splitlines())) <= LONGEST, message
+    assert message.replace("\n", "").isprintable()
+    return message
+
+
+# --- units ------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "unit",
+    ["(", "'''", "m\\", "m (", "m * ", "[m]", "m; m", "m\x00", "**", "m**999999999", "m^m", "((m))", "millimeter kilo",
+     "lambda: m", "None", "a b c d e f g", "m" * 1000, "(" * 1000, "m*" * 500 + "m"],
+)  # fmt: skip
+def test_text_that_is_no_unit_is_refused(unit):
+    refusal(to_si, f"1 {unit}", "m")
+
+
+def test_only_names_with_exponents_reach_the_parser_of_units(monkeypatch):
+    def parser():
+        raise AssertionError("asked")
+
+    monkeypatch.setattr("femseal.base.quantities._registry", parser)
+    for unit in ("m(", "'", "m.__class__", "m\nm", "m[0]", "m:m", "m**2**2", '"m"'):
+        refusal(to_si, f"1 {unit}", "m")
+
+
+@pytest.mark.parametrize(
+    ("text", "unit", "value"),
+    [
+        ("210000 N/mm2", "Pa", 210e9),
+        ("210000 N/mm²", "Pa", 210e9),
+        ("1000 kgf/cm2", "Pa", 98066500.0),
+        ("1 mPas", "Pa*s", 1e-3),
+        ("1 mPa·s", "Pa*s", 1e-3),
+        ("1 N/(mm^2)", "Pa", 1e6),
+        ("870 kg/m3", "kg/m^3", 870.0),
+        ("870 kg m-3", "kg/m^3", 870.0),
+        ("30 %", "", 0.3),
+    ],
+)
+def test_units_as_they_are_often_written(text, unit, value):
+    assert to_si(text, unit) == pytest.approx(value, rel=1e-12)
+
+
+def test_pressure_times_time_is_no_pressure():
+    refusal(to_si, "5 MPas", "Pa")
+
+
+# --- messages ---------------------------------------------------------------------------------------------
+
+
+def test_long_texts_lose_their_middle():
+    assert shortened("a" * 20, 9) == "aaaa…aaaa"
+    assert shortened("a\nb") == "a\\nb"
+    assert len(shown("a" * 10_000)) < 100
+    assert len(shown([[[[[list(range(1000))] * 100]]]])) < 200
+    assert shown(10**5000) == "a number of too many digits"
+
+
+def test_messages_stay_short(data):
+    long = "x" * 5000
+    for table, key, value in [
+        ("face", "pitch", long),
+        ("face", long, 1),
+        ("face", "a\nb\x1b[2J", 1),
+        ("face", "kind", long),
+        ("material", "young", [[1] * 1000] * 1000),
+        ("load", "loading", [long] * 1000),
+        ("fluid", "kind", {"a": {"b": long}}),
+        ("stochastic", "sampler", long),
+        ("cells", "count", [10**5000, 2]),
+        ("stochastic", "realisations", long),
+    ]:
+        message = refusal(parse_case, data | {table: data[table] | {key: value}})
+        assert len(message.splitlines()) <= 21
+    refusal(parse_case, data | {"title": long})
+    refusal(parse_case, data | {"face": {"kind": "file", "path": long}})
+    refusal(parse_case, data | {"face": {"kind": "file", "path": "a\x00b"}})
+
+
+# --- files ------------------------------------------------------------------------------------------------
+
+
+def test_only_files_of_a_usual_size_are_read(tmp_path):
+    os.mkfifo(tmp_path / "pipe.toml")
+    (tmp_path / "folder.toml").mkdir()
+    (tmp_path / "large.toml").write_bytes(b"#" * 2_000_000)
+    for path in (tmp_path / "pipe.toml", tmp_path / "folder.toml", tmp_path / "large.toml", "/dev/zero", "/dev/null"):
+        assert "case: given" in refusal(fs.load_case, path)
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["a = " + "[" * 50_000, "a = " + "[" * 400 + "]" * 400, "a = " + "{b=" * 20_000, "seed = " + "9" * 5000,
+     "seed = 0x" + "f" * 20_000, "a." * 20_000 + "a = 1", "a" * 5000, "[" + "a." * 400 + "a]", "a = '\x00'"],
+    ids=range(9),
+)  # fmt: skip
+def test_text_that_is_no_case_is_refused(tmp_path, text):
+    (tmp_path / "case.toml").write_text(text)
+    refusal(fs.load_case, tmp_path / "case.toml")
+
+
+# --- sizes ------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("table", "key", "value", "words"),
+    [
+        ("face", "points", [100_000, 100_000], ["face.points", "GB of free memory", "640 GB"]),
+        ("face", "points", [10**12, 10**12], ["face.points", "GB of free memory"]),
+        ("face", "points", [10**30, 2], ["face.points", "1000000000000"]),
+        ("surface", "points", [60_000, 60_000], ["surface.points", "GB of free memory"]),
+        ("cells", "count", [10**6, 10**6], ["cells", "GB of free memory"]),
+        ("cells", "count", [10_000, 1], ["cells", "8 pixels"]),
+        ("cells", "size", "1e-25 m", ["cells", "GB of free memory"]),
+        ("stochastic", "length", "1e6 km", ["stochastic.length", "GB of free memory"]),
+        ("stochastic", "length", "1e29 m", ["stochastic.length", "GB of free memory"]),
+        ("stochastic", "realisations", 10**11, ["stochastic.realisations", "GB of free memory"]),
+        ("stochastic", "library_cells", 10**11, ["stochastic.library_cells", "GB of free memory"]),
+        ("load", "loading", ["1e-300 Pa"], ["load.loading", "1e+30"]),
+        ("face", "size", ["1e300 m", "1 mm"], ["face.size", "1e+30"]),
+        ("load", "unloading", [f"{n + 1} kPa" for n in range(9000)], ["load", "at most 10000 steps"]),
+    ],
+)
+@pytest.mark.usefixtures("memory")
+def test_sizes_are_weighed_before_anything_is_made(monkeypatch, data, table, key, value, words):
+    def made(*_, **__):
+        raise AssertionError("made")
+
+    if table == "face":
+        monkeypatch.setattr("femseal.runs.case_faces.turned", made)
+    given = {key: value} if table == "cells" else data.get(table, {}) | {key: value}
+    message = refusal(lambda: parse_case(data | {table: given}).prepare())
+    assert all(word in message for word in words), message
+
+
+@pytest.mark.parametrize(
+    "error", [MemoryError("Unable to allocate 3 TiB"), OverflowError("too large"), RecursionError()]
+)
+def test_what_is_too_large_all_the_same_is_bad_input(monkeypatch, data, error):
+    def fail(*_, **__):
+        raise error
+
+    monkeypatch.setattr("femseal.runs.case_faces.turned", fail)
+    assert "case: given a size or number that is too large" in refusal(parse_case(data).prepare)
+
+
+def test_few_grooves_are_drawn_in_time_whatever_the_tool(data):
+    """Passes further away than the same groove again cannot be the lowest."""
+    size = (60e-6, 120e-6)
+    given = {"pitch": 30e-6, "depth": 1.5e-6, "feed_error": 0.1, "depth_error": 0.5, "rng": 3}
+    blunt = fs.turned((64, 96), size, nose_radius=1e6, **given)
+    assert np.all(np.isfinite(blunt.heights))
+
+
+# --- keys of the case -------------------------------------------------------------------------------------
+
+
+def test_messages_name_keys_of_the_case(tmp_path, data):
+    for surface, words in [
+        ({"shortest_wave": "1 um"}, ["surface.shortest_wave: given 1 µm", "µm", "surface.points="]),
+        ({"shortest_wave": "1 mm"}, ["surface.shortest_wave: given 1 mm", "less than the larger side"]),
+    ]:
+        message = refusal(parse_case(data | {"surface": surface}).prepare)
+        assert all(word in message for word in words), message
+    data["face"]["pitch"] = "1 um"
+    assert refusal(parse_case(data).prepare).startswith("face.pitch: given")
+    heights = np.zeros((64, 96))
+    heights[:20] = np.nan
+    np.save(tmp_path / "face.npy", heights)
+    data["face"] = {"kind": "file", "path": "face.npy", "spacing": ["1 um", "1 um"]}
+    message = refusal(parse_case(data, tmp_path).prepare)
+    assert "max_undefined" in message
+    assert "max_share" not in message
+
+
+# --- the command line -------------------------------------------------------------------------------------
+
+
+def command(*arguments, **streams):
+    return subprocess.run(
+        [sys.executable, "-c", "from femseal.cli import main; main()", *map(str, arguments)],
+        text=True,
+        stderr=subprocess.PIPE,
+        env=os.environ | {"PYTHONPATH": str(ROOT)},
+        **streams,
+    )
+
+
+needs_full = pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is full")
+
+
+@needs_full
+def test_a_full_standard_output_is_one_line():
+    with open("/dev/full", "w") as full:
+        for arguments in (["schema"], ["check", ROOT / "examples" / "turned_seal.toml"]):
+            done = command(*arguments, stdout=full)
+            assert done.returncode == 1
+            assert done.stderr == "femseal: standard output: cannot be written (No space left on device)\n"
+
+
+@needs_full
+def test_a_full_log_file_is_one_line(capsys):
+    import logging
+
+    from femseal.runs.terminal import log_lines
+
+    with log_lines(Path("/dev/full"), quiet=True, terminal=False):
+        for n in range(3):
+            logging.getLogger("femseal").info("line %d", n)
+    errors = capsys.readouterr().err
+    assert errors == "log-file: lines are missing in '/dev/full' (No space left on device)\n"
+
+
+def test_names_of_files_are_no_formulas(tmp_path):
+    from femseal.runs.survey import survey
+
+    heights = fs.self_affine((64, 64), (64e-6, 64e-6), hurst=0.8, rms_slope=0.1, rng=1)
+    path = tmp_path / r"a$\frac{$b.npz"
+    np.savez(path, z=heights.heights, spacing=heights.spacing)
+    reading = {"size": None, "spacing": None, "spikes": 6.0, "detrend": 1, "shortest_wave": None, "max_undefined": 0.05}
+    survey(path, tmp_path / "face.png", **reading)
+    assert (tmp_path / "face.png").stat().st_size > 1000
+
+
+def test_a_page_that_cannot_be_written_is_bad_input(monkeypatch, tmp_path):
+    from femseal.report import page
+
+    def full(*_, **__):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(page, "open_results", lambda folder: None)
+    monkeypatch.setattr(page, "report_html", lambda results: "page")
+    monkeypatch.setattr(page, "replacing", full)
+    assert "No space left" in refusal(page.write_report, tmp_path, tmp_path / "page.html")
+
+
+def test_out_of_memory_is_one_line(monkeypatch, capsys):
+    def fail(path):
+        raise MemoryError
+
+    monkeypatch.setattr("femseal.runs.case.load_case", fail)
+    monkeypatch.setattr(sys, "argv", ["femseal", "check", "case.toml"])
+    with pytest.raises(SystemExit) as stop:
+        cli.main()
+    assert stop.value.code == 1
+    assert capsys.readouterr().err.startswith("femseal: out of memory")
