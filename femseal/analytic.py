@@ -1,4 +1,4 @@
-"""Closed forms of contact and flow, to test against and to quote.
+"""Closed forms of contact and flow, used by tests and examples.
 
 Symbols: E* contact modulus (1/E* = Σ(1−ν²)/E), p̄ mean pressure, h gap, k permeability (h³/12 between
 parallel plates), η viscosity. SI units; numbers may be arrays where a closed form allows it.

@@ -1,4 +1,4 @@
-"""Fluids as a change of variable.
+"""Fluids, each as a change of variable from pressure to pressure potential.
 
 Every fluid whose density ρ and viscosity η depend on pressure alone solves the same linear equation in the
 pressure potential φ, dφ = (ρ/η) dp [kg/(m³ s) = Pa·(kg/m³)/(Pa s)]; the mass rate is then conductance × drop of φ.
@@ -23,11 +23,11 @@ STANDARD_PRESSURE = 101_325.0
 
 
 class Fluid(Protocol):
-    """What a flow solution needs to know of a fluid."""
+    """Interface of the fluids that `seal_leakage` takes."""
 
     @property
     def reference_density(self) -> float:
-        """Density [kg/m³] by which a mass rate is turned into a volume rate."""
+        """Density [kg/m³] that converts a mass rate into a volume rate."""
         ...
 
     def potential(self, pressure: ArrayLike) -> NDArray[np.float64]:

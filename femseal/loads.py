@@ -40,8 +40,8 @@ class LoadProgramme(tuple[LoadStep, ...]):
 
     Raises
     ------
-    InputError : loading steps that come after unloading steps or do not rise, or an unloading step from a peak that is
-        no loading step.
+    InputError : loading steps after unloading steps, loading steps that do not rise, or unloading from a peak that is
+        not a loading step.
 
     Examples
     --------

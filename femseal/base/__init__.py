@@ -1,1 +1,1 @@
-"""What every room stands on: errors, quantities with units, validation of input, how results show themselves, files."""
+"""Common ground of all rooms: errors, quantities with units, validation of input, display of results, files."""

@@ -15,7 +15,7 @@ class FemsealError(Exception):
 
 
 class InputError(FemsealError, ValueError):
-    """Something given cannot be used: the message names it, what was given and what is allowed."""
+    """An input cannot be used: the message names it, what was given and what is allowed."""
 
     @classmethod
     def of(cls, name: str, given: object, allowed: str) -> InputError:

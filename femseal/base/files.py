@@ -14,11 +14,11 @@ from .errors import InputError
 
 
 def made_folder(folder: str | os.PathLike[str]) -> Path:
-    """The folder, made with its parents if it is not there.
+    """Make a folder with its parents unless it exists; return its path.
 
     Raises
     ------
-    InputError : it is a file, or cannot be made.
+    InputError : the path is a file, or the folder cannot be made.
     """
     path = Path(folder)
     try:
@@ -31,7 +31,7 @@ def made_folder(folder: str | os.PathLike[str]) -> Path:
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """A temporary path of the same suffix in the same folder, which takes the place of `path` once complete.
+    """Context with a temporary path of the same suffix in the same folder, which replaces `path` on leaving.
 
     After an exception the temporary file is removed and an older `path` is as it was.
     """
@@ -49,7 +49,7 @@ def replacing(path: Path) -> Iterator[Path]:
 
 
 class _LateFailingFile(io.FileIO):
-    """A file that keeps the error of a failed write in `failure`: HDF5 crashes the process where a write raises it.
+    """A file that keeps the error of a failed write in `failure`, since HDF5 crashes the process if a write raises.
 
     After the first failure, as on a full disk, writes are kept in memory, so that HDF5 reads back what it wrote.
     """

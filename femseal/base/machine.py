@@ -1,4 +1,4 @@
-"""The machine of a run: told with the results, never used by them; and the memory that is free there."""
+"""The machine of a run, which results record but do not depend on, and its free memory."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import psutil
 
 
 def machine() -> dict[str, str | int]:
-    """Processor, cores, memory [byte] and system; what the system does not tell is left out."""
+    """Processor, cores, memory [byte] and system; entries that the system does not know are left out."""
     found: dict[str, str | int] = {
         "processor": _processor(),
         "system": f"{platform.system()} {platform.release()}",

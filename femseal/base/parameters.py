@@ -1,4 +1,4 @@
-"""Parameters of what a case can choose, such as a fluid: declared once, in the class, with unit and range.
+"""Parameters of classes that a case can choose, such as fluids, declared once with unit and range.
 
 The class checks its values by `check_parameters`; the case file gets a key for each of them from the same metadata.
 """
@@ -31,7 +31,7 @@ def check_parameters(model: Any) -> None:
 
     Raises
     ------
-    InputError : one of them is no finite number, or out of its range.
+    InputError : one of them is not a finite number, or is out of its range.
     """
     for f in fields(model):
         if "allowed" in f.metadata:

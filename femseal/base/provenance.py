@@ -1,4 +1,4 @@
-"""Versions of femseal and of what it stands on, from the metadata of the installation: nothing is imported."""
+"""Versions of femseal and its dependencies, from the metadata of the installation, without importing them."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _REQUIRED = ("numpy", "scipy", "scikit-fem", "pyamg", "pyfftw", "numba", "meshio
              "pint", "typer", "rich", "xarray", "h5netcdf", "h5py", "joblib", "threadpoolctl", "matplotlib", "jinja2",
              "psutil", "x3pio", "sdfio")  # fmt: skip
 _OPTIONAL = ("SurfaceTopography", "distributed", "gmsh")
-#: What the bits of a result depend on.
+#: Packages on which the bits of a result depend.
 _NUMERICAL = ("numpy", "scipy", "numba", "llvmlite", "pyfftw", "pyamg", "scikit-fem")
 
 

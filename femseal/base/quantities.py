@@ -53,7 +53,7 @@ def to_si(text: object, unit: str, name: str = "quantity") -> float:
     ----------
     text : for example ``"210 GPa"``, ``"1 mm"``, ``"20 °C"``. A bare number is refused unless `unit` is "" (a ratio).
     unit : the SI unit of what is expected, for example "Pa", "m", "Pa*s", "" for a plain number.
-    name : how the value is called in an error.
+    name : of the value in an error message.
 
     Raises
     ------
@@ -88,7 +88,7 @@ def to_si(text: object, unit: str, name: str = "quantity") -> float:
         raise InputError.of(name, shown(text), example)
     try:
         quantity = float(match[1]) * _registry().parse_units(_spelled(written))
-        # 15 digits: the factors of prefixes are not exact in binary, what was written is
+        # 15 digits restore the decimal number as written, although the factor of a prefix is not exact in binary
         value = float(f"{quantity.to(unit or 'dimensionless').magnitude:.15g}")
     except Exception:  # a parser of units fails on unknown names in many ways, all of which mean the same
         raise InputError.of(name, shown(text), example) from None

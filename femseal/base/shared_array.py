@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-#: File descriptors of the arrays that are shared, for each `sharing` that is under way.
+#: File descriptors of the shared arrays, for each active `sharing`.
 _shared: list[list[int]] = []
 
 
 @contextmanager
 def sharing() -> Iterator[None]:
-    """Arrays of `shared_empty` are shared within this context."""
+    """Context in which arrays made by `shared_empty` are shared between processes."""
     _shared.append([])
     try:
         yield
@@ -39,7 +39,7 @@ def shared_empty(shape: tuple[int, ...], dtype: Any) -> NDArray[Any]:
         descriptor = os.memfd_create("femseal")
         _shared[-1].append(descriptor)
         os.ftruncate(descriptor, size)
-        # joblib passes views of mapped files on by the name of the file
+        # joblib passes views of mapped files by the name of the file
         return np.memmap(f"/proc/{os.getpid()}/fd/{descriptor}", dtype, "r+", shape=shape)
-    except OSError:  # no such files, or no more of them
+    except OSError:  # this system has no such files, or allows no more of them
         return np.empty(shape, dtype)

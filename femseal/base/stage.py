@@ -1,4 +1,4 @@
-"""Stages of a study: what is computed for each of many items, under a name that people read."""
+"""Stages of a study: a function that is computed for each of many items, with a readable name."""
 
 from __future__ import annotations
 
@@ -7,19 +7,19 @@ from dataclasses import dataclass
 from typing import Any
 
 #: Computes a stage for all items, as the builtin `map` does: mapper(stage, *iterables) gives the results in the order
-#: of the items, whoever computes them.
+#: of the items, wherever they are computed.
 Mapper = Callable[..., Iterable[Any]]
 
 
 @dataclass(frozen=True)
 class Stage:
-    """A part of a study that is computed for many items, each by itself.
+    """A part of a study that is computed for many items independently.
 
     Parameters
     ----------
-    name : what the stage computes, as progress, log, timings and report say it.
-    function : what is called for each item; processes get it as a pickle.
-    memory : of one call [byte], 0 where it is small: processes of one machine make no more calls at once than fit.
+    name : what the stage computes; progress, log, timings and report show it.
+    function : called for each item; processes get it as a pickle.
+    memory : of one call [byte], 0 if it is small; a machine runs no more calls at once than fit in its memory.
 
     >>> stage = Stage("quotients", divmod)
     >>> stage.name, list(map(stage, [7, 9], [2, 2]))
@@ -31,5 +31,5 @@ class Stage:
     memory: float = 0.0
 
     def __call__(self, *item: Any) -> Any:
-        """The result of one item."""
+        """Compute the result of one item."""
         return self.function(*item)

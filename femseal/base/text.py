@@ -1,4 +1,4 @@
-"""How results show themselves: one line, and a table in notebooks, instead of whole arrays."""
+"""Display of results: one line, and a table in notebooks, instead of whole arrays."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ _POWERS = str.maketrans("23", "²³")
 
 
 class Plotted:
-    """Base of everything that has a picture; the pictures are functions in `femseal.plots`, one for each class."""
+    """Base of classes with a picture, which a function in `femseal.plots` draws."""
 
     __slots__ = ()
 
     def plot(self, **options: Any) -> Any:
-        """The picture of this result, a matplotlib figure that belongs to no window; it shows itself in a notebook.
+        """Draw this result: a matplotlib figure without a window, which a notebook displays.
 
         Parameters
         ----------
@@ -38,7 +38,7 @@ class Plotted:
 
 
 def room(name: str) -> ModuleType:
-    """A package of femseal that shows results, such as "plots"; it is loaded when called, since it imports them."""
+    """Import a package of femseal that displays results, such as "plots", when it is needed."""
     return import_module(f"femseal.{name}")
 
 
@@ -80,7 +80,7 @@ def _cells(texts: Iterable[str], tag: str) -> str:
 
 
 def _says_nothing(value: Any) -> bool:
-    """Nothing asked for, nothing failed."""
+    """Whether a value is None, NaN or an empty tuple."""
     return value is None or (isinstance(value, float) and np.isnan(value)) or (isinstance(value, tuple) and not value)
 
 

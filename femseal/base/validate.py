@@ -38,12 +38,12 @@ def tolerance(name: str, value: Any) -> float:
 def field(
     name: str, value: Any, *, unit: str, shape: tuple[int, int] | None = None, copy: bool = True
 ) -> NDArray[np.float64]:
-    """An array (n1, n2) of finite real numbers, of the given shape if there is one; a new one unless not `copy`."""
+    """An array (n1, n2) of finite real numbers, of the given shape if any; a new one unless `copy` is false."""
     try:
         if np.ma.is_masked(value) or np.iscomplexobj(value):
             raise TypeError
         array = np.array(value, dtype=float, copy=True if copy else None)
-        # results depend on the layout in memory by their last digits: arrays that come from a cluster may lie anywhere
+        # the last digits of results depend on the alignment in memory, which differs for arrays sent by a cluster
         array = np.require(array, requirements=("C", "ALIGNED"))
     except (TypeError, ValueError):
         raise InputError.of(name, f"a {type(value).__name__}", f"an array (n1, n2) of real numbers [{unit}]") from None

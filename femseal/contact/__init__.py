@@ -1,4 +1,4 @@
-"""Heights and load in, pressure and gap out: elastic-perfectly plastic contact of a half-space."""
+"""Elastic-perfectly plastic contact of a half-space: from heights and load to pressure and gap."""
 
 from .cycle import LoadCycle, LoadState, load_cycle, load_states, solve_deformed_contact
 from .half_space import HalfSpace

@@ -1,10 +1,10 @@
 """Contact on one grid: projected active sets, and preconditioned conjugate gradients on the free points.
 
 The minimum of ½⟨p, Kp⟩ + ⟨p, h₁⟩ under 0 ≤ p ≤ H and a given load is where p = y(δ) = clip(p − c (v − δ), 0, H) for any
-c > 0, with v = Kp + h₁ and the δ that keeps Σ y = load. One iteration looks at y. Where it moves points out of contact,
-on to the hardness or back, the sets are changed: p becomes y, and a product with K gives v anew. Then conjugate
-gradients on the free points (0 < p < H) lower the energy for a few steps, with a product with K each. This is an
-inexact semismooth Newton method. There is no proof of convergence: `ActiveSets.residual` tells what was reached.
+c > 0, with v = Kp + h₁ and the δ that keeps Σ y = load. One iteration computes y. Where y moves points out of contact,
+to the hardness or back, the sets change: p becomes y, and a product with K gives the new v. Then conjugate gradients on
+the free points (0 < p < H) lower the energy for a few steps, with a product with K each. This is an inexact semismooth
+Newton method. There is no proof of convergence: `ActiveSets.residual` is the residual reached.
 Sources: Moré & Toraldo, SIAM J. Optim. 1, 1991, 93; Polonsky & Keer, Wear 231, 1999, 206.
 """
 
@@ -19,20 +19,20 @@ from . import kernels
 from .workspace import Workspace
 
 Array = NDArray[np.float64]
-#: Steps of conjugate gradients where the sets were changed, and where they were not.
+#: Steps of conjugate gradients after a change of the sets, and without one.
 _STEPS_AFTER_CHANGE, _STEPS = 3, 5
-#: Conjugate gradients stop where the squared energy norm of the residual fell to this share.
+#: Conjugate gradients stop when the squared energy norm of the residual has fallen to this share.
 _DROP = 0.04
-#: From this iteration on no step may raise the energy. It is seldom needed, and slower.
+#: From this iteration on no step may raise the energy, a slower rule that is seldom needed.
 _MONOTONE_AFTER = 60
 
 
 class ActiveSets:
-    """The contact problem on one grid, and how far it is solved.
+    """The contact problem on one grid, and the state of its iteration.
 
     Parameters
     ----------
-    grid : holds the pressure to start from, and in the end pressure and v of the solution.
+    grid : holds the initial pressure, and after `solve` the pressure and v of the solution.
     gap0 : undeformed gap h₁ [m].
     offset : height [m] that is subtracted from h₁ and δ, because large heights cost digits.
     hardness : H [Pa], one value or one per point.
@@ -43,7 +43,7 @@ class ActiveSets:
     ----------
     delta : δ less the offset [m].
     residual : ‖p − y‖/‖p‖ · c₀/c.
-    iterations : number of times that the sets were looked at, less one.
+    iterations : number of evaluations of y, less one.
     pairs : number of products with K, each a pair of transforms.
     """
 
@@ -60,7 +60,7 @@ class ActiveSets:
         self._least_c = grid.stiffness / (4 * max(grid.half_space.shape))
         self._damping, self._energy = 1.0, inf
         self._new_sets = True
-        # numbers of points near contact (in it or v < reach) and of free ones
+        # numbers of points near contact (in contact, or with v < reach) and of free points
         self._n_near, self._n_free, self._reach, self._margin = 0, 0, -inf, 0.0
         self._changed, self._fresh, self._gradient_next = True, False, False
         # of conjugate gradients: Σ M1, w·r of the next and of the former direction, and whether there is a next one
@@ -68,7 +68,7 @@ class ActiveSets:
         self._best: tuple[Array, Array] | None = None
 
     def solve(self, rtol: float, limit: int) -> None:
-        """Iterate to the residual `rtol`, or as near as `limit` iterations bring it."""
+        """Iterate until the residual is `rtol`, for at most `limit` iterations."""
         self._grid.dense[:] = 0
         self._begin()
         self._look()
@@ -80,7 +80,7 @@ class ActiveSets:
             if self._changed or converged or self._n_free < 2 or self._gradient_next:
                 self._change_sets()
             if converged:
-                self._c = self._c0  # judged by the residual as it is defined
+                self._c = self._c0  # the returned residual follows its definition
             elif self._n_free >= 2 and not self._gradient_next:
                 self._conjugate_gradients()
             self._look()
@@ -89,12 +89,12 @@ class ActiveSets:
         """Whether the residual is reached by a pressure whose v is known and that carries the load."""
         if not (self.residual <= rtol and self._fresh):
             return False
-        # a projected pressure does; what the iteration starts from may miss the load by as much as the residual
+        # a projected pressure carries the load; the initial one may miss it by as much as the residual
         start = self.iterations == 0 and self._loaded
         return not start or abs(float(self._grid.p.sum()) - self._load) <= 1e-10 * self._load
 
     def _begin(self) -> None:
-        """List the points near contact of the start, from a first guess of the approach."""
+        """List the points near contact of the initial pressure, with a first guess of the approach."""
         _, load, total = self._product()
         if self._loaded:
             self.delta = total / self._n_near
@@ -120,8 +120,8 @@ class ActiveSets:
     def _look(self) -> None:
         """Find δ and the residual, and decide whether the sets are to be changed.
 
-        Points that are not on the list had v above `reach` when the list was made. If δ is larger, the list is made
-        anew. That takes v of all points: after a step of conjugate gradients it waits for the next product with p.
+        Points that are not on the list had v above `reach` when the list was made. If δ exceeds `reach`, a new list is
+        made. It needs v of all points; after a step of conjugate gradients it waits for the next product with p.
         """
         grid, former = self._grid, self.residual
         while True:
@@ -133,14 +133,14 @@ class ActiveSets:
                 break
             self._margin = max(4.0 * self._margin, self.delta - self._reach)
             reach = self.delta + self._margin
-            self._reach = reach if carried and reach < inf else inf  # also where it is not a number
+            self._reach = reach if carried and reach < inf else inf  # inf if NaN
             self._list_near()
-        self.residual = residual * (self._c0 / self._c)  # about that of the step c₀
-        # the sets are worth keeping as long as it helps and the points that would leave them matter little
+        self.residual = residual * (self._c0 / self._c)  # about the residual for the step c₀
+        # keep the sets as long as the residual falls and the points that would leave them have a small share of it
         self._changed = (changed > 0 and (leaving or self.residual > 0.5 * former)) or self.iterations == 0
 
     def _change_sets(self) -> None:
-        """Project p on the bounds and the load, which says which points are free, and find v."""
+        """Project p on the bounds and the load, which decides which points are free, and find v."""
         grid = self._grid
         keep = self.iterations > 1 and not self._gradient_next
         self._n_free = kernels.project(

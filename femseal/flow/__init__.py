@@ -1,4 +1,4 @@
-"""Gap in, permeability out; permeability in, leakage out: one equation, one assembly for the cell and the seal."""
+"""From the gap of a cell to its permeability; the weak form, its operators and their solvers, also for the seal."""
 
 from .cell import Permeability, cell_permeabilities, cell_permeability
 from .constriction import Constriction, critical_constriction

@@ -42,9 +42,9 @@ def _edges(first: float, last: float) -> tuple[Sample, ...]:
     return (*along, Sample((0.0, 0.5), first, (1, 1)), Sample((1.0, 0.5), last, (1, 1)))
 
 
-#: Q1 with these has no couples across corners: every sample couples the two nodes of its own edge.
+#: With these samples, Q1 couples no nodes across corners: every sample couples the two nodes of its own edge.
 EDGES = _edges(0.5, 0.5)
-#: Half elements at the ends take K22 where the pixels are; along an end the pressure is constant.
+#: Half elements at the ends take K22 at the row of pixel centres only; along an end the pressure is constant.
 EDGES_AT_INLET, EDGES_AT_OUTLET = _edges(0.0, 1.0), _edges(1.0, 0.0)
 _NEAR, _FAR = 0.5 - 0.5 / np.sqrt(3.0), 0.5 + 0.5 / np.sqrt(3.0)
 #: Two Gauss points along each axis: exact for Q1 with constant coefficients.
@@ -80,7 +80,7 @@ def elemental(form: BilinearForm, element: type, samples: tuple[Sample, ...], co
 def _elemental(
     form: BilinearForm, _: Callable[..., Any], element: type, samples: tuple[Sample, ...], coefficient: str
 ) -> Array:
-    """Kept as long as neither the form nor what it says is another."""
+    """The cache key has the form and its function, so that a changed form is evaluated again."""
     square = MeshQuad()  # the unit square, its first axis x1
     matrices = []
     for s in samples:
@@ -95,7 +95,7 @@ def _elemental(
 
 
 def couples_of(local: Array) -> Array:
-    """Minus the entries of local matrices of Q1 (…, 4, 4) that its six couples have (…, 6); row sums must vanish."""
+    """Couples (…, 6) of local Q1 matrices (…, 4, 4): minus their entries off the diagonal; row sums must be 0."""
     size = float(np.abs(local).max())
     if not np.abs(local.sum(axis=-1)).max() <= 1e-12 * size:
         raise ValueError("the form has local matrices whose rows do not add up to 0: it is no flow of a pressure drop")
@@ -114,7 +114,7 @@ def assemble_on_links(grid: Grid, k1: Array, k2: Array, *, overwrite: bool = Fal
 
     Notes
     -----
-    All elements around an edge see its K, so that their parts are summed before they are weighted.
+    The elements on both sides of an edge have the same K there, so their parts are summed before they are weighted.
     """
     w = _edge_weights(grid, forms.darcy_flow, forms.darcy_flow.form)
     along = _weighted(k1, w.rows1, w.columns1, w.kinds1, k1 if overwrite else np.empty(k1.shape))
@@ -124,7 +124,7 @@ def assemble_on_links(grid: Grid, k1: Array, k2: Array, *, overwrite: bool = Fal
 
 @dataclass(frozen=True)
 class _EdgeWeights:
-    """Couple for K = 1 of the edges along x1 and x2: weight of its row times that of its column by the row's kind."""
+    """Factors of the couple of every edge for K = 1: that of its row, times that of its column for the row's kind."""
 
     rows1: Array
     columns1: Array
@@ -160,7 +160,7 @@ def assemble_on_elements(grid: Grid, k: Sequence[Array], samples: tuple[Sample, 
     grid : of the nodes.
     k : arrays (m1, m2) of a value for each element [m³].
     samples : of the quadrature.
-    of : which array of k each sample takes its value from.
+    of : number of the array of k from which each sample takes its value.
     """
     local = couples_of(elemental(forms.darcy_flow, ElementQuad1, samples))
     table = np.zeros((len(k), 3, 6))
@@ -180,7 +180,7 @@ def assemble_on_elements(grid: Grid, k: Sequence[Array], samples: tuple[Sample, 
 
 
 def _own_couples(local: Array) -> Array:
-    """Couple of each sample of an edge quadrature with the nodes of its edge; it must have no other."""
+    """Couple of the two nodes of the edge on which each sample lies; a sample must have no other couple."""
     couples = couples_of(local)
     own = couples[[0, 1, 2, 3], [0, 1, 2, 3]]
     couples[[0, 1, 2, 3], [0, 1, 2, 3]] = 0.0

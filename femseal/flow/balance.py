@@ -40,10 +40,10 @@ def balanced_flux(tail: Indices, head: Indices, width: Array, flux: Array, nodes
     Parameters
     ----------
     tail, head : nodes of each link, both ends of the seal being node 0.
-    width : conductance of each link; links of width 0 are left alone. The tree is the one of the widest
-        links, so that the rounding errors of wide links do not run through narrow ones unless they have to.
+    width : conductance of each link; links of width 0 keep their flux. The tree is the one of the widest
+        links, so that the excess of wide links runs through narrow ones only where there is no other path.
     flux : from tail to head; 0 where the width is.
-    nodes : their number; those that no link of width > 0 joins to node 0 are left alone.
+    nodes : number of nodes; nodes that no link of width > 0 joins to node 0 keep their excess.
     """
     excess = np.bincount(head, flux, nodes) - np.bincount(tail, flux, nodes)
     candidates = np.flatnonzero((width > 0) & (tail != head))
@@ -55,7 +55,7 @@ def balanced_flux(tail: Indices, head: Indices, width: Array, flux: Array, nodes
 
 @njit(cache=True, nogil=True)
 def _send_out(tail, head, widest_first, excess, flux):
-    """Excess of each node to node 0 along the spanning tree of the widest links (Kruskal)."""
+    """Send the excess of each node to node 0 along the spanning tree of the widest links (Kruskal)."""
     n = excess.size
     parent = np.arange(n)
     tree = np.empty(n, np.int64)

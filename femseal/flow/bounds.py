@@ -26,10 +26,10 @@ from .solvers.multigrid import COARSEST_NODES, solve_multigrid
 from .stencil import Stencil
 
 Array = NDArray[np.float64]
-#: Error of the pressure behind the upper bound, which is above by its square; iterations before a factorisation.
+#: Relative error of the pressure, whose square is that of the upper bound; iterations allowed before factorising.
 _RTOL, _ITERATIONS = 1e-8, 60
-#: Component K11 at the two ends of a pixel: the mixed form decouples its two fluxes, and gives the harmonic mean of
-#: neighbouring pixels.
+#: Component K11 at the two ends of a pixel: the mixed form then decouples the two fluxes, and a link
+#: between two pixels has their harmonic mean.
 _LUMPED = (Sample((0.0, 0.5), 0.5, (0, 0)), Sample((1.0, 0.5), 0.5, (0, 0)))
 #: Facets of a pixel at its two ends along x1, in the order of `elemental`.
 _ENDS = np.ix_([0, 3], [0, 3])
@@ -38,7 +38,7 @@ _ENDS = np.ix_([0, 3], [0, 3])
 def pixel_bounds(gap: Array, spacing: tuple[float, float], sides: str, solver: str = "auto") -> tuple[float, float]:
     """Lower and upper bound of the flow for a unit drop along x1 [unit of h³]; both 0 where all is closed.
 
-    Diagonal neighbours touch in the upper bound and not in the lower one.
+    Pixels that share only a corner are connected in the upper bound, and not in the lower one.
     """
     k = cubic_law(gap)
     lower, potential = lower_bound(k, spacing, sides == "periodic", solver)
@@ -58,7 +58,7 @@ def half_resistance() -> float:
 
 
 def _along(local: Array) -> Array:
-    """Basis functions turned to fluxes along x1: a uniform flux costs the more energy."""
+    """Orient both basis functions along +x1: a uniform flux then has more energy than one that changes its sign."""
     return local if local.sum() > np.trace(local) else local * np.array([[1.0, -1.0], [-1.0, 1.0]])
 
 
@@ -95,7 +95,7 @@ def lower_bound(k: Array, spacing: tuple[float, float], ring: bool, solver: str 
 
 
 def _upper(k: Array, spacing: tuple[float, float], sides: str, potential: Array) -> float:
-    """Any pressure gives an upper bound: the better the pressure, the closer."""
+    """Upper bound from the energy of a pressure; any pressure gives a bound, the exact one the lowest."""
     grid = Grid.of_pixel_corners(k.shape, spacing, sides)
     stencil = assemble_on_elements(grid, [k], gauss((0, 0), (1, 1)), [0] * 8)
     keep = nodes_reached(stencil) == 3
@@ -107,7 +107,7 @@ def _upper(k: Array, spacing: tuple[float, float], sides: str, potential: Array)
     def energy(inner: Array) -> float:
         p = np.zeros(keep.shape)
         p[0] = keep[0]
-        p[1:-1] = np.where(keep[1:-1], inner, 0.0)  # other corners are at rest
+        p[1:-1] = np.where(keep[1:-1], inner, 0.0)  # corners that carry no flow have the pressure 0
         return stencil.energy(p)
 
     if n1 == 1:
@@ -127,7 +127,7 @@ def _upper(k: Array, spacing: tuple[float, float], sides: str, potential: Array)
 
 
 def _mean_at_corners(k: Array, potential: Array, ring: bool) -> Array:
-    """Mean of the potential of the pixels about each corner, weighted with their permeability."""
+    """Mean potential of the pixels around each corner, weighted with their permeability."""
     sides: Any = "wrap" if ring else "constant"
     weight, value = (np.pad(np.pad(a, ((1, 1), (0, 0))), ((0, 0), (1, 1)), mode=sides)
                      for a in (k, k * np.nan_to_num(potential)))  # fmt: skip
@@ -137,7 +137,7 @@ def _mean_at_corners(k: Array, potential: Array, ring: bool) -> Array:
 
 
 def _factorised(stencil: Stencil, keep: NDArray[np.bool_]) -> Array:
-    """Pressure at the inner nodes by a sparse factorisation, whatever its residual; 0 where it is no number."""
+    """Pressure at the inner nodes by a sparse factorisation, whatever its residual; 0 where it is not finite."""
     columns = keep.shape[1]
     unknown = keep.ravel().copy()
     unknown[:columns] = unknown[-columns:] = False

@@ -1,7 +1,7 @@
 """Permeability of a cell from its gap: ∇·(K ∇p) = 0 with the cubic law K = h³/12.
 
-Unknowns are the pressures at pixel centres, the pressures of both ends are given. How the equation is discretised is a
-choice, `DISCRETISATIONS`; the default takes K at the midpoints of the elements' edges.
+The unknowns are the pressures at the pixel centres; those of both ends are given. `DISCRETISATIONS` lists the choices;
+the default takes K at the midpoints of the elements' edges.
 """
 
 from __future__ import annotations
@@ -32,9 +32,9 @@ class Permeability(Shown):
     """Permeability of a cell along one axis, k with Q/L2 = (k/η) Δp/L1; exactly 0 where the gap does not percolate.
 
     lower, upper, resampling_error : NaN unless asked for.
-    percolating_share : pixels that both ends reach, in shares of all.
+    percolating_share : share of the pixels that are connected to both ends.
     iterations, residual, imbalance, solver : of the linear system, see `femseal.flow.DarcyFlow`.
-    fluid_pressure : (n1, n2), NaN at pixels in contact and in pockets that neither end reaches.
+    fluid_pressure : (n1, n2), NaN at pixels in contact and in pockets, which are connected to neither end.
     """
 
     value: float = field(metadata={"unit": "m^3", "long_name": "permeability"})
@@ -69,7 +69,7 @@ def cell_permeability(
     gap : h (n1, n2) [m].
     spacing : pixel (Δ1, Δ2) [m].
     axis : direction of the flow.
-    sides : "mirror" (closed sides: the same as an even extension) or "periodic".
+    sides : "mirror" (no flow across the sides) or "periodic".
     bounds : also certify, for the gap taken constant on each pixel, lower <= k <= upper; otherwise both are NaN.
         The bounds enclose the flow through those pixels, not the resampling of the surface, so that `value`, which
         interpolates the gap between pixels, may lie outside where the gap is poorly resolved.
@@ -179,8 +179,8 @@ def cell_permeabilities(
 def pixel_dissipation(gap: Array, spacing: tuple[float, float]) -> Array:
     """Dissipation of each pixel (n1, n2) [m³] of the flow through a cell with periodic sides for a unit drop along x1.
 
-    A link between two pixels gives half of its own to both, those at inlet and outlet give all to their pixel, so that
-    the sum is the conductance k L2/L1 with k of `cell_permeability`.
+    Each pixel gets half of the dissipation of a link to another pixel, and all of that of a link to an end. The sum
+    is the conductance k L2/L1 with k of `cell_permeability`.
 
     Raises
     ------
@@ -203,7 +203,7 @@ def _flow(
     flow = solve_flow(
         cell_stencil(h, Grid.of_pixel_centres(h.shape, spacing, sides), discretisation), rtol=rtol, solver=solver
     )
-    # Q1 elements reach into contact
+    # nodes in contact have a pressure where a Q1 element reaches into contact
     inside, complement = (np.where(h > 0, values[1:-1], np.nan) for values in (flow.potential, flow.complement))
     return replace(flow, potential=inside, complement=complement)
 

@@ -1,4 +1,4 @@
-"""From a gap to the permeability where the operator wants it: the one place that knows the cubic law, K = h³/12.
+"""Permeability at the quadrature points from a gap: the only module that knows the cubic law, K = h³/12.
 
 The gap is given at pixel centres. On the links between pixels, the midpoints of the edges of the elements, it is
 interpolated by a four-point cubic, at least a tenth of the smaller of the two pixels and 0 next to contact: a link is
@@ -57,7 +57,7 @@ def gap_on_links(gap: Array, ring1: bool, ring2: bool) -> tuple[Array, Array]:
     """Gap midway between neighbouring pixels along both axes [m].
 
     Along an axis that forms a ring n pixels have n links, from each to the next; otherwise the first axis has n + 1
-    links, one past each end, where the gap continues evenly, and the second n − 1.
+    links, one to each end, beyond which the gap is mirrored, and the second n − 1.
     """
     return _on_links(gap, ring1, ring2, False)
 
@@ -90,7 +90,7 @@ def _midway(before, a, b, after):
 
 @njit(**_compiled)
 def _inside(i, n, ring):
-    """Index of a point past the ends of an axis, which is a ring or continued evenly."""
+    """Index of the pixel that stands for i beyond the ends of an axis, which is periodic (`ring`) or mirrored."""
     while i < 0 or i >= n:
         if ring:
             i %= n

@@ -1,4 +1,4 @@
-"""The critical constriction: the narrowest place of the widest path, which decides a small leakage.
+"""The critical constriction: the narrowest place of the widest path, which controls the leakage near closing.
 
 Links open in the order of their gap, the widest first; the one that joins inlet and outlet is critical. Source:
 Ambegaokar, Halperin & Langer, Phys. Rev. B 4, 1971, 2612; for seals Persson & Yang, J. Phys. Condens. Matter 20, 2008,
@@ -32,7 +32,7 @@ def critical_constriction(
 
     Parameters
     ----------
-    gap, spacing, axis, sides : as in `cell_permeability`, whose gap midway between two pixels is meant here.
+    gap, spacing, axis, sides : as in `cell_permeability`, whose gap midway between two pixels is used.
 
     Raises
     ------
@@ -56,7 +56,7 @@ def critical_constriction(
 
 @njit(cache=True, nogil=True)
 def _joining(widest_first, values, n1, n2, m2):
-    """The link that joins inlet and outlet, −1 if no open one does."""
+    """Number of the link that joins inlet and outlet; −1 without an open path."""
     parent = np.arange(n1 * n2 + 2)
     inlet, outlet = n1 * n2, n1 * n2 + 1
     along = (n1 + 1) * n2

@@ -25,8 +25,8 @@ Array = NDArray[np.float64]
 class Discretisation:
     """An element and where it takes the coefficient.
 
-    element : of scikit-fem on a general mesh, None on the grid. degree : that its quadrature integrates exactly.
-    triangles : the mesh is one of triangles.
+    element : class of scikit-fem's element on a general mesh, None on the grid of pixels.
+    degree : polynomials of this degree are integrated exactly. triangles : whether the mesh has triangles.
     """
 
     description: str
@@ -46,12 +46,12 @@ DISCRETISATIONS = {
 
 
 def on_grid(discretisation: str) -> bool:
-    """Whether the discretisation is one of the pixels' grid, or else of a general mesh."""
+    """Whether the discretisation uses the grid of pixels; otherwise it uses a general mesh."""
     return DISCRETISATIONS[discretisation].element is None
 
 
 def check_discretisation(discretisation: str, solver: str, estimate: bool = False) -> None:
-    """Raise InputError for a discretisation or solver that does not exist, or that does not go with the other."""
+    """Raise InputError for an unknown discretisation or solver, or for two that do not go together."""
     if discretisation not in DISCRETISATIONS:
         raise InputError.of("discretisation", repr(discretisation), f"one of {', '.join(DISCRETISATIONS)}")
     check_solver(solver)
@@ -68,6 +68,6 @@ def cell_stencil(gap: Array, grid: Grid, discretisation: str = "edge") -> Stenci
     if discretisation == "edge":
         k1, k2 = permeability_on_links(gap, False, grid.ring2)
         return assemble_on_links(grid, k1, k2, overwrite=True)
-    # both K11 and K22 take the value of their point
+    # K11 and K22 have the same value at a point
     k = permeability_at_gauss_points(gap, grid, GAUSS_POINTS)
     return assemble_on_elements(grid, k, gauss((0, 0), (1, 1)), [p for p in range(len(k)) for _ in range(2)])

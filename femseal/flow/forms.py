@@ -14,13 +14,13 @@ from skfem.helpers import dot, grad, mul
 
 @BilinearForm
 def darcy_flow(p: Any, q: Any, w: Any) -> Any:
-    """∫ (K ∇p)·∇q of a pressure p: minus its divergence form, tested with q."""
+    """∫ (K ∇p)·∇q of a pressure p and a test function q: the weak form of −∇·(K ∇p)."""
     return dot(mul(w.k, grad(p)), grad(q))
 
 
 @BilinearForm
 def flux_resistance(u: Any, v: Any, w: Any) -> Any:
-    """∫ (K⁻¹ u)·v of a flux u: the mixed form, whose flux gives the lower bound."""
+    """∫ (K⁻¹ u)·v of a flux u and a test flux v: the mixed form, whose flux gives the lower bound."""
     return dot(mul(w.resistance, u), v)
 
 

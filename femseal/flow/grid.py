@@ -1,4 +1,4 @@
-"""Structured grids of nodes: where their lines are, and which lines are one degree of freedom."""
+"""Structured grids of nodes: coordinates of their lines, and the degrees of freedom of each line."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ class Grid:
     A periodic or a mirrored side is an identification: the last column of a ring is the first one; the outer line of a
     half element beside a mirror carries the degrees of freedom of its inner line.
 
-    lines1 (m1 + 1,), lines2 (m2 + 1,) : coordinates of the lines of nodes, rising. In whatever coordinates: the form
-        is the same in all that are conformal, such as (ln r, θ) of a ring.
+    lines1 (m1 + 1,), lines2 (m2 + 1,) : coordinates of the lines of nodes, rising. All conformal coordinates
+        will do, since the form is the same in them, such as (ln r, θ) of a ring.
     rows (m1 + 1,), columns (m2 + 1,) : number of the degrees of freedom of each line.
     ring1, ring2 : whether rows and columns form a ring; without ring1 the first row is the inlet, the last the outlet.
     half_ends : the first and last elements are half pixels between an end and the centres of the pixels beside it.

@@ -79,10 +79,10 @@ def darcy_conductance(
         closed. A tensor closed along one principal axis only keeps 1e-10 of its other value there, and
         carries flow across facets only along the open one.
     inlet, outlet : indices of boundary facets, with no vertex in common.
-    bounds : also enclose the conductance of this very mesh (straight sides, K constant on each element), up
+    bounds : also enclose the conductance of this mesh (straight sides, K constant on each element), up
         to quadrature on quadrilaterals that are not parallelograms; otherwise both bounds are NaN.
 
-    solver : of the linear system, "auto" (pyamg or a factorisation, whichever is faster) or "amg".
+    solver : of the linear system, "direct" (factorisation), "amg" (pyamg), or "auto", the faster of both.
 
     Returns
     -------
@@ -91,7 +91,7 @@ def darcy_conductance(
 
     Raises
     ------
-    InputError : another kind of mesh, wrong facets, a bad K, or bounds asked of a curved mesh.
+    InputError : another kind of mesh, wrong facets, a bad K, or bounds on a curved mesh.
     NotConverged : inlet and outlet flow differ by more than 1e-5, or the linear solver failed.
 
     Notes

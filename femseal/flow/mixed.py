@@ -1,7 +1,7 @@
 """Lowest-order Raviart-Thomas flux on a mesh: a lower bound of the flow, and the mixed discretisation of a cell.
 
 The method is hybridised, so that its unknowns are potentials of facets and its matrix is positive definite. The flux is
-made to balance exactly on every element, so that its energy bounds the flow whatever the solver left over.
+made to balance exactly on every element, so that its energy bounds the flow whatever the error of the solver.
 Sources: Thomson's principle; Arnold & Brezzi, RAIRO M2AN 19, 1985, 7 (hybridisation).
 """
 
@@ -96,7 +96,7 @@ def _balanced_on_facets(
     local: Array,
     ends: tuple[Indices, Indices],
 ) -> tuple[Array, float]:
-    """Outward fluxes (elements, facets) made to balance on elements and agree on facets; and their total."""
+    """Outward fluxes (elements, facets) that balance on elements and agree on facets, and the total flow."""
     node = np.zeros(mesh.nelements, np.int64)
     node[carrying] = np.arange(1, carrying.size + 1)
     first, second = mesh.f2t

@@ -1,6 +1,6 @@
 """Percolation: which nodes are joined to the inlet, to the outlet, or around a periodic cell, by union-find.
 
-What no path joins to both ends carries no flow: it is left out, and without a path the flow is exactly 0.
+Nodes that are not connected to both ends carry no flow and are left out. Without a path the flow is exactly 0.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 
 @njit(cache=True, nogil=True)
 def find(parent, a):
-    """Root of a node; paths are halved on the way."""
+    """Find the root of a node, halving the path to it."""
     while parent[a] != a:
         parent[a] = parent[parent[a]]
         a = parent[a]
@@ -27,7 +27,7 @@ def find(parent, a):
 
 @njit(cache=True, nogil=True)
 def union(parent, a, b):
-    """Join two nodes; whether they were apart. Roots are the first nodes of their components."""
+    """Join two components; return whether they were different. The root is the lowest node of a component."""
     a = find(parent, a)
     b = find(parent, b)
     if a < b:
@@ -54,7 +54,7 @@ def _ends_reached(parent, rows, columns):
 def nodes_reached(stencil: Stencil) -> NDArray[np.int8]:
     """Which ends each node is joined to by couples that are not 0, (n1 + 1, n2): 0 none, 1 inlet, 2 outlet, 3 both.
 
-    Dead ends of a path from inlet to outlet are joined to both: they carry no flow and do no harm.
+    Dead ends of a path from inlet to outlet are joined to both; they are kept, and carry no flow.
     """
     return _nodes_reached(stencil.along, stencil.across, stencil.falling, stencil.rising)
 
@@ -122,7 +122,7 @@ def _restricted(along, across, falling, rising, keep, factor):
 def percolates(is_open):
     """Whether pixels (n1, n2), periodic along x2, join the ends of x1 over common sides.
 
-    A search from the inlet that goes on towards the outlet first, and ends there.
+    Depth-first search from the inlet, towards the outlet first.
     """
     n1, n2 = is_open.shape
     seen = np.zeros((n1, n2), np.bool_)

@@ -13,7 +13,7 @@ Indices = NDArray[np.int64]
 
 
 def open_facets(mesh: Mesh, facets: Indices, elements: Indices) -> Indices:
-    """Those of boundary facets that belong to these elements."""
+    """Boundary facets that belong to these elements."""
     return facets[np.isin(mesh.f2t[0, facets], elements)]
 
 

@@ -1,4 +1,4 @@
-"""What a solution of the flow gives, on grids and meshes alike."""
+"""The solution of a flow problem, on a grid or a mesh."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ class DarcyFlow:
     """Flow for a unit drop of potential; exactly 0 without an open path from inlet to outlet.
 
     conductance : equal to the energy that the potential dissipates.
-    potential : at the nodes; 1 and 0 where only the inlet or only the outlet reaches, NaN in pockets that neither does.
-    complement : 1 − potential, of its own relative accuracy from elimination.
+    potential : at the nodes; 1 or 0 where it is connected to one end only, NaN in pockets, connected to neither.
+    complement : 1 − potential; elimination computes it with a relative accuracy of its own.
     iterations, residual : 0 for a direct solution; otherwise residual is the estimated error of the potential in the
         norm of the energy.
-    imbalance : difference of inlet and outlet flow, in shares of the conductance.
-    solver : that found the solution: "multigrid", "elimination", "amg" or "direct"; "none" where nothing was to solve.
+    imbalance : relative difference of inlet and outlet flow.
+    solver : that found the solution: "multigrid", "elimination", "amg" or "direct"; "none" if there was no unknown.
     lower, upper : bounds of the conductance, NaN unless asked for.
     """
 

@@ -1,4 +1,4 @@
-"""The operator of a structured grid of nodes: what couples a node with its neighbours."""
+"""The operator of a structured grid of nodes, as the couples of every node with its neighbours."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ class Stencil:
         for name, c in (("along", c1), ("across", c2)):
             if not (np.isfinite(c).all() and c.min(initial=0.0) >= 0):
                 raise InputError.of(name, "negative or undefined values", "finite conductances >= 0")
-        if ring and c1.shape[1] == 1:  # a node is no neighbour of its own
+        if ring and c1.shape[1] == 1:  # the only node of a row is not its own neighbour
             c2 = np.zeros_like(c2)
         return cls(c1, c2, ring2=ring)
 

@@ -20,7 +20,7 @@ def permeability_tensor(gap: ArrayLike, spacing: tuple[float, float]) -> Array:
     """Permeability tensor (2, 2) [m³] of a doubly periodic cell: mean flux −K∇p for a mean pressure gradient.
 
     K_ab = (1/|Ω|) ∫ h³/12 (e_a + ∇χ_a)·(e_b + ∇χ_b), χ periodic; symmetric, and exactly 0 along an axis around which
-    no open path winds. It is another quantity than `cell_permeability`, whose inlet and outlet are straight.
+    no open path winds. It differs from `cell_permeability`, where the pressure is constant along inlet and outlet.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Shapes of seals, the leakage of the whole seal from the permeability of its parts, and where its pressure drops."""
+"""Shapes of seals, the leakage of a whole seal from the permeability of its parts, and its pressure drop."""
 
 from .drop_shares import NARROWEST, drop_shares, largest_shares
 from .leakage import Leakage, seal_leakage

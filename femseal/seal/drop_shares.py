@@ -1,4 +1,4 @@
-"""Where the pressure drops in a network of links.
+"""Shares of the pressure drop over the links that dissipate most in a network.
 
 Symbols: φ potential, c conductance of a link [m³], q = c Δφ its flow. Its dissipation q Δφ = c (Δφ)² adds up to the
 flow times the drop of the whole, so that wherever all flow passes through one link after the other the share of the
@@ -33,7 +33,7 @@ def drop_shares(
     Parameters
     ----------
     k1, k2 : permeability of the links [m³], as in `seal_leakage`.
-    seal : whose links they are.
+    seal : with these links.
     potential : at the nodes (n1 + 1, n2), in any unit, NaN in pockets: `Fluid.potential` of the fluid pressure, or the
         pressure itself of a liquid of constant viscosity.
     counts : numbers of links.

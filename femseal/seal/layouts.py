@@ -1,4 +1,4 @@
-"""Shapes of seals that a case can choose: how a map of windows, cut from a face or drawn, is laid out as a seal.
+"""Shapes of seals that a case can choose: each lays out a map of windows, cut from a face or drawn, as a seal.
 
 To add a shape, write a frozen dataclass with its `kind`, the parameters that a case gives besides the map (see
 `base.parameters`) and `seal`, and put it into `LAYOUTS`.
@@ -13,7 +13,7 @@ from .shapes import RectangularSeal
 
 
 class Layout(Protocol):
-    """What a study needs to know of the shape of a seal."""
+    """Interface of the shapes of seals that studies take."""
 
     def seal(self, size: tuple[float, float], cells: tuple[int, int], rows: tuple[float, ...] = ()) -> RectangularSeal:
         """The seal of a map of windows.

@@ -58,7 +58,7 @@ def seal_leakage(
     bounds : also enclose the rate between `lower` and `upper`; otherwise both are NaN. On structured seals
         they enclose the flow of the network of links, on straight meshes that of the mesh with k constant on
         each element. Not with tensors on structured seals.
-    solver : of the linear system, see `femseal.flow.solve_flow`; on meshes "auto" or "amg".
+    solver : of the linear system, see `femseal.flow.solve_flow`; on meshes "auto", "direct" or "amg".
 
     Returns
     -------
@@ -79,7 +79,7 @@ def seal_leakage(
     to_volume = drop / fluid.reference_density
     volume_rate = flow.conductance * to_volume
     lower, upper = sorted((flow.lower * to_volume, flow.upper * to_volume))
-    # rounding, and elements with oblique tensors, may overshoot
+    # rounding errors, and elements with oblique tensors, may exceed the end pressures
     potential = φ_out + drop * np.clip(flow.potential, 0.0, 1.0)
     return Leakage(
         volume_rate=volume_rate,

@@ -1,8 +1,7 @@
-"""Shapes of seals: where the leakage runs, and the conductance of the whole from the permeability of the
-parts.
+"""Shapes of seals, and the conductance of a whole seal from the permeability of its parts.
 
-A shape is a frozen dataclass with `length`, `points` and `flow` (see `Seal`); one on a structured grid says its `grid`
-instead of its flow. Symbols: k permeability [m³], φ potential for a unit drop.
+A shape is a frozen dataclass with `length`, `points` and `flow` (see `Seal`); one on a structured grid has a
+`grid` instead of `flow`. Symbols: k permeability [m³], φ potential for a unit drop.
 """
 
 from __future__ import annotations
@@ -30,7 +29,7 @@ Array = NDArray[np.float64]
 
 
 class Seal(Protocol):
-    """What `seal_leakage` needs to know of a seal."""
+    """Interface of the shapes that `seal_leakage` takes."""
 
     @property
     def length(self) -> float:

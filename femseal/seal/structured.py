@@ -33,7 +33,7 @@ _TENSOR = gauss((0, 0), (0, 1), (1, 1))
 
 
 class StructuredSeal(ABC):
-    """A seal whose nodes lie on a structured grid: a shape says its `cells`, `size` and `grid`."""
+    """A seal whose nodes lie on a structured grid: a shape has `cells`, `size` and `grid`."""
 
     cells: tuple[int, int]
 
@@ -63,7 +63,7 @@ class StructuredSeal(ABC):
 
         Raises
         ------
-        InputError : a bad permeability, bounds with tensors, a solver that does not do them.
+        InputError : a bad permeability, bounds or elimination with tensors.
         NotConverged : see `femseal.flow.solve_flow`.
         """
         stencil = self.stencil(permeability)
@@ -124,7 +124,7 @@ def structured_flow(stencil: Stencil, *, bounds: bool = False, solver: str = "au
         return flow
     if not flow.percolates:
         return replace(flow, lower=0.0, upper=0.0)
-    potential = np.nan_to_num(flow.potential)  # nothing flows in pockets
+    potential = np.nan_to_num(flow.potential)  # pockets carry no flow
     # an upper bound for any potential that is 1 and 0 at the ends
     upper = max(stencil.energy(potential), flow.conductance)
     return replace(flow, lower=min(conservative_rate(stencil, potential), flow.conductance), upper=upper)

@@ -31,19 +31,19 @@ DIRECT_UNKNOWNS = 50_000
 #: Unknowns of the coarsest level, which is factorised.
 _COARSEST = 500
 _MAX_ITERATIONS = 100
-#: Solutions for what a solution leaves of the right-hand side, at most.
+#: Largest number of corrections, each a solution for the remaining residual.
 _MAX_CORRECTIONS = 3
-#: In and outflow of a unit drop may differ by this share of the flow.
+#: Relative difference allowed between inflow and outflow for a unit drop.
 _BALANCE = 1e-6
-#: Sums of a row below this share of its diagonal are rounding.
+#: Row sums below this share of the diagonal are taken for rounding errors.
 _ROUNDING = 16 * np.finfo(float).eps
-#: No error of the potential in the norm of the energy can be told that is smaller than this.
+#: Smaller errors of the potential in the norm of the energy cannot be resolved.
 _LEAST_ERROR = 1e-12
 
 
 @dataclass(frozen=True)
 class LinearSolution:
-    """x, and how it was reached.
+    """A solution of A x = b, with its solver and residual.
 
     complement : 1 − x; after `solve_amg` for a unit drop it keeps its own relative accuracy where x is nearly 1.
     iterations : of conjugate gradients, 0 for a direct solution.
@@ -130,12 +130,12 @@ def solve_amg(matrix: Any, rhs: Array, *, rtol: float, unit_drop: bool = False) 
     matrix : (n, n) symmetric positive semidefinite, sparse; rows of zeros only are allowed where b is 0 as well.
     rhs : (n,) or (n, m).
     rtol : error of x in the norm of the energy that is allowed, relative to the energy.
-    unit_drop : x is a potential between 0 and 1 that a unit drop drives, b what the nodes at 1 make of it. The energy
+    unit_drop : x is a potential between 0 and 1 for a unit drop, and b has the couples with the nodes at 1. The energy
         is then the flow Σb − b·x, and otherwise b·x.
 
     Raises
     ------
-    NotConverged : the iteration stalled, or what it says is not so.
+    NotConverged : the iteration stalled, or its error estimate was not confirmed.
     """
     a = sp.csr_matrix(matrix, copy=True)
     a.sum_duplicates()
@@ -196,7 +196,7 @@ class _System:
     def solve(self, b: Array, rtol: float, unit_drop: bool) -> tuple[Array, Array, int, float]:
         """x, 1 − x, iterations and error of one right-hand side.
 
-        x is the sum of a part of zeros and ones and a rest, so that both x and 1 − x are told from their own digits.
+        x is the sum of a part that is 0 or 1 and a rest, so that both x and 1 − x keep their relative accuracy.
         """
         if not b.any():
             return np.zeros_like(b), np.ones_like(b), 0, 0.0
@@ -256,5 +256,5 @@ class _System:
 
 
 def _imbalance(r: Array, x: Array) -> float:
-    """What the residual r leaves of the balance at the outlet and at both ends."""
+    """Imbalance that the residual r leaves at the outlet and at both ends together."""
     return max(abs(float(r.sum())), abs(float(r @ x)))

@@ -1,8 +1,9 @@
-"""The flow for a unit drop between inlet and outlet of a stencil: which solver is taken, and whether it did its work.
+"""Flow for a unit drop between inlet and outlet of a stencil: choice of the solver, and check of its solution.
 
 On a network of links (five points) multigrid is taken where it is expected to be faster than elimination, and
 elimination wherever multigrid does not converge. On nine points multigrid is taken, and a sparse factorisation where it
-does not converge. What no path joins to both ends is left out; without a path the flow is exactly 0.
+does not converge. Nodes that are not connected to both ends are left out; without a path the flow is
+exactly 0.
 """
 
 from __future__ import annotations
@@ -25,18 +26,18 @@ from .multigrid import COARSEST_NODES, solve_multigrid
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 SOLVERS = ("auto", "multigrid", "elimination", "amg")
-#: Nodes up to which a network may be eliminated (about 4 GB at the limit) before all else is tried.
+#: Largest number of nodes of a network for which elimination may be the first choice (about 4 GB at the limit).
 ELIMINATED_NODES = 5_000_000
-#: Rows of links from which their contrast is taken, about.
+#: About so many rows of links are sampled to estimate their contrast.
 _SAMPLED = 64
-#: Links narrower than this share of the widest hardly count in sums of conductances: an iteration does not see, or only
-#: slowly, what hangs on them only.
+#: Links narrower than this share of the widest hardly count in sums of conductances: an iteration converges slowly,
+#: or not at all, at nodes that only such links connect with the others.
 _SEEN = 1e-8
-#: Links so narrow are rounding in the sums of wide ones: with them the matrix may not be positive definite.
+#: Links narrower than this share are lost to rounding in sums with wide ones, and the matrix may become indefinite.
 _LOST = 1e-13
-#: Iterations of multigrid allowed where it is wanted, or elimination takes much memory.
+#: Iterations allowed to multigrid where the caller chose it, or where elimination would take too much memory.
 _MOST_ITERATIONS = 400
-#: Potential of a node that neither, the inlet, or the outlet reaches.
+#: Potential of a node that is connected to neither end, to the inlet, or to the outlet; both: it is computed.
 _AT_REST = np.array([np.nan, 1.0, 0.0, np.nan])
 
 
@@ -49,9 +50,9 @@ def solve_flow(stencil: Stencil, *, rtol: float = 1e-6, solver: str = "auto") ->
     rtol : relative error of the conductance allowed to an iterative solution.
     solver : "multigrid" (conjugate gradients on the grid's own hierarchy), "elimination" (star-mesh elimination, keeps
         its relative accuracy at any contrast up to 1e150; five points only), "amg" (conjugate gradients on pyamg's
-        hierarchy of the assembled matrix; where that does not converge, elimination, or a factorisation on nine points,
-        and the solution says so), or "auto". Behind multigrid, what hangs only on links 1e-8 times as wide as others is
-        eliminated.
+        hierarchy of the assembled matrix; if that fails, elimination, or a factorisation on nine points, and
+        `DarcyFlow.solver` says so), or "auto". After multigrid, nodes that only links narrower than 1e-8 of the widest
+        connect with the others are solved by elimination.
 
     Returns
     -------
@@ -59,7 +60,7 @@ def solve_flow(stencil: Stencil, *, rtol: float = 1e-6, solver: str = "auto") ->
 
     Raises
     ------
-    InputError : an unknown solver, one that does not do nine points, a bad rtol.
+    InputError : an unknown solver, "elimination" on nine points, a bad rtol.
     NotConverged : the solver failed, or inlet and outlet flow differ by more than 1e-5.
     """
     check_solver(solver)
@@ -95,7 +96,7 @@ def check_solver(solver: str) -> None:
 
 
 def _solve(stencil: Stencil, keep: Flags, rtol: float, solver: str) -> DarcyFlow:
-    """By the solver asked for or chosen; where an iteration does not converge that was not asked for, directly."""
+    """Solve by the given or chosen solver; if that is iterative and fails, directly, unless multigrid was given."""
     first, limit = _chosen(stencil, keep) if solver == "auto" else (solver, _MOST_ITERATIONS)
     try:
         if first == "multigrid":
@@ -113,7 +114,7 @@ def _chosen(stencil: Stencil, keep: Flags) -> tuple[str, int]:
     n1, n2 = stencil.along.shape
     nodes = int(np.count_nonzero(keep[1:-1]))
     fits = nodes <= ELIMINATED_NODES
-    if coarsest_nodes(n1 - 1, n2) > COARSEST_NODES:  # a slender grid, whose coarsest level would be a large one
+    if coarsest_nodes(n1 - 1, n2) > COARSEST_NODES:  # the coarsest level of a slender grid has many nodes
         return ("elimination" if fits else "amg"), 0
     if stencil.nine or not fits:
         return "multigrid", _MOST_ITERATIONS
@@ -161,7 +162,7 @@ def _by_elimination(stencil: Stencil, keep: Flags) -> DarcyFlow:
 
 
 def _by_multigrid(stencil: Stencil, keep: Flags, rtol: float, limit: int) -> DarcyFlow:
-    """Multigrid, then elimination of what hangs on links so narrow that its potential is lost in the others' sums."""
+    """Solve by multigrid, then by elimination at nodes that only very narrow links connect with the others."""
     hidden = np.zeros_like(keep[1:-1])
     if not stencil.nine:
         along, across = (np.where(c >= _SEEN, c, 0.0) for c in (stencil.along, stencil.across))
@@ -178,7 +179,7 @@ def _by_multigrid(stencil: Stencil, keep: Flags, rtol: float, limit: int) -> Dar
         high, low = np.zeros((2, n1 + 1, n2))
         high[0] = low[-1] = 1.0
         high[1:-1], low[1:-1] = np.where(hidden, 0.0, np.clip(φ, 0.0, 1.0)), np.where(hidden, 0.0, np.clip(ψ, 0.0, 1.0))
-        # every neighbour that is known is a little of both ends
+        # a neighbour of known potential φ acts as the inlet with the weight φ and as the outlet with 1 − φ
         inlet, outlet = (_sums_with(stencil, values) for values in (high, low))
         _, φ_hidden, ψ_hidden = eliminate(stencil.along, stencil.across, hidden, stencil.ring2, inlet, outlet)
         φ, ψ = (np.where(hidden, a.reshape(hidden.shape), b) for a, b in ((φ_hidden, φ), (ψ_hidden, ψ)))

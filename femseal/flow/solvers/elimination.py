@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-#: Nodes that are eliminated together at the end of the dissection, about.
+#: Boxes of about so many nodes are not cut any further.
 _LEAF = 12
 #: Pivots eliminated one by one before what follows takes them as one product of matrices.
 _PANEL = 32
@@ -32,8 +32,8 @@ _fast: dict[str, Any] = {**_exact, "error_model": "numpy", "fastmath": {"reassoc
 def eliminate(c1, c2, keep, periodic, inlet, outlet):
     """Conductance between inlet and outlet, and of each inner node the potential φ and 1 − φ.
 
-    c1 (n1, n2), c2 (n1 − 1, n2 or n2 − 1) : conductances of the links as in `network`, of which those of c1 to the ends
-    are not used. keep (n1 − 1, n2) : nodes to solve for, which both ends have to reach; others get φ = 0 and 1 − φ = 0,
+    c1 (n1, n2), c2 (n1 − 1, n2 or n2 − 1) : conductances of the links as in `Stencil`; those of c1 to the ends are
+    not used. keep (n1 − 1, n2) : nodes to solve for, which both ends have to reach; others get φ = 0 and 1 − φ = 0,
     and links to them count as closed. inlet, outlet (n1 − 1, n2) : links of each node to the ends, φ = 1 and 0.
     """
     order, first, parent = _dissect(keep, periodic)
@@ -126,8 +126,8 @@ def _links(c1, c2, periodic, node, neighbour, link):
 def _dissect(keep, periodic):
     """Nested dissection: order of elimination, first place of each front in it (and the end), parents of the fronts.
 
-    Every box is cut by the row or column with the fewest nodes near its middle; what it has in common with its
-    neighbours is only that cut. Fronts come after all that they separate, the last of these first.
+    Every box is cut by the row or column with the fewest nodes near its middle; only the nodes of that cut couple its
+    two halves. A front comes after the fronts of both halves, the second half first.
     """
     n1, n2 = keep.shape
     # nodes above and left of a corner; twice the columns, so that a box may lie across the seam
@@ -151,7 +151,7 @@ def _dissect(keep, periodic):
         if inside > _LEAF:
             row, in_row = _thinnest(nodes, a, b, c, d)
             column, in_column = _thinnest(nodes.T, c, d, a, b)
-            # of cuts alike the one across the longer side
+            # of two equal cuts, take the one across the longer side
             along = in_row < in_column or (in_row == in_column and b - a >= d - c)
             if along:
                 cut = row, row + 1, c, d
@@ -269,7 +269,7 @@ def _borders(c1, c2, periodic, order, first, parent, rank):
 
 @njit(**_exact)
 def _sort(values):
-    """In place; most are few and nearly sorted. Shell's method with gaps of Tokuda."""
+    """Sort in place by Shell's method with Tokuda's gaps; most lists are short and nearly sorted."""
     gap = 1
     while gap < values.size:
         gap = (9 * gap) // 4 + 1
@@ -286,7 +286,7 @@ def _sort(values):
 
 @njit(**_exact)
 def _add(links, nodes, local, p, front, rest):
-    """Links left over by a child into the arrays of its parent; both number their nodes in the same order."""
+    """Add the remaining links of a child to the arrays of its parent; both number their nodes in the same order."""
     m = nodes.size
     at = np.empty(m, np.int64)
     for i in range(m):

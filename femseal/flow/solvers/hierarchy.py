@@ -1,10 +1,10 @@
 """The levels of multigrid on a structured grid, from the couples of the finest one: compiled.
 
-A level is the operator and all that a cycle needs on it. Fields carry a border of one node, zeros at ends and closed
-sides and copies of the other side around a ring. Couples have the sign of a conductance: `right` (i, j)–(i, j + 1),
-`below` (i, j)–(i + 1, j), on nine points `below_right` (i, j)–(i + 1, j + 1) and `below_left` (i, j)–(i + 1, j − 1).
-A node between coarse ones takes the mean of them that its own couples would give it; coarse operators are Galerkin's.
-Source: Dendy, J. Comput. Phys. 48, 1982, 366 (black box multigrid).
+A level is the operator of a grid, with the fields that a multigrid cycle needs there. Fields have a border of one node,
+with zeros at ends and closed sides and with copies of the other side around a ring. Couples have the sign of a
+conductance: `right` (i, j)–(i, j + 1), `below` (i, j)–(i + 1, j), on nine points `below_right` (i, j)–(i + 1, j + 1)
+and `below_left` (i, j)–(i + 1, j − 1). A node between coarse ones takes the mean of them that its own couples would
+give it; coarse operators are Galerkin's. Source: Dendy, J. Comput. Phys. 48, 1982, 366 (black box multigrid).
 """
 
 from __future__ import annotations
@@ -84,13 +84,13 @@ def bordered(along, across, falling, rising, ring):
 
 @njit(**_compiled)
 def _share(part, whole):
-    """part / whole where that is a weight."""
+    """part / whole, or 0 if either is not > 0."""
     return part / whole if part > 0.0 and whole > 0.0 else 0.0
 
 
 @njit(**_compiled)
 def _wrap(weights):
-    """Those of the first and last columns repeat the others', around a ring."""
+    """Copy the weights of the first and last columns to the border, around a ring."""
     rows, columns = weights.shape[:2]
     for i in range(rows):
         for k in range(3):
@@ -108,7 +108,7 @@ def _interpolation(centre, right, below, below_right, below_left, nine):
     for i in range(m1 + 2):
         for j in range(m2 + 2):
             w[i, j, 1, 1] = 1.0
-    # between two coarse nodes of a row: links above and below count as sideways or not at all
+    # between two coarse nodes of a row: links above and below are added to those along the row, or left out
     for i in range(1, n1 + 1, 2):
         for j in range(2, n2 + 1, 2):
             west, east = right[i, j - 1], right[i, j]

@@ -1,4 +1,4 @@
-"""Conjugate gradients with algebraic multigrid that knows the grid as preconditioner: compiled.
+"""Conjugate gradients with algebraic multigrid on the structured grid as preconditioner: compiled.
 
 One sweep of Gauss-Seidel forward before and backward after the coarser grid keep the preconditioner symmetric; the
 levels come from `hierarchy`, where their fields are described.
@@ -17,12 +17,12 @@ from ..stencil import Stencil
 from .hierarchy import bordered, coarsest_inverse, hierarchy
 
 Array = NDArray[np.float64]
-#: Nodes of the coarsest level up to which multigrid is worth while; only slender grids have more.
+#: Largest coarsest level, in nodes, for which multigrid pays; only slender grids have more.
 COARSEST_NODES = 128
-#: Largest correction that may be left at a node, in shares of the error allowed in the norm of the energy, which does
-#: not see an island behind narrow links.
+#: Largest correction left at a node, relative to the error allowed in the norm of the energy; that norm hardly has a
+#: share of nodes that only narrow links connect with the others.
 _LARGEST = 100.0
-#: Iterations after which their number is foreseen.
+#: Iterations after which the number still needed is extrapolated.
 _FORESEEN = 10
 
 _compiled: dict[str, Any] = {
@@ -40,7 +40,7 @@ def solve_multigrid(
 
     Parameters
     ----------
-    stencil : all of whose coupled nodes both ends reach.
+    stencil : every coupled node must be connected to both ends.
     rtol : of √(rᵀM⁻¹r / rate), which estimates the error of φ in the norm of the energy; M⁻¹r, an estimate of the error
         itself, may be 100 times that at any node judged.
     limit : of iterations.
@@ -48,7 +48,7 @@ def solve_multigrid(
 
     Raises
     ------
-    NotConverged : as soon as it is foreseen not to happen within `limit` iterations.
+    NotConverged : as soon as the extrapolated number of iterations exceeds `limit`.
 
     Notes
     -----
@@ -253,7 +253,7 @@ def _advance(step, p, y, x, r, b):
 
 @njit(**_compiled)
 def _solve(centre, right, below, below_right, below_left, ring, inlet, outlet, rtol, limit, judged):
-    """Conjugate gradients; an error above rtol where they were given up."""
+    """Conjugate gradients; the error is above rtol if they were stopped early."""
     levels = hierarchy(centre, right, below, below_right, below_left, ring)
     inverse = coarsest_inverse(levels[-1], ring)
     nine = below_right.size > 1
