@@ -72,11 +72,10 @@ def read_topography(
         raise InputError.of("channel", channel, f"for files of instruments only, not {path.name}")
     if size is not None and spacing is not None:
         raise InputError.of("size, spacing", "both", "one of the two")
-    if (needed := _READING_FACTOR * path.stat().st_size) > (free := free_memory()):
-        given = f"a file of {path.stat().st_size / 1e9:.3g} GB"
-        raise bad_file(
-            path, given, f"one that can be read in the {free / 1e9:.3g} GB of free memory, not {needed / 1e9:.3g}"
-        )
+    length, free = path.stat().st_size, free_memory()
+    if _READING_FACTOR * length > free:
+        allowed = f"one that can be read in the {free / 1e9:.3g} GB of free memory"
+        raise bad_file(path, f"a file of {length / 1e9:.3g} GB", allowed)
     unit = None if height_unit is None else to_si(f"1 {height_unit}", "m", "height_unit")
     try:
         raw = READERS.get(suffix, read_instrument)(path, Options(delimiter, array, channel))
