@@ -10,9 +10,9 @@ from .scene import Array
 from .sources import PlacedLibrary, Wanted, WindowSupply
 from .windows import LinkFlows, solve_links, solve_windows
 
-#: Runs of columns last for so many correlation lengths, at most once round the face: where runs meet, channels of the
-#: face are cut off. Measured on circular milling marks with ten columns: 0.83 to 0.95 of the leakage with runs of ten,
-#: 0.36 to 0.87 with runs of two.
+#: Length of runs of columns in correlation lengths; a run has at most all columns of the face. Where runs meet, the
+#: channels of the face are cut. Measured on circular milling marks with ten columns: 0.83 to 0.95 of the leakage with
+#: runs of ten, 0.36 to 0.87 with runs of two.
 RUN_LENGTHS = 10
 
 
@@ -49,7 +49,7 @@ def windows_in_place(wanted: Wanted) -> WindowSupply:
         correlation_length=length,
         shifts=shifts,
         counts=SolveCounts.total(f.counts for f in every),
-        # what failed in the two-scale study is told by its own result
+        # failures of the two-scale study are in its own result
         failures=(() if two_scale else contact.failures) + tuple(text for f in every for text in f.failures),
     )
     run = min(RUN_LENGTHS * length, float(m2))

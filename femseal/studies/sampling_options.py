@@ -1,4 +1,4 @@
-"""Options of a drawn seal, and a check of which go together."""
+"""Options of a drawn seal, and the check that they go together."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from ..base import validate
 from ..base.errors import InputError
 from ..scales import Partition
 
-#: Which pressures and which waves a window may see, see `Sampling.pressure`.
+#: Choices of the pressures and the waves of windows, see `Sampling.pressure`.
 PRESSURES = ("place", "global", "uniform")
 
 
@@ -68,7 +68,7 @@ def seal_cells(partition: Partition, sampling: Sampling) -> tuple[int, int]:
 
 
 def check_sampling(sampling: Sampling, cells: tuple[int, int]) -> None:
-    """Raise InputError if an option does not exist or does not go with another one."""
+    """Raise InputError for an unknown option, or for two that do not go together."""
     if sampling.pressure not in PRESSURES:
         raise InputError.of("pressure", sampling.pressure, f"one of {', '.join(PRESSURES)}")
     if sampling.chosen_sampler == "block" and sampling.pressure != "place":
