@@ -15,6 +15,7 @@ from femseal.base.errors import shortened, shown
 from femseal.base.quantities import to_si
 from femseal.runs import sizes
 from femseal.runs.case import parse_case
+from femseal.runs.forecast import describe
 
 ROOT = Path(__file__).parents[1]
 #: A message that people read: no line is longer, in characters.
@@ -193,6 +194,71 @@ def test_few_grooves_are_drawn_in_time_whatever_the_tool(data):
     given = {"pitch": 30e-6, "depth": 1.5e-6, "feed_error": 0.1, "depth_error": 0.5, "rng": 3}
     blunt = fs.turned((64, 96), size, nose_radius=1e6, **given)
     assert np.all(np.isfinite(blunt.heights))
+
+
+# --- what is wrong, and what is odd ------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("inlet", "outlet", "words"),
+    [
+        ("1 MPa", "1 MPa", ["given 1 MPa", "above that of the outlet, 1 MPa"]),
+        ("1 bar", "2 bar", ["100 kPa", "200 kPa"]),
+    ],
+)
+def test_a_case_leaks_from_inlet_to_outlet(data, inlet, outlet, words):
+    data["fluid"] |= {"inlet_pressure": inlet, "outlet_pressure": outlet}
+    message = refusal(parse_case, data)
+    assert message.startswith("fluid.inlet_pressure: given")
+    assert all(word in message for word in words), message
+
+
+AIR = {"kind": "ideal-gas", "viscosity": "18 uPa*s", "molar_mass": "29 g/mol", "temperature": "20 °C"}
+
+
+@pytest.mark.parametrize(
+    ("table", "given", "words"),
+    [
+        ("material", {"young": "210 MPa"}, ["material.young 210 MPa", "metal", "unit"]),
+        ("counter_material", {"young": "210 TPa"}, ["counter_material.young 2.1e+05 GPa", "metal"]),
+        ("fluid", {"inlet_pressure": "400 MPa"}, ["400 MPa", "16 times", "25 MPa", "lifts"]),
+        ("fluid", AIR | {"outlet_pressure": "0 bar"}, ["fluid.outlet_pressure 0 Pa", "absolute", "vacuum"]),
+        (
+            "load",
+            {"loading": ["100 MPa", "2.7 GPa"], "unload_from": [], "unloading": []},
+            ["2.7 GPa is 96%", "2.8 GPa"],
+        ),
+        ("face", {"depth": "60 um"}, ["rms slope of the face is ", "half-space"]),
+    ],
+)
+def test_odd_cases_are_warned_of_with_their_numbers(data, table, given, words):
+    if table == "fluid" and "kind" in given:
+        data["fluid"] = {"inlet_pressure": "10 MPa"}
+    data[table] |= given
+    case = parse_case(data)
+    prepared = case.prepare()
+    found = [text for text in prepared.warnings if all(word in text for word in words)]
+    assert len(found) == 1, prepared.warnings
+    assert f"warning        {found[0]}" in describe(case, prepared)
+
+
+def test_usual_cases_are_not_warned_of(data):
+    assert parse_case(data).prepare().warnings == ()
+    for path in sorted((ROOT / "examples").glob("*.toml")):
+        assert fs.load_case(path).prepare().warnings == ()
+    # a vacuum is odd for a gas alone, and contact without pressure cannot be compared
+    data["fluid"]["outlet_pressure"] = "0 bar"
+    data["load"]["loading"] = ["0 MPa", *data["load"]["loading"]]
+    assert parse_case(data).prepare().warnings == ()
+
+
+def test_a_run_warns_of_odd_cases(data):
+    data |= {"method": "deterministic", "compare": []}
+    data["face"] |= {"points": [32, 32], "size": ["60 um", "60 um"]}
+    data["load"] = {"loading": ["100 MPa"]}
+    data["fluid"]["inlet_pressure"] = "400 MPa"
+    results = fs.run(parse_case(data), workers=1)
+    assert "4 times the contact pressure of 100 MPa" in results.warnings[0]
 
 
 # --- keys of the case -------------------------------------------------------------------------------------

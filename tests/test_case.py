@@ -312,8 +312,11 @@ class TestPrepare:
     def test_cells_by_their_size(self, small):
         small["cells"] = {"size": "25 um"}
         assert parse_case(small).prepare().cells == (2, 5)  # 60 and 120 µm: 2.4 and 4.8
-        small["cells"] = {"size": "1 mm"}
-        assert parse_case(small).prepare().cells == (1, 1)
+        small["cells"] = {"size": "60 um"}
+        assert parse_case(small).prepare().cells == (1, 2)
+        small["cells"] = {"size": "61 um"}
+        with pytest.raises(fs.InputError, match=r"cells\.size: given 61 µm, allowed is at most the shorter side"):
+            parse_case(small).prepare()
 
     def test_windows_hold_two_shortest_waves_both_ways(self, small):
         """10 µm is the shortest: windows of 20 × 20 µm pass, narrower ones do not."""

@@ -421,7 +421,7 @@ def test_condition_refuses_waves_the_grid_does_not_resolve():
         condition(measured(), shortest_wavelength=1e-4)
     assert "shape=(240, 160)" in str(error.value)
     assert condition(measured(), shortest_wavelength=1e-4, shape=(240, 160))[0].shape == (240, 160)
-    with pytest.raises(InputError, match=r"less than the larger side, 0\.003 m"):
+    with pytest.raises(InputError, match=r"less than the larger side, 3 mm"):
         condition(measured(), shortest_wavelength=0.1)
     with pytest.raises(InputError, match="undefined points"):
         condition(measured(), max_undefined=1e-4)

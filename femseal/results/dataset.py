@@ -31,6 +31,7 @@ def assemble(
     surface_report: dict[str, Any] | None = None,
     timings: dict[str, float] | None = None,
     quantiles: tuple[float, float] = (0.05, 0.95),
+    warnings: tuple[str, ...] = (),
 ) -> Results:
     """One dataset of all the studies of a scene.
 
@@ -42,6 +43,7 @@ def assemble(
     surface_report : what was done to the measured face.
     timings : stage to wall time [s].
     quantiles : lower and upper end of the band of realisations.
+    warnings : what casts doubt on the case itself; those of the studies come after them.
 
     Returns
     -------
@@ -93,7 +95,7 @@ def assemble(
         "timings": _json(timings or {}),
         "counts": _json(counts),
         "solvers": _json(solvers),
-        "warnings": _shortened([*(text for study in studies for text in study.warnings), *few]),
+        "warnings": _shortened([*warnings, *(text for study in studies for text in study.warnings), *few]),
         "failures": _shortened([text for study in studies for text in study.failures]),
         "versions": _json(versions()),
         "machine": _json(machine()),

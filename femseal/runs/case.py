@@ -78,6 +78,11 @@ class Case(Table):
         if highest >= self.hardness:
             given = {"p": to_text(highest, "Pa"), "h": to_text(self.hardness, "Pa")}
             raise PydanticCustomError("load", "load: given {p}, allowed are pressures below the hardness, {h}", given)
+        inlet, outlet = self.fluid.inlet_pressure, self.fluid.outlet_pressure
+        if not inlet > outlet:
+            given = {"p": to_text(inlet, "Pa"), "q": to_text(outlet, "Pa")}
+            text = "fluid.inlet_pressure: given {p}, allowed is a pressure above that of the outlet, {q}"
+            raise PydanticCustomError("fluid", text, given)
         for face in self.face:
             if isinstance(face, FileFace) and not isfile(self.folder / face.path):
                 path = {"path": shortened(face.path)}

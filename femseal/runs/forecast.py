@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ..base.machine import free_memory
 from ..base.quantities import to_text
 from ..results.fields import fields_size
 from ..scales import Partition
@@ -72,9 +73,14 @@ def describe(case: Case, prepared: Prepared) -> list[str]:
             costs.append(stochastic_cost(steps, surface.shape, prepared.cells, sampling, (n1, n2)))
     seconds, memory = (sum(cost) for cost in zip(*costs, strict=True))
     lines.append(_line("expected", f"{_duration(seconds)}; {memory / 1e9:.1f} GB of memory"))
+    if memory > (free := free_memory()):
+        lines.append(
+            _line("warning", f"that is more memory than the {free / 1e9:.1f} GB that are free on this machine")
+        )
     if not any(Path(__file__).parents[1].rglob("__pycache__/*.nbi")):
         lines.append(_line("", "the first run after an installation compiles besides, for a minute or two"))
     lines.append(_line("disk", _disk_text(disk(case, prepared), steps)))
+    lines += [_line("warning", text) for text in prepared.warnings]
     return lines
 
 

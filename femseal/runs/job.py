@@ -153,6 +153,7 @@ def _run(case: Case, prepared: Prepared, faces: dict[str, str], mapper: Mapper, 
         surface_report=prepared.surface_report,
         timings=timings,
         quantiles=case.stochastic.quantiles if case.stochastic else (0.05, 0.95),
+        warnings=prepared.warnings,
     )
     results.dataset.attrs["face_files"] = json.dumps(faces)
     for text in [*results.warnings, *results.failures]:

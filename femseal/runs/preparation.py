@@ -17,6 +17,7 @@ from ..topography import Conditioning, Overlap, Topography, combine, condition, 
 from .case_faces import FileFace
 from .case_tables import StochasticTable
 from .case_words import FACE_KEYS, SURFACE_KEYS, in_words_of
+from .plausibility import oddities
 from .sizes import refused_if_too_large, weigh_draws, weigh_points
 
 if TYPE_CHECKING:
@@ -27,7 +28,7 @@ if TYPE_CHECKING:
 class Prepared:
     """What the studies take: the scene, its division, how to draw seals; and how the surface came about.
 
-    method, methods : what is to be solved, "auto" decided; choice : why, if it was.
+    method, methods : what is to be solved, "auto" decided; choice : why, if it was. warnings : what is odd in the case.
     """
 
     scene: Scene
@@ -38,6 +39,7 @@ class Prepared:
     method: str
     methods: frozenset[str]
     choice: str
+    warnings: tuple[str, ...] = ()
 
     @property
     def surface_report(self) -> dict[str, Any]:
@@ -112,7 +114,8 @@ def _prepare(case: Case) -> Prepared:
         assert cells is not None
         method, choice = choose_method(len(scene.steps), surface.shape, cells)
     methods = frozenset({method, *case.compare})
-    return Prepared(scene, cells, sampling, replace(report, **repaired), overlap, method, methods, choice)
+    conditioning, odd = replace(report, **repaired), oddities(case, scene)
+    return Prepared(scene, cells, sampling, conditioning, overlap, method, methods, choice, odd)
 
 
 def face_places(case: Case) -> list[str]:
@@ -171,9 +174,13 @@ def _cell_count(case: Case, surface: Topography) -> tuple[int, int] | None:
         return None
     if case.cells is not None and case.cells.count is not None:
         return case.cells.count
-    # eight shortest waves: shorter windows cut more paths off than two scales save
-    waves = case.surface.shortest_wave or 8 * max(surface.spacing)
-    size = 8 * waves if case.cells is None or case.cells.size is None else case.cells.size
+    if case.cells is not None and case.cells.size is not None:
+        size, shorter = case.cells.size, min(surface.size)
+        if size > shorter * (1 + 1e-9):
+            allowed = f"at most the shorter side of the face, {to_text(shorter, 'm')}"
+            raise InputError.of("cells.size", to_text(size, "m"), allowed)
+    else:  # eight shortest waves: shorter windows cut more paths off than two scales save
+        size = 8 * (case.surface.shortest_wave or 8 * max(surface.spacing))
     m1, m2 = (max(1, round(length / size)) for length in surface.size)
     return m1, m2
 

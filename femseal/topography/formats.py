@@ -59,9 +59,10 @@ def bad_file(path: Path, given: object, allowed: str) -> InputError:
 def read_npy(path: Path, options: Options) -> Raw:
     """A .npy array of heights."""
     try:
-        return Raw(_numbers(path, np.load(path, allow_pickle=False)))
+        array = np.load(path, allow_pickle=False)
     except (ValueError, EOFError) as error:
         raise bad_file(path, error, "an array of numbers saved by numpy.save") from None
+    return Raw(_numbers(path, array))
 
 
 def read_npz(path: Path, options: Options) -> Raw:
