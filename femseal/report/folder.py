@@ -86,7 +86,7 @@ def write_folder(
             os.replace(unfinished / name, target / name)
     except Exception as error:
         reason = str(error) or type(error).__name__
-        raise FemsealError(f"output folder: {reason}; what was computed is kept in '{saved}'") from error
+        raise FemsealError(f"output folder: {reason}; the computed results are in '{saved}'") from error
     shutil.rmtree(unfinished, ignore_errors=True)
     return [target / MANIFEST, *(target / name for name in names)]
 

@@ -113,7 +113,7 @@ def read_field(results: Results, field: str, step: int, cell: tuple[int, int] | 
     else:
         at_hand = stored_steps(results)
         allowed = f"one of {', '.join(map(str, at_hand))}" if at_hand else f"a folder with {NAME}.pvd"
-        raise InputError.of("step", f"{step}, of which there is no {field.replace('_', ' ')}", allowed)
+        raise InputError.of("step", f"{step}, which has no {field.replace('_', ' ')}", allowed)
     coordinates = {}
     for n, (start, count, d) in enumerate(zip(starts, values.shape, spacing, strict=True), start=1):
         labels = {"units": "m", "long_name": f"x{n} of pixel centres"}
