@@ -254,7 +254,7 @@ class _Problem:
         carried = float(grid.p.mean())
         if self.load and not abs(carried - self.load) <= 1e-9 * self.load:
             raise NotConverged(
-                f"contact: the load is {carried / self.load:.6g} of what was asked for; try another grid", sets.residual
+                f"contact: the load is {carried / self.load:.6g} of the given one; try another grid", sets.residual
             )
         if not sets.residual <= self.rtol:
             raise NotConverged(

@@ -21,7 +21,7 @@ def windows_in_place(wanted: Wanted) -> WindowSupply:
 
     Raises
     ------
-    FemsealError : every column of windows has one that failed.
+    FemsealError : every column has a failed window.
     """
     scene, partition, two_scale, mapper = wanted.scene, wanted.partition, wanted.two_scale, wanted.mapper
     (m1, m2), w2, n2 = partition.cells, partition.window[1], wanted.seal[1]
@@ -69,7 +69,7 @@ def _without_failed(k1: Array, k2: Array) -> tuple[Array, Array]:
     """Replace each column in which a window failed by the next column without failure."""
     good = np.isfinite(k1).all(axis=(0, 1)) & np.isfinite(k2).all(axis=(0, 1))
     if not good.any():
-        raise FemsealError("library: every column of cells has one that failed")
+        raise FemsealError("library: every column of windows has a failed window")
     columns = np.flatnonzero(good)
     taken = columns[np.searchsorted(columns, np.arange(good.size)) % columns.size]
     return k1[:, :, taken], k2[:, :, taken]

@@ -77,7 +77,7 @@ def check_sampling(sampling: Sampling, cells: tuple[int, int]) -> None:
         raise InputError.of("breadth", sampling.breadth, "a length > 0 with the pressure 'uniform', none with others")
     if sampling.profile:
         if sampling.pressure != "uniform":
-            raise InputError.of("profile", sampling.profile, "none but with the pressure 'uniform'")
+            raise InputError.of("profile", sampling.profile, "none except with the pressure 'uniform'")
         shares = np.asarray(sampling.profile, float)
         rows = cells[0] if sampling.breadth is None else shares.size
         if shares.shape != (rows,) or not np.all(shares >= 0) or abs(shares.mean() - 1) > 1e-6:

@@ -76,7 +76,7 @@ def combine(
     if end1 <= begin1:
         size = " × ".join(to_text(length, "m") for length in second.size)
         given = " × ".join(to_text(s, "m") for s in move)
-        raise InputError.of("shift", given, f"one that leaves the second face, {size}, some of the first under it")
+        raise InputError.of("shift", given, f"a shift after which the second face, {size}, still overlaps the first")
     if min(second.spacing) < max(first.spacing):
         second = second.low_pass(2 * max(first.spacing))
     part = np.s_[:, begin1:end1, begin2:end2]
