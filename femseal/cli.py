@@ -45,7 +45,7 @@ def _main(
     ] = False,
     debug: Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")] = False,
 ) -> None:
-    # the exit code of an error is decided outside of the commands: `main`
+    # `main` decides the exit code of an error
     global _debug
     _debug = debug
 
@@ -115,7 +115,7 @@ def run(
         from rich.console import Console
 
         Console(width=None if sys.stdout.isatty() else 160).print(results.table())
-        if terminal:  # elsewhere the log lines have said so
+        if terminal:  # without a terminal, the log lines have told it
             for kind, texts in (("warning", results.warnings), ("failure", results.failures)):
                 for text in texts[:5]:
                     typer.echo(f"{kind}: {text}", err=True)
@@ -252,7 +252,7 @@ def main() -> None:
     except Exception as error:
         if isinstance(error, OSError) and _is_of_output(error):
             _stop(error, f"standard output: cannot be written ({error.strerror})", 1)
-        # usage errors of the parser know how to show themselves and their exit code
+        # usage errors of the parser have their own message and exit code
         if hasattr(error, "show") and hasattr(error, "exit_code"):
             error.show()
             sys.exit(error.exit_code)

@@ -273,7 +273,7 @@ def test_steps_above_the_limit_are_left_out_and_named(results, scene, studies, t
     assert back.stored_steps == [2, 3, 5]
     assert [time for time, *_ in in_time(tmp_path / "fields.pvd")] == [2, 3, 5]
     assert_allclose(back.gap(5), studies["two_scale"].gap[5], rtol=1e-6)
-    with pytest.raises(InputError, match="step: given 1, of which there is no gap, allowed is one of 2, 3, 5"):
+    with pytest.raises(InputError, match="step: given 1, which has no gap, allowed is one of 2, 3, 5"):
         back.gap(1)
     seal_figure(back, 1)
     for path in (tmp_path / "fields").iterdir():

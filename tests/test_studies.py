@@ -605,7 +605,7 @@ class TestDraws:
         [
             ({"pressure": "magic"}, "place, global, uniform"),
             ({"pressure": "global", "sampler": "block"}, "neighbours"),
-            ({"profile": (1.0,) * 4}, "none but with the pressure 'uniform'"),
+            ({"profile": (1.0,) * 4}, "none except with the pressure 'uniform'"),
             ({"pressure": "uniform", "profile": (2.0, 0.0)}, "4 numbers >= 0 with the mean 1"),
             ({"pressure": "uniform", "profile": (2.0, 2.0, 1.0, 0.0)}, "4 numbers >= 0 with the mean 1"),
             ({"library": Path("kept")}, "no ladder"),

@@ -39,7 +39,7 @@ def measure_accuracy(
     announce: Callable[[str], None] | None = None,
     progress: Progress | None = None,
 ) -> AccuracyReport:
-    """Speed against error for a case: what coarser pixels, other windows and smaller libraries save and cost.
+    """Speed against error for a case: time and error with coarser pixels, other windows and smaller libraries.
 
     The scene is solved on its own grid and on two coarser ones of the same surface, with about half and double the
     windows, and with libraries of a half and a quarter, one thing varied at a time. Errors are factors of leakage, see
@@ -57,7 +57,7 @@ def measure_accuracy(
 
     Raises
     ------
-    InputError : the case or an argument cannot be used, or nothing affordable is there to compare with; nothing has
+    InputError : the case or an argument cannot be used, or no affordable solution can be the reference; nothing has
         been computed or written then.
     FemsealError : the reference could not be computed. Other solutions that fail are reported as failed.
     """
@@ -137,7 +137,7 @@ def _at_resolution(prepared: Prepared, variant: Variant) -> Prepared:
 
 
 def _solve(prepared: Prepared, variant: Variant, mapper: Mapper) -> tuple[Array, tuple[str, ...]]:
-    """Leakage at every step, and what failed on the way."""
+    """Leakage at every step, and the failures."""
     scene = prepared.scene
     if variant.cells is None:
         whole = deterministic(scene, mapper=mapper)
@@ -152,7 +152,7 @@ def _solve(prepared: Prepared, variant: Variant, mapper: Mapper) -> tuple[Array,
 
 
 def _warm_up(prepared: Prepared, variant: Variant, workers: int, mapper: Mapper) -> None:
-    """A load for each process untimed, so that no time contains the loading of libraries and the planning of FFTs."""
+    """Run a load in each process untimed, so that no time includes loading of libraries and planning of FFTs."""
     first = replace(prepared.scene, loading=prepared.scene.loading[:workers], unload_from=(), unloading=())
     sampling = prepared.sampling and replace(prepared.sampling, realisations=workers)
     with suppress(FemsealError):

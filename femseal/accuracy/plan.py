@@ -1,4 +1,4 @@
-"""Which solutions of a scene are compared, what they are expected to cost, and which of them is the reference."""
+"""Plan of an accuracy comparison: its solutions, their expected cost, and the reference."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class Variant:
 
     @property
     def label(self) -> str:
-        """What it is, in a line."""
+        """Description in a line."""
         parts = [self.method, f"{by(self.points)} points"]
         parts += [f"{by(self.cells)} cells"] if self.cells else []
         parts += [f"library of {self.library_cells}"] if self.library_cells is not None else []
@@ -44,7 +44,7 @@ class Variant:
 
     @property
     def short(self) -> str:
-        """Enough of it to tell it from other references."""
+        """Short description that distinguishes it from other references."""
         return self.method if self.cells is None else f"{self.method} {by(self.cells)}"
 
 
@@ -52,8 +52,8 @@ class Variant:
 class Plan:
     """Solutions to be computed, the reference first.
 
-    case, prepared : what is solved. costs : expected seconds on one core and bytes of each variant.
-    skipped : solutions that were left out, and why.
+    case, prepared : the problem. costs : expected seconds on one core and bytes of each variant.
+    skipped : solutions that were left out, with reasons.
     companion : two scales of the case's own windows, unless they are the reference or not affordable: stochastic
         solutions are compared with it besides.
     """
@@ -67,12 +67,12 @@ class Plan:
 
     @property
     def reference(self) -> Variant:
-        """What the others are compared with."""
+        """Solution with which the others are compared."""
         return self.variants[0]
 
     @property
     def against(self) -> str:
-        """What errors are measured against, said plainly."""
+        """Description of the reference of the errors."""
         if self.reference.method == "deterministic":
             return f"errors are against {self.reference.label}"
         return (
@@ -81,7 +81,7 @@ class Plan:
         )
 
     def lines(self) -> list[str]:
-        """The plan for people."""
+        """The plan as text."""
         total = sum(seconds for seconds, _ in self.costs)
         lines = [f"{len(self.variants)} solutions, about {duration(total)} on one core; {self.against}"]
         lines += [
@@ -103,7 +103,7 @@ def make_plan(case: Case, *, limit: float, memory: float) -> Plan:
 
     Raises
     ------
-    InputError : a face or cells that cannot be used; nothing affordable to compare with.
+    InputError : a face or cells that cannot be used; no affordable reference.
     """
     others = (("two-scale",) if case.cells else ()) + (("stochastic",) if case.cells and case.stochastic else ())
     prepared = case.model_copy(update={"compare": others}).prepare()
@@ -162,7 +162,7 @@ def duration(seconds: float) -> str:
 
 
 def _candidates(prepared: Prepared) -> Iterator[tuple[Variant | str, str]]:
-    """Every solution to think of, or words for it where it has no numbers, and why it is left out ("": it is not)."""
+    """Every possible solution, or a text for one that has no numbers, with the reason to leave it out ("": none)."""
     scene, cells, sampling = prepared.scene, prepared.cells, prepared.sampling
     points = scene.surface.shape
     grids = list(dict.fromkeys(_grid(points, n, cells or (1, 1)) for n in COARSENINGS))
@@ -187,7 +187,7 @@ def _candidates(prepared: Prepared) -> Iterator[tuple[Variant | str, str]]:
 
 
 def _grid(points: Pair, coarsening: int, cells: Pair) -> Pair:
-    """A coarser grid that the cells divide."""
+    """A coarser grid that can be divided into the cells."""
     n1, n2 = (ceil(ceil(n / coarsening) / m) * m for n, m in zip(points, cells, strict=True))
     return n1, n2
 

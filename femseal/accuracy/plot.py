@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 #: Colour and marker of each method.
 _METHODS = {name: (style[0], style[2]) for name, style in zip(
     ("deterministic", "two-scale", "stochastic"), STYLES[:3], strict=True)}  # fmt: skip
-#: Smaller errors are drawn here: contact itself is not solved any better.
+#: Smaller errors are drawn at this value, the accuracy of the contact solution.
 _LEAST = 1e-5
 _GREY = "#666666"
 
@@ -63,7 +63,7 @@ def _mark(axes: Axes, report: AccuracyReport, solution: Solution, comparison: Co
 
 
 def _name(report: AccuracyReport, variant: Variant) -> str:
-    """What sets a solution apart from others of its method."""
+    """Text that distinguishes a solution from others of its method."""
     if variant.library_cells is not None:
         return str(variant.library_cells)
     if variant.cells is None:

@@ -1,4 +1,4 @@
-"""What a comparison of solutions found: for the terminal, for a spreadsheet, for other programs."""
+"""Results of an accuracy comparison: for the terminal, for a spreadsheet, for other programs."""
 
 from __future__ import annotations
 
@@ -39,10 +39,10 @@ class Comparison:
 class Solution:
     """One solution of the scene.
 
-    seconds : wall time. expected_seconds, expected_memory : what had been expected on one core [s], [byte].
+    seconds : wall time. expected_seconds, expected_memory : expected before the run, on one core [s], [byte].
     leakage : per length of seal at every step [m²/s]; the median of drawn seals; NaN: failed.
     closing_load : lowest loading step that is closed [Pa]; inf if none is.
-    comparisons : with the reference first. failures : what failed on the way, one line each.
+    comparisons : with the reference first. failures : one line each.
     """
 
     variant: Variant
@@ -59,7 +59,7 @@ class Solution:
 class AccuracyReport:
     """Times and errors of the solutions of a scene, the reference first.
 
-    plan : the case, what was planned and what was skipped. workers : processes.
+    plan : the case, planned and skipped solutions. workers : processes.
     """
 
     plan: Plan
@@ -68,7 +68,7 @@ class AccuracyReport:
 
     @property
     def warnings(self) -> list[str]:
-        """What failed on the way, one line each; empty if nothing did."""
+        """Failures, one line each; empty if there are none."""
         return [f"{s.variant.label}: {text}" for s in self.solutions for text in s.failures]
 
     def rows(self) -> list[dict[str, Any]]:
@@ -102,7 +102,7 @@ class AccuracyReport:
         return stream.getvalue()
 
     def json_text(self) -> str:
-        """Everything, with the case in SI and what computed it; null where there is no number."""
+        """All data, with the case in SI, versions and machine; null in place of NaN."""
         plan = self.plan
         found = {
             "source": f"femseal {versions()['femseal']}",
@@ -165,7 +165,7 @@ class AccuracyReport:
         """
         path = made_folder(folder)
         picture = path / "accuracy.png"
-        # none of an earlier comparison stays beside these numbers, should drawing fail
+        # remove the picture of an earlier comparison, which would stay if drawing failed
         picture.unlink(missing_ok=True)
         written = [
             write_text(path / "accuracy.json", self.json_text()),

@@ -4,9 +4,9 @@ A product has five stages: points are laid out for the transform (mirror and fre
 then for a block of columns at a time, while it is in cache: columns are transformed, waves are multiplied with the
 symbol, columns are transformed back; rows are transformed back; points are taken out again.
 
-FFTW plans with FFTW_ESTIMATE and without wisdom: it chooses by a rule and not by timing, so that every process gets the
-same plans and the same bits. Columns go from strided memory to contiguous blocks, where FFTW's rule chooses well.
-Measured against plans that FFTW timed, whole solutions of 256² to 1024² points take 0.9 to 1.03 times as long on
+FFTW plans with FFTW_ESTIMATE and without wisdom. It then chooses by a rule and not by timing, so that every process
+gets the same plans and the same bits. Columns go from strided memory to contiguous blocks, where FFTW's rule chooses
+well. Measured against plans that FFTW timed, whole solutions of 256² to 1024² points take 0.9 to 1.03 times as long on
 periodic and 0.8 to 0.95 times on mirror axes. Smaller periodic grids are slower: by 2 % at 48², 8 % at 64², 12 % at 96²
 and 24 % at 128².
 """
@@ -28,9 +28,9 @@ from numpy.typing import NDArray
 from .influence import padded_length
 
 Array = NDArray[np.float64]
-#: Bytes of a block of columns: about a level-2 cache with what else it has to hold.
+#: Bytes of a block of columns, which should fit in a level-2 cache together with the symbol.
 _BLOCK_BYTES = 2**18
-#: Blocks begin at multiples of so many columns, which FFTW's vector instructions ask for.
+#: Blocks begin at multiples of so many columns, as the vector instructions of FFTW need.
 _ALIGNED = 8
 #: Rows of waves take 8k + 3 cache lines of 64 bytes: the points of a column do not push each other out of the cache.
 _LINE, _LINES, _MORE_LINES = 64, 8, 3
@@ -99,7 +99,7 @@ class Convolution:
         self._pool = ThreadPoolExecutor(threads) if threads > 1 else None
 
     def _array(self, shape: tuple[int, int], dtype: np.dtype[Any]) -> Any:
-        """An array of zeros, in lent memory as long as there is some."""
+        """An array of zeros, in the memory of `over` as far as it suffices."""
         memory = next(self._lent, None)
         if memory is None:
             memory = pyfftw.zeros_aligned(math.prod(shape) * dtype.itemsize, dtype=np.uint8)
@@ -124,7 +124,7 @@ class Convolution:
 
 
 def _row_length(waves: int, itemsize: int) -> int:
-    """Waves for which a row has memory; short rows need no room between them."""
+    """Number of waves in the memory of a row; between long rows some cache lines stay empty."""
     lines = math.ceil(waves * itemsize / _LINE)
     if lines <= _LINES:
         return waves
@@ -141,7 +141,7 @@ def _plans(points: Any, waves: Any, target: Any, *, axis: int, threads: int = 1)
 
 @contextmanager
 def _no_wisdom() -> Iterator[None]:
-    """FFTW plans as in a new process: its rule also goes by what it has planned before."""
+    """Context in which FFTW forgets earlier plans, which would change its choice."""
     with _PLANNING:
         known = pyfftw.export_wisdom()
         pyfftw.forget_wisdom()

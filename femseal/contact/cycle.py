@@ -26,7 +26,7 @@ from ..loads import LoadProgramme, LoadStep
 from .half_space import HalfSpace
 from .solver import Contact, hardness_bounds, solve_contact
 
-#: Fields over all points that the contact of a state takes, with gap, plastic deformation and result.
+#: Number of fields over all points that solving a state needs, with gap, plastic deformation and result.
 STATE_FIELDS = 20
 
 
@@ -115,8 +115,8 @@ def load_states(
     Parameters
     ----------
     programme : the load steps; the others are as in `load_cycle`.
-    take : computes what is given instead of each state, in the process that solves the state.
-    memory : that solving a state and `take` need [byte]; that of the contact unless given. A mapper over processes
+    take : function of a state, called in the process that solves it; its value is returned in place of the state.
+    memory : of solving a state and of `take` together [byte]; that of the contact unless given. A mapper over processes
         solves no more states at once than fit.
     mapper : solves the states of a branch, which do not depend on each other: first loading, then unloading.
     """
@@ -156,7 +156,7 @@ def _state(
     rtol: float,
     take: Callable[[LoadState], Any] | None,
 ) -> tuple[Any, np.ndarray | None]:
-    """Solve a state; return what is taken of it, and of a peak its plastic deformation."""
+    """Solve a state; return the value of `take`, and of a peak the plastic deformation too."""
     contact = solve_deformed_contact(
         gap0, half_space, deformation, pressure=step.pressure, hardness=hardness, rtol=rtol
     )

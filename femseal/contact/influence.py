@@ -63,7 +63,7 @@ def symbol(shape: tuple[int, int], spacing: tuple[float, float], modulus: float,
 
 
 def _wrapped_offsets(n: int) -> Array:
-    """Offsets 0, 1, …, 1 of a padded axis, even about 0; what lies past n − 1 is never read."""
+    """Offsets 0, 1, …, 1 of a padded axis, even about 0; those beyond n − 1 have no effect on the result."""
     length = padded_length(n)
     i = np.arange(length)
     return np.minimum(i, length - i).astype(float)

@@ -8,7 +8,7 @@ near : x, p, v = Kp + h₁ and Kd of the points near contact, in the order of th
 on_free : residual r, preconditioned residual w, direction d and M1 of the free points, in the order of their list.
 dense : on all points of the grid, 0 where a point is not free: first what the stencil is applied to, then d.
 
-`loaded` tells whether the load is given, or else the approach.
+`loaded` : whether the load is given; otherwise the approach is.
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-#: Inlined, as functions that are called may be other ones in the process that compiles, which would change last digits.
+#: Every function is inlined: a called one may be compiled differently in another process and change last digits.
 _exact: dict[str, Any] = {"cache": True, "nogil": True, "forceinline": True}
 _fast: dict[str, Any] = {**_exact, "fastmath": {"reassoc", "nsz", "arcp", "contract", "nnan"}}
-#: Sets stay while the points that would leave them have no more than this share of the squared residual, and it halves.
+#: Sets stay while points that would leave them have at most this share of the squared residual, and it halves.
 _SHARE = 0.1
 
 
@@ -292,7 +292,7 @@ def step(n, free, wr, loaded, kd, lists, near, on_free, dense):
 
 @njit(**_fast)
 def _spread_residual(free, listed, r, total, loaded, dense):
-    """Put residuals in their places, less their mean under a load, which would cancel but for rounding."""
+    """Write residuals to the points of the grid, less their mean under a load, which only rounding would leave over."""
     mean = total / free if loaded and free > 0 else 0.0
     for k in range(free):
         r[k] -= mean
@@ -303,7 +303,7 @@ def _spread_residual(free, listed, r, total, loaded, dense):
 def _apply_stencil(n, listed, dense, out, stencil, rows, columns):
     """Write stencil ∗ dense at the listed points to `out` and return its sum.
 
-    rows, columns : real indices of padded ones, −1 outside.
+    rows, columns : index on the grid for each index of the padded grid, −1 outside.
     """
     r1 = stencil.shape[0] // 2
     r2 = stencil.shape[1] // 2
@@ -346,9 +346,9 @@ def _apply_stencil(n, listed, dense, out, stencil, rows, columns):
 
 @njit(**_exact)
 def search_line(delta, p, v, hardness, state, best_p, best_v):
-    """Go back to the lowest energy between the best point so far and this one: the energy is quadratic on the way.
+    """Move to the lowest energy between the best point so far and this one; the energy is quadratic between them.
 
-    Returns the share of the way, and the squared length and the curvature of the whole way. v is linear on it.
+    Returns the share of the distance, and the squared length and the curvature of the whole step. v is linear in it.
     """
     slope = 0.0
     curvature = 0.0

@@ -33,7 +33,7 @@ _MAX_ITERATIONS = 400
 class Contact(Shown):
     """Solution of a contact problem; fields carry their unit in the dataclass metadata.
 
-    Out of contact p = 0 and g > 0; elastic contact has 0 < p < H and g = 0; at p = H the point floats, g ≤ 0.
+    Out of contact p = 0 and g > 0; elastic contact has 0 < p < H and g = 0; at p = H the point is plastic and g ≤ 0.
     """
 
     pressure: Array = field(metadata={"unit": "Pa", "long_name": "contact pressure"})
@@ -55,7 +55,7 @@ class Contact(Shown):
 
     @property
     def area_fraction_corrected(self) -> float:
-        """Share in contact with the pixels' error at the edge of contact taken off.
+        """Share in contact, corrected for the error of the pixels at the edge of contact.
 
         A pixel in contact counts whole, which adds (π − 1 + ln 2)/24 of a pixel for each pixel side between contact
         and gap. Source: Yastrebov, Anciaux & Molinari, Tribol. Int. 114, 2017, 161.
@@ -126,7 +126,7 @@ def solve_contact(
     -----
     Inexact semismooth Newton on the contact and plastic sets, as in gradient-projection conjugate gradients
     (Moré & Toraldo, SIAM J. Optim. 1, 1991, 93; Polonsky & Keer, Wear 231, 1999, 206). There is no proof of
-    convergence, so the residual is computed anew from the returned pressure.
+    convergence, so the residual is computed again from the returned pressure.
     """
     gap, bounds, pressure, approach = _validated(gap0, half_space, pressure, approach, hardness, rtol)
     problem = _Problem(gap, half_space, bounds, pressure, approach, rtol)
@@ -195,7 +195,7 @@ class _Problem:
     def solve(self, threads: int) -> Contact:
         """Solve at once where no point or every point is at its bound, else from coarse grids to this one."""
         grids = nested_grids(self.half_space, threading.get_ident(), threads)
-        # an offset of the heights would cost digits of the load
+        # a large offset of the heights would lose digits of the load
         offset = float(self.gap0.mean())
         if self.load == 0:
             return self._uniform(grids[0], offset, 0.0, float(self.gap0.min()))
@@ -213,7 +213,7 @@ class _Problem:
             bounds.append(coarsen(bounds[-1]) if bounds[-1].size > 1 else bounds[-1])
         loads = [self.load] * len(grids)
         if self.load is not None and self.hardness.size > 1:
-            # means over an odd border weigh it double: the same share of the hardness can be carried on every grid
+            # coarse means count an odd border twice: every grid carries the same share of its mean hardness
             capacity = [float(b.mean()) for b in bounds]
             loads = [self.load * (c / capacity[0] if np.isfinite(c) else 1) for c in capacity]
         start = self._first_guess(grids[-1], gaps[-1], bounds[-1], loads[-1])
@@ -227,7 +227,7 @@ class _Problem:
         return sets
 
     def _first_guess(self, grid: Workspace, gap0: Array, hardness: Array, load: float | None) -> Array:
-        """Pressure to start from on the coarsest grid.
+        """Initial pressure on the coarsest grid.
 
         A load is spread over as many of the highest points as carry it at H, or at 0.1 E*. At an approach each point
         below δ has the pressure that would press the longest wave so deep.
@@ -254,7 +254,7 @@ class _Problem:
         carried = float(grid.p.mean())
         if self.load and not abs(carried - self.load) <= 1e-9 * self.load:
             raise NotConverged(
-                f"contact: the load is {carried / self.load:.6g} of what was asked for; try another grid", sets.residual
+                f"contact: the load is {carried / self.load:.6g} of the given one; try another grid", sets.residual
             )
         if not sets.residual <= self.rtol:
             raise NotConverged(

@@ -21,7 +21,7 @@ def prolong(coarse, hardness, p, state):
 
 @njit(cache=True, nogil=True)
 def coarsen(a):
-    """Means over 2×2 points; an odd last row or column stands for itself."""
+    """Means over 2×2 points; an odd last row or column is averaged alone."""
     n1, n2 = a.shape
     out = np.empty(((n1 + 1) // 2, (n2 + 1) // 2))
     for i in range(out.shape[0]):

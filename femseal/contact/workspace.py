@@ -14,9 +14,9 @@ from .influence import stiffness_stencil
 from .transfer import prolong
 
 Array = NDArray[np.float64]
-#: Shorter side of the coarsest grid, at most.
+#: Largest number of points along the shorter side of the coarsest grid.
 _COARSEST = 48
-#: From so many points on, single precision is faster where it may be used.
+#: Number of points from which single precision is faster for search directions.
 _SINGLE = 160**2
 
 
@@ -49,18 +49,18 @@ class Workspace:
         n = n1 * n2
         body = half_space.shape, half_space.boundary, half_space.symbol()
         self.respond = Convolution(*body, threads=threads)
-        # what single precision loses in products with directions, the next product with the pressure gives back
+        # the next product with the pressure corrects the errors of products in single precision
         precision = np.float32 if n >= _SINGLE else np.float64
         self.search = Convolution(*body, dtype=precision, threads=threads, over=self.respond)
         self.pressure = self.respond.pressure
         self.p, self.v = self.respond.pressure.ravel(), self.respond.displacement.ravel()
         self.dense, self.kd = self.search.pressure.ravel(), self.search.displacement.ravel()
         self.state = np.zeros(n, np.int8)
-        # touched only as far as there are points in contact
+        # pages of memory are used only as far as lists are long
         self.lists = np.empty((3, n), np.int32)
         self.near, self.on_free = np.empty((4, n)), np.empty((4, n))
         stencil = stiffness_stencil(half_space.spacing, half_space.modulus)
-        r1, r2 = min(1, (n1 - 1) // 2), min(1, (n2 - 1) // 2)  # thin grids: not onto itself
+        r1, r2 = min(1, (n1 - 1) // 2), min(1, (n2 - 1) // 2)  # on thin grids no point is its own neighbour
         self.stencil = (
             np.ascontiguousarray(stencil[1 - r1 : 2 + r1, 1 - r2 : 2 + r2]),
             _index_map(n1, r1, half_space.boundary[0]),
@@ -82,7 +82,7 @@ class Workspace:
 
 
 def _index_map(n: int, radius: int, boundary: str) -> NDArray[np.int64]:
-    """Real index of each index −radius … n − 1 + radius; −1 where there is nothing."""
+    """Real index of each index −radius … n − 1 + radius; −1 outside a free axis."""
     i = np.arange(-radius, n + radius)
     if boundary == "periodic":
         return i % n

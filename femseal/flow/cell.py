@@ -31,7 +31,7 @@ Array = NDArray[np.float64]
 class Permeability(Shown):
     """Permeability of a cell along one axis, k with Q/L2 = (k/η) Δp/L1; exactly 0 where the gap does not percolate.
 
-    lower, upper, resampling_error : NaN unless asked for.
+    lower, upper, resampling_error : NaN if not computed.
     percolating_share : share of the pixels that are connected to both ends.
     iterations, residual, imbalance, solver : of the linear system, see `femseal.flow.DarcyFlow`.
     fluid_pressure : (n1, n2), NaN at pixels in contact and in pockets, which are connected to neither end.

@@ -23,7 +23,7 @@ class DarcyFlow:
         norm of the energy.
     imbalance : relative difference of inlet and outlet flow.
     solver : that found the solution: "multigrid", "elimination", "amg" or "direct"; "none" if there was no unknown.
-    lower, upper : bounds of the conductance, NaN unless asked for.
+    lower, upper : bounds of the conductance, NaN if not computed.
     """
 
     conductance: float = field(metadata={"unit": "m^3", "long_name": "flow for a unit drop of potential"})

@@ -1,4 +1,4 @@
-"""Pictures of everything that can be shown; nothing below this package draws.
+"""Pictures of all results; no package below this one draws.
 
 `picture(result)` is what `result.plot()` gives: each function below is the picture of one class, or one more picture of
 a run. matplotlib is loaded when something is drawn.

@@ -48,8 +48,9 @@ def cells_figure(results: Results, count: int = 4) -> Figure:
 class Cells:
     """Cells along a cycle, of the library or else the windows: pressure, k, mean gap, each (cells, steps).
 
-    nominal, peaks : nominal pressure of each step, and the one it is unloaded from, NaN on loading [Pa]. origin : what
-    the cells are, in words. columns : of windows in a row, 0 for a library.
+    nominal, peaks : nominal pressure of each step, and the one it is unloaded from, NaN on loading [Pa]. origin : a
+        text on
+    the cells. columns : of windows in a row, 0 for a library.
     """
 
     nominal: Array
@@ -166,7 +167,7 @@ def _branch_clouds(axes: Axes, cells: Cells, x: Array) -> None:
 
 
 def _log_permeability(axes: Axes, cells: Cells) -> bool:
-    """Log scale of k over the cells; says so where every cell is closed."""
+    """Set a log scale of k over the cells, or write that every cell is closed."""
     low, high = cells.limits
     if np.isnan(low):
         axes.annotate("every cell is closed", (0.5, 0.5), xycoords="axes fraction", ha="center", color=GREY)
@@ -183,7 +184,7 @@ def _opaque_legend(axes: Axes, place: Any) -> None:
 
 
 def _example_path(parts: list[tuple[str, Steps]], open_: NDArray[np.bool_]) -> tuple[Steps, Steps, str]:
-    """Steps of the loading up to a peak, those of the unloading from there, and what to call the latter."""
+    """Steps of the loading up to a peak, steps of the unloading from there, and the name of the unloading."""
     loading = parts[0][1]
     if len(parts) == 1:
         return loading, loading[:0], ""
@@ -194,7 +195,7 @@ def _example_path(parts: list[tuple[str, Steps]], open_: NDArray[np.bool_]) -> t
 
 
 def _examples(k: Array, pressure: Array, up: Steps, down: Steps, count: int) -> Steps:
-    """Cells that stand for the scatter: evenly in the order of steps open along the path, then of k at the top."""
+    """Cells that represent the scatter: evenly spaced in the order of open steps, then of k at the top of the path."""
     path = np.r_[up, down[1:]]
     known = np.isfinite(k[:, path]).all(axis=1) & (pressure[:, up[-1]] > 0) & (k[:, up] > 0).any(axis=1)
     cells = np.flatnonzero(known)

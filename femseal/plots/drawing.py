@@ -1,4 +1,4 @@
-"""What all pictures share: figures, styles, maps with their colour bar.
+"""Common parts of all pictures: figures, styles, maps with their colour bar.
 
 Figures are made without pyplot, so no display or backend is touched. Colours differ in lightness too, and branches also
 in line and marker, so that pictures can be read without colour.
@@ -28,20 +28,20 @@ STYLES: tuple[tuple[str, Any, str], ...] = (
     ("#000000", (0, (8, 2)), "P"),
 )
 GREY = "#666666"
-#: What has no value of its own on a map: contact, closed windows, pockets.
+#: Colour of places without a value on a map: contact, closed windows, pockets.
 CLOSED = "#B0B0B0"
 
 
-#: Margin of a figure that is cut to what is drawn [inch].
+#: Margin of a figure that is cropped to its contents [inch].
 _CUT = 0.04
 #: Pixels of a notebook for an inch of a figure.
 _NOTEBOOK_PIXELS = 80
 
 
 def new_figure(width: float, height: float, layout: Literal["constrained"] | None = "constrained") -> Figure:
-    """An empty figure [inch] that lays itself out, belongs to no window, and shows itself in a notebook.
+    """An empty figure [inch] with automatic layout, without a window; a notebook displays it.
 
-    Laying out takes as long as drawing: `layout` None spares it where one panel is cut to what is drawn.
+    Layout takes as long as drawing: `layout` None skips it for a single panel that is cropped to its contents.
     """
     return _figure_class()(figsize=(width, height), layout=layout, dpi=150)
 
@@ -61,7 +61,7 @@ def _figure_class() -> type[Figure]:
 
 
 def png(figure: Figure) -> bytes:
-    """The figure as PNG, laid out and drawn once; `savefig` draws it twice for the sake of its layout."""
+    """The figure as PNG, laid out and drawn once; `savefig` would draw it twice."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 
     stream = io.BytesIO()
@@ -70,7 +70,7 @@ def png(figure: Figure) -> bytes:
 
 
 def svg(figure: Figure) -> bytes:
-    """The figure as SVG, drawn once, cut to what is drawn if nothing lays it out; the same figure gives the same."""
+    """The figure as SVG, drawn once, cropped to its contents if it has no layout; equal figures give equal text."""
     from matplotlib import rc_context
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.backends.backend_svg import FigureCanvasSVG
@@ -86,7 +86,7 @@ def svg(figure: Figure) -> bytes:
 
 
 def one_panel(ax: Axes | None, width: float, height: float) -> tuple[Figure, Axes]:
-    """The axes that were given and their figure; otherwise those of a new figure [inch]."""
+    """The given axes and their figure, or those of a new figure [inch]."""
     if ax is None:
         figure = new_figure(width, height)
         return figure, figure.add_subplot()
@@ -94,7 +94,7 @@ def one_panel(ax: Axes | None, width: float, height: float) -> tuple[Figure, Axe
 
 
 def branch_styles(count: int) -> list[tuple[str, Any, str]]:
-    """Style of the loading and of each unloading; unloadings repeat theirs, the loading's is its own."""
+    """Style of the loading and of each unloading; the styles of unloadings repeat, that of the loading is unique."""
     return [STYLES[n] if n == 0 else STYLES[1 + (n - 1) % (len(STYLES) - 1)] for n in range(count)]
 
 

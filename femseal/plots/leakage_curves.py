@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Array = NDArray[np.float64]
-#: Studies shown by single markers beside the main curve.
+#: Studies drawn as single markers beside the main curve.
 _SINGLE = (("two-scale", "D", 7), ("deterministic", "x", 5))
 
 
@@ -31,7 +31,7 @@ _SINGLE = (("two-scale", "D", 7), ("deterministic", "x", 5))
 class LeakageCurves:
     """Leakages per length of seal over a cycle [m²/s] that are drawn together.
 
-    pressure, peaks : of the steps [Pa], see `branches`. leakage, title : the main curve, and what it is.
+    pressure, peaks : of the steps [Pa], see `branches`. leakage, title : the main curve and its name.
     band, band_together : lower and upper ends over realisations, and over realisations with the error of the library.
     share : lower and upper quantile of the bands. mean : thin and dotted. others : single markers, by method.
     notes : added to the axis.
@@ -50,7 +50,7 @@ class LeakageCurves:
 
     @property
     def drawn(self) -> list[Array]:
-        """Everything that is drawn."""
+        """All leakages that are drawn."""
         ends = [end for band in (self.band, self.band_together) if band is not None for end in band]
         return [self.leakage, *ends, *([] if self.mean is None else [self.mean]), *self.others.values()]
 
@@ -132,7 +132,7 @@ def _log_axis(axes: Axes, values: Array, count: int) -> tuple[float, list[float]
 
 
 def _other_handles(several: Sequence[LeakageCurves]) -> list[Any]:
-    """Handles of what all branches share: bands, mean, single markers."""
+    """Legend handles common to all branches: bands, mean, single markers."""
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
@@ -152,7 +152,7 @@ def _other_handles(several: Sequence[LeakageCurves]) -> list[Any]:
     return handles
 
 
-#: What has been drawn into axes that were given, and with which artists: the next curves are drawn together with them.
+#: Curves and artists drawn into given axes; the next curves are drawn together with them.
 _SHARED: WeakKeyDictionary[Axes, tuple[list[LeakageCurves], list[Any]]] = WeakKeyDictionary()
 
 

@@ -35,7 +35,7 @@ def default_step(data: xarray.Dataset) -> int:
 def seal_figure(results: Results, step: int | None = None) -> Figure:
     """Contact pressure, fluid pressure with the flow, and permeability of the windows over the seal at one step.
 
-    Gaps of two windows are added where the fields of the two-scale study are at hand, in memory or in the folder: of
+    Gaps of two windows are added if the fields of the two-scale study are in memory or in the folder: of
     the critical one, in which the flow loses most power, and of the one that carries most flow of the others.
 
     Parameters

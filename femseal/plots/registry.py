@@ -1,4 +1,4 @@
-"""Which function draws which result: one for each class, found by `plot()` of the result."""
+"""Registry of the functions that draw results, one for each class; `plot()` of a result finds its own."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ def _draw(result: Any) -> Figure:
 
 
 def shows(kind: type) -> Callable[[Callable[..., Figure]], Callable[..., Figure]]:
-    """Decorator: the function is the picture of a class; arguments beside the result are options of its `plot()`."""
+    """Decorator that registers the function as the picture of a class; its other arguments are options of `plot()`."""
     return _draw.register(kind)
 
 
 def picture(result: Any, **options: Any) -> Figure:
-    """The picture of a result.
+    """Draw the picture of a result.
 
     Raises
     ------

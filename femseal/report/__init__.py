@@ -1,4 +1,4 @@
-"""What a run leaves for people: the folder of all files, and one self-contained page."""
+"""Output of a run for its user: the folder of all files, and one self-contained page."""
 
 from .folder import write_folder
 from .page import write_report

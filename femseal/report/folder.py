@@ -1,4 +1,4 @@
-"""The folder of a run: every file a user may want to look at."""
+"""The results folder of a run."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ from .page import REPORT_NAME, write_report
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-#: Names the files of a run, one a line, so that the next run removes those it does not write again.
+#: Manifest of the files of a run, one a line; the next run removes those that it does not write again.
 MANIFEST = "files.txt"
-#: Where the files of a run are until all of them are written.
+#: Subfolder of the files of a run until all of them are written.
 UNFINISHED = ".unfinished"
 
 
@@ -46,7 +46,7 @@ def write_folder(
 
     Parameters
     ----------
-    results : of a run; pictures and fields that they have nothing for are left out.
+    results : of a run; pictures and fields without data are left out.
     folder : made if needed; files of the same name are replaced.
     surface : the combined heights, for `surface.png` and ParaView; None: without.
     paraview : format of the files in `vtk/`, see `write_vtk`.
@@ -55,7 +55,7 @@ def write_folder(
 
     Returns
     -------
-    Paths of all files written, among them `files.txt`, which names them.
+    Paths of all files written, with `files.txt`, which lists them.
 
     Raises
     ------
@@ -86,7 +86,7 @@ def write_folder(
             os.replace(unfinished / name, target / name)
     except Exception as error:
         reason = str(error) or type(error).__name__
-        raise FemsealError(f"output folder: {reason}; what was computed is kept in '{saved}'") from error
+        raise FemsealError(f"output folder: {reason}; the computed results are in '{saved}'") from error
     shutil.rmtree(unfinished, ignore_errors=True)
     return [target / MANIFEST, *(target / name for name in names)]
 

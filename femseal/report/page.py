@@ -1,4 +1,4 @@
-"""One page that tells a run: self-contained HTML for screens, phones and paper."""
+"""The report of a run: one self-contained page of HTML for screens, phones and paper."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ def write_report(results: Results | str | os.PathLike[str], path: str | os.PathL
     """Write one self-contained HTML page about a run: it loads nothing, and prints.
 
     The case in words, leakage over load with its bands, curves of the cells, maps of the seal, where the pressure
-    drops, an error budget, times, warnings, versions. It says what is in the dataset, so that a page made of a folder
-    is the one that the run wrote; an `accuracy.json` in the folder is added.
+    drops, an error budget, times, warnings, versions. It depends on the dataset alone, so that a page made from a
+    folder equals the one that the run wrote; an `accuracy.json` in the folder is added.
 
     Parameters
     ----------

@@ -24,13 +24,13 @@ if TYPE_CHECKING:
 
     from ..results.results import Results
 
-#: Of a panel [inch]: at 390 pixels its smallest letters are still read.
+#: Width of a panel [inch] whose smallest letters are legible at 390 pixels.
 _WIDTH, _HEIGHT = 5.4, 4.0
 
 
 @dataclass(frozen=True)
 class Picture:
-    """A picture of the page: its data, a text in its place for those who cannot see it, and what stands below it."""
+    """A picture of the page: its data, its alternative text, and its caption."""
 
     uri: str
     alt: str
@@ -83,7 +83,7 @@ def cell_pictures(results: Results) -> list[Picture]:
 
 
 def map_pictures(results: Results) -> tuple[str, list[Picture]]:
-    """Name of the step that is shown, and maps of the windows there."""
+    """Name of the step of the maps, and maps of the windows there."""
     data = results.dataset
     s = default_step(data)
     height = map_height(seal_size(data), 4.4) + 0.95

@@ -1,4 +1,4 @@
-"""What the report says in words and numbers: the case, the errors, the drop of pressure, the time."""
+"""Texts and numbers of the report: the case, the errors, the drop of pressure, the time."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ Lines = list[tuple[str, ...]]
 
 @dataclass(frozen=True)
 class KeyNumber:
-    """One of the numbers that stand first."""
+    """One of the numbers at the head of the report."""
 
     label: str
     value: str
@@ -54,7 +54,7 @@ def key_numbers(results: Results) -> list[KeyNumber]:
 
 
 def case_sentences(results: Results) -> list[str]:
-    """The case in words; what the results do not know is left out."""
+    """The case in words; sentences without data in the results are left out."""
     data, case = results.dataset, results.case
     attrs = data.attrs
     width, length = (float(v) for v in attrs["seal_size_m"])
@@ -92,7 +92,7 @@ def _face_text(face: dict[str, Any]) -> str:
 
 
 def _placement_text(face: dict[str, Any]) -> str:
-    """How a second face lies on the first, in the order in which that is done."""
+    """Placement of the second face on the first, in the order of its operations."""
     facts = []
     if "mirror" in face:
         facts.append(f"mirrored along {face['mirror']}")
@@ -160,7 +160,7 @@ def _method_sentences(results: Results) -> list[str]:
 
 
 def pressure_drop_sentences(results: Results) -> list[str]:
-    """Where the fluid pressure drops at the step of the maps: which row, and in how few windows."""
+    """Place of the pressure drop at the step of the maps: its row, and the number of windows that carry most of it."""
     data = results.dataset
     s = default_step(data)
     p, flux = data["fluid_pressure"].values[s], np.nan_to_num(data["flux1"].values[s])
@@ -181,7 +181,7 @@ def pressure_drop_sentences(results: Results) -> list[str]:
 
 
 def scatter_lines(results: Results) -> Lines:
-    """Scatter and differences as factors: source, typical, largest, where, meaning."""
+    """Scatter and differences as factors: source, typical value, largest value, its step, meaning."""
     data, steps = results.dataset, results.steps
     leaking = np.abs(results.leakage.values) > FLOOR * np.abs(results.leakage.values[0])
     lines: Lines = []
@@ -235,7 +235,7 @@ def _comparison(results: Results, one: str, leakage: Array, other: str, referenc
 
 
 def check_lines(results: Results) -> Lines:
-    """Residuals and resolution: what was checked, value, meaning."""
+    """Residuals and resolution: quantity, value, meaning."""
     data, case = results.dataset, results.case
     lines: Lines = []
     if (rtol := case.get("contact", {}).get("rtol")) is not None:
@@ -310,7 +310,7 @@ def _factor(value: float | None) -> str:
 
 
 def time_lines(results: Results) -> list[tuple[str, str, float]]:
-    """Stage, time, and its share of the whole in percent; a study's parts stand before what it spends besides."""
+    """Stage, time, and its share of the whole in percent; the parts of a study come before the rest of its time."""
     timings: dict[str, float] = json.loads(results.dataset.attrs["timings"])
     whole = sum(seconds for name, seconds in timings.items() if ": " not in name) or 1.0
     lines = []

@@ -1,4 +1,4 @@
-"""Branches of a load cycle: their names, and which steps they have."""
+"""Branches of a load cycle: their names and steps."""
 
 from __future__ import annotations
 

@@ -37,7 +37,7 @@ def assemble(
 
     Parameters
     ----------
-    scene : what the studies were run on.
+    scene : input of the studies.
     deterministic, two_scale, stochastic : results of studies, at least one.
     case : the case in SI, of plain values; its "seed", if any, is stored by itself too.
     surface_report : what was done to the measured face.
@@ -51,8 +51,8 @@ def assemble(
     centres [m]; node1, corner1, rows of nodes and of x2-links along x1 [m] (the x2-link of column j runs from cell2 j
     to j + 1); narrowest, numbers of links; library_cell, library_step. Fluxes are volume rates per width at the
     fluid's reference density. Attributes tell the case, the surface, versions, machine, wall times, peak memory of the
-    main process, how many flows were solved or known without (`counts`), which solver
-    solved how many linear systems with the worst imbalance of inlet and outlet flow (`solvers`), warnings and failures.
+    main process, numbers of flows solved or known without solving (`counts`), number of linear systems by
+    solver with the worst imbalance of inlet and outlet flow (`solvers`), warnings and failures.
 
     Raises
     ------
@@ -121,7 +121,7 @@ def _plain(value: Any) -> Any:
 
 
 def _shortened(texts: list[str]) -> str:
-    """The texts as JSON, as many as an attribute holds; the last one then says how many are left out."""
+    """The texts as JSON, as many as fit in an attribute; a last line then gives the number left out."""
     kept, size = [], 0
     for n, text in enumerate(texts):
         size += len(_json(text).encode()) + 2

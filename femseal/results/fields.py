@@ -27,9 +27,9 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 NAME = "fields"
-#: Size above which steps are left out unless another is given [byte], before compression.
+#: Default size above which steps are left out [byte], before compression.
 LIMIT = 1e9
-#: Field, study that has it, its name in the file, the file's unit in SI, unit and long name.
+#: Field, its study, its name in the file, the value of the file's unit in SI, unit and long name.
 _FIELDS = (
     ("gap", "two_scale", "gap_um", 1e-6, "m", "gap"),
     ("contact_pressure", "two_scale", "contact_pressure_MPa", 1e6, "Pa", "contact pressure"),
@@ -40,7 +40,7 @@ _BYTES = np.dtype(np.float32).itemsize
 
 @dataclass(frozen=True)
 class FieldPlan:
-    """Which steps of the fields are written, and in words what is left out for its size; "" if nothing is."""
+    """Steps of the fields that are written, and a text on those left out for their size; "" if there are none."""
 
     steps: NDArray[np.int64]
     left_out: str = ""
@@ -99,7 +99,7 @@ def _array(results: Results, study: str, field: str) -> Any:
 def read_field(results: Results, field: str, step: int, cell: tuple[int, int] | None) -> xarray.DataArray:
     """A field over the pixels of the face, or of a window, at one step, see `Results.gap`.
 
-    Of the two-scale study where there is one, else of the deterministic; from memory, else from the folder.
+    It is taken from the two-scale study, or else from the deterministic one; from memory, or else from the folder.
     """
     import xarray
 
@@ -113,7 +113,7 @@ def read_field(results: Results, field: str, step: int, cell: tuple[int, int] | 
     else:
         at_hand = stored_steps(results)
         allowed = f"one of {', '.join(map(str, at_hand))}" if at_hand else f"a folder with {NAME}.pvd"
-        raise InputError.of("step", f"{step}, of which there is no {field.replace('_', ' ')}", allowed)
+        raise InputError.of("step", f"{step}, which has no {field.replace('_', ' ')}", allowed)
     coordinates = {}
     for n, (start, count, d) in enumerate(zip(starts, values.shape, spacing, strict=True), start=1):
         labels = {"units": "m", "long_name": f"x{n} of pixel centres"}

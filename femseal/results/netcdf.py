@@ -33,7 +33,7 @@ def save(results: Results, folder: str | os.PathLike[str]) -> Path:
 
 
 def open_results(folder: str | os.PathLike[str]) -> Results:
-    """Results saved in a folder, read into memory; the studies' own large fields are not among them.
+    """Read the results in a folder into memory, without the studies' large fields.
 
     Raises
     ------

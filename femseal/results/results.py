@@ -1,4 +1,4 @@
-"""Results of a case: one labelled dataset, and what is asked of it."""
+"""Results of a case: one labelled dataset, with selections, tables, pictures and fields."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from ..studies import DeterministicResult, Scene, StochasticResult, TwoScaleResult
 
-#: Best first: method, its leakage in the dataset.
+#: Methods from the best, each with its leakage in the dataset.
 METHODS = (
     ("median", "leakage_median"),
     ("two-scale", "leakage_two_scale"),
@@ -31,10 +31,11 @@ METHODS = (
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Results(Plotted):
-    """What came out of a case.
+    """Results of a case.
 
-    dataset : every number with its unit, see `assemble`. folder : where it was read from or saved to.
-    scene : what was studied; deterministic, two_scale, stochastic : the results of the studies with the fields that are
+    dataset : every number with its unit, see `assemble`. folder : from which it was read, or to which it was saved.
+    scene : the input of the studies; deterministic, two_scale, stochastic : the results of the studies with the fields
+        that are
     too large for the dataset. None if not run, or read from a folder.
     """
 
@@ -47,12 +48,12 @@ class Results(Plotted):
 
     @property
     def method(self) -> str:
-        """Where `leakage` comes from: "median" (of realisations), "two-scale" or "deterministic"."""
+        """Source of `leakage`: "median" (of realisations), "two-scale" or "deterministic"."""
         return next(method for method, name in METHODS if name in self.dataset)
 
     @property
     def leakage(self) -> xarray.DataArray:
-        """Best leakage per length of seal at hand (step,) [m²/s]: median, else two-scale, else deterministic."""
+        """Best available leakage per length of seal (step,) [m²/s]: median, else two-scale, else deterministic."""
         return self.dataset[dict(METHODS)[self.method]]
 
     @property
@@ -63,17 +64,17 @@ class Results(Plotted):
 
     @property
     def warnings(self) -> list[str]:
-        """What casts doubt on numbers that are there, one line each; empty if nothing does."""
+        """Reasons to doubt the numbers, one line each; empty if there are none."""
         return json.loads(self.dataset.attrs["warnings"])
 
     @property
     def failures(self) -> list[str]:
-        """What failed on the way and is missing or NaN, one line each; empty if nothing did."""
+        """Failures, whose numbers are missing or NaN, one line each; empty if there are none."""
         return json.loads(self.dataset.attrs["failures"])
 
     @property
     def left_out(self) -> list[str]:
-        """What was not written to the folder and why, one line each; empty if everything was."""
+        """Files that were not written to the folder, with the reason, one line each; empty if there are none."""
         return json.loads(self.dataset.attrs.get("left_out", "[]"))
 
     @property
@@ -82,11 +83,11 @@ class Results(Plotted):
         return json.loads(self.dataset.attrs["case"])
 
     def loading(self) -> xarray.Dataset:
-        """Leakage, and all else that depends on the step, on loading over `nominal_pressure` [Pa]."""
+        """Leakage and all other variables over the steps, on loading, over `nominal_pressure` [Pa]."""
         return select.loading(self.dataset)
 
     def unloading(self, from_: float | str | None = None) -> xarray.Dataset:
-        """The same on unloading, from the peak on.
+        """The same on unloading, beginning with the peak.
 
         Parameters
         ----------
@@ -128,7 +129,7 @@ class Results(Plotted):
 
         Raises
         ------
-        InputError : no such step or window, or none of its fields at hand: `stored_steps` are those there are.
+        InputError : no such step or window, or a step without fields: `stored_steps` lists those that have them.
         """
         return stitched.read_field(self, "gap", step, cell)
 
@@ -138,7 +139,7 @@ class Results(Plotted):
 
     @property
     def stored_steps(self) -> list[int]:
-        """Steps whose gap and contact pressure are at hand, in memory or in the folder."""
+        """Steps whose gap and contact pressure are in memory or in the folder."""
         return stitched.stored_steps(self)
 
     def rows(self) -> list[dict[str, Any]]:
@@ -158,7 +159,7 @@ class Results(Plotted):
         return room("plots").seal_figure(self, step)
 
     def report(self, path: str | os.PathLike[str] | None = None) -> Path:
-        """Write the page that shows it all, `report.html` in the folder unless given, see `write_report`."""
+        """Write the report, `report.html` in the folder unless `path` is given, see `write_report`."""
         return room("report").write_report(self, path)
 
     def __repr__(self) -> str:

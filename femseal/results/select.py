@@ -24,7 +24,7 @@ _WINDOW = (
 
 
 def loading(data: xarray.Dataset) -> xarray.Dataset:
-    """Everything that depends on the step, on loading, over the nominal pressure."""
+    """All variables over the steps, on loading, over the nominal pressure."""
     return _over_pressure(data, _branches(data)[0][1])
 
 
@@ -57,7 +57,7 @@ def cell(data: xarray.Dataset, i: int, j: int) -> xarray.Dataset:
 
 
 def window(data: xarray.Dataset, i: int, j: int) -> tuple[int, int]:
-    """The place of a window, if there is one there."""
+    """Index of a window, checked."""
     if "k1" not in data:
         raise InputError.of("cell", (i, j), "none: the results have no windows, which a two-scale study has")
     m1, m2 = data.sizes["cell1"], data.sizes["cell2"]
@@ -67,7 +67,7 @@ def window(data: xarray.Dataset, i: int, j: int) -> tuple[int, int]:
 
 
 def library_cell(data: xarray.Dataset, number: int) -> xarray.Dataset:
-    """Curves of a cell of the library over its own steps."""
+    """Curves of a cell of the library over the steps of the library."""
     if "library_k" not in data:
         raise InputError.of("cell", number, "none: the results have no library, which a stochastic study has")
     if number not in range(data.sizes["library_cell"]):

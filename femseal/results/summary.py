@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def text(results: Results) -> str:
-    """What was computed and what came out, a line each."""
+    """Method and main results, a line each."""
     title = results.case.get("title", "")
     head = "femseal.Results" + (f" {title!r}" if title else "")
     lines = facts(results) | ({"folder": str(results.folder)} if results.folder else {})
@@ -24,7 +24,7 @@ def text(results: Results) -> str:
 
 
 def html(results: Results) -> str:
-    """The lines, the table of the leakage, and, folded, where the numbers come from."""
+    """The lines, the table of the leakage, and a folded section on the origin of the numbers."""
     title = escape(results.case.get("title", "") or "femseal results")
     lines = _html_lines(facts(results))
     origin = _html_lines(provenance(results))
@@ -35,7 +35,7 @@ def html(results: Results) -> str:
 
 
 def facts(results: Results) -> dict[str, str]:
-    """Name and text of the lines that say what there is."""
+    """Name and text of the lines on the contents."""
     data, steps = results.dataset, results.steps
     peak = max(range(len(steps)), key=lambda s: steps[s].pressure)
     found = {"leakage": f"at {to_text(steps[peak].pressure, 'Pa')}: {_leakage(results, peak)} ({results.method})"}
@@ -59,7 +59,7 @@ def facts(results: Results) -> dict[str, str]:
 
 
 def provenance(results: Results) -> dict[str, str]:
-    """Name and text of the lines that say where the numbers come from."""
+    """Name and text of the lines on versions, machine, times and solvers."""
     attrs = results.dataset.attrs
     told = {name: json.loads(attrs.get(name, "{}")) for name in ("timings", "machine", "counts", "solvers", "versions")}
     memory = "memory_bytes", "peak_memory_bytes"

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from .results import Results
 
-#: Letters beyond which a heading in the terminal is broken between words.
+#: Length of a heading in the terminal beyond which it is broken between words.
 _HEADING = 10
 
 
@@ -70,7 +70,7 @@ def texts(results: Results) -> tuple[str, list[str], list[list[str]]]:
             ends = zip(data[f"leakage_lower{end}"].values, data[f"leakage_upper{end}"].values, strict=True)
             columns.append((heading, [_range(low, high, factor) for low, high in ends]))
     for name, variable in data.data_vars.items():
-        # without sealed realisations there is nothing to say of them
+        # no column for sealed realisations if there are none
         if "heading" in variable.attrs and name != best.name and (name != "sealed_share" or variable.any()):
             columns.append((variable.attrs["heading"], _cells(variable, factor)))
     title = f"leakage per length of seal in {unit} (= {factor:.0e} m²/s)"

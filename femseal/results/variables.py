@@ -1,6 +1,6 @@
-"""Variables of the dataset, each with its name, unit, meaning and dimensions, which are said once.
+"""Variables of the dataset, each declared once with its name, unit, meaning and dimensions.
 
-Fields of the studies' results say them in their metadata; what is worked out from several fields says them here. A
+Fields of the studies' results declare them in their metadata; variables computed from several fields, here. A
 variable over the steps is a column of the table, with a heading also of the table for people; one over the windows is
 an array of the seal in ParaView.
 """
@@ -26,7 +26,7 @@ _SUFFIXES = {"m": "m", "m^2/s": "m2_per_s", "m^3": "m3", "Pa": "Pa", "1": ""}
 
 
 def name_with_unit(variable: xarray.DataArray, name: str | None = None) -> str:
-    """Name of a variable with its unit in SI, in letters that every program takes, such as "leakage_mean_m2_per_s"."""
+    """Name of a variable with its SI unit in ASCII letters, such as "leakage_mean_m2_per_s"."""
     return "_".join(filter(None, (name or str(variable.name), _SUFFIXES[variable.attrs["units"]])))
 
 
@@ -35,7 +35,7 @@ def _labels(unit: str, long_name: str, heading: str = "") -> dict[str, str]:
 
 
 def step_coordinates(dim: str, prefix: str, steps: Sequence[LoadStep]) -> dict[str, Any]:
-    """Coordinates that tell the steps of a load programme along a dimension; `prefix` stands before their names."""
+    """Coordinates that describe the load steps along a dimension; `prefix` is prepended to their names."""
     peaks = [np.nan if s.unloaded_from is None else s.unloaded_from for s in steps]
     columns = {
         dim: (np.arange(len(steps)), "1", "index of the load step"),
@@ -48,7 +48,7 @@ def step_coordinates(dim: str, prefix: str, steps: Sequence[LoadStep]) -> dict[s
 
 
 def add_fields(data: xarray.Dataset, result: Any) -> None:
-    """Every field of a result whose metadata names its dimensions, but for those over all pixels, which are large."""
+    """Add every field of a result whose metadata names its dimensions, except the large ones over all pixels."""
     for f in fields(result):
         values, dims = getattr(result, f.name), f.metadata.get("dims", ())
         if dims and "x1" not in dims and values is not None and values.size:
@@ -57,7 +57,7 @@ def add_fields(data: xarray.Dataset, result: Any) -> None:
 
 
 def add_windows(data: xarray.Dataset, scene: Scene, result: TwoScaleResult) -> None:
-    """Fields of the windows and of the nodes between them, the flux through the links, and where the pressure drops."""
+    """Add fields of the windows and of the nodes, the flux through the links, and the shares of the pressure drop."""
     (m1, m2), (d1, d2) = result.partition.cells, result.partition.window_size
     data.coords["cell1"] = ("cell1", (np.arange(m1) + 0.5) * d1, _labels("m", "x1 of window centres, from the inlet"))
     data.coords["cell2"] = ("cell2", (np.arange(m2) + 0.5) * d2, _labels("m", "x2 of window centres, along the seal"))
@@ -66,7 +66,7 @@ def add_windows(data: xarray.Dataset, scene: Scene, result: TwoScaleResult) -> N
     if m1 > 1:
         data.coords["corner1"] = ("corner1", rows[1:-1], _labels("m", "x1 of links along x2"))
     add_fields(data, result)
-    # the fluid of a pocket has no pressure to speak of, and does not flow
+    # the fluid pressure in a pocket is undefined, and its flux is 0
     pocket = np.isnan(result.fluid_pressure) & np.isfinite(result.leakage)[:, None, None]
     pressure = np.where(pocket, scene.outlet_pressure, result.fluid_pressure)
     potential = scene.fluid.potential(pressure) / scene.fluid.reference_density
@@ -86,7 +86,7 @@ def add_windows(data: xarray.Dataset, scene: Scene, result: TwoScaleResult) -> N
 
 
 def add_realisations(data: xarray.Dataset, result: StochasticResult, quantiles: tuple[float, float]) -> None:
-    """Leakage of every realisation, and its quantiles, mean and spread."""
+    """Add the leakage of every realisation, and its quantiles, mean and spread."""
     add_fields(data, result)
     data.coords["realisation"] = ("realisation", np.arange(len(result.leakage)), _labels("1", "realisation"))
     text = "leakage per unit seal length, {} of the realisations"
@@ -105,7 +105,7 @@ def add_realisations(data: xarray.Dataset, result: StochasticResult, quantiles: 
 
 
 def add_library(data: xarray.Dataset, curves: LibraryTable) -> None:
-    """Curves of the cells of the library over its own steps."""
+    """Add the curves of the cells of the library over the steps of the library."""
     for name, entry in step_coordinates("library_step", "library_", curves.steps).items():
         data.coords[name] = entry
     cells = np.arange(len(curves.k))
@@ -123,7 +123,7 @@ def add_contact_share(
     two_scale: TwoScaleResult | None,
     stochastic: StochasticResult | None,
 ) -> None:
-    """Share of the face in contact at every step, of the study that says most about it."""
+    """Add the share of the face in contact at every step, from the windows, the whole face, or the library."""
     if two_scale is not None:
         share, origin = two_scale.contact_fraction.mean(axis=(1, 2)), "windows"
     elif deterministic is not None:

@@ -1,8 +1,8 @@
-"""What there is to see in results, as VTK's data, before it is written in one format or another.
+"""Views of results as VTK's data, before they are written in a format.
 
 The seal is a mesh of quadrilaterals, two to a window, so that both the nodes of the flow and the corners of the windows
 are points of it. Coordinates are x = x1, y = x2 in metres. Names of arrays carry the units and have no brackets. There
-are no texts, which meshio cannot read.
+are no arrays of texts, because meshio cannot read them.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ Array = NDArray[np.float64]
 Field = Callable[[int], NDArray[Any]]
 #: Unit in the dataset, ending of the name of an array in ParaView, and factor.
 _UNITS = {"m": ("_um", 1e6), "Pa": ("_MPa", 1e-6), "m^3": ("_m3", 1.0), "m^2/s": ("_m2_per_s", 1.0), "1": ("", 1.0)}
-#: Variables of windows that are told from those over all pixels by their name.
+#: Names of window variables in ParaView, distinct from those of the fields over all pixels.
 _NAMES = {
     "window_pressure": "nominal_contact_pressure",
     "window_mean_gap": "mean_gap",
@@ -52,7 +52,7 @@ class LoadSteps:
 
     @property
     def fields(self) -> dict[str, Array]:
-        """Field data, one value for each step; no load that it is unloaded from on loading (NaN)."""
+        """Field data, one value for each step; on loading the peak is NaN."""
         return {
             "nominal_pressure_MPa": self.nominal_pressure / 1e6,
             "unloaded_from_MPa": self.unloaded_from / 1e6,
@@ -60,7 +60,7 @@ class LoadSteps:
 
 
 class View(Protocol):
-    """What is written under a name: as a pyvista data set at each of its steps, or once if it has none."""
+    """Data written under one name: a pyvista data set for each step, or a single one without steps."""
 
     @property
     def name(self) -> str:
@@ -199,7 +199,7 @@ def _flux(data: xarray.Dataset) -> Array:
 
 
 def window_images(results: Results) -> list[Image]:
-    """Gap, contact pressure and fluid pressure in the chosen windows; none without the study's own fields."""
+    """Gap, contact pressure and fluid pressure in the chosen windows, if the fields of the study are in memory."""
     return [] if results.two_scale is None else [_window(results, i, j) for i, j in chosen_windows(results.dataset)]
 
 
@@ -231,7 +231,7 @@ def _window(results: Results, i: int, j: int) -> Image:
         if not np.all(np.isfinite(gaps[s])):
             return np.full(gaps[s].shape, np.nan)
         share = cell_permeability(gaps[s], partition.spacing).fluid_pressure
-        # an end in a pocket has no pressure, which the fluid that stands at the other end does not see
+        # the pressure of an end in a pocket is undefined and has no effect on the fluid at the other end
         mixed = np.where(share == 1, ends[s, 0], ends[s, 1] + (ends[s, 0] - ends[s, 1]) * share)
         return scene.fluid.pressure(np.where(share == 0, ends[s, 1], mixed))
 

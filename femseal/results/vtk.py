@@ -15,7 +15,7 @@ from .views import Heights, View, seal_grid, window_images
 if TYPE_CHECKING:
     from .results import Results
 
-#: What may be written: the series, which every ParaView opens; VTKHDF for ParaView 5.13 or later; both; or none.
+#: Formats: the series, which every ParaView opens; VTKHDF for ParaView 5.13 or later; both; or none.
 FORMATS = ("vtu", "vtkhdf", "both", "none")
 
 

@@ -1,7 +1,8 @@
 """VTKHDF, VTK's format in HDF5: one compressed file for all load steps, with a mesh that is stored once.
 
-Written by VTK's own writer. What that leaves out, the field data of images (VTK 9.7), is added by h5py. Time is the
-index of the load step, since loads come back on unloading; the loads are field data. ParaView 5.13 or later reads it.
+Written by VTK's own writer. It leaves out the field data of images (VTK 9.7), which h5py adds. Time is the
+index of the load step, since the same load occurs on loading and on unloading; the loads are field data. ParaView 5.13
+or later reads it.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ import numpy as np
 from ..base.files import replacing
 from .views import LoadSteps, View
 
-#: Suffix by which ParaView knows the files.
+#: Suffix by which ParaView recognises the files.
 SUFFIX = ".vtkhdf"
 #: Of deflate: higher levels gain a few per cent at several times the time.
 _LEVEL = 1
@@ -51,7 +52,7 @@ def write(view: View, folder: Path) -> list[Path]:
 
 
 def _source(view: View, steps: LoadSteps) -> Any:
-    """The view as a source of VTK, which gives the writer one step after the other."""
+    """The view as a source of VTK that passes one step after the other to the writer."""
     from vtkmodules.util.vtkAlgorithm import VTKPythonAlgorithmBase
     from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkImageData
     from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline as Pipeline

@@ -1,1 +1,1 @@
-"""A case, run: read and checked, forecast, mapped over processes or a cluster, kept so that it can go on."""
+"""A run of a case: reading and checking, forecast, mapping over processes or a cluster, checkpoint."""

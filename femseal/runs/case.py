@@ -1,4 +1,4 @@
-"""A case: everything a run needs, as a TOML file whose quantities carry their units.
+"""A case: the whole input of a run, as a TOML file whose quantities carry their units.
 
 The file is checked as a whole before anything is computed; every fault is reported at once, with its key, what was
 given and what is allowed. `Case.prepare` turns it into the objects the studies take.
@@ -94,7 +94,7 @@ class Case(Table):
 
     @property
     def methods(self) -> set[str]:
-        """The method and those to compare it with, as given."""
+        """The method and the methods to compare it with, as given."""
         return {self.method, *self.compare}
 
     @property
@@ -177,6 +177,6 @@ def parse_case(data: dict[str, Any], folder: Path = Path()) -> Case:
         raise InputError.of("case", "lists or tables too deep in each other", "the tables of a case") from None
     except ValidationError as error:
         lines = fault_lines(Case, error)
-        if isinstance(data.get("face"), dict):  # one table, which has no number in the file
+        if isinstance(data.get("face"), dict):  # a single table has no number in the file
             lines = [line.replace("face.0", "face", 1) if line.startswith("face.0") else line for line in lines]
         raise InputError("\n".join(lines)) from None

@@ -1,4 +1,4 @@
-"""Tables of the rough faces in a case file, and of what is done to their sum.
+"""Tables of the rough faces in a case file, and of the conditioning of their sum.
 
 To add a kind of face, write a table with `make` and put it into `Face`.
 """
@@ -60,7 +60,7 @@ class TurnedFace(Table):
 class FileFace(Table):
     """A measured face, see `topography.read_topography`; the path is relative to the case file.
 
-    `mirror`, `rotate` and `shift` lay the second of two faces on the first, see `topography.combine`.
+    `mirror`, `rotate` and `shift` place the second of two faces on the first, see `topography.combine`.
     """
 
     kind: Literal["file"]
@@ -79,7 +79,7 @@ class FileFace(Table):
 
     @property
     def placement(self) -> dict[str, Any]:
-        """How the face lies on the first one, as `topography.combine` takes it."""
+        """Placement on the first face, as `topography.combine` takes it."""
         return self.model_dump(include=_PLACEMENT, exclude_none=True)
 
     def make(self, folder: Path, rng: np.random.Generator) -> Topography:
@@ -93,7 +93,7 @@ Face = Annotated[SelfAffineFace | TurnedFace | FileFace, Field(discriminator="ki
 
 
 class SurfaceTable(Table):
-    """What is done to measured faces (spikes, see `topography.repair`) and to their sum (`topography.condition`)."""
+    """Repair of measured faces (`topography.repair`) and conditioning of their sum (`topography.condition`)."""
 
     spikes: Threshold = SPIKES
     detrend: Literal[0, 1, 2] = 1

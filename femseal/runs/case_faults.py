@@ -15,7 +15,7 @@ _LONGEST_KEY = 40
 
 def fault_lines(case: type[BaseModel], error: ValidationError) -> list[str]:
     """One line for each fault in a case given to the model."""
-    # a list is also too short where its items have faults of their own
+    # pydantic also reports a list with faulty items as too short
     faults = [dict(e) for e in error.errors() if e["type"] != "too_short" or not e["input"]]
     lines = list(dict.fromkeys(_line(case, fault) for fault in faults))
     more = [f"{len(lines) - _MOST_FAULTS} more faults"] if len(lines) > _MOST_FAULTS else []
@@ -38,7 +38,7 @@ def _line(case: type[BaseModel], error: dict[str, Any]) -> str:
         given = given.get("kind") if isinstance(given, dict) else given
         return f"{key}.kind: given {shown(given)}, allowed is one of {', '.join(map(repr, map(_kind, tables)))}"
     message = str(error["msg"])
-    if ": given " in message:  # a fault between keys names its own
+    if ": given " in message:  # the message of a fault between keys names them
         return shortened(message, 400)
     if isinstance(given, (dict, BaseModel)):
         return f"{key}: allowed is {message}"
@@ -51,7 +51,7 @@ def _place(case: type[BaseModel], loc: tuple[Any, ...]) -> tuple[list[str], list
     place: list[str] = []
     inside: list[Any] = [case]
     for part in loc:
-        if isinstance(part, str) and part in map(_kind, inside):  # which is not written in the file
+        if isinstance(part, str) and part in map(_kind, inside):  # this part of the key is not in the file
             inside = [table for table in inside if _kind(table) == part]
             continue
         place.append(shortened(part, _LONGEST_KEY))

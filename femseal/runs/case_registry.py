@@ -1,4 +1,4 @@
-"""Tables of a case file made from registered classes, so that a new class has its table without another line."""
+"""Tables of a case file made from registered classes, so that a new class gets its table automatically."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def table_of_any(
     more : further keys of the table of each, as pydantic's `create_model` takes them.
     """
     tables = [_table(kind, made, base, more(made)) for kind, made in registered.items()]
-    if len(tables) == 1:  # nothing to tell apart
+    if len(tables) == 1:  # a single class needs no discriminator
         return tables[0]
     return Annotated[reduce(or_, tables), Field(discriminator="kind")]
 

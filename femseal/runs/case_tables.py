@@ -1,4 +1,4 @@
-"""Tables of a case file but for its faces: solids, load, contact, flow, fluid, seal, windows, draws, output.
+"""Tables of a case file except those of the faces: solids, load, contact, flow, fluid, seal, windows, draws, output.
 
 Fluids and shapes of seals are not named here: whatever is registered in `fluids.FLUIDS` and `seal.layouts.LAYOUTS` has
 a table, with a key for each of its parameters.
@@ -175,7 +175,7 @@ class StochasticTable(Table):
 
 
 class OutputTable(Table):
-    """What the results folder holds besides, see `report.write_folder`."""
+    """Optional contents of the results folder, see `report.write_folder`."""
 
     paraview: Annotated[str, *one_of(FORMATS)] = "vtu"
     fields_limit: FileSize = LIMIT

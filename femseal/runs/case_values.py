@@ -1,4 +1,4 @@
-"""Values in a case file: quantities with their unit, numbers in a range, and names out of those that are known."""
+"""Values in a case file: quantities with their unit, numbers in a range, and known names."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def _known(value: Any, names: tuple[str, ...]) -> str:
 
 
 def one_of(names: Iterable[str]) -> tuple[BeforeValidator, WithJsonSchema]:
-    """Annotations of a text that is one of the names."""
+    """Annotations of a text that must be one of these names."""
     known = tuple(names)
     return BeforeValidator(partial(_known, names=known)), WithJsonSchema({"type": "string", "enum": list(known)})
 
@@ -102,6 +102,6 @@ Number = Annotated[int, Field(strict=True, ge=0, lt=2**63)]
 
 
 class Table(BaseModel):
-    """A table of a case file: its keys are the fields, any other one is a fault."""
+    """A table of a case file: its keys are the fields, any other key is a fault."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)

@@ -1,4 +1,4 @@
-"""Results of a run while it is under way, so that it survives a kill at any moment.
+"""Results of an unfinished run on disk, so that it can be resumed after a kill at any moment.
 
 Every call of the mapper in a study is a stage; the order of the calls depends on the case alone. Results of
 consecutive items are kept in shards, each a file that is complete or not there, with a checksum. A resumed run makes
@@ -33,23 +33,23 @@ log = logging.getLogger("femseal.runs.checkpoint")
 #: Subfolder of the output folder.
 FOLDER = ".checkpoint"
 MANIFEST = "manifest.json"
-#: A shard is written when it has so many items or bytes, or when so long has passed since the last one [s].
+#: A shard is written when it has this number of items or bytes, or when this time has passed since the last one [s].
 SHARD_ITEMS = 1000
 SHARD_BYTES = 64_000_000
 SHARD_SECONDS = 10.0
 
 
 def resumable(output: Path, identity: dict[str, Any]) -> bool:
-    """Whether the output folder has a checkpoint of this identity; nothing is written.
+    """Check whether the output folder has a checkpoint of this identity; nothing is written.
 
     Parameters
     ----------
     output : the output folder.
-    identity : what the bits of the results depend on, as nested plain data.
+    identity : everything on which the bits of the results depend, as nested plain data.
 
     Raises
     ------
-    InputError : it has one of another identity (every changed key is named with both values) or an unreadable one.
+    InputError : the checkpoint is unreadable or of another identity; every changed key is named with both values.
     """
     path = output / FOLDER / MANIFEST
     try:
@@ -70,7 +70,7 @@ def resumable(output: Path, identity: dict[str, Any]) -> bool:
 
 
 def refuse_unfinished(output: Path) -> None:
-    """Raise InputError if the output folder has results of a run that was ended, which a new one would lose."""
+    """Raise InputError if the output folder has an unfinished run, whose results a new run would remove."""
     kept = len(list((output / FOLDER).glob("*.shard")))
     if kept:
         given = f"'{output}', which holds {kept} parts of an unfinished run"
@@ -83,11 +83,11 @@ def remove(output: Path) -> None:
 
     Raises
     ------
-    FemsealError : it could not be removed.
+    FemsealError : the checkpoint could not be removed.
     """
     folder = output / FOLDER
     try:
-        # without its manifest nothing of it is ever taken up, should the rest stay
+        # without its manifest the checkpoint is never resumed, even if other files remain
         (folder / MANIFEST).unlink(missing_ok=True)
         if folder.exists():
             shutil.rmtree(folder)
@@ -96,7 +96,7 @@ def remove(output: Path) -> None:
 
 
 class Checkpoint:
-    """The checkpoint of one run; a context, which on leaving writes what it still has in memory.
+    """The checkpoint of one run; a context that writes the items still in memory on leaving.
 
     Parameters
     ----------
@@ -142,7 +142,7 @@ class Checkpoint:
             log.warning("%s", error)
 
     def over(self, mapper: Mapper) -> Mapper:
-        """The same mapper, which takes the items that are kept from their files, and keeps those that it computes."""
+        """The same mapper, but items in shards are read from them, and computed items are written to shards."""
 
         def mapping(stage: Stage, *iterables: Iterable[Any]) -> Iterator[Any]:
             self._stages += 1
@@ -236,7 +236,7 @@ class _Shard:
 
 
 def _left(iterable: Iterable[Any], shards: list[_Shard]) -> Iterator[Any]:
-    """The items that no shard has."""
+    """The items that are in no shard."""
     iterator, position = iter(iterable), 0
     for shard in shards:
         yield from islice(iterator, shard.start - position)
@@ -257,7 +257,7 @@ def _unsealed(data: bytes) -> bytes:
 
 
 def _write(path: Path, data: bytes) -> None:
-    """Write a file that is complete on the disk before it has its name."""
+    """Write a file completely to disk before it gets its name."""
     with replacing(path) as temporary, temporary.open("wb") as file:
         file.write(data)
         file.flush()
@@ -265,7 +265,7 @@ def _write(path: Path, data: bytes) -> None:
 
 
 def _plain(identity: dict[str, Any]) -> Any:
-    """As JSON gives it back: tuples have become lists."""
+    """Data as JSON returns it, with lists in place of tuples."""
     return json.loads(json.dumps(identity))
 
 

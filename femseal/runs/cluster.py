@@ -20,15 +20,15 @@ from ..base.stage import Mapper, Stage
 from .processes import KEPT_MEMORY, starting_processes
 
 log = logging.getLogger("femseal.runs.cluster")
-#: Time that a cluster has to answer, and to accept a client [s].
+#: Time limit for a cluster to answer, and to accept a client [s].
 ANSWER_SECONDS = 5
-#: Time that a cluster may be without workers, at the start or after the last one has gone [s].
+#: Time limit for a cluster without workers, at the start or after the last one has left [s].
 WORKER_SECONDS = 600
-#: Work that is sent to a worker at a time [s]: small items are sent together.
+#: Duration of a batch of items that is sent to a worker [s].
 TASK_SECONDS = 0.25
-#: Tasks under way for each thread of the cluster: one is computed while the next one waits there.
+#: Tasks sent for each thread of the cluster: one is computed while the next one waits.
 UNDER_WAY = 2
-#: How often a task is sent again after the cluster has lost what it needs.
+#: How often a task is sent again after the cluster has lost its data.
 RETRIES = 10
 
 
@@ -51,12 +51,12 @@ def over_cluster(scheduler: str, count: int) -> Iterator[Mapper]:
             yield partial(_map, client)
         return
     with ExitStack() as stack:
-        # by Dask's own settings workers give memory back at once, and are profiled all the time
+        # by default, workers of Dask return memory at once and profile themselves continuously
         environment = {f"distributed.nanny.pre-spawn-environ.{name}": value for name, value in KEPT_MEMORY.items()}
         with starting_processes(), config.set({**environment, "distributed.worker.profile.enabled": False}):
             one_each: dict[str, Any] = {"n_workers": count, "threads_per_worker": 1, "processes": True}
             cluster = LocalCluster(**one_each, dashboard_address="127.0.0.1:0", silence_logs=logging.ERROR)
-            # results that do not pass the scheduler take half as long
+            # results that bypass the scheduler take half the time
             client = stack.enter_context(Client(stack.enter_context(cluster), direct_to_workers=True))
         yield partial(_map, client)
 
@@ -72,15 +72,15 @@ def _connected(scheduler: str) -> Any:
 
     with ExitStack() as stack:
         try:
-            # a client would wait without end for a service of another kind
-            # in a thread, as the caller may run an event loop
+            # a client would wait forever for a service of another kind
+            # in a thread, because the caller may run an event loop
             with ThreadPoolExecutor(1) as thread:
                 thread.submit(lambda: asyncio.run(asyncio.wait_for(greet(), 1.1 * ANSWER_SECONDS))).result()
             client = Client(scheduler, timeout=ANSWER_SECONDS)
             stack.callback(client.close)
             _await_worker(client)
             there = client.run(numerical_versions)
-        except Exception as error:  # of any kind, where another service answers
+        except Exception as error:  # any error is possible if another service answers
             allowed = f"the address of a running scheduler with workers that have femseal ({str(error) or 'no answer'})"
             raise InputError.of("scheduler", f"'{scheduler}'", allowed) from None
         here = numerical_versions()

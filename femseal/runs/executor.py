@@ -14,7 +14,7 @@ from ..base.stage import Mapper
 
 @contextmanager
 def ordered_map(workers: int | None = None, scheduler: str | None = None) -> Iterator[Mapper]:
-    """A mapper whose results come in the order of the items, whoever computes them.
+    """Context with a mapper whose results come in the order of the items.
 
     Parameters
     ----------

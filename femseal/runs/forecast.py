@@ -1,4 +1,4 @@
-"""What a run will compute, and about how long, in how much memory and on how much disk, before it is started."""
+"""Forecast of a run: unknowns, time, memory and disk, before it is started."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ ADVISED_WAVES = 8
 
 @dataclass(frozen=True)
 class Disk:
-    """Sizes before compression [byte].
+    """Expected sizes before compression [byte].
 
-    fields : the fields over all pixels, at `steps` of the load steps. others : all other files. checkpoint : what is
-    kept while the run is under way.
+    fields : the fields over all pixels, at `steps` of the load steps. others : all other files. checkpoint : size of
+    the checkpoint during the run.
     """
 
     fields: float
@@ -85,7 +85,7 @@ def describe(case: Case, prepared: Prepared) -> list[str]:
 
 
 def disk(case: Case, prepared: Prepared) -> Disk:
-    """About how much a run of the case writes."""
+    """Expected sizes of the files of a run."""
     scene = prepared.scene
     steps, pixels = len(scene.steps), int(np.prod(scene.surface.shape))
     each = fields_size(scene.surface.shape, {method.replace("-", "_") for method in prepared.methods})

@@ -28,9 +28,9 @@ from .log_file import LogFile
 from .preparation import Prepared
 
 log = logging.getLogger("femseal")
-#: Called as progress(stage, done, total); total is None where it is not known.
+#: Called as progress(stage, done, total); total is None if it is unknown.
 Progress = Callable[[str, int, int | None], None]
-#: Time between two lines of the log on a stage that is under way [s].
+#: Time between two log lines on a running stage [s].
 LOG_SECONDS = 60.0
 
 
@@ -43,7 +43,7 @@ def run(
     *,
     progress: Progress | None = None,
 ) -> Results:
-    """Run a case from surface to leakage.
+    """Run a case, from surface to leakage.
 
     Parameters
     ----------
@@ -60,8 +60,8 @@ def run(
     ------
     InputError : the case or an argument cannot be used, the checkpoint is of another case, other face files or other
         versions, or the folder holds an unfinished run without `resume`; nothing has been written then.
-    FemsealError : a computation failed as a whole, or a file could not be written: what is computed stays in the
-        folder, and `resume` goes on from there. Single cells that fail are listed in `Results.failures`.
+    FemsealError : a computation failed as a whole, or a file could not be written: computed items stay in the
+        folder, and `resume` continues from them. Single cells that fail are listed in `Results.failures`.
     """
     if not isinstance(case, Case):
         case = load_case(case)
@@ -73,7 +73,7 @@ def run(
     if resume and folder is None:
         raise InputError.of("resume", True, "True only with an output folder")
     faces = _face_files(case)
-    # what is written of the results may be changed before a run goes on
+    # options of the output may change before a run is resumed
     computed = {key: value for key, value in case.echo().items() if key != "output"}
     identity = {**computed, "content of face files": faces, "version": numerical_versions()}
     if resume and folder is not None:
@@ -104,7 +104,7 @@ def run(
 
 @contextmanager
 def _interrupts() -> Iterator[None]:
-    """A Ctrl-C that arrives within a call of compiled code, which numba tells as SystemErrors, is one again."""
+    """Raise KeyboardInterrupt for a Ctrl-C within compiled code, which numba reports as SystemError."""
     try:
         yield
     except SystemError as error:
@@ -130,7 +130,7 @@ def _run(case: Case, prepared: Prepared, faces: dict[str, str], mapper: Mapper, 
             continue
         start = time.perf_counter()
         watched = _watched(mapper, method, progress, timings)
-        # what the study computes outside its stages counts as one item
+        # the work of a study outside its stages counts as one item
         progress(method, 0, 1)
         if method == "deterministic":
             studies["deterministic"] = deterministic(scene, mapper=watched)
@@ -198,7 +198,7 @@ def _finished(case: Case, faces: dict[str, str], folder: Path) -> Results | None
 
 @contextmanager
 def _log_file(folder: Path, append: bool) -> Iterator[None]:
-    """Log lines go to run.log in the results folder."""
+    """Context in which log lines are written to run.log in the results folder."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
         handler = LogFile(folder / "run.log", mode="a" if append else "w")
@@ -222,7 +222,7 @@ def _log_file(folder: Path, append: bool) -> Iterator[None]:
 
 
 def _watched(mapper: Mapper, study: str, progress: Progress, timings: dict[str, float]) -> Mapper:
-    """The same mapper, telling how far each stage of a study is, and adding up their wall times [s]."""
+    """The same mapper, but it reports the progress of each stage and sums their wall times [s]."""
 
     def mapping(stage: Stage, *iterables: Iterable[Any]) -> Iterator[Any]:
         total = min((len(i) for i in iterables if isinstance(i, Sized)), default=None)

@@ -1,4 +1,4 @@
-"""From a case to what the studies take: faces are made or read, conditioned, and divided into windows."""
+"""From a case to the input of the studies: faces are made or read, conditioned, and divided into windows."""
 
 from __future__ import annotations
 
@@ -26,9 +26,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Prepared:
-    """What the studies take: the scene, its division, how to draw seals; and how the surface came about.
+    """Input of the studies: the scene, its windows, the sampling of seals; and the history of the surface.
 
-    method, methods : what is to be solved, "auto" decided; choice : why, if it was. warnings : what is odd in the case.
+    method, methods : to be run, with "auto" resolved; choice : reason of that choice, if there was one. warnings : what
+        is odd in the case.
     """
 
     scene: Scene
@@ -43,7 +44,7 @@ class Prepared:
 
     @property
     def surface_report(self) -> dict[str, Any]:
-        """What was done to the surface, as plain data."""
+        """The repair and conditioning of the surface, as plain data."""
         return asdict(self.conditioning) | ({} if self.overlap is None else {"overlap": asdict(self.overlap)})
 
 
@@ -145,9 +146,9 @@ def _sampling(case: Case, table: StochasticTable, window_length: float) -> Sampl
 def _combined_faces(case: Case) -> tuple[Topography, dict[str, Any], Overlap | None, float]:
     """One face as it is, or the sum of two repaired ones.
 
-    With it, what was repaired in the two, where they overlap, and the threshold of the spikes that are still in it.
+    Also returned: the repairs of the two, their overlap, and the threshold of the spikes that the sum still has.
     """
-    # a stream of its own for every face, whatever the method draws later
+    # every face has its own random stream, independent of later draws of the method
     seeds = np.random.SeedSequence(case.seed).spawn(len(case.face))
     faces = []
     for place, table, seed in zip(face_places(case), case.face, seeds, strict=True):
@@ -179,7 +180,7 @@ def _cell_count(case: Case, surface: Topography) -> tuple[int, int] | None:
         if size > shorter * (1 + 1e-9):
             allowed = f"at most the shorter side of the face, {to_text(shorter, 'm')}"
             raise InputError.of("cells.size", to_text(size, "m"), allowed)
-    else:  # eight shortest waves: shorter windows cut more paths off than two scales save
+    else:  # eight shortest waves: shorter windows cut off more paths than two scales save
         size = 8 * (case.surface.shortest_wave or 8 * max(surface.spacing))
     m1, m2 = (max(1, round(length / size)) for length in surface.size)
     return m1, m2

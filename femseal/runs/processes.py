@@ -23,16 +23,16 @@ from ..base.machine import free_memory
 from ..base.shared_array import sharing
 from ..base.stage import Mapper, Stage
 
-#: Share of the free memory that the calls of a stage under way may take together.
+#: Share of the free memory that the concurrent calls of a stage may take together.
 FREE_SHARE = 0.7
-#: Settings of the GNU C library by which processes keep memory up to this size when it is freed [bytes]: to get the
-#: memory of each result anew takes as long as to send the result.
+#: Settings of the GNU C library by which processes keep freed memory up to this size [byte]: getting new memory for
+#: each result takes as long as sending the result.
 KEPT_MEMORY = {"MALLOC_TRIM_THRESHOLD_": str(2**25), "MALLOC_MMAP_THRESHOLD_": str(2**25)}
 
 
 @contextmanager
 def over_processes(count: int) -> Iterator[Mapper]:
-    """A mapper over so many processes, which end with the context where that ends with an error.
+    """Context with a mapper over `count` processes; they end with the context if it ends with an error.
 
     Within it, arrays of `shared_empty` are shared with the processes.
     """
@@ -72,17 +72,17 @@ def _map(count: int, stage: Stage, *iterables: Iterable[Any]) -> Iterator[Any]:
             raise FemsealError(f"workers: {reason} ({str(error).splitlines()[0]})") from error
         finally:
             with warnings.catch_warnings():
-                warnings.filterwarnings("ignore", ".* tasks ")  # of a run that was stopped, and needs no more results
+                warnings.filterwarnings("ignore", ".* tasks ")  # a stopped run needs no more results
                 if results is not None:
                     results.close()
 
 
 @contextmanager
 def starting_processes() -> Iterator[None]:
-    """Processes that start within this context keep freed memory, and never hear SIGINT and SIGTERM.
+    """Context in which new processes keep freed memory and ignore SIGINT and SIGTERM.
 
-    The signals are blocked, which the processes inherit; this process hears them when the context ends, and ends the
-    others itself.
+    The processes inherit that the signals are blocked; this process receives them when the context ends, and ends the
+    others.
     """
     from multiprocessing import resource_tracker
 
@@ -123,7 +123,7 @@ def _stored(path: str) -> Stage:
 
 @cache
 def _end_with(parent: int) -> None:
-    """End this process soon after its parent, which may be killed before it can say so."""
+    """End this process soon after its parent, even if the parent is killed."""
 
     def watch() -> None:
         with suppress(psutil.NoSuchProcess):

@@ -10,11 +10,11 @@ from .case import Case
 def case_schema() -> dict[str, Any]:
     """Schema (draft 7, which editors know) of a case file: its tables, keys and kinds of values.
 
-    What concerns several keys, and the size of a quantity, is checked by `load_case` alone.
+    Rules between keys and ranges of quantities are not in the schema; `load_case` checks them.
     """
     schema = Case.model_json_schema(ref_template="#/definitions/{model}")
     schema["definitions"] = schema.pop("$defs")
-    del schema["properties"]["folder"]  # where the file lies, not what is in it
+    del schema["properties"]["folder"]  # the folder of the file is no key
     faces = schema["properties"]["face"]
     schema["properties"]["face"] = {"anyOf": [faces["items"], faces]}
     return {"$schema": "http://json-schema.org/draft-07/schema#"} | _plain(schema) | {"title": "femseal case"}
@@ -26,7 +26,7 @@ def _plain(node: Any, names: bool = False) -> Any:
         return [_plain(n) for n in node]
     if not isinstance(node, dict):
         return node
-    if names:  # a table of keys, which may be called like words of the schema
+    if names:  # keys of a table may have the same names as words of the schema
         return {key: _plain(value) for key, value in node.items()}
     left_out, tables = ("title", "discriminator"), ("properties", "definitions")
     kept = {key: _plain(value, key in tables) for key, value in node.items() if key not in left_out}
@@ -42,7 +42,7 @@ def _plain(node: Any, names: bool = False) -> Any:
 
 
 def _fits(default: Any, schema: dict[str, Any]) -> bool:
-    """Whether a default may be written as it is: not where the case file has text with a unit."""
+    """Whether a default may be written as it is; quantities may not, since a case file has text with a unit."""
     kinds: dict[Any, Any] = {"string": str, "boolean": bool, "integer": int, "number": (int, float)}
     kind = schema.get("type")
     return isinstance(kind, str) and isinstance(default, kinds.get(kind, ()))

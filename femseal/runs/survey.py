@@ -1,4 +1,4 @@
-"""A measured face looked at before it is used: what it is, and what a run would make of it."""
+"""Survey of a measured face before a run: its description, and the effect of its conditioning."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def survey(
     max_undefined: float,
     **reading: Any,
 ) -> list[str]:
-    """Lines about the face in a file; its picture is written if asked for.
+    """Lines on the face in a file; `picture` also writes its picture.
 
     Parameters
     ----------
@@ -45,7 +45,7 @@ def survey(
 
     Raises
     ------
-    InputError : something given or read cannot be used; no picture is written.
+    InputError : an argument or the file cannot be used; no picture is written.
     """
     if picture is not None and (picture.suffix.lower() not in _PICTURES or not picture.absolute().parent.is_dir()):
         raise InputError.of("output", f"'{picture}'", f"a file {', '.join(_PICTURES)} in a folder that exists")
@@ -78,7 +78,7 @@ def _indented(report: SurfaceReport | Conditioning) -> list[str]:
 
 
 def _notes(report: SurfaceReport, conditioning: Conditioning) -> list[str]:
-    """What the numbers ask for."""
+    """Advice that follows from the numbers."""
     notes = []
     if report.shortest_wave > conditioning.shortest_wavelength * (1 + 1e-9):
         wave = to_text(report.shortest_wave, "m", 3)

@@ -1,4 +1,4 @@
-"""What a command tells while it is under way: bars on a terminal, log lines elsewhere and in a file."""
+"""Progress of a command: bars on a terminal, log lines elsewhere and in a file."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def log_lines(path: Path | None, quiet: bool, terminal: bool) -> Iterator[None]:
     if not quiet:
         handlers.append(_Echo(logging.WARNING if terminal else logging.INFO))
         handlers[-1].setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(message)s"))
-        # what went wrong in the studies is told with the results, and how a run ended at its end
+        # failures of studies are shown with the results, and the end of a run by the command
         handlers[-1].addFilter(lambda record: record.exc_info is None and (not terminal or record.name != log.name))
     level = log.level
     log.setLevel(logging.INFO)
@@ -89,7 +89,7 @@ class ProgressBars:
             self._bars.stop()
 
     def __call__(self, stage: str, done: int, total: int | None) -> None:
-        """Show that `done` items of a stage are computed, of `total` where that is known."""
+        """Show that `done` items of a stage are computed, of `total` if known."""
         if self._bars is None:
             return
         if stage not in self._tasks:

@@ -1,4 +1,4 @@
-"""The pieces of the two-scale method: windows of a face, the contact and flow in them, libraries, and drawn links."""
+"""Parts of the two-scale method: windows of a face, their contact and flow, libraries of windows, and drawn links."""
 
 from .curves import CellCurves
 from .dissipation import window_dissipation

@@ -1,4 +1,4 @@
-"""Where the pressure drops in a face whose flow is resolved: the dissipation in its windows."""
+"""Dissipation in the windows of a face whose flow is resolved, which shows where the pressure drops."""
 
 from __future__ import annotations
 

@@ -74,7 +74,7 @@ class Cell:
     k_unloading : permeability on unloading (kinds, 2, m, stops) [m³]; `standoff_unloading` and the others with this
         ending are (m, stops).
     rigid : permeability at the separations (kinds, 2, separations) [m³].
-    counts : flows that were solved for this cell, or known without.
+    counts : flows of this cell, solved or known without solving.
     """
 
     pressure: Array

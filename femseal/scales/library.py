@@ -1,7 +1,7 @@
 """Libraries of real windows, each followed along a ladder; one library serves seals of any size under any load.
 
 A library belongs to one kind of face and material. It can be kept in a folder, in a file whose name is a digest of all
-it was computed from. A later run reads the file and computes only the windows and the steps that are missing.
+its inputs. A later run reads the file and computes only the missing windows and steps.
 Source: Pérez-Ràfols et al., 2018.
 """
 
@@ -32,9 +32,9 @@ from .outcome import Failed, SolveCounts, attempt
 from .window import FlowSettings
 
 Array = NDArray[np.float64]
-#: Written into every file; a file of another format is computed anew.
+#: Written into every file; a file of another format is computed again.
 FORMAT = 2
-#: Random numbers of windows lie far from those of the realisations.
+#: Key of the random stream of windows, far from those of the realisations.
 WINDOW_STREAM = 2**32 - 1
 
 
@@ -122,8 +122,8 @@ class LadderLibrary(Shown):
 
     cells : the windows that did not fail.
     rms_height : root mean square height of the windows [m].
-    counts : flows of windows that this run solved, or knew without.
-    reused : number of cells that were read and needed nothing new.
+    counts : flows of windows in this run, solved or known without solving.
+    reused : number of cells that were read and complete.
     failures : windows that failed and are left out, one line each.
     """
 
@@ -167,7 +167,7 @@ class LadderLibrary(Shown):
         return np.mean([np.interp(x, np.cbrt(c.pressure), getattr(c, name)) for c in self.cells], axis=0)
 
     def flattening(self, pressure: Array, peak: Array) -> Array:
-        """How much smaller the standoff is on unloading from a peak than on loading, mean over the cells [m]."""
+        """Decrease of the standoff from loading to unloading from a peak, mean over the cells [m]."""
         return np.mean([self._flattening(cell, pressure, peak) for cell in self.cells], axis=0)
 
     def _flattening(self, cell: Cell, pressure: Array, peak: Array) -> Array:
@@ -201,7 +201,7 @@ class LadderLibrary(Shown):
             steps of the ladder; between them they are interpolated as the permeability is.
         """
         p_peak = paths[steps.peak_indices]
-        # a window that its peak did not load has the virgin curve
+        # a window that had no pressure at its peak follows the loading curve
         down = steps.on_unloading[:, None] & (paths > 0) & (p_peak > 0)
         up = (paths > 0) & ~down
         apart = paths <= 0
@@ -222,7 +222,7 @@ def build_ladder_library(
 
     Parameters
     ----------
-    source, ladder : which windows, and where they are solved.
+    source, ladder : the windows, and the states in which they are solved.
     count : number of windows.
     folder : where libraries are kept; with None nothing is read or written.
     mapper : computes a stage for all windows, see `base.stage.Mapper`.

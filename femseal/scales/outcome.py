@@ -1,4 +1,4 @@
-"""Outcomes of an ensemble of solutions: which failed and why, how many were solved, and by which solver."""
+"""Outcomes of an ensemble of solutions: failures with their reason, and numbers of solutions by solver."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def attempt(solve: Callable[..., Result], *arguments: Any, **options: Any) -> Re
 
 
 class Solved(Protocol):
-    """The part of a `Permeability` or a `Leakage` that tells of its linear system."""
+    """The fields of a `Permeability` or a `Leakage` about its linear system."""
 
     @property
     def solver(self) -> str:
@@ -77,12 +77,12 @@ class SolverCounts:
 
 @dataclass(frozen=True)
 class SolveCounts:
-    """How many flows of windows were solved, and how many were known without solving.
+    """Numbers of window flows that were solved, or known without solving.
 
     solved : flows with an open path, which a linear solver solved.
     closed : flows without an open path, which are 0.
     open : flows between nearly parallel plates, which the closed form gives.
-    solvers : how many of the systems each solver solved.
+    solvers : number of systems by solver.
 
     >>> SolveCounts(solved=2) + SolveCounts(solved=1, closed=3) == SolveCounts(solved=3, closed=3)
     True

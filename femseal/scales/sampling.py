@@ -106,7 +106,7 @@ def _history(table: LinkTable, rng: np.random.Generator) -> Draw:
 
 def _block(table: LinkTable, rng: np.random.Generator) -> Draw:
     if table.run_length < 1:
-        raise InputError.of("sampler", "block", "another one, where cells are not neighbours on a face")
+        raise InputError.of("sampler", "block", "another sampler, because these cells are not neighbours on a face")
     cells, columns = table.k.shape[2], table.path.shape[1]
     fresh = rng.random((columns, 2))
     starts = fresh[:, 0] < 1 / table.run_length

@@ -28,7 +28,7 @@ class WindowHistory:
     gap : deformed gap (steps, n1, n2) [m]; without contact it may be negative until `set_down`.
     contact : contact pressure at every step, kept where there is contact.
     contact_fraction, plastic_fraction : shares of the pixels in contact and at the hardness (steps,).
-    standoff : distance by which asperities hold the body off (steps,) [m]; NaN without pressure.
+    standoff : distance by which the asperities separate the body from the face (steps,) [m]; NaN without pressure.
     """
 
     gap: NDArray[np.float32]
@@ -68,7 +68,7 @@ def respond(
     steps : the programme; an unloading step starts from the plastic deformation of its peak.
     half_space : elastic body and boundary kinds of the window.
     hardness : H [Pa].
-    rigid_at_zero : what a window without pressure does. True: it keeps the given gap, which may be negative until
+    rigid_at_zero : treatment of a window without pressure. True: it keeps the given gap, which may be negative until
         `set_down`. False: it is brought to first touch.
     """
     shape, n = half_space.shape, len(steps)
@@ -114,7 +114,7 @@ def respond(
 
 
 def body_standoff(standoff: Array, load: Array, lowest: Array) -> Array:
-    """Distance by which the asperities of the loaded windows hold the whole body off at every step (steps,) [m].
+    """Distance by which the asperities of the loaded windows separate the whole body from the face (steps,) [m].
 
     It is the mean over the windows, weighted with their pressure; if no window has pressure, it is the distance that
     brings the body to first touch. The global contact of the smoothed face does not see the asperities: where nothing
@@ -139,7 +139,7 @@ def body_standoff(standoff: Array, load: Array, lowest: Array) -> Array:
 
 
 def set_down(gap: NDArray[np.float32], standoff: float) -> NDArray[np.float32]:
-    """Move a window without pressure (n1, n2) off by the standoff of the body; pixels that would overlap touch."""
+    """Separate a window without pressure (n1, n2) by the standoff of the body; pixels that would overlap touch."""
     rounding = 4 * np.finfo(np.float32).eps * max(float(np.abs(gap).max()), abs(standoff))
     moved = gap + np.float32(standoff)
     moved[moved <= rounding] = 0.0

@@ -54,7 +54,7 @@ class ContactValues:
 class ContactPressure(NDArrayOperatorsMixin):
     """Contact pressure (steps, n1, n2) [Pa] of all windows of a face, kept where there is contact.
 
-    Use it like an array that cannot be changed. An index computes the steps that it asks for; arithmetic, methods and
+    Use it like an array that cannot be changed. Indexing computes the indexed steps only; arithmetic, methods and
     numpy functions compute the whole field.
 
     Parameters

@@ -17,7 +17,7 @@ from ..base.errors import InputError
 from .shapes import AnnularSeal, RectangularSeal
 
 Array = NDArray[np.float64]
-#: Numbers of links over which the drop of pressure is summed unless asked for others.
+#: Numbers of links over which the drop of pressure is summed by default.
 NARROWEST = (1, 3, 10)
 
 

@@ -1,7 +1,7 @@
 """The chains from a rough surface to leakage over a load cycle, readable top to bottom.
 
 `deterministic` resolves everything on the surface's own grid; `two_scale` cuts it into windows between global nodes;
-`stochastic` draws the windows of a seal of any length from a library of real ones. They share a `Scene`.
+`stochastic` draws the windows of a seal of any length from a library of real ones. All take a `Scene`.
 """
 
 from .deterministic import DeterministicResult, deterministic

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from ..loads import LoadStep
 
-#: Loads are compared that leak more than this share of the first one.
+#: Loads at which the reference leaks less than this share of its first leakage are not compared.
 FLOOR = 1e-3
 
 
@@ -19,9 +19,9 @@ class LeakageFactor:
     """Distance of two leakage curves over one branch.
 
     value : exp(rms ln(Q/Q_ref)) [-], 1 for equal curves; NaN where no load can be compared.
-    loads : how many it is taken over.
-    closed : loads at which one of the two is closed and the other leaks more than the floor; they have no ratio.
-    failed : loads at which one of the two is not known.
+    loads : number of loads compared.
+    closed : number of loads at which one is closed and the other leaks more than this share; they have no ratio.
+    failed : number of loads at which one of the two is unknown.
     """
 
     value: float

@@ -14,7 +14,7 @@ from .windows import CUT_OFF_WINDOWS
 #: Seconds of one core for one contact solution and one flow solution of n pixels, fitted to 64² … 4096² on a 2-core
 #: x86-64 machine; good to a factor of two.
 _CONTACT_SECONDS = (4e-4, 3.0e-7, 1.0)
-#: States of a window on its ladder, loading, unloading and apart.
+#: Number of states of a window on its ladder: loading, unloading and without contact.
 _LADDER_STATES = 60
 _FLOW_SECONDS = (2e-4, 3e-8, 1.25)
 
@@ -60,12 +60,12 @@ def stochastic_cost(
     return seconds, faces + 8.0 * links * (held * 2 + 30)
 
 
-#: What an automatic choice lets the deterministic solution take: time on one core [s], and share of the free memory.
+#: Limits of the deterministic solution in an automatic choice: time on one core [s], and share of the free memory.
 AFFORDABLE_SECONDS, AFFORDABLE_SHARE = 3600.0, 0.7
 
 
 def choose_method(steps: int, points: tuple[int, int], cells: tuple[int, int]) -> tuple[str, str]:
-    """Choose "deterministic" if it is affordable, because it is exact on its pixels, else "two-scale".
+    """Choose "deterministic", which is exact on its pixels, if it is affordable, and "two-scale" otherwise.
 
     Returns
     -------

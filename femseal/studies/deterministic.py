@@ -21,7 +21,7 @@ class DeterministicResult(Shown):
     """Contact and flow of a whole face on its own pixels; arrays over the steps.
 
     residual : largest residual of the contacts. failures : steps whose flow failed; their leakage is NaN. warnings :
-    why the result may be far from the truth. solvers : which solver solved how many systems.
+    reasons to doubt the result. solvers : number of systems by solver.
     """
 
     steps: LoadProgramme

@@ -25,7 +25,7 @@ from .sources import Tables, Wanted, WindowSupply
 #: Loading steps of a library in shares of the pressure at which everything is in contact, about: the hardness, or half
 #: of E* × rms slope where that is less.
 LOADING_SHARES = (0, 0.001, 0.004, 0.01, 0.02, 0.04, 0.07, 0.11, 0.16, 0.22, 0.29, 0.37, 0.46, 0.56, 0.67, 0.8, 0.95)
-#: Those from which library windows are unloaded, and stops in shares of the peak.
+#: Loading steps from which library windows are unloaded, and stops on the way down in shares of the peak.
 PEAK_SHARES = (0.02, 0.07, 0.16, 0.29, 0.46, 0.67, 0.95)
 STOPS = (0.8, 0.6, 0.4, 0.25, 0.12, 0.04, 0.0)
 #: Rigid separations of library windows in rms heights; beyond them k is within 3 % of the asymptote, which takes over.
@@ -46,14 +46,14 @@ def windows_under_global_contact(wanted: Wanted) -> WindowSupply:
     states = scene.global_states(partition, cut_off, take=means, mapper=wanted.mapper)
     p, p_across, gap, gap_across = (np.array(values) for values in zip(*states, strict=True))
     library = _library(wanted, float(p.max()), apart=True)
-    # windows without pressure stand off as the asperities of the others make the whole body do
+    # the standoff of the whole body separates windows without pressure from the face
     peaks = scene.steps.peak_indices
     load = p.sum(axis=(1, 2))
     own = library.loaded("standoff", p) - library.flattening(p, p[peaks])
     standoff = np.divide((p * own).sum(axis=(1, 2)), load, out=np.zeros_like(load), where=load > 0)
     links = []
     for axis, (pressure, distance) in enumerate(((p, gap), (p_across, gap_across))):
-        # what a peak has deformed for good widens their gap
+        # the plastic deformation of a peak widens their gap
         gaps = distance + standoff[:, None, None] + library.loaded("plastic_deformation", pressure[peaks])
         path = np.arange(m1 - axis)[:, None] * m2 + np.arange(n2) % m2
         flat = (len(pressure), (m1 - axis) * m2)

@@ -10,9 +10,9 @@ from .scene import Array
 from .sources import PlacedLibrary, Wanted, WindowSupply
 from .windows import LinkFlows, solve_links, solve_windows
 
-#: Runs of columns last for so many correlation lengths, at most once round the face: where runs meet, channels of the
-#: face are cut off. Measured on circular milling marks with ten columns: 0.83 to 0.95 of the leakage with runs of ten,
-#: 0.36 to 0.87 with runs of two.
+#: Length of runs of columns in correlation lengths; a run has at most all columns of the face. Where runs meet, the
+#: channels of the face are cut. Measured on circular milling marks with ten columns: 0.83 to 0.95 of the leakage with
+#: runs of ten, 0.36 to 0.87 with runs of two.
 RUN_LENGTHS = 10
 
 
@@ -21,7 +21,7 @@ def windows_in_place(wanted: Wanted) -> WindowSupply:
 
     Raises
     ------
-    FemsealError : every column of windows has one that failed.
+    FemsealError : every column has a failed window.
     """
     scene, partition, two_scale, mapper = wanted.scene, wanted.partition, wanted.two_scale, wanted.mapper
     (m1, m2), w2, n2 = partition.cells, partition.window[1], wanted.seal[1]
@@ -49,7 +49,7 @@ def windows_in_place(wanted: Wanted) -> WindowSupply:
         correlation_length=length,
         shifts=shifts,
         counts=SolveCounts.total(f.counts for f in every),
-        # what failed in the two-scale study is told by its own result
+        # failures of the two-scale study are in its own result
         failures=(() if two_scale else contact.failures) + tuple(text for f in every for text in f.failures),
     )
     run = min(RUN_LENGTHS * length, float(m2))
@@ -69,7 +69,7 @@ def _without_failed(k1: Array, k2: Array) -> tuple[Array, Array]:
     """Replace each column in which a window failed by the next column without failure."""
     good = np.isfinite(k1).all(axis=(0, 1)) & np.isfinite(k2).all(axis=(0, 1))
     if not good.any():
-        raise FemsealError("library: every column of cells has one that failed")
+        raise FemsealError("library: every column of windows has a failed window")
     columns = np.flatnonzero(good)
     taken = columns[np.searchsorted(columns, np.arange(good.size)) % columns.size]
     return k1[:, :, taken], k2[:, :, taken]

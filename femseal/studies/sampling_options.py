@@ -1,4 +1,4 @@
-"""Options of a drawn seal, and a check of which go together."""
+"""Options of a drawn seal, and the check that they go together."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from ..base import validate
 from ..base.errors import InputError
 from ..scales import Partition
 
-#: Which pressures and which waves a window may see, see `Sampling.pressure`.
+#: Choices of the pressures and the waves of windows, see `Sampling.pressure`.
 PRESSURES = ("place", "global", "uniform")
 
 
@@ -68,7 +68,7 @@ def seal_cells(partition: Partition, sampling: Sampling) -> tuple[int, int]:
 
 
 def check_sampling(sampling: Sampling, cells: tuple[int, int]) -> None:
-    """Raise InputError if an option does not exist or does not go with another one."""
+    """Raise InputError for an unknown option, or for two that do not go together."""
     if sampling.pressure not in PRESSURES:
         raise InputError.of("pressure", sampling.pressure, f"one of {', '.join(PRESSURES)}")
     if sampling.chosen_sampler == "block" and sampling.pressure != "place":
@@ -77,7 +77,7 @@ def check_sampling(sampling: Sampling, cells: tuple[int, int]) -> None:
         raise InputError.of("breadth", sampling.breadth, "a length > 0 with the pressure 'uniform', none with others")
     if sampling.profile:
         if sampling.pressure != "uniform":
-            raise InputError.of("profile", sampling.profile, "none but with the pressure 'uniform'")
+            raise InputError.of("profile", sampling.profile, "none except with the pressure 'uniform'")
         shares = np.asarray(sampling.profile, float)
         rows = cells[0] if sampling.breadth is None else shares.size
         if shares.shape != (rows,) or not np.all(shares >= 0) or abs(shares.mean() - 1) > 1e-6:

@@ -1,4 +1,4 @@
-"""What all studies share: a rough face under load, and the fluid it keeps back."""
+"""The input of all studies: a rough face under load, and the fluid that it seals."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Scene:
-    """A rough face under load, and the fluid it keeps back.
+    """A rough face under load, and the fluid that it seals.
 
     surface : heights of the combined faces; high points touch first.
     modulus, hardness : contact modulus E* and hardness H [Pa].
@@ -51,7 +51,7 @@ class Scene:
     discretisation: str = "edge"
 
     def __post_init__(self) -> None:
-        _ = self.flow  # refuses a solver or a discretisation that no flow could take
+        _ = self.flow  # raises if solver and discretisation do not go together
 
     @property
     def steps(self) -> LoadProgramme:

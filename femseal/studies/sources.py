@@ -18,7 +18,7 @@ Tables = tuple[LinkTable, LinkTable]
 
 @dataclass(frozen=True)
 class Wanted:
-    """A request for windows.
+    """Request for windows, which a source answers with a `WindowSupply`.
 
     scene, partition : the face and its windows. sampling : how the seal is drawn. seal : its windows along x1 and x2.
     two_scale : the two-scale solution of the face, if it is known already. mapper : computes a stage for many items.
@@ -40,7 +40,7 @@ class WindowSupply:
     tables : the tables from which links along x1 and along x2 are drawn; with bounds also those of the lower and of the
         upper bounds.
     node_rows : x1 of the rows of nodes [m]; empty if they are equidistant.
-    warnings : why the result may be far from the truth.
+    warnings : reasons to doubt the result.
     """
 
     library: LadderLibrary | PlacedLibrary
@@ -49,7 +49,7 @@ class WindowSupply:
     warnings: tuple[str, ...] = ()
 
 
-#: Supplies the windows that are wanted.
+#: A source of windows: takes a request and returns the windows.
 Source = Callable[[Wanted], WindowSupply]
 
 
@@ -62,8 +62,8 @@ class PlacedLibrary(Shown):
     curves : the windows without shift, for tables and pictures.
     correlation_length : number of columns over which windows are alike.
     shifts : how often the windows were moved, the unmoved ones included.
-    counts : flows of windows that were solved for this library, or known without.
-    failures : what failed, one line each.
+    counts : flows of windows of this library, solved or known without solving.
+    failures : reasons of failed windows, one line each.
     """
 
     k1: Array = field(metadata={"unit": "m^3", "long_name": "permeability along x1"})

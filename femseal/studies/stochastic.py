@@ -25,9 +25,9 @@ from .scene import Array, Scene, labels
 from .sources import PlacedLibrary, Source, Tables, Wanted
 from .two_scale import TwoScaleResult
 
-#: For a wanted width, how often realisations and windows are added, and up to how many times as many as given.
+#: For a given `width`: how often realisations and windows are added, and up to what multiple of the given numbers.
 ROUNDS, GROWTH = 4, 8
-#: Where windows come from, for every `Sampling.pressure`.
+#: Source of windows for every `Sampling.pressure`.
 SOURCES: dict[str, Source] = {
     "place": windows_in_place,
     "global": windows_under_global_contact,
@@ -45,8 +45,8 @@ class StochasticResult(Shown):
     leakage_lower_bound, leakage_upper_bound : of the realisations in `leakage`, with the bounds of every window's
         permeability; None without bounds. They enclose the flow through gaps constant on each pixel: their distance
         says how well the pixels resolve the gaps.
-    failures : what failed, and is NaN or left out. warnings : why the result may be far from the truth.
-    solvers : which solver solved how many systems, of library windows and of drawn seals.
+    failures : reasons of values that are NaN or left out. warnings : reasons to doubt the result.
+    solvers : number of systems by solver, of library windows and of drawn seals.
     """
 
     steps: LoadProgramme
@@ -72,7 +72,7 @@ class StochasticResult(Shown):
         """Quantile over the realisations that did not fail, at every step [m²/s]; NaN where all failed.
 
         Between two values of one sign it is interpolated in log space; beside a 0 it is 0. `resampled` takes
-        `leakage_resampled`, which has the error of the library too.
+        `leakage_resampled`, whose scatter includes the error of the library.
         """
         return self._at_every_step(partial(_quantile, q=q), self.leakage_resampled if resampled else self.leakage)
 
@@ -114,7 +114,7 @@ class StochasticResult(Shown):
         return max(2, ceil(realisations)), max(1, ceil(windows))
 
     def too_few(self, *quantiles: float) -> str:
-        """A text that says how many realisations the quantiles need, if there are fewer; else an empty one."""
+        """A warning with the number of realisations that the quantiles need, if there are fewer; otherwise ""."""
         tails = [min(q, 1 - q) for q in quantiles if 0 < q < 1]
         needed = ceil(max((1 / tail for tail in tails), default=1) - 1e-9)
         if len(self.leakage) >= needed:
@@ -182,7 +182,7 @@ def stochastic(
     if sampling.width is None:
         return _draw(scene, cells, sampling, two_scale, mapper)
     with TemporaryDirectory() as folder:
-        # what is followed in one round is not followed again in the next
+        # the next round keeps the windows that this one has followed
         growing = replace(sampling, library=sampling.library or Path(folder))
         result = _draw(scene, cells, growing, two_scale, mapper)
         for _ in range(ROUNDS):
@@ -254,8 +254,8 @@ def _realise(
 ) -> Realisation:
     """Draw one seal and solve its flow at every step.
 
-    The same random numbers draw the same windows from each kind of tables. `resampled` draws the library anew, and
-    takes the values without their bounds.
+    The same random numbers draw the same windows from each kind of tables. `resampled` draws a new library from the
+    library, and takes the values without their bounds.
     """
     steps = scene.steps
     if resampled:

@@ -27,8 +27,8 @@ class TwoScaleResult(Shown):
 
     partition : the windows. flow : "links" or "resolved", see `two_scale`.
     fields : deformed gap and contact pressure at every pixel.
-    counts : flows of links that were solved, or known without. solvers : which solver solved how many systems, of links
-    and over the face. failures : what failed, and is NaN. warnings : why the result may be far from the truth.
+    counts : flows of links, solved or known without solving. solvers : number of systems by solver, of links and over
+    the face. failures : reasons of values that are NaN. warnings : reasons to doubt the result.
     """
 
     steps: LoadProgramme
@@ -141,7 +141,7 @@ def two_scale(scene: Scene, cells: tuple[int, int], *, flow: str = "links", mapp
 
 
 def _wrongly_closed(fields: WindowFields, leakage: Array) -> tuple[str, ...]:
-    """Warn of steps at which the links and the gap of the whole face do not agree whether anything flows."""
+    """Warn of steps that are open by the links and closed by the gap of the whole face, or the reverse."""
     warnings = []
     for said, other, flows in (("closed", "open", False), ("open", "closed", True)):
         names = [

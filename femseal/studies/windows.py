@@ -41,8 +41,8 @@ class WindowContacts:
 def solve_windows(scene: Scene, cells: tuple[int, int], *, mapper: Mapper = map) -> WindowContacts:
     """Solve the contact of every cell with all its waves, under the mean pressure that the global contact gives it.
 
-    A cell starts from the gap that the global pressure of the other cells leaves. Cells without pressure stand off by
-    the distance by which the asperities of the loaded cells hold the whole body off.
+    A cell starts from the gap that the global pressure of the other cells leaves. The standoff of the
+    loaded cells separates cells without pressure from the face.
     """
     surface, steps = scene.surface, scene.steps
     cut_off = CUT_OFF_WINDOWS * min(Partition(surface.shape, surface.spacing, cells).window_size)
@@ -117,7 +117,7 @@ def solve_links(
     places = partition.links(axis)
     windows = (partition.link(fields.gap, i, j, axis, shift) for i, j in places)
     stage = Stage("flow in windows", partial(flow_history, axis=axis, settings=settings))
-    # a list among the arguments, so that the mapper knows how many there are
+    # one argument is a list, so that the mapper knows the number of items
     flows = list(mapper(stage, windows, [partition.spacing] * len(places)))
     k = np.empty((len(fields.steps), partition.cells[0] - axis, partition.cells[1]))
     for (i, j), found in zip(places, flows, strict=True):

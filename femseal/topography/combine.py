@@ -1,4 +1,4 @@
-"""Two faces laid on one another: the second mirrored, turned, shifted and brought on the grid of the first.
+"""Sum of two faces in contact: the second is mirrored, rotated, shifted and interpolated on the grid of the first.
 
 Symbols: p place in the plane from the middle of the first face [m], u place on the second from its own middle,
 p = s + R(θ) M u with the shift s, the turn R and the mirror image M.
@@ -23,7 +23,7 @@ from .topography import Topography
 
 @dataclass(frozen=True)
 class Overlap(Labelled):
-    """Where two faces lie on one another, and whether the second had to be interpolated for that."""
+    """The area where two faces overlap, and whether the second was interpolated by splines."""
 
     shape: tuple[int, int] = field(metadata={"unit": "", "label": "points of the overlap"})
     size: tuple[float, float] = field(metadata={"unit": "m", "label": "size of the overlap"})
@@ -39,12 +39,12 @@ def combine(
     rotate: float = 0.0,
     shift: tuple[float, float] = (0.0, 0.0),
 ) -> tuple[Topography, Overlap]:
-    """Sum of two faces where they overlap: the roughness that a rigid flat meets in their stead.
+    """Sum of two faces where they overlap: the roughness that, pressed on a rigid flat, has the same gap.
 
-    The middles lie on one another; the second face is mirrored, then turned, then shifted. Where that leaves two faces
-    of one size on one another, the second is brought on the grid of the first by its waves, and the sum is periodic
-    where both are. Otherwise cubic splines do it, after waves shorter than two pixels of the first are taken out; the
-    largest rectangle that both cover is kept, periodic along no axis.
+    The centres coincide; the second face is mirrored, then rotated, then shifted. If both faces have one size and then
+    coincide, the second is interpolated by its Fourier series, and the sum is periodic where both are. Otherwise it is
+    interpolated by cubic splines, after waves shorter than two pixels of the first are taken out; the largest rectangle
+    that both cover is kept, periodic along no axis.
 
     Parameters
     ----------
@@ -76,7 +76,7 @@ def combine(
     if end1 <= begin1:
         size = " × ".join(to_text(length, "m") for length in second.size)
         given = " × ".join(to_text(s, "m") for s in move)
-        raise InputError.of("shift", given, f"one that leaves the second face, {size}, some of the first under it")
+        raise InputError.of("shift", given, f"a shift after which the second face, {size}, still overlaps the first")
     if min(second.spacing) < max(first.spacing):
         second = second.low_pass(2 * max(first.spacing))
     part = np.s_[:, begin1:end1, begin2:end2]

@@ -1,4 +1,4 @@
-"""From a measured map to one that contact and flow can be solved on: filled, flat, smooth at the pixel.
+"""Condition a measured map for contact and flow: filled, flat, and smooth at the scale of a pixel.
 
 Source: section 4.1 of the model, after Pérez-Ràfols et al., Tribol. Lett. (2018): remove the tilt, truncate
 in Fourier space so that the shortest wave is resolved by at least 8 pixels.
@@ -70,7 +70,7 @@ def condition(
 
     Raises
     ------
-    InputError : too many undefined points; a wave of less than 8 pixels asked for, or one longer than the
+    InputError : too many undefined points; a shortest wavelength of less than 8 pixels, or longer than the
         map.
     """
     final = topography.shape if shape is None else validate.grid("shape", shape)

@@ -1,4 +1,4 @@
-"""What a face is: size, heights, slopes, texture and spectrum, as they come out of an instrument's file.
+"""Description of a measured face: size, heights, slopes, texture and spectrum.
 
 Source: ISO 25178-2 (Sq, Sa, Sz, Ssk, Sku, Sal, Str, Std).
 """
@@ -21,7 +21,7 @@ from .topography import Topography
 
 @dataclass(frozen=True)
 class SurfaceReport(Labelled):
-    """Numbers of a map after levelling; NaN and None stand for what the face does not have.
+    """Numbers of a map after levelling; NaN and None mark numbers that the face does not have.
 
     Heights are those of the defined points, spikes included, as instruments count them. Slopes, texture and spectrum
     are those of the map without spikes, with undefined points filled. Angles are counted from x1 towards x2.

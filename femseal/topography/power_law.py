@@ -1,4 +1,4 @@
-"""What the spectral density of a map says: the shortest wave worth keeping, and where a power law holds.
+"""Summary of the spectral density of a map: the shortest wave to keep, and the range of a power law.
 
 Symbols: q angular wavenumber [rad/m], C isotropic spectral density [m⁴], H Hurst exponent, C ∝ q^(−2−2H). The radial
 average of a face of parallel grooves falls with the same exponent as that of an isotropic one of equal H.
@@ -63,8 +63,8 @@ def spectrum(topography: Topography) -> Spectrum:
     """Summary of the spectral density of a flat map without undefined points.
 
     The shortest wave is the longest of: two pixels of the coarser spacing; the wave at which C is four times the white
-    noise, where the spectrum ends flat; the wave below which C is less than a tenth of the power law. All but two
-    pixels are the instrument's doing.
+    noise, where the spectrum ends flat; the wave below which C is less than a tenth of the power law. All but the
+    first are limits of the instrument.
     """
     q, density = topography.radial_psd()
     last = pi / max(topography.spacing)

@@ -14,12 +14,12 @@ from ..base.quantities import to_si, to_text
 from .formats import READERS, TEXT, Options, Raw, bad_file, read_instrument
 from .topography import Topography
 
-#: Beyond these no seal face was ever measured: the unit in the file is wrong, as happens [m].
+#: Smallest and largest size of a measured seal face [m]; beyond them the unit in the file is wrong.
 _SIZE_LIMITS = (1e-9, 1.0)
 _RMS_HEIGHT_LIMIT = 10e-3
 #: Memory that reading takes at least, in sizes of the file: its bytes, and its heights as numbers.
 _READING_FACTOR = 2
-#: Half of a face steeper than this, between neighbouring points, is no face either.
+#: Median slope between neighbouring points that no face exceeds.
 _SLOPE_LIMIT = 10.0
 
 
@@ -40,8 +40,7 @@ def read_topography(
     .npy and .npz (heights in metres, pixel from `spacing` in the .npz or the caller), .csv .asc .txt (matrix
     of heights in metres, triplets x y z in metres, Esri raster), .x3p, .sdf; every other kind through SurfaceTopography
     (femseal[surface]). The file's x is x1: a line of a text runs along x1. Arrays of NumPy are taken as they are.
-    What the caller says about size, spacing and unit goes before what the file says: units in files are wrong
-    now and then.
+    Size, spacing and unit given by the caller override those of the file, because units in files are sometimes wrong.
 
     Parameters
     ----------
@@ -118,7 +117,7 @@ def _checked(path: Path, heights: np.ndarray, pixel: tuple[float, float], period
 
 
 def _refuse_implausible(path: Path, topography: Topography, check_size: bool, check_heights: bool) -> None:
-    """Refuse what only a wrong unit explains, in what the caller has not said."""
+    """Refuse values that only a wrong unit explains, unless the caller has given them."""
     shortest, longest = _SIZE_LIMITS
     if check_size and not all(shortest <= side <= longest for side in topography.size):
         given = " × ".join(to_text(side, "m") for side in topography.size)

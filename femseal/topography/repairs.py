@@ -1,4 +1,4 @@
-"""A measured map made whole: spikes marked undefined, the form taken off, undefined points filled.
+"""Repair of a measured map: spikes are marked undefined, the form is removed, undefined points are filled.
 
 The form is fitted to the defined points alone, before anything is filled: filled points would bend it.
 """
@@ -15,7 +15,7 @@ from .topography import Topography
 
 @dataclass(frozen=True)
 class Repair:
-    """What was missing in a map, and what was taken for spikes."""
+    """Defects found in a map: undefined points, spikes, and the form that was removed."""
 
     undefined_share: float = field(metadata={"unit": "", "label": "share of undefined points", "percent": True})
     spikes: int = field(metadata={"unit": "", "label": "points in spikes"})

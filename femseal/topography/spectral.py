@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy import fft
 
 Periodic = tuple[bool, bool]
-#: Relative slack on a limit of wavenumber, so that the wave exactly at the limit does not hang on rounding.
+#: Relative slack on a limit of wavenumber, so that rounding does not decide on the wave exactly at the limit.
 SLACK = 1e-9
 
 

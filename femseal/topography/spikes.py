@@ -1,4 +1,4 @@
-"""Spikes of a measured map: isolated points far off all that surrounds them, as confocal instruments make them.
+"""Spikes of a measured map: isolated points far above or below their surroundings, an artefact of confocal instruments.
 
 Symbols: z heights [m], m median of z in a window of 5 × 5 points, s = 1.4826 MAD, the robust standard deviation
 about m in that window.
@@ -29,9 +29,9 @@ _ALL_NEIGHBOURS = np.ones((3, 3))
 def find_spikes(heights: NDArray, threshold: float = SPIKES) -> NDArray[np.bool_]:
     """Spikes in `heights` (n1, n2) [m], NaN where undefined.
 
-    A spike is a group of at most four points with |z − m| > `threshold` · s, and no point around it is even half as
-    far off, the same way, as its tip: ridges, edges and corners of real asperities carry on in a neighbour and are left
-    alone, and so is every summit that the instrument resolves. s is no less than its median over the map, nor than a
+    A spike is a group of at most four points with |z − m| > `threshold` · s, and no neighbour of it deviates, with
+    the same sign, half as far as its tip. Ridges, edges and corners of real asperities continue in a neighbour and are
+    kept, as is every summit that the instrument resolves. s is no less than its median over the map, nor than a
     step of quantised heights, and grows with the local slope.
 
     Parameters

@@ -1,4 +1,4 @@
-"""Texture of a map: how far heights stay alike, in which direction longest, and which way the lay runs.
+"""Texture of a map: autocorrelation length, aspect ratio, and direction of the lay.
 
 Symbols: s = 0.2 level to which the autocorrelation decays, Sal and Str lengths of that decay, Std direction.
 Source: ISO 25178-2 (Sal, Str, Std). Angles are counted from x1 towards x2.
@@ -17,11 +17,11 @@ from .topography import Topography
 
 _DECAYED = 0.2
 _ANGLES = np.deg2rad(np.arange(180))
-#: Waves fewer on a side than this point in too few directions, and belong to the form.
+#: Waves with a smaller number on a side have too few directions, and belong to the form.
 _LEAST_WAVES = 2.5
-#: Directions whose power is taken together [rad].
+#: Width of the sectors over which power is summed [rad].
 _LOBE = np.deg2rad(8)
-#: Above this aspect ratio there is no direction to speak of (ISO 25178-2).
+#: Aspect ratio above which a face has no direction (ISO 25178-2).
 _ISOTROPIC = 0.5
 
 

@@ -1,4 +1,4 @@
-"""A map of heights of a seal face, and what can be asked of it or done to it.
+"""A map of heights of a seal face, with its properties and operations.
 
 Conventions: x1 = axis 0 = leakage direction, x2 = axis 1 = along the seal; heights are cell-centred samples,
 pixel (i, j) covers [iΔ1,(i+1)Δ1]×[jΔ2,(j+1)Δ2]; SI units.
@@ -102,8 +102,8 @@ class Topography(Plotted):
         """Map less its least-squares form: mean (order 0), tilt plane (1), or tilt and curvature (2).
 
         Undefined points are left out of the fit and stay undefined. The fit is over all points on every axis,
-        as usual for measured data: on an axis declared periodic, where a tilt cannot be meant, it takes the
-        little that the waves project on a plane; use order 0 there.
+        as usual for measured data: on an axis declared periodic, where a tilt cannot be meant, it also removes
+        the small projection of the waves on a plane; use order 0 there.
 
         Raises
         ------
@@ -122,7 +122,7 @@ class Topography(Plotted):
         return self._with(spectral.truncate(self._defined("low_pass"), self.spacing, self.periodic, limit))
 
     def high_pass(self, wavelength: float) -> Topography:
-        """What `low_pass` leaves out: the map less its low-pass."""
+        """Map less its low-pass: the waves that `low_pass` removes."""
         return self._with(self._defined("high_pass") - self.low_pass(wavelength).heights)
 
     def resample(self, shape: tuple[int, int]) -> Topography:
@@ -190,11 +190,11 @@ class Topography(Plotted):
         return Topography(self.heights.T, self.spacing[::-1], self.periodic[::-1])
 
     def flip(self, axis: int) -> Topography:
-        """Map seen the other way along an axis: what the upper of two faces needs before they are added."""
+        """Map reversed along an axis, as the upper of two faces must be before they are added."""
         return self._with(np.flip(self.heights, validate.axis_number(axis)))
 
     def __add__(self, other: Topography) -> Topography:
-        """Sum of two faces on one grid: the roughness that a rigid flat meets; periodic where both are.
+        """Sum of two faces on one grid, the roughness to press on a rigid flat; periodic where both are.
 
         Raises
         ------
