@@ -6,6 +6,7 @@ import sys
 import tomllib
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 
@@ -13,6 +14,7 @@ import femseal as fs
 from femseal import cli
 from femseal.base.errors import shortened, shown
 from femseal.base.quantities import to_si
+from femseal.results.netcdf import save
 from femseal.runs import sizes
 from femseal.runs.case import parse_case
 from femseal.runs.forecast import describe
@@ -281,6 +283,52 @@ def test_a_run_warns_of_odd_cases(data):
     data["fluid"]["inlet_pressure"] = "400 MPa"
     results = fs.run(parse_case(data), workers=1)
     assert "4 times the contact pressure of 100 MPa" in results.warnings[0]
+
+
+# --- results ----------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def folder(tmp_path, data):
+    data |= {"method": "deterministic", "compare": [], "title": "small"}
+    data["face"] |= {"points": [32, 32], "size": ["60 um", "60 um"]}
+    data["load"] = {"loading": ["100 MPa"]}
+    save(fs.run(parse_case(data), workers=1), tmp_path / "results")
+    assert fs.open_results(tmp_path / "results").case["title"] == "small"
+    return tmp_path / "results"
+
+
+def test_results_read_no_other_file(folder):
+    """Neither through links, nor through values that lie outside or are put together from elsewhere."""
+    path = folder / "results.nc"
+    (folder / "secret").write_bytes(b"12345678" * 10)
+    whole = path.read_bytes()
+    virtual = h5py.VirtualLayout(shape=(1,), dtype=float)
+    virtual[:] = h5py.VirtualSource(str(folder / "secret"), "x", shape=(1,))
+    for change in (
+        lambda file: file.__setitem__("x", h5py.ExternalLink(str(folder / "secret"), "/")),
+        lambda file: file.__setitem__("x", h5py.SoftLink("/leakage_deterministic")),
+        lambda file: file.create_dataset("x", (1,), float, external=[(str(folder / "secret"), 0, 8)]),
+        lambda file: file.create_virtual_dataset("x", virtual),
+        lambda file: file.create_group("x"),
+    ):
+        with h5py.File(path, "r+") as file:
+            change(file)
+        assert "whose 'x' is" in refusal(fs.open_results, folder)
+        path.write_bytes(whole)
+
+
+def test_results_that_claim_more_than_the_memory_are_refused(folder):
+    with h5py.File(folder / "results.nc", "r+") as file:
+        file.create_dataset("x", (10**7, 10**7), float, chunks=(1000, 1000), compression="gzip")
+    assert "unpacks to 8e+05 GB" in refusal(fs.open_results, folder)
+
+
+@pytest.mark.parametrize("value", [3.0, b"\xff", "[1", "7", [1, 2]])
+def test_attributes_of_results_of_another_kind_are_refused(folder, value):
+    with h5py.File(folder / "results.nc", "r+") as file:
+        file.attrs["warnings"] = value
+    refusal(fs.open_results, folder)
 
 
 # --- keys of the case -------------------------------------------------------------------------------------

@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
+import json
 import os
 from pathlib import Path
 from typing import Any
 
 from ..base.errors import InputError
 from ..base.files import made_folder, replacing_hdf5
+from ..base.machine import free_memory
 from .results import METHODS, Results
 
 FILE_NAME = "results.nc"
+#: Attributes that hold JSON, and what each of them is.
+_ATTRIBUTES: dict[str, type] = {
+    "case": dict, "surface": dict, "timings": dict, "counts": dict, "warnings": list, "failures": list,
+    "versions": dict, "machine": dict,
+}  # fmt: skip
 
 
 def save(results: Results, folder: str | os.PathLike[str]) -> Path:
@@ -32,6 +39,32 @@ def save(results: Results, folder: str | os.PathLike[str]) -> Path:
     return path
 
 
+def _refuse_foreign(path: Path) -> None:
+    """Results are data: a file that points to other files, or claims more than fits into memory, is not read."""
+    import h5py
+
+    allowed = "a file that femseal wrote"
+    size = 0
+    with h5py.File(path, "r") as file:
+        for name in file:
+            if not isinstance(file.get(name, getlink=True), h5py.HardLink):
+                raise InputError.of("results file", f"{path}, whose '{name}' is a link", allowed)
+            item = file[name]
+            if not isinstance(item, h5py.Dataset) or item.external or item.is_virtual:
+                raise InputError.of("results file", f"{path}, whose '{name}' is not held in the file itself", allowed)
+            size += item.size * item.dtype.itemsize if item.size else 0
+    if size > (free := free_memory()):
+        given = f"{path}, which unpacks to {size / 1e9:.3g} GB"
+        raise InputError.of("results file", given, f"what fits into the {free / 1e9:.3g} GB of free memory")
+
+
+def _is_json(text: Any, kind: type) -> bool:
+    try:
+        return isinstance(json.loads(text), kind)
+    except (TypeError, ValueError, RecursionError):
+        return False
+
+
 def open_results(folder: str | os.PathLike[str]) -> Results:
     """Read the results in a folder into memory, without the studies' large fields.
 
@@ -46,11 +79,18 @@ def open_results(folder: str | os.PathLike[str]) -> Results:
         given = f"{folder} (no such folder)" if not Path(folder).is_dir() else f"{folder} (no {FILE_NAME} in it)"
         raise InputError.of("results folder", given, f"a folder with the {FILE_NAME} of a finished run")
     try:
+        _refuse_foreign(path)
         with xarray.open_dataset(path, engine="h5netcdf") as data:
             data.load()
-    except (OSError, ValueError, KeyError, RuntimeError) as error:
+    except InputError:
+        raise
+    except (OSError, ValueError, KeyError, RuntimeError, TypeError, MemoryError, RecursionError) as error:
         reason = (str(error).splitlines() or [type(error).__name__])[0]
         raise InputError.of("results file", f"{path} ({reason})", "a readable netCDF file") from None
     if not str(data.attrs.get("source", "")).startswith("femseal") or not any(name in data for _, name in METHODS):
         raise InputError.of("results file", f"{path}, written by another program", "a file that femseal wrote")
+    for name, kind in _ATTRIBUTES.items():
+        if not _is_json(data.attrs.get(name), kind):
+            given = f"{path} with the attribute '{name}' missing or of another kind"
+            raise InputError.of("results file", given, "a file that femseal wrote")
     return Results(data, Path(folder))
