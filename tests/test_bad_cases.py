@@ -143,6 +143,28 @@ def test_text_that_is_no_case_is_refused(tmp_path, text):
     refusal(fs.load_case, tmp_path / "case.toml")
 
 
+def test_faces_larger_than_the_memory_are_refused_before_they_are_read(monkeypatch, tmp_path):
+    def read(*_, **__):
+        raise AssertionError("read")
+
+    for suffix in (".npy", ".txt", ".x3p", ".plu"):
+        path = tmp_path / f"face{suffix}"
+        with path.open("wb") as file:
+            file.truncate(3_000_000_000)  # takes no space on the disk
+        monkeypatch.setattr("femseal.topography.read.free_memory", lambda: 4e9)
+        monkeypatch.setattr("femseal.topography.read.READERS", {suffix: read})
+        assert "a file of 3 GB, allowed is one that can be read in the 4 GB" in refusal(fs.read_topography, path)
+
+
+def test_files_that_claim_more_heights_than_fit_into_memory_are_refused(monkeypatch, tmp_path):
+    def fail(*_, **__):
+        raise MemoryError("Unable to allocate 3 TiB")
+
+    np.save(tmp_path / "face.npy", np.zeros((4, 4)))
+    monkeypatch.setattr("femseal.topography.read.READERS", {".npy": fail})
+    assert "fit into memory" in refusal(fs.read_topography, tmp_path / "face.npy")
+
+
 # --- sizes ------------------------------------------------------------------------------------------------
 
 
@@ -341,6 +363,19 @@ def test_a_page_that_cannot_be_written_is_bad_input(monkeypatch, tmp_path):
     monkeypatch.setattr(page, "report_html", lambda results: "page")
     monkeypatch.setattr(page, "replacing", full)
     assert "No space left" in refusal(page.write_report, tmp_path, tmp_path / "page.html")
+
+
+def test_devices_and_pipes_are_not_replaced_by_files(monkeypatch, tmp_path):
+    from femseal.base.files import write_text
+    from femseal.report import page
+
+    monkeypatch.setattr(page, "open_results", lambda folder: None)
+    monkeypatch.setattr(page, "report_html", lambda results: "page")
+    os.mkfifo(tmp_path / "pipe")
+    for write in (lambda: page.write_report(tmp_path, tmp_path / "pipe"), lambda: write_text(tmp_path / "pipe", "x")):
+        assert "a device, a pipe or a folder" in refusal(write)
+    assert (tmp_path / "pipe").is_fifo()
+    assert [path.name for path in tmp_path.iterdir()] == ["pipe"]
 
 
 def test_out_of_memory_is_one_line(monkeypatch, capsys):

@@ -1,6 +1,7 @@
 """Seals: closed forms, percolation, bounds, fluids, meshes by name, and every bad input."""
 
 import importlib.util
+import warnings
 from dataclasses import fields
 from pathlib import Path
 
@@ -496,6 +497,28 @@ def test_bad_mesh_files(tmp_path):
     )
     refused(write(meshio.Mesh(np.add(corners, [[0, 0, 1]] + 5 * [[0, 0, 0]]), [quad])), "with varying z, allowed")
     refused(write(meshio.Mesh(corners, [quad])), "^inlet: given 'inlet', .*the mesh: none$")
+
+
+@pytest.mark.parametrize("kind", [MeshTri, MeshQuad])
+def test_meshes_that_overlap_themselves_or_have_undefined_nodes(kind):
+    """A node pushed over the opposite edge leaves each element whole, but some upside down."""
+    ends = {"a": lambda x: x[0] == 0, "b": lambda x: x[0] == 1}
+    mesh = kind.init_tensor(*2 * [np.linspace(0, 1, 5)]).with_boundaries(ends)
+    assert MeshSeal(mesh, "a", "b").length == pytest.approx(1)
+    middle = int(np.argmin(np.hypot(*(mesh.p - 0.5))))
+    where = mesh.p.copy()
+    where[:, middle] = np.nan
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        with pytest.raises(InputError, match=f"^path: given a mesh whose node {middle} is not finite"):
+            MeshSeal(kind(where, mesh.t).with_boundaries(ends), "a", "b")
+    if kind is MeshTri:
+        where[:, middle] = (0.9, 0.57)
+        with pytest.raises(InputError, match=r"^path: given a mesh whose elements \d+ and \d+ overlap"):
+            MeshSeal(kind(where, mesh.t).with_boundaries(ends), "a", "b")
+    twice = np.hstack([mesh.t, mesh.t[:, 5:6]])
+    with pytest.raises(InputError, match="overlap"):
+        MeshSeal(kind(mesh.p, twice).with_boundaries(ends), "a", "b")
 
 
 def test_bad_ready_meshes():

@@ -34,7 +34,13 @@ def replacing(path: Path) -> Iterator[Path]:
     """Context with a temporary path of the same suffix in the same folder, which replaces `path` on leaving.
 
     After an exception the temporary file is removed and an older `path` is as it was.
+
+    Raises
+    ------
+    InputError : `path` is a device, a pipe or a folder, whose place no file may take.
     """
+    if path.exists() and not path.is_file():
+        raise InputError.of("file", f"'{path}', which is a device, a pipe or a folder", "a file, or a new one")
     handle, name = tempfile.mkstemp(suffix=path.suffix, prefix=".unfinished-", dir=path.parent)
     os.close(handle)
     temporary = Path(name)

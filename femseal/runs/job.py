@@ -176,7 +176,8 @@ def _face_files(case: Case) -> dict[str, str]:
     for face in case.face:
         if isinstance(face, FileFace):
             try:
-                digests[str(face.path)] = hashlib.sha256((case.folder / face.path).read_bytes()).hexdigest()
+                with (case.folder / face.path).open("rb") as file:
+                    digests[str(face.path)] = hashlib.file_digest(file, "sha256").hexdigest()
             except OSError as error:
                 allowed = f"a file that can be read ({error.strerror})"
                 raise InputError.of("face.path", f"'{face.path}'", allowed) from None

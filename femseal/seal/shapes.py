@@ -220,6 +220,9 @@ def _one(w: Any) -> Any:
 
 
 def _check_elements(mesh: Mesh) -> None:
+    undefined = np.flatnonzero(~np.isfinite(mesh.doflocs).all(axis=0))
+    if undefined.size:
+        raise InputError.of("path", f"a mesh whose node {undefined[0]} is not finite", "finite coordinates")
     nodes, element = mesh.dofs.element_dofs, mesh.elem()
     # the Jacobian of a bilinear element is extreme at its corners
     points = np.hstack([get_quadrature(mesh.elem.refdom, 4)[0], mesh.elem.refdom.p])
@@ -230,6 +233,27 @@ def _check_elements(mesh: Mesh) -> None:
     bad = np.flatnonzero((np.abs(det).min(axis=1) <= 1e-12 * size) | (det.min(axis=1) * det.max(axis=1) <= 0))
     if bad.size:
         raise InputError.of("path", f"a mesh whose element {bad[0]} is degenerate or tangled", "a valid mesh")
+    _check_sides(mesh)
+
+
+def _check_sides(mesh: Mesh) -> None:
+    """Refuse elements that overlap: two that share an edge, walked anticlockwise, walk it in opposite directions."""
+    corners = mesh.t.T
+    following = np.roll(corners, -1, axis=1)
+    (x, y), (x_following, y_following) = mesh.p[:, corners], mesh.p[:, following]
+    area = (x * y_following - x_following * y).sum(axis=1)
+    direction = np.sign(following - corners) * np.sign(area)[:, None]
+    first, second = np.minimum(corners, following), np.maximum(corners, following)
+    _, edge, count = np.unique(
+        first.astype(np.int64) * mesh.nvertices + second, return_inverse=True, return_counts=True
+    )
+    edge = edge.reshape(corners.shape)
+    walked = np.bincount(edge.ravel(), direction.ravel(), minlength=count.size)
+    overlapping = (count > 2) | ((count == 2) & (walked != 0))
+    bad = np.flatnonzero(overlapping[edge].any(axis=1))
+    if bad.size:
+        given = f"a mesh whose elements {' and '.join(map(str, bad[:2]))} overlap"
+        raise InputError.of("path", given, "elements that lie beside each other")
 
 
 def _pair(name: str, value: Any, allowed: str) -> tuple[Any, Any]:

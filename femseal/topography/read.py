@@ -9,6 +9,7 @@ import numpy as np
 
 from ..base import validate
 from ..base.errors import InputError
+from ..base.machine import free_memory
 from ..base.quantities import to_si, to_text
 from .formats import READERS, TEXT, Options, Raw, bad_file, read_instrument
 from .topography import Topography
@@ -16,6 +17,8 @@ from .topography import Topography
 #: Smallest and largest size of a measured seal face [m]; beyond them the unit in the file is wrong.
 _SIZE_LIMITS = (1e-9, 1.0)
 _RMS_HEIGHT_LIMIT = 10e-3
+#: Memory that reading takes at least, in sizes of the file: its bytes, and its heights as numbers.
+_READING_FACTOR = 2
 #: Median slope between neighbouring points that no face exceeds.
 _SLOPE_LIMIT = 10.0
 
@@ -68,11 +71,17 @@ def read_topography(
         raise InputError.of("channel", channel, f"for files of instruments only, not {path.name}")
     if size is not None and spacing is not None:
         raise InputError.of("size, spacing", "both", "one of the two")
+    length, free = path.stat().st_size, free_memory()
+    if _READING_FACTOR * length > free:
+        allowed = f"one that can be read in the {free / 1e9:.3g} GB of free memory"
+        raise bad_file(path, f"a file of {length / 1e9:.3g} GB", allowed)
     unit = None if height_unit is None else to_si(f"1 {height_unit}", "m", "height_unit")
     try:
         raw = READERS.get(suffix, read_instrument)(path, Options(delimiter, array, channel))
     except OSError as error:
         raise bad_file(path, error.strerror or error, "a file that can be read") from None
+    except MemoryError:
+        raise bad_file(path, "more heights than fit into memory", "a smaller file, or a part of it") from None
 
     heights, pixel = raw.heights, raw.spacing
     if transpose:
