@@ -389,6 +389,15 @@ def test_the_estimate_sees_the_borders_where_they_are():
         assert found.resampling_error < 1e-12
 
 
+@pytest.mark.parametrize("solver", ["auto", "amg"])
+def test_solvers_of_the_tensor_agree(solver):
+    h = np.maximum(np.random.default_rng(3).normal(1, 0.5, (40, 33)), 0) * D
+    direct = permeability_tensor(h, (D, 2 * D))
+    assert_allclose(permeability_tensor(h, (D, 2 * D), solver=solver), direct, rtol=1e-6, atol=1e-6 * direct.max())
+    with pytest.raises(InputError, match="solver"):
+        permeability_tensor(h, (D, D), solver="elimination")
+
+
 def test_tensor_of_a_cell_is_that_of_its_links():
     """Against a dense solution of the network on the torus, written out."""
     h = np.maximum(np.random.default_rng(2).normal(1, 0.3, (6, 7)), 0.1) * D

@@ -5,29 +5,39 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..base.errors import NotConverged
+from ..base.errors import InputError, NotConverged
 from .assembly import assemble_on_links
 from .coefficient import permeability_on_links, validated_gap
 from .grid import Grid
 from .percolation import winding_components
 from .solution import MAX_IMBALANCE
-from .solvers.amg import solve_direct
+from .solvers.amg import solve_spd
 
 Array = NDArray[np.float64]
+#: Relative error of the energy of the correction that is allowed to an iterative solver.
+_RTOL = 1e-9
 
 
-def permeability_tensor(gap: ArrayLike, spacing: tuple[float, float]) -> Array:
+def permeability_tensor(gap: ArrayLike, spacing: tuple[float, float], *, solver: str = "auto") -> Array:
     """Permeability tensor (2, 2) [m³] of a doubly periodic cell: mean flux −K∇p for a mean pressure gradient.
 
     K_ab = (1/|Ω|) ∫ h³/12 (e_a + ∇χ_a)·(e_b + ∇χ_b), χ periodic; symmetric, and exactly 0 along an axis around which
     no open path winds. It differs from `cell_permeability`, where the pressure is constant along inlet and outlet.
 
+    Parameters
+    ----------
+    gap : h (n1, n2) [m].
+    spacing : pixel (Δ1, Δ2) [m].
+    solver : of the linear system, "auto" (pyamg or a factorisation, whichever is expected to be faster) or "amg".
+
     Raises
     ------
-    InputError : a gap that is negative, undefined or not two-dimensional.
+    InputError : a gap that is negative, undefined or not two-dimensional; another solver.
     NotConverged : the solution lost too many digits, as it may at contrasts of the gap above 1e4.
     """
     h, (d1, d2) = validated_gap(gap, spacing)
+    if solver not in ("auto", "amg"):
+        raise InputError.of("solver", repr(solver), "'auto' or 'amg'")
     n1, n2 = h.shape
     scale = float(h.max()) or 1.0
     k1, k2 = permeability_on_links(h / scale, True, True)
@@ -42,9 +52,9 @@ def permeability_tensor(gap: ArrayLike, spacing: tuple[float, float]) -> Array:
     parts = [(c.ravel(), a.ravel(), b.ravel(), np.full((c.size, 2), (s1 * d1, s2 * d2)))
              for c, a, b, (s1, s2) in stencil.couples()]  # fmt: skip
     c, start, end, mean_drop = (np.concatenate(part) for part in zip(*parts, strict=True))
-    load = np.zeros((n1 * n2, 2))
-    np.add.at(load, start, c[:, None] * mean_drop)
-    np.add.at(load, end, -c[:, None] * mean_drop)
+    load = np.stack(
+        [np.bincount(start, c * d, n1 * n2) - np.bincount(end, c * d, n1 * n2) for d in mean_drop.T], axis=1
+    )
     # one node of each component is held; the others are unknown
     roots = np.zeros(n1 * n2, bool)
     roots[np.unique(label)] = True
@@ -52,7 +62,7 @@ def permeability_tensor(gap: ArrayLike, spacing: tuple[float, float]) -> Array:
     correction = np.zeros((n1 * n2, 2))
     if unknown.size:
         matrix = stencil.to_csr()[unknown][:, unknown]
-        correction[unknown] = solve_direct(matrix, load[unknown]).x
+        correction[unknown] = solve_spd(matrix, load[unknown], _RTOL, solver).x
     drop = mean_drop + correction[end] - correction[start]
     tensor, flux = drop.T @ (c[:, None] * drop), mean_drop.T @ (c[:, None] * drop)
     closed = ~winds.any(axis=(0, 1))

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..loads import LoadStep
-from ..seal import NARROWEST, drop_shares
+from ..seal import NARROWEST, RectangularSeal, drop_shares
 
 if TYPE_CHECKING:
     import xarray
@@ -76,7 +76,7 @@ def add_windows(data: xarray.Dataset, scene: Scene, result: TwoScaleResult) -> N
     if m1 > 1:
         across = result.k2 * (potential - np.roll(potential, -1, axis=2))[:, 1:-1] / d2
         data["flux2"] = (("step", "corner1", "cell2"), across, _labels("m^2/s", f"{text} x2"))
-    seal = scene.layout.seal(scene.surface.size, (m1, m2), result.partition.node_rows)
+    seal = RectangularSeal(scene.surface.size, (m1, m2), result.partition.node_rows)
     shares = np.full((len(result.steps), len(NARROWEST)), np.nan)
     for s in np.flatnonzero(np.isfinite(result.fluid_pressure[:, 0]).all(axis=1)):  # NaN where a link failed
         shares[s] = drop_shares(result.k1[s], result.k2[s], seal, potential[s])

@@ -31,7 +31,7 @@ class Scene:
     boundary : contact boundary of the whole face along x1 and x2, see `HalfSpace`.
     loading, unload_from, unloading : nominal pressures [Pa], see `LoadProgramme.of`.
     rtol : residual of each contact, see `contact.solve_contact`.
-    layout : shape of the seal, see `seal.layouts`.
+    layout : shape of drawn seals, see `seal.layouts`; the face itself is a strip.
     solver, discretisation : of all flow, in cells and over the seal; see `flow.cell_permeability`.
     """
 
@@ -98,7 +98,7 @@ class Scene:
 
     def resolved_leakage(self, flows: Iterable[FaceFlow | Failed]) -> FaceLeakage:
         """Leakage through the whole face at every step, from its flow at full resolution."""
-        seal = self.layout.seal(self.surface.size, (1, 1))
+        seal = RectangularSeal(self.surface.size, (1, 1))
         leakage, failures, solvers = [], [], SolverCounts()
         for step, flow in zip(self.steps, flows, strict=True):
             if isinstance(flow, Failed):

@@ -15,6 +15,7 @@ from ..flow.percolation import percolates
 from ..loads import LoadProgramme
 from ..scales import Failed, Partition, SolveCounts, SolverCounts, attempt
 from ..scales.window_fields import ContactPressure, WindowFields
+from ..seal import RectangularSeal
 from .scene import Array, Scene, labels, resolved_flow
 from .windows import solve_links, solve_windows
 
@@ -98,7 +99,7 @@ def two_scale(scene: Scene, cells: tuple[int, int], *, flow: str = "links", mapp
     partition = contact.fields.partition
     along, across = (solve_links(contact.fields, axis, scene.flow, mapper=mapper) for axis in (0, 1))
     k1, k2 = along.k, across.k
-    seal = scene.layout.seal(surface.size, cells, partition.node_rows)
+    seal = RectangularSeal(surface.size, cells, partition.node_rows)
     leakage, fluid_pressure = np.full(len(k1), np.nan), np.full((len(k1), cells[0] + 1, cells[1]), np.nan)
     counts = along.counts + across.counts
     solvers = counts.solvers
