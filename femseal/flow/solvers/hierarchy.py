@@ -17,7 +17,8 @@ from numba import njit
 #: Nodes of an axis at which coarsening ends.
 FEWEST = 4
 
-_compiled: dict[str, Any] = {
+#: How loops over levels are compiled.
+COMPILED: dict[str, Any] = {
     "cache": True,
     "nogil": True,
     "error_model": "numpy",
@@ -32,7 +33,7 @@ def coarsest_nodes(n1: int, n2: int) -> int:
     return n1 * n2
 
 
-@njit(**_compiled)
+@njit(**COMPILED)
 def bordered(along, across, falling, rising, ring):
     """Centres and couples of the inner nodes of a stencil with a border of one node, and their sums with both ends."""
     n1, n2 = along.shape[0] - 1, along.shape[1]
@@ -82,13 +83,13 @@ def bordered(along, across, falling, rising, ring):
     return (centre, right, below, below_right, below_left), inlet, outlet
 
 
-@njit(**_compiled)
+@njit(**COMPILED)
 def _share(part, whole):
     """part / whole, or 0 if either is not > 0."""
     return part / whole if part > 0.0 and whole > 0.0 else 0.0
 
 
-@njit(**_compiled)
+@njit(**COMPILED)
 def _wrap(weights):
     """Copy the weights of the first and last columns to the border, around a ring."""
     rows, columns = weights.shape[:2]
@@ -99,7 +100,7 @@ def _wrap(weights):
                 weights[i, columns - 1, k, m] = weights[i, 1, k, m]
 
 
-@njit(**_compiled)
+@njit(**COMPILED)
 def _interpolation(centre, right, below, below_right, below_left, nine):
     """Weight of each coarse node, at (2I − 1, 2J − 1), at itself and its eight neighbours."""
     n1, n2 = centre.shape[0] - 2, centre.shape[1] - 2
@@ -157,7 +158,7 @@ def _interpolation(centre, right, below, below_right, below_left, nine):
     return w
 
 
-@njit(**_compiled)
+@njit(**COMPILED)
 def _galerkin(centre, right, below, below_right, below_left, w, nine, ring):
     """PᵀAP: centres and links of the next level."""
     n1, n2 = centre.shape[0] - 2, centre.shape[1] - 2
@@ -213,7 +214,7 @@ def _galerkin(centre, right, below, below_right, below_left, w, nine, ring):
     return out[0], out[1], out[2], out[3], out[4]
 
 
-@njit(**_compiled)
+@njit(**COMPILED)
 def hierarchy(centre, right, below, below_right, below_left, ring):
     """Levels from the finest: operator, inverse centres, weights of the next level's nodes, and work x, b, r."""
     levels = []
@@ -241,7 +242,7 @@ def hierarchy(centre, right, below, below_right, below_left, ring):
         )
 
 
-@njit(**_compiled)
+@njit(**COMPILED)
 def _dense(centre, right, below, below_right, below_left, ring):
     """The operator of a level as a matrix."""
     n1, n2 = centre.shape[0] - 2, centre.shape[1] - 2
@@ -262,7 +263,7 @@ def _dense(centre, right, below, below_right, below_left, ring):
     return a
 
 
-@njit(**_compiled)
+@njit(**COMPILED)
 def coarsest_inverse(level, ring):
     """Dense inverse of the coarsest operator on the nodes that have links, 0 for the others."""
     a = _dense(level[0], level[1], level[2], level[3], level[4], ring)

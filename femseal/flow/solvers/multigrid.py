@@ -6,15 +6,13 @@ levels come from `hierarchy`, where their fields are described.
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
 from ...base.errors import NotConverged
 from ..stencil import Stencil
-from .hierarchy import bordered, coarsest_inverse, hierarchy
+from .hierarchy import COMPILED, bordered, coarsest_inverse, hierarchy
 
 Array = NDArray[np.float64]
 #: Largest coarsest level, in nodes, for which multigrid pays; only slender grids have more.
@@ -24,13 +22,6 @@ COARSEST_NODES = 128
 _LARGEST = 100.0
 #: Iterations after which the number still needed is extrapolated.
 _FORESEEN = 10
-
-_compiled: dict[str, Any] = {
-    "cache": True,
-    "nogil": True,
-    "error_model": "numpy",
-    "fastmath": {"reassoc", "contract", "arcp", "nsz"},
-}
 
 
 def solve_multigrid(
@@ -73,7 +64,7 @@ def solve_multigrid(
     return x, iterations, error
 
 
-@njit(**_compiled)
+@njit(**COMPILED)
 def _sweep_down(x, b, r, inverse, right, below, below_right, below_left, nine, ring):
     """Gauss-Seidel forward from zero, and the residual it leaves: the links to later nodes."""
     n1, n2 = x.shape[0] - 2, x.shape[1] - 2
@@ -120,7 +111,7 @@ def _sweep_down(x, b, r, inverse, right, below, below_right, below_left, nine, r
             r[i, 0] = r[i, n2]
 
 
-@njit(**_compiled)
+@njit(**COMPILED)
 def _sweep_up(x, b, inverse, right, below, below_right, below_left, nine, ring):
     """Gauss-Seidel backward."""
     n1, n2 = x.shape[0] - 2, x.shape[1] - 2
@@ -147,7 +138,7 @@ def _sweep_up(x, b, inverse, right, below, below_right, below_left, nine, ring):
             x[i, n2 + 1] = x[i, 1]
 
 
-@njit(**_compiled)
+@njit(**COMPILED)
 def _restrict(r, w, b):
     """Pᵀ r."""
     m1, m2 = b.shape[0] - 2, b.shape[1] - 2
@@ -163,7 +154,7 @@ def _restrict(r, w, b):
             b[ci, cj] = s
 
 
-@njit(**_compiled)
+@njit(**COMPILED)
 def _prolong(coarse, w, x, ring):
     """x += P coarse."""
     n1, n2 = x.shape[0] - 2, x.shape[1] - 2
@@ -187,7 +178,7 @@ def _prolong(coarse, w, x, ring):
             x[i, n2 + 1] = x[i, 1]
 
 
-@njit(**_compiled)
+@njit(**COMPILED)
 def _cycle(levels, inverse, ring):
     """One V-cycle from b to x of the finest level."""
     for k in range(len(levels) - 1):
@@ -207,7 +198,7 @@ def _cycle(levels, inverse, ring):
         _sweep_up(x, b, inverse_centre, right, below, below_right, below_left, below_right.size > 1, ring)
 
 
-@njit(**_compiled)
+@njit(**COMPILED)
 def _direction(centre, right, below, below_right, below_left, z, p, y, beta, nine, ring):
     """p = z + β p, y = A p; returns p·y."""
     n1, n2 = p.shape[0] - 2, p.shape[1] - 2
@@ -240,7 +231,7 @@ def _direction(centre, right, below, below_right, below_left, z, p, y, beta, nin
     return total
 
 
-@njit(**_compiled)
+@njit(**COMPILED)
 def _advance(step, p, y, x, r, b):
     """x += step p, r −= step y, b = r."""
     n1, n2 = p.shape[0] - 2, p.shape[1] - 2
@@ -251,7 +242,7 @@ def _advance(step, p, y, x, r, b):
             b[i, j] = r[i, j]
 
 
-@njit(**_compiled)
+@njit(**COMPILED)
 def _solve(centre, right, below, below_right, below_left, ring, inlet, outlet, rtol, limit, judged):
     """Conjugate gradients; the error is above rtol if they were stopped early."""
     levels = hierarchy(centre, right, below, below_right, below_left, ring)
