@@ -106,6 +106,9 @@ def test_ctrl_c_is_heard_here_even_while_processes_start_and_never_there(backend
         yield from range(1000)
 
     with ExitStack() as stack:
+        # a process of the background is started deaf to it
+        heard = signal.signal(signal.SIGINT, signal.default_int_handler)
+        stack.callback(signal.signal, signal.SIGINT, heard)
         mapping = stack.enter_context(ordered_map(workers=2, **backend))
         assert list(mapping(Stage("trial", deaf), range(8))) == list(range(8))
         with pytest.raises(KeyboardInterrupt):
