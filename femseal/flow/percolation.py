@@ -87,33 +87,67 @@ def _nodes_reached(along, across, falling, rising):
     return _ends_reached(parent, n1 + 1, n2)
 
 
-def restricted(stencil: Stencil, keep: NDArray[np.bool_], factor: float = 1.0) -> Stencil:
-    """Copy without the couples of nodes (n1 + 1, n2) that are not kept, the others times a factor."""
-    parts = _restricted(stencil.along, stencil.across, stencil.falling, stencil.rising, keep, factor)
+def nodes_reached_by(stencil: Stencil, wide: float, narrow: float) -> tuple[NDArray[np.int8], NDArray[np.int8]]:
+    """`nodes_reached` of a network by links of a conductance >= `wide` only, and by those >= `narrow` < `wide`."""
+    return _nodes_reached_by(stencil.along, stencil.across, wide, narrow)
+
+
+@njit(cache=True, nogil=True)
+def _nodes_reached_by(along, across, wide, narrow):
+    n1, n2 = along.shape
+    n = (n1 + 1) * n2
+    parent = np.arange(n + 2)
+    for j in range(n2):
+        union(parent, n, j)
+        union(parent, n + 1, n1 * n2 + j)
+    _join(parent, along, across, wide, np.inf)
+    first = _ends_reached(parent, n1 + 1, n2)
+    _join(parent, along, across, narrow, wide)
+    return first, _ends_reached(parent, n1 + 1, n2)
+
+
+@njit(cache=True, nogil=True)
+def _join(parent, along, across, least, below):
+    """Join the nodes of links with a conductance >= `least` and < `below`."""
+    n1, n2 = along.shape
+    m2 = across.shape[1]
+    for i in range(n1):
+        for j in range(n2):
+            if least <= along[i, j] < below:
+                union(parent, i * n2 + j, (i + 1) * n2 + j)
+    for i in range(n1 - 1):
+        for j in range(m2):
+            if least <= across[i, j] < below:
+                union(parent, (i + 1) * n2 + j, (i + 1) * n2 + (j + 1) % n2)
+
+
+def restricted(stencil: Stencil, keep: NDArray[np.bool_], factor: float = 1.0, least: float = 0.0) -> Stencil:
+    """Copy times a factor, without the couples of nodes (n1 + 1, n2) that are not kept and those below `least`."""
+    parts = _restricted(stencil.along, stencil.across, stencil.falling, stencil.rising, keep, factor, least)
     return replace(stencil, along=parts[0], across=parts[1], falling=parts[2], rising=parts[3])
 
 
 @njit(cache=True, nogil=True)
-def _restricted(along, across, falling, rising, keep, factor):
+def _restricted(along, across, falling, rising, keep, factor, least):
     n1, n2 = along.shape
     m2 = across.shape[1]
     out1, out2 = np.zeros(along.shape), np.zeros(across.shape)
     out3, out4 = np.zeros(falling.shape), np.zeros(rising.shape)
     for i in range(n1):
         for j in range(n2):
-            if keep[i, j] and keep[i + 1, j]:
+            if keep[i, j] and keep[i + 1, j] and abs(along[i, j]) >= least:
                 out1[i, j] = factor * along[i, j]
     for i in range(n1 - 1):
         for j in range(m2):
-            if keep[i + 1, j] and keep[i + 1, (j + 1) % n2]:
+            if keep[i + 1, j] and keep[i + 1, (j + 1) % n2] and abs(across[i, j]) >= least:
                 out2[i, j] = factor * across[i, j]
     if falling.size > 0:
         for i in range(n1):
             for j in range(m2):
                 k = (j + 1) % n2
-                if keep[i, j] and keep[i + 1, k]:
+                if keep[i, j] and keep[i + 1, k] and abs(falling[i, j]) >= least:
                     out3[i, j] = factor * falling[i, j]
-                if keep[i, k] and keep[i + 1, j]:
+                if keep[i, k] and keep[i + 1, j] and abs(rising[i, j]) >= least:
                     out4[i, j] = factor * rising[i, j]
     return out1, out2, out3, out4
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ...base import validate
 from ...base.errors import InputError, NotConverged
-from ..percolation import nodes_reached, restricted
+from ..percolation import nodes_reached, nodes_reached_by, restricted
 from ..solution import MAX_IMBALANCE, DarcyFlow
 from ..stencil import Stencil
 from .amg import solve_amg, solve_direct
@@ -163,15 +163,12 @@ def _by_elimination(stencil: Stencil, keep: Flags) -> DarcyFlow:
 
 def _by_multigrid(stencil: Stencil, keep: Flags, rtol: float, limit: int) -> DarcyFlow:
     """Solve by multigrid, then by elimination at nodes that only very narrow links connect with the others."""
-    hidden = np.zeros_like(keep[1:-1])
+    seen, hidden = stencil, np.zeros_like(keep[1:-1])
     if not stencil.nine:
-        along, across = (np.where(c >= _SEEN, c, 0.0) for c in (stencil.along, stencil.across))
-        hidden = (keep & (nodes_reached(replace(stencil, along=along, across=across)) == 0))[1:-1]
-    seen = stencil
-    if hidden.any():
-        along, across = (np.where(c >= _LOST, c, 0.0) for c in (stencil.along, stencil.across))
-        seen = replace(stencil, along=along, across=across)
-        seen = restricted(seen, nodes_reached(seen) == 3)
+        by_wide, by_all = nodes_reached_by(stencil, _SEEN, _LOST)
+        hidden = (keep & (by_wide == 0))[1:-1]
+        if hidden.any():
+            seen = restricted(stencil, by_all == 3, least=_LOST)
     φ, iterations, error = solve_multigrid(seen, 0.1 * rtol, limit, ~hidden)
     ψ = 1 - φ
     if hidden.any():
