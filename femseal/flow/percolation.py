@@ -63,19 +63,8 @@ def nodes_reached(stencil: Stencil) -> NDArray[np.int8]:
 def _nodes_reached(along, across, falling, rising):
     n1, n2 = along.shape
     m2 = across.shape[1]
-    n = (n1 + 1) * n2
-    parent = np.arange(n + 2)
-    for j in range(n2):
-        union(parent, n, j)
-        union(parent, n + 1, n1 * n2 + j)
-    for i in range(n1):
-        for j in range(n2):
-            if along[i, j] != 0.0:
-                union(parent, i * n2 + j, (i + 1) * n2 + j)
-    for i in range(n1 - 1):
-        for j in range(m2):
-            if across[i, j] != 0.0:
-                union(parent, (i + 1) * n2 + j, (i + 1) * n2 + (j + 1) % n2)
+    parent = _ends_joined(n1, n2)
+    _join(parent, along, across, 0.0, np.inf)
     if falling.size > 0:
         for i in range(n1):
             for j in range(m2):
@@ -87,6 +76,17 @@ def _nodes_reached(along, across, falling, rising):
     return _ends_reached(parent, n1 + 1, n2)
 
 
+@njit(cache=True, nogil=True)
+def _ends_joined(n1, n2):
+    """Nodes of n1 + 1 rows, each its own root but for the first and the last row, which are joined to the two ends."""
+    n = (n1 + 1) * n2
+    parent = np.arange(n + 2)
+    for j in range(n2):
+        union(parent, n, j)
+        union(parent, n + 1, n1 * n2 + j)
+    return parent
+
+
 def nodes_reached_by(stencil: Stencil, wide: float, narrow: float) -> tuple[NDArray[np.int8], NDArray[np.int8]]:
     """`nodes_reached` of a network by links of a conductance >= `wide` only, and by those >= `narrow` < `wide`."""
     return _nodes_reached_by(stencil.along, stencil.across, wide, narrow)
@@ -95,11 +95,7 @@ def nodes_reached_by(stencil: Stencil, wide: float, narrow: float) -> tuple[NDAr
 @njit(cache=True, nogil=True)
 def _nodes_reached_by(along, across, wide, narrow):
     n1, n2 = along.shape
-    n = (n1 + 1) * n2
-    parent = np.arange(n + 2)
-    for j in range(n2):
-        union(parent, n, j)
-        union(parent, n + 1, n1 * n2 + j)
+    parent = _ends_joined(n1, n2)
     _join(parent, along, across, wide, np.inf)
     first = _ends_reached(parent, n1 + 1, n2)
     _join(parent, along, across, narrow, wide)
@@ -108,16 +104,16 @@ def _nodes_reached_by(along, across, wide, narrow):
 
 @njit(cache=True, nogil=True)
 def _join(parent, along, across, least, below):
-    """Join the nodes of links with a conductance >= `least` and < `below`."""
+    """Join the nodes of couples along the axes that are not 0 and whose size is >= `least` and < `below`."""
     n1, n2 = along.shape
     m2 = across.shape[1]
     for i in range(n1):
         for j in range(n2):
-            if least <= along[i, j] < below:
+            if along[i, j] != 0.0 and least <= abs(along[i, j]) < below:
                 union(parent, i * n2 + j, (i + 1) * n2 + j)
     for i in range(n1 - 1):
         for j in range(m2):
-            if least <= across[i, j] < below:
+            if across[i, j] != 0.0 and least <= abs(across[i, j]) < below:
                 union(parent, (i + 1) * n2 + j, (i + 1) * n2 + (j + 1) % n2)
 
 
