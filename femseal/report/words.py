@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.files import read_plain
 from ..base.quantities import to_text
 from ..plots.maps import default_step
 from ..results.summary import solvers_text
@@ -287,7 +288,7 @@ def accuracy_lines(results: Results) -> Lines:
     if results.folder is None:
         return []
     try:
-        found = json.loads((results.folder / "accuracy.json").read_text(encoding="utf-8"))
+        found = json.loads(read_plain(results.folder / "accuracy.json", 1e7))
         if found["case"] != results.case:
             return []
         return [
@@ -301,7 +302,7 @@ def accuracy_lines(results: Results) -> Lines:
             for s in found["solutions"]
             for c in s["comparisons"]
         ]
-    except (OSError, ValueError, KeyError, TypeError):
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
         return []
 
 
