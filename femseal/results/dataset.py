@@ -84,6 +84,7 @@ def assemble(
         if study is not None
     }
     few = [text] if stochastic is not None and (text := stochastic.too_few(*quantiles)) else []
+    told = (text for study in studies for text in study.warnings)
     seal_size = stochastic.seal.size if stochastic is not None else scene.surface.size
     data.attrs = {
         "title": "Leakage of a metal-to-metal seal over a load cycle",
@@ -95,7 +96,8 @@ def assemble(
         "timings": _json(timings or {}),
         "counts": _json(counts),
         "solvers": _json(solvers),
-        "warnings": _shortened([*warnings, *(text for study in studies for text in study.warnings), *few]),
+        # what is odd in the scene is told by every study
+        "warnings": _shortened(list(dict.fromkeys([*warnings, *told, *few]))),
         "failures": _shortened([text for study in studies for text in study.failures]),
         "versions": _json(versions()),
         "machine": _json(machine()),

@@ -13,11 +13,11 @@ from ..base.quantities import to_text
 from ..scales import Partition
 from ..studies import Sampling, Scene, check_sampling, seal_cells
 from ..studies.costs import choose_method
+from ..studies.plausibility import odd_in_scene, odd_moduli
 from ..topography import Conditioning, Overlap, Topography, combine, condition, repair
 from .case_faces import FileFace
 from .case_tables import StochasticTable
 from .case_words import FACE_KEYS, SURFACE_KEYS, in_words_of
-from .plausibility import oddities
 from .sizes import refused_if_too_large, weigh_draws, weigh_points
 
 if TYPE_CHECKING:
@@ -115,8 +115,11 @@ def _prepare(case: Case) -> Prepared:
         assert cells is not None
         method, choice = choose_method(len(scene.steps), surface.shape, cells)
     methods = frozenset({method, *case.compare})
-    conditioning, odd = replace(report, **repaired), oddities(case, scene)
-    return Prepared(scene, cells, sampling, conditioning, overlap, method, methods, choice, odd)
+    solids = zip(("material", "counter_material"), case.solids, strict=True)
+    odd = odd_moduli((f"{name}.young", solid.young) for name, solid in solids if solid is not None)
+    warnings = (*odd, *odd_in_scene(scene))
+    conditioning = replace(report, **repaired)
+    return Prepared(scene, cells, sampling, conditioning, overlap, method, methods, choice, warnings)
 
 
 def face_places(case: Case) -> list[str]:
