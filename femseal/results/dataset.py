@@ -9,8 +9,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..base.errors import InputError
+from ..base.leak_units import leak_unit
 from ..base.machine import machine, peak_memory
 from ..base.provenance import versions
+from ..fluids import leak_basis
 from . import variables
 from .results import Results
 
@@ -32,6 +34,7 @@ def assemble(
     timings: dict[str, float] | None = None,
     quantiles: tuple[float, float] = (0.05, 0.95),
     warnings: tuple[str, ...] = (),
+    leakage_unit: str | None = None,
 ) -> Results:
     """One dataset of all the studies of a scene.
 
@@ -44,6 +47,8 @@ def assemble(
     timings : stage to wall time [s].
     quantiles : lower and upper end of the band of realisations.
     warnings : what casts doubt on the case itself; those of the studies come after them.
+    leakage_unit : in which tables, pictures and report tell leakage, see `base.leak_units`; a readable one per length
+        of seal unless given.
 
     Returns
     -------
@@ -56,7 +61,8 @@ def assemble(
 
     Raises
     ------
-    InputError : no study, a study of another load programme, quantiles not 0 <= lower < upper <= 1.
+    InputError : no study, a study of another load programme, quantiles not 0 <= lower < upper <= 1, a unit that does
+        not exist or is not for the fluid.
     """
     import xarray
 
@@ -86,6 +92,11 @@ def assemble(
     few = [text] if stochastic is not None and (text := stochastic.too_few(*quantiles)) else []
     told = (text for study in studies for text in study.warnings)
     seal_size = stochastic.seal.size if stochastic is not None else scene.surface.size
+    basis = leak_basis(scene.fluid, float(seal_size[1]))
+    if leakage_unit is not None:
+        unit = leak_unit(leakage_unit)
+        basis.factor(unit)  # raises if the unit is not for the fluid
+        leakage_unit = unit.name
     data.attrs = {
         "title": "Leakage of a metal-to-metal seal over a load cycle",
         "Conventions": "CF-1.11",
@@ -108,10 +119,16 @@ def assemble(
         "contact_modulus_Pa": float(scene.modulus),
         "hardness_Pa": float(scene.hardness),
         "seal_size_m": [float(length) for length in seal_size],
+        "reference_density_kg_per_m3": basis.density,
+        "leakage_unit": leakage_unit or "",
     }
+    if basis.pressure is not None and basis.temperature is not None:
+        data.attrs |= {"reference_pressure_Pa": basis.pressure, "reference_temperature_K": basis.temperature}
     if case and case.get("seed") is not None:
         data.attrs["seed"] = case["seed"]
-    return Results(data, scene=scene, deterministic=deterministic, two_scale=two_scale, stochastic=stochastic)
+    results = Results(data, scene=scene, deterministic=deterministic, two_scale=two_scale, stochastic=stochastic)
+    variables.add_totals(data, results.leakage, results.leak_basis)
+    return results
 
 
 def _json(value: Any) -> str:

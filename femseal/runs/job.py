@@ -154,6 +154,7 @@ def _run(case: Case, prepared: Prepared, faces: dict[str, str], mapper: Mapper, 
         timings=timings,
         quantiles=case.stochastic.quantiles if case.stochastic else (0.05, 0.95),
         warnings=prepared.warnings,
+        leakage_unit=case.output.leakage_unit,
     )
     results.dataset.attrs["face_files"] = json.dumps(faces)
     for text in [*results.warnings, *results.failures]:
@@ -163,7 +164,8 @@ def _run(case: Case, prepared: Prepared, faces: dict[str, str], mapper: Mapper, 
 
 def _write(results: Results, folder: Path, case: Case, prepared: Prepared) -> None:
     try:
-        write_folder(results, folder, prepared.scene.surface, **case.output.model_dump())
+        options = case.output.model_dump(include={"paraview", "fields_limit"})
+        write_folder(results, folder, prepared.scene.surface, **options)
     except Exception as error:
         reason = str(error) if isinstance(error, FemsealError) else f"results: {error or type(error).__name__}"
         raise FemsealError(f"{reason}; mend that, then a run with --resume has only to write them") from error
