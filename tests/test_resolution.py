@@ -1,6 +1,8 @@
 """The grid and the low-pass of measured faces: what was measured is kept, or its loss is told with its share."""
 
+import json
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -8,6 +10,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 import femseal as fs
+from femseal.report.words import scatter_lines
 from femseal.runs import plausibility, preparation
 from femseal.runs.case import parse_case
 from femseal.runs.forecast import describe
@@ -26,8 +29,8 @@ def case(tmp_path):
     data |= {"method": "deterministic", "compare": []}
     data["load"] = {"loading": ["200 MPa"]}
 
-    def made(**surface):
-        return parse_case({**data, "surface": {"detrend": 0, "spikes": np.inf, **surface}}, tmp_path)
+    def made(tables=None, **surface):
+        return parse_case({**data, "surface": {"detrend": 0, "spikes": np.inf, **surface}, **(tables or {})}, tmp_path)
 
     return made
 
@@ -99,3 +102,30 @@ def test_measured_faces_keep_what_was_measured(case, instrument_file, name, wave
     conditioning = case(spikes=6.0).model_copy(update={"face": (face,)}).prepare().conditioning
     assert_allclose(conditioning.shortest_wavelength, wave, rtol=1e-3)
     assert conditioning.lost_slope < 1e-6
+
+
+def test_a_second_run_shows_what_the_filter_decides(case):
+    """It is the run of a case with twice the wave on half the points."""
+    results = fs.run(one := case(filter_sensitivity=True), workers=1)
+    wave = 2 * one.prepare().conditioning.shortest_wavelength
+    surface = one.prepare().scene.surface
+    filtered = fs.deterministic(
+        replace(one.prepare().scene, surface=surface.low_pass(wave).resample(tuple(n // 2 for n in surface.shape)))
+    )
+    assert_allclose(results.dataset["leakage_filtered"].values, filtered.leakage, rtol=1e-9)
+    assert filtered.leakage[0] != results.leakage.values[0]
+    assert {"deterministic", "twice the wave"} <= set(json.loads(results.dataset.attrs["timings"]))
+    (line,) = [line for line in scatter_lines(results) if line[0].startswith("twice the shortest wave")]
+    ratio = filtered.leakage[0] / results.leakage.values[0]
+    assert line[1] == f"× {np.exp(abs(np.log(ratio))):.3g}"
+    with pytest.raises(fs.InputError, match=r"surface\.filter_sensitivity: given True, .* twice the shortest wave"):
+        case(shortest_wave="80 um", filter_sensitivity=True).prepare()
+
+
+def test_the_second_run_is_of_the_method_of_the_answer(case):
+    tables = {"cells": {"count": [2, 2]}, "stochastic": {"length": "0.5 mm", "realisations": 3, "library_cells": 4}}
+    for method in ("two-scale", "stochastic"):
+        chosen = case(filter_sensitivity=True, shortest_wave="12 um", tables=tables | {"method": method})
+        leakage = fs.run(chosen, workers=1).dataset["leakage_filtered"].values
+        assert np.isfinite(leakage).all()
+        assert (leakage > 0).all()

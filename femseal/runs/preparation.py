@@ -44,7 +44,7 @@ class Prepared:
     """Input of the studies: the scene, its windows, the sampling of seals; and the history of the surface.
 
     method, methods : to be run, with "auto" resolved; choice : reason of that choice, if there was one. warnings : what
-        is odd in the case.
+        is odd in the case. filtered : the scene of the second run that shows how leakage depends on the low-pass.
     """
 
     scene: Scene
@@ -56,11 +56,36 @@ class Prepared:
     methods: frozenset[str]
     choice: str
     warnings: tuple[str, ...] = ()
+    filtered: Scene | None = None
+
+    @property
+    def answer(self) -> str:
+        """The method whose leakage is the answer: the one farthest from the face itself."""
+        return next(method for method in ("stochastic", "two-scale", "deterministic") if method in self.methods)
 
     @property
     def surface_report(self) -> dict[str, Any]:
         """The repair and conditioning of the surface, as plain data."""
         return asdict(self.conditioning) | ({} if self.overlap is None else {"overlap": asdict(self.overlap)})
+
+
+def coarser(prepared: Prepared) -> Scene:
+    """The scene without waves shorter than twice the shortest one, on half the points a side.
+
+    Raises
+    ------
+    InputError : waves longer than the face would be left, or windows of fewer than 8 pixels.
+    """
+    scene, wave = prepared.scene, 2 * prepared.conditioning.shortest_wavelength
+    surface = scene.surface
+    if wave >= max(surface.size):
+        allowed = f"true only where the larger side holds more than {to_text(wave, 'm', 3)}, twice the shortest wave"
+        raise InputError.of("surface.filter_sensitivity", True, allowed)
+    m1, m2 = prepared.cells or (1, 1)
+    shape = _multiple(ceil(surface.shape[0] / 2), m1), _multiple(ceil(surface.shape[1] / 2), m2)
+    if prepared.cells is not None:
+        Partition(shape, surface.spacing, prepared.cells)
+    return replace(scene, surface=surface.low_pass(wave).resample(shape))
 
 
 def prepare(case: Case) -> Prepared:
@@ -129,7 +154,9 @@ def _prepare(case: Case) -> Prepared:
         assert cells is not None
         method, choice = choose_method(len(scene.steps), surface.shape, cells)
     methods = frozenset({method, *case.compare})
-    return Prepared(scene, cells, sampling, report, overlap, method, methods, choice, oddities(case, scene, report))
+    odd = oddities(case, scene, report)
+    prepared = Prepared(scene, cells, sampling, report, overlap, method, methods, choice, odd)
+    return replace(prepared, filtered=coarser(prepared)) if case.surface.filter_sensitivity else prepared
 
 
 def face_places(case: Case) -> list[str]:
