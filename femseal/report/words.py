@@ -212,6 +212,10 @@ def scatter_lines(results: Results) -> Lines:
     for one, name, other, reference in pairs:
         if name in data and reference in data:
             lines += _comparison(results, one, data[name].values, other, data[reference].values)
+    if "leakage_filtered" in data:
+        lines += _comparison(
+            results, "twice the shortest wave", data["leakage_filtered"].values, results.method, results.leakage.values
+        )
     return lines
 
 
@@ -278,7 +282,12 @@ def check_lines(results: Results) -> Lines:
         )
         if before := surface.get("rms_slope_before"):
             lost = 1 - surface["rms_slope"] / before
-            lines.append(("slope removed", f"{100 * lost:.2g} %", "of the rms slope, with the waves shorter than that"))
+            meaning = "of the rms slope, with the waves shorter than that"
+            if measured := surface.get("rms_slope_measured"):
+                kept = min(1.0, surface["rms_slope"] / measured)
+                end = to_text(surface["shortest_measured"], "m", 3)
+                meaning += f"; {1 - kept:.1%} of that of waves above noise, which end at {end}"
+            lines.append(("slope removed", f"{100 * lost:.2g} %", meaning))
     return lines
 
 

@@ -7,6 +7,7 @@ from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..base.errors import InputError
 from ..base.leak_units import leak_unit
@@ -35,6 +36,7 @@ def assemble(
     quantiles: tuple[float, float] = (0.05, 0.95),
     warnings: tuple[str, ...] = (),
     leakage_unit: str | None = None,
+    leakage_filtered: NDArray[np.float64] | None = None,
 ) -> Results:
     """One dataset of all the studies of a scene.
 
@@ -49,6 +51,7 @@ def assemble(
     warnings : what casts doubt on the case itself; those of the studies come after them.
     leakage_unit : in which tables, pictures and report tell leakage, see `base.leak_units`; a readable one per length
         of seal unless given.
+    leakage_filtered : the leakage at every step of the same face without waves up to twice the shortest one.
 
     Returns
     -------
@@ -82,6 +85,8 @@ def assemble(
         variables.add_realisations(data, stochastic, quantiles)
         variables.add_library(data, stochastic.library.curves)
     variables.add_contact_share(data, scene, deterministic, two_scale, stochastic)
+    if leakage_filtered is not None:
+        variables.add_filtered(data, leakage_filtered)
     counts = {"two_scale": two_scale.counts.by_kind()} if two_scale is not None else {}
     counts |= {"library": stochastic.library.counts.by_kind()} if stochastic is not None else {}
     solvers = {

@@ -114,6 +114,12 @@ def add_realisations(data: xarray.Dataset, result: StochasticResult, quantiles: 
     data["sealed_share"] = ("step", result.sealed_share, _labels("1", text, "sealed [%]"))
 
 
+def add_filtered(data: xarray.Dataset, leakage: np.ndarray) -> None:
+    """Add the leakage of the face without waves up to twice the shortest one."""
+    text = "leakage per unit seal length, of the face without waves up to twice the shortest"
+    data["leakage_filtered"] = ("step", leakage, _labels("m^2/s", text, "twice the wave"))
+
+
 def add_library(data: xarray.Dataset, curves: LibraryTable) -> None:
     """Add the curves of the cells of the library over the steps of the library."""
     for name, entry in step_coordinates("library_step", "library_", curves.steps).items():

@@ -1,4 +1,4 @@
-"""What is odd in a scene but may be meant: told with its numbers, by `check` before a run and with every result."""
+"""What is odd in a scene but may be meant: told with its numbers, before a run and with every result."""
 
 from __future__ import annotations
 
