@@ -19,7 +19,7 @@ from ..base.provenance import numerical_versions
 from ..base.stage import Mapper, Stage
 from ..report import write_folder
 from ..results import Results, assemble
-from ..studies import deterministic, stochastic, two_scale
+from ..studies import Scene, TwoScaleResult, deterministic, stochastic, two_scale
 from . import checkpoint
 from .case import Case, load_case
 from .case_faces import FileFace
@@ -133,7 +133,7 @@ def _interrupts() -> Iterator[None]:
 
 @_interrupts()
 def _run(case: Case, prepared: Prepared, faces: dict[str, str], mapper: Mapper, progress: Progress) -> Results:
-    scene, cells = prepared.scene, prepared.cells
+    scene = prepared.scene
     log.info("case %s: surface %s", case.title or "without title", scene.surface)
     if prepared.choice:
         log.info("method %s: %s", prepared.method, prepared.choice)
@@ -141,26 +141,18 @@ def _run(case: Case, prepared: Prepared, faces: dict[str, str], mapper: Mapper, 
     studies: dict[str, Any] = {}
     # the cheapest route that the comparison needs comes first, the answer last
     for method in ("deterministic", "two-scale", "stochastic"):
-        if method not in prepared.methods:
-            continue
-        start = time.perf_counter()
-        watched = _watched(mapper, method, progress, timings)
-        # the work of a study outside its stages counts as one item
-        progress(method, 0, 1)
-        if method == "deterministic":
-            studies["deterministic"] = deterministic(scene, mapper=watched)
-        elif method == "two-scale":
-            assert cells is not None
-            studies["two_scale"] = two_scale(scene, cells, flow=case.two_scale_flow, mapper=watched)
-        else:
-            assert cells is not None
-            assert prepared.sampling is not None
-            studies["stochastic"] = stochastic(
-                scene, cells, prepared.sampling, two_scale=studies.get("two_scale"), mapper=watched
-            )
-        timings[method] = time.perf_counter() - start
-        progress(method, 1, 1)
-        log.info("%s: %.1f s", method, timings[method])
+        if method in prepared.methods:
+            with _timed(method, progress, timings):
+                watched = _watched(mapper, method, progress, timings)
+                name = method.replace("-", "_")
+                studies[name] = _study(method, case, prepared, scene, studies.get("two_scale"), watched)
+    filtered = None
+    if prepared.filtered is not None:
+        name = "twice the wave"
+        with _timed(name, progress, timings):
+            watched = _watched(mapper, name, progress, timings)
+            again = _study(prepared.answer, case, prepared, prepared.filtered, None, watched)
+            filtered = again.quantile(0.5) if prepared.answer == "stochastic" else again.leakage
     results = assemble(
         scene,
         **studies,
@@ -169,6 +161,8 @@ def _run(case: Case, prepared: Prepared, faces: dict[str, str], mapper: Mapper, 
         timings=timings,
         quantiles=case.stochastic.quantiles if case.stochastic else (0.05, 0.95),
         warnings=prepared.warnings,
+        leakage_unit=case.output.leakage_unit,
+        leakage_filtered=filtered,
     )
     results.dataset.attrs["face_files"] = json.dumps(faces)
     for text in [*results.warnings, *results.failures]:
@@ -176,9 +170,34 @@ def _run(case: Case, prepared: Prepared, faces: dict[str, str], mapper: Mapper, 
     return results
 
 
+@contextmanager
+def _timed(name: str, progress: Progress, timings: dict[str, float]) -> Iterator[None]:
+    """Context of a study, whose wall time is kept; its work outside of stages counts as one item."""
+    start = time.perf_counter()
+    progress(name, 0, 1)
+    yield
+    timings[name] = time.perf_counter() - start
+    progress(name, 1, 1)
+    log.info("%s: %.1f s", name, timings[name])
+
+
+def _study(
+    method: str, case: Case, prepared: Prepared, scene: Scene, known: TwoScaleResult | None, mapper: Mapper
+) -> Any:
+    """Result of a study of a scene; `known` is that of two scales, if there is one."""
+    if method == "deterministic":
+        return deterministic(scene, mapper=mapper)
+    assert prepared.cells is not None
+    if method == "two-scale":
+        return two_scale(scene, prepared.cells, flow=case.two_scale_flow, mapper=mapper)
+    assert prepared.sampling is not None
+    return stochastic(scene, prepared.cells, prepared.sampling, two_scale=known, mapper=mapper)
+
+
 def _write(results: Results, folder: Path, case: Case, prepared: Prepared) -> None:
     try:
-        write_folder(results, folder, prepared.scene.surface, **case.output.model_dump())
+        options = case.output.model_dump(include={"paraview", "fields_limit"})
+        write_folder(results, folder, prepared.scene.surface, **options)
     except Exception as error:
         reason = str(error) if isinstance(error, FemsealError) else f"results: {error or type(error).__name__}"
         raise FemsealError(f"{reason}; mend that, then a run with --resume has only to write them") from error
