@@ -18,6 +18,7 @@ from .generate import PIXELS_PER_WAVE
 from .labelled import Labelled
 from .repairs import repair
 from .spectral import SLACK
+from .spike_effect import spike_effect
 from .spikes import SPIKES
 from .topography import Topography
 
@@ -28,6 +29,10 @@ class Conditioning(Labelled):
 
     undefined_share: float = field(metadata={"unit": "", "label": "undefined points, filled", "percent": True})
     spikes: int = field(metadata={"unit": "", "label": "points in spikes, filled"})
+    spikes_along_lay: float | None = field(
+        metadata={"unit": "", "label": "spikes that follow the lay", "percent": True}
+    )
+    spikes_extreme: float | None = field(metadata={"unit": "", "label": "extremes hanging on spikes", "percent": True})
     removed_tilt: tuple[float, float] = field(metadata={"unit": "rad", "label": "tilt removed along x1, x2"})
     removed_curvature: tuple[float, float, float] = field(
         metadata={"unit": "1/m", "label": "curvature removed: 11, 12, 22"}
@@ -91,9 +96,12 @@ def condition(
     form = repaired.form
     smooth = flat.low_pass(shortest).resample(final)
     tilt1, tilt2 = form.slopes
+    effect = spike_effect(flat, repaired.removed, shortest)
     return smooth, Conditioning(
         undefined_share=repaired.undefined_share,
         spikes=repaired.spikes,
+        spikes_along_lay=effect.along_lay,
+        spikes_extreme=effect.extreme,
         removed_tilt=(atan(tilt1), atan(tilt2)),
         removed_curvature=form.curvatures,
         shortest_wavelength=shortest,
