@@ -20,11 +20,13 @@ from ..topography import (
     SurfaceReport,
     TooManyUndefined,
     Topography,
-    condition,
     describe_surface,
     read_for_a_look,
+    repair,
+    smooth,
 )
 from .case_words import in_words_of
+from .preparation import default_grid
 
 #: Arguments of `topography` by their option.
 SURFACE_OPTIONS = {
@@ -128,7 +130,8 @@ def _look(face: Topography, wave: float | None, treatment: dict[str, Any]) -> _L
         report = describe_surface(face, **treatment | {"max_undefined": 1.0})
     try:
         with in_words_of(SURFACE_OPTIONS):
-            _, conditioning = condition(face, shortest_wavelength=wave, **treatment)
+            flat, repaired = repair(face, **treatment)
+            _, conditioning = smooth(flat, repaired, shortest_wavelength=wave, shape=default_grid(flat, wave))
     except InputError as error:
         if wave is not None and not isinstance(error.__cause__, TooManyUndefined):  # the caller's wave, not the face
             raise
