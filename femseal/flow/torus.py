@@ -1,10 +1,10 @@
 """Dissipation of a mean gradient in a network on a torus, by star-mesh elimination at any contrast.
 
 A link from node a to node b has a conductance c and a drop e, that of the mean pressure across it, so that it
-dissipates c (e + χ_b − χ_a)². Without a node i its neighbours j, k are linked by c_j c_k/Σc with the drop e_k − e_j. Two
-links between the same nodes are one of the conductance c + c′ and the mean drop, beside which they dissipate
-c c′/(c + c′) (e − e′)². The sum of these parts is all that is left at the end: no conductance is ever subtracted, and the
-drops are whole numbers where no two ways around the torus meet.
+dissipates c (e + χ_b − χ_a)². Without a node i its neighbours j, k are linked by c_j c_k/Σc with the drop e_k − e_j.
+Two links between the same nodes are one of the conductance c + c′ and the mean drop, beside which they dissipate
+c c′/(c + c′) (e − e′)². The sum of these parts is all that is left at the end: no conductance is ever subtracted, and
+the drops are whole numbers where no two ways around the torus meet.
 Source of the elimination: Doyle & Snell, Random Walks and Electric Networks, 1984.
 """
 
