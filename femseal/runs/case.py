@@ -17,6 +17,7 @@ from pydantic_core import PydanticCustomError
 
 from ..base.errors import InputError, shortened
 from ..base.quantities import to_text
+from ..fluids import leak_basis
 from ..materials import Solid, contact_modulus, softer_hardness
 from .case_faces import Face, FileFace, SurfaceTable
 from .case_faults import fault_lines
@@ -31,7 +32,7 @@ from .case_tables import (
     SolidTable,
     StochasticTable,
 )
-from .case_values import Number, Table
+from .case_values import FileSize, Number, Table
 from .preparation import Prepared, prepare
 
 #: No case is larger [byte].
@@ -41,12 +42,16 @@ Method = Literal["auto", "deterministic", "two-scale", "stochastic"]
 
 
 class Case(Table):
-    """A validated case, all values in SI."""
+    """A validated case, all values in SI.
+
+    memory : that a run may take [byte]; what is free on the machine unless given. It does not change results.
+    """
 
     title: Annotated[str, Field(max_length=200)] = ""
     method: Method = "stochastic"
     compare: tuple[Literal["deterministic", "two-scale", "stochastic"], ...] = ()
     seed: Number = 0
+    memory: FileSize | None = Field(default=None, exclude=True)
     face: tuple[Face, ...] = Field(min_length=1, max_length=2)
     surface: SurfaceTable = SurfaceTable()
     material: SolidTable
@@ -83,6 +88,9 @@ class Case(Table):
             given = {"p": to_text(inlet, "Pa"), "q": to_text(outlet, "Pa")}
             text = "fluid.inlet_pressure: given {p}, allowed is a pressure above that of the outlet, {q}"
             raise PydanticCustomError("fluid", text, given)
+        if self.output.unit is not None and not leak_basis(self.fluid.fluid, 1.0).has(self.output.unit):
+            text = "output.leakage_unit: given {unit}, allowed is a unit of volume or mass for a liquid"
+            raise PydanticCustomError("unit", text, {"unit": self.output.unit.name})
         for face in self.face:
             if isinstance(face, FileFace) and not isfile(self.folder / face.path):
                 path = {"path": shortened(face.path)}

@@ -5,28 +5,42 @@ repair (spikes, undefined points) -> combine (two faces) -> condition (form, wav
 """
 
 from .combine import Overlap, combine
-from .condition import Conditioning, condition
+from .condition import Conditioning, condition, default_wave, resolved_wave, smooth
 from .describe import SurfaceReport, describe_surface
 from .generate import self_affine, turned
 from .labelled import as_text
-from .read import read_topography
+from .power_law import spectrum
+from .read import read_for_a_look, read_topography
 from .repairs import Repair, repair
+from .resolution import MOST_POINTS, resolving_shape
+from .spike_effect import SpikeEffect, spike_effect
 from .spikes import SPIKES
 from .topography import Topography
+from .usable import TooManyUndefined
 
 __all__ = [
+    "MOST_POINTS",
     "SPIKES",
     "Conditioning",
     "Overlap",
     "Repair",
+    "SpikeEffect",
     "SurfaceReport",
+    "TooManyUndefined",
     "Topography",
     "as_text",
     "combine",
     "condition",
+    "default_wave",
     "describe_surface",
+    "read_for_a_look",
     "read_topography",
     "repair",
+    "resolved_wave",
+    "resolving_shape",
     "self_affine",
+    "smooth",
+    "spectrum",
+    "spike_effect",
     "turned",
 ]
