@@ -82,13 +82,36 @@ def solve_multigrid(
 
 
 @njit(**COMPILED)
+def _rows_down(first, count, x, b, inverse, right, below, ring):
+    """Gauss-Seidel forward on up to four rows of a network, column by column: each row waits for its own sum only."""
+    n2 = x.shape[1] - 2
+    i, k, m, n = first, min(first + 1, x.shape[0] - 1), min(first + 2, x.shape[0] - 1), min(first + 3, x.shape[0] - 1)
+    u = v = s = t = 0.0
+    for j in range(1, n2 if ring else n2 + 1):
+        u = (b[i, j] + below[i - 1, j] * x[i - 1, j] + right[i, j - 1] * u) * inverse[i, j]
+        x[i, j] = u
+        if count == 4:
+            v = (b[k, j] + below[i, j] * u + right[k, j - 1] * v) * inverse[k, j]
+            x[k, j] = v
+            s = (b[m, j] + below[k, j] * v + right[m, j - 1] * s) * inverse[m, j]
+            x[m, j] = s
+            t = (b[n, j] + below[m, j] * s + right[n, j - 1] * t) * inverse[n, j]
+            x[n, j] = t
+    if ring:  # the last node comes after the first, which it is linked to
+        for i in range(first, first + count):
+            s = b[i, n2] + below[i - 1, n2] * x[i - 1, n2] + right[i, n2 - 1] * x[i, n2 - 1]
+            x[i, n2] = (s + right[i, n2] * x[i, 1]) * inverse[i, n2]
+
+
+@njit(**COMPILED)
 def _sweep_down(x, b, r, inverse, right, below, below_right, below_left, nine, ring):
     """Gauss-Seidel forward from zero, and the residual it leaves: the links to later nodes."""
     n1, n2 = x.shape[0] - 2, x.shape[1] - 2
-    for i in range(1, n1 + 1):
-        before = 0.0
+    i = 1
+    while i <= n1:
         x[i, n2 + 1] = 0.0
         if nine:
+            before = 0.0
             for j in range(1, n2 + 1):
                 r[i, j] = (
                     b[i, j]
@@ -96,19 +119,24 @@ def _sweep_down(x, b, r, inverse, right, below, below_right, below_left, nine, r
                     + below_right[i - 1, j - 1] * x[i - 1, j - 1]
                     + below_left[i - 1, j + 1] * x[i - 1, j + 1]
                 )
+            for j in range(1, n2):
+                before = (r[i, j] + right[i, j - 1] * before) * inverse[i, j]
+                x[i, j] = before
+            s = r[i, n2] + right[i, n2 - 1] * before
+            if ring:
+                s += right[i, n2] * x[i, 1]
+            x[i, n2] = s * inverse[i, n2]
+            if ring:
+                x[i, 0] = x[i, n2]
+                x[i, n2 + 1] = x[i, 1]
+            i += 1
         else:
-            for j in range(1, n2 + 1):
-                r[i, j] = b[i, j] + below[i - 1, j] * x[i - 1, j]
-        for j in range(1, n2):
-            before = (r[i, j] + right[i, j - 1] * before) * inverse[i, j]
-            x[i, j] = before
-        s = r[i, n2] + right[i, n2 - 1] * before
-        if ring:
-            s += right[i, n2] * x[i, 1]
-        x[i, n2] = s * inverse[i, n2]
-        if ring:
-            x[i, 0] = x[i, n2]
-            x[i, n2 + 1] = x[i, 1]
+            count = 4 if i + 3 <= n1 else 1
+            _rows_down(i, count, x, b, inverse, right, below, ring)
+            for _ in range(count):
+                x[i, 0] = x[i, n2] if ring else 0.0
+                x[i, n2 + 1] = x[i, 1] if ring else 0.0
+                i += 1
     for i in range(1, n1 + 1):
         if nine:
             for j in range(1, n2 + 1):
@@ -129,21 +157,56 @@ def _sweep_down(x, b, r, inverse, right, below, below_right, below_left, nine, r
 
 
 @njit(**COMPILED)
+def _rows_up(last, count, x, b, inverse, right, below, ring):
+    """Gauss-Seidel backward on up to four rows of a network, column by column."""
+    n2 = x.shape[1] - 2
+    i, k, m, n = last, max(last - 1, 0), max(last - 2, 0), max(last - 3, 0)
+    u, v, s, t = x[i, n2 + 1], x[k, n2 + 1], x[m, n2 + 1], x[n, n2 + 1]
+    for j in range(n2, 0, -1):
+        if j == 1 and ring:  # the first node comes after the last, which it is linked to
+            for row in range(last - count + 1, last + 1):
+                x[row, 0] = x[row, n2]
+        rest = b[i, j] + below[i - 1, j] * x[i - 1, j] + below[i, j] * x[i + 1, j] + right[i, j - 1] * x[i, j - 1]
+        u = (rest + right[i, j] * u) * inverse[i, j]
+        x[i, j] = u
+        if count == 4:
+            rest = b[k, j] + below[k - 1, j] * x[k - 1, j] + right[k, j - 1] * x[k, j - 1]
+            v = (rest + below[k, j] * u + right[k, j] * v) * inverse[k, j]
+            x[k, j] = v
+            rest = b[m, j] + below[m - 1, j] * x[m - 1, j] + right[m, j - 1] * x[m, j - 1]
+            s = (rest + below[m, j] * v + right[m, j] * s) * inverse[m, j]
+            x[m, j] = s
+            rest = b[n, j] + below[n - 1, j] * x[n - 1, j] + right[n, j - 1] * x[n, j - 1]
+            t = (rest + below[n, j] * s + right[n, j] * t) * inverse[n, j]
+            x[n, j] = t
+
+
+@njit(**COMPILED)
 def _sweep_up(x, b, inverse, right, below, below_right, below_left, nine, ring):
     """Gauss-Seidel backward."""
     n1, n2 = x.shape[0] - 2, x.shape[1] - 2
-    rest = np.empty(n2 + 2)
-    for i in range(n1, 0, -1):
+    rest = np.empty(n2 + 2 if nine else 1)
+    i = n1
+    while i > 0:
+        if not nine:
+            count = 4 if i >= 4 else 1
+            _rows_up(i, count, x, b, inverse, right, below, ring)
+            for _ in range(count):
+                if ring:
+                    x[i, 0] = x[i, n2]
+                    x[i, n2 + 1] = x[i, 1]
+                i -= 1
+            continue
         for j in range(1, n2 + 1):
-            rest[j] = b[i, j] + below[i - 1, j] * x[i - 1, j] + below[i, j] * x[i + 1, j]
-        if nine:
-            for j in range(1, n2 + 1):
-                rest[j] += (
-                    below_right[i - 1, j - 1] * x[i - 1, j - 1]
-                    + below_left[i - 1, j + 1] * x[i - 1, j + 1]
-                    + below_right[i, j] * x[i + 1, j + 1]
-                    + below_left[i, j] * x[i + 1, j - 1]
-                )
+            rest[j] = (
+                b[i, j]
+                + below[i - 1, j] * x[i - 1, j]
+                + below[i, j] * x[i + 1, j]
+                + below_right[i - 1, j - 1] * x[i - 1, j - 1]
+                + below_left[i - 1, j + 1] * x[i - 1, j + 1]
+                + below_right[i, j] * x[i + 1, j + 1]
+                + below_left[i, j] * x[i + 1, j - 1]
+            )
         after = x[i, n2 + 1]
         for j in range(n2, 0, -1):
             if j == 1 and ring:
@@ -153,6 +216,7 @@ def _sweep_up(x, b, inverse, right, below, below_right, below_left, nine, ring):
         if ring:
             x[i, 0] = x[i, n2]
             x[i, n2 + 1] = x[i, 1]
+        i -= 1
 
 
 @njit(**COMPILED)
@@ -255,14 +319,17 @@ def _direction(centre, right, below, below_right, below_left, z, p, y, beta, nin
 
 
 @njit(**COMPILED)
-def _advance(step, p, y, x, r, b):
-    """x += step p, r −= step y, b = r."""
+def _advance(step, p, y, x, r):
+    """x += step p, r −= step y; the sums of r and of r x, by which inlet and outlet flow and the rate differ."""
     n1, n2 = p.shape[0] - 2, p.shape[1] - 2
+    excess = weighted = 0.0
     for i in range(1, n1 + 1):
         for j in range(1, n2 + 1):
             x[i, j] += step * p[i, j]
             r[i, j] -= step * y[i, j]
-            b[i, j] = r[i, j]
+            excess += r[i, j]
+            weighted += r[i, j] * x[i, j]
+    return max(abs(excess), abs(weighted))
 
 
 @njit(**COMPILED)
@@ -337,35 +404,31 @@ def _solve(centre, right, below, below_right, below_left, ring, inlet, outlet, r
     inverse = coarsest_inverse(levels[-1], ring)
     nine = below_right.size > 1
     n1, n2 = centre.shape[0] - 2, centre.shape[1] - 2
-    z, b = levels[0][7], levels[0][8]
-    x, r, p, y = np.zeros(z.shape), np.zeros(z.shape), np.zeros(z.shape), np.zeros(z.shape)
+    # the residual is the right-hand side of a cycle, whose own residual is not needed after it
+    z, r, y = levels[0][7], levels[0][8], levels[0][9]
+    x, p = np.zeros(z.shape), np.zeros(z.shape)
     _start(centre, right, below, below_right, below_left, inlet, outlet, x, r)
     if ring:
         for i in range(1, n1 + 1):
             r[i, n2] += r[i, 0]
             r[i, 1] += r[i, n2 + 1]
-    for i in range(1, n1 + 1):
-        for j in range(1, n2 + 1):
-            b[i, j] = r[i, j]
     steps, ratios = np.zeros(limit + 1), np.zeros(limit + 1)
     allowed = min(_SHARE * rtol, (0.1 * field) ** 2)
     balance = 3.0 * max(np.sqrt(rtol), 1e-6)
-    rz, error, first = 0.0, np.inf, 0.0
+    rz, error, first, unbalanced = 0.0, np.inf, 0.0, 0.0
     iteration = 0
     done = False
     while True:
         _cycle(levels, inverse, ring)
-        before, rz, largest, excess, at_inlet = rz, 0.0, 0.0, 0.0, 0.0
+        before, rz, largest = rz, 0.0, 0.0
         for i in range(1, n1 + 1):
             for j in range(1, n2 + 1):
                 rz += r[i, j] * z[i, j]
-                excess += r[i, j]
-                at_inlet += r[i, j] * x[i, j]
         rate = 0.0
         for j in range(n2):
             rate += outlet[j] * x[n1, j + 1]
         error = np.inf
-        if 0.0 <= rz <= allowed * rate and max(abs(excess), abs(at_inlet)) <= balance * rate:
+        if 0.0 <= rz <= allowed * rate and unbalanced <= balance * rate:
             error = np.sqrt(rz / rate / _lowest(steps, ratios, iteration))
             if field < np.inf:
                 for i in range(1, n1 + 1):
@@ -388,7 +451,7 @@ def _solve(centre, right, below, below_right, below_left, ring, inlet, outlet, r
         if not curvature > 0.0:
             break
         steps[iteration], ratios[iteration] = rz / curvature, beta
-        _advance(rz / curvature, p, y, x, r, b)
+        unbalanced = _advance(rz / curvature, p, y, x, r)
         iteration += 1
     if not done and rate > 0.0 and rz >= 0.0:
         error = np.sqrt(rz / rate)
