@@ -22,6 +22,7 @@ from ..stencil import Stencil
 from .amg import solve_amg, solve_direct
 from .elimination import eliminate
 from .hierarchy import coarsest_nodes
+from .islands import island_potentials
 from .multigrid import COARSEST_NODES, solve_multigrid
 
 Array = NDArray[np.float64]
@@ -192,27 +193,9 @@ def _by_multigrid(stencil: Stencil, keep: Flags, rtol: float, limit: int, field_
     φ, iterations, error = solve_multigrid(seen, rtol, limit, ~hidden, field_rtol)
     ψ = 1 - φ
     if hidden.any():
-        n1, n2 = stencil.along.shape
-        high, low = np.zeros((2, n1 + 1, n2))
-        high[0] = low[-1] = 1.0
-        high[1:-1], low[1:-1] = np.where(hidden, 0.0, np.clip(φ, 0.0, 1.0)), np.where(hidden, 0.0, np.clip(ψ, 0.0, 1.0))
-        # a neighbour of known potential φ acts as the inlet with the weight φ and as the outlet with 1 − φ
-        inlet, outlet = (_sums_with(stencil, values) for values in (high, low))
-        _, φ_hidden, ψ_hidden = eliminate(stencil.along, stencil.across, hidden, stencil.ring2, inlet, outlet)
-        φ, ψ = (np.where(hidden, a.reshape(hidden.shape), b) for a, b in ((φ_hidden, φ), (ψ_hidden, ψ)))
+        φ, ψ = island_potentials(stencil, hidden, φ)
     allowed = max(MAX_IMBALANCE, 10 * (np.sqrt(rtol) if field_rtol is None else field_rtol))
     return _balanced(stencil, keep, φ, ψ, None, iterations, error, "multigrid", allowed)
-
-
-def _sums_with(stencil: Stencil, values: Array) -> Array:
-    """Sum over the neighbours of every inner node of couple · value."""
-    c1, c2 = stencil.along, stencil.across
-    m2 = c2.shape[1]
-    out = c1[:-1] * values[:-2] + c1[1:] * values[2:]
-    inner = values[1:-1]
-    out[:, :m2] += c2 * np.roll(inner, -1, axis=1)[:, :m2]
-    out += np.roll(np.pad(c2, ((0, 0), (0, inner.shape[1] - m2))) * inner, 1, axis=1)
-    return out
 
 
 def _by_matrix(stencil: Stencil, keep: Flags, rtol: float, direct: bool = False) -> DarcyFlow:
