@@ -1,8 +1,4 @@
-"""Conjugate gradients with algebraic multigrid on the structured grid as preconditioner: compiled.
-
-One sweep of Gauss-Seidel forward before and backward after the coarser grid keep the preconditioner symmetric; the
-levels come from `hierarchy`, where their fields are described.
-"""
+"""Conjugate gradients with algebraic multigrid on the structured grid as preconditioner: compiled."""
 
 from __future__ import annotations
 
@@ -12,9 +8,10 @@ from numpy.typing import NDArray
 
 from ...base.errors import NotConverged
 from ..stencil import Stencil
-from .clusters import relax_backward, relax_forward
+from .coarsest import eliminated
 from .compiled import COMPILED
-from .hierarchy import bordered, coarsest_inverse, hierarchy
+from .hierarchy import bordered, hierarchy
+from .v_cycle import v_cycle
 
 Array = NDArray[np.float64]
 #: Largest coarsest level, in nodes, for which multigrid pays; only slender grids have more.
@@ -56,8 +53,7 @@ def solve_multigrid(
     The rate of φ exceeds the true one by the square of the error e of φ in the norm of the energy, eᵀAe <= rᵀM⁻¹r/θ,
     with the lowest eigenvalue θ of M⁻¹A, which is taken from the coefficients of the iteration (Lanczos). The iteration
     stops when that is a tenth of what is allowed, and inlet and outlet flow, which err by the first order, differ by
-    less than thrice the square root of it. The coarsest level is inverted densely: `coarsest_nodes` says how large it
-    is.
+    less than thrice the square root of it. The coarsest level is eliminated.
     Sources: Strakoš & Tichý, ETNA 13, 2002, 56; Meurant, Papež & Tichý, Numer. Algorithms 88, 2021, 1337.
     """
     s = stencil
@@ -65,12 +61,7 @@ def solve_multigrid(
     if judged is None:
         judged = np.ones((s.along.shape[0] - 1, s.along.shape[1]), np.bool_)
     field = np.inf if field_rtol is None else field_rtol
-    try:
-        x, iterations, error, done = _solve(*operator, s.ring2, inlet, outlet, rtol, field, limit, judged)
-    except np.linalg.LinAlgError:
-        raise NotConverged(
-            "flow: the coarsest grid of multigrid is singular; try the solver 'elimination'", np.inf
-        ) from None
+    x, iterations, error, done = _solve(*operator, s.ring2, inlet, outlet, rtol, field, limit, judged)
     if not done:
         raise NotConverged(
             f"flow: error {error**2:.1e} of the rate after {iterations} iterations of multigrid, wanted {rtol:.1e}"
@@ -79,210 +70,6 @@ def solve_multigrid(
             error,
         )
     return x, iterations, error
-
-
-@njit(**COMPILED)
-def _rows_down(first, count, x, b, inverse, right, below, ring):
-    """Gauss-Seidel forward on up to four rows of a network, column by column: each row waits for its own sum only."""
-    n2 = x.shape[1] - 2
-    i, k, m, n = first, min(first + 1, x.shape[0] - 1), min(first + 2, x.shape[0] - 1), min(first + 3, x.shape[0] - 1)
-    u = v = s = t = 0.0
-    for j in range(1, n2 if ring else n2 + 1):
-        u = (b[i, j] + below[i - 1, j] * x[i - 1, j] + right[i, j - 1] * u) * inverse[i, j]
-        x[i, j] = u
-        if count == 4:
-            v = (b[k, j] + below[i, j] * u + right[k, j - 1] * v) * inverse[k, j]
-            x[k, j] = v
-            s = (b[m, j] + below[k, j] * v + right[m, j - 1] * s) * inverse[m, j]
-            x[m, j] = s
-            t = (b[n, j] + below[m, j] * s + right[n, j - 1] * t) * inverse[n, j]
-            x[n, j] = t
-    if ring:  # the last node comes after the first, which it is linked to
-        for i in range(first, first + count):
-            s = b[i, n2] + below[i - 1, n2] * x[i - 1, n2] + right[i, n2 - 1] * x[i, n2 - 1]
-            x[i, n2] = (s + right[i, n2] * x[i, 1]) * inverse[i, n2]
-
-
-@njit(**COMPILED)
-def _sweep_down(x, b, r, inverse, right, below, below_right, below_left, nine, ring):
-    """Gauss-Seidel forward from zero, and the residual it leaves: the links to later nodes."""
-    n1, n2 = x.shape[0] - 2, x.shape[1] - 2
-    i = 1
-    while i <= n1:
-        x[i, n2 + 1] = 0.0
-        if nine:
-            before = 0.0
-            for j in range(1, n2 + 1):
-                r[i, j] = (
-                    b[i, j]
-                    + below[i - 1, j] * x[i - 1, j]
-                    + below_right[i - 1, j - 1] * x[i - 1, j - 1]
-                    + below_left[i - 1, j + 1] * x[i - 1, j + 1]
-                )
-            for j in range(1, n2):
-                before = (r[i, j] + right[i, j - 1] * before) * inverse[i, j]
-                x[i, j] = before
-            s = r[i, n2] + right[i, n2 - 1] * before
-            if ring:
-                s += right[i, n2] * x[i, 1]
-            x[i, n2] = s * inverse[i, n2]
-            if ring:
-                x[i, 0] = x[i, n2]
-                x[i, n2 + 1] = x[i, 1]
-            i += 1
-        else:
-            count = 4 if i + 3 <= n1 else 1
-            _rows_down(i, count, x, b, inverse, right, below, ring)
-            for _ in range(count):
-                x[i, 0] = x[i, n2] if ring else 0.0
-                x[i, n2 + 1] = x[i, 1] if ring else 0.0
-                i += 1
-    for i in range(1, n1 + 1):
-        if nine:
-            for j in range(1, n2 + 1):
-                r[i, j] = (
-                    right[i, j] * x[i, j + 1]
-                    + below[i, j] * x[i + 1, j]
-                    + below_right[i, j] * x[i + 1, j + 1]
-                    + below_left[i, j] * x[i + 1, j - 1]
-                )
-        else:
-            for j in range(1, n2 + 1):
-                r[i, j] = right[i, j] * x[i, j + 1] + below[i, j] * x[i + 1, j]
-        if ring:
-            # the last node comes after the first
-            r[i, n2] -= right[i, n2] * x[i, 1]
-            r[i, 1] += right[i, 0] * x[i, n2]
-            r[i, 0] = r[i, n2]
-
-
-@njit(**COMPILED)
-def _rows_up(last, count, x, b, inverse, right, below, ring):
-    """Gauss-Seidel backward on up to four rows of a network, column by column."""
-    n2 = x.shape[1] - 2
-    i, k, m, n = last, max(last - 1, 0), max(last - 2, 0), max(last - 3, 0)
-    u, v, s, t = x[i, n2 + 1], x[k, n2 + 1], x[m, n2 + 1], x[n, n2 + 1]
-    for j in range(n2, 0, -1):
-        if j == 1 and ring:  # the first node comes after the last, which it is linked to
-            for row in range(last - count + 1, last + 1):
-                x[row, 0] = x[row, n2]
-        rest = b[i, j] + below[i - 1, j] * x[i - 1, j] + below[i, j] * x[i + 1, j] + right[i, j - 1] * x[i, j - 1]
-        u = (rest + right[i, j] * u) * inverse[i, j]
-        x[i, j] = u
-        if count == 4:
-            rest = b[k, j] + below[k - 1, j] * x[k - 1, j] + right[k, j - 1] * x[k, j - 1]
-            v = (rest + below[k, j] * u + right[k, j] * v) * inverse[k, j]
-            x[k, j] = v
-            rest = b[m, j] + below[m - 1, j] * x[m - 1, j] + right[m, j - 1] * x[m, j - 1]
-            s = (rest + below[m, j] * v + right[m, j] * s) * inverse[m, j]
-            x[m, j] = s
-            rest = b[n, j] + below[n - 1, j] * x[n - 1, j] + right[n, j - 1] * x[n, j - 1]
-            t = (rest + below[n, j] * s + right[n, j] * t) * inverse[n, j]
-            x[n, j] = t
-
-
-@njit(**COMPILED)
-def _sweep_up(x, b, inverse, right, below, below_right, below_left, nine, ring):
-    """Gauss-Seidel backward."""
-    n1, n2 = x.shape[0] - 2, x.shape[1] - 2
-    rest = np.empty(n2 + 2 if nine else 1)
-    i = n1
-    while i > 0:
-        if not nine:
-            count = 4 if i >= 4 else 1
-            _rows_up(i, count, x, b, inverse, right, below, ring)
-            for _ in range(count):
-                if ring:
-                    x[i, 0] = x[i, n2]
-                    x[i, n2 + 1] = x[i, 1]
-                i -= 1
-            continue
-        for j in range(1, n2 + 1):
-            rest[j] = (
-                b[i, j]
-                + below[i - 1, j] * x[i - 1, j]
-                + below[i, j] * x[i + 1, j]
-                + below_right[i - 1, j - 1] * x[i - 1, j - 1]
-                + below_left[i - 1, j + 1] * x[i - 1, j + 1]
-                + below_right[i, j] * x[i + 1, j + 1]
-                + below_left[i, j] * x[i + 1, j - 1]
-            )
-        after = x[i, n2 + 1]
-        for j in range(n2, 0, -1):
-            if j == 1 and ring:
-                x[i, 0] = x[i, n2]
-            after = (rest[j] + right[i, j - 1] * x[i, j - 1] + right[i, j] * after) * inverse[i, j]
-            x[i, j] = after
-        if ring:
-            x[i, 0] = x[i, n2]
-            x[i, n2 + 1] = x[i, 1]
-        i -= 1
-
-
-@njit(**COMPILED)
-def _restrict(r, w, b):
-    """Pᵀ r."""
-    m1, m2 = b.shape[0] - 2, b.shape[1] - 2
-    for ci in range(1, m1 + 1):
-        i = 2 * ci - 1
-        for cj in range(1, m2 + 1):
-            j = 2 * cj - 1
-            s = 0.0
-            for a in range(3):
-                s += w[ci, cj, a, 0] * r[i + a - 1, j - 1]
-                s += w[ci, cj, a, 1] * r[i + a - 1, j]
-                s += w[ci, cj, a, 2] * r[i + a - 1, j + 1]
-            b[ci, cj] = s
-
-
-@njit(**COMPILED)
-def _prolong(coarse, w, x, ring):
-    """x += P coarse."""
-    n1, n2 = x.shape[0] - 2, x.shape[1] - 2
-    m1, m2 = coarse.shape[0] - 2, coarse.shape[1] - 2
-    if ring:
-        for i in range(1, n1 + 1):
-            x[i, 0] = 0.0
-    for ci in range(1, m1 + 1):
-        i = 2 * ci - 1
-        for cj in range(1, m2 + 1):
-            j = 2 * cj - 1
-            v = coarse[ci, cj]
-            for a in range(3):
-                x[i + a - 1, j - 1] += v * w[ci, cj, a, 0]
-                x[i + a - 1, j] += v * w[ci, cj, a, 1]
-                x[i + a - 1, j + 1] += v * w[ci, cj, a, 2]
-    if ring:
-        for i in range(1, n1 + 1):
-            x[i, n2] += x[i, 0]
-            x[i, 0] = x[i, n2]
-            x[i, n2 + 1] = x[i, 1]
-
-
-@njit(**COMPILED)
-def _cycle(levels, inverse, ring):
-    """One V-cycle from b to x of the finest level."""
-    for k in range(len(levels) - 1):
-        centre, right, below, below_right, below_left, inverse_centre, weights, x, b, r, apart = levels[k]
-        nine = below_right.size > 1
-        _sweep_down(x, b, r, inverse_centre, right, below, below_right, below_left, nine, ring)
-        if apart[3].size > 0:
-            relax_forward(apart, x, r, centre, right, below, below_right, below_left, nine, ring)
-        _restrict(r, weights, levels[k + 1][8])
-    x, b = levels[-1][7], levels[-1][8]
-    n2 = x.shape[1] - 2
-    for i in range(inverse.shape[0]):
-        s = 0.0
-        for j in range(inverse.shape[0]):
-            s += inverse[i, j] * b[j // n2 + 1, j % n2 + 1]
-        x[i // n2 + 1, i % n2 + 1] = s
-    for k in range(len(levels) - 2, -1, -1):
-        centre, right, below, below_right, below_left, inverse_centre, weights, x, b, _, apart = levels[k]
-        nine = below_right.size > 1
-        _prolong(levels[k + 1][7], weights, x, ring)
-        if apart[3].size > 0:
-            relax_backward(apart, x, b, centre, right, below, below_right, below_left, nine, ring)
-        _sweep_up(x, b, inverse_centre, right, below, below_right, below_left, nine, ring)
 
 
 @njit(**COMPILED)
@@ -401,7 +188,9 @@ def _lowest(steps, ratios, count):
 def _solve(centre, right, below, below_right, below_left, ring, inlet, outlet, rtol, field, limit, judged):
     """Conjugate gradients: potential, iterations, error in the norm of the energy, and whether it is what was asked."""
     levels = hierarchy(centre, right, below, below_right, below_left, ring)
-    inverse = coarsest_inverse(levels[-1], ring)
+    centre, right, below, below_right, below_left = levels[-1][:5]
+    coarsest = eliminated(centre, right, below, below_right, below_left, ring)
+    centre, right, below, below_right, below_left = levels[0][:5]
     nine = below_right.size > 1
     n1, n2 = centre.shape[0] - 2, centre.shape[1] - 2
     # the residual is the right-hand side of a cycle, whose own residual is not needed after it
@@ -419,7 +208,7 @@ def _solve(centre, right, below, below_right, below_left, ring, inlet, outlet, r
     iteration = 0
     done = False
     while True:
-        _cycle(levels, inverse, ring)
+        v_cycle(levels, coarsest, ring)
         before, rz, largest = rz, 0.0, 0.0
         for i in range(1, n1 + 1):
             for j in range(1, n2 + 1):
