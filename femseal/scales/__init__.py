@@ -2,7 +2,7 @@
 
 from .curves import CellCurves
 from .dissipation import window_dissipation
-from .element_flow import ElementFlow, WindowFlow, element_flow, window_flow
+from .elements import ElementFlow, WindowFlow, element_flow, window_flow
 from .global_contact import GlobalState, global_states
 from .ladder import Cell, Ladder, follow
 from .library import LadderLibrary, LibraryTable, WindowSource, build_ladder_library, on_ladder
