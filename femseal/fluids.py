@@ -14,6 +14,7 @@ from typing import Any, ClassVar, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .base.leak_units import LeakBasis
 from .base.parameters import check_parameters, parameter
 
 #: Molar gas constant [J/(mol K)], CODATA (exact since 2019).
@@ -111,6 +112,11 @@ class IdealGas:
         return STANDARD_PRESSURE * self.molar_mass / (GAS_CONSTANT * self.temperature)
 
     @property
+    def reference_pressure(self) -> float:
+        """Pressure at which volumes are stated [Pa], absolute; their temperature is the gas's own."""
+        return STANDARD_PRESSURE
+
+    @property
     def _factor(self) -> float:
         return self.molar_mass / (2 * GAS_CONSTANT * self.temperature * self.viscosity)
 
@@ -121,6 +127,16 @@ class IdealGas:
     def pressure(self, potential: ArrayLike) -> NDArray[np.float64]:
         """Inverse of `potential` [Pa], absolute."""
         return np.sqrt(np.asarray(potential, dtype=float) / self._factor)
+
+
+def leak_basis(fluid: Fluid, length: float) -> LeakBasis:
+    """What turns the leakage of a fluid through a seal of a length [m] into any unit.
+
+    A fluid that has a `reference_pressure`, at which its volumes are stated, and a `temperature` is a gas.
+    """
+    pressure = getattr(fluid, "reference_pressure", None)
+    temperature = None if pressure is None else getattr(fluid, "temperature", None)
+    return LeakBasis(length, fluid.reference_density, pressure, temperature)
 
 
 #: Fluids that a case can choose, by their kind.

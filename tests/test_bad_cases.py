@@ -4,6 +4,7 @@ import os
 import subprocess
 import sys
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 
 import h5py
@@ -14,6 +15,7 @@ import femseal as fs
 from femseal import cli
 from femseal.base.errors import shortened, shown
 from femseal.base.quantities import to_si
+from femseal.results import assemble
 from femseal.results.netcdf import save
 from femseal.runs import sizes
 from femseal.runs.case import parse_case
@@ -283,6 +285,21 @@ def test_a_run_warns_of_odd_cases(data):
     data["fluid"]["inlet_pressure"] = "400 MPa"
     results = fs.run(parse_case(data), workers=1)
     assert "4 times the contact pressure of 100 MPa" in results.warnings[0]
+
+
+def test_results_of_studies_called_from_python_warn_of_odd_scenes_too():
+    heights = fs.self_affine((32, 32), (60e-6, 60e-6), hurst=0.8, rms_slope=0.1, rng=np.random.default_rng(1))
+    given = {"modulus": 115e9, "hardness": 2.8e9, "fluid": fs.Liquid(1e-3), "inlet_pressure": 1e6}
+    usual = fs.Scene(heights, outlet_pressure=0.0, loading=(100e6,), **given)
+    odd = replace(usual, inlet_pressure=400e6)
+    sampling = fs.Sampling(length=60e-6, realisations=2, library_cells=4, seed=1)
+    for study, settings in ((fs.deterministic, ()), (fs.two_scale, ((2, 2),)), (fs.stochastic, ((2, 2), sampling))):
+        told = set(study(odd, *settings).warnings) - set(study(usual, *settings).warnings)
+        assert len(told) == 1
+        assert "4 times the contact pressure of 100 MPa" in told.pop()
+    assert "contact modulus 115 MPa" in fs.deterministic(replace(usual, modulus=115e6, loading=(1e5,))).warnings[0]
+    study = fs.deterministic(odd)
+    assert assemble(odd, deterministic=study, warnings=study.warnings).warnings == list(study.warnings)
 
 
 # --- results ----------------------------------------------------------------------------------------------

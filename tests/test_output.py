@@ -16,13 +16,14 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scipy import stats
 
 from femseal.base.errors import FemsealError, InputError
+from femseal.base.leak_units import leakage_unit
 from femseal.flow import cell_permeability
 from femseal.fluids import IdealGas, Liquid
 from femseal.plots import cells_figure, leakage_figure, seal_figure
 from femseal.report import write_folder
 from femseal.results import assemble, open_results, save, write_vtk
 from femseal.results.branches import branch_text
-from femseal.results.tables import amount, leakage_unit
+from femseal.results.tables import amount
 from femseal.results.views import chosen_windows
 from femseal.seal import RectangularSeal
 from femseal.studies import Sampling, Scene, TwoScaleResult, deterministic, stochastic, two_scale
@@ -526,7 +527,8 @@ def test_pictures_of_a_seal_without_any_flow(scene, studies):
     zero = replace(two, k1=two.k1 * 0, k2=two.k2 * 0, leakage=two.leakage * 0)
     r = assemble(scene, two_scale=zero)
     assert "fluid pressure [MPa], no flow" in [axes.get_title() for axes in seal_figure(r).axes]
-    assert r._repr_html_().count("<td>sealed</td>") == len(r.steps)
+    # per length, and of the whole seal
+    assert r._repr_html_().count("<td>sealed</td>") == 2 * len(r.steps)
     assert "at 700 MPa: sealed" in repr(r)
     for figure in (seal_figure(r), seal_figure(r, 4), cells_figure(r)):
         figure.savefig(io.BytesIO(), dpi=40)

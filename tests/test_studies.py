@@ -278,7 +278,7 @@ class TestWindowsThatCannotWork:
     def test_faces_without_ridges_or_with_all_of_them_in_a_window_are_not_warned_of(self, rough_two_scale):
         assert rough_two_scale.failures == rough_two_scale.warnings == ()
         x2 = (np.arange(64) + 0.5) * PIXEL
-        scene = make_scene(np.tile(1e-6 * np.cos(2 * np.pi * x2 / 4e-6), (64, 1)), loading=(1e7,))
+        scene = make_scene(np.tile(5e-7 * np.cos(2 * np.pi * x2 / 4e-6), (64, 1)), loading=(1e7,))
         assert two_scale(scene, (2, 2)).warnings == ()
 
 

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from femseal.base.errors import InputError
-from femseal.topography import Topography, condition, self_affine
+from femseal.topography import Topography, condition, resolving_shape, self_affine
 
 PERIODS = [(True, True), (False, True), (True, False), (False, False)]
 SIZE = (3e-3, 2e-3)
@@ -414,6 +414,32 @@ def test_condition_on_another_grid():
     assert_allclose(report.shortest_wavelength, 8 * max(coarse.spacing))
     reference, _ = condition(measured(), shortest_wavelength=report.shortest_wavelength)
     assert_allclose(coarse.resample((96, 80)).heights, reference.heights, atol=1e-18)
+
+
+def test_a_finer_grid_keeps_the_waves_that_were_measured():
+    """5 pixels are the shortest: the measured grid loses them, one with 8 pixels for them does not."""
+    face = self_affine((96, 80), SIZE, hurst=0.5, rms_height=1e-6, cut_off=5 * SIZE[0] / 96, rng=4)
+    _, coarse = condition(face, detrend=0)
+    assert_allclose(coarse.shortest_measured, 5 * SIZE[0] / 96, rtol=0.05)
+    assert_allclose(
+        coarse.lost_slope, 1 - face.low_pass(coarse.shortest_wavelength).rms_slope / face.rms_slope, atol=0.02
+    )
+    assert coarse.lost_slope > 0.15
+    shape = resolving_shape(SIZE, coarse.shortest_measured)
+    fine, report = condition(face, detrend=0, shape=shape)
+    assert report.shortest_wavelength == report.shortest_measured >= 8 * max(fine.spacing)
+    assert_allclose(fine.rms_slope, face.rms_slope, rtol=0.02)
+    assert report.lost_slope < 1e-9
+
+
+def test_resolving_shape_gives_8_pixels_or_what_the_limit_allows():
+    for wave in (7e-6, 3.31e-5):
+        shape = resolving_shape((1e-3, 0.7e-3), wave)
+        pixels = [wave / (length / n) for length, n in zip((1e-3, 0.7e-3), shape, strict=True)]
+        assert 8 <= min(pixels) <= max(pixels) < 8.8
+    limited = resolving_shape((1e-3, 0.5e-3), 1e-6, most=5e4)
+    assert_allclose(limited, (316, 158), rtol=0.05)
+    assert resolving_shape((1e-3, 0.5e-3), 1e-6) == (8000, 4000)
 
 
 def test_condition_refuses_waves_the_grid_does_not_resolve():

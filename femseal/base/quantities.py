@@ -7,9 +7,6 @@ from functools import cache
 from math import isfinite
 from typing import Any
 
-import numpy as np
-from numpy.typing import ArrayLike
-
 from .errors import InputError, shown
 
 _DECIMAL_COMMA = re.compile(r"\d,\d")
@@ -28,15 +25,6 @@ _PASCAL_SECOND = re.compile(r"(?<=Pa)s\b")
 _NUMBER_AND_UNIT = re.compile(r"^\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(\S.*)?$")
 #: Prefixes for people: (factor, text), used when a value is printed.
 _PREFIXES = [(1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"), (1e-12, "p")]
-
-#: Units of leakage per length of seal: value in m²/s and text; 1 mL/(m·s) is 1 mm²/s.
-LEAKAGE_UNITS = (
-    (1e-3, "L/(m·s)"),
-    (1e-6, "mL/(m·s)"),
-    (1e-9, "µL/(m·s)"),
-    (1e-12, "nL/(m·s)"),
-    (1e-15, "pL/(m·s)"),
-)
 
 
 @cache
@@ -121,15 +109,3 @@ def to_text(value: float, unit: str, digits: int = 4) -> str:
         return f"{value:g} {unit}"
     factor, prefix = next((p for p in _PREFIXES if abs(value) >= p[0] * (1 - 1e-12)), _PREFIXES[-1])
     return f"{value / factor:.{digits}g} {prefix}{unit}"
-
-
-def leakage_unit(values: ArrayLike) -> tuple[float, str]:
-    """One unit for all the leakages [m²/s] given: (its value in m²/s, its text), by the median of those not 0.
-
-    >>> leakage_unit([0.0, 3e-9, 4e-7, 2e-8])
-    (1e-09, 'µL/(m·s)')
-    """
-    size = np.abs(np.asarray(values, dtype=float).ravel())
-    size = size[np.isfinite(size) & (size > 0)]
-    middle = float(np.median(size)) if size.size else 1e-9
-    return next((u for u in LEAKAGE_UNITS if middle >= u[0] * (1 - 1e-12)), LEAKAGE_UNITS[-1])

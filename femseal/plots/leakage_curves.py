@@ -10,12 +10,14 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base.quantities import leakage_unit
+from ..base.leak_units import leakage_unit
 from ..results.branches import Steps, branches, pressures_and_peaks
 from ..results.results import Results
+from ..results.tables import leak_scale, leakage_of
 from ..studies import DeterministicResult, StochasticResult, TwoScaleResult
 from .drawing import GREY, branch_styles, new_figure, one_panel
 from .registry import shows
+from .scales_of_axes import decades, load_axis
 
 if TYPE_CHECKING:
     import xarray
@@ -34,7 +36,8 @@ class LeakageCurves:
     pressure, peaks : of the steps [Pa], see `branches`. leakage, title : the main curve and its name.
     band, band_together : lower and upper ends over realisations, and over realisations with the error of the library.
     share : lower and upper quantile of the bands. mean : thin and dotted. others : single markers, by method.
-    notes : added to the axis.
+    notes : added to the axis. told : the leakage that is 1 on the axis, and the axis's name with its unit; a readable
+    unit for all curves that are drawn together, unless all of them ask for the same.
     """
 
     pressure: Array
@@ -47,6 +50,7 @@ class LeakageCurves:
     mean: Array | None = None
     others: dict[str, Array] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    told: tuple[float, str] | None = None
 
     @property
     def drawn(self) -> list[Array]:
@@ -60,7 +64,11 @@ def leakage_panel(axes: Axes, *several: LeakageCurves) -> list[Any]:
 
     Returns the handles of its legend.
     """
-    factor, unit = leakage_unit(np.concatenate([curves.leakage for curves in several]))
+    told = several[0].told
+    if told is None or any(curves.told != told for curves in several):
+        size, unit = leakage_unit(np.concatenate([curves.leakage for curves in several]))
+        told = size, f"leakage per length of seal [{unit}]"
+    factor, label = told
     parts = [(curves, name, steps) for curves in several for name, steps in branches(curves.pressure, curves.peaks)]
     drawn = np.concatenate([values for curves in several for values in curves.drawn])
     floor, lanes = _log_axis(axes, np.abs(drawn) / factor, len(parts))
@@ -69,8 +77,8 @@ def leakage_panel(axes: Axes, *several: LeakageCurves) -> list[Any]:
         handles[id(curves)].append(_branch(axes, curves, name, steps, style, factor, floor, lane))
     axes.set_xlabel("nominal pressure [MPa]")
     notes = dict.fromkeys(note for curves in several for note in curves.notes)
-    axes.set_ylabel("\n".join([f"leakage per length of seal [{unit}]", *([", ".join(notes)] if notes else [])]))
-    axes.set_xlim(0, max(max(curves.pressure.max() for curves in several) / 1e6, 1e-300) * 1.03)
+    axes.set_ylabel("\n".join([label, *([", ".join(notes)] if notes else [])]))
+    load_axis(axes, np.concatenate([curves.pressure for curves in several]) / 1e6)
     axes.grid(alpha=0.25, lw=0.6)
     from matplotlib.lines import Line2D
 
@@ -114,17 +122,19 @@ def _log_axis(axes: Axes, values: Array, count: int) -> tuple[float, list[float]
     positive = values[np.isfinite(values) & (values > 0)]
     low, high = (float(positive.min()), float(positive.max())) if positive.size else (0.1, 10.0)
     low = max(low, high * 1e-15)
-    decades = max(np.log10(high / low), 0.5)
-    floor, top = low * 10 ** (-0.05 * decades), high * 10 ** (0.06 * decades)
+    span = max(np.log10(high / low), 0.5)
+    floor, top = low * 10 ** (-0.05 * span), high * 10 ** (0.06 * span)
     if not np.any(values == 0):
         axes.set_ylim(floor, top)
+        decades(axes.yaxis)
         return floor, [floor] * count
-    height = (0.05 + 0.04 * count) * decades
+    height = (0.05 + 0.04 * count) * span
     lanes = [float(floor * 10 ** (-height * (n + 0.5) / count)) for n in range(count)]
     bottom = floor * 10**-height
     axes.set_ylim(bottom, top)
     axes.set_yticks([t for t in axes.get_yticks() if floor <= t <= top])
     axes.set_yticks([t for t in axes.get_yticks(minor=True) if floor <= t <= top], minor=True)
+    decades(axes.yaxis)
     axes.axhspan(bottom, floor, color="#E4E4E4", lw=0, zorder=0)
     middle = float(np.sqrt(floor * bottom))
     axes.annotate(" sealed", (1, middle), xycoords=("axes fraction", "data"), ha="left", va="center", fontsize=9)
@@ -229,7 +239,13 @@ def leakage_curves(results: Results) -> LeakageCurves:
         mean=data["leakage_mean"].values if "leakage_mean" in data else None,
         others={m: data[name].values for m, name in others.items() if name in data and m != results.method},
         notes=tuple(notes),
+        told=_told(results) if data.attrs.get("leakage_unit") else None,
     )
+
+
+def _told(results: Results) -> tuple[float, str]:
+    unit, factor = leak_scale(results)
+    return factor, f"{leakage_of(results).rstrip(',')} [{unit.name}]"
 
 
 def _band(data: xarray.Dataset, end: str) -> tuple[Array, Array] | None:

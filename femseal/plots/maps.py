@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.errors import InputError
-from ..base.quantities import leakage_unit
+from ..base.leak_units import leakage_unit
 from .drawing import CLOSED, STYLES, colour_bar, map_panel, new_figure, with_closed
 
 if TYPE_CHECKING:

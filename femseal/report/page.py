@@ -12,7 +12,7 @@ from ..base.errors import InputError
 from ..base.files import replacing
 from ..results.netcdf import open_results
 from ..results.results import Results
-from ..results.tables import texts
+from ..results.tables import texts, totals
 from . import pictures as pictures
 from . import words as words
 
@@ -80,6 +80,7 @@ def _content(results: Results) -> dict[str, Any]:
             "heads": heads,
             "lines": lines,
         },
+        "totals": dict(zip(("heads", "lines"), totals(results), strict=True)),
         "method": results.method,
         "cells": pictures.cell_pictures(results) if "library_k" in data or "k1" in data else [],
         "map_step": "",

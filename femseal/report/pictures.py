@@ -15,7 +15,7 @@ from ..plots.cell_curves import cell_curves_panel, cells_of, gap_panel, pressure
 from ..plots.drawing import map_height, new_figure, svg
 from ..plots.leakage_curves import leakage_curves, leakage_panel
 from ..plots.maps import contact_panel, default_step, drop_panel, fluid_panel, permeability_panel, seal_size
-from ..results.tables import amount, leakage_unit
+from ..results.tables import amount, leak_scale, leakage_of
 
 if TYPE_CHECKING:
     import xarray
@@ -43,11 +43,12 @@ def leakage_picture(results: Results) -> Picture:
     handles = leakage_panel(figure.add_subplot(), leakage_curves(results))
     figure.legend(handles=handles, loc="outside lower center", ncols=2, frameon=False, fontsize=8.5, handlelength=3.4)
     steps, leakage = results.steps, results.leakage.values
-    factor, unit = leakage_unit(leakage)
+    unit, factor = leak_scale(results)
     peak = max(range(len(steps)), key=lambda s: steps[s].pressure)
     places = dict.fromkeys((0, peak, len(steps) - 1))
     texts = [f"{amount(leakage[s], factor)} at {steps[s].name}" for s in places]
-    alt = f"Leakage per length of seal in {unit} against nominal pressure: {', '.join(texts)}. See the table for all."
+    what = leakage_of(results).capitalize()
+    alt = f"{what} in {unit.name} against nominal pressure: {', '.join(texts)}. See the table for all."
     caption = "Leakage against nominal pressure, one line and marker for each branch of the load cycle."
     if "leakage_lower_together" in results.dataset:
         caption += " Shaded: band of the realisations, and lighter that with the error of the finite library besides."

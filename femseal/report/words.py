@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.files import read_plain
 from ..base.quantities import to_text
 from ..plots.maps import default_step
 from ..results.summary import solvers_text
-from ..results.tables import amount, leakage_unit
+from ..results.tables import amount, in_several_units, leak_scale
 from ..studies.compare import FLOOR, leakage_factor
 
 if TYPE_CHECKING:
@@ -36,12 +37,12 @@ class KeyNumber:
 def key_numbers(results: Results) -> list[KeyNumber]:
     """Leakage at the first and the highest load and after the last unloading; contact there."""
     data, steps, leakage = results.dataset, results.steps, results.leakage.values
-    factor, unit = leakage_unit(leakage)
+    unit, factor = leak_scale(results)
     peak = max(range(len(steps)), key=lambda s: steps[s].pressure)
     numbers = []
     for s in dict.fromkeys((0, peak, len(steps) - 1)):
         value = amount(leakage[s], factor)
-        value += f" {unit}" if leakage[s] and not np.isnan(leakage[s]) else ""
+        value += f" {unit.name}" if leakage[s] and not np.isnan(leakage[s]) else ""
         note = ""
         if "leakage_lower" in data:
             ends = (amount(float(data[f"leakage_{end}"][s]), factor) for end in ("lower", "upper"))
@@ -219,6 +220,10 @@ def scatter_lines(results: Results) -> Lines:
     for one, name, other, reference in pairs:
         if name in data and reference in data:
             lines += _comparison(results, one, data[name].values, other, data[reference].values)
+    if "leakage_filtered" in data:
+        lines += _comparison(
+            results, "twice the shortest wave", data["leakage_filtered"].values, results.method, results.leakage.values
+        )
     return lines
 
 
@@ -285,7 +290,12 @@ def check_lines(results: Results) -> Lines:
         )
         if before := surface.get("rms_slope_before"):
             lost = 1 - surface["rms_slope"] / before
-            lines.append(("slope removed", f"{100 * lost:.2g} %", "of the rms slope, with the waves shorter than that"))
+            meaning = "of the rms slope, with the waves shorter than that"
+            if measured := surface.get("rms_slope_measured"):
+                kept = min(1.0, surface["rms_slope"] / measured)
+                end = to_text(surface["shortest_measured"], "m", 3)
+                meaning += f"; {1 - kept:.1%} of that of waves above noise, which end at {end}"
+            lines.append(("slope removed", f"{100 * lost:.2g} %", meaning))
     return lines
 
 
@@ -294,7 +304,7 @@ def accuracy_lines(results: Results) -> Lines:
     if results.folder is None:
         return []
     try:
-        found = json.loads((results.folder / "accuracy.json").read_text(encoding="utf-8"))
+        found = json.loads(read_plain(results.folder / "accuracy.json", 1e7))
         if found["case"] != results.case:
             return []
         return [
@@ -308,7 +318,7 @@ def accuracy_lines(results: Results) -> Lines:
             for s in found["solutions"]
             for c in s["comparisons"]
         ]
-    except (OSError, ValueError, KeyError, TypeError):
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
         return []
 
 
@@ -330,13 +340,21 @@ def time_lines(results: Results) -> list[tuple[str, str, float]]:
 
 
 def total_leakage_text(results: Results) -> str:
-    """Leakage of the whole seal at the highest load."""
-    steps, leakage = results.steps, results.leakage.values
+    """Leakage of the whole seal at the highest load, in several units."""
+    steps = results.steps
     peak = max(range(len(steps)), key=lambda s: steps[s].pressure)
-    rate = leakage[peak] * float(results.dataset.attrs["seal_size_m"][1])
-    if not np.isfinite(rate) or rate == 0:
+    if not (whole := in_several_units(results, peak)):
         return ""
-    return f"Over its whole length the seal leaks {rate * 60e6:.3g} mL/min at {to_text(steps[peak].pressure, 'Pa')}."
+    length, load = to_text(results.leak_basis.length, "m"), to_text(steps[peak].pressure, "Pa")
+    return f"Over its whole length of {length} the seal leaks {whole} at {load}.{_reference_text(results)}"
+
+
+def _reference_text(results: Results) -> str:
+    basis = results.leak_basis
+    if basis.pressure is None or basis.temperature is None:
+        return ""
+    state = f"{basis.pressure:g} Pa and {basis.temperature:g} K"
+    return f" Volumes of the gas are those at {state}, and so is its pressure × volume."
 
 
 def flat(value: Any, name: str = "") -> list[tuple[str, str]]:

@@ -7,10 +7,13 @@ from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..base.errors import InputError
+from ..base.leak_units import leak_unit
 from ..base.machine import machine, peak_memory
 from ..base.provenance import versions
+from ..fluids import leak_basis
 from . import variables
 from .results import Results
 
@@ -32,6 +35,8 @@ def assemble(
     timings: dict[str, float] | None = None,
     quantiles: tuple[float, float] = (0.05, 0.95),
     warnings: tuple[str, ...] = (),
+    leakage_unit: str | None = None,
+    leakage_filtered: NDArray[np.float64] | None = None,
 ) -> Results:
     """One dataset of all the studies of a scene.
 
@@ -44,6 +49,9 @@ def assemble(
     timings : stage to wall time [s].
     quantiles : lower and upper end of the band of realisations.
     warnings : what casts doubt on the case itself; those of the studies come after them.
+    leakage_unit : in which tables, pictures and report tell leakage, see `base.leak_units`; a readable one per length
+        of seal unless given.
+    leakage_filtered : the leakage at every step of the same face without waves up to twice the shortest one.
 
     Returns
     -------
@@ -56,7 +64,8 @@ def assemble(
 
     Raises
     ------
-    InputError : no study, a study of another load programme, quantiles not 0 <= lower < upper <= 1.
+    InputError : no study, a study of another load programme, quantiles not 0 <= lower < upper <= 1, a unit that does
+        not exist or is not for the fluid.
     """
     import xarray
 
@@ -76,6 +85,8 @@ def assemble(
         variables.add_realisations(data, stochastic, quantiles)
         variables.add_library(data, stochastic.library.curves)
     variables.add_contact_share(data, scene, deterministic, two_scale, stochastic)
+    if leakage_filtered is not None:
+        variables.add_filtered(data, leakage_filtered)
     counts = {"two_scale": two_scale.counts.by_kind()} if two_scale is not None else {}
     counts |= {"library": stochastic.library.counts.by_kind()} if stochastic is not None else {}
     solvers = {
@@ -84,7 +95,13 @@ def assemble(
         if study is not None
     }
     few = [text] if stochastic is not None and (text := stochastic.too_few(*quantiles)) else []
+    told = (text for study in studies for text in study.warnings)
     seal_size = stochastic.seal.size if stochastic is not None else scene.surface.size
+    basis = leak_basis(scene.fluid, float(seal_size[1]))
+    if leakage_unit is not None:
+        unit = leak_unit(leakage_unit)
+        basis.factor(unit)  # raises if the unit is not for the fluid
+        leakage_unit = unit.name
     data.attrs = {
         "title": "Leakage of a metal-to-metal seal over a load cycle",
         "Conventions": "CF-1.11",
@@ -95,7 +112,8 @@ def assemble(
         "timings": _json(timings or {}),
         "counts": _json(counts),
         "solvers": _json(solvers),
-        "warnings": _shortened([*warnings, *(text for study in studies for text in study.warnings), *few]),
+        # what is odd in the scene is told by every study
+        "warnings": _shortened(list(dict.fromkeys([*warnings, *told, *few]))),
         "failures": _shortened([text for study in studies for text in study.failures]),
         "versions": _json(versions()),
         "machine": _json(machine()),
@@ -106,10 +124,16 @@ def assemble(
         "contact_modulus_Pa": float(scene.modulus),
         "hardness_Pa": float(scene.hardness),
         "seal_size_m": [float(length) for length in seal_size],
+        "reference_density_kg_per_m3": basis.density,
+        "leakage_unit": leakage_unit or "",
     }
+    if basis.pressure is not None and basis.temperature is not None:
+        data.attrs |= {"reference_pressure_Pa": basis.pressure, "reference_temperature_K": basis.temperature}
     if case and case.get("seed") is not None:
         data.attrs["seed"] = case["seed"]
-    return Results(data, scene=scene, deterministic=deterministic, two_scale=two_scale, stochastic=stochastic)
+    results = Results(data, scene=scene, deterministic=deterministic, two_scale=two_scale, stochastic=stochastic)
+    variables.add_totals(data, results.leakage, results.leak_basis)
+    return results
 
 
 def _json(value: Any) -> str:

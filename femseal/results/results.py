@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..base.leak_units import LEAK_UNITS, LeakBasis, LeakUnit, leak_unit, leakage_unit
 from ..base.text import Plotted, room
 from ..loads import LoadProgramme, LoadStep
 from . import fields as stitched
@@ -55,6 +56,36 @@ class Results(Plotted):
     def leakage(self) -> xarray.DataArray:
         """Best available leakage per length of seal (step,) [m²/s]: median, else two-scale, else deterministic."""
         return self.dataset[dict(METHODS)[self.method]]
+
+    @property
+    def leak_basis(self) -> LeakBasis:
+        """Length of the seal and reference state of the fluid, which turn the leakage into any unit."""
+        attrs = self.dataset.attrs
+        state = (attrs.get(f"reference_{name}") for name in ("pressure_Pa", "temperature_K"))
+        pressure, temperature = (None if value is None else float(value) for value in state)
+        density = float(attrs.get("reference_density_kg_per_m3", np.nan))
+        return LeakBasis(float(attrs["seal_size_m"][1]), density, pressure, temperature)
+
+    @property
+    def leak_unit(self) -> LeakUnit:
+        """The unit in which leakage is told: that of the case, else a readable one per length of seal."""
+        return (
+            LEAK_UNITS.get(self.dataset.attrs.get("leakage_unit", ""))
+            or LEAK_UNITS[leakage_unit(self.leakage.values)[1]]
+        )
+
+    def leakage_in(self, unit: str) -> xarray.DataArray:
+        """`leakage` (step,) in a unit such as "mL/min", "g/year", "mL/(m·min)"; of gases also "Pa·m³/s", "mbar·L/s".
+
+        Units that are not per length are of the whole seal. Volumes of gases are at 101 325 Pa and their temperature.
+
+        Raises
+        ------
+        InputError : no such unit, or a unit of gases for a liquid.
+        """
+        chosen = leak_unit(unit)
+        values = self.leakage / self.leak_basis.factor(chosen)
+        return values.assign_attrs(units=chosen.name, long_name=self.leakage.attrs["long_name"])
 
     @property
     def steps(self) -> LoadProgramme:

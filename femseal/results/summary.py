@@ -39,6 +39,8 @@ def facts(results: Results) -> dict[str, str]:
     data, steps = results.dataset, results.steps
     peak = max(range(len(steps)), key=lambda s: steps[s].pressure)
     found = {"leakage": f"at {to_text(steps[peak].pressure, 'Pa')}: {_leakage(results, peak)} ({results.method})"}
+    if whole := tables.in_several_units(results, peak):
+        found["seal"] = f"{to_text(results.leak_basis.length, 'm')} long: {whole}"
     up = sum(step.unloaded_from is None for step in steps)
     peaks = sorted({step.unloaded_from for step in steps if step.unloaded_from is not None})
     down = f", {len(steps) - up} unloading from {', '.join(to_text(p, 'Pa') for p in peaks)}" if peaks else ""
@@ -96,9 +98,9 @@ def solvers_text(solvers: dict[str, Any]) -> str:
 
 def _leakage(results: Results, step: int) -> str:
     leakage = float(results.leakage[step])
-    factor, unit = tables.leakage_unit(leakage)
-    value = tables.amount(leakage, factor)
-    return f"{value} {unit}" if np.isfinite(leakage) and leakage != 0 else value
+    unit = results.leak_unit
+    value = tables.amount(leakage, results.leak_basis.factor(unit))
+    return f"{value} {unit.name}" if np.isfinite(leakage) and leakage != 0 else value
 
 
 def _html_lines(lines: dict[str, str]) -> str:

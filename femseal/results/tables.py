@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..base.quantities import leakage_unit, to_text
+from ..base.leak_units import TOLD
+from ..base.quantities import to_text
 from .branches import branch_text
 from .variables import name_with_unit
 
@@ -19,17 +20,22 @@ if TYPE_CHECKING:
     import xarray
     from rich.table import Table
 
+    from ..base.leak_units import LeakUnit
     from .results import Results
 
 #: Length of a heading in the terminal beyond which it is broken between words.
 _HEADING = 10
+#: Width of the first column in the terminal.
+_BRANCH = 13
 
 
 def rows(results: Results) -> list[dict[str, Any]]:
-    """One dictionary for each step, everything in SI; keys carry the units."""
+    """One dictionary for each step in SI, with the leakage in further units at the end; keys carry the units."""
     data = results.dataset
     columns = {name_with_unit(results.leakage, "leakage"): results.leakage.values}
     columns |= {name_with_unit(v): v.values for v in data.data_vars.values() if v.dims == ("step",)}
+    further = [unit for unit in results.leak_basis.units() if unit.si != 1]
+    columns |= {f"leakage_{_ascii(unit.name)}": results.leakage_in(unit.name).values for unit in further}
     table = []
     for s in range(data.sizes["step"]):
         row: dict[str, Any] = {
@@ -42,8 +48,13 @@ def rows(results: Results) -> list[dict[str, Any]]:
     return table
 
 
+def _ascii(unit: str) -> str:
+    """A unit in letters: "mL/(m·min)" is "mL_per_m_min"."""
+    return unit.replace("/", "_per_").replace("·", "_").replace("(", "").replace(")", "").replace("³", "3")
+
+
 def csv_text(results: Results) -> str:
-    """The rows as comma-separated values in SI, with one line of column names."""
+    """The rows as comma-separated values, with one line of column names."""
     table = rows(results)
     stream = io.StringIO()
     writer = csv.DictWriter(stream, list(table[0]), lineterminator="\n")
@@ -53,12 +64,13 @@ def csv_text(results: Results) -> str:
 
 
 def texts(results: Results) -> tuple[str, list[str], list[list[str]]]:
-    """Title, headings and cells of the table for people: one unit of leakage in all columns, 0 is "sealed".
+    """Title, headings and cells of the table for people: one unit of leakage in all columns but one, 0 is "sealed".
 
-    Branch, pressure, leakage with its bands, and every variable over the steps that has a heading.
+    Branch, pressure, leakage with its bands, that of the whole seal, and every variable over the steps that has a
+    heading.
     """
-    data, best = results.dataset, results.leakage
-    factor, unit = leakage_unit(best.values)
+    data, best, basis = results.dataset, results.leakage, results.leak_basis
+    unit, factor = leak_scale(results)
     columns: list[tuple[str, Iterable[str]]] = [
         ("branch", (branch_text(float(peak)) for peak in data["unloaded_from"].values)),
         ("pressure", (to_text(float(p), "Pa") for p in data["nominal_pressure"].values)),
@@ -69,12 +81,54 @@ def texts(results: Results) -> tuple[str, list[str], list[list[str]]]:
         for heading, end in ((f"{share} %", ""), ("with error of library", "_together")):
             ends = zip(data[f"leakage_lower{end}"].values, data[f"leakage_upper{end}"].values, strict=True)
             columns.append((heading, [_range(low, high, factor) for low, high in ends]))
+    if unit.per_length:
+        whole = basis.readable(best.values)
+        columns.append((f"whole seal [{whole.name}]", [amount(q, basis.factor(whole)) for q in best.values]))
     for name, variable in data.data_vars.items():
         # no column for sealed realisations if there are none
         if "heading" in variable.attrs and name != best.name and (name != "sealed_share" or variable.any()):
             columns.append((variable.attrs["heading"], _cells(variable, factor)))
-    title = f"leakage per length of seal in {unit} (= {factor:.0e} m²/s)"
+    title = f"{leakage_of(results)} in {unit.name} (= {factor:.3g} m²/s{'' if unit.per_length else ' per length'})"
     return title, [c[0] for c in columns], [list(cells) for cells in zip(*(c[1] for c in columns), strict=True)]
+
+
+def leak_scale(results: Results) -> tuple[LeakUnit, float]:
+    """The unit in which the leakage is told, and the leakage per length that is 1 in it [m²/s]."""
+    return results.leak_unit, results.leak_basis.factor(results.leak_unit)
+
+
+def leakage_of(results: Results) -> str:
+    """What the leakage in its unit is of, in words."""
+    if results.leak_unit.per_length:
+        return "leakage per length of seal"
+    return f"leakage of the whole seal, {to_text(results.leak_basis.length, 'm')},"
+
+
+def totals(results: Results) -> tuple[list[str], list[list[str]]]:
+    """Headings and cells of a table of the leakage in several units: branch, pressure, and a column for each unit."""
+    data, basis = results.dataset, results.leak_basis
+    names = [*TOLD, results.leak_unit.name] if results.leak_unit.name not in TOLD else list(TOLD)
+    units = basis.units(names)
+    lines = [
+        [
+            branch_text(float(peak)),
+            to_text(float(p), "Pa"),
+            *(amount(float(q), basis.factor(unit)) for unit in units),
+        ]
+        for p, peak, q in zip(
+            data["nominal_pressure"].values, data["unloaded_from"].values, results.leakage.values, strict=True
+        )
+    ]
+    return ["branch", "pressure", *(unit.name for unit in units)], lines
+
+
+def in_several_units(results: Results, step: int) -> str:
+    """Leakage at a step of the whole seal, in volume, mass and, for a gas, pressure × volume; "" without a number."""
+    leakage, basis = float(results.leakage[step]), results.leak_basis
+    if not np.isfinite(leakage) or leakage == 0:
+        return ""
+    units = [unit for unit in basis.units() if not unit.per_length]
+    return " = ".join(f"{amount(leakage, basis.factor(unit))} {unit.name}" for unit in units)
 
 
 def _cells(variable: xarray.DataArray, factor: float) -> list[str]:
@@ -95,7 +149,8 @@ def rich_table(results: Results) -> Table:
 
     title, headers, cells = texts(results)
     table = Table(title=plain(title), title_justify="left", box=SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
-    table.add_column("pressure")
+    # names of branches are broken, which leaves the width to the numbers
+    table.add_column("pressure", max_width=_BRANCH)
     for header in headers[2:]:
         table.add_column(plain(fill(header, _HEADING, break_long_words=False)), justify="right", overflow="fold")
     for n, (branch, pressure, *values) in enumerate(cells):

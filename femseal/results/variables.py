@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..base.leak_units import LEAK_UNITS, LeakBasis
 from ..loads import LoadStep
 from ..seal import NARROWEST, RectangularSeal, drop_shares
 
@@ -22,7 +23,16 @@ if TYPE_CHECKING:
     from ..scales import LibraryTable
     from ..studies import DeterministicResult, Scene, StochasticResult, TwoScaleResult
 
-_SUFFIXES = {"m": "m", "m^2/s": "m2_per_s", "m^3": "m3", "Pa": "Pa", "1": ""}
+_SUFFIXES = {
+    "m": "m",
+    "m^2/s": "m2_per_s",
+    "m^3": "m3",
+    "Pa": "Pa",
+    "1": "",
+    "m^3/s": "m3_per_s",
+    "kg/s": "kg_per_s",
+    "Pa*m^3/s": "Pa_m3_per_s",
+}
 
 
 def name_with_unit(variable: xarray.DataArray, name: str | None = None) -> str:
@@ -104,6 +114,12 @@ def add_realisations(data: xarray.Dataset, result: StochasticResult, quantiles: 
     data["sealed_share"] = ("step", result.sealed_share, _labels("1", text, "sealed [%]"))
 
 
+def add_filtered(data: xarray.Dataset, leakage: np.ndarray) -> None:
+    """Add the leakage of the face without waves up to twice the shortest one."""
+    text = "leakage per unit seal length, of the face without waves up to twice the shortest"
+    data["leakage_filtered"] = ("step", leakage, _labels("m^2/s", text, "twice the wave"))
+
+
 def add_library(data: xarray.Dataset, curves: LibraryTable) -> None:
     """Add the curves of the cells of the library over the steps of the library."""
     for name, entry in step_coordinates("library_step", "library_", curves.steps).items():
@@ -114,6 +130,23 @@ def add_library(data: xarray.Dataset, curves: LibraryTable) -> None:
         if f.name != "steps":
             labels = _labels(f.metadata["unit"], f.metadata["long_name"])
             data[f"library_{f.name}"] = (("library_cell", "library_step"), getattr(curves, f.name), labels)
+
+
+def add_totals(data: xarray.Dataset, leakage: xarray.DataArray, basis: LeakBasis) -> None:
+    """Add the best leakage of the whole seal by volume, mass and, for a gas, pressure × volume; and in more units."""
+    whole = f"leakage of the whole seal, {leakage.attrs['long_name'].rpartition(', ')[2]}"
+    at = "" if basis.temperature is None else f" at {basis.temperature:g} K"
+    for name, unit, si, text in (
+        ("leakage_total", "m³/s", "m^3/s", f"{whole}, by volume{at and f'{at} and {basis.pressure:g} Pa'}"),
+        ("leakage_total_mass", "kg/s", "kg/s", f"{whole}, by mass"),
+        ("leakage_total_throughput", "Pa·m³/s", "Pa*m^3/s", f"{whole}, pressure × volume{at}"),
+    ):
+        if basis.has(LEAK_UNITS[unit]):
+            data[name] = ("step", leakage.values / basis.factor(LEAK_UNITS[unit]), _labels(si, text))
+    told = basis.units()
+    data.coords["leak_unit"] = ("leak_unit", [unit.name for unit in told], _labels("1", "unit of leakage"))
+    values = np.array([leakage.values / basis.factor(unit) for unit in told])
+    data["leakage_in_units"] = (("leak_unit", "step"), values, _labels("1", f"leakage in units of leak_unit{at}"))
 
 
 def add_contact_share(

@@ -17,6 +17,7 @@ from pydantic_core import PydanticCustomError
 
 from ..base.errors import InputError, shortened
 from ..base.quantities import to_text
+from ..fluids import leak_basis
 from ..materials import Solid, contact_modulus, softer_hardness
 from .case_faces import Face, FileFace, SurfaceTable
 from .case_faults import fault_lines
@@ -86,6 +87,9 @@ class Case(Table):
             given = {"p": to_text(inlet, "Pa"), "q": to_text(outlet, "Pa")}
             text = "fluid.inlet_pressure: given {p}, allowed is a pressure above that of the outlet, {q}"
             raise PydanticCustomError("fluid", text, given)
+        if self.output.unit is not None and not leak_basis(self.fluid.fluid, 1.0).has(self.output.unit):
+            text = "output.leakage_unit: given {unit}, allowed is a unit of volume or mass for a liquid"
+            raise PydanticCustomError("unit", text, {"unit": self.output.unit.name})
         for face in self.face:
             if isinstance(face, FileFace) and not isfile(self.folder / face.path):
                 path = {"path": shortened(face.path)}

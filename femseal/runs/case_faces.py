@@ -93,10 +93,14 @@ Face = Annotated[SelfAffineFace | TurnedFace | FileFace, Field(discriminator="ki
 
 
 class SurfaceTable(Table):
-    """Repair of measured faces (`topography.repair`) and conditioning of their sum (`topography.condition`)."""
+    """Repair of measured faces (`topography.repair`) and conditioning of their sum (`topography.condition`).
+
+    filter_sensitivity : the answer is computed once more, of the face without waves up to twice the shortest one.
+    """
 
     spikes: Threshold = SPIKES
     detrend: Literal[0, 1, 2] = 1
     shortest_wave: Length | None = None
     max_undefined: Ratio = 0.05
     points: tuple[Count, Count] | None = None
+    filter_sensitivity: bool = False

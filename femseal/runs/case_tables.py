@@ -9,10 +9,11 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import BeforeValidator, Field, WithJsonSchema, model_validator
 from pydantic_core import PydanticCustomError
 
 from ..base.errors import InputError
+from ..base.leak_units import LEAK_UNITS, LeakUnit, leak_unit
 from ..base.quantities import to_text
 from ..flow import DISCRETISATIONS, SOLVERS
 from ..flow.discretisation import check_discretisation
@@ -174,8 +175,23 @@ class StochasticTable(Table):
         return self
 
 
+def _leak_unit_name(value: Any) -> str:
+    try:
+        return leak_unit(value).name
+    except InputError as error:
+        raise PydanticCustomError("name", "{allowed}", {"allowed": str(error).split("allowed is ")[-1]}) from None
+
+
 class OutputTable(Table):
-    """Optional contents of the results folder, see `report.write_folder`."""
+    """Optional contents of the results folder, see `report.write_folder`, and the unit in which leakage is told."""
 
     paraview: Annotated[str, *one_of(FORMATS)] = "vtu"
     fields_limit: FileSize = LIMIT
+    leakage_unit: Annotated[
+        str | None, BeforeValidator(_leak_unit_name), WithJsonSchema({"type": "string", "examples": list(LEAK_UNITS)})
+    ] = None
+
+    @property
+    def unit(self) -> LeakUnit | None:
+        """The unit, or None for a readable one per length of seal."""
+        return None if self.leakage_unit is None else LEAK_UNITS[self.leakage_unit]

@@ -124,10 +124,12 @@ def _surface_lines(prepared: Prepared) -> list[str]:
         resampled = ", the second resampled" if overlap.resampled else ""
         lines.append(_line("", f"two faces overlap on {size}, {overlap.share:.0%} of the first{resampled}"))
     shortest = report.shortest_wavelength
+    kept = f"waves below {to_text(shortest, 'm', 3)} ({shortest / max(surface.spacing):.3g} pixels) removed"
     removed = 1 - surface.rms_slope / report.rms_slope_before if report.rms_slope_before else 0.0
-    with_them = f", with them {removed:.0%} of the rms slope" if removed > 0.005 else ""
-    waves = f"waves below {to_text(shortest, 'm', 3)} ({shortest / max(surface.spacing):.3g} pixels) removed{with_them}"
-    return [*lines, _line("filter", waves)]
+    if removed > 0.005:
+        above = f"{report.lost_slope:.0%} of the rms slope above noise, {to_text(report.shortest_measured, 'm', 3)}"
+        kept += f", with them {removed:.0%} of the rms slope: {above}"
+    return [*lines, _line("filter", kept)]
 
 
 def _windows(partition: Partition, shortest_wave: float) -> str:

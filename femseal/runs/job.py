@@ -14,16 +14,18 @@ from pathlib import Path
 from typing import Any
 
 from ..base.errors import FemsealError, InputError
+from ..base.files import made_folder, remove_foreign
 from ..base.provenance import numerical_versions
 from ..base.stage import Mapper, Stage
 from ..report import write_folder
 from ..results import Results, assemble
-from ..studies import deterministic, stochastic, two_scale
+from ..studies import Scene, TwoScaleResult, deterministic, stochastic, two_scale
 from . import checkpoint
 from .case import Case, load_case
 from .case_faces import FileFace
 from .checkpoint import Checkpoint
 from .executor import ordered_map
+from .lock import alone_in
 from .log_file import LogFile
 from .preparation import Prepared
 
@@ -59,7 +61,8 @@ def run(
     Raises
     ------
     InputError : the case or an argument cannot be used, the checkpoint is of another case, other face files or other
-        versions, or the folder holds an unfinished run without `resume`; nothing has been written then.
+        versions, or the folder holds an unfinished run without `resume`, or another run is under way there; nothing has
+        been written then.
     FemsealError : a computation failed as a whole, or a file could not be written: computed items stay in the
         folder, and `resume` continues from them. Single cells that fail are listed in `Results.failures`.
     """
@@ -76,23 +79,27 @@ def run(
     # options of the output may change before a run is resumed
     computed = {key: value for key, value in case.echo().items() if key != "output"}
     identity = {**computed, "content of face files": faces, "version": numerical_versions()}
-    if resume and folder is not None:
-        if (finished := _finished(case, faces, folder)) is not None:
-            with suppress(InputError):  # the checkpoint of another run stays
-                checkpoint.resumable(folder, identity)
-                checkpoint.remove(folder)
-            return finished
-        resume = checkpoint.resumable(folder, identity)
-    elif folder is not None:
-        checkpoint.refuse_unfinished(folder)
-    prepared = case.prepare()
+    if resume and folder is not None and (finished := _finished(case, faces, folder)) is not None:
+        with suppress(InputError), alone_in(folder):  # the checkpoint of another run stays
+            checkpoint.resumable(folder, identity)
+            checkpoint.remove(folder)
+        return finished
     progress = progress or (lambda stage, done, total: None)
     with ExitStack() as stack:
-        mapper = stack.enter_context(ordered_map(workers, scheduler))
         if folder is None:
-            return _run(case, prepared, faces, mapper, progress)
-        stack.enter_context(_log_file(folder, append=resume))
-        kept = stack.enter_context(Checkpoint(folder, identity, resume))
+            mapper = stack.enter_context(ordered_map(workers, scheduler))
+            return _run(case, case.prepare(), faces, mapper, progress)
+        # a folder is made once the case has been found good
+        if there := folder.is_dir():
+            stack.enter_context(alone_in(folder))
+            going_on = _goes_on(folder, identity, resume)
+        prepared = case.prepare()
+        mapper = stack.enter_context(ordered_map(workers, scheduler))
+        if not there:
+            stack.enter_context(alone_in(made_folder(folder)))
+            going_on = _goes_on(folder, identity, resume)
+        stack.enter_context(_log_file(folder, append=going_on))
+        kept = stack.enter_context(Checkpoint(folder, identity, going_on))
         results = _run(case, prepared, faces, kept.over(mapper), progress)
         progress("writing results", 0, None)
         _write(results, folder, case, prepared)
@@ -100,6 +107,14 @@ def run(
             log.info("left out: %s", text)
         log.info("results in %s", folder)
         return replace(results, folder=folder)
+
+
+def _goes_on(folder: Path, identity: dict[str, Any], resume: bool) -> bool:
+    """Whether a run goes on from the checkpoint in its folder."""
+    if resume:
+        return checkpoint.resumable(folder, identity)
+    checkpoint.refuse_unfinished(folder)
+    return False
 
 
 @contextmanager
@@ -118,7 +133,7 @@ def _interrupts() -> Iterator[None]:
 
 @_interrupts()
 def _run(case: Case, prepared: Prepared, faces: dict[str, str], mapper: Mapper, progress: Progress) -> Results:
-    scene, cells = prepared.scene, prepared.cells
+    scene = prepared.scene
     log.info("case %s: surface %s", case.title or "without title", scene.surface)
     if prepared.choice:
         log.info("method %s: %s", prepared.method, prepared.choice)
@@ -126,26 +141,18 @@ def _run(case: Case, prepared: Prepared, faces: dict[str, str], mapper: Mapper, 
     studies: dict[str, Any] = {}
     # the cheapest route that the comparison needs comes first, the answer last
     for method in ("deterministic", "two-scale", "stochastic"):
-        if method not in prepared.methods:
-            continue
-        start = time.perf_counter()
-        watched = _watched(mapper, method, progress, timings)
-        # the work of a study outside its stages counts as one item
-        progress(method, 0, 1)
-        if method == "deterministic":
-            studies["deterministic"] = deterministic(scene, mapper=watched)
-        elif method == "two-scale":
-            assert cells is not None
-            studies["two_scale"] = two_scale(scene, cells, flow=case.two_scale_flow, mapper=watched)
-        else:
-            assert cells is not None
-            assert prepared.sampling is not None
-            studies["stochastic"] = stochastic(
-                scene, cells, prepared.sampling, two_scale=studies.get("two_scale"), mapper=watched
-            )
-        timings[method] = time.perf_counter() - start
-        progress(method, 1, 1)
-        log.info("%s: %.1f s", method, timings[method])
+        if method in prepared.methods:
+            with _timed(method, progress, timings):
+                watched = _watched(mapper, method, progress, timings)
+                name = method.replace("-", "_")
+                studies[name] = _study(method, case, prepared, scene, studies.get("two_scale"), watched)
+    filtered = None
+    if prepared.filtered is not None:
+        name = "twice the wave"
+        with _timed(name, progress, timings):
+            watched = _watched(mapper, name, progress, timings)
+            again = _study(prepared.answer, case, prepared, prepared.filtered, None, watched)
+            filtered = again.quantile(0.5) if prepared.answer == "stochastic" else again.leakage
     results = assemble(
         scene,
         **studies,
@@ -154,6 +161,8 @@ def _run(case: Case, prepared: Prepared, faces: dict[str, str], mapper: Mapper, 
         timings=timings,
         quantiles=case.stochastic.quantiles if case.stochastic else (0.05, 0.95),
         warnings=prepared.warnings,
+        leakage_unit=case.output.leakage_unit,
+        leakage_filtered=filtered,
     )
     results.dataset.attrs["face_files"] = json.dumps(faces)
     for text in [*results.warnings, *results.failures]:
@@ -161,9 +170,34 @@ def _run(case: Case, prepared: Prepared, faces: dict[str, str], mapper: Mapper, 
     return results
 
 
+@contextmanager
+def _timed(name: str, progress: Progress, timings: dict[str, float]) -> Iterator[None]:
+    """Context of a study, whose wall time is kept; its work outside of stages counts as one item."""
+    start = time.perf_counter()
+    progress(name, 0, 1)
+    yield
+    timings[name] = time.perf_counter() - start
+    progress(name, 1, 1)
+    log.info("%s: %.1f s", name, timings[name])
+
+
+def _study(
+    method: str, case: Case, prepared: Prepared, scene: Scene, known: TwoScaleResult | None, mapper: Mapper
+) -> Any:
+    """Result of a study of a scene; `known` is that of two scales, if there is one."""
+    if method == "deterministic":
+        return deterministic(scene, mapper=mapper)
+    assert prepared.cells is not None
+    if method == "two-scale":
+        return two_scale(scene, prepared.cells, flow=case.two_scale_flow, mapper=mapper)
+    assert prepared.sampling is not None
+    return stochastic(scene, prepared.cells, prepared.sampling, two_scale=known, mapper=mapper)
+
+
 def _write(results: Results, folder: Path, case: Case, prepared: Prepared) -> None:
     try:
-        write_folder(results, folder, prepared.scene.surface, **case.output.model_dump())
+        options = case.output.model_dump(include={"paraview", "fields_limit"})
+        write_folder(results, folder, prepared.scene.surface, **options)
     except Exception as error:
         reason = str(error) if isinstance(error, FemsealError) else f"results: {error or type(error).__name__}"
         raise FemsealError(f"{reason}; mend that, then a run with --resume has only to write them") from error
@@ -200,7 +234,8 @@ def _finished(case: Case, faces: dict[str, str], folder: Path) -> Results | None
 def _log_file(folder: Path, append: bool) -> Iterator[None]:
     """Context in which log lines are written to run.log in the results folder."""
     try:
-        folder.mkdir(parents=True, exist_ok=True)
+        # lines through a link would end up elsewhere, and nobody reads a pipe
+        remove_foreign(folder / "run.log")
         handler = LogFile(folder / "run.log", mode="a" if append else "w")
     except OSError as error:
         raise InputError.of("output", f"'{folder}'", f"a folder that can be written ({error.strerror})") from None

@@ -13,15 +13,30 @@ from ..base.quantities import to_text
 from ..scales import Partition
 from ..studies import Sampling, Scene, check_sampling, seal_cells
 from ..studies.costs import choose_method
-from ..topography import Conditioning, Overlap, Topography, combine, condition, repair
+from ..topography import (
+    MOST_POINTS,
+    Conditioning,
+    Overlap,
+    Topography,
+    combine,
+    default_wave,
+    repair,
+    resolved_wave,
+    resolving_shape,
+    smooth,
+    spectrum,
+)
 from .case_faces import FileFace
+from .case_oddities import oddities
 from .case_tables import StochasticTable
 from .case_words import FACE_KEYS, SURFACE_KEYS, in_words_of
-from .plausibility import oddities
 from .sizes import refused_if_too_large, weigh_draws, weigh_points
 
 if TYPE_CHECKING:
     from .case import Case
+
+#: Share of the measured rms slope that the pixels of a measured face must keep to be fine enough.
+KEPT_SLOPE = 0.99
 
 
 @dataclass(frozen=True)
@@ -29,7 +44,7 @@ class Prepared:
     """Input of the studies: the scene, its windows, the sampling of seals; and the history of the surface.
 
     method, methods : to be run, with "auto" resolved; choice : reason of that choice, if there was one. warnings : what
-        is odd in the case.
+        is odd in the case. filtered : the scene of the second run that shows how leakage depends on the low-pass.
     """
 
     scene: Scene
@@ -41,11 +56,36 @@ class Prepared:
     methods: frozenset[str]
     choice: str
     warnings: tuple[str, ...] = ()
+    filtered: Scene | None = None
+
+    @property
+    def answer(self) -> str:
+        """The method whose leakage is the answer: the one farthest from the face itself."""
+        return next(method for method in ("stochastic", "two-scale", "deterministic") if method in self.methods)
 
     @property
     def surface_report(self) -> dict[str, Any]:
         """The repair and conditioning of the surface, as plain data."""
         return asdict(self.conditioning) | ({} if self.overlap is None else {"overlap": asdict(self.overlap)})
+
+
+def coarser(prepared: Prepared) -> Scene:
+    """The scene without waves shorter than twice the shortest one, on half the points a side.
+
+    Raises
+    ------
+    InputError : waves longer than the face would be left, or windows of fewer than 8 pixels.
+    """
+    scene, wave = prepared.scene, 2 * prepared.conditioning.shortest_wavelength
+    surface = scene.surface
+    if wave >= max(surface.size):
+        allowed = f"true only where the larger side holds more than {to_text(wave, 'm', 3)}, twice the shortest wave"
+        raise InputError.of("surface.filter_sensitivity", True, allowed)
+    m1, m2 = prepared.cells or (1, 1)
+    shape = _multiple(ceil(surface.shape[0] / 2), m1), _multiple(ceil(surface.shape[1] / 2), m2)
+    if prepared.cells is not None:
+        Partition(shape, surface.spacing, prepared.cells)
+    return replace(scene, surface=surface.low_pass(wave).resample(shape))
 
 
 def prepare(case: Case) -> Prepared:
@@ -63,23 +103,22 @@ def _prepare(case: Case) -> Prepared:
     for place, table in zip(face_places(case), case.face, strict=True):
         if not isinstance(table, FileFace):
             weigh_points(f"{place}.points", table.points)
-    surface, repaired, overlap, spikes = _combined_faces(case)
-    cells = _cell_count(case, surface)
-    shape = case.surface.points or surface.shape
+    raw, found, overlap, spikes = _combined_faces(case)
+    with in_words_of(SURFACE_KEYS):
+        flat, repaired = repair(
+            raw, spikes=spikes, max_undefined=case.surface.max_undefined, detrend=case.surface.detrend
+        )
+    shape = _grid(case, flat)
+    wave = case.surface.shortest_wave or default_wave(flat, shape)
+    cells = _cell_count(case, flat.size, wave)
     weigh_points("surface.points", shape)
     if cells is not None:
         shape = (_multiple(shape[0], cells[0]), _multiple(shape[1], cells[1]))
         weigh_points("cells", shape)
-        Partition(shape, surface.spacing, cells)  # refuses windows of too few pixels
+        Partition(shape, flat.spacing, cells)  # refuses windows of too few pixels
     with in_words_of(SURFACE_KEYS):
-        surface, report = condition(
-            surface,
-            spikes=spikes,
-            detrend=case.surface.detrend,
-            shortest_wavelength=case.surface.shortest_wave,
-            max_undefined=case.surface.max_undefined,
-            shape=shape,
-        )
+        surface, report = smooth(flat, repaired, shortest_wavelength=wave, shape=shape)
+    report = replace(report, **found)
     sampling = None
     if cells is not None:
         window = Partition(surface.shape, surface.spacing, cells).window_size
@@ -115,8 +154,9 @@ def _prepare(case: Case) -> Prepared:
         assert cells is not None
         method, choice = choose_method(len(scene.steps), surface.shape, cells)
     methods = frozenset({method, *case.compare})
-    conditioning, odd = replace(report, **repaired), oddities(case, scene)
-    return Prepared(scene, cells, sampling, conditioning, overlap, method, methods, choice, odd)
+    odd = oddities(case, scene, report)
+    prepared = Prepared(scene, cells, sampling, report, overlap, method, methods, choice, odd)
+    return replace(prepared, filtered=coarser(prepared)) if case.surface.filter_sensitivity else prepared
 
 
 def face_places(case: Case) -> list[str]:
@@ -170,19 +210,53 @@ def _combined_faces(case: Case) -> tuple[Topography, dict[str, Any], Overlap | N
     return surface, found, overlap, inf
 
 
-def _cell_count(case: Case, surface: Topography) -> tuple[int, int] | None:
+def _grid(case: Case, flat: Topography) -> tuple[int, int]:
+    """Points of the grid: those of the case, or of a generated face, or what the shortest measured wave takes.
+
+    A measured face keeps its own pixels where waves of 8 of them have nearly all of its slope.
+    """
+    if case.surface.points is not None:
+        return case.surface.points
+    if not any(isinstance(face, FileFace) for face in case.face):
+        return flat.shape
+    return default_grid(flat, case.surface.shortest_wave)
+
+
+def default_grid(flat: Topography, shortest_wave: float | None) -> tuple[int, int]:
+    """Points on which a measured face is solved unless told otherwise, see `topography.resolving_shape`.
+
+    Parameters
+    ----------
+    flat : without undefined points.
+    shortest_wave : the low-pass, which decides if it is given [m].
+    """
+    own, few = resolved_wave(flat.size, flat.shape), flat.heights.size <= MOST_POINTS
+    if shortest_wave is None:
+        measured = spectrum(flat).shortest_wave
+        enough = flat.low_pass(own).rms_slope >= KEPT_SLOPE * flat.low_pass(measured).rms_slope
+        return (
+            flat.shape if enough and few else resolving_shape(flat.size, own if enough else measured, most=MOST_POINTS)
+        )
+    if shortest_wave >= own and few:
+        return flat.shape
+    shape = resolving_shape(flat.size, min(shortest_wave, own), most=MOST_POINTS)
+    wide = resolved_wave(flat.size, shape) > shortest_wave
+    return resolving_shape(flat.size, shortest_wave) if wide else shape
+
+
+def _cell_count(case: Case, face: tuple[float, float], wave: float) -> tuple[int, int] | None:
     if case.methods == {"deterministic"} or (case.cells is None and case.method != "auto"):
         return None
     if case.cells is not None and case.cells.count is not None:
         return case.cells.count
     if case.cells is not None and case.cells.size is not None:
-        size, shorter = case.cells.size, min(surface.size)
+        size, shorter = case.cells.size, min(face)
         if size > shorter * (1 + 1e-9):
             allowed = f"at most the shorter side of the face, {to_text(shorter, 'm')}"
             raise InputError.of("cells.size", to_text(size, "m"), allowed)
     else:  # eight shortest waves: shorter windows cut off more paths than two scales save
-        size = 8 * (case.surface.shortest_wave or 8 * max(surface.spacing))
-    m1, m2 = (max(1, round(length / size)) for length in surface.size)
+        size = 8 * wave
+    m1, m2 = (max(1, round(length / size)) for length in face)
     return m1, m2
 
 

@@ -9,8 +9,9 @@ from typing import Any
 from ..base.errors import InputError
 from ..base.quantities import to_si, to_text
 from ..plots import survey_figure
-from ..topography import Conditioning, SurfaceReport, condition, describe_surface, read_topography
+from ..topography import Conditioning, SurfaceReport, describe_surface, read_topography, repair, smooth
 from .case_words import in_words_of
+from .preparation import default_grid
 
 #: Arguments of `topography` by their option.
 SURFACE_OPTIONS = {
@@ -59,7 +60,8 @@ def survey(
     treatment: dict[str, Any] = {"detrend": detrend, "spikes": spikes, "max_undefined": max_undefined}
     with in_words_of(SURFACE_OPTIONS):
         report = describe_surface(face, **treatment)
-        _, conditioning = condition(face, shortest_wavelength=wave, **treatment)
+        flat, repaired = repair(face, **treatment)
+        _, conditioning = smooth(flat, repaired, shortest_wavelength=wave, shape=default_grid(flat, wave))
     lines = [str(path), *_indented(report), "what a run does to it", *_indented(conditioning)]
     lines += _notes(report, conditioning)
     if picture is not None:

@@ -13,6 +13,7 @@ from ..base.text import Shown
 from ..contact import HalfSpace, LoadState, load_states
 from ..loads import LoadProgramme
 from ..scales import Failed, FlowSettings, SolverCounts, attempt
+from .plausibility import odd_in_scene
 from .scene import Array, FaceFlow, Scene, labels, resolved_flow
 
 
@@ -90,6 +91,7 @@ def deterministic(scene: Scene, *, mapper: Mapper = map) -> DeterministicResult:
         gap=gap,
         residual=float(residual.max()),
         failures=through.failures,
+        warnings=odd_in_scene(scene),
         solvers=through.solvers,
     )
 

@@ -20,6 +20,7 @@ from ..scales import Failed, LadderLibrary, Partition, SolverCounts, attempt, dr
 from ..seal import RectangularSeal
 from .followed import windows_under_global_contact, windows_under_uniform_pressure
 from .placed import windows_in_place
+from .plausibility import odd_in_scene
 from .sampling_options import Sampling, check_sampling, seal_cells
 from .scene import Array, Scene, labels
 from .sources import PlacedLibrary, Source, Tables, Wanted
@@ -226,7 +227,7 @@ def _draw(
         leakage_lower_bound=lower,
         leakage_upper_bound=upper,
         failures=supply.library.failures + tuple(text for r in drawn for text in r.failures),
-        warnings=supply.warnings,
+        warnings=odd_in_scene(scene) + supply.warnings,
         solvers=supply.library.counts.solvers + SolverCounts.total(r.solvers for r in drawn),
     )
 

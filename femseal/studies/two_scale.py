@@ -16,6 +16,7 @@ from ..loads import LoadProgramme
 from ..scales import ElementFlow, Failed, Partition, SolveCounts, SolverCounts, attempt, element_flow
 from ..scales.window_fields import ContactPressure, WindowFields
 from ..seal import RectangularSeal
+from .plausibility import odd_in_scene
 from .scene import Array, FaceFlow, Scene, labels, resolved_flow
 from .windows import solve_links, solve_windows
 
@@ -118,7 +119,8 @@ def two_scale(scene: Scene, cells: tuple[int, int], *, flow: str = "links", mapp
     leakage, fluid_pressure = np.full(len(k1), np.nan), np.full((len(k1), cells[0] + 1, cells[1]), np.nan)
     counts = along.counts + across.counts
     solvers = counts.solvers
-    failures, warnings = contact.failures + along.failures + across.failures, contact.warnings
+    failures = contact.failures + along.failures + across.failures
+    warnings = odd_in_scene(scene) + contact.warnings
     for s, step in enumerate(scene.steps):
         if not (np.isfinite(k1[s]).all() and np.isfinite(k2[s]).all()):
             continue

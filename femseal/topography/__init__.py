@@ -5,16 +5,19 @@ repair (spikes, undefined points) -> combine (two faces) -> condition (form, wav
 """
 
 from .combine import Overlap, combine
-from .condition import Conditioning, condition
+from .condition import Conditioning, condition, default_wave, resolved_wave, smooth
 from .describe import SurfaceReport, describe_surface
 from .generate import self_affine, turned
 from .labelled import as_text
+from .power_law import spectrum
 from .read import read_topography
 from .repairs import Repair, repair
+from .resolution import MOST_POINTS, resolving_shape
 from .spikes import SPIKES
 from .topography import Topography
 
 __all__ = [
+    "MOST_POINTS",
     "SPIKES",
     "Conditioning",
     "Overlap",
@@ -24,9 +27,14 @@ __all__ = [
     "as_text",
     "combine",
     "condition",
+    "default_wave",
     "describe_surface",
     "read_topography",
     "repair",
+    "resolved_wave",
+    "resolving_shape",
     "self_affine",
+    "smooth",
+    "spectrum",
     "turned",
 ]

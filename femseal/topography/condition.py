@@ -16,7 +16,8 @@ from ..base.errors import InputError
 from ..base.quantities import to_text
 from .generate import PIXELS_PER_WAVE
 from .labelled import Labelled
-from .repairs import repair
+from .power_law import spectrum
+from .repairs import Repair, repair
 from .spectral import SLACK
 from .spikes import SPIKES
 from .topography import Topography
@@ -32,15 +33,24 @@ class Conditioning(Labelled):
     removed_curvature: tuple[float, float, float] = field(
         metadata={"unit": "1/m", "label": "curvature removed: 11, 12, 22"}
     )
+    shortest_measured: float = field(metadata={"unit": "m", "label": "shortest wavelength above noise, cut-off"})
     shortest_wavelength: float = field(metadata={"unit": "m", "label": "shortest wavelength kept"})
     rms_height_before: float = field(metadata={"unit": "m", "label": "Sq before the low-pass"})
     rms_height: float = field(metadata={"unit": "m", "label": "Sq"})
     rms_slope_before: float = field(metadata={"unit": "", "label": "rms slope before the low-pass"})
+    rms_slope_measured: float = field(metadata={"unit": "", "label": "rms slope of waves above noise, cut-off"})
     rms_slope: float = field(metadata={"unit": "", "label": "rms slope"})
     shape_before: tuple[int, int] = field(metadata={"unit": "", "label": "points measured"})
     shape: tuple[int, int] = field(metadata={"unit": "", "label": "points"})
     spacing_before: tuple[float, float] = field(metadata={"unit": "m", "label": "pixel measured"})
     spacing: tuple[float, float] = field(metadata={"unit": "m", "label": "pixel"})
+
+    @property
+    def lost_slope(self) -> float:
+        """Share of the measured rms slope (0 to 1) that is removed with the waves shorter than those kept."""
+        if not self.rms_slope_measured:
+            return 0.0
+        return max(0.0, 1 - self.rms_slope / self.rms_slope_measured)
 
 
 def condition(
@@ -59,8 +69,9 @@ def condition(
     topography : the map as measured.
     spikes : threshold of isolated points that are taken for undefined ones, see `find_spikes`; infinite leaves them.
     detrend : order of the form removed: 0 mean, 1 tilt, 2 tilt and curvature.
-    shortest_wavelength : waves kept are no shorter [m]; 8 pixels of the coarser spacing of the measured
-        and the final grid, unless given. A shorter one needs `shape` with a grid that gives it 8 pixels.
+    shortest_wavelength : waves kept are no shorter [m]. Unless given: 8 pixels of the final grid, but no less than the
+        shortest wave above noise and cut-off of the instrument (see `describe_surface`), or 8 measured pixels where
+        these are shorter. A wave of less than 8 measured pixels needs `shape` with a grid that gives it 8 pixels.
     max_undefined : largest share of undefined points (0 to 1) that may be filled, spikes included.
     shape : final number of points; as measured unless given.
 
@@ -74,35 +85,66 @@ def condition(
         map.
     """
     final = topography.shape if shape is None else validate.grid("shape", shape)
-    spacing = [length / n for length, n in zip(topography.size, final, strict=True)]
-    resolved = PIXELS_PER_WAVE * max(spacing)
-    if shortest_wavelength is None:
-        shortest_wavelength = max(resolved, PIXELS_PER_WAVE * max(topography.spacing))
-    shortest = validate.number("shortest_wavelength", shortest_wavelength, unit="m")
-    if shortest < resolved * (1 - SLACK):
-        finer = tuple(int(np.ceil(PIXELS_PER_WAVE * length / shortest - SLACK)) for length in topography.size)
-        allowed = f"at least {PIXELS_PER_WAVE} pixels = {to_text(resolved, 'm')}, or shape={finer} for a finer grid"
-        raise InputError.of("shortest_wavelength", to_text(shortest, "m"), allowed)
-    if shortest >= max(topography.size):
-        allowed = f"less than the larger side, {to_text(max(topography.size), 'm')}"
-        raise InputError.of("shortest_wavelength", to_text(shortest, "m"), allowed)
-
+    if shortest_wavelength is not None:
+        _check_wave(shortest_wavelength, topography.size, final)
     flat, repaired = repair(topography, spikes=spikes, max_undefined=max_undefined, detrend=detrend)
-    form = repaired.form
-    smooth = flat.low_pass(shortest).resample(final)
-    tilt1, tilt2 = form.slopes
-    return smooth, Conditioning(
+    return smooth(flat, repaired, shortest_wavelength=shortest_wavelength, shape=final)
+
+
+def smooth(
+    flat: Topography,
+    repaired: Repair,
+    *,
+    shortest_wavelength: float | None = None,
+    shape: tuple[int, int] | None = None,
+) -> tuple[Topography, Conditioning]:
+    """Low-pass and resample what `repair` returned; other arguments, results and errors are those of `condition`."""
+    final = flat.shape if shape is None else shape
+    measured = spectrum(flat).shortest_wave
+    wave = default_wave(flat, final) if shortest_wavelength is None else shortest_wavelength
+    shortest = _check_wave(wave, flat.size, final)
+    kept = flat.low_pass(shortest).resample(final)
+    tilt1, tilt2 = repaired.form.slopes
+    return kept, Conditioning(
         undefined_share=repaired.undefined_share,
         spikes=repaired.spikes,
         removed_tilt=(atan(tilt1), atan(tilt2)),
-        removed_curvature=form.curvatures,
+        removed_curvature=repaired.form.curvatures,
+        shortest_measured=measured,
         shortest_wavelength=shortest,
         rms_height_before=flat.rms_height,
-        rms_height=smooth.rms_height,
+        rms_height=kept.rms_height,
         rms_slope_before=flat.rms_slope,
-        rms_slope=smooth.rms_slope,
-        shape_before=topography.shape,
-        shape=smooth.shape,
-        spacing_before=topography.spacing,
-        spacing=smooth.spacing,
+        rms_slope_measured=flat.low_pass(measured).rms_slope,
+        rms_slope=kept.rms_slope,
+        shape_before=flat.shape,
+        shape=kept.shape,
+        spacing_before=flat.spacing,
+        spacing=kept.spacing,
     )
+
+
+def default_wave(flat: Topography, shape: tuple[int, int]) -> float:
+    """Shortest wave that is kept on a grid unless told otherwise [m], see `condition`.
+
+    A longer one than 8 pixels of the map would be a guess: noise is removed on demand only.
+    """
+    kept = min(spectrum(flat).shortest_wave, resolved_wave(flat.size, flat.shape))
+    return max(resolved_wave(flat.size, shape), kept)
+
+
+def resolved_wave(size: tuple[float, float], shape: tuple[int, int]) -> float:
+    """Shortest wave with 8 pixels of a grid [m]."""
+    return PIXELS_PER_WAVE * max(length / n for length, n in zip(size, shape, strict=True))
+
+
+def _check_wave(wave: float, size: tuple[float, float], shape: tuple[int, int]) -> float:
+    shortest, resolved = validate.number("shortest_wavelength", wave, unit="m"), resolved_wave(size, shape)
+    if shortest < resolved * (1 - SLACK):
+        finer = tuple(int(np.ceil(PIXELS_PER_WAVE * length / shortest - SLACK)) for length in size)
+        allowed = f"at least {PIXELS_PER_WAVE} pixels = {to_text(resolved, 'm')}, or shape={finer} for a finer grid"
+        raise InputError.of("shortest_wavelength", to_text(shortest, "m"), allowed)
+    if shortest >= max(size):
+        allowed = f"less than the larger side, {to_text(max(size), 'm')}"
+        raise InputError.of("shortest_wavelength", to_text(shortest, "m"), allowed)
+    return shortest

@@ -74,7 +74,9 @@ def spectrum(topography: Topography) -> Spectrum:
         return Spectrum(2 * pi / last, 0.0, None)
     floor = _noise_floor(q, density, last)
     signal = density > max(_ABOVE_NOISE * floor, _ROUNDING * density.max())
-    shortest = 2 * pi / q[signal].max() if signal.any() and not signal[-1] else 2 * pi / last
+    # of pure noise no wave is measured
+    ends = q[signal].max() if signal.any() else q[0]
+    shortest = 2 * pi / (ends if ends < q[-1] else last)
     # the ring at the end of the signal may be full in part, and levelling took from waves longer than half the map
     step = float(np.diff(q).max(initial=0.0))
     used = (q >= 4 * pi / min(topography.size)) & (q <= 2 * pi / shortest - step) & signal

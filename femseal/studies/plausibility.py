@@ -1,20 +1,17 @@
-"""What is odd in a case but may be meant: told with its numbers, before a run and with its results."""
+"""What is odd in a scene but may be meant: told with its numbers, before a run and with every result."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from math import isfinite
-from typing import TYPE_CHECKING
 
 from ..base.quantities import to_text
 from ..fluids import IdealGas
-from ..studies import Scene
+from .scene import Scene
 
-if TYPE_CHECKING:
-    from .case import Case
-
-#: Young's moduli of metals, and of hard coatings, lie between these [Pa].
-_YOUNG_LIMITS = (5e9, 1.2e12)
+#: Young's moduli of metals, and of hard coatings, lie between these [Pa]; contact moduli between half of the lower one
+#: and a fifth more than the higher one.
+YOUNG_LIMITS = (5e9, 1.2e12)
 #: Share of the contact pressure from which on the fluid lifts the faces noticeably, which the model leaves out.
 _LIFTING_SHARE = 0.5
 #: Share of the hardness from which on the nominal pressure flattens most of the face, where hardness is no constant.
@@ -23,17 +20,25 @@ _FLATTENING_SHARE = 0.5
 _STEEP = 1.0
 
 
-def oddities(case: Case, scene: Scene) -> tuple[str, ...]:
-    """One sentence for each odd thing in a case and the scene made of it."""
-    return (*_odd_solids(case), *_odd_pressures(scene), *_odd_surface(scene))
+def odd_in_scene(scene: Scene) -> tuple[str, ...]:
+    """One sentence for each odd thing in a scene."""
+    return (*_odd_modulus(scene), *_odd_pressures(scene), *_odd_surface(scene))
 
 
-def _odd_solids(case: Case) -> Iterator[str]:
-    low, high = _YOUNG_LIMITS
-    for name, solid in zip(("material", "counter_material"), case.solids, strict=True):
-        if solid is not None and not low <= solid.young <= high:
+def odd_moduli(young: Iterable[tuple[str, float]]) -> Iterator[str]:
+    """One sentence for each Young's modulus [Pa], given with its name, that is not that of a metal."""
+    low, high = YOUNG_LIMITS
+    for name, value in young:
+        if not low <= value <= high:
             usual = f"{to_text(low, 'Pa')} to {to_text(high, 'Pa')}"
-            yield f"{name}.young {to_text(solid.young, 'Pa')} is not that of a metal ({usual}): is its unit right?"
+            yield f"{name} {to_text(value, 'Pa')} is not that of a metal ({usual}): is its unit right?"
+
+
+def _odd_modulus(scene: Scene) -> Iterator[str]:
+    low, high = 0.5 * YOUNG_LIMITS[0], 1.2 * YOUNG_LIMITS[1]
+    if not low <= scene.modulus <= high:
+        usual = f"{to_text(low, 'Pa')} to {to_text(high, 'Pa')}"
+        yield f"the contact modulus {to_text(scene.modulus, 'Pa')} is not that of metals ({usual}): is its unit right?"
 
 
 def _odd_pressures(scene: Scene) -> Iterator[str]:

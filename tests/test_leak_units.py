@@ -1,0 +1,135 @@
+"""Units of leakage: their values, their spelling, and the same leakage in all of them."""
+
+from dataclasses import replace
+
+import pytest
+from numpy.testing import assert_allclose
+
+import femseal as fs
+from femseal.base.errors import InputError
+from femseal.base.leak_units import LEAK_UNITS, TOLD, LeakBasis, leak_unit
+from femseal.base.quantities import to_si
+from femseal.report.page import report_html
+from femseal.results import assemble
+from femseal.results.tables import csv_text, rows, texts
+from femseal.runs.case import parse_case
+
+SI = {"volume": "m^3/s", "mass": "kg/s", "throughput": "Pa*m^3/s"}
+AIR = fs.IdealGas(viscosity=18e-6, molar_mass=29e-3, temperature=293.15)
+
+
+@pytest.mark.parametrize("unit", LEAK_UNITS.values(), ids=lambda unit: unit.name)
+def test_values_are_those_of_a_library_of_units(unit):
+    text = unit.name.replace("·", "*").replace("²", "^2").replace("³", "^3").replace("µ", "u")
+    assert_allclose(unit.si, to_si(f"1 {text}", SI[unit.kind] + ("/m" if unit.per_length else "")), rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("written", "name"),
+    [("mL/(min*m)", "mL/(m·min)"), ("ml/min/m", "mL/(m·min)"), ("Pa*m^3/s", "Pa·m³/s"), ("m3/s", "m³/s"),
+     ("mbar*l/s", "mbar·L/s"), ("mg/(s*m)", "mg/(m·s)"), ("ug/s", "µg/s"), (" L / h ", "L/h")],
+)  # fmt: skip
+def test_spellings(written, name):
+    assert leak_unit(written).name == name
+
+
+@pytest.mark.parametrize("written", ["furlong", "", "m", "mL", 3, "mL/min/m/m", "mL/(m·m)"])
+def test_other_units_are_refused(written):
+    with pytest.raises(InputError, match=r"leakage_unit: given .*mL/min"):
+        leak_unit(written)
+
+
+def test_one_leakage_in_all_units():
+    """1 mL/(m·min) of a seal of 0.5 m, by hand."""
+    basis = LeakBasis(length=0.5, density=800.0)
+    q = 1e-6 / 60
+    per = {unit.name: q / basis.factor(unit) for unit in basis.units(LEAK_UNITS.keys())}
+    assert_allclose(per["mL/(m·min)"], 1)
+    assert_allclose(per["mL/min"], 0.5)
+    assert_allclose(per["kg/s"], 0.5e-6 / 60 * 800)
+    assert_allclose(per["g/year"], 0.4 * 525_960)
+    assert not any("Pa" in name or "mbar" in name for name in per)
+    with pytest.raises(InputError, match="mbar·L/s for a liquid"):
+        basis.factor(LEAK_UNITS["mbar·L/s"])
+
+
+def test_a_gas_is_told_by_pressure_times_volume():
+    """p V̇ = ṁ R T / M."""
+    basis = LeakBasis(1.0, AIR.reference_density, AIR.reference_pressure, AIR.temperature)
+    q = basis.factor(LEAK_UNITS["mbar·L/s"])
+    mass = q / basis.factor(LEAK_UNITS["kg/s"])
+    assert_allclose(mass, 0.1 * 29e-3 / (8.31446261815324 * 293.15), rtol=1e-12)
+    assert_allclose(q / basis.factor(LEAK_UNITS["Pa·m³/s"]), 0.1)
+
+
+@pytest.fixture(scope="module")
+def studied():
+    face = fs.self_affine((32, 32), (60e-6, 60e-6), hurst=0.8, rms_slope=0.1, rng=1)
+    scene = fs.Scene(face, 115e9, 2.8e9, fs.Liquid(1e-3, 870.0), 1e6, 0.0, loading=(2e7, 1e8))
+    gas = replace(scene, fluid=AIR, inlet_pressure=2e5, outlet_pressure=1e5)
+    return {"liquid": (scene, fs.deterministic(scene)), "gas": (gas, fs.deterministic(gas))}
+
+
+def test_results_tell_the_total_everywhere(studied):
+    scene, study = studied["liquid"]
+    results = assemble(scene, deterministic=study, leakage_unit="ml/min")
+    q = study.leakage
+    assert_allclose(results.leakage_in("mL/min"), q * 60e-6 * 60e6)
+    data = results.dataset
+    assert_allclose(data["leakage_total"], q * 60e-6)
+    assert_allclose(data["leakage_total_mass"], q * 60e-6 * 870)
+    assert "leakage_total_throughput" not in data
+    assert [str(unit) for unit in data["leak_unit"].values] == [
+        name for name in TOLD if "Pa" not in name and "bar" not in name
+    ]
+    assert_allclose(data["leakage_in_units"].sel(leak_unit="g/year"), q * 60e-6 * 870e3 * 365.25 * 86400)
+    assert_allclose(rows(results)[0]["leakage_mL_per_min"], q[0] * 60e-6 * 60e6)
+    assert "leakage_g_per_year" in csv_text(results).splitlines()[0]
+    title, heads, lines = texts(results)
+    assert "whole seal, 60 µm, in mL/min" in title
+    assert not any("whole seal" in head for head in heads)
+    assert lines[0][2] == f"{q[0] * 60e-6 * 60e6:.3g}"
+    assert "mL/min = " in repr(results)
+    page = report_html(results)
+    assert "g/year" in page
+    assert "mbar" not in page
+    assert "whole seal [" in " ".join(texts(assemble(scene, deterministic=study))[1])
+    with pytest.raises(InputError, match="for a liquid"):
+        assemble(scene, deterministic=study, leakage_unit="mbar*L/s")
+
+
+def test_results_of_a_gas_tell_pressure_times_volume(studied):
+    scene, study = studied["gas"]
+    results = assemble(scene, deterministic=study)
+    throughput = study.leakage * 60e-6 * 101_325
+    assert_allclose(results.dataset["leakage_total_throughput"], throughput)
+    assert_allclose(results.leakage_in("mbar·L/s"), throughput * 10)
+    assert "293.15 K" in results.dataset["leakage_total_throughput"].attrs["long_name"]
+    page = report_html(results)
+    assert "mbar·L/s" in page
+    assert "101325 Pa and 293.15 K" in page
+
+
+def case(fluid, unit):
+    gas = {"kind": "ideal-gas", "viscosity": "18 uPa*s", "molar_mass": "29 g/mol", "temperature": "20 °C"}
+    liquid = {"kind": "liquid", "viscosity": "1 mPa*s"}
+    return {
+        "method": "deterministic",
+        "face": {"kind": "self-affine", "points": [32, 32], "size": ["60 um", "60 um"], "hurst": 0.8, "rms_slope": 0.1},
+        "material": {"young": "210 GPa", "yield_stress": "1 GPa"},
+        "load": {"loading": ["100 MPa"]},
+        "fluid": {"gas": gas, "liquid": liquid}[fluid] | {"inlet_pressure": "10 bar"},
+        "output": {"leakage_unit": unit},
+    }
+
+
+def test_a_case_chooses_the_unit():
+    results = fs.run(parse_case(case("gas", "mbar*l/(s*m)")), workers=1)
+    assert results.leak_unit.name == "mbar·L/(m·s)"
+    assert "mbar·L/(m·s)" in texts(results)[0]
+
+
+@pytest.mark.parametrize("unit", ["mbar*L/s", "furlong", 1, ""])
+def test_a_case_with_a_unit_that_does_not_do_is_refused(unit):
+    with pytest.raises(InputError, match=r"output\.leakage_unit: given"):
+        parse_case(case("liquid", unit))

@@ -1,0 +1,131 @@
+"""The grid and the low-pass of measured faces: what was measured is kept, or its loss is told with its share."""
+
+import json
+import tomllib
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+import femseal as fs
+from femseal.report.words import scatter_lines
+from femseal.runs import case_oddities, preparation
+from femseal.runs.case import parse_case
+from femseal.runs.forecast import describe
+
+ROOT = Path(__file__).parents[1]
+
+
+@pytest.fixture
+def case(tmp_path):
+    """A case of a face whose shortest waves have 4 pixels, and the noise of an instrument."""
+    face = fs.self_affine((96, 128), (96e-6, 128e-6), hurst=0.5, rms_slope=0.1, cut_off=4e-6, rng=1)
+    noise = np.random.default_rng(0).normal(0, 1e-9, face.shape)
+    np.savez(tmp_path / "face.npz", z=face.heights + noise, spacing=face.spacing)
+    data = tomllib.loads((ROOT / "examples" / "turned_seal.toml").read_text(encoding="utf-8"))
+    data["face"] = {"kind": "file", "path": "face.npz", "periodic": [True, True]}
+    data |= {"method": "deterministic", "compare": []}
+    data["load"] = {"loading": ["200 MPa"]}
+
+    def made(tables=None, **surface):
+        return parse_case({**data, "surface": {"detrend": 0, "spikes": np.inf, **surface}, **(tables or {})}, tmp_path)
+
+    return made
+
+
+def test_the_default_grid_resolves_the_shortest_measured_wave(case):
+    prepared = case().prepare()
+    conditioning = prepared.conditioning
+    assert_allclose(conditioning.shortest_measured, 4e-6, rtol=0.05)
+    assert conditioning.shortest_wavelength == conditioning.shortest_measured
+    assert conditioning.shortest_wavelength >= 8 * max(conditioning.spacing)
+    assert min(conditioning.shape) >= 190
+    assert_allclose(prepared.scene.surface.rms_slope, 0.1, rtol=0.02)
+    assert prepared.warnings == ()
+
+
+def test_a_grid_limited_for_its_cost_is_told(case, monkeypatch):
+    for module in (preparation, case_oddities):
+        monkeypatch.setattr(module, "MOST_POINTS", 20_000)
+    prepared = case().prepare()
+    lost = prepared.conditioning.lost_slope
+    assert_allclose(np.prod(prepared.scene.surface.shape), 20_000, rtol=0.15)
+    assert 0.1 < lost < 0.4
+    (warning,) = prepared.warnings
+    wanted = list(fs.topography.resolving_shape((96e-6, 128e-6), prepared.conditioning.shortest_measured))
+    for words in (f"removes {lost:.0%} of the rms slope", f"surface.points = {wanted}", "are taken"):
+        assert words in warning
+    # what it tells to set keeps the slope
+    assert case(points=wanted).prepare().conditioning.lost_slope < 0.001
+    assert case(points=wanted).prepare().warnings == ()
+
+
+def test_settings_rule_and_their_loss_is_told(case):
+    """A wave that needs a finer grid gets one; a longer one, or a coarse grid, is warned of."""
+    prepared = case(shortest_wave="5 um").prepare()
+    assert prepared.conditioning.shortest_wavelength == 5e-6
+    assert 8 <= 5e-6 / max(prepared.scene.surface.spacing) < 9
+    (warning,) = case(shortest_wave="16 um").prepare().warnings
+    assert "the low-pass at 16 µm removes" in warning
+    assert warning.endswith("leave out surface.shortest_wave")
+    (warning,) = case(points=[96, 128]).prepare().warnings
+    assert "the low-pass at 8 µm removes" in warning
+    assert "set surface.points = [" in warning
+    both = case(points=[200, 260], shortest_wave="16 um").prepare().warnings
+    assert both[0].endswith("leave out surface.shortest_wave and surface.points")
+
+
+def test_noise_that_is_kept_is_told(case, tmp_path):
+    with np.load(tmp_path / "face.npz") as file:
+        noise = np.random.default_rng(1).normal(0, 200e-9, file["z"].shape)
+        np.savez(tmp_path / "noisy.npz", z=file["z"] + noise, spacing=file["spacing"])
+    face = case().face[0].model_copy(update={"path": Path("noisy.npz")})
+    warnings = case(shortest_wave="3 um").model_copy(update={"face": (face,)}).prepare().warnings
+    assert any("are noise or beyond the instrument: surface.shortest_wave = '" in text for text in warnings)
+
+
+def test_check_and_results_tell_the_slope_that_is_lost(case):
+    prepared = (coarse := case(shortest_wave="24 um")).prepare()
+    lines = describe(coarse, prepared)
+    lost = f"{prepared.conditioning.lost_slope:.0%} of the rms slope"
+    assert any(line.startswith("warning") and lost in line for line in lines)
+    assert any(line.startswith("filter") and lost in line for line in lines)
+    results = fs.run(coarse, workers=1)
+    assert any(lost in text for text in results.warnings)
+
+
+@pytest.mark.parametrize(("name", "wave"), [("mnt-1.mnt", 10.02e-6), ("opd-1.opd", 0.649e-6)])
+def test_measured_faces_keep_what_was_measured(case, instrument_file, name, wave):
+    face = case().face[0].model_copy(update={"path": instrument_file(name), "periodic": (False, False)})
+    conditioning = case(spikes=6.0).model_copy(update={"face": (face,)}).prepare().conditioning
+    assert_allclose(conditioning.shortest_wavelength, wave, rtol=1e-3)
+    assert conditioning.lost_slope < 1e-6
+
+
+def test_a_second_run_shows_what_the_filter_decides(case):
+    """It is the run of a case with twice the wave on half the points."""
+    results = fs.run(one := case(filter_sensitivity=True), workers=1)
+    wave = 2 * one.prepare().conditioning.shortest_wavelength
+    surface = one.prepare().scene.surface
+    filtered = fs.deterministic(
+        replace(one.prepare().scene, surface=surface.low_pass(wave).resample(tuple(n // 2 for n in surface.shape)))
+    )
+    assert_allclose(results.dataset["leakage_filtered"].values, filtered.leakage, rtol=1e-9)
+    assert filtered.leakage[0] != results.leakage.values[0]
+    assert {"deterministic", "twice the wave"} <= set(json.loads(results.dataset.attrs["timings"]))
+    (line,) = [line for line in scatter_lines(results) if line[0].startswith("twice the shortest wave")]
+    ratio = filtered.leakage[0] / results.leakage.values[0]
+    assert line[1] == f"× {np.exp(abs(np.log(ratio))):.3g}"
+    with pytest.raises(fs.InputError, match=r"surface\.filter_sensitivity: given True, .* twice the shortest wave"):
+        case(shortest_wave="80 um", filter_sensitivity=True).prepare()
+
+
+def test_the_second_run_is_of_the_method_of_the_answer(case):
+    tables = {"cells": {"count": [2, 2]}, "stochastic": {"length": "0.5 mm", "realisations": 3, "library_cells": 4}}
+    for method in ("two-scale", "stochastic"):
+        chosen = case(filter_sensitivity=True, shortest_wave="12 um", tables=tables | {"method": method})
+        leakage = fs.run(chosen, workers=1).dataset["leakage_filtered"].values
+        assert np.isfinite(leakage).all()
+        assert (leakage > 0).all()
