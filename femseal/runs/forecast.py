@@ -28,7 +28,7 @@ _START_SECONDS = 2.8
 #: Seconds of pictures, report and tables, without windows and what those of two scales add; of a byte of fields.
 _PICTURES_SECONDS, _MAPS_SECONDS, _FIELD_BYTE_SECONDS = 1.4, 1.6, 2.0e-8
 #: Memory of the libraries that a run imports, and of another process [byte].
-_START_MEMORY, _WORKER_MEMORY = 0.45e9, 0.25e9
+_START_MEMORY, _WORKER_MEMORY = 0.5e9, 0.25e9
 
 
 @dataclass(frozen=True)
