@@ -15,6 +15,7 @@ from ..base.text import Plotted, room
 from ..loads import LoadProgramme, LoadStep
 from . import fields as stitched
 from . import select, summary, tables
+from .export import export_field
 
 if TYPE_CHECKING:
     import xarray
@@ -167,6 +168,16 @@ class Results(Plotted):
     def contact_pressure(self, step: int, cell: tuple[int, int] | None = None) -> xarray.DataArray:
         """Contact pressure (x1, x2) [Pa] of the two-scale study at one step, see `gap`."""
         return stitched.read_field(self, "contact_pressure", step, cell)
+
+    def export(self, path: str | os.PathLike[str], **options: Any) -> list[Path]:
+        """Write the gap over all pixels as .npz, GeoTIFF or .x3p, with its pixel; see `export_field`.
+
+        Parameters
+        ----------
+        path : the file.
+        options : field, step, cell, see `export_field`.
+        """
+        return export_field(self, path, **options)
 
     @property
     def stored_steps(self) -> list[int]:
