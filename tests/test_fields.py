@@ -415,6 +415,16 @@ def test_all_steps_and_windows_are_exported(back, studies, scene, tmp_path):
         assert_allclose(stored["spacing"], scene.surface.spacing)
 
 
+def test_export_on_the_command_line(folder, tmp_path):
+    from typer.testing import CliRunner
+
+    from femseal.cli import app
+
+    done = CliRunner().invoke(app, ["export", str(folder), "-o", str(tmp_path / "gap.tif"), "--step", "2"])
+    assert (done.exit_code, done.output.split()) == (0, [str(tmp_path / "gap.tif")])
+    assert (tmp_path / "gap.tif").stat().st_size > 1000
+
+
 def test_what_cannot_be_exported(back, scene, studies, tmp_path):
     for name, given, message in (
         ("a.stl", {}, r"output: given 'a.stl', allowed is a file \.npz, \.tif, \.tiff, \.x3p"),
