@@ -35,30 +35,7 @@ def export_field(
     step: int | None = None,
     cell: tuple[int, int] | None = None,
 ) -> list[Path]:
-    """Write a field over the pixels of the face in SI, in the format of the suffix.
-
-    .npz : arrays `gap` (n1, n2) [m] or `contact_pressure` [Pa], `spacing` [m], `origin` [m] of its first corner,
-        `step`, `name` and `nominal_pressure` [Pa]; `read_topography` and NumPy read it.
-    .tif : GeoTIFF in single precision, x1 to the right and x2 up, in a plane of metres without a place on earth.
-    .x3p : gap only, in metres.
-
-    Parameters
-    ----------
-    results : of a run, in memory or read from its folder.
-    path : the file; its number is put before the suffix where there are several steps.
-    field : "gap" or "contact_pressure".
-    step : index of the load step; None is all that are stored.
-    cell : window, between its rows of nodes; the whole face unless given.
-
-    Returns
-    -------
-    Paths of the files.
-
-    Raises
-    ------
-    InputError : another field or format, no such step or window, results without fields, or a file that cannot be
-        written.
-    """
+    """Write a field over the pixels of the face; see `Results.export`."""
     path = Path(path)
     if field not in FIELDS:
         raise InputError.of("field", repr(field), f"one of {', '.join(FIELDS)}")
