@@ -74,11 +74,13 @@ def new(path: Annotated[Path, typer.Argument(help="Case file to write.")] = Path
 def check(path: Annotated[Path, typer.Argument(metavar="CASE", help="Case file.")]) -> None:
     """Validate a case and say what a run will compute; nothing is written."""
     from .runs.case import load_case
-    from .runs.forecast import describe
+    from .runs.forecast import describe, refuse_too_large
 
     case = load_case(path)
-    for line in describe(case, case.prepare()):
+    prepared = case.prepare()
+    for line in describe(case, prepared):
         typer.echo(line)
+    refuse_too_large(case, prepared)
 
 
 @app.command()
