@@ -394,9 +394,10 @@ def test_a_face_is_masked_and_cropped_as_the_case_says(tmp_path, data):
         prepared = parse_case(data | {"face": data["face"] | {"crop": offered}}, tmp_path).prepare()
         assert_allclose(prepared.scene.surface.size, (100e-6 if crop is None else 90e-6, 120e-6), rtol=0.03)
     for key, value in (("crop", ["0 um", "1 mm", "0 um", "9 um"]), ("mask", "none.png"), ("file_mask", False)):
-        with pytest.raises(fs.InputError, match=rf"^face\.{key}: given") as error:
-            wrong = {"path": "mask.txt", "spacing": ["1 um", "1 um"]} if key == "file_mask" else {}
-            parse_case(data | {"face": data["face"] | wrong | {key: value}}, tmp_path).prepare()
+        wrong = {"path": "mask.txt", "spacing": ["1 um", "1 um"]} if key == "file_mask" else {}
+        case = parse_case(data | {"face": data["face"] | wrong | {key: value}}, tmp_path)
+        with pytest.raises(fs.InputError, match=rf"^face\.{key}: given"):
+            case.prepare()
     for key, value in (
         ("crop", ["0 um", "10 um"]),
         ("crop", ["-1 um", "10 um", "0 um", "9 um"]),
