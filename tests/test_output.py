@@ -546,7 +546,7 @@ def test_pictures_that_the_results_have_nothing_for(scene, studies):
     with pytest.raises(InputError, match="cells figure"):
         cells_figure(r)
     with pytest.raises(InputError, match="seal figure"):
-        seal_figure(r)
+        seal_figure(assemble(scene, stochastic=studies["stochastic"]))
 
 
 def test_picture_of_a_surface_with_holes():

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 #: Least distance of two labels of loads, as a share of the axis.
-_APART = 0.075
+_APART = 0.09
 #: Part of the axis between a load of 0 and the least one above it, in decades.
 _ZERO_DECADES = 0.4
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")

@@ -13,6 +13,7 @@ from ..results.fields import fields_size
 from ..scales import Partition
 from ..studies import seal_cells
 from ..studies.costs import deterministic_cost, stochastic_cost, two_scale_cost
+from ..studies.deterministic import STEP_BYTES
 from .case import Case
 from .preparation import Prepared
 
@@ -95,7 +96,7 @@ def disk(case: Case, prepared: Prepared) -> Disk:
     others, checkpoint = 2e6 + 4.0 * pixels * formats, 0.0
     peaks = len(set(scene.unload_from))
     if "deterministic" in prepared.methods:
-        checkpoint += pixels * (4.0 * steps + 8.0 * peaks)
+        checkpoint += pixels * (STEP_BYTES * steps + 8.0 * peaks)
     if prepared.cells is not None and prepared.methods != {"deterministic"}:
         windows = prepared.cells[0] * prepared.cells[1]
         # a window: ten numbers in results.nc, twenty in the mesh of the seal; three windows with three fields

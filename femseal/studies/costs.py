@@ -7,7 +7,7 @@ import numpy as np
 from ..base.machine import free_memory
 from ..contact.cycle import STATE_FIELDS
 from ..scales.global_contact import PIXELS_PER_CUT_OFF
-from .deterministic import state_memory
+from .deterministic import STEP_BYTES, state_memory
 from .sampling_options import Sampling
 from .windows import CUT_OFF_WINDOWS
 
@@ -28,7 +28,7 @@ def deterministic_cost(steps: int, points: tuple[int, int]) -> tuple[float, floa
     """Expected time on one core [s] and memory [byte] of the deterministic solution."""
     pixels = points[0] * points[1]
     seconds = steps * (_seconds(_CONTACT_SECONDS, pixels) * 2 + _seconds(_FLOW_SECONDS, pixels))
-    return seconds, 4.0 * pixels * steps + state_memory(pixels)
+    return seconds, STEP_BYTES * pixels * steps + state_memory(pixels)
 
 
 def two_scale_cost(steps: int, points: tuple[int, int], cells: tuple[int, int]) -> tuple[float, float]:

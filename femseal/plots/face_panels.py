@@ -1,0 +1,77 @@
+"""Maps of a face from the means over blocks in a dataset: its heights, and the fields of a deterministic study."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .drawing import POCKET, map_panel, with_closed
+
+if TYPE_CHECKING:
+    import xarray
+    from matplotlib.axes import Axes
+
+Array = NDArray[np.float64]
+#: Shares of the heights within the colours, so that a few extreme points do not take them all.
+_ROBUST = (0.2, 99.8)
+
+
+def height_panel(axes: Axes, heights: Array, size: tuple[float, float]) -> None:
+    """Heights (n1, n2) [m] over a face of the given sides [m], with colours for all but the most extreme of them."""
+    z = (heights - np.nanmean(heights)) * 1e6
+    low, high = np.nanpercentile(z, _ROBUST)
+    beyond = (z < low).sum() + (z > high).sum() > 0 and (np.nanmin(z) < 2 * low or np.nanmax(z) > 2 * high)
+    limits = {"vmin": low, "vmax": high} if beyond else {}
+    title = "height [µm]" + (f"; colours for {_ROBUST[0]:g} to {_ROBUST[1]:g} % of it" if beyond else "")
+    title += "; white: undefined" if np.isnan(z).any() else ""
+    map_panel(axes, z, (size[0] * 1e3, size[1] * 1e3), _colours(), title, **limits)
+    axes.set_ylabel("x1, inlet at 0 [mm]")
+
+
+def _colours() -> Any:
+    from matplotlib import colormaps
+
+    return colormaps["viridis"].with_extremes(bad="white")
+
+
+def face_size(data: xarray.Dataset) -> tuple[float, float]:
+    """Sides of the face [m]."""
+    sides = []
+    for n in (1, 2):
+        x = data[f"face{n}"].values
+        sides.append(float(x[0] + x[-1]))
+    return sides[0], sides[1]
+
+
+def face_panel(axes: Axes, data: xarray.Dataset) -> None:
+    """Heights of the face."""
+    height_panel(axes, data["face_height"].values.astype(float), face_size(data))
+
+
+def face_fluid_panel(axes: Axes, data: xarray.Dataset, s: int) -> None:
+    """Fluid pressure at a step."""
+    values = data["face_fluid_pressure"].values[s] / 1e6
+    flows = "" if data["leakage_deterministic"].values[s] != 0 else ", no flow"
+    title = f"fluid pressure [MPa]{flows}; white: contact, pockets"
+    map_panel(axes, values, _size(data), with_closed("cividis", POCKET), title)
+
+
+def face_contact_panel(axes: Axes, data: xarray.Dataset, s: int) -> None:
+    """Contact pressure at a step."""
+    values = data["face_contact_pressure"].values[s] / 1e6
+    title = "contact pressure [MPa]; grey: no contact"
+    map_panel(axes, np.where(values > 0, values, np.nan), _size(data), with_closed("viridis"), title)
+
+
+def face_gap_panel(axes: Axes, data: xarray.Dataset, s: int) -> None:
+    """Gap at a step."""
+    gap = data["face_gap"].values[s] * 1e6
+    shown = np.where(gap > 0, gap, np.nan)
+    map_panel(axes, shown, _size(data), with_closed("magma"), "gap [µm]; grey: contact", vmin=0)
+
+
+def _size(data: xarray.Dataset) -> tuple[float, float]:
+    l1, l2 = face_size(data)
+    return l1 * 1e3, l2 * 1e3
