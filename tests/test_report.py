@@ -263,8 +263,8 @@ def test_repairs_and_placement_of_measured_faces_are_told(scene, studies):
 def test_every_method_alone_has_all_sections(scene, studies, method):
     page = report_html(assemble(scene, **{method: studies[method]}))
     assert [s.get("id") for s in parsed(page).iter("section")] == SECTIONS
-    assert len(pictures(page)) == {"deterministic": 1, "two_scale": 8, "stochastic": 4}[method]
-    assert ("not run" in words(section(page, "maps"))) == (method != "two_scale")
+    assert len(pictures(page)) == {"deterministic": 6, "two_scale": 9, "stochastic": 5}[method]
+    assert ("not run" in words(section(page, "maps"))) == (method == "stochastic")
 
 
 def test_closed_and_failed_seals_are_told(results):

@@ -29,7 +29,7 @@ def load_axis(axes: Axes, loads: Array) -> None:
     loads = np.unique(loads[np.isfinite(loads) & (loads >= 0)])
     if not loads.size or not loads[-1] > 0:
         return
-    if not _spread(places := _log_places(loads)) > _spread(np.r_[0.0, loads]):
+    if not _spread(places := _log_places(loads)) > _spread(np.unique(np.r_[0.0, loads])):
         axes.set_xlim(0, loads[-1] * 1.03)
         return
     positive = loads[loads > 0]

@@ -15,6 +15,7 @@ from ..results.results import Results
 from ..results.tables import texts, totals
 from . import pictures as pictures
 from . import words as words
+from .drop_words import pressure_drop_sentences
 
 REPORT_NAME = "report.html"
 
@@ -109,5 +110,5 @@ def _content(results: Results, drawings: pictures.Drawings) -> dict[str, Any]:
     if "seal" in drawings:
         content["map_step"], content["maps"] = pictures.map_pictures(results, drawings)
         content["drop"] = pictures.drop_picture(results, drawings)
-        content["drop_sentences"] = words.pressure_drop_sentences(results)
+        content["drop_sentences"] = pressure_drop_sentences(results)
     return content
