@@ -13,7 +13,7 @@ from skfem import Basis, BilinearForm, ElementQuad1, ElementQuad2, MeshQuad
 from skfem.helpers import dot, grad
 
 from femseal import analytic
-from femseal.base.errors import InputError, NotConverged
+from femseal.base.errors import InputError
 from femseal.flow import (
     bounds,
     cell_permeabilities,
@@ -259,8 +259,9 @@ def test_symmetries(seed, share, sides, n1, n2):
 def test_mirror_equals_the_periodic_even_extension(shape, share):
     h = cut_by_plane((40, 40), share, seed=1)[: shape[0], 5 : 5 + shape[1]]
     for rtol in (1e-6, 1e-11):
-        a = cell_permeability(h, (D, D), rtol=rtol)
-        b = cell_permeability(np.concatenate([h, h[:, ::-1]], axis=1), (D, D), sides="periodic", rtol=rtol)
+        asked = {"rtol": rtol, "field_rtol": rtol}
+        a = cell_permeability(h, (D, D), **asked)
+        b = cell_permeability(np.concatenate([h, h[:, ::-1]], axis=1), (D, D), sides="periodic", **asked)
         assert_allclose(a.value, b.value, rtol=rtol)
         assert_allclose(a.fluid_pressure[h > 0], b.fluid_pressure[:, : shape[1]][h > 0], rtol=0, atol=10 * rtol)
 
@@ -599,6 +600,17 @@ def test_tensor_of_one_slanted_channel(flip):
     assert_allclose(k[0, 0], n * D * (D**3 / 12) / (2 * n * n * D), rtol=0.7)
 
 
+@pytest.mark.parametrize("axis", [0, 1])
+def test_tensor_of_one_row_or_column_is_that_of_four(axis):
+    h = np.expand_dims(D * np.random.default_rng(1).uniform(0.2, 1, 6), axis)
+    assert_allclose(
+        permeability_tensor(h, (D, 3 * D)),
+        permeability_tensor(np.repeat(h, 4, axis), (D, 3 * D)),
+        rtol=1e-9,
+        atol=1e-12 * D**3,
+    )
+
+
 def test_tensor_of_two_parallel_components():
     h = np.zeros((8, 9))
     h[:, 1], h[:, 5:7] = D, 2 * D
@@ -799,7 +811,7 @@ def test_pressure_of_an_island_behind_a_narrow_film(n, narrow):
     h = np.full((n, n), D)
     h[6:15, 6:15] = narrow * D
     h[8:13, 8:13] = D
-    k = cell_permeability(h, (D, D))
+    k = cell_permeability(h, (D, D), field_rtol=1e-6)
     direct = solve_links(*cell_links(h / D, (D, D), "mirror"), solver="elimination")
     assert_allclose(k.fluid_pressure, direct.potential[1:-1], rtol=0, atol=1e-4)
     assert 0.7 < k.fluid_pressure[10, 10] < 0.95
@@ -810,7 +822,7 @@ def test_pressure_over_a_film_of_any_thickness(film):
     for seed in range(3):
         h = cut_by_plane((72, 80), 0.3, seed)
         h = np.maximum(h / h.max(), film)
-        k = cell_permeability(h, (D, D))
+        k = cell_permeability(h, (D, D), field_rtol=1e-6)
         direct = solve_links(*cell_links(h, (D, D), "mirror"), solver="elimination")
         assert_allclose(k.fluid_pressure, direct.potential[1:-1], rtol=0, atol=1e-4)
         assert k.fluid_pressure.min() > -1e-6
@@ -837,7 +849,7 @@ def test_upper_bound_of_very_flat_pixels():
 
 
 @pytest.mark.parametrize("decades", [2, 3, 4, 5, 6])
-def test_a_tensor_is_right_or_refused(decades):
+def test_a_tensor_is_right_at_any_contrast(decades):
     """One column of random gaps: its links in series."""
     for seed in range(10):
         h = np.zeros((40, 5))
@@ -846,13 +858,7 @@ def test_a_tensor_is_right_or_refused(decades):
         a, b = wrapped[1:-2], wrapped[2:-1]
         middle = np.maximum((9 * (a + b) - wrapped[:-3] - wrapped[3:]) / 16, 0.1 * np.minimum(a, b))[1:]
         exact = 1 / np.mean(12 / middle**3) / 5
-        try:
-            got = permeability_tensor(h, (D, D))[0, 0]
-        except NotConverged as error:
-            assert "contrast" in str(error) or "factorisation" in str(error)  # noqa: PT017
-            assert decades > 2
-        else:
-            assert got == pytest.approx(exact, rel=1e-4)
+        assert permeability_tensor(h, (D, D))[0, 0] == pytest.approx(exact, rel=1e-6)
 
 
 # --- the coarse links of the resampling error ---

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import os
+import stat
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -27,6 +28,46 @@ def made_folder(folder: str | os.PathLike[str]) -> Path:
         reason = error.strerror or type(error).__name__
         raise InputError.of("output folder", f"{path} ({reason})", "a folder that can be written") from None
     return path
+
+
+def read_plain(path: Path, largest: float) -> bytes:
+    """Content of a file of at most so many bytes; links, pipes and devices are not opened, or not read.
+
+    Raises
+    ------
+    OSError : there is no such file, it is no plain file, or it is larger.
+    """
+    if path.is_symlink():
+        raise OSError(f"'{path}' is a link")
+    # a pipe that is opened in the usual way waits for a writer
+    handle = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
+    with open(handle, "rb") as file:
+        found = os.fstat(file.fileno())
+        if not stat.S_ISREG(found.st_mode):
+            raise OSError(f"'{path}' is no file")
+        if found.st_size > largest:
+            raise OSError(f"'{path}' has {found.st_size / 1e9:.3g} GB, more than such a file has")
+        return file.read()
+
+
+def remove_foreign(path: Path) -> None:
+    """Remove what stands in the place of a file and leads elsewhere: a link of either kind, a pipe, a device.
+
+    Raises
+    ------
+    OSError : it could not be removed.
+    """
+    try:
+        found = path.lstat()
+    except FileNotFoundError:
+        return
+    if not stat.S_ISDIR(found.st_mode) and (not stat.S_ISREG(found.st_mode) or found.st_nlink > 1):
+        path.unlink()
+
+
+def is_inside(folder: Path, name: Path) -> bool:
+    """Whether no link leads out of a folder on the way to a relative name in it, which need not exist."""
+    return Path(os.path.realpath(folder / name.parent)) == Path(os.path.realpath(folder)) / name.parent
 
 
 @contextmanager

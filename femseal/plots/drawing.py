@@ -122,8 +122,8 @@ class Margins:
     top: float
 
 
-#: Space for labels and title of lines, and of a map with its colour bar.
-LINES, MAP = Margins(0.85, 0.2, 0.55, 0.4), Margins(0.75, 0.8, 0.5, 0.5)
+#: Space for labels and title of lines, of a map with its colour bar, and of heights, whose bar has a name.
+LINES, MAP, HEIGHTS = Margins(0.85, 0.2, 0.55, 0.4), Margins(0.75, 0.8, 0.5, 0.5), Margins(0.75, 1.0, 0.5, 0.5)
 #: Width of a panel [inch] whose smallest letters are legible on a phone.
 PANEL = 5.4
 
@@ -190,13 +190,14 @@ def map_panel(
     axes.set(xlabel=f"x2 along the seal [{unit}]", ylabel=f"x1 [{unit}]", aspect="equal")
 
 
-def colour_bar(axes: Axes, image: Any) -> None:
+def colour_bar(axes: Axes, image: Any, **options: Any) -> Any:
     """A bar as high as the map."""
-    bar = axes.get_figure().colorbar(image, cax=axes.inset_axes((1.02, 0, 0.03, 1)))  # type: ignore[union-attr]
+    bar = axes.get_figure().colorbar(image, cax=axes.inset_axes((1.02, 0, 0.03, 1)), **options)  # type: ignore[union-attr]
     if bar.ax.get_yscale() == "log":
         decades(bar.ax.yaxis)
     bar.ax.tick_params(which="both", labelsize=8)
     axes.tick_params(labelsize=8)
+    return bar
 
 
 def with_closed(name: str, colour: str = CLOSED) -> Any:

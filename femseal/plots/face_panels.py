@@ -2,38 +2,19 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .drawing import POCKET, map_panel, with_closed
+from .height_map import height_panel
 
 if TYPE_CHECKING:
     import xarray
     from matplotlib.axes import Axes
 
 Array = NDArray[np.float64]
-#: Shares of the heights within the colours, so that a few extreme points do not take them all.
-_ROBUST = (0.2, 99.8)
-
-
-def height_panel(axes: Axes, heights: Array, size: tuple[float, float]) -> None:
-    """Heights (n1, n2) [m] over a face of the given sides [m], with colours for all but the most extreme of them."""
-    z = (heights - np.nanmean(heights)) * 1e6
-    low, high = np.nanpercentile(z, _ROBUST)
-    beyond = (z < low).sum() + (z > high).sum() > 0 and (np.nanmin(z) < 2 * low or np.nanmax(z) > 2 * high)
-    limits = {"vmin": low, "vmax": high} if beyond else {}
-    title = "height [µm]" + (f"; colours for {_ROBUST[0]:g} to {_ROBUST[1]:g} % of it" if beyond else "")
-    title += "; white: undefined" if np.isnan(z).any() else ""
-    map_panel(axes, z, (size[0] * 1e3, size[1] * 1e3), _colours(), title, **limits)
-    axes.set_ylabel("x1, inlet at 0 [mm]")
-
-
-def _colours() -> Any:
-    from matplotlib import colormaps
-
-    return colormaps["viridis"].with_extremes(bad="white")
 
 
 def face_size(data: xarray.Dataset) -> tuple[float, float]:
@@ -47,7 +28,8 @@ def face_size(data: xarray.Dataset) -> tuple[float, float]:
 
 def face_panel(axes: Axes, data: xarray.Dataset) -> None:
     """Heights of the face."""
-    height_panel(axes, data["face_height"].values.astype(float), face_size(data))
+    height_panel(axes, data["face_height"].values * 1e6, _size(data))
+    axes.set_ylabel("x1, inlet at 0 [mm]")
 
 
 def face_fluid_panel(axes: Axes, data: xarray.Dataset, s: int) -> None:

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from ..results.face_maps import block_means
 from ..topography import Topography
-from .drawing import LINES, MAP, STYLES, Sheet, map_row
-from .face_panels import height_panel
+from .drawing import HEIGHTS, LINES, STYLES, Sheet, map_row
+from .height_map import height_panel
 from .registry import shows
 from .scales_of_axes import decades
 
@@ -33,9 +33,9 @@ def heights_figure(topography: Topography) -> Figure:
     topography : heights; where points are undefined the spectral densities are left out.
     """
     l1, l2 = topography.size
-    row = max(map_row((l1, l2)), 2 * _PROFILE)
+    row = max(map_row((l1, l2), HEIGHTS), 2 * _PROFILE)
     sheet = Sheet([row], columns=2)
-    height_panel(sheet.panel(0, 0, MAP), _drawn_heights(topography.heights), (l1, l2))
+    height_panel(sheet.panel(0, 0, HEIGHTS), _drawn_heights(topography.heights) * 1e6, (l1 * 1e3, l2 * 1e3))
     upper, lower = replace(LINES, bottom=row / 2 + 0.55), replace(LINES, top=row / 2 + 0.35)
     profile, density = sheet.panel(0, 1, upper), sheet.panel(0, 1, lower)
     z, (n1, n2), (d1, d2) = topography.heights * 1e6, topography.shape, topography.spacing

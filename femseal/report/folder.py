@@ -6,10 +6,11 @@ import json
 import os
 import shutil
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from pathlib import Path
 
 from ..base.errors import FemsealError
-from ..base.files import made_folder, replacing, write_text
+from ..base.files import is_inside, made_folder, read_plain, replacing, write_text
 from ..base.stage import Mapper
 from ..results import fields
 from ..results.netcdf import FILE_NAME, save
@@ -22,6 +23,8 @@ from .page import REPORT_NAME, write_report
 
 #: Manifest of the files of a run, one a line; the next run removes those that it does not write again.
 MANIFEST = "files.txt"
+#: No manifest is larger [byte].
+_LARGEST_MANIFEST = 1e7
 #: Subfolder of the files of a run until all of them are written.
 UNFINISHED = ".unfinished"
 
@@ -64,7 +67,7 @@ def write_folder(
     plan = fields.plan_fields(results, fields_limit)
     results.dataset.attrs["left_out"] = json.dumps([plan.left_out] if plan.left_out else [])
     unfinished = target / UNFINISHED
-    shutil.rmtree(unfinished, ignore_errors=True)
+    _clear(unfinished)
     try:
         saved = save(results, unfinished)
     except BaseException:
@@ -81,6 +84,8 @@ def write_folder(
         _remove_former(target)
         write_text(target / MANIFEST, "".join(f"{name.as_posix()}\n" for name in names))
         for name in names:
+            if not is_inside(target, name):
+                raise FemsealError(f"'{target / name.parent}' is a link to another folder, allowed is a folder")
             made_folder((target / name).parent)
             os.replace(unfinished / name, target / name)
     except Exception as error:
@@ -108,17 +113,30 @@ def _write_fields(
     return [*written, *write_vtk(results, surface, folder / "vtk", paraview)]
 
 
+def _clear(folder: Path) -> None:
+    """Remove a folder, or what stands in its place; files that links lead to stay."""
+    if folder.is_symlink() or folder.is_file():
+        folder.unlink()
+    shutil.rmtree(folder, ignore_errors=True)
+
+
 def _remove_former(folder: Path) -> None:
-    """Remove the files that the manifest of an earlier run names, and folders that they leave empty."""
+    """Remove the files that the manifest of an earlier run names, and folders that they leave empty.
+
+    A name that leads out of the folder, also by a link, is passed over.
+    """
     try:
-        lines = (folder / MANIFEST).read_text(encoding="utf-8").splitlines()
+        lines = read_plain(folder / MANIFEST, _LARGEST_MANIFEST).decode().splitlines()
     except (OSError, UnicodeDecodeError):
         return
-    names = [Path(line) for line in lines if line and not Path(line).is_absolute() and ".." not in Path(line).parts]
+    names = [Path(line) for line in lines if line and "\0" not in line]
+    names = [name for name in names if not name.is_absolute() and ".." not in name.parts]
+    parents: set[Path] = set()
     for name in names:
-        if (folder / name).is_file():
-            (folder / name).unlink()
-    parents = {parent for name in names for parent in name.parents if parent != Path()}
-    for parent in sorted(parents, key=lambda p: -len(p.parts)):
-        if (folder / parent).is_dir() and not any((folder / parent).iterdir()):
+        with suppress(OSError):  # no such file, or a name too long to be one
+            if is_inside(folder, name):
+                (folder / name).unlink()
+                parents.update(name.parents)
+    for parent in sorted(parents - {Path()}, key=lambda p: -len(p.parts)):
+        with suppress(OSError):  # not empty
             (folder / parent).rmdir()

@@ -14,7 +14,7 @@ from ..base.quantities import to_text
 from ..base.stage import Mapper, Stage
 from ..plots import cells_figure, heights_figure, leakage_figure, seal_figure
 from ..plots.cell_curves import cells_of
-from ..plots.drawing import LINES, MAP, Drawn, Sheet, drawn, map_row
+from ..plots.drawing import HEIGHTS, LINES, Drawn, Sheet, drawn, map_row
 from ..plots.face_panels import face_panel, face_size
 from ..plots.maps import critical_gaps, default_step, drop_panel, has_maps
 from ..results.results import Results
@@ -82,8 +82,8 @@ def _figure(name: str, results: Results, surface: Topography | None, gaps: list[
         drop_panel(sheet.panel(0, 0, LINES), data, drop_steps(data))
         return sheet.figure
     if name == "face":
-        sheet = Sheet([map_row(face_size(data))])
-        face_panel(sheet.panel(0, 0, MAP), data)
+        sheet = Sheet([map_row(face_size(data), HEIGHTS)])
+        face_panel(sheet.panel(0, 0, HEIGHTS), data)
         return sheet.figure
     return leakage_figure(results)
 

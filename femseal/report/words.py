@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.files import read_plain
 from ..base.quantities import to_text
 from ..results.summary import solvers_text
 from ..results.tables import amount, in_several_units, leak_scale
@@ -143,8 +144,12 @@ def _method_sentences(results: Results) -> list[str]:
     if "leakage_deterministic" in data:
         sentences.append("Deterministic: contact and flow of the whole face at full resolution.")
     if "k1" in data:
+        windows = f"{data.sizes['cell1']} × {data.sizes['cell2']} windows"
+        elements = "element_error" in data
         sentences.append(
-            f"Two scales: {data.sizes['cell1']} × {data.sizes['cell2']} windows between the nodes of a global flow."
+            f"Two scales: {windows} as finite elements, with nodes on their sides."
+            if elements
+            else f"Two scales: {windows} between the nodes of a global flow."
         )
     if "leakage_median" in data:
         drawn = case.get("stochastic", {})
@@ -191,6 +196,9 @@ def scatter_lines(results: Results) -> Lines:
         deviation("both together", np.hypot(spread, error), "what a seal of this kind may differ from the median")
         share = 1.2533 / np.sqrt(data.sizes["realisation"])
         deviation("median", share * spread, "standard error of the median; more realisations lower it")
+    if "element_error" in data:
+        meaning = "estimated from the bound with every second node; the leakage through elements is an upper bound"
+        deviation("nodes of elements", np.log1p(data["element_error"].values), meaning)
     if "leakage_lower_bound" in data:
         low, high = (np.median(data[f"leakage_{end}_bound"].values, axis=0) for end in ("lower", "upper"))
         half = 0.5 * np.log(np.divide(high, low, out=np.full(low.shape, np.nan), where=low != 0))
@@ -287,7 +295,7 @@ def accuracy_lines(results: Results) -> Lines:
     if results.folder is None:
         return []
     try:
-        found = json.loads((results.folder / "accuracy.json").read_text(encoding="utf-8"))
+        found = json.loads(read_plain(results.folder / "accuracy.json", 1e7))
         if found["case"] != results.case:
             return []
         return [
@@ -301,7 +309,7 @@ def accuracy_lines(results: Results) -> Lines:
             for s in found["solutions"]
             for c in s["comparisons"]
         ]
-    except (OSError, ValueError, KeyError, TypeError):
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
         return []
 
 

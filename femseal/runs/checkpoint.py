@@ -4,8 +4,9 @@ Every call of the mapper in a study is a stage; the order of the calls depends o
 consecutive items are kept in shards, each a file that is complete or not there, with a checksum. A resumed run makes
 the same calls, takes the items of intact shards from their files and computes the others.
 
-Shards are pickles: only the versions that wrote them read them back, and only in a folder that you trust. They are no
-exchange format; `results.nc` is.
+Shards hold data alone, see `plain_data`: a folder that somebody has changed can give wrong results, but runs no code
+and reaches no other folder. Only the versions that wrote them read them back; they are no exchange format, `results.nc`
+is one.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ import hashlib
 import json
 import logging
 import os
-import pickle
+import re
 import shutil
 import time
 from collections import deque
@@ -25,9 +26,11 @@ from itertools import islice
 from pathlib import Path
 from typing import Any
 
-from ..base.errors import FemsealError, InputError
-from ..base.files import replacing
+from ..base.errors import FemsealError, InputError, shortened
+from ..base.files import read_plain, replacing
+from ..base.machine import free_memory
 from ..base.stage import Mapper, Stage
+from .plain_data import packed, unpacked
 
 log = logging.getLogger("femseal.runs.checkpoint")
 #: Subfolder of the output folder.
@@ -37,6 +40,11 @@ MANIFEST = "manifest.json"
 SHARD_ITEMS = 1000
 SHARD_BYTES = 64_000_000
 SHARD_SECONDS = 10.0
+#: No manifest is larger [byte].
+_LARGEST_MANIFEST = 1e8
+#: Changed keys that a message names.
+_MOST_CHANGES = 20
+_NAME = re.compile(r"(\d{3,9})-(\d{9,15})-(\d{9,15})")
 
 
 def resumable(output: Path, identity: dict[str, Any]) -> bool:
@@ -51,19 +59,23 @@ def resumable(output: Path, identity: dict[str, Any]) -> bool:
     ------
     InputError : the checkpoint is unreadable or of another identity; every changed key is named with both values.
     """
-    path = output / FOLDER / MANIFEST
+    path = _folder(output) / MANIFEST
     try:
-        former = json.loads(path.read_text(encoding="utf-8"))
+        former = json.loads(read_plain(path, _LARGEST_MANIFEST).decode())
     except FileNotFoundError:
         return False
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         given = f"'{path}', which cannot be read ({error})"
         allowed = f"an intact checkpoint; remove '{path.parent}' to start anew"
         raise InputError.of("resume", given, allowed) from None
     old, new = _flat(former), _flat(_plain(identity))
     changed = [key for key in {**old, **new} if old.get(key) != new.get(key)]
     if changed:
-        lines = [f"{key}: was {old.get(key, 'not given')}, is {new.get(key, 'not given')}" for key in changed]
+        lines = [
+            f"{shortened(key)}: was {shortened(old.get(key, 'not given'))}, is {shortened(new.get(key, 'not given'))}"
+            for key in changed[:_MOST_CHANGES]
+        ]
+        lines += [f"{len(changed) - _MOST_CHANGES} more keys"] if len(changed) > _MOST_CHANGES else []
         allowed = f"that of the same case, files and versions; remove '{path.parent}' to start anew"
         raise InputError("\n".join([f"resume: given a checkpoint of another run, allowed is {allowed}", *lines]))
     return True
@@ -71,7 +83,7 @@ def resumable(output: Path, identity: dict[str, Any]) -> bool:
 
 def refuse_unfinished(output: Path) -> None:
     """Raise InputError if the output folder has an unfinished run, whose results a new run would remove."""
-    kept = len(list((output / FOLDER).glob("*.shard")))
+    kept = len(list(_folder(output).glob("*.shard")))
     if kept:
         given = f"'{output}', which holds {kept} parts of an unfinished run"
         allowed = f"--resume to go on; another folder, or none of '{output / FOLDER}', to start anew"
@@ -85,7 +97,7 @@ def remove(output: Path) -> None:
     ------
     FemsealError : the checkpoint could not be removed.
     """
-    folder = output / FOLDER
+    folder = _folder(output)
     try:
         # without its manifest the checkpoint is never resumed, even if other files remain
         (folder / MANIFEST).unlink(missing_ok=True)
@@ -93,6 +105,14 @@ def remove(output: Path) -> None:
             shutil.rmtree(folder)
     except OSError as error:
         raise FemsealError(f"checkpoint: '{folder}' could not be removed ({error.strerror})") from error
+
+
+def _folder(output: Path) -> Path:
+    """The folder of the checkpoint, which need not exist; one that lies elsewhere is not touched."""
+    folder = output / FOLDER
+    if folder.is_symlink() or (folder.exists() and not folder.is_dir()):
+        raise InputError.of("output", f"'{folder}', which is a link or a file", "a folder, or none")
+    return folder
 
 
 class Checkpoint:
@@ -112,8 +132,9 @@ class Checkpoint:
     def __init__(self, output: Path, identity: dict[str, Any], resume: bool) -> None:
         text = json.dumps(_plain(identity), indent=1, ensure_ascii=False)
         self._key = hashlib.sha256(text.encode()).hexdigest()
-        self._folder = output / FOLDER
+        self._folder = _folder(output)
         self._stages = 0
+        self._taken = 0
         self._stage = ""
         self._pending: list[bytes] = []
         self._start = 0
@@ -133,13 +154,17 @@ class Checkpoint:
     def __enter__(self) -> Checkpoint:
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, *details: object) -> None:
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, *details: object) -> None:
         try:
             self._flush()
-        except FemsealError as error:
-            if kind is None:
+        except FemsealError as failure:
+            if error is None:
                 raise
-            log.warning("%s", error)
+            log.warning("%s", failure)
+        if self._taken and isinstance(error, Exception) and not isinstance(error, FemsealError):
+            reason = f"{type(error).__name__}: {shortened(error)}"
+            text = f"a run with {self._taken} items from '{self._folder}' stopped ({reason})"
+            raise FemsealError(f"resume: {text}; if they were changed, remove that folder to start anew") from error
 
     def over(self, mapper: Mapper) -> Mapper:
         """The same mapper, but items in shards are read from them, and computed items are written to shards."""
@@ -156,6 +181,7 @@ class Checkpoint:
                     self._flush()
                     shard = shards.popleft()
                     self._start = shard.stop
+                    self._taken += shard.stop - shard.start
                     yield from shard.items()
                     continue
                 try:
@@ -169,7 +195,7 @@ class Checkpoint:
         return mapping
 
     def _keep(self, item: Any) -> None:
-        self._pending.append(pickle.dumps(item, protocol=5))
+        self._pending.append(packed(item))
         full = len(self._pending) >= SHARD_ITEMS or sum(map(len, self._pending)) >= SHARD_BYTES
         if full or time.monotonic() - self._since >= SHARD_SECONDS:
             self._flush()
@@ -181,27 +207,32 @@ class Checkpoint:
         items, self._pending = self._pending, []
         shard = _Shard.of(self._folder, self._stages, self._start, self._start + len(items))
         try:
-            _write(shard.path, _sealed(pickle.dumps((self._key, self._stage, items), protocol=5)))
+            _write(shard.path, _sealed(packed((self._key, self._stage, items))))
         except OSError as error:
             raise self._failure(error) from error
         self._start, self._since = shard.stop, time.monotonic()
 
     def _intact(self) -> Iterator[_Shard]:
         """Shards of this stage in order; damaged ones are removed and reported."""
+        position = 0
         for path in sorted(self._folder.glob(f"{self._stages:03d}-*.shard")):
             shard = _Shard.at(path)
-            try:
-                intact = shard.content()[:2] == (self._key, self._stage)
-            except (OSError, ValueError):
-                intact = False
-            if intact:
+            if shard is not None and shard.start >= position and shard.is_intact(self._key, self._stage):
+                position = shard.stop
                 yield shard
-            else:
-                log.warning("checkpoint: %s is damaged; its items are computed again (%s)", path, self._stage)
+                continue
+            log.warning("checkpoint: %s is damaged; its items are computed again (%s)", path, self._stage)
+            try:
                 path.unlink(missing_ok=True)
+            except OSError as error:
+                raise self._failure(error) from error
 
     def _failure(self, error: OSError) -> FemsealError:
-        kept = sum(s.stop - s.start for s in map(_Shard.at, self._folder.glob("*.shard")))
+        if not self._folder.is_dir():
+            text = f"checkpoint: '{self._folder}' was removed while the run went on, with the results in it"
+            return FemsealError(f"{text}; start the run again")
+        shards = map(_Shard.at, self._folder.glob("*.shard"))
+        kept = sum(s.stop - s.start for s in shards if s is not None)
         todo = "make room" if error.errno in (errno.ENOSPC, errno.EDQUOT) else "mend that"
         return FemsealError(
             f"checkpoint: {error}; the results of {kept} items are kept in '{self._folder}': "
@@ -222,17 +253,30 @@ class _Shard:
         return cls(folder / f"{stage:03d}-{start:09d}-{stop:09d}.shard", start, stop)
 
     @classmethod
-    def at(cls, path: Path) -> _Shard:
-        start, stop = (int(n) for n in path.stem.split("-")[1:])
-        return cls(path, start, stop)
+    def at(cls, path: Path) -> _Shard | None:
+        """The shard of a file; None if it has the name of none."""
+        match = _NAME.fullmatch(path.stem)
+        if match is None or not int(match[2]) < int(match[3]):
+            return None
+        return cls(path, int(match[2]), int(match[3]))
 
-    def content(self) -> tuple[str, str, list[bytes]]:
-        """Key of the run, name of the stage and pickled items; ValueError where the file is damaged."""
-        return pickle.loads(_unsealed(self.path.read_bytes()))
+    def content(self) -> list[bytes]:
+        """The packed items; OSError or ValueError where the file is damaged."""
+        return unpacked(_unsealed(read_plain(self.path, free_memory())))[2]
+
+    def is_intact(self, key: str, stage: str) -> bool:
+        """Whether the file holds items of this run and this stage, all of which can be read."""
+        try:
+            found, name, items = unpacked(_unsealed(read_plain(self.path, free_memory())))
+            for item in items:
+                unpacked(item)
+            return (found, name, len(items)) == (key, stage, self.stop - self.start)
+        except (OSError, ValueError, TypeError):
+            return False
 
     def items(self) -> Iterator[Any]:
         """The items."""
-        return map(pickle.loads, self.content()[2])
+        return map(unpacked, self.content())
 
 
 def _left(iterable: Iterable[Any], shards: list[_Shard]) -> Iterator[Any]:

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from ..base.errors import FemsealError, InputError
+from ..base.files import made_folder, remove_foreign
 from ..base.provenance import numerical_versions
 from ..base.stage import Mapper, Stage
 from ..report import write_folder
@@ -24,6 +25,8 @@ from .case import Case, load_case
 from .case_faces import FileFace
 from .checkpoint import Checkpoint
 from .executor import ordered_map
+from .forecast import refuse_too_large
+from .lock import alone_in
 from .log_file import LogFile
 from .preparation import Prepared
 
@@ -58,8 +61,9 @@ def run(
 
     Raises
     ------
-    InputError : the case or an argument cannot be used, the checkpoint is of another case, other face files or other
-        versions, or the folder holds an unfinished run without `resume`; nothing has been written then.
+    InputError : the case or an argument cannot be used, the run is expected to take more memory than there is, the
+        checkpoint is of another case, other face files or other versions, or the folder holds an unfinished run
+        without `resume`, or another run is under way there; nothing has been written then.
     FemsealError : a computation failed as a whole, or a file could not be written: computed items stay in the
         folder, and `resume` continues from them. Single cells that fail are listed in `Results.failures`.
     """
@@ -76,23 +80,27 @@ def run(
     # options of the output may change before a run is resumed
     computed = {key: value for key, value in case.echo().items() if key != "output"}
     identity = {**computed, "content of face files": faces, "version": numerical_versions()}
-    if resume and folder is not None:
-        if (finished := _finished(case, faces, folder)) is not None:
-            with suppress(InputError):  # the checkpoint of another run stays
-                checkpoint.resumable(folder, identity)
-                checkpoint.remove(folder)
-            return finished
-        resume = checkpoint.resumable(folder, identity)
-    elif folder is not None:
-        checkpoint.refuse_unfinished(folder)
-    prepared = case.prepare()
+    if resume and folder is not None and (finished := _finished(case, faces, folder)) is not None:
+        with suppress(InputError), alone_in(folder):  # the checkpoint of another run stays
+            checkpoint.resumable(folder, identity)
+            checkpoint.remove(folder)
+        return finished
     progress = progress or (lambda stage, done, total: None)
     with ExitStack() as stack:
-        mapper = stack.enter_context(ordered_map(workers, scheduler))
         if folder is None:
-            return _run(case, prepared, faces, mapper, progress)
-        stack.enter_context(_log_file(folder, append=resume))
-        kept = stack.enter_context(Checkpoint(folder, identity, resume))
+            mapper = stack.enter_context(ordered_map(workers, scheduler))
+            return _run(case, _prepared(case, scheduler), faces, mapper, progress)
+        # a folder is made once the case has been found good
+        if there := folder.is_dir():
+            stack.enter_context(alone_in(folder))
+            going_on = _goes_on(folder, identity, resume)
+        prepared = _prepared(case, scheduler)
+        mapper = stack.enter_context(ordered_map(workers, scheduler))
+        if not there:
+            stack.enter_context(alone_in(made_folder(folder)))
+            going_on = _goes_on(folder, identity, resume)
+        stack.enter_context(_log_file(folder, append=going_on))
+        kept = stack.enter_context(Checkpoint(folder, identity, going_on))
         results = _run(case, prepared, faces, kept.over(mapper), progress)
         progress("writing results", 0, None)
         start = time.perf_counter(), time.process_time()
@@ -104,6 +112,22 @@ def run(
             log.info("left out: %s", text)
         log.info("results in %s", folder)
         return replace(results, folder=folder)
+
+
+def _goes_on(folder: Path, identity: dict[str, Any], resume: bool) -> bool:
+    """Whether a run goes on from the checkpoint in its folder."""
+    if resume:
+        return checkpoint.resumable(folder, identity)
+    checkpoint.refuse_unfinished(folder)
+    return False
+
+
+def _prepared(case: Case, scheduler: str | None) -> Prepared:
+    """Input of the studies; a run that this machine cannot hold is refused, unless others compute."""
+    prepared = case.prepare()
+    if scheduler is None:
+        refuse_too_large(case, prepared)
+    return prepared
 
 
 @contextmanager
@@ -223,7 +247,8 @@ def _finished(case: Case, faces: dict[str, str], folder: Path) -> Results | None
 def _log_file(folder: Path, append: bool) -> Iterator[None]:
     """Context in which log lines are written to run.log in the results folder."""
     try:
-        folder.mkdir(parents=True, exist_ok=True)
+        # lines through a link would end up elsewhere, and nobody reads a pipe
+        remove_foreign(folder / "run.log")
         handler = LogFile(folder / "run.log", mode="a" if append else "w")
     except OSError as error:
         raise InputError.of("output", f"'{folder}'", f"a folder that can be written ({error.strerror})") from None

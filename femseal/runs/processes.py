@@ -12,7 +12,8 @@ from contextlib import contextmanager, suppress
 from functools import cache, lru_cache, partial
 from itertools import chain, islice
 from pathlib import Path
-from tempfile import TemporaryDirectory
+from shutil import rmtree
+from tempfile import NamedTemporaryFile, TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -37,14 +38,14 @@ def over_processes(count: int) -> Iterator[Mapper]:
     Within it, arrays of `shared_empty` are shared with the processes.
     """
     try:
-        with sharing():
-            yield partial(_map, count)
+        with sharing(), TemporaryDirectory(prefix="femseal-", ignore_cleanup_errors=True) as folder:
+            yield partial(_map, count, folder)
     except BaseException:
         _end_processes(count)
         raise
 
 
-def _map(count: int, stage: Stage, *iterables: Iterable[Any]) -> Iterator[Any]:
+def _map(count: int, folder: str, stage: Stage, *iterables: Iterable[Any]) -> Iterator[Any]:
     """Results of the stage, which each process reads once from a file; joblib sends the items in batches."""
     import joblib
     from joblib.externals.loky.process_executor import TerminatedWorkerError
@@ -53,9 +54,9 @@ def _map(count: int, stage: Stage, *iterables: Iterable[Any]) -> Iterator[Any]:
     first = list(islice(items, 1))
     if not first:
         return
-    with TemporaryDirectory(prefix="femseal-") as folder:
-        path = Path(folder, "stage.pickle")
-        path.write_bytes(pickle.dumps(stage, protocol=5))
+    with NamedTemporaryFile(suffix=".pickle", dir=folder, delete=False) as file:
+        pickle.dump(stage, file, protocol=5)
+    try:
         under_way: Any = "2 * n_jobs"
         if stage.memory:
             under_way = int(np.clip(FREE_SHARE * free_memory() / stage.memory, 1, 2 * count))
@@ -64,7 +65,7 @@ def _map(count: int, stage: Stage, *iterables: Iterable[Any]) -> Iterator[Any]:
             with joblib.parallel_config("loky", inner_max_num_threads=1), starting_processes():
                 pool = joblib.Parallel(return_as="generator", n_jobs=count, pre_dispatch=under_way)
                 call = joblib.delayed(_call_stored)
-                results = pool(call(os.getpid(), str(path), *args) for args in chain(first, items))
+                results = pool(call(os.getpid(), file.name, *args) for args in chain(first, items))
             for result in results:  # noqa: UP028, as it would close them here
                 yield result
         except TerminatedWorkerError as error:
@@ -75,6 +76,8 @@ def _map(count: int, stage: Stage, *iterables: Iterable[Any]) -> Iterator[Any]:
                 warnings.filterwarnings("ignore", ".* tasks ")  # a stopped run needs no more results
                 if results is not None:
                     results.close()
+    finally:
+        Path(file.name).unlink(missing_ok=True)
 
 
 @contextmanager
@@ -112,7 +115,7 @@ def _end_processes(count: int) -> None:
 
 
 def _call_stored(parent: int, path: str, *args: Any) -> Any:
-    _end_with(parent)
+    _end_with(parent, str(Path(path).parent))
     return _stored(path)(*args)
 
 
@@ -122,12 +125,13 @@ def _stored(path: str) -> Stage:
 
 
 @cache
-def _end_with(parent: int) -> None:
-    """End this process soon after its parent, even if the parent is killed."""
+def _end_with(parent: int, folder: str) -> None:
+    """End this process soon after its parent, even if the parent is killed; remove the folder that it leaves then."""
 
     def watch() -> None:
         with suppress(psutil.NoSuchProcess):
             psutil.Process(parent).wait()
+        rmtree(folder, ignore_errors=True)
         os._exit(1)
 
     threading.Thread(target=watch, daemon=True).start()

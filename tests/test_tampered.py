@@ -1,0 +1,403 @@
+"""Folders that somebody has changed: they are data, lead nowhere else, and run no code; one run at a time in each."""
+
+import errno
+import hashlib
+import json
+import logging
+import os
+import pickle
+import shutil
+import subprocess
+import sys
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from test_checkpoint import CASE, assert_complete, resumed, stop_at
+
+import femseal as fs
+from femseal.report import folder as report_folder
+from femseal.runs import checkpoint, job, lock
+from femseal.runs.checkpoint import Checkpoint
+from femseal.runs.lock import alone_in
+from femseal.runs.plain_data import packed, unpacked
+from femseal.scales.outcome import Failed, SolveCounts, SolverCounts
+from femseal.scales.window import FlowHistory
+
+# --- values as bytes -----------------------------------------------------------------------------------------------
+
+COUNTS = SolveCounts(solved=2, solvers=SolverCounts((("amg", 1),), 1e-300))
+VALUE = {
+    "plain": (None, True, -(10**30), 1 / 3, -0.0, float("inf"), "µ\ud800", b"\x00\xff", [], ()),
+    (1, "key"): [np.float64(0.1), np.float32(np.pi), np.int64(-3), np.bool_(True), np.array(2.5)],
+    "arrays": (
+        np.arange(12.0).reshape(3, 4),
+        np.asfortranarray(np.arange(12, dtype=np.float32).reshape(3, 4)),
+        np.arange(24).reshape(2, 3, 4).transpose(1, 0, 2)[:, ::-1],
+        np.zeros((0, 3)),
+        np.array([True, False]),
+        np.array([np.nan, -np.nan, 1e-310]),
+    ),
+    "classes": (FlowHistory(np.array([1e-18, np.nan]), COUNTS, ("why",)), Failed("because")),
+}
+
+
+def assert_alike(one, two):
+    assert type(one) is type(two)
+    if isinstance(one, np.ndarray):
+        assert (one.dtype, one.shape, one.flags.c_contiguous) == (two.dtype, two.shape, two.flags.c_contiguous)
+        assert one.tobytes("A") == two.tobytes("A")
+    elif isinstance(one, dict):
+        assert_alike(list(one.items()), list(two.items()))
+    elif isinstance(one, (list, tuple)):
+        assert len(one) == len(two)
+        for a, b in zip(one, two, strict=True):
+            assert_alike(a, b)
+    elif hasattr(one, "__dict__"):
+        assert_alike(vars(one), vars(two))
+    else:
+        assert repr(one) == repr(two)
+
+
+def test_values_come_back_with_every_bit():
+    assert_alike(unpacked(packed(VALUE))["plain"], VALUE["plain"])
+    back = unpacked(packed(VALUE))
+    np.testing.assert_array_equal(back["arrays"][2], VALUE["arrays"][2])
+    back["arrays"][0][0] = 1.0  # arrays can be written to
+    contiguous = VALUE | {"arrays": (*VALUE["arrays"][:2], VALUE["arrays"][2].copy(), *VALUE["arrays"][3:])}
+    assert_alike(unpacked(packed(contiguous)), contiguous)
+
+
+@dataclass
+class Foreign:
+    x: int = 1
+
+
+@pytest.mark.parametrize("value", [Foreign(), object(), print, np.array([None]), np.array(["a"]), {1}, Path("/")])
+def test_only_plain_data_is_packed(value):
+    with pytest.raises(TypeError, match="no plain data"):
+        packed((1, value))
+
+
+def text_of(tree, content=b""):
+    text = tree if isinstance(tree, bytes) else json.dumps(tree).encode()
+    return len(text).to_bytes(8, "little") + text + content
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        b"",
+        b"\xff" * 20,
+        text_of(b"[" * 100_000),
+        text_of({"a": 1}),
+        text_of([]),
+        text_of(["os.system", "true"]),
+        text_of(["subprocess.Popen", ["list", "true"]]),
+        text_of(["femseal.runs.job.run", "case.toml"]),
+        text_of(["femseal.runs.job.Path", "x"]),
+        text_of(["femseal.runs.case.Case"]),
+        text_of(["femseal.scales.outcome.Failed"]),
+        text_of(["femseal.scales.outcome.Failed", "a", "b"]),
+        text_of(["femseal.no_such_room.Failed", "a"]),
+        text_of([1, 2]),
+        text_of(["array", "<f8", [10**12], "C", 0], b"12345678"),
+        text_of(["array", "<f8", [-1, -1], "C", 0], b"12345678"),
+        text_of(["array", "<f8", [0, 10**30], "C", 0]),
+        text_of(["array", "|O", [1], "C", 0], b"12345678"),
+        text_of(["array", "(1000000000,)f8", [1], "C", 0], b"12345678"),
+        text_of(["array", "<f8", [1], "C", 8], b"12345678"),
+        text_of(["array", "<f8", [1], "C", -8], b"12345678"),
+        text_of(["array", "<f8", [1.0], "X", 0], b"12345678"),
+        text_of(["array", "<f8", "11", "C", 0], b"12345678"),
+        text_of(["bytes", 10**12, 0], b"1"),
+        text_of(["dict", ["a"]]),
+        text_of(["dict", [["list"], 1]]),
+    ],
+    ids=range(26),
+)
+def test_bytes_that_are_no_values_are_refused(data):
+    with pytest.raises(ValueError):
+        unpacked(data)
+
+
+WHOLE = packed(VALUE)
+
+
+@given(st.integers(0, len(WHOLE) - 1), st.binary(max_size=3), st.integers(0, 3))
+def test_damaged_bytes_give_a_value_or_a_value_error(at, new, lost):
+    with suppress(ValueError):
+        unpacked(WHOLE[:at] + new + WHOLE[at + lost :])
+
+
+# --- checkpoints ---------------------------------------------------------------------------------------------------
+
+
+class Trap:
+    def __reduce__(self):
+        return os.mkdir, ("sprung",)
+
+
+def sealed(content):
+    return hashlib.sha256(content).digest() + content
+
+
+def test_no_pickle_is_read(tmp_path, monkeypatch, caplog):
+    monkeypatch.setattr(checkpoint, "SHARD_ITEMS", 4)
+    monkeypatch.chdir(tmp_path)
+    out = tmp_path / "out"
+    out.mkdir()
+    resumed(out)
+    for path in out.glob(".checkpoint/*.shard"):
+        path.write_bytes(sealed(pickle.dumps(Trap())))
+    results, computed = resumed(out)
+    assert_complete(results)
+    assert len(computed) == 28
+    assert "is damaged" in caplog.text
+    assert not (tmp_path / "sprung").exists()
+
+
+def test_shards_of_odd_names_links_and_pipes_are_computed_again(tmp_path, monkeypatch):
+    monkeypatch.setattr(checkpoint, "SHARD_ITEMS", 4)
+    out = tmp_path / "out"
+    out.mkdir()
+    resumed(out)
+    folder = out / ".checkpoint"
+    first, second, third, fourth, fifth = sorted(folder.glob("004-*"))
+    shutil.move(first, tmp_path / "elsewhere")
+    first.symlink_to(tmp_path / "elsewhere")
+    second.unlink()
+    os.mkfifo(second)
+    shutil.copy(third, folder / "004-000000010-000000014.shard")  # overlaps the third
+    fourth.rename(folder / "004-000000012-000000099.shard")
+    fifth.rename(folder / "004-x.shard")
+    results, computed = resumed(out)
+    assert_complete(results)
+    assert sorted(n for _, n in computed) == [n for n in range(20) if not 8 <= n < 12]
+    assert (tmp_path / "elsewhere").exists()
+    assert resumed(out)[1] == []
+
+
+def test_a_checkpoint_that_is_a_link_is_left_alone(tmp_path):
+    other = tmp_path / "other"
+    other.mkdir()
+    names = ["manifest.json", "000-000000000-000000001.shard", ".unfinished-x"]
+    for name in names:
+        (other / name).write_text("{}")
+    out = tmp_path / "out"
+    out.mkdir()
+    (out / ".checkpoint").symlink_to(other)
+    for act in (
+        lambda: checkpoint.resumable(out, {}),
+        lambda: checkpoint.refuse_unfinished(out),
+        lambda: checkpoint.remove(out),
+        lambda: Checkpoint(out, {}, resume=False),
+        lambda: Checkpoint(out, {}, resume=True),
+    ):
+        with pytest.raises(fs.InputError, match="a link"):
+            act()
+    assert sorted(p.name for p in other.iterdir()) == sorted(names)
+
+
+@pytest.mark.parametrize(
+    "content", [b"[" * 100_000, b"[1, 2]", b"\xff", b"7", b'{"a\\u001b[2J": [' + b"1," * 9999 + b"1]}"]
+)
+def test_a_manifest_of_another_kind_is_refused_in_short(tmp_path, content):
+    folder = tmp_path / ".checkpoint"
+    folder.mkdir()
+    (folder / "manifest.json").write_bytes(content)
+    with pytest.raises(fs.InputError, match="resume: given") as caught:
+        checkpoint.resumable(tmp_path, {"case": 1})
+    assert len(str(caught.value)) < 3000
+    assert "\x1b" not in str(caught.value)
+
+
+def test_a_manifest_that_is_a_pipe_is_not_waited_for(tmp_path):
+    (tmp_path / ".checkpoint").mkdir()
+    os.mkfifo(tmp_path / ".checkpoint/manifest.json")
+    with pytest.raises(fs.InputError, match="is no file"):
+        checkpoint.resumable(tmp_path, {})
+
+
+@pytest.fixture
+def case(tmp_path):
+    path = tmp_path / "small.toml"
+    path.write_text(CASE.replace('compare = ["deterministic", "two-scale"]', "").replace("24", "2"))
+    return path
+
+
+def test_items_of_another_kind_end_in_one_line(case, undrawn, tmp_path):
+    """A checksum is no signature: whoever changes a checkpoint can write it anew."""
+    out = tmp_path / "out"
+    with pytest.raises(KeyboardInterrupt):
+        fs.run(case, out, workers=1, progress=stop_at("stochastic: flow in windows", 1))
+    shards = list((out / ".checkpoint").glob("*.shard"))
+    for path in shards:
+        key, stage, items = unpacked(path.read_bytes()[32:])
+        path.write_bytes(sealed(packed((key, stage, [packed(["something else"]) for _ in items]))))
+    with pytest.raises(fs.FemsealError, match=r"resume: a run with \d+ items from .* remove that folder to start anew"):
+        fs.run(case, out, resume=True, workers=1)
+    assert shards
+
+
+# --- the files of a run --------------------------------------------------------------------------------------------
+
+
+def test_a_list_of_files_removes_nothing_outside_the_folder(tmp_path):
+    outside = tmp_path / "outside"
+    outside.mkdir()
+    out = tmp_path / "out"
+    (out / "vtk").mkdir(parents=True)
+    (outside / "kept").write_text("kept")
+    (tmp_path / "kept").write_text("kept")
+    (out / "linked").symlink_to(outside)
+    (out / "loop").symlink_to(out / "loop")
+    (out / "one").symlink_to(outside / "kept")
+    os.link(outside / "kept", out / "two")
+    for name in ("vtk/a.vtu", "mine.txt"):
+        (out / name).write_text("x")
+    names = [
+        "../kept",
+        str(outside / "kept"),
+        "linked/kept",
+        "linked/../kept",
+        "vtk/../../kept",
+        "~/kept",
+        "one",
+        "two",
+    ]
+    names += ["vtk/a.vtu", "missing", "missing/b", "vtk", ".", "", "\x00", "x" * 5000, "loop/x", "loop", "\x1b[2J"]
+    (out / "files.txt").write_text("\n".join(names))
+    report_folder._remove_former(out)
+    assert (outside / "kept").read_text() == (tmp_path / "kept").read_text() == "kept"
+    assert sorted(p.name for p in out.iterdir()) == ["files.txt", "linked", "mine.txt"]
+
+
+@pytest.mark.parametrize("kind", ["pipe", "link", "large", "folder", "bytes"])
+def test_a_list_of_files_that_is_none_is_passed_over(tmp_path, kind):
+    path = tmp_path / "files.txt"
+    (tmp_path / "kept").write_text("kept")
+    if kind == "pipe":
+        os.mkfifo(path)
+    elif kind == "link":
+        (tmp_path / "names").write_text("kept")
+        path.symlink_to(tmp_path / "names")
+    elif kind == "large":
+        with path.open("wb") as file:
+            file.truncate(10**11)
+    elif kind == "folder":
+        path.mkdir()
+    else:
+        path.write_bytes(b"kept\n\xff")
+    report_folder._remove_former(tmp_path)
+    assert (tmp_path / "kept").exists()
+
+
+def test_a_run_writes_nothing_outside_its_folder(case, undrawn, tmp_path):
+    outside = tmp_path / "outside"
+    outside.mkdir()
+    for name in ("run.log", "results.nc", "kept"):
+        (outside / name).write_text(name)
+    out = tmp_path / "out"
+    out.mkdir()
+    (out / "results.nc").symlink_to(outside / "results.nc")
+    (out / ".lock").symlink_to(outside / "kept")
+    (out / ".unfinished").symlink_to(outside)
+    for make in (lambda: (out / "run.log").symlink_to(outside / "run.log"), lambda: os.mkfifo(out / "run.log")):
+        (out / "run.log").unlink(missing_ok=True)
+        make()
+        with alone_in(out), job._log_file(out, append=False):  # nobody reads the pipe
+            logging.getLogger("femseal").info("a line")
+        assert "a line" in (out / "run.log").read_text()
+    case.write_text(case.read_text().replace('"stochastic"', '"deterministic"'))
+    results, surface = fs.run(case, workers=1), fs.load_case(case).prepare().scene.surface
+    report_folder.write_folder(results, out, surface)
+    shutil.rmtree(out / "vtk")
+    (out / "vtk").symlink_to(outside)
+    with pytest.raises(fs.FemsealError, match=r"vtk' is a link to another folder.*the computed results are in"):
+        report_folder.write_folder(results, out, surface)
+    assert {p.name: p.read_text() for p in outside.iterdir()} == {n: n for n in ("run.log", "results.nc", "kept")}
+
+
+# --- one run at a time ---------------------------------------------------------------------------------------------
+
+HOLD = """
+import sys, time
+from pathlib import Path
+from femseal.runs.lock import alone_in
+with alone_in(Path(sys.argv[1])):
+    print("held", flush=True)
+    time.sleep(600)
+"""
+
+
+@pytest.fixture
+def holder(tmp_path):
+    process = subprocess.Popen([sys.executable, "-c", HOLD, str(tmp_path)], stdout=subprocess.PIPE, text=True)
+    assert process.stdout.readline() == "held\n"
+    yield process
+    process.kill()
+    process.communicate()
+
+
+def test_a_second_run_in_a_folder_is_refused_until_the_first_has_ended(case, undrawn, holder, tmp_path):
+    before = {p: p.stat().st_mtime_ns for p in tmp_path.rglob("*")}
+    for resume in (False, True):
+        with pytest.raises(fs.InputError, match=rf"another run \(process {holder.pid} on .*under way.*another folder"):
+            fs.run(case, tmp_path, resume=resume, workers=1)
+    assert {p: p.stat().st_mtime_ns for p in tmp_path.rglob("*")} == before
+    holder.kill()
+    holder.wait()
+    assert (tmp_path / ".lock").exists()
+    fs.run(case, tmp_path, workers=1)
+    assert not (tmp_path / ".lock").exists()
+
+
+def test_runs_of_one_process_exclude_each_other(tmp_path):
+    with alone_in(tmp_path), pytest.raises(fs.InputError, match=f"process {os.getpid()} on"), alone_in(tmp_path):
+        pass
+    with alone_in(tmp_path):
+        pass
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_where_no_locks_are_the_name_of_the_process_counts(holder, tmp_path, monkeypatch):
+    def none(*_):
+        raise OSError(errno.ENOLCK, "No locks available")
+
+    monkeypatch.setattr(lock.fcntl, "flock", none)
+    with pytest.raises(fs.InputError, match=f"process {holder.pid} on"), alone_in(tmp_path):
+        pass
+    owner = json.loads((tmp_path / ".lock").read_text())
+    holder.kill()
+    holder.wait()
+    for written, refused in [
+        (owner, False),
+        (owner | {"process": os.getpid()}, False),  # another process has its number
+        (owner | {"host": "another"}, True),
+        (owner | {"process": 10**30}, False),
+        ("nonsense", False),
+    ]:
+        (tmp_path / ".lock").write_text(json.dumps(written))
+        if refused:
+            with pytest.raises(fs.InputError, match="on another"), alone_in(tmp_path):
+                pass
+        else:
+            with alone_in(tmp_path):
+                pass
+
+
+def test_a_folder_that_is_removed_stops_the_run_with_a_clear_error(case, tmp_path):
+    out = tmp_path / "out"
+
+    def remove(name, done, total):
+        if name.endswith("drawn seals") and done == 1:
+            shutil.rmtree(out)
+
+    with pytest.raises(fs.FemsealError, match=r"was removed while the run went on.*start the run again"):
+        fs.run(case, out, workers=1, progress=remove)
+    assert not out.exists()
