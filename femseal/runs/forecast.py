@@ -27,7 +27,7 @@ ADVISED_WAVES = 8
 #: Seconds of starting, of reading and preparing a face, and of loading compiled loops.
 _START_SECONDS = 2.6
 #: Seconds of pictures, report and tables, without windows and what those of two scales add; of a byte of fields.
-_PICTURES_SECONDS, _MAPS_SECONDS, _FIELD_BYTE_SECONDS = 1.8, 1.8, 2.5e-8
+_PICTURES_SECONDS, _MAPS_SECONDS, _FIELD_BYTE_SECONDS = 1.8, 0.8, 2.5e-8
 #: Memory of the libraries that a run imports, and of another process [byte].
 _START_MEMORY, _WORKER_MEMORY = 0.45e9, 0.25e9
 
