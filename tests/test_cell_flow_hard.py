@@ -45,12 +45,16 @@ def hard_links(seed):
 def test_random_cells_whatever_the_solver_chosen(block):
     for seed in range(100 * block, 100 * (block + 1)):
         c1, c2 = hard_links(seed)
-        chosen, exact = solve_links(c1, c2), solve_links(c1, c2, solver="elimination")
-        assert chosen.percolates == exact.percolates
-        assert_allclose(
-            chosen.conductance, exact.conductance, rtol=1e-6, err_msg=f"seed {seed}, {KINDS[seed % len(KINDS)]}"
-        )
-        assert max(chosen.imbalance, exact.imbalance) <= 1e-5
+        exact = solve_links(c1, c2, solver="elimination")
+        for rtol in (1e-3, 1e-6):
+            chosen = solve_links(c1, c2, rtol=rtol)
+            assert chosen.percolates == exact.percolates
+            assert_allclose(
+                chosen.conductance, exact.conductance, rtol=rtol, err_msg=f"seed {seed}, {KINDS[seed % len(KINDS)]}"
+            )
+        balanced = solve_links(c1, c2, field_rtol=1e-6)
+        assert_allclose(balanced.conductance, exact.conductance, rtol=1e-6)
+        assert max(balanced.imbalance, exact.imbalance) <= 1e-5
 
 
 @pytest.mark.slow
@@ -59,8 +63,9 @@ def test_4096_pixels_a_side(share):
     n = 4096
     z = self_affine((n, n), (n * D, n * D), hurst=0.8, rms_slope=0.2, roll_off=n * D / 4, cut_off=8 * D, rng=1).heights
     h = np.maximum(np.quantile(z[::8, ::8], 1 - share) - z, 0)
-    k = cell_permeability(h, (D, D), sides="periodic")
+    k = cell_permeability(h, (D, D), sides="periodic", field_rtol=1e-6)
     assert 0 < k.iterations < 200
+    assert_allclose(cell_permeability(h, (D, D), sides="periodic").value, k.value, rtol=1e-6)
     # in every section the same flow
     c1, _ = cell_links(h, (D, D), "periodic")
     p = np.nan_to_num(k.fluid_pressure)

@@ -25,6 +25,7 @@ from .case import Case, load_case
 from .case_faces import FileFace
 from .checkpoint import Checkpoint
 from .executor import ordered_map
+from .forecast import refuse_too_large
 from .lock import alone_in
 from .log_file import LogFile
 from .preparation import Prepared
@@ -60,9 +61,9 @@ def run(
 
     Raises
     ------
-    InputError : the case or an argument cannot be used, the checkpoint is of another case, other face files or other
-        versions, or the folder holds an unfinished run without `resume`, or another run is under way there; nothing has
-        been written then.
+    InputError : the case or an argument cannot be used, the run is expected to take more memory than there is, the
+        checkpoint is of another case, other face files or other versions, or the folder holds an unfinished run
+        without `resume`, or another run is under way there; nothing has been written then.
     FemsealError : a computation failed as a whole, or a file could not be written: computed items stay in the
         folder, and `resume` continues from them. Single cells that fail are listed in `Results.failures`.
     """
@@ -88,12 +89,12 @@ def run(
     with ExitStack() as stack:
         if folder is None:
             mapper = stack.enter_context(ordered_map(workers, scheduler))
-            return _run(case, case.prepare(), faces, mapper, progress)
+            return _run(case, _prepared(case, scheduler), faces, mapper, progress)
         # a folder is made once the case has been found good
         if there := folder.is_dir():
             stack.enter_context(alone_in(folder))
             going_on = _goes_on(folder, identity, resume)
-        prepared = case.prepare()
+        prepared = _prepared(case, scheduler)
         mapper = stack.enter_context(ordered_map(workers, scheduler))
         if not there:
             stack.enter_context(alone_in(made_folder(folder)))
@@ -102,7 +103,11 @@ def run(
         kept = stack.enter_context(Checkpoint(folder, identity, going_on))
         results = _run(case, prepared, faces, kept.over(mapper), progress)
         progress("writing results", 0, None)
-        _write(results, folder, case, prepared)
+        start = time.perf_counter(), time.process_time()
+        # the pictures are small, and drawn on this machine
+        _write(results, folder, case, prepared, map if scheduler else mapper)
+        seconds = time.perf_counter() - start[0], time.process_time() - start[1]
+        log.info("pictures, report and files in %.1f s, %.1f s of this process", *seconds)
         for text in results.left_out:
             log.info("left out: %s", text)
         log.info("results in %s", folder)
@@ -115,6 +120,14 @@ def _goes_on(folder: Path, identity: dict[str, Any], resume: bool) -> bool:
         return checkpoint.resumable(folder, identity)
     checkpoint.refuse_unfinished(folder)
     return False
+
+
+def _prepared(case: Case, scheduler: str | None) -> Prepared:
+    """Input of the studies; a run that this machine cannot hold is refused, unless others compute."""
+    prepared = case.prepare()
+    if scheduler is None:
+        refuse_too_large(case, prepared)
+    return prepared
 
 
 @contextmanager
@@ -194,10 +207,10 @@ def _study(
     return stochastic(scene, prepared.cells, prepared.sampling, two_scale=known, mapper=mapper)
 
 
-def _write(results: Results, folder: Path, case: Case, prepared: Prepared) -> None:
+def _write(results: Results, folder: Path, case: Case, prepared: Prepared, mapper: Mapper) -> None:
     try:
         options = case.output.model_dump(include={"paraview", "fields_limit"})
-        write_folder(results, folder, prepared.scene.surface, **options)
+        write_folder(results, folder, prepared.scene.surface, **options, mapper=mapper)
     except Exception as error:
         reason = str(error) if isinstance(error, FemsealError) else f"results: {error or type(error).__name__}"
         raise FemsealError(f"{reason}; mend that, then a run with --resume has only to write them") from error

@@ -2,6 +2,7 @@
 
 from .curves import CellCurves
 from .dissipation import window_dissipation
+from .elements import ElementFlow, WindowFlow, element_flow, window_flow
 from .global_contact import GlobalState, global_states
 from .ladder import Cell, Ladder, follow
 from .library import LadderLibrary, LibraryTable, WindowSource, build_ladder_library, on_ladder
@@ -16,6 +17,7 @@ __all__ = [
     "Cell",
     "CellCurves",
     "ContactPressure",
+    "ElementFlow",
     "Failed",
     "FlowSettings",
     "GlobalState",
@@ -27,15 +29,18 @@ __all__ = [
     "SolveCounts",
     "SolverCounts",
     "WindowFields",
+    "WindowFlow",
     "WindowHistory",
     "WindowSource",
     "attempt",
     "build_ladder_library",
     "correlation_length",
     "draw_links",
+    "element_flow",
     "follow",
     "global_states",
     "on_ladder",
     "respond",
     "window_dissipation",
+    "window_flow",
 ]
