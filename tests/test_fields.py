@@ -256,7 +256,7 @@ def test_formats_are_chosen(results, scene, tmp_path):
 
 
 def test_steps_above_the_limit_are_left_out_and_named(results, scene, studies, tmp_path):
-    each = 3 * 4 * 48 * 96
+    each = 5 * 4 * 48 * 96
     for limit, kept in ((6 * each, range(6)), (3.5 * each, (2, 3, 5)), (each, (2,)), (each - 1, ())):
         plan = plan_fields(results, limit)
         assert list(plan.steps) == list(kept)
@@ -266,7 +266,7 @@ def test_steps_above_the_limit_are_left_out_and_named(results, scene, studies, t
     (text,) = back.left_out
     assert (
         text
-        == "fields over all pixels at steps 0, 1, 4: 332 kB of all steps are above the limit of 194 kB (fields_limit)"
+        == "fields over all pixels at steps 0, 1, 4: 553 kB of all steps are above the limit of 323 kB (fields_limit)"
     )
     assert text in repr(back)
     assert text in back._repr_html_()
@@ -354,14 +354,16 @@ def test_fields_on_demand(source, studies, scene, request):
             r.gap(bad)
 
 
-def test_gap_of_a_deterministic_study(scene, studies, tmp_path):
+def test_fields_of_a_deterministic_study(scene, studies, tmp_path):
     r = assemble(scene, deterministic=studies["deterministic"])
     write_folder(r, tmp_path, scene.surface, paraview="none")
     assert not (tmp_path / "vtk").exists()
     for at_hand in (r, open_results(tmp_path)):
-        assert_allclose(at_hand.gap(3), studies["deterministic"].gap[3], rtol=1e-6)
-        with pytest.raises(InputError, match="no contact pressure"):
-            at_hand.contact_pressure(3)
+        for name in ("gap", "contact_pressure", "fluid_pressure"):
+            assert_allclose(getattr(at_hand, name)(3), getattr(studies["deterministic"], name)[3], rtol=1e-6)
+    two = assemble(scene, two_scale=studies["two_scale"])
+    with pytest.raises(InputError, match="no fluid pressure"):
+        two.fluid_pressure(3)
 
 
 @pytest.mark.parametrize("suffix", [".npz", ".x3p", ".tif"])

@@ -166,8 +166,12 @@ class Results(Plotted):
         return stitched.read_field(self, "gap", step, cell)
 
     def contact_pressure(self, step: int, cell: tuple[int, int] | None = None) -> xarray.DataArray:
-        """Contact pressure (x1, x2) [Pa] of the two-scale study at one step, see `gap`."""
+        """Contact pressure (x1, x2) [Pa] at one step, see `gap`."""
         return stitched.read_field(self, "contact_pressure", step, cell)
+
+    def fluid_pressure(self, step: int, cell: tuple[int, int] | None = None) -> xarray.DataArray:
+        """Fluid pressure (x1, x2) [Pa] of the deterministic study at one step, NaN where none flows, see `gap`."""
+        return stitched.read_field(self, "fluid_pressure", step, cell)
 
     def export(
         self,
@@ -204,7 +208,7 @@ class Results(Plotted):
 
     @property
     def stored_steps(self) -> list[int]:
-        """Steps whose gap and contact pressure are in memory or in the folder."""
+        """Steps whose fields over all pixels are in memory or in the folder."""
         return stitched.stored_steps(self)
 
     def rows(self) -> list[dict[str, Any]]:
