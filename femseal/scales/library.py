@@ -311,7 +311,9 @@ def _read(path: Path, ladder: Ladder) -> list[Cell | None]:
             cells: list[Cell | None] = [None] * count
             columns: dict[str, Any] = {}
             for name in _ARRAYS:
-                shapes = data[f"{name}_shapes"].tolist()
+                if (table := data[f"{name}_shapes"]).dtype.kind not in "iu":
+                    return []
+                shapes = table.tolist()
                 ends = np.cumsum([prod(s) for s in shapes], dtype=int)[:-1]
                 columns[name] = [a.reshape(s) for a, s in zip(np.split(data[name], ends), shapes, strict=True)]
             for row, n in enumerate(good.tolist()):
