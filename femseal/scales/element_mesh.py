@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -17,7 +17,6 @@ from .superelement import WindowElement
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
-Flags = NDArray[np.bool_]
 #: Numbers of the nodes of the ends.
 INLET, OUTLET = 0, 1
 _RTOL = 1e-8
@@ -54,27 +53,28 @@ class ElementMesh:
     nodes: int
 
     @classmethod
-    def of_face(cls, elements: list[WindowElement], cells: tuple[int, int]) -> ElementMesh:
-        """Elements of the windows of a face, row after row; the columns form a ring."""
+    def of_face(cls, elements: list[WindowElement], cells: tuple[int, int], *, ring: bool = True) -> ElementMesh:
+        """Elements of windows, row after row; their columns form a ring, or the outer sides are closed."""
         m1, m2 = cells
         counts = np.array([e.counts for e in elements]).reshape(m1, m2, 4)
-        # nodes of the sides before each row but the first, then those before each column
-        sides = np.concatenate([[2], counts[1:, :, 0].ravel(), counts[:, :, 2].ravel()])
-        first = np.cumsum(sides)
-        before_rows, before_columns = np.split(first[:-1], [(m1 - 1) * m2])
+        # nodes of the sides before each row but the first, before each column, and without a ring after the last
+        last = counts[: 0 if ring else m1, -1, 3]
+        first = np.cumsum(np.concatenate([[2], counts[1:, :, 0].ravel(), counts[:, :, 2].ravel(), last]))
+        before_rows, before_columns, after = np.split(first[:-1], [(m1 - 1) * m2, (2 * m1 - 1) * m2])
         ends = np.full(m2, INLET), np.full(m2, OUTLET)
         rows = np.concatenate([ends[0], before_rows, ends[1]]).reshape(m1 + 1, m2)
         columns = before_columns.reshape(m1, m2)
+        columns = np.column_stack([columns, columns[:, 0] if ring else after])
         numbers = []
         for i, j in np.ndindex(m1, m2):
-            starts = rows[i, j], rows[i + 1, j], columns[i, j], columns[i, (j + 1) % m2]
+            starts = rows[i, j], rows[i + 1, j], columns[i, j], columns[i, j + 1]
             parts = [start + np.arange(n) for start, n in zip(starts, counts[i, j], strict=True)]
             numbers.append(np.concatenate(parts))
         return cls(elements, numbers, int(first[-1]))
 
     @cached_property
-    def reached(self) -> Flags:
-        """Nodes that open pixels join to both ends (nodes,); none if no path joins inlet and outlet."""
+    def component(self) -> Indices:
+        """Component of every node (nodes,): nodes with the same number are joined by open pixels."""
         start, end, count = [], [], self.nodes
         for element, number in zip(self.elements, self.numbers, strict=True):
             point, which = np.nonzero(element.weight)
@@ -83,14 +83,12 @@ class ElementMesh:
             count += int(element.component.max()) + 1
         i, j = np.concatenate(start), np.concatenate(end)
         graph = sp.coo_array((np.ones(i.size, np.int8), (i, j)), shape=(count, count))
-        label = connected_components(graph, directed=False)[1]
-        joined = label[INLET] == label[OUTLET]
-        return (label[: self.nodes] == label[INLET]) & joined
+        return np.asarray(connected_components(graph, directed=False)[1][: self.nodes])
 
     @property
     def percolates(self) -> bool:
         """Whether a path of open pixels joins inlet and outlet."""
-        return bool(self.reached[INLET])
+        return bool(self.component[INLET] == self.component[OUTLET])
 
     def solve(self, *, every_second: bool = False) -> ElementSolution:
         """Solve the mass balance of every node that joins both ends; `every_second` leaves out the nodes between.
@@ -99,55 +97,82 @@ class ElementMesh:
         ------
         NotConverged : the linear solver failed, or inlet and outlet flow differ by more than 1e-5.
         """
-        first, second, couple, of = self._couples
         if not self.percolates:
             return ElementSolution(0.0, np.zeros(len(self.elements)), np.full(self.nodes, np.nan))
-        keep = self.reached.copy()
-        matrix = _laplacian(first, second, couple, self.nodes)
-        to_nodes = sp.eye_array(self.nodes, format="csr")
-        if every_second:
-            to_nodes = self._from_every_second
-            matrix = (to_nodes.T @ matrix @ to_nodes).tocsr()
-            keep &= to_nodes.diagonal() > 0
-        keep[[INLET, OUTLET]] = False
-        unknown = np.flatnonzero(keep)
-        x, y = np.zeros((2, self.nodes))
-        x[INLET] = y[OUTLET] = 1.0
-        found = LinearSolution(x, y, 0, 0.0, "none")
-        if unknown.size:
-            rows = matrix[unknown]
-            # potential and complement are solved for on their own, so that each keeps its relative accuracy
-            found = solve_spd(rows[:, unknown], -rows[:, [INLET, OUTLET]].toarray(), _RTOL, unit_drop=True)
-            x[unknown], y[unknown] = found.x.T
-        x, y = to_nodes @ x, to_nodes @ y
-        drop = np.where(x[first] + x[second] < 1, x[first] - x[second], y[second] - y[first])
-        energy = np.bincount(of, couple * drop**2, len(self.elements)).astype(float)
-        rate = float(energy.sum())
-        inlet, outlet = (
-            float(couple @ (np.where(first == end, z[second], 0.0) + np.where(second == end, z[first], 0.0)))
-            for end, z in ((INLET, y), (OUTLET, x))
-        )
-        imbalance = max(abs(inlet - outlet), abs(inlet - rate)) / rate if rate > 0 else np.inf
+        ends = np.array([INLET, OUTLET])
+        solution, flows = self._solved(ends, np.array([1.0, 0.0]), self._from_every_second if every_second else None)
+        rate = solution.conductance
+        imbalance = max(abs(flows[0] + flows[1]), abs(flows[0] - rate)) / rate if rate > 0 else np.inf
         if not imbalance <= MAX_IMBALANCE:
             raise NotConverged(
                 f"flow: inlet and outlet of the elements differ by {imbalance:.1e} of the flow, allowed is "
                 f"{MAX_IMBALANCE:.0e}",
                 imbalance,
             )
-        potential = np.where(self.reached, x, np.nan)
-        return ElementSolution(
-            rate, energy, potential, unknown.size, found.iterations, found.residual, imbalance, found.solver
+        return replace(solution, imbalance=imbalance)
+
+    def solve_held(self, nodes: Indices, potential: Array) -> ElementSolution:
+        """Solve with more nodes held at potentials between 0 and 1, besides inlet and outlet.
+
+        Raises
+        ------
+        NotConverged : the linear solver failed.
+        """
+        held = np.concatenate([[INLET, OUTLET], nodes])
+        return self._solved(held, np.concatenate([[1.0, 0.0], potential]), None)[0]
+
+    def _solved(
+        self, held: Indices, values: Array, between: sp.csr_array | None
+    ) -> tuple[ElementSolution, tuple[float, float]]:
+        """Solution with `values` at the nodes `held`, and what flows in at the inlet and at the outlet.
+
+        between : interpolation (nodes, nodes) of the nodes between some of them.
+        """
+        first, second, couple, of = self._couples
+        reached = np.isin(self.component, self.component[held])
+        matrix = _laplacian(first, second, couple, self.nodes)
+        keep = reached.copy()
+        if between is not None:
+            matrix = (between.T @ matrix @ between).tocsr()
+            keep &= between.diagonal() > 0
+        keep[held] = False
+        unknown = np.flatnonzero(keep)
+        x, y = np.zeros((2, self.nodes))
+        x[held], y[held] = values, 1 - values
+        found = LinearSolution(x, y, 0, 0.0, "none")
+        if unknown.size:
+            rows = matrix[unknown]
+            # potential and complement are solved for on their own, so that each keeps its relative accuracy
+            known = -(rows[:, held] @ np.column_stack([values, 1 - values]))
+            found = solve_spd(rows[:, unknown], known, _RTOL, unit_drop=True)
+            x[unknown], y[unknown] = found.x.T
+        if between is not None:
+            x, y = between @ x, between @ y
+        drop = np.where(x[first] + x[second] < 1, x[first] - x[second], y[second] - y[first])
+        energy = np.bincount(of, np.where(reached[first], couple * drop**2, 0.0), len(self.elements)).astype(float)
+        inlet, outlet = (
+            float((couple * drop) @ (1.0 * (first == end) - 1.0 * (second == end))) for end in (INLET, OUTLET)
         )
+        solution = ElementSolution(
+            conductance=float(energy.sum()),
+            energy=energy,
+            potential=np.where(reached, x, np.nan),
+            unknowns=unknown.size,
+            iterations=found.iterations,
+            residual=found.residual,
+            solver=found.solver,
+        )
+        return solution, (inlet, outlet)
 
     @cached_property
     def _couples(self) -> tuple[Indices, Indices, Array, Indices]:
-        """Pairs of nodes that are coupled, and joined to both ends: both numbers, the couple, the element."""
+        """Pairs of nodes that are coupled: both numbers, the couple, the element."""
         parts = []
         for n, (element, number) in enumerate(zip(self.elements, self.numbers, strict=True)):
             a, b = np.nonzero(np.triu(element.couples))
             parts.append((number[a], number[b], element.couples[a, b], np.full(a.size, n)))
         first, second, couple, of = (np.concatenate(part) for part in zip(*parts, strict=True))
-        chosen = self.reached[first] & (first != second)
+        chosen = first != second
         return first[chosen], second[chosen], couple[chosen], of[chosen]
 
     @cached_property
