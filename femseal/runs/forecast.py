@@ -15,6 +15,7 @@ from ..results.fields import fields_size
 from ..scales import Partition
 from ..studies import Scene, seal_cells
 from ..studies.costs import Effort, deterministic_cost, stochastic_cost, two_scale_cost, usual_efforts
+from ..studies.deterministic import STEP_BYTES
 from .case import Case
 from .pilot import efforts, pace
 from .preparation import Prepared
@@ -26,7 +27,7 @@ ADVISED_WAVES = 8
 #: Seconds of starting, of reading and preparing a face, and of loading compiled loops.
 _START_SECONDS = 2.6
 #: Seconds of pictures, report and tables, without windows and what those of two scales add; of a byte of fields.
-_PICTURES_SECONDS, _MAPS_SECONDS, _FIELD_BYTE_SECONDS = 1.8, 1.8, 2.5e-8
+_PICTURES_SECONDS, _MAPS_SECONDS, _FIELD_BYTE_SECONDS = 1.8, 0.8, 2.5e-8
 #: Memory of the libraries that a run imports, and of another process [byte].
 _START_MEMORY, _WORKER_MEMORY = 0.45e9, 0.25e9
 
@@ -177,7 +178,7 @@ def disk(case: Case, prepared: Prepared) -> Disk:
     others, checkpoint = 2e6 + 4.0 * pixels * formats, 0.0
     peaks = len(set(scene.unload_from))
     if "deterministic" in prepared.methods:
-        checkpoint += pixels * (4.0 * steps + 8.0 * peaks)
+        checkpoint += pixels * (STEP_BYTES * steps + 8.0 * peaks)
     if prepared.cells is not None and prepared.methods != {"deterministic"}:
         windows = prepared.cells[0] * prepared.cells[1]
         # a window: ten numbers in results.nc, twenty in the mesh of the seal; three windows with three fields

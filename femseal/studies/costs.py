@@ -14,7 +14,7 @@ import numpy as np
 from ..base.machine import free_memory
 from ..contact.cycle import STATE_FIELDS
 from ..scales.global_contact import PIXELS_PER_CUT_OFF
-from .deterministic import state_memory
+from .deterministic import STEP_BYTES, state_memory
 from .sampling_options import Sampling
 from .windows import CUT_OFF_WINDOWS
 
@@ -72,7 +72,7 @@ def deterministic_cost(efforts: Sequence[Effort], points: tuple[int, int]) -> tu
     """Expected time on one core [s] and memory [byte] of the deterministic solution."""
     pixels = points[0] * points[1]
     seconds = sum(contact_seconds(pixels, effort) + flow_seconds(pixels, effort) for effort in efforts)
-    return seconds, 4.0 * pixels * len(efforts) + state_memory(pixels)
+    return seconds, STEP_BYTES * pixels * len(efforts) + state_memory(pixels)
 
 
 def two_scale_cost(

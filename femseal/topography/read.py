@@ -10,17 +10,14 @@ from numpy.typing import NDArray
 
 from ..base import validate
 from ..base.errors import InputError
-from ..base.machine import free_memory
 from ..base.quantities import to_si, to_text
-from .formats import READERS, TEXT, Options, Raw, bad_file, read_instrument
+from .formats import READERS, TEXT, Options, Raw, bad_file, read_instrument, weighed
 from .mask_file import read_mask
 from .topography import Topography
 
 #: Smallest and largest size of a measured seal face [m]; beyond them the unit in the file is wrong.
 _SIZE_LIMITS = (1e-9, 1.0)
 _RMS_HEIGHT_LIMIT = 10e-3
-#: Memory that reading takes at least, in sizes of the file: its bytes, and its heights as numbers.
-_READING_FACTOR = 2
 #: Median slope between neighbouring points that no face exceeds.
 _SLOPE_LIMIT = 10.0
 #: Pixel [m] of a map that is only looked at where nothing says its pixel.
@@ -147,12 +144,9 @@ def read_for_a_look(
 
 
 def _raw(path: Path, options: Options) -> Raw:
-    length, free = path.stat().st_size, free_memory()
-    if _READING_FACTOR * length > free:
-        allowed = f"one that can be read in the {free / 1e9:.3g} GB of free memory"
-        raise bad_file(path, f"a file of {length / 1e9:.3g} GB", allowed)
     try:
-        return READERS.get(path.suffix.lower(), read_instrument)(path, options)
+        with weighed(path):
+            return READERS.get(path.suffix.lower(), read_instrument)(path, options)
     except OSError as error:
         raise bad_file(path, error.strerror or error, "a file that can be read") from None
     except MemoryError:
