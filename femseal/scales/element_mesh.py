@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -20,6 +20,8 @@ Indices = NDArray[np.int64]
 #: Numbers of the nodes of the ends.
 INLET, OUTLET = 0, 1
 _RTOL = 1e-8
+#: Largest number of corrections, each a solution for the flow that the one before leaves unbalanced.
+_CORRECTIONS = 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,70 +101,68 @@ class ElementMesh:
         """
         if not self.percolates:
             return ElementSolution(0.0, np.zeros(len(self.elements)), np.full(self.nodes, np.nan))
-        ends = np.array([INLET, OUTLET])
-        solution, flows = self._solved(ends, np.array([1.0, 0.0]), self._from_every_second if every_second else None)
-        rate = solution.conductance
-        imbalance = max(abs(flows[0] + flows[1]), abs(flows[0] - rate)) / rate if rate > 0 else np.inf
-        if not imbalance <= MAX_IMBALANCE:
-            raise NotConverged(
-                f"flow: inlet and outlet of the elements differ by {imbalance:.1e} of the flow, allowed is "
-                f"{MAX_IMBALANCE:.0e}",
-                imbalance,
-            )
-        return replace(solution, imbalance=imbalance)
+        between = self._from_every_second if every_second else None
+        return self._solved(np.array([INLET, OUTLET]), np.array([1.0, 0.0]), between)
 
     def solve_held(self, nodes: Indices, potential: Array) -> ElementSolution:
         """Solve with more nodes held at potentials between 0 and 1, besides inlet and outlet.
 
         Raises
         ------
-        NotConverged : the linear solver failed.
+        NotConverged : as `solve`.
         """
         held = np.concatenate([[INLET, OUTLET], nodes])
-        return self._solved(held, np.concatenate([[1.0, 0.0], potential]), None)[0]
+        return self._solved(held, np.concatenate([[1.0, 0.0], potential]), None)
 
-    def _solved(
-        self, held: Indices, values: Array, between: sp.csr_array | None
-    ) -> tuple[ElementSolution, tuple[float, float]]:
-        """Solution with `values` at the nodes `held`, and what flows in at the inlet and at the outlet.
-
-        between : interpolation (nodes, nodes) of the nodes between some of them.
-        """
+    def _solved(self, held: Indices, values: Array, between: sp.csr_array | None) -> ElementSolution:
+        """Solution with `values` at the nodes `held`; `between` (nodes, nodes) interpolates nodes between others."""
         first, second, couple, of = self._couples
         reached = np.isin(self.component, self.component[held])
-        matrix = _laplacian(first, second, couple, self.nodes)
-        keep = reached.copy()
-        if between is not None:
-            matrix = (between.T @ matrix @ between).tocsr()
-            keep &= between.diagonal() > 0
-        keep[held] = False
-        unknown = np.flatnonzero(keep)
-        x, y = np.zeros((2, self.nodes))
-        x[held], y[held] = values, 1 - values
-        found = LinearSolution(x, y, 0, 0.0, "none")
-        if unknown.size:
-            rows = matrix[unknown]
-            # potential and complement are solved for on their own, so that each keeps its relative accuracy
-            known = -(rows[:, held] @ np.column_stack([values, 1 - values]))
-            found = solve_spd(rows[:, unknown], known, _RTOL, unit_drop=True)
-            x[unknown], y[unknown] = found.x.T
-        if between is not None:
-            x, y = between @ x, between @ y
-        drop = np.where(x[first] + x[second] < 1, x[first] - x[second], y[second] - y[first])
-        energy = np.bincount(of, np.where(reached[first], couple * drop**2, 0.0), len(self.elements)).astype(float)
-        inlet, outlet = (
-            float((couple * drop) @ (1.0 * (first == end) - 1.0 * (second == end))) for end in (INLET, OUTLET)
-        )
-        solution = ElementSolution(
-            conductance=float(energy.sum()),
+        to_nodes = sp.eye_array(self.nodes, format="csr") if between is None else between
+        matrix = (to_nodes.T @ _laplacian(first, second, couple, self.nodes) @ to_nodes).tocsr()
+        free = reached & (to_nodes.diagonal() > 0)
+        free[held] = False
+        unknown = np.flatnonzero(free)
+        rows = matrix[unknown]
+        inner = rows[:, unknown]
+        # potential and complement are solved for on their own, so that each keeps its relative accuracy
+        xy = np.zeros((self.nodes, 2))
+        xy[held] = np.column_stack([values, 1 - values])
+        rhs = -(rows[:, held] @ xy[held])
+        found = LinearSolution(xy[:, 0], xy[:, 1], 0, 0.0, "none")
+        for correction in range(_CORRECTIONS + 1):
+            if unknown.size:
+                # what counts is the balance of flows below
+                found = solve_spd(inner, rhs, _RTOL, unit_drop=correction == 0, largest_residual=np.inf)
+                xy[unknown] += found.x
+            x, y = (to_nodes @ xy).T
+            drop = np.where(x[first] + x[second] < 1, x[first] - x[second], y[second] - y[first])
+            drop[~reached[first]] = 0.0
+            energy = np.bincount(of, couple * drop**2, len(self.elements)).astype(float)
+            out = np.bincount(first, couple * drop, self.nodes) - np.bincount(second, couple * drop, self.nodes)
+            out = to_nodes.T @ out
+            rate = float(energy.sum())
+            off = max(abs(float(out[held].sum())), abs(float(values @ out[held]) - rate))
+            if off <= MAX_IMBALANCE * rate:
+                break
+            rhs = np.column_stack([-out[unknown], out[unknown]])
+        else:
+            imbalance = off / rate if rate > 0 else np.inf
+            raise NotConverged(
+                f"flow: inlet and outlet of the elements differ by {imbalance:.1e} of the flow, allowed is "
+                f"{MAX_IMBALANCE:.0e}",
+                imbalance,
+            )
+        return ElementSolution(
+            conductance=rate,
             energy=energy,
             potential=np.where(reached, x, np.nan),
             unknowns=unknown.size,
             iterations=found.iterations,
             residual=found.residual,
+            imbalance=off / rate if rate > 0 else 0.0,
             solver=found.solver,
         )
-        return solution, (inlet, outlet)
 
     @cached_property
     def _couples(self) -> tuple[Indices, Indices, Array, Indices]:
