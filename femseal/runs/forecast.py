@@ -25,9 +25,9 @@ ADVISED_WAVES = 8
 
 
 #: Seconds of starting, of reading and preparing a face, and of loading compiled loops.
-_START_SECONDS = 2.8
-#: Seconds of pictures, report and tables, without windows and what those of two scales add; of a byte of fields.
-_PICTURES_SECONDS, _MAPS_SECONDS, _FIELD_BYTE_SECONDS = 1.4, 0.8, 2.0e-8
+_START_SECONDS = 2.6
+#: Seconds of pictures, report and tables, and of a byte of fields.
+_PICTURES_SECONDS, _FIELD_BYTE_SECONDS = 1.4, 5e-8
 #: Memory of the libraries that a run imports, and of another process [byte].
 _START_MEMORY, _WORKER_MEMORY = 0.5e9, 0.25e9
 
@@ -122,8 +122,6 @@ def forecast(case: Case, prepared: Prepared, known: tuple[Effort, ...] | None = 
     if prepared.filtered is not None:
         costs.append(_cost(prepared.answer, case, prepared, prepared.filtered, known))
     alone = _START_SECONDS + _PICTURES_SECONDS + disk(case, prepared).fields * _FIELD_BYTE_SECONDS
-    if "two-scale" in prepared.methods:
-        alone += _MAPS_SECONDS
     shared = sum(seconds for seconds, _ in costs)
     # what a study holds stays until the results are written; what it works with does not
     memory = _START_MEMORY + max(memory for _, memory in costs)
