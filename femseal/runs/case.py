@@ -107,6 +107,11 @@ class Case(Table):
         return "links" if self.cells is None else self.cells.flow
 
     @property
+    def window_contact(self) -> str | None:
+        """How the contact of windows is solved, see `studies.two_scale`."""
+        return None if self.cells is None else self.cells.contact
+
+    @property
     def solids(self) -> tuple[Solid, Solid | None]:
         """The two bodies; None is rigid."""
         counter = self.counter_material

@@ -2,6 +2,7 @@
 
 from .curves import CellCurves
 from .dissipation import window_dissipation
+from .gap_error import gap_error
 from .global_contact import GlobalState, global_states
 from .ladder import Cell, Ladder, follow
 from .library import LadderLibrary, LibraryTable, WindowSource, build_ladder_library, on_ladder
@@ -34,6 +35,7 @@ __all__ = [
     "correlation_length",
     "draw_links",
     "follow",
+    "gap_error",
     "global_states",
     "on_ladder",
     "respond",
