@@ -41,9 +41,15 @@ def _version(value: bool) -> None:
 def _main(
     version: Annotated[
         bool,
-        typer.Option("--version", callback=_version, is_eager=True, help="Show the versions of femseal and its stack."),
+        typer.Option(
+            "--version",
+            callback=_version,
+            is_eager=True,
+            help="Show the versions of femseal and its stack.",
+            show_default="off",
+        ),
     ] = False,
-    debug: Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")] = False,
+    debug: Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.", show_default="off")] = False,
 ) -> None:
     # `main` decides the exit code of an error
     global _debug
@@ -68,11 +74,13 @@ def new(path: Annotated[Path, typer.Argument(help="Case file to write.")] = Path
 def check(path: Annotated[Path, typer.Argument(metavar="CASE", help="Case file.")]) -> None:
     """Validate a case and say what a run will compute; nothing is written."""
     from .runs.case import load_case
-    from .runs.forecast import describe
+    from .runs.forecast import describe, refuse_too_large
 
     case = load_case(path)
-    for line in describe(case, case.prepare()):
+    prepared = case.prepare()
+    for line in describe(case, prepared):
         typer.echo(line)
+    refuse_too_large(case, prepared)
 
 
 @app.command()
@@ -82,7 +90,12 @@ def run(
         Path | None, typer.Option("-o", "--output", help="Results folder.", show_default="results/CASE")
     ] = None,
     resume: Annotated[
-        bool, typer.Option("--resume", help="Keep complete results of the same case, or go on where a run was ended.")
+        bool,
+        typer.Option(
+            "--resume",
+            help="Keep complete results of the same case, or go on where a run was ended.",
+            show_default="off",
+        ),
     ] = False,
     workers: Annotated[int | None, typer.Option(help="Processes.", show_default="all cores")] = None,
     scheduler: Annotated[
@@ -91,7 +104,9 @@ def run(
             help='Address of a Dask scheduler, or "local" for one with WORKERS processes.', show_default="none"
         ),
     ] = None,
-    quiet: Annotated[bool, typer.Option("--quiet", help="No progress, no log lines, no table.")] = False,
+    quiet: Annotated[
+        bool, typer.Option("--quiet", help="No progress, no log lines, no table.", show_default="off")
+    ] = False,
     log_file: Annotated[
         Path | None, typer.Option(help="Log lines also go to the end of this file.", show_default="none")
     ] = None,
@@ -146,7 +161,7 @@ def accuracy(
     limit: Annotated[str, typer.Option(help="Skip solutions expected to take longer on one core.")] = "10 min",
     memory: Annotated[str, typer.Option(help="Skip solutions expected to need more.")] = "4 GB",
     workers: Annotated[int | None, typer.Option(help="Processes.", show_default="all cores")] = None,
-    quiet: Annotated[bool, typer.Option("--quiet", help="No plan, no progress, no table.")] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", help="No plan, no progress, no table.", show_default="off")] = False,
 ) -> None:
     """Report speed against error for a case: coarser pixels, other windows, smaller libraries."""
     from .accuracy import measure_accuracy
@@ -182,14 +197,25 @@ def surface(
     height_unit: Annotated[
         str | None, typer.Option(help="Unit of the heights in the file, such as um.", show_default="as the file says")
     ] = None,
-    channel: Annotated[int, typer.Option(help="Layer or channel in files with several.")] = 0,
+    channel: Annotated[str, typer.Option(help="Number or name of the channel in files with several.")] = "0",
     array: Annotated[
         str | None, typer.Option(help="Array in an .npz with several.", show_default="the only one")
     ] = None,
     delimiter: Annotated[
         str | None, typer.Option(help="Between the numbers of a text.", show_default="as found")
     ] = None,
-    transpose: Annotated[bool, typer.Option("--transpose", help="Exchange x and y.")] = False,
+    transpose: Annotated[bool, typer.Option("--transpose", help="Exchange x and y.", show_default="off")] = False,
+    mask: Annotated[
+        Path | None,
+        typer.Option(help="Image, text or .npy of the map's size, undefined where not 0.", show_default="none"),
+    ] = None,
+    file_mask: Annotated[
+        bool, typer.Option(help="Points under the mask in a .gwy or .npz are undefined, or taken as they are.")
+    ] = True,
+    crop: Annotated[
+        tuple[str, str, str, str] | None,
+        typer.Option(help="Part that is used: x1 from, x1 to, x2 from, x2 to.", show_default="the whole"),
+    ] = None,
     spikes: Annotated[float, typer.Option(help="Robust deviations beyond which an isolated point is a spike.")] = 6.0,
     detrend: Annotated[int, typer.Option(help="Form taken off: 0 mean, 1 tilt, 2 tilt and curvature.")] = 1,
     shortest_wave: Annotated[str | None, typer.Option(help="Low-pass of a run.", show_default="measured ones")] = None,
@@ -198,7 +224,10 @@ def surface(
         Path | None, typer.Option("-o", "--output", help="Picture to write (.png .pdf .svg).", show_default="none")
     ] = None,
 ) -> None:
-    """Describe a measured face, and say what a run would do to it; the options are keys of a case file too."""
+    """Describe a measured face, and say what a run would do to it; the options are keys of a case file too.
+
+    A face that a run refuses is described and drawn too, with the reason.
+    """
     from .runs.survey import survey
 
     for line in survey(
@@ -211,6 +240,9 @@ def surface(
         array=array,
         delimiter=delimiter,
         transpose=transpose,
+        mask=mask,
+        file_mask=file_mask,
+        crop=crop,
         spikes=spikes,
         detrend=detrend,
         shortest_wave=shortest_wave,

@@ -13,7 +13,7 @@ from skfem import Basis, BilinearForm, ElementQuad1, ElementQuad2, MeshQuad
 from skfem.helpers import dot, grad
 
 from femseal import analytic
-from femseal.base.errors import InputError, NotConverged
+from femseal.base.errors import InputError
 from femseal.flow import (
     bounds,
     cell_permeabilities,
@@ -599,6 +599,17 @@ def test_tensor_of_one_slanted_channel(flip):
     assert_allclose(k[0, 0], n * D * (D**3 / 12) / (2 * n * n * D), rtol=0.7)
 
 
+@pytest.mark.parametrize("axis", [0, 1])
+def test_tensor_of_one_row_or_column_is_that_of_four(axis):
+    h = np.expand_dims(D * np.random.default_rng(1).uniform(0.2, 1, 6), axis)
+    assert_allclose(
+        permeability_tensor(h, (D, 3 * D)),
+        permeability_tensor(np.repeat(h, 4, axis), (D, 3 * D)),
+        rtol=1e-9,
+        atol=1e-12 * D**3,
+    )
+
+
 def test_tensor_of_two_parallel_components():
     h = np.zeros((8, 9))
     h[:, 1], h[:, 5:7] = D, 2 * D
@@ -837,7 +848,7 @@ def test_upper_bound_of_very_flat_pixels():
 
 
 @pytest.mark.parametrize("decades", [2, 3, 4, 5, 6])
-def test_a_tensor_is_right_or_refused(decades):
+def test_a_tensor_is_right_at_any_contrast(decades):
     """One column of random gaps: its links in series."""
     for seed in range(10):
         h = np.zeros((40, 5))
@@ -846,13 +857,7 @@ def test_a_tensor_is_right_or_refused(decades):
         a, b = wrapped[1:-2], wrapped[2:-1]
         middle = np.maximum((9 * (a + b) - wrapped[:-3] - wrapped[3:]) / 16, 0.1 * np.minimum(a, b))[1:]
         exact = 1 / np.mean(12 / middle**3) / 5
-        try:
-            got = permeability_tensor(h, (D, D))[0, 0]
-        except NotConverged as error:
-            assert "contrast" in str(error) or "factorisation" in str(error)  # noqa: PT017
-            assert decades > 2
-        else:
-            assert got == pytest.approx(exact, rel=1e-4)
+        assert permeability_tensor(h, (D, D))[0, 0] == pytest.approx(exact, rel=1e-6)
 
 
 # --- the coarse links of the resampling error ---

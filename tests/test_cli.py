@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 import femseal as fs
 from femseal import cli
@@ -99,6 +100,26 @@ def test_help_says_what_is_taken_where_nothing_is_given(femseal, monkeypatch, co
     assert lines or command == "check"
     for line in lines:
         assert re.search(r"\[default: .+\]|\[required\]", line), line
+
+
+def test_every_option_with_a_default_shows_it(monkeypatch):
+    """All commands that there are, and all their options but --help and those of completion."""
+    import typer
+
+    monkeypatch.setenv("COLUMNS", "250")
+    root = typer.main.get_command(cli.app)
+    commands = [root, *root.commands.values()]
+    assert len(commands) > 7
+    for command in commands:
+        context = typer.Context(command, info_name=command.name)
+        asked = ["--help"] if command is root else [command.name, "--help"]
+        lines = CliRunner().invoke(cli.app, asked).output.splitlines()
+        for option in command.get_params(context):
+            if option.name in ("help", "install_completion", "show_completion") or option.required:
+                continue
+            name = max(option.opts, key=len) if option.opts[0].startswith("-") else option.name
+            (line,) = [line for line in lines if re.match(rf"[^\w-]*{name} ", line)]
+            assert "[default: " in line, (command.name, name, line)
 
 
 def test_version_lists_the_stack(femseal):
@@ -207,7 +228,10 @@ def test_noise_below_the_low_pass_is_pointed_out(femseal, tmp_path):
         (["--shortest-wave", "1 s"], "--shortest-wave: given '1 s'"),
         (["--spikes", "0"], "--spikes: given 0"),
         (["--detrend", "3"], "--detrend: given 3"),
-        (["--max-undefined", "1e-5"], "undefined points: given 0.0244 %, allowed is at most 0.001 %"),
+        (["--max-undefined", "-1"], "--max-undefined: given -1"),
+        (["--crop", "0 m", "1 mm", "0 m", "10 um"], "--crop: given 0 m, 1 mm, 0 m, 10 µm, allowed is x1 from, x1 to"),
+        (["--crop", "0 m", "10 um", "8 um", "8 um"], "--crop: given"),
+        (["--mask", "none.png"], "--mask: given 'none.png', no such file"),
         (["--shortest-wave", "1 mm"], "--shortest-wave: given 1 mm"),
         (["-o", "no such folder/a.png"], "output: given 'no such folder/a.png'"),
         (["-o", "a.xyz"], "output: given 'a.xyz', allowed is a file .png, .pdf, .svg"),
@@ -222,6 +246,53 @@ def test_bad_options_of_surface(femseal, face, tmp_path, monkeypatch, arguments,
     assert (code, text) == (2, "")
     assert message in errors
     assert [p.name for p in tmp_path.iterdir()] == ["face.npz"]
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        (lambda z: z[:, 90:].fill(np.nan), "29.7 % of its points are undefined, and at most 5 % are filled"),
+        (lambda z: z[::2].fill(np.nan), "50 % of its points are undefined"),
+        (lambda z: z.fill(np.nan), "none of its points is defined"),
+        (lambda z: z.__imul__(1e6), r"allowed is at most 10 mm; .* \(--height-unit\)"),
+    ],
+)
+def test_surface_describes_what_a_run_refuses(femseal, tmp_path, change, reason):
+    made = fs.turned((96, 128), (96e-6, 128e-6), pitch=16e-6, depth=1e-6, roughness=2e-8, rng=1)
+    z = made.heights.copy()
+    change(z)
+    np.savez(tmp_path / "face.npz", z=z, spacing=made.spacing)
+    code, text, errors = femseal("surface", tmp_path / "face.npz", "-o", tmp_path / "face.png")
+    assert (code, errors) == (0, "")
+    assert re.search(f"note: a run refuses this face: .*{reason}", text)
+    assert fields(text)["points"]
+    assert (tmp_path / "face.png").stat().st_size > 30_000
+    # the part that is offered, pasted as it is, is taken
+    if offered := re.search("--crop '(.*)' '(.*)' '(.*)' '(.*)'", text):
+        code, text, _ = femseal("surface", tmp_path / "face.npz", "--crop", *offered.groups())
+        assert code == 0
+        assert "a run refuses" not in text
+        assert fields(text.split("what a run does")[0])["points"] == "96 × 89"
+    else:
+        assert "29.7 %" not in reason
+
+
+def test_a_file_without_a_pixel_and_tiny_maps_are_described(femseal, tmp_path):
+    for shape in ((96, 128), (1, 1), (1, 40), (3, 3), (12, 2)):
+        np.save(tmp_path / "face.npy", 1e-7 * np.random.default_rng(0).standard_normal(shape))
+        drawn = ["-o", tmp_path / "face.png"] if min(shape) == 1 else []
+        code, text, errors = femseal("surface", tmp_path / "face.npy", *drawn)
+        assert (code, errors) == (0, ""), shape
+        assert f"a run refuses this face: {tmp_path / 'face.npy'}: given no pixel size in the file" in text
+        assert fields(text.split("what a run does")[0])["points"] == f"{shape[0]} × {shape[1]}"
+
+
+def test_a_part_of_a_cropped_face_is_told_in_the_whole_map(femseal, tmp_path):
+    z = fs.turned((96, 128), (96e-6, 128e-6), pitch=16e-6, depth=1e-6, rng=1).heights.copy()
+    z[60:] = np.nan
+    np.savez(tmp_path / "face.npz", z=z, spacing=(1e-6, 1e-6))
+    text = femseal("surface", tmp_path / "face.npz", "--crop", "10 um", "96 um", "20 um", "128 um")[1]
+    assert 'crop = ["10 µm", "60 µm", "20 µm", "128 µm"] in [face]' in text
 
 
 def test_defaults_of_surface_are_those_of_a_case():
@@ -283,7 +354,7 @@ def faults(value, schema, root, place="case"):
                 "required", "additionalProperties", "pattern", "enum", "const", "minItems", "maxItems", "minimum",
                 "maximum", "maxLength",
                 "exclusiveMinimum", "exclusiveMaximum", "properties", "items", "description", "default", "format",
-                "$schema", "definitions", "title",
+                "$schema", "definitions", "title", "examples",
             }, word  # fmt: skip
     return found
 

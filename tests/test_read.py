@@ -316,6 +316,162 @@ def test_spikes_do_not_make_a_face_too_steep(tmp_path):
     assert read_topography(tmp_path / "face.npz").rms_slope > 10
 
 
+# --- masks and parts --------------------------------------------------------------------------------------
+
+
+MASK = np.array([[False, True, False], [True, False, False]])  # of Z, x first
+
+
+def masked(heights=Z, mask=MASK):
+    return np.where(mask, np.nan, heights)
+
+
+@pytest.mark.parametrize("suffix", [".png", ".tif", ".bmp", ".gif", ".npy", ".csv", ".txt"])
+def test_points_are_masked_by_a_file(tmp_path, suffix):
+    """A line of an image or a text runs along the file's x; an array lies as those of NumPy."""
+    from PIL import Image
+
+    np.savez(tmp_path / "face.npz", z=Z, spacing=PIXEL)
+    path = tmp_path / f"mask{suffix}"
+    if suffix == ".npy":
+        np.save(path, MASK)
+    elif suffix in (".csv", ".txt"):
+        np.savetxt(path, MASK.T, "%d")
+    else:
+        Image.fromarray((MASK.T * 255).astype(np.uint8)).save(path)
+    same(read_topography(tmp_path / "face.npz", mask=path), masked())
+    same(read_topography(tmp_path / "face.npz", mask=path, transpose=True), masked().T, PIXEL[::-1])
+
+
+@pytest.mark.parametrize("mode", ["1", "RGB", "RGBA", "P", "I;16"])
+def test_images_of_every_kind_mask_where_they_are_not_black(tmp_path, mode):
+    from PIL import Image
+
+    np.savez(tmp_path / "face.npz", z=Z, spacing=PIXEL)
+    if mode == "I;16":
+        image = Image.fromarray(MASK.T.astype(np.uint16) * 300)
+    else:
+        image = Image.fromarray((MASK.T * 255).astype(np.uint8)).convert(mode)
+    image.save(tmp_path / "mask.png")
+    same(read_topography(tmp_path / "face.npz", mask=tmp_path / "mask.png"), masked())
+
+
+def test_masks_that_do_not_fit(tmp_path):
+    np.savez(tmp_path / "face.npz", z=Z, spacing=PIXEL)
+    np.save(tmp_path / "mask.npy", MASK.T)
+    cases = {
+        "mask.npy": r"mask: given 3 × 2 points in 'mask.npy', allowed is 2 × 3, .*; turned by its diagonal it would fit",
+        "none.png": r"mask: given '.*none.png', no such file",
+        "mask.jpg": r"mask: given 'mask.jpg', allowed is a file \.png, ",
+        "bad.png": r"bad.png: given .*, allowed is an image of the map's size",
+        "bad.npy": r"bad.npy: given .* numpy\.save",
+    }
+    for name in ("mask.jpg", "bad.png", "bad.npy"):
+        write(tmp_path, name, "no mask")
+    for name, message in cases.items():
+        with pytest.raises(InputError, match=message):
+            read_topography(tmp_path / "face.npz", mask=tmp_path / name)
+
+
+def test_the_mask_of_a_gwyddion_file(tmp_path):
+    """Its points are undefined, or have their heights; a second mask comes on top."""
+    surfaces = pytest.importorskip("SurfaceTopography", reason="the extra femseal[surface] is not installed")
+    z = np.nan_to_num(Z) * 1e6
+    path = tmp_path / "face.gwy"
+    surfaces.Topography(np.ma.masked_array(z, MASK), (4.0, 9.0), unit="µm").to_gwy(str(path))
+    same(read_topography(path), masked(z * 1e-6))
+    # the writer puts 0 under the mask
+    same(read_topography(path, file_mask=False), np.where(MASK, 0, z * 1e-6))
+    np.save(tmp_path / "mask.npy", ~MASK)
+    with pytest.raises(InputError, match=r"file_mask: given False, allowed is for \.gwy, \.npz files only"):
+        read_topography(tmp_path / "mask.npy", file_mask=False)
+    assert read_topography(path, mask=tmp_path / "mask.npy").undefined_share == 1
+
+
+def test_heights_under_the_mask_of_a_gwyddion_file_have_their_unit(tmp_path, monkeypatch):
+    """The library scales only what is not masked."""
+    surfaces = pytest.importorskip("SurfaceTopography", reason="the extra femseal[surface] is not installed")
+    z = np.nan_to_num(Z) * 1e6 + 1
+    path = tmp_path / "face.gwy"
+    surfaces.Topography(z, (4.0, 9.0), unit="µm").to_gwy(str(path))
+    plain = path.read_bytes()
+    surfaces.Topography(np.ma.masked_array(z, MASK), (4.0, 9.0), unit="µm").to_gwy(str(path))
+    content = path.read_bytes()
+    # the heights of the file without a mask into the one with it
+    heights = (z * 1e-6).T.astype("<f8").tobytes()
+    holed = np.where(MASK, 0, z * 1e-6).T.astype("<f8").tobytes()
+    assert heights in plain
+    assert content.count(holed) == 1
+    path.write_bytes(content.replace(holed, heights))
+    same(read_topography(path), masked(z * 1e-6))
+    same(read_topography(path, file_mask=False), z * 1e-6)
+
+
+def test_the_mask_of_an_npz(tmp_path):
+    path = tmp_path / "face.npz"
+    np.savez(path, z=Z, spacing=PIXEL, mask=MASK)
+    same(read_topography(path), masked())
+    same(read_topography(path, file_mask=False))
+    np.savez(path, z=Z, spacing=PIXEL, mask=MASK.T)
+    with pytest.raises(InputError, match=r"given an array mask of bool of shape \(3, 2\)"):
+        read_topography(path)
+
+
+def test_a_part_of_a_map(tmp_path):
+    path = tmp_path / "face.npz"
+    np.savez(path, z=Z, spacing=PIXEL)
+    same(read_topography(path, crop=(0, 4e-6, 3e-6, 9e-6)), Z[:, 1:])
+    same(read_topography(path, crop=(0, 2.9e-6, 0, 9e-6)), Z[:1])  # to whole pixels
+    same(read_topography(path, transpose=True, crop=(3e-6, 9e-6, 0, 4e-6)), Z[:, 1:].T, PIXEL[::-1])
+    assert not any(read_topography(path, periodic=(True, True), crop=(0, 2e-6, 0, 3e-6)).periodic)
+    for crop in ((0, 4e-6, 3e-6, 11e-6), (2e-6, 2e-6, 0, 9e-6), (0, 1, 2), "abcd", (0, np.nan, 0, 1)):
+        with pytest.raises(InputError, match="crop: given"):
+            read_topography(path, crop=crop)
+
+
+def test_channels_by_name(tmp_path, monkeypatch):
+    surfaces = pytest.importorskip("SurfaceTopography", reason="the extra femseal[surface] is not installed")
+
+    class Channel:
+        dim, is_height_channel, nb_grid_pts = 2, True, (2, 3)
+
+        def __init__(self, name, factor, height=True):
+            self.name, self.is_height_channel, self.factor = name, height, factor
+            self.physical_sizes = (4e-6, 9e-6)
+
+        def topography(self):
+            return surfaces.Topography(np.nan_to_num(Z) * self.factor, self.physical_sizes, unit="m")
+
+    class File:
+        channels = (Channel("Height", 1), Channel("Phase", 1, height=False), Channel("Back", 2), Channel("Back", 3))
+
+    monkeypatch.setattr(surfaces, "open_topography", lambda path: File)
+    path = write(tmp_path, "face.xyz9", "x")
+    same(read_topography(path, channel="Height"), np.nan_to_num(Z))
+    same(read_topography(path, channel=2), 2 * np.nan_to_num(Z))
+    listed = r"0 to 3, it has 4 channels: 0 \(Height\), 1 \(Phase\), 2 \(Back\), 3 \(Back\)"
+    for wrong in (4, -1, "Front", "Back"):
+        with pytest.raises(InputError, match=f"channel={wrong!r}, allowed is {listed}"):
+            read_topography(path, channel=wrong)
+    with pytest.raises(InputError, match=r"channel=Phase \(Phase\), .* a map of heights: 0 \(Height\), 2 \(Back\)"):
+        read_topography(path, channel="Phase")
+
+
+def test_text_exports_lie_as_the_file_of_the_instrument(instrument_file, tmp_path):
+    """As Gwyddion writes text: lines of x from the first y on, sides with their unit."""
+    face = read_topography(instrument_file("sur-2.sur"))
+    (l1, l2), z = face.size, face.heights
+    for decimal in ".,":
+        lines = ["\t".join(f"{v:.17g}".replace(".", decimal) for v in line) for line in z.T]
+        words = ("Width", "Height", "Value units") if decimal == "." else ("Breite", "Höhe", "Werteeinheiten")
+        head = [
+            f"# {words[0]}: {l1 * 1e3:.12g} mm".replace(".", decimal),
+            f"# {words[1]}: {l2 * 1e3:.12g} mm".replace(".", decimal),
+        ]
+        text = "\n".join([*head, f"# {words[2]}: m", *lines])
+        same(read_topography(write(tmp_path, "face.txt", text)), z, face.spacing, rtol=1e-15)
+
+
 # --- what the caller gets wrong ---------------------------------------------------------------------------
 
 

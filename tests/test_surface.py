@@ -1,5 +1,6 @@
 """Measured faces before use: spikes, texture, spectrum, the report, and two faces laid on one another."""
 
+import re
 from dataclasses import fields
 from math import inf, nan, pi
 from pathlib import Path
@@ -11,11 +12,21 @@ from scipy import ndimage
 
 import femseal as fs
 from femseal.base.errors import InputError
-from femseal.topography import Topography, combine, describe_surface, repair, self_affine, turned
+from femseal.topography import (
+    SpikeEffect,
+    Topography,
+    combine,
+    describe_surface,
+    repair,
+    self_affine,
+    spike_effect,
+    turned,
+)
 from femseal.topography.combine import _largest_rectangle
 from femseal.topography.power_law import spectrum
 from femseal.topography.spikes import _window_medians, find_spikes
 from femseal.topography.texture import autocorrelation, texture
+from femseal.topography.usable import largest_part
 
 EXAMPLE = Path(__file__).parents[1] / "examples" / "measured_face.x3p"
 #: Points, Sq and height range without tilt [m], undefined share, most points that may be called spikes.
@@ -154,6 +165,128 @@ def test_spikes_count_as_undefined():
     assert_allclose(report.rms_height_before, rough().detrend().rms_height, rtol=0.01)
     _, report = fs.condition(face, spikes=inf)
     assert report.rms_height_before > 5 * rough().rms_height
+
+
+def test_a_wrong_form_is_not_blamed_on_spikes():
+    z = rough().heights.copy()
+    z[5::10, 5::10] += 1e-4
+    face = Topography(z, (1e-6, 1e-6))
+    for given, word in (({"detrend": 3}, "order"), ({"max_undefined": -1}, "max_share")):
+        with pytest.raises(InputError, match=f"^{word}: given") as error:
+            repair(face, **given)
+        assert "spikes" not in str(error.value)
+
+
+def test_a_part_that_is_defined_is_offered_and_fits():
+    """A corner is missing, and single points: the largest rectangle without the corner, by brute force."""
+    z = rough().heights.copy()
+    z[60:, 80:] = np.nan
+    z[4::9, 4::9] = np.nan
+    face = Topography(z, (1e-6, 1e-6), (False, False))
+    with pytest.raises(InputError, match=r'crop = \["0 m", "160 µm", "0 m", "80 µm"\]') as error:
+        face.fill_undefined()
+    assert_allclose(error.value.part, (0, 160e-6, 0, 80e-6))
+    assert face.crop_to(error.value.part).fill_undefined().shape == (160, 80)
+    moved = error.value.from_origin(1e-3, 2e-3)
+    assert '["1 mm", "1.16 mm", "2 mm", "2.08 mm"]' in str(moved)
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("limit", [0, 0.05, 0.3])
+def test_the_largest_part_is_that_of_a_search_over_all(seed, limit):
+    rng = np.random.default_rng(seed)
+    undefined = ndimage.gaussian_filter(rng.standard_normal((13, 11)), 2) > 0.02
+    part = largest_part(undefined, (1.0, 1.0), limit)
+    price = 1 / max(0.8 * limit, 1 / undefined.size)
+    best = max(
+        (b - a) * (d - c) - price * undefined[a:b, c:d].sum()
+        for a in range(13) for b in range(a + 1, 14) for c in range(11) for d in range(c + 1, 12)
+    )  # fmt: skip
+    a, b, c, d = map(round, part)
+    assert_allclose((b - a) * (d - c) - price * undefined[a:b, c:d].sum(), best)
+    assert undefined[a:b, c:d].mean() <= limit
+
+
+def test_no_part_is_offered_where_none_is_defined():
+    z = rough().heights.copy()
+    z[::2, ::2] = np.nan
+    with pytest.raises(InputError, match="no part of the map has so few"):
+        Topography(z, (1e-6, 1e-6)).fill_undefined()
+
+
+def test_masked_points_and_parts_from_python():
+    face = rough()
+    high = face.heights > 0
+    marked = face.mask(high).mask(~high[::-1] & False)
+    assert_array_equal(np.isnan(marked.heights), high)
+    assert face.crop_to((10e-6, 20.4e-6, 0, 120e-6)).heights.tobytes() == face.heights[10:20].tobytes()
+    with pytest.raises(InputError, match="mask: given an array of bool"):
+        face.mask(high.T)
+
+
+# --- what the spikes mean ---------------------------------------------------------------------------------
+
+
+def grooved(angle=0.0):
+    """A face with a lay, and points off the surface along one groove."""
+    x1, x2 = np.indices((200, 160)) * 1e-6
+    s = x1 * np.cos(angle) + x2 * np.sin(angle)
+    rng = np.random.default_rng(3)
+    z = sum(1e-7 * np.cos(2 * pi * s / wave + 7 * rng.random()) for wave in (14e-6, 19e-6, 31e-6))
+    return z + 1e-9 * rng.standard_normal(z.shape), s, rng
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.5, -1.2])
+def test_spikes_that_follow_the_lay_are_told(angle):
+    z, s, rng = grooved(angle)
+    beside = np.abs(s - s.mean()) < 5e-6
+    z[beside & (rng.random(z.shape) < 0.06)] += 3e-6
+    face = Topography(z, (1e-6, 1e-6), (False, False))
+    _, report = fs.condition(face)
+    assert report.spikes > 40
+    assert report.spikes_along_lay > 0.8
+    assert report.spikes_extreme > 0.05
+    doubts = SpikeEffect(report.spikes_along_lay, report.spikes_extreme).doubts(report.spikes)
+    assert re.search(
+        rf"^{report.spikes} points called spikes are filled although they follow the lay \(\d+%", doubts[0]
+    )
+    assert all("surface.spikes = inf" in text for text in doubts)
+
+
+@pytest.mark.parametrize("spacing", [(1e-6, 1e-6), (1e-6, 3e-6)])
+def test_scattered_spikes_are_no_marks(spacing):
+    z, _, rng = grooved()
+    z[rng.random(z.shape) < 0.004] -= 1e-6
+    _, report = fs.condition(Topography(z, spacing, (False, False)))
+    assert report.spikes > 80
+    assert report.spikes_along_lay is None
+
+
+def test_extremes_are_those_of_the_face_with_its_spikes():
+    """Spikes that stay below the summits and above the pits change no extreme; high or deep ones are the extremes."""
+    face = rough().low_pass(8e-6)
+    z = face.heights
+    assert spike_effect(face, np.zeros(z.shape), 8e-6) == SpikeEffect()
+    middle = np.argsort(np.abs(z - z.mean()), axis=None)[:40]
+    for height, least, most in ((1e-8, 0, 0.01), (3e-4, 0.5, 1), (-3e-4, 0.5, 1)):
+        removed = np.zeros(z.shape)
+        removed.flat[middle] = height
+        effect = spike_effect(face, removed, 8e-6)
+        # an independent count: points of the highest (lowest) percent that are new
+        sign = np.sign(height)
+        spiky = sign * (z + Topography(removed, face.spacing).low_pass(8e-6).heights)
+        high = np.argsort(spiky, axis=None)[-z.size // 100 :]
+        before = np.argsort(sign * z, axis=None)[-z.size // 100 :]
+        assert effect.extreme >= np.setdiff1d(high, before).size / high.size - 0.01
+        assert least <= effect.extreme <= most
+        assert bool(effect.doubts(40)) == (effect.extreme > 0.01)
+
+
+@pytest.mark.parametrize(("name", "along", "extreme"), [("sur-2.sur", 0.55, 0.1), ("mnt-1.mnt", 0.75, 0.25)])
+def test_measured_faces_whose_spikes_follow_the_lay(instrument_file, name, along, extreme):
+    _, report = fs.condition(fs.read_topography(instrument_file(name)))
+    assert report.spikes_along_lay > along
+    assert report.spikes_extreme > extreme
 
 
 # --- texture ----------------------------------------------------------------------------------------------

@@ -12,7 +12,7 @@ from ..runs.case import Case
 from ..runs.preparation import Prepared
 from ..scales import Partition
 from ..studies import seal_cells
-from ..studies.costs import deterministic_cost, stochastic_cost, two_scale_cost
+from ..studies.costs import deterministic_cost, stochastic_cost, two_scale_cost, usual_efforts
 
 Pair = tuple[int, int]
 #: Points along a side, and cells in the library, are divided by these. The shortest wave of a scene has at least 8
@@ -218,16 +218,16 @@ def _near_divisor(n: int, m: int, wanted: float) -> int | None:
 
 
 def _cost(prepared: Prepared, variant: Variant) -> tuple[float, float]:
-    steps = len(prepared.scene.steps)
+    efforts = usual_efforts(len(prepared.scene.steps))
     if variant.cells is None:
-        return deterministic_cost(steps, variant.points)
+        return deterministic_cost(efforts, variant.points)
     if variant.library_cells is None:
-        return two_scale_cost(steps, variant.points, variant.cells)
+        return two_scale_cost(efforts, variant.points, variant.cells)
     assert prepared.sampling is not None
     sampling = replace(prepared.sampling, library_cells=variant.library_cells)
     surface = prepared.scene.surface
     seal = seal_cells(Partition(surface.shape, surface.spacing, variant.cells), sampling)
-    return stochastic_cost(steps, variant.points, variant.cells, sampling, seal)
+    return stochastic_cost(efforts, variant.points, variant.cells, sampling, seal)
 
 
 def _may_be_reference(prepared: Prepared, variant: Variant) -> bool:

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import kernels
+from .descent import Descent
 from .workspace import Workspace
 
 Array = NDArray[np.float64]
@@ -23,7 +24,7 @@ Array = NDArray[np.float64]
 _STEPS_AFTER_CHANGE, _STEPS = 3, 5
 #: Conjugate gradients stop when the squared energy norm of the residual has fallen to this share.
 _DROP = 0.04
-#: From this iteration on no step may raise the energy, a slower rule that is seldom needed.
+#: Iterations after which no step may raise the energy (`Descent`), a slower rule that is seldom needed.
 _MONOTONE_AFTER = 60
 
 
@@ -62,10 +63,9 @@ class ActiveSets:
         self._new_sets = True
         # numbers of points near contact (in contact, or with v < reach) and of free points
         self._n_near, self._n_free, self._reach, self._margin = 0, 0, -inf, 0.0
-        self._changed, self._fresh, self._gradient_next = True, False, False
+        self._changed, self._fresh = True, False
         # of conjugate gradients: Σ M1, w·r of the next and of the former direction, and whether there is a next one
         self._ones, self._wr, self._former, self._turned = 0.0, 0.0, inf, False
-        self._best: tuple[Array, Array] | None = None
 
     def solve(self, rtol: float, limit: int) -> None:
         """Iterate until the residual is `rtol`, for at most `limit` iterations."""
@@ -76,12 +76,15 @@ class ActiveSets:
             converged = self.residual <= rtol
             if self.iterations >= limit and not converged:
                 return
+            if self.iterations >= _MONOTONE_AFTER and not converged:
+                self._descend(rtol, limit)
+                return
             self.iterations += 1
-            if self._changed or converged or self._n_free < 2 or self._gradient_next:
+            if self._changed or converged or self._n_free < 2:
                 self._change_sets()
             if converged:
                 self._c = self._c0  # the returned residual follows its definition
-            elif self._n_free >= 2 and not self._gradient_next:
+            elif self._n_free >= 2:
                 self._conjugate_gradients()
             self._look()
 
@@ -142,7 +145,7 @@ class ActiveSets:
     def _change_sets(self) -> None:
         """Project p on the bounds and the load, which decides which points are free, and find v."""
         grid = self._grid
-        keep = self.iterations > 1 and not self._gradient_next
+        keep = self.iterations > 1
         self._n_free = kernels.project(
             self._n_near, self._n_free, self._c * self.delta, self._load, self._loaded, keep,
             grid.p, self._hardness, grid.state, grid.lists, grid.near, grid.dense,
@@ -152,8 +155,6 @@ class ActiveSets:
         rose = energy > self._energy + 1e-13 * abs(self._energy)
         self._damping = max(self._damping / 2, 1e-3) if rose else min(1.0, 1.25 * self._damping)
         self._energy = energy
-        if self.iterations >= _MONOTONE_AFTER:
-            self._descend()
         self._new_sets = True
 
     def _conjugate_gradients(self) -> None:
@@ -199,21 +200,14 @@ class ActiveSets:
             longest = min(longest, length / curvature)
         self._c = max(self._least_c, min(self._c0, 2.0 * self._damping * longest))
 
-    def _descend(self) -> None:
-        """Go back towards the best point so far where the energy rose.
-
-        Where conjugate gradients and projection do not lead down, a projected gradient does: that comes next, with a
-        step of Barzilai and Borwein. Source: Birgin, Martínez & Raydan, SIAM J. Optim. 10, 2000, 1196.
-        """
+    def _descend(self, rtol: float, limit: int) -> None:
+        """Go on by steps that never raise the energy."""
         grid = self._grid
-        if self._best is None:
-            self._best = grid.p.copy(), grid.v.copy()
-        else:
-            s, length, curvature = kernels.search_line(
-                self.delta, grid.p, grid.v, self._hardness, grid.state, *self._best
-            )
-            if curvature > 0.0:
-                self._c = max(1e-2 * self._least_c, min(self._c0, length / curvature))
-            self._gradient_next = not self._gradient_next and s < 0.1
-            self._changed = True  # the points between the bounds may be others now
-        self._list_near()
+        self._change_sets()
+        descent = Descent(
+            grid, self._gap0 - self._offset, self._hardness, self._load if self._loaded else None, self.delta
+        )
+        descent.solve(rtol, limit - self.iterations)
+        self.delta, self.residual = descent.delta, descent.residual
+        self.iterations += descent.iterations
+        self.pairs += descent.pairs

@@ -85,7 +85,7 @@ def look(n, c, load, loaded, delta, hardness, state, lists, near):
         x[j] = p[j] - c * v[j]
     carried = True
     if loaded:
-        delta, carried = _root(x, n, hardness, listed, c, load, delta)
+        delta, carried = root(x, n, hardness, listed, c, load, delta)
     r2 = 0.0
     y2 = 0.0
     c2 = 0.0
@@ -116,7 +116,7 @@ def _clip(y, h):
 
 
 @njit(**_exact)
-def _root(x, n, hardness, listed, c, load, start):
+def root(x, n, hardness, listed, c, load, start):
     """Find δ with Σ clip(x + cδ, 0, H) = load on a list of points; tells whether they can carry the load.
 
     The sum is monotone and piecewise linear in δ: Newton's method within a bracket.
@@ -210,7 +210,7 @@ def project(n, free, shift, load, loaded, keep, p, hardness, state, lists, near,
         p[i] = y
         state[i] = s
     if k > 0 and left > 0.0 and loaded:
-        uniform = _root(x, k, hardness, listed_free, 1.0, left, 0.0)[0]
+        uniform = root(x, k, hardness, listed_free, 1.0, left, 0.0)[0]
         for j in range(k):
             i = listed_free[j]
             p[i] = min(max(x[j] + uniform, 0.0), h if one else hardness[i])
@@ -223,7 +223,7 @@ def restart(free, delta, loaded, lists, near, on_free, dense, stencil, rows, col
     listed, place, v, r, ones = lists[1], lists[2], near[2], on_free[0], on_free[3]
     for k in range(free):
         dense[listed[k]] = 1.0
-    ones_total = _apply_stencil(free, listed, dense, ones, stencil, rows, columns)
+    ones_total = apply_stencil(free, listed, dense, ones, stencil, rows, columns)
     total = 0.0
     for k in range(free):
         r[k] = delta - v[place[k]]
@@ -239,7 +239,7 @@ def turn(free, former, ones_total, loaded, lists, on_free, dense, stencil, rows,
     Returns w·r. Where that is not > 0, there is no direction.
     """
     listed, r, w, d, ones = lists[1], on_free[0], on_free[1], on_free[2], on_free[3]
-    total = _apply_stencil(free, listed, dense, w, stencil, rows, columns)
+    total = apply_stencil(free, listed, dense, w, stencil, rows, columns)
     wr = 0.0
     if loaded:
         factor = total / ones_total
@@ -300,7 +300,7 @@ def _spread_residual(free, listed, r, total, loaded, dense):
 
 
 @njit(**_fast)
-def _apply_stencil(n, listed, dense, out, stencil, rows, columns):
+def apply_stencil(n, listed, dense, out, stencil, rows, columns):
     """Write stencil ∗ dense at the listed points to `out` and return its sum.
 
     rows, columns : index on the grid for each index of the padded grid, −1 outside.
@@ -342,35 +342,6 @@ def _apply_stencil(n, listed, dense, out, stencil, rows, columns):
         out[k] = s
         total += s
     return total
-
-
-@njit(**_exact)
-def search_line(delta, p, v, hardness, state, best_p, best_v):
-    """Move to the lowest energy between the best point so far and this one; the energy is quadratic between them.
-
-    Returns the share of the distance, and the squared length and the curvature of the whole step. v is linear in it.
-    """
-    slope = 0.0
-    curvature = 0.0
-    length = 0.0
-    for i in range(p.size):
-        way = p[i] - best_p[i]
-        slope += way * (best_v[i] - delta)
-        curvature += way * (v[i] - best_v[i])
-        length += way * way
-    s = 0.0
-    if slope < 0.0:
-        s = min(1.0, -slope / curvature) if curvature > 0.0 else 1.0
-    h = hardness[0]
-    for i in range(p.size):
-        if hardness.size > 1:
-            h = hardness[i]
-        p[i] = best_p[i] + s * (p[i] - best_p[i])
-        v[i] = best_v[i] + s * (v[i] - best_v[i])
-        best_p[i] = p[i]
-        best_v[i] = v[i]
-        state[i] = 0 if p[i] <= 0.0 else (2 if p[i] >= h else 1)
-    return s, length, curvature
 
 
 @njit(**_exact)

@@ -195,8 +195,8 @@ class _Problem:
     def solve(self, threads: int) -> Contact:
         """Solve at once where no point or every point is at its bound, else from coarse grids to this one."""
         grids = nested_grids(self.half_space, threading.get_ident(), threads)
-        # a large offset of the heights would lose digits of the load
-        offset = float(self.gap0.mean())
+        # what the highest points are above others is known to all its digits, however small it is beside the heights
+        offset = float(self.gap0.min())
         if self.load == 0:
             return self._uniform(grids[0], offset, 0.0, float(self.gap0.min()))
         if self.load is not None and self.load >= _mean(self.hardness) * (1 - 1e-12):

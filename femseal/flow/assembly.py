@@ -119,6 +119,8 @@ def assemble_on_links(grid: Grid, k1: Array, k2: Array, *, overwrite: bool = Fal
     w = _edge_weights(grid, forms.darcy_flow, forms.darcy_flow.form)
     along = _weighted(k1, w.rows1, w.columns1, w.kinds1, k1 if overwrite else np.empty(k1.shape))
     across = _weighted(k2, w.rows2, w.columns2, w.kinds2, k2 if overwrite else np.empty(k2.shape))
+    if across.shape[1] == 1 and grid.ring2 and not grid.ring1:  # what an only column drives around it is nothing
+        across[:] = 0.0
     return Stencil(along, across, ring1=grid.ring1, ring2=grid.ring2)
 
 
@@ -148,7 +150,8 @@ def _edge_weights(grid: Grid, form: BilinearForm, _: Callable[..., Any]) -> _Edg
             columns[kind] += np.bincount(grid.columns[side : m2 + side], d2 * couples[kind, side], grid.nodes[1])
         rows += np.bincount(grid.rows[side : m1 + side], d1 * couples[kinds, 2 + side], grid.nodes[0])
     inner = rows if grid.ring1 else rows[1:-1]
-    apart = grid.columns[:-1] != grid.columns[1:]
+    # the links of a ring are all there, even that of an only column to itself
+    apart = (grid.columns[:-1] != grid.columns[1:]) | grid.ring2
     return _EdgeWeights(1 / d1, columns, kinds, inner, (1 / d2[apart])[None], np.zeros(inner.size, np.int64))
 
 

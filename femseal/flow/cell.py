@@ -18,7 +18,7 @@ from ..base.errors import InputError
 from ..base.text import Shown
 from .bounds import pixel_bounds
 from .cell_mesh import mesh_flow
-from .coefficient import validated_cell
+from .coefficient import unit_spacing, validated_cell
 from .discretisation import cell_stencil, check_discretisation, on_grid
 from .grid import Grid
 from .solution import DarcyFlow
@@ -91,6 +91,7 @@ def cell_permeability(
     h, (d1, d2) = validated_cell(gap, spacing, axis, sides)
     validate.tolerance("rtol", rtol)
     check_discretisation(discretisation, solver, estimate)
+    d1, d2 = unit_spacing((d1, d2))
     scale = float(h.max()) or 1.0
     h = h / scale
     flow = _flow(h, (d1, d2), sides, discretisation, rtol, solver)

@@ -8,6 +8,7 @@ Source of the cubic law: Reynolds, Phil. Trans. R. Soc. 177, 1886, 157, for para
 
 from __future__ import annotations
 
+from math import frexp, ldexp
 from typing import Any
 
 import numpy as np
@@ -20,6 +21,10 @@ from .grid import Grid
 
 Array = NDArray[np.float64]
 SIDES = ("mirror", "periodic")
+#: Largest gap [m] and largest ratio of spacings; their inverses are the smallest.
+_EXTREME = 1e60
+#: Largest ratio of two open gaps.
+_CONTRAST = 1e50
 
 _compiled: dict[str, Any] = {"cache": True, "nogil": True}
 
@@ -35,11 +40,34 @@ def rough_plates(mean_gap: Any, rms_height: float) -> Any:
 
 
 def validated_gap(gap: ArrayLike, spacing: tuple[float, float]) -> tuple[Array, tuple[float, float]]:
-    """Gap as a 2-D array of finite numbers >= 0 and spacing as two numbers > 0, or an InputError."""
+    """Gap as a 2-D array of finite numbers >= 0 and spacing as two numbers > 0, or an InputError.
+
+    Numbers whose cubes or ratios double precision cannot bear are refused too.
+    """
     h = validate.field("gap", gap, unit="m")
     if h.min() < 0:
         raise InputError.of("gap", f"{h.min():g} m", "numbers >= 0 [m]")
-    return h, validate.lengths("spacing", spacing)
+    largest = float(h.max())
+    if largest > 0 and not 1 / _EXTREME <= largest <= _EXTREME:
+        raise InputError.of("gap", f"a largest gap of {largest:g} m", f"one from {1 / _EXTREME:g} to {_EXTREME:g} m")
+    smallest = float(h.min(where=h > 0, initial=largest))
+    if smallest < largest / _CONTRAST:
+        given = f"{smallest:g} m beside {largest:g} m"
+        raise InputError.of("gap", given, f"0, or numbers >= {1 / _CONTRAST:g} of the largest")
+    d1, d2 = validate.lengths("spacing", spacing)
+    if not 1 / _EXTREME <= d1 / d2 <= _EXTREME:
+        raise InputError.of("spacing", (d1, d2), f"two lengths whose ratio is from {1 / _EXTREME:g} to {_EXTREME:g}")
+    return h, (d1, d2)
+
+
+def unit_spacing(spacing: tuple[float, float]) -> tuple[float, float]:
+    """Spacing over a power of two near the larger length: the flow depends on the ratio only, which keeps its digits.
+
+    >>> unit_spacing((3e-6, 1.5e-6))
+    (1.572864, 0.786432)
+    """
+    exponent = frexp(max(spacing))[1] - 1
+    return ldexp(spacing[0], -exponent), ldexp(spacing[1], -exponent)
 
 
 def validated_cell(

@@ -7,11 +7,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..base.errors import InputError, NotConverged
 from .assembly import assemble_on_links
-from .coefficient import permeability_on_links, validated_gap
+from .coefficient import permeability_on_links, unit_spacing, validated_gap
 from .grid import Grid
 from .percolation import winding_components
 from .solution import MAX_IMBALANCE
 from .solvers.amg import solve_spd
+from .stencil import Stencil
+from .torus import can_be_eliminated, torus_dissipation
 
 Array = NDArray[np.float64]
 #: Relative error of the energy of the correction that is allowed to an iterative solver.
@@ -33,13 +35,15 @@ def permeability_tensor(gap: ArrayLike, spacing: tuple[float, float], *, solver:
     Raises
     ------
     InputError : a gap that is negative, undefined or not two-dimensional; another solver.
-    NotConverged : the solution lost too many digits, as it may at contrasts of the gap above 1e4.
+    NotConverged : the solution lost too many digits, as it may at contrasts of the gap above 1e4 on grids that are too
+        large for elimination, more than 140 pixels along both axes.
     """
     h, (d1, d2) = validated_gap(gap, spacing)
     if solver not in ("auto", "amg"):
         raise InputError.of("solver", repr(solver), "'auto' or 'amg'")
     n1, n2 = h.shape
     scale = float(h.max()) or 1.0
+    d1, d2 = unit_spacing((d1, d2))
     k1, k2 = permeability_on_links(h / scale, True, True)
     label, winds = winding_components(k1, k2)
     winds = winds[label].reshape(n1, n2, 2)
@@ -48,31 +52,58 @@ def permeability_tensor(gap: ArrayLike, spacing: tuple[float, float], *, solver:
         return np.zeros((2, 2))
     k1, k2 = (np.where(carrying, k, 0.0) for k in (k1, k2))
     stencil = assemble_on_links(Grid.of_torus((n1, n2), (d1, d2)), k1, k2)
-    # the mean gradient drops the pressure along every couple; the correction is periodic
-    parts = [(c.ravel(), a.ravel(), b.ravel(), np.full((c.size, 2), (s1 * d1, s2 * d2)))
-             for c, a, b, (s1, s2) in stencil.couples()]  # fmt: skip
-    c, start, end, mean_drop = (np.concatenate(part) for part in zip(*parts, strict=True))
-    load = np.stack(
-        [np.bincount(start, c * d, n1 * n2) - np.bincount(end, c * d, n1 * n2) for d in mean_drop.T], axis=1
-    )
-    # one node of each component is held; the others are unknown
-    roots = np.zeros(n1 * n2, bool)
-    roots[np.unique(label)] = True
-    unknown = np.flatnonzero(carrying.ravel() & ~roots)
-    correction = np.zeros((n1 * n2, 2))
-    if unknown.size:
-        matrix = stencil.to_csr()[unknown][:, unknown]
-        correction[unknown] = solve_spd(matrix, load[unknown], _RTOL, solver).x
-    drop = mean_drop + correction[end] - correction[start]
-    tensor, flux = drop.T @ (c[:, None] * drop), mean_drop.T @ (c[:, None] * drop)
     closed = ~winds.any(axis=(0, 1))
-    for a in (tensor, flux):
-        a[closed, :] = 0.0
-        a[:, closed] = 0.0
-    largest = np.sqrt(np.outer(tensor.diagonal(), tensor.diagonal()))
-    error = float((np.abs(tensor - flux) / np.where(largest > 0, largest, 1.0)).max())
+    try:
+        tensor, error = _by_matrix(stencil, (d1, d2), label, carrying, closed, solver)
+    except NotConverged as failure:
+        tensor, error = np.zeros((2, 2)), failure.residual
+    if not error <= MAX_IMBALANCE and can_be_eliminated((n1, n2)):
+        tensor, error = _by_elimination(stencil, (d1, d2), closed)
     if not error <= MAX_IMBALANCE:
         raise NotConverged(
             f"flow: energy and mean flux of the cell differ by {error:.1e}; the contrast is too high", error
         )
     return scale**3 * tensor / (n1 * d1 * n2 * d2)
+
+
+def _by_matrix(
+    stencil: Stencil,
+    spacing: tuple[float, float],
+    label: NDArray[np.int64],
+    carrying: NDArray[np.bool_],
+    closed: NDArray[np.bool_],
+    solver: str,
+) -> tuple[Array, float]:
+    """Energy of unit mean gradients by a sparse solution, and its relative difference from the mean flux."""
+    size, (d1, d2) = carrying.size, spacing
+    # the mean gradient drops the pressure along every couple; the correction is periodic
+    parts = [(c.ravel(), a.ravel(), b.ravel(), np.full((c.size, 2), (s1 * d1, s2 * d2)))
+             for c, a, b, (s1, s2) in stencil.couples()]  # fmt: skip
+    c, start, end, mean_drop = (np.concatenate(part) for part in zip(*parts, strict=True))
+    load = np.stack([np.bincount(start, c * d, size) - np.bincount(end, c * d, size) for d in mean_drop.T], axis=1)
+    # one node of each component is held; the others are unknown
+    roots = np.zeros(size, bool)
+    roots[np.unique(label)] = True
+    unknown = np.flatnonzero(carrying.ravel() & ~roots)
+    correction = np.zeros((size, 2))
+    if unknown.size:
+        matrix = stencil.to_csr()[unknown][:, unknown]
+        correction[unknown] = solve_spd(matrix, load[unknown], _RTOL, solver).x
+    drop = mean_drop + correction[end] - correction[start]
+    tensor, flux = drop.T @ (c[:, None] * drop), mean_drop.T @ (c[:, None] * drop)
+    for a in (tensor, flux):
+        a[closed, :] = 0.0
+        a[:, closed] = 0.0
+    largest = np.sqrt(np.outer(tensor.diagonal(), tensor.diagonal()))
+    return tensor, float((np.abs(tensor - flux) / np.where(largest > 0, largest, 1.0)).max())
+
+
+def _by_elimination(stencil: Stencil, spacing: tuple[float, float], closed: NDArray[np.bool_]) -> tuple[Array, float]:
+    """Energy of unit mean gradients by elimination, and its relative error by rounding."""
+    around = np.array(stencil.nodes) * spacing
+    tensor, noise = torus_dissipation(stencil)
+    tensor[closed, :] = 0.0
+    tensor[:, closed] = 0.0
+    largest = tensor.diagonal()
+    error = np.divide(noise, largest, out=np.zeros(2), where=largest > 0).max()
+    return np.outer(around, around) * tensor, float(error)

@@ -110,11 +110,12 @@ def map_panel(
     axes.set(xlabel=f"x2 along the seal [{unit}]", ylabel=f"x1 [{unit}]", aspect="equal")
 
 
-def colour_bar(axes: Axes, image: Any) -> None:
+def colour_bar(axes: Axes, image: Any, **options: Any) -> Any:
     """A bar as high as the map."""
-    bar = axes.get_figure().colorbar(image, cax=axes.inset_axes((1.02, 0, 0.03, 1)))  # type: ignore[union-attr]
+    bar = axes.get_figure().colorbar(image, cax=axes.inset_axes((1.02, 0, 0.03, 1)), **options)  # type: ignore[union-attr]
     bar.ax.tick_params(which="both", labelsize=8)
     axes.tick_params(labelsize=8)
+    return bar
 
 
 def with_closed(name: str) -> Any:

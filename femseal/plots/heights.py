@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..topography import Topography
-from .drawing import STYLES, map_panel, new_figure
+from .drawing import STYLES, new_figure
+from .height_map import height_panel
 from .registry import shows
 
 if TYPE_CHECKING:
@@ -29,8 +30,7 @@ def heights_figure(topography: Topography) -> Figure:
     figure = new_figure(11.0, float(np.clip(5.6 * l1 / l2, 3.4, 5.6)) + 0.8)
     grid = figure.add_gridspec(2, 2, width_ratios=(1.25, 1))
     image, profile, density = (figure.add_subplot(place) for place in (grid[:, 0], grid[0, 1], grid[1, 1]))
-    map_panel(image, z, (l1 * 1e3, l2 * 1e3), "viridis", "height [µm]")
-    image.set_ylabel("x1, inlet at 0 [mm]")
+    height_panel(image, z, (l1 * 1e3, l2 * 1e3))
     for axis, (line, n, d) in enumerate(((z[:, n2 // 2], n1, d1), (z[n1 // 2], n2, d2))):
         colour, style, _ = STYLES[axis]
         label = ("along x1 (leakage)", "along x2")[axis]

@@ -32,7 +32,7 @@ from .case_tables import (
     SolidTable,
     StochasticTable,
 )
-from .case_values import Number, Table
+from .case_values import FileSize, Number, Table
 from .preparation import Prepared, prepare
 
 #: No case is larger [byte].
@@ -42,12 +42,16 @@ Method = Literal["auto", "deterministic", "two-scale", "stochastic"]
 
 
 class Case(Table):
-    """A validated case, all values in SI."""
+    """A validated case, all values in SI.
+
+    memory : that a run may take [byte]; what is free on the machine unless given. It does not change results.
+    """
 
     title: Annotated[str, Field(max_length=200)] = ""
     method: Method = "stochastic"
     compare: tuple[Literal["deterministic", "two-scale", "stochastic"], ...] = ()
     seed: Number = 0
+    memory: FileSize | None = Field(default=None, exclude=True)
     face: tuple[Face, ...] = Field(min_length=1, max_length=2)
     surface: SurfaceTable = SurfaceTable()
     material: SolidTable

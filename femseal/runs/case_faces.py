@@ -12,7 +12,7 @@ import numpy as np
 from pydantic import Field
 
 from ..topography import SPIKES, Topography, read_topography, self_affine, turned
-from .case_values import Angle, Count, Height, Hurst, Length, Number, Ratio, Shift, Slope, Table, Threshold
+from .case_values import Angle, Channel, Count, Height, Hurst, Length, Place, Ratio, Shift, Slope, Table, Threshold
 
 
 class SelfAffineFace(Table):
@@ -58,7 +58,7 @@ class TurnedFace(Table):
 
 
 class FileFace(Table):
-    """A measured face, see `topography.read_topography`; the path is relative to the case file.
+    """A measured face, see `topography.read_topography`; paths are relative to the case file.
 
     `mirror`, `rotate` and `shift` place the second of two faces on the first, see `topography.combine`.
     """
@@ -70,8 +70,11 @@ class FileFace(Table):
     height_unit: str | None = None
     delimiter: str | None = None
     array: str | None = None
-    channel: Number = 0
+    channel: Channel = 0
     transpose: bool = False
+    mask: Path | None = None
+    file_mask: bool = True
+    crop: tuple[Place, Place, Place, Place] | None = None
     periodic: tuple[bool, bool] = (False, False)
     mirror: Literal["x1", "x2"] | None = None
     rotate: Angle | None = None
@@ -84,8 +87,9 @@ class FileFace(Table):
 
     def make(self, folder: Path, rng: np.random.Generator) -> Topography:
         """The face."""
-        given = self.model_dump(exclude={"kind", "path", *_PLACEMENT})
-        return read_topography(folder / self.path, **given)
+        given = self.model_dump(exclude={"kind", "path", "mask", *_PLACEMENT})
+        mask = None if self.mask is None else folder / self.mask
+        return read_topography(folder / self.path, mask=mask, **given)
 
 
 _PLACEMENT = {"mirror", "rotate", "shift"}

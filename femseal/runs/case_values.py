@@ -76,6 +76,14 @@ def _threshold(value: Any) -> float:
     return float(value)
 
 
+def _channel(value: Any) -> int | str:
+    if isinstance(value, str) and value:
+        return value
+    if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value <= _MOST:
+        raise PydanticCustomError("channel", "{allowed}", {"allowed": "the number of a channel, from 0, or its name"})
+    return value
+
+
 def _positive(x: float) -> bool:
     return x > 0
 
@@ -95,6 +103,13 @@ Slope = Annotated[float, Quantity("", _positive, "a slope > 0")]
 Poisson = Annotated[float, Quantity("", lambda x: -1 < x <= 0.5, "a Poisson's ratio above -1, at most 0.5")]
 Angle = Annotated[float, Quantity("rad", lambda x: True, "an angle, such as '90 deg'")]
 Shift = Annotated[float, Quantity("m", lambda x: True, "a length, such as '-20 um'")]
+Place = Annotated[float, Quantity("m", _not_negative, "a length >= 0, such as '0.1 mm'")]
+#: A channel of a file, by its number or its name.
+Channel = Annotated[
+    int | str,
+    BeforeValidator(_channel),
+    WithJsonSchema({"anyOf": [{"type": "integer", "minimum": 0}, {"type": "string"}]}),
+]
 Threshold = Annotated[float, BeforeValidator(_threshold), WithJsonSchema({"type": "number", "exclusiveMinimum": 0})]
 Count = Annotated[int, Field(strict=True, ge=1, le=_MOST)]
 #: A whole number that is told apart and not counted, such as a seed.

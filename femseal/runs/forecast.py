@@ -6,18 +6,47 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import psutil
 
+from ..base.errors import InputError
 from ..base.machine import free_memory
 from ..base.quantities import to_text
 from ..results.fields import fields_size
 from ..scales import Partition
-from ..studies import seal_cells
-from ..studies.costs import deterministic_cost, stochastic_cost, two_scale_cost
+from ..studies import Scene, seal_cells
+from ..studies.costs import Effort, deterministic_cost, stochastic_cost, two_scale_cost, usual_efforts
 from .case import Case
+from .pilot import efforts, pace
 from .preparation import Prepared
 
 #: Shortest waves that a window should hold along each side.
 ADVISED_WAVES = 8
+
+
+#: Seconds of starting, of reading and preparing a face, and of loading compiled loops.
+_START_SECONDS = 2.6
+#: Seconds of pictures, report and tables, without windows and what those of two scales add; of a byte of fields.
+_PICTURES_SECONDS, _MAPS_SECONDS, _FIELD_BYTE_SECONDS = 1.8, 1.8, 2.5e-8
+#: Memory of the libraries that a run imports, and of another process [byte].
+_START_MEMORY, _WORKER_MEMORY = 0.45e9, 0.25e9
+
+
+@dataclass(frozen=True)
+class Forecast:
+    """Expected time on one core [s] and memory [byte] of a run.
+
+    alone : seconds of what one process does, whatever the number of workers: starting, pictures, files.
+    shared : seconds of contact and flow, which the workers share. memory : with one worker.
+    """
+
+    alone: float
+    shared: float
+    memory: float
+
+    @property
+    def seconds(self) -> float:
+        """Time with one worker [s]."""
+        return self.alone + self.shared
 
 
 @dataclass(frozen=True)
@@ -48,10 +77,8 @@ def describe(case: Case, prepared: Prepared) -> list[str]:
     lines.append(_line("flow", f"discretisation {scene.discretisation}, solver {scene.solver}"))
     if prepared.choice:
         lines.append(_line("method", f"{prepared.method}: {prepared.choice}"))
-    costs = [(0.0, 150e6)]
     if "deterministic" in prepared.methods:
         lines.append(_line("deterministic", f"{steps} contact and {steps} flow solutions of {pixels} unknowns"))
-        costs.append(deterministic_cost(steps, surface.shape))
     if prepared.cells is not None:
         m1, m2 = prepared.cells
         partition = Partition(surface.shape, surface.spacing, prepared.cells)
@@ -60,7 +87,6 @@ def describe(case: Case, prepared: Prepared) -> list[str]:
         if "two-scale" in prepared.methods:
             links = m1 * m2 + (m1 - 1) * m2
             lines.append(_line("two-scale", f"{steps * m1 * m2} contact and {steps * links} flow solutions of windows"))
-            costs.append(two_scale_cost(steps, surface.shape, prepared.cells))
         if prepared.sampling is not None:
             sampling = prepared.sampling
             n1, n2 = seal_cells(partition, sampling)
@@ -70,18 +96,74 @@ def describe(case: Case, prepared: Prepared) -> list[str]:
                 f"{sampling.realisations} seals of {n1} × {n2} links, {length} long"
             )
             lines.append(_line("stochastic", text))
-            costs.append(stochastic_cost(steps, surface.shape, prepared.cells, sampling, (n1, n2)))
-    seconds, memory = (sum(cost) for cost in zip(*costs, strict=True))
-    lines.append(_line("expected", f"{_duration(seconds)}; {memory / 1e9:.1f} GB of memory"))
-    if memory > (free := free_memory()):
+    if prepared.filtered is not None:
+        points = " × ".join(map(str, prepared.filtered.surface.shape))
         lines.append(
-            _line("warning", f"that is more memory than the {free / 1e9:.1f} GB that are free on this machine")
+            _line("second run", f"{prepared.answer}, on {points} points without waves up to twice the shortest")
         )
+    lines.append(_line("expected", _expected_text(forecast(case, prepared))))
     if not any(Path(__file__).parents[1].rglob("__pycache__/*.nbi")):
         lines.append(_line("", "the first run after an installation compiles besides, for a minute or two"))
     lines.append(_line("disk", _disk_text(disk(case, prepared), steps)))
     lines += [_line("warning", text) for text in prepared.warnings]
     return lines
+
+
+def forecast(case: Case, prepared: Prepared, known: tuple[Effort, ...] | None = None) -> Forecast:
+    """Expected time and memory of a run.
+
+    Parameters
+    ----------
+    known : effort of each load step; found by a few contacts of a small part of the face unless given.
+    """
+    known = efforts(prepared.scene) if known is None else known
+    costs = [_cost(method, case, prepared, prepared.scene, known) for method in prepared.methods]
+    if prepared.filtered is not None:
+        costs.append(_cost(prepared.answer, case, prepared, prepared.filtered, known))
+    alone = _START_SECONDS + _PICTURES_SECONDS + disk(case, prepared).fields * _FIELD_BYTE_SECONDS
+    if "two-scale" in prepared.methods:
+        alone += _MAPS_SECONDS
+    shared = sum(seconds for seconds, _ in costs)
+    # what a study holds stays until the results are written; what it works with does not
+    memory = _START_MEMORY + max(memory for _, memory in costs)
+    return Forecast(alone * pace(), shared * pace(), memory)
+
+
+def refuse_too_large(case: Case, prepared: Prepared) -> None:
+    """Raise InputError if a run is expected to take more memory than the case allows, or than is free."""
+    needed = forecast(case, prepared, usual_efforts(len(prepared.scene.steps))).memory
+    most, which = (free_memory(), "that are free") if case.memory is None else (case.memory, "of the key memory")
+    if needed <= most:
+        return
+    points = " × ".join(map(str, prepared.scene.surface.shape))
+    given = f"a run that takes about {needed / 1e9:.2g} GB, on {points} points"
+    cheaper = ', the method two-scale with flow = "links"' if "deterministic" in prepared.methods else ""
+    allowed = (
+        f"at most the {most / 1e9:.2g} GB {which}: fewer surface.points or load steps{cheaper}; "
+        f"or memory = '{np.ceil(needed / 1e8) / 10:g} GB' in the case, to run all the same"
+    )
+    raise InputError.of("memory", given, allowed)
+
+
+def _cost(method: str, case: Case, prepared: Prepared, scene: Scene, known: tuple[Effort, ...]) -> tuple[float, float]:
+    points, cells = scene.surface.shape, prepared.cells
+    if method == "deterministic":
+        return deterministic_cost(known, points)
+    assert cells is not None
+    if method == "two-scale":
+        return two_scale_cost(known, points, cells, case.two_scale_flow)
+    assert prepared.sampling is not None
+    seal = seal_cells(Partition(points, scene.surface.spacing, cells), prepared.sampling)
+    return stochastic_cost(known, points, cells, prepared.sampling, seal)
+
+
+def _expected_text(expected: Forecast) -> str:
+    text = f"about {_duration(expected.seconds)} on one core"
+    cores = psutil.cpu_count() or 1
+    if cores > 1 and expected.shared > expected.alone:
+        text += f", {_duration(expected.alone + expected.shared / cores)} on the {cores} of this machine"
+    more = f", and {_WORKER_MEMORY / 1e9:.2g} GB or more for each further worker" if cores > 1 else ""
+    return f"{text}; {expected.memory / 1e9:.1f} GB of memory{more}"
 
 
 def disk(case: Case, prepared: Prepared) -> Disk:
@@ -155,11 +237,8 @@ def _size(size: float) -> str:
 
 
 def _duration(seconds: float) -> str:
-    if seconds < 1:
-        return "less than a second"
-    number = next((f"{seconds / length:.2g} {unit}" for unit, length in (("h", 3600.0), ("min", 60.0))
-                   if seconds >= 2 * length), f"{seconds:.0f} s")  # fmt: skip
-    return f"about {number} on one core, half of it on two"
+    return next((f"{seconds / length:.2g} {unit}" for unit, length in (("h", 3600.0), ("min", 60.0))
+                 if seconds >= 2 * length), f"{seconds:.2g} s")  # fmt: skip
 
 
 def _line(name: str, text: str) -> str:

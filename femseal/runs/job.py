@@ -25,6 +25,7 @@ from .case import Case, load_case
 from .case_faces import FileFace
 from .checkpoint import Checkpoint
 from .executor import ordered_map
+from .forecast import refuse_too_large
 from .lock import alone_in
 from .log_file import LogFile
 from .preparation import Prepared
@@ -60,9 +61,9 @@ def run(
 
     Raises
     ------
-    InputError : the case or an argument cannot be used, the checkpoint is of another case, other face files or other
-        versions, or the folder holds an unfinished run without `resume`, or another run is under way there; nothing has
-        been written then.
+    InputError : the case or an argument cannot be used, the run is expected to take more memory than there is, the
+        checkpoint is of another case, other face files or other versions, or the folder holds an unfinished run
+        without `resume`, or another run is under way there; nothing has been written then.
     FemsealError : a computation failed as a whole, or a file could not be written: computed items stay in the
         folder, and `resume` continues from them. Single cells that fail are listed in `Results.failures`.
     """
@@ -88,12 +89,12 @@ def run(
     with ExitStack() as stack:
         if folder is None:
             mapper = stack.enter_context(ordered_map(workers, scheduler))
-            return _run(case, case.prepare(), faces, mapper, progress)
+            return _run(case, _prepared(case, scheduler), faces, mapper, progress)
         # a folder is made once the case has been found good
         if there := folder.is_dir():
             stack.enter_context(alone_in(folder))
             going_on = _goes_on(folder, identity, resume)
-        prepared = case.prepare()
+        prepared = _prepared(case, scheduler)
         mapper = stack.enter_context(ordered_map(workers, scheduler))
         if not there:
             stack.enter_context(alone_in(made_folder(folder)))
@@ -115,6 +116,14 @@ def _goes_on(folder: Path, identity: dict[str, Any], resume: bool) -> bool:
         return checkpoint.resumable(folder, identity)
     checkpoint.refuse_unfinished(folder)
     return False
+
+
+def _prepared(case: Case, scheduler: str | None) -> Prepared:
+    """Input of the studies; a run that this machine cannot hold is refused, unless others compute."""
+    prepared = case.prepare()
+    if scheduler is None:
+        refuse_too_large(case, prepared)
+    return prepared
 
 
 @contextmanager

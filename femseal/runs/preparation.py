@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
 from math import ceil, inf
 from typing import TYPE_CHECKING, Any
@@ -17,6 +19,9 @@ from ..topography import (
     MOST_POINTS,
     Conditioning,
     Overlap,
+    Repair,
+    SpikeEffect,
+    TooManyUndefined,
     Topography,
     combine,
     default_wave,
@@ -25,6 +30,7 @@ from ..topography import (
     resolving_shape,
     smooth,
     spectrum,
+    spike_effect,
 )
 from .case_faces import FileFace
 from .case_oddities import oddities
@@ -103,8 +109,8 @@ def _prepare(case: Case) -> Prepared:
     for place, table in zip(face_places(case), case.face, strict=True):
         if not isinstance(table, FileFace):
             weigh_points(f"{place}.points", table.points)
-    raw, found, overlap, spikes = _combined_faces(case)
-    with in_words_of(SURFACE_KEYS):
+    raw, separately, overlap, spikes = _combined_faces(case)
+    with in_words_of(SURFACE_KEYS), _in_the_whole_map(case.face[0]):
         flat, repaired = repair(
             raw, spikes=spikes, max_undefined=case.surface.max_undefined, detrend=case.surface.detrend
         )
@@ -118,7 +124,7 @@ def _prepare(case: Case) -> Prepared:
         Partition(shape, flat.spacing, cells)  # refuses windows of too few pixels
     with in_words_of(SURFACE_KEYS):
         surface, report = smooth(flat, repaired, shortest_wavelength=wave, shape=shape)
-    report = replace(report, **found)
+    report = replace(report, **_found(separately, wave))
     sampling = None
     if cells is not None:
         window = Partition(surface.shape, surface.spacing, cells).window_size
@@ -154,7 +160,8 @@ def _prepare(case: Case) -> Prepared:
         assert cells is not None
         method, choice = choose_method(len(scene.steps), surface.shape, cells)
     methods = frozenset({method, *case.compare})
-    odd = oddities(case, scene, report)
+    effect = SpikeEffect(report.spikes_along_lay, report.spikes_extreme)
+    odd = (*oddities(case, scene, report), *effect.doubts(report.spikes))
     prepared = Prepared(scene, cells, sampling, report, overlap, method, methods, choice, odd)
     return replace(prepared, filtered=coarser(prepared)) if case.surface.filter_sensitivity else prepared
 
@@ -183,7 +190,7 @@ def _sampling(case: Case, table: StochasticTable, window_length: float) -> Sampl
     )
 
 
-def _combined_faces(case: Case) -> tuple[Topography, dict[str, Any], Overlap | None, float]:
+def _combined_faces(case: Case) -> tuple[Topography, list[tuple[Topography, Repair]], Overlap | None, float]:
     """One face as it is, or the sum of two repaired ones.
 
     Also returned: the repairs of the two, their overlap, and the threshold of the spikes that the sum still has.
@@ -196,18 +203,39 @@ def _combined_faces(case: Case) -> tuple[Topography, dict[str, Any], Overlap | N
             faces.append(table.make(case.folder, np.random.default_rng(seed)))
     thresholds = [case.surface.spikes if isinstance(table, FileFace) else inf for table in case.face]
     if len(faces) == 1:
-        return faces[0], {}, None, thresholds[0]
+        return faces[0], [], None, thresholds[0]
     treatment: dict[str, Any] = {"max_undefined": case.surface.max_undefined, "detrend": case.surface.detrend}
-    with in_words_of(SURFACE_KEYS):
-        repaired = [repair(face, spikes=most, **treatment) for face, most in zip(faces, thresholds, strict=True)]
-    found = {
-        "undefined_share": sum(r.undefined_share for _, r in repaired) / len(faces),
-        "spikes": sum(r.spikes for _, r in repaired),
-    }
+    repaired = []
+    for place, table, face, most in zip(face_places(case), case.face, faces, thresholds, strict=True):
+        with in_words_of(SURFACE_KEYS, place), _in_the_whole_map(table):
+            repaired.append(repair(face, spikes=most, **treatment))
     first, second = (face for face, _ in repaired)
     table = case.face[1]
     surface, overlap = combine(first, second, **(table.placement if isinstance(table, FileFace) else {}))
-    return surface, found, overlap, inf
+    return surface, repaired, overlap, inf
+
+
+def _found(repaired: list[tuple[Topography, Repair]], wavelength: float) -> dict[str, Any]:
+    """What the report says of two faces that were repaired before they were summed; nothing of a single one."""
+    if not repaired:
+        return {}
+    effects = [spike_effect(face, repair.removed, wavelength) for face, repair in repaired]
+    return {
+        "undefined_share": sum(r.undefined_share for _, r in repaired) / len(repaired),
+        "spikes": sum(r.spikes for _, r in repaired),
+        "spikes_along_lay": max((e.along_lay for e in effects if e.along_lay is not None), default=None),
+        "spikes_extreme": max((e.extreme for e in effects if e.extreme is not None), default=None),
+    }
+
+
+@contextmanager
+def _in_the_whole_map(table: Any) -> Iterator[None]:
+    """Name the part of a map that has few undefined points by its place in the whole map of the file."""
+    try:
+        yield
+    except TooManyUndefined as error:
+        crop = table.crop if isinstance(table, FileFace) else None
+        raise error if crop is None else error.from_origin(crop[0], crop[2]) from None
 
 
 def _grid(case: Case, flat: Topography) -> tuple[int, int]:

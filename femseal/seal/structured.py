@@ -21,6 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..base.errors import InputError
 from ..flow.assembly import assemble_on_elements, assemble_on_links, gauss
 from ..flow.balance import balanced_link_fluxes
+from ..flow.bounds import outward
 from ..flow.grid import Grid
 from ..flow.mesh import permeability_tensors
 from ..flow.solution import DarcyFlow
@@ -127,7 +128,8 @@ def structured_flow(stencil: Stencil, *, bounds: bool = False, solver: str = "au
     potential = np.nan_to_num(flow.potential)  # pockets carry no flow
     # an upper bound for any potential that is 1 and 0 at the ends
     upper = max(stencil.energy(potential), flow.conductance)
-    return replace(flow, lower=min(conservative_rate(stencil, potential), flow.conductance), upper=upper)
+    lower, upper = outward(min(conservative_rate(stencil, potential), flow.conductance), upper)
+    return replace(flow, lower=lower, upper=upper)
 
 
 def conservative_rate(stencil: Stencil, potential: Array) -> float:

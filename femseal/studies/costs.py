@@ -1,6 +1,13 @@
-"""Expected time and memory of a study before it is started, and the choice of the method that follows from them."""
+"""Expected time and memory of a study before it is started, and the choice of the method that follows from them.
+
+Seconds are those of one core of the machine on which the constants were measured, by `tests/benchmarks/forecast.py`.
+"""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from statistics import mean
 
 import numpy as np
 
@@ -11,51 +18,104 @@ from .deterministic import state_memory
 from .sampling_options import Sampling
 from .windows import CUT_OFF_WINDOWS
 
-#: Seconds of one core for one contact solution and one flow solution of n pixels, fitted to 64² … 4096² on a 2-core
-#: x86-64 machine; good to a factor of two.
-_CONTACT_SECONDS = (4e-4, 3.0e-7, 1.0)
+#: Pixels of the contact by which the effort of a load step is told.
+PILOT_PIXELS = 200**2
+#: Seconds of a pair of transforms, and for each of its pixels; least number of pairs.
+_PAIR_SECONDS, _LEAST_PAIRS = (5e-5, 1.6e-8), 6
+#: Growth of the number of pairs with the pixels: power without contact, and what contact everywhere adds to it.
+_PAIR_GROWTH = (0.1, 0.5)
+#: Seconds of a flow solution, and for each pixel: far from closing, near closing and closed.
+_FLOW_SECONDS, _FLOW_PIXEL_SECONDS = 3e-4, (3.5e-7, 1.5e-6, 5e-8)
+#: Shares in contact between which flow is near closing.
+_CLOSING = (0.07, 0.45)
+#: Seconds of a link of a drawn seal at a load step, for each doubling of its rows.
+_LINK_SECONDS = 1.1e-7
 #: Number of states of a window on its ladder: loading, unloading and without contact.
 _LADDER_STATES = 60
-_FLOW_SECONDS = (2e-4, 3e-8, 1.25)
 
 
-def _seconds(model: tuple[float, float, float], pixels: float) -> float:
-    base, factor, power = model
-    return base + factor * pixels**power * (np.log2(pixels) / 10 if power == 1.0 else 1.0)
+@dataclass(frozen=True)
+class Effort:
+    """What decides on the work of a load step.
+
+    pairs : transforms of a contact of `PILOT_PIXELS`. share : of the face in contact, 0 to 1.
+    """
+
+    pairs: float = 22.0
+    share: float = 0.15
+
+    @property
+    def growth(self) -> float:
+        """Power of the pixels with which the number of transforms grows."""
+        return _PAIR_GROWTH[0] + _PAIR_GROWTH[1] * self.share
 
 
-def deterministic_cost(steps: int, points: tuple[int, int]) -> tuple[float, float]:
+def usual_efforts(steps: int) -> tuple[Effort, ...]:
+    """Efforts of load steps of which nothing is known."""
+    return (Effort(),) * steps
+
+
+def contact_seconds(pixels: float, effort: Effort) -> float:
+    """Expected time of one contact solution [s]."""
+    pairs = max(_LEAST_PAIRS, effort.pairs * (pixels / PILOT_PIXELS) ** effort.growth)
+    return pairs * (_PAIR_SECONDS[0] + _PAIR_SECONDS[1] * pixels)
+
+
+def flow_seconds(pixels: float, effort: Effort) -> float:
+    """Expected time of one flow solution [s]."""
+    far, near, closed = _FLOW_PIXEL_SECONDS
+    low, high = _CLOSING
+    return _FLOW_SECONDS + pixels * (far if effort.share < low else near if effort.share < high else closed)
+
+
+def deterministic_cost(efforts: Sequence[Effort], points: tuple[int, int]) -> tuple[float, float]:
     """Expected time on one core [s] and memory [byte] of the deterministic solution."""
     pixels = points[0] * points[1]
-    seconds = steps * (_seconds(_CONTACT_SECONDS, pixels) * 2 + _seconds(_FLOW_SECONDS, pixels))
-    return seconds, 4.0 * pixels * steps + state_memory(pixels)
+    seconds = sum(contact_seconds(pixels, effort) + flow_seconds(pixels, effort) for effort in efforts)
+    return seconds, 4.0 * pixels * len(efforts) + state_memory(pixels)
 
 
-def two_scale_cost(steps: int, points: tuple[int, int], cells: tuple[int, int]) -> tuple[float, float]:
+def two_scale_cost(
+    efforts: Sequence[Effort], points: tuple[int, int], cells: tuple[int, int], flow: str = "links"
+) -> tuple[float, float]:
     """Expected time on one core [s] and memory [byte] of the two-scale solution."""
     pixels, (m1, m2) = points[0] * points[1], cells
     window, links = pixels // (m1 * m2), m1 * m2 + (m1 - 1) * m2
-    seconds = steps * (m1 * m2 * _seconds(_CONTACT_SECONDS, window) + links * _seconds(_FLOW_SECONDS, window))
     coarse = min(pixels, m1 * m2 * (PIXELS_PER_CUT_OFF / CUT_OFF_WINDOWS) ** 2)
-    return seconds, 4.0 * pixels * steps + 8.0 * (8 * pixels + STATE_FIELDS * coarse)
+    seconds, memory = 0.0, 8.0 * (8 * pixels + STATE_FIELDS * coarse)
+    for effort in efforts:
+        seconds += contact_seconds(coarse, effort) + m1 * m2 * contact_seconds(window, effort)
+        seconds += links * flow_seconds(window, effort)
+        if flow == "resolved":
+            seconds += flow_seconds(pixels, effort)
+    if flow == "resolved":
+        memory = max(memory, state_memory(pixels))
+    return seconds, 4.0 * pixels * len(efforts) + memory
 
 
 def stochastic_cost(
-    steps: int, points: tuple[int, int], cells: tuple[int, int], sampling: Sampling, seal: tuple[int, int]
+    efforts: Sequence[Effort],
+    points: tuple[int, int],
+    cells: tuple[int, int],
+    sampling: Sampling,
+    seal: tuple[int, int],
 ) -> tuple[float, float]:
     """Expected time on one core [s] and memory [byte] of a library and of the drawn seals of n1 × n2 links."""
-    pixels, windows = points[0] * points[1], cells[0] * cells[1]
-    contact, flow = (_seconds(model, pixels // windows) for model in (_CONTACT_SECONDS, _FLOW_SECONDS))
+    pixels, windows, steps = points[0] * points[1], cells[0] * cells[1], len(efforts)
+    window = pixels // windows
+    contact = mean(contact_seconds(window, effort) for effort in efforts)
+    flow = mean(flow_seconds(window, effort) for effort in efforts)
+    faces = 8.0 * 8 * pixels
     if sampling.pressure == "place":
-        seconds = steps * (windows * contact + 2 * max(sampling.library_cells, windows) * flow)
+        whole, faces = two_scale_cost(efforts, points, cells)
+        links = windows + (cells[0] - 1) * cells[1]
+        seconds = whole + steps * (2 * max(sampling.library_cells, windows) - links) * flow
     else:
         seconds = _LADDER_STATES * sampling.library_cells * (contact + 2 * (3 if sampling.bounds else 1) * flow)
     links = seal[0] * seal[1]
     # as many seals again from resampled libraries, and from lower and upper bounds
-    seconds += (
-        (4 if sampling.bounds else 2) * sampling.realisations * steps * 4e-7 * links * max(1.0, np.log2(min(seal)))
-    )
-    faces = two_scale_cost(steps, points, cells)[1] if sampling.pressure == "place" else 8.0 * 8 * pixels
+    draws = (4 if sampling.bounds else 2) * sampling.realisations
+    seconds += draws * steps * _LINK_SECONDS * links * max(1.0, np.log2(min(seal)))
     held = 1 if sampling.chosen_sampler in ("history", "block") else steps
     return seconds, faces + 8.0 * links * (held * 2 + 30)
 
@@ -71,11 +131,12 @@ def choose_method(steps: int, points: tuple[int, int], cells: tuple[int, int]) -
     -------
     The method, and a line that says why.
     """
-    seconds, memory = deterministic_cost(steps, points)
+    efforts = usual_efforts(steps)
+    seconds, memory = deterministic_cost(efforts, points)
     free = free_memory()
     cost = f"deterministic about {seconds:.0f} s and {memory / 1e9:.2g} GB of {free / 1e9:.2g} GB free"
     if seconds <= AFFORDABLE_SECONDS and memory <= AFFORDABLE_SHARE * free:
         return "deterministic", f"{cost}: affordable, and nothing is more exact on these pixels"
-    other, less = two_scale_cost(steps, points, cells)
+    other, less = two_scale_cost(efforts, points, cells)
     reason = "too long" if memory <= AFFORDABLE_SHARE * free else "too much"
     return "two-scale", f"{cost}: {reason}; two scales about {other:.0f} s and {less / 1e9:.2g} GB"

@@ -10,11 +10,13 @@ from .describe import SurfaceReport, describe_surface
 from .generate import self_affine, turned
 from .labelled import as_text
 from .power_law import spectrum
-from .read import read_topography
+from .read import read_for_a_look, read_topography
 from .repairs import Repair, repair
 from .resolution import MOST_POINTS, resolving_shape
+from .spike_effect import SpikeEffect, spike_effect
 from .spikes import SPIKES
 from .topography import Topography
+from .usable import TooManyUndefined
 
 __all__ = [
     "MOST_POINTS",
@@ -22,13 +24,16 @@ __all__ = [
     "Conditioning",
     "Overlap",
     "Repair",
+    "SpikeEffect",
     "SurfaceReport",
+    "TooManyUndefined",
     "Topography",
     "as_text",
     "combine",
     "condition",
     "default_wave",
     "describe_surface",
+    "read_for_a_look",
     "read_topography",
     "repair",
     "resolved_wave",
@@ -36,5 +41,6 @@ __all__ = [
     "self_affine",
     "smooth",
     "spectrum",
+    "spike_effect",
     "turned",
 ]

@@ -19,6 +19,7 @@ from .labelled import Labelled
 from .power_law import spectrum
 from .repairs import Repair, repair
 from .spectral import SLACK
+from .spike_effect import spike_effect
 from .spikes import SPIKES
 from .topography import Topography
 
@@ -29,6 +30,10 @@ class Conditioning(Labelled):
 
     undefined_share: float = field(metadata={"unit": "", "label": "undefined points, filled", "percent": True})
     spikes: int = field(metadata={"unit": "", "label": "points in spikes, filled"})
+    spikes_along_lay: float | None = field(
+        metadata={"unit": "", "label": "neighbouring spikes along the lay", "percent": True}
+    )
+    spikes_extreme: float | None = field(metadata={"unit": "", "label": "extremes hanging on spikes", "percent": True})
     removed_tilt: tuple[float, float] = field(metadata={"unit": "rad", "label": "tilt removed along x1, x2"})
     removed_curvature: tuple[float, float, float] = field(
         metadata={"unit": "1/m", "label": "curvature removed: 11, 12, 22"}
@@ -105,9 +110,12 @@ def smooth(
     shortest = _check_wave(wave, flat.size, final)
     kept = flat.low_pass(shortest).resample(final)
     tilt1, tilt2 = repaired.form.slopes
+    effect = spike_effect(flat, repaired.removed, shortest)
     return kept, Conditioning(
         undefined_share=repaired.undefined_share,
         spikes=repaired.spikes,
+        spikes_along_lay=effect.along_lay,
+        spikes_extreme=effect.extreme,
         removed_tilt=(atan(tilt1), atan(tilt2)),
         removed_curvature=repaired.form.curvatures,
         shortest_measured=measured,

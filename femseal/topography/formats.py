@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base.errors import InputError
+from ..base.errors import InputError, shortened
 from ..base.quantities import to_si
 
 _ESRI_KEYS = {"ncols", "nrows", "xllcorner", "xllcenter", "yllcorner", "yllcenter", "cellsize", "dx", "dy",
@@ -29,26 +29,29 @@ _ENGLISH = {"breite": "width", "höhe": "height", "werteeinheit": "value units",
 _DECIMAL_COMMA = re.compile(r"^([-+]?\d*),(\d+(?:[eE][-+]?\d+)?)$")
 #: Suffixes of matrices as text.
 TEXT = (".csv", ".asc", ".txt")
+#: Channels that a message lists.
+_MOST_LISTED = 12
 #: Words that instruments write for an undefined point, beside nan.
 _UNDEFINED = {"", "bad", "-", "--", "***"}
 
 
 @dataclass(frozen=True, eq=False)
 class Raw:
-    """What a file holds: heights (n1, n2) as numbers, metres per number, pixel [m]; None = not said."""
+    """What a file holds: heights (n1, n2) as numbers, metres per number, pixel [m], masked points; None = not said."""
 
     heights: NDArray
     height_unit: float | None = None
     spacing: tuple[float, float] | None = None
+    mask: NDArray[np.bool_] | None = None
 
 
 @dataclass(frozen=True)
 class Options:
-    """What the caller says about the inside of the file."""
+    """What the caller says about the inside of the file; a channel by its number or its name."""
 
     delimiter: str | None = None
     array: str | None = None
-    channel: int = 0
+    channel: int | str = 0
 
 
 def bad_file(path: Path, given: object, allowed: str) -> InputError:
@@ -66,7 +69,10 @@ def read_npy(path: Path, options: Options) -> Raw:
 
 
 def read_npz(path: Path, options: Options) -> Raw:
-    """A .npz archive: the heights under `array`, or its only array; `spacing` [m] is taken if it is there."""
+    """A .npz archive: the heights under `array`, or its only array; `spacing` [m] and `mask` if they are there.
+
+    Points where `mask` is not 0 are masked.
+    """
     from zipfile import BadZipFile
 
     try:
@@ -75,17 +81,23 @@ def read_npz(path: Path, options: Options) -> Raw:
     except (ValueError, EOFError, BadZipFile, TypeError, AttributeError) as error:
         raise bad_file(path, error, "arrays of numbers saved by numpy.savez") from None
     spacing = stored.pop("spacing", None)
+    mask = stored.pop("mask", None) if options.array != "mask" else None
     names = ", ".join(sorted(stored)) or "none"
     if options.array is None and len(stored) != 1:
         raise bad_file(path, f"the arrays {names}", "one array, or array= the name of one of them")
     name = next(iter(stored)) if options.array is None else options.array
     if name not in stored:
         raise bad_file(path, f"array={name!r}", f"one of its arrays: {names}")
+    heights = _numbers(path, stored[name])
+    if mask is not None and (mask.shape != heights.shape or mask.dtype.kind not in "bfiu"):
+        given = f"an array mask of {mask.dtype} of shape {mask.shape}"
+        raise bad_file(path, given, f"numbers of the shape of the heights, {heights.shape}")
+    mask = None if mask is None else mask != 0
     if spacing is None:
-        return Raw(_numbers(path, stored[name]))
+        return Raw(heights, mask=mask)
     if spacing.shape != (2,) or spacing.dtype.kind not in "fiu":
         raise bad_file(path, f"a spacing of shape {spacing.shape}", "two numbers > 0 [m]")
-    return Raw(_numbers(path, stored[name]), spacing=(float(spacing[0]), float(spacing[1])))
+    return Raw(heights, spacing=(float(spacing[0]), float(spacing[1])), mask=mask)
 
 
 def read_text(path: Path, options: Options) -> Raw:
@@ -230,31 +242,54 @@ def read_instrument(path: Path, options: Options) -> Raw:
     except Exception as error:
         allowed = "a file of one of the formats known to SurfaceTopography"
         raise bad_file(path, type(error).__name__, allowed) from error
-    channel = _pick(path, channels, options.channel, "channels")
+    names = [c.name or "" for c in channels]
+    channel = _pick(path, channels, options.channel, "channels", names)
     if channel.dim != 2 or not channel.is_height_channel:
         usable = [i for i, c in enumerate(channels) if c.dim == 2 and c.is_height_channel]
-        kind = f"channel {options.channel} ({channel.name}) that is no map of heights"
-        raise bad_file(path, kind, f"channel = one of {usable}")
+        allowed = f"a map of heights: {_listed(usable, names)}" if usable else "a file with a map of heights"
+        raise bad_file(path, f"channel={options.channel} ({channel.name}), which is no map of heights", allowed)
     # SurfaceTopography wants what the file lacks; placeholders keep the numbers as they are.
     missing: dict[str, Any] = {}
     if channel.physical_sizes is None:
         missing["physical_sizes"] = tuple(float(n) for n in channel.nb_grid_pts)
     try:
         topography = channel.topography(**missing)
-        heights = np.ma.filled(np.ma.masked_invalid(topography.heights()).astype(float), np.nan)
+        heights, mask = _under_mask(topography) if path.suffix.lower() == ".gwy" else (topography.heights(), None)
+        heights = np.ma.filled(np.ma.masked_invalid(heights).astype(float), np.nan)
     except Exception as error:
         raise bad_file(path, f"{type(error).__name__}: {error}", "an intact file") from error
     unit = None if topography.unit is None else to_si(f"1 {topography.unit}", "m", f"{path}: unit")
     if unit is None or missing:
-        return Raw(heights, unit)
+        return Raw(heights, unit, mask=mask)
     first, second = (float(d) * unit for d in topography.pixel_size)
-    return Raw(heights, unit, (first, second))
+    return Raw(heights, unit, (first, second), mask)
 
 
-def _pick(path: Path, choices: list[Any], channel: int, kind: str) -> Any:
+def _under_mask(topography: Any) -> tuple[NDArray, NDArray[np.bool_] | None]:
+    """Heights of all points, those under the mask of a user too, and this mask, if there is one."""
+    heights = topography.heights()
+    if not np.ma.is_masked(heights):
+        return heights, None
+    # the library scales the points that are not masked, and keeps the numbers of the file for the others
+    stored = np.ma.getdata(topography.parent_topography.heights())
+    return stored * topography.height_scale_factor, np.ma.getmaskarray(heights)
+
+
+def _pick(path: Path, choices: list[Any], channel: int | str, kind: str, names: list[str] | None = None) -> Any:
+    """The channel of a number, or of a name that only one of them has."""
+    if isinstance(channel, str) and names is not None and names.count(channel) == 1:
+        return choices[names.index(channel)]
     if channel not in range(len(choices)):
-        raise bad_file(path, f"channel={channel}", f"0 to {len(choices) - 1}, it has {len(choices)} {kind}")
-    return choices[channel]
+        listed = f": {_listed(list(range(len(names))), names)}" if names and any(names) else ""
+        allowed = f"0 to {len(choices) - 1}, it has {len(choices)} {kind}{listed}"
+        raise bad_file(path, f"channel={channel!r}", allowed)
+    return choices[int(channel)]
+
+
+def _listed(numbers: list[int], names: list[str]) -> str:
+    """Numbers of channels with their names, not more than a line of them."""
+    shown = [f"{n} ({shortened(names[n], 40)})" if names[n] else str(n) for n in numbers[:_MOST_LISTED]]
+    return ", ".join(shown + ["…"] * (len(numbers) > len(shown)))
 
 
 def _numbers(path: Path, array: NDArray) -> NDArray:

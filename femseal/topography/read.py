@@ -6,12 +6,14 @@ import os
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..base import validate
 from ..base.errors import InputError
 from ..base.machine import free_memory
 from ..base.quantities import to_si, to_text
 from .formats import READERS, TEXT, Options, Raw, bad_file, read_instrument
+from .mask_file import read_mask
 from .topography import Topography
 
 #: Smallest and largest size of a measured seal face [m]; beyond them the unit in the file is wrong.
@@ -21,6 +23,10 @@ _RMS_HEIGHT_LIMIT = 10e-3
 _READING_FACTOR = 2
 #: Median slope between neighbouring points that no face exceeds.
 _SLOPE_LIMIT = 10.0
+#: Pixel [m] of a map that is only looked at where nothing says its pixel.
+_ANY_PIXEL = 1e-6
+#: Files that may hold a mask drawn by a user, besides points that were not measured.
+_MASKED = (".gwy", ".npz")
 
 
 def read_topography(
@@ -31,8 +37,11 @@ def read_topography(
     height_unit: str | None = None,
     delimiter: str | None = None,
     array: str | None = None,
-    channel: int = 0,
+    channel: int | str = 0,
     transpose: bool = False,
+    mask: str | os.PathLike[str] | None = None,
+    file_mask: bool = True,
+    crop: tuple[float, float, float, float] | None = None,
     periodic: tuple[bool, bool] = (False, False),
 ) -> Topography:
     """Height map of a file, by its suffix; undefined points as NaN, heights as measured (tilt and all).
@@ -45,19 +54,55 @@ def read_topography(
     Parameters
     ----------
     path : the file.
-    size, spacing : sides or pixel [m] along x1 and x2 of the result, one of them; needed if not in the file.
+    size, spacing : sides or pixel [m] along x1 and x2 of the whole map, after `transpose`, one of them; needed if not
+        in the file.
     height_unit : unit of the numbers in the file, such as "um".
     delimiter : between numbers of a text; found among ; tab , and blanks unless given.
     array : name of the heights in an .npz with several arrays.
-    channel : number of the layer or channel in files with several.
+    channel : number or name of the layer or channel in files with several.
     transpose : exchange x and y, so that the lay runs along x2, the seal.
+    mask : file whose points other than 0 are undefined, lying as the heights in their file: an image (a line along the
+        file's x), a text or a .npy.
+    file_mask : whether points under a mask that the file itself holds (.gwy, or `mask` in an .npz) are undefined, or
+        have the heights that are stored there.
+    crop : part of the map that is kept: x1 from, x1 to, x2 from, x2 to [m].
     periodic : whether the face continues periodically along x1 and x2 of the result.
 
     Raises
     ------
-    InputError : no such file, not readable, damaged, no such channel or array, no size or unit; size outside
-        1 nm to 1 m, or Sq above 10 mm, unless `size` or `spacing`, or `height_unit`, say so; half of the points steeper
-        than 10, unless the caller says both.
+    InputError : no such file, not readable, damaged, no such channel or array, no size or unit, a mask of another size,
+        a part beyond the map; size outside 1 nm to 1 m, or Sq above 10 mm, unless `size` or `spacing`, or
+        `height_unit`, say so; half of the points steeper than 10, unless the caller says both.
+    """
+    topography, doubts = read_for_a_look(
+        path, size=size, spacing=spacing, height_unit=height_unit, delimiter=delimiter, array=array, channel=channel,
+        transpose=transpose, mask=mask, file_mask=file_mask, crop=crop, periodic=periodic,
+    )  # fmt: skip
+    if doubts:
+        raise doubts[0]
+    return topography
+
+
+def read_for_a_look(
+    path: str | os.PathLike[str],
+    *,
+    size: tuple[float, float] | None = None,
+    spacing: tuple[float, float] | None = None,
+    height_unit: str | None = None,
+    delimiter: str | None = None,
+    array: str | None = None,
+    channel: int | str = 0,
+    transpose: bool = False,
+    mask: str | os.PathLike[str] | None = None,
+    file_mask: bool = True,
+    crop: tuple[float, float, float, float] | None = None,
+    periodic: tuple[bool, bool] = (False, False),
+) -> tuple[Topography, list[InputError]]:
+    """The map, and why `read_topography` refuses it: a pixel of 1 µm and heights in metres where nothing says them.
+
+    Raises
+    ------
+    InputError : an argument, or a file without heights that can be read.
     """
     path = Path(path)
     if not path.is_file():
@@ -69,21 +114,12 @@ def read_topography(
         raise InputError.of("delimiter", repr(delimiter), f"for {', '.join(TEXT)} files only, not {path.name}")
     if channel != 0 and suffix in (".npy", ".npz", *TEXT):
         raise InputError.of("channel", channel, f"for files of instruments only, not {path.name}")
+    if not file_mask and suffix not in _MASKED:
+        raise InputError.of("file_mask", file_mask, f"for {', '.join(_MASKED)} files only, not {path.name}")
     if size is not None and spacing is not None:
         raise InputError.of("size, spacing", "both", "one of the two")
-    length, free = path.stat().st_size, free_memory()
-    if _READING_FACTOR * length > free:
-        allowed = f"one that can be read in the {free / 1e9:.3g} GB of free memory"
-        raise bad_file(path, f"a file of {length / 1e9:.3g} GB", allowed)
-    unit = None if height_unit is None else to_si(f"1 {height_unit}", "m", "height_unit")
-    try:
-        raw = READERS.get(suffix, read_instrument)(path, Options(delimiter, array, channel))
-    except OSError as error:
-        raise bad_file(path, error.strerror or error, "a file that can be read") from None
-    except MemoryError:
-        raise bad_file(path, "more heights than fit into memory", "a smaller file, or a part of it") from None
-
-    heights, pixel = raw.heights, raw.spacing
+    raw = _raw(path, Options(delimiter, array, channel))
+    heights, pixel, doubts = _masked(raw, mask, file_mask), raw.spacing, []
     if transpose:
         heights, pixel = heights.T, pixel and pixel[::-1]
     if spacing is not None:
@@ -93,20 +129,44 @@ def read_topography(
         pixel = (length1 / heights.shape[0], length2 / heights.shape[1])
     if pixel is None:
         given = f"no pixel size in the file ({heights.shape[0]} × {heights.shape[1]} points)"
-        raise bad_file(path, given, "two lengths in size= or spacing= (--size '1.2 mm' '0.9 mm', --spacing)")
-    if not all(np.isfinite(d) and d > 0 for d in pixel):
+        doubts.append(bad_file(path, given, "two lengths in size= or spacing= (--size '1.2 mm' '0.9 mm', --spacing)"))
+    elif not all(np.isfinite(d) and d > 0 for d in pixel):
         given = f"a pixel of {pixel[0]:g} m × {pixel[1]:g} m"
-        raise bad_file(path, given, "two lengths > 0; to correct it, pass spacing= or size= (--spacing, --size)")
-    metres = unit or _unit_in_file(path, suffix, raw)
-    topography = _checked(path, heights * metres, pixel, periodic)
-    _refuse_implausible(path, topography, size is None and spacing is None, height_unit is None)
-    return topography
+        allowed = "two lengths > 0; to correct it, pass spacing= or size= (--spacing, --size)"
+        doubts.append(bad_file(path, given, allowed))
+    no_pixel = bool(doubts)
+    unit = raw.height_unit if height_unit is None else to_si(f"1 {height_unit}", "m", "height_unit")
+    if unit is None and suffix not in READERS:
+        doubts.append(bad_file(path, "no unit of height in the file", "height_unit= such as 'um' (--height-unit)"))
+    whole = _checked(path, heights * (unit or 1.0), pixel if pixel and not no_pixel else (_ANY_PIXEL,) * 2, periodic)
+    if not doubts:
+        doubts += _implausible(path, whole, size is None and spacing is None, height_unit is None)
+    if crop is None:
+        return whole, doubts
+    return whole.crop_to(crop), doubts
 
 
-def _unit_in_file(path: Path, suffix: str, raw: Raw) -> float:
-    if raw.height_unit is None and suffix not in READERS:
-        raise bad_file(path, "no unit of height in the file", "height_unit= such as 'um'")
-    return raw.height_unit or 1.0
+def _raw(path: Path, options: Options) -> Raw:
+    length, free = path.stat().st_size, free_memory()
+    if _READING_FACTOR * length > free:
+        allowed = f"one that can be read in the {free / 1e9:.3g} GB of free memory"
+        raise bad_file(path, f"a file of {length / 1e9:.3g} GB", allowed)
+    try:
+        return READERS.get(path.suffix.lower(), read_instrument)(path, options)
+    except OSError as error:
+        raise bad_file(path, error.strerror or error, "a file that can be read") from None
+    except MemoryError:
+        raise bad_file(path, "more heights than fit into memory", "a smaller file, or a part of it") from None
+
+
+def _masked(raw: Raw, mask: str | os.PathLike[str] | None, file_mask: bool) -> NDArray[np.float64]:
+    """Heights with NaN under the mask of the file, if it counts, and under that of another file."""
+    heights = raw.heights
+    if raw.mask is not None and file_mask:
+        heights = np.where(raw.mask, np.nan, heights)
+    if mask is not None:
+        heights = np.where(read_mask(mask, (heights.shape[0], heights.shape[1])), np.nan, heights)
+    return heights
 
 
 def _checked(path: Path, heights: np.ndarray, pixel: tuple[float, float], periodic: tuple[bool, bool]) -> Topography:
@@ -116,20 +176,23 @@ def _checked(path: Path, heights: np.ndarray, pixel: tuple[float, float], period
         raise InputError(f"{path}: {error}") from None
 
 
-def _refuse_implausible(path: Path, topography: Topography, check_size: bool, check_heights: bool) -> None:
-    """Refuse values that only a wrong unit explains, unless the caller has given them."""
+def _implausible(path: Path, topography: Topography, check_size: bool, check_heights: bool) -> list[InputError]:
+    """Values that only a wrong unit explains, unless the caller has given them."""
     shortest, longest = _SIZE_LIMITS
+    found = []
     if check_size and not all(shortest <= side <= longest for side in topography.size):
         given = " × ".join(to_text(side, "m") for side in topography.size)
-        raise bad_file(path, f"a size of {given}", "1 nm to 1 m; if it is right, or to correct it, pass size= (--size)")
+        allowed = "1 nm to 1 m; if it is right, or to correct it, pass size= (--size)"
+        found.append(bad_file(path, f"a size of {given}", allowed))
     defined = topography.heights[~np.isnan(topography.heights)]
     if check_heights and defined.size and defined.std() > _RMS_HEIGHT_LIMIT:
         given = f"Sq = {to_text(float(defined.std()), 'm')}"
         allowed = "at most 10 mm; if it is right, or to correct it, pass height_unit= such as 'um' (--height-unit)"
-        raise bad_file(path, given, allowed)
-    if (check_size or check_heights) and (slope := _median_slope(topography)) > _SLOPE_LIMIT:
+        found.append(bad_file(path, given, allowed))
+    if not found and (check_size or check_heights) and (slope := _median_slope(topography)) > _SLOPE_LIMIT:
         allowed = "at most 10; if it is right, or to correct it, pass size= and height_unit= (--size, --height-unit)"
-        raise bad_file(path, f"a slope of {slope:.3g} on half of its points", allowed)
+        found.append(bad_file(path, f"a slope of {slope:.3g} on half of its points", allowed))
+    return found
 
 
 def _median_slope(topography: Topography) -> float:

@@ -7,19 +7,26 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from ..base.errors import InputError
+import numpy as np
+from numpy.typing import NDArray
+
 from .form import Form, fit_form
 from .spikes import SPIKES
 from .topography import Topography
+from .usable import TooManyUndefined
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Repair:
-    """Defects found in a map: undefined points, spikes, and the form that was removed."""
+    """Defects found in a map: undefined points, spikes, and the form that was removed.
+
+    removed : heights of the spikes above what they were filled with, 0 elsewhere (n1, n2) [m].
+    """
 
     undefined_share: float = field(metadata={"unit": "", "label": "share of undefined points", "percent": True})
     spikes: int = field(metadata={"unit": "", "label": "points in spikes"})
     form: Form = field(metadata={"unit": "", "label": "form of the defined points"})
+    removed: NDArray[np.float64] = field(repr=False, metadata={"unit": "m", "label": "spikes above their filling"})
 
 
 def repair(
@@ -40,11 +47,14 @@ def repair(
     """
     marked = topography.without_spikes(spikes)
     count = round((marked.undefined_share - topography.undefined_share) * topography.heights.size)
+    form = fit_form(marked.heights, marked.size, detrend)
+    flat = Topography(marked.heights - form.heights, marked.spacing, marked.periodic)
     try:
-        form = fit_form(marked.heights, marked.size, detrend)
-        flat = Topography(marked.heights - form.heights, marked.spacing, marked.periodic).fill_undefined(max_undefined)
-    except InputError as error:
-        if not count or topography.undefined_share > max_undefined:
+        flat = flat.fill_undefined(max_undefined)
+    except TooManyUndefined as error:
+        if topography.undefined_share > max_undefined:
             raise
-        raise InputError(f"{error}; {count} of them are spikes, which spikes=inf leaves alone") from None
-    return flat, Repair(topography.undefined_share, count, form)
+        raise error.with_spikes(count) from None
+    spiked = np.isnan(marked.heights) & ~np.isnan(topography.heights)
+    removed = np.where(spiked, topography.heights - form.heights - flat.heights, 0.0)
+    return flat, Repair(topography.undefined_share, count, form, removed)

@@ -43,7 +43,7 @@ def find_spikes(heights: NDArray, threshold: float = SPIKES) -> NDArray[np.bool_
     ------
     InputError : threshold not a number > 0.
     """
-    if threshold == inf or heights.size == 0:
+    if threshold == inf or np.isnan(heights).all():
         return np.zeros(heights.shape, dtype=bool)
     validate.number("spikes", threshold)
     flat = heights - fit_form(heights, (1.0, 1.0), 2).heights

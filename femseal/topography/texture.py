@@ -40,9 +40,10 @@ def texture(topography: Topography) -> Texture:
 
     Sal is the shortest distance in which the autocorrelation falls to 0.2, Str that over the longest; where the map
     ends before it falls, its reach is taken for the longest and Str is an upper bound. Std is the direction of the
-    lay from x2, at right angles to the waves with most power; NaN where Str > 0.5, and all of it where the map is flat.
+    lay from x2, at right angles to the waves with most power; NaN where Str > 0.5, and all of it where the map is
+    flat or a single row.
     """
-    if topography.rms_height == 0:
+    if topography.rms_height == 0 or min(topography.shape) < 2:
         return Texture(nan, nan, False, nan)
     distance, reach = _decay(topography)
     fallen = np.isfinite(distance)

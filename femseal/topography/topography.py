@@ -23,6 +23,7 @@ from . import spectral
 from .form import fit_form
 from .holes import fill_holes
 from .spikes import SPIKES, find_spikes
+from .usable import TooManyUndefined, largest_part
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -155,18 +156,15 @@ class Topography(Plotted):
 
         Raises
         ------
-        InputError : more than `max_share` (0 to 1) of the points, or all of them, are undefined.
+        InputError : more than `max_share` (0 to 1) of the points, or all of them, are undefined; the largest part of
+            the map with fewer is offered.
         """
         share = self.undefined_share
         limit = validate.number("max_share", max_share, inclusive=True)
         if share == 1:
             raise InputError.of("undefined points", "100 %", "a map with defined points")
         if share > limit:
-            raise InputError.of(
-                "undefined points",
-                f"{100 * share:.3g} %",
-                f"at most {100 * limit:.3g} %: crop the map, or raise the share that may be filled (max_undefined)",
-            )
+            raise TooManyUndefined(share, limit, largest_part(np.isnan(self.heights), self.spacing, limit))
         return self._with(fill_holes(self.heights, self.spacing, self.periodic))
 
     def crop(self, shape: tuple[int, int], start: tuple[int, int] = (0, 0)) -> Topography:
@@ -184,6 +182,40 @@ class Topography(Plotted):
         whole = (m1 == self.shape[0], m2 == self.shape[1])
         periodic = (self.periodic[0] and whole[0], self.periodic[1] and whole[1])
         return Topography(self.heights[i : i + m1, j : j + m2], self.spacing, periodic)
+
+    def crop_to(self, part: tuple[float, float, float, float]) -> Topography:
+        """Part from x1 to x1, x2 to x2 [m], to whole pixels; see `crop`.
+
+        Raises
+        ------
+        InputError : not four lengths, of no pixel, or beyond the map.
+        """
+        sides = " and ".join(to_text(length, "m") for length in self.size)
+        allowed = f"x1 from, x1 to, x2 from, x2 to, each pair rising, within {sides}"
+        try:
+            from1, to1, from2, to2 = (validate.number("crop", length, inclusive=True) for length in part)
+        except (TypeError, ValueError):
+            raise InputError.of("crop", repr(part), allowed) from None
+        begin, end = (
+            tuple(round(x / d) for x, d in zip(ends, self.spacing, strict=True))
+            for ends in ((from1, from2), (to1, to2))
+        )
+        if not all(0 <= b < e <= n for b, e, n in zip(begin, end, self.shape, strict=True)):
+            given = ", ".join(to_text(length, "m") for length in (from1, to1, from2, to2))
+            raise InputError.of("crop", given, allowed)
+        return self.crop((end[0] - begin[0], end[1] - begin[1]), (begin[0], begin[1]))
+
+    def mask(self, undefined: NDArray) -> Topography:
+        """Map whose points are undefined where `undefined` (n1, n2) is not 0, besides those that are so already.
+
+        Raises
+        ------
+        InputError : an array of another shape.
+        """
+        marked = np.asarray(undefined)
+        if marked.shape != self.shape or marked.dtype.kind not in "bfiu":
+            raise InputError.of("mask", f"an array of {marked.dtype} of shape {marked.shape}", f"numbers {self.shape}")
+        return self._with(np.where(marked != 0, np.nan, self.heights))
 
     def transpose(self) -> Topography:
         """Map with x1 and x2 exchanged."""

@@ -1,0 +1,134 @@
+"""Contact by steps that never raise the energy, for problems in which active sets go round in circles.
+
+Each iteration makes one step along the projected gradient, of the length of Barzilai and Borwein, which decides which
+points are free, and then conjugate gradients on the free points; a point that reaches a bound stays there, and the
+directions begin anew. The energy ½⟨p, Kp⟩ + ⟨p, h₁⟩ falls with every step and the load is kept.
+Sources: Moré & Toraldo, SIAM J. Optim. 1, 1991, 93; Birgin, Martínez & Raydan, SIAM J. Optim. 10, 2000, 1196.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import kernels
+from .workspace import Workspace
+
+Array = NDArray[np.float64]
+#: Steps of conjugate gradients in an iteration, and the share of the first w·r at which they stop.
+_STEPS, _DROP = 25, 1e-3
+
+
+class Descent:
+    """A contact problem on one grid whose pressure lies within the bounds and carries the load.
+
+    Parameters
+    ----------
+    grid : holds the pressure that it starts from, and after `solve` the pressure and v of the solution.
+    gap : undeformed gap h₁ less its offset [m], flat.
+    hardness : H [Pa], flat, one value or one per point.
+    load : Σ p [Pa]; None where the approach is given.
+    delta : approach δ less the offset [m].
+
+    Attributes
+    ----------
+    delta, residual, iterations, pairs : as in `ActiveSets`.
+    """
+
+    def __init__(self, grid: Workspace, gap: Array, hardness: Array, load: float | None, delta: float) -> None:
+        self._grid, self._gap, self._hardness, self._load = grid, gap, hardness, load
+        self._every = np.arange(gap.size, dtype=np.int32)
+        self.delta, self.residual, self.iterations, self.pairs = delta, np.inf, 0, 0
+
+    def solve(self, rtol: float, limit: int) -> None:
+        """Iterate until the residual is `rtol`, for at most `limit` iterations."""
+        grid, p = self._grid, self._grid.p
+        c0 = c = grid.stiffness
+        while True:
+            grid.respond.apply()
+            self.pairs += 1
+            grid.v += self._gap
+            v = grid.v.copy()  # the products of directions take its memory
+            self.delta, y = self._projected(p, v, c0)
+            self.residual = float(np.linalg.norm(y - p) / np.linalg.norm(y)) if y.any() else np.inf * p.any()
+            if self.residual <= rtol or self.iterations == limit:
+                grid.v[:] = v
+                return
+            self.iterations += 1
+            c = self._gradient_step(p, v, c)
+            self._face_steps(p, v)
+
+    def _projected(self, p: Array, v: Array, c: float) -> tuple[float, Array]:
+        """δ and y = clip(p − c (v − δ), 0, H)."""
+        x, delta = p - c * v, self.delta
+        if self._load is not None:
+            delta = kernels.root(x, x.size, self._hardness, self._every, c, self._load, delta)[0]
+        return delta, np.clip(x + c * delta, 0.0, self._hardness)
+
+    def _product(self, d: Array) -> Array:
+        self._grid.dense[:] = d
+        self._grid.search.apply()
+        self.pairs += 1
+        return self._grid.kd.astype(float)
+
+    def _gradient_step(self, p: Array, v: Array, c: float) -> float:
+        """Step to y or to the lowest energy on the way; returns the length of the next such step."""
+        delta, y = self._projected(p, v, c)
+        d = y - p
+        response = self._product(d)
+        slope, curvature, length = float(d @ (v - delta)), float(d @ response), float(d @ d)
+        if not (slope < 0 and curvature > 0):
+            return self._grid.stiffness
+        share = min(1.0, -slope / curvature)
+        p += share * d
+        np.clip(p, 0.0, self._hardness, out=p)
+        v += share * response
+        return length / curvature
+
+    def _face_steps(self, p: Array, v: Array) -> None:
+        """Conjugate gradients on the free points, up to the first bound that is met, and on from there."""
+        hardness, first = np.broadcast_to(self._hardness, p.shape), 0.0
+        free = self._every[:0]
+        d, former = np.zeros(0), np.inf
+        for step in range(_STEPS):
+            if former == np.inf:
+                free = self._every[(p > 0) & (p < hardness)]
+                if free.size < 2:
+                    return
+                ones = self._preconditioned(free, np.ones(free.size))
+                d = np.zeros(free.size)
+            r = self.delta - v[free]
+            if self._load is not None:
+                r -= r.mean()
+            w = self._preconditioned(free, r)
+            if self._load is not None:
+                w -= w.sum() / ones.sum() * ones
+            wr = float(w @ r)
+            first = first or wr
+            if not wr > _DROP * first * (step > 0):
+                return
+            d = w + wr / former * d
+            dense = np.zeros_like(p)
+            dense[free] = d
+            response = self._product(dense)
+            curvature = float(d @ response[free])
+            if not curvature > 0:
+                return
+            with np.errstate(divide="ignore", invalid="ignore"):
+                room = np.where(d > 0, (hardness[free] - p[free]) / d, np.where(d < 0, -p[free] / d, np.inf))
+            nearest = int(room.argmin())
+            share, former = min(wr / curvature, float(room[nearest])), wr
+            p[free] = np.clip(p[free] + share * d, 0.0, hardness[free])
+            v += share * response
+            if share == room[nearest]:
+                at = free[nearest]
+                p[at] = hardness[at] if d[nearest] > 0 else 0.0
+                former = np.inf
+
+    def _preconditioned(self, free: NDArray[np.int32], values: Array) -> Array:
+        out = np.empty(free.size)
+        dense = self._grid.dense
+        dense[:] = 0
+        dense[free] = values
+        kernels.apply_stencil(free.size, free, dense, out, *self._grid.stencil)
+        return out

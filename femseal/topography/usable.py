@@ -1,0 +1,90 @@
+"""The largest rectangle of a map with few undefined points, and the error that offers it."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..base.errors import InputError
+from ..base.quantities import to_text
+
+#: Lines along each axis between which rectangles are sought.
+_LINES = 96
+#: Share of the limit that a rectangle may reach: what is left is for spikes that only the cropped map has.
+_SPARE = 0.8
+#: A part with a side that is a smaller share of the map's is not worth offering.
+_LEAST_SIDE = 0.05
+
+Part = tuple[float, float, float, float]
+
+
+class TooManyUndefined(InputError):
+    """A map with too many undefined points; `part`: the largest one with few, x1 from, to, x2 from, to [m], or None."""
+
+    def __init__(self, share: float, limit: float, part: Part | None, spikes: int = 0) -> None:
+        self.share, self.limit, self.part, self.spikes = share, limit, part, spikes
+        super().__init__(f"undefined points: given {100 * share:.3g} %, allowed is {self._allowed()}")
+
+    def _allowed(self) -> str:
+        largest = "no part of the map has so few"
+        if self.part is not None:
+            largest = f"the largest part with so few is crop = {part_text(self.part)}"
+        spikes = f"; {self.spikes} of them are spikes, which spikes=inf leaves alone" if self.spikes else ""
+        raised = "or raise the share that may be filled (max_undefined)"
+        return f"at most {100 * self.limit:.3g} %: {largest}, {raised}{spikes}"
+
+    def from_origin(self, x1: float, x2: float) -> TooManyUndefined:
+        """The same error about a map that was cropped before, from x1 and x2 [m] on: its part in the whole map."""
+        if self.part is None:
+            return self
+        from1, to1, from2, to2 = self.part
+        moved = (from1 + x1, to1 + x1, from2 + x2, to2 + x2)
+        return TooManyUndefined(self.share, self.limit, moved, self.spikes)
+
+    def with_spikes(self, count: int) -> TooManyUndefined:
+        """The same error about points of which so many were taken for spikes."""
+        return TooManyUndefined(self.share, self.limit, self.part, count)
+
+
+def part_text(part: Part) -> str:
+    """A part as the key `crop` of a case."""
+    return "[" + ", ".join(f'"{to_text(length, "m", 6)}"' for length in part) + "]"
+
+
+def largest_part(undefined: NDArray[np.bool_], spacing: tuple[float, float], limit: float) -> Part | None:
+    """A large rectangle of which no more than the share `limit` is undefined; None without a useful one.
+
+    Parameters
+    ----------
+    undefined : points (n1, n2).
+    spacing : pixel [m].
+    limit : 0 to 1; the rectangle keeps below it with a little to spare.
+
+    It has the largest number of points less that of the undefined ones over `limit`: a strip belongs to it only if the
+    strip itself is defined so far. Rectangles between at most 96 lines along each axis, evenly spaced, are compared.
+    """
+    n1, n2 = undefined.shape
+    rows, columns = (np.unique(np.linspace(0, n, min(n, _LINES) + 1).round().astype(int)) for n in (n1, n2))
+    # points counted from the corner of the map to each crossing of lines
+    counted = np.zeros((n1 + 1, n2 + 1), dtype=np.int64)
+    np.cumsum(np.cumsum(undefined, axis=0, dtype=np.int64), axis=1, out=counted[1:, 1:])
+    x1, x2 = rows[:, None], columns[None, :]
+    price = 1 / max(_SPARE * limit, 1 / undefined.size)
+    lost = price * counted[np.ix_(rows, columns)]
+    best = 0.0
+    found: tuple[int, int, int, int] | None = None
+    for a in range(rows.size - 1):
+        # sums over the rows from a to b, then over all pairs of columns: the best one begins at the least sum before
+        gained = (x1[a + 1 :] - x1[a]) * x2 - (lost[a + 1 :] - lost[a])
+        rise = gained - np.minimum.accumulate(gained, axis=1)
+        below, right = (int(n) for n in np.unravel_index(int(rise.argmax()), rise.shape))
+        if rise[below, right] > best:
+            left = int(gained[below, : right + 1].argmin())
+            best, found = float(rise[below, right]), (a, a + 1 + below, left, right)
+    if found is None:
+        return None
+    a, b, c, d = found
+    if rows[b] - rows[a] < _LEAST_SIDE * n1 or columns[d] - columns[c] < _LEAST_SIDE * n2:
+        return None
+    d1, d2 = spacing
+    return float(rows[a] * d1), float(rows[b] * d1), float(columns[c] * d2), float(columns[d] * d2)

@@ -1,0 +1,117 @@
+"""The forecast of a run: it follows sizes, loads and methods, and refuses what does not fit into memory."""
+
+import tomllib
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+import femseal as fs
+from femseal.runs import forecast as module
+from femseal.runs import pilot
+from femseal.runs.case import parse_case
+from femseal.runs.forecast import describe, forecast
+from femseal.studies.costs import PILOT_PIXELS, Effort, contact_seconds
+
+ROOT = Path(__file__).parents[1]
+
+
+@pytest.fixture
+def data():
+    case = tomllib.loads((ROOT / "examples" / "turned_seal.toml").read_text(encoding="utf-8"))
+    case["face"] |= {"points": [64, 96], "size": ["60 um", "120 um"], "pitch": "30 um"}
+    case["cells"] = {"count": [2, 4]}
+    return case | {"method": "deterministic", "compare": []}
+
+
+@pytest.fixture
+def memory(monkeypatch):
+    """A machine with so many bytes free."""
+    return lambda size: monkeypatch.setattr(module, "free_memory", lambda: size)
+
+
+def test_the_effort_of_a_small_face_is_that_of_its_contacts(data):
+    """At the lowest and the highest load, which are among those that are solved; between them it lies between."""
+    scene = parse_case(data).prepare().scene
+    found = pilot.efforts(scene)
+    half_space = fs.HalfSpace((64, 96), scene.surface.spacing, scene.modulus, ("mirror", "mirror"))
+    gap = scene.surface.detrend().gap()
+    for k in (0, len(scene.loading) - 1):
+        contact = fs.solve_contact(gap, half_space, pressure=scene.loading[k], hardness=scene.hardness, rtol=scene.rtol)
+        assert_allclose(found[k].share, contact.area_fraction)
+        assert_allclose(found[k].pairs, contact.fft_pairs * (PILOT_PIXELS / gap.size) ** found[k].growth)
+    shares = [effort.share for effort in found[: len(scene.loading)]]
+    assert shares == sorted(shares)
+    assert len(found) == len(scene.steps)
+
+
+def test_the_effort_does_not_depend_on_the_points_of_a_large_face(data):
+    data["face"] |= {"points": [256, 512], "size": ["240 um", "480 um"], "roughness": "1 um"}
+    scene = parse_case(data).prepare().scene
+    larger = replace(scene, surface=fs.Topography(np.tile(scene.surface.heights, (2, 2)), scene.surface.spacing))
+    for one, other in zip(pilot.efforts(scene), pilot.efforts(larger), strict=True):
+        assert 0.5 < one.pairs / other.pairs < 2
+        assert abs(one.share - other.share) < 0.1
+
+
+def test_a_contact_takes_longer_with_more_pixels_and_more_contact():
+    assert 4 < contact_seconds(4e6, Effort(20, 0.0)) / contact_seconds(1e6, Effort(20, 0.0)) < 5
+    assert contact_seconds(4e6, Effort(20, 0.9)) > 3 * contact_seconds(4e6, Effort(20, 0.05))
+
+
+def test_forecast_adds_up_the_methods_and_the_second_run(data):
+    known = (Effort(),) * 30
+    one = forecast(parse_case(data), parse_case(data).prepare(), known)
+    data["compare"] = ["two-scale"]
+    two = forecast(parse_case(data), parse_case(data).prepare(), known)
+    assert two.shared > one.shared
+    assert two.alone > one.alone
+    data["surface"] = {"filter_sensitivity": True}
+    three = forecast(parse_case(data), parse_case(data).prepare(), known)
+    assert two.shared < three.shared < 2 * two.shared
+    assert_allclose(one.seconds, one.alone + one.shared)
+    del data["surface"]
+    data["cells"]["flow"] = "resolved"
+    resolved = forecast(parse_case(data), parse_case(data).prepare(), known)
+    assert resolved.memory >= two.memory
+
+
+def test_a_run_that_does_not_fit_is_refused_unless_the_case_says_so(data, memory, tmp_path):
+    case = parse_case(data)
+    memory(1e8)
+    with pytest.raises(fs.InputError) as refused:
+        fs.run(case, tmp_path / "results", workers=1)
+    for words in (
+        "memory: given a run that takes about 0.4",
+        "on 64 × 96 points",
+        "0.1 GB that are free",
+        "surface.points",
+    ):
+        assert words in str(refused.value)
+    assert not (tmp_path / "results").exists()
+    data |= {"memory": "2 GB", "load": {"loading": ["100 MPa"]}}
+    assert fs.run(parse_case(data), workers=1).leakage.values[0] > 0
+    memory(1e12)
+    data["memory"] = "100 MB"
+    with pytest.raises(fs.InputError, match=r"0\.1 GB of the key memory"):
+        fs.run(parse_case(data), workers=1)
+
+
+def test_memory_is_no_part_of_the_results(data):
+    assert parse_case(data | {"memory": "2 GB"}).echo() == parse_case(data).echo()
+
+
+def test_check_tells_time_on_one_core_and_on_all(data, monkeypatch):
+    monkeypatch.setattr(module.psutil, "cpu_count", lambda: 4)
+    monkeypatch.setattr(module, "pace", lambda: 1.0)
+    data["face"]["points"] = [512, 768]
+    case = parse_case(data)
+    (line,) = [line for line in describe(case, case.prepare()) if line.startswith("expected")]
+    for words in (
+        " on one core, ",
+        "on the 4 of this machine",
+        "GB of memory, and 0.25 GB or more for each further worker",
+    ):
+        assert words in line
