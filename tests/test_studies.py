@@ -297,7 +297,8 @@ class TestRareTallPoints:
     """The low-pass of the contact of windows flattens them, and with them what carries the first load."""
 
     @pytest.fixture(scope="class")
-    def face(self):
+    @classmethod
+    def face(cls):
         n = 192
         face = self_affine((n, n), (n * PIXEL, n * PIXEL), hurst=0.8, rms_slope=0.02, roll_off=30e-6, rng=2)
         x = np.arange(n) + 0.5
@@ -356,13 +357,13 @@ class TestRareTallPoints:
         assert stochastic(rough, (4, 6), SAMPLING).library.contact == contact
 
     def test_unknown_contact(self, rough):
-        with pytest.raises(InputError, match="contact: given 'magic', allowed is one of whole, windows"):
+        with pytest.raises(InputError, match="contact: given magic, allowed is one of whole, windows"):
             two_scale(rough, (4, 6), contact="magic")
 
     @pytest.mark.slow
-    def test_on_a_measured_face(self, measured):
+    def test_on_a_measured_face(self, instrument_file):
         """Turned, kurtosis 293."""
-        surface, _ = condition(read_topography(measured("mnt-1.mnt")), shape=(480, 288))
+        surface, _ = condition(read_topography(instrument_file("mnt-1.mnt")), shape=(480, 288))
         scene = make_scene(surface.heights, surface.spacing, hardness=8.4e8, loading=(5e6, 1e7))
         assert_allclose(two_scale(scene, (4, 4), flow="resolved").leakage, deterministic(scene).leakage, rtol=1e-3)
         assert two_scale(scene, (4, 4), contact="windows").gap_error.max() > 0.1

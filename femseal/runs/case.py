@@ -106,16 +106,6 @@ class Case(Table):
         return {self.method, *self.compare}
 
     @property
-    def two_scale_flow(self) -> str:
-        """Flow of the two-scale method."""
-        return "links" if self.cells is None else self.cells.flow
-
-    @property
-    def window_contact(self) -> str | None:
-        """How the contact of windows is solved, see `studies.two_scale`."""
-        return None if self.cells is None else self.cells.contact
-
-    @property
     def solids(self) -> tuple[Solid, Solid | None]:
         """The two bodies; None is rigid."""
         counter = self.counter_material

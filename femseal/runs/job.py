@@ -198,10 +198,10 @@ def _study(
         return deterministic(scene, mapper=mapper)
     assert prepared.cells is not None
     if method == "two-scale":
-        return two_scale(scene, prepared.cells, flow=case.two_scale_flow, contact=case.window_contact, mapper=mapper)
+        return two_scale(scene, prepared.cells, flow=prepared.flow, contact=prepared.contact, mapper=mapper)
     assert prepared.sampling is not None
     return stochastic(
-        scene, prepared.cells, prepared.sampling, contact=case.window_contact, two_scale=known, mapper=mapper
+        scene, prepared.cells, prepared.sampling, contact=prepared.contact, two_scale=known, mapper=mapper
     )
 
 
