@@ -172,7 +172,7 @@ def test_only_a_complete_folder_is_resumed(case, tmp_path, monkeypatch):
     case.write_text(CASE.replace('method = "stochastic"', 'method = "deterministic"').replace("compare", "# "))
     out = tmp_path / "out"
     with monkeypatch.context() as patch:
-        patch.setattr("femseal.report.folder.leakage_figure", fail)
+        patch.setattr("femseal.report.pictures.leakage_figure", fail)
         with pytest.raises(fs.FemsealError, match="no such colour"):
             fs.run(case, out, workers=1)
     assert "no such colour" in (out / "run.log").read_text()

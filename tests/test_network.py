@@ -77,7 +77,7 @@ def test_direct_iterative_and_independent_solutions_agree(shape, periodic, close
 @pytest.mark.parametrize("solver", ["amg", "multigrid"])
 def test_iterative_solution_of_a_larger_network(shape, periodic, solver):
     c1, c2 = links(*shape, periodic, 1, contrast=1e4, closed=0.2)
-    flow = solve_links(c1, c2, solver=solver, rtol=1e-6)
+    flow = solve_links(c1, c2, solver=solver, rtol=1e-6, field_rtol=1e-6)
     assert flow.iterations > 0
     assert_allclose(flow.conductance, solve_links(c1, c2, solver="elimination").conductance, rtol=1e-6)
     assert flow.imbalance <= 1e-5
@@ -91,9 +91,13 @@ def test_multigrid_takes_few_iterations_on_a_smooth_gap(shape, periodic):
     x, y = np.meshgrid(np.arange(n1 + 1) / n1, np.arange(n2) / n2, indexing="ij")
     c = (1.2 + np.cos(2 * np.pi * 3 * y) * np.cos(2 * np.pi * 2 * x)) ** 3
     c1, c2 = c[:-1], c[1:-1] if periodic else c[1:-1, :-1]
-    flow = solve_links(c1, c2, solver="multigrid", rtol=1e-6)
-    assert_allclose(flow.conductance, solve_links(c1, c2, solver="elimination").conductance, rtol=1e-11)
+    exact = solve_links(c1, c2, solver="elimination").conductance
+    flow = solve_links(c1, c2, solver="multigrid", field_rtol=1e-6)
+    assert_allclose(flow.conductance, exact, rtol=1e-11)
     assert 0 < flow.iterations <= 15
+    rate = solve_links(c1, c2, solver="multigrid", rtol=1e-6)
+    assert_allclose(rate.conductance, exact, rtol=1e-6)
+    assert 0 < rate.iterations <= 6
 
 
 @pytest.mark.parametrize("periodic", [True, False])
@@ -307,7 +311,7 @@ def test_where_nothing_flows_an_end_gives_its_potential_and_a_pocket_has_none(so
     if wall is not None:
         c1[wall] = 0
     n1, n2 = c1.shape
-    flow = solve_links(c1, c2, solver=solver)
+    flow = solve_links(c1, c2, solver=solver, field_rtol=1e-6)
     node = np.arange((n1 - 1) * n2).reshape(n1 - 1, n2)
     start = np.r_[node[:-1][c1[1:-1] > 0], node[:, : c2.shape[1]][c2 > 0]]
     end = np.r_[node[1:][c1[1:-1] > 0], np.roll(node, -1, axis=1)[:, : c2.shape[1]][c2 > 0]]
@@ -420,7 +424,8 @@ def test_islands_are_eliminated_behind_multigrid(width):
     h[6:25, 6:15] = width
     h[8:15, 8:13] = h[17:23, 8:13] = 1
     c1, c2 = cell_links(h, (1.0, 1.0), "mirror")
-    flow, exact = solve_links(c1, c2, solver="multigrid"), solve_links(c1, c2, solver="elimination")
+    flow = solve_links(c1, c2, solver="multigrid", field_rtol=1e-6)
+    exact = solve_links(c1, c2, solver="elimination")
     assert flow.iterations > 0
     assert_allclose(flow.conductance, exact.conductance, rtol=1e-9)
     assert_allclose(flow.potential, exact.potential, rtol=0, atol=1e-5)
@@ -432,6 +437,51 @@ def test_slender_networks_are_eliminated():
     for shape in ((4, 2000), (2000, 4), (9, 600)):
         c = np.ones(shape)
         assert solve_links(c, c[1:]).iterations == 0
+
+
+@pytest.mark.parametrize("rtol", [1e-2, 1e-4, 1e-6, 1e-8, 1e-10])
+@pytest.mark.parametrize("kind", ["rough", "film", "critical", "noise"])
+def test_the_rate_is_as_right_as_asked(rtol, kind):
+    """Also where the iteration starts slowly: behind a critical constriction, in bays and over films."""
+    for seed in range(4):
+        rng = np.random.default_rng([8, seed])
+        h = np.cos(2 * np.pi * rng.random((6, 1, 1)) + rng.uniform(-9, 9, (6, 1, 1)) * np.arange(66)[:, None] / 9
+                   + rng.uniform(-9, 9, (6, 1, 1)) * np.arange(61) / 9).sum(axis=0)  # fmt: skip
+        h = np.maximum(h - np.quantile(h, {"rough": 0.3, "film": 0.5, "critical": 0.4, "noise": 0.1}[kind]), 0.0)
+        if kind == "film":
+            h = np.maximum(h, h.max() * 10.0 ** -rng.uniform(1, 4))
+        elif kind == "critical":
+            h[30] = 0.0
+            h[30, rng.integers(61)] = h.max() * 10.0 ** -rng.uniform(0, 4)
+        elif kind == "noise":
+            h *= np.exp(rng.standard_normal(h.shape))
+        c1, c2 = cell_links(h / h.max(), (1.0, 1.0), "mirror")
+        exact = solve_links(c1, c2, solver="elimination")
+        try:
+            flow = solve_links(c1, c2, solver="multigrid", rtol=rtol)
+        except NotConverged:
+            flow = solve_links(c1, c2, rtol=rtol)
+        assert_allclose(flow.conductance, exact.conductance, rtol=rtol)
+        assert flow.imbalance <= max(1e-5, 10 * np.sqrt(rtol))
+
+
+@pytest.mark.parametrize("ring", [True, False])
+@pytest.mark.parametrize(("rows", "columns"), [((9, 10), (7, 10)), ((4, 9), (9, 10)), ((11, 12), (17, 20))])
+def test_nodes_that_no_coarse_one_holds_are_moved_together(ring, rows, columns):
+    """A bay on a line between coarse nodes: the preconditioner inverts the operator on what its nodes have in common."""
+    c1, c2 = np.ones((21, 20)), np.ones((20, 20 if ring else 19))
+    bay = np.zeros((20, 20), bool)
+    bay[slice(*rows), slice(*columns)] = True
+    mouth1, mouth2 = np.diff(np.pad(bay, ((1, 1), (0, 0))), axis=0), np.roll(bay, -1, axis=1) != bay
+    c1[mouth1] = 1e-6
+    c2[mouth2[:, : c2.shape[1]]] = 1e-6
+    nothing = np.zeros((0, 0))
+    operator, _, _ = hierarchy.bordered(c1, c2, nothing, nothing, ring)
+    levels = hierarchy.hierarchy(*operator, ring)
+    inverse = hierarchy.coarsest_inverse(levels[-1], ring)
+    levels[0][8][1:-1, 1:-1] = (hierarchy._dense(*operator, ring) @ bay.ravel().astype(float)).reshape(20, 20)
+    multigrid._cycle(levels, inverse, ring)
+    assert_allclose(levels[0][7][1:-1, 1:-1][bay], 1.0, rtol=1e-3)
 
 
 @pytest.mark.parametrize("shape", [(20, 16), (21, 17), (33, 12)])
@@ -458,7 +508,7 @@ def test_borders_of_fronts_name_every_node_once():
     keep = nodes_reached(network(c1, c2)) == 3
     inside = restricted(network(c1, c2), keep)
     c1, c2 = inside.along, inside.across
-    order, first, parent = elimination._dissect(keep[1:-1], True)
+    order, first, parent = elimination.dissect(keep[1:-1], True)
     assert np.array_equal(np.sort(order), np.flatnonzero(keep[1:-1]))
     rank = np.full(keep[1:-1].size + 2, -1)
     rank[order] = np.arange(order.size)

@@ -91,7 +91,8 @@ def test_check_and_results_tell_the_slope_that_is_lost(case):
     lines = describe(coarse, prepared)
     lost = f"{prepared.conditioning.lost_slope:.0%} of the rms slope"
     assert any(line.startswith("warning") and lost in line for line in lines)
-    assert any(line.startswith("filter") and lost in line for line in lines)
+    share = f"{prepared.conditioning.lost_slope:.0%} of that above noise"
+    assert any(line.startswith("filter") and share in line for line in lines)
     results = fs.run(coarse, workers=1)
     assert any(lost in text for text in results.warnings)
 

@@ -814,7 +814,7 @@ class TestSolvers:
         counts, solvers = rough_two_scale.counts, rough_two_scale.solvers
         assert sum(counts.solvers.by_solver().values()) == counts.solved
         assert sum(solvers.by_solver().values()) == counts.solved + 5
-        assert 0 < solvers.worst_imbalance < 1e-5
+        assert 0 < solvers.worst_imbalance < 1e-2
 
     @pytest.mark.parametrize("solver", ["elimination", "amg"])
     def test_the_scene_chooses_the_solver(self, rough, rough_two_scale, solver):

@@ -19,6 +19,7 @@ from .balance import balanced_link_fluxes
 from .coefficient import cubic_law
 from .grid import Grid
 from .percolation import nodes_reached, restricted
+from .solution import FIELD_RTOL
 from .solvers.amg import solve_direct
 from .solvers.choice import solve_flow
 from .solvers.hierarchy import coarsest_nodes
@@ -26,8 +27,8 @@ from .solvers.multigrid import COARSEST_NODES, solve_multigrid
 from .stencil import Stencil
 
 Array = NDArray[np.float64]
-#: Relative error of the pressure, whose square is that of the upper bound; iterations allowed before factorising.
-_RTOL, _ITERATIONS = 1e-8, 60
+#: Relative error of the upper bound; iterations allowed before factorising.
+_RTOL, _ITERATIONS = 1e-12, 60
 #: Share by which bounds are moved apart.
 _ROUNDING = 1e-13
 #: Component K11 at the two ends of a pixel: the mixed form then decouples the two fluxes, and a link
@@ -81,7 +82,7 @@ def lower_bound(k: Array, spacing: tuple[float, float], ring: bool, solver: str 
     if ring and k.shape[1] == 1:
         c2 = np.zeros_like(c2)
     stencil = Stencil(c1, c2, ring2=ring)
-    flow = solve_flow(stencil, solver=solver)
+    flow = solve_flow(stencil, solver=solver, field_rtol=FIELD_RTOL)
     if not flow.percolates:
         return 0.0, flow.potential[1:-1]
     q1, q2 = balanced_link_fluxes(stencil, np.nan_to_num(flow.potential), np.nan_to_num(flow.complement))

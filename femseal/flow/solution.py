@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 #: Inlet and outlet flow may differ by this share before a solution is refused.
 MAX_IMBALANCE = 1e-5
+#: Error of the potential in the norm of the energy that is allowed where it is shown or written.
+FIELD_RTOL = 1e-6
 
 
 @dataclass(frozen=True)
@@ -20,7 +22,7 @@ class DarcyFlow:
     potential : at the nodes; 1 or 0 where it is connected to one end only, NaN in pockets, connected to neither.
     complement : 1 − potential; elimination computes it with a relative accuracy of its own.
     iterations, residual : 0 for a direct solution; otherwise residual is the estimated error of the potential in the
-        norm of the energy.
+        norm of the energy, whose square is that of the conductance.
     imbalance : relative difference of inlet and outlet flow.
     solver : that found the solution: "multigrid", "elimination", "amg" or "direct"; "none" if there was no unknown.
     lower, upper : bounds of the conductance, NaN if not computed.

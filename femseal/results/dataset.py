@@ -14,7 +14,7 @@ from ..base.leak_units import leak_unit
 from ..base.machine import machine, peak_memory
 from ..base.provenance import versions
 from ..fluids import leak_basis
-from . import variables
+from . import face_maps, variables
 from .results import Results
 
 if TYPE_CHECKING:
@@ -79,11 +79,13 @@ def assemble(
     data = xarray.Dataset(coords=variables.step_coordinates("step", "", scene.steps))
     if deterministic is not None:
         variables.add_fields(data, deterministic)
+        face_maps.add_fields(data, scene, deterministic)
     if two_scale is not None:
         variables.add_windows(data, scene, two_scale)
     if stochastic is not None:
         variables.add_realisations(data, stochastic, quantiles)
         variables.add_library(data, stochastic.library.curves)
+    face_maps.add_heights(data, scene)
     variables.add_contact_share(data, scene, deterministic, two_scale, stochastic)
     if leakage_filtered is not None:
         variables.add_filtered(data, leakage_filtered)

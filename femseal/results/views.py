@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..flow import cell_permeability
+from ..flow.solution import FIELD_RTOL
 from ..topography import Topography
 
 if TYPE_CHECKING:
@@ -230,7 +231,7 @@ def _window(results: Results, i: int, j: int) -> Image:
         # a window that failed has no gap
         if not np.all(np.isfinite(gaps[s])):
             return np.full(gaps[s].shape, np.nan)
-        share = cell_permeability(gaps[s], partition.spacing).fluid_pressure
+        share = cell_permeability(gaps[s], partition.spacing, field_rtol=FIELD_RTOL).fluid_pressure
         # the pressure of an end in a pocket is undefined and has no effect on the fluid at the other end
         mixed = np.where(share == 1, ends[s, 0], ends[s, 1] + (ends[s, 0] - ends[s, 1]) * share)
         return scene.fluid.pressure(np.where(share == 0, ends[s, 1], mixed))

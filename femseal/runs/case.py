@@ -77,6 +77,9 @@ class Case(Table):
     def _complete(self) -> Case:
         if self.cells is None and not self.methods <= {"deterministic", "auto"}:
             raise PydanticCustomError("cells", "a table `cells` with the method {m}", {"m": self.method})
+        if self.cells is not None and self.cells.flow == "elements" and self.flow.discretisation != "edge":
+            text = "cells.flow: given elements with the discretisation {d}, allowed is edge with them"
+            raise PydanticCustomError("cells", text, {"d": self.flow.discretisation})
         if self.stochastic is None and "stochastic" in self.methods:
             raise PydanticCustomError("stochastic", "a table `stochastic` with the method stochastic")
         highest = max((*self.load.loading, *self.load.unload_from))

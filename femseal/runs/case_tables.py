@@ -176,6 +176,10 @@ class StochasticTable(Table):
         return self
 
 
+#: What the schema says of units.
+_UNITS_TOLD = f"a unit of leakage: {', '.join(LEAK_UNITS)}"
+
+
 def _leak_unit_name(value: Any) -> str:
     try:
         return leak_unit(value).name
@@ -189,7 +193,7 @@ class OutputTable(Table):
     paraview: Annotated[str, *one_of(FORMATS)] = "vtu"
     fields_limit: FileSize = LIMIT
     leakage_unit: Annotated[
-        str | None, BeforeValidator(_leak_unit_name), WithJsonSchema({"type": "string", "examples": list(LEAK_UNITS)})
+        str | None, BeforeValidator(_leak_unit_name), WithJsonSchema({"type": "string", "description": _UNITS_TOLD})
     ] = None
 
     @property

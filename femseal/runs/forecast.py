@@ -15,6 +15,7 @@ from ..results.fields import fields_size
 from ..scales import Partition
 from ..studies import Sampling, Scene, placed_windows, seal_cells
 from ..studies.costs import Effort, deterministic_cost, stochastic_cost, two_scale_cost, usual_efforts
+from ..studies.deterministic import STEP_BYTES
 from .case import Case
 from .pilot import efforts, pace
 from .preparation import Prepared
@@ -24,11 +25,11 @@ ADVISED_WAVES = 8
 
 
 #: Seconds of starting, of reading and preparing a face, and of loading compiled loops.
-_START_SECONDS = 2.6
+_START_SECONDS = 2.8
 #: Seconds of pictures, report and tables, without windows and what those of two scales add; of a byte of fields.
-_PICTURES_SECONDS, _MAPS_SECONDS, _FIELD_BYTE_SECONDS = 1.8, 1.8, 2.5e-8
+_PICTURES_SECONDS, _MAPS_SECONDS, _FIELD_BYTE_SECONDS = 1.4, 0.8, 2.0e-8
 #: Memory of the libraries that a run imports, and of another process [byte].
-_START_MEMORY, _WORKER_MEMORY = 0.45e9, 0.25e9
+_START_MEMORY, _WORKER_MEMORY = 0.5e9, 0.25e9
 
 
 @dataclass(frozen=True)
@@ -178,7 +179,7 @@ def disk(case: Case, prepared: Prepared) -> Disk:
     others, checkpoint = 2e6 + 4.0 * pixels * formats, 0.0
     peaks = len(set(scene.unload_from))
     if "deterministic" in prepared.methods:
-        checkpoint += pixels * (4.0 * steps + 8.0 * peaks)
+        checkpoint += pixels * (STEP_BYTES * steps + 8.0 * peaks)
     if prepared.cells is not None and prepared.methods != {"deterministic"}:
         windows = prepared.cells[0] * prepared.cells[1]
         # a window: ten numbers in results.nc, twenty in the mesh of the seal; three windows with three fields
@@ -210,8 +211,8 @@ def _surface_lines(prepared: Prepared) -> list[str]:
     kept = f"waves below {to_text(shortest, 'm', 3)} ({shortest / max(surface.spacing):.3g} pixels) removed"
     removed = 1 - surface.rms_slope / report.rms_slope_before if report.rms_slope_before else 0.0
     if removed > 0.005:
-        above = f"{report.lost_slope:.0%} of the rms slope above noise, {to_text(report.shortest_measured, 'm', 3)}"
-        kept += f", with them {removed:.0%} of the rms slope: {above}"
+        measured = to_text(report.shortest_measured, "m", 3)
+        kept += f", with {removed:.0%} of the rms slope, {report.lost_slope:.0%} of that above noise ({measured})"
     return [*lines, _line("filter", kept)]
 
 

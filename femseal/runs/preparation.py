@@ -204,7 +204,9 @@ def _combined_faces(case: Case) -> tuple[Topography, list[tuple[Topography, Repa
     seeds = np.random.SeedSequence(case.seed).spawn(len(case.face))
     faces = []
     for place, table, seed in zip(face_places(case), case.face, seeds, strict=True):
-        with in_words_of(FACE_KEYS, "" if isinstance(table, FileFace) else place):
+        of_file = isinstance(table, FileFace)
+        words = {key: f"{place}.{key}" for key in ("crop", "mask", "file_mask")} if of_file else FACE_KEYS
+        with in_words_of(words, "" if of_file else place):
             faces.append(table.make(case.folder, np.random.default_rng(seed)))
     thresholds = [case.surface.spikes if isinstance(table, FileFace) else inf for table in case.face]
     if len(faces) == 1:

@@ -2,6 +2,7 @@
 
 from .curves import CellCurves
 from .dissipation import window_dissipation
+from .elements import ElementFlow, WindowFlow, element_flow, window_flow
 from .gap_error import gap_error
 from .global_contact import GlobalState, global_states
 from .ladder import Cell, Ladder, follow
@@ -17,6 +18,7 @@ __all__ = [
     "Cell",
     "CellCurves",
     "ContactPressure",
+    "ElementFlow",
     "Failed",
     "FlowSettings",
     "GlobalState",
@@ -28,16 +30,19 @@ __all__ = [
     "SolveCounts",
     "SolverCounts",
     "WindowFields",
+    "WindowFlow",
     "WindowHistory",
     "WindowSource",
     "attempt",
     "build_ladder_library",
     "correlation_length",
     "draw_links",
+    "element_flow",
     "follow",
     "gap_error",
     "global_states",
     "on_ladder",
     "respond",
     "window_dissipation",
+    "window_flow",
 ]

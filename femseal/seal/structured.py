@@ -120,7 +120,7 @@ def structured_flow(stencil: Stencil, *, bounds: bool = False, solver: str = "au
     ------
     NotConverged : see `femseal.flow.solve_flow`.
     """
-    flow = solve_flow(stencil, rtol=_RTOL, solver=solver)
+    flow = solve_flow(stencil, rtol=_RTOL, solver=solver, field_rtol=_RTOL)
     if not bounds:
         return flow
     if not flow.percolates:

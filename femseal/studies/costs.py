@@ -14,7 +14,7 @@ import numpy as np
 from ..base.machine import free_memory
 from ..contact.cycle import STATE_FIELDS
 from ..scales.global_contact import PIXELS_PER_CUT_OFF
-from .deterministic import state_memory
+from .deterministic import STEP_BYTES, state_memory
 from .face_contact import chosen_contact
 from .sampling_options import Sampling
 from .windows import CUT_OFF_WINDOWS
@@ -25,8 +25,9 @@ PILOT_PIXELS = 200**2
 _PAIR_SECONDS, _LEAST_PAIRS = (5e-5, 1.6e-8), 6
 #: Growth of the number of pairs with the pixels: power without contact, and what contact everywhere adds to it.
 _PAIR_GROWTH = (0.1, 0.5)
-#: Seconds of a flow solution, and for each pixel: far from closing, near closing and closed.
-_FLOW_SECONDS, _FLOW_PIXEL_SECONDS = 3e-4, (3.5e-7, 1.5e-6, 5e-8)
+#: Seconds of a flow solution, and for each pixel of 100² where it is open and closed; their growth with the pixels far
+#: from closing and near it.
+_FLOW_SECONDS, _FLOW_PIXEL_SECONDS, _FLOW_GROWTH = 3e-4, (2e-7, 5e-8), (0.12, 0.42)
 #: Shares in contact between which flow is near closing.
 _CLOSING = (0.07, 0.45)
 #: Seconds of a link of a drawn seal at a load step, for each doubling of its rows.
@@ -66,16 +67,17 @@ def contact_seconds(pixels: float, effort: Effort) -> float:
 
 def flow_seconds(pixels: float, effort: Effort) -> float:
     """Expected time of one flow solution [s]."""
-    far, near, closed = _FLOW_PIXEL_SECONDS
     low, high = _CLOSING
-    return _FLOW_SECONDS + pixels * (far if effort.share < low else near if effort.share < high else closed)
+    far, closed = _FLOW_PIXEL_SECONDS
+    growth = max(1.0, pixels / 100**2) ** _FLOW_GROWTH[effort.share >= low]
+    return _FLOW_SECONDS + pixels * (far * growth if effort.share < high else closed)
 
 
 def deterministic_cost(efforts: Sequence[Effort], points: tuple[int, int]) -> tuple[float, float]:
     """Expected time on one core [s] and memory [byte] of the deterministic solution."""
     pixels = points[0] * points[1]
     seconds = sum(contact_seconds(pixels, effort) + flow_seconds(pixels, effort) for effort in efforts)
-    return seconds, 4.0 * pixels * len(efforts) + state_memory(pixels)
+    return seconds, STEP_BYTES * pixels * len(efforts) + state_memory(pixels)
 
 
 def two_scale_cost(

@@ -13,15 +13,15 @@ from ..base.stage import Mapper, Stage
 from ..base.text import Shown
 from ..flow.percolation import percolates
 from ..loads import LoadProgramme
-from ..scales import Failed, Partition, SolveCounts, SolverCounts, attempt
+from ..scales import ElementFlow, Failed, Partition, SolveCounts, SolverCounts, attempt, element_flow
 from ..scales.window_fields import ContactPressure, WindowFields
 from ..seal import RectangularSeal
 from .face_contact import solve_windows
 from .plausibility import odd_in_scene
-from .scene import Array, Scene, labels, resolved_flow
+from .scene import Array, FaceFlow, Scene, labels, resolved_flow
 from .windows import solve_links
 
-FLOWS = ("links", "resolved")
+FLOWS = ("links", "resolved", "elements")
 
 
 @dataclass(frozen=True, repr=False)
@@ -30,6 +30,8 @@ class TwoScaleResult(Shown):
 
     partition : the windows. contact, flow : how they were solved, see `two_scale`. gap_error : estimate of the error of
     the contact, see `scales.gap_error`.
+    element_error, drop_share : of the flow "elements", None with others. The leakage is then an upper bound of that
+        resolved on the same gap, and the error is estimated from the bound with every second node.
     fields : deformed gap and contact pressure at every pixel.
     counts : flows of links, solved or known without solving. solvers : number of systems by solver, of links and over
     the face. failures : reasons of values that are NaN. warnings : reasons to doubt the result.
@@ -67,6 +69,15 @@ class TwoScaleResult(Shown):
     gap_error: Array = field(
         metadata=labels("1", "error of the gap of windows, estimated by the half-space of the whole face", "step")
     )
+    element_error: Array | None = field(
+        default=None, metadata=labels("1", "estimated relative error of the leakage through elements", "step")
+    )
+    drop_share: Array | None = field(
+        default=None,
+        metadata=labels(
+            "1", "share of windows in the pressure drop", "step", "cell1", "cell2", name="window_drop_share"
+        ),
+    )
     counts: SolveCounts = field(default_factory=SolveCounts)
     failures: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
@@ -99,6 +110,8 @@ def two_scale(
     cells : number of cells along x1 and x2.
     flow : "links": solve the permeability of each window between global nodes, then the flow through these links.
         "resolved": solve the flow through the stitched gap at full resolution; the links are solved as well.
+        "elements": condense the stitched gap of every window to an element with nodes on its sides, see
+        `scales.element_flow`; the links are solved as well. The discretisation has to be "edge".
     contact : "whole": cut the cells from the contact of the whole face. "windows": solve the contact of each cell
         under the mean pressure that the contact of the low-pass face gives it. Unless given, "whole" up to 2²⁴ pixels.
     mapper : computes a stage for many items, such as the builtin `map`; it may use several processes.
@@ -110,6 +123,8 @@ def two_scale(
     """
     if flow not in FLOWS:
         raise InputError.of("flow", flow, f"one of {', '.join(FLOWS)}")
+    if flow == "elements" and scene.discretisation != "edge":
+        raise InputError.of("flow", f"'elements' with the discretisation '{scene.discretisation}'", "'edge' with it")
     surface = scene.surface
     solved = solve_windows(scene, cells, contact, mapper=mapper)
     partition = solved.fields.partition
@@ -136,7 +151,18 @@ def two_scale(
         leakage = resolved.leakage
         failures += resolved.failures
         solvers += resolved.solvers
-    else:
+    element_error = drop_share = None
+    if flow == "elements":
+        stage = Stage("flow through elements", partial(attempt, element_flow, partition=partition))
+        through_elements = list(mapper(stage, solved.fields.gap))
+        resolved = scene.resolved_leakage(
+            f if isinstance(f, Failed) else FaceFlow(f.permeability, SolverCounts.of(f)) for f in through_elements
+        )
+        leakage = resolved.leakage
+        failures += resolved.failures
+        solvers += resolved.solvers
+        element_error, drop_share = _error_and_share(through_elements, cells)
+    if flow == "links":
         warnings += _wrongly_closed(solved.fields, leakage)
     return TwoScaleResult(
         steps=scene.steps,
@@ -153,11 +179,22 @@ def two_scale(
         plastic_fraction=solved.plastic_fraction,
         fluid_pressure=fluid_pressure,
         fields=solved.fields,
+        element_error=element_error,
+        drop_share=drop_share,
         counts=counts,
         failures=failures,
         warnings=warnings,
         solvers=solvers,
     )
+
+
+def _error_and_share(flows: list[ElementFlow | Failed], cells: tuple[int, int]) -> tuple[Array, Array]:
+    """Estimated error (steps,) and shares of windows in the pressure drop (steps, m1, m2); NaN where a flow failed."""
+    error, share = np.full(len(flows), np.nan), np.full((len(flows), *cells), np.nan)
+    for s, flow in enumerate(flows):
+        if not isinstance(flow, Failed):
+            error[s], share[s] = flow.error, flow.dissipation / (flow.dissipation.sum() or 1.0)
+    return error, share
 
 
 def _wrongly_closed(fields: WindowFields, leakage: Array) -> tuple[str, ...]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -24,6 +26,9 @@ class TooManyUndefined(InputError):
     def __init__(self, share: float, limit: float, part: Part | None, spikes: int = 0) -> None:
         self.share, self.limit, self.part, self.spikes = share, limit, part, spikes
         super().__init__(f"undefined points: given {100 * share:.3g} %, allowed is {self._allowed()}")
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), (self.share, self.limit, self.part, self.spikes)
 
     def _allowed(self) -> str:
         largest = "no part of the map has so few"

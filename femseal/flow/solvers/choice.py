@@ -41,7 +41,9 @@ _MOST_ITERATIONS = 400
 _AT_REST = np.array([np.nan, 1.0, 0.0, np.nan])
 
 
-def solve_flow(stencil: Stencil, *, rtol: float = 1e-6, solver: str = "auto") -> DarcyFlow:
+def solve_flow(
+    stencil: Stencil, *, rtol: float = 1e-6, solver: str = "auto", field_rtol: float | None = None
+) -> DarcyFlow:
     """Solve the mass balance of every inner node for a unit drop of potential.
 
     Parameters
@@ -53,6 +55,9 @@ def solve_flow(stencil: Stencil, *, rtol: float = 1e-6, solver: str = "auto") ->
         hierarchy of the assembled matrix; if that fails, elimination, or a factorisation on nine points, and
         `DarcyFlow.solver` says so), or "auto". After multigrid, nodes that only links narrower than 1e-8 of the widest
         connect with the others are solved by elimination.
+    field_rtol : error of the potential allowed to multigrid, in the norm of the energy, where the potential itself is
+        wanted. The conductance errs by the square of the error of the potential, so that an iteration that stops where
+        the conductance is right leaves an error of about √rtol to the potential.
 
     Returns
     -------
@@ -61,12 +66,15 @@ def solve_flow(stencil: Stencil, *, rtol: float = 1e-6, solver: str = "auto") ->
     Raises
     ------
     InputError : an unknown solver, "elimination" on nine points, a bad rtol.
-    NotConverged : the solver failed, or inlet and outlet flow differ by more than 1e-5.
+    NotConverged : the solver failed, or inlet and outlet flow differ by more than 1e-5, after multigrid by more than
+        10 √rtol, or 10 field_rtol if that is given, where this is more than 1e-5.
     """
     check_solver(solver)
     if solver == "elimination" and stencil.nine:
         raise InputError.of("solver", "'elimination' of nine points", "'auto', 'multigrid' or 'amg'")
     validate.tolerance("rtol", rtol)
+    if field_rtol is not None:
+        validate.tolerance("field_rtol", field_rtol)
     reached = nodes_reached(stencil)
     percolates = bool(reached[0, 0] == 3)
     if not percolates or len(stencil.along) == 1:
@@ -85,7 +93,7 @@ def solve_flow(stencil: Stencil, *, rtol: float = 1e-6, solver: str = "auto") ->
         inside = replace(
             inside, **{c: np.ldexp(getattr(inside, c), -exponent) for c in ("along", "across", "falling", "rising")}
         )
-    flow = _solve(inside, keep, rtol, solver)
+    flow = _solve(inside, keep, rtol, solver, field_rtol)
     return replace(flow, conductance=float(np.ldexp(flow.conductance, exponent)))
 
 
@@ -95,12 +103,12 @@ def check_solver(solver: str) -> None:
         raise InputError.of("solver", repr(solver), f"one of {', '.join(SOLVERS)}")
 
 
-def _solve(stencil: Stencil, keep: Flags, rtol: float, solver: str) -> DarcyFlow:
+def _solve(stencil: Stencil, keep: Flags, rtol: float, solver: str, field_rtol: float | None) -> DarcyFlow:
     """Solve by the given or chosen solver; if that is iterative and fails, directly, unless multigrid was given."""
     first, limit = _chosen(stencil, keep) if solver == "auto" else (solver, _MOST_ITERATIONS)
     try:
         if first == "multigrid":
-            return _by_multigrid(stencil, keep, rtol, limit)
+            return _by_multigrid(stencil, keep, rtol, limit, field_rtol)
         if first == "amg":
             return _by_matrix(stencil, keep, rtol)
     except NotConverged:
@@ -161,7 +169,7 @@ def _by_elimination(stencil: Stencil, keep: Flags) -> DarcyFlow:
     return _balanced(stencil, keep, φ, ψ, rate, 0, 0.0, "elimination")
 
 
-def _by_multigrid(stencil: Stencil, keep: Flags, rtol: float, limit: int) -> DarcyFlow:
+def _by_multigrid(stencil: Stencil, keep: Flags, rtol: float, limit: int, field_rtol: float | None = None) -> DarcyFlow:
     """Solve by multigrid, then by elimination at nodes that only very narrow links connect with the others."""
     seen, hidden = stencil, np.zeros_like(keep[1:-1])
     if not stencil.nine:
@@ -169,7 +177,7 @@ def _by_multigrid(stencil: Stencil, keep: Flags, rtol: float, limit: int) -> Dar
         hidden = (keep & (by_wide == 0))[1:-1]
         if hidden.any():
             seen = restricted(stencil, by_all == 3, least=_LOST)
-    φ, iterations, error = solve_multigrid(seen, 0.1 * rtol, limit, ~hidden)
+    φ, iterations, error = solve_multigrid(seen, rtol, limit, ~hidden, field_rtol)
     ψ = 1 - φ
     if hidden.any():
         n1, n2 = stencil.along.shape
@@ -180,7 +188,8 @@ def _by_multigrid(stencil: Stencil, keep: Flags, rtol: float, limit: int) -> Dar
         inlet, outlet = (_sums_with(stencil, values) for values in (high, low))
         _, φ_hidden, ψ_hidden = eliminate(stencil.along, stencil.across, hidden, stencil.ring2, inlet, outlet)
         φ, ψ = (np.where(hidden, a.reshape(hidden.shape), b) for a, b in ((φ_hidden, φ), (ψ_hidden, ψ)))
-    return _balanced(stencil, keep, φ, ψ, None, iterations, error, "multigrid")
+    allowed = max(MAX_IMBALANCE, 10 * (np.sqrt(rtol) if field_rtol is None else field_rtol))
+    return _balanced(stencil, keep, φ, ψ, None, iterations, error, "multigrid", allowed)
 
 
 def _sums_with(stencil: Stencil, values: Array) -> Array:
@@ -210,7 +219,15 @@ def _by_matrix(stencil: Stencil, keep: Flags, rtol: float, direct: bool = False)
 
 
 def _balanced(
-    stencil: Stencil, keep: Flags, φ: Array, ψ: Array, rate: float | None, iterations: int, residual: float, solver: str
+    stencil: Stencil,
+    keep: Flags,
+    φ: Array,
+    ψ: Array,
+    rate: float | None,
+    iterations: int,
+    residual: float,
+    solver: str,
+    allowed: float = MAX_IMBALANCE,
 ) -> DarcyFlow:
     """The solution with the potentials φ and 1 − φ = ψ of the inner nodes, unless inlet and outlet flow differ."""
     potential, complement = np.zeros(keep.shape), np.zeros(keep.shape)
@@ -229,9 +246,9 @@ def _balanced(
         # the energy sum keeps its relative accuracy where a difference of flows would not
         rate = stencil.energy(potential)
     imbalance = max(abs(inlet - outlet), abs(inlet - rate)) / rate if rate > 0 else np.inf
-    if not imbalance <= MAX_IMBALANCE:
+    if not imbalance <= allowed:
         raise NotConverged(
-            f"flow: inlet and outlet differ by {imbalance:.1e} of the flow, allowed is {MAX_IMBALANCE:.0e}; "
+            f"flow: inlet and outlet differ by {imbalance:.1e} of the flow, allowed is {allowed:.0e}; "
             "try the solver 'elimination'",
             imbalance,
         )

@@ -9,21 +9,14 @@ give it; coarse operators are Galerkin's. Source: Dendy, J. Comput. Phys. 48, 19
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numba import njit
 
+from .clusters import clusters
+from .compiled import COMPILED
+
 #: Nodes of an axis at which coarsening ends.
 FEWEST = 4
-
-#: How loops over levels are compiled.
-COMPILED: dict[str, Any] = {
-    "cache": True,
-    "nogil": True,
-    "error_model": "numpy",
-    "fastmath": {"reassoc", "contract", "arcp", "nsz"},
-}
 
 
 def coarsest_nodes(n1: int, n2: int) -> int:
@@ -216,7 +209,7 @@ def _galerkin(centre, right, below, below_right, below_left, w, nine, ring):
 
 @njit(**COMPILED)
 def hierarchy(centre, right, below, below_right, below_left, ring):
-    """Levels from the finest: operator, inverse centres, weights of the next level's nodes, and work x, b, r."""
+    """Levels from the finest: operator, inverse centres, weights of the next level's nodes, work x, b, r; clusters."""
     levels = []
     while True:
         shape = centre.shape
@@ -224,17 +217,19 @@ def hierarchy(centre, right, below, below_right, below_left, ring):
         last = min(shape[0], shape[1]) - 2 <= FEWEST
         if last:
             weights = np.zeros((1, 1, 3, 3))
+            apart = (np.zeros((1, 1), np.int32), np.zeros((0, 2), np.int64), np.zeros(1, np.int64), np.zeros(0))
         else:
             weights = _interpolation(centre, right, below, below_right, below_left, nine)
             if ring:
                 _wrap(weights)
+            apart = clusters(centre, right, below, below_right, below_left, nine, ring)
         inverse = np.zeros(shape)
         for i in range(shape[0]):
             for j in range(shape[1]):
                 if centre[i, j] > 0.0:
                     inverse[i, j] = 1.0 / centre[i, j]
         levels.append((centre, right, below, below_right, below_left, inverse, weights, np.zeros(shape),
-                       np.zeros(shape), np.zeros(shape)))  # fmt: skip
+                       np.zeros(shape), np.zeros(shape), apart))  # fmt: skip
         if last:
             return levels
         centre, right, below, below_right, below_left = _galerkin(

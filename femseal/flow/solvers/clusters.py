@@ -1,0 +1,238 @@
+"""Clusters of nodes that a coarser grid cannot move: found on a level of multigrid, and relaxed as one: compiled.
+
+A node between coarse ones follows them over its own couples. Where these are weak against those to other such nodes, as
+in a bay behind a narrow mouth or in a channel that no coarse node lies on, neither the coarser grid nor a sweep of
+Gauss-Seidel changes the potential that such nodes have in common, and each cluster of them costs conjugate gradients
+several iterations. All nodes of a cluster are therefore moved by one amount, after which what flows out of it balances:
+a correction in the subspace of its indicator. Levels and couples are as in `hierarchy`.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from .compiled import COMPILED
+
+#: A node is held by the coarser grid, or by others that are, if they have this share of its couples.
+_HELD = 0.1
+#: A node counts as held over so many others.
+_STEPS = 2
+#: Nodes are of one cluster if their couple has this share of all couples of one of them.
+_TIED = 0.1
+#: What the centre has beyond all couples is taken for a rounding error below this share.
+_ROUNDING = 1e-10
+
+
+@njit(**COMPILED, inline="always")
+def _couple(k, i, j, right, below, below_right, below_left):
+    """Row, column and couple of the k-th neighbour of a node; the last four are those across corners."""
+    if k == 0:
+        return i, j + 1, right[i, j]
+    if k == 1:
+        return i, j - 1, right[i, j - 1]
+    if k == 2:
+        return i + 1, j, below[i, j]
+    if k == 3:
+        return i - 1, j, below[i - 1, j]
+    if k == 4:
+        return i + 1, j + 1, below_right[i, j]
+    if k == 5:
+        return i - 1, j - 1, below_right[i - 1, j - 1]
+    if k == 6:
+        return i + 1, j - 1, below_left[i, j]
+    return i - 1, j + 1, below_left[i - 1, j + 1]
+
+
+@njit(**COMPILED)
+def _not_held(centre, right, below, below_right, below_left, nine, ring):
+    """Nodes with weak couples to coarse nodes, and to nodes between two that have strong ones."""
+    n1, n2 = centre.shape[0] - 2, centre.shape[1] - 2
+    held = np.ones(centre.shape, np.bool_)
+    count = 0
+    for i in range(1, n1 + 1):
+        if i % 2 == 1:
+            for j in range(2, n2 + 1, 2):
+                held[i, j] = right[i, j - 1] + right[i, j] >= _HELD * centre[i, j]
+                count += not held[i, j]
+        else:
+            for j in range(1, n2 + 1, 2):
+                held[i, j] = below[i - 1, j] + below[i, j] >= _HELD * centre[i, j]
+                count += not held[i, j]
+        if ring:
+            held[i, 0], held[i, n2 + 1] = held[i, n2], held[i, 1]
+    for i in range(2, n1 + 1, 2):
+        for j in range(2, n2 + 1, 2):
+            by = 0.0
+            if held[i, j - 1]:
+                by += right[i, j - 1]
+            if held[i, j + 1]:
+                by += right[i, j]
+            if held[i - 1, j]:
+                by += below[i - 1, j]
+            if held[i + 1, j]:
+                by += below[i, j]
+            if nine:
+                by += below_right[i, j] + below_right[i - 1, j - 1] + below_left[i, j] + below_left[i - 1, j + 1]
+            held[i, j] = by >= _HELD * centre[i, j]
+            count += not held[i, j]
+    found = np.empty((count, 2), np.int64)
+    if count > 0:
+        count = 0
+        for i in range(1, n1 + 1):
+            for j in range(1, n2 + 1):
+                if not held[i, j]:
+                    found[count, 0], found[count, 1] = i, j
+                    count += 1
+    return found
+
+
+@njit(**COMPILED)
+def _copied(field, i, j, ring):
+    """Copy a value at the first or last column to the border, around a ring."""
+    n2 = field.shape[1] - 2
+    if ring:
+        if j == 1:
+            field[i, n2 + 1] = field[i, 1]
+        if j == n2:
+            field[i, 0] = field[i, n2]
+
+
+@njit(**COMPILED)
+def clusters(centre, right, below, below_right, below_left, nine, ring):
+    """Number of the cluster of each node, or 0; nodes by cluster, first place of each, and inverse sums of its couples.
+
+    The couples are those of a cluster with other nodes and with the ends.
+    """
+    n2 = centre.shape[1] - 2
+    neighbours = 8 if nine else 4
+    loose = _not_held(centre, right, below, below_right, below_left, nine, ring)
+    if loose.shape[0] < 2:
+        return np.zeros((1, 1), np.int32), loose, np.zeros(1, np.int64), np.zeros(0)
+    number = np.zeros(centre.shape, np.int32)
+    for q in range(loose.shape[0]):
+        i, j = loose[q]
+        number[i, j] = -1
+        _copied(number, i, j, ring)
+    held = np.empty(loose.shape[0], np.bool_)
+    for _ in range(_STEPS):
+        for q in range(loose.shape[0]):
+            i, j = loose[q]
+            by_held = 0.0
+            for k in range(neighbours):
+                a, b, c = _couple(k, i, j, right, below, below_right, below_left)
+                if number[a, b] == 0:
+                    by_held += c
+            held[q] = by_held >= _HELD * centre[i, j]
+        count = 0
+        for q in range(loose.shape[0]):
+            i, j = loose[q]
+            if held[q]:
+                number[i, j] = 0
+                _copied(number, i, j, ring)
+            else:
+                loose[count, 0], loose[count, 1] = i, j
+                count += 1
+        loose = loose[:count]
+    nodes = np.empty(loose.shape, np.int64)
+    first = np.zeros(loose.shape[0] + 1, np.int64)
+    found, size = 0, 0
+    for q in range(loose.shape[0]):
+        if number[loose[q, 0], loose[q, 1]] != -1:
+            continue
+        start = size
+        nodes[size, 0], nodes[size, 1] = loose[q]
+        size += 1
+        number[loose[q, 0], loose[q, 1]] = found + 1
+        m = start
+        while m < size:
+            i, j = nodes[m]
+            m += 1
+            for k in range(neighbours):
+                a, b, c = _couple(k, i, j, right, below, below_right, below_left)
+                b = n2 if b == 0 else (1 if b == n2 + 1 else b)
+                if c > 0.0 and number[a, b] == -1 and c >= _TIED * min(centre[i, j], centre[a, b]):
+                    number[a, b] = found + 1
+                    nodes[size, 0], nodes[size, 1] = a, b
+                    size += 1
+        if size == start + 1:  # a sweep moves single nodes
+            number[loose[q, 0], loose[q, 1]] = 0
+            size = start
+        else:
+            found += 1
+            first[found] = size
+    for m in range(size):
+        _copied(number, nodes[m, 0], nodes[m, 1], ring)
+    for q in range(loose.shape[0]):
+        _copied(number, loose[q, 0], loose[q, 1], ring)
+    inverse = np.zeros(found)
+    for s in range(found):
+        total = 0.0
+        for m in range(first[s], first[s + 1]):
+            i, j = nodes[m]
+            beyond = centre[i, j]
+            for k in range(neighbours):
+                a, b, c = _couple(k, i, j, right, below, below_right, below_left)
+                beyond -= c
+                if number[a, b] != s + 1:
+                    total += c
+            if beyond > _ROUNDING * centre[i, j]:
+                total += beyond
+        inverse[s] = 1.0 / total if total > 0.0 else 0.0
+    return number, nodes[:size].copy(), first[: found + 1].copy(), inverse
+
+
+@njit(**COMPILED)
+def relax_forward(cluster, x, r, centre, right, below, below_right, below_left, nine, ring):
+    """Move the clusters in turn by their residuals r, which are kept up to date."""
+    number, nodes, first, inverse = cluster
+    n2 = x.shape[1] - 2
+    neighbours = 8 if nine else 4
+    for s in range(inverse.size):
+        total = 0.0
+        for m in range(first[s], first[s + 1]):
+            total += r[nodes[m, 0], nodes[m, 1]]
+        step = total * inverse[s]
+        for m in range(first[s], first[s + 1]):
+            i, j = nodes[m]
+            x[i, j] += step
+            _copied(x, i, j, ring)
+            beyond = centre[i, j]
+            out = 0.0
+            for k in range(neighbours):
+                a, b, c = _couple(k, i, j, right, below, below_right, below_left)
+                beyond -= c
+                if c != 0.0 and number[a, b] != s + 1:
+                    out += c
+                    b = n2 if b == 0 else (1 if b == n2 + 1 else b)
+                    r[a, b] += step * c
+                    _copied(r, a, b, ring)
+            if beyond > _ROUNDING * centre[i, j]:
+                out += beyond
+            r[i, j] -= step * out
+            _copied(r, i, j, ring)
+
+
+@njit(**COMPILED)
+def relax_backward(cluster, x, right_hand, centre, right, below, below_right, below_left, nine, ring):
+    """Move the clusters in reverse, from x and the right-hand side."""
+    number, nodes, first, inverse = cluster
+    neighbours = 8 if nine else 4
+    for s in range(inverse.size - 1, -1, -1):
+        total = 0.0
+        for m in range(first[s], first[s + 1]):
+            i, j = nodes[m]
+            total += right_hand[i, j]
+            beyond = centre[i, j]
+            for k in range(neighbours):
+                a, b, c = _couple(k, i, j, right, below, below_right, below_left)
+                beyond -= c
+                if number[a, b] != s + 1:
+                    total -= c * (x[i, j] - x[a, b])
+            if beyond > _ROUNDING * centre[i, j]:
+                total -= beyond * x[i, j]
+        step = total * inverse[s]
+        for m in range(first[s], first[s + 1]):
+            i, j = nodes[m]
+            x[i, j] += step
+            _copied(x, i, j, ring)
