@@ -6,13 +6,14 @@
 
 from .deterministic import DeterministicResult, deterministic
 from .face_contact import CONTACTS, chosen_contact
-from .sampling_options import PRESSURES, Sampling, check_sampling, placed_windows, seal_cells
+from .sampling_options import DRAWS, PRESSURES, Sampling, check_sampling, placed_windows, seal_cells
 from .scene import Scene
 from .stochastic import StochasticResult, stochastic
 from .two_scale import FLOWS, TwoScaleResult, two_scale
 
 __all__ = [
     "CONTACTS",
+    "DRAWS",
     "FLOWS",
     "PRESSURES",
     "DeterministicResult",
