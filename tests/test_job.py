@@ -179,6 +179,7 @@ def test_only_a_complete_folder_is_resumed(case, tmp_path, monkeypatch):
     done = fs.run(case, out, resume=True, workers=1)
     assert done.folder == out
     assert (out / "leakage.png").exists()
+    assert "pictures, report and files in" in (out / "run.log").read_text()
     with monkeypatch.context() as patch:
         patch.setattr("femseal.runs.job.deterministic", fail)
         again = fs.run(case, out, resume=True, workers=1)

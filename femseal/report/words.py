@@ -199,6 +199,9 @@ def scatter_lines(results: Results) -> Lines:
     if "element_error" in data:
         meaning = "estimated from the bound with every second node; the leakage through elements is an upper bound"
         deviation("nodes of elements", np.log1p(data["element_error"].values), meaning)
+    if "cut_error" in data:
+        meaning = "half the way from closed to held cuts; a longer face lowers it"
+        deviation("cuts between runs", data["cut_error"].values, meaning)
     if "leakage_lower_bound" in data:
         low, high = (np.median(data[f"leakage_{end}_bound"].values, axis=0) for end in ("lower", "upper"))
         half = 0.5 * np.log(np.divide(high, low, out=np.full(low.shape, np.nan), where=low != 0))

@@ -80,6 +80,9 @@ class Case(Table):
         if self.two_scale_flow == "elements" and self.flow.discretisation != "edge":
             text = "cells.flow: given elements with the discretisation {d}, allowed is edge with them"
             raise PydanticCustomError("cells", text, {"d": self.flow.discretisation})
+        if self.stochastic is not None and self.stochastic.sampler == "runs" and self.flow.discretisation != "edge":
+            text = "stochastic.sampler: given runs with the discretisation {d}, allowed is edge with them"
+            raise PydanticCustomError("sampler", text, {"d": self.flow.discretisation})
         if self.stochastic is None and "stochastic" in self.methods:
             raise PydanticCustomError("stochastic", "a table `stochastic` with the method stochastic")
         highest = max((*self.load.loading, *self.load.unload_from))

@@ -21,9 +21,8 @@ from ..fluids import FLUIDS, Fluid
 from ..materials import Solid
 from ..results.fields import LIMIT
 from ..results.vtk import FORMATS
-from ..scales import SAMPLERS
 from ..seal.layouts import LAYOUTS, Layout
-from ..studies import FLOWS, PRESSURES
+from ..studies import DRAWS, FLOWS, PRESSURES
 from .case_registry import table_of_any
 from .case_values import Count, FileSize, Length, Modulus, Poisson, Pressure, Ratio, Table, one_of
 
@@ -160,7 +159,7 @@ class StochasticTable(Table):
     breadth: Length | None = None
     realisations: Annotated[int, Field(strict=True, ge=2)] = 50
     library_cells: Count = 128
-    sampler: Annotated[str, *one_of(SAMPLERS)] | None = None
+    sampler: Annotated[str, *one_of(DRAWS)] | None = None
     pressure: Annotated[str, *one_of(PRESSURES)] = "place"
     profile: tuple[Annotated[float, Field(ge=0)], ...] = ()
     library: Path | None = None

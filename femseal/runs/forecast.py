@@ -132,9 +132,11 @@ def forecast(case: Case, prepared: Prepared, known: tuple[Effort, ...] | None = 
 
 def refuse_too_large(case: Case, prepared: Prepared) -> None:
     """Raise InputError if a run is expected to take more memory than the case allows, or than is free."""
-    needed = forecast(case, prepared, usual_efforts(len(prepared.scene.steps))).memory
     most, which = (free_memory(), "that are free") if case.memory is None else (case.memory, "of the key memory")
-    if needed <= most:
+    # usual loads take no less than those of the case may; only where that is too much, its own are tried
+    if forecast(case, prepared, usual_efforts(len(prepared.scene.steps))).memory <= most:
+        return
+    if (needed := forecast(case, prepared).memory) <= most:
         return
     points = " × ".join(map(str, prepared.scene.surface.shape))
     given = f"a run that takes about {needed / 1e9:.2g} GB, on {points} points"

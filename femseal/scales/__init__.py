@@ -1,5 +1,6 @@
 """Parts of the two-scale method: windows of a face, their contact and flow, libraries of windows, and drawn links."""
 
+from .column_runs import RunFlows, run_flows
 from .curves import CellCurves
 from .dissipation import window_dissipation
 from .elements import ElementFlow, WindowFlow, element_flow, window_flow
@@ -26,6 +27,7 @@ __all__ = [
     "LibraryTable",
     "LinkTable",
     "Partition",
+    "RunFlows",
     "SolveCounts",
     "SolverCounts",
     "WindowFields",
@@ -41,6 +43,7 @@ __all__ = [
     "global_states",
     "on_ladder",
     "respond",
+    "run_flows",
     "window_dissipation",
     "window_flow",
 ]

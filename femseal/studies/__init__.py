@@ -5,12 +5,13 @@
 """
 
 from .deterministic import DeterministicResult, deterministic
-from .sampling_options import PRESSURES, Sampling, check_sampling, seal_cells
+from .sampling_options import DRAWS, PRESSURES, Sampling, check_sampling, seal_cells
 from .scene import Scene
 from .stochastic import StochasticResult, stochastic
 from .two_scale import FLOWS, TwoScaleResult, two_scale
 
 __all__ = [
+    "DRAWS",
     "FLOWS",
     "PRESSURES",
     "DeterministicResult",

@@ -20,13 +20,15 @@ from .windows import CUT_OFF_WINDOWS
 
 #: Pixels of the contact by which the effort of a load step is told.
 PILOT_PIXELS = 200**2
-#: Seconds of a pair of transforms, and for each of its pixels; least number of pairs.
-_PAIR_SECONDS, _LEAST_PAIRS = (5e-5, 1.6e-8), 6
+#: Seconds of a pair of transforms, and for each of its pixels, twice that in contact everywhere; least number of pairs.
+_PAIR_SECONDS, _LEAST_PAIRS = (5e-5, 1.55e-8), 6
 #: Growth of the number of pairs with the pixels: power without contact, and what contact everywhere adds to it.
 _PAIR_GROWTH = (0.1, 0.5)
 #: Seconds of a flow solution, and for each pixel of 100² where it is open and closed; their growth with the pixels far
 #: from closing and near it.
-_FLOW_SECONDS, _FLOW_PIXEL_SECONDS, _FLOW_GROWTH = 3e-4, (2e-7, 5e-8), (0.12, 0.42)
+_FLOW_SECONDS, _FLOW_PIXEL_SECONDS, _FLOW_GROWTH = 3e-4, (2e-7, 5e-8), (0.12, 0.46)
+#: Memory of contact and flow far from closing, for each pixel [byte].
+_EASY_BYTES = 8 * 40.0
 #: Shares in contact between which flow is near closing.
 _CLOSING = (0.07, 0.45)
 #: Seconds of a link of a drawn seal at a load step, for each doubling of its rows.
@@ -59,7 +61,7 @@ def usual_efforts(steps: int) -> tuple[Effort, ...]:
 def contact_seconds(pixels: float, effort: Effort) -> float:
     """Expected time of one contact solution [s]."""
     pairs = max(_LEAST_PAIRS, effort.pairs * (pixels / PILOT_PIXELS) ** effort.growth)
-    return pairs * (_PAIR_SECONDS[0] + _PAIR_SECONDS[1] * pixels)
+    return pairs * (_PAIR_SECONDS[0] + _PAIR_SECONDS[1] * pixels * (1 + effort.share**4))
 
 
 def flow_seconds(pixels: float, effort: Effort) -> float:
@@ -74,7 +76,14 @@ def deterministic_cost(efforts: Sequence[Effort], points: tuple[int, int]) -> tu
     """Expected time on one core [s] and memory [byte] of the deterministic solution."""
     pixels = points[0] * points[1]
     seconds = sum(contact_seconds(pixels, effort) + flow_seconds(pixels, effort) for effort in efforts)
-    return seconds, STEP_BYTES * pixels * len(efforts) + state_memory(pixels)
+    return seconds, STEP_BYTES * pixels * len(efforts) + _state_memory(pixels, efforts)
+
+
+def _state_memory(pixels: int, efforts: Sequence[Effort]) -> float:
+    """Memory that contact and flow of a step need at most [byte]; elimination, near closing, takes most of it."""
+    low, high = _CLOSING
+    near = any(low <= effort.share < high for effort in efforts)
+    return state_memory(pixels) if near else _EASY_BYTES * pixels
 
 
 def two_scale_cost(
@@ -91,7 +100,7 @@ def two_scale_cost(
         if flow == "resolved":
             seconds += flow_seconds(pixels, effort)
     if flow == "resolved":
-        memory = max(memory, state_memory(pixels))
+        memory = max(memory, _state_memory(pixels, efforts))
     return seconds, 4.0 * pixels * len(efforts) + memory
 
 

@@ -57,7 +57,7 @@ def windows_in_place(wanted: Wanted) -> WindowSupply:
         LinkTable(k, np.repeat(np.arange(k.shape[1])[:, None], n2, axis=1), scene.steps, run, length) for k in (k1, k2)
     )
     node_rows = contact.fields.partition.node_rows
-    return WindowSupply(library, ((along, across),), node_rows, () if two_scale else contact.warnings)
+    return WindowSupply(library, ((along, across),), node_rows, () if two_scale else contact.warnings, contact.fields)
 
 
 def _each_window(values: Array) -> Array:

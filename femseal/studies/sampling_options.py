@@ -9,10 +9,12 @@ import numpy as np
 
 from ..base import validate
 from ..base.errors import InputError
-from ..scales import Partition
+from ..scales import SAMPLERS, Partition
 
 #: Choices of the pressures and the waves of windows, see `Sampling.pressure`.
 PRESSURES = ("place", "global", "uniform")
+#: Choices of `Sampling.sampler`: those that draw links, and runs of columns.
+DRAWS = (*SAMPLERS, "runs")
 
 
 @dataclass(frozen=True)
@@ -24,8 +26,10 @@ class Sampling:
     realisations : number of seals that are drawn.
     library_cells : number of windows in the library.
     seed : of all random numbers.
-    sampler : "history", "derivative", "copula" or "block", see `scales.sampling`. Unless given it is "block" with the
-        pressure "place", where windows have neighbours, and "history" with the others.
+    sampler : "history", "derivative", "copula" or "block", see `scales.sampling`, or "runs". Unless given it is "block"
+        with the pressure "place", where windows have neighbours, and "history" with the others. "runs", with the
+        pressure "place" and the discretisation "edge", makes seals of runs of a quarter of the face's columns, whose
+        flow is solved by finite elements, see `scales.column_runs`; `length` is rounded to whole runs.
     pressure : the source of the windows and of their pressures.
         "place": the windows of the two-scale solution of the face. A link draws from the windows of its row; if
         `library_cells` asks for more than the face has, windows are moved by fractions of their width. For faces whose
@@ -69,10 +73,14 @@ def seal_cells(partition: Partition, sampling: Sampling) -> tuple[int, int]:
 
 def check_sampling(sampling: Sampling, cells: tuple[int, int]) -> None:
     """Raise InputError for an unknown option, or for two that do not go together."""
+    if sampling.chosen_sampler not in DRAWS:
+        raise InputError.of("sampler", sampling.sampler, f"one of {', '.join(DRAWS)}")
     if sampling.pressure not in PRESSURES:
         raise InputError.of("pressure", sampling.pressure, f"one of {', '.join(PRESSURES)}")
     if sampling.chosen_sampler == "block" and sampling.pressure != "place":
         raise InputError.of("sampler", "block", "another one, or the pressure 'place', whose windows are neighbours")
+    if sampling.chosen_sampler == "runs" and sampling.pressure != "place":
+        raise InputError.of("sampler", "runs", "another one, or the pressure 'place', whose windows are neighbours")
     if sampling.breadth is not None and (sampling.pressure != "uniform" or not sampling.breadth > 0):
         raise InputError.of("breadth", sampling.breadth, "a length > 0 with the pressure 'uniform', none with others")
     if sampling.profile:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from ..base.stage import Mapper
 from ..base.text import Shown
 from ..scales import LadderLibrary, LibraryTable, LinkTable, Partition, SolveCounts
+from ..scales.window_fields import WindowFields
 from .sampling_options import Sampling
 from .scene import Array, Scene
 from .two_scale import TwoScaleResult
@@ -41,12 +42,14 @@ class WindowSupply:
         upper bounds.
     node_rows : x1 of the rows of nodes [m]; empty if they are equidistant.
     warnings : reasons to doubt the result.
+    fields : deformed gap of the face, if the windows keep their places on it.
     """
 
     library: LadderLibrary | PlacedLibrary
     tables: tuple[Tables, ...]
     node_rows: tuple[float, ...] = ()
     warnings: tuple[str, ...] = ()
+    fields: WindowFields | None = None
 
 
 #: A source of windows: takes a request and returns the windows.

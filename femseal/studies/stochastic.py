@@ -18,12 +18,13 @@ from ..base.text import Shown
 from ..loads import LoadProgramme
 from ..scales import Failed, LadderLibrary, Partition, SolverCounts, attempt, draw_links
 from ..seal import RectangularSeal
+from .chained import chained_seals
 from .followed import windows_under_global_contact, windows_under_uniform_pressure
 from .placed import windows_in_place
 from .plausibility import odd_in_scene
 from .sampling_options import Sampling, check_sampling, seal_cells
 from .scene import Array, Scene, labels
-from .sources import PlacedLibrary, Source, Tables, Wanted
+from .sources import PlacedLibrary, Source, Tables, Wanted, WindowSupply
 from .two_scale import TwoScaleResult
 
 #: For a given `width`: how often realisations and windows are added, and up to what multiple of the given numbers.
@@ -46,6 +47,9 @@ class StochasticResult(Shown):
     leakage_lower_bound, leakage_upper_bound : of the realisations in `leakage`, with the bounds of every window's
         permeability; None without bounds. They enclose the flow through gaps constant on each pixel: their distance
         says how well the pixels resolve the gaps.
+    leakage_closed_cuts, leakage_held_cuts : of the realisations in `leakage`, with the cuts between runs of columns
+        closed, and held at one profile of the fluid pressure; None unless the sampler is "runs". The leakage of a chain
+        of these runs lies between them.
     failures : reasons of values that are NaN or left out. warnings : reasons to doubt the result.
     solvers : number of systems by solver, of library windows and of drawn seals.
     """
@@ -64,6 +68,12 @@ class StochasticResult(Shown):
     )
     leakage_upper_bound: Array | None = field(
         default=None, metadata=labels("m^2/s", "upper bound of leakage per unit seal length", "realisation", "step")
+    )
+    leakage_closed_cuts: Array | None = field(
+        default=None, metadata=labels("m^2/s", "leakage per unit seal length, cuts closed", "realisation", "step")
+    )
+    leakage_held_cuts: Array | None = field(
+        default=None, metadata=labels("m^2/s", "leakage per unit seal length, cuts held", "realisation", "step")
     )
     failures: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
@@ -113,6 +123,18 @@ class StochasticResult(Shown):
         realisations = 2 * (1.2533 * float(np.nanmax(self.realisation_spread[chosen], initial=0)) / width) ** 2
         windows = 2 * self.library.size * (float(np.nanmax(self.library_error[chosen], initial=0)) / width) ** 2
         return max(2, ceil(realisations)), max(1, ceil(windows))
+
+    @property
+    def cut_error(self) -> Array | None:
+        """Half the distance of ln(leakage) with held and with closed cuts, at every step; None unless of runs.
+
+        It is inf where no run leaks by itself, NaN without leakage.
+        """
+        if self.leakage_closed_cuts is None or self.leakage_held_cuts is None:
+            return None
+        closed, held = (self._at_every_step(np.mean, q) for q in (self.leakage_closed_cuts, self.leakage_held_cuts))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.asarray(0.5 * np.log(held / closed))
 
     def too_few(self, *quantiles: float) -> str:
         """A warning with the number of realisations that the quantiles need, if there are fewer; otherwise ""."""
@@ -180,6 +202,8 @@ def stochastic(
     FemsealError : every window of the library failed.
     """
     check_sampling(sampling, cells)
+    if sampling.chosen_sampler == "runs" and scene.discretisation != "edge":
+        raise InputError.of("sampler", f"'runs' with the discretisation '{scene.discretisation}'", "'edge' with it")
     if sampling.width is None:
         return _draw(scene, cells, sampling, two_scale, mapper)
     with TemporaryDirectory() as folder:
@@ -212,6 +236,8 @@ def _draw(
     if sampling.profile and len(sampling.profile) != n1:
         raise InputError.of("profile", f"{len(sampling.profile)} numbers", f"{n1}, one for each row of windows")
     supply = SOURCES[sampling.pressure](Wanted(scene, partition, sampling, (n1, n2), two_scale, mapper))
+    if sampling.chosen_sampler == "runs":
+        return _of_runs(scene, partition, sampling, supply, n2, mapper)
     seal = scene.layout.seal((n1 * partition.window_size[0], n2 * partition.window_size[1]), (n1, n2), supply.node_rows)
     stage = Stage("drawn seals", partial(_realise, scene=scene, seal=seal, kinds=supply.tables, sampling=sampling))
     count = sampling.realisations
@@ -229,6 +255,27 @@ def _draw(
         failures=supply.library.failures + tuple(text for r in drawn for text in r.failures),
         warnings=odd_in_scene(scene) + supply.warnings,
         solvers=supply.library.counts.solvers + SolverCounts.total(r.solvers for r in drawn),
+    )
+
+
+def _of_runs(
+    scene: Scene, partition: Partition, sampling: Sampling, supply: WindowSupply, columns: int, mapper: Mapper
+) -> StochasticResult:
+    """Seals drawn as chains of runs of the face."""
+    assert supply.fields is not None
+    drawn = chained_seals(scene, supply.fields, columns, sampling.realisations, sampling.seed, mapper=mapper)
+    cells, (d1, d2) = (partition.cells[0], drawn.columns), partition.window_size
+    return StochasticResult(
+        steps=scene.steps,
+        seal=scene.layout.seal((cells[0] * d1, cells[1] * d2), cells, supply.node_rows),
+        library=supply.library,
+        leakage=drawn.leakage,
+        leakage_resampled=drawn.resampled,
+        leakage_closed_cuts=drawn.closed,
+        leakage_held_cuts=drawn.held,
+        failures=supply.library.failures + drawn.failures,
+        warnings=odd_in_scene(scene) + supply.warnings,
+        solvers=supply.library.counts.solvers + drawn.solvers,
     )
 
 
