@@ -162,7 +162,7 @@ def _cost(method: str, prepared: Prepared, scene: Scene, known: tuple[Effort, ..
 def _expected_text(expected: Forecast) -> str:
     text = f"about {_duration(expected.seconds)} on one core"
     cores = psutil.cpu_count() or 1
-    if cores > 1 and expected.shared > expected.alone:
+    if cores > 1:
         text += f", {_duration(expected.alone + expected.shared / cores)} on the {cores} of this machine"
     more = f", and {_WORKER_MEMORY / 1e9:.2g} GB or more for each further worker" if cores > 1 else ""
     return f"{text}; {expected.memory / 1e9:.1f} GB of memory{more}"
