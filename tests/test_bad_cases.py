@@ -487,7 +487,7 @@ def test_a_page_that_cannot_be_written_is_bad_input(monkeypatch, tmp_path):
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(page, "open_results", lambda folder: None)
-    monkeypatch.setattr(page, "report_html", lambda results: "page")
+    monkeypatch.setattr(page, "report_html", lambda *given: "page")
     monkeypatch.setattr(page, "replacing", full)
     assert "No space left" in refusal(page.write_report, tmp_path, tmp_path / "page.html")
 
@@ -497,7 +497,7 @@ def test_devices_and_pipes_are_not_replaced_by_files(monkeypatch, tmp_path):
     from femseal.report import page
 
     monkeypatch.setattr(page, "open_results", lambda folder: None)
-    monkeypatch.setattr(page, "report_html", lambda results: "page")
+    monkeypatch.setattr(page, "report_html", lambda *given: "page")
     os.mkfifo(tmp_path / "pipe")
     for write in (lambda: page.write_report(tmp_path, tmp_path / "pipe"), lambda: write_text(tmp_path / "pipe", "x")):
         assert "a device, a pipe or a folder" in refusal(write)

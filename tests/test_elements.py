@@ -104,8 +104,8 @@ class TestSideNodes:
     @pytest.mark.parametrize("n", [8, 9, 16, 33, 64])
     @pytest.mark.parametrize("spacing", [1, 4, 8])
     def test_a_wide_side_has_nodes_at_both_corners_and_none_too_far(self, n, spacing):
-        node, weight, coarse, coarse_weight = side_nodes(np.ones(n), np.ones(n - 1), spacing)
-        place = np.flatnonzero(weight.max(axis=1) == 1)
+        node, weight, coarse, coarse_weight, place = side_nodes(np.ones(n), np.ones(n - 1), spacing)
+        assert_array_equal(place, np.flatnonzero(weight.max(axis=1) == 1))
         assert (place[0], place[-1]) == (0, n - 1)
         assert np.diff(place).max() <= spacing
         assert_allclose((weight * place[node]).sum(axis=1), np.arange(n))

@@ -58,8 +58,10 @@ def block_means(values: NDArray[Any], most: int) -> NDArray[np.float32]:
     Where the sides are no multiples of the blocks, blocks differ by a pixel.
     """
     starts = [np.arange(min(n, most)) * n // min(n, most) for n in values.shape]
+
+    def sums(of: NDArray[Any]) -> Array:
+        return np.add.reduceat(np.add.reduceat(of, starts[0], axis=0, dtype=float), starts[1], axis=1)
+
     known = ~np.isnan(values)
-    total, count = np.where(known, values, 0.0).astype(float), known.astype(float)
-    for axis, first in enumerate(starts):
-        total, count = (np.add.reduceat(a, first, axis=axis) for a in (total, count))
+    total, count = sums(np.where(known, values, 0.0)) if not known.all() else sums(values), sums(known)
     return np.divide(total, count, out=np.full(total.shape, np.nan), where=count > 0).astype(np.float32)

@@ -202,9 +202,11 @@ def _study(
         return deterministic(scene, mapper=mapper)
     assert prepared.cells is not None
     if method == "two-scale":
-        return two_scale(scene, prepared.cells, flow=case.two_scale_flow, mapper=mapper)
+        return two_scale(scene, prepared.cells, flow=prepared.flow, contact=prepared.contact, mapper=mapper)
     assert prepared.sampling is not None
-    return stochastic(scene, prepared.cells, prepared.sampling, two_scale=known, mapper=mapper)
+    return stochastic(
+        scene, prepared.cells, prepared.sampling, contact=prepared.contact, two_scale=known, mapper=mapper
+    )
 
 
 def _write(results: Results, folder: Path, case: Case, prepared: Prepared, mapper: Mapper) -> None:
@@ -218,16 +220,16 @@ def _write(results: Results, folder: Path, case: Case, prepared: Prepared, mappe
 
 
 def _face_files(case: Case) -> dict[str, str]:
-    """SHA-256 of every face file by its path in the case."""
+    """SHA-256 of the file of every face and of its mask, by its path in the case."""
     digests = {}
-    for face in case.face:
-        if isinstance(face, FileFace):
-            try:
-                with (case.folder / face.path).open("rb") as file:
-                    digests[str(face.path)] = hashlib.file_digest(file, "sha256").hexdigest()
-            except OSError as error:
-                allowed = f"a file that can be read ({error.strerror})"
-                raise InputError.of("face.path", f"'{face.path}'", allowed) from None
+    files = [face for face in case.face if isinstance(face, FileFace)]
+    for key, path in [("path", face.path) for face in files] + [("mask", face.mask) for face in files if face.mask]:
+        try:
+            with (case.folder / path).open("rb") as file:
+                digests[str(path)] = hashlib.file_digest(file, "sha256").hexdigest()
+        except OSError as error:
+            allowed = f"a file that can be read ({error.strerror})"
+            raise InputError.of(f"face.{key}", f"'{path}'", allowed) from None
     return digests
 
 

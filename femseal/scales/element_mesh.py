@@ -17,10 +17,11 @@ from .superelement import WindowElement
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
-Flags = NDArray[np.bool_]
 #: Numbers of the nodes of the ends.
 INLET, OUTLET = 0, 1
 _RTOL = 1e-8
+#: Largest number of corrections, each a solution for the flow that the one before leaves unbalanced.
+_CORRECTIONS = 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,27 +55,28 @@ class ElementMesh:
     nodes: int
 
     @classmethod
-    def of_face(cls, elements: list[WindowElement], cells: tuple[int, int]) -> ElementMesh:
-        """Elements of the windows of a face, row after row; the columns form a ring."""
+    def of_face(cls, elements: list[WindowElement], cells: tuple[int, int], *, ring: bool = True) -> ElementMesh:
+        """Elements of windows, row after row; their columns form a ring, or the outer sides are closed."""
         m1, m2 = cells
         counts = np.array([e.counts for e in elements]).reshape(m1, m2, 4)
-        # nodes of the sides before each row but the first, then those before each column
-        sides = np.concatenate([[2], counts[1:, :, 0].ravel(), counts[:, :, 2].ravel()])
-        first = np.cumsum(sides)
-        before_rows, before_columns = np.split(first[:-1], [(m1 - 1) * m2])
+        # nodes of the sides before each row but the first, before each column, and without a ring after the last
+        last = counts[: 0 if ring else m1, -1, 3]
+        first = np.cumsum(np.concatenate([[2], counts[1:, :, 0].ravel(), counts[:, :, 2].ravel(), last]))
+        before_rows, before_columns, after = np.split(first[:-1], [(m1 - 1) * m2, (2 * m1 - 1) * m2])
         ends = np.full(m2, INLET), np.full(m2, OUTLET)
         rows = np.concatenate([ends[0], before_rows, ends[1]]).reshape(m1 + 1, m2)
         columns = before_columns.reshape(m1, m2)
+        columns = np.column_stack([columns, columns[:, 0] if ring else after])
         numbers = []
         for i, j in np.ndindex(m1, m2):
-            starts = rows[i, j], rows[i + 1, j], columns[i, j], columns[i, (j + 1) % m2]
+            starts = rows[i, j], rows[i + 1, j], columns[i, j], columns[i, j + 1]
             parts = [start + np.arange(n) for start, n in zip(starts, counts[i, j], strict=True)]
             numbers.append(np.concatenate(parts))
         return cls(elements, numbers, int(first[-1]))
 
     @cached_property
-    def reached(self) -> Flags:
-        """Nodes that open pixels join to both ends (nodes,); none if no path joins inlet and outlet."""
+    def component(self) -> Indices:
+        """Component of every node (nodes,): nodes with the same number are joined by open pixels."""
         start, end, count = [], [], self.nodes
         for element, number in zip(self.elements, self.numbers, strict=True):
             point, which = np.nonzero(element.weight)
@@ -83,14 +85,12 @@ class ElementMesh:
             count += int(element.component.max()) + 1
         i, j = np.concatenate(start), np.concatenate(end)
         graph = sp.coo_array((np.ones(i.size, np.int8), (i, j)), shape=(count, count))
-        label = connected_components(graph, directed=False)[1]
-        joined = label[INLET] == label[OUTLET]
-        return (label[: self.nodes] == label[INLET]) & joined
+        return np.asarray(connected_components(graph, directed=False)[1][: self.nodes])
 
     @property
     def percolates(self) -> bool:
         """Whether a path of open pixels joins inlet and outlet."""
-        return bool(self.reached[INLET])
+        return bool(self.component[INLET] == self.component[OUTLET])
 
     def solve(self, *, every_second: bool = False) -> ElementSolution:
         """Solve the mass balance of every node that joins both ends; `every_second` leaves out the nodes between.
@@ -99,55 +99,80 @@ class ElementMesh:
         ------
         NotConverged : the linear solver failed, or inlet and outlet flow differ by more than 1e-5.
         """
-        first, second, couple, of = self._couples
         if not self.percolates:
             return ElementSolution(0.0, np.zeros(len(self.elements)), np.full(self.nodes, np.nan))
-        keep = self.reached.copy()
-        matrix = _laplacian(first, second, couple, self.nodes)
-        to_nodes = sp.eye_array(self.nodes, format="csr")
-        if every_second:
-            to_nodes = self._from_every_second
-            matrix = (to_nodes.T @ matrix @ to_nodes).tocsr()
-            keep &= to_nodes.diagonal() > 0
-        keep[[INLET, OUTLET]] = False
-        unknown = np.flatnonzero(keep)
-        x, y = np.zeros((2, self.nodes))
-        x[INLET] = y[OUTLET] = 1.0
-        found = LinearSolution(x, y, 0, 0.0, "none")
-        if unknown.size:
-            rows = matrix[unknown]
-            # potential and complement are solved for on their own, so that each keeps its relative accuracy
-            found = solve_spd(rows[:, unknown], -rows[:, [INLET, OUTLET]].toarray(), _RTOL, unit_drop=True)
-            x[unknown], y[unknown] = found.x.T
-        x, y = to_nodes @ x, to_nodes @ y
-        drop = np.where(x[first] + x[second] < 1, x[first] - x[second], y[second] - y[first])
-        energy = np.bincount(of, couple * drop**2, len(self.elements)).astype(float)
-        rate = float(energy.sum())
-        inlet, outlet = (
-            float(couple @ (np.where(first == end, z[second], 0.0) + np.where(second == end, z[first], 0.0)))
-            for end, z in ((INLET, y), (OUTLET, x))
-        )
-        imbalance = max(abs(inlet - outlet), abs(inlet - rate)) / rate if rate > 0 else np.inf
-        if not imbalance <= MAX_IMBALANCE:
+        between = self._from_every_second if every_second else None
+        return self._solved(np.array([INLET, OUTLET]), np.array([1.0, 0.0]), between)
+
+    def solve_held(self, nodes: Indices, potential: Array) -> ElementSolution:
+        """Solve with more nodes held at potentials between 0 and 1, besides inlet and outlet.
+
+        Raises
+        ------
+        NotConverged : as `solve`.
+        """
+        held = np.concatenate([[INLET, OUTLET], nodes])
+        return self._solved(held, np.concatenate([[1.0, 0.0], potential]), None)
+
+    def _solved(self, held: Indices, values: Array, between: sp.csr_array | None) -> ElementSolution:
+        """Solution with `values` at the nodes `held`; `between` (nodes, nodes) interpolates nodes between others."""
+        first, second, couple, of = self._couples
+        reached = np.isin(self.component, self.component[held])
+        to_nodes = sp.eye_array(self.nodes, format="csr") if between is None else between
+        matrix = (to_nodes.T @ _laplacian(first, second, couple, self.nodes) @ to_nodes).tocsr()
+        free = reached & (to_nodes.diagonal() > 0)
+        free[held] = False
+        unknown = np.flatnonzero(free)
+        rows = matrix[unknown]
+        inner = rows[:, unknown]
+        # potential and complement are solved for on their own, so that each keeps its relative accuracy
+        xy = np.zeros((self.nodes, 2))
+        xy[held] = np.column_stack([values, 1 - values])
+        rhs = -(rows[:, held] @ xy[held])
+        found = LinearSolution(xy[:, 0], xy[:, 1], 0, 0.0, "none")
+        for correction in range(_CORRECTIONS + 1):
+            if unknown.size:
+                # what counts is the balance of flows below
+                found = solve_spd(inner, rhs, _RTOL, unit_drop=correction == 0, largest_residual=np.inf)
+                xy[unknown] += found.x
+            x, y = (to_nodes @ xy).T
+            drop = np.where(x[first] + x[second] < 1, x[first] - x[second], y[second] - y[first])
+            drop[~reached[first]] = 0.0
+            energy = np.bincount(of, couple * drop**2, len(self.elements)).astype(float)
+            out = np.bincount(first, couple * drop, self.nodes) - np.bincount(second, couple * drop, self.nodes)
+            out = to_nodes.T @ out
+            rate = float(energy.sum())
+            off = max(abs(float(out[held].sum())), abs(float(values @ out[held]) - rate))
+            if off <= MAX_IMBALANCE * rate:
+                break
+            rhs = np.column_stack([-out[unknown], out[unknown]])
+        else:
+            imbalance = off / rate if rate > 0 else np.inf
             raise NotConverged(
                 f"flow: inlet and outlet of the elements differ by {imbalance:.1e} of the flow, allowed is "
                 f"{MAX_IMBALANCE:.0e}",
                 imbalance,
             )
-        potential = np.where(self.reached, x, np.nan)
         return ElementSolution(
-            rate, energy, potential, unknown.size, found.iterations, found.residual, imbalance, found.solver
+            conductance=rate,
+            energy=energy,
+            potential=np.where(reached, x, np.nan),
+            unknowns=unknown.size,
+            iterations=found.iterations,
+            residual=found.residual,
+            imbalance=off / rate if rate > 0 else 0.0,
+            solver=found.solver,
         )
 
     @cached_property
     def _couples(self) -> tuple[Indices, Indices, Array, Indices]:
-        """Pairs of nodes that are coupled, and joined to both ends: both numbers, the couple, the element."""
+        """Pairs of nodes that are coupled: both numbers, the couple, the element."""
         parts = []
         for n, (element, number) in enumerate(zip(self.elements, self.numbers, strict=True)):
             a, b = np.nonzero(np.triu(element.couples))
             parts.append((number[a], number[b], element.couples[a, b], np.full(a.size, n)))
         first, second, couple, of = (np.concatenate(part) for part in zip(*parts, strict=True))
-        chosen = self.reached[first] & (first != second)
+        chosen = first != second
         return first[chosen], second[chosen], couple[chosen], of[chosen]
 
     @cached_property

@@ -27,6 +27,7 @@ def side_nodes(crossing, along, spacing):
     -------
     node (n, 2), weight (n, 2) : the pressure at a point is the weighted mean of those at two nodes; −1 where closed.
     coarse (nodes, 2), coarse_weight (nodes, 2) : the same at the nodes, from every second node and a segment's last.
+    place (nodes,) : point of each node.
     """
     n = crossing.size
     node, weight = np.full((n, 2), -1, np.int64), np.zeros((n, 2))
@@ -49,7 +50,7 @@ def side_nodes(crossing, along, spacing):
             coarse[k], coarse_weight[k] = _between(along, place, second, place[k])
         count += nodes
         first = last + 1
-    return node, weight, coarse[:count].copy(), coarse_weight[:count].copy()
+    return node, weight, coarse[:count].copy(), coarse_weight[:count].copy(), place[:count].copy()
 
 
 @njit(cache=True, nogil=True)

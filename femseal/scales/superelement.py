@@ -58,6 +58,7 @@ class WindowElement:
     node (p, 2), weight (p, 2) : nodes between which the potential at a side point is interpolated, −1 where closed.
     component (p,) : side points with the same number are joined by open links inside the window.
     coarse (n, 2), coarse_weight (n, 2) : interpolation of the nodes between every second one.
+    place (n,) : point of its side at which each node lies; −1 at an end.
     """
 
     couples: Array
@@ -67,6 +68,7 @@ class WindowElement:
     component: Indices
     coarse: Indices
     coarse_weight: Array
+    place: Indices
 
     @classmethod
     def of(cls, links: WindowLinks, node_spacing: int) -> WindowElement:
@@ -124,6 +126,7 @@ def _element(along, across, beside1, beside2, ends, spacing):
     points = component.size
     node, weight = np.full((points, 2), -1, np.int64), np.zeros((points, 2))
     coarse, coarse_weight = np.empty((points, 2), np.int64), np.zeros((points, 2))
+    place = np.full(points, -1, np.int64)
     counts = np.zeros(4, np.int64)
     start, count = 0, 0
     for side in range(4):
@@ -140,7 +143,7 @@ def _element(along, across, beside1, beside2, ends, spacing):
                 crossing, beside = along[0 if side == 0 else w1], beside1[side]
             else:
                 crossing, beside = across[:, 0 if side == 2 else w2].copy(), beside2[side - 2]
-            of_point, w, of_node, cw = side_nodes(crossing, beside, spacing)
+            of_point, w, of_node, cw, at = side_nodes(crossing, beside, spacing)
             for i in range(n):
                 if of_point[i, 0] >= 0:
                     node[start + i] = of_point[i] + count
@@ -148,11 +151,20 @@ def _element(along, across, beside1, beside2, ends, spacing):
             for k in range(len(of_node)):
                 coarse[count + k] = of_node[k] + count
                 coarse_weight[count + k] = cw[k]
+                place[count + k] = at[k]
             counts[side] = len(of_node)
         count += counts[side]
         start += n
-    projected = _projected(couples, node, weight, count)
-    return projected, counts, node, weight, component, coarse[:count].copy(), coarse_weight[:count].copy()
+    return (
+        _projected(couples, node, weight, count),
+        counts,
+        node,
+        weight,
+        component,
+        coarse[:count].copy(),
+        coarse_weight[:count].copy(),
+        place[:count].copy(),
+    )
 
 
 @njit(cache=True, nogil=True)
