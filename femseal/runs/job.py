@@ -239,10 +239,10 @@ def _finished(case: Case, faces: dict[str, str], folder: Path) -> Results | None
 
     try:
         results = open_results(folder)
-    except FemsealError:
+        face_files = json.loads(results.dataset.attrs.get("face_files", "{}"))
+    except (FemsealError, ValueError, TypeError, RecursionError):
         return None
-    same = results.case == case.echo() and json.loads(results.dataset.attrs.get("face_files", "{}")) == faces
-    return results if same else None
+    return results if results.case == case.echo() and face_files == faces else None
 
 
 @contextmanager
