@@ -385,6 +385,31 @@ def test_attributes_of_results_of_another_kind_are_refused(folder, value):
     refusal(fs.open_results, folder)
 
 
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("nominal_pressure", np.array(["a"], h5py.string_dtype())), ("leakage_deterministic", np.zeros((2, 3))),
+     ("leakage_deterministic", np.zeros(1, [("a", float)])), ("step", np.zeros(0)), ("nominal_pressure", None)],
+)  # fmt: skip
+def test_fields_of_results_of_another_kind_are_refused(folder, name, value):
+    with h5py.File(folder / "results.nc", "r+") as file:
+        del file[name]
+        if value is not None:
+            file[name] = value
+    refusal(fs.open_results, folder)
+
+
+def test_results_that_make_no_page_are_refused(monkeypatch, folder):
+    from femseal.report import page
+
+    def fail(*_):
+        raise KeyError("deep within")
+
+    monkeypatch.setattr(page, "report_html", fail)
+    assert "results.nc (KeyError: 'deep within')" in refusal(page.write_report, folder)
+    with pytest.raises(KeyError):  # of a run, it is a fault of the program
+        page.write_report(fs.open_results(folder))
+
+
 # --- keys of the case -------------------------------------------------------------------------------------
 
 

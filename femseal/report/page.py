@@ -8,9 +8,9 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-from ..base.errors import InputError
+from ..base.errors import FemsealError, InputError
 from ..base.files import replacing
-from ..results.netcdf import open_results
+from ..results.netcdf import FILE_NAME, open_results, unfit
 from ..results.results import Results
 from ..results.tables import texts, totals
 from . import pictures as pictures
@@ -45,14 +45,22 @@ def write_report(
     ------
     InputError : no results in the folder; a path that cannot be written; no path for results without a folder.
     """
+    folder = None
     if not isinstance(results, Results):
-        results = open_results(results)
+        folder, results = results, open_results(results)
     if path is None and results.folder is None:
         raise InputError.of("path", "none, for results without a folder", "the path of a file to write")
     target = Path(path) if path is not None else Path(results.folder or "") / REPORT_NAME
     if target.is_dir() or not os.access(target.parent, os.W_OK):
         raise InputError.of("path", f"'{target}'", "a file in a folder that can be written")
-    page = report_html(results, drawings)
+    try:
+        page = report_html(results, drawings)
+    except FemsealError:
+        raise
+    except Exception as error:
+        if folder is None:
+            raise
+        raise unfit(Path(folder) / FILE_NAME, error) from error
     try:
         with replacing(target) as temporary:
             temporary.write_text(page, encoding="utf-8", newline="")

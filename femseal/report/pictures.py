@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
@@ -62,11 +63,14 @@ def draw_all(results: Results, surface: Topography | None = None, *, mapper: Map
     gaps = critical_gaps(results, default_step(data)) if "k1" in data else []
     # the fields of the studies are too large to be sent to processes
     draw = partial(_draw, results=Results(data), surface=surface, gaps=gaps)
-    return dict(zip(names, mapper(Stage("pictures", draw), names), strict=True))
+    # each process imports what draws, for as long as a few pictures take, and one core is writing files
+    parts = min(max((os.cpu_count() or 1) - 1, 1), len(names))
+    drawings = mapper(Stage("pictures", draw), [names[part::parts] for part in range(parts)])
+    return {name: drawing for part in drawings for name, drawing in part.items()}
 
 
-def _draw(name: str, *, results: Results, surface: Topography | None, gaps: list[Array]) -> Drawn:
-    return drawn(_figure(name, results, surface, gaps))
+def _draw(names: list[str], *, results: Results, surface: Topography | None, gaps: list[Array]) -> dict[str, Drawn]:
+    return {name: drawn(_figure(name, results, surface, gaps)) for name in names}
 
 
 def _figure(name: str, results: Results, surface: Topography | None, gaps: list[Array]) -> Figure:

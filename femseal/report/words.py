@@ -147,20 +147,29 @@ def _method_sentences(results: Results) -> list[str]:
         windows = f"{data.sizes['cell1']} × {data.sizes['cell2']} windows"
         elements = "element_error" in data
         sentences.append(
-            f"Two scales: {windows} as finite elements, with nodes on their sides."
+            f"Two scales: {windows} {_contact_text(data)}, as finite elements with nodes on their sides."
             if elements
-            else f"Two scales: {windows} between the nodes of a global flow."
+            else f"Two scales: {windows} {_contact_text(data)}, between the nodes of a global flow."
         )
     if "leakage_median" in data:
         drawn = case.get("stochastic", {})
         how = [f"{name} {drawn[name]}" for name in ("sampler", "pressure") if name in drawn]
+        size = int(data.attrs.get("library_windows", data.sizes["library_cell"]))
+        independent = int(data.attrs.get("library_independent", size))
         sentences.append(
-            f"Stochastic: {data.sizes['realisation']} seals drawn from {data.sizes['library_cell']} library windows"
+            f"Stochastic: {data.sizes['realisation']} seals drawn from {size} library windows"
+            + (f", {independent} of them without overlap" if independent < size else "")
+            + (f", {_contact_text(data)}" if "window_contact" in data.attrs and "k1" not in data else "")
             + (f" ({', '.join(how)})" if how else "")
             + (f", seed {data.attrs['seed']}" if "seed" in data.attrs else "")
             + ". The leakage given is their median."
         )
     return sentences
+
+
+def _contact_text(data: xarray.Dataset) -> str:
+    by_windows = data.attrs.get("window_contact") == "windows"
+    return "whose contact is solved in each of them" if by_windows else "cut from the contact of the whole face"
 
 
 def origin_lines(results: Results) -> list[tuple[str, str]]:
@@ -252,6 +261,9 @@ def check_lines(results: Results) -> Lines:
         off = np.abs(carried - nominal)[nominal > 0] / nominal[nominal > 0]
         if off.size:
             lines.append(("load of the windows", f"{np.nanmax(off):.0e}", "largest distance from the nominal pressure"))
+        if data.attrs.get("window_contact") == "windows":
+            meaning = "rms distance of the stitched gap from that of its pressure on the whole half-space"
+            lines.append(("gap of the windows", f"{np.nanmax(data['gap_error'].values):.1%}", meaning))
         rows, whole = data["flux1"].values.mean(axis=2), data["leakage_two_scale"].values
         open_ = np.nan_to_num(whole) != 0
         if open_.any():

@@ -129,6 +129,7 @@ def assemble(
         "reference_density_kg_per_m3": basis.density,
         "leakage_unit": leakage_unit or "",
     }
+    data.attrs |= _windows(two_scale, stochastic)
     if basis.pressure is not None and basis.temperature is not None:
         data.attrs |= {"reference_pressure_Pa": basis.pressure, "reference_temperature_K": basis.temperature}
     if case and case.get("seed") is not None:
@@ -136,6 +137,17 @@ def assemble(
     results = Results(data, scene=scene, deterministic=deterministic, two_scale=two_scale, stochastic=stochastic)
     variables.add_totals(data, results.leakage, results.leak_basis)
     return results
+
+
+def _windows(two_scale: TwoScaleResult | None, stochastic: StochasticResult | None) -> dict[str, Any]:
+    """How the contact of windows with places was solved; the windows of the library, and those without overlap."""
+    found: dict[str, Any] = {}
+    library = None if stochastic is None else stochastic.library
+    if (placed := two_scale or library) is not None and hasattr(placed, "contact"):
+        found["window_contact"] = placed.contact
+    if library is not None:
+        found["library_windows"], found["library_independent"] = library.size, library.independent
+    return found
 
 
 def _json(value: Any) -> str:

@@ -183,10 +183,10 @@ class Results(Plotted):
     ) -> list[Path]:
         """Write the gap, or the contact pressure, over the pixels of the face in SI, in the format of the suffix.
 
-        .npz : arrays `gap` (n1, n2) [m] or `contact_pressure` [Pa], `spacing` [m], `origin` [m] of its first corner,
-            `step`, `name` and `nominal_pressure` [Pa]; `read_topography` and NumPy read it.
-        .tif : GeoTIFF in single precision, x1 to the right and x2 up, in a plane of metres without a place on earth.
-        .x3p : gap only, in metres; its x is x1.
+        An .npz has the arrays `gap` (n1, n2) [m] or `contact_pressure` [Pa], `spacing` [m], `origin` [m] of its first
+        corner, `step`, `name` and `nominal_pressure` [Pa]; `read_topography` and NumPy read it. A .tif is a GeoTIFF
+        in single precision, x1 to the right and x2 up, in a plane of metres without a place on earth. An .x3p holds the
+        gap only, in metres; its x is x1.
 
         Parameters
         ----------

@@ -22,7 +22,7 @@ from ..materials import Solid
 from ..results.fields import LIMIT
 from ..results.vtk import FORMATS
 from ..seal.layouts import LAYOUTS, Layout
-from ..studies import DRAWS, FLOWS, PRESSURES
+from ..studies import CONTACTS, DRAWS, FLOWS, PRESSURES
 from .case_registry import table_of_any
 from .case_values import Count, FileSize, Length, Modulus, Poisson, Pressure, Ratio, Table, one_of
 
@@ -136,14 +136,15 @@ else:
 
 
 class CellsTable(Table):
-    """Windows of the two-scale and stochastic methods: their number, or about their size; and the two-scale flow.
+    """Windows of the two-scale and stochastic methods: their number, or about their size; their contact and flow.
 
-    flow : see `studies.two_scale`.
+    flow, contact : see `studies.two_scale`.
     """
 
     count: tuple[Count, Count] | None = None
     size: Length | None = None
     flow: Annotated[str, *one_of(FLOWS)] = "links"
+    contact: Annotated[str, *one_of(CONTACTS)] | None = None
 
     @model_validator(mode="after")
     def _one_of(self) -> CellsTable:

@@ -202,9 +202,11 @@ def _study(
         return deterministic(scene, mapper=mapper)
     assert prepared.cells is not None
     if method == "two-scale":
-        return two_scale(scene, prepared.cells, flow=case.two_scale_flow, mapper=mapper)
+        return two_scale(scene, prepared.cells, flow=prepared.flow, contact=prepared.contact, mapper=mapper)
     assert prepared.sampling is not None
-    return stochastic(scene, prepared.cells, prepared.sampling, two_scale=known, mapper=mapper)
+    return stochastic(
+        scene, prepared.cells, prepared.sampling, contact=prepared.contact, two_scale=known, mapper=mapper
+    )
 
 
 def _write(results: Results, folder: Path, case: Case, prepared: Prepared, mapper: Mapper) -> None:
@@ -237,10 +239,10 @@ def _finished(case: Case, faces: dict[str, str], folder: Path) -> Results | None
 
     try:
         results = open_results(folder)
-    except FemsealError:
+        face_files = json.loads(results.dataset.attrs.get("face_files", "{}"))
+    except (FemsealError, ValueError, TypeError, RecursionError):
         return None
-    same = results.case == case.echo() and json.loads(results.dataset.attrs.get("face_files", "{}")) == faces
-    return results if same else None
+    return results if results.case == case.echo() and face_files == faces else None
 
 
 @contextmanager

@@ -4,6 +4,7 @@ from .column_runs import RunFlows, run_flows
 from .curves import CellCurves
 from .dissipation import window_dissipation
 from .elements import ElementFlow, WindowFlow, element_flow, window_flow
+from .gap_error import gap_error
 from .global_contact import GlobalState, global_states
 from .ladder import Cell, Ladder, follow
 from .library import LadderLibrary, LibraryTable, WindowSource, build_ladder_library, on_ladder
@@ -40,6 +41,7 @@ __all__ = [
     "draw_links",
     "element_flow",
     "follow",
+    "gap_error",
     "global_states",
     "on_ladder",
     "respond",

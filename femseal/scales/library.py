@@ -84,6 +84,12 @@ class WindowSource:
         ]
         return float(np.sqrt(np.mean(np.concatenate([v.ravel() for v in variances]))))
 
+    @property
+    def tiles(self) -> int:
+        """Number of windows that tile the faces without overlap."""
+        w1, w2 = self.half_space.shape
+        return sum((n1 // w1) * (n2 // w2) for n1, n2 in (t.shape for t in self.topographies))
+
     def window(self, n: int) -> Array:
         """Undeformed gap of window n (w1, w2) [m].
 
@@ -129,6 +135,7 @@ class LadderLibrary(Shown):
 
     cells : the windows that did not fail.
     rms_height : root mean square height of the windows [m].
+    tiles : number of windows that tile the faces without overlap.
     counts : flows of windows in this run, solved or known without solving.
     reused : number of cells that were read and complete.
     failures : windows that failed and are left out, one line each.
@@ -137,16 +144,22 @@ class LadderLibrary(Shown):
     ladder: Ladder
     cells: tuple[Cell, ...] = field(repr=False)
     rms_height: float = field(metadata={"unit": "m"})
+    tiles: int
     counts: SolveCounts = field(default_factory=SolveCounts)
     reused: int = 0
     failures: tuple[str, ...] = ()
 
-    _derived: ClassVar = {"size": "1"}
+    _derived: ClassVar = {"size": "1", "independent": "1"}
 
     @property
     def size(self) -> int:
         """Number of cells."""
         return len(self.cells)
+
+    @property
+    def independent(self) -> int:
+        """Number of cells that do not overlap: the error of the library is that of so many."""
+        return min(self.size, self.tiles)
 
     @property
     def curves(self) -> LibraryTable:
@@ -261,6 +274,7 @@ def build_ladder_library(
         ladder=ladder,
         cells=good,
         rms_height=source.rms_height,
+        tiles=source.tiles,
         counts=SolveCounts.total(cell.counts for cell in followed.values()),
         reused=len(complete),
         failures=failures,

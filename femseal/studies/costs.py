@@ -15,6 +15,7 @@ from ..base.machine import free_memory
 from ..contact.cycle import STATE_FIELDS
 from ..scales.global_contact import PIXELS_PER_CUT_OFF
 from .deterministic import STEP_BYTES, state_memory
+from .face_contact import chosen_contact
 from .sampling_options import Sampling
 from .windows import CUT_OFF_WINDOWS
 
@@ -33,6 +34,8 @@ _EASY_BYTES = 8 * 40.0
 _CLOSING = (0.07, 0.45)
 #: Seconds of a link of a drawn seal at a load step, for each doubling of its rows.
 _LINK_SECONDS = 1.1e-7
+#: Transforms that the estimate of the error of a gap takes.
+_ERROR_PAIRS = 3
 #: Number of states of a window on its ladder: loading, unloading and without contact.
 _LADDER_STATES = 60
 
@@ -87,15 +90,22 @@ def _state_memory(pixels: int, efforts: Sequence[Effort]) -> float:
 
 
 def two_scale_cost(
-    efforts: Sequence[Effort], points: tuple[int, int], cells: tuple[int, int], flow: str = "links"
+    efforts: Sequence[Effort],
+    points: tuple[int, int],
+    cells: tuple[int, int],
+    flow: str = "links",
+    contact: str | None = None,
 ) -> tuple[float, float]:
     """Expected time on one core [s] and memory [byte] of the two-scale solution."""
+    whole = chosen_contact(contact, points) == "whole"
     pixels, (m1, m2) = points[0] * points[1], cells
     window, links = pixels // (m1 * m2), m1 * m2 + (m1 - 1) * m2
-    coarse = min(pixels, m1 * m2 * (PIXELS_PER_CUT_OFF / CUT_OFF_WINDOWS) ** 2)
+    coarse = pixels if whole else min(pixels, m1 * m2 * (PIXELS_PER_CUT_OFF / CUT_OFF_WINDOWS) ** 2)
     seconds, memory = 0.0, 8.0 * (8 * pixels + STATE_FIELDS * coarse)
     for effort in efforts:
-        seconds += contact_seconds(coarse, effort) + m1 * m2 * contact_seconds(window, effort)
+        seconds += contact_seconds(coarse, effort)
+        if not whole:
+            seconds += m1 * m2 * contact_seconds(window, effort) + _ERROR_PAIRS * _PAIR_SECONDS[1] * pixels
         seconds += links * flow_seconds(window, effort)
         if flow == "resolved":
             seconds += flow_seconds(pixels, effort)
@@ -110,19 +120,20 @@ def stochastic_cost(
     cells: tuple[int, int],
     sampling: Sampling,
     seal: tuple[int, int],
+    contact: str | None = None,
 ) -> tuple[float, float]:
     """Expected time on one core [s] and memory [byte] of a library and of the drawn seals of n1 × n2 links."""
     pixels, windows, steps = points[0] * points[1], cells[0] * cells[1], len(efforts)
     window = pixels // windows
-    contact = mean(contact_seconds(window, effort) for effort in efforts)
+    ladder = mean(contact_seconds(window, effort) for effort in efforts)
     flow = mean(flow_seconds(window, effort) for effort in efforts)
     faces = 8.0 * 8 * pixels
     if sampling.pressure == "place":
-        whole, faces = two_scale_cost(efforts, points, cells)
+        whole, faces = two_scale_cost(efforts, points, cells, contact=contact)
         links = windows + (cells[0] - 1) * cells[1]
         seconds = whole + steps * (2 * max(sampling.library_cells, windows) - links) * flow
     else:
-        seconds = _LADDER_STATES * sampling.library_cells * (contact + 2 * (3 if sampling.bounds else 1) * flow)
+        seconds = _LADDER_STATES * sampling.library_cells * (ladder + 2 * (3 if sampling.bounds else 1) * flow)
     links = seal[0] * seal[1]
     # as many seals again from resampled libraries, and from lower and upper bounds
     draws = (4 if sampling.bounds else 2) * sampling.realisations

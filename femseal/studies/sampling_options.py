@@ -31,9 +31,9 @@ class Sampling:
         pressure "place" and the discretisation "edge", makes seals of runs of a quarter of the face's columns, whose
         flow is solved by finite elements, see `scales.column_runs`; `length` is rounded to whole runs.
     pressure : the source of the windows and of their pressures.
-        "place": the windows of the two-scale solution of the face. A link draws from the windows of its row; if
-        `library_cells` asks for more than the face has, windows are moved by fractions of their width. For faces whose
-        form varies over a window.
+        "place": all windows of the face at their places. A link draws from the windows of its row. If `library_cells`
+        asks for more than the face has, they are cut again, moved by fractions of their width; this adds no area, and
+        the error of the library stays that of the windows of the face. For faces whose form varies over a window.
         "global": windows with all their waves, followed along a ladder of pressures. The global contact of the face,
         repeated along the seal, gives the pressure of each link (Pérez-Ràfols et al., 2018).
         "uniform": windows with the full heights. Every link has the nominal pressure, or its share in `profile`.
@@ -69,6 +69,12 @@ def seal_cells(partition: Partition, sampling: Sampling) -> tuple[int, int]:
     d1, d2 = partition.window_size
     n1 = partition.cells[0] if sampling.breadth is None else max(1, round(sampling.breadth / d1))
     return n1, max(1, round(sampling.length / d2))
+
+
+def placed_windows(sampling: Sampling, partition: Partition) -> int:
+    """Number of windows that the pressure "place" takes from a face: all of its windows, once for every shift."""
+    of_face = partition.cells[0] * partition.cells[1]
+    return of_face * int(np.clip(-(-sampling.library_cells // of_face), 1, partition.window[1]))
 
 
 def check_sampling(sampling: Sampling, cells: tuple[int, int]) -> None:

@@ -16,9 +16,10 @@ from ..loads import LoadProgramme
 from ..scales import ElementFlow, Failed, Partition, SolveCounts, SolverCounts, attempt, element_flow
 from ..scales.window_fields import ContactPressure, WindowFields
 from ..seal import RectangularSeal
+from .face_contact import solve_windows
 from .plausibility import odd_in_scene
 from .scene import Array, FaceFlow, Scene, labels, resolved_flow
-from .windows import solve_links, solve_windows
+from .windows import solve_links
 
 FLOWS = ("links", "resolved", "elements")
 
@@ -27,7 +28,8 @@ FLOWS = ("links", "resolved", "elements")
 class TwoScaleResult(Shown):
     """Contact and flow at two scales; arrays over steps, rows and columns of windows.
 
-    partition : the windows. flow : "links", "resolved" or "elements", see `two_scale`.
+    partition : the windows. contact, flow : how they were solved, see `two_scale`. gap_error : estimate of the error of
+    the contact, see `scales.gap_error`.
     element_error, drop_share : of the flow "elements", None with others. The leakage is then an upper bound of that
         resolved on the same gap, and the error is estimated from the bound with every second node.
     fields : deformed gap and contact pressure at every pixel.
@@ -38,6 +40,7 @@ class TwoScaleResult(Shown):
     steps: LoadProgramme
     partition: Partition = field(repr=False)
     flow: str
+    contact: str
     leakage: Array = field(
         metadata=labels(
             "m^2/s", "leakage per unit seal length, two-scale", "step", name="leakage_two_scale", heading="two-scale"
@@ -63,6 +66,9 @@ class TwoScaleResult(Shown):
         metadata=labels("Pa", "fluid pressure at the global nodes, NaN in pockets", "step", "node1", "cell2")
     )
     fields: WindowFields
+    gap_error: Array = field(
+        metadata=labels("1", "error of the gap of windows, estimated by the half-space of the whole face", "step")
+    )
     element_error: Array | None = field(
         default=None, metadata=labels("1", "estimated relative error of the leakage through elements", "step")
     )
@@ -88,8 +94,15 @@ class TwoScaleResult(Shown):
         return self.fields.pressure
 
 
-def two_scale(scene: Scene, cells: tuple[int, int], *, flow: str = "links", mapper: Mapper = map) -> TwoScaleResult:
-    """Solve the global contact of the low-pass face, the contact of every cell, and the flow through the stitched gap.
+def two_scale(
+    scene: Scene,
+    cells: tuple[int, int],
+    *,
+    flow: str = "links",
+    contact: str | None = None,
+    mapper: Mapper = map,
+) -> TwoScaleResult:
+    """Solve the contact of every cell, and the flow through the stitched gap.
 
     Parameters
     ----------
@@ -99,11 +112,13 @@ def two_scale(scene: Scene, cells: tuple[int, int], *, flow: str = "links", mapp
         "resolved": solve the flow through the stitched gap at full resolution; the links are solved as well.
         "elements": condense the stitched gap of every window to an element with nodes on its sides, see
         `scales.element_flow`; the links are solved as well. The discretisation has to be "edge".
+    contact : "whole": cut the cells from the contact of the whole face. "windows": solve the contact of each cell
+        under the mean pressure that the contact of the low-pass face gives it. Unless given, "whole" up to 2²⁴ pixels.
     mapper : computes a stage for many items, such as the builtin `map`; it may use several processes.
 
     Raises
     ------
-    InputError : another flow, or cells that do not suit the surface.
+    InputError : another flow or contact, or cells that do not suit the surface.
     NotConverged : a global contact failed. Windows and flows that fail are NaN, and listed in `failures`.
     """
     if flow not in FLOWS:
@@ -111,16 +126,16 @@ def two_scale(scene: Scene, cells: tuple[int, int], *, flow: str = "links", mapp
     if flow == "elements" and scene.discretisation != "edge":
         raise InputError.of("flow", f"'elements' with the discretisation '{scene.discretisation}'", "'edge' with it")
     surface = scene.surface
-    contact = solve_windows(scene, cells, mapper=mapper)
-    partition = contact.fields.partition
-    along, across = (solve_links(contact.fields, axis, scene.flow, mapper=mapper) for axis in (0, 1))
+    solved = solve_windows(scene, cells, contact, mapper=mapper)
+    partition = solved.fields.partition
+    along, across = (solve_links(solved.fields, axis, scene.flow, mapper=mapper) for axis in (0, 1))
     k1, k2 = along.k, across.k
     seal = RectangularSeal(surface.size, cells, partition.node_rows)
     leakage, fluid_pressure = np.full(len(k1), np.nan), np.full((len(k1), cells[0] + 1, cells[1]), np.nan)
     counts = along.counts + across.counts
     solvers = counts.solvers
-    failures = contact.failures + along.failures + across.failures
-    warnings = odd_in_scene(scene) + contact.warnings
+    failures = solved.failures + along.failures + across.failures
+    warnings = odd_in_scene(scene) + solved.warnings
     for s, step in enumerate(scene.steps):
         if not (np.isfinite(k1[s]).all() and np.isfinite(k2[s]).all()):
             continue
@@ -132,14 +147,14 @@ def two_scale(scene: Scene, cells: tuple[int, int], *, flow: str = "links", mapp
             solvers += SolverCounts.of(through)
     if flow == "resolved":
         solve = partial(attempt, resolved_flow, spacing=surface.spacing, settings=scene.flow)
-        resolved = scene.resolved_leakage(mapper(Stage("flow of the whole face", solve), contact.fields.gap))
+        resolved = scene.resolved_leakage(mapper(Stage("flow of the whole face", solve), solved.fields.gap))
         leakage = resolved.leakage
         failures += resolved.failures
         solvers += resolved.solvers
     element_error = drop_share = None
     if flow == "elements":
         stage = Stage("flow through elements", partial(attempt, element_flow, partition=partition))
-        through_elements = list(mapper(stage, contact.fields.gap))
+        through_elements = list(mapper(stage, solved.fields.gap))
         resolved = scene.resolved_leakage(
             f if isinstance(f, Failed) else FaceFlow(f.permeability, SolverCounts.of(f)) for f in through_elements
         )
@@ -148,7 +163,7 @@ def two_scale(scene: Scene, cells: tuple[int, int], *, flow: str = "links", mapp
         solvers += resolved.solvers
         element_error, drop_share = _error_and_share(through_elements, cells)
     if flow == "links":
-        warnings += _wrongly_closed(contact.fields, leakage)
+        warnings += _wrongly_closed(solved.fields, leakage)
     return TwoScaleResult(
         steps=scene.steps,
         partition=partition,
@@ -156,12 +171,14 @@ def two_scale(scene: Scene, cells: tuple[int, int], *, flow: str = "links", mapp
         leakage=leakage,
         k1=k1,
         k2=k2,
-        pressure=contact.pressure,
-        mean_gap=contact.mean_gap,
-        contact_fraction=contact.contact_fraction,
-        plastic_fraction=contact.plastic_fraction,
+        contact=solved.contact,
+        gap_error=solved.gap_error,
+        pressure=solved.pressure,
+        mean_gap=solved.mean_gap,
+        contact_fraction=solved.contact_fraction,
+        plastic_fraction=solved.plastic_fraction,
         fluid_pressure=fluid_pressure,
-        fields=contact.fields,
+        fields=solved.fields,
         element_error=element_error,
         drop_share=drop_share,
         counts=counts,
@@ -192,7 +209,7 @@ def _wrongly_closed(fields: WindowFields, leakage: Array) -> tuple[str, ...]:
         if names:
             more = f" and {len(names) - 1} more steps" if len(names) > 1 else ""
             warnings.append(
-                f"links are {said} at {names[0]}{more} where the gap of the whole face is still {other}: near closing "
-                'take larger windows, or flow = "resolved"'
+                f"links are {said} at {names[0]}{more} where the gap of the whole face is still {other}: take "
+                'flow = "resolved"'
             )
     return tuple(warnings)

@@ -33,7 +33,7 @@ class TooManyUndefined(InputError):
     def _allowed(self) -> str:
         largest = "no part of the map has so few"
         if self.part is not None:
-            largest = f"the largest part with so few is crop = {part_text(self.part)}"
+            largest = f"the largest part with so few is crop = {part_text(self.part)} in [face]"
         spikes = f"; {self.spikes} of them are spikes, which spikes=inf leaves alone" if self.spikes else ""
         raised = "or raise the share that may be filled (max_undefined)"
         return f"at most {100 * self.limit:.3g} %: {largest}, {raised}{spikes}"
