@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -12,32 +12,28 @@ from scipy.sparse.csgraph import connected_components
 
 from ..base.errors import NotConverged
 from ..flow.solution import MAX_IMBALANCE
-from ..flow.solvers.amg import LinearSolution, solve_spd
+from .element_elimination import solve_elements
 from .superelement import WindowElement
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 #: Numbers of the nodes of the ends.
 INLET, OUTLET = 0, 1
-_RTOL = 1e-8
-#: Largest number of corrections, each a solution for the flow that the one before leaves unbalanced.
-_CORRECTIONS = 2
 
 
 @dataclass(frozen=True, eq=False)
 class ElementSolution:
     """Potential of the nodes of an `ElementMesh` for a unit drop.
 
-    conductance : the energy [m³]. energy : of each element. potential : NaN at nodes that do not join both ends.
-    unknowns : number of nodes that were solved for. iterations, residual, imbalance, solver : see `flow.DarcyFlow`.
+    conductance : the energy [m³]. potential : NaN at nodes that open pixels join to none that is held.
+    energy : of each element; empty if nothing flows. unknowns : number of nodes that were solved for.
+    imbalance, solver : see `flow.DarcyFlow`.
     """
 
     conductance: float
-    energy: Array
     potential: Array
+    energy: Array = field(default_factory=lambda: np.zeros(0))
     unknowns: int = 0
-    iterations: int = 0
-    residual: float = 0.0
     imbalance: float = 0.0
     solver: str = "none"
 
@@ -47,12 +43,13 @@ class ElementMesh:
     """Window elements, and the number of each of their nodes among all nodes.
 
     elements : the elements. numbers : for each element the numbers of its nodes (n,); 0 is the inlet, 1 the outlet.
-    nodes : number of all nodes.
+    nodes : number of all nodes. cells : rows and columns of elements.
     """
 
     elements: list[WindowElement]
     numbers: list[Indices]
     nodes: int
+    cells: tuple[int, int]
 
     @classmethod
     def of_face(cls, elements: list[WindowElement], cells: tuple[int, int], *, ring: bool = True) -> ElementMesh:
@@ -72,7 +69,7 @@ class ElementMesh:
             starts = rows[i, j], rows[i + 1, j], columns[i, j], columns[i, j + 1]
             parts = [start + np.arange(n) for start, n in zip(starts, counts[i, j], strict=True)]
             numbers.append(np.concatenate(parts))
-        return cls(elements, numbers, int(first[-1]))
+        return cls(elements, numbers, int(first[-1]), cells)
 
     @cached_property
     def component(self) -> Indices:
@@ -97,95 +94,46 @@ class ElementMesh:
 
         Raises
         ------
-        NotConverged : the linear solver failed, or inlet and outlet flow differ by more than 1e-5.
+        NotConverged : inlet and outlet flow differ by more than 1e-5.
         """
         if not self.percolates:
-            return ElementSolution(0.0, np.zeros(len(self.elements)), np.full(self.nodes, np.nan))
-        between = self._from_every_second if every_second else None
-        return self._solved(np.array([INLET, OUTLET]), np.array([1.0, 0.0]), between)
+            return ElementSolution(0.0, np.full(self.nodes, np.nan))
+        solution = self._solved(np.array([INLET, OUTLET]), np.array([1.0, 0.0]), every_second)
+        if not solution.imbalance <= MAX_IMBALANCE:
+            raise NotConverged(
+                f"flow: inlet and outlet of the elements differ by {solution.imbalance:.1e} of the flow, allowed is "
+                f"{MAX_IMBALANCE:.0e}",
+                solution.imbalance,
+            )
+        return solution
 
     def solve_held(self, nodes: Indices, potential: Array) -> ElementSolution:
         """Solve with more nodes held at potentials between 0 and 1, besides inlet and outlet.
 
-        Raises
-        ------
-        NotConverged : as `solve`.
+        The energy of any potential is an upper bound, so that rounding can make this one wider, not wrong.
         """
         held = np.concatenate([[INLET, OUTLET], nodes])
-        return self._solved(held, np.concatenate([[1.0, 0.0], potential]), None)
+        return self._solved(held, np.concatenate([[1.0, 0.0], potential]), False)
 
-    def _solved(self, held: Indices, values: Array, between: sp.csr_array | None) -> ElementSolution:
-        """Solution with `values` at the nodes `held`; `between` (nodes, nodes) interpolates nodes between others."""
-        first, second, couple, of = self._couples
-        reached = np.isin(self.component, self.component[held])
-        to_nodes = sp.eye_array(self.nodes, format="csr") if between is None else between
-        matrix = (to_nodes.T @ _laplacian(first, second, couple, self.nodes) @ to_nodes).tocsr()
-        free = reached & (to_nodes.diagonal() > 0)
-        free[held] = False
-        unknown = np.flatnonzero(free)
-        rows = matrix[unknown]
-        inner = rows[:, unknown]
+    def _solved(self, held: Indices, values: Array, every_second: bool) -> ElementSolution:
+        """Solution with `values` at the nodes `held`."""
+        couples = [e.coarser_couples if every_second else e.couples for e in self.elements]
         # potential and complement are solved for on their own, so that each keeps its relative accuracy
-        xy = np.zeros((self.nodes, 2))
-        xy[held] = np.column_stack([values, 1 - values])
-        rhs = -(rows[:, held] @ xy[held])
-        found = LinearSolution(xy[:, 0], xy[:, 1], 0, 0.0, "none")
-        for correction in range(_CORRECTIONS + 1):
-            if unknown.size:
-                # what counts is the balance of flows below
-                found = solve_spd(inner, rhs, _RTOL, unit_drop=correction == 0, largest_residual=np.inf)
-                xy[unknown] += found.x
-            x, y = (to_nodes @ xy).T
-            drop = np.where(x[first] + x[second] < 1, x[first] - x[second], y[second] - y[first])
-            drop[~reached[first]] = 0.0
-            energy = np.bincount(of, couple * drop**2, len(self.elements)).astype(float)
-            out = np.bincount(first, couple * drop, self.nodes) - np.bincount(second, couple * drop, self.nodes)
-            out = to_nodes.T @ out
-            rate = float(energy.sum())
-            off = max(abs(float(out[held].sum())), abs(float(values @ out[held]) - rate))
-            if off <= MAX_IMBALANCE * rate:
-                break
-            rhs = np.column_stack([-out[unknown], out[unknown]])
-        else:
-            imbalance = off / rate if rate > 0 else np.inf
-            raise NotConverged(
-                f"flow: inlet and outlet of the elements differ by {imbalance:.1e} of the flow, allowed is "
-                f"{MAX_IMBALANCE:.0e}",
-                imbalance,
-            )
-        return ElementSolution(
-            conductance=rate,
-            energy=energy,
-            potential=np.where(reached, x, np.nan),
-            unknowns=unknown.size,
-            iterations=found.iterations,
-            residual=found.residual,
-            imbalance=off / rate if rate > 0 else 0.0,
-            solver=found.solver,
-        )
-
-    @cached_property
-    def _couples(self) -> tuple[Indices, Indices, Array, Indices]:
-        """Pairs of nodes that are coupled: both numbers, the couple, the element."""
-        parts = []
-        for n, (element, number) in enumerate(zip(self.elements, self.numbers, strict=True)):
-            a, b = np.nonzero(np.triu(element.couples))
-            parts.append((number[a], number[b], element.couples[a, b], np.full(a.size, n)))
-        first, second, couple, of = (np.concatenate(part) for part in zip(*parts, strict=True))
-        chosen = first != second
-        return first[chosen], second[chosen], couple[chosen], of[chosen]
-
-    @cached_property
-    def _from_every_second(self) -> sp.csr_array:
-        """Interpolation (nodes, nodes) from every second node; columns of the others are 0."""
-        node, weight = np.zeros((self.nodes, 2), np.int64), np.zeros((self.nodes, 2))
-        for element, number in zip(self.elements, self.numbers, strict=True):
-            node[number], weight[number] = number[element.coarse], element.coarse_weight
-        row = np.arange(self.nodes)
-        entries = (weight.T.ravel(), (np.tile(row, 2), node.T.ravel()))
-        return sp.coo_array(entries, shape=(self.nodes, self.nodes)).tocsr()
-
-
-def _laplacian(first: Indices, second: Indices, couple: Array, nodes: int) -> sp.csr_array:
-    i, j = np.concatenate([first, second] * 2), np.concatenate([second, first, first, second])
-    return sp.coo_array((np.concatenate([-couple, -couple, couple, couple]), (i, j)), shape=(nodes, nodes)).tocsr()
+        both = np.column_stack([values, 1 - values])
+        x, y = solve_elements(couples, self.numbers, self.cells, held, both, self.nodes).T
+        reached = np.isin(self.component, self.component[held])
+        energy, out = np.zeros(len(couples)), np.zeros(self.nodes)
+        for n, (c, number) in enumerate(zip(couples, self.numbers, strict=True)):
+            chosen = reached[number]
+            i = number[chosen]
+            p, q = x[i], y[i]
+            drop = np.where(p[:, None] + p < 1, p[:, None] - p, q - q[:, None])
+            flow = c[np.ix_(chosen, chosen)] * drop
+            energy[n] = 0.5 * float((flow * drop).sum())
+            np.add.at(out, i, flow.sum(axis=1))
+        rate = float(energy.sum())
+        imbalance = max(abs(float(out[held].sum())), abs(float(values @ out[held]) - rate))
+        imbalance = imbalance / rate if rate > 0 else 0.0
+        unknowns = int(np.count_nonzero(reached)) - held.size
+        solver = "elimination" if unknowns else "none"
+        return ElementSolution(rate, np.where(reached, x, np.nan), energy, unknowns, imbalance, solver)

@@ -75,6 +75,11 @@ class WindowElement:
         """Condense a window; nodes on its sides are at most `node_spacing` pixels apart."""
         return cls(*_element(links.along, links.across, links.beside1, links.beside2, links.ends, node_spacing))
 
+    @property
+    def coarser_couples(self) -> Array:
+        """Couples (n, n) if all nodes but every second one are interpolated between these; 0 at the others."""
+        return _projected(self.couples, self.coarse, self.coarse_weight, len(self.couples))
+
     def at_points(self, potential: Array) -> Array:
         """Potential at the side points (p,) from that at the nodes (n,); NaN where a point is closed."""
         values = np.full(len(self.node), np.nan)
