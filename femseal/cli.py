@@ -1,4 +1,4 @@
-"""Command line: `femseal new`, `check`, `run`, `report`, `accuracy`, `surface`, `schema`.
+"""Command line: `femseal new`, `check`, `run`, `report`, `export`, `accuracy`, `surface`, `schema`.
 
 Exit code 0 done, 2 bad input (nothing written), 1 anything else.
 """
@@ -150,6 +150,25 @@ def report(
     from .report import write_report
 
     typer.echo(write_report(folder, output))
+
+
+@app.command()
+def export(
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Results folder of a run.")],
+    output: Annotated[Path, typer.Option("-o", "--output", help="File to write: .npz, .tif (GeoTIFF) or .x3p.")],
+    step: Annotated[
+        int | None, typer.Option(help="Load step, counted from 0 as in the table.", show_default="all, numbered files")
+    ] = None,
+    field: Annotated[str, typer.Option(help='Over the pixels of the face: "gap" or "contact_pressure".')] = "gap",
+    cell: Annotated[
+        tuple[int, int] | None, typer.Option(help="Window, counted from 0 along x1 and x2.", show_default="the face")
+    ] = None,
+) -> None:
+    """Write the gap, or the contact pressure, at the load steps for other programs, with the size of the pixel."""
+    from .results import open_results
+
+    for path in open_results(folder).export(output, step=step, field=field, cell=cell):
+        typer.echo(path)
 
 
 @app.command()

@@ -6,6 +6,7 @@ import sys
 import tomllib
 from dataclasses import replace
 from pathlib import Path
+from zipfile import ZIP_DEFLATED, ZipFile
 
 import h5py
 import numpy as np
@@ -14,6 +15,7 @@ import pytest
 import femseal as fs
 from femseal import cli
 from femseal.base.errors import shortened, shown
+from femseal.base.machine import within_free_memory
 from femseal.base.quantities import to_si
 from femseal.results import assemble
 from femseal.results.netcdf import save
@@ -155,9 +157,44 @@ def test_faces_larger_than_the_memory_are_refused_before_they_are_read(monkeypat
         path = tmp_path / f"face{suffix}"
         with path.open("wb") as file:
             file.truncate(3_000_000_000)  # takes no space on the disk
-        monkeypatch.setattr("femseal.topography.read.free_memory", lambda: 4e9)
+        monkeypatch.setattr("femseal.topography.formats.free_memory", lambda: 4e9)
         monkeypatch.setattr("femseal.topography.read.READERS", {suffix: read})
         assert "a file of 3 GB, allowed is one that can be read in the 4 GB" in refusal(fs.read_topography, path)
+
+
+def test_zips_that_unpack_to_more_than_the_memory_are_refused_before_they_are_read(monkeypatch, tmp_path):
+    def read(*_, **__):
+        raise AssertionError("read")
+
+    monkeypatch.setattr("femseal.topography.formats.free_memory", lambda: 1e7)
+    for suffix in (".npz", ".x3p", ".plux", ".txt"):
+        path = tmp_path / f"face{suffix}"
+        with ZipFile(path, "w", ZIP_DEFLATED) as archive:
+            archive.writestr("z.npy", bytes(5_000_000))
+        assert path.stat().st_size < 10_000
+        monkeypatch.setattr("femseal.topography.read.READERS", {suffix: read})
+        assert "unpacks to 0.005 GB" in refusal(fs.read_topography, path)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="the limit is that of Linux")
+def test_memory_is_refused_instead_of_ending_the_process(monkeypatch):
+    import resource
+
+    before = resource.getrlimit(resource.RLIMIT_AS)
+    monkeypatch.setattr("femseal.base.machine.free_memory", lambda: 5e8)
+    with pytest.raises(MemoryError), within_free_memory():
+        bytearray(2_000_000_000)
+    assert resource.getrlimit(resource.RLIMIT_AS) == before
+    bytearray(2_000_000_000)
+
+
+def test_meshes_larger_than_the_memory_are_refused_before_they_are_read(monkeypatch, tmp_path):
+    path = tmp_path / "seal.msh"
+    with path.open("wb") as file:
+        file.truncate(3_000_000_000)
+    monkeypatch.setattr("femseal.seal.mesh_file.free_memory", lambda: 4e9)
+    monkeypatch.setattr("femseal.seal.mesh_file._meshio_read", lambda file: pytest.fail("read"))
+    assert "of 3 GB, allowed is a mesh that can be read" in refusal(fs.MeshSeal, path, "inlet", "outlet")
 
 
 def test_files_that_claim_more_heights_than_fit_into_memory_are_refused(monkeypatch, tmp_path):
@@ -348,6 +385,31 @@ def test_attributes_of_results_of_another_kind_are_refused(folder, value):
     refusal(fs.open_results, folder)
 
 
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("nominal_pressure", np.array(["a"], h5py.string_dtype())), ("leakage_deterministic", np.zeros((2, 3))),
+     ("leakage_deterministic", np.zeros(1, [("a", float)])), ("step", np.zeros(0)), ("nominal_pressure", None)],
+)  # fmt: skip
+def test_fields_of_results_of_another_kind_are_refused(folder, name, value):
+    with h5py.File(folder / "results.nc", "r+") as file:
+        del file[name]
+        if value is not None:
+            file[name] = value
+    refusal(fs.open_results, folder)
+
+
+def test_results_that_make_no_page_are_refused(monkeypatch, folder):
+    from femseal.report import page
+
+    def fail(*_):
+        raise KeyError("deep within")
+
+    monkeypatch.setattr(page, "report_html", fail)
+    assert "results.nc (KeyError: 'deep within')" in refusal(page.write_report, folder)
+    with pytest.raises(KeyError):  # of a run, it is a fault of the program
+        page.write_report(fs.open_results(folder))
+
+
 # --- keys of the case -------------------------------------------------------------------------------------
 
 
@@ -425,7 +487,7 @@ def test_a_page_that_cannot_be_written_is_bad_input(monkeypatch, tmp_path):
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(page, "open_results", lambda folder: None)
-    monkeypatch.setattr(page, "report_html", lambda results: "page")
+    monkeypatch.setattr(page, "report_html", lambda *given: "page")
     monkeypatch.setattr(page, "replacing", full)
     assert "No space left" in refusal(page.write_report, tmp_path, tmp_path / "page.html")
 
@@ -435,7 +497,7 @@ def test_devices_and_pipes_are_not_replaced_by_files(monkeypatch, tmp_path):
     from femseal.report import page
 
     monkeypatch.setattr(page, "open_results", lambda folder: None)
-    monkeypatch.setattr(page, "report_html", lambda results: "page")
+    monkeypatch.setattr(page, "report_html", lambda *given: "page")
     os.mkfifo(tmp_path / "pipe")
     for write in (lambda: page.write_report(tmp_path, tmp_path / "pipe"), lambda: write_text(tmp_path / "pipe", "x")):
         assert "a device, a pipe or a folder" in refusal(write)

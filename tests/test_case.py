@@ -376,6 +376,85 @@ def test_a_file_is_read_as_the_case_says(tmp_path, data):
         parse_case(data, tmp_path).prepare()
 
 
+def test_a_face_is_masked_and_cropped_as_the_case_says(tmp_path, data):
+    """The keys that an error offers are those of the whole map, and are taken as they are."""
+    face = fs.self_affine((120, 140), (120e-6, 140e-6), hurst=0.8, rms_slope=0.1, cut_off=9e-6, rng=1)
+    np.savez(tmp_path / "face.npz", z=face.heights, spacing=face.spacing)
+    mask = np.zeros(face.shape)
+    mask[100:], mask[:, 120:] = 1, 2
+    np.savetxt(tmp_path / "mask.txt", mask.T, "%d")
+    data["face"] = {"kind": "file", "path": "face.npz", "mask": "mask.txt"}
+    data["cells"] = {"count": [1, 1]}
+    for crop in (None, ["10 um", "120 um", "0 um", "130 um"]):
+        data["face"] |= {} if crop is None else {"crop": crop}
+        with pytest.raises(fs.InputError, match="undefined points: given") as error:
+            parse_case(data, tmp_path).prepare()
+        key = re.search(r"crop = (\[.*?\])", str(error.value))[1]
+        offered = tomllib.loads(f"crop = {key}")["crop"]
+        prepared = parse_case(data | {"face": data["face"] | {"crop": offered}}, tmp_path).prepare()
+        assert_allclose(prepared.scene.surface.size, (100e-6 if crop is None else 90e-6, 120e-6), rtol=0.03)
+    for key, value in (("crop", ["0 um", "1 mm", "0 um", "9 um"]), ("mask", "none.png"), ("file_mask", False)):
+        wrong = {"path": "mask.txt", "spacing": ["1 um", "1 um"]} if key == "file_mask" else {}
+        case = parse_case(data | {"face": data["face"] | wrong | {key: value}}, tmp_path)
+        with pytest.raises(fs.InputError, match=rf"^face\.{key}: given"):
+            case.prepare()
+    for key, value in (
+        ("crop", ["0 um", "10 um"]),
+        ("crop", ["-1 um", "10 um", "0 um", "9 um"]),
+        ("crop", "10 um"),
+        ("channel", -1),
+        ("channel", ""),
+        ("channel", True),
+        ("file_mask", "maybe"),
+    ):
+        with pytest.raises(fs.InputError, match=rf"face\.{key}"):
+            parse_case(data | {"face": data["face"] | {key: value}}, tmp_path)
+    assert parse_case(data | {"face": data["face"] | {"channel": "Height"}}, tmp_path).face[0].channel == "Height"
+
+
+def test_a_mask_is_a_file_of_the_case_as_the_face_is(tmp_path, data):
+    """Results of another mask are those of another case."""
+    from femseal.runs.job import _face_files
+
+    np.savez(tmp_path / "face.npz", z=np.zeros((4, 4)), spacing=(1e-6, 1e-6))
+    np.save(tmp_path / "mask.npy", np.zeros((4, 4)))
+    data["face"] = {"kind": "file", "path": "face.npz", "mask": "mask.npy"}
+    case = parse_case(data, tmp_path)
+    before = _face_files(case)
+    assert set(before) == {"face.npz", "mask.npy"}
+    np.save(tmp_path / "mask.npy", np.eye(4))
+    assert _face_files(case)["mask.npy"] != before["mask.npy"]
+    (tmp_path / "mask.npy").unlink()
+    with pytest.raises(fs.InputError, match=r"face\.mask: given 'mask.npy'"):
+        _face_files(case)
+
+
+def test_a_second_face_with_holes_is_named(tmp_path, two_faces):
+    with np.load(tmp_path / "upper.npz") as stored:
+        z = stored["z"].copy()
+        z[80:] = np.nan
+        np.savez(tmp_path / "upper.npz", z=z, spacing=stored["spacing"])
+    with pytest.raises(fs.InputError, match=r"^face\.1\.undefined points: given 33.3 %.*crop = "):
+        parse_case(two_faces, tmp_path).prepare()
+
+
+def test_spikes_along_the_lay_are_a_warning_of_the_case(tmp_path, data):
+    x1 = np.indices((128, 96))[0]
+    rng = np.random.default_rng(3)
+    z = 1e-7 * np.cos(2 * np.pi * x1 / 16) + 1e-9 * rng.standard_normal(x1.shape)
+    z[(np.abs(x1 - 60) < 5) & (rng.random(z.shape) < 0.06)] += 3e-6
+    np.savez(tmp_path / "face.npz", z=z, spacing=(1e-6, 1e-6))
+    data["face"] = {"kind": "file", "path": "face.npz"}
+    data["cells"] = {"count": [1, 1]}
+    warnings = parse_case(data, tmp_path).prepare().warnings
+    assert any("follow the lay" in text and "surface.spikes = inf" in text for text in warnings)
+    data["surface"] = {"spikes": np.inf}
+    assert not any("follow the lay" in text for text in parse_case(data, tmp_path).prepare().warnings)
+    # as one of two faces, too
+    data |= {"surface": {}, "face": [data["face"], data["face"]]}
+    assert any("follow the lay" in text for text in parse_case(data, tmp_path).prepare().warnings)
+
+
 @pytest.fixture
 def two_faces(tmp_path, data):
     """Two measured faces, a spike and an undefined point in each, the second on a grid of its own."""

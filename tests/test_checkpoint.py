@@ -51,6 +51,7 @@ viscosity = "1 mPa*s"
 inlet_pressure = "1 MPa"
 [cells]
 count = [2, 2]
+contact = "windows"
 [stochastic]
 length = "200 um"
 realisations = 24

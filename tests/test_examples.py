@@ -70,7 +70,10 @@ def test_every_example_is_run_here():
 
 class TestExamples:
     def test_leakage_falls_with_load_and_comes_back_less(self, results):
-        assert [w for w in results.warnings if "realisations" not in w] == results.failures == []
+        # the grid of the case is coarser than the waves that were measured, which is told
+        told = [w for w in results.warnings if w.startswith("the low-pass at ")]
+        assert len(told) == 1
+        assert [w for w in results.warnings if "realisations" not in w and w not in told] == results.failures == []
         leakages = _leakages(results)
         assert len(leakages) >= 4  # median, both ends of the band, mean or another method
         for leakage in leakages:
@@ -130,7 +133,7 @@ class TestClaims:
         leakage = results.leakage.values
         peak = leakage[_at(results, 900e6)]
         assert 1.5 < leakage[_at(results, 600e6, 900e6)] / peak < 2.5
-        assert 20 < leakage[_at(results, 600e6)] / peak < 40
+        assert 6 < leakage[_at(results, 600e6)] / peak < 12
 
 
 def _at(results, pressure, peak=None):
@@ -224,7 +227,7 @@ class TestMeasuredSurfaces:
                 [fluid]
                 kind = "liquid"
                 viscosity = "1 mPa*s"
-                inlet_pressure = "1 MPa"
+                inlet_pressure = "10 kPa"
                 [cells]
                 count = {list(cells)}
                 [stochastic]
@@ -242,7 +245,10 @@ class TestMeasuredSurfaces:
         # full contact of the slopes comes at about E*·slope, all-plastic contact at the hardness
         stiffness = 100e9 * prepared.scene.surface.rms_slope
         results = fs.run(write([0.001 * stiffness, 0.01 * stiffness], 0.15 * stiffness), workers=1)
-        assert [w for w in results.warnings if "realisations" not in w] == results.failures == []
+        # the grid of the case is coarser than the waves that were measured, which is told
+        told = [w for w in results.warnings if w.startswith("the low-pass at ")]
+        assert len(told) == 1
+        assert [w for w in results.warnings if "realisations" not in w and w not in told] == results.failures == []
         for leakage in _leakages(results):
             first, top, back = leakage
             assert 0 <= top <= back < first

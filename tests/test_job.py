@@ -172,13 +172,14 @@ def test_only_a_complete_folder_is_resumed(case, tmp_path, monkeypatch):
     case.write_text(CASE.replace('method = "stochastic"', 'method = "deterministic"').replace("compare", "# "))
     out = tmp_path / "out"
     with monkeypatch.context() as patch:
-        patch.setattr("femseal.report.folder.leakage_figure", fail)
+        patch.setattr("femseal.report.pictures.leakage_figure", fail)
         with pytest.raises(fs.FemsealError, match="no such colour"):
             fs.run(case, out, workers=1)
     assert "no such colour" in (out / "run.log").read_text()
     done = fs.run(case, out, resume=True, workers=1)
     assert done.folder == out
     assert (out / "leakage.png").exists()
+    assert "pictures, report and files in" in (out / "run.log").read_text()
     with monkeypatch.context() as patch:
         patch.setattr("femseal.runs.job.deterministic", fail)
         again = fs.run(case, out, resume=True, workers=1)
@@ -238,7 +239,7 @@ def test_progress_knows_how_much_there_is_to_do(case):
     case.write_text(CASE.replace('compare = ["deterministic", "two-scale"]', ""))
     fs.run(case, workers=1, progress=lambda *state: told.append(state))
     last = {stage: (done, total) for stage, done, total in told}
-    assert {"stochastic", "stochastic: contact of windows", "stochastic: flow in windows"} <= set(last)
+    assert {"stochastic", "stochastic: contact of the whole face", "stochastic: flow in windows"} <= set(last)
     assert all(done == total for done, total in last.values())
 
 

@@ -1,6 +1,9 @@
 """Windows followed along a ladder, the curves between its steps, and libraries kept in a folder."""
 
+import io
+import os
 from dataclasses import replace
+from zipfile import ZipFile
 
 import numpy as np
 import pytest
@@ -347,6 +350,58 @@ class TestLibrary:
             assert again.reused == 0
             assert_array_equal(again.cells[1].k, whole.cells[1].k)
         assert build_ladder_library(source, ladder, 2, folder=tmp_path).reused == 2
+
+    def test_a_changed_file_is_computed_anew(self, source, tmp_path, monkeypatch):
+        whole = build_ladder_library(source, LADDER, 2, folder=tmp_path)
+        (file,) = tmp_path.glob("*.npz")
+        monkeypatch.setattr(femseal.scales.library, "follow", None)
+        assert build_ladder_library(source, LADDER, 2, folder=tmp_path).reused == 2
+        with np.load(file) as data:
+            content = dict(data)
+        giant = io.BytesIO()
+        header = {"descr": "<f8", "fortran_order": False, "shape": (10**13,)}
+        np.lib.format.write_array_header_1_0(giant, header)
+        wrong = [
+            {"k": content["k"].astype(np.float32)},
+            {"k": content["k"].astype("U20")},
+            {"k": np.array([None])},
+            {"k": -content["k"]},
+            {"k": np.full_like(content["k"], np.nan)},
+            {"k_shapes": content["k_shapes"][:, ::-1]},
+            {"k_shapes": -content["k_shapes"]},
+            {"k_shapes": content["k_shapes"].astype(float) * 1e300},
+            {"rigid": content["rigid"][:0], "rigid_shapes": content["rigid_shapes"] * 0},
+            {"pressure": content["pressure"][::-1]},
+            {"pressure": content["pressure"] + 1},
+            {"count": np.array(10**15)},
+            {"count": np.array(-1)},
+            {"count": np.array([1, 2])},
+            {"count": np.array("x")},
+            {"good": np.array([0, 0])},
+            {"good": np.array([0, 10**9])},
+            {"good": np.array(0)},
+            {"format": np.array(femseal.scales.library.FORMAT + 1)},
+            {"k": None},
+            {"k": giant.getvalue()},
+        ]
+        for change in wrong:
+            with ZipFile(file, "w") as archive:
+                for name, array in (content | change).items():
+                    if array is not None:
+                        text = io.BytesIO()
+                        if isinstance(array, bytes):
+                            text.write(array)
+                        else:
+                            np.save(text, array, allow_pickle=True)
+                        archive.writestr(f"{name}.npy", text.getvalue())
+            assert femseal.scales.library._read(file, LADDER) == [], change
+        np.save(file.with_suffix(".npy"), content["k"])
+        file.with_suffix(".npy").replace(file)
+        assert femseal.scales.library._read(file, LADDER) == []
+        file.unlink()
+        os.mkfifo(file)
+        assert femseal.scales.library._read(file, LADDER) == []
+        assert whole.size == 2
 
     def test_cells_that_fail_are_named_and_tried_again(self, source, tmp_path, monkeypatch):
         original = femseal.scales.library.follow

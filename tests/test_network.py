@@ -510,7 +510,7 @@ def test_borders_of_fronts_name_every_node_once():
     keep = nodes_reached(network(c1, c2)) == 3
     inside = restricted(network(c1, c2), keep)
     c1, c2 = inside.along, inside.across
-    order, first, parent = elimination._dissect(keep[1:-1], True)
+    order, first, parent = elimination.dissect(keep[1:-1], True)
     assert np.array_equal(np.sort(order), np.flatnonzero(keep[1:-1]))
     rank = np.full(keep[1:-1].size + 2, -1)
     rank[order] = np.arange(order.size)

@@ -521,6 +521,58 @@ def test_meshes_that_overlap_themselves_or_have_undefined_nodes(kind):
         MeshSeal(kind(mesh.p, twice).with_boundaries(ends), "a", "b")
 
 
+def two_parts(kind, shift, turn=0.0, cells=6):
+    """Two unit squares with their own nodes, the second one moved."""
+    one = kind.init_tensor(*2 * [np.linspace(0, 1, cells + 1)])
+    c, s = np.cos(turn), np.sin(turn)
+    moved = np.array([[c, -s], [s, c]]) @ one.p + np.array(shift)[:, None]
+    both = kind(np.hstack([one.p, moved]), np.hstack([one.t, one.t + one.nvertices]))
+    ends = {"a": lambda x: x[0] == 0, "b": lambda x: (x[0] == 1) & (x[1] <= 1)}
+    return both.with_boundaries({name: one.facets_satisfying(end) for name, end in ends.items()})
+
+
+@pytest.mark.parametrize("kind", [MeshTri, MeshQuad])
+@pytest.mark.parametrize(
+    ("shift", "turn"),
+    [((0, 0), 0), ((0.5, 0.5), 0), ((1 / 3, 0), 0), ((0.43, 0.21), 0), ((0.3, 0.9), 0.4), ((0.95, 0.95), 0), ((0.5, -0.2), np.pi / 4)],
+)  # fmt: skip
+def test_parts_that_lie_on_each_other_are_refused(kind, shift, turn):
+    """Nodes of the two parts that coincide, lie on edges, or lie anywhere."""
+    with pytest.raises(InputError, match=r"^path: given a mesh whose element.* (overlap|lies on others)"):
+        MeshSeal(two_parts(kind, shift, turn), "a", "b")
+
+
+@pytest.mark.parametrize("cells", [1, 6])
+def test_a_part_within_another_is_refused(cells):
+    one, small = (
+        MeshTri.init_tensor(*2 * [np.linspace(0, 1, 5)]),
+        MeshTri.init_tensor(*2 * [np.linspace(0.3, 0.4, cells + 1)]),
+    )
+    both = MeshTri(np.hstack([one.p, small.p]), np.hstack([one.t, small.t + one.nvertices]))
+    with pytest.raises(InputError, match="lies on others"):
+        MeshSeal(both.with_boundaries({"a": lambda x: x[0] == 0, "b": lambda x: x[0] == 1}), "a", "b")
+
+
+@pytest.mark.parametrize("kind", [MeshTri, MeshQuad])
+@pytest.mark.parametrize("shift", [(1, 0), (1, 0.5), (1 - 1e-4, 0.37), (1, 1), (0, -1 + 1e-12), (1.5, 0.2)])
+def test_parts_beside_each_other_are_taken(kind, shift):
+    assert MeshSeal(two_parts(kind, shift), "a", "b").length == pytest.approx(1)
+
+
+@pytest.mark.parametrize(("angle", "good"), [(1.9, True), (2.3, False)])
+def test_a_band_that_winds_onto_itself_is_refused(angle, good):
+    """All its elements lie beside their neighbours; it is a ring with a slit, or covers its beginning once more."""
+    band = MeshQuad.init_tensor(np.linspace(1, 2, 4), np.linspace(0, angle * np.pi, 60))
+    r, theta = band.p
+    ends = {"a": band.facets_satisfying(lambda x: x[0] == 1), "b": band.facets_satisfying(lambda x: x[0] == 2)}
+    mesh = MeshQuad(np.array([r * np.cos(theta), r * np.sin(theta)]), band.t).with_boundaries(ends)
+    if good:
+        assert MeshSeal(mesh, "a", "b").length == pytest.approx(2 * angle * np.pi, rel=1e-2)
+    else:
+        with pytest.raises(InputError, match=r"overlap|lies on others"):
+            MeshSeal(mesh, "a", "b")
+
+
 def test_bad_ready_meshes():
     with pytest.raises(InputError, match=r"^path: given a MeshLine1, allowed is a plane mesh"):
         MeshSeal(MeshLine(), "a", "b")

@@ -7,6 +7,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 from numpy.testing import assert_allclose
 
@@ -50,6 +51,39 @@ def shown(face, states):
         "two_scale": fs.two_scale(scene, (2, 4)),
         "stochastic": fs.stochastic(scene, (2, 4), fs.Sampling(160e-6, 3, 8, seed=1)),
     }
+
+
+def test_few_outliers_leave_the_colours_to_the_others(face):
+    """A spike and a pit do not set the range; the bar says what is out of it, in the colours that it has there."""
+    from femseal.plots.height_map import ABOVE, BELOW, height_range
+
+    z = face.heights.copy()
+    plain = height_range(z)
+    assert plain.text == ""
+    assert (plain.low, plain.high) == (z.min(), z.max())
+    z[3, 4], z[20, 30] = 100e-6, -50e-6
+    z[5, 5:8] = np.nan
+    found = height_range(z)
+    assert_allclose((found.low, found.high), (plain.low, plain.high), rtol=1e-12)
+    figure = fs.Topography(z, face.spacing).plot()
+    image = figure.axes[0].images[0]
+    assert_allclose(image.get_clim(), (found.low * 1e6, found.high * 1e6))
+    share = 100 / (z.size - 3)
+    assert image.colorbar.ax.get_ylabel() == f"red: {share:.2g} % above, light blue: {share:.2g} % below"
+    assert image.colorbar.extend == "both"
+    rgba = image.to_rgba(image.get_array())
+    assert to_hex(rgba[3, 4]).upper() == ABOVE[0]
+    assert to_hex(rgba[20, 30]).upper() == BELOW[0]
+    assert to_hex(rgba[5, 6]) == "#ffffff"
+
+
+def test_maps_of_one_height_or_none_have_a_range():
+    from femseal.plots.height_map import height_range
+
+    assert height_range(np.full((4, 4), np.nan)).text == ""
+    level = np.zeros((40, 40))
+    level[3, 3] = 1.0
+    assert (height_range(level).low, height_range(level).high) == (0, 1)
 
 
 NAMES = [

@@ -19,10 +19,10 @@ from femseal.contact import HalfSpace, load_states
 from femseal.flow import cell_permeability
 from femseal.fluids import IdealGas, Liquid
 from femseal.loads import LoadProgramme
-from femseal.scales import LinkTable, draw_links
+from femseal.scales import LinkTable, draw_links, gap_error
 from femseal.seal import RectangularSeal
 from femseal.studies import Sampling, Scene, StochasticResult, deterministic, stochastic, two_scale
-from femseal.topography import Topography, self_affine, turned
+from femseal.topography import Topography, condition, read_topography, self_affine, turned
 
 # the package has functions of these names
 TWO_SCALE, STOCHASTIC = (import_module(f"femseal.studies.{name}") for name in ("two_scale", "stochastic"))
@@ -63,6 +63,11 @@ def rough():
 @pytest.fixture(scope="module")
 def rough_two_scale(rough):
     return two_scale(rough, (4, 6))
+
+
+@pytest.fixture(scope="module")
+def by_windows(rough):
+    return two_scale(rough, (4, 6), contact="windows")
 
 
 class TestClosedForms:
@@ -107,7 +112,7 @@ class TestClosedForms:
         heights[:, :w] = ridge * (1 + 0.9 * np.cos(2 * np.pi * (n / 8) * x1))[:, None]
         scene = make_scene(heights)
         touch = heights.max()
-        result = two_scale(scene, (4, 4))
+        result = two_scale(scene, (4, 4), contact="windows")
         assert (result.k1[0, :, 0] == 0).all()
         k = analytic.wavy_gap_across(touch, a / touch) if waves else analytic.parallel_plates(touch)
         assert_allclose(result.k1[0, :, 1:], k, rtol=2e-3 if waves else 1e-5)
@@ -120,7 +125,7 @@ class TestClosedForms:
                       roughness_roll_off=16 * PIXEL, cut_off=8 * PIXEL, rng=1)  # fmt: skip
         low, high = 0.004 * HARDNESS, 0.1 * HARDNESS
         scene = make_scene(face.heights, loading=(low, high), unload_from=(high,), unloading=(low,), rtol=1e-5)
-        result, exact = two_scale(scene, (8, 8)), deterministic(scene)
+        result, exact = two_scale(scene, (8, 8), contact="windows"), deterministic(scene)
         mean_gap = exact.gap.reshape(-1, 8, 32, 8, 32).mean(axis=(2, 4))
         for s, allowed in ((0, 0.1), (2, 0.03)):
             unloaded = result.pressure[s] <= 0
@@ -237,9 +242,10 @@ class TestAgainstTheWholeFace:
         """Waves of several windows, low slopes, far from closing: links are off by a ninth, the contact is not."""
         face = self_affine((96, 96), (96e-6, 96e-6), hurst=1.0, rms_slope=0.02, roll_off=96e-6, cut_off=16e-6, rng=2)
         scene = make_scene(face.heights, loading=(5e6, 2e7), unload_from=(2e7,), unloading=(5e6,))
-        whole, parts = deterministic(scene), two_scale(scene, (3, 3))
+        whole, parts = deterministic(scene), two_scale(scene, (3, 3), contact="windows")
         assert_allclose(parts.leakage, whole.leakage, rtol=0.12)
-        assert_allclose(two_scale(scene, (3, 3), flow="resolved").leakage, whole.leakage, rtol=1e-3)
+        resolved = two_scale(scene, (3, 3), contact="windows", flow="resolved")
+        assert_allclose(resolved.leakage, whole.leakage, rtol=1e-3)
         assert_allclose(parts.mean_gap.mean(axis=(1, 2)), whole.mean_gap, rtol=2e-4)
 
     def test_windows_find_again_what_the_global_contact_resolves(self):
@@ -249,7 +255,7 @@ class TestAgainstTheWholeFace:
         """
         face = self_affine((96, 128), (96e-6, 128e-6), hurst=0.8, rms_slope=0.2, roll_off=64e-6, cut_off=8e-6, rng=3)
         scene = make_scene(face.heights, loading=(5e7, 2e8, 6e8), unload_from=(6e8,), unloading=(2e8, 5e7), rtol=1e-6)
-        whole, parts = deterministic(scene), two_scale(scene, (3, 4))
+        whole, parts = deterministic(scene), two_scale(scene, (3, 4), contact="windows")
         assert_allclose(parts.contact_fraction.mean(axis=(1, 2)), whole.contact_fraction, rtol=0.02)
         assert_allclose(parts.plastic_fraction.mean(axis=(1, 2)), whole.plastic_fraction, atol=2e-3)
         others = ((parts.gap == 0) != (whole.gap == 0)).mean(axis=(1, 2))
@@ -271,15 +277,96 @@ class TestWindowsThatCannotWork:
         return make_scene(heights.heights, loading=(1e7,))
 
     def test_a_warning_names_the_window(self):
-        (text,) = two_scale(self.marks(), (2, 2)).warnings
+        (text,) = two_scale(self.marks(), (2, 2), contact="windows").warnings
         assert text.startswith("windows of 64 × 64 µm do not resolve the ridges of the face")
-        assert two_scale(self.marks(), (8, 8)).warnings == ()
+        assert two_scale(self.marks(), (8, 8), contact="windows").warnings == ()
+        assert two_scale(self.marks(), (2, 2)).warnings == ()
 
     def test_faces_without_ridges_or_with_all_of_them_in_a_window_are_not_warned_of(self, rough_two_scale):
         assert rough_two_scale.failures == rough_two_scale.warnings == ()
         x2 = (np.arange(64) + 0.5) * PIXEL
         scene = make_scene(np.tile(5e-7 * np.cos(2 * np.pi * x2 / 4e-6), (64, 1)), loading=(1e7,))
-        assert two_scale(scene, (2, 2)).warnings == ()
+        assert two_scale(scene, (2, 2), contact="windows").warnings == ()
+
+
+def rms(gap, scale):
+    return np.sqrt(np.mean((gap - scale) ** 2, axis=(1, 2)) / np.mean(scale**2, axis=(1, 2)))
+
+
+class TestRareTallPoints:
+    """The low-pass of the contact of windows flattens them, and with them what carries the first load."""
+
+    @pytest.fixture(scope="class")
+    @classmethod
+    def face(cls):
+        n = 192
+        face = self_affine((n, n), (n * PIXEL, n * PIXEL), hurst=0.8, rms_slope=0.02, roll_off=30e-6, rng=2)
+        x = np.arange(n) + 0.5
+        heights = face.heights.copy()
+        for a, b in np.random.default_rng(3).integers(0, n, (6, 2)):
+            heights += 1e-6 * np.exp(-((x[:, None] - a) ** 2 + (x - b) ** 2) / 4.5)
+        tall = Topography(heights, face.spacing).low_pass(8e-6)
+        scene = make_scene(tall.heights, loading=(1e7, 5e7), unload_from=(5e7,), unloading=(1e7,), rtol=1e-6)
+        return scene, deterministic(scene)
+
+    def test_contact_is_that_of_the_whole_face(self, face):
+        scene, whole = face
+        result = two_scale(scene, (2, 2), flow="resolved")
+        assert (result.contact, result.warnings) == ("whole", ())
+        assert_array_equal(result.gap, whole.gap)
+        assert_array_equal(result.gap_error, 0)
+        assert_allclose(result.leakage, whole.leakage, rtol=1e-5)  # gaps are kept in single precision
+        assert_allclose(result.contact_fraction.mean(axis=(1, 2)), whole.contact_fraction, rtol=1e-12)
+        assert_allclose(result.plastic_fraction.mean(axis=(1, 2)), whole.plastic_fraction, rtol=1e-12)
+        assert_allclose(result.pressure.mean(axis=(1, 2)), scene.steps.pressures, rtol=1e-8)
+        assert_allclose(result.contact_pressure.mean(axis=(1, 2)), scene.steps.pressures, rtol=1e-6)
+
+    def test_contact_of_windows_tells_its_error(self, face):
+        """The estimate against the error, with plastic deformation and after a peak as well."""
+        scene, whole = face
+        result = two_scale(scene, (2, 2), contact="windows")
+        error = rms(result.gap, whole.gap)
+        assert (error > 0.2).all()
+        assert_allclose(result.gap_error, error, rtol=0.1)
+        (text,) = [t for t in result.warnings if t.startswith("contact of windows")]
+        assert f"off by {result.gap_error.max():.0%} at loading 10 MPa" in text
+        assert "deterministic" in text
+
+    def test_a_solution_has_no_error(self, face):
+        scene, _ = face
+        body = HalfSpace(scene.surface.shape, scene.surface.spacing, MODULUS, scene.boundary)
+        gap0 = -scene.surface.heights
+        states = list(load_states(gap0, body, scene.steps, hardness=HARDNESS, rtol=1e-8))
+        peak = states[1].contact.pressure
+        assert (peak == HARDNESS).any()
+        for state in states:
+            contact = state.contact
+            before = None if state.unloaded_from is None else peak
+            found = gap_error(
+                contact.gap, contact.pressure, before, undeformed=gap0, half_space=body, hardness=HARDNESS
+            )
+            assert found < 1e-5
+        off = gap_error(2 * contact.gap, contact.pressure, peak, undeformed=gap0, half_space=body, hardness=HARDNESS)
+        assert_allclose(off, 0.5, rtol=1e-4)
+
+    @pytest.mark.parametrize("contact", ["whole", "windows"])
+    def test_of_the_size_of_the_face(self, contact, rough, monkeypatch):
+        pixels = 96 * 96 - (contact == "windows")
+        monkeypatch.setattr("femseal.studies.face_contact.WHOLE_PIXELS", pixels)
+        assert two_scale(rough, (4, 6)).contact == contact
+        assert stochastic(rough, (4, 6), SAMPLING).library.contact == contact
+
+    def test_unknown_contact(self, rough):
+        with pytest.raises(InputError, match="contact: given magic, allowed is one of whole, windows"):
+            two_scale(rough, (4, 6), contact="magic")
+
+    @pytest.mark.slow
+    def test_on_a_measured_face(self, instrument_file):
+        """Turned, kurtosis 293."""
+        surface, _ = condition(read_topography(instrument_file("mnt-1.mnt")), shape=(480, 288))
+        scene = make_scene(surface.heights, surface.spacing, hardness=8.4e8, loading=(5e6, 1e7))
+        assert_allclose(two_scale(scene, (4, 4), flow="resolved").leakage, deterministic(scene).leakage, rtol=1e-3)
+        assert two_scale(scene, (4, 4), contact="windows").gap_error.max() > 0.1
 
 
 class TestLinksThatCloseWhereTheGapIsOpen:
@@ -624,16 +711,15 @@ class TestErrorOfTheLibrary:
 
     steps = LoadProgramme.of((1e8,))
 
-    def spread(self, cells, links, sigma=0.5, realisations=200):
+    def spread(self, cells, links, sigma=0.5, realisations=200, copies=1):
         rng = np.random.default_rng(4)
-        table = LinkTable(
-            np.exp(sigma * rng.standard_normal((1, 1, cells))), np.zeros((1, links), int), self.steps, 0.0, 1.0
-        )
-        none = LinkTable(np.empty((1, 1, cells)), np.zeros((0, links), int), self.steps)
+        k = np.tile(np.exp(sigma * rng.standard_normal((1, 1, cells))), copies)
+        table = LinkTable(k, np.zeros((1, links), int), self.steps, 0.0, 1.0)
+        none = LinkTable(np.empty(k.shape), np.zeros((0, links), int), self.steps)
         scene = make_scene(np.zeros((8, 8)), loading=(1e8,))
         seal = RectangularSeal((1e-3, links * 1e-3), (1, links))
         task = [STOCHASTIC._realise(r, again, scene=scene, seal=seal, kinds=((table, none),),
-                                               sampling=replace(SAMPLING, sampler="history")).leakage
+                                               sampling=replace(SAMPLING, sampler="history"), independent=1 / copies).leakage
                 for again in (False, True) for r in range(realisations)]  # fmt: skip
         leakage = np.array(task).reshape(2, realisations, 1)
         return StochasticResult(self.steps, seal, None, leakage[0], leakage[1])
@@ -646,27 +732,38 @@ class TestErrorOfTheLibrary:
             assert_allclose(result.realisation_spread[0], v / np.sqrt(links), rtol=0.2)
             assert_allclose(result.library_error[0], v / np.sqrt(cells), rtol=0.3)
 
+    def test_the_same_windows_once_more_lessen_no_error(self):
+        v = np.sqrt(np.exp(0.25) - 1)
+        assert_allclose(self.spread(100, 400, copies=4).library_error[0], v / np.sqrt(100), rtol=0.3)
+
+    def test_windows_that_overlap_add_no_area(self, rough):
+        """A face of 24 windows: more of them are cut from the same area."""
+        for pressure, count, size in (("place", 6, 24), ("place", 24, 24), ("place", 96, 96), ("uniform", 32, 32)):
+            sampling = replace(SAMPLING, pressure=pressure, library_cells=count, realisations=2)
+            library = stochastic(replace(rough, unload_from=(), unloading=()), (4, 6), sampling).library
+            assert (library.size, library.independent) == (size, 24), (pressure, count)
+
     def test_needed_numbers(self):
-        result = replace(self.spread(100, 400), library=SimpleNamespace(size=100))
+        result = replace(self.spread(100, 400), library=SimpleNamespace(independent=100))
         realisations, windows = result.needed(0.01)
         assert_allclose(windows, 2 * 100 * (result.library_error[0] / 0.01) ** 2, atol=1)
         assert_allclose(realisations, 2 * np.pi / 2 * (result.realisation_spread[0] / 0.01) ** 2, atol=1)
         assert result.needed(10.0) == (2, 1)
 
     def test_quantiles_that_cannot_be_trusted(self):
-        result = replace(self.spread(20, 400, realisations=20), library=SimpleNamespace(size=20))
+        result = replace(self.spread(20, 400, realisations=20), library=SimpleNamespace(independent=20))
         assert "at least 1000 needed" in result.unsupported(0.001)[0]
         # the band of realisations is narrower than the error of the library
         assert "error of 20 library windows" in result.unsupported(0.4)[0]
-        assert replace(self.spread(1000, 10), library=SimpleNamespace(size=1000)).unsupported(0.05) == ()
+        assert replace(self.spread(1000, 10), library=SimpleNamespace(independent=1000)).unsupported(0.05) == ()
 
     def test_more_is_drawn_until_the_width_is_reached(self, rough):
         sampling = replace(SAMPLING, pressure="uniform", library_cells=16, realisations=16)
         scene = replace(rough, loading=(1e8,), unload_from=(), unloading=())
-        result = stochastic(scene, (4, 6), replace(sampling, width=0.2))
+        result = stochastic(scene, (8, 8), replace(sampling, width=0.5))
         assert result.library.size > 16
         assert result.failures == result.warnings == ()
-        realisations, windows = result.needed(0.2)
+        realisations, windows = result.needed(0.5)
         assert realisations <= len(result.leakage)
         assert windows <= result.library.size
         # a face of 24 windows has no more of them
@@ -766,11 +863,11 @@ class TestFailures:
 
         monkeypatch.setattr(module, name, failing)
 
-    def test_contact_of_a_window(self, rough, rough_two_scale, monkeypatch):
+    def test_contact_of_a_window(self, rough, by_windows, monkeypatch):
         """Itself and the links across that reach into it."""
-        pressure = rough_two_scale.pressure[1, 0, 4]
+        pressure = by_windows.pressure[1, 0, 4]
         self.fail(monkeypatch, femseal.scales.window, "solve_deformed_contact", pressure=pressure)
-        result = two_scale(rough, (4, 6))
+        result = two_scale(rough, (4, 6), contact="windows")
         assert result.failures == ("cell (0, 4), loading 300 MPa: did not converge",)
         assert_array_equal(np.isnan(result.leakage), [False, True, False, False, False])
         assert_array_equal(np.argwhere(np.isnan(result.k1)), [[1, 0, 4]])
@@ -778,13 +875,14 @@ class TestFailures:
         assert_array_equal(np.argwhere(np.isnan(result.mean_gap)), [[1, 0, 4]])
         assert np.isnan(result.fluid_pressure[1]).all()
         others = [0, 2, 3, 4]
-        assert_array_equal(result.leakage[others], rough_two_scale.leakage[others])
+        assert_array_equal(result.leakage[others], by_windows.leakage[others])
+        assert_array_equal(np.isnan(result.gap_error), [False, True, False, False, False])
 
-    def test_contact_of_a_window_at_the_peak_takes_its_unloading_along(self, rough, rough_two_scale, monkeypatch):
-        window = np.unravel_index(rough_two_scale.pressure[4].argmax(), (4, 6))
-        pressure = rough_two_scale.pressure[2][window]
+    def test_contact_of_a_window_at_the_peak_takes_its_unloading_along(self, rough, by_windows, monkeypatch):
+        window = np.unravel_index(by_windows.pressure[4].argmax(), (4, 6))
+        pressure = by_windows.pressure[2][window]
         self.fail(monkeypatch, femseal.scales.window, "solve_deformed_contact", pressure=pressure)
-        result = two_scale(rough, (4, 6))
+        result = two_scale(rough, (4, 6), contact="windows")
         assert [f.split(", ", 2)[2] for f in result.failures] == [
             "loading 600 MPa: did not converge",
             "unloading 300 MPa from 600 MPa: the peak of this unloading failed",
@@ -807,17 +905,17 @@ class TestFailures:
         assert result.failures == ("unloading 300 MPa from 600 MPa: did not converge",)
         assert_array_equal(np.isnan(result.leakage), [False, False, False, True, False])
 
-    def test_a_column_with_a_failed_cell_gives_way_to_the_next(self, rough, rough_two_scale, monkeypatch):
+    def test_a_column_with_a_failed_cell_gives_way_to_the_next(self, rough, by_windows, monkeypatch):
         """Of the links across it takes the column before along."""
-        pressure = rough_two_scale.pressure[1, 0, 4]
+        pressure = by_windows.pressure[1, 0, 4]
         self.fail(monkeypatch, femseal.scales.window, "solve_deformed_contact", pressure=pressure)
-        result = stochastic(rough, (4, 6), SAMPLING)
+        result = stochastic(rough, (4, 6), SAMPLING, contact="windows")
         assert result.failures == ("cell (0, 4), loading 300 MPa: did not converge",)
         assert np.isfinite(result.leakage).all()
         taken = [0, 1, 2, 5, 5, 5]
         kept = [0, 2, 3, 4]  # at the step that failed the others stand off a little differently
-        assert_array_equal(result.library.k1[kept], rough_two_scale.k1[kept][..., taken])
-        assert_array_equal(result.library.k2[kept], rough_two_scale.k2[kept][..., taken])
+        assert_array_equal(result.library.k1[kept], by_windows.k1[kept][..., taken])
+        assert_array_equal(result.library.k2[kept], by_windows.k2[kept][..., taken])
         assert np.isnan(result.library.curves.k[4, 1])
 
     def test_a_cell_of_a_library_of_a_ladder_is_left_out(self, rough, monkeypatch):
@@ -858,4 +956,4 @@ class TestFailures:
             self.fail(monkeypatch, module, "solve_deformed_contact", calls=range(10**6))
         for pressure in ("place", "uniform"):
             with pytest.raises(FemsealError, match="every c"):
-                stochastic(rough, (4, 6), replace(SAMPLING, pressure=pressure, library_cells=4))
+                stochastic(rough, (4, 6), replace(SAMPLING, pressure=pressure, library_cells=4), contact="windows")

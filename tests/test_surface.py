@@ -1,5 +1,6 @@
 """Measured faces before use: spikes, texture, spectrum, the report, and two faces laid on one another."""
 
+import pickle
 import re
 from dataclasses import fields
 from math import inf, nan, pi
@@ -187,6 +188,7 @@ def test_a_part_that_is_defined_is_offered_and_fits():
         face.fill_undefined()
     assert_allclose(error.value.part, (0, 160e-6, 0, 80e-6))
     assert face.crop_to(error.value.part).fill_undefined().shape == (160, 80)
+    assert str(pickle.loads(pickle.dumps(error.value))) == str(error.value)
     moved = error.value.from_origin(1e-3, 2e-3)
     assert '["1 mm", "1.16 mm", "2 mm", "2.08 mm"]' in str(moved)
 

@@ -143,11 +143,11 @@ def _solve(prepared: Prepared, variant: Variant, mapper: Mapper) -> tuple[Array,
         whole = deterministic(scene, mapper=mapper)
         return whole.leakage, whole.failures
     if variant.library_cells is None:
-        windows = two_scale(scene, variant.cells, mapper=mapper)
+        windows = two_scale(scene, variant.cells, flow=prepared.flow, contact=prepared.contact, mapper=mapper)
         return windows.leakage, windows.failures
     assert prepared.sampling is not None
     sampling = replace(prepared.sampling, library_cells=variant.library_cells)
-    seals = stochastic(scene, variant.cells, sampling, mapper=mapper)
+    seals = stochastic(scene, variant.cells, sampling, contact=prepared.contact, mapper=mapper)
     return seals.quantile(0.5), seals.failures
 
 

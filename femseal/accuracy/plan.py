@@ -11,7 +11,7 @@ from ..base.quantities import to_text
 from ..runs.case import Case
 from ..runs.preparation import Prepared
 from ..scales import Partition
-from ..studies import seal_cells
+from ..studies import placed_windows, seal_cells
 from ..studies.costs import deterministic_cost, stochastic_cost, two_scale_cost, usual_efforts
 
 Pair = tuple[int, int]
@@ -180,10 +180,12 @@ def _candidates(prepared: Prepared) -> Iterator[tuple[Variant | str, str]]:
             yield Variant("two-scale", points, other), _window_fault(prepared, points, other)
     if sampling is None:
         return
-    least = cells[0] if sampling.pressure == "place" else 1
-    for size in dict.fromkeys(sampling.library_cells // n for n in COARSENINGS):
-        fault = f"a library of at least {least} is needed" if size < min(least, sampling.library_cells) else ""
-        yield Variant("stochastic", points, cells, size), fault
+    sizes = [sampling.library_cells // n for n in COARSENINGS]
+    if sampling.pressure == "place":  # all windows of the face, however few are asked for
+        partition = Partition(points, scene.surface.spacing, cells)
+        sizes = [placed_windows(replace(sampling, library_cells=size), partition) for size in sizes]
+    for size in dict.fromkeys(sizes):
+        yield Variant("stochastic", points, cells, size), "" if size else "a library of at least 1 is needed"
 
 
 def _grid(points: Pair, coarsening: int, cells: Pair) -> Pair:
@@ -222,12 +224,12 @@ def _cost(prepared: Prepared, variant: Variant) -> tuple[float, float]:
     if variant.cells is None:
         return deterministic_cost(efforts, variant.points)
     if variant.library_cells is None:
-        return two_scale_cost(efforts, variant.points, variant.cells)
+        return two_scale_cost(efforts, variant.points, variant.cells, prepared.flow, prepared.contact)
     assert prepared.sampling is not None
     sampling = replace(prepared.sampling, library_cells=variant.library_cells)
     surface = prepared.scene.surface
     seal = seal_cells(Partition(surface.shape, surface.spacing, variant.cells), sampling)
-    return stochastic_cost(efforts, variant.points, variant.cells, sampling, seal)
+    return stochastic_cost(efforts, variant.points, variant.cells, sampling, seal, prepared.contact)
 
 
 def _may_be_reference(prepared: Prepared, variant: Variant) -> bool:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import platform
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import psutil
@@ -34,6 +36,28 @@ def peak_memory() -> int:
 def free_memory() -> float:
     """Memory that processes can get on this machine without swapping [byte]."""
     return float(psutil.virtual_memory().available)
+
+
+@contextmanager
+def within_free_memory() -> Iterator[None]:
+    """Context in which asking for more memory than is free now raises MemoryError, where Linux would end the process.
+
+    For reading files that may unpack to any size. On other systems it does nothing.
+    """
+    if sys.platform != "linux":
+        yield
+        return
+    import resource
+
+    soft, hard = resource.getrlimit(resource.RLIMIT_AS)
+    limit = psutil.Process().memory_info().vms + int(free_memory())
+    if soft != resource.RLIM_INFINITY:
+        limit = min(limit, soft)
+    resource.setrlimit(resource.RLIMIT_AS, (limit, hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_AS, (soft, hard))
 
 
 def _processor() -> str:

@@ -4,7 +4,8 @@ The minimum of ½⟨p, Kp⟩ + ⟨p, h₁⟩ under 0 ≤ p ≤ H and a given loa
 c > 0, with v = Kp + h₁ and the δ that keeps Σ y = load. One iteration computes y. Where y moves points out of contact,
 to the hardness or back, the sets change: p becomes y, and a product with K gives the new v. Then conjugate gradients on
 the free points (0 < p < H) lower the energy for a few steps, with a product with K each. This is an inexact semismooth
-Newton method. There is no proof of convergence: `ActiveSets.residual` is the residual reached.
+Newton method. There is no proof of convergence: after 60 iterations `Descent` takes over, and `ActiveSets.residual` is
+the residual reached.
 Sources: Moré & Toraldo, SIAM J. Optim. 1, 1991, 93; Polonsky & Keer, Wear 231, 1999, 206.
 """
 

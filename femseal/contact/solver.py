@@ -125,8 +125,8 @@ def solve_contact(
     Notes
     -----
     Inexact semismooth Newton on the contact and plastic sets, as in gradient-projection conjugate gradients
-    (Moré & Toraldo, SIAM J. Optim. 1, 1991, 93; Polonsky & Keer, Wear 231, 1999, 206). There is no proof of
-    convergence, so the residual is computed again from the returned pressure.
+    (Moré & Toraldo, SIAM J. Optim. 1, 1991, 93; Polonsky & Keer, Wear 231, 1999, 206), and where the sets do not settle
+    within 60 iterations, steps that never raise the energy. The residual is that of the returned pressure.
     """
     gap, bounds, pressure, approach = _validated(gap0, half_space, pressure, approach, hardness, rtol)
     problem = _Problem(gap, half_space, bounds, pressure, approach, rtol)

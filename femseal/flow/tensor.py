@@ -91,6 +91,7 @@ def _by_matrix(
         correction[unknown] = solve_spd(matrix, load[unknown], _RTOL, solver).x
     drop = mean_drop + correction[end] - correction[start]
     tensor, flux = drop.T @ (c[:, None] * drop), mean_drop.T @ (c[:, None] * drop)
+    tensor = (tensor + tensor.T) / 2  # products of matrices round both halves apart
     for a in (tensor, flux):
         a[closed, :] = 0.0
         a[:, closed] = 0.0

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from ..base.errors import InputError
 from ..flow.coefficient import cubic_law
 from ..results.branches import Steps, branches
-from .drawing import GREY, STYLES, new_figure
+from .drawing import GREY, LINES, STYLES, Sheet
+from .scales_of_axes import decades, load_axis
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -23,10 +24,10 @@ Array = NDArray[np.float64]
 
 
 def cells_figure(results: Results, count: int = 4) -> Figure:
-    """Permeability of cells along the cycle: against nominal pressure, and against their mean gap.
+    """Permeability of cells along the cycle: against nominal pressure, their mean gap, and their contact pressure.
 
     Left: `count` cells along the loading and one unloading, over all cells; no line = closed. The unloading is that
-    from the highest peak after which at least a fifth of the cells are open under pressure. Right: loading, unloading,
+    from the highest peak after which at least a fifth of the cells are open under pressure. Others: loading, unloading,
     and k = h̄³/12 of parallel plates. Cells are those of the library, else the windows.
 
     Raises
@@ -34,14 +35,11 @@ def cells_figure(results: Results, count: int = 4) -> Figure:
     InputError : results without cells.
     """
     cells = cells_of(results)
-    figure = new_figure(9.6, 4.3)
-    left, right = figure.subplots(1, 2, sharey=True)
-    cell_curves_panel(left, cells, count)
-    gap_panel(right, cells)
-    left.set_title(f"(a) {left.get_title()}", fontsize=9.5)
-    right.set(title="(b) all cells", ylabel="")
-    right.title.set_fontsize(9.5)
-    return figure
+    sheet = Sheet([4.0], columns=3)
+    cell_curves_panel(sheet.panel(0, 0, LINES), cells, count)
+    gap_panel(sheet.panel(0, 1, LINES), cells)
+    pressure_panel(sheet.panel(0, 2, LINES), cells)
+    return sheet.figure
 
 
 @dataclass(frozen=True)
@@ -116,6 +114,7 @@ def cell_curves_panel(axes: Axes, cells: Cells, count: int = 4) -> None:
             label = cells.name(int(cell)) if width > 2 else None
             axes.plot(nominal[steps], y, color=colour, ls=line, lw=width, marker="o", ms=size, label=label)
     axes.set_title(f"thin: loading{name}; no line: closed", fontsize=9.5)
+    load_axis(axes, nominal)
     if not _log_permeability(axes, cells):
         return
     if axes.get_legend_handles_labels()[0]:
@@ -139,9 +138,12 @@ def gap_panel(axes: Axes, cells: Cells) -> None:
     axes.plot(plates, cubic_law(plates * 1e-6), color="black", lw=1.4, label="parallel plates, h̄³/12")
     axes.set_xlim(plates[0], plates[-1])
     axes.set_ylim(low, max(high, 3 * cubic_law(plates[-1] * 1e-6)))
+    decades(axes.yaxis)
     if plates[-1] < 1e3 * plates[0]:
         axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
         axes.xaxis.set_major_formatter("{x:g}")
+    else:
+        decades(axes.xaxis)
     axes.xaxis.set_minor_formatter(NullFormatter())
     _opaque_legend(axes, "upper left")
 
@@ -174,6 +176,7 @@ def _log_permeability(axes: Axes, cells: Cells) -> bool:
         return False
     axes.set_yscale("log")
     axes.set_ylim(low, high)
+    decades(axes.yaxis)
     return True
 
 

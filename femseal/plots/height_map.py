@@ -37,13 +37,14 @@ class HeightRange:
 
 
 def height_range(heights: NDArray) -> HeightRange:
-    """Range that a few outliers do not widen: all heights, but none farther than a margin from the percentiles."""
+    """Range that a few outliers do not widen: of all heights that are no farther than a margin from percentiles."""
     z = heights[~np.isnan(heights)]
     if not z.size:
         return HeightRange(0.0, 1.0, 0.0, 0.0)
     low, high = (float(v) for v in np.percentile(z, _PERCENTILES))
     margin = _MARGIN * (high - low)
-    low, high = max(low - margin, float(z.min())), min(high + margin, float(z.max()))
+    near = z[(z >= low - margin) & (z <= high + margin)]
+    low, high = float(near.min()), float(near.max())
     if high == low:  # nearly all points at one height: nothing to spread but the outliers
         low, high = float(z.min()), float(z.max())
     return HeightRange(low, high, float(np.mean(z < low)), float(np.mean(z > high)))

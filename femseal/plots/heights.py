@@ -2,17 +2,26 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
+from ..results.face_maps import block_means
 from ..topography import Topography
-from .drawing import STYLES, new_figure
+from .drawing import HEIGHTS, LINES, STYLES, Sheet, map_row
 from .height_map import height_panel
 from .registry import shows
+from .scales_of_axes import decades
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+
+Array = NDArray[np.float64]
+#: Least height of the panels of profiles [inch], and most points of a map along a side.
+_PROFILE, _SEEN = 2.2, 1024
 
 
 @shows(Topography)
@@ -23,14 +32,13 @@ def heights_figure(topography: Topography) -> Figure:
     ----------
     topography : heights; where points are undefined the spectral densities are left out.
     """
-    from matplotlib.ticker import NullFormatter
-
-    z = topography.heights * 1e6
-    (n1, n2), (l1, l2), (d1, d2) = topography.shape, topography.size, topography.spacing
-    figure = new_figure(11.0, float(np.clip(5.6 * l1 / l2, 3.4, 5.6)) + 0.8)
-    grid = figure.add_gridspec(2, 2, width_ratios=(1.25, 1))
-    image, profile, density = (figure.add_subplot(place) for place in (grid[:, 0], grid[0, 1], grid[1, 1]))
-    height_panel(image, z, (l1 * 1e3, l2 * 1e3))
+    l1, l2 = topography.size
+    row = max(map_row((l1, l2), HEIGHTS), 2 * _PROFILE)
+    sheet = Sheet([row], columns=2)
+    height_panel(sheet.panel(0, 0, HEIGHTS), _drawn_heights(topography.heights) * 1e6, (l1 * 1e3, l2 * 1e3))
+    upper, lower = replace(LINES, bottom=row / 2 + 0.55), replace(LINES, top=row / 2 + 0.35)
+    profile, density = sheet.panel(0, 1, upper), sheet.panel(0, 1, lower)
+    z, (n1, n2), (d1, d2) = topography.heights * 1e6, topography.shape, topography.spacing
     for axis, (line, n, d) in enumerate(((z[:, n2 // 2], n1, d1), (z[n1 // 2], n2, d2))):
         colour, style, _ = STYLES[axis]
         label = ("along x1 (leakage)", "along x2")[axis]
@@ -43,12 +51,18 @@ def heights_figure(topography: Topography) -> Figure:
     profile.set_title("profiles through the middle", fontsize=9.5)
     density.set(xlabel="wavenumber q = 2π/λ [rad/m]", ylabel="spectral density [m³]")
     density.set_title("mean spectral density of profiles", fontsize=9.5)
-    density.xaxis.set_minor_formatter(NullFormatter())
     for axes in (profile, density):
         axes.grid(alpha=0.25, lw=0.6)
         axes.tick_params(labelsize=8)
     if topography.undefined_share:
         density.annotate("undefined points", (0.5, 0.5), xycoords="axes fraction", ha="center", va="center")
-    figure.align_ylabels((profile, density))
-    figure.legend(*profile.get_legend_handles_labels(), loc="outside upper right", ncols=2, fontsize=8.5, frameon=False)
-    return figure
+    else:
+        decades(density.xaxis)
+        decades(density.yaxis)
+        density.legend(fontsize=8, framealpha=0.9)
+    return sheet.figure
+
+
+def _drawn_heights(heights: Array) -> Array:
+    """Heights as many as can be seen."""
+    return heights if max(heights.shape) <= _SEEN else block_means(heights, _SEEN).astype(float)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from math import ceil
 from typing import TYPE_CHECKING, Any
 from weakref import WeakKeyDictionary
 
@@ -15,7 +16,7 @@ from ..results.branches import Steps, branches, pressures_and_peaks
 from ..results.results import Results
 from ..results.tables import leak_scale, leakage_of
 from ..studies import DeterministicResult, StochasticResult, TwoScaleResult
-from .drawing import GREY, branch_styles, new_figure, one_panel
+from .drawing import GREY, LINES, Sheet, branch_styles, one_panel
 from .registry import shows
 from .scales_of_axes import decades, load_axis
 
@@ -162,6 +163,16 @@ def _other_handles(several: Sequence[LeakageCurves]) -> list[Any]:
     return handles
 
 
+#: Height of a line of the legend [inch].
+_LEGEND_LINE = 0.19
+
+
+def _legend_lines(curves: LeakageCurves) -> int:
+    """Number of entries of the legend of curves in a figure of their own."""
+    extra = sum(name in curves.others for name, *_ in _SINGLE) + 2 * (curves.band is not None) + 1
+    return 1 + len(branches(curves.pressure, curves.peaks)) + extra
+
+
 #: Curves and artists drawn into given axes; the next curves are drawn together with them.
 _SHARED: WeakKeyDictionary[Axes, tuple[list[LeakageCurves], list[Any]]] = WeakKeyDictionary()
 
@@ -170,10 +181,13 @@ def _curves_figure(curves: LeakageCurves, ax: Axes | None, label: str | None) ->
     """The curves in a figure of their own, or together with those drawn into the same axes before."""
     curves = curves if label is None else replace(curves, title=label)
     if ax is None:
-        figure = new_figure(7.4, 4.4)
-        handles = leakage_panel(figure.add_subplot(), curves)
-        figure.legend(handles=handles, loc="outside right upper", frameon=False, fontsize=8.5, handlelength=3.4)
-        return figure
+        sheet = Sheet([4.2 + _LEGEND_LINE * ceil(_legend_lines(curves) / 2)])
+        margins = replace(
+            LINES, left=1.0, right=0.65, top=0.15, bottom=0.7 + _LEGEND_LINE * ceil(_legend_lines(curves) / 2)
+        )
+        handles = leakage_panel(sheet.panel(0, 0, margins), curves)
+        sheet.figure.legend(handles=handles, loc="lower center", ncols=2, frameon=False, fontsize=8.5, handlelength=3.4)
+        return sheet.figure
     several, artists = _SHARED.setdefault(ax, ([], []))
     for artist in artists:
         artist.remove()

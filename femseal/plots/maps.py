@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -10,7 +10,20 @@ from numpy.typing import NDArray
 
 from ..base.errors import InputError
 from ..base.leak_units import leakage_unit
-from .drawing import CLOSED, STYLES, colour_bar, map_panel, new_figure, with_closed
+from .drawing import (
+    CLOSED,
+    LINES,
+    MAP,
+    POCKET,
+    STYLES,
+    Margins,
+    Sheet,
+    colour_bar,
+    map_panel,
+    map_row,
+    with_closed,
+)
+from .face_panels import face_contact_panel, face_fluid_panel, face_gap_panel, face_size
 
 if TYPE_CHECKING:
     import xarray
@@ -27,47 +40,57 @@ _DECADES = 10
 
 
 def default_step(data: xarray.Dataset) -> int:
-    """The step of the highest load at which the two-scale seal leaks; the first step if it never does."""
-    leaking = np.flatnonzero(np.nan_to_num(data["leakage_two_scale"].values) != 0)
+    """The step of the highest load at which the face leaks, by two scales if run; the first step if it never does."""
+    name = "leakage_two_scale" if "leakage_two_scale" in data else "leakage_deterministic"
+    leaking = np.flatnonzero(np.nan_to_num(data[name].values) != 0)
     return int(leaking[np.argmax(data["nominal_pressure"].values[leaking])]) if leaking.size else 0
 
 
-def seal_figure(results: Results, step: int | None = None) -> Figure:
-    """Contact pressure, fluid pressure with the flow, and permeability of the windows over the seal at one step.
+def has_maps(data: xarray.Dataset) -> bool:
+    """Whether there are fields over the face: of windows, or of a deterministic study."""
+    return "k1" in data or "face_gap" in data
 
-    Gaps of two windows are added if the fields of the two-scale study are in memory or in the folder: of
-    the critical one, in which the flow loses most power, and of the one that carries most flow of the others.
+
+def seal_figure(results: Results, step: int | None = None, gaps: Sequence[Array] | None = None) -> Figure:
+    """Maps of the seal at one step: fluid pressure, contact pressure, and permeability or gap.
+
+    Of a two-scale study: the windows, with the flow as arrows, and A and B, the critical window, in which the flow
+    loses most power, and the one that carries most flow of the others; with their gaps if the fields of the study are
+    in memory or in the folder. Else of a deterministic study, in blocks.
 
     Parameters
     ----------
     step : index of the load step; the highest load that still leaks unless given.
+    gaps : of A and B, see `critical_gaps`; taken from the results unless given.
 
     Raises
     ------
-    InputError : results without a two-scale study, or no such step.
+    InputError : results without fields over the face, or no such step.
     """
     data = results.dataset
-    if "k1" not in data:
-        raise InputError.of("seal figure", "results without windows", "those of a two-scale study")
+    if not has_maps(data):
+        raise InputError.of("seal figure", "results without maps", "those of a two-scale or a deterministic study")
     s = default_step(data) if step is None else step
     if not 0 <= s < data.sizes["step"]:
         raise InputError.of("step", step, f"0 to {data.sizes['step'] - 1}")
-    size = seal_size(data)
-    # long seals below one another, others two by two
-    columns = 1 if size[1] > 3 * size[0] else 2
-    panel = float(np.clip(8.8 / columns * size[0] / size[1], 0.4, 4.4))
-    heights = [panel + 0.95] * (4 // columns)
-    heights[-1] = max(heights[-1], 2.9)
-    figure = new_figure(11.0, sum(heights) + 0.2)
-    grid = figure.add_gridspec(4 // columns, columns, height_ratios=heights)
-    contact, fluid, k_axes = (figure.add_subplot(grid[divmod(n, columns)]) for n in range(3))
-    contact_panel(contact, data, s)
-    fluid_panel(fluid, data, s)
-    permeability_panel(k_axes, data, s)
-    if s in results.stored_steps:
-        _insets(figure, grid[divmod(3, columns)], results, s, (contact, k_axes), 72 * panel / data.sizes["cell1"])
-    figure.suptitle(f"{data['name'].values[s]}; inlet at x1 = 0", fontsize=11)
-    return figure
+    windows = "k1" in data
+    size = seal_size(data) if windows else face_size(data)
+    row = map_row(size)
+    sheet = Sheet([row, max(row, 2.9)], columns=2, head=0.35)
+    panels: list[Callable[..., None]] = (
+        [fluid_panel, contact_panel, permeability_panel]
+        if windows
+        else [face_fluid_panel, face_contact_panel, face_gap_panel]
+    )
+    for n, draw in enumerate(panels):
+        draw(sheet.panel(*divmod(n, 2), MAP), data, s)
+    if windows:
+        found = critical_gaps(results, s) if gaps is None else gaps
+        _critical_windows(sheet, data, s, found, 72 * (row - MAP.bottom - MAP.top) / data.sizes["cell1"])
+    else:
+        drop_panel(sheet.panel(1, 1, LINES), data, [s])
+    sheet.figure.suptitle(f"{data['name'].values[s]}; inlet at x1 = 0", fontsize=11, y=1 - 0.1 / sheet.height, va="top")
+    return sheet.figure
 
 
 def seal_size(data: xarray.Dataset) -> tuple[float, float]:
@@ -89,8 +112,8 @@ def fluid_panel(axes: Axes, data: xarray.Dataset, s: int) -> None:
     (m1, m2), (x1, x2) = data["k1"].shape[1:], (data[n].values * 1e3 for n in ("cell1", "cell2"))
     rows, columns = np.r_[0, x1, size[0]], np.linspace(0, size[1], m2 + 1)
     known = bool(np.isfinite(data["flux1"].values[s]).all())
-    pockets = "; grey: pockets" if known and np.isnan(p).any() else ""
-    axes.set_facecolor(CLOSED if known else "white")
+    pockets = "; white: pockets" if known and np.isnan(p).any() else ""
+    axes.set_facecolor(POCKET)
     image = axes.pcolormesh(columns, rows, p / 1e6, cmap="cividis", rasterized=True)
     colour_bar(axes, image)
     along, across = window_flux(data, s)
@@ -127,17 +150,25 @@ def window_flux(data: xarray.Dataset, s: int) -> tuple[Array, Array]:
 
 
 def drop_panel(axes: Axes, data: xarray.Dataset, steps: Sequence[int]) -> None:
-    """Fluid pressure along the leakage, mean over the seal's length, and the range of the nodes at the last step."""
-    x1 = data["node1"].values * 1e3
+    """Fluid pressure along the leakage, mean over the seal's length, and its range at the last step."""
     for s, (colour, line, marker) in zip(steps, STYLES, strict=False):
-        p = np.ma.masked_invalid(data["fluid_pressure"].values[s] / 1e6)
-        axes.plot(x1, p.mean(axis=1), color=colour, ls=line, marker=marker, ms=4.5, label=str(data["name"].values[s]))
+        x1, p = pressure_rows(data, s)
+        points = marker if len(x1) < 40 else ""
+        name = str(data["name"].values[s])
+        axes.plot(x1 * 1e3, p.mean(axis=1) / 1e6, color=colour, ls=line, marker=points, ms=4.5, label=name)
         if s == steps[-1]:
-            low, high = p.min(axis=1), p.max(axis=1)
-            axes.fill_between(x1, low, high, color=colour, alpha=0.15, lw=0, label="lowest to highest node there")
+            low, high = p.min(axis=1) / 1e6, p.max(axis=1) / 1e6
+            axes.fill_between(x1 * 1e3, low, high, color=colour, alpha=0.15, lw=0, label="lowest to highest there")
     axes.set(xlabel="x1, inlet at 0 [mm]", ylabel="fluid pressure [MPa]")
     axes.grid(alpha=0.25, lw=0.6)
     axes.legend(fontsize=8, framealpha=0.9)
+
+
+def pressure_rows(data: xarray.Dataset, s: int) -> tuple[Array, Any]:
+    """x1 [m] and fluid pressure [Pa] (rows, columns) of the nodes or blocks of the face, masked where undefined."""
+    if "fluid_pressure" in data:
+        return data["node1"].values, np.ma.masked_invalid(data["fluid_pressure"].values[s])
+    return data["block1"].values, np.ma.masked_invalid(data["face_fluid_pressure"].values[s].astype(float))
 
 
 def permeability_panel(axes: Axes, data: xarray.Dataset, s: int) -> None:
@@ -156,28 +187,37 @@ def permeability_panel(axes: Axes, data: xarray.Dataset, s: int) -> None:
     map_panel(axes, shown, seal_size(data), colours, label, norm=LogNorm(low, top))
 
 
-def _insets(figure: Figure, place: Any, results: Results, s: int, panels: tuple[Axes, ...], height: float) -> None:
-    """Gaps of two windows, marked on the panels, in which a window is `height` points high."""
+def critical_gaps(results: Results, s: int) -> list[Array]:
+    """Gaps [m] of the windows A and B of `seal_figure`; none without fields in memory or in the folder."""
+    if "k1" not in results.dataset or s not in results.stored_steps:
+        return []
+    return [results.gap(s, place).values for place, _ in _chosen_windows(results.dataset, s)]
+
+
+def _critical_windows(sheet: Sheet, data: xarray.Dataset, s: int, gaps: Sequence[Array], height: float) -> None:
+    """Two windows, `height` points high, marked on the maps of contact and permeability, and their gaps if known."""
     from matplotlib.patches import Rectangle
 
-    w1, w2 = (2e3 * float(results.dataset[name][0]) for name in ("cell1", "cell2"))
-    chosen = _chosen_windows(results.dataset, s)
-    grid = place.subgridspec(1, max(len(chosen), 1))
+    w1, w2 = (2e3 * float(data[name][0]) for name in ("cell1", "cell2"))
+    chosen = _chosen_windows(data, s)
     letter: Any = {"ha": "center", "va": "center", "color": "white", "fontweight": "bold"}
     letter |= {"fontsize": float(np.clip(0.6 * height, 3, 8)), "path_effects": _outline()}
+    maps = [axes for axes in sheet.figure.axes if axes.get_title().startswith(("contact", "permeability"))]
     for n, ((i, j), text) in enumerate(chosen):
-        axes = figure.add_subplot(grid[0, n])
-        gap = results.gap(s, (i, j)).values * 1e6
-        length = float(np.diff(results.dataset["node1"].values[i : i + 2])[0]) * 1e6
+        for panel in maps:
+            panel.add_patch(Rectangle((j * w2, i * w1), w2, w1, fill=False, ec="black", lw=3.0))
+            panel.add_patch(Rectangle((j * w2, i * w1), w2, w1, fill=False, ec="white", lw=1.4))
+            panel.annotate("AB"[n], ((j + 0.5) * w2, (i + 0.5) * w1), **letter)
+        if not gaps:
+            continue
+        axes = sheet.panel(1, 1, Margins(0.6, 0.6, 0.5, 0.6), (n, 2))
+        gap = gaps[n] * 1e6
+        length = float(np.diff(data["node1"].values[i : i + 2])[0]) * 1e6
         shown = np.where(gap > 0, gap, np.nan)
         top = float(np.nanmax(shown)) if np.isfinite(shown).any() else 1.0
         title, sides = f"{'AB'[n]}: gap [µm],\n{text}", (length, w2 * 1e3)
         map_panel(axes, shown, sides, with_closed("magma"), title, vmin=0, vmax=top)
         axes.set(xlabel="x2 [µm]", ylabel="x1 [µm]" if n == 0 else "")
-        for panel in panels:
-            panel.add_patch(Rectangle((j * w2, i * w1), w2, w1, fill=False, ec="black", lw=3.0))
-            panel.add_patch(Rectangle((j * w2, i * w1), w2, w1, fill=False, ec="white", lw=1.4))
-            panel.annotate("AB"[n], ((j + 0.5) * w2, (i + 0.5) * w1), **letter)
 
 
 def _chosen_windows(data: xarray.Dataset, s: int) -> list[tuple[tuple[int, int], str]]:

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 #: Least distance of two labels of loads, as a share of the axis.
-_APART = 0.075
+_APART = 0.09
 #: Part of the axis between a load of 0 and the least one above it, in decades.
 _ZERO_DECADES = 0.4
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -29,7 +29,7 @@ def load_axis(axes: Axes, loads: Array) -> None:
     loads = np.unique(loads[np.isfinite(loads) & (loads >= 0)])
     if not loads.size or not loads[-1] > 0:
         return
-    if not _spread(places := _log_places(loads)) > _spread(np.r_[0.0, loads]):
+    if not _spread(places := _log_places(loads)) > _spread(np.unique(np.r_[0.0, loads])):
         axes.set_xlim(0, loads[-1] * 1.03)
         return
     positive = loads[loads > 0]

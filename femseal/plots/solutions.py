@@ -13,7 +13,7 @@ from ..contact import Contact, LoadCycle, LoadState
 from ..flow import Permeability
 from ..results.branches import branches, pressures_and_peaks
 from ..seal import Leakage
-from .drawing import branch_styles, map_height, map_panel, new_figure, one_panel, with_closed
+from .drawing import POCKET, branch_styles, map_height, map_panel, new_figure, one_panel, with_closed
 from .registry import shows
 
 if TYPE_CHECKING:
@@ -67,8 +67,8 @@ def permeability_figure(permeability: Permeability, ax: Axes | None = None) -> F
     """Map of the fluid pressure in a cell for a unit drop."""
     n1, n2 = permeability.fluid_pressure.shape
     figure, axes = one_panel(ax, 6.0, map_height((n1, n2), 4.6) + 0.9)
-    title = "fluid pressure for a unit drop; grey: contact, pockets"
-    map_panel(axes, permeability.fluid_pressure, (n1, n2), with_closed("cividis"), title, "pixels")
+    title = "fluid pressure for a unit drop; white: contact, pockets"
+    map_panel(axes, permeability.fluid_pressure, (n1, n2), with_closed("cividis", POCKET), title, "pixels")
     return figure
 
 
@@ -85,7 +85,7 @@ def seal_leakage_figure(leakage: Leakage, ax: Axes | None = None) -> Figure:
         raise InputError.of("plot", given, "that of a seal with rows of nodes, rectangular or annular")
     n1, n2 = leakage.fluid_pressure.shape
     figure, axes = one_panel(ax, 6.4, map_height((n1, n2), 4.8) + 0.9)
-    title = "fluid pressure [MPa]; grey: pockets"
-    map_panel(axes, leakage.fluid_pressure / 1e6, (n1, n2), with_closed("cividis"), title, "nodes")
+    title = "fluid pressure [MPa]; white: pockets"
+    map_panel(axes, leakage.fluid_pressure / 1e6, (n1, n2), with_closed("cividis", POCKET), title, "nodes")
     axes.set_ylabel("x1, inlet at 0 [nodes]")
     return figure

@@ -5,25 +5,21 @@ from __future__ import annotations
 import json
 import os
 import shutil
-from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from ..base.errors import FemsealError
 from ..base.files import is_inside, made_folder, read_plain, replacing, write_text
-from ..plots import cells_figure, leakage_figure, seal_figure
-from ..plots.drawing import png
+from ..base.stage import Mapper
 from ..results import fields
 from ..results.netcdf import FILE_NAME, save
 from ..results.results import Results
 from ..results.tables import csv_text
 from ..results.vtk import write_vtk
 from ..topography import Topography
+from . import pictures
 from .page import REPORT_NAME, write_report
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 #: Manifest of the files of a run, one a line; the next run removes those that it does not write again.
 MANIFEST = "files.txt"
@@ -40,6 +36,7 @@ def write_folder(
     *,
     paraview: str = "vtu",
     fields_limit: float = fields.LIMIT,
+    mapper: Mapper = map,
 ) -> list[Path]:
     """Write `results.nc`, `table.csv`, `report.html`, the pictures, the fields over all pixels and, in `vtk/`, files
     for ParaView.
@@ -55,6 +52,7 @@ def write_folder(
     paraview : format of the files in `vtk/`, see `write_vtk`.
     fields_limit : size of the fields over all pixels before compression [byte] above which steps are left out; the
         attribute "left_out" of the dataset then says so.
+    mapper : draws the pictures; it may use several processes.
 
     Returns
     -------
@@ -76,10 +74,11 @@ def write_folder(
         shutil.rmtree(unfinished, ignore_errors=True)
         raise
     try:
-        written = _write_for_people(results, unfinished, surface)
-        if plan.steps.size:
-            written += fields.write_fields(results, plan, unfinished)
-        written += [*write_vtk(results, surface, unfinished / "vtk", paraview), saved]
+        with ThreadPoolExecutor(1) as beside:
+            # files are written while processes draw
+            files = beside.submit(_write_fields, results, plan, surface, unfinished, paraview)
+            written = _write_for_people(results, unfinished, pictures.draw_all(results, surface, mapper=mapper))
+            written += [*files.result(), saved]
         names = [path.relative_to(unfinished) for path in written]
         (target / FILE_NAME).unlink(missing_ok=True)
         _remove_former(target)
@@ -96,23 +95,22 @@ def write_folder(
     return [target / MANIFEST, *(target / name for name in names)]
 
 
-def _write_for_people(results: Results, folder: Path, surface: Topography | None) -> list[Path]:
-    data = results.dataset
-    pictures: dict[str, Callable[[], Figure]] = {"leakage.png": lambda: leakage_figure(results)}
-    if "library_k" in data or "k1" in data:
-        pictures["cells.png"] = lambda: cells_figure(results)
-    if "k1" in data:
-        pictures["seal.png"] = lambda: seal_figure(results)
-    if surface is not None:
-        pictures["surface.png"] = surface.plot
+def _write_for_people(results: Results, folder: Path, drawings: pictures.Drawings) -> list[Path]:
     written = [write_text(folder / "table.csv", csv_text(results))]
-    for name, picture in pictures.items():
-        figure = picture()
-        with replacing(folder / name) as temporary:
-            temporary.write_bytes(png(figure))
-        written.append(folder / name)
-    written.append(write_report(results, folder / REPORT_NAME))
+    for name in pictures.FILES:
+        if name in drawings:
+            with replacing(folder / f"{name}.png") as temporary:
+                temporary.write_bytes(drawings[name].whole)
+            written.append(folder / f"{name}.png")
+    written.append(write_report(results, folder / REPORT_NAME, drawings))
     return written
+
+
+def _write_fields(
+    results: Results, plan: fields.FieldPlan, surface: Topography | None, folder: Path, paraview: str
+) -> list[Path]:
+    written = fields.write_fields(results, plan, folder) if plan.steps.size else []
+    return [*written, *write_vtk(results, surface, folder / "vtk", paraview)]
 
 
 def _clear(folder: Path) -> None:

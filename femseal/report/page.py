@@ -8,18 +8,23 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-from ..base.errors import InputError
+from ..base.errors import FemsealError, InputError
 from ..base.files import replacing
-from ..results.netcdf import open_results
+from ..results.netcdf import FILE_NAME, open_results, unfit
 from ..results.results import Results
 from ..results.tables import texts, totals
 from . import pictures as pictures
 from . import words as words
+from .drop_words import pressure_drop_sentences
 
 REPORT_NAME = "report.html"
 
 
-def write_report(results: Results | str | os.PathLike[str], path: str | os.PathLike[str] | None = None) -> Path:
+def write_report(
+    results: Results | str | os.PathLike[str],
+    path: str | os.PathLike[str] | None = None,
+    drawings: pictures.Drawings | None = None,
+) -> Path:
     """Write one self-contained HTML page about a run: it loads nothing, and prints.
 
     The case in words, leakage over load with its bands, curves of the cells, maps of the seal, where the pressure
@@ -30,6 +35,7 @@ def write_report(results: Results | str | os.PathLike[str], path: str | os.PathL
     ----------
     results : of a run, or the folder they are in.
     path : of the page; `report.html` in the folder of the results unless given.
+    drawings : its pictures, if they are drawn already.
 
     Returns
     -------
@@ -39,14 +45,22 @@ def write_report(results: Results | str | os.PathLike[str], path: str | os.PathL
     ------
     InputError : no results in the folder; a path that cannot be written; no path for results without a folder.
     """
+    folder = None
     if not isinstance(results, Results):
-        results = open_results(results)
+        folder, results = results, open_results(results)
     if path is None and results.folder is None:
         raise InputError.of("path", "none, for results without a folder", "the path of a file to write")
     target = Path(path) if path is not None else Path(results.folder or "") / REPORT_NAME
     if target.is_dir() or not os.access(target.parent, os.W_OK):
         raise InputError.of("path", f"'{target}'", "a file in a folder that can be written")
-    page = report_html(results)
+    try:
+        page = report_html(results, drawings)
+    except FemsealError:
+        raise
+    except Exception as error:
+        if folder is None:
+            raise
+        raise unfit(Path(folder) / FILE_NAME, error) from error
     try:
         with replacing(target) as temporary:
             temporary.write_text(page, encoding="utf-8", newline="")
@@ -56,25 +70,29 @@ def write_report(results: Results | str | os.PathLike[str], path: str | os.PathL
     return target
 
 
-def report_html(results: Results) -> str:
-    """The page as text."""
+def report_html(results: Results, drawings: pictures.Drawings | None = None) -> str:
+    """The page as text; pictures are drawn unless given."""
     from jinja2 import Environment, StrictUndefined
 
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     source = files("femseal.report").joinpath("report.html.jinja").read_text(encoding="utf-8")
-    return environment.from_string(source).render(_content(results))
+    return environment.from_string(source).render(
+        _content(results, pictures.draw_all(results) if drawings is None else drawings)
+    )
 
 
-def _content(results: Results) -> dict[str, Any]:
+def _content(results: Results, drawings: pictures.Drawings) -> dict[str, Any]:
     data = results.dataset
     title, heads, lines = texts(results)
     content: dict[str, Any] = {
         "title": results.case.get("title") or "Leakage of a metal-to-metal seal",
         "source": data.attrs["source"],
         "key_numbers": words.key_numbers(results),
+        "computed": words.origin_lines(results),
         "sentences": words.case_sentences(results),
+        "face": pictures.face_picture(results, drawings) if "face" in drawings else None,
         "total": words.total_leakage_text(results),
-        "leakage": pictures.leakage_picture(results),
+        "leakage": pictures.leakage_picture(results, drawings),
         "leakage_table": {
             "title": title,
             "heads": heads,
@@ -82,7 +100,7 @@ def _content(results: Results) -> dict[str, Any]:
         },
         "totals": dict(zip(("heads", "lines"), totals(results), strict=True)),
         "method": results.method,
-        "cells": pictures.cell_pictures(results) if "library_k" in data or "k1" in data else [],
+        "cells": pictures.cell_pictures(results, drawings) if "cells" in drawings else [],
         "map_step": "",
         "maps": [],
         "drop": None,
@@ -97,8 +115,8 @@ def _content(results: Results) -> dict[str, Any]:
         "machine": words.flat(json.loads(data.attrs["machine"])),
         "case": words.flat(results.case),
     }
-    if "k1" in data:
-        content["map_step"], content["maps"] = pictures.map_pictures(results)
-        content["drop"] = pictures.drop_picture(results)
-        content["drop_sentences"] = words.pressure_drop_sentences(results)
+    if "seal" in drawings:
+        content["map_step"], content["maps"] = pictures.map_pictures(results, drawings)
+        content["drop"] = pictures.drop_picture(results, drawings)
+        content["drop_sentences"] = pressure_drop_sentences(results)
     return content

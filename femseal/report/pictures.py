@@ -1,9 +1,10 @@
-"""Pictures of the report, each narrow enough for a phone, as data that the page carries itself."""
+"""Pictures of a run: each is drawn once, for the folder as it is, and for the page panel by panel."""
 
 from __future__ import annotations
 
 import base64
-from collections.abc import Callable
+import os
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING
@@ -11,21 +12,24 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..base.quantities import to_text
-from ..plots.cell_curves import cell_curves_panel, cells_of, gap_panel, pressure_panel
-from ..plots.drawing import map_height, new_figure, svg
-from ..plots.leakage_curves import leakage_curves, leakage_panel
-from ..plots.maps import contact_panel, default_step, drop_panel, fluid_panel, permeability_panel, seal_size
+from ..base.stage import Mapper, Stage
+from ..plots import cells_figure, heights_figure, leakage_figure, seal_figure
+from ..plots.cell_curves import cells_of
+from ..plots.drawing import HEIGHTS, LINES, Drawn, Sheet, drawn, map_row
+from ..plots.face_panels import face_panel, face_size
+from ..plots.maps import critical_gaps, default_step, drop_panel, has_maps
+from ..results.results import Results
 from ..results.tables import amount, leak_scale, leakage_of
+from ..topography import Topography
 
 if TYPE_CHECKING:
     import xarray
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from ..results.results import Results
-
-#: Width of a panel [inch] whose smallest letters are legible at 390 pixels.
-_WIDTH, _HEIGHT = 5.4, 4.0
+Array = np.ndarray
+#: Pictures that are files of the folder too, by their name without ending; the page alone has the others.
+FILES = ("surface", "seal", "cells", "leakage")
+Drawings = Mapping[str, Drawn]
 
 
 @dataclass(frozen=True)
@@ -37,11 +41,68 @@ class Picture:
     caption: str
 
 
-def leakage_picture(results: Results) -> Picture:
+def draw_all(results: Results, surface: Topography | None = None, *, mapper: Mapper = map) -> dict[str, Drawn]:
+    """Draw every picture for which there are data.
+
+    Parameters
+    ----------
+    results : of a run.
+    surface : the combined heights, for the picture "surface"; None: without.
+    mapper : draws the pictures; it may use several processes.
+    """
+    data = results.dataset
+    wanted = {
+        "surface": surface is not None,
+        "seal": has_maps(data),
+        "cells": "library_k" in data or "k1" in data,
+        "leakage": True,
+        "drop": has_maps(data),
+        "face": "face_height" in data,
+    }
+    names = [name for name, there in wanted.items() if there]
+    gaps = critical_gaps(results, default_step(data)) if "k1" in data else []
+    # the fields of the studies are too large to be sent to processes
+    draw = partial(_draw, results=Results(data), surface=surface, gaps=gaps)
+    # each process imports what draws, for as long as a few pictures take, and one core is writing files
+    parts = min(max((os.cpu_count() or 1) - 1, 1), len(names))
+    drawings = mapper(Stage("pictures", draw), [names[part::parts] for part in range(parts)])
+    return {name: drawing for part in drawings for name, drawing in part.items()}
+
+
+def _draw(names: list[str], *, results: Results, surface: Topography | None, gaps: list[Array]) -> dict[str, Drawn]:
+    return {name: drawn(_figure(name, results, surface, gaps)) for name in names}
+
+
+def _figure(name: str, results: Results, surface: Topography | None, gaps: list[Array]) -> Figure:
+    data = results.dataset
+    if name == "surface" and surface is not None:
+        return heights_figure(surface)
+    if name == "seal":
+        return seal_figure(results, gaps=gaps)
+    if name == "cells":
+        return cells_figure(results)
+    if name == "drop":
+        sheet = Sheet([4.0])
+        drop_panel(sheet.panel(0, 0, LINES), data, drop_steps(data))
+        return sheet.figure
+    if name == "face":
+        sheet = Sheet([map_row(face_size(data), HEIGHTS)])
+        face_panel(sheet.panel(0, 0, HEIGHTS), data)
+        return sheet.figure
+    return leakage_figure(results)
+
+
+def face_picture(results: Results, drawings: Drawings) -> Picture:
+    """Map of the heights that were solved."""
+    heights = results.dataset["face_height"].values * 1e6
+    sides = " × ".join(to_text(side, "m", 3) for side in face_size(results.dataset))
+    span = f"{np.nanmin(heights):.3g} to {np.nanmax(heights):.3g} µm"
+    alt = f"Map of the heights of the face that was solved, {sides}, {span}."
+    return Picture(_uri(drawings["face"].whole), alt, "The face that was solved: heights of the combined faces.")
+
+
+def leakage_picture(results: Results, drawings: Drawings) -> Picture:
     """Leakage over load with its bands."""
-    figure = new_figure(_WIDTH, 5.0)
-    handles = leakage_panel(figure.add_subplot(), leakage_curves(results))
-    figure.legend(handles=handles, loc="outside lower center", ncols=2, frameon=False, fontsize=8.5, handlelength=3.4)
     steps, leakage = results.steps, results.leakage.values
     unit, factor = leak_scale(results)
     peak = max(range(len(steps)), key=lambda s: steps[s].pressure)
@@ -52,93 +113,108 @@ def leakage_picture(results: Results) -> Picture:
     caption = "Leakage against nominal pressure, one line and marker for each branch of the load cycle."
     if "leakage_lower_together" in results.dataset:
         caption += " Shaded: band of the realisations, and lighter that with the error of the finite library besides."
-    return Picture(_uri(figure), alt, caption)
+    return Picture(_uri(drawings["leakage"].whole), alt, caption)
 
 
-def cell_pictures(results: Results) -> list[Picture]:
+def cell_pictures(results: Results, drawings: Drawings) -> list[Picture]:
     """Single cells over the cycle; permeability against mean gap, and against pressure."""
     cells = cells_of(results)
     shut = np.nanmean(cells.k[:, np.isnan(cells.peaks)][:, -1] == 0)
     count, top = len(cells.k), to_text(float(np.nanmax(cells.nominal)), "Pa")
     many = f"{count} {cells.origin}"
-    panels: list[tuple[Callable[..., None], str, str]] = [
+    texts = [
         (
-            cell_curves_panel,
             f"Permeability of a few of {many} against nominal pressure; {shut:.0%} are closed at {top}.",
             f"Single cells over the cycle, in front of all {many}. At {top} {shut:.0%} of them are closed.",
         ),
         (
-            gap_panel,
             f"Permeability of {many} against their mean gap, on loading and unloading, and that of parallel plates.",
             "Permeability against mean gap: wide cells follow the asymptote h̄³/12 of parallel plates, narrow ones fall "
             "below it and close.",
         ),
         (
-            pressure_panel,
             f"Permeability of {many} against their contact pressure: loading in circles, unloading in squares.",
             "Permeability against contact pressure: unloading (squares) lies below loading (circles) because of the "
             "plastic deformation that the peak left.",
         ),
     ]
-    return [_panel(partial(draw, cells=cells), alt, caption) for draw, alt, caption in panels]
+    return _panels(drawings["cells"], texts)
 
 
-def map_pictures(results: Results) -> tuple[str, list[Picture]]:
-    """Name of the step of the maps, and maps of the windows there."""
+def map_pictures(results: Results, drawings: Drawings) -> tuple[str, list[Picture]]:
+    """Name of the step of the maps, and maps of the windows, or of the face, there."""
     data = results.dataset
     s = default_step(data)
-    height = map_height(seal_size(data), 4.4) + 0.95
+    texts = _window_texts(data, s) if "k1" in data else _face_texts(data, s)
+    return str(data["name"].values[s]), _panels(drawings["seal"], texts)
+
+
+def _window_texts(data: xarray.Dataset, s: int) -> list[tuple[str, str]]:
     rows, columns = data.sizes["cell1"], data.sizes["cell2"]
     pressure, k = data["window_pressure"].values[s], data["k1"].values[s]
     fluid = data["fluid_pressure"].values[s]
-    panels: list[tuple[Callable[..., None], str, str]] = [
+    return [
         (
-            fluid_panel,
             f"Map of the fluid pressure at {fluid.shape[0]} × {columns} nodes, {_range(fluid, 'Pa')}; arrows: flow.",
             "Fluid pressure at the nodes and the flow through the windows, from the inlet at x1 = 0.",
         ),
         (
-            contact_panel,
             f"Map of the mean contact pressure of {rows} × {columns} windows, {_range(pressure, 'Pa')}.",
-            "Contact pressure of the windows.",
+            "Contact pressure of the windows; A: the critical one, in which the flow loses most power, B: the one that "
+            "carries most flow of the others.",
         ),
         (
-            permeability_panel,
             f"Map of the permeability of {rows} × {columns} windows, {_open_text(k)}.",
             f"Permeability of the windows along x1: {_open_text(k)}.",
         ),
     ]
-    pictures = [_panel(partial(draw, data=data, s=s), alt, caption, height) for draw, alt, caption in panels]
-    return str(data["name"].values[s]), pictures
 
 
-def drop_picture(results: Results) -> Picture:
+def _face_texts(data: xarray.Dataset, s: int) -> list[tuple[str, str]]:
+    fluid, pressure, gap = (data[f"face_{name}"].values[s] for name in ("fluid_pressure", "contact_pressure", "gap"))
+    blocks = " × ".join(str(data.sizes[f"block{n}"]) for n in (1, 2))
+    return [
+        (
+            f"Map of the fluid pressure of {blocks} blocks of the face, {_range(fluid, 'Pa')}.",
+            "Fluid pressure, from the inlet at x1 = 0; mean of the fluid of each block of pixels.",
+        ),
+        (
+            f"Map of the contact pressure of {blocks} blocks of the face, {_range(pressure, 'Pa')}.",
+            "Contact pressure, mean of each block of pixels.",
+        ),
+        (
+            f"Map of the gap of {blocks} blocks of the face, {_range(gap, 'm')}.",
+            "Gap, mean of each block of pixels.",
+        ),
+    ]
+
+
+def drop_picture(results: Results, drawings: Drawings) -> Picture:
     """Fluid pressure along the leakage at the first load, half way, and at the highest that leaks."""
     data = results.dataset
-    steps = drop_steps(data)
-    names = [str(data["name"].values[s]) for s in steps]
+    names = [str(data["name"].values[s]) for s in drop_steps(data)]
     alt = f"Mean fluid pressure from inlet to outlet at {', '.join(names)}."
     caption = "Fluid pressure along the leakage, mean over the length of the seal; where it is steep the seal holds."
-    return _panel(lambda axes: drop_panel(axes, data, steps), alt, caption)
+    return Picture(_uri(drawings["drop"].whole), alt, caption)
 
 
 def drop_steps(data: xarray.Dataset) -> list[int]:
     """Loading steps that leak: the first, the middle one, and that of the maps last."""
     last = default_step(data)
     loading = np.flatnonzero(np.isnan(data["unloaded_from"].values))
-    leaking = loading[np.nan_to_num(data["leakage_two_scale"].values[loading]) != 0]
+    name = "leakage_two_scale" if "leakage_two_scale" in data else "leakage_deterministic"
+    leaking = loading[np.nan_to_num(data[name].values[loading]) != 0]
     return list(dict.fromkeys([*(int(leaking[n]) for n in (0, leaking.size // 2) if leaking.size), last]))
 
 
-def _panel(draw: Callable[[Axes], None], alt: str, caption: str, height: float = _HEIGHT) -> Picture:
-    figure = new_figure(_WIDTH, height, layout=None)
-    draw(figure.add_axes((0.13, 0.13, 0.8, 0.8)))
-    return Picture(_uri(figure), alt, caption)
+def _panels(drawing: Drawn, texts: list[tuple[str, str]]) -> list[Picture]:
+    """The first panels of a drawing, with their alternative texts and captions."""
+    return [Picture(_uri(panel), alt, caption) for panel, (alt, caption) in zip(drawing.panels, texts, strict=False)]
 
 
-def _uri(figure: Figure) -> str:
-    """The figure as a data URI."""
-    return "data:image/svg+xml;base64," + base64.b64encode(svg(figure)).decode()
+def _uri(png: bytes) -> str:
+    """A picture as a data URI."""
+    return "data:image/png;base64," + base64.b64encode(png).decode()
 
 
 def _range(values: np.ndarray, unit: str) -> str:

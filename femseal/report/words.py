@@ -1,4 +1,4 @@
-"""Texts and numbers of the report: the case, the errors, the drop of pressure, the time."""
+"""Texts and numbers of the report: the case, its origin, the errors, the time."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from ..base.files import read_plain
 from ..base.quantities import to_text
-from ..plots.maps import default_step
 from ..results.summary import solvers_text
 from ..results.tables import amount, in_several_units, leak_scale
 from ..studies.compare import FLOOR, leakage_factor
@@ -145,14 +144,22 @@ def _method_sentences(results: Results) -> list[str]:
     if "leakage_deterministic" in data:
         sentences.append("Deterministic: contact and flow of the whole face at full resolution.")
     if "k1" in data:
+        windows = f"{data.sizes['cell1']} × {data.sizes['cell2']} windows"
+        elements = "element_error" in data
         sentences.append(
-            f"Two scales: {data.sizes['cell1']} × {data.sizes['cell2']} windows between the nodes of a global flow."
+            f"Two scales: {windows} {_contact_text(data)}, as finite elements with nodes on their sides."
+            if elements
+            else f"Two scales: {windows} {_contact_text(data)}, between the nodes of a global flow."
         )
     if "leakage_median" in data:
         drawn = case.get("stochastic", {})
         how = [f"{name} {drawn[name]}" for name in ("sampler", "pressure") if name in drawn]
+        size = int(data.attrs.get("library_windows", data.sizes["library_cell"]))
+        independent = int(data.attrs.get("library_independent", size))
         sentences.append(
-            f"Stochastic: {data.sizes['realisation']} seals drawn from {data.sizes['library_cell']} library windows"
+            f"Stochastic: {data.sizes['realisation']} seals drawn from {size} library windows"
+            + (f", {independent} of them without overlap" if independent < size else "")
+            + (f", {_contact_text(data)}" if "window_contact" in data.attrs and "k1" not in data else "")
             + (f" ({', '.join(how)})" if how else "")
             + (f", seed {data.attrs['seed']}" if "seed" in data.attrs else "")
             + ". The leakage given is their median."
@@ -160,25 +167,22 @@ def _method_sentences(results: Results) -> list[str]:
     return sentences
 
 
-def pressure_drop_sentences(results: Results) -> list[str]:
-    """Place of the pressure drop at the step of the maps: its row, and the number of windows that carry most of it."""
-    data = results.dataset
-    s = default_step(data)
-    p, flux = data["fluid_pressure"].values[s], np.nan_to_num(data["flux1"].values[s])
-    name, whole = str(data["name"].values[s]), float(data.attrs["inlet_pressure_Pa"] - data.attrs["outlet_pressure_Pa"])
-    if not np.abs(flux).max() > 0 or whole == 0:
-        return [f"At {name} nothing flows."]
-    drops = -np.diff(np.ma.masked_invalid(p).mean(axis=1).filled(np.nan)) / whole
-    row = int(np.nanargmax(drops))
-    ends = (to_text(float(x), "m", 3) for x in data["node1"].values[row : row + 2])
-    sentences = [f"At {name} {drops[row]:.0%} of the pressure drops between x1 = {' and '.join(ends)}."]
-    power = np.sort(np.nan_to_num(np.abs(flux * np.diff(p, axis=0))).ravel())[::-1]
-    half = int(np.searchsorted(np.cumsum(power), 0.5 * power.sum()) + 1)
-    sentences.append(
-        f"Half of the power that the flow loses along x1 is lost in {half} of {power.size} windows"
-        + (": few constrictions hold the seal." if half <= 0.05 * power.size else ".")
-    )
-    return sentences
+def _contact_text(data: xarray.Dataset) -> str:
+    by_windows = data.attrs.get("window_contact") == "windows"
+    return "whose contact is solved in each of them" if by_windows else "cut from the contact of the whole face"
+
+
+def origin_lines(results: Results) -> list[tuple[str, str]]:
+    """When and by what the results were computed, and the digest of every measured face: label, text."""
+    attrs = results.dataset.attrs
+    date = str(attrs.get("date_created", ""))
+    lines = [("computed", date.replace("T", " ").replace("+00:00", " UTC"))] if date else []
+    try:
+        faces = json.loads(attrs.get("face_files", "{}"))
+        lines += [(f"SHA-256 of {name}", str(digest)) for name, digest in faces.items()]
+    except (TypeError, ValueError, AttributeError):
+        return lines
+    return lines
 
 
 def scatter_lines(results: Results) -> Lines:
@@ -201,6 +205,12 @@ def scatter_lines(results: Results) -> Lines:
         deviation("both together", np.hypot(spread, error), "what a seal of this kind may differ from the median")
         share = 1.2533 / np.sqrt(data.sizes["realisation"])
         deviation("median", share * spread, "standard error of the median; more realisations lower it")
+    if "element_error" in data:
+        meaning = "estimated from the bound with every second node; the leakage through elements is an upper bound"
+        deviation("nodes of elements", np.log1p(data["element_error"].values), meaning)
+    if "cut_error" in data:
+        meaning = "half the way from closed to held cuts; a longer face lowers it"
+        deviation("cuts between runs", data["cut_error"].values, meaning)
     if "leakage_lower_bound" in data:
         low, high = (np.median(data[f"leakage_{end}_bound"].values, axis=0) for end in ("lower", "upper"))
         half = 0.5 * np.log(np.divide(high, low, out=np.full(low.shape, np.nan), where=low != 0))
@@ -251,6 +261,9 @@ def check_lines(results: Results) -> Lines:
         off = np.abs(carried - nominal)[nominal > 0] / nominal[nominal > 0]
         if off.size:
             lines.append(("load of the windows", f"{np.nanmax(off):.0e}", "largest distance from the nominal pressure"))
+        if data.attrs.get("window_contact") == "windows":
+            meaning = "rms distance of the stitched gap from that of its pressure on the whole half-space"
+            lines.append(("gap of the windows", f"{np.nanmax(data['gap_error'].values):.1%}", meaning))
         rows, whole = data["flux1"].values.mean(axis=2), data["leakage_two_scale"].values
         open_ = np.nan_to_num(whole) != 0
         if open_.any():

@@ -1,7 +1,8 @@
-"""Fields over all pixels of the face: gap and contact pressure, an image for each load step.
+"""Fields over all pixels of the face: gap, contact and fluid pressure, an image for each load step.
 
 They are large, so they are not part of `results.nc`: `fields.pvd` and the images in the folder `fields` hold them once,
-in single precision and compressed, for `Results.gap` and `Results.contact_pressure` as for ParaView.
+in single precision and compressed, for `Results.gap`, `Results.contact_pressure` and `Results.fluid_pressure` as for
+ParaView.
 """
 
 from __future__ import annotations
@@ -34,6 +35,15 @@ _FIELDS = (
     ("gap", "two_scale", "gap_um", 1e-6, "m", "gap"),
     ("contact_pressure", "two_scale", "contact_pressure_MPa", 1e6, "Pa", "contact pressure"),
     ("gap", "deterministic", "gap_deterministic_um", 1e-6, "m", "gap, deterministic"),
+    (
+        "contact_pressure",
+        "deterministic",
+        "contact_pressure_deterministic_MPa",
+        1e6,
+        "Pa",
+        "contact pressure, deterministic",
+    ),
+    ("fluid_pressure", "deterministic", "fluid_pressure_deterministic_Pa", 1.0, "Pa", "fluid pressure, deterministic"),
 )
 _BYTES = np.dtype(np.float32).itemsize
 

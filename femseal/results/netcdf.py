@@ -7,7 +7,7 @@ import os
 from pathlib import Path
 from typing import Any
 
-from ..base.errors import InputError
+from ..base.errors import InputError, shortened
 from ..base.files import made_folder, replacing_hdf5
 from ..base.machine import free_memory
 from .results import METHODS, Results
@@ -84,7 +84,7 @@ def open_results(folder: str | os.PathLike[str]) -> Results:
             data.load()
     except InputError:
         raise
-    except (OSError, ValueError, KeyError, RuntimeError, TypeError, MemoryError, RecursionError) as error:
+    except Exception as error:  # libraries raise whatever a damaged file leads them to
         reason = (str(error).splitlines() or [type(error).__name__])[0]
         raise InputError.of("results file", f"{path} ({reason})", "a readable netCDF file") from None
     if not str(data.attrs.get("source", "")).startswith("femseal") or not any(name in data for _, name in METHODS):
@@ -93,4 +93,15 @@ def open_results(folder: str | os.PathLike[str]) -> Results:
         if not _is_json(data.attrs.get(name), kind):
             given = f"{path} with the attribute '{name}' missing or of another kind"
             raise InputError.of("results file", given, "a file that femseal wrote")
-    return Results(data, Path(folder))
+    results = Results(data, Path(folder))
+    try:
+        results.table()
+    except Exception as error:  # a field of another kind, shape or place
+        raise unfit(path, error) from None
+    return results
+
+
+def unfit(path: Path, error: Exception) -> InputError:
+    """The error of results that can be read, but whose values do not go together."""
+    reason = f"{type(error).__name__}: {shortened(error, 80)}"
+    return InputError.of("results file", f"{path} ({reason})", "a file that femseal wrote")

@@ -15,6 +15,7 @@ from ..base.text import Plotted, room
 from ..loads import LoadProgramme, LoadStep
 from . import fields as stitched
 from . import select, summary, tables
+from .export import export_field
 
 if TYPE_CHECKING:
     import xarray
@@ -165,12 +166,49 @@ class Results(Plotted):
         return stitched.read_field(self, "gap", step, cell)
 
     def contact_pressure(self, step: int, cell: tuple[int, int] | None = None) -> xarray.DataArray:
-        """Contact pressure (x1, x2) [Pa] of the two-scale study at one step, see `gap`."""
+        """Contact pressure (x1, x2) [Pa] at one step, see `gap`."""
         return stitched.read_field(self, "contact_pressure", step, cell)
+
+    def fluid_pressure(self, step: int, cell: tuple[int, int] | None = None) -> xarray.DataArray:
+        """Fluid pressure (x1, x2) [Pa] of the deterministic study at one step, NaN where none flows, see `gap`."""
+        return stitched.read_field(self, "fluid_pressure", step, cell)
+
+    def export(
+        self,
+        path: str | os.PathLike[str],
+        *,
+        field: str = "gap",
+        step: int | None = None,
+        cell: tuple[int, int] | None = None,
+    ) -> list[Path]:
+        """Write the gap, or the contact pressure, over the pixels of the face in SI, in the format of the suffix.
+
+        An .npz has the arrays `gap` (n1, n2) [m] or `contact_pressure` [Pa], `spacing` [m], `origin` [m] of its first
+        corner, `step`, `name` and `nominal_pressure` [Pa]; `read_topography` and NumPy read it. A .tif is a GeoTIFF
+        in single precision, x1 to the right and x2 up, in a plane of metres without a place on earth. An .x3p holds the
+        gap only, in metres; its x is x1.
+
+        Parameters
+        ----------
+        path : the file; the number of the step is put before the suffix where there are several.
+        field : "gap" or "contact_pressure".
+        step : index of the load step; None is all that are stored.
+        cell : window, between its rows of nodes; the whole face unless given.
+
+        Returns
+        -------
+        Paths of the files.
+
+        Raises
+        ------
+        InputError : another field or format, no such step or window, results without fields, or a file that cannot
+            be written.
+        """
+        return export_field(self, path, field=field, step=step, cell=cell)
 
     @property
     def stored_steps(self) -> list[int]:
-        """Steps whose gap and contact pressure are in memory or in the folder."""
+        """Steps whose fields over all pixels are in memory or in the folder."""
         return stitched.stored_steps(self)
 
     def rows(self) -> list[dict[str, Any]]:

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 #: Length of a heading in the terminal beyond which it is broken between words.
 _HEADING = 10
 #: Width of the first column in the terminal.
-_BRANCH = 13
+_BRANCH = 12
 
 
 def rows(results: Results) -> list[dict[str, Any]]:

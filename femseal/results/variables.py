@@ -110,6 +110,9 @@ def add_realisations(data: xarray.Dataset, result: StochasticResult, quantiles: 
     spread, error = result.realisation_spread, result.library_error
     data["realisation_spread"] = ("step", spread, _labels("1", "standard deviation of ln(leakage), realisations"))
     data["library_error"] = ("step", error, _labels("1", "standard deviation of ln(leakage), finite library"))
+    if result.cut_error is not None:
+        text = "half the distance of ln(leakage) with held and with closed cuts between runs"
+        data["cut_error"] = ("step", result.cut_error, _labels("1", text))
     text = "share of the realisations without leakage"
     data["sealed_share"] = ("step", result.sealed_share, _labels("1", text, "sealed [%]"))
 

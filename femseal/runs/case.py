@@ -77,6 +77,12 @@ class Case(Table):
     def _complete(self) -> Case:
         if self.cells is None and not self.methods <= {"deterministic", "auto"}:
             raise PydanticCustomError("cells", "a table `cells` with the method {m}", {"m": self.method})
+        if self.cells is not None and self.cells.flow == "elements" and self.flow.discretisation != "edge":
+            text = "cells.flow: given elements with the discretisation {d}, allowed is edge with them"
+            raise PydanticCustomError("cells", text, {"d": self.flow.discretisation})
+        if self.stochastic is not None and self.stochastic.sampler == "runs" and self.flow.discretisation != "edge":
+            text = "stochastic.sampler: given runs with the discretisation {d}, allowed is edge with them"
+            raise PydanticCustomError("sampler", text, {"d": self.flow.discretisation})
         if self.stochastic is None and "stochastic" in self.methods:
             raise PydanticCustomError("stochastic", "a table `stochastic` with the method stochastic")
         highest = max((*self.load.loading, *self.load.unload_from))
@@ -104,11 +110,6 @@ class Case(Table):
     def methods(self) -> set[str]:
         """The method and the methods to compare it with, as given."""
         return {self.method, *self.compare}
-
-    @property
-    def two_scale_flow(self) -> str:
-        """Flow of the two-scale method."""
-        return "links" if self.cells is None else self.cells.flow
 
     @property
     def solids(self) -> tuple[Solid, Solid | None]:

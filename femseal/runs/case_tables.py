@@ -21,9 +21,8 @@ from ..fluids import FLUIDS, Fluid
 from ..materials import Solid
 from ..results.fields import LIMIT
 from ..results.vtk import FORMATS
-from ..scales import SAMPLERS
 from ..seal.layouts import LAYOUTS, Layout
-from ..studies import FLOWS, PRESSURES
+from ..studies import CONTACTS, DRAWS, FLOWS, PRESSURES
 from .case_registry import table_of_any
 from .case_values import Count, FileSize, Length, Modulus, Poisson, Pressure, Ratio, Table, one_of
 
@@ -137,14 +136,15 @@ else:
 
 
 class CellsTable(Table):
-    """Windows of the two-scale and stochastic methods: their number, or about their size; and the two-scale flow.
+    """Windows of the two-scale and stochastic methods: their number, or about their size; their contact and flow.
 
-    flow : see `studies.two_scale`.
+    flow, contact : see `studies.two_scale`.
     """
 
     count: tuple[Count, Count] | None = None
     size: Length | None = None
     flow: Annotated[str, *one_of(FLOWS)] = "links"
+    contact: Annotated[str, *one_of(CONTACTS)] | None = None
 
     @model_validator(mode="after")
     def _one_of(self) -> CellsTable:
@@ -160,7 +160,7 @@ class StochasticTable(Table):
     breadth: Length | None = None
     realisations: Annotated[int, Field(strict=True, ge=2)] = 50
     library_cells: Count = 128
-    sampler: Annotated[str, *one_of(SAMPLERS)] | None = None
+    sampler: Annotated[str, *one_of(DRAWS)] | None = None
     pressure: Annotated[str, *one_of(PRESSURES)] = "place"
     profile: tuple[Annotated[float, Field(ge=0)], ...] = ()
     library: Path | None = None
@@ -173,6 +173,10 @@ class StochasticTable(Table):
         if not self.quantiles[0] < self.quantiles[1]:
             raise PydanticCustomError("quantiles", "two rising `quantiles`")
         return self
+
+
+#: What the schema says of units.
+_UNITS_TOLD = f"a unit of leakage: {', '.join(LEAK_UNITS)}"
 
 
 def _leak_unit_name(value: Any) -> str:
@@ -188,7 +192,7 @@ class OutputTable(Table):
     paraview: Annotated[str, *one_of(FORMATS)] = "vtu"
     fields_limit: FileSize = LIMIT
     leakage_unit: Annotated[
-        str | None, BeforeValidator(_leak_unit_name), WithJsonSchema({"type": "string", "examples": list(LEAK_UNITS)})
+        str | None, BeforeValidator(_leak_unit_name), WithJsonSchema({"type": "string", "description": _UNITS_TOLD})
     ] = None
 
     @property

@@ -13,8 +13,9 @@ from ..base.machine import free_memory
 from ..base.quantities import to_text
 from ..results.fields import fields_size
 from ..scales import Partition
-from ..studies import Scene, seal_cells
+from ..studies import Sampling, Scene, placed_windows, seal_cells
 from ..studies.costs import Effort, deterministic_cost, stochastic_cost, two_scale_cost, usual_efforts
+from ..studies.deterministic import STEP_BYTES
 from .case import Case
 from .pilot import efforts, pace
 from .preparation import Prepared
@@ -25,10 +26,10 @@ ADVISED_WAVES = 8
 
 #: Seconds of starting, of reading and preparing a face, and of loading compiled loops.
 _START_SECONDS = 2.6
-#: Seconds of pictures, report and tables, without windows and what those of two scales add; of a byte of fields.
-_PICTURES_SECONDS, _MAPS_SECONDS, _FIELD_BYTE_SECONDS = 1.8, 1.8, 2.5e-8
+#: Seconds of pictures, report and tables, and of a byte of fields.
+_PICTURES_SECONDS, _FIELD_BYTE_SECONDS = 1.4, 5e-8
 #: Memory of the libraries that a run imports, and of another process [byte].
-_START_MEMORY, _WORKER_MEMORY = 0.45e9, 0.25e9
+_START_MEMORY, _WORKER_MEMORY = 0.5e9, 0.25e9
 
 
 @dataclass(frozen=True)
@@ -86,13 +87,14 @@ def describe(case: Case, prepared: Prepared) -> list[str]:
             lines.append(_line("windows", _windows(partition, prepared.conditioning.shortest_wavelength)))
         if "two-scale" in prepared.methods:
             links = m1 * m2 + (m1 - 1) * m2
-            lines.append(_line("two-scale", f"{steps * m1 * m2} contact and {steps * links} flow solutions of windows"))
+            text = f"contact {_contact(prepared)}, {steps * links} flow solutions of windows"
+            lines.append(_line("two-scale", text))
         if prepared.sampling is not None:
             sampling = prepared.sampling
             n1, n2 = seal_cells(partition, sampling)
             length = to_text(n2 * surface.size[1] / m2, "m", 3)
             text = (
-                f"{sampling.library_cells} library windows (pressure: {sampling.pressure}), "
+                f"{_library(prepared, sampling, partition)} (pressure: {sampling.pressure}), "
                 f"{sampling.realisations} seals of {n1} × {n2} links, {length} long"
             )
             lines.append(_line("stochastic", text))
@@ -117,12 +119,10 @@ def forecast(case: Case, prepared: Prepared, known: tuple[Effort, ...] | None = 
     known : effort of each load step; found by a few contacts of a small part of the face unless given.
     """
     known = efforts(prepared.scene) if known is None else known
-    costs = [_cost(method, case, prepared, prepared.scene, known) for method in prepared.methods]
+    costs = [_cost(method, prepared, prepared.scene, known) for method in prepared.methods]
     if prepared.filtered is not None:
-        costs.append(_cost(prepared.answer, case, prepared, prepared.filtered, known))
+        costs.append(_cost(prepared.answer, prepared, prepared.filtered, known))
     alone = _START_SECONDS + _PICTURES_SECONDS + disk(case, prepared).fields * _FIELD_BYTE_SECONDS
-    if "two-scale" in prepared.methods:
-        alone += _MAPS_SECONDS
     shared = sum(seconds for seconds, _ in costs)
     # what a study holds stays until the results are written; what it works with does not
     memory = _START_MEMORY + max(memory for _, memory in costs)
@@ -131,9 +131,11 @@ def forecast(case: Case, prepared: Prepared, known: tuple[Effort, ...] | None = 
 
 def refuse_too_large(case: Case, prepared: Prepared) -> None:
     """Raise InputError if a run is expected to take more memory than the case allows, or than is free."""
-    needed = forecast(case, prepared, usual_efforts(len(prepared.scene.steps))).memory
     most, which = (free_memory(), "that are free") if case.memory is None else (case.memory, "of the key memory")
-    if needed <= most:
+    # usual loads take no less than those of the case may; only where that is too much, its own are tried
+    if forecast(case, prepared, usual_efforts(len(prepared.scene.steps))).memory <= most:
+        return
+    if (needed := forecast(case, prepared).memory) <= most:
         return
     points = " × ".join(map(str, prepared.scene.surface.shape))
     given = f"a run that takes about {needed / 1e9:.2g} GB, on {points} points"
@@ -145,22 +147,22 @@ def refuse_too_large(case: Case, prepared: Prepared) -> None:
     raise InputError.of("memory", given, allowed)
 
 
-def _cost(method: str, case: Case, prepared: Prepared, scene: Scene, known: tuple[Effort, ...]) -> tuple[float, float]:
+def _cost(method: str, prepared: Prepared, scene: Scene, known: tuple[Effort, ...]) -> tuple[float, float]:
     points, cells = scene.surface.shape, prepared.cells
     if method == "deterministic":
         return deterministic_cost(known, points)
     assert cells is not None
     if method == "two-scale":
-        return two_scale_cost(known, points, cells, case.two_scale_flow)
+        return two_scale_cost(known, points, cells, prepared.flow, prepared.contact)
     assert prepared.sampling is not None
     seal = seal_cells(Partition(points, scene.surface.spacing, cells), prepared.sampling)
-    return stochastic_cost(known, points, cells, prepared.sampling, seal)
+    return stochastic_cost(known, points, cells, prepared.sampling, seal, prepared.contact)
 
 
 def _expected_text(expected: Forecast) -> str:
     text = f"about {_duration(expected.seconds)} on one core"
     cores = psutil.cpu_count() or 1
-    if cores > 1 and expected.shared > expected.alone:
+    if cores > 1:
         text += f", {_duration(expected.alone + expected.shared / cores)} on the {cores} of this machine"
     more = f", and {_WORKER_MEMORY / 1e9:.2g} GB or more for each further worker" if cores > 1 else ""
     return f"{text}; {expected.memory / 1e9:.1f} GB of memory{more}"
@@ -177,7 +179,7 @@ def disk(case: Case, prepared: Prepared) -> Disk:
     others, checkpoint = 2e6 + 4.0 * pixels * formats, 0.0
     peaks = len(set(scene.unload_from))
     if "deterministic" in prepared.methods:
-        checkpoint += pixels * (4.0 * steps + 8.0 * peaks)
+        checkpoint += pixels * (STEP_BYTES * steps + 8.0 * peaks)
     if prepared.cells is not None and prepared.methods != {"deterministic"}:
         windows = prepared.cells[0] * prepared.cells[1]
         # a window: ten numbers in results.nc, twenty in the mesh of the seal; three windows with three fields
@@ -209,9 +211,25 @@ def _surface_lines(prepared: Prepared) -> list[str]:
     kept = f"waves below {to_text(shortest, 'm', 3)} ({shortest / max(surface.spacing):.3g} pixels) removed"
     removed = 1 - surface.rms_slope / report.rms_slope_before if report.rms_slope_before else 0.0
     if removed > 0.005:
-        above = f"{report.lost_slope:.0%} of the rms slope above noise, {to_text(report.shortest_measured, 'm', 3)}"
-        kept += f", with them {removed:.0%} of the rms slope: {above}"
+        measured = to_text(report.shortest_measured, "m", 3)
+        kept += f", with {removed:.0%} of the rms slope, {report.lost_slope:.0%} of that above noise ({measured})"
     return [*lines, _line("filter", kept)]
+
+
+def _contact(prepared: Prepared) -> str:
+    """How the contact of windows with places is solved."""
+    whole = prepared.contact == "whole"
+    return "of the whole face, cut into windows" if whole else "of each window, under that of the low-pass face"
+
+
+def _library(prepared: Prepared, sampling: Sampling, partition: Partition) -> str:
+    """The windows of a library that are used, and how many of them do not overlap."""
+    if sampling.pressure != "place":
+        return f"{sampling.library_cells} library windows"
+    used, of_face = placed_windows(sampling, partition), partition.cells[0] * partition.cells[1]
+    asked = f", not {sampling.library_cells}" if sampling.library_cells != used else ""
+    again = f", the {of_face} of the face cut {used // of_face} times" if used > of_face else " of the face"
+    return f"{used} library windows{again}{asked}, contact {_contact(prepared)}"
 
 
 def _windows(partition: Partition, shortest_wave: float) -> str:

@@ -103,7 +103,11 @@ def run(
         kept = stack.enter_context(Checkpoint(folder, identity, going_on))
         results = _run(case, prepared, faces, kept.over(mapper), progress)
         progress("writing results", 0, None)
-        _write(results, folder, case, prepared)
+        start = time.perf_counter(), time.process_time()
+        # the pictures are small, and drawn on this machine
+        _write(results, folder, case, prepared, map if scheduler else mapper)
+        seconds = time.perf_counter() - start[0], time.process_time() - start[1]
+        log.info("pictures, report and files in %.1f s, %.1f s of this process", *seconds)
         for text in results.left_out:
             log.info("left out: %s", text)
         log.info("results in %s", folder)
@@ -198,15 +202,17 @@ def _study(
         return deterministic(scene, mapper=mapper)
     assert prepared.cells is not None
     if method == "two-scale":
-        return two_scale(scene, prepared.cells, flow=case.two_scale_flow, mapper=mapper)
+        return two_scale(scene, prepared.cells, flow=prepared.flow, contact=prepared.contact, mapper=mapper)
     assert prepared.sampling is not None
-    return stochastic(scene, prepared.cells, prepared.sampling, two_scale=known, mapper=mapper)
+    return stochastic(
+        scene, prepared.cells, prepared.sampling, contact=prepared.contact, two_scale=known, mapper=mapper
+    )
 
 
-def _write(results: Results, folder: Path, case: Case, prepared: Prepared) -> None:
+def _write(results: Results, folder: Path, case: Case, prepared: Prepared, mapper: Mapper) -> None:
     try:
         options = case.output.model_dump(include={"paraview", "fields_limit"})
-        write_folder(results, folder, prepared.scene.surface, **options)
+        write_folder(results, folder, prepared.scene.surface, **options, mapper=mapper)
     except Exception as error:
         reason = str(error) if isinstance(error, FemsealError) else f"results: {error or type(error).__name__}"
         raise FemsealError(f"{reason}; mend that, then a run with --resume has only to write them") from error
@@ -214,16 +220,16 @@ def _write(results: Results, folder: Path, case: Case, prepared: Prepared) -> No
 
 
 def _face_files(case: Case) -> dict[str, str]:
-    """SHA-256 of every face file by its path in the case."""
+    """SHA-256 of the file of every face and of its mask, by its path in the case."""
     digests = {}
-    for face in case.face:
-        if isinstance(face, FileFace):
-            try:
-                with (case.folder / face.path).open("rb") as file:
-                    digests[str(face.path)] = hashlib.file_digest(file, "sha256").hexdigest()
-            except OSError as error:
-                allowed = f"a file that can be read ({error.strerror})"
-                raise InputError.of("face.path", f"'{face.path}'", allowed) from None
+    files = [face for face in case.face if isinstance(face, FileFace)]
+    for key, path in [("path", face.path) for face in files] + [("mask", face.mask) for face in files if face.mask]:
+        try:
+            with (case.folder / path).open("rb") as file:
+                digests[str(path)] = hashlib.file_digest(file, "sha256").hexdigest()
+        except OSError as error:
+            allowed = f"a file that can be read ({error.strerror})"
+            raise InputError.of(f"face.{key}", f"'{path}'", allowed) from None
     return digests
 
 
@@ -233,10 +239,10 @@ def _finished(case: Case, faces: dict[str, str], folder: Path) -> Results | None
 
     try:
         results = open_results(folder)
-    except FemsealError:
+        face_files = json.loads(results.dataset.attrs.get("face_files", "{}"))
+    except (FemsealError, ValueError, TypeError, RecursionError):
         return None
-    same = results.case == case.echo() and json.loads(results.dataset.attrs.get("face_files", "{}")) == faces
-    return results if same else None
+    return results if results.case == case.echo() and face_files == faces else None
 
 
 @contextmanager

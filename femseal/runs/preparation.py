@@ -13,7 +13,7 @@ import numpy as np
 from ..base.errors import InputError
 from ..base.quantities import to_text
 from ..scales import Partition
-from ..studies import Sampling, Scene, check_sampling, seal_cells
+from ..studies import Sampling, Scene, check_sampling, chosen_contact, seal_cells
 from ..studies.costs import choose_method
 from ..topography import (
     MOST_POINTS,
@@ -49,8 +49,9 @@ KEPT_SLOPE = 0.99
 class Prepared:
     """Input of the studies: the scene, its windows, the sampling of seals; and the history of the surface.
 
-    method, methods : to be run, with "auto" resolved; choice : reason of that choice, if there was one. warnings : what
-        is odd in the case. filtered : the scene of the second run that shows how leakage depends on the low-pass.
+    method, methods : to be run, with "auto" resolved; choice : reason of that choice, if there was one. contact, flow :
+        of windows, see `studies.two_scale`. warnings : what is odd in the case. filtered : the scene of the second run
+        that shows how leakage depends on the low-pass.
     """
 
     scene: Scene
@@ -61,6 +62,8 @@ class Prepared:
     method: str
     methods: frozenset[str]
     choice: str
+    contact: str
+    flow: str
     warnings: tuple[str, ...] = ()
     filtered: Scene | None = None
 
@@ -162,7 +165,9 @@ def _prepare(case: Case) -> Prepared:
     methods = frozenset({method, *case.compare})
     effect = SpikeEffect(report.spikes_along_lay, report.spikes_extreme)
     odd = (*oddities(case, scene, report), *effect.doubts(report.spikes))
-    prepared = Prepared(scene, cells, sampling, report, overlap, method, methods, choice, odd)
+    contact, flow = (None, "links") if case.cells is None else (case.cells.contact, case.cells.flow)
+    contact = chosen_contact(contact, surface.shape)
+    prepared = Prepared(scene, cells, sampling, report, overlap, method, methods, choice, contact, flow, odd)
     return replace(prepared, filtered=coarser(prepared)) if case.surface.filter_sensitivity else prepared
 
 
@@ -199,7 +204,9 @@ def _combined_faces(case: Case) -> tuple[Topography, list[tuple[Topography, Repa
     seeds = np.random.SeedSequence(case.seed).spawn(len(case.face))
     faces = []
     for place, table, seed in zip(face_places(case), case.face, seeds, strict=True):
-        with in_words_of(FACE_KEYS, "" if isinstance(table, FileFace) else place):
+        of_file = isinstance(table, FileFace)
+        words = {key: f"{place}.{key}" for key in ("crop", "mask", "file_mask")} if of_file else FACE_KEYS
+        with in_words_of(words, "" if of_file else place):
             faces.append(table.make(case.folder, np.random.default_rng(seed)))
     thresholds = [case.surface.spikes if isinstance(table, FileFace) else inf for table in case.face]
     if len(faces) == 1:

@@ -92,11 +92,15 @@ def survey(
     with in_words_of(SURFACE_OPTIONS):
         validate.number("max_undefined", max_undefined, inclusive=True)
         number = int(channel) if channel.isdecimal() else channel
-        face, doubts = read_for_a_look(path, channel=number, **lengths, **reading)
+        seen = read_for_a_look(path, channel=number, **lengths, **reading)
+        face = seen.topography
         look = _look(face, wave, treatment)
-    reasons = [*map(str, doubts), *look.reasons]
+    reasons = [*map(str, seen.doubts), *look.reasons]
     lines = [str(path), *_description(face, look)]
     lines += [f"note: a run refuses this face: {reason}" for reason in reasons]
+    if seen.masked_share:
+        share = f"{100 * seen.masked_share:.3g} %"
+        lines.append(f"note: {share} of the points in the file are masked in it: --no-file-mask takes their heights")
     if look.part is not None:
         origin = (0.0, 0.0) if crop is None else (lengths["crop"][0], lengths["crop"][2])
         lines += _offer(look.part, origin)

@@ -1,7 +1,10 @@
 """Parts of the two-scale method: windows of a face, their contact and flow, libraries of windows, and drawn links."""
 
+from .column_runs import RunFlows, run_flows
 from .curves import CellCurves
 from .dissipation import window_dissipation
+from .elements import ElementFlow, WindowFlow, element_flow, window_flow
+from .gap_error import gap_error
 from .global_contact import GlobalState, global_states
 from .ladder import Cell, Ladder, follow
 from .library import LadderLibrary, LibraryTable, WindowSource, build_ladder_library, on_ladder
@@ -16,6 +19,7 @@ __all__ = [
     "Cell",
     "CellCurves",
     "ContactPressure",
+    "ElementFlow",
     "Failed",
     "FlowSettings",
     "GlobalState",
@@ -24,18 +28,24 @@ __all__ = [
     "LibraryTable",
     "LinkTable",
     "Partition",
+    "RunFlows",
     "SolveCounts",
     "SolverCounts",
     "WindowFields",
+    "WindowFlow",
     "WindowHistory",
     "WindowSource",
     "attempt",
     "build_ladder_library",
     "correlation_length",
     "draw_links",
+    "element_flow",
     "follow",
+    "gap_error",
     "global_states",
     "on_ladder",
     "respond",
+    "run_flows",
     "window_dissipation",
+    "window_flow",
 ]

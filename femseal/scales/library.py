@@ -9,19 +9,21 @@ from __future__ import annotations
 
 import hashlib
 import json
-import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import partial
+from math import prod
 from pathlib import Path
 from typing import Any, ClassVar
 from zipfile import BadZipFile
+from zlib import error as ZlibError
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..base.errors import FemsealError, InputError
 from ..base.files import made_folder, replacing
+from ..base.machine import within_free_memory
 from ..base.stage import Mapper, Stage
 from ..base.text import Shown
 from ..contact import HalfSpace
@@ -34,6 +36,11 @@ from .window import FlowSettings
 Array = NDArray[np.float64]
 #: Written into every file; a file of another format is computed again.
 FORMAT = 2
+#: No file says that it holds more cells.
+_MOST_CELLS = 10**6
+#: Errors of reading a file of arrays that is damaged or was changed.
+_DAMAGES = (OSError, EOFError, ValueError, LookupError, TypeError, AttributeError, ArithmeticError, MemoryError,
+            RuntimeError, BadZipFile, ZlibError)  # fmt: skip
 #: Key of the random stream of windows, far from those of the realisations.
 WINDOW_STREAM = 2**32 - 1
 
@@ -76,6 +83,12 @@ class WindowSource:
             for t in self.topographies
         ]
         return float(np.sqrt(np.mean(np.concatenate([v.ravel() for v in variances]))))
+
+    @property
+    def tiles(self) -> int:
+        """Number of windows that tile the faces without overlap."""
+        w1, w2 = self.half_space.shape
+        return sum((n1 // w1) * (n2 // w2) for n1, n2 in (t.shape for t in self.topographies))
 
     def window(self, n: int) -> Array:
         """Undeformed gap of window n (w1, w2) [m].
@@ -122,6 +135,7 @@ class LadderLibrary(Shown):
 
     cells : the windows that did not fail.
     rms_height : root mean square height of the windows [m].
+    tiles : number of windows that tile the faces without overlap.
     counts : flows of windows in this run, solved or known without solving.
     reused : number of cells that were read and complete.
     failures : windows that failed and are left out, one line each.
@@ -130,16 +144,22 @@ class LadderLibrary(Shown):
     ladder: Ladder
     cells: tuple[Cell, ...] = field(repr=False)
     rms_height: float = field(metadata={"unit": "m"})
+    tiles: int
     counts: SolveCounts = field(default_factory=SolveCounts)
     reused: int = 0
     failures: tuple[str, ...] = ()
 
-    _derived: ClassVar = {"size": "1"}
+    _derived: ClassVar = {"size": "1", "independent": "1"}
 
     @property
     def size(self) -> int:
         """Number of cells."""
         return len(self.cells)
+
+    @property
+    def independent(self) -> int:
+        """Number of cells that do not overlap: the error of the library is that of so many."""
+        return min(self.size, self.tiles)
 
     @property
     def curves(self) -> LibraryTable:
@@ -235,7 +255,7 @@ def build_ladder_library(
     if count < 1:
         raise InputError.of("library", f"{count} windows", "at least one")
     path = None if folder is None else made_folder(folder) / f"{source.key(ladder)}.npz"
-    known = [] if path is None else _read(path)
+    known = [] if path is None else _read(path, ladder)
     complete = [n for n, cell in enumerate(known[:count]) if cell is not None and _covers(cell, ladder)]
     missing = sorted({*range(count)} - {*complete})
     stage = Stage("library windows", partial(_cell, source=source, ladder=ladder))
@@ -254,6 +274,7 @@ def build_ladder_library(
         ladder=ladder,
         cells=good,
         rms_height=source.rms_height,
+        tiles=source.tiles,
         counts=SolveCounts.total(cell.counts for cell in followed.values()),
         reused=len(complete),
         failures=failures,
@@ -292,23 +313,42 @@ def _write(path: Path, cells: Sequence[Cell | None]) -> None:
         np.savez_compressed(temporary, **content)
 
 
-def _read(path: Path) -> list[Cell | None]:
-    """Read the cells of a file; an empty list if there is no file, or it is damaged or of another format."""
+def _read(path: Path, ladder: Ladder) -> list[Cell | None]:
+    """Read the cells of a file; an empty list if there is no file, or it is damaged, changed or of another format."""
+    if not path.is_file():
+        return []
     try:
-        with np.load(path) as data:
-            if data["format"] != FORMAT:
+        with within_free_memory(), np.load(path, allow_pickle=False) as data:
+            count, good = int(data["count"]), data["good"]
+            if data["format"] != FORMAT or not 0 <= count <= _MOST_CELLS or np.unique(good).size != good.size:
                 return []
-            cells: list[Cell | None] = [None] * int(data["count"])
+            cells: list[Cell | None] = [None] * count
             columns: dict[str, Any] = {}
             for name in _ARRAYS:
-                shapes = data[f"{name}_shapes"]
-                ends = np.cumsum([int(np.prod(s)) for s in shapes])[:-1]
+                if (table := data[f"{name}_shapes"]).dtype.kind not in "iu":
+                    return []
+                shapes = table.tolist()
+                ends = np.cumsum([prod(s) for s in shapes], dtype=int)[:-1]
                 columns[name] = [a.reshape(s) for a, s in zip(np.split(data[name], ends), shapes, strict=True)]
-            for row, n in enumerate(data["good"]):
+            for row, n in enumerate(good.tolist()):
                 cells[n] = Cell(**{name: columns[name][row] for name in _ARRAYS})
-            return cells
-    except (OSError, EOFError, ValueError, KeyError, IndexError, BadZipFile, zlib.error):
+            return cells if all(cell is None or _is_sound(cell, ladder) for cell in cells) else []
+    except _DAMAGES:
         return []
+
+
+def _is_sound(cell: Cell, ladder: Ladder) -> bool:
+    """Whether a cell that was read has the arrays of one that was computed."""
+    n, m, kinds, stops = cell.pressure.size, cell.peaks.size, ladder.kinds, len(ladder.stops)
+    shapes = {"pressure": (n,), "k": (kinds, 2, n), "peaks": (m,), "k_unloading": (kinds, 2, m, stops)}
+    shapes["rigid"] = (kinds, 2, len(ladder.separations))
+    for name in _ARRAYS:
+        values = getattr(cell, name)
+        expected = shapes.get(name, (m, stops) if name.endswith("_unloading") else (n,))
+        if values.shape != expected or values.dtype != float or not np.isfinite(values).all():
+            return False
+    rising = (np.diff(cell.pressure) > 0).all() and (np.diff(cell.peaks) > 0).all()
+    return bool(rising and n and cell.pressure[0] == 0 and min(cell.k.min(), cell.k_unloading.min(initial=0)) >= 0)
 
 
 def on_ladder(ladder: Ladder, extra: Sequence[float], highest: float) -> Ladder:

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from skfem import Mesh, MeshQuad1, MeshQuad2, MeshTri1, MeshTri2
 
 from ..base.errors import InputError
+from ..base.machine import free_memory, within_free_memory
 
 _KINDS: dict[str, tuple[type[Mesh], int]] = {
     "triangle": (MeshTri1, 3),
@@ -27,6 +28,8 @@ _KINDS: dict[str, tuple[type[Mesh], int]] = {
     "quad9": (MeshQuad2, 4),
 }
 _LINES = ("line", "line3")
+#: Memory that reading takes at least, in sizes of the file.
+_READING_FACTOR = 4
 
 
 def read_mesh(path: str | PathLike[str]) -> Mesh:
@@ -43,6 +46,9 @@ def read_mesh(path: str | PathLike[str]) -> Mesh:
     file = Path(fspath(path))
     if not file.is_file():
         raise InputError.of("path", f"'{file}'", "an existing mesh file")
+    if _READING_FACTOR * (length := file.stat().st_size) > (free := free_memory()):
+        allowed = f"a mesh that can be read in the {free / 1e9:.3g} GB of free memory"
+        raise InputError.of("path", f"'{file}' of {length / 1e9:.3g} GB", allowed)
     data = _meshio_read(file)
     present = [kind for kind in _KINDS if kind in data.cells_dict]
     if not present:
@@ -77,7 +83,7 @@ def _meshio_read(file: Path) -> Any:
     silent = io.StringIO()
     try:
         # a file meshio cannot read makes it print and exit
-        with contextlib.redirect_stdout(silent), contextlib.redirect_stderr(silent):
+        with contextlib.redirect_stdout(silent), contextlib.redirect_stderr(silent), within_free_memory():
             return meshio.read(file)
     except (Exception, SystemExit) as error:
         reason = (str(error) if not isinstance(error, SystemExit) else "") or "unknown or damaged format"

@@ -23,6 +23,7 @@ from ..flow.grid import Grid
 from ..flow.mesh import darcy_conductance, is_connected
 from ..flow.solution import DarcyFlow
 from .mesh_file import read_mesh
+from .overlap import first_overlap
 from .structured import StructuredSeal
 
 Array = NDArray[np.float64]
@@ -253,6 +254,14 @@ def _check_sides(mesh: Mesh) -> None:
     bad = np.flatnonzero(overlapping[edge].any(axis=1))
     if bad.size:
         given = f"a mesh whose elements {' and '.join(map(str, bad[:2]))} overlap"
+        raise InputError.of("path", given, "elements that lie beside each other")
+    if found := first_overlap(mesh):
+        named = " and ".join(map(str, found))
+        given = (
+            f"a mesh whose elements {named} overlap"
+            if len(found) > 1
+            else f"a mesh whose element {named} lies on others"
+        )
         raise InputError.of("path", given, "elements that lie beside each other")
 
 

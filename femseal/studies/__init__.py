@@ -5,12 +5,15 @@
 """
 
 from .deterministic import DeterministicResult, deterministic
-from .sampling_options import PRESSURES, Sampling, check_sampling, seal_cells
+from .face_contact import CONTACTS, chosen_contact
+from .sampling_options import DRAWS, PRESSURES, Sampling, check_sampling, placed_windows, seal_cells
 from .scene import Scene
 from .stochastic import StochasticResult, stochastic
 from .two_scale import FLOWS, TwoScaleResult, two_scale
 
 __all__ = [
+    "CONTACTS",
+    "DRAWS",
     "FLOWS",
     "PRESSURES",
     "DeterministicResult",
@@ -19,7 +22,9 @@ __all__ = [
     "StochasticResult",
     "TwoScaleResult",
     "check_sampling",
+    "chosen_contact",
     "deterministic",
+    "placed_windows",
     "seal_cells",
     "stochastic",
     "two_scale",

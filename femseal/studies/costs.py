@@ -14,22 +14,28 @@ import numpy as np
 from ..base.machine import free_memory
 from ..contact.cycle import STATE_FIELDS
 from ..scales.global_contact import PIXELS_PER_CUT_OFF
-from .deterministic import state_memory
+from .deterministic import STEP_BYTES, state_memory
+from .face_contact import chosen_contact
 from .sampling_options import Sampling
 from .windows import CUT_OFF_WINDOWS
 
 #: Pixels of the contact by which the effort of a load step is told.
 PILOT_PIXELS = 200**2
-#: Seconds of a pair of transforms, and for each of its pixels; least number of pairs.
-_PAIR_SECONDS, _LEAST_PAIRS = (5e-5, 1.6e-8), 6
+#: Seconds of a pair of transforms, and for each of its pixels, twice that in contact everywhere; least number of pairs.
+_PAIR_SECONDS, _LEAST_PAIRS = (5e-5, 1.55e-8), 6
 #: Growth of the number of pairs with the pixels: power without contact, and what contact everywhere adds to it.
 _PAIR_GROWTH = (0.1, 0.5)
-#: Seconds of a flow solution, and for each pixel: far from closing, near closing and closed.
-_FLOW_SECONDS, _FLOW_PIXEL_SECONDS = 3e-4, (3.5e-7, 1.5e-6, 5e-8)
+#: Seconds of a flow solution, and for each pixel of 100² where it is open and closed; their growth with the pixels far
+#: from closing and near it.
+_FLOW_SECONDS, _FLOW_PIXEL_SECONDS, _FLOW_GROWTH = 3e-4, (2e-7, 5e-8), (0.12, 0.46)
+#: Memory of contact and flow far from closing, for each pixel [byte].
+_EASY_BYTES = 8 * 40.0
 #: Shares in contact between which flow is near closing.
 _CLOSING = (0.07, 0.45)
 #: Seconds of a link of a drawn seal at a load step, for each doubling of its rows.
 _LINK_SECONDS = 1.1e-7
+#: Transforms that the estimate of the error of a gap takes.
+_ERROR_PAIRS = 3
 #: Number of states of a window on its ladder: loading, unloading and without contact.
 _LADDER_STATES = 60
 
@@ -58,38 +64,53 @@ def usual_efforts(steps: int) -> tuple[Effort, ...]:
 def contact_seconds(pixels: float, effort: Effort) -> float:
     """Expected time of one contact solution [s]."""
     pairs = max(_LEAST_PAIRS, effort.pairs * (pixels / PILOT_PIXELS) ** effort.growth)
-    return pairs * (_PAIR_SECONDS[0] + _PAIR_SECONDS[1] * pixels)
+    return pairs * (_PAIR_SECONDS[0] + _PAIR_SECONDS[1] * pixels * (1 + effort.share**4))
 
 
 def flow_seconds(pixels: float, effort: Effort) -> float:
     """Expected time of one flow solution [s]."""
-    far, near, closed = _FLOW_PIXEL_SECONDS
     low, high = _CLOSING
-    return _FLOW_SECONDS + pixels * (far if effort.share < low else near if effort.share < high else closed)
+    far, closed = _FLOW_PIXEL_SECONDS
+    growth = max(1.0, pixels / 100**2) ** _FLOW_GROWTH[effort.share >= low]
+    return _FLOW_SECONDS + pixels * (far * growth if effort.share < high else closed)
 
 
 def deterministic_cost(efforts: Sequence[Effort], points: tuple[int, int]) -> tuple[float, float]:
     """Expected time on one core [s] and memory [byte] of the deterministic solution."""
     pixels = points[0] * points[1]
     seconds = sum(contact_seconds(pixels, effort) + flow_seconds(pixels, effort) for effort in efforts)
-    return seconds, 4.0 * pixels * len(efforts) + state_memory(pixels)
+    return seconds, STEP_BYTES * pixels * len(efforts) + _state_memory(pixels, efforts)
+
+
+def _state_memory(pixels: int, efforts: Sequence[Effort]) -> float:
+    """Memory that contact and flow of a step need at most [byte]; elimination, near closing, takes most of it."""
+    low, high = _CLOSING
+    near = any(low <= effort.share < high for effort in efforts)
+    return state_memory(pixels) if near else _EASY_BYTES * pixels
 
 
 def two_scale_cost(
-    efforts: Sequence[Effort], points: tuple[int, int], cells: tuple[int, int], flow: str = "links"
+    efforts: Sequence[Effort],
+    points: tuple[int, int],
+    cells: tuple[int, int],
+    flow: str = "links",
+    contact: str | None = None,
 ) -> tuple[float, float]:
     """Expected time on one core [s] and memory [byte] of the two-scale solution."""
+    whole = chosen_contact(contact, points) == "whole"
     pixels, (m1, m2) = points[0] * points[1], cells
     window, links = pixels // (m1 * m2), m1 * m2 + (m1 - 1) * m2
-    coarse = min(pixels, m1 * m2 * (PIXELS_PER_CUT_OFF / CUT_OFF_WINDOWS) ** 2)
+    coarse = pixels if whole else min(pixels, m1 * m2 * (PIXELS_PER_CUT_OFF / CUT_OFF_WINDOWS) ** 2)
     seconds, memory = 0.0, 8.0 * (8 * pixels + STATE_FIELDS * coarse)
     for effort in efforts:
-        seconds += contact_seconds(coarse, effort) + m1 * m2 * contact_seconds(window, effort)
+        seconds += contact_seconds(coarse, effort)
+        if not whole:
+            seconds += m1 * m2 * contact_seconds(window, effort) + _ERROR_PAIRS * _PAIR_SECONDS[1] * pixels
         seconds += links * flow_seconds(window, effort)
         if flow == "resolved":
             seconds += flow_seconds(pixels, effort)
     if flow == "resolved":
-        memory = max(memory, state_memory(pixels))
+        memory = max(memory, _state_memory(pixels, efforts))
     return seconds, 4.0 * pixels * len(efforts) + memory
 
 
@@ -99,19 +120,20 @@ def stochastic_cost(
     cells: tuple[int, int],
     sampling: Sampling,
     seal: tuple[int, int],
+    contact: str | None = None,
 ) -> tuple[float, float]:
     """Expected time on one core [s] and memory [byte] of a library and of the drawn seals of n1 × n2 links."""
     pixels, windows, steps = points[0] * points[1], cells[0] * cells[1], len(efforts)
     window = pixels // windows
-    contact = mean(contact_seconds(window, effort) for effort in efforts)
+    ladder = mean(contact_seconds(window, effort) for effort in efforts)
     flow = mean(flow_seconds(window, effort) for effort in efforts)
     faces = 8.0 * 8 * pixels
     if sampling.pressure == "place":
-        whole, faces = two_scale_cost(efforts, points, cells)
+        whole, faces = two_scale_cost(efforts, points, cells, contact=contact)
         links = windows + (cells[0] - 1) * cells[1]
         seconds = whole + steps * (2 * max(sampling.library_cells, windows) - links) * flow
     else:
-        seconds = _LADDER_STATES * sampling.library_cells * (contact + 2 * (3 if sampling.bounds else 1) * flow)
+        seconds = _LADDER_STATES * sampling.library_cells * (ladder + 2 * (3 if sampling.bounds else 1) * flow)
     links = seal[0] * seal[1]
     # as many seals again from resampled libraries, and from lower and upper bounds
     draws = (4 if sampling.bounds else 2) * sampling.realisations

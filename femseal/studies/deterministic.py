@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
@@ -12,15 +12,22 @@ from ..base.stage import Mapper
 from ..base.text import Shown
 from ..contact import HalfSpace, LoadState, load_states
 from ..loads import LoadProgramme
-from ..scales import Failed, FlowSettings, SolverCounts, attempt
+from ..scales import Failed, FlowSettings, Partition, SolverCounts, attempt
+from ..scales.window_fields import ContactPressure, ContactValues
 from .plausibility import odd_in_scene
 from .scene import Array, FaceFlow, Scene, labels, resolved_flow
+
+#: Memory that a pixel of a result takes at every step [byte]: gap and fluid pressure, and the contact pressure where
+#: there is contact, which is a fourth of the face at high loads.
+STEP_BYTES = 4.0 + 4.0 + 1.125
 
 
 @dataclass(frozen=True, repr=False)
 class DeterministicResult(Shown):
     """Contact and flow of a whole face on its own pixels; arrays over the steps.
 
+    gap, contact_pressure, fluid_pressure : at every pixel and step, in single precision; the contact pressure is kept
+    where there is contact, see `ContactPressure`. The fluid pressure is NaN in contact and in pockets.
     residual : largest residual of the contacts. failures : steps whose flow failed; their leakage is NaN. warnings :
     reasons to doubt the result. solvers : number of systems by solver.
     """
@@ -43,6 +50,12 @@ class DeterministicResult(Shown):
     )
     mean_gap: Array = field(metadata=labels("m", "mean gap, deterministic", "step", name="mean_gap_deterministic"))
     gap: NDArray[np.float32] = field(metadata=labels("m", "deformed gap, deterministic", "step", "x1", "x2"))
+    contact_pressure: ContactPressure = field(
+        metadata=labels("Pa", "contact pressure, deterministic", "step", "x1", "x2")
+    )
+    fluid_pressure: NDArray[np.float32] = field(
+        metadata=labels("Pa", "fluid pressure, deterministic, NaN in contact and in pockets", "step", "x1", "x2")
+    )
     residual: float = 0.0
     failures: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
@@ -65,7 +78,8 @@ def deterministic(scene: Scene, *, mapper: Mapper = map) -> DeterministicResult:
     half_space = HalfSpace(surface.shape, surface.spacing, scene.modulus, scene.boundary)
     gap0 = surface.heights.max() - surface.heights
     gap = np.empty((len(scene.steps), *surface.shape), np.float32)
-    facts, flows = [], []
+    fluid_pressure = np.full_like(gap, np.nan)
+    facts, flows, in_contact = [], [], []
     states = load_states(
         gap0,
         half_space,
@@ -78,6 +92,10 @@ def deterministic(scene: Scene, *, mapper: Mapper = map) -> DeterministicResult:
     )
     for s, state in enumerate(states):
         gap[s] = state.gap
+        in_contact.append(state.contact)
+        if isinstance(state.flow, FaceFlow) and state.flow.share is not None:
+            fluid_pressure[s] = scene.pressure_at(state.flow.share)
+            state = replace(state, flow=replace(state.flow, share=None))
         flows.append(state.flow)
         facts.append((state.contact_fraction, state.plastic_fraction, state.mean_gap, state.residual))
     contact_fraction, plastic_fraction, mean_gap, residual = np.array(facts).T
@@ -89,6 +107,8 @@ def deterministic(scene: Scene, *, mapper: Mapper = map) -> DeterministicResult:
         plastic_fraction=plastic_fraction,
         mean_gap=mean_gap,
         gap=gap,
+        contact_pressure=ContactPressure(Partition(surface.shape, surface.spacing, (1, 1)), (tuple(in_contact),)),
+        fluid_pressure=fluid_pressure,
         residual=float(residual.max()),
         failures=through.failures,
         warnings=odd_in_scene(scene),
@@ -101,6 +121,7 @@ class _ResolvedState:
     """The parts of the contact and the flow of a step that are kept."""
 
     gap: NDArray[np.float32]
+    contact: ContactValues
     flow: FaceFlow | Failed
     contact_fraction: float
     plastic_fraction: float
@@ -117,7 +138,8 @@ def _resolved(state: LoadState, settings: FlowSettings) -> _ResolvedState:
     contact = state.contact
     return _ResolvedState(
         gap=contact.gap.astype(np.float32),
-        flow=attempt(resolved_flow, contact.gap, contact.half_space.spacing, settings),
+        contact=ContactValues.of(contact.pressure),
+        flow=attempt(resolved_flow, contact.gap, contact.half_space.spacing, settings, with_share=True),
         contact_fraction=contact.area_fraction,
         plastic_fraction=contact.plastic_fraction,
         mean_gap=contact.mean_gap,

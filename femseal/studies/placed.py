@@ -6,9 +6,11 @@ import numpy as np
 
 from ..base.errors import FemsealError
 from ..scales import LibraryTable, LinkTable, SolveCounts, correlation_length
+from .face_contact import solve_windows
+from .sampling_options import placed_windows
 from .scene import Array
 from .sources import PlacedLibrary, Wanted, WindowSupply
-from .windows import LinkFlows, solve_links, solve_windows
+from .windows import LinkFlows, solve_links
 
 #: Length of runs of columns in correlation lengths; a run has at most all columns of the face. Where runs meet, the
 #: channels of the face are cut. Measured on circular milling marks with ten columns: 0.83 to 0.95 of the leakage with
@@ -25,8 +27,8 @@ def windows_in_place(wanted: Wanted) -> WindowSupply:
     """
     scene, partition, two_scale, mapper = wanted.scene, wanted.partition, wanted.two_scale, wanted.mapper
     (m1, m2), w2, n2 = partition.cells, partition.window[1], wanted.seal[1]
-    contact = two_scale or solve_windows(scene, partition.cells, mapper=mapper)
-    shifts = int(np.clip(-(-wanted.sampling.library_cells // (m1 * m2)), 1, w2))
+    contact = two_scale or solve_windows(scene, partition.cells, wanted.contact, mapper=mapper)
+    shifts = placed_windows(wanted.sampling, partition) // (m1 * m2)
     moved = [n * w2 // shifts for n in range(shifts)]
     known = {} if two_scale is None else {(0, 0): LinkFlows(two_scale.k1), (1, 0): LinkFlows(two_scale.k2)}
     flows = [
@@ -46,6 +48,7 @@ def windows_in_place(wanted: Wanted) -> WindowSupply:
             mean_gap=_each_window(contact.mean_gap),
             contact_fraction=_each_window(contact.contact_fraction),
         ),
+        contact=contact.contact,
         correlation_length=length,
         shifts=shifts,
         counts=SolveCounts.total(f.counts for f in every),
@@ -57,7 +60,7 @@ def windows_in_place(wanted: Wanted) -> WindowSupply:
         LinkTable(k, np.repeat(np.arange(k.shape[1])[:, None], n2, axis=1), scene.steps, run, length) for k in (k1, k2)
     )
     node_rows = contact.fields.partition.node_rows
-    return WindowSupply(library, ((along, across),), node_rows, () if two_scale else contact.warnings)
+    return WindowSupply(library, ((along, across),), node_rows, () if two_scale else contact.warnings, contact.fields)
 
 
 def _each_window(values: Array) -> Array:

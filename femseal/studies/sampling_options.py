@@ -9,10 +9,12 @@ import numpy as np
 
 from ..base import validate
 from ..base.errors import InputError
-from ..scales import Partition
+from ..scales import SAMPLERS, Partition
 
 #: Choices of the pressures and the waves of windows, see `Sampling.pressure`.
 PRESSURES = ("place", "global", "uniform")
+#: Choices of `Sampling.sampler`: those that draw links, and runs of columns.
+DRAWS = (*SAMPLERS, "runs")
 
 
 @dataclass(frozen=True)
@@ -24,12 +26,14 @@ class Sampling:
     realisations : number of seals that are drawn.
     library_cells : number of windows in the library.
     seed : of all random numbers.
-    sampler : "history", "derivative", "copula" or "block", see `scales.sampling`. Unless given it is "block" with the
-        pressure "place", where windows have neighbours, and "history" with the others.
+    sampler : "history", "derivative", "copula" or "block", see `scales.sampling`, or "runs". Unless given it is "block"
+        with the pressure "place", where windows have neighbours, and "history" with the others. "runs", with the
+        pressure "place" and the discretisation "edge", makes seals of runs of a quarter of the face's columns, whose
+        flow is solved by finite elements, see `scales.column_runs`; `length` is rounded to whole runs.
     pressure : the source of the windows and of their pressures.
-        "place": the windows of the two-scale solution of the face. A link draws from the windows of its row; if
-        `library_cells` asks for more than the face has, windows are moved by fractions of their width. For faces whose
-        form varies over a window.
+        "place": all windows of the face at their places. A link draws from the windows of its row. If `library_cells`
+        asks for more than the face has, they are cut again, moved by fractions of their width; this adds no area, and
+        the error of the library stays that of the windows of the face. For faces whose form varies over a window.
         "global": windows with all their waves, followed along a ladder of pressures. The global contact of the face,
         repeated along the seal, gives the pressure of each link (Pérez-Ràfols et al., 2018).
         "uniform": windows with the full heights. Every link has the nominal pressure, or its share in `profile`.
@@ -67,12 +71,22 @@ def seal_cells(partition: Partition, sampling: Sampling) -> tuple[int, int]:
     return n1, max(1, round(sampling.length / d2))
 
 
+def placed_windows(sampling: Sampling, partition: Partition) -> int:
+    """Number of windows that the pressure "place" takes from a face: all of its windows, once for every shift."""
+    of_face = partition.cells[0] * partition.cells[1]
+    return of_face * int(np.clip(-(-sampling.library_cells // of_face), 1, partition.window[1]))
+
+
 def check_sampling(sampling: Sampling, cells: tuple[int, int]) -> None:
     """Raise InputError for an unknown option, or for two that do not go together."""
+    if sampling.chosen_sampler not in DRAWS:
+        raise InputError.of("sampler", sampling.sampler, f"one of {', '.join(DRAWS)}")
     if sampling.pressure not in PRESSURES:
         raise InputError.of("pressure", sampling.pressure, f"one of {', '.join(PRESSURES)}")
     if sampling.chosen_sampler == "block" and sampling.pressure != "place":
         raise InputError.of("sampler", "block", "another one, or the pressure 'place', whose windows are neighbours")
+    if sampling.chosen_sampler == "runs" and sampling.pressure != "place":
+        raise InputError.of("sampler", "runs", "another one, or the pressure 'place', whose windows are neighbours")
     if sampling.breadth is not None and (sampling.pressure != "uniform" or not sampling.breadth > 0):
         raise InputError.of("breadth", sampling.breadth, "a length > 0 with the pressure 'uniform', none with others")
     if sampling.profile:

@@ -96,6 +96,11 @@ class Scene:
             solver=self.solver,
         )
 
+    def pressure_at(self, share: NDArray[np.floating]) -> Array:
+        """Fluid pressure [Pa] where the potential has a share of its drop: 0 at the outlet, 1 at the inlet."""
+        inlet, outlet = self.fluid.potential([self.inlet_pressure, self.outlet_pressure])
+        return self.fluid.pressure(outlet + (inlet - outlet) * np.asarray(share, float))
+
     def resolved_leakage(self, flows: Iterable[FaceFlow | Failed]) -> FaceLeakage:
         """Leakage through the whole face at every step, from its flow at full resolution."""
         seal = RectangularSeal(self.surface.size, (1, 1))
@@ -111,12 +116,17 @@ class Scene:
         return FaceLeakage(np.array(leakage), tuple(failures), solvers)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class FaceFlow:
-    """Flow along x1 through a whole face at full resolution: its permeability [m³], and the solver of its system."""
+    """Flow along x1 through a whole face at full resolution.
+
+    permeability [m³]. solvers : of its system. share : of the drop of the potential (n1, n2), 1 at the inlet and 0 at
+    the outlet, NaN in contact and in pockets; None where it was not asked for.
+    """
 
     permeability: float
     solvers: SolverCounts
+    share: NDArray[np.float32] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,9 +139,15 @@ class FaceLeakage:
 
 
 def resolved_flow(
-    gap: NDArray[np.floating], spacing: tuple[float, float], settings: FlowSettings | None = None
+    gap: NDArray[np.floating],
+    spacing: tuple[float, float],
+    settings: FlowSettings | None = None,
+    *,
+    with_share: bool = False,
 ) -> FaceFlow:
     """Solve the flow along x1 through the gap (n1, n2) [m] of a whole face, which is periodic along x2.
+
+    `with_share` keeps the share of the drop at every pixel.
 
     Raises
     ------
@@ -145,7 +161,8 @@ def resolved_flow(
         discretisation=settings.discretisation,
         solver=settings.solver,
     )
-    return FaceFlow(flow.value, SolverCounts.of(flow))
+    share = flow.fluid_pressure.astype(np.float32) if with_share else None
+    return FaceFlow(flow.value, SolverCounts.of(flow), share)
 
 
 def labels(unit: str, long_name: str, *dims: str, name: str = "", heading: str = "") -> dict[str, Any]:

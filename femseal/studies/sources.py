@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from ..base.stage import Mapper
 from ..base.text import Shown
 from ..scales import LadderLibrary, LibraryTable, LinkTable, Partition, SolveCounts
+from ..scales.window_fields import WindowFields
 from .sampling_options import Sampling
 from .scene import Array, Scene
 from .two_scale import TwoScaleResult
@@ -21,7 +22,8 @@ class Wanted:
     """Request for windows, which a source answers with a `WindowSupply`.
 
     scene, partition : the face and its windows. sampling : how the seal is drawn. seal : its windows along x1 and x2.
-    two_scale : the two-scale solution of the face, if it is known already. mapper : computes a stage for many items.
+    two_scale : the two-scale solution of the face, if it is known already. contact : how the contact of windows with
+    places is solved, see `face_contact.solve_windows`. mapper : computes a stage for many items.
     """
 
     scene: Scene
@@ -29,6 +31,7 @@ class Wanted:
     sampling: Sampling
     seal: tuple[int, int]
     two_scale: TwoScaleResult | None
+    contact: str | None
     mapper: Mapper
 
 
@@ -41,12 +44,14 @@ class WindowSupply:
         upper bounds.
     node_rows : x1 of the rows of nodes [m]; empty if they are equidistant.
     warnings : reasons to doubt the result.
+    fields : deformed gap of the face, if the windows keep their places on it.
     """
 
     library: LadderLibrary | PlacedLibrary
     tables: tuple[Tables, ...]
     node_rows: tuple[float, ...] = ()
     warnings: tuple[str, ...] = ()
+    fields: WindowFields | None = None
 
 
 #: A source of windows: takes a request and returns the windows.
@@ -60,6 +65,7 @@ class PlacedLibrary(Shown):
     k1, k2 : permeability of links along x1 (steps, rows, columns) and x2 (steps, rows − 1, columns) [m³]. Columns come
         in the order of the face, once for every shift of the windows along x2.
     curves : the windows without shift, for tables and pictures.
+    contact : how the contact of the windows was solved, see `face_contact.CONTACTS`.
     correlation_length : number of columns over which windows are alike.
     shifts : how often the windows were moved, the unmoved ones included.
     counts : flows of windows of this library, solved or known without solving.
@@ -69,6 +75,7 @@ class PlacedLibrary(Shown):
     k1: Array = field(metadata={"unit": "m^3", "long_name": "permeability along x1"})
     k2: Array = field(metadata={"unit": "m^3", "long_name": "permeability along x2"})
     curves: LibraryTable
+    contact: str
     correlation_length: float
     shifts: int
     counts: SolveCounts = field(default_factory=SolveCounts)
@@ -78,3 +85,8 @@ class PlacedLibrary(Shown):
     def size(self) -> int:
         """Number of windows of links along x1."""
         return self.k1.shape[1] * self.k1.shape[2]
+
+    @property
+    def independent(self) -> int:
+        """Number of windows that do not overlap: those of the face without shift."""
+        return self.size // self.shifts

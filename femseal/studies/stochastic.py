@@ -18,12 +18,13 @@ from ..base.text import Shown
 from ..loads import LoadProgramme
 from ..scales import Failed, LadderLibrary, Partition, SolverCounts, attempt, draw_links
 from ..seal import RectangularSeal
+from .chained import chained_seals
 from .followed import windows_under_global_contact, windows_under_uniform_pressure
 from .placed import windows_in_place
 from .plausibility import odd_in_scene
 from .sampling_options import Sampling, check_sampling, seal_cells
 from .scene import Array, Scene, labels
-from .sources import PlacedLibrary, Source, Tables, Wanted
+from .sources import PlacedLibrary, Source, Tables, Wanted, WindowSupply
 from .two_scale import TwoScaleResult
 
 #: For a given `width`: how often realisations and windows are added, and up to what multiple of the given numbers.
@@ -42,10 +43,13 @@ class StochasticResult(Shown):
 
     leakage : of each realisation.
     leakage_resampled : of as many more realisations, each from a library that is drawn with repetition from the library
-        itself. Their scatter is that of realisations and library together.
+        itself, of as many windows as do not overlap. Their scatter is that of realisations and library together.
     leakage_lower_bound, leakage_upper_bound : of the realisations in `leakage`, with the bounds of every window's
         permeability; None without bounds. They enclose the flow through gaps constant on each pixel: their distance
         says how well the pixels resolve the gaps.
+    leakage_closed_cuts, leakage_held_cuts : of the realisations in `leakage`, with the cuts between runs of columns
+        closed, and held at one profile of the fluid pressure; None unless the sampler is "runs". The leakage of a chain
+        of these runs lies between them.
     failures : reasons of values that are NaN or left out. warnings : reasons to doubt the result.
     solvers : number of systems by solver, of library windows and of drawn seals.
     """
@@ -64,6 +68,12 @@ class StochasticResult(Shown):
     )
     leakage_upper_bound: Array | None = field(
         default=None, metadata=labels("m^2/s", "upper bound of leakage per unit seal length", "realisation", "step")
+    )
+    leakage_closed_cuts: Array | None = field(
+        default=None, metadata=labels("m^2/s", "leakage per unit seal length, cuts closed", "realisation", "step")
+    )
+    leakage_held_cuts: Array | None = field(
+        default=None, metadata=labels("m^2/s", "leakage per unit seal length, cuts held", "realisation", "step")
     )
     failures: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
@@ -100,19 +110,31 @@ class StochasticResult(Shown):
         return np.sqrt(np.maximum(together**2 - self.realisation_spread**2, 0.0))
 
     def needed(self, width: float) -> tuple[int, int]:
-        """Number of realisations and of library windows for a standard error `width` of ln(median leakage).
+        """Number of realisations and of library windows without overlap for a standard error `width`.
 
-        It holds at all steps that leak more than 1e-3 of the first. Realisations and library may each cause half of the
-        variance.
+        The error is that of ln(median leakage), at all steps that leak more than 1e-3 of the first. Realisations and
+        library may each cause half of the variance.
         """
         median = self.quantile(0.5)
         chosen = np.abs(median) > 1e-3 * np.abs(median[0])
         if not chosen.any():
-            return len(self.leakage), self.library.size
+            return len(self.leakage), self.library.independent
         # the median of n normal numbers scatters by 1.2533 σ/√n
         realisations = 2 * (1.2533 * float(np.nanmax(self.realisation_spread[chosen], initial=0)) / width) ** 2
-        windows = 2 * self.library.size * (float(np.nanmax(self.library_error[chosen], initial=0)) / width) ** 2
+        windows = 2 * self.library.independent * (float(np.nanmax(self.library_error[chosen], initial=0)) / width) ** 2
         return max(2, ceil(realisations)), max(1, ceil(windows))
+
+    @property
+    def cut_error(self) -> Array | None:
+        """Half the distance of ln(leakage) with held and with closed cuts, at every step; None unless of runs.
+
+        It is inf where no run leaks by itself, NaN without leakage.
+        """
+        if self.leakage_closed_cuts is None or self.leakage_held_cuts is None:
+            return None
+        closed, held = (self._at_every_step(np.mean, q) for q in (self.leakage_closed_cuts, self.leakage_held_cuts))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.asarray(0.5 * np.log(held / closed))
 
     def too_few(self, *quantiles: float) -> str:
         """A warning with the number of realisations that the quantiles need, if there are fewer; otherwise ""."""
@@ -131,7 +153,7 @@ class StochasticResult(Shown):
         weak = [s.name for s, d, e in zip(self.steps, distance, self.library_error, strict=True) if e > max(d, 0.1)]
         if weak:
             reasons.append(
-                f"quantile {q:g}: the error of {self.library.size} library windows is larger than the band at "
+                f"quantile {q:g}: the error of {self.library.independent} library windows is larger than the band at "
                 f"{weak[0]}" + (f" and {len(weak) - 1} more steps" if len(weak) > 1 else "")
             )
         return tuple(reasons)
@@ -161,6 +183,7 @@ def stochastic(
     cells: tuple[int, int],
     sampling: Sampling,
     *,
+    contact: str | None = None,
     two_scale: TwoScaleResult | None = None,
     mapper: Mapper = map,
 ) -> StochasticResult:
@@ -171,6 +194,7 @@ def stochastic(
     scene : the face, its load and its fluid.
     cells : number of windows of the face along x1 and x2.
     sampling : how seals are drawn.
+    contact : how the contact of windows with the pressure "place" is solved, see `two_scale`.
     two_scale : the two-scale solution of the same scene and cells; its windows are not solved again ("place").
     mapper : computes a stage for many items, such as the builtin `map`; it may use several processes.
 
@@ -180,40 +204,61 @@ def stochastic(
     FemsealError : every window of the library failed.
     """
     check_sampling(sampling, cells)
+    if sampling.chosen_sampler == "runs" and scene.discretisation != "edge":
+        raise InputError.of("sampler", f"'runs' with the discretisation '{scene.discretisation}'", "'edge' with it")
     if sampling.width is None:
-        return _draw(scene, cells, sampling, two_scale, mapper)
+        return _draw(scene, cells, sampling, contact, two_scale, mapper)
     with TemporaryDirectory() as folder:
         # the next round keeps the windows that this one has followed
         growing = replace(sampling, library=sampling.library or Path(folder))
-        result = _draw(scene, cells, growing, two_scale, mapper)
+        result = _draw(scene, cells, growing, contact, two_scale, mapper)
         for _ in range(ROUNDS):
             realisations, windows = result.needed(sampling.width)
             wanted = replace(
                 growing,
                 realisations=int(np.clip(realisations, growing.realisations, GROWTH * sampling.realisations)),
-                library_cells=int(np.clip(windows, growing.library_cells, GROWTH * sampling.library_cells)),
+                library_cells=_grown(windows, growing, result.library, GROWTH * sampling.library_cells),
             )
-            if wanted == growing or (sampling.pressure == "place" and wanted.realisations == growing.realisations):
+            if wanted == growing:
                 break
             growing = wanted
-            result = _draw(scene, cells, growing, two_scale, mapper)
+            result = _draw(scene, cells, growing, contact, two_scale, mapper)
     realisations, windows = result.needed(sampling.width)
-    if realisations > len(result.leakage) or windows > result.library.size:
-        text = f"width {sampling.width:g} not reached: about {realisations} realisations and {windows} windows needed"
+    if realisations > len(result.leakage) or windows > result.library.independent:
+        text = (
+            f"width {sampling.width:g} not reached: about {realisations} realisations and {windows} windows without "
+            f"overlap needed, {len(result.leakage)} and {result.library.independent} used"
+        )
         result = replace(result, warnings=(*result.warnings, text))
     return result
 
 
 def _draw(
-    scene: Scene, cells: tuple[int, int], sampling: Sampling, two_scale: TwoScaleResult | None, mapper: Mapper
+    scene: Scene,
+    cells: tuple[int, int],
+    sampling: Sampling,
+    contact: str | None,
+    two_scale: TwoScaleResult | None,
+    mapper: Mapper,
 ) -> StochasticResult:
     partition = Partition(scene.surface.shape, scene.surface.spacing, cells)
     n1, n2 = seal_cells(partition, sampling)
     if sampling.profile and len(sampling.profile) != n1:
         raise InputError.of("profile", f"{len(sampling.profile)} numbers", f"{n1}, one for each row of windows")
-    supply = SOURCES[sampling.pressure](Wanted(scene, partition, sampling, (n1, n2), two_scale, mapper))
+    supply = SOURCES[sampling.pressure](Wanted(scene, partition, sampling, (n1, n2), two_scale, contact, mapper))
+    if sampling.chosen_sampler == "runs":
+        return _of_runs(scene, partition, sampling, supply, n2, mapper)
     seal = scene.layout.seal((n1 * partition.window_size[0], n2 * partition.window_size[1]), (n1, n2), supply.node_rows)
-    stage = Stage("drawn seals", partial(_realise, scene=scene, seal=seal, kinds=supply.tables, sampling=sampling))
+    library = supply.library
+    realise = partial(
+        _realise,
+        scene=scene,
+        seal=seal,
+        kinds=supply.tables,
+        sampling=sampling,
+        independent=library.independent / library.size,
+    )
+    stage = Stage("drawn seals", realise)
     count = sampling.realisations
     drawn = list(mapper(stage, [*range(count)] * 2, [False] * count + [True] * count))
     leakage, *bounds = np.array([r.leakage for r in drawn[:count]]).transpose(1, 0, 2)
@@ -221,14 +266,35 @@ def _draw(
     return StochasticResult(
         steps=scene.steps,
         seal=seal,
-        library=supply.library,
+        library=library,
         leakage=leakage,
         leakage_resampled=np.array([r.leakage[0] for r in drawn[count:]]),
         leakage_lower_bound=lower,
         leakage_upper_bound=upper,
-        failures=supply.library.failures + tuple(text for r in drawn for text in r.failures),
+        failures=library.failures + tuple(text for r in drawn for text in r.failures),
         warnings=odd_in_scene(scene) + supply.warnings,
-        solvers=supply.library.counts.solvers + SolverCounts.total(r.solvers for r in drawn),
+        solvers=library.counts.solvers + SolverCounts.total(r.solvers for r in drawn),
+    )
+
+
+def _of_runs(
+    scene: Scene, partition: Partition, sampling: Sampling, supply: WindowSupply, columns: int, mapper: Mapper
+) -> StochasticResult:
+    """Seals drawn as chains of runs of the face."""
+    assert supply.fields is not None
+    drawn = chained_seals(scene, supply.fields, columns, sampling.realisations, sampling.seed, mapper=mapper)
+    cells, (d1, d2) = (partition.cells[0], drawn.columns), partition.window_size
+    return StochasticResult(
+        steps=scene.steps,
+        seal=scene.layout.seal((cells[0] * d1, cells[1] * d2), cells, supply.node_rows),
+        library=supply.library,
+        leakage=drawn.leakage,
+        leakage_resampled=drawn.resampled,
+        leakage_closed_cuts=drawn.closed,
+        leakage_held_cuts=drawn.held,
+        failures=supply.library.failures + drawn.failures,
+        warnings=odd_in_scene(scene) + supply.warnings,
+        solvers=supply.library.counts.solvers + drawn.solvers,
     )
 
 
@@ -252,6 +318,7 @@ def _realise(
     seal: RectangularSeal,
     kinds: tuple[Tables, ...],
     sampling: Sampling,
+    independent: float,
 ) -> Realisation:
     """Draw one seal and solve its flow at every step.
 
@@ -260,7 +327,7 @@ def _realise(
     """
     steps = scene.steps
     if resampled:
-        kinds = (_resample(kinds[0], sampling.seed, realisation),)
+        kinds = (_resample(kinds[0], sampling.seed, realisation, independent),)
     leakage = np.full((len(kinds), len(steps)), np.nan)
     failures, solvers = [], SolverCounts()
     for kind, tables in enumerate(kinds):
@@ -278,12 +345,23 @@ def _realise(
     return Realisation(leakage, tuple(failures), solvers)
 
 
-def _resample(tables: Tables, seed: int, realisation: int) -> Tables:
-    """Tables of as many cells, drawn with repetition; neighbours that are alike are drawn together."""
+def _grown(windows: int, sampling: Sampling, library: LadderLibrary | PlacedLibrary, most: int) -> int:
+    """Size of the next library: windows that overlap others lessen no error."""
+    if isinstance(library, PlacedLibrary):
+        return sampling.library_cells
+    return max(sampling.library_cells, min(windows, most, library.tiles))
+
+
+def _resample(tables: Tables, seed: int, realisation: int, independent: float) -> Tables:
+    """Tables of cells drawn with repetition, as many as do not overlap; neighbours that are alike are drawn together.
+
+    independent : share of the cells that do not overlap.
+    """
     cells = tables[0].k.shape[2]
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(realisation, 2)))
     length = min(max(1, round(tables[0].correlation_length)), cells)
-    first = rng.integers(cells, size=-(-cells // length))
-    taken = ((first[:, None] + np.arange(length)) % cells).ravel()[:cells]
+    count = max(1, round(cells * independent))
+    first = rng.integers(cells, size=-(-count // length))
+    taken = ((first[:, None] + np.arange(length)) % cells).ravel()[:count]
     first_table, second = (replace(t, k=t.k[:, :, taken]) for t in tables)
     return first_table, second

@@ -13,21 +13,25 @@ from ..base.stage import Mapper, Stage
 from ..base.text import Shown
 from ..flow.percolation import percolates
 from ..loads import LoadProgramme
-from ..scales import Failed, Partition, SolveCounts, SolverCounts, attempt
+from ..scales import ElementFlow, Failed, Partition, SolveCounts, SolverCounts, attempt, element_flow
 from ..scales.window_fields import ContactPressure, WindowFields
 from ..seal import RectangularSeal
+from .face_contact import solve_windows
 from .plausibility import odd_in_scene
-from .scene import Array, Scene, labels, resolved_flow
-from .windows import solve_links, solve_windows
+from .scene import Array, FaceFlow, Scene, labels, resolved_flow
+from .windows import solve_links
 
-FLOWS = ("links", "resolved")
+FLOWS = ("links", "resolved", "elements")
 
 
 @dataclass(frozen=True, repr=False)
 class TwoScaleResult(Shown):
     """Contact and flow at two scales; arrays over steps, rows and columns of windows.
 
-    partition : the windows. flow : "links" or "resolved", see `two_scale`.
+    partition : the windows. contact, flow : how they were solved, see `two_scale`. gap_error : estimate of the error of
+    the contact, see `scales.gap_error`.
+    element_error, drop_share : of the flow "elements", None with others. The leakage is then an upper bound of that
+        resolved on the same gap, and the error is estimated from the bound with every second node.
     fields : deformed gap and contact pressure at every pixel.
     counts : flows of links, solved or known without solving. solvers : number of systems by solver, of links and over
     the face. failures : reasons of values that are NaN. warnings : reasons to doubt the result.
@@ -36,6 +40,7 @@ class TwoScaleResult(Shown):
     steps: LoadProgramme
     partition: Partition = field(repr=False)
     flow: str
+    contact: str
     leakage: Array = field(
         metadata=labels(
             "m^2/s", "leakage per unit seal length, two-scale", "step", name="leakage_two_scale", heading="two-scale"
@@ -61,6 +66,18 @@ class TwoScaleResult(Shown):
         metadata=labels("Pa", "fluid pressure at the global nodes, NaN in pockets", "step", "node1", "cell2")
     )
     fields: WindowFields
+    gap_error: Array = field(
+        metadata=labels("1", "error of the gap of windows, estimated by the half-space of the whole face", "step")
+    )
+    element_error: Array | None = field(
+        default=None, metadata=labels("1", "estimated relative error of the leakage through elements", "step")
+    )
+    drop_share: Array | None = field(
+        default=None,
+        metadata=labels(
+            "1", "share of windows in the pressure drop", "step", "cell1", "cell2", name="window_drop_share"
+        ),
+    )
     counts: SolveCounts = field(default_factory=SolveCounts)
     failures: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
@@ -77,8 +94,15 @@ class TwoScaleResult(Shown):
         return self.fields.pressure
 
 
-def two_scale(scene: Scene, cells: tuple[int, int], *, flow: str = "links", mapper: Mapper = map) -> TwoScaleResult:
-    """Solve the global contact of the low-pass face, the contact of every cell, and the flow through the stitched gap.
+def two_scale(
+    scene: Scene,
+    cells: tuple[int, int],
+    *,
+    flow: str = "links",
+    contact: str | None = None,
+    mapper: Mapper = map,
+) -> TwoScaleResult:
+    """Solve the contact of every cell, and the flow through the stitched gap.
 
     Parameters
     ----------
@@ -86,26 +110,32 @@ def two_scale(scene: Scene, cells: tuple[int, int], *, flow: str = "links", mapp
     cells : number of cells along x1 and x2.
     flow : "links": solve the permeability of each window between global nodes, then the flow through these links.
         "resolved": solve the flow through the stitched gap at full resolution; the links are solved as well.
+        "elements": condense the stitched gap of every window to an element with nodes on its sides, see
+        `scales.element_flow`; the links are solved as well. The discretisation has to be "edge".
+    contact : "whole": cut the cells from the contact of the whole face. "windows": solve the contact of each cell
+        under the mean pressure that the contact of the low-pass face gives it. Unless given, "whole" up to 2²⁴ pixels.
     mapper : computes a stage for many items, such as the builtin `map`; it may use several processes.
 
     Raises
     ------
-    InputError : another flow, or cells that do not suit the surface.
+    InputError : another flow or contact, or cells that do not suit the surface.
     NotConverged : a global contact failed. Windows and flows that fail are NaN, and listed in `failures`.
     """
     if flow not in FLOWS:
         raise InputError.of("flow", flow, f"one of {', '.join(FLOWS)}")
+    if flow == "elements" and scene.discretisation != "edge":
+        raise InputError.of("flow", f"'elements' with the discretisation '{scene.discretisation}'", "'edge' with it")
     surface = scene.surface
-    contact = solve_windows(scene, cells, mapper=mapper)
-    partition = contact.fields.partition
-    along, across = (solve_links(contact.fields, axis, scene.flow, mapper=mapper) for axis in (0, 1))
+    solved = solve_windows(scene, cells, contact, mapper=mapper)
+    partition = solved.fields.partition
+    along, across = (solve_links(solved.fields, axis, scene.flow, mapper=mapper) for axis in (0, 1))
     k1, k2 = along.k, across.k
     seal = RectangularSeal(surface.size, cells, partition.node_rows)
     leakage, fluid_pressure = np.full(len(k1), np.nan), np.full((len(k1), cells[0] + 1, cells[1]), np.nan)
     counts = along.counts + across.counts
     solvers = counts.solvers
-    failures = contact.failures + along.failures + across.failures
-    warnings = odd_in_scene(scene) + contact.warnings
+    failures = solved.failures + along.failures + across.failures
+    warnings = odd_in_scene(scene) + solved.warnings
     for s, step in enumerate(scene.steps):
         if not (np.isfinite(k1[s]).all() and np.isfinite(k2[s]).all()):
             continue
@@ -117,12 +147,23 @@ def two_scale(scene: Scene, cells: tuple[int, int], *, flow: str = "links", mapp
             solvers += SolverCounts.of(through)
     if flow == "resolved":
         solve = partial(attempt, resolved_flow, spacing=surface.spacing, settings=scene.flow)
-        resolved = scene.resolved_leakage(mapper(Stage("flow of the whole face", solve), contact.fields.gap))
+        resolved = scene.resolved_leakage(mapper(Stage("flow of the whole face", solve), solved.fields.gap))
         leakage = resolved.leakage
         failures += resolved.failures
         solvers += resolved.solvers
-    else:
-        warnings += _wrongly_closed(contact.fields, leakage)
+    element_error = drop_share = None
+    if flow == "elements":
+        stage = Stage("flow through elements", partial(attempt, element_flow, partition=partition))
+        through_elements = list(mapper(stage, solved.fields.gap))
+        resolved = scene.resolved_leakage(
+            f if isinstance(f, Failed) else FaceFlow(f.permeability, SolverCounts.of(f)) for f in through_elements
+        )
+        leakage = resolved.leakage
+        failures += resolved.failures
+        solvers += resolved.solvers
+        element_error, drop_share = _error_and_share(through_elements, cells)
+    if flow == "links":
+        warnings += _wrongly_closed(solved.fields, leakage)
     return TwoScaleResult(
         steps=scene.steps,
         partition=partition,
@@ -130,17 +171,30 @@ def two_scale(scene: Scene, cells: tuple[int, int], *, flow: str = "links", mapp
         leakage=leakage,
         k1=k1,
         k2=k2,
-        pressure=contact.pressure,
-        mean_gap=contact.mean_gap,
-        contact_fraction=contact.contact_fraction,
-        plastic_fraction=contact.plastic_fraction,
+        contact=solved.contact,
+        gap_error=solved.gap_error,
+        pressure=solved.pressure,
+        mean_gap=solved.mean_gap,
+        contact_fraction=solved.contact_fraction,
+        plastic_fraction=solved.plastic_fraction,
         fluid_pressure=fluid_pressure,
-        fields=contact.fields,
+        fields=solved.fields,
+        element_error=element_error,
+        drop_share=drop_share,
         counts=counts,
         failures=failures,
         warnings=warnings,
         solvers=solvers,
     )
+
+
+def _error_and_share(flows: list[ElementFlow | Failed], cells: tuple[int, int]) -> tuple[Array, Array]:
+    """Estimated error (steps,) and shares of windows in the pressure drop (steps, m1, m2); NaN where a flow failed."""
+    error, share = np.full(len(flows), np.nan), np.full((len(flows), *cells), np.nan)
+    for s, flow in enumerate(flows):
+        if not isinstance(flow, Failed):
+            error[s], share[s] = flow.error, flow.dissipation / (flow.dissipation.sum() or 1.0)
+    return error, share
 
 
 def _wrongly_closed(fields: WindowFields, leakage: Array) -> tuple[str, ...]:
@@ -155,7 +209,7 @@ def _wrongly_closed(fields: WindowFields, leakage: Array) -> tuple[str, ...]:
         if names:
             more = f" and {len(names) - 1} more steps" if len(names) > 1 else ""
             warnings.append(
-                f"links are {said} at {names[0]}{more} where the gap of the whole face is still {other}: near closing "
-                'take larger windows, or flow = "resolved"'
+                f"links are {said} at {names[0]}{more} where the gap of the whole face is still {other}: take "
+                'flow = "resolved"'
             )
     return tuple(warnings)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -10,23 +11,29 @@ from numpy.typing import NDArray
 
 from ..base import validate
 from ..base.errors import InputError
-from ..base.machine import free_memory
 from ..base.quantities import to_si, to_text
-from .formats import READERS, TEXT, Options, Raw, bad_file, read_instrument
+from .formats import READERS, TEXT, Options, Raw, bad_file, read_instrument, weighed
 from .mask_file import read_mask
 from .topography import Topography
 
 #: Smallest and largest size of a measured seal face [m]; beyond them the unit in the file is wrong.
 _SIZE_LIMITS = (1e-9, 1.0)
 _RMS_HEIGHT_LIMIT = 10e-3
-#: Memory that reading takes at least, in sizes of the file: its bytes, and its heights as numbers.
-_READING_FACTOR = 2
 #: Median slope between neighbouring points that no face exceeds.
 _SLOPE_LIMIT = 10.0
 #: Pixel [m] of a map that is only looked at where nothing says its pixel.
 _ANY_PIXEL = 1e-6
 #: Files that may hold a mask drawn by a user, besides points that were not measured.
 _MASKED = (".gwy", ".npz")
+
+
+@dataclass(frozen=True)
+class Look:
+    """A map that is looked at, why `read_topography` refuses it, and the share of points masked in the file itself."""
+
+    topography: Topography
+    doubts: tuple[InputError, ...]
+    masked_share: float
 
 
 def read_topography(
@@ -74,13 +81,13 @@ def read_topography(
         a part beyond the map; size outside 1 nm to 1 m, or Sq above 10 mm, unless `size` or `spacing`, or
         `height_unit`, say so; half of the points steeper than 10, unless the caller says both.
     """
-    topography, doubts = read_for_a_look(
+    look = read_for_a_look(
         path, size=size, spacing=spacing, height_unit=height_unit, delimiter=delimiter, array=array, channel=channel,
         transpose=transpose, mask=mask, file_mask=file_mask, crop=crop, periodic=periodic,
     )  # fmt: skip
-    if doubts:
-        raise doubts[0]
-    return topography
+    if look.doubts:
+        raise look.doubts[0]
+    return look.topography
 
 
 def read_for_a_look(
@@ -97,7 +104,7 @@ def read_for_a_look(
     file_mask: bool = True,
     crop: tuple[float, float, float, float] | None = None,
     periodic: tuple[bool, bool] = (False, False),
-) -> tuple[Topography, list[InputError]]:
+) -> Look:
     """The map, and why `read_topography` refuses it: a pixel of 1 µm and heights in metres where nothing says them.
 
     Raises
@@ -141,18 +148,14 @@ def read_for_a_look(
     whole = _checked(path, heights * (unit or 1.0), pixel if pixel and not no_pixel else (_ANY_PIXEL,) * 2, periodic)
     if not doubts:
         doubts += _implausible(path, whole, size is None and spacing is None, height_unit is None)
-    if crop is None:
-        return whole, doubts
-    return whole.crop_to(crop), doubts
+    masked_share = 0.0 if raw.mask is None or not file_mask else float(np.mean(raw.mask))
+    return Look(whole if crop is None else whole.crop_to(crop), tuple(doubts), masked_share)
 
 
 def _raw(path: Path, options: Options) -> Raw:
-    length, free = path.stat().st_size, free_memory()
-    if _READING_FACTOR * length > free:
-        allowed = f"one that can be read in the {free / 1e9:.3g} GB of free memory"
-        raise bad_file(path, f"a file of {length / 1e9:.3g} GB", allowed)
     try:
-        return READERS.get(path.suffix.lower(), read_instrument)(path, options)
+        with weighed(path):
+            return READERS.get(path.suffix.lower(), read_instrument)(path, options)
     except OSError as error:
         raise bad_file(path, error.strerror or error, "a file that can be read") from None
     except MemoryError:

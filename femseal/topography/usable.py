@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -25,10 +27,13 @@ class TooManyUndefined(InputError):
         self.share, self.limit, self.part, self.spikes = share, limit, part, spikes
         super().__init__(f"undefined points: given {100 * share:.3g} %, allowed is {self._allowed()}")
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), (self.share, self.limit, self.part, self.spikes)
+
     def _allowed(self) -> str:
         largest = "no part of the map has so few"
         if self.part is not None:
-            largest = f"the largest part with so few is crop = {part_text(self.part)}"
+            largest = f"the largest part with so few is crop = {part_text(self.part)} in [face]"
         spikes = f"; {self.spikes} of them are spikes, which spikes=inf leaves alone" if self.spikes else ""
         raised = "or raise the share that may be filled (max_undefined)"
         return f"at most {100 * self.limit:.3g} %: {largest}, {raised}{spikes}"

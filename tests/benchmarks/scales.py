@@ -3,7 +3,8 @@
     python tests/benchmarks/scales.py --points 512 1024 --seeds 5 --records scales.jsonl --write
 
 Surfaces: turned across the flow with ridges on and off the window's faces, turned along the flow, self-affine, and measured
-files (`--measured FILE ...`, levelled, without waves shorter than 8 pixels); contact free along x1 and periodic along x2.
+files (`--measured FILE ...`, levelled, without waves shorter than 8 pixels); contact free along x1 and periodic along x2,
+taken from the whole face or solved in each window (`--contact`).
 Factors are exp(rms ln(Q/Q_det)) over the loads with Q_det above 1e-3 of the first: of links between windows, and of the
 flow resolved on their stitched gap, so that contact and flow can be told apart. Every route runs in a process of its own
 with one thread; times are its CPU time, memory is what its peak is above that of a small surface before. `--records` keeps what is computed and goes on from there.
@@ -89,12 +90,13 @@ def study(task):
         result = deterministic(scene)
         record = {"leakage": result.leakage, "area": result.contact_fraction, "gap": result.mean_gap}
     else:
-        result = two_scale(scene, (task["windows"],) * 2)
+        result = two_scale(scene, (task["windows"],) * 2, flow="links", contact=task["contact"])
         record = {"leakage": result.leakage, "area": result.contact_fraction.mean(axis=(1, 2)),
                   "gap": result.mean_gap.mean(axis=(1, 2))}  # fmt: skip
     record |= {"seconds": time.process_time() - start, "megabytes": (resident("VmHWM") - before) / 2**20}
     if task["route"] == "two-scale":
         spacing = scene.surface.spacing
+        record["gap error"] = float(result.gap_error.max())
         record["resolved"] = scene.resolved_leakage(resolved_flow(g, spacing) for g in result.gap).leakage
         record["resolved seconds"] = time.process_time() - start
     return {name: np.asarray(value).tolist() for name, value in record.items()}
@@ -117,18 +119,18 @@ def compare(task, exact, two):
         record[name] = float(np.exp(np.sqrt(np.mean(np.log(ratio) ** 2))))
     for name in ("seconds", "megabytes"):
         record[name] = [exact[name], two[name]]
-    record["resolved seconds"] = two["resolved seconds"]
+    record |= {name: two[name] for name in ("resolved seconds", "gap error")}
     return record
 
 
 def table(records):
-    head = ["surface", "points, windows", "seeds", "links: loading", "unloading", "resolved: loading", "unloading", "area",
-            "mean gap", "closing load p̄/H, deterministic : two scales", "CPU time [s], deterministic : links : resolved",
+    head = ["surface", "points, windows", "contact", "seeds", "links: loading", "unloading", "resolved: loading", "unloading", "area",
+            "mean gap", "its estimated error", "closing load p̄/H, deterministic : two scales", "CPU time [s], deterministic : links : resolved",
             "memory [MB], deterministic : links"]  # fmt: skip
     cells, groups = [], {}
     for r in records:
-        groups.setdefault((r["kind"], r["label"], r["windows"]), []).append(r)
-    for (kind, label, windows), chosen in groups.items():
+        groups.setdefault((r["kind"], r["label"], r["windows"], r["contact"]), []).append(r)
+    for (kind, label, windows, contact), chosen in groups.items():
 
         def spread(name, chosen=chosen):
             values = [r[name] for r in chosen]
@@ -138,10 +140,18 @@ def table(records):
             return text + (f", {lost} loads closed" if lost else "")
 
         closings = ", ".join(f"{a:.3g}:{b:.3g}" for a, b in (r["closing"] for r in chosen)).replace("inf", "–")
-        names = ("links loading", "links unloading", "resolved loading", "resolved unloading", "area", "gap")
+        names = (
+            "links loading",
+            "links unloading",
+            "resolved loading",
+            "resolved unloading",
+            "area",
+            "gap",
+            "gap error",
+        )
         seconds, memory = (np.median([r[name] for r in chosen], axis=0) for name in ("seconds", "megabytes"))
         resolved = np.median([r["resolved seconds"] for r in chosen])
-        cells.append([kind, f"{label}, {windows}²", str(len(chosen)), *(spread(name) for name in names), closings,
+        cells.append([kind, f"{label}, {windows}²", contact, str(len(chosen)), *(spread(name) for name in names), closings,
                       f"{seconds[0]:.3g} : {seconds[1]:.3g} : {resolved:.3g}",
                       f"{memory[0]:.0f} : {memory[1]:.0f}"])  # fmt: skip
     return rows(head, cells)
@@ -159,6 +169,7 @@ def main():
     parser.add_argument(
         "--window", type=int, default=0, help="pixels along a side of a window [32 up to 512², else 64]"
     )
+    parser.add_argument("--contact", nargs="+", default=["whole", "windows"], choices=["whole", "windows"])
     parser.add_argument("--seeds", type=int, default=5)
     parser.add_argument("--kinds", nargs="+", default=list(KINDS), choices=KINDS)
     parser.add_argument("--measured", nargs="*", default=[], help="files of measured faces")
@@ -176,16 +187,27 @@ def main():
             "n": n,
             "seed": seed,
             "windows": n // (options.window or (32 if n <= 512 else 64)),
+            "contact": contact,
         }
         for n in options.points
         for kind in options.kinds
         for seed in range(1, options.seeds + 1)
+        for contact in options.contact
     ]
     tasks += [
-        {"kind": "measured", "label": Path(file).stem, "file": file, "n": 0, "seed": 0, "windows": 16}
+        {
+            "kind": "measured",
+            "label": Path(file).stem,
+            "file": file,
+            "n": 0,
+            "seed": 0,
+            "windows": 16,
+            "contact": contact,
+        }
         for file in options.measured
+        for contact in options.contact
     ]
-    names = ("kind", "label", "seed", "windows")
+    names = ("kind", "label", "seed", "windows", "contact")
     records = [kept(task, names, options.records, partial(computed, task)) for task in tasks]
     if options.records:
         records = [json.loads(line) for line in options.records.read_text(encoding="utf-8").splitlines()]

@@ -63,7 +63,7 @@ def factors(c1, c2, falling, rising, keep, periodic, inlet, outlet):
     start, the links of the nodes at the time they were eliminated, front by front, and where those of each front start,
     their sums, and the conductance between inlet and outlet.
     """
-    order, first, parent = _dissect(keep, periodic)
+    order, first, parent = dissect(keep, periodic)
     n = order.size
     # nodes go by their place in the order; after them come inlet and outlet
     rank = np.full(keep.size, -1, np.int64)
@@ -106,8 +106,10 @@ def factors(c1, c2, falling, rising, keep, periodic, inlet, outlet):
             child = pending[n_pending]
             m = start[child + 1] - start[child]
             top -= m * m
-            _add(left[top : top + m * m].reshape(m, m), border[start[child] : start[child + 1]], local, p, front, rest)
-        _eliminate_front(front, rest, total[a : a + p])
+            add_links(
+                left[top : top + m * m].reshape(m, m), border[start[child] : start[child + 1]], local, p, front, rest
+            )
+        eliminate_front(front, rest, total[a : a + p])
         for i in range(q):
             for j in range(q):
                 left[top] = rest[i, j]
@@ -153,7 +155,7 @@ def _links(c1, c2, falling, rising, periodic, node, neighbour, link):
 
 
 @njit(**_exact)
-def _dissect(keep, periodic):
+def dissect(keep, periodic):
     """Nested dissection: order of elimination, first place of each front in it (and the end), parents of the fronts.
 
     Every box is cut by the row or column with the fewest nodes near its middle; only the nodes of that cut couple its
@@ -283,7 +285,7 @@ def _borders(c1, c2, falling, rising, periodic, order, first, parent, rank):
                     seen[j] = f
                     border[size] = j
                     size += 1
-        _sort(border[start[f] : size])
+        sort_places(border[start[f] : size])
         border[size], border[size + 1] = n, n + 1
         size += 2
         start[f + 1] = size
@@ -297,7 +299,7 @@ def _borders(c1, c2, falling, rising, periodic, order, first, parent, rank):
 
 
 @njit(**_exact)
-def _sort(values):
+def sort_places(values):
     """Sort in place by Shell's method with Tokuda's gaps; most lists are short and nearly sorted."""
     gap = 1
     while gap < values.size:
@@ -314,7 +316,7 @@ def _sort(values):
 
 
 @njit(**_exact)
-def _add(links, nodes, local, p, front, rest):
+def add_links(links, nodes, local, p, front, rest):
     """Add the remaining links of a child to the arrays of its parent; both number their nodes in the same order."""
     m = nodes.size
     at = np.empty(m, np.int64)
@@ -330,7 +332,7 @@ def _add(links, nodes, local, p, front, rest):
 
 
 @njit(**_fast)
-def _eliminate_front(front, rest, total):
+def eliminate_front(front, rest, total):
     """Eliminate the pivots of a front, the rows of `front`; links to later nodes only, also within its border."""
     p, q = total.size, rest.shape[0]
     for start in range(0, p, _PANEL):

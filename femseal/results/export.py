@@ -1,0 +1,118 @@
+"""Gap and contact pressure over the pixels of the face as files for other programs, with the size of their pixel.
+
+As in files of instruments, the file's x is x1 and its y is x2. Sources: ISO 25178-72 (.x3p); GeoTIFF 1.1, OGC 19-008r4.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..base.errors import InputError
+from ..base.files import replacing
+
+if TYPE_CHECKING:
+    import xarray
+
+    from .results import Results
+
+#: Tags of a GeoTIFF: size of the pixel, place of the first one, keys; and the words that say what the image is.
+_SCALE, _TIE, _KEYS, _WORDS = 33550, 33922, 34735, 270
+#: A plane of the user's own with pixels that are areas, in metres: head, then model type, raster type, unit.
+_PLANE = (1, 1, 1, 3, 1024, 0, 1, 32767, 1025, 0, 1, 1, 3076, 0, 1, 9001)
+FIELDS = ("gap", "contact_pressure")
+
+
+def export_field(
+    results: Results,
+    path: str | os.PathLike[str],
+    *,
+    field: str = "gap",
+    step: int | None = None,
+    cell: tuple[int, int] | None = None,
+) -> list[Path]:
+    """Write a field over the pixels of the face; see `Results.export`."""
+    path = Path(path)
+    if field not in FIELDS:
+        raise InputError.of("field", repr(field), f"one of {', '.join(FIELDS)}")
+    write = _FORMATS.get(path.suffix.lower())
+    if write is None:
+        raise InputError.of("output", f"'{path.name}'", f"a file {', '.join(_FORMATS)}")
+    if field != "gap" and path.suffix.lower() == ".x3p":
+        raise InputError.of("output", f"'{path.name}' for {field}", "a file .npz, .tif: an .x3p holds heights only")
+    steps = results.stored_steps if step is None else [step]
+    if not steps:
+        raise InputError.of("results", "no gap over all pixels", "results with files in `fields` (fields_limit)")
+    written = []
+    for s in steps:
+        values = results.gap(s, cell) if field == "gap" else results.contact_pressure(s, cell)
+        target = path if step is not None else path.with_stem(f"{path.stem}_{s:04d}")
+        try:
+            with replacing(target) as temporary:
+                write(temporary, values, results, s)
+        except OSError as error:
+            raise InputError.of("output", f"'{target}'", f"a file that can be written ({error.strerror})") from None
+        written.append(target)
+    return written
+
+
+def _frame(values: xarray.DataArray) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Pixel and first corner [m] of a field."""
+    pixel, corner = [], []
+    for name in ("x1", "x2"):
+        x = values[name].values
+        pixel.append(float(x[-1] - x[0]) / (x.size - 1) if x.size > 1 else 2 * float(x[0]))
+        corner.append(float(x[0]) - pixel[-1] / 2)
+    return (pixel[0], pixel[1]), (corner[0], corner[1])
+
+
+def _write_npz(path: Path, values: xarray.DataArray, results: Results, step: int) -> None:
+    pixel, corner = _frame(values)
+    load = results.steps[step]
+    known: dict[str, Any] = {
+        "step": step,
+        "name": load.name,
+        "nominal_pressure": load.pressure,
+        "spacing": pixel,
+        "origin": corner,
+    }
+    with path.open("wb") as file:
+        np.savez_compressed(file, allow_pickle=False, **{str(values.name): values.values}, **known)
+
+
+def _write_tif(path: Path, values: xarray.DataArray, results: Results, step: int) -> None:
+    from PIL import Image, TiffImagePlugin
+
+    (d1, d2), (x1, x2) = _frame(values)
+    tags = TiffImagePlugin.ImageFileDirectory_v2()
+    for tag, kind, content in (
+        (_SCALE, 12, (d1, d2, 0.0)),
+        (_TIE, 12, (0.0, 0.0, 0.0, x1, x2 + d2 * values.shape[1], 0.0)),
+        (_KEYS, 3, _PLANE),
+    ):
+        tags.tagtype[tag] = kind
+        tags[tag] = content
+    tags[_WORDS] = f"{values.name} [{values.attrs['units']}] of femseal, {results.steps[step].name}, x1 to the right"
+    # the first row of an image is the uppermost
+    image = Image.fromarray(np.ascontiguousarray(values.values.T[::-1], dtype=np.float32))
+    image.save(path, format="TIFF", tiffinfo=tags, compression="tiff_adobe_deflate")
+
+
+def _write_x3p(path: Path, values: xarray.DataArray, results: Results, step: int) -> None:
+    import x3pio
+
+    (d1, d2), _ = _frame(values)
+    with path.open("wb") as file:
+        x3pio.write(file, values.values.T, x_scale=d1, y_scale=d2)
+
+
+_FORMATS: dict[str, Callable[[Path, xarray.DataArray, Results, int], None]] = {
+    ".npz": _write_npz,
+    ".tif": _write_tif,
+    ".tiff": _write_tif,
+    ".x3p": _write_x3p,
+}

@@ -1,0 +1,126 @@
+"""Runs of neighbouring columns of windows, whose sides inside match, as pieces of a long seal.
+
+In a chain of runs the sides that meet do not match. Its flow is least if these cuts are closed, and at most what flows
+if all cuts are held at one profile of the potential from inlet to outlet, as the energy of any potential is more than
+the least. Both are sums over the runs. The profile is the mean of the potential over the uncut face, whose flow lies
+between both as well and says where: see `RunFlows.share`.
+Source: Huet, J. Mech. Phys. Solids 38, 1990, 813 (bounds from pieces with both kinds of boundary).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..base import validate
+from ..base.errors import InputError
+from .element_mesh import ElementMesh
+from .elements import NODE_SPACING
+from .outcome import SolverCounts
+from .partition import Partition
+from .superelement import WindowElement, WindowLinks, validated_face, window_links
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+#: Most places of a face at which runs start.
+STARTS = 32
+
+
+@dataclass(frozen=True, eq=False)
+class RunFlows:
+    """Flow through runs of a face for a unit drop at one state [m³].
+
+    length : columns of a run.
+    closed (runs,), held (runs,) : conductance with closed cuts, and with cuts held at the common profile.
+    whole : conductance of the uncut face over as many columns as a run has.
+    solvers : number of systems by solver.
+    """
+
+    length: int
+    closed: Array
+    held: Array
+    whole: float
+    solvers: SolverCounts
+
+    @property
+    def share(self) -> float:
+        """Share of the way from closed to held at which the mean of the runs is the flow through the uncut face."""
+        low, high = float(self.closed.mean()), float(self.held.mean())
+        return float(np.clip((self.whole - low) / (high - low), 0.0, 1.0)) if high > low else 0.0
+
+    @property
+    def value(self) -> Array:
+        """Conductance of each run (runs,), between closed and held, with the mean of the uncut face."""
+        return self.closed + self.share * (self.held - self.closed)
+
+
+def run_flows(gap: ArrayLike, partition: Partition, length: int, *, node_spacing: int = NODE_SPACING) -> RunFlows:
+    """Flow through runs of columns that start at places all along a face, which is periodic along x2.
+
+    Parameters
+    ----------
+    gap : (n1, n2) [m]. partition : of the face.
+    length : columns of windows in a run, at most those of the face.
+    node_spacing : largest distance of two nodes on a side [pixels].
+
+    Raises
+    ------
+    InputError : a gap that is negative, undefined or of another shape, a length that does not fit.
+    NotConverged : see `element_mesh.ElementMesh.solve`.
+    """
+    m1, m2 = partition.cells
+    length = validate.count("length", length)
+    if length > m2:
+        raise InputError.of("length", length, f"at most the {m2} columns of the face")
+    h = validated_face(gap, partition)
+    links = [link for row in range(m1) for link in window_links(h, partition, row)]
+    elements = [WindowElement.of(link, node_spacing) for link in links]
+    starts = np.unique(np.linspace(0, m2, min(m2, STARTS), endpoint=False).astype(int))
+    mesh = ElementMesh.of_face(elements, (m1, m2))
+    face = mesh.solve()
+    if face.conductance == 0:
+        return RunFlows(length, np.zeros(starts.size), np.zeros(starts.size), 0.0, SolverCounts.of(face))
+    profile = _profile(mesh, face.potential, links, partition)
+    closed, held = [], []
+    for start in starts:
+        chosen = [elements[i * m2 + (start + j) % m2] for i in range(m1) for j in range(length)]
+        run = ElementMesh.of_face(chosen, (m1, length), ring=False)
+        closed.append(run.solve())
+        nodes, row = _on_cuts(run, partition, length)
+        held.append(run.solve_held(nodes, profile[row]))
+    return RunFlows(
+        length=length,
+        closed=np.array([run.conductance for run in closed]),
+        held=np.array([run.conductance for run in held]),
+        whole=face.conductance * length / m2,
+        solvers=SolverCounts.total(SolverCounts.of(s) for s in (face, *closed, *held)),
+    )
+
+
+def _profile(face: ElementMesh, potential: Array, links: list[WindowLinks], partition: Partition) -> Array:
+    """Mean potential over x2 of the points on the sides before all columns (n1,), weighted with their conductance."""
+    w1, w2 = partition.window
+    before = slice(2 * w2, 2 * w2 + w1)
+    at_points = [e.at_points(potential[n])[before] for e, n in zip(face.elements, face.numbers, strict=True)]
+    # rows of windows, columns, rows of pixels
+    values = np.reshape(at_points, (*partition.cells, w1))
+    weight = np.where(np.isfinite(values), np.reshape([link.across[:, 0] for link in links], values.shape), 0.0)
+    total = weight.sum(axis=1).ravel()
+    rows = np.flatnonzero(total)
+    mean = (weight * np.nan_to_num(values)).sum(axis=1).ravel()[rows] / total[rows]
+    n1 = partition.shape[0]
+    return np.interp(np.arange(n1) + 0.5, np.r_[0.0, rows + 0.5, n1], np.r_[1.0, mean, 0.0])
+
+
+def _on_cuts(run: ElementMesh, partition: Partition, length: int) -> tuple[Indices, Indices]:
+    """Nodes on both cuts of a run, and the row of pixels at which each of them lies."""
+    nodes, rows = [], []
+    for n, (element, number) in enumerate(zip(run.elements, run.numbers, strict=True)):
+        side = np.repeat(np.arange(4), element.counts)
+        row, column = divmod(n, length)
+        on_cut = ((side == 2) & (column == 0)) | ((side == 3) & (column == length - 1))
+        nodes.append(number[on_cut])
+        rows.append(row * partition.window[0] + element.place[on_cut])
+    return np.concatenate(nodes), np.concatenate(rows)

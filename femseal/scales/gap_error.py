@@ -1,0 +1,81 @@
+"""Error of a stitched contact: its pressure is given to the half-space of the whole face, and the gaps are compared."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import brentq
+
+from ..contact import HalfSpace
+
+Array = NDArray[np.float64]
+
+
+def gap_error(
+    gap: NDArray[np.floating],
+    pressure: NDArray[np.floating],
+    peak_pressure: NDArray[np.floating] | None = None,
+    *,
+    undeformed: Array,
+    half_space: HalfSpace,
+    hardness: float,
+) -> float:
+    """Rms difference between a gap and the gap that its pressure leaves on the whole half-space, over the rms gap [-].
+
+    It is 0 for a solution of the contact, and costs one product with the half-space where that costs ten to a hundred.
+    The approach of the body is the δ at which clip(p − c (v − δ), 0, H) carries the load of p, with v = Kp + h₁ and
+    c = πE*/(4Δ). Measured on gaps stitched from windows, it is 1.0 to 2 times their error against deterministic gaps.
+
+    Parameters
+    ----------
+    gap, pressure : deformed gap [m] and contact pressure [Pa] of the whole face (n1, n2).
+    peak_pressure : contact pressure (n1, n2) [Pa] at the peak from which this state is unloaded; its points at the
+        hardness have yielded. None on loading.
+    undeformed : gap before any load (n1, n2) [m], up to a constant.
+    half_space : elastic body of the whole face. hardness : H [Pa].
+
+    Returns
+    -------
+    The error; NaN where gap or pressure are not known everywhere.
+    """
+    if not (np.isfinite(gap).all() and np.isfinite(pressure).all()):
+        return float("nan")
+    virgin = undeformed
+    if peak_pressure is not None and np.isfinite(peak_pressure).all():
+        raw = _raw_gap(peak_pressure, undeformed, half_space, hardness)
+        yielded = peak_pressure >= hardness * (1 - 1e-6)  # pressures are kept in single precision
+        virgin = undeformed + np.where(yielded, np.maximum(-raw, 0.0), 0.0)
+    raw = _raw_gap(pressure, virgin, half_space, hardness)
+    scale = float(np.sqrt(np.mean(np.square(gap, dtype=float))))
+    return float(np.sqrt(np.mean((np.maximum(raw, 0.0) - gap) ** 2))) / scale if scale > 0 else 0.0
+
+
+def _raw_gap(pressure: NDArray[np.floating], undeformed: Array, half_space: HalfSpace, hardness: float) -> Array:
+    """v − δ (n1, n2) [m] with the δ at which clip(p − c (v − δ), 0, H) carries the load of p."""
+    p = np.asarray(pressure, dtype=float)
+    v = half_space.displacement(p) + undeformed
+    load = float(p.sum())
+    if load <= 0:
+        return v - v.min()
+    c = np.pi * half_space.modulus / (4 * float(np.sqrt(np.prod(half_space.spacing))))
+
+    def excess(delta: float, p: Array, v: Array) -> float:
+        return float(np.clip(p - c * (v - delta), 0.0, hardness).sum()) - load
+
+    touching = p > 0
+    # points out of contact can only lower δ
+    highest = _root(excess, p[touching], v[touching], load / (c * np.count_nonzero(touching)))
+    near = touching | (v < highest)
+    return v - _root(excess, p[near], v[near], load / (c * np.count_nonzero(near)))
+
+
+def _root(excess: Callable[[float, Array, Array], float], p: Array, v: Array, step: float) -> float:
+    """The δ at which `excess` is 0, which rises with δ; `step` is about the size of its change."""
+    low = high = float(np.average(v, weights=p))
+    while excess(low, p, v) > 0:
+        low, step = low - step, 2 * step
+    while excess(high, p, v) < 0:
+        high, step = high + step, 2 * step
+    return high if low == high else float(brentq(excess, low, high, args=(p, v), xtol=1e-6 * step))

@@ -1,0 +1,166 @@
+"""Runs of columns of a face: their bounds against the network cut by hand, closed forms, and seals drawn from them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from networks import cell_links, solve_links
+from numpy.testing import assert_allclose, assert_array_equal
+
+from femseal import Liquid, Sampling, Scene, self_affine, stochastic, two_scale
+from femseal.base.errors import InputError
+from femseal.results.dataset import assemble
+from femseal.runs.case import parse_case
+from femseal.scales import Partition, element_flow, run_flows
+
+PIXEL = (1e-6, 1e-6)
+
+
+@pytest.fixture(scope="module")
+def gap():
+    """A rough gap of 64 × 96 pixels with a tenth of it in contact."""
+    heights = self_affine(
+        (64, 96), (64e-6, 96e-6), hurst=0.8, rms_slope=0.2, roll_off=40e-6, cut_off=8e-6, rng=3
+    ).heights
+    return np.maximum(np.quantile(heights, 0.9) - heights, 0.0)
+
+
+@pytest.fixture(scope="module")
+def cells():
+    return Partition((64, 96), PIXEL, (4, 6))
+
+
+class TestRuns:
+    @pytest.mark.parametrize("length", [1, 2, 5, 6])
+    def test_closed_cuts_are_those_of_the_network(self, gap, cells, length):
+        c1, c2 = cell_links(gap, PIXEL, "periodic")
+        expected = []
+        for start in range(6):
+            columns = np.arange(16 * start, 16 * (start + length)) % 96
+            expected.append(solve_links(c1[:, columns], c2[:, columns[:-1]], solver="elimination").conductance)
+        assert_allclose(run_flows(gap, cells, length, node_spacing=1).closed, expected, rtol=1e-9)
+
+    def test_the_uncut_face_lies_between_the_bounds(self, gap, cells):
+        whole = element_flow(gap, cells).dissipation.sum()
+        apart = []
+        for length in (1, 2, 3, 6):
+            runs = run_flows(gap, cells, length)
+            assert_allclose(runs.whole, whole * length / 6, rtol=1e-12)
+            assert runs.closed.mean() < runs.whole < runs.held.mean()
+            assert np.all(runs.closed <= runs.held)
+            assert_allclose(runs.value.mean(), runs.whole, rtol=1e-12)
+            apart.append(np.log(runs.held.mean() / runs.closed.mean()))
+        assert np.all(np.diff(apart) < 0)
+        assert apart[-1] < 0.3 * apart[0]
+
+    @pytest.mark.parametrize("length", [1, 4])
+    def test_cuts_along_the_flow_through_a_gap_that_varies_across_it_alone_cost_nothing(self, cells, length):
+        h = 1e-6 * (2 + np.sin(2 * np.pi * (np.arange(64) + 0.5) / 64))[:, None] * np.ones(96)
+        runs = run_flows(h, cells, length)
+        expected = element_flow(h, cells).dissipation.sum() * length / 6
+        for found in (runs.closed, runs.held, runs.value):
+            assert_allclose(found, expected, rtol=1e-9)
+
+    def test_a_closed_face_has_closed_runs(self, gap, cells):
+        h = gap.copy()
+        h[11] = 0.0
+        runs = run_flows(h, cells, 2)
+        assert not np.any([runs.closed, runs.held, runs.value])
+        assert runs.share == 0
+
+    def test_a_length_beyond_the_face(self, gap, cells):
+        for length in (0, 7):
+            with pytest.raises(InputError, match="length"):
+                run_flows(gap, cells, length)
+
+
+@pytest.fixture(scope="module")
+def scene():
+    surface = self_affine((64, 128), (64e-6, 128e-6), hurst=0.8, rms_slope=0.2, roll_off=32e-6, cut_off=8e-6, rng=1)
+    return Scene(surface=surface, modulus=115e9, hardness=4e9, fluid=Liquid(1e-3), inlet_pressure=1e6,
+                 outlet_pressure=0.0, loading=(1e8, 6e8), unload_from=(6e8,), unloading=(1e8,))  # fmt: skip
+
+
+SAMPLING = Sampling(length=512e-6, realisations=60, library_cells=32, seed=1, sampler="runs")
+
+
+@pytest.fixture(scope="module")
+def face(scene):
+    return two_scale(scene, (4, 8), flow="elements")
+
+
+@pytest.fixture(scope="module")
+def seals(scene, face):
+    return stochastic(scene, (4, 8), SAMPLING, two_scale=face)
+
+
+class TestSeals:
+    def test_they_leak_as_the_face_on_the_mean_and_lie_between_their_bounds(self, seals, face):
+        error = seals.leakage.std(axis=0) / np.sqrt(len(seals.leakage))
+        assert np.all(np.abs(seals.mean - face.leakage) < 4 * error + 1e-9 * face.leakage)
+        assert np.all(seals.leakage_closed_cuts <= seals.leakage * (1 + 1e-12))
+        assert np.all(seals.leakage <= seals.leakage_held_cuts * (1 + 1e-12))
+        assert np.all((seals.cut_error > 0) & (seals.cut_error < 1.5))
+        assert np.all(seals.library_error > 0)
+        assert seals.seal.cells == (4, 32)
+
+    def test_realisations_depend_on_their_number_alone(self, scene, face, seals):
+        few = stochastic(scene, (4, 8), replace(SAMPLING, realisations=3), two_scale=face)
+        assert_array_equal(few.leakage, seals.leakage[:3])
+        assert_array_equal(few.leakage_resampled, seals.leakage_resampled[:3])
+        other = stochastic(scene, (4, 8), replace(SAMPLING, seed=2, realisations=3), two_scale=face)
+        assert np.all(other.leakage != few.leakage)
+
+    def test_a_longer_seal_starts_with_the_runs_of_a_shorter_one(self, scene, face):
+        one, two = (
+            stochastic(scene, (4, 8), replace(SAMPLING, length=n * 32e-6, realisations=40), two_scale=face).leakage
+            for n in (1, 2)
+        )
+        second = 2 * two - one
+        assert_allclose(np.unique(second[:, 0].round(12)), np.unique(one[:, 0].round(12)))
+
+    def test_the_distance_of_the_bounds_is_in_the_results(self, scene, seals):
+        data = assemble(scene, stochastic=seals).dataset
+        assert_allclose(data["cut_error"], seals.cut_error)
+        assert data["leakage_closed_cuts"].dims == ("realisation", "step")
+
+    def test_a_failed_step_is_left_out(self, scene, face):
+        gap = face.gap.copy()
+        gap[1, :5] = np.nan
+        broken = replace(face, fields=replace(face.fields, gap=gap))
+        seals = stochastic(scene, (4, 8), replace(SAMPLING, realisations=3), two_scale=broken)
+        assert_array_equal(np.isnan(seals.leakage).all(axis=0), [False, True, False])
+        assert any(text.startswith(f"runs, {scene.steps[1].name}") for text in seals.failures)
+
+    def test_what_does_not_go_together(self, scene):
+        with pytest.raises(InputError, match="place"):
+            stochastic(scene, (4, 8), replace(SAMPLING, pressure="global"))
+        with pytest.raises(InputError, match="edge"):
+            stochastic(replace(scene, discretisation="gauss"), (4, 8), SAMPLING)
+        with pytest.raises(InputError, match="history, derivative, copula, block, runs"):
+            stochastic(scene, (4, 8), replace(SAMPLING, sampler="magic"))
+
+
+CASE = {
+    "method": "stochastic",
+    "face": {"kind": "self-affine", "points": [64, 128], "size": ["64 um", "128 um"], "hurst": 0.8, "rms_slope": 0.1},
+    "material": {"young": "210 GPa", "poisson": 0.3, "hardness": "4 GPa"},
+    "load": {"loading": ["100 MPa"]},
+    "fluid": {"kind": "liquid", "viscosity": "1 mPa s", "inlet_pressure": "1 MPa"},
+    "cells": {"count": [4, 8], "flow": "elements"},
+    "stochastic": {"length": "1 mm", "realisations": 4, "library_cells": 32, "sampler": "runs"},
+    "seed": 1,
+}
+
+
+@pytest.mark.parametrize("key", ["cells.flow", "stochastic.sampler"])
+def test_a_case_takes_them_with_links_between_pixels_only(key):
+    table, name = key.split(".")
+    case = {**CASE, "flow": {"discretisation": "gauss"}}
+    case[table] = dict(CASE[table])
+    for other, inner in (("cells", "flow"), ("stochastic", "sampler")):
+        case[other] = {k: v for k, v in CASE[other].items() if k != inner or other == table}
+    with pytest.raises(InputError, match=rf"{key}: given .* edge"):
+        parse_case(case)
+    del case["flow"]
+    assert parse_case(case).cells.flow == ("elements" if name == "flow" else "links")

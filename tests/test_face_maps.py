@@ -1,0 +1,175 @@
+"""Deterministic runs have maps: in memory, in the dataset, for ParaView, in pictures and on the page."""
+
+import json
+import pickle
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+import femseal as fs
+from femseal.plots.drawing import drawn
+from femseal.plots.maps import default_step, seal_figure
+from femseal.plots.scales_of_axes import load_axis
+from femseal.report import write_folder
+from femseal.report.page import report_html
+from femseal.report.pictures import draw_all
+from femseal.results import assemble
+from femseal.results.face_maps import block_means
+
+LOADS = (2e7, 2e8, 1.6e9)
+
+
+@pytest.fixture(scope="module")
+def scene():
+    face = fs.self_affine((32, 48), (60e-6, 90e-6), hurst=0.8, rms_slope=0.15, roll_off=30e-6, rng=2)
+    return fs.Scene(face, 115e9, 2.8e9, fs.Liquid(1e-3), 1e6, 1e5, loading=LOADS, unload_from=(2e8,), unloading=(2e7,))
+
+
+@pytest.fixture(scope="module")
+def study(scene):
+    return fs.deterministic(scene)
+
+
+@pytest.fixture(scope="module")
+def folder(scene, study, tmp_path_factory):
+    target = tmp_path_factory.mktemp("deterministic")
+    results = assemble(scene, deterministic=study)
+    results.dataset.attrs["face_files"] = json.dumps({"a.x3p": "0123abcd" * 8})
+    write_folder(results, target, scene.surface)
+    return target
+
+
+def test_fields_are_those_of_the_contact_and_of_the_flow(scene, study):
+    body = fs.HalfSpace(scene.surface.shape, scene.surface.spacing, scene.modulus, scene.boundary)
+    gap0 = scene.surface.heights.max() - scene.surface.heights
+    contact = fs.solve_contact(gap0, body, pressure=LOADS[1], hardness=scene.hardness, rtol=scene.rtol)
+    assert_allclose(study.contact_pressure[1], contact.pressure, rtol=1e-6)
+    assert_allclose(study.contact_pressure[...].mean(axis=(1, 2)), scene.steps.pressures, rtol=1e-5)
+    flow = fs.cell_permeability(contact.gap, scene.surface.spacing, sides="periodic")
+    assert_allclose(study.fluid_pressure[1], 1e5 + 9e5 * flow.fluid_pressure, rtol=1e-5)
+    assert study.fluid_pressure.dtype == study.gap.dtype == np.float32
+    # no fluid in contact; the rest of what is undefined are pockets
+    assert np.isnan(study.fluid_pressure[study.gap == 0]).all()
+    closed = study.leakage == 0
+    assert closed.any()
+    standing = study.fluid_pressure[closed]
+    assert set(np.unique(standing[np.isfinite(standing)]).round()) <= {1e5, 1e6}
+
+
+def test_the_pressure_of_a_gas_is_that_of_its_potential(scene):
+    gas = fs.IdealGas(viscosity=18e-6, molar_mass=29e-3, temperature=293.15)
+    flat = replace(scene.surface, heights=np.zeros(scene.surface.shape))
+    apart = replace(scene, surface=flat, fluid=gas)
+    share = np.array([0.0, 0.25, 1.0])
+    assert_allclose(apart.pressure_at(share), np.sqrt(1e10 + share * (1e12 - 1e10)))
+
+
+def test_the_dataset_has_their_means_over_blocks(scene, study, folder):
+    data = fs.open_results(folder).dataset
+    assert data["face_gap"].shape == study.gap.shape  # a small face has a block for each pixel
+    assert_allclose(data["face_gap"], study.gap)
+    assert_allclose(data["face_contact_pressure"], study.contact_pressure)
+    assert_allclose(data["face_fluid_pressure"], study.fluid_pressure)
+    assert_allclose(data["block1"][[0, -1]], [60e-6 / 64, 60e-6 * 63 / 64])
+    assert_allclose(data["face_height"], scene.surface.heights, atol=1e-12)
+
+
+def test_means_over_blocks():
+    values = np.arange(35.0).reshape(5, 7)
+    values[0, :4] = np.nan
+    found = block_means(values, 2)
+    upper = np.mean([7, 8, 9]), np.mean([4, 5, 6, 10, 11, 12, 13])
+    assert_allclose(found, [upper, [values[2:, :3].mean(), values[2:, 3:].mean()]])
+    assert np.isnan(block_means(np.full((4, 4), np.nan), 2)).all()
+    assert_allclose(block_means(values, 9)[1:], values[1:])
+
+
+def test_they_are_read_back_and_by_vtk(study, folder):
+    back = fs.open_results(folder)
+    assert back.stored_steps == [0, 1, 2, 3]
+    for name in ("gap", "contact_pressure", "fluid_pressure"):
+        field = getattr(back, name)(1)
+        assert_allclose(field.values, getattr(study, name)[1], rtol=1e-6)
+        assert "deterministic" in field.attrs["long_name"]
+    reader = pytest.importorskip("vtkmodules.vtkIOXML").vtkXMLImageDataReader()
+    reader.SetFileName(str(folder / "fields" / "step_0001.vti"))
+    reader.Update()
+    arrays = reader.GetOutput().GetCellData()
+    from vtkmodules.util.numpy_support import vtk_to_numpy
+
+    for name, unit, expected in (
+        ("gap_deterministic_um", 1e-6, study.gap[1]),
+        ("contact_pressure_deterministic_MPa", 1e6, study.contact_pressure[1]),
+        ("fluid_pressure_deterministic_Pa", 1, study.fluid_pressure[1]),
+    ):
+        values = vtk_to_numpy(arrays.GetArray(name)).reshape(study.gap.shape[1:], order="F")
+        assert_allclose(values * unit, expected, rtol=1e-6)
+
+
+def test_page_and_pictures_show_them(scene, study, folder):
+    results = assemble(scene, deterministic=study)
+    step = default_step(results.dataset)
+    assert study.leakage[step] > 0
+    titles = [axes.get_title() for axes in seal_figure(results, step).axes]
+    assert [title.split(" [")[0] for title in titles[:3]] == ["fluid pressure", "contact pressure", "gap"]
+    page = (folder / "report.html").read_text(encoding="utf-8")
+    assert page.count("<img ") == 6  # face, leakage, three maps, drop
+    assert "over a tenth of the width" in page
+    assert "computed 20" in page
+    assert "SHA-256 of a.x3p " + "0123abcd" * 8 in page
+    assert (folder / "seal.png").is_file()
+
+
+def test_the_page_of_a_folder_is_the_one_that_the_run_wrote(folder):
+    assert report_html(fs.open_results(folder)) == (folder / "report.html").read_text(encoding="utf-8")
+
+
+def test_panels_are_cut_out_of_the_picture(scene, study):
+    from io import BytesIO
+
+    from PIL import Image
+
+    drawing = drawn(seal_figure(assemble(scene, deterministic=study)))
+    whole, first = (np.asarray(Image.open(BytesIO(png))) for png in (drawing.whole, drawing.panels[0]))
+    assert len(drawing.panels) == 4
+    n1, n2 = first.shape[:2]
+    assert any((whole[row : row + n1, :n2] == first).all() for row in range(whole.shape[0] - n1))
+
+
+def test_pictures_can_be_drawn_by_processes_without_the_fields(scene, study):
+    """Each picture once, from what is sent: a small part of the results."""
+    results, sent = assemble(scene, deterministic=study), []
+
+    def mapper(stage, names):
+        sent.append(pickle.dumps(stage))
+        return map(pickle.loads(sent[-1]), names)
+
+    drawings = draw_all(results, scene.surface, mapper=mapper)
+    assert set(drawings) == {"surface", "seal", "leakage", "drop", "face"}
+    assert len(sent) == 1
+    assert b"DeterministicResult" not in sent[0]
+    assert drawings == draw_all(results, scene.surface)
+
+
+@pytest.mark.parametrize(
+    ("loads", "scale"),
+    [((5, 20, 40, 80), "log"), ((1, 10, 100, 400), "log"), ((100, 200, 300, 400), "linear"), ((0, 5, 50), "symlog"),
+     ((0, 100, 200), "linear"), ((7,), "linear"), ((0,), "linear")],
+)  # fmt: skip
+def test_loads_are_spread_over_the_axis(loads, scale):
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(5, 4))
+    axes = figure.add_subplot()
+    load_axis(axes, np.array(loads, float))
+    figure.canvas.draw()
+    assert axes.get_xscale() == scale
+    places = axes.transAxes.inverted().transform(axes.transData.transform([(load, 0.5) for load in loads]))[:, 0]
+    if max(loads) > 0:
+        assert ((places >= 0) & (places <= 1)).all()
+    if len(loads) > 1:
+        assert np.diff(places).min() > 0.15
+    labels = [text.get_text() for text in axes.get_xticklabels()]
+    assert scale == "linear" or {str(loads[0]), str(loads[-1])} <= set(labels)
