@@ -11,6 +11,7 @@ from numpy.testing import assert_allclose
 
 import femseal as fs
 from femseal.report.words import scatter_lines
+from femseal.results import assemble
 from femseal.runs import case_oddities, preparation
 from femseal.runs.case import parse_case
 from femseal.runs.forecast import describe
@@ -119,6 +120,17 @@ def test_a_second_run_shows_what_the_filter_decides(case):
     (line,) = [line for line in scatter_lines(results) if line[0].startswith("twice the shortest wave")]
     ratio = filtered.leakage[0] / results.leakage.values[0]
     assert line[1] == f"× {np.exp(abs(np.log(ratio))):.3g}"
+    for share, told in (
+        (0.1, ["off by a factor of 10: the shortest waves"]),
+        (0.8, []),
+        (0.0, ["is closed in one only at 1 loads: the"]),
+    ):
+        again = assemble(
+            results.scene, deterministic=results.deterministic, leakage_filtered=share * results.leakage.values
+        )
+        found = [text for text in again.warnings if text.startswith("with twice the shortest wave")]
+        assert len(found) == len(told)
+        assert all(words in text for words, text in zip(told, found, strict=True))
     with pytest.raises(fs.InputError, match=r"surface\.filter_sensitivity: given True, .* twice the shortest wave"):
         case(shortest_wave="80 um", filter_sensitivity=True).prepare()
 

@@ -14,6 +14,7 @@ from ..base.leak_units import leak_unit
 from ..base.machine import machine, peak_memory
 from ..base.provenance import versions
 from ..fluids import leak_basis
+from ..studies.compare import leakage_factor
 from . import face_maps, variables
 from .results import Results
 
@@ -22,6 +23,8 @@ if TYPE_CHECKING:
 
 #: An attribute of an HDF5 file holds at most 64 kB.
 _ATTRIBUTE_BYTES = 50_000
+#: Factor of leakage with twice the shortest wave from which on it is told.
+_FILTER_FACTOR = 2.0
 
 
 def assemble(
@@ -87,8 +90,10 @@ def assemble(
         variables.add_library(data, stochastic.library.curves)
     face_maps.add_heights(data, scene)
     variables.add_contact_share(data, scene, deterministic, two_scale, stochastic)
+    hangs = []
     if leakage_filtered is not None:
         variables.add_filtered(data, leakage_filtered)
+        hangs = _hangs_on_filter(leakage_filtered, Results(data), scene)
     counts = {"two_scale": two_scale.counts.by_kind()} if two_scale is not None else {}
     counts |= {"library": stochastic.library.counts.by_kind()} if stochastic is not None else {}
     solvers = {
@@ -115,7 +120,7 @@ def assemble(
         "counts": _json(counts),
         "solvers": _json(solvers),
         # what is odd in the scene is told by every study
-        "warnings": _shortened(list(dict.fromkeys([*warnings, *told, *few]))),
+        "warnings": _shortened(list(dict.fromkeys([*warnings, *told, *few, *hangs]))),
         "failures": _shortened([text for study in studies for text in study.failures]),
         "versions": _json(versions()),
         "machine": _json(machine()),
@@ -148,6 +153,19 @@ def _windows(two_scale: TwoScaleResult | None, stochastic: StochasticResult | No
     if library is not None:
         found["library_windows"], found["library_independent"] = library.size, library.independent
     return found
+
+
+def _hangs_on_filter(filtered: NDArray[np.float64], results: Results, scene: Scene) -> list[str]:
+    """Warn if leakage on loading changes much without the shortest waves."""
+    factor = leakage_factor(filtered, results.leakage.values, scene.steps, "loading")
+    if not factor.closed and not factor.value > _FILTER_FACTOR:
+        return []
+    found = [f"is off by a factor of {factor.value:.2g}"] if factor.loads else []
+    found += [f"is closed in one only at {factor.closed} loads"] if factor.closed else []
+    return [
+        f"with twice the shortest wave leakage on loading {' and '.join(found)}: the "
+        "shortest waves that are kept decide it, and shorter ones, which the instrument may not see, may do so too"
+    ]
 
 
 def _json(value: Any) -> str:
