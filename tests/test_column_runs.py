@@ -163,4 +163,4 @@ def test_a_case_takes_them_with_links_between_pixels_only(key):
     with pytest.raises(InputError, match=rf"{key}: given .* edge"):
         parse_case(case)
     del case["flow"]
-    assert parse_case(case).cells.flow == ("elements" if name == "flow" else "links")
+    assert parse_case(case).cells.flow == ("elements" if name == "flow" else None)

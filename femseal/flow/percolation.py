@@ -37,84 +37,96 @@ def union(parent, a, b):
     return a != b
 
 
-@njit(cache=True, nogil=True)
-def _ends_reached(parent, rows, columns):
-    """0 none, 1 inlet, 2 outlet, 3 both for rows of nodes, of which inlet and outlet are the last two."""
-    n = rows * columns
-    inlet = find(parent, n)
-    outlet = find(parent, n + 1)
-    reached = np.zeros((rows, columns), np.int8)
-    for a in range(n):
-        # parents come before their children
-        parent[a] = parent[parent[a]]
-        reached[a // columns, a % columns] = (parent[a] == inlet) + 2 * (parent[a] == outlet)
-    return reached
-
-
 def nodes_reached(stencil: Stencil) -> NDArray[np.int8]:
     """Which ends each node is joined to by couples that are not 0, (n1 + 1, n2): 0 none, 1 inlet, 2 outlet, 3 both.
 
     Dead ends of a path from inlet to outlet are joined to both; they are kept, and carry no flow.
     """
-    return _nodes_reached(stencil.along, stencil.across, stencil.falling, stencil.rising)
+    return _nodes_reached(stencil.along, stencil.across, stencil.falling, stencil.rising, 0.0)
+
+
+def nodes_reached_by(stencil: Stencil, least: float) -> NDArray[np.int8]:
+    """`nodes_reached` of a network by links of a conductance >= `least` only."""
+    return _nodes_reached(stencil.along, stencil.across, stencil.falling, stencil.rising, least)
 
 
 @njit(cache=True, nogil=True)
-def _nodes_reached(along, across, falling, rising):
+def _nodes_reached(along, across, falling, rising, least):
+    """Row by row: a node takes the label of a neighbour that it is joined to, and where two meet they become one.
+
+    Labels are few against nodes: those of inlet and outlet are 0 and 1.
+    """
     n1, n2 = along.shape
     m2 = across.shape[1]
-    parent = _ends_joined(n1, n2)
-    _join(parent, along, across, 0.0, np.inf)
-    if falling.size > 0:
-        for i in range(n1):
+    nine = falling.size > 0
+    label = np.empty((n1 + 1, n2), np.int32)
+    parent = np.empty((n1 - 1) * n2 + 2, np.int32)
+    parent[0], parent[1] = 0, 1
+    count = 2
+    for j in range(n2):
+        label[0, j] = 0
+    for i in range(1, n1 + 1):
+        last = i == n1
+        for j in range(n2):
+            here = np.int32(1 if last else -1)
+            c = along[i - 1, j]
+            if c != 0.0 and abs(c) >= least:
+                above = label[i - 1, j]
+                if here < 0:
+                    here = above
+                elif here != above:
+                    union(parent, here, above)
+            if not last and j > 0:
+                c = across[i - 1, j - 1]
+                if c != 0.0 and abs(c) >= least:
+                    left = label[i, j - 1]
+                    if here < 0:
+                        here = left
+                    elif here != left:
+                        union(parent, here, left)
+            if here < 0:
+                here = np.int32(count)
+                parent[count] = count
+                count += 1
+            label[i, j] = here
+        if not last and m2 == n2 and n2 > 1:
+            c = across[i - 1, n2 - 1]
+            if c != 0.0 and abs(c) >= least and label[i, n2 - 1] != label[i, 0]:
+                union(parent, label[i, n2 - 1], label[i, 0])
+        if nine:
             for j in range(m2):
                 k = (j + 1) % n2
-                if falling[i, j] != 0.0:
-                    union(parent, i * n2 + j, (i + 1) * n2 + k)
-                if rising[i, j] != 0.0:
-                    union(parent, i * n2 + k, (i + 1) * n2 + j)
-    return _ends_reached(parent, n1 + 1, n2)
-
-
-@njit(cache=True, nogil=True)
-def _ends_joined(n1, n2):
-    """Nodes of n1 + 1 rows, each its own root but for the first and the last row, which are joined to the two ends."""
-    n = (n1 + 1) * n2
-    parent = np.arange(n + 2)
-    for j in range(n2):
-        union(parent, n, j)
-        union(parent, n + 1, n1 * n2 + j)
-    return parent
-
-
-def nodes_reached_by(stencil: Stencil, wide: float, narrow: float) -> tuple[NDArray[np.int8], NDArray[np.int8]]:
-    """`nodes_reached` of a network by links of a conductance >= `wide` only, and by those >= `narrow` < `wide`."""
-    return _nodes_reached_by(stencil.along, stencil.across, wide, narrow)
-
-
-@njit(cache=True, nogil=True)
-def _nodes_reached_by(along, across, wide, narrow):
-    n1, n2 = along.shape
-    parent = _ends_joined(n1, n2)
-    _join(parent, along, across, wide, np.inf)
-    first = _ends_reached(parent, n1 + 1, n2)
-    _join(parent, along, across, narrow, wide)
-    return first, _ends_reached(parent, n1 + 1, n2)
-
-
-@njit(cache=True, nogil=True)
-def _join(parent, along, across, least, below):
-    """Join the nodes of couples along the axes that are not 0 and whose size is >= `least` and < `below`."""
-    n1, n2 = along.shape
-    m2 = across.shape[1]
-    for i in range(n1):
+                c = falling[i - 1, j]
+                if c != 0.0 and abs(c) >= least and label[i - 1, j] != label[i, k]:
+                    union(parent, label[i - 1, j], label[i, k])
+                c = rising[i - 1, j]
+                if c != 0.0 and abs(c) >= least and label[i - 1, k] != label[i, j]:
+                    union(parent, label[i - 1, k], label[i, j])
+    inlet, outlet = find(parent, 0), find(parent, 1)
+    ends = np.empty(count, np.int8)
+    for a in range(count):
+        root = find(parent, a)
+        ends[a] = (root == inlet) + 2 * (root == outlet)
+    reached = np.empty((n1 + 1, n2), np.int8)
+    for i in range(n1 + 1):
         for j in range(n2):
-            if along[i, j] != 0.0 and least <= abs(along[i, j]) < below:
-                union(parent, i * n2 + j, (i + 1) * n2 + j)
-    for i in range(n1 - 1):
-        for j in range(m2):
-            if across[i, j] != 0.0 and least <= abs(across[i, j]) < below:
-                union(parent, (i + 1) * n2 + j, (i + 1) * n2 + (j + 1) % n2)
+            reached[i, j] = ends[label[i, j]]
+    return reached
+
+
+@njit(cache=True, nogil=True)
+def narrowest(along, across):
+    """The smallest of these conductances that is not 0; inf if all are."""
+    least = np.inf
+    for i in range(along.shape[0]):
+        for j in range(along.shape[1]):
+            if 0.0 < along[i, j] < least:
+                least = along[i, j]
+    for i in range(across.shape[0]):
+        for j in range(across.shape[1]):
+            if 0.0 < across[i, j] < least:
+                least = across[i, j]
+    return least
 
 
 def restricted(stencil: Stencil, keep: NDArray[np.bool_], factor: float = 1.0, least: float = 0.0) -> Stencil:

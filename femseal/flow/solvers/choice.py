@@ -11,16 +11,18 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from ...base import validate
 from ...base.errors import InputError, NotConverged
-from ..percolation import nodes_reached, nodes_reached_by, restricted
+from ..percolation import narrowest, nodes_reached, nodes_reached_by, restricted
 from ..solution import MAX_IMBALANCE, DarcyFlow
 from ..stencil import Stencil
 from .amg import solve_amg, solve_direct
 from .elimination import eliminate
 from .hierarchy import coarsest_nodes
+from .islands import island_potentials
 from .multigrid import COARSEST_NODES, solve_multigrid
 
 Array = NDArray[np.float64]
@@ -133,32 +135,44 @@ def _chosen(stencil: Stencil, keep: Flags) -> tuple[str, int]:
 def _worth_of_multigrid(along: Array, unknowns: int, nodes: int) -> tuple[bool, int]:
     """Whether multigrid is expected to take less time than elimination, and the iterations that take as long.
 
-    Elimination leaves out what is closed. From times at 24² to 256² and closed shares of 0.02 to 0.4 on one core,
-    multigrid against elimination in ms: 32² 0.16 : 0.36 to 0.18 : 0.15; 64² 0.6 : 2.0 to 1.1 : 0.8; 128² 2.6 : 12 to
-    3.8 : 4.6; 256² 13 : 65 to 25 : 23. Links that differ from their neighbours, as those drawn one by one do, are not
-    seen on coarser grids.
+    Elimination leaves out what is closed. From times at 16² to 256² and closed shares of 0.02 to 0.43 on one core,
+    multigrid against elimination in ms: 16² 0.07 : 0.10 to 0.07 : 0.06; 32² 0.14 : 0.46 to 0.18 : 0.18; 64² 0.37 : 2.6
+    to 0.74 : 0.98; 128² 1.5 : 15 to 3.3 : 5.5; 256² 6 : 77 to 14 : 26. Links that differ from their neighbours, as
+    those drawn one by one do, are not seen on coarser grids.
     """
     share = nodes / unknowns
     iteration, elimination = 1.5e-8 * unknowns, 2e-3 * (nodes / 4000) ** 1.25 * share**0.4
     limit = int(elimination / iteration)
-    smooth = 6e-5 + (8 + 30 * (1 - share)) * iteration < elimination
-    return bool(smooth) and _iterations_of_noise(along) < 2 * limit, limit
+    smooth = 5e-5 + (6 + 18 * (1 - share)) * iteration < elimination
+    return bool(smooth) and _iterations_of_noise(along, unknowns) < 1.3 * limit, limit
 
 
-def _iterations_of_noise(along: Array) -> float:
-    """What multigrid takes where neighbouring links are independent, within a factor of two.
+def _iterations_of_noise(along: Array, unknowns: int) -> float:
+    """What multigrid takes where neighbouring links are independent, within a factor of 1.5.
 
-    From log-normal links with standard deviations of 0.5 to 2.5, of which none, a tenth or a third are closed, at 100²
-    and 316²: 10 to 177, and up to 319. Where they are not independent it is more than is taken, up to three times.
+    From log-normal links with standard deviations of 0.5 to 2.5, of which none to a third are closed, at 100² and 200²:
+    4 to 300. Where they are not independent it is more than is taken, up to three times.
     """
-    rows = along[:: max(1, len(along) // _SAMPLED)]
-    is_open = rows > 0
-    left, right = is_open[:, :-1], is_open[:, 1:]
-    logarithm = np.log(rows, out=np.zeros_like(rows), where=is_open)
-    both = left & right
-    contrast = np.abs(np.diff(logarithm, axis=1)).sum(where=both) / max(1, int(both.sum()))
-    ends = (left ^ right).sum() / max(1, int((left | right).sum()))
-    return float(5 * np.exp(1.3 * contrast + 7 * ends))
+    contrast, ends = _roughness(along, max(1, len(along) // _SAMPLED))
+    return float(0.56 * unknowns**0.25 * np.exp(0.65 * contrast + 3.5 * ends))
+
+
+@njit(cache=True, nogil=True)
+def _roughness(along, step):
+    """Mean difference of the logarithms of open neighbours, and the share of neighbours of which one is closed."""
+    contrast, both, one = 0.0, 0, 0
+    for i in range(0, along.shape[0], step):
+        before = np.log(along[i, 0]) if along[i, 0] > 0.0 else np.nan
+        for j in range(1, along.shape[1]):
+            here = np.log(along[i, j]) if along[i, j] > 0.0 else np.nan
+            difference = abs(here - before)
+            if difference >= 0.0:
+                contrast += difference
+                both += 1
+            elif here == here or before == before:
+                one += 1
+            before = here
+    return contrast / max(1, both), one / max(1, both + one)
 
 
 def _by_elimination(stencil: Stencil, keep: Flags) -> DarcyFlow:
@@ -172,35 +186,16 @@ def _by_elimination(stencil: Stencil, keep: Flags) -> DarcyFlow:
 def _by_multigrid(stencil: Stencil, keep: Flags, rtol: float, limit: int, field_rtol: float | None = None) -> DarcyFlow:
     """Solve by multigrid, then by elimination at nodes that only very narrow links connect with the others."""
     seen, hidden = stencil, np.zeros_like(keep[1:-1])
-    if not stencil.nine:
-        by_wide, by_all = nodes_reached_by(stencil, _SEEN, _LOST)
-        hidden = (keep & (by_wide == 0))[1:-1]
+    if not stencil.nine and narrowest(stencil.along, stencil.across) < _SEEN:
+        hidden = (keep & (nodes_reached_by(stencil, _SEEN) == 0))[1:-1]
         if hidden.any():
-            seen = restricted(stencil, by_all == 3, least=_LOST)
+            seen = restricted(stencil, nodes_reached_by(stencil, _LOST) == 3, least=_LOST)
     φ, iterations, error = solve_multigrid(seen, rtol, limit, ~hidden, field_rtol)
     ψ = 1 - φ
     if hidden.any():
-        n1, n2 = stencil.along.shape
-        high, low = np.zeros((2, n1 + 1, n2))
-        high[0] = low[-1] = 1.0
-        high[1:-1], low[1:-1] = np.where(hidden, 0.0, np.clip(φ, 0.0, 1.0)), np.where(hidden, 0.0, np.clip(ψ, 0.0, 1.0))
-        # a neighbour of known potential φ acts as the inlet with the weight φ and as the outlet with 1 − φ
-        inlet, outlet = (_sums_with(stencil, values) for values in (high, low))
-        _, φ_hidden, ψ_hidden = eliminate(stencil.along, stencil.across, hidden, stencil.ring2, inlet, outlet)
-        φ, ψ = (np.where(hidden, a.reshape(hidden.shape), b) for a, b in ((φ_hidden, φ), (ψ_hidden, ψ)))
+        φ, ψ = island_potentials(stencil, hidden, φ)
     allowed = max(MAX_IMBALANCE, 10 * (np.sqrt(rtol) if field_rtol is None else field_rtol))
     return _balanced(stencil, keep, φ, ψ, None, iterations, error, "multigrid", allowed)
-
-
-def _sums_with(stencil: Stencil, values: Array) -> Array:
-    """Sum over the neighbours of every inner node of couple · value."""
-    c1, c2 = stencil.along, stencil.across
-    m2 = c2.shape[1]
-    out = c1[:-1] * values[:-2] + c1[1:] * values[2:]
-    inner = values[1:-1]
-    out[:, :m2] += c2 * np.roll(inner, -1, axis=1)[:, :m2]
-    out += np.roll(np.pad(c2, ((0, 0), (0, inner.shape[1] - m2))) * inner, 1, axis=1)
-    return out
 
 
 def _by_matrix(stencil: Stencil, keep: Flags, rtol: float, direct: bool = False) -> DarcyFlow:

@@ -36,13 +36,40 @@ def eliminate(c1, c2, keep, periodic, inlet, outlet):
     not used. keep (n1 − 1, n2) : nodes to solve for, which both ends have to reach; others get φ = 0 and 1 − φ = 0,
     and links to them count as closed. inlet, outlet (n1 − 1, n2) : links of each node to the ends, φ = 1 and 0.
     """
+    nothing = np.zeros((0, 0))
+    order, first, border, start, at, links, total, rate = factors(
+        c1, c2, nothing, nothing, keep, periodic, inlet, outlet
+    )
+    n = order.size
+    high, low = np.zeros(n + 2), np.zeros(n + 2)
+    high[n] = low[n + 1] = 1.0
+    for f in range(first.size - 2, -1, -1):
+        a, p, q = first[f], first[f + 1] - first[f], start[f + 1] - start[f]
+        front = links[at[f] : at[f + 1]].reshape(p, p + q)
+        _substitute(front, total[a : a + p], a, border[start[f] : start[f + 1]], high, low)
+    potential, complement = np.zeros(keep.size), np.zeros(keep.size)
+    for i in range(n):
+        potential[order[i]] = high[i]
+        complement[order[i]] = low[i]
+    return rate, potential, complement
+
+
+@njit(**_exact)
+def factors(c1, c2, falling, rising, keep, periodic, inlet, outlet):
+    """Eliminate all nodes: what is needed to find their potentials.
+
+    Couples across corners, falling and rising (n1, n2 or n2 − 1) as in `Stencil`, may be empty. Returned are the order
+    of the nodes, the first place of each front in it, the later nodes that each front is linked to and where they
+    start, the links of the nodes at the time they were eliminated, front by front, and where those of each front start,
+    their sums, and the conductance between inlet and outlet.
+    """
     order, first, parent = dissect(keep, periodic)
     n = order.size
     # nodes go by their place in the order; after them come inlet and outlet
     rank = np.full(keep.size, -1, np.int64)
     for i in range(n):
         rank[order[i]] = i
-    border, start, width, waiting = _borders(c1, c2, periodic, order, first, parent, rank)
+    border, start, width, waiting = _borders(c1, c2, falling, rising, periodic, order, first, parent, rank)
     fronts = first.size - 1
     at = np.zeros(fronts + 1, np.int64)
     for f in range(fronts):
@@ -53,8 +80,8 @@ def eliminate(c1, c2, keep, periodic, inlet, outlet):
     left = np.empty(waiting)  # links within the borders of fronts whose parents have not come yet
     work = np.empty(width * width)
     local = np.zeros(n + 2, np.int64)
-    neighbour = np.empty(4, np.int64)
-    link = np.empty(4)
+    neighbour = np.empty(8, np.int64)
+    link = np.empty(8)
     pending = np.empty(fronts + 1, np.int64)
     n_pending = 0
     top = 0
@@ -69,9 +96,8 @@ def eliminate(c1, c2, keep, periodic, inlet, outlet):
             local[border[start[f] + i]] = p + i
         for i in range(p):
             node = order[a + i]
-            _links(c1, c2, periodic, node, neighbour, link)
-            for k in range(4):
-                if link[k] > 0.0 and rank[neighbour[k]] > a + i:
+            for k in range(_links(c1, c2, falling, rising, periodic, node, neighbour, link)):
+                if link[k] != 0.0 and rank[neighbour[k]] > a + i:
                     front[i, local[rank[neighbour[k]]]] += link[k]
             front[i, p + q - 2] += inlet[node // c1.shape[1], node % c1.shape[1]]
             front[i, p + q - 1] += outlet[node // c1.shape[1], node % c1.shape[1]]
@@ -95,33 +121,37 @@ def eliminate(c1, c2, keep, periodic, inlet, outlet):
         n_pending -= 1
         top -= 4
         rate += left[top + 1]
-    high, low = np.zeros(n + 2), np.zeros(n + 2)
-    high[n] = low[n + 1] = 1.0
-    for f in range(fronts - 1, -1, -1):
-        a, p, q = first[f], first[f + 1] - first[f], start[f + 1] - start[f]
-        front = links[at[f] : at[f + 1]].reshape(p, p + q)
-        _substitute(front, total[a : a + p], a, border[start[f] : start[f + 1]], high, low)
-    potential, complement = np.zeros(keep.size), np.zeros(keep.size)
-    for i in range(n):
-        potential[order[i]] = high[i]
-        complement[order[i]] = low[i]
-    return rate, potential, complement
+    return order, first, border, start, at, links, total, rate
 
 
 @njit(**_exact)
-def _links(c1, c2, periodic, node, neighbour, link):
-    """Inner neighbours of an inner node and the links to them: above, below, left and right."""
+def _links(c1, c2, falling, rising, periodic, node, neighbour, link):
+    """Inner neighbours of an inner node and the links to them, and their number: above, below, left, right, corners."""
     n1, n2 = c1.shape
     i, j = node // n2, node % n2
-    neighbour[0] = node - n2 if i > 0 else node
-    link[0] = c1[i, j] if i > 0 else 0.0
-    neighbour[1] = node + n2 if i < n1 - 2 else node
-    link[1] = c1[i + 1, j] if i < n1 - 2 else 0.0
     row = i * n2
-    neighbour[2] = row + (j - 1) % n2
-    link[2] = c2[i, (j - 1) % n2] if (periodic or j > 0) and n2 > 1 else 0.0
-    neighbour[3] = row + (j + 1) % n2
-    link[3] = c2[i, j] if (periodic or j < n2 - 1) and n2 > 1 else 0.0
+    west, east = (j - 1) % n2, (j + 1) % n2
+    has_west, has_east = (periodic or j > 0) and n2 > 1, (periodic or j < n2 - 1) and n2 > 1
+    has_above, has_below = i > 0, i < n1 - 2
+    neighbour[0] = node - n2 if has_above else node
+    link[0] = c1[i, j] if has_above else 0.0
+    neighbour[1] = node + n2 if has_below else node
+    link[1] = c1[i + 1, j] if has_below else 0.0
+    neighbour[2] = row + west
+    link[2] = c2[i, west] if has_west else 0.0
+    neighbour[3] = row + east
+    link[3] = c2[i, j] if has_east else 0.0
+    if falling.size == 0:
+        return 4
+    neighbour[4] = row - n2 + west if has_above else node
+    link[4] = falling[i, west] if has_above and has_west else 0.0
+    neighbour[5] = row - n2 + east if has_above else node
+    link[5] = rising[i, j] if has_above and has_east else 0.0
+    neighbour[6] = row + n2 + west if has_below else node
+    link[6] = rising[i + 1, west] if has_below and has_west else 0.0
+    neighbour[7] = row + n2 + east if has_below else node
+    link[7] = falling[i + 1, j] if has_below and has_east else 0.0
+    return 8
 
 
 @njit(**_exact)
@@ -211,7 +241,7 @@ def _thinnest(nodes, a, b, c, d):
 
 
 @njit(**_exact)
-def _borders(c1, c2, periodic, order, first, parent, rank):
+def _borders(c1, c2, falling, rising, periodic, order, first, parent, rank):
     """Later nodes that each front is linked to, both ends last; the widest border, and the most links left over."""
     fronts = first.size - 1
     n = order.size
@@ -219,8 +249,8 @@ def _borders(c1, c2, periodic, order, first, parent, rank):
     start = np.zeros(fronts + 1, np.int64)
     seen = np.full(n, -1, np.int64)
     pending = np.empty(fronts + 1, np.int64)
-    neighbour = np.empty(4, np.int64)
-    link = np.empty(4)
+    neighbour = np.empty(8, np.int64)
+    link = np.empty(8)
     n_pending = 0
     size = 0
     width = 2
@@ -228,7 +258,7 @@ def _borders(c1, c2, periodic, order, first, parent, rank):
     waiting = 4
     for f in range(fronts):
         end = first[f + 1]
-        most = size + 4 * (end - first[f]) + 2
+        most = size + 8 * (end - first[f]) + 2
         k = n_pending
         while k > 0 and parent[pending[k - 1]] == f:
             k -= 1
@@ -239,10 +269,9 @@ def _borders(c1, c2, periodic, order, first, parent, rank):
                 grown[i] = border[i]
             border = grown
         for i in range(first[f], end):
-            _links(c1, c2, periodic, order[i], neighbour, link)
-            for m in range(4):
+            for m in range(_links(c1, c2, falling, rising, periodic, order[i], neighbour, link)):
                 j = rank[neighbour[m]]
-                if link[m] > 0.0 and end <= j < n and seen[j] != f:
+                if link[m] != 0.0 and end <= j < n and seen[j] != f:
                     seen[j] = f
                     border[size] = j
                     size += 1
@@ -314,7 +343,7 @@ def eliminate_front(front, rest, total):
                 s += front[i, j]
             total[i] = s
             for j in range(i + 1, end):
-                if front[i, j] > 0.0:
+                if front[i, j] != 0.0:
                     f = front[i, j] / s
                     for k in range(j + 1, p + q):
                         front[j, k] += f * front[i, k]
@@ -346,7 +375,7 @@ def eliminate_front(front, rest, total):
         s3 = 1.0 / total[i3] if i + 3 < p else 0.0
         for j in range(q):
             f0, f1, f2, f3 = s0 * front[i, p + j], s1 * front[i1, p + j], s2 * front[i2, p + j], s3 * front[i3, p + j]
-            if f0 + f1 + f2 + f3 > 0.0:
+            if f0 != 0.0 or f1 != 0.0 or f2 != 0.0 or f3 != 0.0:
                 for k in range(j + 1, q):
                     rest[j, k] += (
                         f0 * front[i, p + k] + f1 * front[i1, p + k] + f2 * front[i2, p + k] + f3 * front[i3, p + k]

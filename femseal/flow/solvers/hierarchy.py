@@ -17,6 +17,9 @@ from .compiled import COMPILED
 
 #: Nodes of an axis at which coarsening ends.
 FEWEST = 4
+#: Coarsening also ends where so small a share of the nodes is left: their elimination costs less than the iterations
+#: that bays and channels of the coarser grids do.
+_ELIMINATED = 1 / 40
 
 
 def coarsest_nodes(n1: int, n2: int) -> int:
@@ -211,10 +214,11 @@ def _galerkin(centre, right, below, below_right, below_left, w, nine, ring):
 def hierarchy(centre, right, below, below_right, below_left, ring):
     """Levels from the finest: operator, inverse centres, weights of the next level's nodes, work x, b, r; clusters."""
     levels = []
+    fewest = _ELIMINATED * np.count_nonzero(centre)
     while True:
         shape = centre.shape
         nine = below_right.size > 1
-        last = min(shape[0], shape[1]) - 2 <= FEWEST
+        last = min(shape[0], shape[1]) - 2 <= FEWEST or np.count_nonzero(centre) <= fewest
         if last:
             weights = np.zeros((1, 1, 3, 3))
             apart = (np.zeros((1, 1), np.int32), np.zeros((0, 2), np.int64), np.zeros(1, np.int64), np.zeros(0))
@@ -235,45 +239,3 @@ def hierarchy(centre, right, below, below_right, below_left, ring):
         centre, right, below, below_right, below_left = _galerkin(
             centre, right, below, below_right, below_left, weights, nine, ring
         )
-
-
-@njit(**COMPILED)
-def _dense(centre, right, below, below_right, below_left, ring):
-    """The operator of a level as a matrix."""
-    n1, n2 = centre.shape[0] - 2, centre.shape[1] - 2
-    a = np.zeros((n1 * n2, n1 * n2))
-    nine = below_right.size > 1
-    for i in range(n1):
-        for j in range(n2):
-            here = i * n2 + j
-            a[here, here] += centre[i + 1, j + 1]
-            for k in range(4 if nine else 2):
-                down, over = min(k, 1), (1, 0, 1, -1)[k]
-                if i + down == n1 or (not ring and not 0 <= j + over < n2):
-                    continue
-                c = (right, below, below_right, below_left)[k][i + 1, j + 1]
-                there = (i + down) * n2 + (j + over) % n2
-                a[here, there] -= c
-                a[there, here] -= c
-    return a
-
-
-@njit(**COMPILED)
-def coarsest_inverse(level, ring):
-    """Dense inverse of the coarsest operator on the nodes that have links, 0 for the others."""
-    a = _dense(level[0], level[1], level[2], level[3], level[4], ring)
-    n = a.shape[0]
-    scale = np.zeros(n)
-    for i in range(n):
-        if a[i, i] > 0.0:
-            scale[i] = 1.0 / np.sqrt(a[i, i])
-    for i in range(n):
-        for j in range(n):
-            a[i, j] *= scale[i] * scale[j]
-        # nodes without links get a row of their own; Galerkin's operator may be singular to rounding
-        a[i, i] += 1e-14 if scale[i] > 0.0 else 1.0
-    a = np.linalg.inv(a)
-    for i in range(n):
-        for j in range(n):
-            a[i, j] *= scale[i] * scale[j]
-    return a

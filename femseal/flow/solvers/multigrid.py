@@ -1,8 +1,4 @@
-"""Conjugate gradients with algebraic multigrid on the structured grid as preconditioner: compiled.
-
-One sweep of Gauss-Seidel forward before and backward after the coarser grid keep the preconditioner symmetric; the
-levels come from `hierarchy`, where their fields are described.
-"""
+"""Conjugate gradients with algebraic multigrid on the structured grid as preconditioner: compiled."""
 
 from __future__ import annotations
 
@@ -12,9 +8,10 @@ from numpy.typing import NDArray
 
 from ...base.errors import NotConverged
 from ..stencil import Stencil
-from .clusters import relax_backward, relax_forward
+from .coarsest import eliminated
 from .compiled import COMPILED
-from .hierarchy import bordered, coarsest_inverse, hierarchy
+from .hierarchy import bordered, hierarchy
+from .v_cycle import v_cycle
 
 Array = NDArray[np.float64]
 #: Largest coarsest level, in nodes, for which multigrid pays; only slender grids have more.
@@ -56,8 +53,7 @@ def solve_multigrid(
     The rate of φ exceeds the true one by the square of the error e of φ in the norm of the energy, eᵀAe <= rᵀM⁻¹r/θ,
     with the lowest eigenvalue θ of M⁻¹A, which is taken from the coefficients of the iteration (Lanczos). The iteration
     stops when that is a tenth of what is allowed, and inlet and outlet flow, which err by the first order, differ by
-    less than thrice the square root of it. The coarsest level is inverted densely: `coarsest_nodes` says how large it
-    is.
+    less than thrice the square root of it. The coarsest level is eliminated.
     Sources: Strakoš & Tichý, ETNA 13, 2002, 56; Meurant, Papež & Tichý, Numer. Algorithms 88, 2021, 1337.
     """
     s = stencil
@@ -65,12 +61,7 @@ def solve_multigrid(
     if judged is None:
         judged = np.ones((s.along.shape[0] - 1, s.along.shape[1]), np.bool_)
     field = np.inf if field_rtol is None else field_rtol
-    try:
-        x, iterations, error, done = _solve(*operator, s.ring2, inlet, outlet, rtol, field, limit, judged)
-    except np.linalg.LinAlgError:
-        raise NotConverged(
-            "flow: the coarsest grid of multigrid is singular; try the solver 'elimination'", np.inf
-        ) from None
+    x, iterations, error, done = _solve(*operator, s.ring2, inlet, outlet, rtol, field, limit, judged)
     if not done:
         raise NotConverged(
             f"flow: error {error**2:.1e} of the rate after {iterations} iterations of multigrid, wanted {rtol:.1e}"
@@ -79,146 +70,6 @@ def solve_multigrid(
             error,
         )
     return x, iterations, error
-
-
-@njit(**COMPILED)
-def _sweep_down(x, b, r, inverse, right, below, below_right, below_left, nine, ring):
-    """Gauss-Seidel forward from zero, and the residual it leaves: the links to later nodes."""
-    n1, n2 = x.shape[0] - 2, x.shape[1] - 2
-    for i in range(1, n1 + 1):
-        before = 0.0
-        x[i, n2 + 1] = 0.0
-        if nine:
-            for j in range(1, n2 + 1):
-                r[i, j] = (
-                    b[i, j]
-                    + below[i - 1, j] * x[i - 1, j]
-                    + below_right[i - 1, j - 1] * x[i - 1, j - 1]
-                    + below_left[i - 1, j + 1] * x[i - 1, j + 1]
-                )
-        else:
-            for j in range(1, n2 + 1):
-                r[i, j] = b[i, j] + below[i - 1, j] * x[i - 1, j]
-        for j in range(1, n2):
-            before = (r[i, j] + right[i, j - 1] * before) * inverse[i, j]
-            x[i, j] = before
-        s = r[i, n2] + right[i, n2 - 1] * before
-        if ring:
-            s += right[i, n2] * x[i, 1]
-        x[i, n2] = s * inverse[i, n2]
-        if ring:
-            x[i, 0] = x[i, n2]
-            x[i, n2 + 1] = x[i, 1]
-    for i in range(1, n1 + 1):
-        if nine:
-            for j in range(1, n2 + 1):
-                r[i, j] = (
-                    right[i, j] * x[i, j + 1]
-                    + below[i, j] * x[i + 1, j]
-                    + below_right[i, j] * x[i + 1, j + 1]
-                    + below_left[i, j] * x[i + 1, j - 1]
-                )
-        else:
-            for j in range(1, n2 + 1):
-                r[i, j] = right[i, j] * x[i, j + 1] + below[i, j] * x[i + 1, j]
-        if ring:
-            # the last node comes after the first
-            r[i, n2] -= right[i, n2] * x[i, 1]
-            r[i, 1] += right[i, 0] * x[i, n2]
-            r[i, 0] = r[i, n2]
-
-
-@njit(**COMPILED)
-def _sweep_up(x, b, inverse, right, below, below_right, below_left, nine, ring):
-    """Gauss-Seidel backward."""
-    n1, n2 = x.shape[0] - 2, x.shape[1] - 2
-    rest = np.empty(n2 + 2)
-    for i in range(n1, 0, -1):
-        for j in range(1, n2 + 1):
-            rest[j] = b[i, j] + below[i - 1, j] * x[i - 1, j] + below[i, j] * x[i + 1, j]
-        if nine:
-            for j in range(1, n2 + 1):
-                rest[j] += (
-                    below_right[i - 1, j - 1] * x[i - 1, j - 1]
-                    + below_left[i - 1, j + 1] * x[i - 1, j + 1]
-                    + below_right[i, j] * x[i + 1, j + 1]
-                    + below_left[i, j] * x[i + 1, j - 1]
-                )
-        after = x[i, n2 + 1]
-        for j in range(n2, 0, -1):
-            if j == 1 and ring:
-                x[i, 0] = x[i, n2]
-            after = (rest[j] + right[i, j - 1] * x[i, j - 1] + right[i, j] * after) * inverse[i, j]
-            x[i, j] = after
-        if ring:
-            x[i, 0] = x[i, n2]
-            x[i, n2 + 1] = x[i, 1]
-
-
-@njit(**COMPILED)
-def _restrict(r, w, b):
-    """Pᵀ r."""
-    m1, m2 = b.shape[0] - 2, b.shape[1] - 2
-    for ci in range(1, m1 + 1):
-        i = 2 * ci - 1
-        for cj in range(1, m2 + 1):
-            j = 2 * cj - 1
-            s = 0.0
-            for a in range(3):
-                s += w[ci, cj, a, 0] * r[i + a - 1, j - 1]
-                s += w[ci, cj, a, 1] * r[i + a - 1, j]
-                s += w[ci, cj, a, 2] * r[i + a - 1, j + 1]
-            b[ci, cj] = s
-
-
-@njit(**COMPILED)
-def _prolong(coarse, w, x, ring):
-    """x += P coarse."""
-    n1, n2 = x.shape[0] - 2, x.shape[1] - 2
-    m1, m2 = coarse.shape[0] - 2, coarse.shape[1] - 2
-    if ring:
-        for i in range(1, n1 + 1):
-            x[i, 0] = 0.0
-    for ci in range(1, m1 + 1):
-        i = 2 * ci - 1
-        for cj in range(1, m2 + 1):
-            j = 2 * cj - 1
-            v = coarse[ci, cj]
-            for a in range(3):
-                x[i + a - 1, j - 1] += v * w[ci, cj, a, 0]
-                x[i + a - 1, j] += v * w[ci, cj, a, 1]
-                x[i + a - 1, j + 1] += v * w[ci, cj, a, 2]
-    if ring:
-        for i in range(1, n1 + 1):
-            x[i, n2] += x[i, 0]
-            x[i, 0] = x[i, n2]
-            x[i, n2 + 1] = x[i, 1]
-
-
-@njit(**COMPILED)
-def _cycle(levels, inverse, ring):
-    """One V-cycle from b to x of the finest level."""
-    for k in range(len(levels) - 1):
-        centre, right, below, below_right, below_left, inverse_centre, weights, x, b, r, apart = levels[k]
-        nine = below_right.size > 1
-        _sweep_down(x, b, r, inverse_centre, right, below, below_right, below_left, nine, ring)
-        if apart[3].size > 0:
-            relax_forward(apart, x, r, centre, right, below, below_right, below_left, nine, ring)
-        _restrict(r, weights, levels[k + 1][8])
-    x, b = levels[-1][7], levels[-1][8]
-    n2 = x.shape[1] - 2
-    for i in range(inverse.shape[0]):
-        s = 0.0
-        for j in range(inverse.shape[0]):
-            s += inverse[i, j] * b[j // n2 + 1, j % n2 + 1]
-        x[i // n2 + 1, i % n2 + 1] = s
-    for k in range(len(levels) - 2, -1, -1):
-        centre, right, below, below_right, below_left, inverse_centre, weights, x, b, _, apart = levels[k]
-        nine = below_right.size > 1
-        _prolong(levels[k + 1][7], weights, x, ring)
-        if apart[3].size > 0:
-            relax_backward(apart, x, b, centre, right, below, below_right, below_left, nine, ring)
-        _sweep_up(x, b, inverse_centre, right, below, below_right, below_left, nine, ring)
 
 
 @njit(**COMPILED)
@@ -255,14 +106,17 @@ def _direction(centre, right, below, below_right, below_left, z, p, y, beta, nin
 
 
 @njit(**COMPILED)
-def _advance(step, p, y, x, r, b):
-    """x += step p, r −= step y, b = r."""
+def _advance(step, p, y, x, r):
+    """x += step p, r −= step y; the sums of r and of r x, by which inlet and outlet flow and the rate differ."""
     n1, n2 = p.shape[0] - 2, p.shape[1] - 2
+    excess = weighted = 0.0
     for i in range(1, n1 + 1):
         for j in range(1, n2 + 1):
             x[i, j] += step * p[i, j]
             r[i, j] -= step * y[i, j]
-            b[i, j] = r[i, j]
+            excess += r[i, j]
+            weighted += r[i, j] * x[i, j]
+    return max(abs(excess), abs(weighted))
 
 
 @njit(**COMPILED)
@@ -334,38 +188,36 @@ def _lowest(steps, ratios, count):
 def _solve(centre, right, below, below_right, below_left, ring, inlet, outlet, rtol, field, limit, judged):
     """Conjugate gradients: potential, iterations, error in the norm of the energy, and whether it is what was asked."""
     levels = hierarchy(centre, right, below, below_right, below_left, ring)
-    inverse = coarsest_inverse(levels[-1], ring)
+    centre, right, below, below_right, below_left = levels[-1][:5]
+    coarsest = eliminated(centre, right, below, below_right, below_left, ring)
+    centre, right, below, below_right, below_left = levels[0][:5]
     nine = below_right.size > 1
     n1, n2 = centre.shape[0] - 2, centre.shape[1] - 2
-    z, b = levels[0][7], levels[0][8]
-    x, r, p, y = np.zeros(z.shape), np.zeros(z.shape), np.zeros(z.shape), np.zeros(z.shape)
+    # the residual is the right-hand side of a cycle, whose own residual is not needed after it
+    z, r, y = levels[0][7], levels[0][8], levels[0][9]
+    x, p = np.zeros(z.shape), np.zeros(z.shape)
     _start(centre, right, below, below_right, below_left, inlet, outlet, x, r)
     if ring:
         for i in range(1, n1 + 1):
             r[i, n2] += r[i, 0]
             r[i, 1] += r[i, n2 + 1]
-    for i in range(1, n1 + 1):
-        for j in range(1, n2 + 1):
-            b[i, j] = r[i, j]
     steps, ratios = np.zeros(limit + 1), np.zeros(limit + 1)
     allowed = min(_SHARE * rtol, (0.1 * field) ** 2)
     balance = 3.0 * max(np.sqrt(rtol), 1e-6)
-    rz, error, first = 0.0, np.inf, 0.0
+    rz, error, first, unbalanced = 0.0, np.inf, 0.0, 0.0
     iteration = 0
     done = False
     while True:
-        _cycle(levels, inverse, ring)
-        before, rz, largest, excess, at_inlet = rz, 0.0, 0.0, 0.0, 0.0
+        v_cycle(levels, coarsest, ring)
+        before, rz, largest = rz, 0.0, 0.0
         for i in range(1, n1 + 1):
             for j in range(1, n2 + 1):
                 rz += r[i, j] * z[i, j]
-                excess += r[i, j]
-                at_inlet += r[i, j] * x[i, j]
         rate = 0.0
         for j in range(n2):
             rate += outlet[j] * x[n1, j + 1]
         error = np.inf
-        if 0.0 <= rz <= allowed * rate and max(abs(excess), abs(at_inlet)) <= balance * rate:
+        if 0.0 <= rz <= allowed * rate and unbalanced <= balance * rate:
             error = np.sqrt(rz / rate / _lowest(steps, ratios, iteration))
             if field < np.inf:
                 for i in range(1, n1 + 1):
@@ -388,7 +240,7 @@ def _solve(centre, right, below, below_right, below_left, ring, inlet, outlet, r
         if not curvature > 0.0:
             break
         steps[iteration], ratios[iteration] = rz / curvature, beta
-        _advance(rz / curvature, p, y, x, r, b)
+        unbalanced = _advance(rz / curvature, p, y, x, r)
         iteration += 1
     if not done and rate > 0.0 and rz >= 0.0:
         error = np.sqrt(rz / rate)
