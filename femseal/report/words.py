@@ -146,10 +146,10 @@ def _method_sentences(results: Results) -> list[str]:
     if "window_pressure" in data:
         windows = f"{data.sizes['cell1']} × {data.sizes['cell2']} windows"
         flow = (
-            "with the flow resolved at every pixel"
-            if "k1" not in data
-            else "as finite elements with nodes on their sides"
+            "as finite elements with nodes on their sides"
             if "element_error" in data
+            else "with the flow resolved at every pixel"
+            if "k1" not in data
             else "between the nodes of a global flow"
         )
         sentences.append(f"Two scales: {windows} {_contact_text(data)}, {flow}.")

@@ -14,7 +14,7 @@ from ..base.stage import Mapper, Stage
 from ..base.text import Shown
 from ..flow.percolation import percolates
 from ..loads import LoadProgramme
-from ..scales import ElementFlow, Failed, Partition, SolveCounts, SolverCounts, attempt, element_flow
+from ..scales import ElementFlow, Failed, Partition, SolveCounts, SolverCounts, attempt, element_flow, face_potential
 from ..scales.window_fields import ContactPressure, WindowFields
 from ..seal import RectangularSeal
 from .deterministic import state_memory
@@ -50,8 +50,8 @@ class TwoScaleResult(Shown):
     the contact, see `scales.gap_error`.
     element_error, drop_share : of the flow "elements", None with others. The leakage is then an upper bound of that
         resolved on the same gap, and the error is estimated from the bound with every second node.
-    k1, k2, fluid_pressure : of the links and their nodes; None with "resolved", which has no links.
-    face_fluid_pressure : at every pixel and step, with "resolved"; None with others.
+    k1, k2, fluid_pressure : of the links and their nodes; None without "links".
+    face_fluid_pressure : at every pixel and step; None with "links".
     fields : deformed gap and contact pressure at every pixel.
     counts : flows of links, solved or known without solving. solvers : number of systems by solver, of links and over
     the face. failures : reasons of values that are NaN. warnings : reasons to doubt the result.
@@ -134,7 +134,7 @@ def two_scale(
     flow : "links": solve the permeability of each window between global nodes, then the flow through these links.
         "resolved": solve the flow through the stitched gap at full resolution, without links.
         "elements": condense the stitched gap of every window to an element with nodes on its sides, see
-        `scales.element_flow`; the links are solved as well. The discretisation has to be "edge".
+        `scales.element_flow`, without links. The discretisation has to be "edge".
         Unless given, "resolved" up to 2²² pixels, which takes about 3.2 GB, and "links" beyond.
     contact : "whole": cut the cells from the contact of the whole face. "windows": solve the contact of each cell
         under the mean pressure that the contact of the low-pass face gives it. Unless given, "whole" up to 2²⁴ pixels.
@@ -154,20 +154,14 @@ def two_scale(
     counts, solvers, links, element_error, drop_share, inside = SolveCounts(), SolverCounts(), None, None, None, None
     if flow == "resolved":
         found, inside = _resolved(scene, solved.fields, mapper)
+    elif flow == "elements":
+        found, inside, element_error, drop_share = _through_elements(scene, solved.fields, mapper)
     else:
         links = _through_links(scene, solved.fields, mapper)
         failures += links.failures
         counts, solvers = links.counts, links.solvers
-        if flow == "links":
-            found = FaceLeakage(links.leakage, (), SolverCounts())
-            warnings += _wrongly_closed(solved.fields, links.leakage)
-        else:
-            stage = Stage("flow through elements", partial(attempt, element_flow, partition=partition))
-            elements = list(mapper(stage, solved.fields.gap))
-            found = scene.resolved_leakage(
-                f if isinstance(f, Failed) else FaceFlow(f.permeability, SolverCounts.of(f)) for f in elements
-            )
-            element_error, drop_share = _error_and_share(elements, cells)
+        found = FaceLeakage(links.leakage, (), SolverCounts())
+        warnings += _wrongly_closed(solved.fields, links.leakage)
     return TwoScaleResult(
         steps=scene.steps,
         partition=partition,
@@ -210,6 +204,32 @@ def _resolved(scene: Scene, fields: WindowFields, mapper: Mapper) -> tuple[FaceL
     return scene.resolved_leakage(flows()), pressure
 
 
+def _through_elements(
+    scene: Scene, fields: WindowFields, mapper: Mapper
+) -> tuple[FaceLeakage, NDArray[np.float32], Array, Array]:
+    """Flow through elements at every step, its pressure at every pixel, its error and the shares of the windows."""
+    stage = Stage("flow through elements", partial(attempt, _flow_and_potential, partition=fields.partition))
+    pressure = np.full(fields.gap.shape, np.nan, np.float32)
+    error, share = np.full(len(fields.gap), np.nan), np.full((len(fields.gap), *fields.partition.cells), np.nan)
+
+    def flows() -> Iterator[FaceFlow | Failed]:
+        for s, found in enumerate(mapper(stage, fields.gap)):
+            if isinstance(found, Failed):
+                yield found
+                continue
+            flow, potential = found
+            pressure[s] = scene.pressure_at(potential)
+            error[s], share[s] = flow.error, flow.dissipation / (flow.dissipation.sum() or 1.0)
+            yield FaceFlow(flow.permeability, SolverCounts.of(flow))
+
+    return scene.resolved_leakage(flows()), pressure, error, share
+
+
+def _flow_and_potential(gap: NDArray[np.floating], partition: Partition) -> tuple[ElementFlow, NDArray[np.float32]]:
+    flow = element_flow(gap, partition)
+    return flow, face_potential(gap, partition, flow).astype(np.float32)
+
+
 @dataclass(frozen=True, eq=False)
 class _LinkFlow:
     """Flow of every step through links: the permeabilities, the leakage and the pressure of nodes, NaN where failed."""
@@ -243,15 +263,6 @@ def _through_links(scene: Scene, fields: WindowFields, mapper: Mapper) -> _LinkF
             leakage[s], fluid_pressure[s] = through.per_length, through.fluid_pressure
             solvers += SolverCounts.of(through)
     return _LinkFlow(k1, k2, leakage, fluid_pressure, failures, counts, solvers)
-
-
-def _error_and_share(flows: list[ElementFlow | Failed], cells: tuple[int, int]) -> tuple[Array, Array]:
-    """Estimated error (steps,) and shares of windows in the pressure drop (steps, m1, m2); NaN where a flow failed."""
-    error, share = np.full(len(flows), np.nan), np.full((len(flows), *cells), np.nan)
-    for s, flow in enumerate(flows):
-        if not isinstance(flow, Failed):
-            error[s], share[s] = flow.error, flow.dissipation / (flow.dissipation.sum() or 1.0)
-    return error, share
 
 
 def _wrongly_closed(fields: WindowFields, leakage: Array) -> tuple[str, ...]:
