@@ -52,6 +52,7 @@ inlet_pressure = "1 MPa"
 [cells]
 count = [2, 2]
 contact = "windows"
+flow = "links"
 [stochastic]
 length = "200 um"
 realisations = 24

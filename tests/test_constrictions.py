@@ -169,7 +169,7 @@ def study():
         face, 115e9, 3e9, IdealGas(18e-6, 0.029, 293.0), 1e6, 1e5,
         loading=(1e8, 6e8, 1.5e9), unload_from=(1.5e9,), unloading=(1e8,),
     )  # fmt: skip
-    return scene, two_scale(scene, (4, 6))
+    return scene, two_scale(scene, (4, 6), flow="links")
 
 
 class TestDataset:

@@ -11,7 +11,7 @@ from femseal import Liquid, Scene, cell_permeability, condition, read_topography
 from femseal.base.errors import InputError, NotConverged
 from femseal.flow.solvers.condensation import condense
 from femseal.results.dataset import assemble
-from femseal.scales import Partition, element_flow, element_mesh, window_flow
+from femseal.scales import Partition, element_flow, element_mesh, face_potential, window_flow
 from femseal.scales.side_nodes import side_nodes
 from femseal.scales.superelement import WindowElement, WindowLinks, window_links
 
@@ -232,6 +232,12 @@ class TestInside:
             found = window_flow(gap, cells, flow, i, j).potential
             assert_allclose(found, cells.cell(whole, i, j), atol=1e-9)
 
+    def test_all_windows_together_are_the_face(self, gap):
+        cells = partition(gap, (4, 6))
+        found = face_potential(gap, cells, element_flow(gap, cells, node_spacing=1))
+        whole = cell_permeability(gap, PIXEL, sides="periodic", solver="elimination").fluid_pressure
+        assert_allclose(found, whole, atol=1e-9)
+
     def test_flow_balances_and_goes_in_where_it_goes_out(self, gap):
         cells = partition(gap, (4, 6))
         flow = element_flow(gap, cells)
@@ -247,8 +253,9 @@ class TestInside:
         h[11] = 0.0
         cells = partition(gap, (4, 6))
         window = window_flow(h, cells, element_flow(h, cells), 1, 1)
-        assert np.isnan(window.potential).all()
+        assert {*np.unique(window.potential[np.isfinite(window.potential)])} <= {0.0}
         assert not window.flux1.any()
+        assert {*np.unique(window_flow(h, cells, element_flow(h, cells), 0, 1).potential[:11])} >= {1.0}
         with pytest.raises(InputError, match="window"):
             window_flow(h, cells, element_flow(h, cells), 4, 0)
 
@@ -268,7 +275,10 @@ class TestStudy:
         assert_allclose(result.drop_share.sum(axis=(1, 2)), 1.0)
         assert np.all(result.element_error < 0.03)
         assert result.solvers.by_solver()["elimination"] >= 3
-        assert exact.element_error is exact.drop_share is None
+        assert exact.element_error is exact.drop_share is result.k1 is None
+        inside, expected = result.face_fluid_pressure, exact.face_fluid_pressure
+        assert_array_equal(np.isnan(inside), np.isnan(expected))
+        assert np.nanmean(np.abs(inside - expected)) < 0.003 * scene.inlet_pressure
         data = assemble(scene, two_scale=result).dataset
         assert data["element_error"].dims == ("step",)
         assert data["window_drop_share"].dims == ("step", "cell1", "cell2")

@@ -230,6 +230,7 @@ class TestMeasuredSurfaces:
                 inlet_pressure = "10 kPa"
                 [cells]
                 count = {list(cells)}
+                flow = "links"
                 [stochastic]
                 length = "10 mm"
                 realisations = 4

@@ -46,7 +46,7 @@ def studies(scene):
     sampling = Sampling(length=240e-6, realisations=3, library_cells=12, seed=7)
     return {
         "deterministic": deterministic(scene),
-        "two_scale": two_scale(scene, (M1, M2)),
+        "two_scale": two_scale(scene, (M1, M2), flow="links"),
         "stochastic": stochastic(scene, (M1, M2), sampling),
     }
 
@@ -511,7 +511,7 @@ def case():
         "material": {"young": "210 GPa", "hardness": "3 GPa"},
         "load": {"loading": ["50 MPa", "300 MPa"]},
         "fluid": {"kind": "liquid", "viscosity": "1 mPa*s", "inlet_pressure": "1 MPa"},
-        "cells": {"count": [2, 4]},
+        "cells": {"count": [2, 4], "flow": "links"},
     }
 
 

@@ -46,6 +46,7 @@ viscosity = "1 mPa*s"
 inlet_pressure = "10 MPa"
 [cells]
 count = [4, 8]
+flow = "links"
 [stochastic]
 length = "240 um"
 realisations = 3

@@ -44,6 +44,7 @@ viscosity = "1 mPa*s"
 inlet_pressure = "1 MPa"
 [cells]
 count = [3, 6]
+flow = "links"
 [stochastic]
 length = "200 um"
 realisations = 4
@@ -98,7 +99,7 @@ quantiles = [0.2, 0.8]
     case.write_text(case.read_text().replace("breadth = ", "length_of_run = "))
     with pytest.raises(fs.InputError, match="length_of_run"):
         fs.run(case)
-    case.write_text(CASE.replace("count = [3, 6]", 'count = [3, 6]\nflow = "resolved"') + "width = 0.2\n")
+    case.write_text(CASE.replace('"links"', '"resolved"') + "width = 0.2\n")
     data = fs.run(case, workers=1).dataset
     assert data.sizes["realisation"] >= 4
     # the whole gap, not links: nearer to the deterministic leakage than two times

@@ -19,6 +19,8 @@ from femseal.contact import HalfSpace, load_states
 from femseal.flow import cell_permeability
 from femseal.fluids import IdealGas, Liquid
 from femseal.loads import LoadProgramme
+from femseal.report import write_folder
+from femseal.results import assemble, open_results
 from femseal.scales import LinkTable, draw_links, gap_error
 from femseal.seal import RectangularSeal
 from femseal.studies import Sampling, Scene, StochasticResult, deterministic, stochastic, two_scale
@@ -62,12 +64,12 @@ def rough():
 
 @pytest.fixture(scope="module")
 def rough_two_scale(rough):
-    return two_scale(rough, (4, 6))
+    return two_scale(rough, (4, 6), flow="links")
 
 
 @pytest.fixture(scope="module")
 def by_windows(rough):
-    return two_scale(rough, (4, 6), contact="windows")
+    return two_scale(rough, (4, 6), contact="windows", flow="links")
 
 
 class TestClosedForms:
@@ -84,7 +86,7 @@ class TestClosedForms:
         scene = make_scene(self.corrugated(1, amplitude=a))
         expected = leakage_of(2.5 * a**3 / 12, scene)
         assert_allclose(deterministic(scene).leakage, expected, rtol=1e-9)
-        result = two_scale(scene, (4, 4))
+        result = two_scale(scene, (4, 4), flow="links")
         assert_allclose(result.leakage, expected, rtol=1e-5)  # gaps are kept in single precision
         # each column of windows by itself: the mean of h³ over its width
         h3 = (scene.surface.heights.max() - scene.surface.heights[0]).reshape(4, 16) ** 3
@@ -93,7 +95,7 @@ class TestClosedForms:
     def test_ridges_across_the_leakage_that_touch_seal(self):
         scene = make_scene(self.corrugated(0), loading=(0.0, 1e6))
         assert (deterministic(scene).leakage == 0).all()
-        result = two_scale(scene, (4, 4))
+        result = two_scale(scene, (4, 4), flow="links")
         assert result.leakage[1] == 0
         # the ridge lies at the border of the first row of windows
         assert (result.k1[1, 0] == 0).all()
@@ -112,7 +114,7 @@ class TestClosedForms:
         heights[:, :w] = ridge * (1 + 0.9 * np.cos(2 * np.pi * (n / 8) * x1))[:, None]
         scene = make_scene(heights)
         touch = heights.max()
-        result = two_scale(scene, (4, 4), contact="windows")
+        result = two_scale(scene, (4, 4), contact="windows", flow="links")
         assert (result.k1[0, :, 0] == 0).all()
         k = analytic.wavy_gap_across(touch, a / touch) if waves else analytic.parallel_plates(touch)
         assert_allclose(result.k1[0, :, 1:], k, rtol=2e-3 if waves else 1e-5)
@@ -125,7 +127,7 @@ class TestClosedForms:
                       roughness_roll_off=16 * PIXEL, cut_off=8 * PIXEL, rng=1)  # fmt: skip
         low, high = 0.004 * HARDNESS, 0.1 * HARDNESS
         scene = make_scene(face.heights, loading=(low, high), unload_from=(high,), unloading=(low,), rtol=1e-5)
-        result, exact = two_scale(scene, (8, 8), contact="windows"), deterministic(scene)
+        result, exact = two_scale(scene, (8, 8), contact="windows", flow="links"), deterministic(scene)
         mean_gap = exact.gap.reshape(-1, 8, 32, 8, 32).mean(axis=(2, 4))
         for s, allowed in ((0, 0.1), (2, 0.03)):
             unloaded = result.pressure[s] <= 0
@@ -161,7 +163,7 @@ class TestClosedForms:
         """A punch, p = 2p̄/(π √(1 − ξ²)); a mirrored face has no ends."""
         scene = make_scene(np.zeros((64, 64)), hardness=np.inf, loading=(1e8,), boundary=boundary)
         share = 4 * np.diff(np.arcsin(np.linspace(-1, 1, 5))) / np.pi if boundary[0] == "free" else np.ones(4)
-        rows = two_scale(scene, (4, 4)).pressure[0].T
+        rows = two_scale(scene, (4, 4), flow="links").pressure[0].T
         assert_allclose(rows, np.tile(1e8 * share, (4, 1)), rtol=0.03)
         whole = deterministic(scene)
         assert (whole.contact_fraction[0], whole.leakage[0]) == (1, 0)
@@ -170,7 +172,7 @@ class TestClosedForms:
         scene = make_scene(self.corrugated(1), boundary=("periodic", "periodic"), hardness=1e9, loading=(1e9,))
         result = deterministic(scene)
         assert (result.leakage[0], result.contact_fraction[0], result.mean_gap[0]) == (0, 1, 0)
-        assert two_scale(scene, (4, 4)).leakage[0] == 0
+        assert two_scale(scene, (4, 4), flow="links").leakage[0] == 0
 
 
 class TestBalance:
@@ -187,7 +189,7 @@ class TestBalance:
         """The same links pass a mass rate that goes with p²; the pressure at the nodes follows."""
         gas = IdealGas(viscosity=2e-5, molar_mass=0.029, temperature=300.0)
         scene = replace(rough, fluid=gas, inlet_pressure=5e6, outlet_pressure=1e5)
-        result = two_scale(scene, (4, 6))
+        result = two_scale(scene, (4, 6), flow="links")
         assert_array_equal(result.k1, rough_two_scale.k1)
         mean = (5e6 + 1e5) / 2
         factor = (5e6 - 1e5) * mean / 101325 / DROP * 1e-3 / 2e-5  # rate at standard pressure over that of water
@@ -222,7 +224,7 @@ class TestBalance:
         assert counts.closed == np.count_nonzero(k == 0) > 0
 
     def test_one_cell_is_the_whole_face(self, rough):
-        result = two_scale(rough, (1, 1))
+        result = two_scale(rough, (1, 1), flow="links")
         k = [cell_permeability(g.astype(float), rough.surface.spacing).value for g in result.gap]
         assert_allclose(result.leakage, leakage_of(np.array(k), rough), rtol=1e-9)
         assert result.k2.shape == (5, 0, 1)
@@ -242,7 +244,7 @@ class TestAgainstTheWholeFace:
         """Waves of several windows, low slopes, far from closing: links are off by a ninth, the contact is not."""
         face = self_affine((96, 96), (96e-6, 96e-6), hurst=1.0, rms_slope=0.02, roll_off=96e-6, cut_off=16e-6, rng=2)
         scene = make_scene(face.heights, loading=(5e6, 2e7), unload_from=(2e7,), unloading=(5e6,))
-        whole, parts = deterministic(scene), two_scale(scene, (3, 3), contact="windows")
+        whole, parts = deterministic(scene), two_scale(scene, (3, 3), contact="windows", flow="links")
         assert_allclose(parts.leakage, whole.leakage, rtol=0.12)
         resolved = two_scale(scene, (3, 3), contact="windows", flow="resolved")
         assert_allclose(resolved.leakage, whole.leakage, rtol=1e-3)
@@ -255,7 +257,7 @@ class TestAgainstTheWholeFace:
         """
         face = self_affine((96, 128), (96e-6, 128e-6), hurst=0.8, rms_slope=0.2, roll_off=64e-6, cut_off=8e-6, rng=3)
         scene = make_scene(face.heights, loading=(5e7, 2e8, 6e8), unload_from=(6e8,), unloading=(2e8, 5e7), rtol=1e-6)
-        whole, parts = deterministic(scene), two_scale(scene, (3, 4), contact="windows")
+        whole, parts = deterministic(scene), two_scale(scene, (3, 4), contact="windows", flow="links")
         assert_allclose(parts.contact_fraction.mean(axis=(1, 2)), whole.contact_fraction, rtol=0.02)
         assert_allclose(parts.plastic_fraction.mean(axis=(1, 2)), whole.plastic_fraction, atol=2e-3)
         others = ((parts.gap == 0) != (whole.gap == 0)).mean(axis=(1, 2))
@@ -263,7 +265,7 @@ class TestAgainstTheWholeFace:
 
     def test_unloading_begins_where_loading_ended(self, rough):
         scene = replace(rough, loading=(3e8, 6e8), unloading=(6e8 * (1 - 1e-7), 3e8))
-        for result in (deterministic(scene), two_scale(scene, (4, 6))):
+        for result in (deterministic(scene), two_scale(scene, (4, 6), flow="links")):
             first, peak, begin, back = result.leakage
             assert_allclose(begin, peak, rtol=1e-4)
             assert peak < back < first
@@ -277,16 +279,16 @@ class TestWindowsThatCannotWork:
         return make_scene(heights.heights, loading=(1e7,))
 
     def test_a_warning_names_the_window(self):
-        (text,) = two_scale(self.marks(), (2, 2), contact="windows").warnings
+        (text,) = two_scale(self.marks(), (2, 2), contact="windows", flow="links").warnings
         assert text.startswith("windows of 64 × 64 µm do not resolve the ridges of the face")
-        assert two_scale(self.marks(), (8, 8), contact="windows").warnings == ()
-        assert two_scale(self.marks(), (2, 2)).warnings == ()
+        assert two_scale(self.marks(), (8, 8), contact="windows", flow="links").warnings == ()
+        assert two_scale(self.marks(), (2, 2), flow="links").warnings == ()
 
     def test_faces_without_ridges_or_with_all_of_them_in_a_window_are_not_warned_of(self, rough_two_scale):
         assert rough_two_scale.failures == rough_two_scale.warnings == ()
         x2 = (np.arange(64) + 0.5) * PIXEL
         scene = make_scene(np.tile(5e-7 * np.cos(2 * np.pi * x2 / 4e-6), (64, 1)), loading=(1e7,))
-        assert two_scale(scene, (2, 2), contact="windows").warnings == ()
+        assert two_scale(scene, (2, 2), contact="windows", flow="links").warnings == ()
 
 
 def rms(gap, scale):
@@ -324,7 +326,7 @@ class TestRareTallPoints:
     def test_contact_of_windows_tells_its_error(self, face):
         """The estimate against the error, with plastic deformation and after a peak as well."""
         scene, whole = face
-        result = two_scale(scene, (2, 2), contact="windows")
+        result = two_scale(scene, (2, 2), contact="windows", flow="links")
         error = rms(result.gap, whole.gap)
         assert (error > 0.2).all()
         assert_allclose(result.gap_error, error, rtol=0.1)
@@ -353,7 +355,7 @@ class TestRareTallPoints:
     def test_of_the_size_of_the_face(self, contact, rough, monkeypatch):
         pixels = 96 * 96 - (contact == "windows")
         monkeypatch.setattr("femseal.studies.face_contact.WHOLE_PIXELS", pixels)
-        assert two_scale(rough, (4, 6)).contact == contact
+        assert two_scale(rough, (4, 6), flow="links").contact == contact
         assert stochastic(rough, (4, 6), SAMPLING).library.contact == contact
 
     def test_unknown_contact(self, rough):
@@ -366,7 +368,7 @@ class TestRareTallPoints:
         surface, _ = condition(read_topography(instrument_file("mnt-1.mnt")), shape=(480, 288))
         scene = make_scene(surface.heights, surface.spacing, hardness=8.4e8, loading=(5e6, 1e7))
         assert_allclose(two_scale(scene, (4, 4), flow="resolved").leakage, deterministic(scene).leakage, rtol=1e-3)
-        assert two_scale(scene, (4, 4), contact="windows").gap_error.max() > 0.1
+        assert two_scale(scene, (4, 4), contact="windows", flow="links").gap_error.max() > 0.1
 
 
 class TestLinksThatCloseWhereTheGapIsOpen:
@@ -390,7 +392,7 @@ class TestLinksThatCloseWhereTheGapIsOpen:
 
     def test_a_run_warns(self, rough, monkeypatch):
         monkeypatch.setattr(TWO_SCALE, "percolates", lambda is_open: False)
-        assert any("links are open" in text for text in two_scale(rough, (4, 6)).warnings)
+        assert any("links are open" in text for text in two_scale(rough, (4, 6), flow="links").warnings)
         assert not any("links are" in text for text in two_scale(rough, (4, 6), flow="resolved").warnings)
 
 
@@ -399,7 +401,10 @@ class TestResolvedFlow:
         result = two_scale(rough, (4, 6), flow="resolved")
         k = [cell_permeability(g.astype(float), rough.surface.spacing, sides="periodic").value for g in result.gap]
         assert_allclose(result.leakage, leakage_of(np.array(k), rough), rtol=1e-4)
-        assert_array_equal(result.k1, rough_two_scale.k1)
+        assert result.k1 is result.k2 is result.fluid_pressure is None
+        assert result.counts.by_kind() == rough_two_scale.counts.by_kind() | dict.fromkeys(result.counts.by_kind(), 0)
+        exact = deterministic(rough).fluid_pressure
+        assert_allclose(result.face_fluid_pressure, exact, atol=1e-4 * DROP)
         assert (result.flow, rough_two_scale.flow) == ("resolved", "links")
 
     def test_is_nearer_to_the_whole_face(self, rough, rough_two_scale):
@@ -411,6 +416,30 @@ class TestResolvedFlow:
         assert error[0] < 0.1
         assert error[0] < error[1] / 3
 
+    @pytest.mark.parametrize("flow", ["resolved", "links"])
+    def test_is_the_default_of_a_face_that_fits(self, flow, rough, monkeypatch):
+        monkeypatch.setattr(TWO_SCALE, "RESOLVED_PIXELS", 96 * 96 - (flow == "links"))
+        assert two_scale(rough, (4, 6)).flow == flow
+
+    def test_links_of_drawn_windows_are_solved_then(self, rough, rough_two_scale):
+        known = two_scale(rough, (4, 6), flow="resolved")
+        library = stochastic(rough, (4, 6), SAMPLING, two_scale=known).library
+        assert_array_equal(library.k1, rough_two_scale.k1)
+
+    def test_results_have_maps_of_the_face(self, rough, tmp_path):
+        """As those of a deterministic study, and the windows without links."""
+        study = two_scale(rough, (4, 6), flow="resolved")
+        results = assemble(rough, two_scale=study)
+        data, exact = results.dataset, assemble(rough, deterministic=deterministic(rough)).dataset
+        assert not {"k1", "flux1", "fluid_pressure", "drop_share"} & set(data)
+        for name, scale in (("gap", 1e-6), ("contact_pressure", 1e9), ("fluid_pressure", DROP)):
+            assert_allclose(data[f"face_{name}"], exact[f"face_{name}"], atol=1e-4 * scale)
+        assert_array_equal(results.cell(1, 2)["window_pressure"], study.pressure[:, 1, 2])
+        assert "24 windows" in str(results) or "4 × 6 windows" in str(results)
+        write_folder(results, tmp_path, rough.surface)
+        assert "with the flow resolved at every pixel" in (tmp_path / "report.html").read_text(encoding="utf-8")
+        assert open_results(tmp_path).gap(1).shape == (96, 96)
+
     def test_unknown_flow(self, rough):
         with pytest.raises(InputError, match="links, resolved"):
             two_scale(rough, (4, 6), flow="magic")
@@ -421,13 +450,13 @@ class TestSymmetries:
         turned = replace(
             rough, surface=Topography(np.roll(rough.surface.heights, 16, axis=1), rough.surface.spacing, (False, True))
         )
-        result = two_scale(turned, (4, 6))
+        result = two_scale(turned, (4, 6), flow="links")
         assert_allclose(result.leakage, rough_two_scale.leakage, rtol=1e-5)
         open_links = rough_two_scale.k1 > 1e-4 * rough_two_scale.k1.max()
         assert_allclose(np.roll(result.k1, -1, axis=2)[open_links], rough_two_scale.k1[open_links], rtol=1e-3)
         assert_allclose(np.roll(result.fluid_pressure, -1, axis=2), rough_two_scale.fluid_pressure, atol=1e-3 * DROP)
 
-    @pytest.mark.parametrize("study", [deterministic, lambda scene: two_scale(scene, (4, 6))])
+    @pytest.mark.parametrize("study", [deterministic, lambda scene: two_scale(scene, (4, 6), flow="links")])
     def test_a_face_turned_about_leaks_the_other_way(self, rough, study):
         turned = replace(rough, surface=rough.surface.flip(0), inlet_pressure=0.0, outlet_pressure=DROP)
         forth, back = study(rough), study(turned)
@@ -439,7 +468,7 @@ class TestSymmetries:
         """A face twice as large in all directions, under the same pressures, has twice the gap and eight times k."""
         d1, d2 = rough.surface.spacing
         large = replace(rough, surface=Topography(2 * rough.surface.heights, (2 * d1, 2 * d2), (False, True)))
-        result = two_scale(large, (4, 6))
+        result = two_scale(large, (4, 6), flow="links")
         assert_allclose(result.leakage, 4 * rough_two_scale.leakage, rtol=1e-4)  # k Δp/(η L1)
         assert_allclose(result.mean_gap, 2 * rough_two_scale.mean_gap, rtol=1e-4)
         for pressure in ("place", "global", "uniform"):
@@ -462,7 +491,7 @@ class TestSymmetries:
         for heights in (fine + long, turn(fine + long)):
             scene = make_scene(heights, loading=(1e7, 1e8), rtol=1e-8)
             scene = replace(scene, surface=Topography(heights, window.spacing))
-            assert (two_scale(scene, (4, 6)).pressure[0] == 0).any()
+            assert (two_scale(scene, (4, 6), flow="links").pressure[0] == 0).any()
             leakages.append(stochastic(scene, (4, 6), replace(SAMPLING, pressure="global", library_cells=4)).leakage)
         assert_allclose(leakages[0], np.tile(leakages[0][0], (6, 1)), rtol=1e-4)  # no chance in it
         assert_allclose(leakages[1], leakages[0], rtol=1e-4)
@@ -493,7 +522,7 @@ class TestDraws:
         """Every seal is the surface itself, in whole windows of 20 µm: that of two scales, without a band."""
         sampling = replace(SAMPLING, library_cells=8, sampler=sampler, length=length)
         result = stochastic(columns, (4, 6), sampling)
-        expected = two_scale(columns, (4, 6)).leakage
+        expected = two_scale(columns, (4, 6), flow="links").leakage
         assert_allclose(result.leakage, np.tile(expected, (6, 1)), rtol=1e-4)
         assert_allclose(result.quantile(0.95), result.quantile(0.05), rtol=1e-4)
         assert_allclose(result.seal.size, (96e-6, count * 20e-6))
@@ -558,7 +587,7 @@ class TestDraws:
     def test_windows_of_the_two_scale_solution_are_not_solved_again(self, rough, monkeypatch):
         sampling = replace(SAMPLING, library_cells=60)
         own = stochastic(rough, (4, 6), sampling)
-        two = two_scale(rough, (4, 6))
+        two = two_scale(rough, (4, 6), flow="links")
         monkeypatch.setattr(femseal.studies.placed, "solve_windows", None)
         given = stochastic(rough, (4, 6), sampling, two_scale=two)
         assert_array_equal(given.leakage, own.leakage)
@@ -620,7 +649,10 @@ class TestDraws:
             sampling = replace(SAMPLING, pressure=pressure, library_cells=8)
             one, other = (stochastic(rough, (4, 6), sampling, mapper=m) for m in (map, backwards))
             assert_array_equal(one.leakage, other.leakage)
-        assert_array_equal(two_scale(rough, (4, 6), mapper=backwards).leakage, two_scale(rough, (4, 6)).leakage)
+        assert_array_equal(
+            two_scale(rough, (4, 6), mapper=backwards, flow="links").leakage,
+            two_scale(rough, (4, 6), flow="links").leakage,
+        )
 
     def test_the_seed_decides(self, rough):
         """Which cells are in the library, and which of them are drawn."""
@@ -820,14 +852,14 @@ class TestSolvers:
     def test_the_scene_chooses_the_solver(self, rough, rough_two_scale, solver):
         chosen = replace(rough, solver=solver, loading=(1e8,), unload_from=(), unloading=())
         sampling = replace(SAMPLING, pressure="uniform", library_cells=4, realisations=2)
-        results = deterministic(chosen), two_scale(chosen, (4, 6)), stochastic(chosen, (4, 6), sampling)
+        results = deterministic(chosen), two_scale(chosen, (4, 6), flow="links"), stochastic(chosen, (4, 6), sampling)
         for result in results:
             assert {*result.solvers.by_solver()} == {solver}
         assert_allclose(results[1].leakage, rough_two_scale.leakage[:1], rtol=1e-4)
 
     def test_the_scene_chooses_the_discretisation(self, rough, rough_two_scale):
         """With the same gaps other permeabilities, which differ as the pixels resolve the gap."""
-        result = two_scale(replace(rough, discretisation="gauss"), (4, 6))
+        result = two_scale(replace(rough, discretisation="gauss"), (4, 6), flow="links")
         assert_array_equal(result.gap, rough_two_scale.gap)
         gap = result.partition.link(result.gap[0], 1, 5, 0)
         exact = cell_permeability(gap, rough.surface.spacing, discretisation="gauss").value
@@ -867,7 +899,7 @@ class TestFailures:
         """Itself and the links across that reach into it."""
         pressure = by_windows.pressure[1, 0, 4]
         self.fail(monkeypatch, femseal.scales.window, "solve_deformed_contact", pressure=pressure)
-        result = two_scale(rough, (4, 6), contact="windows")
+        result = two_scale(rough, (4, 6), contact="windows", flow="links")
         assert result.failures == ("cell (0, 4), loading 300 MPa: did not converge",)
         assert_array_equal(np.isnan(result.leakage), [False, True, False, False, False])
         assert_array_equal(np.argwhere(np.isnan(result.k1)), [[1, 0, 4]])
@@ -882,7 +914,7 @@ class TestFailures:
         window = np.unravel_index(by_windows.pressure[4].argmax(), (4, 6))
         pressure = by_windows.pressure[2][window]
         self.fail(monkeypatch, femseal.scales.window, "solve_deformed_contact", pressure=pressure)
-        result = two_scale(rough, (4, 6), contact="windows")
+        result = two_scale(rough, (4, 6), contact="windows", flow="links")
         assert [f.split(", ", 2)[2] for f in result.failures] == [
             "loading 600 MPa: did not converge",
             "unloading 300 MPa from 600 MPa: the peak of this unloading failed",
@@ -893,7 +925,7 @@ class TestFailures:
     def test_flow_of_a_link_across(self, rough, monkeypatch):
         """Of the 24 windows along come 5 steps each, then those across: the third step of the second one."""
         self.fail(monkeypatch, femseal.scales.window, "cell_permeability", calls={24 * 5 + 5 + 2})
-        result = two_scale(rough, (4, 6))
+        result = two_scale(rough, (4, 6), flow="links")
         assert result.failures == ("x2-link (0, 1), step 2: did not converge",)
         assert_array_equal(np.argwhere(np.isnan(result.k2)), [[2, 0, 1]])
         assert np.isfinite(result.k1).all()
@@ -939,7 +971,7 @@ class TestFailures:
 
     def test_flow_over_the_face_of_two_scales(self, rough, rough_two_scale, monkeypatch):
         self.fail(monkeypatch, femseal.studies.scene, "seal_leakage", calls={3})
-        result = two_scale(rough, (4, 6))
+        result = two_scale(rough, (4, 6), flow="links")
         assert result.failures == ("unloading 300 MPa from 600 MPa: did not converge",)
         assert_array_equal(np.isnan(result.leakage), [False, False, False, True, False])
         assert_array_equal(result.k1, rough_two_scale.k1)

@@ -26,6 +26,12 @@ def face_size(data: xarray.Dataset) -> tuple[float, float]:
     return sides[0], sides[1]
 
 
+def face_leakage(data: xarray.Dataset) -> Array:
+    """Leakage at every step of the study whose maps these are: deterministic, else two scales."""
+    name = "leakage_deterministic" if "leakage_deterministic" in data else "leakage_two_scale"
+    return np.asarray(data[name].values)
+
+
 def face_panel(axes: Axes, data: xarray.Dataset) -> None:
     """Heights of the face."""
     height_panel(axes, data["face_height"].values * 1e6, _size(data))
@@ -35,7 +41,7 @@ def face_panel(axes: Axes, data: xarray.Dataset) -> None:
 def face_fluid_panel(axes: Axes, data: xarray.Dataset, s: int) -> None:
     """Fluid pressure at a step."""
     values = data["face_fluid_pressure"].values[s] / 1e6
-    flows = "" if data["leakage_deterministic"].values[s] != 0 else ", no flow"
+    flows = "" if face_leakage(data)[s] != 0 else ", no flow"
     title = f"fluid pressure [MPa]{flows}; white: contact, pockets"
     map_panel(axes, values, _size(data), with_closed("cividis", POCKET), title)
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..base.quantities import to_text
+from ..plots.face_panels import face_leakage
 from ..plots.maps import default_step, pressure_rows
 
 if TYPE_CHECKING:
@@ -41,7 +42,7 @@ def _steepest_tenth(results: Results) -> str:
     data = results.dataset
     s = default_step(data)
     name = str(data["name"].values[s])
-    if np.nan_to_num(data["leakage_deterministic"].values[s]) == 0:
+    if np.nan_to_num(face_leakage(data)[s]) == 0:
         return f"At {name} nothing flows."
     x1, pressure = pressure_rows(data, s)
     inlet, outlet = (float(data.attrs[f"{end}_pressure_Pa"]) for end in ("inlet", "outlet"))

@@ -143,14 +143,16 @@ def _method_sentences(results: Results) -> list[str]:
     sentences = []
     if "leakage_deterministic" in data:
         sentences.append("Deterministic: contact and flow of the whole face at full resolution.")
-    if "k1" in data:
+    if "window_pressure" in data:
         windows = f"{data.sizes['cell1']} × {data.sizes['cell2']} windows"
-        elements = "element_error" in data
-        sentences.append(
-            f"Two scales: {windows} {_contact_text(data)}, as finite elements with nodes on their sides."
-            if elements
-            else f"Two scales: {windows} {_contact_text(data)}, between the nodes of a global flow."
+        flow = (
+            "as finite elements with nodes on their sides"
+            if "element_error" in data
+            else "with the flow resolved at every pixel"
+            if "k1" not in data
+            else "between the nodes of a global flow"
         )
+        sentences.append(f"Two scales: {windows} {_contact_text(data)}, {flow}.")
     if "leakage_median" in data:
         drawn = case.get("stochastic", {})
         how = [f"{name} {drawn[name]}" for name in ("sampler", "pressure") if name in drawn]
@@ -159,7 +161,7 @@ def _method_sentences(results: Results) -> list[str]:
         sentences.append(
             f"Stochastic: {data.sizes['realisation']} seals drawn from {size} library windows"
             + (f", {independent} of them without overlap" if independent < size else "")
-            + (f", {_contact_text(data)}" if "window_contact" in data.attrs and "k1" not in data else "")
+            + (f", {_contact_text(data)}" if "window_contact" in data.attrs and "window_pressure" not in data else "")
             + (f" ({', '.join(how)})" if how else "")
             + (f", seed {data.attrs['seed']}" if "seed" in data.attrs else "")
             + ". The leakage given is their median."
@@ -264,6 +266,7 @@ def check_lines(results: Results) -> Lines:
         if data.attrs.get("window_contact") == "windows":
             meaning = "rms distance of the stitched gap from that of its pressure on the whole half-space"
             lines.append(("gap of the windows", f"{np.nanmax(data['gap_error'].values):.1%}", meaning))
+    if "flux1" in data:
         rows, whole = data["flux1"].values.mean(axis=2), data["leakage_two_scale"].values
         open_ = np.nan_to_num(whole) != 0
         if open_.any():

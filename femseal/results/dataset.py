@@ -85,6 +85,8 @@ def assemble(
         face_maps.add_fields(data, scene, deterministic)
     if two_scale is not None:
         variables.add_windows(data, scene, two_scale)
+        if two_scale.face_fluid_pressure is not None and deterministic is None:
+            face_maps.add_fields(data, scene, two_scale)
     if stochastic is not None:
         variables.add_realisations(data, stochastic, quantiles)
         variables.add_library(data, stochastic.library.curves)

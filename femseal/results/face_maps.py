@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 if TYPE_CHECKING:
     import xarray
 
-    from ..studies import DeterministicResult, Scene
+    from ..studies import DeterministicResult, Scene, TwoScaleResult
 
 Array = NDArray[np.float64]
 #: Most blocks along a side, of the heights and of a field at every step.
@@ -35,11 +35,14 @@ def add_heights(data: xarray.Dataset, scene: Scene) -> None:
     data["face_height"] = (("face1", "face2"), values, labels)
 
 
-def add_fields(data: xarray.Dataset, scene: Scene, study: DeterministicResult) -> None:
-    """Add gap, contact pressure and fluid pressure of every step in blocks."""
+def add_fields(data: xarray.Dataset, scene: Scene, study: DeterministicResult | TwoScaleResult) -> None:
+    """Add gap, contact pressure and fluid pressure of every step in blocks, of a study that resolves the flow."""
+    by_windows = hasattr(study, "face_fluid_pressure")
     _coordinates(data, ("block1", "block2"), scene.surface.shape, scene.surface.size, FIELD_BLOCKS)
     for name, unit, text in _FIELDS:
-        values = np.array([block_means(field, FIELD_BLOCKS) for field in getattr(study, name)])
+        at_pixels = getattr(study, f"face_{name}" if by_windows and name == "fluid_pressure" else name)
+        values = np.array([block_means(field, FIELD_BLOCKS) for field in at_pixels])
+        text = text.replace("deterministic", "two-scale") if by_windows else text
         data[f"face_{name}"] = (("step", "block1", "block2"), values, {"units": unit, "long_name": text})
 
 

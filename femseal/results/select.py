@@ -58,7 +58,7 @@ def cell(data: xarray.Dataset, i: int, j: int) -> xarray.Dataset:
 
 def window(data: xarray.Dataset, i: int, j: int) -> tuple[int, int]:
     """Index of a window, checked."""
-    if "k1" not in data:
+    if "window_pressure" not in data:
         raise InputError.of("cell", (i, j), "none: the results have no windows, which a two-scale study has")
     m1, m2 = data.sizes["cell1"], data.sizes["cell2"]
     if i not in range(m1) or j not in range(m2):

@@ -45,7 +45,7 @@ def facts(results: Results) -> dict[str, str]:
     peaks = sorted({step.unloaded_from for step in steps if step.unloaded_from is not None})
     down = f", {len(steps) - up} unloading from {', '.join(to_text(p, 'Pa') for p in peaks)}" if peaks else ""
     found["load"] = f"{len(steps)} steps: {up} loading{down}"
-    cells = [f"{data.sizes['cell1']} × {data.sizes['cell2']} windows"] if "k1" in data else []
+    cells = [f"{data.sizes['cell1']} × {data.sizes['cell2']} windows"] if "window_pressure" in data else []
     if "realisation" in data.sizes:
         cells.append(f"{data.sizes['realisation']} realisations from {data.sizes['library_cell']} library cells")
     if cells:

@@ -76,6 +76,8 @@ def add_windows(data: xarray.Dataset, scene: Scene, result: TwoScaleResult) -> N
     if m1 > 1:
         data.coords["corner1"] = ("corner1", rows[1:-1], _labels("m", "x1 of links along x2"))
     add_fields(data, result)
+    if result.k1 is None or result.k2 is None or result.fluid_pressure is None:
+        return
     # the fluid pressure in a pocket is undefined, and its flux is 0
     pocket = np.isnan(result.fluid_pressure) & np.isfinite(result.leakage)[:, None, None]
     pressure = np.where(pocket, scene.outlet_pressure, result.fluid_pressure)

@@ -201,7 +201,9 @@ def _flux(data: xarray.Dataset) -> Array:
 
 def window_images(results: Results) -> list[Image]:
     """Gap, contact pressure and fluid pressure in the chosen windows, if the fields of the study are in memory."""
-    return [] if results.two_scale is None else [_window(results, i, j) for i, j in chosen_windows(results.dataset)]
+    if results.two_scale is None or results.two_scale.k1 is None:
+        return []
+    return [_window(results, i, j) for i, j in chosen_windows(results.dataset)]
 
 
 def chosen_windows(data: xarray.Dataset) -> list[tuple[int, int]]:
@@ -221,6 +223,7 @@ def _window(results: Results, i: int, j: int) -> Image:
     """The window of the x1-link (i, j), from one row of nodes to the next."""
     study, scene = results.two_scale, results.scene
     assert study is not None
+    assert study.fluid_pressure is not None
     assert scene is not None
     partition = study.partition
     (d1, d2), first = partition.spacing, partition.rows(0)[i][0]

@@ -143,7 +143,7 @@ class CellsTable(Table):
 
     count: tuple[Count, Count] | None = None
     size: Length | None = None
-    flow: Annotated[str, *one_of(FLOWS)] = "links"
+    flow: Annotated[str, *one_of(FLOWS)] | None = None
     contact: Annotated[str, *one_of(CONTACTS)] | None = None
 
     @model_validator(mode="after")

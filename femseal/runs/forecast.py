@@ -87,7 +87,10 @@ def describe(case: Case, prepared: Prepared) -> list[str]:
             lines.append(_line("windows", _windows(partition, prepared.conditioning.shortest_wavelength)))
         if "two-scale" in prepared.methods:
             links = m1 * m2 + (m1 - 1) * m2
-            text = f"contact {_contact(prepared)}, {steps * links} flow solutions of windows"
+            solutions = f"{steps * links} flow solutions of windows"
+            if prepared.flow == "resolved":
+                solutions = f"{steps} flow solutions of {pixels} unknowns"
+            text = f"contact {_contact(prepared)}, flow {prepared.flow}: {solutions}"
             lines.append(_line("two-scale", text))
         if prepared.sampling is not None:
             sampling = prepared.sampling

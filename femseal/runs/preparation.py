@@ -13,7 +13,7 @@ import numpy as np
 from ..base.errors import InputError
 from ..base.quantities import to_text
 from ..scales import Partition
-from ..studies import Sampling, Scene, check_sampling, chosen_contact, seal_cells
+from ..studies import Sampling, Scene, check_sampling, chosen_contact, chosen_flow, seal_cells
 from ..studies.costs import choose_method
 from ..topography import (
     MOST_POINTS,
@@ -165,8 +165,8 @@ def _prepare(case: Case) -> Prepared:
     methods = frozenset({method, *case.compare})
     effect = SpikeEffect(report.spikes_along_lay, report.spikes_extreme)
     odd = (*oddities(case, scene, report), *effect.doubts(report.spikes))
-    contact, flow = (None, "links") if case.cells is None else (case.cells.contact, case.cells.flow)
-    contact = chosen_contact(contact, surface.shape)
+    contact, flow = (None, None) if case.cells is None else (case.cells.contact, case.cells.flow)
+    contact, flow = chosen_contact(contact, surface.shape), chosen_flow(flow, surface.shape)
     prepared = Prepared(scene, cells, sampling, report, overlap, method, methods, choice, contact, flow, odd)
     return replace(prepared, filtered=coarser(prepared)) if case.surface.filter_sensitivity else prepared
 

@@ -3,7 +3,7 @@
 from .column_runs import RunFlows, run_flows
 from .curves import CellCurves
 from .dissipation import window_dissipation
-from .elements import ElementFlow, WindowFlow, element_flow, window_flow
+from .elements import ElementFlow, WindowFlow, element_flow, face_potential, window_flow
 from .gap_error import gap_error
 from .global_contact import GlobalState, global_states
 from .ladder import Cell, Ladder, follow
@@ -40,6 +40,7 @@ __all__ = [
     "correlation_length",
     "draw_links",
     "element_flow",
+    "face_potential",
     "follow",
     "gap_error",
     "global_states",

@@ -25,7 +25,7 @@ INLET, OUTLET = 0, 1
 class ElementSolution:
     """Potential of the nodes of an `ElementMesh` for a unit drop.
 
-    conductance : the energy [m³]. potential : NaN at nodes that open pixels join to none that is held.
+    conductance : the energy [m³]. potential : NaN in pockets, which open pixels join to no held node.
     energy : of each element; empty if nothing flows. unknowns : number of nodes that were solved for.
     imbalance, solver : see `flow.DarcyFlow`.
     """
@@ -97,7 +97,9 @@ class ElementMesh:
         NotConverged : inlet and outlet flow differ by more than 1e-5.
         """
         if not self.percolates:
-            return ElementSolution(0.0, np.full(self.nodes, np.nan))
+            at = self.component
+            beside = [at == at[INLET], at == at[OUTLET]]
+            return ElementSolution(0.0, np.select(beside, [1.0, 0.0], np.nan))
         solution = self._solved(np.array([INLET, OUTLET]), np.array([1.0, 0.0]), every_second)
         if not solution.imbalance <= MAX_IMBALANCE:
             raise NotConverged(

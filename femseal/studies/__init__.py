@@ -9,7 +9,7 @@ from .face_contact import CONTACTS, chosen_contact
 from .sampling_options import DRAWS, PRESSURES, Sampling, check_sampling, placed_windows, seal_cells
 from .scene import Scene
 from .stochastic import StochasticResult, stochastic
-from .two_scale import FLOWS, TwoScaleResult, two_scale
+from .two_scale import FLOWS, TwoScaleResult, chosen_flow, two_scale
 
 __all__ = [
     "CONTACTS",
@@ -23,6 +23,7 @@ __all__ = [
     "TwoScaleResult",
     "check_sampling",
     "chosen_contact",
+    "chosen_flow",
     "deterministic",
     "placed_windows",
     "seal_cells",

@@ -17,6 +17,7 @@ from ..scales.global_contact import PIXELS_PER_CUT_OFF
 from .deterministic import STEP_BYTES, state_memory
 from .face_contact import chosen_contact
 from .sampling_options import Sampling
+from .two_scale import chosen_flow
 from .windows import CUT_OFF_WINDOWS
 
 #: Pixels of the contact by which the effort of a load step is told.
@@ -93,11 +94,11 @@ def two_scale_cost(
     efforts: Sequence[Effort],
     points: tuple[int, int],
     cells: tuple[int, int],
-    flow: str = "links",
+    flow: str | None = None,
     contact: str | None = None,
 ) -> tuple[float, float]:
     """Expected time on one core [s] and memory [byte] of the two-scale solution."""
-    whole = chosen_contact(contact, points) == "whole"
+    whole, flow = chosen_contact(contact, points) == "whole", chosen_flow(flow, points)
     pixels, (m1, m2) = points[0] * points[1], cells
     window, links = pixels // (m1 * m2), m1 * m2 + (m1 - 1) * m2
     coarse = pixels if whole else min(pixels, m1 * m2 * (PIXELS_PER_CUT_OFF / CUT_OFF_WINDOWS) ** 2)
@@ -106,9 +107,7 @@ def two_scale_cost(
         seconds += contact_seconds(coarse, effort)
         if not whole:
             seconds += m1 * m2 * contact_seconds(window, effort) + _ERROR_PAIRS * _PAIR_SECONDS[1] * pixels
-        seconds += links * flow_seconds(window, effort)
-        if flow == "resolved":
-            seconds += flow_seconds(pixels, effort)
+        seconds += flow_seconds(pixels, effort) if flow == "resolved" else links * flow_seconds(window, effort)
     if flow == "resolved":
         memory = max(memory, _state_memory(pixels, efforts))
     return seconds, 4.0 * pixels * len(efforts) + memory
@@ -129,7 +128,7 @@ def stochastic_cost(
     flow = mean(flow_seconds(window, effort) for effort in efforts)
     faces = 8.0 * 8 * pixels
     if sampling.pressure == "place":
-        whole, faces = two_scale_cost(efforts, points, cells, contact=contact)
+        whole, faces = two_scale_cost(efforts, points, cells, "links", contact)
         links = windows + (cells[0] - 1) * cells[1]
         seconds = whole + steps * (2 * max(sampling.library_cells, windows) - links) * flow
     else:

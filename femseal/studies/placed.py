@@ -30,7 +30,9 @@ def windows_in_place(wanted: Wanted) -> WindowSupply:
     contact = two_scale or solve_windows(scene, partition.cells, wanted.contact, mapper=mapper)
     shifts = placed_windows(wanted.sampling, partition) // (m1 * m2)
     moved = [n * w2 // shifts for n in range(shifts)]
-    known = {} if two_scale is None else {(0, 0): LinkFlows(two_scale.k1), (1, 0): LinkFlows(two_scale.k2)}
+    known = {}
+    if two_scale is not None and two_scale.k1 is not None and two_scale.k2 is not None:
+        known = {(0, 0): LinkFlows(two_scale.k1), (1, 0): LinkFlows(two_scale.k2)}
     flows = [
         [known.get((axis, s)) or solve_links(contact.fields, axis, scene.flow, shift=s, mapper=mapper) for s in moved]
         for axis in (0, 1)

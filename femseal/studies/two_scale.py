@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
@@ -13,15 +14,32 @@ from ..base.stage import Mapper, Stage
 from ..base.text import Shown
 from ..flow.percolation import percolates
 from ..loads import LoadProgramme
-from ..scales import ElementFlow, Failed, Partition, SolveCounts, SolverCounts, attempt, element_flow
+from ..scales import ElementFlow, Failed, Partition, SolveCounts, SolverCounts, attempt, element_flow, face_potential
 from ..scales.window_fields import ContactPressure, WindowFields
 from ..seal import RectangularSeal
+from .deterministic import state_memory
 from .face_contact import solve_windows
 from .plausibility import odd_in_scene
-from .scene import Array, FaceFlow, Scene, labels, resolved_flow
+from .scene import Array, FaceFlow, FaceLeakage, Scene, labels, resolved_flow
 from .windows import solve_links
 
 FLOWS = ("links", "resolved", "elements")
+#: Largest number of pixels of a face whose flow is resolved unless told otherwise: that of 2048², which takes 3.2 GB.
+RESOLVED_PIXELS = 2**22
+
+
+def chosen_flow(flow: str | None, shape: tuple[int, int]) -> str:
+    """The flow given, or the one that suits the number of pixels of a face.
+
+    Raises
+    ------
+    InputError : a flow that does not exist.
+    """
+    if flow is None:
+        return "resolved" if shape[0] * shape[1] <= RESOLVED_PIXELS else "links"
+    if flow not in FLOWS:
+        raise InputError.of("flow", flow, f"one of {', '.join(FLOWS)}")
+    return flow
 
 
 @dataclass(frozen=True, repr=False)
@@ -32,6 +50,8 @@ class TwoScaleResult(Shown):
     the contact, see `scales.gap_error`.
     element_error, drop_share : of the flow "elements", None with others. The leakage is then an upper bound of that
         resolved on the same gap, and the error is estimated from the bound with every second node.
+    k1, k2, fluid_pressure : of the links and their nodes; None without "links".
+    face_fluid_pressure : at every pixel and step; None with "links".
     fields : deformed gap and contact pressure at every pixel.
     counts : flows of links, solved or known without solving. solvers : number of systems by solver, of links and over
     the face. failures : reasons of values that are NaN. warnings : reasons to doubt the result.
@@ -46,8 +66,8 @@ class TwoScaleResult(Shown):
             "m^2/s", "leakage per unit seal length, two-scale", "step", name="leakage_two_scale", heading="two-scale"
         )
     )
-    k1: Array = field(metadata=labels("m^3", "permeability of links along x1", "step", "cell1", "cell2"))
-    k2: Array = field(metadata=labels("m^3", "permeability of links along x2", "step", "corner1", "cell2"))
+    k1: Array | None = field(metadata=labels("m^3", "permeability of links along x1", "step", "cell1", "cell2"))
+    k2: Array | None = field(metadata=labels("m^3", "permeability of links along x2", "step", "corner1", "cell2"))
     pressure: Array = field(
         metadata=labels("Pa", "contact pressure of windows", "step", "cell1", "cell2", name="window_pressure")
     )
@@ -62,8 +82,11 @@ class TwoScaleResult(Shown):
             "1", "share of windows at the hardness", "step", "cell1", "cell2", name="window_plastic_fraction"
         )
     )
-    fluid_pressure: Array = field(
+    fluid_pressure: Array | None = field(
         metadata=labels("Pa", "fluid pressure at the global nodes, NaN in pockets", "step", "node1", "cell2")
+    )
+    face_fluid_pressure: NDArray[np.float32] | None = field(
+        metadata=labels("Pa", "fluid pressure, NaN in contact and in pockets", "step", "x1", "x2")
     )
     fields: WindowFields
     gap_error: Array = field(
@@ -98,7 +121,7 @@ def two_scale(
     scene: Scene,
     cells: tuple[int, int],
     *,
-    flow: str = "links",
+    flow: str | None = None,
     contact: str | None = None,
     mapper: Mapper = map,
 ) -> TwoScaleResult:
@@ -109,9 +132,10 @@ def two_scale(
     scene : the face, its load and its fluid.
     cells : number of cells along x1 and x2.
     flow : "links": solve the permeability of each window between global nodes, then the flow through these links.
-        "resolved": solve the flow through the stitched gap at full resolution; the links are solved as well.
+        "resolved": solve the flow through the stitched gap at full resolution, without links.
         "elements": condense the stitched gap of every window to an element with nodes on its sides, see
-        `scales.element_flow`; the links are solved as well. The discretisation has to be "edge".
+        `scales.element_flow`, without links. The discretisation has to be "edge".
+        Unless given, "resolved" up to 2²² pixels, which takes about 3.2 GB, and "links" beyond.
     contact : "whole": cut the cells from the contact of the whole face. "windows": solve the contact of each cell
         under the mean pressure that the contact of the low-pass face gives it. Unless given, "whole" up to 2²⁴ pixels.
     mapper : computes a stage for many items, such as the builtin `map`; it may use several processes.
@@ -121,21 +145,114 @@ def two_scale(
     InputError : another flow or contact, or cells that do not suit the surface.
     NotConverged : a global contact failed. Windows and flows that fail are NaN, and listed in `failures`.
     """
-    if flow not in FLOWS:
-        raise InputError.of("flow", flow, f"one of {', '.join(FLOWS)}")
+    flow = chosen_flow(flow, scene.surface.shape)
     if flow == "elements" and scene.discretisation != "edge":
         raise InputError.of("flow", f"'elements' with the discretisation '{scene.discretisation}'", "'edge' with it")
-    surface = scene.surface
     solved = solve_windows(scene, cells, contact, mapper=mapper)
     partition = solved.fields.partition
-    along, across = (solve_links(solved.fields, axis, scene.flow, mapper=mapper) for axis in (0, 1))
+    failures, warnings = solved.failures, odd_in_scene(scene) + solved.warnings
+    counts, solvers, links, element_error, drop_share, inside = SolveCounts(), SolverCounts(), None, None, None, None
+    if flow == "resolved":
+        found, inside = _resolved(scene, solved.fields, mapper)
+    elif flow == "elements":
+        found, inside, element_error, drop_share = _through_elements(scene, solved.fields, mapper)
+    else:
+        links = _through_links(scene, solved.fields, mapper)
+        failures += links.failures
+        counts, solvers = links.counts, links.solvers
+        found = FaceLeakage(links.leakage, (), SolverCounts())
+        warnings += _wrongly_closed(solved.fields, links.leakage)
+    return TwoScaleResult(
+        steps=scene.steps,
+        partition=partition,
+        flow=flow,
+        leakage=found.leakage,
+        k1=None if links is None else links.k1,
+        k2=None if links is None else links.k2,
+        contact=solved.contact,
+        gap_error=solved.gap_error,
+        pressure=solved.pressure,
+        mean_gap=solved.mean_gap,
+        contact_fraction=solved.contact_fraction,
+        plastic_fraction=solved.plastic_fraction,
+        fluid_pressure=None if links is None else links.fluid_pressure,
+        face_fluid_pressure=inside,
+        fields=solved.fields,
+        element_error=element_error,
+        drop_share=drop_share,
+        counts=counts,
+        failures=failures + found.failures,
+        warnings=warnings,
+        solvers=solvers + found.solvers,
+    )
+
+
+def _resolved(scene: Scene, fields: WindowFields, mapper: Mapper) -> tuple[FaceLeakage, NDArray[np.float32]]:
+    """Flow through the stitched gap of every step, and its pressure at every pixel (steps, n1, n2) [Pa]."""
+    surface = scene.surface
+    solve = partial(attempt, resolved_flow, spacing=surface.spacing, settings=scene.flow, with_share=True)
+    stage = Stage("flow of the whole face", solve, state_memory(surface.heights.size))
+    pressure = np.full(fields.gap.shape, np.nan, np.float32)
+
+    def flows() -> Iterator[FaceFlow | Failed]:
+        for s, flow in enumerate(mapper(stage, fields.gap)):
+            if isinstance(flow, FaceFlow) and flow.share is not None:
+                pressure[s] = scene.pressure_at(flow.share)
+                flow = replace(flow, share=None)
+            yield flow
+
+    return scene.resolved_leakage(flows()), pressure
+
+
+def _through_elements(
+    scene: Scene, fields: WindowFields, mapper: Mapper
+) -> tuple[FaceLeakage, NDArray[np.float32], Array, Array]:
+    """Flow through elements at every step, its pressure at every pixel, its error and the shares of the windows."""
+    stage = Stage("flow through elements", partial(attempt, _flow_and_potential, partition=fields.partition))
+    pressure = np.full(fields.gap.shape, np.nan, np.float32)
+    error, share = np.full(len(fields.gap), np.nan), np.full((len(fields.gap), *fields.partition.cells), np.nan)
+
+    def flows() -> Iterator[FaceFlow | Failed]:
+        for s, found in enumerate(mapper(stage, fields.gap)):
+            if isinstance(found, Failed):
+                yield found
+                continue
+            flow, potential = found
+            pressure[s] = scene.pressure_at(potential)
+            error[s], share[s] = flow.error, flow.dissipation / (flow.dissipation.sum() or 1.0)
+            yield FaceFlow(flow.permeability, SolverCounts.of(flow))
+
+    return scene.resolved_leakage(flows()), pressure, error, share
+
+
+def _flow_and_potential(gap: NDArray[np.floating], partition: Partition) -> tuple[ElementFlow, NDArray[np.float32]]:
+    flow = element_flow(gap, partition)
+    return flow, face_potential(gap, partition, flow).astype(np.float32)
+
+
+@dataclass(frozen=True, eq=False)
+class _LinkFlow:
+    """Flow of every step through links: the permeabilities, the leakage and the pressure of nodes, NaN where failed."""
+
+    k1: Array
+    k2: Array
+    leakage: Array
+    fluid_pressure: Array
+    failures: tuple[str, ...]
+    counts: SolveCounts
+    solvers: SolverCounts
+
+
+def _through_links(scene: Scene, fields: WindowFields, mapper: Mapper) -> _LinkFlow:
+    """Solve the links of every step, and the flow through them."""
+    partition = fields.partition
+    along, across = (solve_links(fields, axis, scene.flow, mapper=mapper) for axis in (0, 1))
     k1, k2 = along.k, across.k
-    seal = RectangularSeal(surface.size, cells, partition.node_rows)
-    leakage, fluid_pressure = np.full(len(k1), np.nan), np.full((len(k1), cells[0] + 1, cells[1]), np.nan)
+    m1, m2 = partition.cells
+    seal = RectangularSeal(scene.surface.size, (m1, m2), partition.node_rows)
+    leakage, fluid_pressure = np.full(len(k1), np.nan), np.full((len(k1), m1 + 1, m2), np.nan)
     counts = along.counts + across.counts
-    solvers = counts.solvers
-    failures = solved.failures + along.failures + across.failures
-    warnings = odd_in_scene(scene) + solved.warnings
+    solvers, failures = counts.solvers, along.failures + across.failures
     for s, step in enumerate(scene.steps):
         if not (np.isfinite(k1[s]).all() and np.isfinite(k2[s]).all()):
             continue
@@ -145,56 +262,7 @@ def two_scale(
         else:
             leakage[s], fluid_pressure[s] = through.per_length, through.fluid_pressure
             solvers += SolverCounts.of(through)
-    if flow == "resolved":
-        solve = partial(attempt, resolved_flow, spacing=surface.spacing, settings=scene.flow)
-        resolved = scene.resolved_leakage(mapper(Stage("flow of the whole face", solve), solved.fields.gap))
-        leakage = resolved.leakage
-        failures += resolved.failures
-        solvers += resolved.solvers
-    element_error = drop_share = None
-    if flow == "elements":
-        stage = Stage("flow through elements", partial(attempt, element_flow, partition=partition))
-        through_elements = list(mapper(stage, solved.fields.gap))
-        resolved = scene.resolved_leakage(
-            f if isinstance(f, Failed) else FaceFlow(f.permeability, SolverCounts.of(f)) for f in through_elements
-        )
-        leakage = resolved.leakage
-        failures += resolved.failures
-        solvers += resolved.solvers
-        element_error, drop_share = _error_and_share(through_elements, cells)
-    if flow == "links":
-        warnings += _wrongly_closed(solved.fields, leakage)
-    return TwoScaleResult(
-        steps=scene.steps,
-        partition=partition,
-        flow=flow,
-        leakage=leakage,
-        k1=k1,
-        k2=k2,
-        contact=solved.contact,
-        gap_error=solved.gap_error,
-        pressure=solved.pressure,
-        mean_gap=solved.mean_gap,
-        contact_fraction=solved.contact_fraction,
-        plastic_fraction=solved.plastic_fraction,
-        fluid_pressure=fluid_pressure,
-        fields=solved.fields,
-        element_error=element_error,
-        drop_share=drop_share,
-        counts=counts,
-        failures=failures,
-        warnings=warnings,
-        solvers=solvers,
-    )
-
-
-def _error_and_share(flows: list[ElementFlow | Failed], cells: tuple[int, int]) -> tuple[Array, Array]:
-    """Estimated error (steps,) and shares of windows in the pressure drop (steps, m1, m2); NaN where a flow failed."""
-    error, share = np.full(len(flows), np.nan), np.full((len(flows), *cells), np.nan)
-    for s, flow in enumerate(flows):
-        if not isinstance(flow, Failed):
-            error[s], share[s] = flow.error, flow.dissipation / (flow.dissipation.sum() or 1.0)
-    return error, share
+    return _LinkFlow(k1, k2, leakage, fluid_pressure, failures, counts, solvers)
 
 
 def _wrongly_closed(fields: WindowFields, leakage: Array) -> tuple[str, ...]:

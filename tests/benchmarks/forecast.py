@@ -63,12 +63,15 @@ def measure(task):
 def run(task):
     """The run itself."""
     import femseal
+    from femseal.runs.pilot import pace
 
+    speed = pace()
     with tempfile.TemporaryDirectory() as folder:
         results = femseal.run(case_of(task), folder, workers=1)
     usage = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
     seconds = sum(u.ru_utime + u.ru_stime for u in usage)
     return {
+        "pace": speed,
         "seconds": seconds,
         "memory": 1024 * max(u.ru_maxrss for u in usage),
         "points": list(results.scene.surface.shape),
@@ -99,13 +102,16 @@ def main():
         print(json.dumps(run(options.task)))
         return
     from femseal.runs.forecast import forecast
+    from femseal.runs.pilot import pace
 
     cells, ratios = [], {"time": [], "memory": []}
     for task in tasks(options.files, options.scale):
         found = kept(task, task, options.records, lambda task=task: measure(task))
         case = case_of(task)
         expected = forecast(case, case.prepare())
-        pairs = ((expected.seconds, found["seconds"]), (expected.memory, found["memory"]))
+        # as fast as the machine was then
+        seconds = expected.seconds * found["pace"] / pace()
+        pairs = ((seconds, found["seconds"]), (expected.memory, found["memory"]))
         for name, (said, true) in zip(ratios, pairs, strict=True):
             ratios[name].append(said / true)
         points = " × ".join(map(str, found["points"]))
