@@ -22,7 +22,7 @@ _SHARE = 0.1
 #: The slowest part of the error, as an eigenvalue of M⁻¹A, that may be there without the iteration having met it, at
 #: first and at last. Without this, 1 in 2000 random cells of extreme contrast erred by more than was allowed.
 _SLOWEST = 2e-3, 1e-7
-#: Iterations that are usual on 128² nodes, and one more on twice as many nodes; where it takes more there may be slower
+#: Iterations that are usual on 128² nodes, and two more on twice as many; where it takes more there may be slower
 #: parts, half so slow with each.
 _FEW = 6
 #: Largest correction left at a node, relative to the error allowed in the norm of the energy; that norm hardly has a
@@ -194,7 +194,7 @@ def _lowest(steps, ratios, count):
 def _slowest(lowest, iteration, nodes):
     """The slowest part of the error that is reckoned with, from the lowest eigenvalue met so far."""
     first, last = _SLOWEST
-    usual = _FEW + max(0.0, np.log2(nodes / 128**2))
+    usual = _FEW + 2.0 * max(0.0, np.log2(nodes / 128**2))
     unmet = min(lowest**2 / first, first) * 0.5 ** max(0.0, iteration - usual)
     return min(max(unmet, last), lowest)
 
