@@ -116,3 +116,16 @@ def test_check_tells_time_on_one_core_and_on_all(data, monkeypatch):
         "GB of memory, and 0.25 GB or more for each further worker",
     ):
         assert words in line
+
+
+def test_an_automatic_choice_of_two_scales_takes_links(data, monkeypatch):
+    """Resolved flow takes what was not affordable in the deterministic method."""
+    data |= {"method": "auto"}
+    monkeypatch.setattr("femseal.studies.costs.AFFORDABLE_SECONDS", 0.0)
+    prepared = parse_case(data).prepare()
+    assert (prepared.method, prepared.flow, prepared.contact) == ("two-scale", "links", "whole")
+    monkeypatch.undo()
+    prepared = parse_case(data | {"method": "two-scale"}).prepare()
+    assert prepared.flow == "resolved"
+    lines = [line for line in describe(parse_case(data | {"method": "two-scale"}), prepared) if "two-scale" in line]
+    assert any("contact of the whole face, cut into windows, flow resolved" in line for line in lines)
