@@ -15,7 +15,7 @@ from femseal import analytic
 from femseal.base.errors import FemsealError, InputError, NotConverged
 from femseal.flow import Stencil
 from femseal.flow.percolation import nodes_reached, restricted
-from femseal.flow.solvers import choice, coarsest, elimination, hierarchy, v_cycle
+from femseal.flow.solvers import choice, coarsest, elimination, hierarchy, islands, v_cycle
 
 SHAPES = [(1, 1), (1, 6), (6, 1), (2, 2), (2, 3), (7, 5), (5, 7), (20, 16)]
 
@@ -503,6 +503,44 @@ def test_the_preconditioner_is_symmetric(shape, ring):
     u, v = np.random.default_rng(1).standard_normal((2, *shape))
     assert_allclose((u * apply(v)).sum(), (v * apply(u)).sum(), rtol=1e-10)
     assert (v * apply(v)).sum() > 0
+
+
+@pytest.mark.parametrize("shape", [(5, 7), (6, 3), (20, 16), (9, 2), (7, 1)])
+@pytest.mark.parametrize("ring", [True, False])
+@pytest.mark.parametrize("nine", [True, False])
+def test_the_coarsest_level_is_solved_exactly(shape, ring, nine):
+    """Against numpy, with couples across corners and nodes without links."""
+    n1, n2 = shape
+    rng = np.random.default_rng(4)
+    m2 = n2 if ring and n2 > 2 else n2 - 1
+    ring = m2 == n2
+    c1, c2 = rng.random((n1 + 1, n2)), rng.random((n1, m2))
+    corners = rng.random((2, n1 + 1, m2)) if nine and m2 > 0 else np.zeros((2, 0, 0))
+    stencil = Stencil(c1, c2, *corners, ring2=ring)
+    keep = np.ones((n1 + 2, n2), bool)
+    keep[n1 // 2, n2 // 2] = n1 < 6
+    stencil = restricted(stencil, keep)
+    operator, _, _ = hierarchy.bordered(stencil.along, stencil.across, stencil.falling, stencil.rising, ring)
+    b, x = np.zeros((2, n1 + 2, n2 + 2))
+    b[1:-1, 1:-1] = np.where(keep[1:-1], rng.standard_normal(shape), 0.0)
+    coarsest.solve_eliminated(coarsest.eliminated(*operator, ring), b, x)
+    inner = np.flatnonzero(np.pad(keep[1:-1], ((1, 1), (0, 0))))
+    exact = np.linalg.solve(stencil.to_csr()[inner][:, inner].toarray(), b[:, 1:-1].ravel()[inner])
+    assert_allclose(x[:, 1:-1].ravel()[inner], exact, rtol=1e-11, atol=1e-13)
+
+
+@pytest.mark.parametrize("side", [4, 11])
+@pytest.mark.parametrize("ring", [True, False])
+def test_potentials_of_islands_follow_their_neighbours(side, ring):
+    """Small islands and one of more nodes than a dense array takes; one lies across the seam of a ring."""
+    c1, c2 = links(30, 40, ring, 6, contrast=1e2)
+    exact = solve_links(c1, c2, solver="elimination")
+    hidden = np.zeros((29, 40), bool)
+    hidden[3 : 3 + side, 5 : 5 + side] = hidden[20:23, :2] = hidden[20:22, 38:] = True
+    given = np.where(hidden, 7.0, exact.potential[1:-1])
+    φ, ψ = islands.island_potentials(network(c1, c2), hidden, given)
+    assert_allclose(φ, exact.potential[1:-1], rtol=1e-12)
+    assert_allclose(ψ, 1 - φ, rtol=0, atol=1e-14)
 
 
 def test_borders_of_fronts_name_every_node_once():
