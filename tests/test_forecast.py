@@ -129,3 +129,15 @@ def test_an_automatic_choice_of_two_scales_takes_links(data, monkeypatch):
     assert prepared.flow == "resolved"
     lines = [line for line in describe(parse_case(data | {"method": "two-scale"}), prepared) if "two-scale" in line]
     assert any("contact of the whole face, cut into windows, flow resolved" in line for line in lines)
+
+
+def test_check_says_which_windows_a_library_takes(data):
+    data |= {"method": "stochastic"}
+    for count, words in (
+        (3, "8 library windows of the face, not 3, contact of the whole face"),
+        (8, "8 library windows of the face, contact of the whole face"),
+        (20, "24 library windows, the 8 of the face cut 3 times, not 20, contact of the whole face"),
+    ):
+        data["stochastic"] = {"length": "1 mm", "library_cells": count}
+        case = parse_case(data)
+        assert any(words in line for line in describe(case, case.prepare())), words
