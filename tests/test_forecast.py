@@ -116,3 +116,28 @@ def test_check_tells_time_on_one_core_and_on_all(data, monkeypatch):
         "GB of memory, and 0.25 GB or more for each further worker",
     ):
         assert words in line
+
+
+def test_an_automatic_choice_of_two_scales_takes_links(data, monkeypatch):
+    """Resolved flow takes what was not affordable in the deterministic method."""
+    data |= {"method": "auto"}
+    monkeypatch.setattr("femseal.studies.costs.AFFORDABLE_SECONDS", 0.0)
+    prepared = parse_case(data).prepare()
+    assert (prepared.method, prepared.flow, prepared.contact) == ("two-scale", "links", "whole")
+    monkeypatch.undo()
+    prepared = parse_case(data | {"method": "two-scale"}).prepare()
+    assert prepared.flow == "resolved"
+    lines = [line for line in describe(parse_case(data | {"method": "two-scale"}), prepared) if "two-scale" in line]
+    assert any("contact of the whole face, cut into windows, flow resolved" in line for line in lines)
+
+
+def test_check_says_which_windows_a_library_takes(data):
+    data |= {"method": "stochastic"}
+    for count, words in (
+        (3, "8 library windows of the face, not 3, contact of the whole face"),
+        (8, "8 library windows of the face, contact of the whole face"),
+        (20, "24 library windows, the 8 of the face cut 3 times, not 20, contact of the whole face"),
+    ):
+        data["stochastic"] = {"length": "1 mm", "library_cells": count}
+        case = parse_case(data)
+        assert any(words in line for line in describe(case, case.prepare())), words

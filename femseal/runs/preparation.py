@@ -166,6 +166,8 @@ def _prepare(case: Case) -> Prepared:
     effect = SpikeEffect(report.spikes_along_lay, report.spikes_extreme)
     odd = (*oddities(case, scene, report), *effect.doubts(report.spikes))
     contact, flow = (None, None) if case.cells is None else (case.cells.contact, case.cells.flow)
+    if flow is None and case.method == "auto" and method == "two-scale":
+        flow = "links"  # what resolved flow takes was not affordable
     contact, flow = chosen_contact(contact, surface.shape), chosen_flow(flow, surface.shape)
     prepared = Prepared(scene, cells, sampling, report, overlap, method, methods, choice, contact, flow, odd)
     return replace(prepared, filtered=coarser(prepared)) if case.surface.filter_sensitivity else prepared

@@ -158,6 +158,6 @@ def choose_method(steps: int, points: tuple[int, int], cells: tuple[int, int]) -
     cost = f"deterministic about {seconds:.0f} s and {memory / 1e9:.2g} GB of {free / 1e9:.2g} GB free"
     if seconds <= AFFORDABLE_SECONDS and memory <= AFFORDABLE_SHARE * free:
         return "deterministic", f"{cost}: affordable, and nothing is more exact on these pixels"
-    other, less = two_scale_cost(efforts, points, cells)
+    other, less = two_scale_cost(efforts, points, cells, "links")
     reason = "too long" if memory <= AFFORDABLE_SHARE * free else "too much"
-    return "two-scale", f"{cost}: {reason}; two scales about {other:.0f} s and {less / 1e9:.2g} GB"
+    return "two-scale", f"{cost}: {reason}; two scales with links about {other:.0f} s and {less / 1e9:.2g} GB"
