@@ -642,3 +642,17 @@ def test_vtkhdf_is_not_begun_on_a_full_disk(results, scene, tmp_path, monkeypatc
     with pytest.raises(OSError, match="No space left"):
         write_vtk(results, scene.surface, tmp_path, "vtkhdf")
     assert not list(tmp_path.iterdir())
+
+
+def test_resolved_flow_of_two_scales_has_its_pressure_at_every_pixel(scene, tmp_path):
+    two = two_scale(scene, (M1, M2), flow="resolved")
+    results = assemble(scene, two_scale=two)
+    write_folder(results, tmp_path, scene.surface)
+    for s, (_, cells, *_) in enumerate(in_time(tmp_path / "fields.pvd")):
+        shown = cells["fluid_pressure_Pa"].reshape(two.gap.shape[1:], order="F")
+        assert_allclose(shown, two.face_fluid_pressure[s], rtol=1e-6)
+        assert_allclose(results.fluid_pressure(s), two.face_fluid_pressure[s], rtol=1e-6)
+        assert np.isnan(shown[two.gap[s] <= 0]).all()
+        if two.leakage[s] > 0:
+            assert np.nanmax(shown) <= scene.inlet_pressure * (1 + 1e-6)
+            assert np.nanmin(shown) >= scene.outlet_pressure * (1 - 1e-6)

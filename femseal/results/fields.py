@@ -34,6 +34,7 @@ LIMIT = 1e9
 _FIELDS = (
     ("gap", "two_scale", "gap_um", 1e-6, "m", "gap"),
     ("contact_pressure", "two_scale", "contact_pressure_MPa", 1e6, "Pa", "contact pressure"),
+    ("fluid_pressure", "two_scale", "fluid_pressure_Pa", 1.0, "Pa", "fluid pressure"),
     ("gap", "deterministic", "gap_deterministic_um", 1e-6, "m", "gap, deterministic"),
     (
         "contact_pressure",
@@ -45,6 +46,8 @@ _FIELDS = (
     ),
     ("fluid_pressure", "deterministic", "fluid_pressure_deterministic_Pa", 1.0, "Pa", "fluid pressure, deterministic"),
 )
+#: The field of two scales that links do not have.
+_RESOLVED_ONLY = ("fluid_pressure", "two_scale")
 _BYTES = np.dtype(np.float32).itemsize
 
 
@@ -80,9 +83,13 @@ def plan_fields(results: Results, limit: float) -> FieldPlan:
     return FieldPlan(np.sort(chosen), f"fields over all pixels at steps {numbers}: {sizes} (fields_limit)")
 
 
-def fields_size(shape: tuple[int, int], studies: Container[str]) -> int:
-    """Size of one step of the fields of the named studies, before compression [byte]."""
-    return sum(_BYTES * shape[0] * shape[1] for _, study, *_ in _FIELDS if study in studies)
+def fields_size(shape: tuple[int, int], studies: Container[str], links: bool) -> int:
+    """Size of one step of the fields of the named studies, before compression [byte].
+
+    links : whether the flow of two scales goes through links, which have no fluid pressure at the pixels.
+    """
+    kept = [study for field, study, *_ in _FIELDS if not (links and (field, study) == _RESOLVED_ONLY)]
+    return sum(_BYTES * shape[0] * shape[1] for study in kept if study in studies)
 
 
 def write_fields(results: Results, plan: FieldPlan, folder: Path) -> list[Path]:
@@ -103,7 +110,9 @@ def _scaled(array: NDArray[Any], steps: NDArray[np.int64], factor: float) -> Fie
 
 
 def _array(results: Results, study: str, field: str) -> Any:
-    return getattr(getattr(results, study), field, None)
+    # `fluid_pressure` of two scales is that of the nodes of links
+    at_pixels = "face_fluid_pressure" if (field, study) == _RESOLVED_ONLY else field
+    return getattr(getattr(results, study), at_pixels, None)
 
 
 def read_field(results: Results, field: str, step: int, cell: tuple[int, int] | None) -> xarray.DataArray:

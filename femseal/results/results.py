@@ -170,7 +170,7 @@ class Results(Plotted):
         return stitched.read_field(self, "contact_pressure", step, cell)
 
     def fluid_pressure(self, step: int, cell: tuple[int, int] | None = None) -> xarray.DataArray:
-        """Fluid pressure (x1, x2) [Pa] of the deterministic study at one step, NaN where none flows, see `gap`."""
+        """Fluid pressure (x1, x2) [Pa] of a resolved flow at one step, NaN where none flows, see `gap`."""
         return stitched.read_field(self, "fluid_pressure", step, cell)
 
     def export(

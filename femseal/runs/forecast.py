@@ -175,7 +175,8 @@ def disk(case: Case, prepared: Prepared) -> Disk:
     """Expected sizes of the files of a run."""
     scene = prepared.scene
     steps, pixels = len(scene.steps), int(np.prod(scene.surface.shape))
-    each = fields_size(scene.surface.shape, {method.replace("-", "_") for method in prepared.methods})
+    studies = {method.replace("-", "_") for method in prepared.methods}
+    each = fields_size(scene.surface.shape, studies, links=prepared.flow == "links")
     fitting = int(min(case.output.fields_limit // each, steps)) if each else 0
     formats = {"none": 0, "both": 2}.get(case.output.paraview, 1)
     # pictures and report; heights for ParaView
