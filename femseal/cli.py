@@ -5,6 +5,7 @@ Exit code 0 done, 2 bad input (nothing written), 1 anything else.
 
 from __future__ import annotations
 
+import errno
 import os
 import signal
 import sys
@@ -15,7 +16,7 @@ from typing import Annotated, NoReturn
 
 import typer
 
-from .base.errors import FemsealError, InputError
+from .base.errors import FemsealError, InputError, shortened
 from .runs.terminal import ProgressBars, log_lines
 
 app = typer.Typer(
@@ -303,6 +304,9 @@ def main() -> None:
     except Exception as error:
         if isinstance(error, OSError) and _is_of_output(error):
             _stop(error, f"standard output: cannot be written ({error.strerror})", 1)
+        if isinstance(error, OSError) and error.errno == errno.ENAMETOOLONG:
+            given = f"'{shortened(str(error.filename))}'"
+            _stop(error, str(InputError.of("path", given, "names as short as the file system takes")), 2)
         # usage errors of the parser have their own message and exit code
         if hasattr(error, "show") and hasattr(error, "exit_code"):
             error.show()

@@ -457,3 +457,13 @@ def test_schema_is_printed(femseal, schema):
     code, text, _ = femseal("schema")
     assert code == 0
     assert json.loads(text) == schema
+
+
+@pytest.mark.parametrize(
+    "arguments", [("report",), ("surface",), ("new",), ("run", CASES[0], "-o"), ("export", "-o", "gap.npz")]
+)
+def test_a_name_longer_than_the_file_system_takes_is_one_line(femseal, arguments):
+    code, _, err = femseal(*arguments, "a" * 5000)
+    assert code == 2
+    assert len(err.strip().splitlines()) == 1
+    assert len(err) < 500

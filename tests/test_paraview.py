@@ -4,6 +4,7 @@ import json
 import os
 import shutil
 import subprocess
+from itertools import count
 from pathlib import Path
 
 import matplotlib.image
@@ -22,6 +23,8 @@ M1, M2 = 3, 4
 in_paraview = pytest.mark.skipif(
     shutil.which("pvpython") is None or shutil.which("xvfb-run") is None, reason="ParaView is not installed"
 )
+#: Numbers the calls of ParaView.
+CALLS = count()
 #: Reads every file it is given and writes, for every time, what is in it.
 SCRIPT = """
 import json, sys
@@ -97,8 +100,10 @@ def test_meshio_reads_meshes_of_any_content(tmp_path):
 
 def pvpython(*arguments):
     environment = {name: value for name, value in os.environ.items() if not name.startswith("PYTHON")}
-    # two at a time may both take the display that -a finds free: begin at a number of this process
-    command = ["xvfb-run", "-a", "-n", str(1000 + os.getpid() % 50000), "pvpython", *map(str, arguments)]
+    # two at a time may both take the display that -a finds free, and a server that ends takes the socket of the next
+    # one on its display with it: begin at a number of this process, and of this call
+    display = 1000 + (10 * os.getpid() + next(CALLS)) % 50000
+    command = ["xvfb-run", "-a", "-n", str(display), "pvpython", *map(str, arguments)]
     return subprocess.run(command, env=environment, capture_output=True, text=True, timeout=300)
 
 
