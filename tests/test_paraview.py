@@ -103,7 +103,9 @@ def pvpython(*arguments):
     # two at a time may both take the display that -a finds free, and a server that ends takes the socket of the next
     # one on its display with it: begin at a number of this process, and of this call
     display = 1000 + (10 * os.getpid() + next(CALLS)) % 50000
-    command = ["xvfb-run", "-a", "-n", str(display), "pvpython", *map(str, arguments)]
+    # a server starts anew when its last client leaves, and takes no other one meanwhile: pvpython opens window by window
+    server = "-screen 0 1280x1024x24 -noreset"
+    command = ["xvfb-run", "-a", "-n", str(display), "-s", server, "pvpython", *map(str, arguments)]
     return subprocess.run(command, env=environment, capture_output=True, text=True, timeout=300)
 
 
