@@ -14,7 +14,8 @@ import numpy as np
 from numba import njit
 
 from ..percolation import find, union
-from .elimination import add_links, dissect, eliminate_front, sort_places
+from .elimination import dissect
+from .fronts import eliminate_front, gather, leave, sort_places
 
 _exact: dict[str, Any] = {"cache": True, "nogil": True}
 
@@ -76,19 +77,9 @@ def condense(c1, c2):
             for k in range(4):
                 if link[k] > 0.0 and rank[neighbour[k]] > a + i:
                     front[i, local[rank[neighbour[k]]]] += link[k]
-        while n_pending > 0 and parent[pending[n_pending - 1]] == f:
-            n_pending -= 1
-            child = pending[n_pending]
-            m = start[child + 1] - start[child]
-            top -= m * m
-            add_links(
-                left[top : top + m * m].reshape(m, m), border[start[child] : start[child + 1]], local, p, front, rest
-            )
+        n_pending, top = gather(f, parent, pending, n_pending, border, start, left, top, local, front, rest)
         eliminate_front(front, rest, total[a : a + p])
-        for i in range(q):
-            for j in range(q):
-                left[top] = rest[i, j]
-                top += 1
+        top = leave(rest, left, top)
         pending[n_pending] = f
         n_pending += 1
     while n_pending > 0:

@@ -17,12 +17,10 @@ from typing import Any
 import numpy as np
 from numba import njit
 
+from .fronts import eliminate_front, gather, leave, sort_places
+
 #: Boxes of about so many nodes are not cut any further.
 _LEAF = 12
-#: Pivots eliminated one by one before what follows takes them as one product of matrices.
-_PANEL = 32
-#: Multiplications from which a product of matrices is left to BLAS.
-_BLAS = 30_000
 
 _exact: dict[str, Any] = {"cache": True, "nogil": True}
 _fast: dict[str, Any] = {**_exact, "error_model": "numpy", "fastmath": {"reassoc", "contract"}}
@@ -101,19 +99,9 @@ def factors(c1, c2, falling, rising, keep, periodic, inlet, outlet):
                     front[i, local[rank[neighbour[k]]]] += link[k]
             front[i, p + q - 2] += inlet[node // c1.shape[1], node % c1.shape[1]]
             front[i, p + q - 1] += outlet[node // c1.shape[1], node % c1.shape[1]]
-        while n_pending > 0 and parent[pending[n_pending - 1]] == f:
-            n_pending -= 1
-            child = pending[n_pending]
-            m = start[child + 1] - start[child]
-            top -= m * m
-            add_links(
-                left[top : top + m * m].reshape(m, m), border[start[child] : start[child + 1]], local, p, front, rest
-            )
+        n_pending, top = gather(f, parent, pending, n_pending, border, start, left, top, local, front, rest)
         eliminate_front(front, rest, total[a : a + p])
-        for i in range(q):
-            for j in range(q):
-                left[top] = rest[i, j]
-                top += 1
+        top = leave(rest, left, top)
         pending[n_pending] = f
         n_pending += 1
     rate = 0.0
@@ -296,90 +284,6 @@ def _borders(c1, c2, falling, rising, periodic, order, first, parent, rank):
         pending[n_pending] = f
         n_pending += 1
     return border, start, width, waiting
-
-
-@njit(**_exact)
-def sort_places(values):
-    """Sort in place by Shell's method with Tokuda's gaps; most lists are short and nearly sorted."""
-    gap = 1
-    while gap < values.size:
-        gap = (9 * gap) // 4 + 1
-    while gap > 0:
-        for i in range(gap, values.size):
-            here = values[i]
-            j = i - gap
-            while j >= 0 and values[j] > here:
-                values[j + gap] = values[j]
-                j -= gap
-            values[j + gap] = here
-        gap = (4 * gap) // 9
-
-
-@njit(**_exact)
-def add_links(links, nodes, local, p, front, rest):
-    """Add the remaining links of a child to the arrays of its parent; both number their nodes in the same order."""
-    m = nodes.size
-    at = np.empty(m, np.int64)
-    for i in range(m):
-        at[i] = local[nodes[i]]
-    for i in range(m):
-        if at[i] < p:
-            for j in range(i + 1, m):
-                front[at[i], at[j]] += links[i, j]
-        else:
-            for j in range(i + 1, m):
-                rest[at[i] - p, at[j] - p] += links[i, j]
-
-
-@njit(**_fast)
-def eliminate_front(front, rest, total):
-    """Eliminate the pivots of a front, the rows of `front`; links to later nodes only, also within its border."""
-    p, q = total.size, rest.shape[0]
-    for start in range(0, p, _PANEL):
-        end = min(start + _PANEL, p)
-        for i in range(start, end):
-            s = 0.0
-            for j in range(i + 1, p + q):
-                s += front[i, j]
-            total[i] = s
-            for j in range(i + 1, end):
-                if front[i, j] != 0.0:
-                    f = front[i, j] / s
-                    for k in range(j + 1, p + q):
-                        front[j, k] += f * front[i, k]
-        if end < p:
-            later = front[start:end, end:].copy()
-            shares = later[:, : p - end].copy()
-            for i in range(end - start):
-                shares[i] /= total[start + i]
-            product = np.dot(shares.T, later)
-            for i in range(end, p):
-                for j in range(end, p + q):
-                    front[i, j] += product[i - end, j - end]
-    if p * q * q > _BLAS:
-        later = front[:, p:].copy()
-        shares = later.copy()
-        for i in range(p):
-            shares[i] /= total[i]
-        product = np.dot(shares.T, later)
-        for i in range(q):
-            for j in range(q):
-                rest[i, j] += product[i, j]
-        return
-    # four pivots at once
-    for i in range(0, p, 4):
-        i1, i2, i3 = min(i + 1, p - 1), min(i + 2, p - 1), min(i + 3, p - 1)
-        s0 = 1.0 / total[i]
-        s1 = 1.0 / total[i1] if i + 1 < p else 0.0
-        s2 = 1.0 / total[i2] if i + 2 < p else 0.0
-        s3 = 1.0 / total[i3] if i + 3 < p else 0.0
-        for j in range(q):
-            f0, f1, f2, f3 = s0 * front[i, p + j], s1 * front[i1, p + j], s2 * front[i2, p + j], s3 * front[i3, p + j]
-            if f0 != 0.0 or f1 != 0.0 or f2 != 0.0 or f3 != 0.0:
-                for k in range(j + 1, q):
-                    rest[j, k] += (
-                        f0 * front[i, p + k] + f1 * front[i1, p + k] + f2 * front[i2, p + k] + f3 * front[i3, p + k]
-                    )
 
 
 @njit(**_fast)
