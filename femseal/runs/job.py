@@ -19,7 +19,16 @@ from ..base.provenance import numerical_versions
 from ..base.stage import Mapper, Stage
 from ..report import write_folder
 from ..results import Results, assemble
-from ..studies import Scene, TwoScaleResult, deterministic, stochastic, two_scale
+from ..studies import (
+    FluidState,
+    OtherLeakage,
+    Scene,
+    TwoScaleResult,
+    deterministic,
+    drop_ratio,
+    stochastic,
+    two_scale,
+)
 from . import checkpoint
 from .case import Case, load_case
 from .case_faces import FileFace
@@ -78,7 +87,10 @@ def run(
         raise InputError.of("resume", True, "True only with an output folder")
     faces = _face_files(case)
     # options of the output may change before a run is resumed
-    computed = {key: value for key, value in case.echo().items() if key != "output"}
+    echo = case.echo()
+    computed = {key: value for key, value in echo.items() if key != "output"}
+    if "test_fluid" in echo["output"]:
+        computed["test fluid"] = echo["output"]["test_fluid"]
     identity = {**computed, "content of face files": faces, "version": numerical_versions()}
     if resume and folder is not None and (finished := _finished(case, faces, folder)) is not None:
         with suppress(InputError), alone_in(folder):  # the checkpoint of another run stays
@@ -166,6 +178,9 @@ def _run(case: Case, prepared: Prepared, faces: dict[str, str], mapper: Mapper, 
             watched = _watched(mapper, name, progress, timings)
             again = _study(prepared.answer, case, prepared, prepared.filtered, None, watched)
             filtered = again.quantile(0.5) if prepared.answer == "stochastic" else again.leakage
+    test = None
+    if case.output.test_fluid is not None:
+        test = _of_test_fluid(case.output.test_fluid.state, case, prepared, studies, mapper, progress, timings)
     results = assemble(
         scene,
         **studies,
@@ -174,13 +189,34 @@ def _run(case: Case, prepared: Prepared, faces: dict[str, str], mapper: Mapper, 
         timings=timings,
         quantiles=case.stochastic.quantiles if case.stochastic else (0.05, 0.95),
         warnings=prepared.warnings,
-        leakage_unit=case.output.leakage_unit,
         leakage_filtered=filtered,
+        test=test,
+        **case.output.model_dump(include={"leakage_unit", "classes", "nominal_diameter", "throughput_temperature"}),
     )
     results.dataset.attrs["face_files"] = json.dumps(faces)
     for text in [*results.warnings, *results.failures]:
         log.warning("%s", text)
     return results
+
+
+def _of_test_fluid(
+    state: FluidState,
+    case: Case,
+    prepared: Prepared,
+    studies: dict[str, Any],
+    mapper: Mapper,
+    progress: Progress,
+    timings: dict[str, float],
+) -> OtherLeakage:
+    """Leakage of the test fluid on the seals of the answer; they are solved again where their permeability differs."""
+    own = studies[prepared.answer.replace("-", "_")]
+    if (ratio := drop_ratio(state, FluidState.of(prepared.scene))) is not None:
+        return OtherLeakage.of_study(state, own, ratio)
+    name = "test fluid"
+    with _timed(name, progress, timings):
+        watched = _watched(mapper, name, progress, timings)
+        again = _study(prepared.answer, case, prepared, state.in_scene(prepared.scene), None, watched)
+    return OtherLeakage.of_study(state, again)
 
 
 @contextmanager
