@@ -22,6 +22,7 @@ from ..materials import Solid, contact_modulus, softer_hardness
 from ..results.reached_classes import check_classes
 from .case_faces import Face, FileFace, SurfaceTable
 from .case_faults import fault_lines
+from .case_fluid import with_named_fluids
 from .case_tables import (
     AnyFluid,
     AnySeal,
@@ -73,6 +74,11 @@ class Case(Table):
         if isinstance(data, dict) and isinstance(data.get("face"), dict):
             return {**data, "face": [data["face"]]}
         return data
+
+    @model_validator(mode="before")
+    @classmethod
+    def _named_fluid(cls, data: Any) -> Any:
+        return with_named_fluids(data)
 
     @model_validator(mode="after")
     def _complete(self) -> Case:
