@@ -30,6 +30,7 @@ ROOMS = (
     "plots",
     "report",
     "runs",
+    "sweeps",
     "accuracy",
     "cli",
 )

@@ -35,7 +35,7 @@ def rows(results: Results) -> list[dict[str, Any]]:
     columns = {name_with_unit(results.leakage, "leakage"): results.leakage.values}
     columns |= {name_with_unit(v): v.values for v in data.data_vars.values() if v.dims == ("step",)}
     further = [unit for unit in results.leak_basis.units() if unit.si != 1]
-    columns |= {f"leakage_{_ascii(unit.name)}": results.leakage_in(unit.name).values for unit in further}
+    columns |= {f"leakage_{ascii_unit(unit.name)}": results.leakage_in(unit.name).values for unit in further}
     table = []
     for s in range(data.sizes["step"]):
         row: dict[str, Any] = {
@@ -48,7 +48,7 @@ def rows(results: Results) -> list[dict[str, Any]]:
     return table
 
 
-def _ascii(unit: str) -> str:
+def ascii_unit(unit: str) -> str:
     """A unit in letters: "mL/(m·min)" is "mL_per_m_min"."""
     return unit.replace("/", "_per_").replace("·", "_").replace("(", "").replace(")", "").replace("³", "3")
 
