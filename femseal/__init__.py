@@ -35,7 +35,7 @@ if TYPE_CHECKING:
         critical_constriction,
         permeability_tensor,
     )
-    from .fluids import IdealGas, Liquid
+    from .fluids import IdealGas, Liquid, RoelandsLiquid
     from .materials import Solid, contact_modulus
     from .report import write_report
     from .results import Results, RunComparison, compare, open_results
@@ -72,7 +72,7 @@ _MODULES = {
         "critical_constriction",
         "permeability_tensor",
     ),
-    "fluids": ("IdealGas", "Liquid"),
+    "fluids": ("IdealGas", "Liquid", "RoelandsLiquid"),
     "runs.job": ("run",),
     "materials": ("Solid", "contact_modulus"),
     "report": ("write_report",),

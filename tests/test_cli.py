@@ -392,10 +392,11 @@ def test_shipped_cases_fit_the_schema(schema, path):
 def test_all_that_the_template_comments_out_fits_the_schema(schema):
     text = (ROOT / "femseal" / "runs" / "template.toml").read_text(encoding="utf-8")
     lines = re.sub(r"^# (?=\[|\w+ = )", "", text, flags=re.MULTILINE)
-    data = tomllib.loads(re.sub(r"^\[face\]", "[[face]]", lines, flags=re.MULTILINE))
-    assert len(data["face"]) == 3
+    data = tomllib.loads(re.sub(r"^\[(face|fluid)\]", r"[[\1]]", lines, flags=re.MULTILINE))
+    assert (len(data["face"]), len(data["fluid"])) == (3, 2)
     for face in data["face"]:
-        assert faults({**data, "face": [face]}, schema, schema) == []
+        for fluid in data["fluid"]:
+            assert faults({**data, "face": [face], "fluid": fluid}, schema, schema) == []
 
 
 @pytest.mark.parametrize(

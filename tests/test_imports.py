@@ -17,7 +17,9 @@ ROOT = Path(femseal.__file__).parent
 ROOMS = (
     "base",
     "materials",
+    "rarefied",
     "fluids",
+    "named_fluids",
     "loads",
     "analytic",
     "topography",

@@ -134,7 +134,12 @@ def _fluid_text(case: dict[str, Any], fallback: str) -> str:
     fluid = case.get("fluid", {})
     if "viscosity" not in fluid:
         return fallback
-    text = f"a {fluid.get('kind', 'fluid')} of viscosity {to_text(fluid['viscosity'], 'Pa·s')}"
+    name = f"{fluid['name']}, " if fluid.get("name") else ""
+    kind = {"ideal-gas": "an ideal gas", "roelands-liquid": "a liquid by Roelands' law"}
+    named = kind.get(fluid.get("kind", ""), f"a {fluid.get('kind', 'fluid')}")
+    text = f"{name}{named} of viscosity {to_text(fluid['viscosity'], 'Pa·s')}"
+    if fluid.get("kind") == "ideal-gas":
+        text += " with" + ("" if fluid.get("slip", True) else "out") + " slip and free molecular flow"
     return text + (f" and density {fluid['density']:g} kg/m³" if "density" in fluid else "")
 
 

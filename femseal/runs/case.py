@@ -21,6 +21,7 @@ from ..fluids import leak_basis
 from ..materials import Solid, contact_modulus, softer_hardness
 from .case_faces import Face, FileFace, SurfaceTable
 from .case_faults import fault_lines
+from .case_fluid import with_named_fluid
 from .case_tables import (
     AnyFluid,
     AnySeal,
@@ -72,6 +73,11 @@ class Case(Table):
         if isinstance(data, dict) and isinstance(data.get("face"), dict):
             return {**data, "face": [data["face"]]}
         return data
+
+    @model_validator(mode="before")
+    @classmethod
+    def _named_fluid(cls, data: Any) -> Any:
+        return with_named_fluid(data)
 
     @model_validator(mode="after")
     def _complete(self) -> Case:

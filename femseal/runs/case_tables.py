@@ -104,11 +104,12 @@ class FluidTable(Table):
         kind: str
         inlet_pressure: float
         outlet_pressure: float
+        name: str | None
 
     @property
     def fluid(self) -> Fluid:
         """The fluid."""
-        return FLUIDS[self.kind](**self.model_dump(exclude={"kind", "inlet_pressure", "outlet_pressure"}))
+        return FLUIDS[self.kind](**self.model_dump(exclude={"kind", "inlet_pressure", "outlet_pressure", "name"}))
 
 
 class SealTable(Table):
@@ -123,15 +124,16 @@ class SealTable(Table):
         return LAYOUTS[self.kind](**self.model_dump(exclude={"kind"}))
 
 
-def _pressures(fluid: Any) -> dict[str, Any]:
-    return {"inlet_pressure": (Pressure, ...), "outlet_pressure": (Pressure, fluid.outlet_pressure)}
+def _state(fluid: Any) -> dict[str, Any]:
+    pressures = {"inlet_pressure": (Pressure, ...), "outlet_pressure": (Pressure, fluid.outlet_pressure)}
+    return {**pressures, "name": (Annotated[str | None, Field(max_length=60)], None)}
 
 
 if TYPE_CHECKING:
     AnyFluid = FluidTable
     AnySeal = SealTable
 else:
-    AnyFluid = table_of_any(FLUIDS, FluidTable, _pressures)
+    AnyFluid = table_of_any(FLUIDS, FluidTable, _state)
     AnySeal = table_of_any(LAYOUTS, SealTable)
 
 
