@@ -35,10 +35,10 @@ def rows(results: Results) -> list[dict[str, Any]]:
     columns = {name_with_unit(results.leakage, "leakage"): results.leakage.values}
     columns |= {name_with_unit(v): v.values for v in data.data_vars.values() if v.dims == ("step",)}
     further = [unit for unit in results.leak_basis.units() if unit.si != 1]
-    columns |= {f"leakage_{_ascii(unit.name)}": results.leakage_in(unit.name).values for unit in further}
+    columns |= {f"leakage_{ascii_unit(unit.name)}": results.leakage_in(unit.name).values for unit in further}
     if "class_share" in data:
         for name, share in zip(data["leak_class"].values, data["class_share"].values, strict=True):
-            columns[f"share_in_{_ascii(str(name))}"] = share
+            columns[f"share_in_{ascii_unit(str(name))}"] = share
     table = []
     for s in range(data.sizes["step"]):
         row: dict[str, Any] = {
@@ -51,7 +51,7 @@ def rows(results: Results) -> list[dict[str, Any]]:
     return table
 
 
-def _ascii(unit: str) -> str:
+def ascii_unit(unit: str) -> str:
     """A unit in letters: "mL/(m·min)" is "mL_per_m_min"."""
     for sign, letters in (
         ("/", "_per_"),

@@ -165,6 +165,16 @@ def load_case(path: str | PathLike[str]) -> Case:
     ------
     InputError : the file is missing or is not TOML, or any of its values cannot be used; one line for each fault.
     """
+    return parse_case(*read_case(path))
+
+
+def read_case(path: str | PathLike[str]) -> tuple[dict[str, Any], Path]:
+    """Tables of a case file, not yet validated, and its folder.
+
+    Raises
+    ------
+    InputError : the file is missing or is not TOML.
+    """
     path = Path(path)
     try:
         # a pipe or a device may have no end
@@ -186,7 +196,7 @@ def load_case(path: str | PathLike[str]) -> Case:
             raise
         reason = shortened(error, 120)
         raise InputError.of("case", f"'{path}', which is not TOML", f"a TOML file ({reason})") from None
-    return parse_case(data, path.parent)
+    return data, path.parent
 
 
 def parse_case(data: dict[str, Any], folder: Path = Path()) -> Case:

@@ -38,6 +38,7 @@ from .forecast import refuse_too_large
 from .lock import alone_in
 from .log_file import LogFile
 from .preparation import Prepared
+from .shared_stages import SharedStages
 
 log = logging.getLogger("femseal")
 #: Called as progress(stage, done, total); total is None if it is unknown.
@@ -53,6 +54,7 @@ def run(
     workers: int | None = None,
     scheduler: str | None = None,
     *,
+    shared: str | PathLike[str] | None = None,
     progress: Progress | None = None,
 ) -> Results:
     """Run a case, from surface to leakage.
@@ -66,6 +68,8 @@ def run(
     workers : processes; all cores unless given. The results do not depend on it.
     scheduler : address of a Dask scheduler to compute on instead (femseal[cluster]), or "local" for one of its own
         with `workers` processes, see `executor.ordered_map`.
+    shared : folder with results of stages, where a run keeps its own and finds those of other runs that do the same
+        with the same numbers; it grows with every run.
     progress : called as progress(stage, done, total) while windows and realisations are computed.
 
     Raises
@@ -98,10 +102,14 @@ def run(
             checkpoint.remove(folder)
         return finished
     progress = progress or (lambda stage, done, total: None)
+
+    def found_or_computed(mapper: Mapper) -> Mapper:
+        return mapper if shared is None else SharedStages(Path(shared)).over(mapper)
+
     with ExitStack() as stack:
         if folder is None:
             mapper = stack.enter_context(ordered_map(workers, scheduler))
-            return _run(case, _prepared(case, scheduler), faces, mapper, progress)
+            return _run(case, _prepared(case, scheduler), faces, found_or_computed(mapper), progress)
         # a folder is made once the case has been found good
         if there := folder.is_dir():
             stack.enter_context(alone_in(folder))
@@ -113,7 +121,7 @@ def run(
             going_on = _goes_on(folder, identity, resume)
         stack.enter_context(_log_file(folder, append=going_on))
         kept = stack.enter_context(Checkpoint(folder, identity, going_on))
-        results = _run(case, prepared, faces, kept.over(mapper), progress)
+        results = _run(case, prepared, faces, kept.over(found_or_computed(mapper)), progress)
         progress("writing results", 0, None)
         start = time.perf_counter(), time.process_time()
         # the pictures are small, and drawn on this machine
