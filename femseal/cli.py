@@ -170,7 +170,7 @@ def export(
         tuple[int, int] | None, typer.Option(help="Window, counted from 0 along x1 and x2.", show_default="the face")
     ] = None,
 ) -> None:
-    """Write the gap, the contact or the fluid pressure at the load steps for other programs, with the size of the pixel."""
+    """Write the gap, the contact or the fluid pressure at the load steps for other programs, with the pixel's size."""
     from .results import open_results
 
     for path in open_results(folder).export(output, step=step, field=field, cell=cell):

@@ -1,4 +1,4 @@
-"""Gap, contact and fluid pressure over the pixels of the face as files for other programs, with the size of their pixel.
+"""Gap, contact and fluid pressure over the pixels of the face as files for other programs, with their pixel's size.
 
 As in files of instruments, the file's x is x1 and its y is x2. Sources: ISO 25178-72 (.x3p); GeoTIFF 1.1, OGC 19-008r4.
 """

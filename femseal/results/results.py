@@ -190,10 +190,10 @@ class Results(Plotted):
     ) -> list[Path]:
         """Write the gap, the contact or the fluid pressure over the pixels of the face in SI, in the suffix's format.
 
-        An .npz has the arrays `gap` (n1, n2) [m] or a pressure by the name of its field [Pa], `spacing` [m], `origin` [m]
-        of its first corner, `step`, `name` and `nominal_pressure` [Pa]; `read_topography` and NumPy read it. A .tif is a GeoTIFF
-        in single precision, x1 to the right and x2 up, in a plane of metres without a place on earth. An .x3p holds the
-        gap only, in metres; its x is x1.
+        An .npz has the arrays `gap` (n1, n2) [m], or a pressure by the name of its field [Pa], `spacing` [m], `origin`
+        [m] of its first corner, `step`, `name` and `nominal_pressure` [Pa]; `read_topography` and NumPy read it. A .tif
+        is a GeoTIFF in single precision, x1 to the right and x2 up, in a plane of metres without a place on earth. An
+        .x3p holds the gap only, in metres; its x is x1.
 
         Parameters
         ----------
