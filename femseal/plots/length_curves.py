@@ -30,8 +30,17 @@ def lengths_figure(results: Results) -> Figure:
     InputError : results of one length.
     """
     seal_lengths.require_lengths(results)
-    sheet = Sheet([4.6])
-    _lengths_panel(sheet.panel(0, 0, replace(LINES, left=1.0, right=0.65, top=0.2)), results)
+    sheet = Sheet([5.0])
+    axes = sheet.panel(0, 0, replace(LINES, left=1.0, right=0.65, top=0.2, bottom=1.0))
+    _lengths_panel(axes, results)
+    sheet.figure.legend(
+        handles=axes.get_legend_handles_labels()[0],
+        loc="lower center",
+        ncols=2,
+        frameon=False,
+        fontsize=8.5,
+        handlelength=3.4,
+    )
     return sheet.figure
 
 
@@ -54,9 +63,8 @@ def _lengths_panel(axes: Axes, results: Results) -> None:
         axes.plot(x, np.where(y > 0, y, np.nan), color=colour, ls=line, lw=1.8, marker=marker, ms=4.5, label=name)
         axes.plot(x[y == 0], np.full(np.sum(y == 0), lane), color=colour, ls="", marker=marker, ms=4.5)
     axes.set_xscale("log")
-    axes.set_xticks(x, labels=[f"{value:.4g}" for value in x])
+    axes.set_xticks(x, labels=[f"{value:.3g}" for value in x])
     axes.set_xticks([], minor=True)
     what = leakage_of(results).split(",")[0] if not results.leak_unit.per_length else leakage_of(results)
     axes.set(xlabel="length of the seal [mm]", ylabel=f"{what} [{results.leak_unit.name}]")
     axes.grid(alpha=0.25, lw=0.6)
-    axes.legend(fontsize=8, framealpha=0.9, handlelength=3.4)

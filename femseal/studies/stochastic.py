@@ -50,6 +50,8 @@ class StochasticResult(Shown):
     leakage_closed_cuts, leakage_held_cuts : of the realisations in `leakage`, with the cuts between runs of columns
         closed, and held at one profile of the fluid pressure; None unless the sampler is "runs". The leakage of a chain
         of these runs lies between them.
+    other_lengths : seals of the other lengths that were asked for, drawn from the same library; the same realisation of
+        a longer seal begins with that of a shorter one.
     failures : reasons of values that are NaN or left out. warnings : reasons to doubt the result.
     solvers : number of systems by solver, of library windows and of drawn seals.
     """
@@ -75,6 +77,7 @@ class StochasticResult(Shown):
     leakage_held_cuts: Array | None = field(
         default=None, metadata=labels("m^2/s", "leakage per unit seal length, cuts held", "realisation", "step")
     )
+    other_lengths: tuple[StochasticResult, ...] = field(default=(), repr=False)
     failures: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
     solvers: SolverCounts = field(default_factory=SolverCounts)
