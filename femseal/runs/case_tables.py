@@ -1,7 +1,6 @@
-"""Tables of a case file except those of the faces: solids, load, contact, flow, fluid, seal, windows, draws, output.
+"""Tables of a case file except those of faces and seal: solids, load, contact, flow, fluid, windows, draws, output.
 
-Fluids and shapes of seals are not named here: whatever is registered in `fluids.FLUIDS` and `seal.layouts.LAYOUTS` has
-a table, with a key for each of its parameters.
+Fluids are not named here: whatever is registered in `fluids.FLUIDS` has a table, with a key for each of its parameters.
 """
 
 from __future__ import annotations
@@ -21,7 +20,6 @@ from ..fluids import FLUIDS, Fluid
 from ..materials import Solid
 from ..results.fields import LIMIT
 from ..results.vtk import FORMATS
-from ..seal.layouts import LAYOUTS, Layout
 from ..studies import CONTACTS, DRAWS, FLOWS, PRESSURES
 from .case_registry import table_of_any
 from .case_values import Count, FileSize, Length, Modulus, Poisson, Pressure, Ratio, Table, one_of
@@ -111,28 +109,14 @@ class FluidTable(Table):
         return FLUIDS[self.kind](**self.model_dump(exclude={"kind", "inlet_pressure", "outlet_pressure"}))
 
 
-class SealTable(Table):
-    """The shape of the seal, with a key for each of its parameters."""
-
-    if TYPE_CHECKING:
-        kind: str
-
-    @property
-    def layout(self) -> Layout:
-        """The shape."""
-        return LAYOUTS[self.kind](**self.model_dump(exclude={"kind"}))
-
-
 def _pressures(fluid: Any) -> dict[str, Any]:
     return {"inlet_pressure": (Pressure, ...), "outlet_pressure": (Pressure, fluid.outlet_pressure)}
 
 
 if TYPE_CHECKING:
     AnyFluid = FluidTable
-    AnySeal = SealTable
 else:
     AnyFluid = table_of_any(FLUIDS, FluidTable, _pressures)
-    AnySeal = table_of_any(LAYOUTS, SealTable)
 
 
 class CellsTable(Table):
@@ -156,7 +140,7 @@ class CellsTable(Table):
 class StochasticTable(Table):
     """How a seal is drawn, see `studies.Sampling`."""
 
-    length: Length
+    length: Length | None = None
     breadth: Length | None = None
     realisations: Annotated[int, Field(strict=True, ge=2)] = 50
     library_cells: Count = 128

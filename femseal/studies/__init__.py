@@ -6,7 +6,7 @@
 
 from .deterministic import DeterministicResult, deterministic
 from .face_contact import CONTACTS, chosen_contact
-from .sampling_options import DRAWS, PRESSURES, Sampling, check_sampling, placed_windows, seal_cells
+from .sampling_options import DRAWS, PRESSURES, Sampling, check_sampling, laid_out, placed_windows
 from .scene import Scene
 from .stochastic import StochasticResult, stochastic
 from .two_scale import FLOWS, TwoScaleResult, chosen_flow, two_scale
@@ -25,8 +25,8 @@ __all__ = [
     "chosen_contact",
     "chosen_flow",
     "deterministic",
+    "laid_out",
     "placed_windows",
-    "seal_cells",
     "stochastic",
     "two_scale",
 ]
