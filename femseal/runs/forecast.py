@@ -106,6 +106,8 @@ def describe(case: Case, prepared: Prepared) -> list[str]:
         lines.append(
             _line("second run", f"{prepared.answer}, on {points} points without waves up to twice the shortest")
         )
+    if told := case.output.told:
+        lines.append(_line("leakage", told))
     lines.append(_line("expected", _expected_text(forecast(case, prepared))))
     if not any(Path(__file__).parents[1].rglob("__pycache__/*.nbi")):
         lines.append(_line("", "the first run after an installation compiles besides, for a minute or two"))

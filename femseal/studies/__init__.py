@@ -6,6 +6,7 @@
 
 from .deterministic import DeterministicResult, deterministic
 from .face_contact import CONTACTS, chosen_contact
+from .other_fluid import FluidState, OtherLeakage, drop_ratio
 from .sampling_options import DRAWS, PRESSURES, Sampling, check_sampling, laid_out, placed_windows
 from .scene import Scene
 from .stochastic import StochasticResult, stochastic
@@ -17,6 +18,8 @@ __all__ = [
     "FLOWS",
     "PRESSURES",
     "DeterministicResult",
+    "FluidState",
+    "OtherLeakage",
     "Sampling",
     "Scene",
     "StochasticResult",
@@ -25,6 +28,7 @@ __all__ = [
     "chosen_contact",
     "chosen_flow",
     "deterministic",
+    "drop_ratio",
     "laid_out",
     "placed_windows",
     "stochastic",
