@@ -137,8 +137,7 @@ def add_lengths(data: xarray.Dataset, result: StochasticResult, quantiles: tuple
             f"leakage per unit seal length, {name.split('_')[0] if name == 'median' else f'quantile {q:g}'} by length"
         )
         text += " with the error of the finite library" if resampled else ""
-        labels = _labels("m^2/s", text) | {"quantile": q}
-        data[f"leakage_of_lengths_{name}"] = (("seal_length", "step"), values, labels)
+        data[f"leakage_of_lengths_{name}"] = (("seal_length", "step"), values, _labels("m^2/s", text) | {"quantile": q})
     sealed = np.array([seals.sealed_share for seals in every])
     labels = _labels("1", "share of the realisations without leakage by length")
     data["sealed_share_of_lengths"] = (("seal_length", "step"), sealed, labels)
