@@ -16,6 +16,7 @@ from ..results.tables import texts, totals
 from . import class_words
 from . import pictures as pictures
 from . import words as words
+from .design_section import design_section
 from .drop_words import pressure_drop_sentences
 
 REPORT_NAME = "report.html"
@@ -106,6 +107,7 @@ def _content(results: Results, drawings: pictures.Drawings) -> dict[str, Any]:
             "note": class_words.class_note(results),
         },
         "test_fluid": class_words.test_fluid_sentences(results),
+        "design": design_section(results),
         "method": results.method,
         "cells": pictures.cell_pictures(results, drawings) if "cells" in drawings else [],
         "map_step": "",
