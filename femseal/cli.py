@@ -163,12 +163,14 @@ def export(
     step: Annotated[
         int | None, typer.Option(help="Load step, counted from 0 as in the table.", show_default="all, numbered files")
     ] = None,
-    field: Annotated[str, typer.Option(help='Over the pixels of the face: "gap" or "contact_pressure".')] = "gap",
+    field: Annotated[
+        str, typer.Option(help='Over the pixels of the face: "gap", "contact_pressure" or "fluid_pressure".')
+    ] = "gap",
     cell: Annotated[
         tuple[int, int] | None, typer.Option(help="Window, counted from 0 along x1 and x2.", show_default="the face")
     ] = None,
 ) -> None:
-    """Write the gap, or the contact pressure, at the load steps for other programs, with the size of the pixel."""
+    """Write the gap, the contact or the fluid pressure at the load steps for other programs, with the pixel's size."""
     from .results import open_results
 
     for path in open_results(folder).export(output, step=step, field=field, cell=cell):

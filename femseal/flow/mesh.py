@@ -28,6 +28,7 @@ from skfem import (
     MeshTri1,
     MeshTri2,
 )
+from skfem.mesh import MeshQuad1DG
 
 from ..base.errors import InputError, NotConverged
 from . import forms
@@ -58,6 +59,7 @@ _KINDS = {
     MeshQuad1: _Kind(ElementQuad1, ElementQuadRT0, 4),
     MeshTri2: _Kind(ElementTriP2, None, 6),
     MeshQuad2: _Kind(ElementQuad2, None, 6),
+    MeshQuad1DG: _Kind(ElementQuad1, ElementQuadRT0, 4),
 }
 
 
@@ -74,7 +76,8 @@ def darcy_conductance(
 
     Parameters
     ----------
-    mesh : scikit-fem MeshTri1, MeshQuad1, MeshTri2 or MeshQuad2 with n elements.
+    mesh : scikit-fem MeshTri1, MeshQuad1, MeshTri2 or MeshQuad2 with n elements, or a periodic MeshQuad1DG of
+        rectangles.
     permeability : K >= 0; a number, (n,), (n, 2) values along x and y, or (n, 2, 2) symmetric tensors; 0 is
         closed. A tensor closed along one principal axis only keeps 1e-10 of its other value there, and
         carries flow across facets only along the open one.

@@ -188,17 +188,17 @@ class Results(Plotted):
         step: int | None = None,
         cell: tuple[int, int] | None = None,
     ) -> list[Path]:
-        """Write the gap, or the contact pressure, over the pixels of the face in SI, in the format of the suffix.
+        """Write the gap, the contact or the fluid pressure over the pixels of the face in SI, in the suffix's format.
 
-        An .npz has the arrays `gap` (n1, n2) [m] or `contact_pressure` [Pa], `spacing` [m], `origin` [m] of its first
-        corner, `step`, `name` and `nominal_pressure` [Pa]; `read_topography` and NumPy read it. A .tif is a GeoTIFF
-        in single precision, x1 to the right and x2 up, in a plane of metres without a place on earth. An .x3p holds the
-        gap only, in metres; its x is x1.
+        An .npz has the arrays `gap` (n1, n2) [m], or a pressure by the name of its field [Pa], `spacing` [m], `origin`
+        [m] of its first corner, `step`, `name` and `nominal_pressure` [Pa]; `read_topography` and NumPy read it. A .tif
+        is a GeoTIFF in single precision, x1 to the right and x2 up, in a plane of metres without a place on earth. An
+        .x3p holds the gap only, in metres; its x is x1.
 
         Parameters
         ----------
         path : the file; the number of the step is put before the suffix where there are several.
-        field : "gap" or "contact_pressure".
+        field : "gap", "contact_pressure", or "fluid_pressure" of a resolved flow, NaN where none flows.
         step : index of the load step; None is all that are stored.
         cell : window, between its rows of nodes; the whole face unless given.
 

@@ -94,7 +94,7 @@ def texts(results: Results) -> tuple[str, list[str], list[list[str]]]:
         share = "–".join(f"{100 * data[name].attrs['quantile']:g}" for name in ("leakage_lower", "leakage_upper"))
         for heading, end in ((f"{share} %", ""), ("with error of library", "_together")):
             ends = zip(data[f"leakage_lower{end}"].values, data[f"leakage_upper{end}"].values, strict=True)
-            columns.append((heading, [_range(low, high, factor) for low, high in ends]))
+            columns.append((heading, [told_range(low, high, factor) for low, high in ends]))
     if unit.per_length:
         whole = basis.readable(best.values)
         columns.append((f"whole seal [{whole.name}]", [amount(q, basis.factor(whole)) for q in best.values]))
@@ -207,7 +207,8 @@ def amount(value: float, factor: float) -> str:
     return f"{number:.0f}" if 999.5 <= abs(number) < 1e6 else f"{number:.3g}"
 
 
-def _range(low: float, high: float, factor: float) -> str:
+def told_range(low: float, high: float, factor: float) -> str:
+    """Both ends of a band in the unit `factor`, as text."""
     ends = amount(low, factor), amount(high, factor)
     if ends[0] == ends[1] and not abs(low) > 0:
         return ends[0]

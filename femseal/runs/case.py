@@ -20,12 +20,13 @@ from ..base.quantities import to_text
 from ..fluids import leak_basis
 from ..materials import Solid, contact_modulus, softer_hardness
 from ..results.reached_classes import check_classes
+from ..seal.layouts import Layout
 from .case_faces import Face, FileFace, SurfaceTable
 from .case_faults import fault_lines
 from .case_fluid import with_named_fluids
+from .case_seal import AnySeal
 from .case_tables import (
     AnyFluid,
-    AnySeal,
     CellsTable,
     ContactTable,
     FlowTable,
@@ -109,6 +110,7 @@ class Case(Table):
         if isinstance(first := self.face[0], FileFace) and first.placement:
             keys = {"keys": ", ".join(sorted(first.placement))}
             raise PydanticCustomError("placement", "face.0: given {keys}, allowed is that in the second face", keys)
+        self._check_seal()
         return self
 
     def _check_output(self) -> None:
@@ -123,6 +125,28 @@ class Case(Table):
             check_classes(output.classes, output.nominal_diameter, (output.test_fluid or self.fluid).fluid)
         except InputError as error:
             raise PydanticCustomError("classes", "output.{fault}", {"fault": str(error)}) from None
+
+    def _check_seal(self) -> None:
+        layout, table = self.layout, self.stochastic
+        if not layout.has_length and "stochastic" not in self.methods:
+            text = "seal.kind: given {kind} with the method {m}, allowed is it with stochastic, which draws its windows"
+            raise PydanticCustomError("seal", text, {"kind": layout.kind, "m": self.method})
+        if table is not None and layout.has_length and table.length is None:
+            raise PydanticCustomError("length", "stochastic.length: given none, allowed is the length of the seal")
+        for name in ("length", "breadth") if table is not None and not layout.has_length else ():
+            if (value := getattr(table, name)) is not None:
+                text = "stochastic.{name}: given {value}, allowed is none with a seal of kind {kind}: it has its own"
+                given = {"name": name, "value": to_text(value, "m"), "kind": layout.kind}
+                raise PydanticCustomError("length", text, given)
+        for key, path in self.seal.files():
+            if not isfile(self.folder / path):
+                given = {"key": key, "path": shortened(path)}
+                raise PydanticCustomError("file", "seal.{key}: given '{path}', allowed is a file that exists", given)
+
+    @property
+    def layout(self) -> Layout:
+        """The shape of the seal."""
+        return self.seal.layout(self.folder)
 
     @property
     def methods(self) -> set[str]:

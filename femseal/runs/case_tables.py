@@ -1,7 +1,6 @@
-"""Tables of a case file except those of the faces: solids, load, contact, flow, fluid, seal, windows, draws, output.
+"""Tables of a case file except those of faces and seal: solids, load, contact, flow, fluid, windows, draws, output.
 
-Fluids and shapes of seals are not named here: whatever is registered in `fluids.FLUIDS` and `seal.layouts.LAYOUTS` has
-a table, with a key for each of its parameters.
+Fluids are not named here: whatever is registered in `fluids.FLUIDS` has a table, with a key for each of its parameters.
 """
 
 from __future__ import annotations
@@ -22,7 +21,6 @@ from ..fluids import FLUIDS, Fluid
 from ..materials import Solid
 from ..results.fields import LIMIT
 from ..results.vtk import FORMATS
-from ..seal.layouts import LAYOUTS, Layout
 from ..studies import CONTACTS, DRAWS, FLOWS, PRESSURES, FluidState
 from .case_registry import table_of_any
 from .case_values import Count, FileSize, Length, Modulus, Poisson, Pressure, Ratio, Table, Temperature, one_of
@@ -118,18 +116,6 @@ class FluidTable(Table):
         return FluidState(self.fluid, self.inlet_pressure, self.outlet_pressure)
 
 
-class SealTable(Table):
-    """The shape of the seal, with a key for each of its parameters."""
-
-    if TYPE_CHECKING:
-        kind: str
-
-    @property
-    def layout(self) -> Layout:
-        """The shape."""
-        return LAYOUTS[self.kind](**self.model_dump(exclude={"kind"}))
-
-
 def _state(fluid: Any) -> dict[str, Any]:
     pressures = {"inlet_pressure": (Pressure, ...), "outlet_pressure": (Pressure, fluid.outlet_pressure)}
     return {**pressures, "name": (Annotated[str | None, Field(max_length=60)], None)}
@@ -137,10 +123,8 @@ def _state(fluid: Any) -> dict[str, Any]:
 
 if TYPE_CHECKING:
     AnyFluid = FluidTable
-    AnySeal = SealTable
 else:
     AnyFluid = table_of_any(FLUIDS, FluidTable, _state)
-    AnySeal = table_of_any(LAYOUTS, SealTable)
 
 
 class CellsTable(Table):
@@ -164,7 +148,7 @@ class CellsTable(Table):
 class StochasticTable(Table):
     """How a seal is drawn, see `studies.Sampling`."""
 
-    length: Length
+    length: Length | None = None
     breadth: Length | None = None
     realisations: Annotated[int, Field(strict=True, ge=2)] = 50
     library_cells: Count = 128

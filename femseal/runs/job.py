@@ -264,16 +264,17 @@ def _write(results: Results, folder: Path, case: Case, prepared: Prepared, mappe
 
 
 def _face_files(case: Case) -> dict[str, str]:
-    """SHA-256 of the file of every face and of its mask, by its path in the case."""
+    """SHA-256 of the file of every face, of its mask and of the seal, by its path in the case."""
     digests = {}
     files = [face for face in case.face if isinstance(face, FileFace)]
-    for key, path in [("path", face.path) for face in files] + [("mask", face.mask) for face in files if face.mask]:
+    paths = [("face.path", face.path) for face in files] + [("face.mask", face.mask) for face in files if face.mask]
+    for key, path in [*paths, *((f"seal.{key}", path) for key, path in case.seal.files())]:
         try:
             with (case.folder / path).open("rb") as file:
                 digests[str(path)] = hashlib.file_digest(file, "sha256").hexdigest()
         except OSError as error:
             allowed = f"a file that can be read ({error.strerror})"
-            raise InputError.of(f"face.{key}", f"'{path}'", allowed) from None
+            raise InputError.of(key, f"'{path}'", allowed) from None
     return digests
 
 

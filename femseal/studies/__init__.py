@@ -7,7 +7,7 @@
 from .deterministic import DeterministicResult, deterministic
 from .face_contact import CONTACTS, chosen_contact
 from .other_fluid import FluidState, OtherLeakage, drop_ratio
-from .sampling_options import DRAWS, PRESSURES, Sampling, check_sampling, placed_windows, seal_cells
+from .sampling_options import DRAWS, PRESSURES, Sampling, check_sampling, laid_out, placed_windows
 from .scene import Scene
 from .stochastic import StochasticResult, stochastic
 from .two_scale import FLOWS, TwoScaleResult, chosen_flow, two_scale
@@ -29,8 +29,8 @@ __all__ = [
     "chosen_flow",
     "deterministic",
     "drop_ratio",
+    "laid_out",
     "placed_windows",
-    "seal_cells",
     "stochastic",
     "two_scale",
 ]
