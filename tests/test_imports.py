@@ -34,6 +34,7 @@ ROOMS = (
     "runs",
     "sweeps",
     "accuracy",
+    "designs",
     "cli",
 )
 HEAVY = ("matplotlib", "jinja2", "vtk", "vtkmodules", "pyvista", "meshio", "SurfaceTopography", "distributed", "pyamg")

@@ -18,6 +18,7 @@ from ..base.quantities import to_text
 from ..report import write_report
 from ..report.design_section import DESIGN_FILE, DESIGN_PICTURE
 from ..results.netcdf import FILE_NAME
+from ..results.tables import amount
 
 if TYPE_CHECKING:
     from .answer import Design
@@ -42,7 +43,7 @@ def sheet(answer: Design) -> tuple[list[str], list[list[str]]]:
     heads = ["class L", f"limit [{unit.name}]", "Qmin(L)", *(f"QSmin(L), Q_A = {to_text(q, 'Pa')}" for q in peaks)]
     lines = []
     for need in answer.requirements:
-        line = [need.name, f"{need.limit / scale:.3g}", need.assembly.text()]
+        line = [need.name, amount(need.limit, scale), need.assembly.text()]
         lines.append(line + [_service_text(need.service[q]) for q in peaks])
     return heads, lines
 
@@ -90,7 +91,8 @@ def sentences(answer: Design) -> list[str]:
 
 
 def _band(needed: NeededPressure, count: int) -> str:
-    return f"; 5 and 95 % of the seals need {needed.band_text()}" if count > 1 else ""
+    band = needed.band_text()
+    return f"; 5 and 95 % of the seals need {band}" if count > 1 and band != needed.text() else ""
 
 
 def slopes_title(answer: Design) -> str:

@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 
 #: Height of a line of the legend [inch].
 _LEGEND_LINE = 0.19
+#: Part of the width of the axes beyond which names would leave them.
+_RIGHT = 0.8
 
 
 def design_figure(answer: Design) -> Figure:
@@ -42,7 +44,7 @@ def design_figure(answer: Design) -> Figure:
     )
     lines = ceil((len(seals.steps.unload_from) + 6) / 2)
     sheet = Sheet([4.4 + _LEGEND_LINE * lines])
-    margins = replace(LINES, left=1.0, right=0.95, top=0.2, bottom=0.7 + _LEGEND_LINE * lines)
+    margins = replace(LINES, left=1.0, right=1.1, top=0.2, bottom=0.7 + _LEGEND_LINE * lines)
     axes = sheet.panel(0, 0, margins)
     handles = leakage_panel(axes, curves)
     _limits(axes, answer, scale)
@@ -104,8 +106,16 @@ def _marks(axes: Axes, answer: Design, scale: float) -> list[Any]:
                 ends = [needed.bound(end) / 1e6 for end in (needed.low, needed.high)]
                 axes.plot(ends, [y, y], color=colour, lw=3.5, alpha=0.45, solid_capstyle="butt", zorder=4)
             axes.plot([x], [y], color=colour, marker=marker, ms=9, mec="black", mew=0.9, ls="", zorder=5)
+            # names at the right end of the axis stand to the left of their mark
+            right = axes.transLimits.transform(axes.transScale.transform((x, y)))[0] > _RIGHT
             axes.annotate(
-                to_text(needed.value, "Pa", 3), (x, y), xytext=(4, 6), textcoords="offset points", fontsize=8, zorder=6
+                to_text(needed.value, "Pa", 3),
+                (x, y),
+                xytext=(-4 if right else 4, 7 if marker == "v" else -15),
+                textcoords="offset points",
+                ha="right" if right else "left",
+                fontsize=8,
+                zorder=6,
             )
     if not drawn:
         return []

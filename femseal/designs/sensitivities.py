@@ -140,7 +140,7 @@ def _slopes(seals: Seals, variants: Variants, pressure: float, share: float) -> 
         ("hardness", hard, how_hard),
         ("contact modulus", -hard - load, "scaling law of contact, exact"),
         ("breadth, same pressure", -1.0, "Darcy's law over many windows"),
-        ("breadth, same force", -1.0 - load, "the same, with the pressure that the force gives"),
+        ("breadth, same force", -1.0 - load, "the same, with the pressure of the force; Qmin: of the force"),
         ("viscosity", thick, how_thick),
         ("inlet pressure", variants.inlet_slope, "potential of the fluid"),
     ]
