@@ -156,8 +156,9 @@ def _prepare(case: Case) -> Prepared:
     )
     if sampling is not None and cells is not None:
         with in_tables_of(SEAL_TABLES):
-            laid = laid_out(scene.layout, Partition(surface.shape, surface.spacing, cells), sampling)
-        weigh_draws(len(scene.steps), laid.draws[0], sampling.realisations, sampling.library_cells)
+            every = laid_out(scene.layout, Partition(surface.shape, surface.spacing, cells), sampling)
+        for laid in every:
+            weigh_draws(len(scene.steps), laid.draws[0], sampling.realisations, sampling.library_cells)
     method: str = case.method
     choice = ""
     if method == "auto":
@@ -180,11 +181,12 @@ def face_places(case: Case) -> list[str]:
 
 
 def _sampling(case: Case, table: StochasticTable, window_length: float) -> Sampling:
-    if table.length is not None and table.length < window_length * (1 - 1e-9):
-        cell, given = to_text(window_length, "m", 3), to_text(table.length, "m", 3)
+    if table.lengths and min(table.lengths) < window_length * (1 - 1e-9):
+        cell, given = to_text(window_length, "m", 3), to_text(min(table.lengths), "m", 3)
         raise InputError.of("stochastic.length", given, f"at least one cell, {cell}")
     return Sampling(
-        length=table.length,
+        length=table.lengths[0] if table.lengths else None,
+        other_lengths=table.lengths[1:],
         breadth=table.breadth,
         realisations=table.realisations,
         library_cells=table.library_cells,
