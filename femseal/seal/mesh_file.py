@@ -49,7 +49,7 @@ def read_mesh(path: str | PathLike[str]) -> Mesh:
     if _READING_FACTOR * (length := file.stat().st_size) > (free := free_memory()):
         allowed = f"a mesh that can be read in the {free / 1e9:.3g} GB of free memory"
         raise InputError.of("path", f"'{file}' of {length / 1e9:.3g} GB", allowed)
-    data = _meshio_read(file)
+    data = meshio_read(file)
     present = [kind for kind in _KINDS if kind in data.cells_dict]
     if not present:
         found = ", ".join(data.cells_dict) or "nothing"
@@ -77,7 +77,8 @@ def read_mesh(path: str | PathLike[str]) -> Mesh:
     return mesh.with_boundaries({name: facets for name, facets in boundaries.items() if facets.size})
 
 
-def _meshio_read(file: Path) -> Any:
+def meshio_read(file: Path) -> Any:
+    """Read a file by meshio; InputError where it cannot."""
     import meshio
 
     silent = io.StringIO()
