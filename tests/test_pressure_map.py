@@ -122,7 +122,7 @@ class TestFields:
         field = PressureField.of(points, np.ones(len(points)))
         for inner, outer in ((5e-3, 15e-3), (10e-3, 16e-3)):
             with pytest.raises(
-                InputError, match="field: given x -0.015 to 0.015 m.* allowed is one that covers the seal"
+                InputError, match=r"field: given x -0.015 to 0.015 m.* allowed is one that covers the seal"
             ):
                 field.at(ring(inner, outer).centres, Frame())
 

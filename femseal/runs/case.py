@@ -21,13 +21,13 @@ from ..fluids import leak_basis
 from ..materials import Solid, contact_modulus, softer_hardness
 from .case_faces import Face, FileFace, SurfaceTable
 from .case_faults import fault_lines
+from .case_load import LoadTable
 from .case_tables import (
     AnyFluid,
     AnySeal,
     CellsTable,
     ContactTable,
     FlowTable,
-    LoadTable,
     OutputTable,
     SolidTable,
     StochasticTable,
@@ -85,9 +85,8 @@ class Case(Table):
             raise PydanticCustomError("sampler", text, {"d": self.flow.discretisation})
         if self.stochastic is None and "stochastic" in self.methods:
             raise PydanticCustomError("stochastic", "a table `stochastic` with the method stochastic")
-        highest = max((*self.load.loading, *self.load.unload_from))
-        if highest >= self.hardness:
-            given = {"p": to_text(highest, "Pa"), "h": to_text(self.hardness, "Pa")}
+        if self.load.unit == "Pa" and self.load.highest >= self.hardness:
+            given = {"p": to_text(self.load.highest, "Pa"), "h": to_text(self.hardness, "Pa")}
             raise PydanticCustomError("load", "load: given {p}, allowed are pressures below the hardness, {h}", given)
         inlet, outlet = self.fluid.inlet_pressure, self.fluid.outlet_pressure
         if not inlet > outlet:
@@ -186,6 +185,9 @@ def parse_case(data: dict[str, Any], folder: Path = Path()) -> Case:
         raise InputError.of("case", "lists or tables too deep in each other", "the tables of a case") from None
     except ValidationError as error:
         lines = fault_lines(Case, error)
-        if isinstance(data.get("face"), dict):  # a single table has no number in the file
+        # a single table has no number in the file
+        if isinstance(data.get("face"), dict):
             lines = [line.replace("face.0", "face", 1) if line.startswith("face.0") else line for line in lines]
+        if isinstance(data.get("load"), dict) and isinstance(data["load"].get("map"), dict):
+            lines = [line.replace("load.map.0", "load.map", 1) for line in lines]
         raise InputError("\n".join(lines)) from None

@@ -190,7 +190,6 @@ def _sampling(case: Case, table: StochasticTable, window_length: float) -> Sampl
         seed=case.seed,
         sampler=table.sampler,
         pressure=table.pressure,
-        profile=table.profile,
         library=None if table.library is None else case.folder / table.library,
         width=table.width,
         bounds=table.bounds,

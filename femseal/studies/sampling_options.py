@@ -89,13 +89,6 @@ def check_sampling(sampling: Sampling, cells: tuple[int, int]) -> None:
         raise InputError.of("sampler", "runs", "another one, or the pressure 'place', whose windows are neighbours")
     if sampling.breadth is not None and (sampling.pressure != "uniform" or not sampling.breadth > 0):
         raise InputError.of("breadth", sampling.breadth, "a length > 0 with the pressure 'uniform', none with others")
-    if sampling.profile:
-        if sampling.pressure != "uniform":
-            raise InputError.of("profile", sampling.profile, "none except with the pressure 'uniform'")
-        shares = np.asarray(sampling.profile, float)
-        rows = cells[0] if sampling.breadth is None else shares.size
-        if shares.shape != (rows,) or not np.all(shares >= 0) or abs(shares.mean() - 1) > 1e-6:
-            raise InputError.of("profile", sampling.profile, f"{rows} numbers >= 0 with the mean 1")
     if sampling.library is not None and sampling.pressure == "place":
         raise InputError.of("library", f"'{sampling.library}'", "none with the pressure 'place', which has no ladder")
     if sampling.width is not None:
