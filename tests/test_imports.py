@@ -17,7 +17,9 @@ ROOT = Path(femseal.__file__).parent
 ROOMS = (
     "base",
     "materials",
+    "rarefied",
     "fluids",
+    "named_fluids",
     "loads",
     "analytic",
     "topography",
@@ -30,6 +32,7 @@ ROOMS = (
     "plots",
     "report",
     "runs",
+    "sweeps",
     "accuracy",
     "cli",
 )

@@ -76,7 +76,6 @@ class MapTable(Table):
         """The map."""
         raise NotImplementedError
 
-
     @model_validator(mode="after")
     def _possible(self) -> MapTable:
         if not isinstance(self, FieldMap):  # a file is read once the case is prepared

@@ -211,6 +211,11 @@ class MapsAtLoads:
 AnyMap = PressureMap | MapsAtLoads
 
 
+def is_uniform(pressure_map: AnyMap) -> bool:
+    """Whether the nominal pressure acts everywhere."""
+    return isinstance(pressure_map, Uniform)
+
+
 @dataclass(frozen=True, eq=False)
 class PressedSeal:
     """A seal for maps: its frame, and the corners of the parts of its area (n, corners, 2) [m]."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +10,8 @@ import numpy as np
 from ..base import validate
 from ..base.errors import InputError
 from ..scales import SAMPLERS, Partition
+from ..seal.layouts import Layout, SealWindows, Windows
+from ..seal.pressure_map import AnyMap, Uniform, is_uniform
 
 #: Choices of the pressures and the waves of windows, see `Sampling.pressure`.
 PRESSURES = ("place", "global", "uniform")
@@ -21,8 +23,9 @@ DRAWS = (*SAMPLERS, "runs")
 class Sampling:
     """Options of a drawn seal.
 
-    length : length of the seal along x2 [m], rounded to whole cells.
-    breadth : size from inlet to outlet [m], rounded to whole cells; that of the face unless given; "uniform" only.
+    length : length of a straight seal along x2 [m], rounded to whole cells; None where the layout has its own size.
+    breadth : size from inlet to outlet of a straight seal [m], rounded to whole cells; that of the face unless given;
+        "uniform" only.
     realisations : number of seals that are drawn.
     library_cells : number of windows in the library.
     seed : of all random numbers.
@@ -36,9 +39,9 @@ class Sampling:
         the error of the library stays that of the windows of the face. For faces whose form varies over a window.
         "global": windows with all their waves, followed along a ladder of pressures. The global contact of the face,
         repeated along the seal, gives the pressure of each link (Pérez-Ràfols et al., 2018).
-        "uniform": windows with the full heights. Every link has the nominal pressure, or its share in `profile`.
-    profile : contact pressure of each row of windows from inlet to outlet in shares of the nominal one; their mean is
-        1; "uniform" only.
+        "uniform": windows with the full heights. Every link has the nominal pressure, or its share in `pressure_map`.
+    pressure_map : contact pressure over the seal in shares of the nominal one, see `seal.pressure_map`; one that is
+        not uniform goes with "uniform" only.
     library : folder in which libraries of windows are kept and found again; "global" and "uniform" only.
     width : wanted standard error of ln(median leakage) at the steps that leak more than 1e-3 of the first. Realisations
         and windows are added until it is reached, up to eight times as many. With None none are added.
@@ -46,13 +49,13 @@ class Sampling:
         The library then takes about three times as long. "global" and "uniform" with the sampler "history" only.
     """
 
-    length: float
+    length: float | None
     realisations: int
     library_cells: int
     seed: int
     sampler: str | None = None
     pressure: str = "place"
-    profile: tuple[float, ...] = ()
+    pressure_map: AnyMap = field(default_factory=Uniform)
     library: Path | None = None
     width: float | None = None
     breadth: float | None = None
@@ -64,11 +67,26 @@ class Sampling:
         return self.sampler or ("block" if self.pressure == "place" else "history")
 
 
-def seal_cells(partition: Partition, sampling: Sampling) -> tuple[int, int]:
-    """Number of windows of a drawn seal along x1 and along x2."""
-    d1, d2 = partition.window_size
-    n1 = partition.cells[0] if sampling.breadth is None else max(1, round(sampling.breadth / d1))
-    return n1, max(1, round(sampling.length / d2))
+def laid_out(layout: Layout, partition: Partition, sampling: Sampling) -> SealWindows:
+    """Windows of a face laid out over the seal that is drawn.
+
+    Raises
+    ------
+    InputError : as the layout does; options of the sampling that do not go with it.
+    """
+    windows = Windows(partition.window_size, partition.cells[0], sampling.length, sampling.breadth)
+    laid = layout.lay_out(windows)
+    if laid.together and sampling.chosen_sampler != "history":
+        raise InputError.of("sampler", sampling.chosen_sampler, f"history with {layout}, whose elements take windows")
+    if laid.together and sampling.bounds:
+        raise InputError.of("bounds", "true", f"false with {layout}")
+    if sampling.chosen_sampler == "runs" and layout.kind != "rectangular":
+        raise InputError.of("sampler", "runs", f"another one with {layout}")
+    if sampling.pressure != "uniform" and laid.rows != partition.cells[0]:
+        face = f"a face with {partition.cells[0]} rows of windows"
+        given = f"'{sampling.pressure}' of {face} for {layout}, which has {laid.rows or 'none'}"
+        raise InputError.of("pressure", given, "'uniform', or as many rows from inlet to outlet on both")
+    return laid
 
 
 def placed_windows(sampling: Sampling, partition: Partition) -> int:
@@ -77,7 +95,7 @@ def placed_windows(sampling: Sampling, partition: Partition) -> int:
     return of_face * int(np.clip(-(-sampling.library_cells // of_face), 1, partition.window[1]))
 
 
-def check_sampling(sampling: Sampling, cells: tuple[int, int]) -> None:
+def check_sampling(sampling: Sampling) -> None:
     """Raise InputError for an unknown option, or for two that do not go together."""
     if sampling.chosen_sampler not in DRAWS:
         raise InputError.of("sampler", sampling.sampler, f"one of {', '.join(DRAWS)}")
@@ -89,6 +107,9 @@ def check_sampling(sampling: Sampling, cells: tuple[int, int]) -> None:
         raise InputError.of("sampler", "runs", "another one, or the pressure 'place', whose windows are neighbours")
     if sampling.breadth is not None and (sampling.pressure != "uniform" or not sampling.breadth > 0):
         raise InputError.of("breadth", sampling.breadth, "a length > 0 with the pressure 'uniform', none with others")
+    if sampling.pressure != "uniform" and not is_uniform(sampling.pressure_map):
+        allowed = "a uniform one, or another with the pressure 'uniform', whose windows follow any pressure"
+        raise InputError.of("map", f"an uneven one with the pressure '{sampling.pressure}'", allowed)
     if sampling.library is not None and sampling.pressure == "place":
         raise InputError.of("library", f"'{sampling.library}'", "none with the pressure 'place', which has no ladder")
     if sampling.width is not None:
