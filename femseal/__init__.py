@@ -45,7 +45,8 @@ if TYPE_CHECKING:
     from .studies.deterministic import DeterministicResult, deterministic
     from .studies.sampling_options import Sampling
     from .studies.scene import Scene
-    from .studies.stochastic import StochasticResult, stochastic
+    from .studies.stochastic import stochastic
+    from .studies.stochastic_result import StochasticResult
     from .studies.two_scale import TwoScaleResult, two_scale
     from .sweeps.sweeping import sweep
     from .topography import (

@@ -130,6 +130,8 @@ def run(
         raise FemsealError(f"stopped; `femseal run {path} -o {folder} --resume` goes on") from None
     if not quiet:
         print_table(results.table())
+        if "seal_length" in results.dataset.coords:
+            print_table(results.lengths_table())
         if terminal:  # without a terminal, the log lines have told it
             for kind, texts in (("warning", results.warnings), ("failure", results.failures)):
                 for text in texts[:5]:

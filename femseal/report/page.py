@@ -10,6 +10,7 @@ from typing import Any
 
 from ..base.errors import FemsealError, InputError
 from ..base.files import replacing
+from ..results import seal_lengths
 from ..results.netcdf import FILE_NAME, open_results, unfit
 from ..results.results import Results
 from ..results.tables import texts, totals
@@ -107,6 +108,7 @@ def _content(results: Results, drawings: pictures.Drawings) -> dict[str, Any]:
         },
         "test_fluid": class_words.test_fluid_sentences(results),
         "method": results.method,
+        "lengths": None,
         "cells": pictures.cell_pictures(results, drawings) if "cells" in drawings else [],
         "map_step": "",
         "maps": [],
@@ -122,6 +124,10 @@ def _content(results: Results, drawings: pictures.Drawings) -> dict[str, Any]:
         "machine": words.flat(json.loads(data.attrs["machine"])),
         "case": words.flat(results.case),
     }
+    if "lengths" in drawings:
+        content["lengths"] = pictures.lengths_picture(results, drawings)
+        heads, lines = seal_lengths.texts(results)
+        content["lengths_table"] = {"heads": heads, "lines": lines, "unit": results.leak_unit.name}
     if "seal" in drawings:
         content["map_step"], content["maps"] = pictures.map_pictures(results, drawings)
         content["drop"] = pictures.drop_picture(results, drawings)

@@ -171,6 +171,9 @@ def _method_sentences(results: Results) -> list[str]:
             + (f", seed {data.attrs['seed']}" if "seed" in data.attrs else "")
             + ". The leakage given is their median."
         )
+        if "seal_length" in data.coords:
+            lengths = ", ".join(to_text(float(x), "m") for x in data["seal_length"].values[1:])
+            sentences.append(f"Seals of other lengths are drawn from the same library: {lengths}.")
     return sentences
 
 

@@ -94,11 +94,12 @@ def describe(case: Case, prepared: Prepared) -> list[str]:
             lines.append(_line("two-scale", text))
         if prepared.sampling is not None:
             sampling = prepared.sampling
-            laid = laid_out(scene.layout, partition, sampling)
-            length = to_text(laid.seal.size[1], "m", 3)
+            laid, *others = laid_out(scene.layout, partition, sampling)
+            length, *more = (to_text(one.seal.size[1], "m", 3) for one in (laid, *others))
             text = (
                 f"{_library(prepared, sampling, partition)} (pressure: {sampling.pressure}), "
                 f"{sampling.realisations} seals of {laid}, {length} long"
+                + (f"; as many of {', '.join(more)}" if more else "")
             )
             lines.append(_line("stochastic", text))
     if prepared.filtered is not None:
@@ -160,7 +161,9 @@ def _cost(method: str, prepared: Prepared, scene: Scene, known: tuple[Effort, ..
     if method == "two-scale":
         return two_scale_cost(known, points, cells, prepared.flow, prepared.contact)
     assert prepared.sampling is not None
-    seal = laid_out(scene.layout, Partition(points, scene.surface.spacing, cells), prepared.sampling).unknowns
+    every = laid_out(scene.layout, Partition(points, scene.surface.spacing, cells), prepared.sampling)
+    # seals of all lengths take the work of one as long as all of them together
+    seal = every[0].unknowns[0], sum(laid.unknowns[1] for laid in every)
     return stochastic_cost(known, points, cells, prepared.sampling, seal, prepared.contact)
 
 

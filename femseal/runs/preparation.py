@@ -141,11 +141,12 @@ def _prepare(case: Case) -> Prepared:
         if case.stochastic is not None and "stochastic" in case.methods:
             sampling = _sampling(case, case.stochastic, window[1])
             check_sampling(sampling)
-    laid, seal = None, surface.size
+    every: tuple[SealWindows, ...] = ()
+    seal = surface.size
     if sampling is not None and cells is not None:
         with in_tables_of(SEAL_TABLES):
-            laid = laid_out(case.layout, Partition(surface.shape, surface.spacing, cells), sampling)
-        seal = _seal_size(sampling, surface, laid)
+            every = laid_out(case.layout, Partition(surface.shape, surface.spacing, cells), sampling)
+        seal = _seal_size(sampling, surface, every[0])
     scene = Scene(
         surface=surface,
         modulus=case.modulus,
@@ -153,7 +154,7 @@ def _prepare(case: Case) -> Prepared:
         fluid=case.fluid.fluid,
         inlet_pressure=case.fluid.inlet_pressure,
         outlet_pressure=case.fluid.outlet_pressure,
-        **_pressures(case, seal, drawn=laid is not None),
+        **_pressures(case, seal, seals=len(every)),
         boundary=case.contact.boundary,
         rtol=case.contact.rtol,
         layout=case.layout,
@@ -161,13 +162,14 @@ def _prepare(case: Case) -> Prepared:
         discretisation=case.flow.discretisation,
     )
     doubts: tuple[str, ...] = ()
-    if sampling is not None and laid is not None:
+    if sampling is not None:
         with in_tables_of(MAP_TABLES):
             sampling = replace(sampling, pressure_map=case.load.pressure_map(case.folder, seal[0] * seal[1], seal[1]))
             check_sampling(sampling)
-            doubts = check_map(scene, laid, sampling.pressure_map)
+            doubts = check_map(scene, every[0], sampling.pressure_map)
         paths = 1 if is_uniform(sampling.pressure_map) else MOST_PATHS
-        weigh_draws(len(scene.steps), laid.draws[0], sampling.realisations, sampling.library_cells, paths)
+        for laid in every:
+            weigh_draws(len(scene.steps), laid.draws[0], sampling.realisations, sampling.library_cells, paths)
     method: str = case.method
     choice = ""
     if method == "auto":
@@ -190,11 +192,12 @@ def face_places(case: Case) -> list[str]:
 
 
 def _sampling(case: Case, table: StochasticTable, window_length: float) -> Sampling:
-    if table.length is not None and table.length < window_length * (1 - 1e-9):
-        cell, given = to_text(window_length, "m", 3), to_text(table.length, "m", 3)
+    if table.lengths and min(table.lengths) < window_length * (1 - 1e-9):
+        cell, given = to_text(window_length, "m", 3), to_text(min(table.lengths), "m", 3)
         raise InputError.of("stochastic.length", given, f"at least one cell, {cell}")
     return Sampling(
-        length=table.length,
+        length=table.lengths[0] if table.lengths else None,
+        other_lengths=table.lengths[1:],
         breadth=table.breadth,
         realisations=table.realisations,
         library_cells=table.library_cells,
@@ -215,15 +218,16 @@ def _seal_size(sampling: Sampling, surface: Topography, laid: SealWindows) -> tu
     return surface.size[0] if sampling.breadth is None else sampling.breadth, sampling.length
 
 
-def _pressures(case: Case, seal: tuple[float, float], *, drawn: bool) -> dict[str, tuple[float, ...]]:
-    """Nominal pressures of the cycle on a seal of such a breadth and length [m].
+def _pressures(case: Case, seal: tuple[float, float], *, seals: int) -> dict[str, tuple[float, ...]]:
+    """Nominal pressures of the cycle on a seal of such a breadth and length [m], one of several or none that are drawn.
 
     Raises
     ------
-    InputError : a force without the length of the seal, or pressures not below the hardness.
+    InputError : a force without one length of the seal, or pressures not below the hardness.
     """
-    if case.load.unit == "N" and not drawn:
-        raise InputError.of("load.loading", "forces without the length of a seal", "pressures, or forces per length")
+    if case.load.unit == "N" and seals != 1:
+        given = f"forces on a seal of {'several lengths' if seals else 'no length'}"
+        raise InputError.of("load.loading", given, "pressures, or forces per length")
     area = seal[0] * seal[1]
     found = case.load.pressures(area, seal[1])
     highest = max((*found["loading"], *found["unload_from"]))

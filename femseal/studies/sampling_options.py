@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
 from ..base import validate
 from ..base.errors import InputError
+from ..base.quantities import to_text
 from ..scales import SAMPLERS, Partition
 from ..seal.layouts import Layout, SealWindows, Windows
-from ..seal.pressure_map import AnyMap, Uniform, is_uniform
+from ..seal.pressure_map import AnyMap, Profile, Uniform, is_uniform
 
 #: Choices of the pressures and the waves of windows, see `Sampling.pressure`.
 PRESSURES = ("place", "global", "uniform")
@@ -24,6 +25,7 @@ class Sampling:
     """Options of a drawn seal.
 
     length : length of a straight seal along x2 [m], rounded to whole cells; None where the layout has its own size.
+    other_lengths : of further seals that are drawn from the same library [m].
     breadth : size from inlet to outlet of a straight seal [m], rounded to whole cells; that of the face unless given;
         "uniform" only.
     realisations : number of seals that are drawn.
@@ -60,6 +62,7 @@ class Sampling:
     width: float | None = None
     breadth: float | None = None
     bounds: bool = False
+    other_lengths: tuple[float, ...] = ()
 
     @property
     def chosen_sampler(self) -> str:
@@ -67,13 +70,25 @@ class Sampling:
         return self.sampler or ("block" if self.pressure == "place" else "history")
 
 
-def laid_out(layout: Layout, partition: Partition, sampling: Sampling) -> SealWindows:
-    """Windows of a face laid out over the seal that is drawn.
+def laid_out(layout: Layout, partition: Partition, sampling: Sampling) -> tuple[SealWindows, ...]:
+    """Windows of a face laid out over the seal that is drawn, and over those of the other lengths.
 
     Raises
     ------
-    InputError : as the layout does; options of the sampling that do not go with it.
+    InputError : as the layout does; options of the sampling that do not go with it; lengths that are the same in whole
+        cells.
     """
+    every = tuple(
+        _laid_out(layout, partition, replace(sampling, length=length))
+        for length in (sampling.length, *sampling.other_lengths)
+    )
+    lengths = [to_text(laid.seal.size[1], "m") for laid in every]
+    if len({*lengths}) < len(lengths):
+        raise InputError.of("length", ", ".join(lengths) + " in whole cells", "lengths that differ")
+    return every
+
+
+def _laid_out(layout: Layout, partition: Partition, sampling: Sampling) -> SealWindows:
     windows = Windows(partition.window_size, partition.cells[0], sampling.length, sampling.breadth)
     laid = layout.lay_out(windows)
     if laid.together and sampling.chosen_sampler != "history":
@@ -110,6 +125,8 @@ def check_sampling(sampling: Sampling) -> None:
     if sampling.pressure != "uniform" and not is_uniform(sampling.pressure_map):
         allowed = "a uniform one, or another with the pressure 'uniform', whose windows follow any pressure"
         raise InputError.of("map", f"an uneven one with the pressure '{sampling.pressure}'", allowed)
+    if sampling.other_lengths and not isinstance(sampling.pressure_map, (Uniform, Profile)):
+        raise InputError.of("map", "one that may vary along seals of several lengths", "a profile, or one length")
     if sampling.library is not None and sampling.pressure == "place":
         raise InputError.of("library", f"'{sampling.library}'", "none with the pressure 'place', which has no ladder")
     if sampling.width is not None:
