@@ -12,7 +12,9 @@ The flow of data, top to bottom::
     plots        pictures of every result
     report       the folder and the page of a run                        write_report
     runs         TOML case -> everything above                           load_case, run
+    sweeps       a case with several values of its keys                  sweep
     accuracy     speed against error of the studies for a case           measure_accuracy
+    designs      results -> pressures that a leakage class needs         design
 
 Everything is SI. Names are loaded when first used, so that importing the package is quick.
 """
@@ -26,6 +28,7 @@ if TYPE_CHECKING:
     from .accuracy import AccuracyReport, measure_accuracy
     from .base.errors import FemsealError, InputError, NotConverged
     from .contact import Contact, HalfSpace, LoadCycle, LoadState, load_cycle, solve_contact
+    from .designs.answer import Design, design
     from .flow import (
         Constriction,
         Permeability,
@@ -34,18 +37,20 @@ if TYPE_CHECKING:
         critical_constriction,
         permeability_tensor,
     )
-    from .fluids import IdealGas, Liquid
+    from .fluids import IdealGas, Liquid, RoelandsLiquid
     from .materials import Solid, contact_modulus
     from .report import write_report
-    from .results import Results, open_results
+    from .results import Results, RunComparison, compare, open_results
     from .runs.case import Case, load_case
     from .runs.job import run
     from .seal import AnnularSeal, Leakage, MeshSeal, RectangularSeal, seal_leakage
     from .studies.deterministic import DeterministicResult, deterministic
     from .studies.sampling_options import Sampling
     from .studies.scene import Scene
-    from .studies.stochastic import StochasticResult, stochastic
+    from .studies.stochastic import stochastic
+    from .studies.stochastic_result import StochasticResult
     from .studies.two_scale import TwoScaleResult, two_scale
+    from .sweeps.sweeping import sweep
     from .topography import (
         SurfaceReport,
         Topography,
@@ -70,11 +75,11 @@ _MODULES = {
         "critical_constriction",
         "permeability_tensor",
     ),
-    "fluids": ("IdealGas", "Liquid"),
+    "fluids": ("IdealGas", "Liquid", "RoelandsLiquid"),
     "runs.job": ("run",),
     "materials": ("Solid", "contact_modulus"),
     "report": ("write_report",),
-    "results": ("Results", "open_results"),
+    "results": ("Results", "RunComparison", "compare", "open_results"),
     "seal": ("AnnularSeal", "Leakage", "MeshSeal", "RectangularSeal", "seal_leakage"),
     "studies": (
         "DeterministicResult",
@@ -86,6 +91,8 @@ _MODULES = {
         "stochastic",
         "two_scale",
     ),
+    "designs.answer": ("Design", "design"),
+    "sweeps.sweeping": ("sweep",),
     "topography": (
         "SurfaceReport",
         "Topography",

@@ -19,6 +19,7 @@ from femseal.runs.case_registry import table_of_any
 from femseal.runs.case_values import Table
 from femseal.runs.forecast import describe
 from femseal.runs.schema import case_schema
+from femseal.seal.layouts import Windows
 from femseal.studies import Sampling
 from femseal.topography import repair
 
@@ -117,7 +118,7 @@ def test_values_at_their_limits_are_taken(data):
 @pytest.mark.parametrize("kind", FLUIDS)
 def test_every_registered_fluid_can_be_chosen(data, kind):
     """Its parameters are keys, in their unit, with the range and the default of the class."""
-    parameters = {f.name: f for f in fields(FLUIDS[kind])}
+    parameters = {f.name: f for f in fields(FLUIDS[kind]) if "allowed" in f.metadata}
     examples = {name: re.search("'(.*)'", f.metadata["allowed"])[1] for name, f in parameters.items()}
     data["fluid"] = {"kind": kind, "inlet_pressure": "2 bar", **examples}
     case = parse_case(data)
@@ -150,6 +151,48 @@ def test_a_registered_class_has_a_table_without_another_line():
     with pytest.raises(ValidationError, match="such as '40 Pa'"):
         table.validate_python({"kind": "grease", "yield_stress": "-1 Pa"})
     assert "GreaseTable" in table.json_schema()["$defs"]
+
+
+def test_slip_of_a_gas_is_a_switch(data):
+    data["fluid"] = {"kind": "ideal-gas", "viscosity": "18 uPa*s", "molar_mass": "29 g/mol", "temperature": "20 °C",
+                     "inlet_pressure": "5 bar"}  # fmt: skip
+    assert parse_case(data).fluid.fluid.slip is True
+    data["fluid"]["slip"] = False
+    assert parse_case(data).fluid.fluid.slip is False
+    data["fluid"]["slip"] = "maybe"
+    with pytest.raises(fs.InputError, match=r"^fluid\.slip: given 'maybe', allowed is a valid boolean"):
+        parse_case(data)
+
+
+def test_a_fluid_by_its_name(data):
+    data["fluid"] = {"name": "Helium", "inlet_pressure": "5 bar", "slip": False}
+    case = parse_case(data)
+    assert case.fluid.fluid == fs.IdealGas(19.62e-6, 4.0026e-3, 293.15, slip=False)
+    assert case.fluid.outlet_pressure == 101_325
+    assert case.echo()["fluid"]["name"] == "Helium"
+    data["fluid"] = {"name": "water", "inlet_pressure": "5 bar", "viscosity": "2 mPa*s"}
+    assert parse_case(data).fluid.fluid == fs.Liquid(2e-3, 998.21)
+    data["fluid"] |= {"kind": "roelands-liquid", "pressure_viscosity": "1 1/GPa"}
+    assert parse_case(data).fluid.fluid == fs.RoelandsLiquid(2e-3, 1e-9, 998.21)
+
+
+@pytest.mark.parametrize(
+    ("fluid", "words"),
+    [
+        ({"name": "grease"}, ["fluid.name: given 'grease'", "one of water, mineral oil"]),
+        ({"name": 3}, ["fluid.name: given 3", "one of water, mineral oil"]),
+        ({"name": "mineral oil ISO VG 46", "temperature": "90 °C"}, ["fluid.name", "at 90 °C", "20 °C"]),
+        ({"name": "air", "temperature": "90"}, ["fluid.temperature: given '90'", "such as '20 °C'"]),
+        ({"name": "air", "kind": "grease"}, ["fluid.kind: given 'grease'", "'ideal-gas'"]),
+        ({"name": "air", "colour": "blue"}, ["fluid.colour: unknown key", "name"]),
+    ],
+)
+def test_names_of_fluids_that_there_are_not(data, fluid, words):
+    data["fluid"] = {"inlet_pressure": "5 bar", **fluid}
+    with pytest.raises(fs.InputError) as caught:
+        parse_case(data)
+    assert all(word in str(caught.value) for word in words), str(caught.value)
+    assert "\n" not in str(caught.value)
 
 
 def test_tables_that_are_missing(data):
@@ -244,7 +287,9 @@ class TestPrepare:
         case = parse_case(small)
         scene = case.prepare().scene
         assert (scene.solver, scene.discretisation) == ("auto", "edge")
-        assert scene.layout.seal((1e-3, 2e-3), (2, 3)) == fs.RectangularSeal((1e-3, 2e-3), (2, 3))
+        assert scene.layout.lay_out(Windows((0.5e-3, 1e-3), 2, length=3e-3)).seal == fs.RectangularSeal(
+            (1e-3, 3e-3), (2, 3)
+        )
         small["flow"] = {"solver": "amg", "discretisation": "gauss"}
         small["seal"] = {"kind": "rectangular"}
         other = parse_case(small)
@@ -258,7 +303,7 @@ class TestPrepare:
         assert parse_case(small).prepare().scene.discretisation == "RT0"
         # results of other equations, or from another solver, are not those of this case
         assert case.echo()["flow"] != other.echo()["flow"]
-        assert case.echo()["seal"] == other.echo()["seal"] == {"kind": "rectangular"}
+        assert case.echo()["seal"] == other.echo()["seal"] == {"kind": "rectangular", "lay": "x2"}
 
     def test_sampling(self, small):
         small["seed"] = 9
@@ -348,11 +393,12 @@ def test_the_template_shows_every_key():
 def test_lines_of_the_template_that_are_commented_out_are_valid(tmp_path):
     (tmp_path / "face.plu").touch()
     blocks = (ROOT / "femseal" / "runs" / "template.toml").read_text(encoding="utf-8").split("\n\n")
-    (live_face,) = (b for b in blocks if "\n[face]" in b)
+    live = {name: b for b in blocks for name in ("face", "fluid") if f"\n[{name}]" in f"\n{b}"}
+    assert len(live) == 2
     assert sum("\n# " in b for b in blocks) > 5
     for block in blocks:
         uncommented = re.sub(r"^# (?=\[|\w+ = )", "", block, flags=re.MULTILINE)
-        instead = live_face if "# [face]" in block else block
+        instead = next((other for name, other in live.items() if f"# [{name}]" in block), block)
         text = "\n\n".join(
             "" if b is block and instead is not block else uncommented if b is instead else b for b in blocks
         )

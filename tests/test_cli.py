@@ -140,7 +140,7 @@ def test_commands_are_completed():
     asked = {"_FEMSEAL_COMPLETE": "complete_bash", "COMP_WORDS": "femseal s", "COMP_CWORD": "1"}
     code = "from femseal.cli import main; main()"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=os.environ | asked)
-    assert sorted(done.stdout.split()) == ["schema", "surface"]
+    assert sorted(done.stdout.split()) == ["schema", "surface", "sweep"]
 
 
 def test_errors_are_a_line_and_after_debug_a_traceback(femseal, monkeypatch, tmp_path):
@@ -392,10 +392,11 @@ def test_shipped_cases_fit_the_schema(schema, path):
 def test_all_that_the_template_comments_out_fits_the_schema(schema):
     text = (ROOT / "femseal" / "runs" / "template.toml").read_text(encoding="utf-8")
     lines = re.sub(r"^# (?=\[|\w+ = )", "", text, flags=re.MULTILINE)
-    data = tomllib.loads(re.sub(r"^\[face\]", "[[face]]", lines, flags=re.MULTILINE))
-    assert len(data["face"]) == 3
+    data = tomllib.loads(re.sub(r"^\[(face|fluid)\]", r"[[\1]]", lines, flags=re.MULTILINE))
+    assert (len(data["face"]), len(data["fluid"])) == (3, 2)
     for face in data["face"]:
-        assert faults({**data, "face": [face]}, schema, schema) == []
+        for fluid in data["fluid"]:
+            assert faults({**data, "face": [face], "fluid": fluid}, schema, schema) == []
 
 
 @pytest.mark.parametrize(

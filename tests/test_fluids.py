@@ -5,11 +5,11 @@ import pytest
 from numpy.testing import assert_allclose
 
 from femseal.base.errors import InputError
-from femseal.fluids import IdealGas, Liquid
+from femseal.fluids import IdealGas, Liquid, RoelandsLiquid
 
 AIR = IdealGas(viscosity=18.1e-6, molar_mass=28.96e-3, temperature=293.15)
 OIL = Liquid(viscosity=0.05, density=870.0, pressure_viscosity=20e-9)
-FLUIDS = [AIR, OIL, Liquid(1e-3)]
+FLUIDS = [AIR, OIL, Liquid(1e-3), RoelandsLiquid(0.05, 20e-9)]
 
 
 @pytest.mark.parametrize("fluid", FLUIDS)
@@ -23,7 +23,10 @@ def test_pressure_inverts_potential(fluid):
 def test_slope_of_the_potential_is_density_over_viscosity(fluid):
     p, dp = 2e7, 1e3
     slope = (fluid.potential(p + dp) - fluid.potential(p - dp)) / (2 * dp)
-    if isinstance(fluid, IdealGas):
+    if isinstance(fluid, RoelandsLiquid):
+        scale = np.log(0.05 / 6.31e-5)
+        density, viscosity = 870.0, 0.05 * np.exp(scale * ((1 + p / 1.962e8) ** (20e-9 * 1.962e8 / scale) - 1))
+    elif isinstance(fluid, IdealGas):
         density = p * 28.96e-3 / (8.314462618 * 293.15)
         viscosity = fluid.viscosity
     else:
@@ -65,3 +68,16 @@ def test_properties_must_be_finite_and_positive(bad):
 def test_pressure_viscosity_may_be_zero_but_not_negative(bad):
     with pytest.raises(InputError, match=r"^pressure_viscosity: given .*>= 0 \[1/Pa\]"):
         Liquid(1e-3, pressure_viscosity=bad)
+
+
+def test_roelands_against_an_adaptive_quadrature_and_barus():
+    from scipy.integrate import quad
+
+    oil = RoelandsLiquid(0.05, 20e-9)
+    for p in (1e5, 1e8, 1e9):
+        found = quad(lambda x: 870.0 / oil.viscosity_at(x), 0, p, epsabs=0, epsrel=1e-12, limit=500)[0]
+        assert_allclose(oil.potential(p), found, rtol=1e-10)
+    assert_allclose(oil.potential(1e4), Liquid(0.05, 870.0, 20e-9).potential(1e4), rtol=1e-6)
+    assert 1e5 < oil.viscosity_at(1e9) / 0.05 < np.exp(20) / 100
+    with pytest.raises(InputError, match="viscosity"):
+        RoelandsLiquid(5e-5, 20e-9)

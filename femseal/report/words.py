@@ -134,7 +134,12 @@ def _fluid_text(case: dict[str, Any], fallback: str) -> str:
     fluid = case.get("fluid", {})
     if "viscosity" not in fluid:
         return fallback
-    text = f"a {fluid.get('kind', 'fluid')} of viscosity {to_text(fluid['viscosity'], 'Pa·s')}"
+    name = f"{fluid['name']}, " if fluid.get("name") else ""
+    kind = {"ideal-gas": "an ideal gas", "roelands-liquid": "a liquid by Roelands' law"}
+    named = kind.get(fluid.get("kind", ""), f"a {fluid.get('kind', 'fluid')}")
+    text = f"{name}{named} of viscosity {to_text(fluid['viscosity'], 'Pa·s')}"
+    if fluid.get("kind") == "ideal-gas":
+        text += " with" + ("" if fluid.get("slip", True) else "out") + " slip and free molecular flow"
     return text + (f" and density {fluid['density']:g} kg/m³" if "density" in fluid else "")
 
 
@@ -166,6 +171,9 @@ def _method_sentences(results: Results) -> list[str]:
             + (f", seed {data.attrs['seed']}" if "seed" in data.attrs else "")
             + ". The leakage given is their median."
         )
+        if "seal_length" in data.coords:
+            lengths = ", ".join(to_text(float(x), "m") for x in data["seal_length"].values[1:])
+            sentences.append(f"Seals of other lengths are drawn from the same library: {lengths}.")
     return sentences
 
 
@@ -363,7 +371,10 @@ def _reference_text(results: Results) -> str:
     if basis.pressure is None or basis.temperature is None:
         return ""
     state = f"{basis.pressure:g} Pa and {basis.temperature:g} K"
-    return f" Volumes of the gas are those at {state}, and so is its pressure × volume."
+    return (
+        f" Volumes of the gas are those at {state}, standard ones at 0 °C; its pressure × volume is that at "
+        f"{basis.stated_temperature:g} K."
+    )
 
 
 def flat(value: Any, name: str = "") -> list[tuple[str, str]]:

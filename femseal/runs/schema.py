@@ -17,6 +17,15 @@ def case_schema() -> dict[str, Any]:
     del schema["properties"]["folder"]  # the folder of the file is no key
     faces = schema["properties"]["face"]
     schema["properties"]["face"] = {"anyOf": [faces["items"], faces]}
+    kinds = [schema["definitions"][option["$ref"].split("/")[-1]] for option in schema["properties"]["fluid"]["oneOf"]]
+    # what a name fills in need not be given
+    keys = {key: value for kind in reversed(kinds) for key, value in kind["properties"].items() if key != "kind"}
+    names = {"kind": {"enum": [kind["properties"]["kind"]["const"] for kind in kinds]}, "name": {"type": "string"}}
+    named = {"type": "object", "properties": keys | names, "required": ["name", "inlet_pressure"]}
+    schema["definitions"]["NamedFluidTable"] = named | {"additionalProperties": False}
+    schema["properties"]["fluid"] = {
+        "anyOf": [*schema["properties"]["fluid"]["oneOf"], {"$ref": "#/definitions/NamedFluidTable"}]
+    }
     return {"$schema": "http://json-schema.org/draft-07/schema#"} | _plain(schema) | {"title": "femseal case"}
 
 

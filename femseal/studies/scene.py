@@ -16,6 +16,7 @@ from ..loads import LoadProgramme
 from ..scales import Failed, FlowSettings, GlobalState, Partition, SolverCounts, global_states
 from ..seal import Leakage, RectangularSeal, seal_leakage
 from ..seal.layouts import Layout, RectangularLayout
+from ..seal.shapes import Seal
 from ..topography import Topography
 
 Array = NDArray[np.float64]
@@ -80,7 +81,7 @@ class Scene:
         """How the flow through windows and faces is discretised and solved."""
         return FlowSettings(self.solver, self.discretisation)
 
-    def leakage(self, seal: RectangularSeal, permeability: Any) -> Leakage:
+    def leakage(self, seal: Seal, permeability: Any) -> Leakage:
         """Solve the leakage of a seal between the scene's fluid pressures.
 
         Raises

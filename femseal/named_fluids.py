@@ -1,0 +1,114 @@
+"""Fluids by name: ten common ones at 20 °C from a table, all that CoolProp knows at any temperature.
+
+Gases are ideal, with the viscosity of the mean pressure; liquids have the density and viscosity of the mean pressure.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from .base.errors import InputError, shown
+from .base.quantities import to_text
+
+#: Temperature of the table, and of named fluids unless given [K].
+TABLE_TEMPERATURE = 293.15
+#: Pressure of the table [Pa].
+TABLE_PRESSURE = 101_325.0
+
+
+@dataclass(frozen=True)
+class NamedFluid:
+    """Properties of a fluid in a state, in the keys of a kind of `femseal.fluids`.
+
+    kind : "liquid" or "ideal-gas". parameters : of that kind, in SI. source : where they come from.
+    """
+
+    kind: str
+    parameters: dict[str, float]
+    source: str
+
+
+def _gas(viscosity: float, molar_mass: float, source: str) -> NamedFluid:
+    found = {"viscosity": viscosity, "molar_mass": molar_mass, "temperature": TABLE_TEMPERATURE}
+    return NamedFluid("ideal-gas", found, source)
+
+
+def _liquid(viscosity: float, density: float, source: str) -> NamedFluid:
+    return NamedFluid("liquid", {"viscosity": viscosity, "density": density}, source)
+
+
+_OIL = "ISO 3448; at 20 °C by ASTM D341 with a viscosity index of about 100, and a density usual for mineral oils"
+#: Fluids at 20 °C and 101 325 Pa, by their name. Values of gases and water equal those of CoolProp 8 to the last digit.
+TABLE: dict[str, NamedFluid] = {
+    "water": _liquid(1.0016e-3, 998.21, "IAPWS formulations of 1995 (density) and 2008 (viscosity)"),
+    "mineral oil ISO VG 32": _liquid(0.0747, 866.0, _OIL),
+    "mineral oil ISO VG 46": _liquid(0.1164, 870.0, _OIL),
+    "air": _gas(18.21e-6, 28.965e-3, "Lemmon & Jacobsen, Int. J. Thermophys. 25, 2004, 21"),
+    "nitrogen": _gas(17.57e-6, 28.013e-3, "Lemmon & Jacobsen, Int. J. Thermophys. 25, 2004, 21"),
+    "oxygen": _gas(20.27e-6, 31.999e-3, "Lemmon & Jacobsen, Int. J. Thermophys. 25, 2004, 21"),
+    "argon": _gas(22.31e-6, 39.948e-3, "Lemmon & Jacobsen, Int. J. Thermophys. 25, 2004, 21"),
+    "helium": _gas(19.62e-6, 4.0026e-3, "Arp, McCarty & Friend, NIST Technical Note 1334, 1998"),
+    "hydrogen": _gas(8.80e-6, 2.0159e-3, "Muzny, Huber & Kazakov, J. Chem. Eng. Data 58, 2013, 969"),
+    "methane": _gas(11.04e-6, 16.043e-3, "Quiñones-Cisneros & Deiters, J. Phys. Chem. B 110, 2006, 12820"),
+}
+
+
+def named_fluid(
+    name: str, temperature: float = TABLE_TEMPERATURE, pressures: tuple[float, float] = (TABLE_PRESSURE, TABLE_PRESSURE)
+) -> NamedFluid:
+    """Properties of a fluid by its name, from the table at 20 °C and otherwise from CoolProp.
+
+    Parameters
+    ----------
+    name : one of `TABLE`, or of CoolProp; upper and lower case are the same.
+    temperature : [K]. pressures : at inlet and outlet, absolute [Pa]; with CoolProp the state is that of their mean.
+
+    Raises
+    ------
+    InputError : an unknown name, a temperature at which the fluid is not known, or changes phase between the pressures.
+    """
+    known = {key.casefold(): fluid for key, fluid in TABLE.items()}
+    if isinstance(name, str) and name.casefold() in known and abs(temperature - TABLE_TEMPERATURE) < 0.01:
+        return known[name.casefold()]
+    properties = _coolprop(name, temperature)
+    try:
+        low, high = (float(properties.PropsSI(limit, name)) for limit in ("Tmin", "Tmax"))
+        if not low <= temperature <= high:
+            _refuse(name, temperature, f"a temperature from {low - 273.15:.4g} to {high - 273.15:.4g} °C")
+        phases = {properties.PhaseSI("T", temperature, "P", max(p, 1.0), name) for p in pressures}
+        state = ("T", temperature, "P", max(sum(pressures) / 2, 1.0), name)
+        viscosity, density = (float(properties.PropsSI(letter, *state)) for letter in "VD")
+        molar_mass = float(properties.PropsSI("M", name))
+    except InputError:
+        raise
+    except ValueError as error:
+        _refuse(name, temperature, f"a fluid and a temperature that CoolProp knows: {shown(str(error))}")
+    is_gas = {"gas" in phase or phase == "supercritical" for phase in phases}
+    if len(is_gas) > 1 or "twophase" in phases:
+        _refuse(name, temperature, "a temperature at which it is a gas, or a liquid, at both ends")
+    source = f"CoolProp at {to_text(temperature, 'K')} and {to_text(state[3], 'Pa')}"
+    if is_gas == {True}:
+        found = {"viscosity": viscosity, "molar_mass": molar_mass, "temperature": temperature}
+        return NamedFluid("ideal-gas", found, source)
+    return NamedFluid("liquid", {"viscosity": viscosity, "density": density}, source)
+
+
+def _coolprop(name: Any, temperature: float) -> Any:
+    table = ", ".join(TABLE)
+    try:
+        from CoolProp import CoolProp
+    except ImportError:
+        allowed = f"one of {table} at 20 °C; any temperature and more fluids after: pip install 'femseal[fluids]'"
+        _refuse(name, temperature, allowed)
+    fluids = CoolProp.get_global_param_string("fluids_list").split(",")
+    aliases = {alias.casefold() for fluid in fluids for alias in (fluid, *CoolProp.get_aliases(fluid))}
+    if not isinstance(name, str) or name.casefold() not in aliases:
+        if isinstance(name, str) and name.casefold() in {key.casefold() for key in TABLE}:
+            _refuse(name, temperature, "20 °C for a fluid that CoolProp does not know; or its viscosity and density")
+        raise InputError.of("name", shown(name), f"one of {table}, or a fluid of CoolProp: {', '.join(sorted(fluids))}")
+    return CoolProp
+
+
+def _refuse(name: Any, temperature: float, allowed: str) -> Any:
+    raise InputError.of("name", f"{shown(name)} at {temperature - 273.15:.4g} °C", allowed)

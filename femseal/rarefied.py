@@ -1,0 +1,71 @@
+"""Flow of a rarefied gas between plates: how much more of it passes than of a viscous one, from molecules to continuum.
+
+A gas flows between parallel plates as −(h²/√(2R_sT)) Q(D) ∇p [kg/(m s)] with D = p h/(η√(2R_sT)); without slip Q is
+D/6. Q has its least value, Knudsen's minimum, near D = 1.
+Source: Fukui & Kaneko, J. Tribol. 112, 1990, 78: a fit to the linearised Boltzmann (BGK) equation for walls that
+reflect diffusely. It is within 0.9 % of a solution of that equation, and jumps by 0.27 % at D = 0.15 and 0.14 % at
+D = 5. Below 0.01, where the fit ends, the limit of free molecules between plates without end takes over, within 0.3 %:
+(3(1 − γ)/2 − ln D)/√π with Euler's γ (Cercignani & Daneri, J. Appl. Phys. 34, 1963, 3509), plus c D ln²D, whose c makes
+it continuous.
+"""
+
+from __future__ import annotations
+
+from math import log, pi, sqrt
+from typing import Any
+
+import numpy as np
+from numba import njit
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+_EULER = 0.5772156649015329
+#: Borders of the four formulas.
+FREE_MOLECULAR, TRANSITION, SLIP = 0.01, 0.15, 5.0
+#: Least D of the logarithm, which has no limit.
+_LEAST = 1e-30
+
+_compiled: dict[str, Any] = {"cache": True, "nogil": True}
+
+
+def _low(d: float) -> float:
+    return -2.22919 * d + 2.10673 + 0.01653 / d - 0.0000694 / (d * d)
+
+
+def _plates_without_end(d: float) -> float:
+    return (1.5 * (1.0 - _EULER) - log(d)) / sqrt(pi)
+
+
+_EXCESS = (_low(FREE_MOLECULAR) - _plates_without_end(FREE_MOLECULAR)) / (FREE_MOLECULAR * log(FREE_MOLECULAR) ** 2)
+_at_low, _at_free = njit(**_compiled)(_low), njit(**_compiled)(_plates_without_end)
+
+
+@njit(**_compiled)
+def _flow_rate(d):
+    if d >= SLIP:
+        return d / 6.0 + 1.0162 + 1.0653 / d - 2.1354 / (d * d)
+    if d >= TRANSITION:
+        return 0.13852 * d + 1.25087 + 0.15653 / d - 0.00969 / (d * d)
+    if d >= FREE_MOLECULAR:
+        return _at_low(d)
+    d = max(d, _LEAST)
+    return _at_free(d) + _EXCESS * d * log(d) ** 2
+
+
+@njit(**_compiled)
+def _flow_rates(d, out):
+    for i in range(d.size):
+        out[i] = _flow_rate(d[i])
+
+
+def flow_rate(inverse_knudsen: ArrayLike) -> Array:
+    """Q(D), the flow rate of a gas between plates over h²/√(2R_sT) times the pressure gradient.
+
+    Parameters
+    ----------
+    inverse_knudsen : D >= 0, √π/2 over the ratio of mean free path and gap. Below 1e-30 it is taken for 1e-30.
+    """
+    d = np.asarray(inverse_knudsen, dtype=float)
+    out = np.empty(d.size)
+    _flow_rates(d.ravel(), out)
+    return out.reshape(d.shape)

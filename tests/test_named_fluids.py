@@ -1,0 +1,52 @@
+"""Fluids by name: the table, CoolProp, and names in a case."""
+
+import sys
+
+import pytest
+from numpy.testing import assert_allclose
+
+import femseal as fs
+from femseal.fluids import FLUIDS
+from femseal.named_fluids import TABLE, named_fluid
+
+
+def test_the_table_makes_fluids():
+    assert len(TABLE) == 10
+    for found in TABLE.values():
+        FLUIDS[found.kind](**found.parameters)
+        assert found.source
+    assert named_fluid("Helium") is TABLE["helium"]
+
+
+@pytest.mark.parametrize("name", [n for n in TABLE if "oil" not in n])
+def test_the_table_against_coolprop(name):
+    coolprop = pytest.importorskip("CoolProp.CoolProp")
+    state = ("T", 293.15, "P", 101325, name)
+    found = TABLE[name].parameters
+    assert_allclose(found["viscosity"], coolprop.PropsSI("V", *state), rtol=1e-3)
+    density = FLUIDS[TABLE[name].kind](**found).reference_density
+    assert_allclose(density, coolprop.PropsSI("D", *state), rtol=2e-3)
+
+
+def test_other_temperatures_and_phases():
+    pytest.importorskip("CoolProp")
+    hot = named_fluid("helium", 423.15, (1e6, 1e5))
+    assert hot.kind == "ideal-gas"
+    assert hot.parameters["temperature"] == 423.15
+    assert_allclose(hot.parameters["viscosity"], 25.3e-6, rtol=0.01)
+    assert named_fluid("water", 423.15, (10e6, 6e6)).kind == "liquid"
+    assert named_fluid("water", 423.15, (2e5, 1e5)).kind == "ideal-gas"
+    with pytest.raises(fs.InputError, match="a gas, or a liquid, at both ends"):
+        named_fluid("water", 423.15, (10e6, 1e5))
+    with pytest.raises(fs.InputError, match="a temperature from"):
+        named_fluid("helium", 1e5)
+    with pytest.raises(fs.InputError, match=r"'grease'.*helium.*Acetone"):
+        named_fluid("grease")
+
+
+def test_without_coolprop_the_table_is_told(monkeypatch):
+    monkeypatch.setitem(sys.modules, "CoolProp", None)
+    assert named_fluid("air").kind == "ideal-gas"
+    for name, temperature in (("air", 400.0), ("grease", 293.15)):
+        with pytest.raises(fs.InputError, match=r"methane at 20 °C; .*pip install 'femseal\[fluids\]'"):
+            named_fluid(name, temperature)
