@@ -32,8 +32,8 @@ RESOLVED_PIXELS = 2**22
 def chosen_flow(flow: str | None, shape: tuple[int, int], discretisation: str = "edge") -> str:
     """The flow given, or the one that suits the number of pixels of a face.
 
-    Elements are the resolved flow in a third of the memory and two to three times the time. They know links between pixels
-    alone, which the discretisation "edge" has.
+    Elements are the resolved flow in a third of the memory and two to three times the time. They know links between
+    pixels alone, which the discretisation "edge" has.
 
     Raises
     ------
