@@ -17,6 +17,7 @@ from ..results.tables import texts, totals
 from . import class_words
 from . import pictures as pictures
 from . import words as words
+from .design_section import design_section
 from .drop_words import pressure_drop_sentences
 
 REPORT_NAME = "report.html"
@@ -107,6 +108,7 @@ def _content(results: Results, drawings: pictures.Drawings) -> dict[str, Any]:
             "note": class_words.class_note(results),
         },
         "test_fluid": class_words.test_fluid_sentences(results),
+        "design": design_section(results),
         "method": results.method,
         "lengths": None,
         "cells": pictures.cell_pictures(results, drawings) if "cells" in drawings else [],

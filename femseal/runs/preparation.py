@@ -172,16 +172,19 @@ def _prepare(case: Case) -> Prepared:
             weigh_draws(len(scene.steps), laid.draws[0], sampling.realisations, sampling.library_cells, paths)
     method: str = case.method
     choice = ""
+    # where the deterministic solution is not affordable, resolved flow is not either
+    cheaper = "elements" if scene.discretisation == "edge" else "links"
     if method == "auto":
         assert cells is not None
-        method, choice = choose_method(len(scene.steps), surface.shape, cells)
+        method, choice = choose_method(len(scene.steps), surface.shape, cells, cheaper)
     methods = frozenset({method, *case.compare})
     effect = SpikeEffect(report.spikes_along_lay, report.spikes_extreme)
     odd = (*oddities(case, scene, report), *effect.doubts(report.spikes), *doubts)
     contact, flow = (None, None) if case.cells is None else (case.cells.contact, case.cells.flow)
     if flow is None and case.method == "auto" and method == "two-scale":
-        flow = "links"  # what resolved flow takes was not affordable
-    contact, flow = chosen_contact(contact, surface.shape), chosen_flow(flow, surface.shape)
+        flow = cheaper
+    contact = chosen_contact(contact, surface.shape)
+    flow = chosen_flow(flow, surface.shape, scene.discretisation)
     prepared = Prepared(scene, cells, sampling, report, overlap, method, methods, choice, contact, flow, odd)
     return replace(prepared, filtered=coarser(prepared)) if case.surface.filter_sensitivity else prepared
 
