@@ -6,6 +6,8 @@ from numpy.testing import assert_allclose
 from skfem import MeshQuad, MeshTri
 
 import femseal as fs
+from femseal.loads import LoadProgramme
+from femseal.scales import LinkTable, draw_links, draw_pressures
 from femseal.seal.elemented import ElementSeal, ElementWindows
 from femseal.seal.linked import LinkWindows
 
@@ -102,3 +104,24 @@ def test_values_of_windows_are_averaged_over_the_parts():
     assert_allclose(laid.means(values), [1.5, 5.5, 9.5, 13.5])
     links = LinkWindows(fs.RectangularSeal((1.0, 1.0), (2, 3)))
     assert_allclose(links.means(np.arange(6.0).reshape(2, 3)), np.arange(6.0))
+
+
+# --- contact pressure of the windows ----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("sampler", ["history", "block", "copula", "derivative"])
+def test_pressures_are_those_of_the_windows_that_are_drawn(sampler):
+    steps = LoadProgramme.of([1e8, 3e8])
+    pressure = np.random.default_rng(3).uniform(1e7, 5e8, size=(2, 3, 8))
+    path = np.repeat(np.arange(3)[:, None], 20, axis=1)
+    table = LinkTable(pressure * 1e-27, path, steps, run_length=4.0, pressure=pressure)
+    which = {"sampler": sampler, "seed": 5, "realisation": 2, "axis": 0}
+    k, p = draw_links(table, **which), draw_pressures(table, **which)
+    for s in range(2):
+        if sampler in ("history", "block"):
+            assert_allclose(p(s), k(s) * 1e27)
+        else:  # they draw no windows
+            assert_allclose(p(s), pressure[s].mean(axis=1)[path])
+    of_paths = LinkTable(pressure, path, steps, run_length=4.0, pressure=pressure[:, :, :1])
+    assert_allclose(draw_pressures(of_paths, **which)(1), pressure[1, :, 0][path])
+    assert draw_pressures(LinkTable(pressure, path, steps), **which) is None
