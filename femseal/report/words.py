@@ -216,8 +216,8 @@ def scatter_lines(results: Results) -> Lines:
         share = 1.2533 / np.sqrt(data.sizes["realisation"])
         deviation("median", share * spread, "standard error of the median; more realisations lower it")
     if "element_error" in data:
-        meaning = "estimated from the bound with every second node; the leakage through elements is an upper bound"
-        deviation("nodes of elements", np.log1p(data["element_error"].values), meaning)
+        meaning = "at most, estimated from the last iterations; the leakage through elements is an upper bound"
+        deviation("flow through elements", np.log1p(data["element_error"].values), meaning)
     if "cut_error" in data:
         meaning = "half the way from closed to held cuts; a longer face lowers it"
         deviation("cuts between runs", data["cut_error"].values, meaning)

@@ -90,6 +90,8 @@ def describe(case: Case, prepared: Prepared) -> list[str]:
             solutions = f"{steps * links} flow solutions of windows"
             if prepared.flow == "resolved":
                 solutions = f"{steps} flow solutions of {pixels} unknowns"
+            elif prepared.flow == "elements":
+                solutions = f"{steps} flow solutions of {m1 * m2} elements"
             text = f"contact {_contact(prepared)}, flow {prepared.flow}: {solutions}"
             lines.append(_line("two-scale", text))
         if prepared.sampling is not None:
@@ -145,7 +147,7 @@ def refuse_too_large(case: Case, prepared: Prepared) -> None:
         return
     points = " × ".join(map(str, prepared.scene.surface.shape))
     given = f"a run that takes about {needed / 1e9:.2g} GB, on {points} points"
-    cheaper = ', the method two-scale with flow = "links"' if "deterministic" in prepared.methods else ""
+    cheaper = ', the method two-scale with flow = "elements"' if "deterministic" in prepared.methods else ""
     allowed = (
         f"at most the {most / 1e9:.2g} GB {which}: fewer surface.points or load steps{cheaper}; "
         f"or memory = '{np.ceil(needed / 1e8) / 10:g} GB' in the case, to run all the same"
