@@ -135,8 +135,8 @@ def design(
     if case is not None and solve and np.isfinite(place[1]):
         solver = Solver(case, results, workers, told)
         variants = solver.variants()
-        if (other := solver.turned()) is not None:
-            turned = _turned(seals, other.seals, other.factor, needs, place, probability, other.how)
+        other = solver.turned()
+        turned = _turned(seals, other.seals, other.factor, needs, place, probability, other.how)
     if (state := judged_state(results)) is not None:
         variants = replace(variants, rarefied=state.slips, inlet_slope=inlet_slope(state))
     answer = Design(

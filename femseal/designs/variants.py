@@ -63,11 +63,9 @@ class Solver:
             thicker = self._seals("another viscosity", replace(scene, fluid=thick))
         return Variants(harder, thicker, HARDER, THICKER, hardness_counts=yields)
 
-    def turned(self) -> TurnedSeals | None:
-        """The seals of the face turned by 90°; None where the rows of the face have shares of the pressure."""
+    def turned(self) -> TurnedSeals:
+        """The seals of the face turned by 90°."""
         prepared, scene = self._prepared, self._scene
-        if prepared.sampling is not None and prepared.sampling.profile:
-            return None
         surface = scene.surface
         turned = replace(scene, surface=Topography(np.ascontiguousarray(surface.heights.T), surface.spacing[::-1]))
         cells = None if prepared.cells is None else prepared.cells[::-1]
