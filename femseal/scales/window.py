@@ -12,6 +12,7 @@ from ..contact import HalfSpace, solve_deformed_contact
 from ..flow import cell_permeability
 from ..flow.coefficient import cubic_law
 from ..flow.discretisation import check_discretisation
+from ..flow.gas_drop import GasDrop
 from ..loads import LoadProgramme
 from .outcome import Failed, SolveCounts, SolverCounts, attempt
 from .window_fields import ContactValues
@@ -157,7 +158,7 @@ class FlowHistory:
 
 @dataclass(frozen=True)
 class FlowSettings:
-    """How the flow through windows is discretised and solved, see `cell_permeability`.
+    """How the flow through windows is discretised and solved, see `cell_permeability`, and of what gas, if it slips.
 
     Raises
     ------
@@ -166,6 +167,7 @@ class FlowSettings:
 
     solver: str = "auto"
     discretisation: str = "edge"
+    drop: GasDrop | None = None
 
     def __post_init__(self) -> None:
         check_discretisation(self.discretisation, self.solver)
