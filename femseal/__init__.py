@@ -12,6 +12,7 @@ The flow of data, top to bottom::
     plots        pictures of every result
     report       the folder and the page of a run                        write_report
     runs         TOML case -> everything above                           load_case, run
+    sweeps       a case with several values of its keys                  sweep
     accuracy     speed against error of the studies for a case           measure_accuracy
 
 Everything is SI. Names are loaded when first used, so that importing the package is quick.
@@ -37,7 +38,7 @@ if TYPE_CHECKING:
     from .fluids import IdealGas, Liquid, RoelandsLiquid
     from .materials import Solid, contact_modulus
     from .report import write_report
-    from .results import Results, open_results
+    from .results import Results, RunComparison, compare, open_results
     from .runs.case import Case, load_case
     from .runs.job import run
     from .seal import AnnularSeal, Leakage, MeshSeal, RectangularSeal, seal_leakage
@@ -46,6 +47,7 @@ if TYPE_CHECKING:
     from .studies.scene import Scene
     from .studies.stochastic import StochasticResult, stochastic
     from .studies.two_scale import TwoScaleResult, two_scale
+    from .sweeps.sweeping import sweep
     from .topography import (
         SurfaceReport,
         Topography,
@@ -74,7 +76,7 @@ _MODULES = {
     "runs.job": ("run",),
     "materials": ("Solid", "contact_modulus"),
     "report": ("write_report",),
-    "results": ("Results", "open_results"),
+    "results": ("Results", "RunComparison", "compare", "open_results"),
     "seal": ("AnnularSeal", "Leakage", "MeshSeal", "RectangularSeal", "seal_leakage"),
     "studies": (
         "DeterministicResult",
@@ -86,6 +88,7 @@ _MODULES = {
         "stochastic",
         "two_scale",
     ),
+    "sweeps.sweeping": ("sweep",),
     "topography": (
         "SurfaceReport",
         "Topography",

@@ -1,4 +1,4 @@
-"""Command line: `femseal new`, `check`, `run`, `report`, `export`, `accuracy`, `surface`, `schema`.
+"""Command line: `femseal new`, `check`, `run`, `sweep`, `compare`, `report`, `export`, `accuracy`, `surface`, `schema`.
 
 Exit code 0 done, 2 bad input (nothing written), 1 anything else.
 """
@@ -17,7 +17,8 @@ from typing import Annotated, NoReturn
 import typer
 
 from .base.errors import FemsealError, InputError, shortened
-from .runs.terminal import ProgressBars, log_lines
+from .runs.terminal import ProgressBars, log_lines, print_table
+from .sweeps.commands import compare, sweep
 
 app = typer.Typer(
     name="femseal",
@@ -128,9 +129,7 @@ def run(
     except KeyboardInterrupt:
         raise FemsealError(f"stopped; `femseal run {path} -o {folder} --resume` goes on") from None
     if not quiet:
-        from rich.console import Console
-
-        Console(width=None if sys.stdout.isatty() else 160).print(results.table())
+        print_table(results.table())
         if terminal:  # without a terminal, the log lines have told it
             for kind, texts in (("warning", results.warnings), ("failure", results.failures)):
                 for text in texts[:5]:
@@ -138,6 +137,10 @@ def run(
                 if len(texts) > 5:
                     typer.echo(f"{kind}: {len(texts) - 5} more in {folder / 'run.log'}", err=True)
         typer.echo(f"results in {folder}")
+
+
+app.command()(sweep)
+app.command()(compare)
 
 
 @app.command()
@@ -160,12 +163,14 @@ def export(
     step: Annotated[
         int | None, typer.Option(help="Load step, counted from 0 as in the table.", show_default="all, numbered files")
     ] = None,
-    field: Annotated[str, typer.Option(help='Over the pixels of the face: "gap" or "contact_pressure".')] = "gap",
+    field: Annotated[
+        str, typer.Option(help='Over the pixels of the face: "gap", "contact_pressure" or "fluid_pressure".')
+    ] = "gap",
     cell: Annotated[
         tuple[int, int] | None, typer.Option(help="Window, counted from 0 along x1 and x2.", show_default="the face")
     ] = None,
 ) -> None:
-    """Write the gap, or the contact pressure, at the load steps for other programs, with the size of the pixel."""
+    """Write the gap, the contact or the fluid pressure at the load steps for other programs, with the pixel's size."""
     from .results import open_results
 
     for path in open_results(folder).export(output, step=step, field=field, cell=cell):
@@ -192,9 +197,7 @@ def accuracy(
     with ProgressBars(show=not quiet and sys.stderr.isatty()) as progress:
         report = measure_accuracy(path, output, workers, **limits, announce=announce, progress=progress)
     if not quiet:
-        from rich.console import Console
-
-        Console(width=None if sys.stdout.isatty() else 160).print(report.table())
+        print_table(report.table())
         for warning in report.warnings[:5]:
             typer.echo(f"warning: {warning}", err=True)
         if len(report.warnings) > 5:

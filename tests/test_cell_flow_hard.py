@@ -3,12 +3,21 @@
 import numpy as np
 import pytest
 import scipy.sparse as sp
-from networks import cell_links, solve_links
+from networks import cell_links, network, solve_links
 from numpy.testing import assert_allclose
 from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import spsolve
 
-from femseal import AnnularSeal, InputError, RectangularSeal, cell_permeability, permeability_tensor, self_affine
+from femseal import (
+    AnnularSeal,
+    InputError,
+    NotConverged,
+    RectangularSeal,
+    cell_permeability,
+    permeability_tensor,
+    self_affine,
+)
+from femseal.flow.percolation import nodes_reached
 
 D = 1e-6
 KINDS = ("cut by a plane", "white noise", "log-normal", "one channel", "stretched pixels")
@@ -71,6 +80,109 @@ def test_4096_pixels_a_side(share):
     p = np.nan_to_num(k.fluid_pressure)
     sections = (c1[1:-1] * (p[:-1] - p[1:])).sum(axis=1)
     assert_allclose(sections, k.value, rtol=1e-4)
+
+
+# --- thousands of random cells against elimination ---
+
+
+def random_cell(seed):
+    """1 to 128 pixels a side, of ten kinds with gaps from 1 down to 1e-12 of the largest: network of links."""
+    rng = np.random.default_rng([77, seed])
+    shape = n1, n2 = tuple(
+        int(rng.choice([rng.integers(1, 12), rng.integers(8, 64), rng.integers(32, 129)], p=[0.15, 0.45, 0.4]))
+        for _ in range(2)
+    )
+    sides, spacing = ("mirror", "periodic")[int(rng.integers(2))], (D, D)
+
+    def face():
+        roll_off, cut_off, seed = 128 * D / rng.uniform(1, 6), rng.choice([4, 8, 16]) * D, int(rng.integers(1 << 30))
+        surface = self_affine(
+            (128, 128), (128 * D, 128 * D), hurst=0.8, rms_slope=0.2, roll_off=roll_off, cut_off=cut_off, rng=seed
+        )
+        return surface.heights[:n1, :n2]
+
+    def cut(z, least, most):
+        return np.maximum(np.quantile(z, 1 - rng.uniform(least, most)) - z, 0)
+
+    def blocks(side, *values):
+        return np.kron(rng.random((n1 // side + 1, n2 // side + 1)) < rng.uniform(*values), np.ones((side, side)))
+
+    kind = seed % 10
+    if kind == 0:  # cut by a plane
+        h = cut(face(), 0, 0.55)
+    elif kind == 1:
+        h = cut(rng.standard_normal(shape), 0, 0.42)
+    elif kind == 2:  # log-normal
+        z = face()
+        h = np.exp(rng.uniform(0.5, 11) * z / (z.std() or 1))
+        h[h < np.quantile(h, rng.uniform(0, 0.4))] = 0
+    elif kind == 3:  # one channel
+        h = cut(face(), 0.3, 0.6)
+        column = rng.integers(n2)
+        h[:, column] = np.maximum(h[:, column], (h.max() or 1) * 10 ** -rng.uniform(0, 5))
+    elif kind == 4:  # stretched pixels
+        h = cut(face(), 0, 0.5)
+        spacing = (D, D * 10 ** rng.uniform(-1.5, 1.5))
+    elif kind == 5:  # a film over contact
+        h = cut(face(), 0.1, 0.7)
+        h = np.maximum(h / (h.max() or 1), 10 ** -rng.uniform(1, 5))
+    elif kind == 6:  # fragments
+        h = blocks(rng.integers(1, 8), 0.55, 0.95)[:n1, :n2]
+        h = h * np.exp(rng.uniform(0, 3) * rng.standard_normal(shape))
+    elif kind == 7:  # nearly closed
+        z = face()
+        closed, opened = z.min(), z.max()
+        for _ in range(18):
+            level = (closed + opened) / 2
+            flow = nodes_reached(network(*cell_links(np.maximum(level - z, 0) / (z.std() or 1), spacing, sides)))
+            closed, opened = (closed, level) if flow[0].max() == 3 else (level, opened)
+        h = np.maximum(opened - z, 0)
+    elif kind == 8:  # two gaps
+        side = rng.integers(1, 10)
+        wide = blocks(side, 0.3, 0.7)[:n1, :n2] > 0
+        h = np.where(wide, 1.0, 10.0 ** -rng.uniform(0, 5)) * np.exp(0.3 * rng.standard_normal(shape))
+    else:  # grooves across the flow
+        h = np.abs(rng.standard_normal((n1, 1))) * np.ones((1, n2)) * 10 ** -rng.uniform(0, 4)
+        h = np.where(rng.random(shape) < 0.05, 1.0, h)
+        h[rng.random(shape) < rng.uniform(0, 0.3)] = 0
+    return cell_links(h / h.max() if h.max() > 0 else h + 1, spacing, sides)
+
+
+def check_random_cell(seed, rtol):
+    c1, c2 = random_cell(seed)
+    exact, found = solve_links(c1, c2, solver="elimination"), solve_links(c1, c2, rtol=rtol)
+    assert found.percolates == exact.percolates
+    assert_allclose(found.conductance, exact.conductance, rtol=rtol, err_msg=f"seed {seed}")
+    assert abs(found.conductance - exact.conductance) <= max(found.residual**2, 1e-13) * exact.conductance, seed
+    return found
+
+
+@pytest.mark.parametrize("seed", [10272, 10392, 10572, 10605, 11288])
+def test_links_lost_in_sums_that_carry_flow(seed):
+    """Most of the flow is through links beside which multigrid cannot see 1e-4 to 1e-2 of it."""
+    for rtol in (1e-3, 1e-6, 1e-9):
+        check_random_cell(seed, rtol)
+    c1, c2 = random_cell(seed)
+    exact = solve_links(c1, c2, solver="elimination").conductance
+    loose = solve_links(c1, c2, rtol=0.02, solver="multigrid")
+    assert 1e-4 < loose.residual**2 <= 0.02
+    assert_allclose(loose.conductance, exact, rtol=1e-6)
+    with pytest.raises(NotConverged, match=r"too narrow for multigrid|inlet and outlet differ"):
+        solve_links(c1, c2, rtol=1e-9, solver="multigrid")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("first", range(0, 10000, 1000))
+def test_ten_thousand_random_cells(first):
+    used = {check_random_cell(seed, 1e-6).solver for seed in range(first, first + 1000)}
+    assert used == {"multigrid", "elimination", "none"}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("rtol", [1e-3, 1e-9])
+def test_random_cells_at_other_tolerances(rtol):
+    for seed in range(10000, 12000):
+        check_random_cell(seed, rtol)
 
 
 # --- bounds, tensor and units of small random cells ---

@@ -32,6 +32,7 @@ ROOMS = (
     "plots",
     "report",
     "runs",
+    "sweeps",
     "accuracy",
     "cli",
 )

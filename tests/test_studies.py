@@ -23,6 +23,7 @@ from femseal.report import write_folder
 from femseal.results import assemble, open_results
 from femseal.scales import LinkTable, draw_links, gap_error
 from femseal.seal import RectangularSeal
+from femseal.seal.linked import LinkWindows
 from femseal.studies import Sampling, Scene, StochasticResult, deterministic, stochastic, two_scale
 from femseal.topography import Topography, condition, read_topography, self_affine, turned
 
@@ -562,7 +563,7 @@ class TestDraws:
         assert (face.seal.cells[0], broad.seal.cells[0]) == (2, 10)
         assert_allclose(broad.seal.size[0], 320e-6)
         assert_allclose(broad.leakage, face.leakage / 5, rtol=1e-6)
-        with pytest.raises(InputError, match="10, one for each row"):
+        with pytest.raises(InputError, match="10 numbers >= 0"):
             stochastic(scene, (2, 2), replace(sampling, breadth=320e-6, profile=(1.0, 1.0)))
 
     @pytest.mark.parametrize("pressure", ["uniform", "global"])
@@ -750,7 +751,7 @@ class TestErrorOfTheLibrary:
         none = LinkTable(np.empty(k.shape), np.zeros((0, links), int), self.steps)
         scene = make_scene(np.zeros((8, 8)), loading=(1e8,))
         seal = RectangularSeal((1e-3, links * 1e-3), (1, links))
-        task = [STOCHASTIC._realise(r, again, scene=scene, seal=seal, kinds=((table, none),),
+        task = [STOCHASTIC._realise(r, again, scene=scene, laid=LinkWindows(seal), kinds=((table, none),),
                                                sampling=replace(SAMPLING, sampler="history"), independent=1 / copies).leakage
                 for again in (False, True) for r in range(realisations)]  # fmt: skip
         leakage = np.array(task).reshape(2, realisations, 1)

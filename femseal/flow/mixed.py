@@ -40,7 +40,8 @@ def flux_conductance(
     tensor : K, invertible where not 0 (elements, 2, 2), of any one unit.
     ends : boundary facets of inlet and outlet.
     element, intorder : of the flux, and the degree that its quadrature integrates exactly.
-    rtol, solver : of the linear system.
+    rtol : error of the potential allowed in the norm of the energy; balancing the flux magnifies it.
+    solver : of the linear system.
 
     Returns
     -------

@@ -8,10 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-#: Inlet and outlet flow may differ by this share before a solution is refused.
+#: Inlet and outlet flow may differ by this share before a direct or a precise solution is refused.
 MAX_IMBALANCE = 1e-5
 #: Error of the potential in the norm of the energy that is allowed where it is shown or written.
 FIELD_RTOL = 1e-6
+
+
+def potential_rtol(rtol: float, field_rtol: float | None = None) -> float:
+    """Error allowed to the potential in the norm of the energy, of which the flow has the square."""
+    return float(np.sqrt(rtol)) if field_rtol is None else min(float(np.sqrt(rtol)), field_rtol)
 
 
 @dataclass(frozen=True)

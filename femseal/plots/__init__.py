@@ -5,21 +5,25 @@ a run. matplotlib is loaded when something is drawn.
 """
 
 from .cell_curves import cells_figure
+from .drawing import png
 from .heights import heights_figure
 from .leakage_curves import leakage_figure
 from .maps import seal_figure
 from .registry import picture
+from .several_runs import comparison_figure
 from .solutions import contact_figure, cycle_figure, permeability_figure, seal_leakage_figure
 from .surface import survey_figure
 
 __all__ = [
     "cells_figure",
+    "comparison_figure",
     "contact_figure",
     "cycle_figure",
     "heights_figure",
     "leakage_figure",
     "permeability_figure",
     "picture",
+    "png",
     "seal_figure",
     "seal_leakage_figure",
     "survey_figure",

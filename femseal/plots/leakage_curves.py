@@ -72,7 +72,7 @@ def leakage_panel(axes: Axes, *several: LeakageCurves) -> list[Any]:
     factor, label = told
     parts = [(curves, name, steps) for curves in several for name, steps in branches(curves.pressure, curves.peaks)]
     drawn = np.concatenate([values for curves in several for values in curves.drawn])
-    floor, lanes = _log_axis(axes, np.abs(drawn) / factor, len(parts))
+    floor, lanes = leakage_axis(axes, np.abs(drawn) / factor, len(parts))
     handles: dict[int, list[Any]] = {id(curves): [] for curves in several}
     for (curves, name, steps), style, lane in zip(parts, branch_styles(len(parts)), lanes, strict=True):
         handles[id(curves)].append(_branch(axes, curves, name, steps, style, factor, floor, lane))
@@ -114,7 +114,7 @@ def _branch(
     return main
 
 
-def _log_axis(axes: Axes, values: Array, count: int) -> tuple[float, list[float]]:
+def leakage_axis(axes: Axes, values: Array, count: int) -> tuple[float, list[float]]:
     """Log scale over the values > 0, and below it a strip for those that are 0.
 
     Returns the end of the scale, and the places of `count` branches in the strip.

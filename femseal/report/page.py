@@ -13,6 +13,7 @@ from ..base.files import replacing
 from ..results.netcdf import FILE_NAME, open_results, unfit
 from ..results.results import Results
 from ..results.tables import texts, totals
+from . import class_words
 from . import pictures as pictures
 from . import words as words
 from .drop_words import pressure_drop_sentences
@@ -99,6 +100,12 @@ def _content(results: Results, drawings: pictures.Drawings) -> dict[str, Any]:
             "lines": lines,
         },
         "totals": dict(zip(("heads", "lines"), totals(results), strict=True)),
+        "classes": {
+            "heads": class_words.class_heads(results),
+            "lines": class_words.class_lines(results),
+            "note": class_words.class_note(results),
+        },
+        "test_fluid": class_words.test_fluid_sentences(results),
         "method": results.method,
         "cells": pictures.cell_pictures(results, drawings) if "cells" in drawings else [],
         "map_step": "",

@@ -368,7 +368,10 @@ def _reference_text(results: Results) -> str:
     if basis.pressure is None or basis.temperature is None:
         return ""
     state = f"{basis.pressure:g} Pa and {basis.temperature:g} K"
-    return f" Volumes of the gas are those at {state}, and so is its pressure × volume."
+    return (
+        f" Volumes of the gas are those at {state}, standard ones at 0 °C; its pressure × volume is that at "
+        f"{basis.stated_temperature:g} K."
+    )
 
 
 def flat(value: Any, name: str = "") -> list[tuple[str, str]]:

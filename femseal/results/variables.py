@@ -141,17 +141,18 @@ def add_totals(data: xarray.Dataset, leakage: xarray.DataArray, basis: LeakBasis
     """Add the best leakage of the whole seal by volume, mass and, for a gas, pressure × volume; and in more units."""
     whole = f"leakage of the whole seal, {leakage.attrs['long_name'].rpartition(', ')[2]}"
     at = "" if basis.temperature is None else f" at {basis.temperature:g} K"
+    stated = "" if basis.stated_temperature is None else f" at {basis.stated_temperature:g} K"
     for name, unit, si, text in (
         ("leakage_total", "m³/s", "m^3/s", f"{whole}, by volume{at and f'{at} and {basis.pressure:g} Pa'}"),
         ("leakage_total_mass", "kg/s", "kg/s", f"{whole}, by mass"),
-        ("leakage_total_throughput", "Pa·m³/s", "Pa*m^3/s", f"{whole}, pressure × volume{at}"),
+        ("leakage_total_throughput", "Pa·m³/s", "Pa*m^3/s", f"{whole}, pressure × volume{stated}"),
     ):
         if basis.has(LEAK_UNITS[unit]):
             data[name] = ("step", leakage.values / basis.factor(LEAK_UNITS[unit]), _labels(si, text))
     told = basis.units()
     data.coords["leak_unit"] = ("leak_unit", [unit.name for unit in told], _labels("1", "unit of leakage"))
     values = np.array([leakage.values / basis.factor(unit) for unit in told])
-    data["leakage_in_units"] = (("leak_unit", "step"), values, _labels("1", f"leakage in units of leak_unit{at}"))
+    data["leakage_in_units"] = (("leak_unit", "step"), values, _labels("1", f"leakage in units of leak_unit{stated}"))
 
 
 def add_contact_share(

@@ -95,6 +95,7 @@ def _not_negative(x: float) -> bool:
 Length = Annotated[float, Quantity("m", _positive, "a length > 0, such as '1.5 mm'")]
 Height = Annotated[float, Quantity("m", _not_negative, "a height >= 0, such as '0.2 um'")]
 Pressure = Annotated[float, Quantity("Pa", _not_negative, "a pressure >= 0, such as '300 MPa'")]
+Temperature = Annotated[float, Quantity("K", _positive, "a temperature above absolute zero, such as '20 °C'")]
 Modulus = Annotated[float, Quantity("Pa", _positive, "a stress > 0, such as '210 GPa'")]
 FileSize = Annotated[float, Quantity("byte", _not_negative, "a size >= 0, such as '500 MB'")]
 Ratio = Annotated[float, Quantity("", lambda x: 0 <= x <= 1, "a number from 0 to 1")]

@@ -13,7 +13,7 @@ from ..base.machine import free_memory
 from ..base.quantities import to_text
 from ..results.fields import fields_size
 from ..scales import Partition
-from ..studies import Sampling, Scene, placed_windows, seal_cells
+from ..studies import Sampling, Scene, laid_out, placed_windows
 from ..studies.costs import Effort, deterministic_cost, stochastic_cost, two_scale_cost, usual_efforts
 from ..studies.deterministic import STEP_BYTES
 from .case import Case
@@ -94,11 +94,11 @@ def describe(case: Case, prepared: Prepared) -> list[str]:
             lines.append(_line("two-scale", text))
         if prepared.sampling is not None:
             sampling = prepared.sampling
-            n1, n2 = seal_cells(partition, sampling)
-            length = to_text(n2 * surface.size[1] / m2, "m", 3)
+            laid = laid_out(scene.layout, partition, sampling)
+            length = to_text(laid.seal.size[1], "m", 3)
             text = (
                 f"{_library(prepared, sampling, partition)} (pressure: {sampling.pressure}), "
-                f"{sampling.realisations} seals of {n1} × {n2} links, {length} long"
+                f"{sampling.realisations} seals of {laid}, {length} long"
             )
             lines.append(_line("stochastic", text))
     if prepared.filtered is not None:
@@ -106,6 +106,8 @@ def describe(case: Case, prepared: Prepared) -> list[str]:
         lines.append(
             _line("second run", f"{prepared.answer}, on {points} points without waves up to twice the shortest")
         )
+    if told := case.output.told:
+        lines.append(_line("leakage", told))
     lines.append(_line("expected", _expected_text(forecast(case, prepared))))
     if not any(Path(__file__).parents[1].rglob("__pycache__/*.nbi")):
         lines.append(_line("", "the first run after an installation compiles besides, for a minute or two"))
@@ -158,7 +160,7 @@ def _cost(method: str, prepared: Prepared, scene: Scene, known: tuple[Effort, ..
     if method == "two-scale":
         return two_scale_cost(known, points, cells, prepared.flow, prepared.contact)
     assert prepared.sampling is not None
-    seal = seal_cells(Partition(points, scene.surface.spacing, cells), prepared.sampling)
+    seal = laid_out(scene.layout, Partition(points, scene.surface.spacing, cells), prepared.sampling).unknowns
     return stochastic_cost(known, points, cells, prepared.sampling, seal, prepared.contact)
 
 

@@ -19,7 +19,16 @@ from ..base.provenance import numerical_versions
 from ..base.stage import Mapper, Stage
 from ..report import write_folder
 from ..results import Results, assemble
-from ..studies import Scene, TwoScaleResult, deterministic, stochastic, two_scale
+from ..studies import (
+    FluidState,
+    OtherLeakage,
+    Scene,
+    TwoScaleResult,
+    deterministic,
+    drop_ratio,
+    stochastic,
+    two_scale,
+)
 from . import checkpoint
 from .case import Case, load_case
 from .case_faces import FileFace
@@ -29,6 +38,7 @@ from .forecast import refuse_too_large
 from .lock import alone_in
 from .log_file import LogFile
 from .preparation import Prepared
+from .shared_stages import SharedStages
 
 log = logging.getLogger("femseal")
 #: Called as progress(stage, done, total); total is None if it is unknown.
@@ -44,6 +54,7 @@ def run(
     workers: int | None = None,
     scheduler: str | None = None,
     *,
+    shared: str | PathLike[str] | None = None,
     progress: Progress | None = None,
 ) -> Results:
     """Run a case, from surface to leakage.
@@ -57,6 +68,8 @@ def run(
     workers : processes; all cores unless given. The results do not depend on it.
     scheduler : address of a Dask scheduler to compute on instead (femseal[cluster]), or "local" for one of its own
         with `workers` processes, see `executor.ordered_map`.
+    shared : folder with results of stages, where a run keeps its own and finds those of other runs that do the same
+        with the same numbers; it grows with every run.
     progress : called as progress(stage, done, total) while windows and realisations are computed.
 
     Raises
@@ -78,7 +91,10 @@ def run(
         raise InputError.of("resume", True, "True only with an output folder")
     faces = _face_files(case)
     # options of the output may change before a run is resumed
-    computed = {key: value for key, value in case.echo().items() if key != "output"}
+    echo = case.echo()
+    computed = {key: value for key, value in echo.items() if key != "output"}
+    if "test_fluid" in echo["output"]:
+        computed["test fluid"] = echo["output"]["test_fluid"]
     identity = {**computed, "content of face files": faces, "version": numerical_versions()}
     if resume and folder is not None and (finished := _finished(case, faces, folder)) is not None:
         with suppress(InputError), alone_in(folder):  # the checkpoint of another run stays
@@ -86,10 +102,14 @@ def run(
             checkpoint.remove(folder)
         return finished
     progress = progress or (lambda stage, done, total: None)
+
+    def found_or_computed(mapper: Mapper) -> Mapper:
+        return mapper if shared is None else SharedStages(Path(shared)).over(mapper)
+
     with ExitStack() as stack:
         if folder is None:
             mapper = stack.enter_context(ordered_map(workers, scheduler))
-            return _run(case, _prepared(case, scheduler), faces, mapper, progress)
+            return _run(case, _prepared(case, scheduler), faces, found_or_computed(mapper), progress)
         # a folder is made once the case has been found good
         if there := folder.is_dir():
             stack.enter_context(alone_in(folder))
@@ -101,7 +121,7 @@ def run(
             going_on = _goes_on(folder, identity, resume)
         stack.enter_context(_log_file(folder, append=going_on))
         kept = stack.enter_context(Checkpoint(folder, identity, going_on))
-        results = _run(case, prepared, faces, kept.over(mapper), progress)
+        results = _run(case, prepared, faces, kept.over(found_or_computed(mapper)), progress)
         progress("writing results", 0, None)
         start = time.perf_counter(), time.process_time()
         # the pictures are small, and drawn on this machine
@@ -166,6 +186,9 @@ def _run(case: Case, prepared: Prepared, faces: dict[str, str], mapper: Mapper, 
             watched = _watched(mapper, name, progress, timings)
             again = _study(prepared.answer, case, prepared, prepared.filtered, None, watched)
             filtered = again.quantile(0.5) if prepared.answer == "stochastic" else again.leakage
+    test = None
+    if case.output.test_fluid is not None:
+        test = _of_test_fluid(case.output.test_fluid.state, case, prepared, studies, mapper, progress, timings)
     results = assemble(
         scene,
         **studies,
@@ -174,13 +197,34 @@ def _run(case: Case, prepared: Prepared, faces: dict[str, str], mapper: Mapper, 
         timings=timings,
         quantiles=case.stochastic.quantiles if case.stochastic else (0.05, 0.95),
         warnings=prepared.warnings,
-        leakage_unit=case.output.leakage_unit,
         leakage_filtered=filtered,
+        test=test,
+        **case.output.model_dump(include={"leakage_unit", "classes", "nominal_diameter", "throughput_temperature"}),
     )
     results.dataset.attrs["face_files"] = json.dumps(faces)
     for text in [*results.warnings, *results.failures]:
         log.warning("%s", text)
     return results
+
+
+def _of_test_fluid(
+    state: FluidState,
+    case: Case,
+    prepared: Prepared,
+    studies: dict[str, Any],
+    mapper: Mapper,
+    progress: Progress,
+    timings: dict[str, float],
+) -> OtherLeakage:
+    """Leakage of the test fluid on the seals of the answer; they are solved again where their permeability differs."""
+    own = studies[prepared.answer.replace("-", "_")]
+    if (ratio := drop_ratio(state, FluidState.of(prepared.scene))) is not None:
+        return OtherLeakage.of_study(state, own, ratio)
+    name = "test fluid"
+    with _timed(name, progress, timings):
+        watched = _watched(mapper, name, progress, timings)
+        again = _study(prepared.answer, case, prepared, state.in_scene(prepared.scene), None, watched)
+    return OtherLeakage.of_study(state, again)
 
 
 @contextmanager
@@ -220,16 +264,17 @@ def _write(results: Results, folder: Path, case: Case, prepared: Prepared, mappe
 
 
 def _face_files(case: Case) -> dict[str, str]:
-    """SHA-256 of the file of every face and of its mask, by its path in the case."""
+    """SHA-256 of the file of every face, of its mask and of the seal, by its path in the case."""
     digests = {}
     files = [face for face in case.face if isinstance(face, FileFace)]
-    for key, path in [("path", face.path) for face in files] + [("mask", face.mask) for face in files if face.mask]:
+    paths = [("face.path", face.path) for face in files] + [("face.mask", face.mask) for face in files if face.mask]
+    for key, path in [*paths, *((f"seal.{key}", path) for key, path in case.seal.files())]:
         try:
             with (case.folder / path).open("rb") as file:
                 digests[str(path)] = hashlib.file_digest(file, "sha256").hexdigest()
         except OSError as error:
             allowed = f"a file that can be read ({error.strerror})"
-            raise InputError.of(f"face.{key}", f"'{path}'", allowed) from None
+            raise InputError.of(key, f"'{path}'", allowed) from None
     return digests
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from ..base.errors import InputError
 from ..base.quantities import to_text
 from ..scales import Partition
-from ..studies import Sampling, Scene, check_sampling, chosen_contact, chosen_flow, seal_cells
+from ..studies import Sampling, Scene, check_sampling, chosen_contact, chosen_flow, laid_out
 from ..studies.costs import choose_method
 from ..topography import (
     MOST_POINTS,
@@ -35,7 +35,7 @@ from ..topography import (
 from .case_faces import FileFace
 from .case_oddities import oddities
 from .case_tables import StochasticTable
-from .case_words import FACE_KEYS, SURFACE_KEYS, in_words_of
+from .case_words import FACE_KEYS, SEAL_TABLES, SURFACE_KEYS, in_tables_of, in_words_of
 from .sizes import refused_if_too_large, weigh_draws, weigh_points
 
 if TYPE_CHECKING:
@@ -137,7 +137,7 @@ def _prepare(case: Case) -> Prepared:
             raise InputError.of("cells", f"windows of {sizes}", f"windows of at least two shortest waves, {least}")
         if case.stochastic is not None and "stochastic" in case.methods:
             sampling = _sampling(case, case.stochastic, window[1])
-            check_sampling(sampling, cells)
+            check_sampling(sampling)
     scene = Scene(
         surface=surface,
         modulus=case.modulus,
@@ -150,13 +150,14 @@ def _prepare(case: Case) -> Prepared:
         unloading=case.load.unloading,
         boundary=case.contact.boundary,
         rtol=case.contact.rtol,
-        layout=case.seal.layout,
+        layout=case.layout,
         solver=case.flow.solver,
         discretisation=case.flow.discretisation,
     )
     if sampling is not None and cells is not None:
-        seal = seal_cells(Partition(surface.shape, surface.spacing, cells), sampling)
-        weigh_draws(len(scene.steps), seal, sampling.realisations, sampling.library_cells)
+        with in_tables_of(SEAL_TABLES):
+            laid = laid_out(scene.layout, Partition(surface.shape, surface.spacing, cells), sampling)
+        weigh_draws(len(scene.steps), laid.draws[0], sampling.realisations, sampling.library_cells)
     method: str = case.method
     choice = ""
     if method == "auto":
@@ -179,7 +180,7 @@ def face_places(case: Case) -> list[str]:
 
 
 def _sampling(case: Case, table: StochasticTable, window_length: float) -> Sampling:
-    if table.length < window_length * (1 - 1e-9):
+    if table.length is not None and table.length < window_length * (1 - 1e-9):
         cell, given = to_text(window_length, "m", 3), to_text(table.length, "m", 3)
         raise InputError.of("stochastic.length", given, f"at least one cell, {cell}")
     return Sampling(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import os
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -13,6 +14,13 @@ import typer
 
 from ..base.errors import InputError
 from .log_file import LogFile
+
+
+def print_table(table: Any) -> None:
+    """Print a table of rich, in files and pipes with room for long lines."""
+    from rich.console import Console
+
+    Console(width=None if sys.stdout.isatty() else 160).print(table)
 
 
 @contextmanager

@@ -6,7 +6,8 @@
 
 from .deterministic import DeterministicResult, deterministic
 from .face_contact import CONTACTS, chosen_contact
-from .sampling_options import DRAWS, PRESSURES, Sampling, check_sampling, placed_windows, seal_cells
+from .other_fluid import FluidState, OtherLeakage, drop_ratio
+from .sampling_options import DRAWS, PRESSURES, Sampling, check_sampling, laid_out, placed_windows
 from .scene import Scene
 from .stochastic import StochasticResult, stochastic
 from .two_scale import FLOWS, TwoScaleResult, chosen_flow, two_scale
@@ -17,6 +18,8 @@ __all__ = [
     "FLOWS",
     "PRESSURES",
     "DeterministicResult",
+    "FluidState",
+    "OtherLeakage",
     "Sampling",
     "Scene",
     "StochasticResult",
@@ -25,8 +28,9 @@ __all__ = [
     "chosen_contact",
     "chosen_flow",
     "deterministic",
+    "drop_ratio",
+    "laid_out",
     "placed_windows",
-    "seal_cells",
     "stochastic",
     "two_scale",
 ]

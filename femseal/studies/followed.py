@@ -40,7 +40,7 @@ def windows_under_global_contact(wanted: Wanted) -> WindowSupply:
     The global contact of the face repeats along the seal.
     """
     scene, partition = wanted.scene, wanted.partition
-    (m1, m2), n2 = partition.cells, wanted.seal[1]
+    (m1, m2), n2 = partition.cells, wanted.laid.draws[0][1]
     cut_off = CUT_OFF_WINDOWS * min(partition.window_size)
     means = partial(_link_means, partition=partition)
     states = scene.global_states(partition, cut_off, take=means, mapper=wanted.mapper)
@@ -58,7 +58,7 @@ def windows_under_global_contact(wanted: Wanted) -> WindowSupply:
         path = np.arange(m1 - axis)[:, None] * m2 + np.arange(n2) % m2
         flat = (len(pressure), (m1 - axis) * m2)
         links.append(_LinkPaths(pressure.reshape(flat), gaps.reshape(flat), path))
-    return WindowSupply(library, _tables(library, links, scene))
+    return WindowSupply(library, _tables(library, links, scene, wanted.laid.axes))
 
 
 def _link_means(state: GlobalState, partition: Partition) -> tuple[Array, Array, Array, Array]:
@@ -69,7 +69,7 @@ def _link_means(state: GlobalState, partition: Partition) -> tuple[Array, Array,
 
 def windows_under_uniform_pressure(wanted: Wanted) -> WindowSupply:
     """Follow windows with the full heights; links have the nominal pressure or their share in the profile."""
-    scene, (n1, n2) = wanted.scene, wanted.seal
+    scene, laid = wanted.scene, wanted.laid
     nominal = scene.steps.pressures
     rows = np.asarray(wanted.sampling.profile or (1.0,), float)
     # between the rows of a profile lie those of the links across
@@ -80,9 +80,10 @@ def windows_under_uniform_pressure(wanted: Wanted) -> WindowSupply:
     links = []
     for axis in (0, 1):
         pressure = nominal[:, None] * shares[axis]
-        row = np.arange(n1 - axis) if rows.size > 1 else np.zeros(n1 - axis, np.int64)
-        links.append(_LinkPaths(pressure, np.full(pressure.shape, -np.inf), np.repeat(row[:, None], n2, axis=1)))
-    return WindowSupply(library, _tables(library, links, scene))
+        count, columns = laid.draws[axis]
+        row = np.arange(count) if rows.size > 1 else np.zeros(count, np.int64)
+        links.append(_LinkPaths(pressure, np.full(pressure.shape, -np.inf), np.repeat(row[:, None], columns, axis=1)))
+    return WindowSupply(library, _tables(library, links, scene, laid.axes))
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,11 +99,14 @@ class _LinkPaths:
     path: Index
 
 
-def _tables(library: LadderLibrary, links: list[_LinkPaths], scene: Scene) -> tuple[Tables, ...]:
-    """Tables of the permeabilities, and with bounds also of their lower and their upper bounds."""
+def _tables(library: LadderLibrary, links: list[_LinkPaths], scene: Scene, axes: tuple[int, int]) -> tuple[Tables, ...]:
+    """Tables of the permeabilities, and with bounds also of their lower and their upper bounds.
+
+    axes : of the windows, from which the links along both axes take theirs.
+    """
 
     def table(axis: int, kind: int) -> LinkTable:
-        k = library.along(links[axis].pressure, links[axis].gap, scene.steps, axis, kind)
+        k = library.along(links[axis].pressure, links[axis].gap, scene.steps, axes[axis], kind)
         return LinkTable(k, links[axis].path, scene.steps)
 
     return tuple((table(0, kind), table(1, kind)) for kind in range(library.ladder.kinds))

@@ -26,7 +26,7 @@ def windows_in_place(wanted: Wanted) -> WindowSupply:
     FemsealError : every column has a failed window.
     """
     scene, partition, two_scale, mapper = wanted.scene, wanted.partition, wanted.two_scale, wanted.mapper
-    (m1, m2), w2, n2 = partition.cells, partition.window[1], wanted.seal[1]
+    (m1, m2), w2, n2 = partition.cells, partition.window[1], wanted.laid.draws[0][1]
     contact = two_scale or solve_windows(scene, partition.cells, wanted.contact, mapper=mapper)
     shifts = placed_windows(wanted.sampling, partition) // (m1 * m2)
     moved = [n * w2 // shifts for n in range(shifts)]

@@ -10,6 +10,7 @@ import numpy as np
 from ..base import validate
 from ..base.errors import InputError
 from ..scales import SAMPLERS, Partition
+from ..seal.layouts import Layout, SealWindows, Windows
 
 #: Choices of the pressures and the waves of windows, see `Sampling.pressure`.
 PRESSURES = ("place", "global", "uniform")
@@ -21,8 +22,9 @@ DRAWS = (*SAMPLERS, "runs")
 class Sampling:
     """Options of a drawn seal.
 
-    length : length of the seal along x2 [m], rounded to whole cells.
-    breadth : size from inlet to outlet [m], rounded to whole cells; that of the face unless given; "uniform" only.
+    length : length of a straight seal along x2 [m], rounded to whole cells; None where the layout has its own size.
+    breadth : size from inlet to outlet of a straight seal [m], rounded to whole cells; that of the face unless given;
+        "uniform" only.
     realisations : number of seals that are drawn.
     library_cells : number of windows in the library.
     seed : of all random numbers.
@@ -46,7 +48,7 @@ class Sampling:
         The library then takes about three times as long. "global" and "uniform" with the sampler "history" only.
     """
 
-    length: float
+    length: float | None
     realisations: int
     library_cells: int
     seed: int
@@ -64,11 +66,31 @@ class Sampling:
         return self.sampler or ("block" if self.pressure == "place" else "history")
 
 
-def seal_cells(partition: Partition, sampling: Sampling) -> tuple[int, int]:
-    """Number of windows of a drawn seal along x1 and along x2."""
-    d1, d2 = partition.window_size
-    n1 = partition.cells[0] if sampling.breadth is None else max(1, round(sampling.breadth / d1))
-    return n1, max(1, round(sampling.length / d2))
+def laid_out(layout: Layout, partition: Partition, sampling: Sampling) -> SealWindows:
+    """Windows of a face laid out over the seal that is drawn.
+
+    Raises
+    ------
+    InputError : as the layout does; options of the sampling that do not go with it.
+    """
+    windows = Windows(partition.window_size, partition.cells[0], sampling.length, sampling.breadth)
+    laid = layout.lay_out(windows)
+    if laid.together and sampling.chosen_sampler != "history":
+        raise InputError.of("sampler", sampling.chosen_sampler, f"history with {layout}, whose elements take windows")
+    if laid.together and sampling.bounds:
+        raise InputError.of("bounds", "true", f"false with {layout}")
+    if sampling.chosen_sampler == "runs" and layout.kind != "rectangular":
+        raise InputError.of("sampler", "runs", f"another one with {layout}")
+    if sampling.pressure != "uniform" and laid.rows != partition.cells[0]:
+        face = f"a face with {partition.cells[0]} rows of windows"
+        given = f"'{sampling.pressure}' of {face} for {layout}, which has {laid.rows or 'none'}"
+        raise InputError.of("pressure", given, "'uniform', or as many rows from inlet to outlet on both")
+    if sampling.profile:
+        shares = np.asarray(sampling.profile, float)
+        if shares.shape != (laid.rows,) or not np.all(shares >= 0) or abs(shares.mean() - 1) > 1e-6:
+            allowed = f"{laid.rows} numbers >= 0 with the mean 1" if laid.rows else f"none with {layout}"
+            raise InputError.of("profile", sampling.profile, allowed)
+    return laid
 
 
 def placed_windows(sampling: Sampling, partition: Partition) -> int:
@@ -77,7 +99,7 @@ def placed_windows(sampling: Sampling, partition: Partition) -> int:
     return of_face * int(np.clip(-(-sampling.library_cells // of_face), 1, partition.window[1]))
 
 
-def check_sampling(sampling: Sampling, cells: tuple[int, int]) -> None:
+def check_sampling(sampling: Sampling) -> None:
     """Raise InputError for an unknown option, or for two that do not go together."""
     if sampling.chosen_sampler not in DRAWS:
         raise InputError.of("sampler", sampling.sampler, f"one of {', '.join(DRAWS)}")
@@ -89,13 +111,8 @@ def check_sampling(sampling: Sampling, cells: tuple[int, int]) -> None:
         raise InputError.of("sampler", "runs", "another one, or the pressure 'place', whose windows are neighbours")
     if sampling.breadth is not None and (sampling.pressure != "uniform" or not sampling.breadth > 0):
         raise InputError.of("breadth", sampling.breadth, "a length > 0 with the pressure 'uniform', none with others")
-    if sampling.profile:
-        if sampling.pressure != "uniform":
-            raise InputError.of("profile", sampling.profile, "none except with the pressure 'uniform'")
-        shares = np.asarray(sampling.profile, float)
-        rows = cells[0] if sampling.breadth is None else shares.size
-        if shares.shape != (rows,) or not np.all(shares >= 0) or abs(shares.mean() - 1) > 1e-6:
-            raise InputError.of("profile", sampling.profile, f"{rows} numbers >= 0 with the mean 1")
+    if sampling.profile and sampling.pressure != "uniform":
+        raise InputError.of("profile", sampling.profile, "none except with the pressure 'uniform'")
     if sampling.library is not None and sampling.pressure == "place":
         raise InputError.of("library", f"'{sampling.library}'", "none with the pressure 'place', which has no ladder")
     if sampling.width is not None:

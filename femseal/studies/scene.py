@@ -17,6 +17,7 @@ from ..loads import LoadProgramme
 from ..scales import Failed, FlowSettings, GlobalState, Partition, SolverCounts, global_states
 from ..seal import Leakage, RectangularSeal, seal_leakage
 from ..seal.layouts import Layout, RectangularLayout
+from ..seal.shapes import Seal
 from ..topography import Topography
 
 Array = NDArray[np.float64]
@@ -84,7 +85,7 @@ class Scene:
         drop = GasDrop.of(self.fluid, self.inlet_pressure, self.outlet_pressure, self.surface.rms_height or 1e-6)
         return FlowSettings(self.solver, self.discretisation, drop)
 
-    def leakage(self, seal: RectangularSeal, permeability: Any) -> Leakage:
+    def leakage(self, seal: Seal, permeability: Any) -> Leakage:
         """Solve the leakage of a seal between the scene's fluid pressures.
 
         Raises

@@ -9,6 +9,7 @@ from ..base.stage import Mapper
 from ..base.text import Shown
 from ..scales import LadderLibrary, LibraryTable, LinkTable, Partition, SolveCounts
 from ..scales.window_fields import WindowFields
+from ..seal.layouts import SealWindows
 from .sampling_options import Sampling
 from .scene import Array, Scene
 from .two_scale import TwoScaleResult
@@ -21,7 +22,7 @@ Tables = tuple[LinkTable, LinkTable]
 class Wanted:
     """Request for windows, which a source answers with a `WindowSupply`.
 
-    scene, partition : the face and its windows. sampling : how the seal is drawn. seal : its windows along x1 and x2.
+    scene, partition : the face and its windows. sampling : how the seal is drawn. laid : the windows of the seal.
     two_scale : the two-scale solution of the face, if it is known already. contact : how the contact of windows with
     places is solved, see `face_contact.solve_windows`. mapper : computes a stage for many items.
     """
@@ -29,7 +30,7 @@ class Wanted:
     scene: Scene
     partition: Partition
     sampling: Sampling
-    seal: tuple[int, int]
+    laid: SealWindows
     two_scale: TwoScaleResult | None
     contact: str | None
     mapper: Mapper

@@ -18,11 +18,13 @@ from ..base.text import Shown
 from ..loads import LoadProgramme
 from ..scales import Failed, LadderLibrary, Partition, SolverCounts, attempt, draw_links
 from ..seal import RectangularSeal
+from ..seal.layouts import SealWindows, SizedSeal
+from ..seal.linked import LinkWindows
 from .chained import chained_seals
 from .followed import windows_under_global_contact, windows_under_uniform_pressure
 from .placed import windows_in_place
 from .plausibility import odd_in_scene
-from .sampling_options import Sampling, check_sampling, seal_cells
+from .sampling_options import Sampling, check_sampling, laid_out
 from .scene import Array, Scene, labels
 from .sources import PlacedLibrary, Source, Tables, Wanted, WindowSupply
 from .two_scale import TwoScaleResult
@@ -55,7 +57,7 @@ class StochasticResult(Shown):
     """
 
     steps: LoadProgramme
-    seal: RectangularSeal
+    seal: SizedSeal
     library: LadderLibrary | PlacedLibrary = field(repr=False)
     leakage: Array = field(
         metadata=labels("m^2/s", "leakage per unit seal length, realisations", "realisation", "step")
@@ -203,7 +205,7 @@ def stochastic(
     InputError : an option does not exist or does not go with the others.
     FemsealError : every window of the library failed.
     """
-    check_sampling(sampling, cells)
+    check_sampling(sampling)
     if sampling.chosen_sampler == "runs" and scene.discretisation != "edge":
         raise InputError.of("sampler", f"'runs' with the discretisation '{scene.discretisation}'", "'edge' with it")
     if sampling.width is None:
@@ -242,18 +244,17 @@ def _draw(
     mapper: Mapper,
 ) -> StochasticResult:
     partition = Partition(scene.surface.shape, scene.surface.spacing, cells)
-    n1, n2 = seal_cells(partition, sampling)
-    if sampling.profile and len(sampling.profile) != n1:
-        raise InputError.of("profile", f"{len(sampling.profile)} numbers", f"{n1}, one for each row of windows")
-    supply = SOURCES[sampling.pressure](Wanted(scene, partition, sampling, (n1, n2), two_scale, contact, mapper))
+    laid = laid_out(scene.layout, partition, sampling)
+    supply = SOURCES[sampling.pressure](Wanted(scene, partition, sampling, laid, two_scale, contact, mapper))
     if sampling.chosen_sampler == "runs":
-        return _of_runs(scene, partition, sampling, supply, n2, mapper)
-    seal = scene.layout.seal((n1 * partition.window_size[0], n2 * partition.window_size[1]), (n1, n2), supply.node_rows)
+        return _of_runs(scene, partition, sampling, supply, laid.draws[0][1], mapper)
+    if isinstance(laid, LinkWindows):
+        laid = laid.with_rows(supply.node_rows)
     library = supply.library
     realise = partial(
         _realise,
         scene=scene,
-        seal=seal,
+        laid=laid,
         kinds=supply.tables,
         sampling=sampling,
         independent=library.independent / library.size,
@@ -265,14 +266,14 @@ def _draw(
     lower, upper = bounds or (None, None)
     return StochasticResult(
         steps=scene.steps,
-        seal=seal,
+        seal=laid.seal,
         library=library,
         leakage=leakage,
         leakage_resampled=np.array([r.leakage[0] for r in drawn[count:]]),
         leakage_lower_bound=lower,
         leakage_upper_bound=upper,
         failures=library.failures + tuple(text for r in drawn for text in r.failures),
-        warnings=odd_in_scene(scene) + supply.warnings,
+        warnings=odd_in_scene(scene) + laid.warnings + supply.warnings,
         solvers=library.counts.solvers + SolverCounts.total(r.solvers for r in drawn),
     )
 
@@ -286,7 +287,7 @@ def _of_runs(
     cells, (d1, d2) = (partition.cells[0], drawn.columns), partition.window_size
     return StochasticResult(
         steps=scene.steps,
-        seal=scene.layout.seal((cells[0] * d1, cells[1] * d2), cells, supply.node_rows),
+        seal=RectangularSeal((cells[0] * d1, cells[1] * d2), cells, supply.node_rows),
         library=supply.library,
         leakage=drawn.leakage,
         leakage_resampled=drawn.resampled,
@@ -315,7 +316,7 @@ def _realise(
     resampled: bool,
     *,
     scene: Scene,
-    seal: RectangularSeal,
+    laid: SealWindows,
     kinds: tuple[Tables, ...],
     sampling: Sampling,
     independent: float,
@@ -332,11 +333,17 @@ def _realise(
     failures, solvers = [], SolverCounts()
     for kind, tables in enumerate(kinds):
         along, across = (
-            draw_links(t, sampler=sampling.chosen_sampler, seed=sampling.seed, realisation=realisation, axis=axis)
+            draw_links(
+                t,
+                sampler=sampling.chosen_sampler,
+                seed=sampling.seed,
+                realisation=realisation,
+                axis=0 if laid.together else axis,
+            )
             for axis, t in enumerate(tables)
         )
         for s, step in enumerate(steps):
-            found = attempt(scene.leakage, seal, (along(s), across(s)))
+            found = attempt(scene.leakage, laid.seal, laid.permeability(along(s), across(s)))
             if isinstance(found, Failed):
                 failures.append(f"realisation {realisation}, {step.name}: {found.reason}")
             else:

@@ -33,10 +33,14 @@ _COARSEST = 500
 _MAX_ITERATIONS = 100
 #: Largest number of corrections, each a solution for the remaining residual.
 _MAX_CORRECTIONS = 3
-#: Relative difference allowed between inflow and outflow for a unit drop.
-_BALANCE = 1e-6
+#: Relative difference allowed between inflow and outflow for a unit drop, and its share of the error allowed to the
+#: potential where that is more.
+_BALANCE, _SHARE_OF_ERROR = 1e-6, 3e-3
 #: Row sums below this share of the diagonal are taken for rounding errors.
 _ROUNDING = 16 * np.finfo(float).eps
+#: Shares of the error allowed at which the iteration stops, and that the residual of x itself has to confirm; it is an
+#: estimate, in random cells from below by up to a factor of 4.
+_STOPPED, _CONFIRMED = 0.1, 0.3
 #: Smaller errors of the potential in the norm of the energy cannot be resolved.
 _LEAST_ERROR = 1e-12
 
@@ -122,14 +126,15 @@ def solve_amg(matrix: Any, rhs: Array, *, rtol: float, unit_drop: bool = False) 
 
     It stops when rᵀM⁻¹r, which estimates the squared error in the norm of the energy, is below (rtol/10)² of the
     energy; for a unit drop also the sum of the residuals, by which inflow and outflow differ, has to be below 1e-6 of
-    the flow. Both are checked again with the residual of x itself, taken from differences of x, in which large entries
-    of A do not hide small ones.
+    the flow, or 0.003 rtol where that is more. Both are checked again with the residual of x itself, taken from
+    differences of x, in which large entries of A do not hide small ones.
 
     Parameters
     ----------
     matrix : (n, n) symmetric positive semidefinite, sparse; rows of zeros only are allowed where b is 0 as well.
     rhs : (n,) or (n, m).
-    rtol : error of x in the norm of the energy that is allowed, relative to the energy.
+    rtol : error of x in the norm of the energy that is allowed, relative to the energy. The energy itself, and so the
+        flow for a unit drop, errs by the square of it.
     unit_drop : x is a potential between 0 and 1 for a unit drop, and b has the couples with the nodes at 1. The energy
         is then the flow Σb − b·x, and otherwise b·x.
 
@@ -216,8 +221,8 @@ class _System:
             x, complement = whole + rest, (1 - whole) - rest
             energy = float(b @ complement) if unit_drop else float(b @ x)
             error = np.sqrt(max(float(r @ self.precondition(r)), 0.0) / energy) if energy > 0 else np.inf
-            balanced = not unit_drop or _imbalance(r, x) <= 2 * _BALANCE * energy
-            if error <= max(rtol, _LEAST_ERROR) and balanced:
+            balanced = not unit_drop or _imbalance(r, x) <= 2 * _balance(rtol) * energy
+            if error <= max(_CONFIRMED * rtol, _LEAST_ERROR) and balanced:
                 return x, complement, iterations, float(error)
         raise NotConverged(f"flow: the potential has an error of {error:.1e}, wanted is {rtol:.1e}", float(error))
 
@@ -245,14 +250,19 @@ class _System:
             z = self.precondition(r)
             rz, rz_old = float(r @ z), rz
             energy = abs(total - at_start - float(b @ correction))
-            if rz <= max(0.1 * rtol, _LEAST_ERROR) ** 2 * energy and (
-                not unit_drop or _imbalance(r, start + correction) <= _BALANCE * energy
+            if rz <= max(_STOPPED * rtol, _LEAST_ERROR) ** 2 * energy and (
+                not unit_drop or _imbalance(r, start + correction) <= _balance(rtol) * energy
             ):
                 return rest + correction, iteration
             d = z + rz / rz_old * d
         raise NotConverged(
             f"flow: algebraic multigrid did not converge within {iteration} iterations; try a direct solver", rz
         )
+
+
+def _balance(rtol: float) -> float:
+    """Imbalance allowed beside this error of the potential."""
+    return max(_BALANCE, _SHARE_OF_ERROR * rtol)
 
 
 def _imbalance(r: Array, x: Array) -> float:

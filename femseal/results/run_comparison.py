@@ -1,0 +1,281 @@
+"""Several runs side by side: one table, one picture, in one unit of leakage."""
+
+from __future__ import annotations
+
+import csv
+import io
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..base.errors import InputError, shown
+from ..base.files import made_folder, replacing, write_text
+from ..base.leak_units import LEAK_UNITS, LeakUnit, leak_unit, leakage_unit
+from ..base.quantities import to_text
+from ..base.text import Plotted, room
+from ..loads import LoadStep
+from ..studies.compare import closing_load
+from .netcdf import open_results
+from .results import Results
+from .tables import amount, ascii_unit
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+Array = NDArray[np.float64]
+#: Ends of the band of realisations, where a run has them.
+BAND = ("leakage_lower", "leakage_upper")
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class RunComparison(Plotted):
+    """Runs side by side; their loads, methods and lengths of seal may differ.
+
+    names, runs : the runs, each with a name of its own. unit : in which their leakage is told.
+    settings : of a sweep, the keys that were varied, and the values of each run as texts, one for each key.
+    """
+
+    names: tuple[str, ...]
+    runs: tuple[Results, ...]
+    unit: LeakUnit
+    keys: tuple[str, ...] = ()
+    settings: tuple[tuple[str, ...], ...] = field(default=())
+
+    def leakage(self, run: int) -> Array:
+        """Leakage of a run at its own steps (steps,) in `unit`, NaN where it failed."""
+        results = self.runs[run]
+        return np.asarray(results.leakage.values / results.leak_basis.factor(self.unit))
+
+    def band(self, run: int) -> tuple[Array, Array] | None:
+        """Lower and upper quantile of the realisations of a run (steps,) in `unit`; None without realisations."""
+        results = self.runs[run]
+        if results.method != "median" or any(name not in results.dataset for name in BAND):
+            return None
+        low, high = (results.dataset[name].values / results.leak_basis.factor(self.unit) for name in BAND)
+        return np.asarray(low), np.asarray(high)
+
+    @property
+    def common_steps(self) -> tuple[LoadStep, ...]:
+        """Load steps that all runs have, in the order of the first."""
+        others = [set(results.steps) for results in self.runs[1:]]
+        return tuple(step for step in self.runs[0].steps if all(step in steps for steps in others))
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """The runs in words: the settings of a sweep, or else their names."""
+        if not self.keys:
+            return self.names
+        return tuple(", ".join(f"{key} {text}" for key, text in zip(self.keys, values, strict=True))
+                     for values in self.settings)  # fmt: skip
+
+    @property
+    def told_as(self) -> str:
+        """What is compared, with its unit."""
+        what = "leakage per length of seal" if self.unit.per_length else "leakage of the whole seal"
+        return f"{what} [{self.unit.name}]"
+
+    def rows(self) -> list[dict[str, Any]]:
+        """One dictionary for each run and load step: the run, the keys of a sweep, the load, the leakage in SI and in
+        the unit of the comparison; keys carry the units, missing bands are NaN."""
+        column = f"leakage_{ascii_unit(self.unit.name)}"
+        rows = []
+        for n, (name, results) in enumerate(zip(self.names, self.runs, strict=True)):
+            data = results.dataset
+            values, told = results.leakage.values, self.leakage(n)
+            low, high = self._band_in_si(n)
+            varied = dict(zip(self.keys, self.settings[n], strict=True)) if self.keys else {}
+            for s, step in enumerate(results.steps):
+                rows.append(
+                    {"run": name}
+                    | varied
+                    | {
+                        "method": results.method,
+                        "seal_length_m": results.leak_basis.length,
+                        "step": s,
+                        "branch": str(data["branch"].values[s]),
+                        "nominal_pressure_Pa": step.pressure,
+                        "unloaded_from_Pa": np.nan if step.unloaded_from is None else step.unloaded_from,
+                        "leakage_m2_per_s": float(values[s]),
+                        "leakage_lower_m2_per_s": float(low[s]),
+                        "leakage_upper_m2_per_s": float(high[s]),
+                    }
+                    | ({column: float(told[s])} if column != "leakage_m2_per_s" else {})
+                )
+        return rows
+
+    def _band_in_si(self, run: int) -> tuple[Array, Array]:
+        band = self.band(run)
+        if band is None:
+            nothing = np.full(len(self.runs[run].steps), np.nan)
+            return nothing, nothing
+        factor = self.runs[run].leak_basis.factor(self.unit)
+        return band[0] * factor, band[1] * factor
+
+    def csv_text(self) -> str:
+        """The rows as comma-separated values, with one line of column names."""
+        rows = self.rows()
+        stream = io.StringIO()
+        writer = csv.DictWriter(stream, list(rows[0]), lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rows)
+        return stream.getvalue()
+
+    def texts(self) -> tuple[str, list[str], list[list[str]]]:
+        """Title, headings and cells of the table for people, one line for each run.
+
+        The columns are the keys of a sweep, or else the names of the runs; the method where it differs; the leakage at
+        a few load steps that all runs have, or else at their own first, highest and last one; and the lowest pressure
+        on loading at which nothing leaks.
+        """
+        columns: list[tuple[str, list[str]]] = [("run", list(self.names))]
+        if self.keys:
+            columns = [(key, [values[k] for values in self.settings]) for k, key in enumerate(self.keys)]
+        if len({results.method for results in self.runs}) > 1:
+            columns.append(("method", [results.method for results in self.runs]))
+        columns += [(name, [self._told(n, s) for n, s in enumerate(steps)]) for name, steps in self._columns()]
+        closing = [closing_load(results.leakage.values, results.steps) for results in self.runs]
+        if any(np.isfinite(closing)):
+            columns.append(("closes at", [to_text(p, "Pa", 3) if np.isfinite(p) else "–" for p in closing]))
+        lines = [list(line) for line in zip(*(cells for _, cells in columns), strict=True)]
+        return self.told_as, [name for name, _ in columns], lines
+
+    def _columns(self) -> list[tuple[str, list[int]]]:
+        """Heading and the step of every run, for each column of leakage."""
+        common = self.common_steps
+        if common:
+            loading = [step for step in common if step.unloaded_from is None]
+            chosen = [*(loading[n] for n in (0, len(loading) // 2, -1) if loading), common[-1]]
+            return [
+                (_step_text(step), [results.steps.index(step) for results in self.runs])
+                for step in dict.fromkeys(chosen)
+            ]
+        peaks = [int(np.argmax(results.steps.pressures)) for results in self.runs]
+        return [
+            ("first load", [0] * len(self.runs)),
+            ("highest load", peaks),
+            ("last load", [len(results.steps) - 1 for results in self.runs]),
+        ]
+
+    def _told(self, run: int, step: int) -> str:
+        text = amount(float(self.leakage(run)[step]), 1.0)
+        if self.common_steps:
+            return text
+        return f"{text} ({to_text(self.runs[run].steps[step].pressure, 'Pa', 3)})"
+
+    def table(self) -> Table:
+        """The table for a terminal, to be given to `rich.print`."""
+        from rich.box import SIMPLE_HEAD
+        from rich.markup import escape as plain
+        from rich.table import Table
+
+        title, headers, lines = self.texts()
+        table = Table(title=plain(title), title_justify="left", box=SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
+        words = max(len(self.keys), 1)
+        for n, header in enumerate(headers):
+            table.add_column(plain(header), justify="left" if n < words else "right", overflow="fold")
+        for line in lines:
+            table.add_row(*map(plain, line))
+        return table
+
+    def write(self, folder: str | os.PathLike[str], stem: str = "comparison") -> list[Path]:
+        """Write the table as `stem`.csv and the picture as `stem`.png into a folder, which is made if needed.
+
+        Raises
+        ------
+        InputError : the folder cannot be made.
+        """
+        target = made_folder(folder)
+        written = [write_text(target / f"{stem}.csv", self.csv_text())]
+        with replacing(target / f"{stem}.png") as temporary:
+            temporary.write_bytes(room("plots").png(self.plot()))
+        return [*written, target / f"{stem}.png"]
+
+    def __repr__(self) -> str:
+        loads = f"{len(self.common_steps)} load steps in common"
+        lines = [f"<femseal.RunComparison of {len(self.runs)} runs, {loads}, in {self.unit.name}>"]
+        return "\n".join(
+            [*lines, *(f"{n}: {results.method}" for n, results in zip(self.names, self.runs, strict=True))]
+        )
+
+
+def _step_text(step: LoadStep) -> str:
+    if step.unloaded_from is None:
+        return to_text(step.pressure, "Pa", 3)
+    return f"{to_text(step.pressure, 'Pa', 3)} from {to_text(step.unloaded_from, 'Pa', 3)}"
+
+
+Run = Results | str | os.PathLike[str]
+
+
+def compare(runs: Mapping[str, Run] | Sequence[Run], *, unit: str | None = None) -> RunComparison:
+    """Several finished runs side by side; their loads, methods, faces and lengths of seal may differ.
+
+    Parameters
+    ----------
+    runs : results folders, or `Results`; as a mapping with a name for each, otherwise they are named by their folders.
+    unit : in which leakage is told, such as "mL/min"; that of the cases if it is the same in all of them, or else a
+        readable one per length of seal.
+
+    Raises
+    ------
+    InputError : fewer than two runs, a folder without results, two runs of one name, or a unit that does not exist or
+        is not for the fluid of one of the runs.
+    """
+    given = list(runs.values()) if isinstance(runs, Mapping) else list(runs)
+    if len(given) < 2:
+        raise InputError.of("compare", f"{len(given)} runs", "two or more")
+    opened = tuple(run if isinstance(run, Results) else open_results(run) for run in given)
+    names = tuple(runs) if isinstance(runs, Mapping) else _names(opened)
+    return compared(names, opened, unit=unit)
+
+
+def named(arguments: Sequence[str]) -> Mapping[str, Run] | Sequence[Run]:
+    """Runs from texts DIR or NAME=DIR; with a name for one of them, the others are named by the last part of theirs."""
+    pairs = [("", text) if Path(text).is_dir() else text.partition("=")[::2] for text in arguments]
+    pairs = [(name, path) if path else ("", name) for name, path in pairs]
+    if not any(name for name, _ in pairs):
+        return [path for _, path in pairs]
+    names = [name or Path(path).name for name, path in pairs]
+    if len({*names}) < len(names):
+        raise InputError.of("compare", ", ".join(names), "a name of its own for each run")
+    return dict(zip(names, (path for _, path in pairs), strict=True))
+
+
+def compared(
+    names: Sequence[str],
+    runs: Sequence[Results],
+    *,
+    unit: str | None = None,
+    keys: tuple[str, ...] = (),
+    settings: tuple[tuple[str, ...], ...] = (),
+) -> RunComparison:
+    """The comparison of opened runs, see `compare` and `RunComparison`."""
+    if twice := sorted({name for name in names if list(names).count(name) > 1}):
+        raise InputError.of("compare", f"two runs named {shown(twice[0])}", "a name of its own for each run")
+    chosen = _unit(runs) if unit is None else leak_unit(unit)
+    for results in runs:
+        results.leak_basis.factor(chosen)  # raises if the unit is not for the fluid
+    return RunComparison(tuple(names), tuple(runs), chosen, keys, settings)
+
+
+def _unit(runs: Sequence[Results]) -> LeakUnit:
+    """The unit of the cases if they agree, else a readable one per length of seal for all of them."""
+    asked = {results.dataset.attrs.get("leakage_unit", "") for results in runs}
+    name = asked.pop() if len(asked) == 1 else ""
+    return LEAK_UNITS.get(name) or LEAK_UNITS[leakage_unit(np.concatenate([r.leakage.values for r in runs]))[1]]
+
+
+def _names(runs: Sequence[Results]) -> tuple[str, ...]:
+    """Names of folders, with as many of their parents as it takes to tell them apart; a number where there is none."""
+    paths = [Path() if results.folder is None else results.folder.resolve() for results in runs]
+    most = max((len(path.parts) for path in paths), default=1)
+    for count in range(1, most + 1):
+        names = ["/".join(path.parts[-count:]) or f"run {n}" for n, path in enumerate(paths, 1)]
+        if len({*names}) == len(names):
+            return tuple(names)
+    return tuple("/".join(path.parts[-1:]) or f"run {n}" for n, path in enumerate(paths, 1))

@@ -1,0 +1,131 @@
+"""Run the cases of a sweep one after the other, each into its own folder, and set them side by side."""
+
+from __future__ import annotations
+
+import logging
+import os
+import shutil
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from ..base.errors import FemsealError, InputError, shortened
+from ..base.files import made_folder
+from ..results.results import Results
+from ..results.run_comparison import RunComparison, compared
+from ..runs import checkpoint, job
+from ..runs.case import Case, read_case
+from ..runs.forecast import refuse_too_large
+from ..runs.lock import alone_in
+from .variations import Variation, short_names, variations
+
+log = logging.getLogger("femseal.sweeps")
+#: Subfolders of what the cases share: stages while the sweep is under way, and libraries of windows.
+SHARED, LIBRARY = ".shared", "library"
+#: Files of the table and the picture.
+STEM = "sweep"
+
+
+def sweep(
+    case: str | os.PathLike[str],
+    keys: Mapping[str, Sequence[Any]],
+    output: str | os.PathLike[str],
+    *,
+    resume: bool = False,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    unit: str | None = None,
+    progress: job.Progress | None = None,
+    announce: Callable[[str], None] | None = None,
+) -> RunComparison:
+    """Run a case with every combination of some values of its keys, and compare the leakages.
+
+    Every case is checked before the first is run. What two cases have in common is computed once: contact and flow of
+    windows that no key changes, and libraries of windows, which are kept in `output`/library.
+
+    Parameters
+    ----------
+    case : path of a case file.
+    keys : values of dotted keys, such as {"material.hardness": ["3 GPa", "4 GPa"], "cells.count": [[4, 8], [8, 16]]};
+        quantities are texts with their unit as in the file. "face.0.pitch" is a key of the first of two faces.
+    output : folder, made if needed: a results folder for each case, `sweep.csv` and `sweep.png`.
+    resume : take the cases that are complete, and go on with those that are not.
+    workers, scheduler : of each run, see `run`. unit : of the comparison, see `compare`.
+    progress : called as progress(stage, done, total), also with the stage "cases". announce : called with a line for
+        each case before it is run.
+
+    Returns
+    -------
+    The runs side by side, without those that failed.
+
+    Raises
+    ------
+    InputError : a key or a value cannot be used, or a folder cannot be written; nothing has been computed then.
+    FemsealError : cases failed; the others are complete in their folders, and `resume` tries again those that are not.
+    """
+    data, base = read_case(case)
+    cases = variations(data, base, keys)
+    folder = Path(output)
+    if folder.exists() and not folder.is_dir():
+        raise InputError.of("output", f"'{folder}', which is a file", "a folder, or one that does not exist")
+    for variation in cases:
+        _check(variation)
+        if not resume:
+            checkpoint.refuse_unfinished(folder / variation.name)
+    with alone_in(made_folder(folder)):
+        kept: dict[int, Results] = {}
+        failures: list[str] = []
+        told = progress or (lambda stage, done, total: None)
+        told("cases", 0, len(cases))
+        for n, variation in enumerate(cases):
+            if announce is not None:
+                announce(f"case {n + 1} of {len(cases)}: {variation.setting}")
+            try:
+                kept[n] = job.run(
+                    _with_library(variation.case, folder),
+                    folder / variation.name,
+                    resume,
+                    workers,
+                    scheduler,
+                    shared=folder / SHARED,
+                    progress=told,
+                )
+            except InputError:
+                raise
+            except FemsealError as error:
+                failures.append(f"{variation.name}: {error}")
+                log.warning("%s", failures[-1])
+            told("cases", n + 1, len(cases))
+        if not kept:
+            raise FemsealError(f"sweep: every case failed; the first: {failures[0]}")
+        found = compared(
+            [cases[n].name for n in kept],
+            list(kept.values()),
+            unit=unit,
+            keys=short_names(list(keys)),
+            settings=tuple(cases[n].values for n in kept),
+        )
+        found.write(folder, STEM)
+        if failures:
+            lines = "\n".join(failures)
+            text = f"sweep: {len(failures)} of {len(cases)} cases failed; --resume tries them again\n{lines}"
+            raise FemsealError(text)
+        shutil.rmtree(folder / SHARED, ignore_errors=True)
+    return found
+
+
+def _check(variation: Variation) -> None:
+    """Raise InputError, which names the case, for one that cannot be run."""
+    try:
+        refuse_too_large(variation.case, variation.case.prepare())
+    except InputError as error:
+        raise InputError(f"{error} (with {shortened(variation.setting)})") from error
+
+
+def _with_library(case: Case, folder: Path) -> Case:
+    """The case, its windows that follow a ladder kept in the folder of the sweep unless it names one."""
+    drawn = case.stochastic
+    if drawn is None or drawn.pressure == "place" or drawn.library is not None or "stochastic" not in case.methods:
+        return case
+    library = folder.resolve() / LIBRARY
+    return case.model_copy(update={"stochastic": drawn.model_copy(update={"library": library})})

@@ -1,0 +1,197 @@
+"""The cases of a sweep: every combination of the values of some keys of a case file."""
+
+from __future__ import annotations
+
+import copy
+import re
+import tomllib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+from math import prod
+from pathlib import Path
+from typing import Any
+
+from ..base.errors import FemsealError, InputError, shortened, shown
+from ..runs.case import Case, parse_case
+
+#: No sweep has more cases.
+MOST_CASES = 1000
+#: Faults told at once.
+_MOST_FAULTS = 10
+#: Longest name of a folder, in characters.
+_LONGEST_NAME = 100
+_OPENING, _CLOSING, _QUOTES = "[{(", "]})", "\"'"
+
+
+@dataclass(frozen=True)
+class Variation:
+    """One case of a sweep.
+
+    name : of its folder. setting : the keys with their values, in words. values : of the keys, as texts. case : the
+    case with these values.
+    """
+
+    name: str
+    setting: str
+    values: tuple[str, ...]
+    case: Case
+
+
+def parsed_keys(arguments: Sequence[str]) -> dict[str, list[Any]]:
+    """Values of the keys from texts such as "material.hardness=3GPa,4GPa".
+
+    Values are those of TOML, and text without quotes is text: 3GPa is "3GPa", [4,8] a list of two numbers.
+
+    Raises
+    ------
+    InputError : a text without "=", a key without values, or a key that is given twice.
+
+    >>> parsed_keys(["cells.count=[4, 8],[8,16]", "seed=1,2", "material.hardness=3 GPa"])
+    {'cells.count': [[4, 8], [8, 16]], 'seed': [1, 2], 'material.hardness': ['3 GPa']}
+    """
+    keys: dict[str, list[Any]] = {}
+    for text in arguments:
+        key, sign, values = text.partition("=")
+        if not sign or not key.strip() or not values.strip():
+            raise InputError.of("sweep", shown(text), "a key of the case and its values, such as seed=1,2,3")
+        if (key := key.strip()) in keys:
+            raise InputError.of("sweep", f"the key {key} twice", "each key once, with all its values")
+        keys[key] = [_value(part) for part in _parts(values)]
+    return keys
+
+
+def _parts(text: str) -> list[str]:
+    """A text at its commas, except those in brackets and in quotes."""
+    parts, depth, quote = [""], 0, ""
+    for letter in text:
+        if quote:
+            quote = "" if letter == quote else quote
+        elif letter in _QUOTES:
+            quote = letter
+        depth += 0 if quote else (letter in _OPENING) - (letter in _CLOSING)
+        if letter == "," and depth == 0 and not quote:
+            parts.append("")
+        else:
+            parts[-1] += letter
+    return [part.strip() for part in parts]
+
+
+def _value(text: str) -> Any:
+    if text.startswith("[") and text.endswith("]"):
+        return [_value(part) for part in _parts(text[1:-1]) if part]
+    try:
+        return tomllib.loads(f"value = {text}")["value"]
+    except (tomllib.TOMLDecodeError, RecursionError):
+        return text
+
+
+def variations(data: dict[str, Any], folder: Path, keys: Mapping[str, Sequence[Any]]) -> list[Variation]:
+    """Every combination of the values, the first key slowest; all of them are checked.
+
+    Parameters
+    ----------
+    data : the tables of the case. folder : of the case file, to which its paths are relative.
+    keys : values of dotted keys such as "material.hardness"; "face.0.pitch" is in the first of several faces.
+
+    Raises
+    ------
+    InputError : no key, a key without values or with one value twice, a key that cannot be, more than `MOST_CASES`
+        cases, or a case that cannot be used; one line for each fault.
+    """
+    if not keys:
+        raise InputError.of("sweep", "no key", "at least one key of the case with its values, such as seed=1,2,3")
+    for key, values in keys.items():
+        if isinstance(values, (str, bytes)) or not isinstance(values, Sequence) or not len(values):
+            raise InputError.of(f"sweep: {shortened(key)}", shown(values), "a list of values")
+        texts = [value_text(value) for value in values]
+        if len({*texts}) < len(texts):
+            raise InputError.of(f"sweep: {shortened(key)}", shown(values), "values that differ")
+    if (count := prod(map(len, keys.values()))) > MOST_CASES:
+        raise InputError.of("sweep", f"{count} cases", f"at most {MOST_CASES}")
+    shorts = short_names(list(keys))
+    found: list[Variation] = []
+    faults: list[str] = []
+    for values in product(*keys.values()):
+        texts = [value_text(value) for value in values]
+        setting = ", ".join(f"{short} = {text}" for short, text in zip(shorts, texts, strict=True))
+        changed = copy.deepcopy(data)
+        for key, value in zip(keys, values, strict=True):
+            _put(changed, key, copy.deepcopy(value))
+        try:
+            case = parse_case(changed, folder)
+        except FemsealError as error:
+            faults += [f"{line} (with {shortened(setting)})" for line in str(error).splitlines()]
+            continue
+        name = _file_name("_".join(f"{short}={text}" for short, text in zip(shorts, texts, strict=True)))
+        found.append(Variation(name, setting, tuple(texts), case))
+    if faults:
+        more = [f"{len(faults) - _MOST_FAULTS} more faults"] if len(faults) > _MOST_FAULTS else []
+        raise InputError("\n".join([*faults[:_MOST_FAULTS], *more]))
+    return _told_apart(found)
+
+
+def short_names(keys: Sequence[str]) -> tuple[str, ...]:
+    """Last parts of dotted keys, as many as it takes to tell them apart.
+
+    >>> short_names(["material.young", "counter_material.young", "stochastic.length"])
+    ('material.young', 'counter_material.young', 'length')
+    """
+    names = []
+    for key in keys:
+        parts = key.split(".")
+        for count in range(1, len(parts) + 1):
+            name = ".".join(parts[-count:])
+            if sum(other == name or other.endswith(f".{name}") for other in keys) == 1:
+                break
+        names.append(name)
+    return tuple(names)
+
+
+def value_text(value: Any) -> str:
+    """A value as short text.
+
+    >>> value_text([8, 16]), value_text("3 GPa"), value_text(True)
+    ('[8, 16]', '3 GPa', 'true')
+    """
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, (list, tuple)):
+        return f"[{', '.join(map(value_text, value))}]"
+    return str(value)
+
+
+def _put(data: dict[str, Any], key: str, value: Any) -> None:
+    """Set a dotted key; tables on the way that do not exist are made."""
+    parts = key.split(".")
+    inside: Any = data
+    for n, part in enumerate(parts):
+        last = n == len(parts) - 1
+        where: Any = part
+        if isinstance(inside, list):
+            if not part.isdecimal() or int(part) >= len(inside):
+                allowed = f"the number of one of the {len(inside)} tables '{'.'.join(parts[:n])}', from 0"
+                raise InputError.of(f"sweep: {shortened(key)}", shown(part), allowed)
+            where = int(part)
+        elif not isinstance(inside, dict) or not part:
+            raise InputError.of("sweep", shown(key), "a dotted key of the case, such as material.hardness")
+        if last:
+            inside[where] = value
+        else:
+            inside = inside[where] if isinstance(inside, list) else inside.setdefault(where, {})
+
+
+def _file_name(text: str) -> str:
+    """A text as the name of a folder: letters, numbers and few signs, not too long."""
+    name = re.sub(r"[^\w.=+-]+", "-", text.replace(" ", "")).strip("-.")
+    return name if len(name) <= _LONGEST_NAME else name[:_LONGEST_NAME].rstrip("-.")
+
+
+def _told_apart(found: list[Variation]) -> list[Variation]:
+    """The same, with numbers after names that would be the same on a file system."""
+    seen: dict[str, int] = {}
+    named = []
+    for variation in found:
+        number = seen[variation.name.lower()] = seen.get(variation.name.lower(), 0) + 1
+        named.append(variation if number == 1 else replace(variation, name=f"{variation.name}-{number}"))
+    return named

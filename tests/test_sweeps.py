@@ -1,0 +1,380 @@
+"""Sweeps over keys of a case, and finished runs side by side."""
+
+import csv
+import io
+import sys
+from functools import partial
+
+import matplotlib.image
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+import femseal as fs
+from femseal import cli
+from femseal.base.stage import Stage
+from femseal.contact import cycle
+from femseal.plots.drawing import Drawn
+from femseal.results.run_comparison import named
+from femseal.runs.case import read_case
+from femseal.runs.shared_stages import SharedStages, Unnamed, digest
+from femseal.sweeps.variations import parsed_keys, short_names, variations
+
+CASE = """
+method = "stochastic"
+seed = 2
+[face]
+kind = "self-affine"
+points = [32, 64]
+size = ["30 um", "60 um"]
+rms_slope = 0.2
+roll_off = "20 um"
+[material]
+young = "210 GPa"
+hardness = "3 GPa"
+[load]
+loading = ["50 MPa", "300 MPa"]
+unload_from = ["300 MPa"]
+unloading = ["100 MPa"]
+[fluid]
+kind = "liquid"
+viscosity = "1 mPa*s"
+inlet_pressure = "1 MPa"
+[cells]
+count = [2, 4]
+[stochastic]
+length = "120 um"
+realisations = 4
+library_cells = 8
+[output]
+paraview = "none"
+"""
+KEYS = {"material.hardness": ["3 GPa", "6 GPa"], "fluid.viscosity": ["1 mPa*s", "2 mPa*s"]}
+
+
+@pytest.fixture
+def case(tmp_path):
+    path = tmp_path / "small.toml"
+    path.write_text(CASE)
+    return path
+
+
+@pytest.fixture
+def femseal(monkeypatch, capsys):
+    """Call the command line in this process: exit code, output, errors."""
+
+    def call(*arguments):
+        monkeypatch.setattr(sys, "argv", ["femseal", *map(str, arguments)])
+        try:
+            cli.main()
+            code = 0
+        except SystemExit as stop:
+            code = stop.code or 0
+        return (code, *capsys.readouterr())
+
+    return call
+
+
+@pytest.fixture
+def contacts(monkeypatch):
+    """Nominal pressures of the contacts that are solved."""
+    solved, solve = [], cycle.solve_contact
+
+    def counted(*arguments, **options):
+        solved.append(options["pressure"])
+        return solve(*arguments, **options)
+
+    monkeypatch.setattr(cycle, "solve_contact", counted)
+    return solved
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _without_pictures_of_runs():
+    """Pictures of single runs are files with nothing in them; those of several runs are drawn."""
+    content = b"\x89PNG\r\n\x1a\n"
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("femseal.report.pictures.drawn", lambda figure: Drawn(content, (content,) * 3))
+        patch.setattr("femseal.report.pictures._figure", lambda *given: None)
+        yield
+
+
+@pytest.fixture(scope="module")
+def swept(tmp_path_factory, _without_pictures_of_runs):
+    """Folder and comparison of a sweep over two keys."""
+    folder = tmp_path_factory.mktemp("sweep")
+    (folder / "small.toml").write_text(CASE)
+    return folder / "out", fs.sweep(folder / "small.toml", KEYS, folder / "out", workers=1)
+
+
+# --- the cases of a sweep ---------------------------------------------------------------------------------
+
+
+def test_values_are_those_of_toml_or_text():
+    found = parsed_keys(["a.b=3GPa, 4 GPa", 'c="x,y",[1,2],[u, "v,w"]', "d=1,2.5,true", "e=two-scale"])
+    assert found == {"a.b": ["3GPa", "4 GPa"], "c": ["x,y", [1, 2], ["u", "v,w"]], "d": [1, 2.5, True],
+                     "e": ["two-scale"]}  # fmt: skip
+
+
+def test_every_combination_is_a_case_with_its_own_name(case):
+    data, folder = read_case(case)
+    found = variations(data, folder, KEYS | {"cells.count": [[2, 4], [4, 8]]})
+    assert len(found) == 8
+    assert len({v.name for v in found}) == 8
+    assert all(v.name.isascii() and not set(v.name) & set('/\\ *:"?') for v in found)
+    assert found[0].name == "hardness=3GPa_viscosity=1mPa-s_count=-2-4"
+    assert found[3].values == ("3 GPa", "2 mPa*s", "[4, 8]")
+    assert [v.case.hardness for v in found] == [3e9] * 4 + [6e9] * 4
+    assert found[-1].case.cells.count == (4, 8)
+    assert data["material"]["hardness"] == "3 GPa"  # the tables of the case stay
+
+
+def test_a_key_of_one_of_two_faces(case):
+    data, folder = read_case(case)
+    data["face"] = [data["face"], dict(data["face"])]
+    second = variations(data, folder, {"face.1.rms_slope": [0.1, 0.3]})
+    assert [[face.rms_slope for face in v.case.face] for v in second] == [[0.2, 0.1], [0.2, 0.3]]
+    with pytest.raises(fs.InputError, match=r"face\.2\.hurst: given '2', allowed is the number of one of the 2 tables"):
+        variations(data, folder, {"face.2.hurst": [0.5]})
+
+
+def test_names_are_as_short_as_they_can_be():
+    assert short_names(["material.hardness"]) == ("hardness",)
+    assert short_names(["seed", "face.0.pitch", "face.1.pitch"]) == ("seed", "0.pitch", "1.pitch")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "fault"),
+    [
+        (["material.hardnes=1GPa"], "material.hardnes: unknown key"),
+        (["material.hardness=3"], "material.hardness: given 3, allowed is text with a number and a unit"),
+        (["seed"], "sweep: given 'seed', allowed is a key of the case and its values"),
+        (["seed=1,2", "seed=3"], "sweep: given the key seed twice"),
+        (["seed=1,1"], "allowed is values that differ"),
+        (["seed.x=1"], "sweep: given 'seed.x', allowed is a dotted key of the case"),
+        (["load.loading=[2MPa,1MPa]"], "load: allowed is rising pressures"),
+        (["cells.count=[2,4],[32,64]"], r"with count = [32, 64]"),
+        ([f"seed={','.join(map(str, range(40)))}", f"stochastic.realisations={','.join(map(str, range(2, 42)))}"],
+         "given 1600 cases, allowed is at most 1000"),
+    ],
+)  # fmt: skip
+def test_bad_input_is_found_before_any_work(femseal, case, contacts, arguments, fault):
+    output = case.parent / "out"
+    code, _, errors = femseal("sweep", case, *arguments, "-o", output, "--workers", 1)
+    assert code == 2
+    assert fault in errors
+    assert "Traceback" not in errors
+    assert not output.exists()
+    assert not contacts
+
+
+def test_an_unfinished_case_is_found_before_any_work(case, tmp_path, contacts):
+    last = tmp_path / "out" / "seed=2" / ".checkpoint"
+    last.mkdir(parents=True)
+    (last / "001-000000000-000000001.shard").write_bytes(b"")
+    with pytest.raises(fs.InputError, match="unfinished run"):
+        fs.sweep(case, {"seed": [1, 2]}, tmp_path / "out", workers=1)
+    assert not contacts
+
+
+# --- runs of a sweep --------------------------------------------------------------------------------------
+
+
+def test_every_case_is_what_a_run_of_its_own_gives(swept, tmp_path):
+    folder, found = swept
+    for hardness, viscosity in (("3 GPa", "1 mPa*s"), ("6 GPa", "2 mPa*s")):
+        text = CASE.replace('"3 GPa"', f'"{hardness}"').replace('"1 mPa*s"', f'"{viscosity}"')
+        (tmp_path / "own.toml").write_text(text)
+        own = fs.run(tmp_path / "own.toml", workers=1)
+        run = found.runs[found.settings.index((hardness, viscosity))]
+        for name in own.dataset.data_vars:
+            assert_array_equal(run.dataset[name].values, own.dataset[name].values, err_msg=name)
+        assert fs.open_results(folder / found.names[found.runs.index(run)]).case == own.case
+
+
+def test_cases_share_what_their_keys_do_not_change(case, tmp_path, contacts):
+    fs.run(case, workers=1)
+    alone = len(contacts)
+    contacts.clear()
+    found = fs.sweep(case, {"fluid.viscosity": ["1 mPa*s", "4 mPa*s"]}, tmp_path / "fluids", workers=1)
+    assert len(contacts) == alone
+    assert_allclose(found.leakage(0), 4 * found.leakage(1), rtol=1e-9)
+    contacts.clear()
+    # the highest load is peak in one only, so that it leaves its deformation behind
+    more = {"load.loading": [["50 MPa", "300 MPa"], ["50 MPa", "100 MPa", "300 MPa"]]}
+    fs.sweep(case, more, tmp_path / "loads", workers=1)
+    assert len(contacts) == alone + 1
+    assert not list(tmp_path.glob("*/.shared"))
+
+
+def test_libraries_of_windows_are_kept_for_all_cases(case, tmp_path):
+    case.write_text(CASE.replace("library_cells = 8", 'library_cells = 4\npressure = "uniform"'))
+    found = fs.sweep(case, {"stochastic.length": ["120 um", "1 mm"]}, tmp_path / "out", workers=1)
+    assert len(list((tmp_path / "out" / "library").glob("*.npz"))) == 1
+    assert [r.leak_basis.length for r in found.runs] == pytest.approx([120e-6, 1e-3], rel=0.01)
+
+
+def test_a_sweep_goes_on_and_takes_more_values(swept, contacts):
+    folder, found = swept
+    again = fs.sweep(folder.parent / "small.toml", KEYS, folder, resume=True, workers=1)
+    assert not contacts
+    assert again.names == found.names
+    for one, other in zip(again.runs, found.runs, strict=True):
+        assert_array_equal(one.leakage, other.leakage)
+
+
+def test_cases_that_fail_do_not_stop_the_others(case, tmp_path, monkeypatch):
+    from femseal.runs import job
+
+    run = job.run
+
+    def failing(case, *arguments, **options):
+        if case.seed == 2:
+            raise fs.NotConverged("contact: residual 0.1")
+        return run(case, *arguments, **options)
+
+    monkeypatch.setattr(job, "run", failing)
+    with pytest.raises(fs.FemsealError, match=r"1 of 3 cases failed.*\n.*seed=2: contact: residual 0.1"):
+        fs.sweep(case, {"seed": [1, 2, 3]}, tmp_path / "out", workers=1)
+    lines = list(csv.DictReader(io.StringIO((tmp_path / "out" / "sweep.csv").read_text())))
+    assert {line["seed"] for line in lines} == {"1", "3"}
+
+
+# --- side by side -----------------------------------------------------------------------------------------
+
+
+def test_table_of_a_sweep(swept):
+    folder, found = swept
+    lines = list(csv.DictReader(io.StringIO((folder / "sweep.csv").read_text())))
+    assert len(lines) == 4 * 3
+    assert [line["hardness"] for line in lines[::3]] == ["3 GPa", "3 GPa", "6 GPa", "6 GPa"]
+    for n, run in enumerate(found.runs):
+        own = lines[3 * n : 3 * n + 3]
+        assert_allclose([float(line["leakage_m2_per_s"]) for line in own], run.leakage.values)
+        assert_allclose([float(line["leakage_upper_m2_per_s"]) for line in own], run.dataset["leakage_upper"].values)
+        assert [float(line["nominal_pressure_Pa"]) for line in own] == [5e7, 3e8, 1e8]
+    _, heads, cells = found.texts()
+    assert heads == ["hardness", "viscosity", "50 MPa", "300 MPa", "100 MPa from 300 MPa"]
+    # twice the viscosity, half the leakage
+    assert float(cells[0][2]) == pytest.approx(2 * float(cells[1][2]), rel=0.01)
+
+
+def test_picture_of_a_sweep(swept):
+    folder, found = swept
+    image = matplotlib.image.imread(folder / "sweep.png")
+    assert image.shape[1] > 1000
+    figure = found.plot()
+    left, right = figure.axes
+    assert left.get_xlabel() == "nominal pressure [MPa]"
+    assert left.get_ylabel() == found.told_as
+    lines = [line for line in left.lines if len(line.get_xdata()) > 1]
+    assert len(lines) == 8  # loading and unloading of four runs
+    for n, run in enumerate(found.runs):
+        assert_allclose(lines[2 * n].get_ydata(), found.leakage(n)[:2])
+        assert_allclose(lines[2 * n + 1].get_ydata(), run.leakage[[1, 2]] / run.leak_basis.factor(found.unit))
+    assert right.get_xlabel() == "hardness [GPa]"
+    assert_allclose(right.lines[0].get_xdata(), [3, 6])
+    assert_allclose(right.lines[0].get_ydata(), [found.leakage(n)[1] for n in (0, 2)])
+
+
+def test_runs_of_other_loads_methods_and_lengths(case, swept, tmp_path):
+    folder, found = swept
+    text = CASE.replace("50 MPa", "40 MPa").replace('"stochastic"', '"deterministic"')
+    (tmp_path / "other.toml").write_text(text)
+    fs.run(tmp_path / "other.toml", tmp_path / "other", workers=1)
+    both = fs.compare({"drawn": folder / found.names[0], "whole": tmp_path / "other"}, unit="mL/min")
+    assert [step.name for step in both.common_steps] == ["loading 300 MPa", "unloading 100 MPa from 300 MPa"]
+    _, heads, cells = both.texts()
+    assert heads == ["run", "method", "300 MPa", "100 MPa from 300 MPa"]
+    assert [line[:2] for line in cells] == [["drawn", "median"], ["whole", "deterministic"]]
+    for n, run in enumerate(both.runs):  # of the whole seal, each of its own length
+        assert_allclose(both.leakage(n), run.leakage_in("mL/min").values)
+    assert both.band(1) is None
+    assert len(both.plot().axes) == 1
+    rows = both.rows()
+    assert len(rows) == 6
+    assert np.isnan(rows[-1]["leakage_lower_m2_per_s"])
+
+
+def test_runs_without_common_loads_are_told_at_their_own(swept, tmp_path):
+    _, found = swept
+    (tmp_path / "other.toml").write_text(CASE.replace("50 MPa", "40 MPa").replace("300 MPa", "200 MPa"))
+    apart = fs.compare({"a": found.runs[0], "b": fs.run(tmp_path / "other.toml", workers=1)})
+    _, heads, cells = apart.texts()
+    assert heads == ["run", "first load", "highest load", "last load"]
+    assert "(40 MPa)" in cells[1][1]
+    assert "(200 MPa)" in cells[1][2]
+
+
+def test_compare_on_the_command_line(femseal, swept, tmp_path):
+    folder, found = swept
+    runs = [folder / name for name in found.names[:3]]
+    code, text, _ = femseal("compare", *runs, "-o", tmp_path / "out", "--unit", "mL/h")
+    assert code == 0
+    assert "leakage of the whole seal [mL/h]" in text
+    assert all(name[:12] in text for name in found.names[:3])
+    assert sorted(p.name for p in (tmp_path / "out").iterdir()) == ["comparison.csv", "comparison.png"]
+    for wrong, fault in (
+        ([runs[0]], "given 1 runs, allowed is two or more"),
+        ([runs[0], tmp_path / "none"], "no such folder"),
+        ([*runs, "--unit", "miles"], "leakage_unit: given 'miles'"),
+    ):
+        code, _, errors = femseal("compare", *wrong)
+        assert (code, fault in errors) == (2, True), errors
+
+
+def test_what_cannot_be_compared(swept):
+    _, found = swept
+    with pytest.raises(fs.InputError, match="a name of its own"):
+        fs.compare([found.runs[0], found.runs[0]])  # of one run twice the names are the same
+    with pytest.raises(fs.InputError, match="for a liquid"):
+        fs.compare(dict(zip("ab", found.runs, strict=False)), unit="mbar*L/s")
+
+
+def test_runs_get_names(tmp_path):
+    (tmp_path / "x=1").mkdir()
+    assert named([str(tmp_path / "x=1"), "b"]) == [str(tmp_path / "x=1"), "b"]
+    assert named(["a=b", str(tmp_path / "x=1")]) == {"a": "b", "x=1": str(tmp_path / "x=1")}
+
+
+# --- what runs share --------------------------------------------------------------------------------------
+
+
+def _power(x, n, *, base=1.0):
+    return base * np.asarray(x) ** n
+
+
+def test_stages_are_told_apart_by_all_that_goes_into_them():
+    a = np.arange(6.0).reshape(2, 3)
+    same = digest((partial(_power, base=2.0), a, {"k": (1, None)}))
+    assert same == digest((partial(_power, base=2.0), a.copy(), {"k": (1, None)}))
+    others = [
+        (partial(_power, base=2.5), a, {"k": (1, None)}),
+        (partial(_power, base=2.0), a.T, {"k": (1, None)}),
+        (partial(_power, base=2.0), a.astype(np.float32), {"k": (1, None)}),
+        (partial(_power, base=2.0), a, {"k": (1.0, None)}),
+        (partial(_power, base=2.0), a, {"k": [1, None]}),
+        (partial(_power, base=2), a, {"k": (1, None)}),
+    ]
+    assert len({same, *map(digest, others)}) == 1 + len(others)
+    with pytest.raises(Unnamed):
+        digest(lambda x: x)
+
+
+def test_items_are_computed_once_in_their_order(tmp_path):
+    computed = []
+
+    def mapper(stage, *iterables):
+        for item in zip(*iterables, strict=True):
+            computed.append(item)
+            yield stage(*item)
+
+    stage = Stage("powers", partial(_power, base=3.0))
+    shared = SharedStages(tmp_path / "shared").over(mapper)
+    assert list(shared(stage, [1, 2, 3], [1, 1, 1])) == [3, 6, 9]
+    assert list(shared(stage, iter([4, 2, 5, 1, 3]), [1, 1, 1, 1, 1])) == [12, 6, 15, 3, 9]
+    assert len(computed) == 5
+    # another stage shares nothing, and one that has no name is computed each time
+    assert list(shared(Stage("powers", partial(_power, base=4.0)), [1], [1])) == [4]
+    plain = Stage("other", lambda x, n: x + n)
+    assert list(shared(plain, [1], [2])) == list(shared(plain, [1], [2])) == [3]
+    assert len(computed) == 8
