@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..base.errors import NotConverged
 from .coefficient import equivalent_gap
-from .permeability_table import Mobility
+from .permeability_table import Mobility, table_pressures
 
 Array = NDArray[np.float64]
 Found = TypeVar("Found")
@@ -109,6 +109,11 @@ class GasDrop:
         """Δψ/Δφ, the mean of F(h₀, p) over the viscous potential between both ends."""
         ψ, φ, _ = self._table
         return float(ψ[-1] / φ[-1]) if φ[-1] != 0 else float(self._factor(self.inlet))
+
+    @cached_property
+    def pressures(self) -> Array:
+        """Pressures [Pa] at which permeabilities have to be known, see `table_pressures`; the inlet's is the first."""
+        return table_pressures(self.inlet, self.outlet)
 
     def share(self, pressure: ArrayLike) -> Array:
         """Share of the drop of ψ at a pressure [Pa] between those of the ends."""

@@ -7,8 +7,9 @@ decades of pressure are within 0.1 % of the flow, four over one decade too.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numba import njit
@@ -16,6 +17,9 @@ from numpy.polynomial import chebyshev
 from numpy.typing import ArrayLike, NDArray
 
 from ..base.errors import InputError
+
+if TYPE_CHECKING:
+    from .gas_drop import GasDrop
 
 Array = NDArray[np.float64]
 #: Pressures below this share of the inlet's are not looked at, since hardly anything of the drop lies there.
@@ -30,7 +34,7 @@ _SMALL = 0.05
 
 
 def table_pressures(inlet: float, outlet: float) -> Array:
-    """Pressures [Pa], falling from the higher end, at which the permeability of a gas between two pressures is needed.
+    """Pressures [Pa], falling from the higher end of a drop, at which the permeability of a gas between two pressures is needed.
 
     Chebyshev's extremes in ln p: four where the ends are within a factor of 12, else six, the lowest not below 1e-3 of
     the highest.
@@ -72,10 +76,19 @@ class PermeabilityTable:
         for k in arrays:
             if k.ndim < 1 or len(k) != p.size:
                 raise InputError.of("values", f"shape {k.shape}", f"a first axis of {p.size}, one for each pressure")
-            if not np.isfinite(k).all() or (k.ndim != 5 and k.min(initial=0.0) < 0):
+            if not np.isfinite(k).all() or (not _are_tensors(k) and k.min(initial=0.0) < 0):
                 raise InputError.of("values", "negative or undefined permeabilities", "finite numbers >= 0 [m³]")
         object.__setattr__(self, "pressures", tuple(p.tolist()))
         object.__setattr__(self, "values", arrays if pair else arrays[0])
+
+    @classmethod
+    def of(cls, drop: GasDrop | None, values: Sequence[Any]) -> Any:
+        """The table of the values at each of the pressures of a drop, numbers, arrays or pairs; without one, the value."""
+        if drop is None:
+            return values[0]
+        pair = isinstance(values[0], (tuple, list))
+        stacked = tuple(np.array(v) for v in zip(*values, strict=True)) if pair else np.array(values)
+        return cls(tuple(drop.pressures), stacked)
 
     @property
     def typical(self) -> tuple[float, float]:
@@ -84,6 +97,37 @@ class PermeabilityTable:
         middle = int(np.argsort(self.pressures)[len(self.pressures) // 2])
         k = first[middle]
         return self.pressures[middle], float(np.median(k[k > 0])) if (k > 0).any() else 0.0
+
+
+def _are_tensors(values: Array) -> bool:
+    """Whether values (m, …) are tensors (m, …, 2, 2) of elements, not the links along an axis or values along two."""
+    return values.ndim >= 4 and values.shape[-2:] == (2, 2)
+
+
+def pressure_curve(pressures: ArrayLike, values: Array) -> PressureCurve | TensorCurve:
+    """Permeabilities (m, …), numbers or tensors, as functions of the pressure."""
+    return (TensorCurve if _are_tensors(values) else PressureCurve)(pressures, values)
+
+
+class TensorCurve:
+    """Tensors (m, …, 2, 2) as functions of the pressure: the trace as any permeability, shares of it by a polynomial."""
+
+    def __init__(self, pressures: ArrayLike, values: Array) -> None:
+        self._trace = PressureCurve(pressures, np.trace(values, axis1=-2, axis2=-1))
+        trace = np.trace(values, axis1=-2, axis2=-1)[..., None, None]
+        shares = np.divide(values, trace, out=np.zeros_like(values), where=trace > 0)
+        self._shares = chebyshev.chebfit(
+            self._trace.scaled(np.log(pressures)), shares.reshape(len(values), -1), len(shares) - 1
+        )
+        self.shape = values.shape[1:]
+
+    def between(self, first: Array, second: Array, mobility: Mobility, viscous: bool = False) -> Array:
+        """Mean of each tensor between two pressures > 0, its shares those at the mean of both."""
+        trace = self._trace.between(first, second, mobility, viscous)
+        x = self._trace.scaled(np.log(0.5 * (first + second)))
+        x = np.broadcast_to(np.clip(x, -1, 1), trace.shape)[..., None, None]
+        shares = chebyshev.chebval(np.broadcast_to(x, self.shape), self._shares.reshape(-1, *self.shape), tensor=False)
+        return trace[..., None, None] * shares
 
 
 class PressureCurve:
@@ -95,14 +139,15 @@ class PressureCurve:
         self.shape = values.shape[1:]
         is_open = (values > 0).all(axis=0)
         log_k = np.log(np.where(is_open, values, 1.0)).reshape(len(values), -1)
-        coefficients = np.linalg.solve(chebyshev.chebvander(self._scaled(x), len(x) - 1), log_k)
+        coefficients = np.linalg.solve(chebyshev.chebvander(self.scaled(x), len(x) - 1), log_k)
         slope = chebyshev.chebval(-1.0, chebyshev.chebder(coefficients)) * 2 / (self._range[1] - self._range[0])
         self._coefficients = np.ascontiguousarray(coefficients.T)
         # below the lowest pressure k rises no faster than that of free molecules
         self._slope = np.clip(slope, -1.0, 0.0)
         self._open = is_open.ravel()
 
-    def _scaled(self, x: Array) -> Array:
+    def scaled(self, x: Array) -> Array:
+        """ln p from −1 to 1 between the lowest and the highest pressure."""
         low, high = self._range
         return (2 * x - low - high) / (high - low)
 

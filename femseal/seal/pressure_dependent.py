@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from ..flow.coefficient import cubic_law
 from ..flow.gas_drop import GasDrop, successive
-from ..flow.permeability_table import PermeabilityTable, PressureCurve
+from ..flow.permeability_table import PermeabilityTable, pressure_curve
 from ..flow.solution import DarcyFlow
 from .shapes import Seal
 from .structured import StructuredSeal
@@ -53,12 +53,14 @@ def pressure_dependent_flow(
     """
     drop = GasDrop(fluid, inlet, outlet, _gap_of(table, fluid))
     pair = isinstance(table.values, tuple)
-    curves = [PressureCurve(table.pressures, k) for k in (table.values if pair else (table.values,))]
+    curves = [pressure_curve(table.pressures, k) for k in (table.values if pair else (table.values,))]
 
     def permeability(share: Any, viscous: bool = False) -> Any:
         p = drop.pressure(np.nan_to_num(np.asarray(share, dtype=float), nan=0.5))
         p = np.maximum(p, drop.least_pressure)
-        found = tuple(c.between(*ends, drop.mobility, viscous) for c, ends in zip(curves, _ends(seal, p, pair), strict=True))
+        found = tuple(
+            c.between(*ends, drop.mobility, viscous) for c, ends in zip(curves, _ends(seal, p, pair), strict=True)
+        )
         return found if pair else found[0]
 
     def solve(share: Any) -> tuple[float, Array, DarcyFlow]:
