@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..base.errors import NotConverged
 from .coefficient import equivalent_gap
+from .constriction import critical_constriction
 from .permeability_table import Mobility, table_pressures
 
 Array = NDArray[np.float64]
@@ -65,14 +66,16 @@ class GasDrop:
         slips = getattr(fluid, "slip", False) and hasattr(fluid, "flow_factor")
         return cls(fluid, float(inlet), float(outlet), float(gap)) if slips else None
 
-    def around(self, gap: float) -> GasDrop:
-        """The same drop in the potential of another gap [m]."""
-        return replace(self, gap=float(gap))
+    def through(self, gap: Array, spacing: tuple[float, float]) -> GasDrop | None:
+        """The same drop in the potential of the critical constriction of a face (n1, n2) [m], periodic along x2.
 
-    def counts(self, gap: Array) -> bool:
-        """Whether the flow factor differs from 1 by more than 1e-6 anywhere in a gap."""
-        smallest = np.min(gap, where=gap > 0, initial=np.inf)
-        return bool(self.gas.flow_factor(smallest, min(self.inlet, self.outlet)) > 1 + _COUNTS)
+        None where the face is closed, or the flow factor is within 1e-6 of 1 everywhere.
+        """
+        smallest = np.min(gap, where=gap > 0, initial=1.0)
+        if self.gas.flow_factor(smallest, min(self.inlet, self.outlet)) <= 1 + _COUNTS:
+            return None
+        constriction = critical_constriction(gap, spacing, sides="periodic")
+        return None if constriction is None else replace(self, gap=constriction.gap)
 
     @cached_property
     def _table(self) -> tuple[Array, Array, Array]:
@@ -121,21 +124,21 @@ class GasDrop:
         if ψ[-1] == 0:
             return np.full(np.shape(pressure), 0.5)
         rising = 1 if p[-1] > p[0] else -1
-        return np.interp(pressure, p[::rising], (ψ / ψ[-1])[::rising])
+        return np.interp(np.asarray(pressure, dtype=float), p[::rising], (ψ / ψ[-1])[::rising])
 
     def pressure(self, share: ArrayLike) -> Array:
         """Pressure [Pa] where ψ has a share of its drop."""
         ψ, _, p = self._table
         if ψ[-1] == 0:
             return np.full(np.shape(share), self.inlet)
-        return np.interp(share, ψ / ψ[-1], p)
+        return np.interp(np.asarray(share, dtype=float), ψ / ψ[-1], p)
 
     def viscous_share(self, share: ArrayLike) -> Array:
         """Share of the drop of the viscous potential φ where ψ has a share of its own."""
         ψ, φ, _ = self._table
         if ψ[-1] == 0:
             return np.asarray(share, dtype=float)
-        return np.interp(share, ψ / ψ[-1], φ / φ[-1])
+        return np.interp(np.asarray(share, dtype=float), ψ / ψ[-1], φ / φ[-1])
 
     def equivalent_gap(self, gap: Array, share: ArrayLike) -> Array:
         """Gap [m] with the permeability (h³/12) F(h, p)/F(h₀, p) by the cubic law; shares of NaN count as ½."""

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.errors import InputError
 from ..flow.coefficient import cubic_law
 from ..flow.gas_drop import GasDrop, successive
 from ..flow.permeability_table import PermeabilityTable, pressure_curve
@@ -52,14 +53,16 @@ def pressure_dependent_flow(
     NotConverged : the linear solver failed, or the flow still changes after many solutions.
     """
     drop = GasDrop(fluid, inlet, outlet, _gap_of(table, fluid))
-    pair = isinstance(table.values, tuple)
-    curves = [pressure_curve(table.pressures, k) for k in (table.values if pair else (table.values,))]
+    values = _on_parts(seal, table.values, len(table.pressures))
+    pair = isinstance(values, tuple)
+    curves = [pressure_curve(table.pressures, k) for k in (values if pair else (values,))]
 
     def permeability(share: Any, viscous: bool = False) -> Any:
         p = drop.pressure(np.nan_to_num(np.asarray(share, dtype=float), nan=0.5))
         p = np.maximum(p, drop.least_pressure)
         found = tuple(
-            c.between(*ends, drop.mobility, viscous) for c, ends in zip(curves, _ends(seal, p, pair), strict=True)
+            c.between(*(_beside(end, c.shape) for end in ends), drop.mobility, viscous)
+            for c, ends in zip(curves, _ends(seal, p, pair), strict=True)
         )
         return found if pair else found[0]
 
@@ -83,6 +86,33 @@ def pressure_dependent_flow(
         complement=1 - potential,
     )
     return scaled, permeability(share, viscous=True)
+
+
+def _on_parts(seal: Any, values: Any, pressures: int) -> Any:
+    """Values of a table, a number or two at each pressure taken for that of all parts; InputError of other shapes."""
+    if not isinstance(seal, StructuredSeal):
+        n = seal.mesh.nelements
+        k = np.repeat(values[:, None], n, axis=1) if np.ndim(values) == 1 else values
+        if isinstance(k, tuple) or k.shape[1:] not in ((n,), (n, 2), (n, 2, 2)):
+            given = "two arrays" if isinstance(k, tuple) else f"shape {k.shape}"
+            raise InputError.of("permeability", given, f"{pressures} values for each of {n} elements")
+        return k
+    n1, n2 = seal.cells
+    if not isinstance(values, tuple) and values.shape[1:] == (n1, n2, 2, 2):
+        return values
+    pair = values if isinstance(values, tuple) else (values, values)
+    shapes = (pressures, n1, n2), (pressures, n1 - 1, n2)
+    for k, shape in zip(pair, shapes, strict=True):
+        if k.shape not in ((pressures,), shape):
+            raise InputError.of("permeability", f"shape {k.shape}", f"{pressures} values, or shape {shape}")
+    return tuple(
+        np.broadcast_to(k[:, None, None] if k.ndim == 1 else k, shape) for k, shape in zip(pair, shapes, strict=True)
+    )
+
+
+def _beside(pressure: Array, shape: tuple[int, ...]) -> Array:
+    """Pressures of parts, with a further axis where each part has a value along two directions."""
+    return pressure[:, None] if pressure.ndim == 1 and len(shape) == 2 and shape[1] == 2 else pressure
 
 
 def _ends(seal: Any, p: Array, links: bool) -> list[tuple[Array, Array]]:

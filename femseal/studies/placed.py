@@ -10,7 +10,7 @@ from .face_contact import solve_windows
 from .sampling_options import placed_windows
 from .scene import Array
 from .sources import PlacedLibrary, Wanted, WindowSupply
-from .windows import LinkFlows, solve_links
+from .windows import solve_links
 
 #: Length of runs of columns in correlation lengths; a run has at most all columns of the face. Where runs meet, the
 #: channels of the face are cut. Measured on circular milling marks with ten columns: 0.83 to 0.95 of the leakage with

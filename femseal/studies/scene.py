@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.stage import Mapper
-from ..flow import Permeability, cell_permeability, critical_constriction
+from ..flow import Permeability, cell_permeability
 from ..flow.gas_drop import GasDrop, successive
 from ..fluids import Fluid
 from ..loads import LoadProgramme
@@ -125,9 +125,9 @@ class Scene:
 class FaceFlow:
     """Flow along x1 through a whole face at full resolution.
 
-    permeability [m³], of a gas that which the drop of its viscous potential sees. solvers : of its systems. share : of the
-    drop of the potential (n1, n2), 1 at the inlet and 0 at
-    the outlet, NaN in contact and in pockets; None where it was not asked for.
+    permeability [m³], of a gas that which the drop of its viscous potential sees. solvers : of its systems. share : of
+    the drop of the potential (n1, n2), 1 at the inlet and 0 at the outlet, NaN in contact and in pockets; None where it
+    was not asked for.
     """
 
     permeability: float
@@ -172,14 +172,11 @@ def resolved_flow(
         counts += SolverCounts.of(flow)
         return flow
 
-    constriction = None
-    if settings.drop is not None and settings.drop.counts(h):
-        constriction = critical_constriction(h, spacing, sides="periodic")
-    if settings.drop is None or constriction is None:
+    drop = None if settings.drop is None else settings.drop.through(h, spacing)
+    if drop is None:
         flow = through(h)
         value, potential = flow.value, flow.fluid_pressure
     else:
-        drop = settings.drop.around(constriction.gap)
 
         def again(share: Any) -> tuple[float, Any, Permeability]:
             flow = through(drop.equivalent_gap(h, share))

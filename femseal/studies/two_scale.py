@@ -15,10 +15,11 @@ from ..base.text import Shown
 from ..flow.percolation import percolates
 from ..flow.permeability_table import PermeabilityTable
 from ..loads import LoadProgramme
-from ..scales import ElementFlow, Failed, Partition, SolveCounts, SolverCounts, attempt, element_flow, face_potential
+from ..scales import Failed, Partition, SolveCounts, SolverCounts, attempt
 from ..scales.window_fields import ContactPressure, WindowFields
 from ..seal import RectangularSeal
 from .deterministic import state_memory
+from .element_face import flow_through_elements
 from .face_contact import solve_windows
 from .plausibility import odd_in_scene
 from .scene import Array, FaceFlow, FaceLeakage, Scene, labels, resolved_flow
@@ -52,7 +53,7 @@ class TwoScaleResult(Shown):
     element_error, drop_share : of the flow "elements", None with others. The leakage is then an upper bound of that
         resolved on the same gap, and the error is estimated from the bound with every second node.
     k1, k2, fluid_pressure : of the links and their nodes; None without "links". Of a gas with slip, k1 and k2 are those
-        at the pressures of the nodes, with which the flow is that of a viscous gas. link_flows : of the windows of links.
+        at the pressures of the nodes, with which the flow is that of a viscous gas. link_flows : of the windows.
     face_fluid_pressure : at every pixel and step; None with "links".
     fields : deformed gap and contact pressure at every pixel.
     counts : flows of links, solved or known without solving. solvers : number of systems by solver, of links and over
@@ -212,7 +213,8 @@ def _through_elements(
     scene: Scene, fields: WindowFields, mapper: Mapper
 ) -> tuple[FaceLeakage, NDArray[np.float32], Array, Array]:
     """Flow through elements at every step, its pressure at every pixel, its error and the shares of the windows."""
-    stage = Stage("flow through elements", partial(attempt, _flow_and_potential, partition=fields.partition))
+    solve = partial(attempt, flow_through_elements, partition=fields.partition, drop=scene.flow.drop)
+    stage = Stage("flow through elements", solve)
     pressure = np.full(fields.gap.shape, np.nan, np.float32)
     error, share = np.full(len(fields.gap), np.nan), np.full((len(fields.gap), *fields.partition.cells), np.nan)
 
@@ -221,17 +223,12 @@ def _through_elements(
             if isinstance(found, Failed):
                 yield found
                 continue
-            flow, potential = found
-            pressure[s] = scene.pressure_at(potential)
+            flow = found.flow
+            pressure[s] = scene.pressure_at(found.share)
             error[s], share[s] = flow.error, flow.dissipation / (flow.dissipation.sum() or 1.0)
             yield FaceFlow(flow.permeability, SolverCounts.of(flow))
 
     return scene.resolved_leakage(flows()), pressure, error, share
-
-
-def _flow_and_potential(gap: NDArray[np.floating], partition: Partition) -> tuple[ElementFlow, NDArray[np.float32]]:
-    flow = element_flow(gap, partition)
-    return flow, face_potential(gap, partition, flow).astype(np.float32)
 
 
 @dataclass(frozen=True, eq=False)

@@ -149,7 +149,7 @@ def _respond(
 class LinkFlows:
     """Permeability of all links along one axis (steps, rows, columns) [m³], NaN where the window failed.
 
-    at_pressures : of a gas with slip at each of its pressures (pressures, steps, rows, columns), of which k is the first.
+    at_pressures : of a gas with slip at each of its pressures (pressures, steps, rows, columns); k is the first.
     """
 
     k: Array
