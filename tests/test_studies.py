@@ -417,10 +417,15 @@ class TestResolvedFlow:
         assert error[0] < 0.1
         assert error[0] < error[1] / 3
 
-    @pytest.mark.parametrize("flow", ["resolved", "links"])
-    def test_is_the_default_of_a_face_that_fits(self, flow, rough, monkeypatch):
-        monkeypatch.setattr(TWO_SCALE, "RESOLVED_PIXELS", 96 * 96 - (flow == "links"))
-        assert two_scale(rough, (4, 6)).flow == flow
+    @pytest.mark.parametrize(
+        ("flow", "discretisation"), [("resolved", "edge"), ("elements", "edge"), ("links", "gauss")]
+    )
+    def test_is_the_default_of_a_face_that_fits(self, flow, discretisation, rough, monkeypatch):
+        monkeypatch.setattr(TWO_SCALE, "RESOLVED_PIXELS", 96 * 96 - (flow != "resolved"))
+        found = two_scale(replace(rough, discretisation=discretisation), (4, 6))
+        assert found.flow == flow
+        if flow == "elements":
+            assert_allclose(found.leakage, two_scale(rough, (4, 6), flow="resolved").leakage, rtol=1e-3)
 
     def test_links_of_drawn_windows_are_solved_then(self, rough, rough_two_scale):
         known = two_scale(rough, (4, 6), flow="resolved")

@@ -99,6 +99,7 @@ def assemble(
             face_maps.add_fields(data, scene, two_scale)
     if stochastic is not None:
         variables.add_realisations(data, stochastic, quantiles)
+        variables.add_lengths(data, stochastic, quantiles)
         variables.add_library(data, stochastic.library.curves)
     face_maps.add_heights(data, scene)
     variables.add_contact_share(data, scene, deterministic, two_scale, stochastic)

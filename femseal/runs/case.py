@@ -136,7 +136,11 @@ class Case(Table):
         for name in ("length", "breadth") if table is not None and not layout.has_length else ():
             if (value := getattr(table, name)) is not None:
                 text = "stochastic.{name}: given {value}, allowed is none with a seal of kind {kind}: it has its own"
-                given = {"name": name, "value": to_text(value, "m"), "kind": layout.kind}
+                given = {
+                    "name": name,
+                    "value": to_text(value[0] if isinstance(value, tuple) else value, "m"),
+                    "kind": layout.kind,
+                }
                 raise PydanticCustomError("length", text, given)
         for key, path in self.seal.files():
             if not isfile(self.folder / path):

@@ -23,7 +23,7 @@ from ..results.fields import LIMIT
 from ..results.vtk import FORMATS
 from ..studies import CONTACTS, DRAWS, FLOWS, PRESSURES, FluidState
 from .case_registry import table_of_any
-from .case_values import Count, FileSize, Length, Modulus, Poisson, Pressure, Ratio, Table, Temperature, one_of
+from .case_values import Count, FileSize, Length, Lengths, Modulus, Poisson, Pressure, Ratio, Table, Temperature, one_of
 
 #: No cycle is longer [load steps].
 _MOST_STEPS = 10_000
@@ -148,7 +148,7 @@ class CellsTable(Table):
 class StochasticTable(Table):
     """How a seal is drawn, see `studies.Sampling`."""
 
-    length: Length | None = None
+    length: Lengths | None = None
     breadth: Length | None = None
     realisations: Annotated[int, Field(strict=True, ge=2)] = 50
     library_cells: Count = 128
@@ -159,6 +159,12 @@ class StochasticTable(Table):
     width: Annotated[float, Field(gt=0)] | None = None
     bounds: bool = False
     quantiles: tuple[Ratio, Ratio] = (0.05, 0.95)
+
+    @property
+    def lengths(self) -> tuple[float, ...]:
+        """All lengths of seal that are given."""
+        given = self.length
+        return () if given is None else given if isinstance(given, tuple) else (given,)
 
     @model_validator(mode="after")
     def _ordered(self) -> StochasticTable:

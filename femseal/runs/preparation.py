@@ -156,20 +156,24 @@ def _prepare(case: Case) -> Prepared:
     )
     if sampling is not None and cells is not None:
         with in_tables_of(SEAL_TABLES):
-            laid = laid_out(scene.layout, Partition(surface.shape, surface.spacing, cells), sampling)
-        weigh_draws(len(scene.steps), laid.draws[0], sampling.realisations, sampling.library_cells)
+            every = laid_out(scene.layout, Partition(surface.shape, surface.spacing, cells), sampling)
+        for laid in every:
+            weigh_draws(len(scene.steps), laid.draws[0], sampling.realisations, sampling.library_cells)
     method: str = case.method
     choice = ""
+    # where the deterministic solution is not affordable, resolved flow is not either
+    cheaper = "elements" if scene.discretisation == "edge" else "links"
     if method == "auto":
         assert cells is not None
-        method, choice = choose_method(len(scene.steps), surface.shape, cells)
+        method, choice = choose_method(len(scene.steps), surface.shape, cells, cheaper)
     methods = frozenset({method, *case.compare})
     effect = SpikeEffect(report.spikes_along_lay, report.spikes_extreme)
     odd = (*oddities(case, scene, report), *effect.doubts(report.spikes))
     contact, flow = (None, None) if case.cells is None else (case.cells.contact, case.cells.flow)
     if flow is None and case.method == "auto" and method == "two-scale":
-        flow = "links"  # what resolved flow takes was not affordable
-    contact, flow = chosen_contact(contact, surface.shape), chosen_flow(flow, surface.shape)
+        flow = cheaper
+    contact = chosen_contact(contact, surface.shape)
+    flow = chosen_flow(flow, surface.shape, scene.discretisation)
     prepared = Prepared(scene, cells, sampling, report, overlap, method, methods, choice, contact, flow, odd)
     return replace(prepared, filtered=coarser(prepared)) if case.surface.filter_sensitivity else prepared
 
@@ -180,11 +184,12 @@ def face_places(case: Case) -> list[str]:
 
 
 def _sampling(case: Case, table: StochasticTable, window_length: float) -> Sampling:
-    if table.length is not None and table.length < window_length * (1 - 1e-9):
-        cell, given = to_text(window_length, "m", 3), to_text(table.length, "m", 3)
+    if table.lengths and min(table.lengths) < window_length * (1 - 1e-9):
+        cell, given = to_text(window_length, "m", 3), to_text(min(table.lengths), "m", 3)
         raise InputError.of("stochastic.length", given, f"at least one cell, {cell}")
     return Sampling(
-        length=table.length,
+        length=table.lengths[0] if table.lengths else None,
+        other_lengths=table.lengths[1:],
         breadth=table.breadth,
         realisations=table.realisations,
         library_cells=table.library_cells,

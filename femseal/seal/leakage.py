@@ -34,8 +34,11 @@ class Leakage(Shown):
     imbalance: float = field(metadata={"unit": "1", "long_name": "difference of inlet and outlet flow"})
     percolates: bool = field(metadata={"unit": "1", "long_name": "an open path from inlet to outlet"})
     solver: str = field(metadata={"unit": "1", "long_name": "solver of the linear system"})
-    #: Permeability of each part at the pressures of the solution, where it depends on them [m³].
-    permeability: Any = field(default=None, repr=False)
+    permeability: Any = field(
+        default=None,
+        metadata={"unit": "m^3", "long_name": "permeability at the pressures of the solution, if it depends on them"},
+        repr=False,
+    )
 
 
 def seal_leakage(

@@ -61,8 +61,8 @@ def pressure_dependent_flow(
         p = drop.pressure(np.nan_to_num(np.asarray(share, dtype=float), nan=0.5))
         p = np.maximum(p, drop.least_pressure)
         found = tuple(
-            c.between(*(_beside(end, c.shape) for end in ends), drop.mobility, viscous)
-            for c, ends in zip(curves, _ends(seal, p, pair), strict=True)
+            c.between(_beside(first, c.shape), _beside(second, c.shape), drop.mobility, viscous)
+            for c, (first, second) in zip(curves, _ends(seal, p, pair), strict=True)
         )
         return found if pair else found[0]
 

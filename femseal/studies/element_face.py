@@ -52,7 +52,7 @@ def flow_through_elements(gap: NDArray[np.floating], partition: Partition, drop:
     flow = replace(
         found.flow,
         permeability=factor * found.flow.permeability,
-        coarser_permeability=factor * found.flow.coarser_permeability,
+        node_permeability=factor * found.flow.node_permeability,
         dissipation=factor * found.flow.dissipation,
     )
     share = of_gas.viscous_share(np.clip(found.share, 0.0, 1.0)).astype(np.float32)

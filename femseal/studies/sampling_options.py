@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from ..base import validate
 from ..base.errors import InputError
+from ..base.quantities import to_text
 from ..scales import SAMPLERS, Partition
 from ..seal.layouts import Layout, SealWindows, Windows
 
@@ -23,6 +24,7 @@ class Sampling:
     """Options of a drawn seal.
 
     length : length of a straight seal along x2 [m], rounded to whole cells; None where the layout has its own size.
+    other_lengths : of further seals that are drawn from the same library [m].
     breadth : size from inlet to outlet of a straight seal [m], rounded to whole cells; that of the face unless given;
         "uniform" only.
     realisations : number of seals that are drawn.
@@ -59,6 +61,7 @@ class Sampling:
     width: float | None = None
     breadth: float | None = None
     bounds: bool = False
+    other_lengths: tuple[float, ...] = ()
 
     @property
     def chosen_sampler(self) -> str:
@@ -66,13 +69,25 @@ class Sampling:
         return self.sampler or ("block" if self.pressure == "place" else "history")
 
 
-def laid_out(layout: Layout, partition: Partition, sampling: Sampling) -> SealWindows:
-    """Windows of a face laid out over the seal that is drawn.
+def laid_out(layout: Layout, partition: Partition, sampling: Sampling) -> tuple[SealWindows, ...]:
+    """Windows of a face laid out over the seal that is drawn, and over those of the other lengths.
 
     Raises
     ------
-    InputError : as the layout does; options of the sampling that do not go with it.
+    InputError : as the layout does; options of the sampling that do not go with it; lengths that are the same in whole
+        cells.
     """
+    every = tuple(
+        _laid_out(layout, partition, replace(sampling, length=length))
+        for length in (sampling.length, *sampling.other_lengths)
+    )
+    lengths = [to_text(laid.seal.size[1], "m") for laid in every]
+    if len({*lengths}) < len(lengths):
+        raise InputError.of("length", ", ".join(lengths) + " in whole cells", "lengths that differ")
+    return every
+
+
+def _laid_out(layout: Layout, partition: Partition, sampling: Sampling) -> SealWindows:
     windows = Windows(partition.window_size, partition.cells[0], sampling.length, sampling.breadth)
     laid = layout.lay_out(windows)
     if laid.together and sampling.chosen_sampler != "history":
