@@ -10,7 +10,7 @@ from .face_contact import solve_windows
 from .sampling_options import placed_windows
 from .scene import Array
 from .sources import PlacedLibrary, Wanted, WindowSupply
-from .windows import solve_links
+from .windows import LinkFlows, solve_links
 
 #: Length of runs of columns in correlation lengths; a run has at most all columns of the face. Where runs meet, the
 #: channels of the face are cut. Measured on circular milling marks with ten columns: 0.83 to 0.95 of the leakage with
@@ -32,7 +32,9 @@ def windows_in_place(wanted: Wanted) -> WindowSupply:
     moved = [n * w2 // shifts for n in range(shifts)]
     known = {}
     if two_scale is not None and two_scale.link_flows is not None:
-        known = {(axis, 0): flow for axis, flow in enumerate(two_scale.link_flows)}
+        # counts and failures of the two-scale study are in its own result
+        flows_before = enumerate(two_scale.link_flows)
+        known = {(axis, 0): LinkFlows(flow.k, at_pressures=flow.at_pressures) for axis, flow in flows_before}
     flows = [
         [known.get((axis, s)) or solve_links(contact.fields, axis, scene.flow, shift=s, mapper=mapper) for s in moved]
         for axis in (0, 1)
