@@ -108,7 +108,7 @@ def _tables(library: LadderLibrary, links: list[_LinkPaths], scene: Scene, axes:
 
     def table(axis: int, kind: int) -> LinkTable:
         k = library.along(links[axis].pressure, links[axis].gap, scene.steps, axes[axis], kind)
-        return LinkTable(k, links[axis].path, scene.steps)
+        return LinkTable(k, links[axis].path, scene.steps, pressure=links[axis].pressure[:, :, None])
 
     return tuple((table(0, kind), table(1, kind)) for kind in range(library.ladder.kinds))
 
