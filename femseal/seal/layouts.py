@@ -78,6 +78,17 @@ class SealWindows(Protocol):
         """What the seal takes, from drawn values of both axes (rows, columns) [m³]."""
         ...
 
+    def means(self, values: Array) -> Array:
+        """Mean over the windows of every part of `outlines` (n,) of values drawn along axis 0."""
+        ...
+
+    def flux(self, permeability: Any, potential: Array, rate: float) -> Array:
+        """Volume rate per width in every part of `outlines` (n, 2) [m²/s], in the plane of the seal.
+
+        potential : at the nodes, over the density of volume rates [1/s]. rate : leakage of the seal [m³/s].
+        """
+        ...
+
     def shown(self, permeability: Any, fluid_pressure: Array) -> tuple[Array, Array]:
         """Permeability [m³] and fluid pressure [Pa] of every part of `outlines` (n,)."""
         ...

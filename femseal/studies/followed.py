@@ -101,14 +101,14 @@ class _LinkPaths:
 
 
 def _tables(library: LadderLibrary, links: list[_LinkPaths], scene: Scene, axes: tuple[int, int]) -> tuple[Tables, ...]:
-    """Tables of the permeabilities, and with bounds also of their lower and their upper bounds.
+    """Tables of the permeabilities, and with bounds also of their lower and their upper bounds; see `Ladder.kinds`.
 
     axes : of the windows, from which the links along both axes take theirs.
     """
 
     def table(axis: int, kind: int) -> LinkTable:
         k = library.along(links[axis].pressure, links[axis].gap, scene.steps, axes[axis], kind)
-        return LinkTable(k, links[axis].path, scene.steps)
+        return LinkTable(k, links[axis].path, scene.steps, pressure=links[axis].pressure[:, :, None])
 
     return tuple((table(0, kind), table(1, kind)) for kind in range(library.ladder.kinds))
 
@@ -131,6 +131,7 @@ def _library(wanted: Wanted, highest: float, *, apart: bool = False, exact: tupl
         stops=STOPS if waits else (),
         separations=tuple(source.rms_height * s for s in SEPARATIONS) if apart else (),
         bounds=sampling.bounds,
+        drop=scene.flow.drop,
     )
     ladder = on_ladder(ladder, exact, highest)
     if exact:
