@@ -18,6 +18,7 @@ from ..results import open_results
 from ..results.results import Results
 from ..runs import job
 from ..runs.case import Case, load_case
+from ..runs.case_load import Amount
 from .requirements import Requirement, requirement, sealing_load
 from .seals import Seals
 from .sensitivities import Sensitivity, TurnedFace, Variants, ratio_of, sensitivities
@@ -131,12 +132,15 @@ def design(
     limits = [(one.name, one.limit(results.judged_basis, diameter)) for one in wanted]
     needs = tuple(requirement(seals, name, limit, probability) for name, limit in limits)
     place = _place(needs, seals, probability)
-    variants, turned = Variants(hardness_counts=_yields(results)), None
+    variants, turned, notes = Variants(hardness_counts=_yields(results)), None, _notes(seals, probability, results)
     if case is not None and solve and np.isfinite(place[1]):
         solver = Solver(case, results, workers, told)
         variants = solver.variants()
-        if (other := solver.turned()) is not None:
+        try:
+            other = solver.turned()
             turned = _turned(seals, other.seals, other.factor, needs, place, probability, other.how)
+        except InputError as error:  # a face and a shape of seal that go together only one way round
+            notes.append(f"the face was not turned by 90°: {error}")
     if (state := judged_state(results)) is not None:
         variants = replace(variants, rarefied=state.slips, inlet_slope=inlet_slope(state))
     answer = Design(
@@ -148,7 +152,7 @@ def design(
         at=place,
         sensitivities=sensitivities(seals, variants, place[1], probability) if np.isfinite(place[1]) else (),
         turned=turned,
-        notes=tuple(_notes(seals, probability, results)),
+        notes=tuple(notes),
     )
     folder = output if output is not None else results.folder if case is None else None
     if folder is not None:
@@ -169,12 +173,14 @@ def _assembled(case: Case, extra: list[float]) -> Case:
     if not extra:
         return case
     load, least = case.load, min(case.load.unloading or case.load.loading)
+    if load.unit != "Pa":
+        raise InputError.of("assembly", to_text(extra[0], "Pa"), "none where the loads of the case are forces")
     for q in extra:
         if not least < q < case.hardness:
             allowed = f"pressures above the lowest of the case, {to_text(least, 'Pa')}, and below the hardness"
             raise InputError.of("assembly", to_text(q, "Pa"), allowed)
     stops = load.unloading or tuple(reversed(load.loading))
-    peaks = tuple(sorted({*load.unload_from, *extra}))
+    peaks = tuple(Amount(q, "Pa") for q in sorted({*load.unload_from, *extra}))
     return case.model_copy(update={"load": load.model_copy(update={"unload_from": peaks, "unloading": stops})})
 
 

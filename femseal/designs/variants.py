@@ -46,7 +46,7 @@ class Solver:
             count = results.dataset.sizes["realisation"]
             sampling = replace(prepared.sampling, width=None, realisations=count, library_cells=size)
             prepared = replace(prepared, sampling=sampling)
-        self._prepared = prepared
+        self._prepared, self._breadth = prepared, float(results.dataset.attrs["seal_size_m"][0])
         state = (case.output.test_fluid or case.fluid).state
         self._scene = state.in_scene(self._prepared.scene)
 
@@ -63,11 +63,14 @@ class Solver:
             thicker = self._seals("another viscosity", replace(scene, fluid=thick))
         return Variants(harder, thicker, HARDER, THICKER, hardness_counts=yields)
 
-    def turned(self) -> TurnedSeals | None:
-        """The seals of the face turned by 90°; None where the rows of the face have shares of the pressure."""
+    def turned(self) -> TurnedSeals:
+        """The seals of the face turned by 90°.
+
+        Raises
+        ------
+        InputError : the turned face does not go with the shape of the seal or with its windows.
+        """
         prepared, scene = self._prepared, self._scene
-        if prepared.sampling is not None and prepared.sampling.profile:
-            return None
         surface = scene.surface
         turned = replace(scene, surface=Topography(np.ascontiguousarray(surface.heights.T), surface.spacing[::-1]))
         cells = None if prepared.cells is None else prepared.cells[::-1]
@@ -76,8 +79,7 @@ class Solver:
             sampling = replace(sampling, breadth=surface.size[0])
         study = self._solved("face turned by 90°", turned, replace(prepared, cells=cells, sampling=sampling))
         # leakage goes with one over the breadth
-        own = surface.size[0] if sampling is None or sampling.breadth is None else sampling.breadth
-        factor = _breadth(study, turned) / own
+        factor = _breadth(study, turned) / self._breadth
         how = "solved again with the face turned by 90°"
         if abs(factor - 1) > 1e-9:
             how += ", at the same breadth by Darcy's law"

@@ -35,7 +35,8 @@ class Quantity:
     test: Callable[[float], bool]
     allowed: str
 
-    def _read(self, value: Any) -> float:
+    def read(self, value: Any) -> float:
+        """The value in SI; PydanticCustomError where it cannot be used."""
         try:
             number = to_si(value, self.unit)
         except InputError as error:
@@ -49,23 +50,29 @@ class Quantity:
         return number
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> Any:
-        return core_schema.no_info_before_validator_function(self._read, handler(source))
+        return core_schema.no_info_before_validator_function(self.read, handler(source))
 
     def __get_pydantic_json_schema__(self, core: Any, handler: GetJsonSchemaHandler) -> dict[str, Any]:
-        described = {"description": self.allowed}
         if self.unit:
-            return {"type": "string", "pattern": r"^\s*[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?[^,]*[^\s\d.,]"} | described
-        return {"type": ["number", "string"]} | described
+            return quantity_schema(self.allowed)
+        return {"type": ["number", "string"], "description": self.allowed}
+
+
+def quantity_schema(described: str) -> dict[str, Any]:
+    """JSON schema of a number with a unit, as text."""
+    pattern = r"^\s*[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?[^,]*[^\s\d.,]"
+    return {"type": "string", "pattern": pattern, "description": described}
 
 
 @dataclass(frozen=True)
 class OneOrMore(Quantity):
     """A quantity, or a list of several that differ, as a float or a tuple of floats in SI."""
 
-    def _read(self, value: Any) -> Any:
+    def read(self, value: Any) -> Any:
+        """The value or values in SI; PydanticCustomError where they cannot be used."""
         if not isinstance(value, (list, tuple)):
-            return super()._read(value)
-        numbers = tuple(super(OneOrMore, self)._read(each) for each in value)
+            return super().read(value)
+        numbers = tuple(super(OneOrMore, self).read(each) for each in value)
         if not numbers or len({*numbers}) < len(numbers):
             raise PydanticCustomError(
                 "quantity", "{allowed}", {"allowed": f"{self.allowed}, or a list of some that differ"}

@@ -267,11 +267,12 @@ def _write(results: Results, folder: Path, case: Case, prepared: Prepared, mappe
 
 
 def _face_files(case: Case) -> dict[str, str]:
-    """SHA-256 of the file of every face, of its mask and of the seal, by its path in the case."""
+    """SHA-256 of the file of every face, of its mask, of the seal and of maps, by its path in the case."""
     digests = {}
     files = [face for face in case.face if isinstance(face, FileFace)]
     paths = [("face.path", face.path) for face in files] + [("face.mask", face.mask) for face in files if face.mask]
-    for key, path in [*paths, *((f"seal.{key}", path) for key, path in case.seal.files())]:
+    paths += [(f"seal.{key}", path) for key, path in case.seal.files()]
+    for key, path in [*paths, *(("load.map.path", path) for path in case.load.files)]:
         try:
             with (case.folder / path).open("rb") as file:
                 digests[str(path)] = hashlib.file_digest(file, "sha256").hexdigest()

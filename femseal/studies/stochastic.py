@@ -12,6 +12,7 @@ import numpy as np
 from ..base.errors import InputError
 from ..base.quantities import to_text
 from ..base.stage import Mapper, Stage
+from ..flow.permeability_table import PermeabilityTable
 from ..scales import Failed, LadderLibrary, Partition, SolverCounts, attempt, draw_links
 from ..seal import RectangularSeal
 from ..seal.layouts import SealWindows
@@ -204,26 +205,31 @@ def _realise(
     """Draw one seal and solve its flow at every step.
 
     The same random numbers draw the same windows from each kind of tables. `resampled` draws a new library from the
-    library, and takes the values without their bounds.
+    library, and takes the values without their bounds. Of a gas with slip each kind has a table for every pressure.
     """
-    steps = scene.steps
+    steps, drop = scene.steps, scene.flow.drop
+    pressures = 1 if drop is None else drop.pressures.size
     if resampled:
-        kinds = (_resample(kinds[0], sampling.seed, realisation, independent),)
-    leakage = np.full((len(kinds), len(steps)), np.nan)
+        kinds = tuple(_resample(tables, sampling.seed, realisation, independent) for tables in kinds[:pressures])
+    leakage = np.full((len(kinds) // pressures, len(steps)), np.nan)
     failures, solvers = [], SolverCounts()
-    for kind, tables in enumerate(kinds):
-        along, across = (
-            draw_links(
-                t,
-                sampler=sampling.chosen_sampler,
-                seed=sampling.seed,
-                realisation=realisation,
-                axis=0 if laid.together else axis,
-            )
-            for axis, t in enumerate(tables)
-        )
+    for kind in range(len(leakage)):
+        draws = [
+            [
+                draw_links(
+                    t,
+                    sampler=sampling.chosen_sampler,
+                    seed=sampling.seed,
+                    realisation=realisation,
+                    axis=0 if laid.together else axis,
+                )
+                for axis, t in enumerate(tables)
+            ]
+            for tables in kinds[kind * pressures : (kind + 1) * pressures]
+        ]
         for s, step in enumerate(steps):
-            found = attempt(scene.leakage, laid.seal, laid.permeability(along(s), across(s)))
+            values = [laid.permeability(along(s), across(s)) for along, across in draws]
+            found = attempt(scene.leakage, laid.seal, PermeabilityTable.of(drop, values))
             if isinstance(found, Failed):
                 failures.append(f"realisation {realisation}, {step.name}: {found.reason}")
             else:
