@@ -108,6 +108,7 @@ def _content(results: Results, drawings: pictures.Drawings) -> dict[str, Any]:
         "test_fluid": class_words.test_fluid_sentences(results),
         "method": results.method,
         "cells": pictures.cell_pictures(results, drawings) if "cells" in drawings else [],
+        "drawn": pictures.drawn_picture(results, drawings) if "drawn_corners" in data else None,
         "map_step": "",
         "maps": [],
         "drop": None,
@@ -122,7 +123,7 @@ def _content(results: Results, drawings: pictures.Drawings) -> dict[str, Any]:
         "machine": words.flat(json.loads(data.attrs["machine"])),
         "case": words.flat(results.case),
     }
-    if "seal" in drawings:
+    if "drop" in drawings:
         content["map_step"], content["maps"] = pictures.map_pictures(results, drawings)
         content["drop"] = pictures.drop_picture(results, drawings)
         content["drop_sentences"] = pressure_drop_sentences(results)

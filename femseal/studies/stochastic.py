@@ -16,12 +16,13 @@ from ..base.errors import InputError
 from ..base.stage import Mapper, Stage
 from ..base.text import Shown
 from ..loads import LoadProgramme
-from ..scales import Failed, LadderLibrary, Partition, SolverCounts, attempt, draw_links
+from ..scales import Failed, LadderLibrary, Partition, SolverCounts, attempt
 from ..seal import RectangularSeal
 from ..seal.layouts import SealWindows, SizedSeal
 from ..seal.linked import LinkWindows
 from .chained import chained_seals
 from .followed import windows_under_global_contact, windows_under_uniform_pressure
+from .median_seal import MOST_VALUES, MedianSeal, drawn_windows, median_seal, nearest_to_median
 from .placed import windows_in_place
 from .plausibility import odd_in_scene
 from .sampling_options import Sampling, check_sampling, laid_out
@@ -52,6 +53,7 @@ class StochasticResult(Shown):
     leakage_closed_cuts, leakage_held_cuts : of the realisations in `leakage`, with the cuts between runs of columns
         closed, and held at one profile of the fluid pressure; None unless the sampler is "runs". The leakage of a chain
         of these runs lies between them.
+    median_seal : fields of the realisation nearest to the median; None of runs, very large seals, and without leakage.
     failures : reasons of values that are NaN or left out. warnings : reasons to doubt the result.
     solvers : number of systems by solver, of library windows and of drawn seals.
     """
@@ -77,6 +79,7 @@ class StochasticResult(Shown):
     leakage_held_cuts: Array | None = field(
         default=None, metadata=labels("m^2/s", "leakage per unit seal length, cuts held", "realisation", "step")
     )
+    median_seal: MedianSeal | None = field(default=None, repr=False)
     failures: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
     solvers: SolverCounts = field(default_factory=SolverCounts)
@@ -251,19 +254,16 @@ def _draw(
     if isinstance(laid, LinkWindows):
         laid = laid.with_rows(supply.node_rows)
     library = supply.library
-    realise = partial(
-        _realise,
-        scene=scene,
-        laid=laid,
-        kinds=supply.tables,
-        sampling=sampling,
-        independent=library.independent / library.size,
-    )
-    stage = Stage("drawn seals", realise)
+    shared: dict[str, Any] = {"scene": scene, "laid": laid, "sampling": sampling}
+    independent = library.independent / library.size
+    stage = Stage("drawn seals", partial(_realise, **shared, kinds=supply.tables, independent=independent))
     count = sampling.realisations
     drawn = list(mapper(stage, [*range(count)] * 2, [False] * count + [True] * count))
     leakage, *bounds = np.array([r.leakage for r in drawn[:count]]).transpose(1, 0, 2)
     lower, upper = bounds or (None, None)
+    chosen = nearest_to_median(leakage) if len(laid.outlines) * len(scene.steps) <= MOST_VALUES else None
+    again = Stage("median seal", partial(median_seal, **shared, tables=supply.tables[0]))
+    medians = [] if chosen is None else list(mapper(again, [chosen]))
     return StochasticResult(
         steps=scene.steps,
         seal=laid.seal,
@@ -272,6 +272,7 @@ def _draw(
         leakage_resampled=np.array([r.leakage[0] for r in drawn[count:]]),
         leakage_lower_bound=lower,
         leakage_upper_bound=upper,
+        median_seal=medians[0] if medians else None,
         failures=library.failures + tuple(text for r in drawn for text in r.failures),
         warnings=odd_in_scene(scene) + laid.warnings + supply.warnings,
         solvers=library.counts.solvers + SolverCounts.total(r.solvers for r in drawn),
@@ -332,16 +333,7 @@ def _realise(
     leakage = np.full((len(kinds), len(steps)), np.nan)
     failures, solvers = [], SolverCounts()
     for kind, tables in enumerate(kinds):
-        along, across = (
-            draw_links(
-                t,
-                sampler=sampling.chosen_sampler,
-                seed=sampling.seed,
-                realisation=realisation,
-                axis=0 if laid.together else axis,
-            )
-            for axis, t in enumerate(tables)
-        )
+        along, across = drawn_windows(laid, tables, sampling, realisation)
         for s, step in enumerate(steps):
             found = attempt(scene.leakage, laid.seal, laid.permeability(along(s), across(s)))
             if isinstance(found, Failed):
