@@ -124,7 +124,7 @@ def darcy_conductance(
     basis = Basis(mesh, kind.element(), intorder=kind.intorder, elements=carrying)
     k = np.moveaxis(tensor[carrying], 0, -1)[..., None]
     flow = conforming_flow(basis, k, ends, rtol=RTOL, solver=solver)
-    vertices = np.unique(mesh.t[:, carrying])
+    vertices = mesh.t[:, carrying]
     potential[vertices] = flow.potential[basis.nodal_dofs[0, vertices]]
     lower, upper = np.nan, np.nan
     if bounds and kind.flux_element is not None:
@@ -163,7 +163,10 @@ def conforming_flow(
     dofs = [basis.get_dofs(open_facets(basis.mesh, f, carrying)).flatten() for f in ends]
     phi = np.zeros(basis.N)
     phi[dofs[0]] = 1.0
-    unknown = np.setdiff1d(np.unique(basis.element_dofs), np.concatenate(dofs))
+    free = np.zeros(basis.N, bool)
+    free[basis.element_dofs] = True
+    free[np.concatenate(dofs)] = False
+    unknown = np.flatnonzero(free)
     iterations, residual, used = 0, 0.0, "none"
     if unknown.size:
         rows = sp.csr_array(matrix)[unknown]

@@ -100,6 +100,7 @@ def assemble(
             face_maps.add_fields(data, scene, two_scale)
     if stochastic is not None:
         variables.add_realisations(data, stochastic, quantiles)
+        variables.add_lengths(data, stochastic, quantiles)
         variables.add_library(data, stochastic.library.curves)
         if stochastic.median_seal is not None:
             drawn_seal.add_drawn(data, stochastic.median_seal)

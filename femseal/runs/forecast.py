@@ -90,15 +90,18 @@ def describe(case: Case, prepared: Prepared) -> list[str]:
             solutions = f"{steps * links} flow solutions of windows"
             if prepared.flow == "resolved":
                 solutions = f"{steps} flow solutions of {pixels} unknowns"
+            elif prepared.flow == "elements":
+                solutions = f"{steps} flow solutions of {m1 * m2} elements"
             text = f"contact {_contact(prepared)}, flow {prepared.flow}: {solutions}"
             lines.append(_line("two-scale", text))
         if prepared.sampling is not None:
             sampling = prepared.sampling
-            laid = laid_out(scene.layout, partition, sampling)
-            length = to_text(laid.seal.size[1], "m", 3)
+            laid, *others = laid_out(scene.layout, partition, sampling)
+            length, *more = (to_text(one.seal.size[1], "m", 3) for one in (laid, *others))
             text = (
                 f"{_library(prepared, sampling, partition)} (pressure: {sampling.pressure}), "
                 f"{sampling.realisations} seals of {laid}, {length} long"
+                + (f"; as many of {', '.join(more)}" if more else "")
             )
             lines.append(_line("stochastic", text))
     if prepared.filtered is not None:
@@ -144,7 +147,7 @@ def refuse_too_large(case: Case, prepared: Prepared) -> None:
         return
     points = " × ".join(map(str, prepared.scene.surface.shape))
     given = f"a run that takes about {needed / 1e9:.2g} GB, on {points} points"
-    cheaper = ', the method two-scale with flow = "links"' if "deterministic" in prepared.methods else ""
+    cheaper = ', the method two-scale with flow = "elements"' if "deterministic" in prepared.methods else ""
     allowed = (
         f"at most the {most / 1e9:.2g} GB {which}: fewer surface.points or load steps{cheaper}; "
         f"or memory = '{np.ceil(needed / 1e8) / 10:g} GB' in the case, to run all the same"
@@ -160,7 +163,9 @@ def _cost(method: str, prepared: Prepared, scene: Scene, known: tuple[Effort, ..
     if method == "two-scale":
         return two_scale_cost(known, points, cells, prepared.flow, prepared.contact)
     assert prepared.sampling is not None
-    seal = laid_out(scene.layout, Partition(points, scene.surface.spacing, cells), prepared.sampling).unknowns
+    every = laid_out(scene.layout, Partition(points, scene.surface.spacing, cells), prepared.sampling)
+    # seals of all lengths take the work of one as long as all of them together
+    seal = every[0].unknowns[0], sum(laid.unknowns[1] for laid in every)
     return stochastic_cost(known, points, cells, prepared.sampling, seal, prepared.contact)
 
 

@@ -171,6 +171,29 @@ class ElementWindows:
         determinant = np.maximum(np.linalg.det(permeability / (scale := permeability.max() or 1.0)), 0.0)
         return scale * np.sqrt(determinant), fluid_pressure[self.seal.mesh.t].mean(axis=0)
 
+    def means(self, values: Array) -> Array:
+        """Means (n,) over the windows of every element of values (1, windows) drawn along axis 0."""
+        return np.add.reduceat(values[0], self._first[:-1]) / np.diff(self._first)
+
+    def flux(self, permeability: Array, potential: Array, rate: float) -> Array:
+        """Volume rate per width (n, 2) [m²/s] in the middle of every element, in the plane of the seal.
+
+        Parameters
+        ----------
+        permeability : tensors (n, 2, 2) [m³]. potential : of the vertices over the density of volume rates [1/s].
+        rate : leakage of the seal [m³/s], which the flux is scaled to carry: that of the potential itself would carry
+            the upper bound.
+        """
+        corners, at = self.seal.outlines, np.nan_to_num(potential)[self.seal.mesh.t.T]
+        # along two edges of a triangle or both diagonals of a quadrilateral, where differences are those of the middle
+        ends, starts = ([1, 2], [0, 0]) if corners.shape[1] == 3 else ([2, 3], [0, 1])
+        ways, drops = corners[:, ends] - corners[:, starts], at[:, ends] - at[:, starts]
+        gradient = np.linalg.solve(ways, drops[..., None])[..., 0]
+        flux = -np.einsum("nab,nb->na", permeability, gradient)
+        area = self._held.prod(axis=0) * self.window[0] * self.window[1]
+        power = -float(area @ (flux * gradient).sum(axis=1))
+        return flux * (abs(rate) * np.ptp(potential[np.isfinite(potential)]) / power if power > 0 else 0.0)
+
     @property
     def unknowns(self) -> tuple[int, int]:
         """Rows and columns of a network that takes about as much work."""

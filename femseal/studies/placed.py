@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from ..base.errors import FemsealError
@@ -61,8 +63,16 @@ def windows_in_place(wanted: Wanted) -> WindowSupply:
     along, across = (
         LinkTable(k, np.repeat(np.arange(k.shape[1])[:, None], n2, axis=1), scene.steps, run, length) for k in (k1, k2)
     )
+    along = replace(along, pressure=_moved_along(contact.pressure, shifts))
     node_rows = contact.fields.partition.node_rows
     return WindowSupply(library, ((along, across),), node_rows, () if two_scale else contact.warnings, contact.fields)
+
+
+def _moved_along(pressure: Array, shifts: int) -> Array:
+    """Contact pressure of the windows of all shifts, from (steps, rows, columns) without one; between them linear."""
+    following = np.roll(pressure, -1, axis=2)
+    parts = (n / shifts for n in range(shifts))
+    return np.concatenate([(1 - part) * pressure + part * following for part in parts], axis=2)
 
 
 def _each_window(values: Array) -> Array:
