@@ -101,7 +101,7 @@ class _LinkPaths:
 
 
 def _tables(library: LadderLibrary, links: list[_LinkPaths], scene: Scene, axes: tuple[int, int]) -> tuple[Tables, ...]:
-    """Tables of the permeabilities, and with bounds also of their lower and their upper bounds.
+    """Tables of the permeabilities, and with bounds also of their lower and their upper bounds; see `Ladder.kinds`.
 
     axes : of the windows, from which the links along both axes take theirs.
     """
@@ -131,6 +131,7 @@ def _library(wanted: Wanted, highest: float, *, apart: bool = False, exact: tupl
         stops=STOPS if waits else (),
         separations=tuple(source.rms_height * s for s in SEPARATIONS) if apart else (),
         bounds=sampling.bounds,
+        drop=scene.flow.drop,
     )
     ladder = on_ladder(ladder, exact, highest)
     if exact:

@@ -1,14 +1,17 @@
-"""Links and windows of one drawn seal, and the seal whose leakage is nearest to the median, with its fields."""
+"""Permeability of one drawn seal, and the seal whose leakage is nearest to the median, with its fields."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
 from ..base.text import Shown
+from ..flow.gas_drop import GasDrop
+from ..flow.permeability_table import PermeabilityTable
 from ..scales import Failed, attempt, draw_links
-from ..scales.sampling import Draw
 from ..seal.layouts import SealWindows
 from .sampling_options import Sampling
 from .scene import Array, Scene, labels
@@ -35,15 +38,23 @@ class MedianSeal(Shown):
     fluid_pressure: Array = field(metadata=labels("Pa", "fluid pressure, median realisation", "step", "part"))
 
 
-def drawn_windows(laid: SealWindows, tables: Tables, sampling: Sampling, realisation: int) -> tuple[Draw, Draw]:
-    """Permeabilities that a realisation draws along both axes, as functions of the step."""
+def drawn_permeability(
+    laid: SealWindows, kinds: tuple[Tables, ...], sampling: Sampling, realisation: int, drop: GasDrop | None
+) -> Callable[[int], Any]:
+    """Permeability of a realisation at a step, as `seal_leakage` takes it.
+
+    kinds : tables of the windows; of a gas with slip one for each pressure of its `drop`.
+    """
     sampler, seed = sampling.chosen_sampler, sampling.seed
-    along, across = (
-        # windows whose two values belong together are drawn with the same random numbers
-        draw_links(t, sampler=sampler, seed=seed, realisation=realisation, axis=0 if laid.together else axis)
-        for axis, t in enumerate(tables)
-    )
-    return along, across
+    draws = [
+        [
+            # windows whose two values belong together are drawn with the same random numbers
+            draw_links(t, sampler=sampler, seed=seed, realisation=realisation, axis=0 if laid.together else axis)
+            for axis, t in enumerate(tables)
+        ]
+        for tables in kinds
+    ]
+    return lambda s: PermeabilityTable.of(drop, [laid.permeability(along(s), across(s)) for along, across in draws])
 
 
 def nearest_to_median(leakage: Array) -> int | None:
@@ -61,14 +72,16 @@ def nearest_to_median(leakage: Array) -> int | None:
     return int(np.argmin(np.where(np.isnan(distance), np.inf, distance)))
 
 
-def median_seal(realisation: int, *, scene: Scene, laid: SealWindows, tables: Tables, sampling: Sampling) -> MedianSeal:
-    """Draw a realisation again and solve its flow at every step."""
-    along, across = drawn_windows(laid, tables, sampling, realisation)
+def median_seal(
+    realisation: int, *, scene: Scene, laid: SealWindows, kinds: tuple[Tables, ...], sampling: Sampling
+) -> MedianSeal:
+    """Draw a realisation again and solve its flow at every step; kinds as in `drawn_permeability`."""
+    permeability = drawn_permeability(laid, kinds, sampling, realisation, scene.flow.drop)
     outlines = laid.outlines
     k, p = np.full((2, len(scene.steps), len(outlines)), np.nan)
     for s in range(len(scene.steps)):
-        permeability = laid.permeability(along(s), across(s))
-        found = attempt(scene.leakage, laid.seal, permeability)
+        given = permeability(s)
+        found = attempt(scene.leakage, laid.seal, given)
         if not isinstance(found, Failed):
-            k[s], p[s] = laid.shown(permeability, found.fluid_pressure)
+            k[s], p[s] = laid.shown(given if found.permeability is None else found.permeability, found.fluid_pressure)
     return MedianSeal(realisation, outlines, k, p)

@@ -19,7 +19,7 @@ from ..seal.layouts import SealWindows
 from ..seal.linked import LinkWindows
 from .chained import chained_seals
 from .followed import windows_under_global_contact, windows_under_uniform_pressure
-from .median_seal import MOST_VALUES, drawn_windows, median_seal, nearest_to_median
+from .median_seal import MOST_VALUES, drawn_permeability, median_seal, nearest_to_median
 from .placed import windows_in_place
 from .plausibility import odd_in_scene
 from .sampling_options import Sampling, check_sampling, laid_out
@@ -134,7 +134,8 @@ def _of_windows(
     leakage, *bounds = np.array([r.leakage for r in drawn[:count]]).transpose(1, 0, 2)
     lower, upper = bounds or (None, None)
     chosen = nearest_to_median(leakage) if len(laid.outlines) * len(scene.steps) <= MOST_VALUES else None
-    again = Stage("median seal", partial(median_seal, **shared, tables=kinds[0]))
+    pressures = 1 if scene.flow.drop is None else scene.flow.drop.pressures.size
+    again = Stage("median seal", partial(median_seal, **shared, kinds=kinds[:pressures]))
     medians = [] if chosen is None else list(mapper(again, [chosen]))
     return StochasticResult(
         steps=scene.steps,
@@ -205,17 +206,20 @@ def _realise(
     """Draw one seal and solve its flow at every step.
 
     The same random numbers draw the same windows from each kind of tables. `resampled` draws a new library from the
-    library, and takes the values without their bounds.
+    library, and takes the values without their bounds. Of a gas with slip each kind has a table for every pressure.
     """
-    steps = scene.steps
+    steps, drop = scene.steps, scene.flow.drop
+    pressures = 1 if drop is None else drop.pressures.size
     if resampled:
-        kinds = (_resample(kinds[0], sampling.seed, realisation, independent),)
-    leakage = np.full((len(kinds), len(steps)), np.nan)
+        kinds = tuple(_resample(tables, sampling.seed, realisation, independent) for tables in kinds[:pressures])
+    leakage = np.full((len(kinds) // pressures, len(steps)), np.nan)
     failures, solvers = [], SolverCounts()
-    for kind, tables in enumerate(kinds):
-        along, across = drawn_windows(laid, tables, sampling, realisation)
+    for kind in range(len(leakage)):
+        permeability = drawn_permeability(
+            laid, kinds[kind * pressures : (kind + 1) * pressures], sampling, realisation, drop
+        )
         for s, step in enumerate(steps):
-            found = attempt(scene.leakage, laid.seal, laid.permeability(along(s), across(s)))
+            found = attempt(scene.leakage, laid.seal, permeability(s))
             if isinstance(found, Failed):
                 failures.append(f"realisation {realisation}, {step.name}: {found.reason}")
             else:
