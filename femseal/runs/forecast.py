@@ -16,6 +16,7 @@ from ..scales import Partition
 from ..studies import Sampling, Scene, laid_out, placed_windows
 from ..studies.costs import Effort, deterministic_cost, stochastic_cost, two_scale_cost, usual_efforts
 from ..studies.deterministic import STEP_BYTES
+from ..studies.local_pressure import map_text
 from .case import Case
 from .pilot import efforts, pace
 from .preparation import Prepared
@@ -74,6 +75,8 @@ def describe(case: Case, prepared: Prepared) -> list[str]:
     down = steps - len({*scene.loading, *scene.unload_from})
     unloading = f", {down} unloading from {' and '.join(peaks)}" if peaks else ""
     highest = to_text(max((*scene.loading, *scene.unload_from)), "Pa", 3)
+    if case.load.unit != "Pa":
+        highest += f", from {to_text(case.load.highest, case.load.unit)}"
     lines.append(_line("load", f"{steps} states: {steps - down} loading{unloading}, up to {highest}"))
     lines.append(_line("flow", f"discretisation {scene.discretisation}, solver {scene.solver}"))
     if prepared.choice:
@@ -104,6 +107,8 @@ def describe(case: Case, prepared: Prepared) -> list[str]:
                 + (f"; as many of {', '.join(more)}" if more else "")
             )
             lines.append(_line("stochastic", text))
+            if uneven := map_text(scene, laid, sampling.pressure_map):
+                lines.append(_line("pressure map", uneven))
     if prepared.filtered is not None:
         points = " × ".join(map(str, prepared.filtered.surface.shape))
         lines.append(
@@ -161,7 +166,8 @@ def _cost(method: str, prepared: Prepared, scene: Scene, known: tuple[Effort, ..
         return deterministic_cost(known, points)
     assert cells is not None
     if method == "two-scale":
-        return two_scale_cost(known, points, cells, prepared.flow, prepared.contact)
+        solved = "deterministic" in prepared.methods and scene is prepared.scene
+        return two_scale_cost(known, points, cells, prepared.flow, prepared.contact, solved=solved)
     assert prepared.sampling is not None
     every = laid_out(scene.layout, Partition(points, scene.surface.spacing, cells), prepared.sampling)
     # seals of all lengths take the work of one as long as all of them together
