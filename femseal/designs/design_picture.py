@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 #: Height of a line of the legend [inch].
 _LEGEND_LINE = 0.19
 #: Part of the width of the axes beyond which names would leave them.
-_RIGHT = 0.8
+_RIGHT = 0.86
 
 
 def design_figure(answer: Design) -> Figure:
@@ -89,6 +89,7 @@ def _limits(axes: Axes, answer: Design, scale: float) -> None:
 def _marks(axes: Axes, answer: Design, scale: float) -> list[Any]:
     """Qmin on the loading and QSmin on the unloadings, each with its uncertainty; returns handles of the legend."""
     from matplotlib.lines import Line2D
+    from matplotlib.patheffects import withStroke
 
     styles = branch_styles(1 + len(answer.seals.steps.unload_from))
     # branches are drawn from the highest peak
@@ -116,6 +117,7 @@ def _marks(axes: Axes, answer: Design, scale: float) -> list[Any]:
                 ha="right" if right else "left",
                 fontsize=8,
                 zorder=6,
+                path_effects=[withStroke(linewidth=2.5, foreground="white")],
             )
     if not drawn:
         return []

@@ -166,7 +166,8 @@ def _cost(method: str, prepared: Prepared, scene: Scene, known: tuple[Effort, ..
         return deterministic_cost(known, points)
     assert cells is not None
     if method == "two-scale":
-        return two_scale_cost(known, points, cells, prepared.flow, prepared.contact)
+        solved = "deterministic" in prepared.methods and scene is prepared.scene
+        return two_scale_cost(known, points, cells, prepared.flow, prepared.contact, solved=solved)
     assert prepared.sampling is not None
     every = laid_out(scene.layout, Partition(points, scene.surface.spacing, cells), prepared.sampling)
     # seals of all lengths take the work of one as long as all of them together
