@@ -1,4 +1,4 @@
-"""Command line: `femseal new`, `check`, `run`, `sweep`, `compare`, `report`, `export`, `accuracy`, `surface`, `schema`.
+"""Command line: `femseal new`, `check`, `run`, `sweep`, `compare`, `design`, `report`, `export` and more.
 
 Exit code 0 done, 2 bad input (nothing written), 1 anything else.
 """
@@ -17,6 +17,7 @@ from typing import Annotated, NoReturn
 import typer
 
 from .base.errors import FemsealError, InputError, shortened
+from .designs.design_command import design
 from .runs.terminal import ProgressBars, log_lines, print_table
 from .sweeps.commands import compare, sweep
 
@@ -130,6 +131,8 @@ def run(
         raise FemsealError(f"stopped; `femseal run {path} -o {folder} --resume` goes on") from None
     if not quiet:
         print_table(results.table())
+        if "seal_length" in results.dataset.coords:
+            print_table(results.lengths_table())
         if terminal:  # without a terminal, the log lines have told it
             for kind, texts in (("warning", results.warnings), ("failure", results.failures)):
                 for text in texts[:5]:
@@ -141,6 +144,7 @@ def run(
 
 app.command()(sweep)
 app.command()(compare)
+app.command()(design)
 
 
 @app.command()

@@ -229,7 +229,7 @@ def _cost(prepared: Prepared, variant: Variant) -> tuple[float, float]:
     sampling = replace(prepared.sampling, library_cells=variant.library_cells)
     surface = prepared.scene.surface
     partition = Partition(surface.shape, surface.spacing, variant.cells)
-    seal = laid_out(prepared.scene.layout, partition, sampling).unknowns
+    seal = laid_out(prepared.scene.layout, partition, sampling)[0].unknowns
     return stochastic_cost(efforts, variant.points, variant.cells, sampling, seal, prepared.contact)
 
 

@@ -10,12 +10,14 @@ from typing import Any
 
 from ..base.errors import FemsealError, InputError
 from ..base.files import replacing
+from ..results import seal_lengths
 from ..results.netcdf import FILE_NAME, open_results, unfit
 from ..results.results import Results
 from ..results.tables import texts, totals
 from . import class_words
 from . import pictures as pictures
 from . import words as words
+from .design_section import design_section
 from .drop_words import pressure_drop_sentences
 
 REPORT_NAME = "report.html"
@@ -85,6 +87,8 @@ def report_html(results: Results, drawings: pictures.Drawings | None = None) -> 
 def _content(results: Results, drawings: pictures.Drawings) -> dict[str, Any]:
     data = results.dataset
     title, heads, lines = texts(results)
+    if results.classes:  # the page has a table of classes
+        heads, lines = heads[:-1], [line[:-1] for line in lines]
     content: dict[str, Any] = {
         "title": results.case.get("title") or "Leakage of a metal-to-metal seal",
         "source": data.attrs["source"],
@@ -106,8 +110,11 @@ def _content(results: Results, drawings: pictures.Drawings) -> dict[str, Any]:
             "note": class_words.class_note(results),
         },
         "test_fluid": class_words.test_fluid_sentences(results),
+        "design": design_section(results),
         "method": results.method,
+        "lengths": None,
         "cells": pictures.cell_pictures(results, drawings) if "cells" in drawings else [],
+        "drawn": pictures.drawn_picture(results, drawings) if "drawn_corners" in data else None,
         "map_step": "",
         "maps": [],
         "drop": None,
@@ -122,7 +129,11 @@ def _content(results: Results, drawings: pictures.Drawings) -> dict[str, Any]:
         "machine": words.flat(json.loads(data.attrs["machine"])),
         "case": words.flat(results.case),
     }
-    if "seal" in drawings:
+    if "lengths" in drawings:
+        content["lengths"] = pictures.lengths_picture(results, drawings)
+        heads, lines = seal_lengths.texts(results)
+        content["lengths_table"] = {"heads": heads, "lines": lines, "unit": results.leak_unit.name}
+    if "drop" in drawings:
         content["map_step"], content["maps"] = pictures.map_pictures(results, drawings)
         content["drop"] = pictures.drop_picture(results, drawings)
         content["drop_sentences"] = pressure_drop_sentences(results)

@@ -72,7 +72,9 @@ def case_sentences(results: Results) -> list[str]:
     sentences.append(f"Contact modulus {to_text(modulus, 'Pa')}, {kind}.")
     sentences.append(_load_text(data))
     inlet, outlet = (to_text(float(attrs[f"{end}_pressure_Pa"]), "Pa") for end in ("inlet", "outlet"))
-    sentences.append(f"The fluid, {_fluid_text(case, str(attrs['fluid']))}, runs from {inlet} to {outlet}.")
+    sentences.append(
+        f"The fluid, {fluid_text(case.get('fluid', {}), str(attrs['fluid']))}, runs from {inlet} to {outlet}."
+    )
     sentences += _method_sentences(results)
     return sentences
 
@@ -130,8 +132,8 @@ def _load_text(data: xarray.Dataset) -> str:
     return text + "."
 
 
-def _fluid_text(case: dict[str, Any], fallback: str) -> str:
-    fluid = case.get("fluid", {})
+def fluid_text(fluid: dict[str, Any], fallback: str) -> str:
+    """A fluid of a case, of its table in SI, in words."""
     if "viscosity" not in fluid:
         return fallback
     name = f"{fluid['name']}, " if fluid.get("name") else ""
@@ -171,6 +173,9 @@ def _method_sentences(results: Results) -> list[str]:
             + (f", seed {data.attrs['seed']}" if "seed" in data.attrs else "")
             + ". The leakage given is their median."
         )
+        if "seal_length" in data.coords:
+            lengths = ", ".join(to_text(float(x), "m") for x in data["seal_length"].values[1:])
+            sentences.append(f"Seals of other lengths are drawn from the same library: {lengths}.")
     return sentences
 
 
@@ -213,8 +218,8 @@ def scatter_lines(results: Results) -> Lines:
         share = 1.2533 / np.sqrt(data.sizes["realisation"])
         deviation("median", share * spread, "standard error of the median; more realisations lower it")
     if "element_error" in data:
-        meaning = "estimated from the bound with every second node; the leakage through elements is an upper bound"
-        deviation("nodes of elements", np.log1p(data["element_error"].values), meaning)
+        meaning = "at most, estimated from the last iterations; the leakage through elements is an upper bound"
+        deviation("flow through elements", np.log1p(data["element_error"].values), meaning)
     if "cut_error" in data:
         meaning = "half the way from closed to held cuts; a longer face lowers it"
         deviation("cuts between runs", data["cut_error"].values, meaning)

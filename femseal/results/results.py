@@ -14,7 +14,7 @@ from ..base.leak_units import LEAK_UNITS, LeakBasis, LeakUnit, leak_unit, leakag
 from ..base.text import Plotted, room
 from ..loads import LoadProgramme, LoadStep
 from . import fields as stitched
-from . import reached_classes, select, summary, tables
+from . import reached_classes, seal_lengths, select, summary, tables
 from .export import export_field
 
 if TYPE_CHECKING:
@@ -225,6 +225,19 @@ class Results(Plotted):
     def table(self) -> Table:
         """The table for a terminal, to be given to `rich.print`."""
         return tables.rich_table(self)
+
+    def lengths_table(self) -> Table:
+        """Median and band by length of seal at a few loads, to be given to `rich.print`.
+
+        Raises
+        ------
+        InputError : seals of one length only.
+        """
+        return seal_lengths.rich_table(self)
+
+    def plot_lengths(self) -> Any:
+        """Leakage against the length of the seal, see `lengths_figure`."""
+        return room("plots").lengths_figure(self)
 
     def plot_cells(self, count: int = 4) -> Any:
         """Permeability of cells along the cycle, see `cells_figure`."""

@@ -57,13 +57,16 @@ def step_coordinates(dim: str, prefix: str, steps: Sequence[LoadStep]) -> dict[s
     return {name: (dim, values, _labels(unit, text)) for name, (values, unit, text) in columns.items()}
 
 
-def add_fields(data: xarray.Dataset, result: Any) -> None:
-    """Add every field of a result whose metadata names its dimensions, except the large ones over all pixels."""
+def add_fields(data: xarray.Dataset, result: Any, prefix: str = "") -> None:
+    """Add every field of a result whose metadata names its dimensions, except the large ones over all pixels.
+
+    prefix : of the names.
+    """
     for f in fields(result):
         values, dims = getattr(result, f.name), f.metadata.get("dims", ())
         if dims and "x1" not in dims and values is not None and values.size:
             attrs = _labels(f.metadata["unit"], f.metadata["long_name"], f.metadata["heading"])
-            data[f.metadata["name"] or f.name] = (dims, values, attrs)
+            data[prefix + (f.metadata["name"] or f.name)] = (dims, values, attrs)
 
 
 def add_windows(data: xarray.Dataset, scene: Scene, result: TwoScaleResult) -> None:
@@ -117,6 +120,30 @@ def add_realisations(data: xarray.Dataset, result: StochasticResult, quantiles: 
         data["cut_error"] = ("step", result.cut_error, _labels("1", text))
     text = "share of the realisations without leakage"
     data["sealed_share"] = ("step", result.sealed_share, _labels("1", text, "sealed [%]"))
+
+
+def add_lengths(data: xarray.Dataset, result: StochasticResult, quantiles: tuple[float, float]) -> None:
+    """Add median and bands of the leakage of seals of all lengths that were drawn, if there are several."""
+    if not result.other_lengths:
+        return
+    every = (result, *result.other_lengths)
+    lengths = np.array([seals.seal.size[1] for seals in every])
+    data.coords["seal_length"] = ("seal_length", lengths, _labels("m", "length of drawn seals"))
+    kinds = {"median": (0.5, False)} | {
+        f"{name}{end}": (q, resampled)
+        for end, resampled in (("", False), ("_together", True))
+        for name, q in zip(("lower", "upper"), quantiles, strict=True)
+    }
+    for name, (q, resampled) in kinds.items():
+        values = np.array([seals.quantile(q, resampled=resampled) for seals in every])
+        text = (
+            f"leakage per unit seal length, {name.split('_')[0] if name == 'median' else f'quantile {q:g}'} by length"
+        )
+        text += " with the error of the finite library" if resampled else ""
+        data[f"leakage_of_lengths_{name}"] = (("seal_length", "step"), values, _labels("m^2/s", text) | {"quantile": q})
+    sealed = np.array([seals.sealed_share for seals in every])
+    labels = _labels("1", "share of the realisations without leakage by length")
+    data["sealed_share_of_lengths"] = (("seal_length", "step"), sealed, labels)
 
 
 def add_filtered(data: xarray.Dataset, leakage: np.ndarray) -> None:

@@ -24,13 +24,13 @@ from ..seal.layouts import Layout
 from .case_faces import Face, FileFace, SurfaceTable
 from .case_faults import fault_lines
 from .case_fluid import with_named_fluids
+from .case_load import LoadTable
 from .case_seal import AnySeal
 from .case_tables import (
     AnyFluid,
     CellsTable,
     ContactTable,
     FlowTable,
-    LoadTable,
     OutputTable,
     SolidTable,
     StochasticTable,
@@ -93,9 +93,8 @@ class Case(Table):
             raise PydanticCustomError("sampler", text, {"d": self.flow.discretisation})
         if self.stochastic is None and "stochastic" in self.methods:
             raise PydanticCustomError("stochastic", "a table `stochastic` with the method stochastic")
-        highest = max((*self.load.loading, *self.load.unload_from))
-        if highest >= self.hardness:
-            given = {"p": to_text(highest, "Pa"), "h": to_text(self.hardness, "Pa")}
+        if self.load.unit == "Pa" and self.load.highest >= self.hardness:
+            given = {"p": to_text(self.load.highest, "Pa"), "h": to_text(self.hardness, "Pa")}
             raise PydanticCustomError("load", "load: given {p}, allowed are pressures below the hardness, {h}", given)
         for key, fluid in (("fluid", self.fluid), ("output.test_fluid", self.output.test_fluid)):
             if fluid is not None and not (inlet := fluid.inlet_pressure) > (outlet := fluid.outlet_pressure):
@@ -111,6 +110,7 @@ class Case(Table):
             keys = {"keys": ", ".join(sorted(first.placement))}
             raise PydanticCustomError("placement", "face.0: given {keys}, allowed is that in the second face", keys)
         self._check_seal()
+        self._check_map()
         return self
 
     def _check_output(self) -> None:
@@ -136,12 +136,31 @@ class Case(Table):
         for name in ("length", "breadth") if table is not None and not layout.has_length else ():
             if (value := getattr(table, name)) is not None:
                 text = "stochastic.{name}: given {value}, allowed is none with a seal of kind {kind}: it has its own"
-                given = {"name": name, "value": to_text(value, "m"), "kind": layout.kind}
+                given = {
+                    "name": name,
+                    "value": to_text(value[0] if isinstance(value, tuple) else value, "m"),
+                    "kind": layout.kind,
+                }
                 raise PydanticCustomError("length", text, given)
         for key, path in self.seal.files():
             if not isfile(self.folder / path):
                 given = {"key": key, "path": shortened(path)}
                 raise PydanticCustomError("file", "seal.{key}: given '{path}', allowed is a file that exists", given)
+
+    def _check_map(self) -> None:
+        if self.load.map is None:
+            return
+        if self.methods != {"stochastic"} or self.stochastic is None:
+            given = ", ".join(sorted(self.methods - {"stochastic"}))
+            text = "load.map: given with the method {m}, allowed is stochastic alone: a face has one nominal pressure"
+            raise PydanticCustomError("map", text, {"m": given})
+        if self.stochastic.pressure != "uniform":
+            text = "stochastic.pressure: given {p} with load.map, allowed is uniform, whose windows follow any pressure"
+            raise PydanticCustomError("map", text, {"p": self.stochastic.pressure})
+        for path in self.load.files:
+            if not isfile(self.folder / path):
+                text = "load.map.path: given '{path}', allowed is a file that exists"
+                raise PydanticCustomError("file", text, {"path": shortened(path)})
 
     @property
     def layout(self) -> Layout:
@@ -238,6 +257,9 @@ def parse_case(data: dict[str, Any], folder: Path = Path()) -> Case:
         raise InputError.of("case", "lists or tables too deep in each other", "the tables of a case") from None
     except ValidationError as error:
         lines = fault_lines(Case, error)
-        if isinstance(data.get("face"), dict):  # a single table has no number in the file
+        # a single table has no number in the file
+        if isinstance(data.get("face"), dict):
             lines = [line.replace("face.0", "face", 1) if line.startswith("face.0") else line for line in lines]
+        if isinstance(data.get("load"), dict) and isinstance(data["load"].get("map"), dict):
+            lines = [line.replace("load.map.0", "load.map", 1) for line in lines]
         raise InputError("\n".join(lines)) from None

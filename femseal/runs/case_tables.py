@@ -1,4 +1,4 @@
-"""Tables of a case file except those of faces and seal: solids, load, contact, flow, fluid, windows, draws, output.
+"""Tables of a case file except those of faces, load and seal: solids, contact, flow, fluid, windows, draws, output.
 
 Fluids are not named here: whatever is registered in `fluids.FLUIDS` has a table, with a key for each of its parameters.
 """
@@ -23,10 +23,7 @@ from ..results.fields import LIMIT
 from ..results.vtk import FORMATS
 from ..studies import CONTACTS, DRAWS, FLOWS, PRESSURES, FluidState
 from .case_registry import table_of_any
-from .case_values import Count, FileSize, Length, Modulus, Poisson, Pressure, Ratio, Table, Temperature, one_of
-
-#: No cycle is longer [load steps].
-_MOST_STEPS = 10_000
+from .case_values import Count, FileSize, Length, Lengths, Modulus, Poisson, Pressure, Ratio, Table, Temperature, one_of
 
 Boundary = Literal["periodic", "mirror", "free"]
 
@@ -49,29 +46,6 @@ class SolidTable(Table):
     def solid(self) -> Solid:
         """The solid."""
         return Solid(**self.model_dump())
-
-
-class LoadTable(Table):
-    """Nominal pressures of the cycle, see `loads.LoadProgramme`."""
-
-    loading: Annotated[tuple[Pressure, ...], Field(min_length=1)]
-    unload_from: tuple[Pressure, ...] = ()
-    unloading: tuple[Pressure, ...] = ()
-
-    @model_validator(mode="after")
-    def _programme(self) -> LoadTable:
-        if any(b <= a for a, b in zip(self.loading[:-1], self.loading[1:], strict=True)):
-            raise PydanticCustomError("load", "rising pressures in `loading`")
-        if bool(self.unload_from) != bool(self.unloading):
-            raise PydanticCustomError("load", "`unload_from` and `unloading` both, or neither")
-        steps = len(self.loading) + len(self.unload_from) * (1 + len(self.unloading))
-        if steps > _MOST_STEPS:
-            raise PydanticCustomError("load", "at most {most} steps, not {n}", {"most": _MOST_STEPS, "n": steps})
-        for peak in self.unload_from:
-            if not any(p < peak for p in self.unloading):
-                low = to_text(peak, "Pa")
-                raise PydanticCustomError("load", "a pressure in `unloading` below the peak {low}", {"low": low})
-        return self
 
 
 class ContactTable(Table):
@@ -148,17 +122,22 @@ class CellsTable(Table):
 class StochasticTable(Table):
     """How a seal is drawn, see `studies.Sampling`."""
 
-    length: Length | None = None
+    length: Lengths | None = None
     breadth: Length | None = None
     realisations: Annotated[int, Field(strict=True, ge=2)] = 50
     library_cells: Count = 128
     sampler: Annotated[str, *one_of(DRAWS)] | None = None
     pressure: Annotated[str, *one_of(PRESSURES)] = "place"
-    profile: tuple[Annotated[float, Field(ge=0)], ...] = ()
     library: Path | None = None
     width: Annotated[float, Field(gt=0)] | None = None
     bounds: bool = False
     quantiles: tuple[Ratio, Ratio] = (0.05, 0.95)
+
+    @property
+    def lengths(self) -> tuple[float, ...]:
+        """All lengths of seal that are given."""
+        given = self.length
+        return () if given is None else given if isinstance(given, tuple) else (given,)
 
     @model_validator(mode="after")
     def _ordered(self) -> StochasticTable:

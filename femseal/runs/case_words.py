@@ -22,7 +22,13 @@ FACE_KEYS = {"shape": "points", "height_unit": "height_unit"}
 #: Tables of the arguments of seals and drawn windows.
 SEAL_TABLES = dict.fromkeys(
     ("path", "unit", "inlet", "outlet", "lay", "centre", "inner_radius", "outer_radius", "field"), "seal"
-) | dict.fromkeys(("length", "breadth", "sampler", "pressure", "profile", "bounds"), "stochastic")
+) | dict.fromkeys(("length", "breadth", "sampler", "pressure", "bounds"), "stochastic")
+
+#: Tables of the arguments of maps of the pressure.
+MAP_TABLES = {"map": "load"} | dict.fromkeys(
+    ("shares", "positions", "angles", "path", "name", "length_unit", "pressure_unit", "points", "pressure", "field"),
+    "load.map",
+)
 
 
 @contextmanager

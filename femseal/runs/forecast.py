@@ -13,9 +13,10 @@ from ..base.machine import free_memory
 from ..base.quantities import to_text
 from ..results.fields import fields_size
 from ..scales import Partition
-from ..studies import Sampling, Scene, laid_out, placed_windows
+from ..studies import FluidState, Sampling, Scene, drop_ratio, laid_out, placed_windows
 from ..studies.costs import Effort, deterministic_cost, stochastic_cost, two_scale_cost, usual_efforts
 from ..studies.deterministic import STEP_BYTES
+from ..studies.local_pressure import map_text
 from .case import Case
 from .pilot import efforts, pace
 from .preparation import Prepared
@@ -74,6 +75,8 @@ def describe(case: Case, prepared: Prepared) -> list[str]:
     down = steps - len({*scene.loading, *scene.unload_from})
     unloading = f", {down} unloading from {' and '.join(peaks)}" if peaks else ""
     highest = to_text(max((*scene.loading, *scene.unload_from)), "Pa", 3)
+    if case.load.unit != "Pa":
+        highest += f", from {to_text(case.load.highest, case.load.unit)}"
     lines.append(_line("load", f"{steps} states: {steps - down} loading{unloading}, up to {highest}"))
     lines.append(_line("flow", f"discretisation {scene.discretisation}, solver {scene.solver}"))
     if prepared.choice:
@@ -90,17 +93,22 @@ def describe(case: Case, prepared: Prepared) -> list[str]:
             solutions = f"{steps * links} flow solutions of windows"
             if prepared.flow == "resolved":
                 solutions = f"{steps} flow solutions of {pixels} unknowns"
+            elif prepared.flow == "elements":
+                solutions = f"{steps} flow solutions of {m1 * m2} elements"
             text = f"contact {_contact(prepared)}, flow {prepared.flow}: {solutions}"
             lines.append(_line("two-scale", text))
         if prepared.sampling is not None:
             sampling = prepared.sampling
-            laid = laid_out(scene.layout, partition, sampling)
-            length = to_text(laid.seal.size[1], "m", 3)
+            laid, *others = laid_out(scene.layout, partition, sampling)
+            length, *more = (to_text(one.seal.size[1], "m", 3) for one in (laid, *others))
             text = (
                 f"{_library(prepared, sampling, partition)} (pressure: {sampling.pressure}), "
                 f"{sampling.realisations} seals of {laid}, {length} long"
+                + (f"; as many of {', '.join(more)}" if more else "")
             )
             lines.append(_line("stochastic", text))
+            if uneven := map_text(scene, laid, sampling.pressure_map):
+                lines.append(_line("pressure map", uneven))
     if prepared.filtered is not None:
         points = " × ".join(map(str, prepared.filtered.surface.shape))
         lines.append(
@@ -127,6 +135,10 @@ def forecast(case: Case, prepared: Prepared, known: tuple[Effort, ...] | None = 
     costs = [_cost(method, prepared, prepared.scene, known) for method in prepared.methods]
     if prepared.filtered is not None:
         costs.append(_cost(prepared.answer, prepared, prepared.filtered, known))
+    if (test := case.output.test_fluid) is not None:
+        state = test.state
+        if drop_ratio(state, FluidState.of(prepared.scene)) is None:
+            costs.append(_cost(prepared.answer, prepared, state.in_scene(prepared.scene), known))
     alone = _START_SECONDS + _PICTURES_SECONDS + disk(case, prepared).fields * _FIELD_BYTE_SECONDS
     shared = sum(seconds for seconds, _ in costs)
     # what a study holds stays until the results are written; what it works with does not
@@ -144,7 +156,7 @@ def refuse_too_large(case: Case, prepared: Prepared) -> None:
         return
     points = " × ".join(map(str, prepared.scene.surface.shape))
     given = f"a run that takes about {needed / 1e9:.2g} GB, on {points} points"
-    cheaper = ', the method two-scale with flow = "links"' if "deterministic" in prepared.methods else ""
+    cheaper = ', the method two-scale with flow = "elements"' if "deterministic" in prepared.methods else ""
     allowed = (
         f"at most the {most / 1e9:.2g} GB {which}: fewer surface.points or load steps{cheaper}; "
         f"or memory = '{np.ceil(needed / 1e8) / 10:g} GB' in the case, to run all the same"
@@ -158,9 +170,12 @@ def _cost(method: str, prepared: Prepared, scene: Scene, known: tuple[Effort, ..
         return deterministic_cost(known, points)
     assert cells is not None
     if method == "two-scale":
-        return two_scale_cost(known, points, cells, prepared.flow, prepared.contact)
+        solved = "deterministic" in prepared.methods and scene is prepared.scene
+        return two_scale_cost(known, points, cells, prepared.flow, prepared.contact, solved=solved)
     assert prepared.sampling is not None
-    seal = laid_out(scene.layout, Partition(points, scene.surface.spacing, cells), prepared.sampling).unknowns
+    every = laid_out(scene.layout, Partition(points, scene.surface.spacing, cells), prepared.sampling)
+    # seals of all lengths take the work of one as long as all of them together
+    seal = every[0].unknowns[0], sum(laid.unknowns[1] for laid in every)
     return stochastic_cost(known, points, cells, prepared.sampling, seal, prepared.contact)
 
 

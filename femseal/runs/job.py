@@ -6,7 +6,7 @@ import hashlib
 import json
 import logging
 import time
-from collections.abc import Callable, Iterable, Iterator, Sized
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sized
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import replace
 from os import PathLike
@@ -23,7 +23,6 @@ from ..studies import (
     FluidState,
     OtherLeakage,
     Scene,
-    TwoScaleResult,
     deterministic,
     drop_ratio,
     stochastic,
@@ -176,15 +175,15 @@ def _run(case: Case, prepared: Prepared, faces: dict[str, str], mapper: Mapper, 
     for method in ("deterministic", "two-scale", "stochastic"):
         if method in prepared.methods:
             with _timed(method, progress, timings):
-                watched = _watched(mapper, method, progress, timings)
+                watched = watching(mapper, method, progress, timings)
                 name = method.replace("-", "_")
-                studies[name] = _study(method, case, prepared, scene, studies.get("two_scale"), watched)
+                studies[name] = study_of(method, case, prepared, scene, studies, watched)
     filtered = None
     if prepared.filtered is not None:
         name = "twice the wave"
         with _timed(name, progress, timings):
-            watched = _watched(mapper, name, progress, timings)
-            again = _study(prepared.answer, case, prepared, prepared.filtered, None, watched)
+            watched = watching(mapper, name, progress, timings)
+            again = study_of(prepared.answer, case, prepared, prepared.filtered, None, watched)
             filtered = again.quantile(0.5) if prepared.answer == "stochastic" else again.leakage
     test = None
     if case.output.test_fluid is not None:
@@ -222,8 +221,8 @@ def _of_test_fluid(
         return OtherLeakage.of_study(state, own, ratio)
     name = "test fluid"
     with _timed(name, progress, timings):
-        watched = _watched(mapper, name, progress, timings)
-        again = _study(prepared.answer, case, prepared, state.in_scene(prepared.scene), None, watched)
+        watched = watching(mapper, name, progress, timings)
+        again = study_of(prepared.answer, case, prepared, state.in_scene(prepared.scene), None, watched)
     return OtherLeakage.of_study(state, again)
 
 
@@ -238,19 +237,23 @@ def _timed(name: str, progress: Progress, timings: dict[str, float]) -> Iterator
     log.info("%s: %.1f s", name, timings[name])
 
 
-def _study(
-    method: str, case: Case, prepared: Prepared, scene: Scene, known: TwoScaleResult | None, mapper: Mapper
+def study_of(
+    method: str, case: Case, prepared: Prepared, scene: Scene, known: Mapping[str, Any] | None, mapper: Mapper
 ) -> Any:
-    """Result of a study of a scene; `known` is that of two scales, if there is one."""
+    """Result of a study of a scene; `known` are the results of earlier studies of that scene by name."""
+    known = known or {}
     if method == "deterministic":
-        return deterministic(scene, mapper=mapper)
+        # two scales take the contact of the whole face from here
+        shared = "two-scale" in prepared.methods and prepared.contact == "whole"
+        return deterministic(scene, cells=prepared.cells if shared else None, mapper=mapper)
     assert prepared.cells is not None
+    flow, contact = prepared.flow, prepared.contact
     if method == "two-scale":
-        return two_scale(scene, prepared.cells, flow=prepared.flow, contact=prepared.contact, mapper=mapper)
+        solved = known["deterministic"].windows if "deterministic" in known else None
+        return two_scale(scene, prepared.cells, flow=flow, contact=contact, solved=solved, mapper=mapper)
     assert prepared.sampling is not None
-    return stochastic(
-        scene, prepared.cells, prepared.sampling, contact=prepared.contact, two_scale=known, mapper=mapper
-    )
+    two = known.get("two_scale")
+    return stochastic(scene, prepared.cells, prepared.sampling, contact=contact, two_scale=two, mapper=mapper)
 
 
 def _write(results: Results, folder: Path, case: Case, prepared: Prepared, mapper: Mapper) -> None:
@@ -264,11 +267,12 @@ def _write(results: Results, folder: Path, case: Case, prepared: Prepared, mappe
 
 
 def _face_files(case: Case) -> dict[str, str]:
-    """SHA-256 of the file of every face, of its mask and of the seal, by its path in the case."""
+    """SHA-256 of the file of every face, of its mask, of the seal and of maps, by its path in the case."""
     digests = {}
     files = [face for face in case.face if isinstance(face, FileFace)]
     paths = [("face.path", face.path) for face in files] + [("face.mask", face.mask) for face in files if face.mask]
-    for key, path in [*paths, *((f"seal.{key}", path) for key, path in case.seal.files())]:
+    paths += [(f"seal.{key}", path) for key, path in case.seal.files()]
+    for key, path in [*paths, *(("load.map.path", path) for path in case.load.files)]:
         try:
             with (case.folder / path).open("rb") as file:
                 digests[str(path)] = hashlib.file_digest(file, "sha256").hexdigest()
@@ -316,7 +320,7 @@ def _log_file(folder: Path, append: bool) -> Iterator[None]:
         handler.close()
 
 
-def _watched(mapper: Mapper, study: str, progress: Progress, timings: dict[str, float]) -> Mapper:
+def watching(mapper: Mapper, study: str, progress: Progress, timings: dict[str, float]) -> Mapper:
     """The same mapper, but it reports the progress of each stage and sums their wall times [s]."""
 
     def mapping(stage: Stage, *iterables: Iterable[Any]) -> Iterator[Any]:

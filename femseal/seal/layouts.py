@@ -22,6 +22,7 @@ from ..base.quantities import to_si, to_text
 from .elemented import ElementSeal, ElementWindows, straightened
 from .lay import Lay
 from .linked import LinkWindows
+from .pressure_map import Frame
 from .shapes import AnnularSeal, MeshSeal, RectangularSeal, Seal
 
 Array = NDArray[np.float64]
@@ -77,6 +78,17 @@ class SealWindows(Protocol):
         """What the seal takes, from drawn values of both axes (rows, columns) [m³]."""
         ...
 
+    def means(self, values: Array) -> Array:
+        """Mean over the windows of every part of `outlines` (n,) of values drawn along axis 0."""
+        ...
+
+    def flux(self, permeability: Any, potential: Array, rate: float) -> Array:
+        """Volume rate per width in every part of `outlines` (n, 2) [m²/s], in the plane of the seal.
+
+        potential : at the nodes, over the density of volume rates [1/s]. rate : leakage of the seal [m³/s].
+        """
+        ...
+
     def shown(self, permeability: Any, fluid_pressure: Array) -> tuple[Array, Array]:
         """Permeability [m³] and fluid pressure [Pa] of every part of `outlines` (n,)."""
         ...
@@ -110,6 +122,10 @@ class Layout(Protocol):
         ------
         InputError : a size that is not given, or given twice; windows larger than the parts of the seal.
         """
+        ...
+
+    def frame(self, size: tuple[float, float]) -> Frame:
+        """Coordinates of maps of the pressure on a seal of this shape, of sides, or breadth and length [m]."""
         ...
 
     def __str__(self) -> str:
@@ -149,6 +165,10 @@ class RectangularLayout:
         if self.lay.name:
             return LinkWindows(RectangularSeal(size, cells), turned)
         return _elements(_strip(size, cells), windows, self.lay)
+
+    def frame(self, size: tuple[float, float]) -> Frame:
+        """x1 from the inlet, and x2."""
+        return Frame.of_strip(size)
 
     def __str__(self) -> str:
         return "a strip" if self.lay.name == "x2" else f"a strip, lay {self.lay}"
@@ -202,6 +222,11 @@ class AnnularLayout:
         told = (f"{given}: windows there are drawn too close together; a mesh has equal ones",)
         return LinkWindows(seal, self.lay.name == "radial", told if narrow < _NARROW else ())
 
+    def frame(self, size: tuple[float, float]) -> Frame:
+        """Radius and angle."""
+        ends = self.inner_radius, self.outer_radius
+        return Frame(ends=ends if self.inlet == "inner" else ends[::-1])
+
     def __str__(self) -> str:
         radii = " and ".join(to_text(r, "m") for r in (self.inner_radius, self.outer_radius))
         flow = "outwards" if self.inlet == "inner" else "inwards"
@@ -214,7 +239,8 @@ class MeshLayout:
 
     path : the file, see `MeshSeal`. unit : of its lengths, such as "mm". inlet, outlet : names of boundaries, one or
     several each; all others are closed.
-    lay : of the windows on the seal, see `Lay`. centre : from which "radial" and "circumferential" are seen [m].
+    lay : of the windows on the seal, see `Lay`. centre : from which "radial", "circumferential" and the maps of the
+    pressure are seen [m].
     length : by which leakage is divided [m]; that of the outlet unless given.
     """
 
@@ -243,6 +269,10 @@ class MeshLayout:
         length = self.length or seal.length
         laid = ElementSeal(mesh, inlet, outlet, (seal.area / length, length), mesh.p.T[mesh.t.T])
         return _elements(laid, windows, self.lay, self.centre, to_si(f"1 {self.unit}", "m", "unit"))
+
+    def frame(self, size: tuple[float, float]) -> Frame:
+        """Radius and angle around `centre`."""
+        return Frame(centre=self.centre)
 
     def __str__(self) -> str:
         return f"the mesh {Path(self.path).name}, lay {self.lay}"

@@ -71,6 +71,29 @@ class LinkWindows:
         """Permeability [m³] along axis 0 and fluid pressure [Pa] of every part (n1 n2,)."""
         return permeability[0].ravel(), ((fluid_pressure[:-1] + fluid_pressure[1:]) / 2).ravel()
 
+    def means(self, values: Array) -> Array:
+        """Means (n1 n2,) over the windows of every part of values (rows, columns) drawn along axis 0."""
+        return values.ravel()
+
+    def flux(self, permeability: tuple[Array, Array], potential: Array, rate: float) -> Array:
+        """Volume rate per width (n1 n2, 2) [m²/s] in every part, in the plane of the seal.
+
+        It is that of its link along axis 0, and the mean of those along axis 1 at its corners.
+
+        Parameters
+        ----------
+        permeability : of the links [m³]. potential : of the nodes (n1 + 1, n2) over the density of volume rates [1/s],
+            NaN in pockets. rate : leakage of the seal [m³/s]; the links carry it as they are.
+        """
+        along = _link_flux(permeability[0], np.diff(potential, axis=0), np.diff(self.seal.points, axis=0))
+        across = np.zeros((self.seal.cells[0] + 1, self.seal.cells[1], 2))
+        if self.seal.cells[1] > 1:
+            following = self.seal.place(self.seal.rows, np.arange(1, self.seal.cells[1] + 1))
+            drop, way = np.roll(potential, -1, axis=1) - potential, following - self.seal.points
+            across[1:-1] = _link_flux(permeability[1], drop[1:-1], way[1:-1])
+        rows = (across[:-1] + across[1:]) / 2
+        return (along + (rows + np.roll(rows, 1, axis=1)) / 2).reshape(-1, 2)
+
     @property
     def unknowns(self) -> tuple[int, int]:
         """Rows and columns of the network."""
@@ -79,3 +102,8 @@ class LinkWindows:
     def __str__(self) -> str:
         n1, n2 = self.seal.cells
         return f"{n1} × {n2} links"
+
+
+def _link_flux(k: Array, drop: Array, way: Array) -> Array:
+    """Flux (…, 2) along links whose ends differ by so much in potential (…) and in place (…, 2)."""
+    return -(k * np.nan_to_num(drop) / (way**2).sum(axis=-1))[..., None] * way

@@ -49,7 +49,7 @@ def read_mesh(path: str | PathLike[str], unit: float = 1.0) -> Mesh:
         z.
     """
     file = Path(fspath(path))
-    data = _read(file)
+    data = read_data(file)
     present = [kind for kind in _KINDS if kind in data.cells_dict]
     if not present:
         found = ", ".join(data.cells_dict) or "nothing"
@@ -87,7 +87,7 @@ def read_field(path: str | PathLike[str], name: str) -> tuple[NDArray[np.float64
     InputError : no such file, not readable, or no such field.
     """
     file = Path(fspath(path))
-    data = _read(file)
+    data = read_data(file)
     points = np.asarray(data.points, dtype=float)[:, :2]
     if name in data.point_data:
         return points, np.asarray(data.point_data[name], dtype=float)
@@ -98,7 +98,7 @@ def read_field(path: str | PathLike[str], name: str) -> tuple[NDArray[np.float64
     raise InputError.of("field", f"'{name}' of '{file}'", f"one of its fields: {there}")
 
 
-def _read(file: Path) -> Any:
+def read_data(file: Path) -> Any:
     """Contents of a mesh file, if it is there and fits into memory."""
     if not file.is_file():
         raise InputError.of("path", f"'{file}'", "an existing mesh file")

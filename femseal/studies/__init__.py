@@ -9,7 +9,8 @@ from .face_contact import CONTACTS, chosen_contact
 from .other_fluid import FluidState, OtherLeakage, drop_ratio
 from .sampling_options import DRAWS, PRESSURES, Sampling, check_sampling, laid_out, placed_windows
 from .scene import Scene
-from .stochastic import StochasticResult, stochastic
+from .stochastic import stochastic
+from .stochastic_result import StochasticResult
 from .two_scale import FLOWS, TwoScaleResult, chosen_flow, two_scale
 
 __all__ = [

@@ -8,9 +8,10 @@ from functools import partial
 import numpy as np
 
 from ..base.stage import Mapper, Stage
-from ..scales import Failed, SolverCounts, attempt, run_flows
+from ..scales import Failed, SolverCounts, attempt
 from ..scales.window_fields import WindowFields
 from ..seal import RectangularSeal
+from .element_face import flow_through_runs
 from .scene import Array, Scene
 
 #: Columns of a run as a share of those of the face: realisations differ by the runs that they draw, and the fewer runs
@@ -48,7 +49,8 @@ def chained_seals(
     m2 = partition.cells[1]
     length = max(1, min(round(RUN_SHARE * m2), columns))
     runs = max(1, round(columns / length))
-    stage = Stage("runs of columns", partial(attempt, run_flows, partition=partition, length=length))
+    solve = partial(attempt, flow_through_runs, partition=partition, length=length, drop=scene.flow.drop)
+    stage = Stage("runs of columns", solve)
     found = list(mapper(stage, fields.gap))
     failures, solvers = [], SolverCounts()
     starts = max((f.value.size for f in found if not isinstance(f, Failed)), default=1)

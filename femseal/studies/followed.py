@@ -19,6 +19,7 @@ from ..scales import (
     on_ladder,
 )
 from ..scales.sampling import Index
+from .local_pressure import shared_paths, shares_of_links
 from .scene import Array, Scene
 from .sources import Tables, Wanted, WindowSupply
 
@@ -68,21 +69,21 @@ def _link_means(state: GlobalState, partition: Partition) -> tuple[Array, Array,
 
 
 def windows_under_uniform_pressure(wanted: Wanted) -> WindowSupply:
-    """Follow windows with the full heights; links have the nominal pressure or their share in the profile."""
+    """Follow windows with the full heights; each has the nominal pressure, or its share of it in the map."""
     scene, laid = wanted.scene, wanted.laid
-    nominal = scene.steps.pressures
-    rows = np.asarray(wanted.sampling.profile or (1.0,), float)
-    # between the rows of a profile lie those of the links across
-    shares = (rows, (rows[:-1] + rows[1:]) / 2 if rows.size > 1 else rows)
-    highest = float(nominal.max() * rows.max())
-    exact = scene.steps.loading if rows.size == 1 else ()
-    library = _library(wanted, highest, exact=exact)
+    nominal = scene.steps.pressures[:, None]
+    shares = [shares_of_links(scene, laid, wanted.sampling.pressure_map, axis) for axis in (0, 1)]
+    everywhere = all(np.all(s == 1) for s in shares)
+    library = _library(
+        wanted,
+        float(max((nominal * s).max(initial=0) for s in shares)),
+        exact=scene.steps.loading if everywhere else (),
+    )
     links = []
     for axis in (0, 1):
-        pressure = nominal[:, None] * shares[axis]
-        count, columns = laid.draws[axis]
-        row = np.arange(count) if rows.size > 1 else np.zeros(count, np.int64)
-        links.append(_LinkPaths(pressure, np.full(pressure.shape, -np.inf), np.repeat(row[:, None], columns, axis=1)))
+        paths, number = shared_paths(shares[axis])
+        pressure = nominal * paths
+        links.append(_LinkPaths(pressure, np.full(pressure.shape, -np.inf), number.reshape(laid.draws[axis])))
     return WindowSupply(library, _tables(library, links, scene, laid.axes))
 
 
@@ -100,14 +101,14 @@ class _LinkPaths:
 
 
 def _tables(library: LadderLibrary, links: list[_LinkPaths], scene: Scene, axes: tuple[int, int]) -> tuple[Tables, ...]:
-    """Tables of the permeabilities, and with bounds also of their lower and their upper bounds.
+    """Tables of the permeabilities, and with bounds also of their lower and their upper bounds; see `Ladder.kinds`.
 
     axes : of the windows, from which the links along both axes take theirs.
     """
 
     def table(axis: int, kind: int) -> LinkTable:
         k = library.along(links[axis].pressure, links[axis].gap, scene.steps, axes[axis], kind)
-        return LinkTable(k, links[axis].path, scene.steps)
+        return LinkTable(k, links[axis].path, scene.steps, pressure=links[axis].pressure[:, :, None])
 
     return tuple((table(0, kind), table(1, kind)) for kind in range(library.ladder.kinds))
 
@@ -130,6 +131,7 @@ def _library(wanted: Wanted, highest: float, *, apart: bool = False, exact: tupl
         stops=STOPS if waits else (),
         separations=tuple(source.rms_height * s for s in SEPARATIONS) if apart else (),
         bounds=sampling.bounds,
+        drop=scene.flow.drop,
     )
     ladder = on_ladder(ladder, exact, highest)
     if exact:

@@ -31,6 +31,11 @@ class FluidState:
         )
 
     @property
+    def slips(self) -> bool:
+        """Whether molecules slip on the walls, so that the permeability of a gap depends on fluid and pressure."""
+        return bool(getattr(self.fluid, "slip", False))
+
+    @property
     def drop(self) -> float:
         """Volume rate for a conductance of 1 m³, at the reference density [1/s]: the drop of the potential over ρ."""
         inlet, outlet = (float(self.fluid.potential(p)) for p in (self.inlet_pressure, self.outlet_pressure))
@@ -64,14 +69,7 @@ def drop_ratio(state: FluidState, own: FluidState) -> float | None:
     The conductance of a seal [m³] does not depend on the fluid as long as both flow as a continuum: then the drops of
     their potentials alone tell their leakages apart, exactly.
     """
-    if any(_slips(one) for one in (state, own)):
-        return None
-    return state.drop / own.drop
-
-
-def _slips(state: FluidState) -> bool:
-    """Whether the molecules of a fluid slip on the walls, so that its permeability depends on its pressure."""
-    return bool(getattr(state.fluid, "slip", False))
+    return None if state.slips or own.slips else state.drop / own.drop
 
 
 @dataclass(frozen=True)

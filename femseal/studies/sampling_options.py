@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
 from ..base import validate
 from ..base.errors import InputError
+from ..base.quantities import to_text
 from ..scales import SAMPLERS, Partition
 from ..seal.layouts import Layout, SealWindows, Windows
+from ..seal.pressure_map import AnyMap, Profile, Uniform, is_uniform
 
 #: Choices of the pressures and the waves of windows, see `Sampling.pressure`.
 PRESSURES = ("place", "global", "uniform")
@@ -23,6 +25,7 @@ class Sampling:
     """Options of a drawn seal.
 
     length : length of a straight seal along x2 [m], rounded to whole cells; None where the layout has its own size.
+    other_lengths : of further seals that are drawn from the same library [m].
     breadth : size from inlet to outlet of a straight seal [m], rounded to whole cells; that of the face unless given;
         "uniform" only.
     realisations : number of seals that are drawn.
@@ -38,9 +41,9 @@ class Sampling:
         the error of the library stays that of the windows of the face. For faces whose form varies over a window.
         "global": windows with all their waves, followed along a ladder of pressures. The global contact of the face,
         repeated along the seal, gives the pressure of each link (Pérez-Ràfols et al., 2018).
-        "uniform": windows with the full heights. Every link has the nominal pressure, or its share in `profile`.
-    profile : contact pressure of each row of windows from inlet to outlet in shares of the nominal one; their mean is
-        1; "uniform" only.
+        "uniform": windows with the full heights. Every link has the nominal pressure, or its share in `pressure_map`.
+    pressure_map : contact pressure over the seal in shares of the nominal one, see `seal.pressure_map`; one that is
+        not uniform goes with "uniform" only.
     library : folder in which libraries of windows are kept and found again; "global" and "uniform" only.
     width : wanted standard error of ln(median leakage) at the steps that leak more than 1e-3 of the first. Realisations
         and windows are added until it is reached, up to eight times as many. With None none are added.
@@ -54,11 +57,12 @@ class Sampling:
     seed: int
     sampler: str | None = None
     pressure: str = "place"
-    profile: tuple[float, ...] = ()
+    pressure_map: AnyMap = field(default_factory=Uniform)
     library: Path | None = None
     width: float | None = None
     breadth: float | None = None
     bounds: bool = False
+    other_lengths: tuple[float, ...] = ()
 
     @property
     def chosen_sampler(self) -> str:
@@ -66,13 +70,25 @@ class Sampling:
         return self.sampler or ("block" if self.pressure == "place" else "history")
 
 
-def laid_out(layout: Layout, partition: Partition, sampling: Sampling) -> SealWindows:
-    """Windows of a face laid out over the seal that is drawn.
+def laid_out(layout: Layout, partition: Partition, sampling: Sampling) -> tuple[SealWindows, ...]:
+    """Windows of a face laid out over the seal that is drawn, and over those of the other lengths.
 
     Raises
     ------
-    InputError : as the layout does; options of the sampling that do not go with it.
+    InputError : as the layout does; options of the sampling that do not go with it; lengths that are the same in whole
+        cells.
     """
+    every = tuple(
+        _laid_out(layout, partition, replace(sampling, length=length))
+        for length in (sampling.length, *sampling.other_lengths)
+    )
+    lengths = [to_text(laid.seal.size[1], "m") for laid in every]
+    if len({*lengths}) < len(lengths):
+        raise InputError.of("length", ", ".join(lengths) + " in whole cells", "lengths that differ")
+    return every
+
+
+def _laid_out(layout: Layout, partition: Partition, sampling: Sampling) -> SealWindows:
     windows = Windows(partition.window_size, partition.cells[0], sampling.length, sampling.breadth)
     laid = layout.lay_out(windows)
     if laid.together and sampling.chosen_sampler != "history":
@@ -85,11 +101,6 @@ def laid_out(layout: Layout, partition: Partition, sampling: Sampling) -> SealWi
         face = f"a face with {partition.cells[0]} rows of windows"
         given = f"'{sampling.pressure}' of {face} for {layout}, which has {laid.rows or 'none'}"
         raise InputError.of("pressure", given, "'uniform', or as many rows from inlet to outlet on both")
-    if sampling.profile:
-        shares = np.asarray(sampling.profile, float)
-        if shares.shape != (laid.rows,) or not np.all(shares >= 0) or abs(shares.mean() - 1) > 1e-6:
-            allowed = f"{laid.rows} numbers >= 0 with the mean 1" if laid.rows else f"none with {layout}"
-            raise InputError.of("profile", sampling.profile, allowed)
     return laid
 
 
@@ -111,8 +122,11 @@ def check_sampling(sampling: Sampling) -> None:
         raise InputError.of("sampler", "runs", "another one, or the pressure 'place', whose windows are neighbours")
     if sampling.breadth is not None and (sampling.pressure != "uniform" or not sampling.breadth > 0):
         raise InputError.of("breadth", sampling.breadth, "a length > 0 with the pressure 'uniform', none with others")
-    if sampling.profile and sampling.pressure != "uniform":
-        raise InputError.of("profile", sampling.profile, "none except with the pressure 'uniform'")
+    if sampling.pressure != "uniform" and not is_uniform(sampling.pressure_map):
+        allowed = "a uniform one, or another with the pressure 'uniform', whose windows follow any pressure"
+        raise InputError.of("map", f"an uneven one with the pressure '{sampling.pressure}'", allowed)
+    if sampling.other_lengths and not isinstance(sampling.pressure_map, (Uniform, Profile)):
+        raise InputError.of("map", "one that may vary along seals of several lengths", "a profile, or one length")
     if sampling.library is not None and sampling.pressure == "place":
         raise InputError.of("library", f"'{sampling.library}'", "none with the pressure 'place', which has no ladder")
     if sampling.width is not None:

@@ -42,7 +42,7 @@ class WindowSupply:
 
     library : the windows.
     tables : the tables from which links along x1 and along x2 are drawn; with bounds also those of the lower and of the
-        upper bounds.
+        upper bounds. Of a gas with slip there are as many of each as it has pressures.
     node_rows : x1 of the rows of nodes [m]; empty if they are equidistant.
     warnings : reasons to doubt the result.
     fields : deformed gap of the face, if the windows keep their places on it.
