@@ -13,7 +13,7 @@ from ..base.machine import free_memory
 from ..base.quantities import to_text
 from ..results.fields import fields_size
 from ..scales import Partition
-from ..studies import Sampling, Scene, laid_out, placed_windows
+from ..studies import FluidState, Sampling, Scene, drop_ratio, laid_out, placed_windows
 from ..studies.costs import Effort, deterministic_cost, stochastic_cost, two_scale_cost, usual_efforts
 from ..studies.deterministic import STEP_BYTES
 from ..studies.local_pressure import map_text
@@ -137,6 +137,10 @@ def forecast(case: Case, prepared: Prepared, known: tuple[Effort, ...] | None = 
     costs = [_cost(method, prepared, prepared.scene, known) for method in prepared.methods]
     if prepared.filtered is not None:
         costs.append(_cost(prepared.answer, prepared, prepared.filtered, known))
+    if (test := case.output.test_fluid) is not None:
+        state = test.state
+        if drop_ratio(state, FluidState.of(prepared.scene)) is None:
+            costs.append(_cost(prepared.answer, prepared, state.in_scene(prepared.scene), known))
     alone = _START_SECONDS + _PICTURES_SECONDS + disk(case, prepared).fields * _FIELD_BYTE_SECONDS
     shared = sum(seconds for seconds, _ in costs)
     # what a study holds stays until the results are written; what it works with does not
@@ -168,7 +172,8 @@ def _cost(method: str, prepared: Prepared, scene: Scene, known: tuple[Effort, ..
         return deterministic_cost(known, points)
     assert cells is not None
     if method == "two-scale":
-        return two_scale_cost(known, points, cells, prepared.flow, prepared.contact)
+        solved = "deterministic" in prepared.methods and scene is prepared.scene
+        return two_scale_cost(known, points, cells, prepared.flow, prepared.contact, solved=solved)
     assert prepared.sampling is not None
     every = laid_out(scene.layout, Partition(points, scene.surface.spacing, cells), prepared.sampling)
     # seals of all lengths take the work of one as long as all of them together

@@ -105,15 +105,21 @@ def two_scale_cost(
     cells: tuple[int, int],
     flow: str | None = None,
     contact: str | None = None,
+    *,
+    solved: bool = False,
 ) -> tuple[float, float]:
-    """Expected time on one core [s] and memory [byte] of the two-scale solution."""
+    """Expected time on one core [s] and memory [byte] of the two-scale solution.
+
+    `solved` says that the deterministic solution before it leaves the contact of the whole face.
+    """
     whole, flow = chosen_contact(contact, points) == "whole", chosen_flow(flow, points)
     pixels, (m1, m2) = points[0] * points[1], cells
     window, links = pixels // (m1 * m2), m1 * m2 + (m1 - 1) * m2
     coarse = pixels if whole else min(pixels, m1 * m2 * (PIXELS_PER_CUT_OFF / CUT_OFF_WINDOWS) ** 2)
     seconds, memory = 0.0, 8.0 * (8 * pixels + STATE_FIELDS * coarse)
     for effort in efforts:
-        seconds += contact_seconds(coarse, effort)
+        if not (whole and solved):
+            seconds += contact_seconds(coarse, effort)
         if not whole:
             seconds += m1 * m2 * contact_seconds(window, effort) + _ERROR_PAIRS * _PAIR_SECONDS[1] * pixels
         if flow == "elements":
