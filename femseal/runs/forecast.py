@@ -14,7 +14,14 @@ from ..base.quantities import to_text
 from ..results.fields import fields_size
 from ..scales import Partition
 from ..studies import Sampling, Scene, laid_out, placed_windows
-from ..studies.costs import Effort, deterministic_cost, stochastic_cost, two_scale_cost, usual_efforts
+from ..studies.costs import (
+    Effort,
+    deterministic_cost,
+    pressures_of_gas,
+    stochastic_cost,
+    two_scale_cost,
+    usual_efforts,
+)
 from ..studies.deterministic import STEP_BYTES
 from .case import Case
 from .pilot import efforts, pace
@@ -156,17 +163,17 @@ def refuse_too_large(case: Case, prepared: Prepared) -> None:
 
 
 def _cost(method: str, prepared: Prepared, scene: Scene, known: tuple[Effort, ...]) -> tuple[float, float]:
-    points, cells = scene.surface.shape, prepared.cells
+    points, cells, pressures = scene.surface.shape, prepared.cells, pressures_of_gas(scene)
     if method == "deterministic":
-        return deterministic_cost(known, points)
+        return deterministic_cost(known, points, pressures)
     assert cells is not None
     if method == "two-scale":
-        return two_scale_cost(known, points, cells, prepared.flow, prepared.contact)
+        return two_scale_cost(known, points, cells, prepared.flow, prepared.contact, pressures)
     assert prepared.sampling is not None
     every = laid_out(scene.layout, Partition(points, scene.surface.spacing, cells), prepared.sampling)
     # seals of all lengths take the work of one as long as all of them together
     seal = every[0].unknowns[0], sum(laid.unknowns[1] for laid in every)
-    return stochastic_cost(known, points, cells, prepared.sampling, seal, prepared.contact)
+    return stochastic_cost(known, points, cells, prepared.sampling, seal, prepared.contact, pressures)
 
 
 def _expected_text(expected: Forecast) -> str:
