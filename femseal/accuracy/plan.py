@@ -224,7 +224,9 @@ def _cost(prepared: Prepared, variant: Variant) -> tuple[float, float]:
     if variant.cells is None:
         return deterministic_cost(efforts, variant.points, pressures)
     if variant.library_cells is None:
-        return two_scale_cost(efforts, variant.points, variant.cells, prepared.flow, prepared.contact, pressures)
+        return two_scale_cost(
+            efforts, variant.points, variant.cells, prepared.flow, prepared.contact, pressures=pressures
+        )
     assert prepared.sampling is not None
     sampling = replace(prepared.sampling, library_cells=variant.library_cells)
     surface = prepared.scene.surface

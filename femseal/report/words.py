@@ -72,7 +72,9 @@ def case_sentences(results: Results) -> list[str]:
     sentences.append(f"Contact modulus {to_text(modulus, 'Pa')}, {kind}.")
     sentences.append(_load_text(data))
     inlet, outlet = (to_text(float(attrs[f"{end}_pressure_Pa"]), "Pa") for end in ("inlet", "outlet"))
-    sentences.append(f"The fluid, {_fluid_text(case, str(attrs['fluid']))}, runs from {inlet} to {outlet}.")
+    sentences.append(
+        f"The fluid, {fluid_text(case.get('fluid', {}), str(attrs['fluid']))}, runs from {inlet} to {outlet}."
+    )
     sentences += _method_sentences(results)
     return sentences
 
@@ -130,8 +132,8 @@ def _load_text(data: xarray.Dataset) -> str:
     return text + "."
 
 
-def _fluid_text(case: dict[str, Any], fallback: str) -> str:
-    fluid = case.get("fluid", {})
+def fluid_text(fluid: dict[str, Any], fallback: str) -> str:
+    """A fluid of a case, of its table in SI, in words."""
     if "viscosity" not in fluid:
         return fallback
     name = f"{fluid['name']}, " if fluid.get("name") else ""

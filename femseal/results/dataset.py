@@ -17,7 +17,7 @@ from ..base.provenance import versions
 from ..fluids import leak_basis
 from ..studies.compare import leakage_factor
 from ..studies.other_fluid import FluidState
-from . import face_maps, reached_classes, variables
+from . import drawn_seal, face_maps, reached_classes, variables
 from .results import Results
 
 if TYPE_CHECKING:
@@ -70,10 +70,11 @@ def assemble(
     -------
     Results; every variable has `units` and `long_name`. Dimensions: step; realisation; cell1, cell2, windows by their
     centres [m]; node1, corner1, rows of nodes and of x2-links along x1 [m] (the x2-link of column j runs from cell2 j
-    to j + 1); narrowest, numbers of links; library_cell, library_step. Fluxes are volume rates per width at the
-    fluid's reference density. Attributes tell the case, the surface, versions, machine, wall times, peak memory of the
-    main process, numbers of flows solved or known without solving (`counts`), number of linear systems by
-    solver with the worst imbalance of inlet and outlet flow (`solvers`), warnings and failures.
+    to j + 1); narrowest, numbers of links; library_cell, library_step; part, corner, plane, parts of the
+    drawn seal nearest to the median. Fluxes are volume rates per width at the fluid's reference density. Attributes
+    tell the case, the surface, versions, machine, wall times, peak memory of the main process, numbers of flows solved
+    or known without solving (`counts`), number of linear systems by solver with the worst imbalance of inlet and outlet
+    flow (`solvers`), warnings and failures.
 
     Raises
     ------
@@ -101,6 +102,8 @@ def assemble(
         variables.add_realisations(data, stochastic, quantiles)
         variables.add_lengths(data, stochastic, quantiles)
         variables.add_library(data, stochastic.library.curves)
+        if stochastic.median_seal is not None:
+            drawn_seal.add_drawn(data, stochastic.median_seal)
     face_maps.add_heights(data, scene)
     variables.add_contact_share(data, scene, deterministic, two_scale, stochastic)
     variables.add_entry_pressure(data, scene, deterministic or two_scale)

@@ -60,13 +60,16 @@ def step_coordinates(dim: str, prefix: str, steps: Sequence[LoadStep]) -> dict[s
     return {name: (dim, values, _labels(unit, text)) for name, (values, unit, text) in columns.items()}
 
 
-def add_fields(data: xarray.Dataset, result: Any) -> None:
-    """Add every field of a result whose metadata names its dimensions, except the large ones over all pixels."""
+def add_fields(data: xarray.Dataset, result: Any, prefix: str = "") -> None:
+    """Add every field of a result whose metadata names its dimensions, except the large ones over all pixels.
+
+    prefix : of the names.
+    """
     for f in fields(result):
         values, dims = getattr(result, f.name), f.metadata.get("dims", ())
         if dims and "x1" not in dims and values is not None and values.size:
             attrs = _labels(f.metadata["unit"], f.metadata["long_name"], f.metadata["heading"])
-            data[f.metadata["name"] or f.name] = (dims, values, attrs)
+            data[prefix + (f.metadata["name"] or f.name)] = (dims, values, attrs)
 
 
 def add_windows(data: xarray.Dataset, scene: Scene, result: TwoScaleResult) -> None:

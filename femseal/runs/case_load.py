@@ -50,7 +50,13 @@ def _load(value: Any) -> Amount:
         except InputError:
             continue
         return Amount(quantity.read(value), unit)
-    return Amount(_UNITS_OF_LOADS["Pa"].read(value), "Pa")  # raises
+    try:
+        return Amount(_UNITS_OF_LOADS["Pa"].read(value), "Pa")
+    except (
+        PydanticCustomError
+    ) as error:  # as of a pressure, such as with a decimal comma, but where the unit is unknown
+        known = not str(error).startswith("text with a number and a unit of the kind")
+        raise error if known else PydanticCustomError("quantity", "{allowed}", {"allowed": _ALLOWED}) from None
 
 
 #: A pressure or force; in the echo of a case a number of pressure or a text of force.
@@ -206,7 +212,7 @@ class LoadTable(Table):
         if not self.map:
             return Uniform()
         maps = tuple(one.make(folder) for one in self.map)
-        if len(maps) == 1:
+        if len(maps) == 1 and self.map[0].at is None:
             return maps[0]
         pressure = self._pressure(area, length)
         return MapsAtLoads(tuple(pressure(one.at) for one in self.map if one.at is not None), maps)

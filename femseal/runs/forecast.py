@@ -13,7 +13,7 @@ from ..base.machine import free_memory
 from ..base.quantities import to_text
 from ..results.fields import fields_size
 from ..scales import Partition
-from ..studies import Sampling, Scene, laid_out, placed_windows
+from ..studies import FluidState, Sampling, Scene, drop_ratio, laid_out, placed_windows
 from ..studies.costs import (
     Effort,
     deterministic_cost,
@@ -23,6 +23,7 @@ from ..studies.costs import (
     usual_efforts,
 )
 from ..studies.deterministic import STEP_BYTES
+from ..studies.local_pressure import map_text
 from .case import Case
 from .pilot import efforts, pace
 from .preparation import Prepared
@@ -81,6 +82,8 @@ def describe(case: Case, prepared: Prepared) -> list[str]:
     down = steps - len({*scene.loading, *scene.unload_from})
     unloading = f", {down} unloading from {' and '.join(peaks)}" if peaks else ""
     highest = to_text(max((*scene.loading, *scene.unload_from)), "Pa", 3)
+    if case.load.unit != "Pa":
+        highest += f", from {to_text(case.load.highest, case.load.unit)}"
     lines.append(_line("load", f"{steps} states: {steps - down} loading{unloading}, up to {highest}"))
     lines.append(_line("flow", f"discretisation {scene.discretisation}, solver {scene.solver}"))
     if prepared.choice:
@@ -111,6 +114,8 @@ def describe(case: Case, prepared: Prepared) -> list[str]:
                 + (f"; as many of {', '.join(more)}" if more else "")
             )
             lines.append(_line("stochastic", text))
+            if uneven := map_text(scene, laid, sampling.pressure_map):
+                lines.append(_line("pressure map", uneven))
     if prepared.filtered is not None:
         points = " × ".join(map(str, prepared.filtered.surface.shape))
         lines.append(
@@ -137,6 +142,10 @@ def forecast(case: Case, prepared: Prepared, known: tuple[Effort, ...] | None = 
     costs = [_cost(method, prepared, prepared.scene, known) for method in prepared.methods]
     if prepared.filtered is not None:
         costs.append(_cost(prepared.answer, prepared, prepared.filtered, known))
+    if (test := case.output.test_fluid) is not None:
+        state = test.state
+        if drop_ratio(state, FluidState.of(prepared.scene)) is None:
+            costs.append(_cost(prepared.answer, prepared, state.in_scene(prepared.scene), known))
     alone = _START_SECONDS + _PICTURES_SECONDS + disk(case, prepared).fields * _FIELD_BYTE_SECONDS
     shared = sum(seconds for seconds, _ in costs)
     # what a study holds stays until the results are written; what it works with does not
@@ -168,7 +177,8 @@ def _cost(method: str, prepared: Prepared, scene: Scene, known: tuple[Effort, ..
         return deterministic_cost(known, points, pressures)
     assert cells is not None
     if method == "two-scale":
-        return two_scale_cost(known, points, cells, prepared.flow, prepared.contact, pressures)
+        solved = "deterministic" in prepared.methods and scene is prepared.scene
+        return two_scale_cost(known, points, cells, prepared.flow, prepared.contact, solved=solved, pressures=pressures)
     assert prepared.sampling is not None
     every = laid_out(scene.layout, Partition(points, scene.surface.spacing, cells), prepared.sampling)
     # seals of all lengths take the work of one as long as all of them together

@@ -235,9 +235,8 @@ def _pressures(case: Case, seal: tuple[float, float], *, seals: int) -> dict[str
     found = case.load.pressures(area, seal[1])
     highest = max((*found["loading"], *found["unload_from"]))
     if highest >= case.hardness:
-        given = (
-            f"{to_text(case.load.highest, case.load.unit)} on {to_text(1e6 * area, 'mm²')}, {to_text(highest, 'Pa')}"
-        )
+        load = to_text(case.load.highest, case.load.unit)
+        given = f"{load} on {1e6 * area:.4g} mm², {to_text(highest, 'Pa')}"
         raise InputError.of("load", given, f"pressures below the hardness, {to_text(case.hardness, 'Pa')}")
     return found
 

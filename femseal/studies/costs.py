@@ -108,9 +108,15 @@ def two_scale_cost(
     cells: tuple[int, int],
     flow: str | None = None,
     contact: str | None = None,
+    *,
+    solved: bool = False,
     pressures: int = 1,
 ) -> tuple[float, float]:
-    """Expected time on one core [s] and memory [byte] of the two-scale solution; see `pressures_of_gas`."""
+    """Expected time on one core [s] and memory [byte] of the two-scale solution.
+
+    `solved` says that the deterministic solution before it leaves the contact of the whole face. pressures : see
+    `pressures_of_gas`.
+    """
     again = _SUCCESSIVE if pressures > 1 else 1.0
     whole, flow = chosen_contact(contact, points) == "whole", chosen_flow(flow, points)
     pixels, (m1, m2) = points[0] * points[1], cells
@@ -118,7 +124,8 @@ def two_scale_cost(
     coarse = pixels if whole else min(pixels, m1 * m2 * (PIXELS_PER_CUT_OFF / CUT_OFF_WINDOWS) ** 2)
     seconds, memory = 0.0, 8.0 * (8 * pixels + STATE_FIELDS * coarse)
     for effort in efforts:
-        seconds += contact_seconds(coarse, effort)
+        if not (whole and solved):
+            seconds += contact_seconds(coarse, effort)
         if not whole:
             seconds += m1 * m2 * contact_seconds(window, effort) + _ERROR_PAIRS * _PAIR_SECONDS[1] * pixels
         if flow == "elements":
@@ -153,7 +160,7 @@ def stochastic_cost(
     flow = pressures * mean(flow_seconds(window, effort) for effort in efforts)
     faces = 8.0 * 8 * pixels
     if sampling.pressure == "place":
-        whole, faces = two_scale_cost(efforts, points, cells, "links", contact, pressures)
+        whole, faces = two_scale_cost(efforts, points, cells, "links", contact, pressures=pressures)
         links = windows + (cells[0] - 1) * cells[1]
         seconds = whole + steps * (2 * max(sampling.library_cells, windows) - links) * flow
     else:

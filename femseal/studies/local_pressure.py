@@ -15,6 +15,8 @@ from .scene import Array, Scene
 MOST_PATHS = 512
 #: Difference of the mean of a field from the load at which it holds from which on it is told.
 _OFF_LOAD = 0.1
+#: How many times above the highest or below the lowest load the mean of a field is told.
+_FAR_LOAD = 10.0
 
 
 def pressed_seal(layout: Layout, laid: SealWindows) -> PressedSeal:
@@ -76,14 +78,21 @@ def check_map(scene: Scene, laid: SealWindows, pressure_map: AnyMap) -> tuple[st
             step = int(pressure.max(axis=1).argmax())
             given = f"{to_text(float(pressure.max()), 'Pa')} in a window at {scene.steps[step].name}"
             raise InputError.of("map", given, f"pressures below the hardness, {to_text(scene.hardness, 'Pa')}")
-    seal = pressed_seal(scene.layout, laid)
-    if not isinstance(pressure_map, MapsAtLoads):
-        return ()
-    told = []
-    for load, one in zip(pressure_map.pressures, pressure_map.maps, strict=True):
-        if isinstance(one, PressureField) and abs((mean := seal.mean(one)) / load - 1) > _OFF_LOAD:
-            found, at = to_text(mean, "Pa", 3), to_text(load, "Pa", 3)
-            told.append(f"the field of pressure at {at} has the mean {found} over the seal: it is scaled to the load")
+    seal, told = pressed_seal(scene.layout, laid), []
+    if isinstance(pressure_map, PressureField):
+        mean, loads = seal.mean(pressure_map), scene.steps.pressures[scene.steps.pressures > 0]
+        if loads.size and not loads.min() / _FAR_LOAD < mean < loads.max() * _FAR_LOAD:
+            found = to_text(mean, "Pa", 3)
+            told.append(
+                f"the field of pressure has the mean {found} over the seal, far from all loads: is its unit right?"
+            )
+    elif isinstance(pressure_map, MapsAtLoads):
+        for load, one in zip(pressure_map.pressures, pressure_map.maps, strict=True):
+            if isinstance(one, PressureField) and abs((mean := seal.mean(one)) - load) > _OFF_LOAD * load:
+                found, at = to_text(mean, "Pa", 3), to_text(load, "Pa", 3)
+                told.append(
+                    f"the field of pressure at {at} has the mean {found} over the seal: it is scaled to the load"
+                )
     return tuple(told)
 
 
