@@ -14,7 +14,14 @@ from ..base.quantities import to_text
 from ..results.fields import fields_size
 from ..scales import Partition
 from ..studies import FluidState, Sampling, Scene, drop_ratio, laid_out, placed_windows
-from ..studies.costs import Effort, deterministic_cost, stochastic_cost, two_scale_cost, usual_efforts
+from ..studies.costs import (
+    Effort,
+    deterministic_cost,
+    pressures_of_gas,
+    stochastic_cost,
+    two_scale_cost,
+    usual_efforts,
+)
 from ..studies.deterministic import STEP_BYTES
 from ..studies.local_pressure import map_text
 from .case import Case
@@ -167,18 +174,18 @@ def refuse_too_large(case: Case, prepared: Prepared) -> None:
 
 
 def _cost(method: str, prepared: Prepared, scene: Scene, known: tuple[Effort, ...]) -> tuple[float, float]:
-    points, cells = scene.surface.shape, prepared.cells
+    points, cells, pressures = scene.surface.shape, prepared.cells, pressures_of_gas(scene)
     if method == "deterministic":
-        return deterministic_cost(known, points)
+        return deterministic_cost(known, points, pressures)
     assert cells is not None
     if method == "two-scale":
         solved = "deterministic" in prepared.methods and scene is prepared.scene
-        return two_scale_cost(known, points, cells, prepared.flow, prepared.contact, solved=solved)
+        return two_scale_cost(known, points, cells, prepared.flow, prepared.contact, solved=solved, pressures=pressures)
     assert prepared.sampling is not None
     every = laid_out(scene.layout, Partition(points, scene.surface.spacing, cells), prepared.sampling)
     # seals of all lengths take the work of one as long as all of them together
     seal = every[0].unknowns[0], sum(laid.unknowns[1] for laid in every)
-    return stochastic_cost(known, points, cells, prepared.sampling, seal, prepared.contact)
+    return stochastic_cost(known, points, cells, prepared.sampling, seal, prepared.contact, pressures)
 
 
 def _expected_text(expected: Forecast) -> str:
