@@ -97,7 +97,8 @@ def describe(case: Case, prepared: Prepared) -> list[str]:
             n1, n2 = seal_cells(partition, sampling)
             length = to_text(n2 * surface.size[1] / m2, "m", 3)
             text = (
-                f"{_library(prepared, sampling, partition)} (pressure: {sampling.pressure}), "
+                f"{_library(prepared, sampling, partition)} (pressure: {sampling.pressure}, "
+                f"sampler: {sampling.sampler}), "
                 f"{sampling.realisations} seals of {n1} × {n2} links, {length} long"
             )
             lines.append(_line("stochastic", text))

@@ -13,7 +13,7 @@ import numpy as np
 from ..base.errors import InputError
 from ..base.quantities import to_text
 from ..scales import Partition
-from ..studies import Sampling, Scene, check_sampling, chosen_contact, chosen_flow, seal_cells
+from ..studies import Sampling, Scene, check_sampling, chosen_contact, chosen_flow, chosen_sampler, seal_cells
 from ..studies.costs import choose_method
 from ..topography import (
     MOST_POINTS,
@@ -169,6 +169,8 @@ def _prepare(case: Case) -> Prepared:
     if flow is None and case.method == "auto" and method == "two-scale":
         flow = "links"  # what resolved flow takes was not affordable
     contact, flow = chosen_contact(contact, surface.shape), chosen_flow(flow, surface.shape)
+    if sampling is not None:
+        sampling = replace(sampling, sampler=chosen_sampler(sampling, scene, contact))
     prepared = Prepared(scene, cells, sampling, report, overlap, method, methods, choice, contact, flow, odd)
     return replace(prepared, filtered=coarser(prepared)) if case.surface.filter_sensitivity else prepared
 

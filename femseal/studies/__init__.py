@@ -6,7 +6,7 @@
 
 from .deterministic import DeterministicResult, deterministic
 from .face_contact import CONTACTS, chosen_contact
-from .sampling_options import DRAWS, PRESSURES, Sampling, check_sampling, placed_windows, seal_cells
+from .sampling_options import DRAWS, PRESSURES, Sampling, check_sampling, chosen_sampler, placed_windows, seal_cells
 from .scene import Scene
 from .stochastic import StochasticResult, stochastic
 from .two_scale import FLOWS, TwoScaleResult, chosen_flow, two_scale
@@ -24,6 +24,7 @@ __all__ = [
     "check_sampling",
     "chosen_contact",
     "chosen_flow",
+    "chosen_sampler",
     "deterministic",
     "placed_windows",
     "seal_cells",

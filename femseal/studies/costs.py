@@ -33,6 +33,8 @@ _FLOW_SECONDS, _FLOW_PIXEL_SECONDS, _FLOW_GROWTH = 3e-4, (2e-7, 5e-8), (0.12, 0.
 _EASY_BYTES = 8 * 40.0
 #: Shares in contact between which flow is near closing.
 _CLOSING = (0.07, 0.45)
+#: Seconds of the runs of columns at a step, for each window and each pixel.
+_RUN_SECONDS, _RUN_PIXEL_SECONDS = 1.2e-3, 6e-7
 #: Seconds of a link of a drawn seal at a load step, for each doubling of its rows.
 _LINK_SECONDS = 1.1e-7
 #: Transforms that the estimate of the error of a gap takes.
@@ -121,12 +123,20 @@ def stochastic_cost(
     seal: tuple[int, int],
     contact: str | None = None,
 ) -> tuple[float, float]:
-    """Expected time on one core [s] and memory [byte] of a library and of the drawn seals of n1 × n2 links."""
+    """Expected time on one core [s] and memory [byte] of a library and of the drawn seals of n1 × n2 links.
+
+    `sampling` names its sampler, see `sampling_options.chosen_sampler`.
+    """
     pixels, windows, steps = points[0] * points[1], cells[0] * cells[1], len(efforts)
     window = pixels // windows
     ladder = mean(contact_seconds(window, effort) for effort in efforts)
     flow = mean(flow_seconds(window, effort) for effort in efforts)
     faces = 8.0 * 8 * pixels
+    if sampling.sampler == "runs":
+        whole, faces = two_scale_cost(efforts, points, cells, "links", contact)
+        links = windows + (cells[0] - 1) * cells[1]
+        contacts = whole - links * sum(flow_seconds(window, effort) for effort in efforts)
+        return contacts + steps * (windows * _RUN_SECONDS + pixels * _RUN_PIXEL_SECONDS), faces
     if sampling.pressure == "place":
         whole, faces = two_scale_cost(efforts, points, cells, "links", contact)
         links = windows + (cells[0] - 1) * cells[1]
@@ -137,7 +147,7 @@ def stochastic_cost(
     # as many seals again from resampled libraries, and from lower and upper bounds
     draws = (4 if sampling.bounds else 2) * sampling.realisations
     seconds += draws * steps * _LINK_SECONDS * links * max(1.0, np.log2(min(seal)))
-    held = 1 if sampling.chosen_sampler in ("history", "block") else steps
+    held = 1 if sampling.sampler in ("history", "block") else steps
     return seconds, faces + 8.0 * links * (held * 2 + 30)
 
 

@@ -10,6 +10,8 @@ import numpy as np
 from ..base import validate
 from ..base.errors import InputError
 from ..scales import SAMPLERS, Partition
+from .face_contact import chosen_contact
+from .scene import Scene
 
 #: Choices of the pressures and the waves of windows, see `Sampling.pressure`.
 PRESSURES = ("place", "global", "uniform")
@@ -26,14 +28,15 @@ class Sampling:
     realisations : number of seals that are drawn.
     library_cells : number of windows in the library.
     seed : of all random numbers.
-    sampler : "history", "derivative", "copula" or "block", see `scales.sampling`, or "runs". Unless given it is "block"
-        with the pressure "place", where windows have neighbours, and "history" with the others. "runs", with the
-        pressure "place" and the discretisation "edge", makes seals of runs of a quarter of the face's columns, whose
-        flow is solved by finite elements, see `scales.column_runs`; `length` is rounded to whole runs.
+    sampler : "history", "derivative", "copula" or "block", see `scales.sampling`, or "runs", see `chosen_sampler`.
+        "runs", with the pressure "place" and the discretisation "edge", makes seals of runs of an eighth to a half of
+        the face's columns, whose flow is solved by finite elements, see `scales.column_runs`; `length` is rounded to
+        whole runs.
     pressure : the source of the windows and of their pressures.
         "place": all windows of the face at their places. A link draws from the windows of its row. If `library_cells`
-        asks for more than the face has, they are cut again, moved by fractions of their width; this adds no area, and
-        the error of the library stays that of the windows of the face. For faces whose form varies over a window.
+        asks for more than the face has, they are cut again, moved by fractions of their width, except for "runs"; this
+        adds no area, and the error of the library stays that of the windows of the face. For faces whose
+        form varies over a window.
         "global": windows with all their waves, followed along a ladder of pressures. The global contact of the face,
         repeated along the seal, gives the pressure of each link (Pérez-Ràfols et al., 2018).
         "uniform": windows with the full heights. Every link has the nominal pressure, or its share in `profile`.
@@ -58,10 +61,17 @@ class Sampling:
     breadth: float | None = None
     bounds: bool = False
 
-    @property
-    def chosen_sampler(self) -> str:
-        """The given sampler, or the one that suits `pressure`."""
-        return self.sampler or ("block" if self.pressure == "place" else "history")
+
+def chosen_sampler(sampling: Sampling, scene: Scene, contact: str | None = None) -> str:
+    """The sampler given, or the one that suits the pressure.
+
+    It is "history" where windows have no neighbours. With the pressure "place" it is "runs", or "block" where flow is
+    not solved between pixels ("edge"), or the contact not as a whole: then a window may fail, and runs with it.
+    """
+    if sampling.sampler is not None or sampling.pressure != "place":
+        return sampling.sampler or "history"
+    whole = chosen_contact(contact, scene.surface.shape) == "whole"
+    return "runs" if whole and scene.discretisation == "edge" else "block"
 
 
 def seal_cells(partition: Partition, sampling: Sampling) -> tuple[int, int]:
@@ -74,19 +84,20 @@ def seal_cells(partition: Partition, sampling: Sampling) -> tuple[int, int]:
 def placed_windows(sampling: Sampling, partition: Partition) -> int:
     """Number of windows that the pressure "place" takes from a face: all of its windows, once for every shift."""
     of_face = partition.cells[0] * partition.cells[1]
+    if sampling.sampler == "runs":
+        return of_face
     return of_face * int(np.clip(-(-sampling.library_cells // of_face), 1, partition.window[1]))
 
 
 def check_sampling(sampling: Sampling, cells: tuple[int, int]) -> None:
     """Raise InputError for an unknown option, or for two that do not go together."""
-    if sampling.chosen_sampler not in DRAWS:
+    if sampling.sampler is not None and sampling.sampler not in DRAWS:
         raise InputError.of("sampler", sampling.sampler, f"one of {', '.join(DRAWS)}")
     if sampling.pressure not in PRESSURES:
         raise InputError.of("pressure", sampling.pressure, f"one of {', '.join(PRESSURES)}")
-    if sampling.chosen_sampler == "block" and sampling.pressure != "place":
-        raise InputError.of("sampler", "block", "another one, or the pressure 'place', whose windows are neighbours")
-    if sampling.chosen_sampler == "runs" and sampling.pressure != "place":
-        raise InputError.of("sampler", "runs", "another one, or the pressure 'place', whose windows are neighbours")
+    if sampling.sampler in ("block", "runs") and sampling.pressure != "place":
+        allowed = "another one, or the pressure 'place', whose windows are neighbours"
+        raise InputError.of("sampler", sampling.sampler, allowed)
     if sampling.breadth is not None and (sampling.pressure != "uniform" or not sampling.breadth > 0):
         raise InputError.of("breadth", sampling.breadth, "a length > 0 with the pressure 'uniform', none with others")
     if sampling.profile:
@@ -100,6 +111,8 @@ def check_sampling(sampling: Sampling, cells: tuple[int, int]) -> None:
         raise InputError.of("library", f"'{sampling.library}'", "none with the pressure 'place', which has no ladder")
     if sampling.width is not None:
         validate.number("width", sampling.width, unit="1")
-    if sampling.bounds and (sampling.pressure == "place" or sampling.chosen_sampler != "history"):
-        given = f"true with the pressure '{sampling.pressure}' and the sampler '{sampling.chosen_sampler}'"
+    if sampling.bounds and (sampling.pressure == "place" or sampling.sampler not in (None, "history")):
+        given = f"true with the pressure '{sampling.pressure}'"
+        if sampling.sampler is not None:
+            given += f" and the sampler '{sampling.sampler}'"
         raise InputError.of("bounds", given, "true with 'global' or 'uniform' and 'history'")

@@ -18,11 +18,11 @@ from ..base.text import Shown
 from ..loads import LoadProgramme
 from ..scales import Failed, LadderLibrary, Partition, SolverCounts, attempt, draw_links
 from ..seal import RectangularSeal
-from .chained import chained_seals
+from .chained import StateRuns, chained_seals
 from .followed import windows_under_global_contact, windows_under_uniform_pressure
 from .placed import windows_in_place
 from .plausibility import odd_in_scene
-from .sampling_options import Sampling, check_sampling, seal_cells
+from .sampling_options import Sampling, check_sampling, chosen_sampler, seal_cells
 from .scene import Array, Scene, labels
 from .sources import PlacedLibrary, Source, Tables, Wanted, WindowSupply
 from .two_scale import TwoScaleResult
@@ -41,6 +41,7 @@ SOURCES: dict[str, Source] = {
 class StochasticResult(Shown):
     """Realisations of a seal drawn from a library. A realisation is a curve over the steps: arrays (realisation, step).
 
+    sampler : how they were drawn, see `sampling_options.chosen_sampler`.
     leakage : of each realisation.
     leakage_resampled : of as many more realisations, each from a library that is drawn with repetition from the library
         itself, of as many windows as do not overlap. Their scatter is that of realisations and library together.
@@ -75,6 +76,7 @@ class StochasticResult(Shown):
     leakage_held_cuts: Array | None = field(
         default=None, metadata=labels("m^2/s", "leakage per unit seal length, cuts held", "realisation", "step")
     )
+    sampler: str = "history"
     failures: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
     solvers: SolverCounts = field(default_factory=SolverCounts)
@@ -204,7 +206,8 @@ def stochastic(
     FemsealError : every window of the library failed.
     """
     check_sampling(sampling, cells)
-    if sampling.chosen_sampler == "runs" and scene.discretisation != "edge":
+    sampling = replace(sampling, sampler=chosen_sampler(sampling, scene, two_scale.contact if two_scale else contact))
+    if sampling.sampler == "runs" and scene.discretisation != "edge":
         raise InputError.of("sampler", f"'runs' with the discretisation '{scene.discretisation}'", "'edge' with it")
     if sampling.width is None:
         return _draw(scene, cells, sampling, contact, two_scale, mapper)
@@ -246,8 +249,8 @@ def _draw(
     if sampling.profile and len(sampling.profile) != n1:
         raise InputError.of("profile", f"{len(sampling.profile)} numbers", f"{n1}, one for each row of windows")
     supply = SOURCES[sampling.pressure](Wanted(scene, partition, sampling, (n1, n2), two_scale, contact, mapper))
-    if sampling.chosen_sampler == "runs":
-        return _of_runs(scene, partition, sampling, supply, n2, mapper)
+    if sampling.sampler == "runs":
+        return _of_runs(scene, partition, sampling, supply, n2)
     seal = scene.layout.seal((n1 * partition.window_size[0], n2 * partition.window_size[1]), (n1, n2), supply.node_rows)
     library = supply.library
     realise = partial(
@@ -266,6 +269,7 @@ def _draw(
     return StochasticResult(
         steps=scene.steps,
         seal=seal,
+        sampler=sampling.sampler or "history",
         library=library,
         leakage=leakage,
         leakage_resampled=np.array([r.leakage[0] for r in drawn[count:]]),
@@ -278,23 +282,28 @@ def _draw(
 
 
 def _of_runs(
-    scene: Scene, partition: Partition, sampling: Sampling, supply: WindowSupply, columns: int, mapper: Mapper
+    scene: Scene, partition: Partition, sampling: Sampling, supply: WindowSupply, columns: int
 ) -> StochasticResult:
     """Seals drawn as chains of runs of the face."""
-    assert supply.fields is not None
-    drawn = chained_seals(scene, supply.fields, columns, sampling.realisations, sampling.seed, mapper=mapper)
+    drawn = chained_seals(scene, partition, supply.runs, columns, sampling.realisations, sampling.seed)
+    failed = tuple(
+        f"runs, {step.name}: {state.reason}"
+        for step, state in zip(scene.steps, supply.runs, strict=True)
+        if isinstance(state, Failed)
+    )
     cells, (d1, d2) = (partition.cells[0], drawn.columns), partition.window_size
     return StochasticResult(
         steps=scene.steps,
         seal=scene.layout.seal((cells[0] * d1, cells[1] * d2), cells, supply.node_rows),
+        sampler="runs",
         library=supply.library,
         leakage=drawn.leakage,
         leakage_resampled=drawn.resampled,
         leakage_closed_cuts=drawn.closed,
         leakage_held_cuts=drawn.held,
-        failures=supply.library.failures + drawn.failures,
-        warnings=odd_in_scene(scene) + supply.warnings,
-        solvers=supply.library.counts.solvers + drawn.solvers,
+        failures=supply.library.failures + failed,
+        warnings=odd_in_scene(scene) + supply.warnings + drawn.warnings,
+        solvers=SolverCounts.total(state.solvers for state in supply.runs if isinstance(state, StateRuns)),
     )
 
 
@@ -332,7 +341,7 @@ def _realise(
     failures, solvers = [], SolverCounts()
     for kind, tables in enumerate(kinds):
         along, across = (
-            draw_links(t, sampler=sampling.chosen_sampler, seed=sampling.seed, realisation=realisation, axis=axis)
+            draw_links(t, sampler=sampling.sampler or "history", seed=sampling.seed, realisation=realisation, axis=axis)
             for axis, t in enumerate(tables)
         )
         for s, step in enumerate(steps):
