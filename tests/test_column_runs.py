@@ -218,10 +218,10 @@ class TestRunsOfAFace:
         assert self.seals([open_, [replace(f, closed=0 * f.closed) for f in open_]], scene).length == 4
 
     def test_bounds_far_apart_are_told(self, scene):
-        flows = [self.flow(n, 0.4, 2.0) for n in (1, 2, 4)]
+        flows = [self.flow(n, 0.25, 5.0) for n in (1, 2, 4)]
         (text,) = self.seals([flows, flows], scene).warnings
         assert "runs of 4 columns" in text
-        assert "factor of 5" in text
+        assert "factor of 20" in text
         assert scene.steps[0].name in text
 
     def test_the_scatter_of_libraries_is_that_of_the_mean_of_their_runs(self, scene):

@@ -18,8 +18,8 @@ from .scene import Array, Scene
 #: Columns of a run as shares of those of the face, the first of which is taken by which the cuts matter less than the
 #: finite library. The shorter the runs, the more of them tell how realisations scatter.
 RUN_SHARES = (8, 4, 2)
-#: Half the distance of the bounds of ln(leakage) up to which their means were measured to be right within 6 %.
-WIDE = 0.7
+#: Half the distance of the bounds of ln(leakage) from which on a run warns: bounds a factor of ten apart say little.
+WIDE = 1.15
 #: Share of the first step's flow from which on a step counts for that.
 _COUNTS = 1e-3
 
