@@ -14,6 +14,7 @@ The flow of data, top to bottom::
     runs         TOML case -> everything above                           load_case, run
     sweeps       a case with several values of its keys                  sweep
     accuracy     speed against error of the studies for a case           measure_accuracy
+    designs      results -> pressures that a leakage class needs         design
 
 Everything is SI. Names are loaded when first used, so that importing the package is quick.
 """
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
     from .accuracy import AccuracyReport, measure_accuracy
     from .base.errors import FemsealError, InputError, NotConverged
     from .contact import Contact, HalfSpace, LoadCycle, LoadState, load_cycle, solve_contact
+    from .designs.answer import Design, design
     from .flow import (
         Constriction,
         Permeability,
@@ -45,7 +47,8 @@ if TYPE_CHECKING:
     from .studies.deterministic import DeterministicResult, deterministic
     from .studies.sampling_options import Sampling
     from .studies.scene import Scene
-    from .studies.stochastic import StochasticResult, stochastic
+    from .studies.stochastic import stochastic
+    from .studies.stochastic_result import StochasticResult
     from .studies.two_scale import TwoScaleResult, two_scale
     from .sweeps.sweeping import sweep
     from .topography import (
@@ -88,6 +91,7 @@ _MODULES = {
         "stochastic",
         "two_scale",
     ),
+    "designs.answer": ("Design", "design"),
     "sweeps.sweeping": ("sweep",),
     "topography": (
         "SurfaceReport",

@@ -1,4 +1,4 @@
-"""Command line: `femseal new`, `check`, `run`, `sweep`, `compare`, `report`, `export`, `accuracy`, `surface`, `schema`.
+"""Command line: `femseal new`, `check`, `run`, `sweep`, `compare`, `design`, `report`, `export` and more.
 
 Exit code 0 done, 2 bad input (nothing written), 1 anything else.
 """
@@ -17,6 +17,7 @@ from typing import Annotated, NoReturn
 import typer
 
 from .base.errors import FemsealError, InputError, shortened
+from .designs.design_command import design
 from .runs.terminal import ProgressBars, log_lines, print_table
 from .sweeps.commands import compare, sweep
 
@@ -130,6 +131,8 @@ def run(
         raise FemsealError(f"stopped; `femseal run {path} -o {folder} --resume` goes on") from None
     if not quiet:
         print_table(results.table())
+        if "seal_length" in results.dataset.coords:
+            print_table(results.lengths_table())
         if terminal:  # without a terminal, the log lines have told it
             for kind, texts in (("warning", results.warnings), ("failure", results.failures)):
                 for text in texts[:5]:
@@ -141,6 +144,7 @@ def run(
 
 app.command()(sweep)
 app.command()(compare)
+app.command()(design)
 
 
 @app.command()
@@ -163,12 +167,14 @@ def export(
     step: Annotated[
         int | None, typer.Option(help="Load step, counted from 0 as in the table.", show_default="all, numbered files")
     ] = None,
-    field: Annotated[str, typer.Option(help='Over the pixels of the face: "gap" or "contact_pressure".')] = "gap",
+    field: Annotated[
+        str, typer.Option(help='Over the pixels of the face: "gap", "contact_pressure" or "fluid_pressure".')
+    ] = "gap",
     cell: Annotated[
         tuple[int, int] | None, typer.Option(help="Window, counted from 0 along x1 and x2.", show_default="the face")
     ] = None,
 ) -> None:
-    """Write the gap, or the contact pressure, at the load steps for other programs, with the size of the pixel."""
+    """Write the gap, the contact or the fluid pressure at the load steps for other programs, with the pixel's size."""
     from .results import open_results
 
     for path in open_results(folder).export(output, step=step, field=field, cell=cell):

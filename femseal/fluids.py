@@ -17,14 +17,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .base.errors import InputError
-from .base.leak_units import LeakBasis
+from .base.leak_units import STANDARD_PRESSURE, LeakBasis
 from .base.parameters import check_parameters, parameter
 from .rarefied import flow_rate
 
 #: Molar gas constant [J/(mol K)], CODATA (exact since 2019).
 GAS_CONSTANT = 8.31446261815324
-#: Pressure at which gas volumes are stated [Pa].
-STANDARD_PRESSURE = 101_325.0
 #: Constants of Roelands' law: pressure [Pa], and the natural logarithm of the viscosity [Pa s] that all liquids share.
 _ROELANDS_PRESSURE, _ROELANDS_LOG = 1.962e8, -log(6.31e-5)
 #: Gauss points of the potential of Roelands' law: right to 1e-12 up to 5 GPa.
@@ -239,14 +237,17 @@ class IdealGas:
         return np.divide(6 * flow_rate(d), d, out=np.full(d.shape, np.inf), where=d > 0)
 
 
-def leak_basis(fluid: Fluid, length: float) -> LeakBasis:
+def leak_basis(fluid: Fluid, length: float, stated: float | None = None) -> LeakBasis:
     """What turns the leakage of a fluid through a seal of a length [m] into any unit.
 
-    A fluid that has a `reference_pressure`, at which its volumes are stated, and a `temperature` is a gas.
+    A fluid that has a `reference_pressure`, at which its volumes are stated, and a `temperature` is a gas; its
+    pressure × volume is told at the temperature `stated` [K], its own unless given.
     """
     pressure = getattr(fluid, "reference_pressure", None)
-    temperature = None if pressure is None else getattr(fluid, "temperature", None)
-    return LeakBasis(length, fluid.reference_density, pressure, temperature)
+    temperature, molar_mass = (
+        None if pressure is None else getattr(fluid, name, None) for name in ("temperature", "molar_mass")
+    )
+    return LeakBasis(length, fluid.reference_density, pressure, temperature, molar_mass, stated)
 
 
 #: Fluids that a case can choose, by their kind.

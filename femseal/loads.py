@@ -1,4 +1,7 @@
-"""Load programmes: the nominal pressures at which a seal is solved, on loading and on unloading from peaks."""
+"""Load programmes: the nominal pressures at which a seal is solved, on loading and on unloading from peaks.
+
+Loads may also be forces on the seal, which its size turns into nominal pressures.
+"""
 
 from __future__ import annotations
 
@@ -12,6 +15,9 @@ from numpy.typing import NDArray
 
 from .base import validate
 from .base.errors import InputError
+
+#: Units of loads: a nominal pressure, a force on the whole seal, a force on its length.
+LOAD_UNITS = ("Pa", "N", "N/m")
 
 
 @dataclass(frozen=True)
@@ -141,6 +147,23 @@ class LoadProgramme(tuple[LoadStep, ...]):
         loading = {s.pressure: n for n, s in enumerate(self) if s.unloaded_from is None}
         found = [n if s.unloaded_from is None else loading[s.unloaded_from] for n, s in enumerate(self)]
         return np.array(found, dtype=np.int64)
+
+
+def nominal_pressure(load: float, unit: str, *, area: float, length: float) -> float:
+    """Nominal pressure [Pa] of a load in one of `LOAD_UNITS` on a seal of an area [m²] and a length [m].
+
+    Raises
+    ------
+    InputError : another unit.
+
+    Examples
+    --------
+    >>> nominal_pressure(10e3, "N", area=1e-4, length=0.1), nominal_pressure(200e3, "N/m", area=1e-4, length=0.1)
+    (100000000.0, 200000000.0)
+    """
+    if unit not in LOAD_UNITS:
+        raise InputError.of("unit", unit, f"one of {', '.join(LOAD_UNITS)}")
+    return {"Pa": load, "N": load / area, "N/m": load * (length / area)}[unit]
 
 
 def _pressures(name: str, values: Sequence[float]) -> list[float]:

@@ -19,6 +19,7 @@ from femseal.runs.case_registry import table_of_any
 from femseal.runs.case_values import Table
 from femseal.runs.forecast import describe
 from femseal.runs.schema import case_schema
+from femseal.seal.layouts import Windows
 from femseal.studies import Sampling
 from femseal.topography import repair
 
@@ -286,7 +287,9 @@ class TestPrepare:
         case = parse_case(small)
         scene = case.prepare().scene
         assert (scene.solver, scene.discretisation) == ("auto", "edge")
-        assert scene.layout.seal((1e-3, 2e-3), (2, 3)) == fs.RectangularSeal((1e-3, 2e-3), (2, 3))
+        assert scene.layout.lay_out(Windows((0.5e-3, 1e-3), 2, length=3e-3)).seal == fs.RectangularSeal(
+            (1e-3, 3e-3), (2, 3)
+        )
         small["flow"] = {"solver": "amg", "discretisation": "gauss"}
         small["seal"] = {"kind": "rectangular"}
         other = parse_case(small)
@@ -300,7 +303,7 @@ class TestPrepare:
         assert parse_case(small).prepare().scene.discretisation == "RT0"
         # results of other equations, or from another solver, are not those of this case
         assert case.echo()["flow"] != other.echo()["flow"]
-        assert case.echo()["seal"] == other.echo()["seal"] == {"kind": "rectangular"}
+        assert case.echo()["seal"] == other.echo()["seal"] == {"kind": "rectangular", "lay": "x2"}
 
     def test_sampling(self, small):
         small["seed"] = 9

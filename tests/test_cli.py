@@ -140,7 +140,7 @@ def test_commands_are_completed():
     asked = {"_FEMSEAL_COMPLETE": "complete_bash", "COMP_WORDS": "femseal s", "COMP_CWORD": "1"}
     code = "from femseal.cli import main; main()"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=os.environ | asked)
-    assert sorted(done.stdout.split()) == ["schema", "surface"]
+    assert sorted(done.stdout.split()) == ["schema", "surface", "sweep"]
 
 
 def test_errors_are_a_line_and_after_debug_a_traceback(femseal, monkeypatch, tmp_path):

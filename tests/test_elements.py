@@ -104,24 +104,22 @@ class TestSideNodes:
     @pytest.mark.parametrize("n", [8, 9, 16, 33, 64])
     @pytest.mark.parametrize("spacing", [1, 4, 8])
     def test_a_wide_side_has_nodes_at_both_corners_and_none_too_far(self, n, spacing):
-        node, weight, coarse, coarse_weight, place = side_nodes(np.ones(n), np.ones(n - 1), spacing)
+        node, weight, place = side_nodes(np.ones(n), np.ones(n - 1), spacing)
         assert_array_equal(place, np.flatnonzero(weight.max(axis=1) == 1))
         assert (place[0], place[-1]) == (0, n - 1)
         assert np.diff(place).max() <= spacing
         assert_allclose((weight * place[node]).sum(axis=1), np.arange(n))
-        assert_allclose((coarse_weight * place[coarse]).sum(axis=1), place)
-        assert np.unique(coarse[coarse_weight > 0]).size == place.size // 2 + 1
 
     def test_segments_share_no_node(self):
         crossing = np.array([0.0, 1, 1, 1, 0, 0, 2, 0, 1, 1])
-        node, weight, *_ = side_nodes(crossing, np.ones(9), 8)
+        node, weight, _ = side_nodes(crossing, np.ones(9), 8)
         assert_array_equal(node[:, 0] < 0, crossing == 0)
         assert {*node[1:4].ravel()}.isdisjoint({*node[6:].ravel()})
         assert_allclose(weight.sum(axis=1), crossing > 0)
 
     def test_between_nodes_pressure_drops_where_the_side_is_narrow(self):
         along = np.array([1.0, 1, 1, 1e-15, 1, 1, 1])
-        _, weight, *_ = side_nodes(np.ones(8), along, 8)
+        _, weight, _ = side_nodes(np.ones(8), along, 8)
         assert_allclose(weight[:4, 1], np.arange(4) * 1e-15, rtol=1e-9)
         assert_allclose(weight[4:7, 0], np.arange(3, 0, -1) * 1e-15, rtol=1e-9)
 
@@ -134,16 +132,14 @@ class TestElement:
             matrix = np.diag(couples.sum(axis=1)) - couples
             assert np.linalg.eigvalsh(matrix).min() > -1e-12 * matrix.max()
 
-    def test_a_coarser_element_is_its_interpolation(self):
+    def test_a_wider_spacing_is_an_interpolation_of_all_points(self):
         along, across = links(16, 16, decades=0.0)
         window = WindowLinks(along, across, np.ones((2, 15)), np.ones((2, 15)), (False, False))
-        element = WindowElement.of(window, 4)
-        coarser = WindowElement.of(window, 8)
-        chosen = np.unique(element.coarse)
-        between = np.zeros((element.counts.sum(), element.counts.sum()))
-        np.add.at(between, (np.arange(len(between))[:, None], element.coarse), element.coarse_weight)
-        matrix, expected = (np.diag(c.sum(axis=1)) - c for c in (element.couples, coarser.couples))
-        assert_allclose((between.T @ matrix @ between)[np.ix_(chosen, chosen)], expected, atol=1e-12)
+        element, couples = WindowElement.with_points(window, 4)
+        between = np.zeros((len(couples), element.counts.sum()))
+        np.add.at(between, (np.arange(len(couples))[:, None], element.node), element.weight)
+        points, expected = (np.diag(c.sum(axis=1)) - c for c in (couples, element.couples))
+        assert_allclose(between.T @ points @ between, expected, atol=1e-12)
 
 
 class TestFlow:
@@ -153,19 +149,45 @@ class TestFlow:
         assert_allclose(flow.permeability, resolved(gap), rtol=1e-9)
         assert flow.percolates
 
-    @pytest.mark.parametrize("cells", [(2, 3), (4, 6)])
-    def test_bounds_fall_with_the_distance_of_nodes(self, gap, cells):
+    @pytest.mark.parametrize("cells", [(2, 3), (4, 6), (4, 1)])
+    def test_bounds_fall_with_the_distance_of_nodes_and_the_iterations(self, gap, cells):
         exact = resolved(gap)
         found = [element_flow(gap, partition(gap, cells), node_spacing=n) for n in (1, 2, 4, 8)]
-        k = np.array([f.permeability for f in found])
-        assert np.all(np.diff(k) > 0)
-        assert exact * (1 - 1e-9) < k[0] < k[-1] < 1.02 * exact
-        assert all(f.coarser_permeability > f.permeability for f in found)
-        assert 0.2 < found[-1].error / (k[-1] / exact - 1) < 5
+        nodes, k = np.array([(f.node_permeability, f.permeability) for f in found]).T
+        assert np.all(np.diff(nodes) > 0)
+        assert exact * (1 - 1e-9) < nodes[0] < nodes[-1] < 1.02 * exact
+        assert_allclose(k, exact, rtol=1e-5)
+        assert np.all(k < nodes + 1e-9 * exact)
+
+    @pytest.mark.parametrize(("closed", "cells"), [(0.0, (2, 2)), (0.3, (2, 2)), (0.35, (4, 4))])
+    def test_the_error_is_seldom_underestimated_where_gaps_are_random_over_five_decades(self, closed, cells):
+        """Nodes alone are off by factors there; the estimate is at least half of the true error."""
+        nodes, errors, low = [], [], 0
+        for seed in range(20):
+            rng = np.random.default_rng(seed)
+            h = 10 ** (-5 * rng.random((48, 48))) * (rng.random((48, 48)) >= closed)
+            flow = element_flow(h, partition(h, cells))
+            exact = element_flow(h, partition(h, cells), node_spacing=1).permeability
+            if exact:
+                nodes.append(flow.node_permeability / exact - 1)
+                errors.append(flow.permeability / exact - 1)
+                low += errors[-1] > max(2 * flow.error, 1e-6)
+        assert max(nodes) > 1 or closed
+        assert max(errors) < 0.02
+        assert low <= 1
+
+    @pytest.mark.parametrize("cells", [(1, 1), (1, 3), (4, 1), (2, 2)])
+    def test_potential_at_side_points_is_that_of_all_pixels(self, gap, cells):
+        """Also where a window is its own neighbour."""
+        sharp = element_flow(gap, partition(gap, cells), node_spacing=1)
+        flow = element_flow(gap, partition(gap, cells))
+        for name in ("row_potential", "column_potential"):
+            assert_allclose(getattr(flow, name), getattr(sharp, name), atol=2e-3)
+        assert_allclose(flow.dissipation, sharp.dissipation, rtol=0.01, atol=1e-3 * sharp.dissipation.max())
 
     def test_parallel_plates(self):
         flow = element_flow(np.full((32, 24), 2e-6), Partition((32, 24), (1e-6, 2e-6), (2, 3)))
-        assert_allclose([flow.permeability, flow.coarser_permeability], (2e-6) ** 3 / 12, rtol=1e-12)
+        assert_allclose([flow.permeability, flow.node_permeability], (2e-6) ** 3 / 12, rtol=1e-12)
         assert_allclose(flow.row_potential, np.broadcast_to([[1.0], [0.5], [0.0]], (3, 24)), atol=1e-12)
         assert_allclose(flow.column_potential[:, 0], 1 - (np.arange(32) + 0.5) / 32, rtol=1e-12)
         assert_allclose(flow.dissipation, flow.dissipation.mean(), rtol=1e-12)
@@ -271,14 +293,14 @@ class TestStudy:
     def test_is_the_flow_through_the_stitched_gap(self, scene):
         result, exact = (two_scale(scene, (4, 6), flow=flow) for flow in ("elements", "resolved"))
         ratio = result.leakage / exact.leakage
-        assert np.all((ratio > 1 - 1e-6) & (ratio < 1.03))
+        assert np.all(np.abs(ratio - 1) < 1e-5)
         assert_allclose(result.drop_share.sum(axis=(1, 2)), 1.0)
-        assert np.all(result.element_error < 0.03)
+        assert np.all(result.element_error < 1e-3)
         assert result.solvers.by_solver()["elimination"] >= 3
         assert exact.element_error is exact.drop_share is result.k1 is None
         inside, expected = result.face_fluid_pressure, exact.face_fluid_pressure
         assert_array_equal(np.isnan(inside), np.isnan(expected))
-        assert np.nanmean(np.abs(inside - expected)) < 0.003 * scene.inlet_pressure
+        assert np.nanmean(np.abs(inside - expected)) < 1e-4 * scene.inlet_pressure
         data = assemble(scene, two_scale=result).dataset
         assert data["element_error"].dims == ("step",)
         assert data["window_drop_share"].dims == ("step", "cell1", "cell2")
@@ -290,11 +312,11 @@ class TestStudy:
 
 @pytest.mark.slow
 def test_measured_face(instrument_file):
-    """Where links are off by hundreds, elements are within 7 %."""
+    """Where links are off by hundreds, elements are the flow on all pixels."""
     surface, _ = condition(read_topography(instrument_file("plu-1.plu")), shape=(768, 576))
     hardness = 0.14 * 115e9 * surface.rms_slope
     scene = Scene(surface=surface, modulus=115e9, hardness=hardness, fluid=Liquid(1e-3), inlet_pressure=1e7,
                   outlet_pressure=0.0, loading=tuple(hardness * p for p in (0.004, 0.01, 0.04)))  # fmt: skip
     result, exact = (two_scale(scene, (16, 16), flow=flow) for flow in ("elements", "resolved"))
     ratio = result.leakage / exact.leakage
-    assert np.all((ratio > 1 - 1e-6) & (ratio < 1.07))
+    assert np.all(np.abs(ratio - 1) < 1e-4)

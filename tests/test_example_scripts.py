@@ -16,6 +16,7 @@ from femseal.results import assemble, save
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 #: make_measured_face.py is run by the tests of the examples' files.
+WRITES = {"measured_face": "measured_contact.png", "read_results": "report.html", "design_answer": "design.png"}
 SCRIPTS = {path.stem for path in EXAMPLES.glob("*.py")} - {"make_measured_face"}
 
 
@@ -34,7 +35,7 @@ def drawn_seal(drawn):
 
 
 def test_every_script_has_a_test():
-    here = {"elastic_check", "one_cell", "measured_face", "real_size_seal", "read_results"}
+    here = {"elastic_check", "one_cell", "measured_face", "real_size_seal", "read_results", "design_answer"}
     elsewhere = {"figures", "real_sizes", "two_scale_view", "paraview_two_scale"}
     assert here | elsewhere == SCRIPTS
 
@@ -86,7 +87,18 @@ def test_read_results_knows_what_the_peak_leaves(drawn, drawn_seal, tmp_path):
     assert min(ratios.values()) > 1
 
 
-@pytest.mark.parametrize("stem", ["measured_face", "read_results"])
+def test_design_answer_knows_what_may_be_lost_in_service(drawn, drawn_seal):
+    """From the median at the peak and at the last stop: halfway between them in log–log."""
+    results = assemble(drawn["scene"](), stochastic=drawn_seal)
+    median = drawn_seal.quantile(0.5)
+    limit = float(np.sqrt(median[3] * median[4])) * 1e9  # mg/(m·s) of water
+    answer = fs.design(results, classes=[f"{limit!r} mg/(m·s)"], probability=0.5)
+    lost = names("design_answer")["margin"](answer)
+    assert lost.keys() == {400e6}
+    assert_allclose(lost[400e6], 1 - np.sqrt(150e6 * 50e6) / 400e6, rtol=0.02)
+
+
+@pytest.mark.parametrize("stem", ["measured_face", "read_results", "design_answer"])
 def test_scripts_that_write_run_as_programs(stem, drawn, drawn_seal, tmp_path, monkeypatch, capsys):
     """Those that open no window are run whole."""
     monkeypatch.chdir(tmp_path)
@@ -94,7 +106,7 @@ def test_scripts_that_write_run_as_programs(stem, drawn, drawn_seal, tmp_path, m
     monkeypatch.setattr(sys, "argv", [stem, str(tmp_path)])
     runpy.run_path(str(EXAMPLES / f"{stem}.py"), run_name="__main__")
     assert capsys.readouterr().out
-    assert (tmp_path / {"measured_face": "measured_contact.png", "read_results": "report.html"}[stem]).exists()
+    assert (tmp_path / WRITES[stem]).exists()
 
 
 @pytest.mark.parametrize("stem", ["elastic_check", "one_cell", "real_size_seal"])

@@ -405,6 +405,17 @@ def tifffile_of(path):
         return {"data": page.asarray(), "tags": {tag.code: tag.value for tag in page.tags}}
 
 
+@pytest.mark.parametrize("ending", ["npz", "tif"])
+def test_all_fields_of_a_deterministic_study_are_exported(scene, studies, tmp_path, ending):
+    study = studies["deterministic"]
+    r = assemble(scene, deterministic=study)
+    for name in ("gap", "contact_pressure", "fluid_pressure"):
+        (path,) = r.export(tmp_path / f"{name}.{ending}", field=name, step=2)
+        values = np.load(path)[name] if ending == "npz" else tifffile_of(path)["data"][::-1].T
+        assert_allclose(values, getattr(study, name)[2], rtol=1e-6)
+    assert np.isnan(values[study.gap[2] == 0]).all()
+
+
 def test_all_steps_and_windows_are_exported(back, studies, scene, tmp_path):
     paths = back.export(tmp_path / "p.npz", field="contact_pressure", cell=(1, 2))
     assert [path.name for path in paths] == [f"p_{s:04d}.npz" for s in range(6)]
@@ -430,7 +441,11 @@ def test_what_cannot_be_exported(back, scene, studies, tmp_path):
     for name, given, message in (
         ("a.stl", {}, r"output: given 'a.stl', allowed is a file \.npz, \.tif, \.tiff, \.x3p"),
         ("a.x3p", {"field": "contact_pressure"}, "an .x3p holds heights only"),
-        ("a.npz", {"field": "heights"}, "field: given 'heights', allowed is one of gap, contact_pressure"),
+        (
+            "a.npz",
+            {"field": "heights"},
+            "field: given 'heights', allowed is one of gap, contact_pressure, fluid_pressure",
+        ),
         ("a.npz", {"step": 9}, "step: given 9, allowed is 0 to 5"),
         ("a.npz", {"cell": (9, 9), "step": 0}, "cell: given"),
         ("none/a.npz", {"step": 0}, "a file that can be written"),

@@ -118,12 +118,15 @@ def test_check_tells_time_on_one_core_and_on_all(data, monkeypatch):
         assert words in line
 
 
-def test_an_automatic_choice_of_two_scales_takes_links(data, monkeypatch):
+@pytest.mark.parametrize(("discretisation", "flow"), [("edge", "elements"), ("gauss", "links")])
+def test_an_automatic_choice_of_two_scales_takes_elements(data, monkeypatch, discretisation, flow):
     """Resolved flow takes what was not affordable in the deterministic method."""
-    data |= {"method": "auto"}
+    data |= {"method": "auto", "flow": {"discretisation": discretisation}}
     monkeypatch.setattr("femseal.studies.costs.AFFORDABLE_SECONDS", 0.0)
     prepared = parse_case(data).prepare()
-    assert (prepared.method, prepared.flow, prepared.contact) == ("two-scale", "links", "whole")
+    assert (prepared.method, prepared.flow, prepared.contact) == ("two-scale", flow, "whole")
+    assert f"two scales with {flow} about" in prepared.choice
+    assert any(f"flow {flow}: " in line for line in describe(parse_case(data), prepared))
     monkeypatch.undo()
     prepared = parse_case(data | {"method": "two-scale"}).prepare()
     assert prepared.flow == "resolved"

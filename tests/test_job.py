@@ -80,12 +80,13 @@ def test_every_choice_of_the_stochastic_method_goes_through_a_case(case, tmp_pat
 pressure = "uniform"
 sampler = "history"
 breadth = "100 um"
-profile = [1.4, 1.2, 1.0, 0.8, 0.6]
 library = "kept"
 bounds = true
 quantiles = [0.2, 0.8]
 """
-    case.write_text(CASE.replace('compare = ["deterministic", "two-scale"]\n', "") + choices)
+    uneven = 'unloading = ["100 MPa"]\n[load.map]\nkind = "profile"\nshares = [1.4, 1.2, 1.0, 0.8, 0.6]\n'
+    alone = CASE.replace('compare = ["deterministic", "two-scale"]\n', "")
+    case.write_text(alone.replace('unloading = ["100 MPa"]\n', uneven) + choices)
     data = fs.run(case, workers=1).dataset
     assert (tmp_path / "kept").is_dir()
     lower, upper = (data[f"leakage_{end}_bound"].values for end in ("lower", "upper"))

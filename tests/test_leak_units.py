@@ -9,6 +9,7 @@ import femseal as fs
 from femseal.base.errors import InputError
 from femseal.base.leak_units import LEAK_UNITS, TOLD, LeakBasis, leak_unit
 from femseal.base.quantities import to_si
+from femseal.fluids import leak_basis
 from femseal.report.page import report_html
 from femseal.results import assemble
 from femseal.results.tables import csv_text, rows, texts
@@ -18,7 +19,10 @@ SI = {"volume": "m^3/s", "mass": "kg/s", "throughput": "Pa*m^3/s"}
 AIR = fs.IdealGas(viscosity=18e-6, molar_mass=29e-3, temperature=293.15)
 
 
-@pytest.mark.parametrize("unit", LEAK_UNITS.values(), ids=lambda unit: unit.name)
+KNOWN = [unit for unit in LEAK_UNITS.values() if unit.kind in SI]
+
+
+@pytest.mark.parametrize("unit", KNOWN, ids=lambda unit: unit.name)
 def test_values_are_those_of_a_library_of_units(unit):
     text = unit.name.replace("·", "*").replace("²", "^2").replace("³", "^3").replace("µ", "u")
     assert_allclose(unit.si, to_si(f"1 {text}", SI[unit.kind] + ("/m" if unit.per_length else "")), rtol=1e-9)
@@ -27,7 +31,8 @@ def test_values_are_those_of_a_library_of_units(unit):
 @pytest.mark.parametrize(
     ("written", "name"),
     [("mL/(min*m)", "mL/(m·min)"), ("ml/min/m", "mL/(m·min)"), ("Pa*m^3/s", "Pa·m³/s"), ("m3/s", "m³/s"),
-     ("mbar*l/s", "mbar·L/s"), ("mg/(s*m)", "mg/(m·s)"), ("ug/s", "µg/s"), (" L / h ", "L/h")],
+     ("mbar*l/s", "mbar·L/s"), ("mg/(s*m)", "mg/(m·s)"), ("ug/s", "µg/s"), (" L / h ", "L/h"),
+     ("sccm", "std cm³/min"), ("std cm3/s", "std cm³/s"), ("std cm^3/(s*m)", "std cm³/(m·s)"), ("drop/min", "drops/min")],
 )  # fmt: skip
 def test_spellings(written, name):
     assert leak_unit(written).name == name
@@ -48,7 +53,8 @@ def test_one_leakage_in_all_units():
     assert_allclose(per["mL/min"], 0.5)
     assert_allclose(per["kg/s"], 0.5e-6 / 60 * 800)
     assert_allclose(per["g/year"], 0.4 * 525_960)
-    assert not any("Pa" in name or "mbar" in name for name in per)
+    assert_allclose(per["drops/min"], 10)  # 20 drops are 1 mL
+    assert not any("Pa" in name or "mbar" in name or "std" in name for name in per)
     with pytest.raises(InputError, match="mbar·L/s for a liquid"):
         basis.factor(LEAK_UNITS["mbar·L/s"])
 
@@ -60,6 +66,46 @@ def test_a_gas_is_told_by_pressure_times_volume():
     mass = q / basis.factor(LEAK_UNITS["kg/s"])
     assert_allclose(mass, 0.1 * 29e-3 / (8.31446261815324 * 293.15), rtol=1e-12)
     assert_allclose(q / basis.factor(LEAK_UNITS["Pa·m³/s"]), 0.1)
+
+
+#: Published figures of gases, each from the unit, at a temperature, to the unit: tables of makers of leak detectors, of
+#: NIST (sccm), and of TA Luft (0.01 mg/(s·m) of helium).
+HELIUM, DRY_AIR = 4.0026e-3, 28.96e-3
+PUBLISHED = [
+    (1.0, "sccm", DRY_AIR, 273.15, 0.0168875, "mbar·L/s", 1e-5),
+    (1.0, "mbar·L/s", DRY_AIR, 273.15, 59.2, "std cm³/min", 5e-4),
+    (1.0, "mbar·L/s", DRY_AIR, 293.15, 4.28e-6 * 1e3, "kg/h", 2e-3),
+    (1e-2, "mbar·L/s", DRY_AIR, 293.15, 375.0, "g/year", 2e-3),
+    (1.0, "Pa·m³/s", DRY_AIR, 293.15, 10.0, "mbar·L/s", 1e-12),
+    (0.01, "mg/(s·m)", HELIUM, 293.15, 0.0609, "mbar·L/(m·s)", 1e-3),
+]
+
+
+@pytest.mark.parametrize(("value", "unit", "molar_mass", "stated", "expected", "other", "rtol"), PUBLISHED)
+def test_conversions_are_those_published(value, unit, molar_mass, stated, expected, other, rtol):
+    """At the stated temperature, whatever that of the gas is."""
+    for own in (273.15, 293.15, 400.0):
+        gas = fs.IdealGas(viscosity=18e-6, molar_mass=molar_mass, temperature=own)
+        basis = leak_basis(gas, 1.0, stated)
+        found = value * basis.factor(leak_unit(unit)) / basis.factor(leak_unit(other))
+        assert_allclose(found, expected, rtol=rtol)
+
+
+def test_standard_volumes_count_molecules():
+    """22.414 L of a gas at 0 °C and 101 325 Pa are a mole, whatever its own temperature."""
+    basis = leak_basis(AIR, 1.0)
+    moles = basis.factor(LEAK_UNITS["std cm³/s"]) / basis.factor(LEAK_UNITS["kg/s"]) / AIR.molar_mass
+    assert_allclose(moles, 1e-3 / 22.414, rtol=1e-5)
+    assert basis.stated_temperature == AIR.temperature
+
+
+def test_units_that_a_gas_or_a_gas_without_temperature_lacks():
+    with pytest.raises(InputError, match="drops are of liquids"):
+        leak_basis(AIR, 1.0).factor(LEAK_UNITS["drops/min"])
+    with pytest.raises(InputError, match="no temperature"):
+        LeakBasis(1.0, 1.2, 1e5).factor(LEAK_UNITS["std cm³/s"])
+    with pytest.raises(InputError, match="density of the fluid is unknown"):
+        LeakBasis(1.0, float("nan")).factor(LEAK_UNITS["kg/s"])
 
 
 @pytest.fixture(scope="module")
@@ -80,7 +126,7 @@ def test_results_tell_the_total_everywhere(studied):
     assert_allclose(data["leakage_total_mass"], q * 60e-6 * 870)
     assert "leakage_total_throughput" not in data
     assert [str(unit) for unit in data["leak_unit"].values] == [
-        name for name in TOLD if "Pa" not in name and "bar" not in name
+        name for name in TOLD if "Pa" not in name and "bar" not in name and "std" not in name
     ]
     assert_allclose(data["leakage_in_units"].sel(leak_unit="g/year"), q * 60e-6 * 870e3 * 365.25 * 86400)
     assert_allclose(rows(results)[0]["leakage_mL_per_min"], q[0] * 60e-6 * 60e6)
@@ -108,6 +154,13 @@ def test_results_of_a_gas_tell_pressure_times_volume(studied):
     page = report_html(results)
     assert "mbar·L/s" in page
     assert "101325 Pa and 293.15 K" in page
+    assert "std cm³/s" in page
+    assert "drops/min" not in page
+    cold = assemble(scene, deterministic=study, throughput_temperature=273.15)
+    assert_allclose(cold.leakage_in("mbar·L/s") * 293.15 / 273.15, throughput * 10)
+    assert_allclose(cold.leakage_in("std cm³/s"), cold.leakage_in("mbar·L/s") / 1.01325)
+    assert "273.15 K" in cold.dataset["leakage_total_throughput"].attrs["long_name"]
+    assert "pressure × volume is that at 273.15 K" in report_html(cold)
 
 
 def case(fluid, unit):

@@ -23,6 +23,8 @@ from femseal.report import write_folder
 from femseal.results import assemble, open_results
 from femseal.scales import LinkTable, draw_links, gap_error
 from femseal.seal import RectangularSeal
+from femseal.seal.linked import LinkWindows
+from femseal.seal.pressure_map import AngleTable, Profile
 from femseal.studies import Sampling, Scene, StochasticResult, deterministic, stochastic, two_scale
 from femseal.topography import Topography, condition, read_topography, self_affine, turned
 
@@ -187,7 +189,7 @@ class TestBalance:
 
     def test_gas(self, rough, rough_two_scale):
         """The same links pass a mass rate that goes with p²; the pressure at the nodes follows."""
-        gas = IdealGas(viscosity=2e-5, molar_mass=0.029, temperature=300.0)
+        gas = IdealGas(viscosity=2e-5, molar_mass=0.029, temperature=300.0, slip=False)
         scene = replace(rough, fluid=gas, inlet_pressure=5e6, outlet_pressure=1e5)
         result = two_scale(scene, (4, 6), flow="links")
         assert_array_equal(result.k1, rough_two_scale.k1)
@@ -416,10 +418,15 @@ class TestResolvedFlow:
         assert error[0] < 0.1
         assert error[0] < error[1] / 3
 
-    @pytest.mark.parametrize("flow", ["resolved", "links"])
-    def test_is_the_default_of_a_face_that_fits(self, flow, rough, monkeypatch):
-        monkeypatch.setattr(TWO_SCALE, "RESOLVED_PIXELS", 96 * 96 - (flow == "links"))
-        assert two_scale(rough, (4, 6)).flow == flow
+    @pytest.mark.parametrize(
+        ("flow", "discretisation"), [("resolved", "edge"), ("elements", "edge"), ("links", "gauss")]
+    )
+    def test_is_the_default_of_a_face_that_fits(self, flow, discretisation, rough, monkeypatch):
+        monkeypatch.setattr(TWO_SCALE, "RESOLVED_PIXELS", 96 * 96 - (flow != "resolved"))
+        found = two_scale(replace(rough, discretisation=discretisation), (4, 6))
+        assert found.flow == flow
+        if flow == "elements":
+            assert_allclose(found.leakage, two_scale(rough, (4, 6), flow="resolved").leakage, rtol=1e-3)
 
     def test_links_of_drawn_windows_are_solved_then(self, rough, rough_two_scale):
         known = two_scale(rough, (4, 6), flow="resolved")
@@ -562,8 +569,6 @@ class TestDraws:
         assert (face.seal.cells[0], broad.seal.cells[0]) == (2, 10)
         assert_allclose(broad.seal.size[0], 320e-6)
         assert_allclose(broad.leakage, face.leakage / 5, rtol=1e-6)
-        with pytest.raises(InputError, match="10, one for each row"):
-            stochastic(scene, (2, 2), replace(sampling, breadth=320e-6, profile=(1.0, 1.0)))
 
     @pytest.mark.parametrize("pressure", ["uniform", "global"])
     def test_bounds_enclose_the_same_draws_and_their_pixels_close_them(self, pressure):
@@ -598,18 +603,6 @@ class TestDraws:
         for options in ({"pressure": "place"}, {"pressure": "uniform", "sampler": "copula"}):
             with pytest.raises(InputError, match=r"bounds.*'history'"):
                 stochastic(make_scene(np.zeros((64, 64))), (2, 2), replace(SAMPLING, bounds=True, **options))
-
-    def test_pressure_profile(self):
-        """Equal windows: the rows follow one another under the shares of the profile, inlet first."""
-        window = self_affine((32, 32), (32e-6, 32e-6), hurst=0.8, rms_slope=0.15, rng=1).heights
-        scene = make_scene(np.tile(window, (2, 2)), loading=(1e8, 4e8), rtol=1e-8)
-        sampling = replace(SAMPLING, pressure="uniform", library_cells=4, length=2e-4)
-        skewed, even = (stochastic(scene, (2, 2), replace(sampling, profile=p)) for p in ((1.5, 0.5), (1.0, 1.0)))
-        flat = stochastic(scene, (2, 2), sampling)
-        assert_allclose(even.leakage, flat.leakage, rtol=0.05)
-        high, low = (leakage_of(alone(window, replace(scene, loading=tuple(x * p for p in scene.loading))), scene)
-                     for x in (1.5, 0.5))  # fmt: skip
-        assert_allclose(skewed.leakage, np.tile(2 / (1 / high + 1 / low), (6, 1)), rtol=0.05)
 
     def test_a_library_with_places_holds_the_windows_of_two_scales(self, rough, rough_two_scale):
         """In the order of the face; with twice as many, those moved by half a window come after them."""
@@ -725,9 +718,8 @@ class TestDraws:
         [
             ({"pressure": "magic"}, "place, global, uniform"),
             ({"pressure": "global", "sampler": "block"}, "neighbours"),
-            ({"profile": (1.0,) * 4}, "none except with the pressure 'uniform'"),
-            ({"pressure": "uniform", "profile": (2.0, 0.0)}, "4 numbers >= 0 with the mean 1"),
-            ({"pressure": "uniform", "profile": (2.0, 2.0, 1.0, 0.0)}, "4 numbers >= 0 with the mean 1"),
+            ({"pressure_map": Profile((1.0, 2.0))}, "map: given an uneven one with the pressure 'place'"),
+            ({"pressure_map": AngleTable((1.0, 2.0)), "pressure": "global"}, "another with the pressure 'uniform'"),
             ({"library": Path("kept")}, "no ladder"),
             ({"width": 0.0}, "width"),
             ({"breadth": 1e-3}, "uniform"),
@@ -751,7 +743,7 @@ class TestErrorOfTheLibrary:
         none = LinkTable(np.empty(k.shape), np.zeros((0, links), int), self.steps)
         scene = make_scene(np.zeros((8, 8)), loading=(1e8,))
         seal = RectangularSeal((1e-3, links * 1e-3), (1, links))
-        task = [STOCHASTIC._realise(r, again, scene=scene, seal=seal, kinds=((table, none),),
+        task = [STOCHASTIC._realise(r, again, scene=scene, laid=LinkWindows(seal), kinds=((table, none),),
                                                sampling=replace(SAMPLING, sampler="history"), independent=1 / copies).leakage
                 for again in (False, True) for r in range(realisations)]  # fmt: skip
         leakage = np.array(task).reshape(2, realisations, 1)

@@ -146,7 +146,7 @@ def _solve(prepared: Prepared, variant: Variant, mapper: Mapper) -> tuple[Array,
         windows = two_scale(scene, variant.cells, flow=prepared.flow, contact=prepared.contact, mapper=mapper)
         return windows.leakage, windows.failures
     assert prepared.sampling is not None
-    sampling = replace(prepared.sampling, library_cells=variant.library_cells)
+    sampling = replace(prepared.sampling, library_cells=variant.library_cells, other_lengths=())
     seals = stochastic(scene, variant.cells, sampling, contact=prepared.contact, mapper=mapper)
     return seals.quantile(0.5), seals.failures
 

@@ -11,7 +11,7 @@ from ..base.quantities import to_text
 from ..runs.case import Case
 from ..runs.preparation import Prepared
 from ..scales import Partition
-from ..studies import placed_windows, seal_cells
+from ..studies import laid_out, placed_windows
 from ..studies.costs import deterministic_cost, stochastic_cost, two_scale_cost, usual_efforts
 
 Pair = tuple[int, int]
@@ -228,7 +228,8 @@ def _cost(prepared: Prepared, variant: Variant) -> tuple[float, float]:
     assert prepared.sampling is not None
     sampling = replace(prepared.sampling, library_cells=variant.library_cells)
     surface = prepared.scene.surface
-    seal = seal_cells(Partition(surface.shape, surface.spacing, variant.cells), sampling)
+    partition = Partition(surface.shape, surface.spacing, variant.cells)
+    seal = laid_out(prepared.scene.layout, partition, sampling)[0].unknowns
     return stochastic_cost(efforts, variant.points, variant.cells, sampling, seal, prepared.contact)
 
 

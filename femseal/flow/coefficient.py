@@ -34,6 +34,14 @@ def cubic_law(gap: Any) -> Any:
     return gap * gap * gap / 12.0
 
 
+def equivalent_gap(gap: Array, factor: Array) -> Array:
+    """Gap [m] whose permeability by the cubic law is (h³/12) F, with the flow factor F of a gas; 0 in contact.
+
+    It is taken at the pixels, and interpolated between them as any gap is.
+    """
+    return np.multiply(gap, np.cbrt(factor), out=np.zeros(gap.shape), where=gap > 0)
+
+
 def rough_plates(mean_gap: Any, rms_height: float) -> Any:
     """Permeability [m³] of widely separated isotropic rough faces, (h̄³/12)(1 − 3σ²/2h̄²), in the next order of σ/h̄."""
     return cubic_law(mean_gap) - mean_gap * rms_height**2 / 8

@@ -28,6 +28,7 @@ from skfem import (
     MeshTri1,
     MeshTri2,
 )
+from skfem.mesh import MeshQuad1DG
 
 from ..base.errors import InputError, NotConverged
 from . import forms
@@ -58,6 +59,7 @@ _KINDS = {
     MeshQuad1: _Kind(ElementQuad1, ElementQuadRT0, 4),
     MeshTri2: _Kind(ElementTriP2, None, 6),
     MeshQuad2: _Kind(ElementQuad2, None, 6),
+    MeshQuad1DG: _Kind(ElementQuad1, ElementQuadRT0, 4),
 }
 
 
@@ -74,7 +76,8 @@ def darcy_conductance(
 
     Parameters
     ----------
-    mesh : scikit-fem MeshTri1, MeshQuad1, MeshTri2 or MeshQuad2 with n elements.
+    mesh : scikit-fem MeshTri1, MeshQuad1, MeshTri2 or MeshQuad2 with n elements, or a periodic MeshQuad1DG of
+        rectangles.
     permeability : K >= 0; a number, (n,), (n, 2) values along x and y, or (n, 2, 2) symmetric tensors; 0 is
         closed. A tensor closed along one principal axis only keeps 1e-10 of its other value there, and
         carries flow across facets only along the open one.
@@ -121,7 +124,7 @@ def darcy_conductance(
     basis = Basis(mesh, kind.element(), intorder=kind.intorder, elements=carrying)
     k = np.moveaxis(tensor[carrying], 0, -1)[..., None]
     flow = conforming_flow(basis, k, ends, rtol=RTOL, solver=solver)
-    vertices = np.unique(mesh.t[:, carrying])
+    vertices = mesh.t[:, carrying]
     potential[vertices] = flow.potential[basis.nodal_dofs[0, vertices]]
     lower, upper = np.nan, np.nan
     if bounds and kind.flux_element is not None:
@@ -160,7 +163,10 @@ def conforming_flow(
     dofs = [basis.get_dofs(open_facets(basis.mesh, f, carrying)).flatten() for f in ends]
     phi = np.zeros(basis.N)
     phi[dofs[0]] = 1.0
-    unknown = np.setdiff1d(np.unique(basis.element_dofs), np.concatenate(dofs))
+    free = np.zeros(basis.N, bool)
+    free[basis.element_dofs] = True
+    free[np.concatenate(dofs)] = False
+    unknown = np.flatnonzero(free)
     iterations, residual, used = 0, 0.0, "none"
     if unknown.size:
         rows = sp.csr_array(matrix)[unknown]

@@ -8,6 +8,7 @@ from .cell_curves import cells_figure
 from .drawing import png
 from .heights import heights_figure
 from .leakage_curves import leakage_figure
+from .length_curves import lengths_figure
 from .maps import seal_figure
 from .registry import picture
 from .several_runs import comparison_figure
@@ -21,6 +22,7 @@ __all__ = [
     "cycle_figure",
     "heights_figure",
     "leakage_figure",
+    "lengths_figure",
     "permeability_figure",
     "picture",
     "png",

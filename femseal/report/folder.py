@@ -12,7 +12,7 @@ from pathlib import Path
 from ..base.errors import FemsealError
 from ..base.files import is_inside, made_folder, read_plain, replacing, write_text
 from ..base.stage import Mapper
-from ..results import fields
+from ..results import fields, seal_lengths
 from ..results.netcdf import FILE_NAME, save
 from ..results.results import Results
 from ..results.tables import csv_text
@@ -97,6 +97,8 @@ def write_folder(
 
 def _write_for_people(results: Results, folder: Path, drawings: pictures.Drawings) -> list[Path]:
     written = [write_text(folder / "table.csv", csv_text(results))]
+    if seal_lengths.has_lengths(results):
+        written.append(write_text(folder / "lengths.csv", seal_lengths.csv_text(results)))
     for name in pictures.FILES:
         if name in drawings:
             with replacing(folder / f"{name}.png") as temporary:

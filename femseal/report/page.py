@@ -10,11 +10,14 @@ from typing import Any
 
 from ..base.errors import FemsealError, InputError
 from ..base.files import replacing
+from ..results import seal_lengths
 from ..results.netcdf import FILE_NAME, open_results, unfit
 from ..results.results import Results
 from ..results.tables import texts, totals
+from . import class_words
 from . import pictures as pictures
 from . import words as words
+from .design_section import design_section
 from .drop_words import pressure_drop_sentences
 
 REPORT_NAME = "report.html"
@@ -99,7 +102,15 @@ def _content(results: Results, drawings: pictures.Drawings) -> dict[str, Any]:
             "lines": lines,
         },
         "totals": dict(zip(("heads", "lines"), totals(results), strict=True)),
+        "classes": {
+            "heads": class_words.class_heads(results),
+            "lines": class_words.class_lines(results),
+            "note": class_words.class_note(results),
+        },
+        "test_fluid": class_words.test_fluid_sentences(results),
+        "design": design_section(results),
         "method": results.method,
+        "lengths": None,
         "cells": pictures.cell_pictures(results, drawings) if "cells" in drawings else [],
         "map_step": "",
         "maps": [],
@@ -115,6 +126,10 @@ def _content(results: Results, drawings: pictures.Drawings) -> dict[str, Any]:
         "machine": words.flat(json.loads(data.attrs["machine"])),
         "case": words.flat(results.case),
     }
+    if "lengths" in drawings:
+        content["lengths"] = pictures.lengths_picture(results, drawings)
+        heads, lines = seal_lengths.texts(results)
+        content["lengths_table"] = {"heads": heads, "lines": lines, "unit": results.leak_unit.name}
     if "seal" in drawings:
         content["map_step"], content["maps"] = pictures.map_pictures(results, drawings)
         content["drop"] = pictures.drop_picture(results, drawings)

@@ -13,12 +13,13 @@ import numpy as np
 
 from ..base.quantities import to_text
 from ..base.stage import Mapper, Stage
-from ..plots import cells_figure, heights_figure, leakage_figure, seal_figure
+from ..plots import cells_figure, heights_figure, leakage_figure, lengths_figure, seal_figure
 from ..plots.cell_curves import cells_of
 from ..plots.drawing import HEIGHTS, LINES, Drawn, Sheet, drawn, map_row
 from ..plots.face_panels import face_panel, face_size
 from ..plots.maps import critical_gaps, default_step, drop_panel, has_maps
 from ..results.results import Results
+from ..results.seal_lengths import has_lengths
 from ..results.tables import amount, leak_scale, leakage_of
 from ..topography import Topography
 
@@ -28,7 +29,7 @@ if TYPE_CHECKING:
 
 Array = np.ndarray
 #: Pictures that are files of the folder too, by their name without ending; the page alone has the others.
-FILES = ("surface", "seal", "cells", "leakage")
+FILES = ("surface", "seal", "cells", "leakage", "lengths")
 Drawings = Mapping[str, Drawn]
 
 
@@ -58,6 +59,7 @@ def draw_all(results: Results, surface: Topography | None = None, *, mapper: Map
         "leakage": True,
         "drop": has_maps(data),
         "face": "face_height" in data,
+        "lengths": has_lengths(results),
     }
     names = [name for name, there in wanted.items() if there]
     gaps = critical_gaps(results, default_step(data)) if "k1" in data else []
@@ -81,6 +83,8 @@ def _figure(name: str, results: Results, surface: Topography | None, gaps: list[
         return seal_figure(results, gaps=gaps)
     if name == "cells":
         return cells_figure(results)
+    if name == "lengths":
+        return lengths_figure(results)
     if name == "drop":
         sheet = Sheet([4.0])
         drop_panel(sheet.panel(0, 0, LINES), data, drop_steps(data))
@@ -114,6 +118,17 @@ def leakage_picture(results: Results, drawings: Drawings) -> Picture:
     if "leakage_lower_together" in results.dataset:
         caption += " Shaded: band of the realisations, and lighter that with the error of the finite library besides."
     return Picture(_uri(drawings["leakage"].whole), alt, caption)
+
+
+def lengths_picture(results: Results, drawings: Drawings) -> Picture:
+    """Leakage over the length of the seal."""
+    lengths = [to_text(float(x), "m") for x in results.dataset["seal_length"].values]
+    alt = f"Median and band of the leakage against the length of the seal: {', '.join(lengths)}. See the table."
+    caption = (
+        "Leakage against the length of the seal, drawn from one library. The band of the realisations narrows as seals "
+        "grow; the error of the library, in the lighter band, stays."
+    )
+    return Picture(_uri(drawings["lengths"].whole), alt, caption)
 
 
 def cell_pictures(results: Results, drawings: Drawings) -> list[Picture]:

@@ -171,6 +171,9 @@ def _method_sentences(results: Results) -> list[str]:
             + (f", seed {data.attrs['seed']}" if "seed" in data.attrs else "")
             + ". The leakage given is their median."
         )
+        if "seal_length" in data.coords:
+            lengths = ", ".join(to_text(float(x), "m") for x in data["seal_length"].values[1:])
+            sentences.append(f"Seals of other lengths are drawn from the same library: {lengths}.")
     return sentences
 
 
@@ -213,8 +216,8 @@ def scatter_lines(results: Results) -> Lines:
         share = 1.2533 / np.sqrt(data.sizes["realisation"])
         deviation("median", share * spread, "standard error of the median; more realisations lower it")
     if "element_error" in data:
-        meaning = "estimated from the bound with every second node; the leakage through elements is an upper bound"
-        deviation("nodes of elements", np.log1p(data["element_error"].values), meaning)
+        meaning = "at most, estimated from the last iterations; the leakage through elements is an upper bound"
+        deviation("flow through elements", np.log1p(data["element_error"].values), meaning)
     if "cut_error" in data:
         meaning = "half the way from closed to held cuts; a longer face lowers it"
         deviation("cuts between runs", data["cut_error"].values, meaning)
@@ -368,7 +371,10 @@ def _reference_text(results: Results) -> str:
     if basis.pressure is None or basis.temperature is None:
         return ""
     state = f"{basis.pressure:g} Pa and {basis.temperature:g} K"
-    return f" Volumes of the gas are those at {state}, and so is its pressure × volume."
+    return (
+        f" Volumes of the gas are those at {state}, standard ones at 0 °C; its pressure × volume is that at "
+        f"{basis.stated_temperature:g} K."
+    )
 
 
 def flat(value: Any, name: str = "") -> list[tuple[str, str]]:

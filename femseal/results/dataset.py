@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
@@ -15,11 +16,12 @@ from ..base.machine import machine, peak_memory
 from ..base.provenance import versions
 from ..fluids import leak_basis
 from ..studies.compare import leakage_factor
-from . import face_maps, variables
+from ..studies.other_fluid import FluidState
+from . import face_maps, reached_classes, variables
 from .results import Results
 
 if TYPE_CHECKING:
-    from ..studies import DeterministicResult, Scene, StochasticResult, TwoScaleResult
+    from ..studies import DeterministicResult, OtherLeakage, Scene, StochasticResult, TwoScaleResult
 
 #: An attribute of an HDF5 file holds at most 64 kB.
 _ATTRIBUTE_BYTES = 50_000
@@ -40,6 +42,10 @@ def assemble(
     warnings: tuple[str, ...] = (),
     leakage_unit: str | None = None,
     leakage_filtered: NDArray[np.float64] | None = None,
+    test: OtherLeakage | None = None,
+    classes: Sequence[str] = (),
+    nominal_diameter: float | None = None,
+    throughput_temperature: float | None = None,
 ) -> Results:
     """One dataset of all the studies of a scene.
 
@@ -55,6 +61,10 @@ def assemble(
     leakage_unit : in which tables, pictures and report tell leakage, see `base.leak_units`; a readable one per length
         of seal unless given.
     leakage_filtered : the leakage at every step of the same face without waves up to twice the shortest one.
+    test : the leakage of a test fluid through the same seals.
+    classes : leakage classes to be judged at every step, by the test fluid where there is one, see
+        `base.leak_classes`. nominal_diameter : [m], which some of them need.
+    throughput_temperature : at which pressure × volume of a gas is told [K]; its own unless given.
 
     Returns
     -------
@@ -67,8 +77,8 @@ def assemble(
 
     Raises
     ------
-    InputError : no study, a study of another load programme, quantiles not 0 <= lower < upper <= 1, a unit that does
-        not exist or is not for the fluid.
+    InputError : no study, a study of another load programme, quantiles not 0 <= lower < upper <= 1, a unit or a class
+        that does not exist or is not for the fluid.
     """
     import xarray
 
@@ -89,6 +99,7 @@ def assemble(
             face_maps.add_fields(data, scene, two_scale)
     if stochastic is not None:
         variables.add_realisations(data, stochastic, quantiles)
+        variables.add_lengths(data, stochastic, quantiles)
         variables.add_library(data, stochastic.library.curves)
     face_maps.add_heights(data, scene)
     variables.add_contact_share(data, scene, deterministic, two_scale, stochastic)
@@ -106,7 +117,7 @@ def assemble(
     few = [text] if stochastic is not None and (text := stochastic.too_few(*quantiles)) else []
     told = (text for study in studies for text in study.warnings)
     seal_size = stochastic.seal.size if stochastic is not None else scene.surface.size
-    basis = leak_basis(scene.fluid, float(seal_size[1]))
+    basis = leak_basis(scene.fluid, float(seal_size[1]), throughput_temperature)
     if leakage_unit is not None:
         unit = leak_unit(leakage_unit)
         basis.factor(unit)  # raises if the unit is not for the fluid
@@ -133,16 +144,18 @@ def assemble(
         "contact_modulus_Pa": float(scene.modulus),
         "hardness_Pa": float(scene.hardness),
         "seal_size_m": [float(length) for length in seal_size],
-        "reference_density_kg_per_m3": basis.density,
         "leakage_unit": leakage_unit or "",
+        **reached_classes.basis_attributes(basis),
     }
     data.attrs |= _windows(two_scale, stochastic)
-    if basis.pressure is not None and basis.temperature is not None:
-        data.attrs |= {"reference_pressure_Pa": basis.pressure, "reference_temperature_K": basis.temperature}
     if case and case.get("seed") is not None:
         data.attrs["seed"] = case["seed"]
     results = Results(data, scene=scene, deterministic=deterministic, two_scale=two_scale, stochastic=stochastic)
     variables.add_totals(data, results.leakage, results.leak_basis)
+    if test is not None:
+        reached_classes.add_test_fluid(data, test, FluidState.of(scene), throughput_temperature)
+    if odd := reached_classes.add_classes(results, classes, nominal_diameter):
+        data.attrs["warnings"] = _shortened([*results.warnings, *odd])
     return results
 
 

@@ -1,4 +1,4 @@
-"""Gap and contact pressure over the pixels of the face as files for other programs, with the size of their pixel.
+"""Gap, contact and fluid pressure over the pixels of the face as files for other programs, with their pixel's size.
 
 As in files of instruments, the file's x is x1 and its y is x2. Sources: ISO 25178-72 (.x3p); GeoTIFF 1.1, OGC 19-008r4.
 """
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 _SCALE, _TIE, _KEYS, _WORDS = 33550, 33922, 34735, 270
 #: A plane of the user's own with pixels that are areas, in metres: head, then model type, raster type, unit.
 _PLANE = (1, 1, 1, 3, 1024, 0, 1, 32767, 1025, 0, 1, 1, 3076, 0, 1, 9001)
-FIELDS = ("gap", "contact_pressure")
+FIELDS = ("gap", "contact_pressure", "fluid_pressure")
 
 
 def export_field(
@@ -49,7 +49,7 @@ def export_field(
         raise InputError.of("results", "no gap over all pixels", "results with files in `fields` (fields_limit)")
     written = []
     for s in steps:
-        values = results.gap(s, cell) if field == "gap" else results.contact_pressure(s, cell)
+        values = getattr(results, field)(s, cell)
         target = path if step is not None else path.with_stem(f"{path.stem}_{s:04d}")
         try:
             with replacing(target) as temporary:

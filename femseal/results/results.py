@@ -14,7 +14,7 @@ from ..base.leak_units import LEAK_UNITS, LeakBasis, LeakUnit, leak_unit, leakag
 from ..base.text import Plotted, room
 from ..loads import LoadProgramme, LoadStep
 from . import fields as stitched
-from . import select, summary, tables
+from . import reached_classes, seal_lengths, select, summary, tables
 from .export import export_field
 
 if TYPE_CHECKING:
@@ -61,11 +61,17 @@ class Results(Plotted):
     @property
     def leak_basis(self) -> LeakBasis:
         """Length of the seal and reference state of the fluid, which turn the leakage into any unit."""
-        attrs = self.dataset.attrs
-        state = (attrs.get(f"reference_{name}") for name in ("pressure_Pa", "temperature_K"))
-        pressure, temperature = (None if value is None else float(value) for value in state)
-        density = float(attrs.get("reference_density_kg_per_m3", np.nan))
-        return LeakBasis(float(attrs["seal_size_m"][1]), density, pressure, temperature)
+        return reached_classes.basis_of(self.dataset.attrs)
+
+    @property
+    def judged_basis(self) -> LeakBasis:
+        """The same of the fluid by which leakage classes are judged: the test fluid where there is one."""
+        return reached_classes.basis_of(self.dataset.attrs, "test_" if "test_leakage" in self.dataset else "")
+
+    @property
+    def classes(self) -> list[str]:
+        """The tightest leakage class that is reached at each step, of each standard asked for; "–" where none is."""
+        return reached_classes.tightest(self) if "leak_class" in self.dataset.coords else []
 
     @property
     def leak_unit(self) -> LeakUnit:
@@ -76,9 +82,10 @@ class Results(Plotted):
         )
 
     def leakage_in(self, unit: str) -> xarray.DataArray:
-        """`leakage` (step,) in a unit such as "mL/min", "g/year", "mL/(m·min)"; of gases also "Pa·m³/s", "mbar·L/s".
+        """`leakage` (step,) in a unit such as "mL/min", "g/year", "mL/(m·min)"; of gases also "mbar·L/s", "std cm³/s".
 
-        Units that are not per length are of the whole seal. Volumes of gases are at 101 325 Pa and their temperature.
+        Units that are not per length are of the whole seal. Volumes of gases are at 101 325 Pa and their temperature,
+        standard ones at 0 °C; pressure × volume is at the temperature stated in the case, else at that of the gas.
 
         Raises
         ------
@@ -181,17 +188,17 @@ class Results(Plotted):
         step: int | None = None,
         cell: tuple[int, int] | None = None,
     ) -> list[Path]:
-        """Write the gap, or the contact pressure, over the pixels of the face in SI, in the format of the suffix.
+        """Write the gap, the contact or the fluid pressure over the pixels of the face in SI, in the suffix's format.
 
-        An .npz has the arrays `gap` (n1, n2) [m] or `contact_pressure` [Pa], `spacing` [m], `origin` [m] of its first
-        corner, `step`, `name` and `nominal_pressure` [Pa]; `read_topography` and NumPy read it. A .tif is a GeoTIFF
-        in single precision, x1 to the right and x2 up, in a plane of metres without a place on earth. An .x3p holds the
-        gap only, in metres; its x is x1.
+        An .npz has the arrays `gap` (n1, n2) [m], or a pressure by the name of its field [Pa], `spacing` [m], `origin`
+        [m] of its first corner, `step`, `name` and `nominal_pressure` [Pa]; `read_topography` and NumPy read it. A .tif
+        is a GeoTIFF in single precision, x1 to the right and x2 up, in a plane of metres without a place on earth. An
+        .x3p holds the gap only, in metres; its x is x1.
 
         Parameters
         ----------
         path : the file; the number of the step is put before the suffix where there are several.
-        field : "gap" or "contact_pressure".
+        field : "gap", "contact_pressure", or "fluid_pressure" of a resolved flow, NaN where none flows.
         step : index of the load step; None is all that are stored.
         cell : window, between its rows of nodes; the whole face unless given.
 
@@ -218,6 +225,19 @@ class Results(Plotted):
     def table(self) -> Table:
         """The table for a terminal, to be given to `rich.print`."""
         return tables.rich_table(self)
+
+    def lengths_table(self) -> Table:
+        """Median and band by length of seal at a few loads, to be given to `rich.print`.
+
+        Raises
+        ------
+        InputError : seals of one length only.
+        """
+        return seal_lengths.rich_table(self)
+
+    def plot_lengths(self) -> Any:
+        """Leakage against the length of the seal, see `lengths_figure`."""
+        return room("plots").lengths_figure(self)
 
     def plot_cells(self, count: int = 4) -> Any:
         """Permeability of cells along the cycle, see `cells_figure`."""

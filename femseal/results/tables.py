@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..base.leak_units import TOLD
+from ..base.leak_units import LEAK_UNITS, TOLD
 from ..base.quantities import to_text
 from .branches import branch_text
 from .variables import name_with_unit
@@ -36,6 +36,9 @@ def rows(results: Results) -> list[dict[str, Any]]:
     columns |= {name_with_unit(v): v.values for v in data.data_vars.values() if v.dims == ("step",)}
     further = [unit for unit in results.leak_basis.units() if unit.si != 1]
     columns |= {f"leakage_{ascii_unit(unit.name)}": results.leakage_in(unit.name).values for unit in further}
+    if "class_share" in data:
+        for name, share in zip(data["leak_class"].values, data["class_share"].values, strict=True):
+            columns[f"share_in_{ascii_unit(str(name))}"] = share
     table = []
     for s in range(data.sizes["step"]):
         row: dict[str, Any] = {
@@ -50,7 +53,18 @@ def rows(results: Results) -> list[dict[str, Any]]:
 
 def ascii_unit(unit: str) -> str:
     """A unit in letters: "mL/(m·min)" is "mL_per_m_min"."""
-    return unit.replace("/", "_per_").replace("·", "_").replace("(", "").replace(")", "").replace("³", "3")
+    for sign, letters in (
+        ("/", "_per_"),
+        ("·", "_"),
+        ("(", ""),
+        (")", ""),
+        ("³", "3"),
+        ("²", "2"),
+        ("µ", "u"),
+        (" ", "_"),
+    ):
+        unit = unit.replace(sign, letters)
+    return unit
 
 
 def csv_text(results: Results) -> str:
@@ -80,7 +94,7 @@ def texts(results: Results) -> tuple[str, list[str], list[list[str]]]:
         share = "–".join(f"{100 * data[name].attrs['quantile']:g}" for name in ("leakage_lower", "leakage_upper"))
         for heading, end in ((f"{share} %", ""), ("with error of library", "_together")):
             ends = zip(data[f"leakage_lower{end}"].values, data[f"leakage_upper{end}"].values, strict=True)
-            columns.append((heading, [_range(low, high, factor) for low, high in ends]))
+            columns.append((heading, [told_range(low, high, factor) for low, high in ends]))
     if unit.per_length:
         whole = basis.readable(best.values)
         columns.append((f"whole seal [{whole.name}]", [amount(q, basis.factor(whole)) for q in best.values]))
@@ -88,6 +102,12 @@ def texts(results: Results) -> tuple[str, list[str], list[list[str]]]:
         # no column for sealed realisations if there are none
         if "heading" in variable.attrs and name != best.name and (name != "sealed_share" or variable.any()):
             columns.append((variable.attrs["heading"], _cells(variable, factor)))
+    if "test_leakage" in data:
+        test = test_unit(results)
+        scale = results.judged_basis.factor(test)
+        columns.append((f"test fluid [{test.name}]", [amount(q, scale) for q in data["test_leakage"].values]))
+    if "leak_class" in data.coords:
+        columns.append(("class", results.classes))
     title = f"{leakage_of(results)} in {unit.name} (= {factor:.3g} m²/s{'' if unit.per_length else ' per length'})"
     return title, [c[0] for c in columns], [list(cells) for cells in zip(*(c[1] for c in columns), strict=True)]
 
@@ -95,6 +115,14 @@ def texts(results: Results) -> tuple[str, list[str], list[list[str]]]:
 def leak_scale(results: Results) -> tuple[LeakUnit, float]:
     """The unit in which the leakage is told, and the leakage per length that is 1 in it [m²/s]."""
     return results.leak_unit, results.leak_basis.factor(results.leak_unit)
+
+
+def test_unit(results: Results) -> LeakUnit:
+    """The unit in which the leakage of the test fluid is told: that of the leakage where it is for both fluids."""
+    own, basis = results.leak_unit, results.judged_basis
+    if basis.has(own) and results.dataset.attrs.get("leakage_unit"):
+        return own
+    return LEAK_UNITS["mbar·L/(m·s)" if basis.is_gas else "mL/(m·min)"]
 
 
 def leakage_of(results: Results) -> str:
@@ -179,7 +207,8 @@ def amount(value: float, factor: float) -> str:
     return f"{number:.0f}" if 999.5 <= abs(number) < 1e6 else f"{number:.3g}"
 
 
-def _range(low: float, high: float, factor: float) -> str:
+def told_range(low: float, high: float, factor: float) -> str:
+    """Both ends of a band in the unit `factor`, as text."""
     ends = amount(low, factor), amount(high, factor)
     if ends[0] == ends[1] and not abs(low) > 0:
         return ends[0]

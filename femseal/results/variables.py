@@ -119,6 +119,30 @@ def add_realisations(data: xarray.Dataset, result: StochasticResult, quantiles: 
     data["sealed_share"] = ("step", result.sealed_share, _labels("1", text, "sealed [%]"))
 
 
+def add_lengths(data: xarray.Dataset, result: StochasticResult, quantiles: tuple[float, float]) -> None:
+    """Add median and bands of the leakage of seals of all lengths that were drawn, if there are several."""
+    if not result.other_lengths:
+        return
+    every = (result, *result.other_lengths)
+    lengths = np.array([seals.seal.size[1] for seals in every])
+    data.coords["seal_length"] = ("seal_length", lengths, _labels("m", "length of drawn seals"))
+    kinds = {"median": (0.5, False)} | {
+        f"{name}{end}": (q, resampled)
+        for end, resampled in (("", False), ("_together", True))
+        for name, q in zip(("lower", "upper"), quantiles, strict=True)
+    }
+    for name, (q, resampled) in kinds.items():
+        values = np.array([seals.quantile(q, resampled=resampled) for seals in every])
+        text = (
+            f"leakage per unit seal length, {name.split('_')[0] if name == 'median' else f'quantile {q:g}'} by length"
+        )
+        text += " with the error of the finite library" if resampled else ""
+        data[f"leakage_of_lengths_{name}"] = (("seal_length", "step"), values, _labels("m^2/s", text) | {"quantile": q})
+    sealed = np.array([seals.sealed_share for seals in every])
+    labels = _labels("1", "share of the realisations without leakage by length")
+    data["sealed_share_of_lengths"] = (("seal_length", "step"), sealed, labels)
+
+
 def add_filtered(data: xarray.Dataset, leakage: np.ndarray) -> None:
     """Add the leakage of the face without waves up to twice the shortest one."""
     text = "leakage per unit seal length, of the face without waves up to twice the shortest"
@@ -141,17 +165,18 @@ def add_totals(data: xarray.Dataset, leakage: xarray.DataArray, basis: LeakBasis
     """Add the best leakage of the whole seal by volume, mass and, for a gas, pressure × volume; and in more units."""
     whole = f"leakage of the whole seal, {leakage.attrs['long_name'].rpartition(', ')[2]}"
     at = "" if basis.temperature is None else f" at {basis.temperature:g} K"
+    stated = "" if basis.stated_temperature is None else f" at {basis.stated_temperature:g} K"
     for name, unit, si, text in (
         ("leakage_total", "m³/s", "m^3/s", f"{whole}, by volume{at and f'{at} and {basis.pressure:g} Pa'}"),
         ("leakage_total_mass", "kg/s", "kg/s", f"{whole}, by mass"),
-        ("leakage_total_throughput", "Pa·m³/s", "Pa*m^3/s", f"{whole}, pressure × volume{at}"),
+        ("leakage_total_throughput", "Pa·m³/s", "Pa*m^3/s", f"{whole}, pressure × volume{stated}"),
     ):
         if basis.has(LEAK_UNITS[unit]):
             data[name] = ("step", leakage.values / basis.factor(LEAK_UNITS[unit]), _labels(si, text))
     told = basis.units()
     data.coords["leak_unit"] = ("leak_unit", [unit.name for unit in told], _labels("1", "unit of leakage"))
     values = np.array([leakage.values / basis.factor(unit) for unit in told])
-    data["leakage_in_units"] = (("leak_unit", "step"), values, _labels("1", f"leakage in units of leak_unit{at}"))
+    data["leakage_in_units"] = (("leak_unit", "step"), values, _labels("1", f"leakage in units of leak_unit{stated}"))
 
 
 def add_contact_share(

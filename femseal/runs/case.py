@@ -19,16 +19,18 @@ from ..base.errors import InputError, shortened
 from ..base.quantities import to_text
 from ..fluids import leak_basis
 from ..materials import Solid, contact_modulus, softer_hardness
+from ..results.reached_classes import check_classes
+from ..seal.layouts import Layout
 from .case_faces import Face, FileFace, SurfaceTable
 from .case_faults import fault_lines
-from .case_fluid import with_named_fluid
+from .case_fluid import with_named_fluids
+from .case_load import LoadTable
+from .case_seal import AnySeal
 from .case_tables import (
     AnyFluid,
-    AnySeal,
     CellsTable,
     ContactTable,
     FlowTable,
-    LoadTable,
     OutputTable,
     SolidTable,
     StochasticTable,
@@ -77,7 +79,7 @@ class Case(Table):
     @model_validator(mode="before")
     @classmethod
     def _named_fluid(cls, data: Any) -> Any:
-        return with_named_fluid(data)
+        return with_named_fluids(data)
 
     @model_validator(mode="after")
     def _complete(self) -> Case:
@@ -91,18 +93,15 @@ class Case(Table):
             raise PydanticCustomError("sampler", text, {"d": self.flow.discretisation})
         if self.stochastic is None and "stochastic" in self.methods:
             raise PydanticCustomError("stochastic", "a table `stochastic` with the method stochastic")
-        highest = max((*self.load.loading, *self.load.unload_from))
-        if highest >= self.hardness:
-            given = {"p": to_text(highest, "Pa"), "h": to_text(self.hardness, "Pa")}
+        if self.load.unit == "Pa" and self.load.highest >= self.hardness:
+            given = {"p": to_text(self.load.highest, "Pa"), "h": to_text(self.hardness, "Pa")}
             raise PydanticCustomError("load", "load: given {p}, allowed are pressures below the hardness, {h}", given)
-        inlet, outlet = self.fluid.inlet_pressure, self.fluid.outlet_pressure
-        if not inlet > outlet:
-            given = {"p": to_text(inlet, "Pa"), "q": to_text(outlet, "Pa")}
-            text = "fluid.inlet_pressure: given {p}, allowed is a pressure above that of the outlet, {q}"
-            raise PydanticCustomError("fluid", text, given)
-        if self.output.unit is not None and not leak_basis(self.fluid.fluid, 1.0).has(self.output.unit):
-            text = "output.leakage_unit: given {unit}, allowed is a unit of volume or mass for a liquid"
-            raise PydanticCustomError("unit", text, {"unit": self.output.unit.name})
+        for key, fluid in (("fluid", self.fluid), ("output.test_fluid", self.output.test_fluid)):
+            if fluid is not None and not (inlet := fluid.inlet_pressure) > (outlet := fluid.outlet_pressure):
+                given = {"key": key, "p": to_text(inlet, "Pa"), "q": to_text(outlet, "Pa")}
+                text = "{key}.inlet_pressure: given {p}, allowed is a pressure above that of the outlet, {q}"
+                raise PydanticCustomError("fluid", text, given)
+        self._check_output()
         for face in self.face:
             if isinstance(face, FileFace) and not isfile(self.folder / face.path):
                 path = {"path": shortened(face.path)}
@@ -110,7 +109,63 @@ class Case(Table):
         if isinstance(first := self.face[0], FileFace) and first.placement:
             keys = {"keys": ", ".join(sorted(first.placement))}
             raise PydanticCustomError("placement", "face.0: given {keys}, allowed is that in the second face", keys)
+        self._check_seal()
+        self._check_map()
         return self
+
+    def _check_output(self) -> None:
+        """Raise a fault if the unit or a class of leakage is not for the fluid by which it is told."""
+        output = self.output
+        basis = leak_basis(self.fluid.fluid, 1.0)
+        if output.unit is not None and (lack := basis.lacks(output.unit)):
+            text = "output.leakage_unit: given {unit} for a {kind}, allowed is {lack}"
+            kind = "gas" if basis.is_gas else "liquid"
+            raise PydanticCustomError("unit", text, {"unit": output.unit.name, "kind": kind, "lack": lack})
+        try:
+            check_classes(output.classes, output.nominal_diameter, (output.test_fluid or self.fluid).fluid)
+        except InputError as error:
+            raise PydanticCustomError("classes", "output.{fault}", {"fault": str(error)}) from None
+
+    def _check_seal(self) -> None:
+        layout, table = self.layout, self.stochastic
+        if not layout.has_length and "stochastic" not in self.methods:
+            text = "seal.kind: given {kind} with the method {m}, allowed is it with stochastic, which draws its windows"
+            raise PydanticCustomError("seal", text, {"kind": layout.kind, "m": self.method})
+        if table is not None and layout.has_length and table.length is None:
+            raise PydanticCustomError("length", "stochastic.length: given none, allowed is the length of the seal")
+        for name in ("length", "breadth") if table is not None and not layout.has_length else ():
+            if (value := getattr(table, name)) is not None:
+                text = "stochastic.{name}: given {value}, allowed is none with a seal of kind {kind}: it has its own"
+                given = {
+                    "name": name,
+                    "value": to_text(value[0] if isinstance(value, tuple) else value, "m"),
+                    "kind": layout.kind,
+                }
+                raise PydanticCustomError("length", text, given)
+        for key, path in self.seal.files():
+            if not isfile(self.folder / path):
+                given = {"key": key, "path": shortened(path)}
+                raise PydanticCustomError("file", "seal.{key}: given '{path}', allowed is a file that exists", given)
+
+    def _check_map(self) -> None:
+        if self.load.map is None:
+            return
+        if self.methods != {"stochastic"} or self.stochastic is None:
+            given = ", ".join(sorted(self.methods - {"stochastic"}))
+            text = "load.map: given with the method {m}, allowed is stochastic alone: a face has one nominal pressure"
+            raise PydanticCustomError("map", text, {"m": given})
+        if self.stochastic.pressure != "uniform":
+            text = "stochastic.pressure: given {p} with load.map, allowed is uniform, whose windows follow any pressure"
+            raise PydanticCustomError("map", text, {"p": self.stochastic.pressure})
+        for path in self.load.files:
+            if not isfile(self.folder / path):
+                text = "load.map.path: given '{path}', allowed is a file that exists"
+                raise PydanticCustomError("file", text, {"path": shortened(path)})
+
+    @property
+    def layout(self) -> Layout:
+        """The shape of the seal."""
+        return self.seal.layout(self.folder)
 
     @property
     def methods(self) -> set[str]:
@@ -202,6 +257,9 @@ def parse_case(data: dict[str, Any], folder: Path = Path()) -> Case:
         raise InputError.of("case", "lists or tables too deep in each other", "the tables of a case") from None
     except ValidationError as error:
         lines = fault_lines(Case, error)
-        if isinstance(data.get("face"), dict):  # a single table has no number in the file
+        # a single table has no number in the file
+        if isinstance(data.get("face"), dict):
             lines = [line.replace("face.0", "face", 1) if line.startswith("face.0") else line for line in lines]
+        if isinstance(data.get("load"), dict) and isinstance(data["load"].get("map"), dict):
+            lines = [line.replace("load.map.0", "load.map", 1) for line in lines]
         raise InputError("\n".join(lines)) from None

@@ -1,4 +1,4 @@
-"""A fluid given by its name in a case: the keys of its kind are filled in, those that are given stand."""
+"""Fluids given by their name in a case: the keys of its kind are filled in, those that are given stand."""
 
 from __future__ import annotations
 
@@ -13,11 +13,20 @@ from ..fluids import FLUIDS
 from ..named_fluids import TABLE_TEMPERATURE, named_fluid
 
 
-def with_named_fluid(data: Any) -> Any:
-    """The data of a case with the properties of a fluid that is given by its name."""
-    table = data.get("fluid") if isinstance(data, dict) else None
-    if not isinstance(table, dict) or "name" not in table:
+def with_named_fluids(data: Any) -> Any:
+    """The data of a case with the properties of fluids that are given by their name."""
+    if not isinstance(data, dict):
         return data
+    found = {"fluid": _filled(data.get("fluid"), "fluid")} if "fluid" in data else {}
+    if isinstance(output := data.get("output"), dict) and "test_fluid" in output:
+        found["output"] = {**output, "test_fluid": _filled(output["test_fluid"], "output.test_fluid")}
+    return {**data, **found}
+
+
+def _filled(table: Any, place: str) -> Any:
+    """The table of a fluid; `place` is its key in the case."""
+    if not isinstance(table, dict) or "name" not in table:
+        return table
     try:
         temperature = to_si(table["temperature"], "K") if "temperature" in table else TABLE_TEMPERATURE
         inlet = to_si(table.get("inlet_pressure"), "Pa")
@@ -27,11 +36,11 @@ def with_named_fluid(data: Any) -> Any:
     try:
         found = named_fluid(table["name"], temperature, (inlet, outlet))
     except InputError as error:
-        raise PydanticCustomError("fluid", "fluid.{fault}", {"fault": str(error)}) from None
+        raise PydanticCustomError("fluid", "{place}.{fault}", {"place": place, "fault": str(error)}) from None
     kind = table.get("kind", found.kind)
     if not isinstance(kind, str) or kind not in FLUIDS:
-        return data
+        return table
     units = {f.name: f.metadata["unit"] for f in fields(FLUIDS[kind]) if "unit" in f.metadata}
     filled = {key: f"{value!r} {units[key]}" for key, value in found.parameters.items() if key in units}
     given = {key: value for key, value in table.items() if key != "temperature" or key in units}
-    return {**data, "fluid": {"kind": kind, **filled, **given}}
+    return {"kind": kind, **filled, **given}

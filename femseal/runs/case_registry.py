@@ -22,7 +22,7 @@ def table_of_any(
     ----------
     registered : frozen dataclasses by their kind, whose quantities are declared by `base.parameters.parameter`.
     base : base class of their tables.
-    more : further keys of the table of each, as pydantic's `create_model` takes them.
+    more : further keys of the table of each, as pydantic's `create_model` takes them, or others in place of its own.
     """
     tables = [_table(kind, made, base, more(made)) for kind, made in registered.items()]
     if len(tables) == 1:  # a single class needs no discriminator
@@ -37,7 +37,7 @@ def _table(kind: str, made: Any, base: type[Table], more: dict[str, Any]) -> typ
         value = Annotated[hints[f.name], _quantity(f.metadata)] if "allowed" in f.metadata else hints[f.name]
         keys[f.name] = (value, ... if f.default is MISSING else f.default)
     summary = (made.__doc__ or "").split("\n\n")[0]
-    return create_model(f"{made.__name__}Table", __base__=base, __doc__=summary, **keys, **more)
+    return create_model(f"{made.__name__}Table", __base__=base, __doc__=summary, **keys | more)
 
 
 def _quantity(metadata: Any) -> Quantity:

@@ -1,7 +1,6 @@
-"""Tables of a case file except those of the faces: solids, load, contact, flow, fluid, seal, windows, draws, output.
+"""Tables of a case file except those of faces, load and seal: solids, contact, flow, fluid, windows, draws, output.
 
-Fluids and shapes of seals are not named here: whatever is registered in `fluids.FLUIDS` and `seal.layouts.LAYOUTS` has
-a table, with a key for each of its parameters.
+Fluids are not named here: whatever is registered in `fluids.FLUIDS` has a table, with a key for each of its parameters.
 """
 
 from __future__ import annotations
@@ -13,6 +12,7 @@ from pydantic import BeforeValidator, Field, WithJsonSchema, model_validator
 from pydantic_core import PydanticCustomError
 
 from ..base.errors import InputError
+from ..base.leak_classes import KNOWN, leak_classes
 from ..base.leak_units import LEAK_UNITS, LeakUnit, leak_unit
 from ..base.quantities import to_text
 from ..flow import DISCRETISATIONS, SOLVERS
@@ -21,13 +21,9 @@ from ..fluids import FLUIDS, Fluid
 from ..materials import Solid
 from ..results.fields import LIMIT
 from ..results.vtk import FORMATS
-from ..seal.layouts import LAYOUTS, Layout
-from ..studies import CONTACTS, DRAWS, FLOWS, PRESSURES
+from ..studies import CONTACTS, DRAWS, FLOWS, PRESSURES, FluidState
 from .case_registry import table_of_any
-from .case_values import Count, FileSize, Length, Modulus, Poisson, Pressure, Ratio, Table, one_of
-
-#: No cycle is longer [load steps].
-_MOST_STEPS = 10_000
+from .case_values import Count, FileSize, Length, Lengths, Modulus, Poisson, Pressure, Ratio, Table, Temperature, one_of
 
 Boundary = Literal["periodic", "mirror", "free"]
 
@@ -50,29 +46,6 @@ class SolidTable(Table):
     def solid(self) -> Solid:
         """The solid."""
         return Solid(**self.model_dump())
-
-
-class LoadTable(Table):
-    """Nominal pressures of the cycle, see `loads.LoadProgramme`."""
-
-    loading: Annotated[tuple[Pressure, ...], Field(min_length=1)]
-    unload_from: tuple[Pressure, ...] = ()
-    unloading: tuple[Pressure, ...] = ()
-
-    @model_validator(mode="after")
-    def _programme(self) -> LoadTable:
-        if any(b <= a for a, b in zip(self.loading[:-1], self.loading[1:], strict=True)):
-            raise PydanticCustomError("load", "rising pressures in `loading`")
-        if bool(self.unload_from) != bool(self.unloading):
-            raise PydanticCustomError("load", "`unload_from` and `unloading` both, or neither")
-        steps = len(self.loading) + len(self.unload_from) * (1 + len(self.unloading))
-        if steps > _MOST_STEPS:
-            raise PydanticCustomError("load", "at most {most} steps, not {n}", {"most": _MOST_STEPS, "n": steps})
-        for peak in self.unload_from:
-            if not any(p < peak for p in self.unloading):
-                low = to_text(peak, "Pa")
-                raise PydanticCustomError("load", "a pressure in `unloading` below the peak {low}", {"low": low})
-        return self
 
 
 class ContactTable(Table):
@@ -111,17 +84,10 @@ class FluidTable(Table):
         """The fluid."""
         return FLUIDS[self.kind](**self.model_dump(exclude={"kind", "inlet_pressure", "outlet_pressure", "name"}))
 
-
-class SealTable(Table):
-    """The shape of the seal, with a key for each of its parameters."""
-
-    if TYPE_CHECKING:
-        kind: str
-
     @property
-    def layout(self) -> Layout:
-        """The shape."""
-        return LAYOUTS[self.kind](**self.model_dump(exclude={"kind"}))
+    def state(self) -> FluidState:
+        """The fluid with its pressures."""
+        return FluidState(self.fluid, self.inlet_pressure, self.outlet_pressure)
 
 
 def _state(fluid: Any) -> dict[str, Any]:
@@ -131,10 +97,8 @@ def _state(fluid: Any) -> dict[str, Any]:
 
 if TYPE_CHECKING:
     AnyFluid = FluidTable
-    AnySeal = SealTable
 else:
     AnyFluid = table_of_any(FLUIDS, FluidTable, _state)
-    AnySeal = table_of_any(LAYOUTS, SealTable)
 
 
 class CellsTable(Table):
@@ -158,17 +122,22 @@ class CellsTable(Table):
 class StochasticTable(Table):
     """How a seal is drawn, see `studies.Sampling`."""
 
-    length: Length
+    length: Lengths | None = None
     breadth: Length | None = None
     realisations: Annotated[int, Field(strict=True, ge=2)] = 50
     library_cells: Count = 128
     sampler: Annotated[str, *one_of(DRAWS)] | None = None
     pressure: Annotated[str, *one_of(PRESSURES)] = "place"
-    profile: tuple[Annotated[float, Field(ge=0)], ...] = ()
     library: Path | None = None
     width: Annotated[float, Field(gt=0)] | None = None
     bounds: bool = False
     quantiles: tuple[Ratio, Ratio] = (0.05, 0.95)
+
+    @property
+    def lengths(self) -> tuple[float, ...]:
+        """All lengths of seal that are given."""
+        given = self.length
+        return () if given is None else given if isinstance(given, tuple) else (given,)
 
     @model_validator(mode="after")
     def _ordered(self) -> StochasticTable:
@@ -188,14 +157,45 @@ def _leak_unit_name(value: Any) -> str:
         raise PydanticCustomError("name", "{allowed}", {"allowed": str(error).split("allowed is ")[-1]}) from None
 
 
+def _class_name(value: Any) -> str:
+    try:
+        leak_classes([value])
+    except InputError as error:
+        raise PydanticCustomError("name", "{allowed}", {"allowed": str(error).split("allowed is ")[-1]}) from None
+    return str(value)
+
+
 class OutputTable(Table):
-    """Optional contents of the results folder, see `report.write_folder`, and the unit in which leakage is told."""
+    """Optional contents of the results folder, see `report.write_folder`, and how leakage is told.
+
+    leakage_unit : of tables, pictures and report. throughput_temperature : at which pressure × volume of gases is told.
+    classes : leakage classes judged at every step, see `base.leak_classes`. nominal_diameter : which some need.
+    test_fluid : of a leak test, whose leakage stands beside; classes are judged by it.
+    """
 
     paraview: Annotated[str, *one_of(FORMATS)] = "vtu"
     fields_limit: FileSize = LIMIT
     leakage_unit: Annotated[
         str | None, BeforeValidator(_leak_unit_name), WithJsonSchema({"type": "string", "description": _UNITS_TOLD})
     ] = None
+
+    throughput_temperature: Temperature | None = None
+    classes: tuple[
+        Annotated[str, BeforeValidator(_class_name), WithJsonSchema({"type": "string", "description": KNOWN})], ...
+    ] = ()
+    nominal_diameter: Length | None = None
+    test_fluid: AnyFluid | None = None
+
+    @property
+    def told(self) -> str:
+        """How leakage is told, in words; "" where nothing is asked for."""
+        words = [] if self.leakage_unit is None else [f"in {self.leakage_unit}"]
+        if classes := ", ".join(c.name for c in leak_classes(self.classes)):
+            words.append(f"classes {classes}{'' if self.test_fluid is None else ' judged by the test fluid'}")
+        if self.test_fluid is not None:
+            ends = (to_text(p, "Pa") for p in (self.test_fluid.inlet_pressure, self.test_fluid.outlet_pressure))
+            words.append(f"test fluid {self.test_fluid.kind} from {' to '.join(ends)}")
+        return "; ".join(words)
 
     @property
     def unit(self) -> LeakUnit | None:

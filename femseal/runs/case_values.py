@@ -35,7 +35,8 @@ class Quantity:
     test: Callable[[float], bool]
     allowed: str
 
-    def _read(self, value: Any) -> float:
+    def read(self, value: Any) -> float:
+        """The value in SI; PydanticCustomError where it cannot be used."""
         try:
             number = to_si(value, self.unit)
         except InputError as error:
@@ -49,13 +50,38 @@ class Quantity:
         return number
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> Any:
-        return core_schema.no_info_before_validator_function(self._read, handler(source))
+        return core_schema.no_info_before_validator_function(self.read, handler(source))
 
     def __get_pydantic_json_schema__(self, core: Any, handler: GetJsonSchemaHandler) -> dict[str, Any]:
-        described = {"description": self.allowed}
         if self.unit:
-            return {"type": "string", "pattern": r"^\s*[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?[^,]*[^\s\d.,]"} | described
-        return {"type": ["number", "string"]} | described
+            return quantity_schema(self.allowed)
+        return {"type": ["number", "string"], "description": self.allowed}
+
+
+def quantity_schema(described: str) -> dict[str, Any]:
+    """JSON schema of a number with a unit, as text."""
+    pattern = r"^\s*[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?[^,]*[^\s\d.,]"
+    return {"type": "string", "pattern": pattern, "description": described}
+
+
+@dataclass(frozen=True)
+class OneOrMore(Quantity):
+    """A quantity, or a list of several that differ, as a float or a tuple of floats in SI."""
+
+    def read(self, value: Any) -> Any:
+        """The value or values in SI; PydanticCustomError where they cannot be used."""
+        if not isinstance(value, (list, tuple)):
+            return super().read(value)
+        numbers = tuple(super(OneOrMore, self).read(each) for each in value)
+        if not numbers or len({*numbers}) < len(numbers):
+            raise PydanticCustomError(
+                "quantity", "{allowed}", {"allowed": f"{self.allowed}, or a list of some that differ"}
+            )
+        return numbers
+
+    def __get_pydantic_json_schema__(self, core: Any, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        one = super().__get_pydantic_json_schema__(core, handler)
+        return {"anyOf": [one, {"type": "array", "items": one, "minItems": 1}], "description": self.allowed}
 
 
 def _known(value: Any, names: tuple[str, ...]) -> str:
@@ -93,8 +119,11 @@ def _not_negative(x: float) -> bool:
 
 
 Length = Annotated[float, Quantity("m", _positive, "a length > 0, such as '1.5 mm'")]
+#: A length, or several.
+Lengths = Annotated[float | tuple[float, ...], OneOrMore("m", _positive, "a length > 0, such as '1.5 mm'")]
 Height = Annotated[float, Quantity("m", _not_negative, "a height >= 0, such as '0.2 um'")]
 Pressure = Annotated[float, Quantity("Pa", _not_negative, "a pressure >= 0, such as '300 MPa'")]
+Temperature = Annotated[float, Quantity("K", _positive, "a temperature above absolute zero, such as '20 °C'")]
 Modulus = Annotated[float, Quantity("Pa", _positive, "a stress > 0, such as '210 GPa'")]
 FileSize = Annotated[float, Quantity("byte", _not_negative, "a size >= 0, such as '500 MB'")]
 Ratio = Annotated[float, Quantity("", lambda x: 0 <= x <= 1, "a number from 0 to 1")]

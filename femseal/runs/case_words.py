@@ -19,6 +19,28 @@ SURFACE_KEYS = {
 FACE_KEYS = {"shape": "points", "height_unit": "height_unit"}
 
 
+#: Tables of the arguments of seals and drawn windows.
+SEAL_TABLES = dict.fromkeys(
+    ("path", "unit", "inlet", "outlet", "lay", "centre", "inner_radius", "outer_radius", "field"), "seal"
+) | dict.fromkeys(("length", "breadth", "sampler", "pressure", "bounds"), "stochastic")
+
+#: Tables of the arguments of maps of the pressure.
+MAP_TABLES = {"map": "load"} | dict.fromkeys(
+    ("shares", "positions", "angles", "path", "name", "length_unit", "pressure_unit", "points", "pressure", "field"),
+    "load.map",
+)
+
+
+@contextmanager
+def in_tables_of(tables: dict[str, str]) -> Iterator[None]:
+    """Tell an InputError with the table of a case before the argument with which it begins."""
+    try:
+        yield
+    except InputError as error:
+        table = tables.get(re.split(r"\W", str(error), maxsplit=1)[0])
+        raise (error if table is None else InputError(f"{table}.{error}")) from None
+
+
 @contextmanager
 def in_words_of(keys: dict[str, str], place: str = "") -> Iterator[None]:
     """Tell an InputError with keys instead of names of arguments, and after the place of its table, if given."""

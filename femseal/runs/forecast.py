@@ -13,9 +13,10 @@ from ..base.machine import free_memory
 from ..base.quantities import to_text
 from ..results.fields import fields_size
 from ..scales import Partition
-from ..studies import Sampling, Scene, placed_windows, seal_cells
+from ..studies import Sampling, Scene, laid_out, placed_windows
 from ..studies.costs import Effort, deterministic_cost, stochastic_cost, two_scale_cost, usual_efforts
 from ..studies.deterministic import STEP_BYTES
+from ..studies.local_pressure import map_text
 from .case import Case
 from .pilot import efforts, pace
 from .preparation import Prepared
@@ -74,6 +75,8 @@ def describe(case: Case, prepared: Prepared) -> list[str]:
     down = steps - len({*scene.loading, *scene.unload_from})
     unloading = f", {down} unloading from {' and '.join(peaks)}" if peaks else ""
     highest = to_text(max((*scene.loading, *scene.unload_from)), "Pa", 3)
+    if case.load.unit != "Pa":
+        highest += f", from {to_text(case.load.highest, case.load.unit)}"
     lines.append(_line("load", f"{steps} states: {steps - down} loading{unloading}, up to {highest}"))
     lines.append(_line("flow", f"discretisation {scene.discretisation}, solver {scene.solver}"))
     if prepared.choice:
@@ -90,23 +93,29 @@ def describe(case: Case, prepared: Prepared) -> list[str]:
             solutions = f"{steps * links} flow solutions of windows"
             if prepared.flow == "resolved":
                 solutions = f"{steps} flow solutions of {pixels} unknowns"
+            elif prepared.flow == "elements":
+                solutions = f"{steps} flow solutions of {m1 * m2} elements"
             text = f"contact {_contact(prepared)}, flow {prepared.flow}: {solutions}"
             lines.append(_line("two-scale", text))
         if prepared.sampling is not None:
             sampling = prepared.sampling
-            n1, n2 = seal_cells(partition, sampling)
-            length = to_text(n2 * surface.size[1] / m2, "m", 3)
+            laid, *others = laid_out(scene.layout, partition, sampling)
+            length, *more = (to_text(one.seal.size[1], "m", 3) for one in (laid, *others))
             text = (
                 f"{_library(prepared, sampling, partition)} (pressure: {sampling.pressure}, "
-                f"sampler: {sampling.sampler}), "
-                f"{sampling.realisations} seals of {n1} × {n2} links, {length} long"
+                f"sampler: {sampling.sampler}), {sampling.realisations} seals of {laid}, {length} long"
+                + (f"; as many of {', '.join(more)}" if more else "")
             )
             lines.append(_line("stochastic", text))
+            if uneven := map_text(scene, laid, sampling.pressure_map):
+                lines.append(_line("pressure map", uneven))
     if prepared.filtered is not None:
         points = " × ".join(map(str, prepared.filtered.surface.shape))
         lines.append(
             _line("second run", f"{prepared.answer}, on {points} points without waves up to twice the shortest")
         )
+    if told := case.output.told:
+        lines.append(_line("leakage", told))
     lines.append(_line("expected", _expected_text(forecast(case, prepared))))
     if not any(Path(__file__).parents[1].rglob("__pycache__/*.nbi")):
         lines.append(_line("", "the first run after an installation compiles besides, for a minute or two"))
@@ -143,7 +152,7 @@ def refuse_too_large(case: Case, prepared: Prepared) -> None:
         return
     points = " × ".join(map(str, prepared.scene.surface.shape))
     given = f"a run that takes about {needed / 1e9:.2g} GB, on {points} points"
-    cheaper = ', the method two-scale with flow = "links"' if "deterministic" in prepared.methods else ""
+    cheaper = ', the method two-scale with flow = "elements"' if "deterministic" in prepared.methods else ""
     allowed = (
         f"at most the {most / 1e9:.2g} GB {which}: fewer surface.points or load steps{cheaper}; "
         f"or memory = '{np.ceil(needed / 1e8) / 10:g} GB' in the case, to run all the same"
@@ -159,7 +168,9 @@ def _cost(method: str, prepared: Prepared, scene: Scene, known: tuple[Effort, ..
     if method == "two-scale":
         return two_scale_cost(known, points, cells, prepared.flow, prepared.contact)
     assert prepared.sampling is not None
-    seal = seal_cells(Partition(points, scene.surface.spacing, cells), prepared.sampling)
+    every = laid_out(scene.layout, Partition(points, scene.surface.spacing, cells), prepared.sampling)
+    # seals of all lengths take the work of one as long as all of them together
+    seal = every[0].unknowns[0], sum(laid.unknowns[1] for laid in every)
     return stochastic_cost(known, points, cells, prepared.sampling, seal, prepared.contact)
 
 

@@ -19,7 +19,16 @@ from ..base.provenance import numerical_versions
 from ..base.stage import Mapper, Stage
 from ..report import write_folder
 from ..results import Results, assemble
-from ..studies import Scene, TwoScaleResult, deterministic, stochastic, two_scale
+from ..studies import (
+    FluidState,
+    OtherLeakage,
+    Scene,
+    TwoScaleResult,
+    deterministic,
+    drop_ratio,
+    stochastic,
+    two_scale,
+)
 from . import checkpoint
 from .case import Case, load_case
 from .case_faces import FileFace
@@ -82,7 +91,10 @@ def run(
         raise InputError.of("resume", True, "True only with an output folder")
     faces = _face_files(case)
     # options of the output may change before a run is resumed
-    computed = {key: value for key, value in case.echo().items() if key != "output"}
+    echo = case.echo()
+    computed = {key: value for key, value in echo.items() if key != "output"}
+    if "test_fluid" in echo["output"]:
+        computed["test fluid"] = echo["output"]["test_fluid"]
     identity = {**computed, "content of face files": faces, "version": numerical_versions()}
     if resume and folder is not None and (finished := _finished(case, faces, folder)) is not None:
         with suppress(InputError), alone_in(folder):  # the checkpoint of another run stays
@@ -164,16 +176,19 @@ def _run(case: Case, prepared: Prepared, faces: dict[str, str], mapper: Mapper, 
     for method in ("deterministic", "two-scale", "stochastic"):
         if method in prepared.methods:
             with _timed(method, progress, timings):
-                watched = _watched(mapper, method, progress, timings)
+                watched = watching(mapper, method, progress, timings)
                 name = method.replace("-", "_")
-                studies[name] = _study(method, case, prepared, scene, studies.get("two_scale"), watched)
+                studies[name] = study_of(method, case, prepared, scene, studies.get("two_scale"), watched)
     filtered = None
     if prepared.filtered is not None:
         name = "twice the wave"
         with _timed(name, progress, timings):
-            watched = _watched(mapper, name, progress, timings)
-            again = _study(prepared.answer, case, prepared, prepared.filtered, None, watched)
+            watched = watching(mapper, name, progress, timings)
+            again = study_of(prepared.answer, case, prepared, prepared.filtered, None, watched)
             filtered = again.quantile(0.5) if prepared.answer == "stochastic" else again.leakage
+    test = None
+    if case.output.test_fluid is not None:
+        test = _of_test_fluid(case.output.test_fluid.state, case, prepared, studies, mapper, progress, timings)
     results = assemble(
         scene,
         **studies,
@@ -182,13 +197,34 @@ def _run(case: Case, prepared: Prepared, faces: dict[str, str], mapper: Mapper, 
         timings=timings,
         quantiles=case.stochastic.quantiles if case.stochastic else (0.05, 0.95),
         warnings=prepared.warnings,
-        leakage_unit=case.output.leakage_unit,
         leakage_filtered=filtered,
+        test=test,
+        **case.output.model_dump(include={"leakage_unit", "classes", "nominal_diameter", "throughput_temperature"}),
     )
     results.dataset.attrs["face_files"] = json.dumps(faces)
     for text in [*results.warnings, *results.failures]:
         log.warning("%s", text)
     return results
+
+
+def _of_test_fluid(
+    state: FluidState,
+    case: Case,
+    prepared: Prepared,
+    studies: dict[str, Any],
+    mapper: Mapper,
+    progress: Progress,
+    timings: dict[str, float],
+) -> OtherLeakage:
+    """Leakage of the test fluid on the seals of the answer; they are solved again where their permeability differs."""
+    own = studies[prepared.answer.replace("-", "_")]
+    if (ratio := drop_ratio(state, FluidState.of(prepared.scene))) is not None:
+        return OtherLeakage.of_study(state, own, ratio)
+    name = "test fluid"
+    with _timed(name, progress, timings):
+        watched = watching(mapper, name, progress, timings)
+        again = study_of(prepared.answer, case, prepared, state.in_scene(prepared.scene), None, watched)
+    return OtherLeakage.of_study(state, again)
 
 
 @contextmanager
@@ -202,7 +238,7 @@ def _timed(name: str, progress: Progress, timings: dict[str, float]) -> Iterator
     log.info("%s: %.1f s", name, timings[name])
 
 
-def _study(
+def study_of(
     method: str, case: Case, prepared: Prepared, scene: Scene, known: TwoScaleResult | None, mapper: Mapper
 ) -> Any:
     """Result of a study of a scene; `known` is that of two scales, if there is one."""
@@ -228,16 +264,18 @@ def _write(results: Results, folder: Path, case: Case, prepared: Prepared, mappe
 
 
 def _face_files(case: Case) -> dict[str, str]:
-    """SHA-256 of the file of every face and of its mask, by its path in the case."""
+    """SHA-256 of the file of every face, of its mask, of the seal and of maps, by its path in the case."""
     digests = {}
     files = [face for face in case.face if isinstance(face, FileFace)]
-    for key, path in [("path", face.path) for face in files] + [("mask", face.mask) for face in files if face.mask]:
+    paths = [("face.path", face.path) for face in files] + [("face.mask", face.mask) for face in files if face.mask]
+    paths += [(f"seal.{key}", path) for key, path in case.seal.files()]
+    for key, path in [*paths, *(("load.map.path", path) for path in case.load.files)]:
         try:
             with (case.folder / path).open("rb") as file:
                 digests[str(path)] = hashlib.file_digest(file, "sha256").hexdigest()
         except OSError as error:
             allowed = f"a file that can be read ({error.strerror})"
-            raise InputError.of(f"face.{key}", f"'{path}'", allowed) from None
+            raise InputError.of(key, f"'{path}'", allowed) from None
     return digests
 
 
@@ -279,7 +317,7 @@ def _log_file(folder: Path, append: bool) -> Iterator[None]:
         handler.close()
 
 
-def _watched(mapper: Mapper, study: str, progress: Progress, timings: dict[str, float]) -> Mapper:
+def watching(mapper: Mapper, study: str, progress: Progress, timings: dict[str, float]) -> Mapper:
     """The same mapper, but it reports the progress of each stage and sums their wall times [s]."""
 
     def mapping(stage: Stage, *iterables: Iterable[Any]) -> Iterator[Any]:

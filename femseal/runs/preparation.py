@@ -13,8 +13,11 @@ import numpy as np
 from ..base.errors import InputError
 from ..base.quantities import to_text
 from ..scales import Partition
-from ..studies import Sampling, Scene, check_sampling, chosen_contact, chosen_flow, chosen_sampler, seal_cells
+from ..seal.layouts import SealWindows
+from ..seal.pressure_map import is_uniform
+from ..studies import Sampling, Scene, check_sampling, chosen_contact, chosen_flow, chosen_sampler, laid_out
 from ..studies.costs import choose_method
+from ..studies.local_pressure import MOST_PATHS, check_map
 from ..topography import (
     MOST_POINTS,
     Conditioning,
@@ -35,7 +38,7 @@ from ..topography import (
 from .case_faces import FileFace
 from .case_oddities import oddities
 from .case_tables import StochasticTable
-from .case_words import FACE_KEYS, SURFACE_KEYS, in_words_of
+from .case_words import FACE_KEYS, MAP_TABLES, SEAL_TABLES, SURFACE_KEYS, in_tables_of, in_words_of
 from .sizes import refused_if_too_large, weigh_draws, weigh_points
 
 if TYPE_CHECKING:
@@ -137,7 +140,13 @@ def _prepare(case: Case) -> Prepared:
             raise InputError.of("cells", f"windows of {sizes}", f"windows of at least two shortest waves, {least}")
         if case.stochastic is not None and "stochastic" in case.methods:
             sampling = _sampling(case, case.stochastic, window[1])
-            check_sampling(sampling, cells)
+            check_sampling(sampling)
+    every: tuple[SealWindows, ...] = ()
+    seal = surface.size
+    if sampling is not None and cells is not None:
+        with in_tables_of(SEAL_TABLES):
+            every = laid_out(case.layout, Partition(surface.shape, surface.spacing, cells), sampling)
+        seal = _seal_size(sampling, surface, every[0])
     scene = Scene(
         surface=surface,
         modulus=case.modulus,
@@ -145,30 +154,37 @@ def _prepare(case: Case) -> Prepared:
         fluid=case.fluid.fluid,
         inlet_pressure=case.fluid.inlet_pressure,
         outlet_pressure=case.fluid.outlet_pressure,
-        loading=case.load.loading,
-        unload_from=case.load.unload_from,
-        unloading=case.load.unloading,
+        **_pressures(case, seal, seals=len(every)),
         boundary=case.contact.boundary,
         rtol=case.contact.rtol,
-        layout=case.seal.layout,
+        layout=case.layout,
         solver=case.flow.solver,
         discretisation=case.flow.discretisation,
     )
-    if sampling is not None and cells is not None:
-        seal = seal_cells(Partition(surface.shape, surface.spacing, cells), sampling)
-        weigh_draws(len(scene.steps), seal, sampling.realisations, sampling.library_cells)
+    doubts: tuple[str, ...] = ()
+    if sampling is not None:
+        with in_tables_of(MAP_TABLES):
+            sampling = replace(sampling, pressure_map=case.load.pressure_map(case.folder, seal[0] * seal[1], seal[1]))
+            check_sampling(sampling)
+            doubts = check_map(scene, every[0], sampling.pressure_map)
+        paths = 1 if is_uniform(sampling.pressure_map) else MOST_PATHS
+        for laid in every:
+            weigh_draws(len(scene.steps), laid.draws[0], sampling.realisations, sampling.library_cells, paths)
     method: str = case.method
     choice = ""
+    # where the deterministic solution is not affordable, resolved flow is not either
+    cheaper = "elements" if scene.discretisation == "edge" else "links"
     if method == "auto":
         assert cells is not None
-        method, choice = choose_method(len(scene.steps), surface.shape, cells)
+        method, choice = choose_method(len(scene.steps), surface.shape, cells, cheaper)
     methods = frozenset({method, *case.compare})
     effect = SpikeEffect(report.spikes_along_lay, report.spikes_extreme)
-    odd = (*oddities(case, scene, report), *effect.doubts(report.spikes))
+    odd = (*oddities(case, scene, report), *effect.doubts(report.spikes), *doubts)
     contact, flow = (None, None) if case.cells is None else (case.cells.contact, case.cells.flow)
     if flow is None and case.method == "auto" and method == "two-scale":
-        flow = "links"  # what resolved flow takes was not affordable
-    contact, flow = chosen_contact(contact, surface.shape), chosen_flow(flow, surface.shape)
+        flow = cheaper
+    contact = chosen_contact(contact, surface.shape)
+    flow = chosen_flow(flow, surface.shape, scene.discretisation)
     if sampling is not None:
         sampling = replace(sampling, sampler=chosen_sampler(sampling, scene, contact))
     prepared = Prepared(scene, cells, sampling, report, overlap, method, methods, choice, contact, flow, odd)
@@ -181,22 +197,50 @@ def face_places(case: Case) -> list[str]:
 
 
 def _sampling(case: Case, table: StochasticTable, window_length: float) -> Sampling:
-    if table.length < window_length * (1 - 1e-9):
-        cell, given = to_text(window_length, "m", 3), to_text(table.length, "m", 3)
+    if table.lengths and min(table.lengths) < window_length * (1 - 1e-9):
+        cell, given = to_text(window_length, "m", 3), to_text(min(table.lengths), "m", 3)
         raise InputError.of("stochastic.length", given, f"at least one cell, {cell}")
     return Sampling(
-        length=table.length,
+        length=table.lengths[0] if table.lengths else None,
+        other_lengths=table.lengths[1:],
         breadth=table.breadth,
         realisations=table.realisations,
         library_cells=table.library_cells,
         seed=case.seed,
         sampler=table.sampler,
         pressure=table.pressure,
-        profile=table.profile,
         library=None if table.library is None else case.folder / table.library,
         width=table.width,
         bounds=table.bounds,
     )
+
+
+def _seal_size(sampling: Sampling, surface: Topography, laid: SealWindows) -> tuple[float, float]:
+    """Breadth and length of the seal that loads act on [m]: as given, not in whole windows."""
+    if sampling.length is None:
+        breadth, length = laid.seal.size
+        return breadth, length
+    return surface.size[0] if sampling.breadth is None else sampling.breadth, sampling.length
+
+
+def _pressures(case: Case, seal: tuple[float, float], *, seals: int) -> dict[str, tuple[float, ...]]:
+    """Nominal pressures of the cycle on a seal of such a breadth and length [m], one of several or none that are drawn.
+
+    Raises
+    ------
+    InputError : a force without one length of the seal, or pressures not below the hardness.
+    """
+    if case.load.unit == "N" and seals != 1:
+        given = f"forces on a seal of {'several lengths' if seals else 'no length'}"
+        raise InputError.of("load.loading", given, "pressures, or forces per length")
+    area = seal[0] * seal[1]
+    found = case.load.pressures(area, seal[1])
+    highest = max((*found["loading"], *found["unload_from"]))
+    if highest >= case.hardness:
+        load = to_text(case.load.highest, case.load.unit)
+        given = f"{load} on {1e6 * area:.4g} mm², {to_text(highest, 'Pa')}"
+        raise InputError.of("load", given, f"pressures below the hardness, {to_text(case.hardness, 'Pa')}")
+    return found
 
 
 def _combined_faces(case: Case) -> tuple[Topography, list[tuple[Topography, Repair]], Overlap | None, float]:

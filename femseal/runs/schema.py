@@ -23,9 +23,8 @@ def case_schema() -> dict[str, Any]:
     names = {"kind": {"enum": [kind["properties"]["kind"]["const"] for kind in kinds]}, "name": {"type": "string"}}
     named = {"type": "object", "properties": keys | names, "required": ["name", "inlet_pressure"]}
     schema["definitions"]["NamedFluidTable"] = named | {"additionalProperties": False}
-    schema["properties"]["fluid"] = {
-        "anyOf": [*schema["properties"]["fluid"]["oneOf"], {"$ref": "#/definitions/NamedFluidTable"}]
-    }
+    fluid = {"anyOf": [*schema["properties"]["fluid"]["oneOf"], {"$ref": "#/definitions/NamedFluidTable"}]}
+    schema["properties"]["fluid"] = schema["definitions"]["OutputTable"]["properties"]["test_fluid"] = fluid
     return {"$schema": "http://json-schema.org/draft-07/schema#"} | _plain(schema) | {"title": "femseal case"}
 
 

@@ -20,11 +20,14 @@ def weigh_points(key: str, shape: tuple[int, int]) -> None:
     _weigh(key, f"{shape[0]} × {shape[1]} points", prod(shape) * _POINT_BYTES)
 
 
-def weigh_draws(steps: int, seal: tuple[int, int], realisations: int, library_cells: int) -> None:
-    """Raise InputError if drawn seals, their leakages, or the curves of a library do not fit into the free memory."""
+def weigh_draws(steps: int, seal: tuple[int, int], realisations: int, library_cells: int, paths: int = 1) -> None:
+    """Raise InputError if drawn seals, their leakages, or the curves of a library do not fit into the free memory.
+
+    paths : of pressure, for each of which every library window has its own curve.
+    """
     _weigh("stochastic.length", f"a seal of {seal[0]} × {seal[1]:.4g} windows", prod(seal) * _LINK_BYTES)
     _weigh("stochastic.realisations", realisations, 16 * steps * realisations)
-    _weigh("stochastic.library_cells", library_cells, 48 * steps * library_cells)
+    _weigh("stochastic.library_cells", library_cells, 48 * steps * library_cells * paths)
 
 
 def _weigh(key: str, given: object, needed: int) -> None:

@@ -10,7 +10,7 @@ from .ladder import Cell, Ladder, follow
 from .library import LadderLibrary, LibraryTable, WindowSource, build_ladder_library, on_ladder
 from .outcome import Failed, SolveCounts, SolverCounts, attempt
 from .partition import Partition
-from .sampling import SAMPLERS, LinkTable, correlation_length, draw_links
+from .sampling import SAMPLERS, LinkTable, correlation_length, draw_links, draw_pressures
 from .window import FlowSettings, WindowHistory, respond
 from .window_fields import ContactPressure, WindowFields
 
@@ -40,6 +40,7 @@ __all__ = [
     "build_ladder_library",
     "correlation_length",
     "draw_links",
+    "draw_pressures",
     "element_flow",
     "face_potential",
     "follow",

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..base import validate
 from ..base.errors import InputError
-from .element_elimination import solve_elements
+from .element_elimination import factored
 from .element_mesh import ElementMesh, ElementSolution
 from .elements import NODE_SPACING
 from .outcome import SolverCounts
@@ -173,9 +173,8 @@ def _through(element: WindowElement, w2: int) -> float:
         return 0.0
     nodes, (before, after) = np.arange(len(element.couples)), element.counts[:2]
     held = nodes[: before + after]
-    potential = solve_elements(
-        [element.couples], [nodes], (1, 1), held, (held < before).astype(float)[:, None], nodes.size
-    )
+    factors = factored([element.couples], [nodes], (1, 1), held, nodes.size)
+    potential = factors.with_held(held, (held < before).astype(float)[:, None])
     return float(0.5 * (element.couples * (potential - potential.T) ** 2).sum())
 
 

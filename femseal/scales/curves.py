@@ -89,6 +89,8 @@ class CellCurves:
         last = self.ladder.separations[-1]
         wide = np.maximum(gap, last)
         beyond = rough_plates(wide, self.rms_height)
+        if (drop := self.ladder.drop) is not None:
+            beyond = beyond * drop.gas.flow_factor(wide, drop.pressures[self.kind % drop.pressures.size])
         return np.where(gap <= last, np.exp(self._rigid(-np.maximum(gap, self.ladder.separations[0]))), beyond)
 
     def unloaded(self, pressure: Array, peak: Array) -> Array:

@@ -38,16 +38,44 @@ class _Pivots:
     total: Array
 
 
-def solve_elements(
-    couples: list[Array], numbers: list[Indices], cells: tuple[int, int], held: Indices, values: Array, nodes: int
-) -> Array:
-    """Values (nodes, m) that balance at every node that is not held.
+@dataclass(frozen=True, eq=False)
+class Factors:
+    """The eliminated system of an element mesh: its pivots in order, and the number of all nodes."""
+
+    pivots: list[_Pivots]
+    nodes: int
+
+    def with_held(self, held: Indices, values: Array) -> Array:
+        """Values (nodes, m) that balance at every node, with those (h, m) of the nodes that are held."""
+        x = np.zeros((self.nodes, values.shape[1]))
+        x[held] = values
+        for pivots in reversed(self.pivots):
+            x[pivots.nodes] = _substituted(pivots.couples, pivots.total, x[pivots.left])
+        return x
+
+    def under(self, sources: Array) -> Array:
+        """Values (nodes,) for sources at the nodes (nodes,), with 0 at those that are held."""
+        flow, x = sources.copy(), np.zeros((self.nodes, 1))
+        own = []
+        for pivots in self.pivots:
+            inside, passed = _passed_on(pivots.couples, pivots.total, flow[pivots.nodes])
+            own.append(inside)
+            flow[pivots.left] += passed
+        for pivots, inside in zip(reversed(self.pivots), reversed(own), strict=True):
+            x[pivots.nodes] = _substituted(pivots.couples, pivots.total, x[pivots.left], inside)
+        return x[:, 0]
+
+
+def factored(
+    couples: list[Array], numbers: list[Indices], cells: tuple[int, int], held: Indices, nodes: int
+) -> Factors:
+    """Eliminate all nodes of element couples but those held.
 
     Parameters
     ----------
     couples, numbers : of every element its couples (n, n) and the numbers of its nodes (n,), row after row.
     cells : rows and columns of elements, which tell what lies side by side.
-    held (h,), values (h, m) : nodes that are held, and at what.
+    held (h,) : nodes that are held.
     nodes : number of all nodes. Those that nothing joins to a held one get 0.
     """
     uses = np.zeros(nodes, np.int64)
@@ -69,11 +97,7 @@ def solve_elements(
         return _without_complete(block, uses, stack)
 
     joined(0, cells[0], 0, cells[1])
-    x = np.zeros((nodes, values.shape[1]))
-    x[held] = values
-    for pivots in reversed(stack):
-        x[pivots.nodes] = _substituted(pivots.couples, pivots.total, x[pivots.left])
-    return x
+    return Factors(stack, nodes)
 
 
 def _of_element(couples: Array, number: Indices) -> _Block:
@@ -135,15 +159,32 @@ def _eliminated(couples, p):
 
 
 @njit(cache=True, nogil=True)
-def _substituted(couples, total, left):
-    """Values of the pivots, means of those of their neighbours at the time they were eliminated."""
+def _passed_on(couples, total, sources):
+    """Sources of the pivots with what earlier ones pass on to them, and what all pass on to the nodes left."""
+    p, n = couples.shape
+    own, passed = sources.copy(), np.zeros(n - p)
+    for i in range(p):
+        if total[i] == 0.0:
+            own[i] = 0.0
+            continue
+        share = own[i] / total[i]
+        for j in range(i + 1, p):
+            own[j] += couples[i, j] * share
+        for j in range(p, n):
+            passed[j - p] += couples[i, j] * share
+    return own, passed
+
+
+@njit(cache=True, nogil=True)
+def _substituted(couples, total, left, sources=None):
+    """Values of the pivots, means of those of their neighbours at the time they were eliminated, and their sources'."""
     p, m = total.size, left.shape[1]
     x = np.zeros((p, m))
     for i in range(p - 1, -1, -1):
         if total[i] == 0.0:
             continue
         for q in range(m):
-            value = 0.0
+            value = 0.0 if sources is None else sources[i]
             for j in range(i + 1, p):
                 value += couples[i, j] * x[j, q]
             for j in range(len(left)):

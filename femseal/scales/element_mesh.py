@@ -12,7 +12,7 @@ from scipy.sparse.csgraph import connected_components
 
 from ..base.errors import NotConverged
 from ..flow.solution import MAX_IMBALANCE
-from .element_elimination import solve_elements
+from .element_elimination import Factors, factored
 from .superelement import WindowElement
 
 Array = NDArray[np.float64]
@@ -27,7 +27,7 @@ class ElementSolution:
 
     conductance : the energy [m³]. potential : NaN in pockets, which open pixels join to no held node.
     energy : of each element; empty if nothing flows. unknowns : number of nodes that were solved for.
-    imbalance, solver : see `flow.DarcyFlow`.
+    imbalance, solver : see `flow.DarcyFlow`. factors : of the system; None if nothing flows.
     """
 
     conductance: float
@@ -36,6 +36,7 @@ class ElementSolution:
     unknowns: int = 0
     imbalance: float = 0.0
     solver: str = "none"
+    factors: Factors | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,8 +90,8 @@ class ElementMesh:
         """Whether a path of open pixels joins inlet and outlet."""
         return bool(self.component[INLET] == self.component[OUTLET])
 
-    def solve(self, *, every_second: bool = False) -> ElementSolution:
-        """Solve the mass balance of every node that joins both ends; `every_second` leaves out the nodes between.
+    def solve(self) -> ElementSolution:
+        """Solve the mass balance of every node that joins both ends.
 
         Raises
         ------
@@ -100,7 +101,7 @@ class ElementMesh:
             at = self.component
             beside = [at == at[INLET], at == at[OUTLET]]
             return ElementSolution(0.0, np.select(beside, [1.0, 0.0], np.nan))
-        solution = self._solved(np.array([INLET, OUTLET]), np.array([1.0, 0.0]), every_second)
+        solution = self._solved(np.array([INLET, OUTLET]), np.array([1.0, 0.0]))
         if not solution.imbalance <= MAX_IMBALANCE:
             raise NotConverged(
                 f"flow: inlet and outlet of the elements differ by {solution.imbalance:.1e} of the flow, allowed is "
@@ -115,14 +116,15 @@ class ElementMesh:
         The energy of any potential is an upper bound, so that rounding can make this one wider, not wrong.
         """
         held = np.concatenate([[INLET, OUTLET], nodes])
-        return self._solved(held, np.concatenate([[1.0, 0.0], potential]), False)
+        return self._solved(held, np.concatenate([[1.0, 0.0], potential]))
 
-    def _solved(self, held: Indices, values: Array, every_second: bool) -> ElementSolution:
+    def _solved(self, held: Indices, values: Array) -> ElementSolution:
         """Solution with `values` at the nodes `held`."""
-        couples = [e.coarser_couples if every_second else e.couples for e in self.elements]
+        couples = [e.couples for e in self.elements]
         # potential and complement are solved for on their own, so that each keeps its relative accuracy
         both = np.column_stack([values, 1 - values])
-        x, y = solve_elements(couples, self.numbers, self.cells, held, both, self.nodes).T
+        factors = factored(couples, self.numbers, self.cells, held, self.nodes)
+        x, y = factors.with_held(held, both).T
         reached = np.isin(self.component, self.component[held])
         energy, out = np.zeros(len(couples)), np.zeros(self.nodes)
         for n, (c, number) in enumerate(zip(couples, self.numbers, strict=True)):
@@ -138,4 +140,4 @@ class ElementMesh:
         imbalance = imbalance / rate if rate > 0 else 0.0
         unknowns = int(np.count_nonzero(reached)) - held.size
         solver = "elimination" if unknowns else "none"
-        return ElementSolution(rate, np.where(reached, x, np.nan), energy, unknowns, imbalance, solver)
+        return ElementSolution(rate, np.where(reached, x, np.nan), energy, unknowns, imbalance, solver, factors)

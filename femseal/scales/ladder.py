@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from ..base.errors import InputError
 from ..contact import Contact, HalfSpace, solve_deformed_contact
+from ..flow.gas_drop import GasDrop
 from .outcome import SolveCounts
 from .window import FlowSettings, window_permeability
 
@@ -31,6 +32,7 @@ class Ladder:
     separations : distances between the mean planes without contact pressure [m], rising.
     closing_rtol : relative tolerance of closing pressures.
     bounds : also compute a lower and an upper bound of every permeability, for a gap constant on each pixel.
+    drop : of a gas with slip, whose permeabilities are computed at each of its pressures.
 
     Raises
     ------
@@ -44,6 +46,7 @@ class Ladder:
     separations: tuple[float, ...] = ()
     closing_rtol: float = 0.05
     bounds: bool = False
+    drop: GasDrop | None = None
 
     def __post_init__(self) -> None:
         if not self.loading or self.loading[0] != 0 or np.any(np.diff(self.loading) <= 0):
@@ -58,8 +61,11 @@ class Ladder:
 
     @property
     def kinds(self) -> int:
-        """Number of permeabilities of each state: 1, the value, or with bounds 3, the value and its two bounds."""
-        return 3 if self.bounds else 1
+        """Number of permeabilities of each state: 1, the value, or with bounds 3, the value and its two bounds.
+
+        Of a gas with slip there are as many of each as it has pressures.
+        """
+        return (3 if self.bounds else 1) * (1 if self.drop is None else self.drop.pressures.size)
 
 
 @dataclass(frozen=True)
@@ -123,7 +129,7 @@ def follow(
     ------
     NotConverged : a contact or a flow failed.
     """
-    work = _Window(np.asarray(window, float), half_space, hardness, rtol, ladder.kinds, flow)
+    work = _Window(np.asarray(window, float), half_space, hardness, rtol, ladder, flow)
     loading = {} if known is None else dict(zip(known.pressure.tolist(), _states(known), strict=True))
     for p in ladder.loading:
         if p not in loading:
@@ -180,11 +186,12 @@ class _Window:
         half_space: HalfSpace,
         hardness: float,
         rtol: float,
-        kinds: int,
+        ladder: Ladder,
         flow: FlowSettings | None,
     ) -> None:
         self.gap0, self.half_space, self.hardness, self.rtol = gap0, half_space, hardness, rtol
-        self.kinds, self.flow = kinds, flow
+        self.kinds, self.bounds = ladder.kinds, ladder.bounds
+        self.flow = replace(flow or FlowSettings(), drop=ladder.drop)
         self.counts = SolveCounts()
 
     def loaded(self, pressure: float, closed: tuple[bool, bool]) -> _State:
@@ -225,9 +232,7 @@ class _Window:
             if closed[axis]:
                 self.counts += SolveCounts(closed=1)
             else:
-                found = window_permeability(
-                    gap, self.half_space.spacing, axis, bounds=self.kinds > 1, settings=self.flow
-                )
+                found = window_permeability(gap, self.half_space.spacing, axis, bounds=self.bounds, settings=self.flow)
                 k[:, axis] = found.k
                 self.counts += found.counts
         return k

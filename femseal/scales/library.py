@@ -123,6 +123,8 @@ class WindowSource:
             ladder.closing_rtol,
             ladder.bounds,
         ]
+        if ladder.drop is not None:
+            settings += [repr(ladder.drop.gas), ladder.drop.pressures.tolist()]
         digest = hashlib.sha256(json.dumps(settings).encode())
         for topography in self.topographies:
             digest.update(np.ascontiguousarray(topography).tobytes())
@@ -220,9 +222,9 @@ class LadderLibrary(Shown):
         kind : 0 for the permeability; with bounds also 1 for its lower and 2 for its upper bound. Bounds hold at the
             steps of the ladder; between them they are interpolated as the permeability is.
         """
-        p_peak = paths[steps.peak_indices]
-        # a window that had no pressure at its peak follows the loading curve
-        down = steps.on_unloading[:, None] & (paths > 0) & (p_peak > 0)
+        p_peak = local_peaks(paths, steps)
+        # at its own peak a window is on the loading curve, also where the seal is unloaded
+        down = (paths > 0) & (paths < p_peak)
         up = (paths > 0) & ~down
         apart = paths <= 0
         table = np.zeros((*paths.shape, self.size))
@@ -233,6 +235,23 @@ class LadderLibrary(Shown):
             values[down] = curves.unloaded(paths[down], p_peak[down])
             values[apart] = curves.separated(gaps[apart])
         return table
+
+
+def local_peaks(paths: Array, steps: LoadProgramme) -> Array:
+    """Highest pressure that each window has had up to each step on its way there (steps, paths) [Pa].
+
+    The way to an unloading step is the loading up to its peak and the unloading from there. Where the pressure of a
+    window falls while that of the seal rises, or the other way round, its own peak is not at the peak of the seal.
+    """
+    loading = steps.on_loading
+    highest = paths.copy()
+    highest[loading] = np.maximum.accumulate(paths[loading], axis=0)
+    last: dict[int, int] = {}
+    for s, peak in enumerate(steps.peak_indices.tolist()):
+        if not loading[s]:
+            highest[s] = np.maximum(paths[s], highest[last.get(peak, peak)])
+            last[peak] = s
+    return highest
 
 
 def build_ladder_library(

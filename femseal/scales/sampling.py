@@ -16,7 +16,7 @@ that link n of a longer seal draws what link n of a shorter one draws.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -45,6 +45,8 @@ class LinkTable:
     steps : the load programme.
     run_length : mean number of columns in a run of "block"; 0 if the cells are not neighbours in a row.
     correlation_length : number of columns over which cells are alike.
+    pressure : mean contact pressure of the cells (steps, paths, cells), or of all of them on a path (steps, paths, 1)
+        [Pa]; None where it is unknown.
     """
 
     k: Array
@@ -52,6 +54,7 @@ class LinkTable:
     steps: LoadProgramme
     run_length: float = 0.0
     correlation_length: float = 1.0
+    pressure: Array | None = None
 
 
 def draw_links(table: LinkTable, *, sampler: str, seed: int, realisation: int, axis: int) -> Draw:
@@ -75,6 +78,20 @@ def draw_links(table: LinkTable, *, sampler: str, seed: int, realisation: int, a
     key = (realisation,) if sampler == "block" else (realisation, axis)
     rng = np.random.Generator(np.random.Philox(np.random.SeedSequence(seed, spawn_key=key)))
     return SAMPLERS[sampler](table, rng)
+
+
+def draw_pressures(table: LinkTable, *, sampler: str, seed: int, realisation: int, axis: int) -> Draw | None:
+    """Contact pressure (rows, columns) [Pa] at a step of the windows that `draw_links` draws; None where it is unknown.
+
+    With the samplers "derivative" and "copula", which draw permeabilities and not windows, it is the mean of a path.
+    """
+    pressure, path = table.pressure, table.path
+    if pressure is None:
+        return None
+    if pressure.shape[2] > 1 and sampler in ("history", "block"):
+        return draw_links(replace(table, k=pressure), sampler=sampler, seed=seed, realisation=realisation, axis=axis)
+    of_path = pressure.mean(axis=2)
+    return lambda s: of_path[s, path]
 
 
 def correlation_length(k: Array) -> float:

@@ -26,13 +26,11 @@ def side_nodes(crossing, along, spacing):
     Returns
     -------
     node (n, 2), weight (n, 2) : the pressure at a point is the weighted mean of those at two nodes; −1 where closed.
-    coarse (nodes, 2), coarse_weight (nodes, 2) : the same at the nodes, from every second node and a segment's last.
     place (nodes,) : point of each node.
     """
     n = crossing.size
     node, weight = np.full((n, 2), -1, np.int64), np.zeros((n, 2))
     place = np.empty(n, np.int64)
-    coarse, coarse_weight = np.full((n, 2), -1, np.int64), np.zeros((n, 2))
     count, first = 0, 0
     while first < n:
         if not crossing[first] > 0.0:
@@ -43,14 +41,11 @@ def side_nodes(crossing, along, spacing):
             last += 1
         nodes = _place(first, last, n, spacing, place[count:])
         every = np.arange(count, count + nodes)
-        second = every[::2] if nodes % 2 == 1 else np.append(every[::2], count + nodes - 1)
         for i in range(first, last + 1):
             node[i], weight[i] = _between(along, place, every, i)
-        for k in every:
-            coarse[k], coarse_weight[k] = _between(along, place, second, place[k])
         count += nodes
         first = last + 1
-    return node, weight, coarse[:count].copy(), coarse_weight[:count].copy(), place[:count].copy()
+    return node, weight, place[:count].copy()
 
 
 @njit(cache=True, nogil=True)

@@ -57,7 +57,6 @@ class WindowElement:
     counts (4,) : number of nodes on each side.
     node (p, 2), weight (p, 2) : nodes between which the potential at a side point is interpolated, −1 where closed.
     component (p,) : side points with the same number are joined by open links inside the window.
-    coarse (n, 2), coarse_weight (n, 2) : interpolation of the nodes between every second one.
     place (n,) : point of its side at which each node lies; −1 at an end.
     """
 
@@ -66,19 +65,18 @@ class WindowElement:
     node: Indices
     weight: Array
     component: Indices
-    coarse: Indices
-    coarse_weight: Array
     place: Indices
 
     @classmethod
     def of(cls, links: WindowLinks, node_spacing: int) -> WindowElement:
         """Condense a window; nodes on its sides are at most `node_spacing` pixels apart."""
-        return cls(*_element(links.along, links.across, links.beside1, links.beside2, links.ends, node_spacing))
+        return cls.with_points(links, node_spacing)[0]
 
-    @property
-    def coarser_couples(self) -> Array:
-        """Couples (n, n) if all nodes but every second one are interpolated between these; 0 at the others."""
-        return _projected(self.couples, self.coarse, self.coarse_weight, len(self.couples))
+    @classmethod
+    def with_points(cls, links: WindowLinks, node_spacing: int) -> tuple[WindowElement, Array]:
+        """Condense a window; the element, and the couples (p, p) of all its side points."""
+        condensed, *parts = _element(links.along, links.across, links.beside1, links.beside2, links.ends, node_spacing)
+        return cls(*parts), condensed
 
     def at_points(self, potential: Array) -> Array:
         """Potential at the side points (p,) from that at the nodes (n,); NaN where a point is closed."""
@@ -130,7 +128,6 @@ def _element(along, across, beside1, beside2, ends, spacing):
     couples, component = condense(along, across)
     points = component.size
     node, weight = np.full((points, 2), -1, np.int64), np.zeros((points, 2))
-    coarse, coarse_weight = np.empty((points, 2), np.int64), np.zeros((points, 2))
     place = np.full(points, -1, np.int64)
     counts = np.zeros(4, np.int64)
     start, count = 0, 0
@@ -141,35 +138,23 @@ def _element(along, across, beside1, beside2, ends, spacing):
             for i in range(n):
                 if crossing[i] > 0.0:
                     node[start + i], weight[start + i, 0] = count, 1.0
-            coarse[count], coarse_weight[count, 0] = count, 1.0
             counts[side] = 1
         else:
             if side < 2:
                 crossing, beside = along[0 if side == 0 else w1], beside1[side]
             else:
                 crossing, beside = across[:, 0 if side == 2 else w2].copy(), beside2[side - 2]
-            of_point, w, of_node, cw, at = side_nodes(crossing, beside, spacing)
+            of_point, w, at = side_nodes(crossing, beside, spacing)
             for i in range(n):
                 if of_point[i, 0] >= 0:
                     node[start + i] = of_point[i] + count
                     weight[start + i] = w[i]
-            for k in range(len(of_node)):
-                coarse[count + k] = of_node[k] + count
-                coarse_weight[count + k] = cw[k]
-                place[count + k] = at[k]
-            counts[side] = len(of_node)
+            place[count : count + at.size] = at
+            counts[side] = at.size
         count += counts[side]
         start += n
-    return (
-        _projected(couples, node, weight, count),
-        counts,
-        node,
-        weight,
-        component,
-        coarse[:count].copy(),
-        coarse_weight[:count].copy(),
-        place[:count].copy(),
-    )
+    projected = _projected(couples, node, weight, count)
+    return couples, projected, counts, node, weight, component, place[:count].copy()
 
 
 @njit(cache=True, nogil=True)

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..contact import HalfSpace, solve_deformed_contact
 from ..flow import cell_permeability
-from ..flow.coefficient import cubic_law
+from ..flow.coefficient import cubic_law, equivalent_gap
 from ..flow.discretisation import check_discretisation
+from ..flow.gas_drop import GasDrop
 from ..loads import LoadProgramme
 from .outcome import Failed, SolveCounts, SolverCounts, attempt
 from .window_fields import ContactValues
@@ -148,16 +149,20 @@ def set_down(gap: NDArray[np.float32], standoff: float) -> NDArray[np.float32]:
 
 @dataclass(frozen=True, eq=False)
 class FlowHistory:
-    """Permeability of one window at every step (steps,) [m³], NaN where there is no gap or the flow failed."""
+    """Permeability of one window at every step (steps,) [m³], NaN where there is no gap or the flow failed.
+
+    at_pressures : of a gas with slip that at each of its pressures (pressures, steps); the first is `permeability`.
+    """
 
     permeability: Array
     counts: SolveCounts
     failures: tuple[str, ...] = ()
+    at_pressures: Array | None = None
 
 
 @dataclass(frozen=True)
 class FlowSettings:
-    """How the flow through windows is discretised and solved, see `cell_permeability`.
+    """How the flow through windows is discretised and solved, see `cell_permeability`, and of what gas, if it slips.
 
     Raises
     ------
@@ -166,6 +171,7 @@ class FlowSettings:
 
     solver: str = "auto"
     discretisation: str = "edge"
+    drop: GasDrop | None = None
 
     def __post_init__(self) -> None:
         check_discretisation(self.discretisation, self.solver)
@@ -175,7 +181,8 @@ def flow_history(
     gaps: NDArray[np.floating], spacing: tuple[float, float], axis: int, settings: FlowSettings | None = None
 ) -> FlowHistory:
     """Permeability along `axis` of a window with closed sides at every step, from its gaps (steps, n1, n2) [m]."""
-    k = np.full(len(gaps), np.nan)
+    drop = None if settings is None else settings.drop
+    k = np.full((1 if drop is None else drop.pressures.size, len(gaps)), np.nan)
     counts, failures = SolveCounts(), []
     for s, gap in enumerate(gaps):
         h = np.asarray(gap, dtype=float)
@@ -185,16 +192,17 @@ def flow_history(
         if isinstance(flow, Failed):
             failures.append(f"step {s}: {flow.reason}")
             continue
-        k[s] = flow.k[0]
+        k[:, s] = flow.k
         counts += flow.counts
-    return FlowHistory(k, counts, tuple(failures))
+    return FlowHistory(k[0], counts, tuple(failures), None if drop is None else k)
 
 
 @dataclass(frozen=True, eq=False)
 class WindowPermeability:
     """Permeability of a window at one step.
 
-    k : the value (1,), or with bounds the value, its lower and its upper bound (3,) [m³].
+    k : the value (1,), or with bounds the value, its lower and its upper bound (3,) [m³]. Of a gas with slip each of
+        these at every pressure of its drop.
     counts : this one flow, counted as solved, closed or open.
     """
 
@@ -219,6 +227,24 @@ def window_permeability(
     ------
     NotConverged : the linear solver failed.
     """
+    settings = settings or FlowSettings()
+    if settings.drop is None:
+        return _of_gap(gap, spacing, axis, bounds, settings)
+    found = []
+    for p in settings.drop.pressures:
+        widened = equivalent_gap(gap, settings.drop.gas.flow_factor(gap, p))
+        found.append(_of_gap(widened, spacing, axis, bounds, settings))
+        if not found[0].k.any():  # closed at every pressure
+            found *= settings.drop.pressures.size
+            break
+    # one flow, however many systems were solved for it
+    counts = replace(found[0].counts, solvers=SolverCounts.total(one.counts.solvers for one in found))
+    return WindowPermeability(np.array([one.k for one in found]).T.ravel(), counts)
+
+
+def _of_gap(
+    gap: Array, spacing: tuple[float, float], axis: int, bounds: bool, settings: FlowSettings
+) -> WindowPermeability:
     mean = float(gap.mean())
     if gap.min() > 0 and gap.std() < OPEN_RATIO * mean:
         means = []
@@ -226,7 +252,6 @@ def window_permeability(
             k = cubic_law(gap)
             means = [1 / float(np.mean(1 / k)), float(np.mean(k))]
         return WindowPermeability(np.array([cubic_law(mean), *means]), SolveCounts(open=1))
-    settings = settings or FlowSettings()
     result = cell_permeability(
         gap,
         spacing,

@@ -1,42 +1,328 @@
-"""Shapes of seals that a case can choose: each lays out a map of windows, cut from a face or drawn, as a seal.
+"""Shapes of seals that a case can choose: each lays windows out over a seal of real size.
 
-To add a shape, write a frozen dataclass with its `kind`, the parameters that a case gives besides the map (see
-`base.parameters`) and `seal`, and put it into `LAYOUTS`.
+To add a shape, write a frozen dataclass with its `kind`, the parameters that a case gives (see `base.parameters`) and
+`lay_out`, and put it into `LAYOUTS`.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, ClassVar, Protocol
+from math import isfinite, pi
+from pathlib import Path
+from typing import Any, ClassVar, Literal, Protocol
 
-from .shapes import RectangularSeal
+import numpy as np
+from numpy.typing import NDArray
+from skfem import MeshQuad
+from skfem.mesh import MeshQuad1DG
+
+from ..base.errors import InputError
+from ..base.parameters import check_parameters, parameter
+from ..base.quantities import to_si, to_text
+from .elemented import ElementSeal, ElementWindows, straightened
+from .lay import Lay
+from .linked import LinkWindows
+from .pressure_map import Frame
+from .shapes import AnnularSeal, MeshSeal, RectangularSeal, Seal
+
+Array = NDArray[np.float64]
+#: Sizes between which a seal may lie [m]; others come from a wrong unit of length.
+_SIZES = (1e-4, 100.0)
+#: Widths of columns of windows on the inner edge of a ring, in widths of windows: below them it is refused, or warned.
+_NARROWEST, _NARROW = 0.35, 0.7
+
+
+class SizedSeal(Seal, Protocol):
+    """A seal with its size."""
+
+    @property
+    def size(self) -> tuple[float, float]:
+        """Breadth from inlet to outlet, about, and length along the seal [m]."""
+        ...
+
+
+class SealWindows(Protocol):
+    """Windows laid out over a seal: how many are drawn, where they lie, and the permeability that they make.
+
+    seal : takes that permeability, and has `size`, about its breadth and its length [m].
+    together : whether the values of both axes are of the same windows. Otherwise every link draws its own.
+    axes : axis of the windows whose permeability the values of axes 0 and 1 are.
+    rows : rows of windows from inlet to outlet that can be those of a face; 0 where there are none.
+    draws : rows and columns of the values of both axes.
+    outlines : corners (n, corners, 2) [m] of the parts of the seal that pictures show.
+    unknowns : rows and columns of a network that takes about the work of the flow.
+    """
+
+    @property
+    def seal(self) -> SizedSeal: ...  # noqa: D102
+    @property
+    def together(self) -> bool: ...  # noqa: D102
+    @property
+    def axes(self) -> tuple[int, int]: ...  # noqa: D102
+    @property
+    def rows(self) -> int: ...  # noqa: D102
+    @property
+    def draws(self) -> tuple[tuple[int, int], tuple[int, int]]: ...  # noqa: D102
+    @property
+    def outlines(self) -> Array: ...  # noqa: D102
+    @property
+    def unknowns(self) -> tuple[int, int]: ...  # noqa: D102
+    @property
+    def warnings(self) -> tuple[str, ...]: ...  # noqa: D102
+
+    def places(self, axis: int) -> Array:
+        """Where the values of an axis belong (rows, columns, 2) [m]."""
+        ...
+
+    def permeability(self, along: Array, across: Array) -> Any:
+        """What the seal takes, from drawn values of both axes (rows, columns) [m³]."""
+        ...
+
+    def means(self, values: Array) -> Array:
+        """Mean over the windows of every part of `outlines` (n,) of values drawn along axis 0."""
+        ...
+
+    def flux(self, permeability: Any, potential: Array, rate: float) -> Array:
+        """Volume rate per width in every part of `outlines` (n, 2) [m²/s], in the plane of the seal.
+
+        potential : at the nodes, over the density of volume rates [1/s]. rate : leakage of the seal [m³/s].
+        """
+        ...
+
+    def shown(self, permeability: Any, fluid_pressure: Array) -> tuple[Array, Array]:
+        """Permeability [m³] and fluid pressure [Pa] of every part of `outlines` (n,)."""
+        ...
+
+
+@dataclass(frozen=True)
+class Windows:
+    """What a layout lays out: windows of a face, and what the sampling of the seal says of its size.
+
+    size : sides of a window along x1 and x2 [m]. rows : of windows of the face along x1.
+    length, breadth : of the seal [m], None where not given.
+    """
+
+    size: tuple[float, float]
+    rows: int
+    length: float | None = None
+    breadth: float | None = None
 
 
 class Layout(Protocol):
     """Interface of the shapes of seals that studies take."""
 
-    def seal(self, size: tuple[float, float], cells: tuple[int, int], rows: tuple[float, ...] = ()) -> RectangularSeal:
-        """The seal of a map of windows.
+    kind: ClassVar[str]
+    #: Whether the sampling gives the length of the seal.
+    has_length: ClassVar[bool]
 
-        Parameters
-        ----------
-        size : of the map along x1, from inlet to outlet, and along x2 [m].
-        cells : windows along x1 and x2.
-        rows : x1 of the rows of nodes [m]; equidistant unless given.
+    def lay_out(self, windows: Windows) -> SealWindows:
+        """Lay windows out over the seal.
+
+        Raises
+        ------
+        InputError : a size that is not given, or given twice; windows larger than the parts of the seal.
         """
+        ...
+
+    def frame(self, size: tuple[float, float]) -> Frame:
+        """Coordinates of maps of the pressure on a seal of this shape, of sides, or breadth and length [m]."""
+        ...
+
+    def __str__(self) -> str:
+        """The seal in words."""
         ...
 
 
 @dataclass(frozen=True)
 class RectangularLayout:
-    """A straight strip, which is the map itself; it goes on periodically along x2."""
+    """A straight strip; it goes on periodically along x2.
+
+    lay : of the windows on the strip, see `Lay`; along x2, as on the face, unless given.
+    """
 
     kind: ClassVar[str] = "rectangular"
+    has_length: ClassVar[bool] = True
+    lay: Any = "x2"
 
-    def seal(self, size: tuple[float, float], cells: tuple[int, int], rows: tuple[float, ...] = ()) -> RectangularSeal:
-        """The strip."""
-        return RectangularSeal(size, cells, rows)
+    def __post_init__(self) -> None:
+        lay = Lay.of(self.lay)
+        if lay.name in ("radial", "circumferential") or lay.file is not None:
+            raise InputError.of("lay", f"'{lay}' on a strip", "x1, x2, or {angle = '30 deg'}")
+        object.__setattr__(self, "lay", lay)
+
+    def lay_out(self, windows: Windows) -> SealWindows:
+        """Links along the axes of the strip; quadrilaterals where the lay runs between them."""
+        (d1, d2), turned = windows.size, self.lay.name == "x1"
+        if windows.length is None:
+            raise InputError.of("length", "none", "the length of a rectangular seal")
+        if self.lay.name == "":
+            d1 = d2 = (d1 * d2) ** 0.5
+        elif turned:
+            d1, d2 = d2, d1
+        breadth = windows.breadth if windows.breadth is not None else windows.rows * windows.size[0]
+        cells = max(1, round(breadth / d1)), max(1, round(windows.length / d2))
+        size = cells[0] * d1, cells[1] * d2
+        if self.lay.name:
+            return LinkWindows(RectangularSeal(size, cells), turned)
+        return _elements(_strip(size, cells), windows, self.lay)
+
+    def frame(self, size: tuple[float, float]) -> Frame:
+        """x1 from the inlet, and x2."""
+        return Frame.of_strip(size)
+
+    def __str__(self) -> str:
+        return "a strip" if self.lay.name == "x2" else f"a strip, lay {self.lay}"
+
+
+@dataclass(frozen=True)
+class AnnularLayout:
+    """A ring, which leaks along the radius.
+
+    inner_radius, outer_radius : [m]. inlet : at the "inner" or the "outer" one.
+    lay : of the windows on the ring, see `Lay`; "circumferential" unless given.
+    """
+
+    kind: ClassVar[str] = "annular"
+    has_length: ClassVar[bool] = False
+    inner_radius: float = parameter("m", "a length > 0, such as '10 mm'")
+    outer_radius: float = parameter("m", "a length > 0, such as '15 mm'")
+    inlet: Literal["inner", "outer"] = "inner"
+    lay: Any = "circumferential"
+
+    def __post_init__(self) -> None:
+        check_parameters(self)
+        object.__setattr__(self, "lay", Lay.of(self.lay))
+        if self.lay.file is not None:
+            raise InputError.of("lay", f"'{self.lay}' on a ring", "a field on a mesh only")
+        AnnularSeal(self.inner_radius, self.outer_radius, (1, 1), self.inlet)
+        _plausible("outer_radius", 2 * self.outer_radius)
+
+    def lay_out(self, windows: Windows) -> SealWindows:
+        """Links along radius and angle; quadrilaterals where the lay runs between them."""
+        _refuse_sizes(self.kind, windows)
+        d1, d2 = windows.size
+        along_axes = self.lay.name in ("radial", "circumferential")
+        if not along_axes:
+            d1 = d2 = (d1 * d2) ** 0.5
+        elif self.lay.name == "radial":
+            d1, d2 = d2, d1
+        breadth, middle = self.outer_radius - self.inner_radius, (self.inner_radius + self.outer_radius) / 2
+        if breadth < _NARROW * d1:
+            sides = " × ".join(to_text(side, "m", 3) for side in windows.size)
+            raise InputError.of("outer_radius", f"a ring {to_text(breadth, 'm', 3)} broad",
+                                f"a ring at least as broad as a window, {sides}")  # fmt: skip
+        cells = max(1, round(breadth / d1)), max(3, round(2 * pi * middle / d2))
+        seal = AnnularSeal(self.inner_radius, self.outer_radius, cells, self.inlet)
+        if not along_axes:
+            return _elements(_ring(seal), windows, self.lay)
+        narrow = 2 * pi * self.inner_radius / (cells[1] * d2)
+        given = f"a ring whose {cells[1]} columns of windows are {narrow:.0%} as wide as windows at its inner radius"
+        if narrow < _NARROWEST:
+            raise InputError.of("inner_radius", given, f"at least {_NARROWEST:.0%}; a mesh has none of them")
+        told = (f"{given}: windows there are drawn too close together; a mesh has equal ones",)
+        return LinkWindows(seal, self.lay.name == "radial", told if narrow < _NARROW else ())
+
+    def frame(self, size: tuple[float, float]) -> Frame:
+        """Radius and angle."""
+        ends = self.inner_radius, self.outer_radius
+        return Frame(ends=ends if self.inlet == "inner" else ends[::-1])
+
+    def __str__(self) -> str:
+        radii = " and ".join(to_text(r, "m") for r in (self.inner_radius, self.outer_radius))
+        flow = "outwards" if self.inlet == "inner" else "inwards"
+        return f"a ring between the radii {radii}, leaking {flow}, lay {self.lay}"
+
+
+@dataclass(frozen=True)
+class MeshLayout:
+    """A seal of any plan shape, from a mesh file.
+
+    path : the file, see `MeshSeal`. unit : of its lengths, such as "mm". inlet, outlet : names of boundaries, one or
+    several each; all others are closed.
+    lay : of the windows on the seal, see `Lay`. centre : from which "radial", "circumferential" and the maps of the
+    pressure are seen [m].
+    length : by which leakage is divided [m]; that of the outlet unless given.
+    """
+
+    kind: ClassVar[str] = "mesh"
+    has_length: ClassVar[bool] = False
+    path: Path
+    unit: str
+    inlet: str | tuple[str, ...]
+    outlet: str | tuple[str, ...]
+    lay: Any = "circumferential"
+    centre: tuple[float, float] = (0.0, 0.0)
+    length: float | None = None
+
+    def __post_init__(self) -> None:
+        to_si(f"1 {self.unit}", "m", "unit")
+        if self.length is not None and not (isfinite(self.length) and self.length > 0):
+            raise InputError.of("length", self.length, "a length > 0 [m]")
+        object.__setattr__(self, "lay", Lay.of(self.lay, Path(self.path).parent))
+
+    def lay_out(self, windows: Windows) -> SealWindows:
+        """Each element takes the windows that fit into it."""
+        _refuse_sizes(self.kind, windows)
+        seal = MeshSeal(self.path, self.inlet, self.outlet, self.unit)
+        _plausible("path", float(np.ptp(seal.points, axis=0).max()), self.unit)
+        mesh, (inlet, outlet) = straightened(seal.mesh, *seal.ends)
+        length = self.length or seal.length
+        laid = ElementSeal(mesh, inlet, outlet, (seal.area / length, length), mesh.p.T[mesh.t.T])
+        return _elements(laid, windows, self.lay, self.centre, to_si(f"1 {self.unit}", "m", "unit"))
+
+    def frame(self, size: tuple[float, float]) -> Frame:
+        """Radius and angle around `centre`."""
+        return Frame(centre=self.centre)
+
+    def __str__(self) -> str:
+        return f"the mesh {Path(self.path).name}, lay {self.lay}"
+
+
+def _elements(
+    seal: ElementSeal, windows: Windows, lay: Lay, centre: tuple[float, float] = (0.0, 0.0), unit: float = 1.0
+) -> ElementWindows:
+    laid = ElementWindows(seal, windows.size, lay.directions(seal.outlines.mean(axis=1), centre, unit))
+    return laid.checked()
+
+
+def _strip(size: tuple[float, float], cells: tuple[int, int]) -> ElementSeal:
+    """A strip of quadrilaterals, periodic along x2."""
+    if cells[1] < 3:
+        raise InputError.of("length", f"{cells[1]} windows", "at least 3 where the lay runs between the axes")
+    plain = MeshQuad.init_tensor(*(np.linspace(0.0, side, n + 1) for side, n in zip(size, cells, strict=True)))
+    x1, x2 = plain.p
+    ring = MeshQuad1DG.periodic(plain, np.flatnonzero(x2 == x2.max()), np.flatnonzero(x2 == 0.0))
+    at = np.empty(ring.nvertices)
+    at[ring.t] = x1[plain.t]
+    facets = ring.boundary_facets()
+    inlet, outlet = (facets[(at[ring.facets[:, facets]] == end).all(axis=0)] for end in (0.0, x1.max()))
+    return ElementSeal(ring, inlet, outlet, size, plain.p.T[plain.t.T])
+
+
+def _ring(seal: AnnularSeal) -> ElementSeal:
+    """A ring of quadrilaterals with straight sides between the nodes of a structured one."""
+    n1, n2 = seal.cells
+    number = np.arange((n1 + 1) * n2).reshape(n1 + 1, n2)
+    following = np.roll(number, -1, axis=1)
+    quads = np.stack([number[:-1], number[1:], following[1:], following[:-1]]).reshape(4, -1)
+    mesh = MeshQuad(np.ascontiguousarray(seal.points.reshape(-1, 2).T), quads)
+    facets = mesh.boundary_facets()
+    row = (mesh.facets[:, facets] // n2)[0]
+    return ElementSeal(mesh, facets[row == 0], facets[row == n1], seal.size, mesh.p.T[mesh.t.T])
+
+
+def _refuse_sizes(kind: str, windows: Windows) -> None:
+    for name, value in (("length", windows.length), ("breadth", windows.breadth)):
+        if value is not None:
+            raise InputError.of(name, to_text(value, "m"), f"none with a seal of kind {kind}: it has its own")
+
+
+def _plausible(name: str, size: float, unit: str = "") -> None:
+    low, high = _SIZES
+    if not low <= size <= high:
+        given = f"a seal {to_text(size, 'm', 3)} across" + (f" with the unit '{unit}'" if unit else "")
+        raise InputError.of(name, given, f"from {to_text(low, 'm')} to {to_text(high, 'm')}: is its unit right?")
 
 
 #: Shapes that a case can choose, by their kind.
-LAYOUTS: dict[str, Any] = {layout.kind: layout for layout in (RectangularLayout,)}
+LAYOUTS: dict[str, Any] = {layout.kind: layout for layout in (RectangularLayout, AnnularLayout, MeshLayout)}

@@ -10,7 +10,9 @@ from numpy.typing import NDArray
 
 from ..base.errors import InputError
 from ..base.text import Shown
+from ..flow.permeability_table import PermeabilityTable
 from ..fluids import Fluid
+from .pressure_dependent import pressure_dependent_flow
 from .shapes import Seal
 
 Array = NDArray[np.float64]
@@ -32,6 +34,11 @@ class Leakage(Shown):
     imbalance: float = field(metadata={"unit": "1", "long_name": "difference of inlet and outlet flow"})
     percolates: bool = field(metadata={"unit": "1", "long_name": "an open path from inlet to outlet"})
     solver: str = field(metadata={"unit": "1", "long_name": "solver of the linear system"})
+    permeability: Any = field(
+        default=None,
+        metadata={"unit": "m^3", "long_name": "permeability at the pressures of the solution, if it depends on them"},
+        repr=False,
+    )
 
 
 def seal_leakage(
@@ -52,7 +59,9 @@ def seal_leakage(
     seal : shape of the seal.
     permeability : k >= 0 [m³]; a number; on structured seals of (n1, n2) cells the links (k1, k2), numbers or arrays
         (n1, n2) and (n1 − 1, n2), or symmetric tensors (n1, n2, 2, 2) of the elements between four nodes, in the
-        directions of the two axes; on meshes (n_elements,), (n_elements, 2) along x and y, or (n_elements, 2, 2).
+        directions of the two axes; on meshes (n_elements,), (n_elements, 2) along x and y, or (n_elements, 2, 2). A
+        `PermeabilityTable` of any of these gives it at several pressures, as a gas with slip needs; anything else is
+        taken for that of all pressures.
     fluid : a `Liquid`, an `IdealGas` or anything else with a pressure potential.
     inlet_pressure, outlet_pressure : [Pa]; absolute for a gas.
     bounds : also enclose the rate between `lower` and `upper`; otherwise both are NaN. On structured seals
@@ -74,7 +83,12 @@ def seal_leakage(
     """
     φ_in = _potential(fluid, "inlet_pressure", inlet_pressure)
     φ_out = _potential(fluid, "outlet_pressure", outlet_pressure)
-    flow = seal.flow(permeability, bounds=bounds, solver=solver)
+    local = None
+    if isinstance(permeability, PermeabilityTable):
+        ends = {"inlet": float(inlet_pressure), "outlet": float(outlet_pressure)}
+        flow, local = pressure_dependent_flow(seal, permeability, fluid, **ends, bounds=bounds, solver=solver)
+    else:
+        flow = seal.flow(permeability, bounds=bounds, solver=solver)
     drop = φ_in - φ_out
     to_volume = drop / fluid.reference_density
     volume_rate = flow.conductance * to_volume
@@ -94,6 +108,7 @@ def seal_leakage(
         imbalance=flow.imbalance,
         percolates=flow.percolates,
         solver=flow.solver,
+        permeability=local,
     )
 
 

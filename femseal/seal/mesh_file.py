@@ -32,8 +32,13 @@ _LINES = ("line", "line3")
 _READING_FACTOR = 4
 
 
-def read_mesh(path: str | PathLike[str]) -> Mesh:
+def read_mesh(path: str | PathLike[str], unit: float = 1.0) -> Mesh:
     """Mesh of triangles or quadrilaterals (first or second order) with `boundaries` by name.
+
+    Parameters
+    ----------
+    path : a file that meshio reads.
+    unit : of its coordinates [m].
 
     Elements keep the order of the file (blocks of one kind one after the other); nodes that no element uses
     are left out. A physical group without a name is called by its number.
@@ -44,12 +49,7 @@ def read_mesh(path: str | PathLike[str]) -> Mesh:
         z.
     """
     file = Path(fspath(path))
-    if not file.is_file():
-        raise InputError.of("path", f"'{file}'", "an existing mesh file")
-    if _READING_FACTOR * (length := file.stat().st_size) > (free := free_memory()):
-        allowed = f"a mesh that can be read in the {free / 1e9:.3g} GB of free memory"
-        raise InputError.of("path", f"'{file}' of {length / 1e9:.3g} GB", allowed)
-    data = _meshio_read(file)
+    data = read_data(file)
     present = [kind for kind in _KINDS if kind in data.cells_dict]
     if not present:
         found = ", ".join(data.cells_dict) or "nothing"
@@ -61,7 +61,7 @@ def read_mesh(path: str | PathLike[str]) -> Mesh:
     cells = np.asarray(data.cells_dict[kind])
     if points.shape[1] > 2 and np.ptp(points[cells, 2]) > 1e-9 * np.ptp(points[cells.ravel()], axis=0).max():
         raise InputError.of("path", f"'{file}' with varying z", "a plane mesh, z constant")
-    points = points[:, :2]
+    points = points[:, :2] * unit
     if kind == "quad8":
         centre = points[cells[:, 4:]].sum(axis=1) / 2 - points[cells[:, :4]].sum(axis=1) / 4
         cells = np.hstack([cells, len(points) + np.arange(len(cells))[:, None]])
@@ -75,6 +75,37 @@ def read_mesh(path: str | PathLike[str]) -> Mesh:
     vertex[used[np.unique(cells[:, :corners])]] = np.arange(mesh.nvertices)
     boundaries = {name: _facets_of(mesh, vertex[lines]) for name, lines in _named_lines(data).items()}
     return mesh.with_boundaries({name: facets for name, facets in boundaries.items() if facets.size})
+
+
+def read_field(path: str | PathLike[str], name: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Places (n, 2) and values (n,) or (n, components) of a field at the points or the cells of a mesh file.
+
+    Places are in the unit of the file; those of cells are the means of their nodes.
+
+    Raises
+    ------
+    InputError : no such file, not readable, or no such field.
+    """
+    file = Path(fspath(path))
+    data = read_data(file)
+    points = np.asarray(data.points, dtype=float)[:, :2]
+    if name in data.point_data:
+        return points, np.asarray(data.point_data[name], dtype=float)
+    if name in data.cell_data:
+        centres = [points[block.data].mean(axis=1) for block in data.cells]
+        return np.vstack(centres), np.concatenate([np.asarray(v, dtype=float) for v in data.cell_data[name]])
+    there = ", ".join(repr(n) for n in (*data.point_data, *data.cell_data)) or "none"
+    raise InputError.of("field", f"'{name}' of '{file}'", f"one of its fields: {there}")
+
+
+def read_data(file: Path) -> Any:
+    """Contents of a mesh file, if it is there and fits into memory."""
+    if not file.is_file():
+        raise InputError.of("path", f"'{file}'", "an existing mesh file")
+    if _READING_FACTOR * (length := file.stat().st_size) > (free := free_memory()):
+        allowed = f"a mesh that can be read in the {free / 1e9:.3g} GB of free memory"
+        raise InputError.of("path", f"'{file}' of {length / 1e9:.3g} GB", allowed)
+    return _meshio_read(file)
 
 
 def _meshio_read(file: Path) -> Any:

@@ -7,6 +7,7 @@ A shape is a frozen dataclass with `length`, `points` and `flow` (see `Seal`); o
 from __future__ import annotations
 
 import itertools
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from math import pi
 from operator import index
@@ -14,11 +15,12 @@ from os import PathLike
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
-from skfem import FacetBasis, Functional, Mesh, MeshQuad1, MeshQuad2, MeshTri1, MeshTri2
+from numpy.typing import ArrayLike, NDArray
+from skfem import Basis, FacetBasis, Functional, Mesh, MeshQuad1, MeshQuad2, MeshTri1, MeshTri2
 from skfem.quadrature import get_quadrature
 
 from ..base.errors import InputError
+from ..base.quantities import to_si
 from ..flow.grid import Grid
 from ..flow.mesh import darcy_conductance, is_connected
 from ..flow.solution import DarcyFlow
@@ -85,9 +87,12 @@ class RectangularSeal(StructuredSeal):
     @property
     def points(self) -> Array:
         """Coordinates of the nodes (n1 + 1, n2, 2) [m]."""
-        n2 = self.cells[1]
-        x1, x2 = np.meshgrid(self.rows, (np.arange(n2) + 0.5) * (self.size[1] / n2), indexing="ij")
-        return np.stack([x1, x2], axis=-1)
+        return self.place(self.rows, np.arange(self.cells[1]))
+
+    def place(self, x1: ArrayLike, column: ArrayLike) -> Array:
+        """Coordinates (rows, columns, 2) [m] at distances x1 from the inlet [m] and columns of nodes, also between."""
+        x2 = (np.asarray(column) + 0.5) * (self.size[1] / self.cells[1])
+        return np.stack(np.meshgrid(x1, x2, indexing="ij"), axis=-1)
 
     @property
     def grid(self) -> Grid:
@@ -100,7 +105,7 @@ class AnnularSeal(StructuredSeal):
     """A ring, leaking along the radius; axis 0 always runs from the inlet to the outlet, axis 1 along the
     angle.
 
-    Nodes lie at n_r + 1 equidistant radii and at n_θ angles. A radial link has the conductance k1 Δθ/ln(r₊/r₋), exact
+    Nodes lie at n_r + 1 radii and at n_θ angles. A radial link has the conductance k1 Δθ/ln(r₊/r₋), exact
     for constant k; a tangential one carries the flow from half way to the radius before to half way to the one after,
     in ln r, k2 ln(r₊/r₋)/2Δθ.
 
@@ -109,16 +114,20 @@ class AnnularSeal(StructuredSeal):
     inner_radius, outer_radius : [m].
     cells : (n_r, n_θ).
     inlet : "inner" or "outer"; with "outer" the first row of k1 and of the fluid pressure lies outside.
+    rows : distances of the rows of nodes from the inlet (n_r + 1) [m], rising from 0 to the breadth; equidistant unless
+        given.
 
     Raises
     ------
-    InputError : radii that do not increase from above 0, bad cells, another inlet.
+    InputError : radii that do not increase from above 0, bad cells, another inlet, rows that do not rise from 0 to the
+        breadth.
     """
 
     inner_radius: float
     outer_radius: float
     cells: tuple[int, int]
     inlet: str = "inner"
+    rows: tuple[float, ...] = field(default=(), repr=False)
 
     def __post_init__(self) -> None:
         inner, outer = _length("inner_radius", self.inner_radius), _length("outer_radius", self.outer_radius)
@@ -129,12 +138,19 @@ class AnnularSeal(StructuredSeal):
         object.__setattr__(self, "cells", _cells(self.cells))
         if self.inlet not in ("inner", "outer"):
             raise InputError.of("inlet", repr(self.inlet), "'inner' or 'outer'")
+        breadth = outer - inner
+        rows = self.rows or np.linspace(0.0, breadth, self.cells[0] + 1)
+        object.__setattr__(self, "rows", _rows(rows, breadth, self.cells[0]))
 
     @property
     def radii(self) -> Array:
         """Radii of the nodes (n_r + 1,) from inlet to outlet [m]."""
-        r = np.linspace(self.inner_radius, self.outer_radius, self.cells[0] + 1)
-        return r if self.inlet == "inner" else r[::-1]
+        return self._radius(self.rows)
+
+    def _radius(self, x1: ArrayLike) -> Array:
+        """Radii at distances from the inlet [m]."""
+        x1 = np.asarray(x1, dtype=float)
+        return self.inner_radius + x1 if self.inlet == "inner" else self.outer_radius - x1
 
     @property
     def size(self) -> tuple[float, float]:
@@ -149,8 +165,12 @@ class AnnularSeal(StructuredSeal):
     @property
     def points(self) -> Array:
         """Cartesian coordinates of the nodes (n_r + 1, n_θ, 2) [m]."""
-        θ = (np.arange(self.cells[1]) + 0.5) * (2 * pi / self.cells[1])
-        return self.radii[:, None, None] * np.stack([np.cos(θ), np.sin(θ)], axis=-1)
+        return self.place(self.rows, np.arange(self.cells[1]))
+
+    def place(self, x1: ArrayLike, column: ArrayLike) -> Array:
+        """Coordinates (rows, columns, 2) [m] at distances x1 from the inlet [m] and columns of nodes, also between."""
+        θ = (np.asarray(column) + 0.5) * (2 * pi / self.cells[1])
+        return self._radius(x1)[:, None, None] * np.stack([np.cos(θ), np.sin(θ)], axis=-1)
 
     @property
     def grid(self) -> Grid:
@@ -165,9 +185,9 @@ class MeshSeal:
 
     Parameters
     ----------
-    path : a mesh file that meshio reads (plane, z constant, coordinates in metres), or a scikit-fem mesh with
-        named `boundaries`.
-    inlet, outlet : names of two boundaries that do not touch.
+    path : a mesh file that meshio reads (plane, z constant), or a scikit-fem mesh with named `boundaries`, in metres.
+    inlet, outlet : names of boundaries, one or several each, that do not touch; all others are closed.
+    unit : of the lengths in the file, such as "mm".
 
     Raises
     ------
@@ -177,32 +197,44 @@ class MeshSeal:
     """
 
     path: str | PathLike[str] | Mesh = field(repr=False)
-    inlet: str
-    outlet: str
+    inlet: str | Sequence[str]
+    outlet: str | Sequence[str]
+    unit: str = field(default="m", repr=False)
     mesh: Mesh = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        mesh = self.path if isinstance(self.path, Mesh) else read_mesh(self.path)
+        mesh = self.path if isinstance(self.path, Mesh) else read_mesh(self.path, to_si(f"1 {self.unit}", "m", "unit"))
         object.__setattr__(self, "mesh", mesh)
         if type(mesh) not in (MeshTri1, MeshQuad1, MeshTri2, MeshQuad2):
             raise InputError.of("path", f"a {type(mesh).__name__}", "a plane mesh of triangles or quadrilaterals")
         there = ", ".join(repr(str(name)) for name in mesh.boundaries or {}) or "none"
-        for role, name in (("inlet", self.inlet), ("outlet", self.outlet)):
-            if name not in (mesh.boundaries or {}):
-                raise InputError.of(role, repr(name), f"the name of a boundary of the mesh: {there}")
+        for role, names in (("inlet", self.inlet), ("outlet", self.outlet)):
+            for name in _names(names) or (names,):
+                if name not in (mesh.boundaries or {}):
+                    raise InputError.of(role, repr(name), f"the name of a boundary of the mesh: {there}")
         _check_elements(mesh)
-        if not is_connected(mesh, *self._ends):
+        if not is_connected(mesh, *self.ends):
             raise InputError("inlet and outlet: not connected by the mesh, allowed is a mesh in one piece")
 
     @property
-    def _ends(self) -> tuple[Any, Any]:
-        return self.mesh.boundaries[self.inlet], self.mesh.boundaries[self.outlet]
+    def ends(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Boundary facets of inlet and outlet."""
+        inlet, outlet = (
+            np.unique(np.concatenate([self.mesh.boundaries[name] for name in _names(names)]))
+            for names in (self.inlet, self.outlet)
+        )
+        return inlet, outlet
 
     @property
     def length(self) -> float:
         """Length of the outlet [m]."""
-        basis = FacetBasis(self.mesh, self.mesh.elem(), facets=self._ends[1], intorder=6)
+        basis = FacetBasis(self.mesh, self.mesh.elem(), facets=self.ends[1], intorder=6)
         return float(_one.assemble(basis))
+
+    @property
+    def area(self) -> float:
+        """Area of the seal [m²]."""
+        return float(_one.assemble(Basis(self.mesh, self.mesh.elem(), intorder=6)))
 
     @property
     def points(self) -> Array:
@@ -211,7 +243,7 @@ class MeshSeal:
 
     def flow(self, permeability: Any, *, bounds: bool = False, solver: str = "auto") -> DarcyFlow:
         """Flow for a unit drop; permeability: a number, (n,), (n, 2) or (n, 2, 2) for n elements [m³]."""
-        return darcy_conductance(self.mesh, permeability, *self._ends, bounds=bounds, solver=solver)
+        return darcy_conductance(self.mesh, permeability, *self.ends, bounds=bounds, solver=solver)
 
 
 @Functional
@@ -263,6 +295,10 @@ def _check_sides(mesh: Mesh) -> None:
             else f"a mesh whose element {named} lies on others"
         )
         raise InputError.of("path", given, "elements that lie beside each other")
+
+
+def _names(given: str | Sequence[str]) -> tuple[str, ...]:
+    return (given,) if isinstance(given, str) else tuple(given)
 
 
 def _pair(name: str, value: Any, allowed: str) -> tuple[Any, Any]:

@@ -6,9 +6,11 @@
 
 from .deterministic import DeterministicResult, deterministic
 from .face_contact import CONTACTS, chosen_contact
-from .sampling_options import DRAWS, PRESSURES, Sampling, check_sampling, chosen_sampler, placed_windows, seal_cells
+from .other_fluid import FluidState, OtherLeakage, drop_ratio
+from .sampling_options import DRAWS, PRESSURES, Sampling, check_sampling, chosen_sampler, laid_out, placed_windows
 from .scene import Scene
-from .stochastic import StochasticResult, stochastic
+from .stochastic import stochastic
+from .stochastic_result import StochasticResult
 from .two_scale import FLOWS, TwoScaleResult, chosen_flow, two_scale
 
 __all__ = [
@@ -17,6 +19,8 @@ __all__ = [
     "FLOWS",
     "PRESSURES",
     "DeterministicResult",
+    "FluidState",
+    "OtherLeakage",
     "Sampling",
     "Scene",
     "StochasticResult",
@@ -26,8 +30,9 @@ __all__ = [
     "chosen_flow",
     "chosen_sampler",
     "deterministic",
+    "drop_ratio",
+    "laid_out",
     "placed_windows",
-    "seal_cells",
     "stochastic",
     "two_scale",
 ]

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..base.stage import Mapper, Stage
-from ..scales import ColumnRuns, Failed, Partition, RunFlows, SolverCounts, attempt
+from ..flow.gas_drop import GasDrop
+from ..scales import Failed, Partition, RunFlows, SolverCounts, attempt
 from ..scales.window_fields import WindowFields
 from ..seal import RectangularSeal
+from .element_face import columns_of_face
 from .scene import Array, Scene
 
 #: Columns of a run as shares of those of the face, the first of which is taken by which the cuts matter less than the
@@ -33,12 +35,17 @@ class StateRuns:
     solvers: SolverCounts
 
     @classmethod
-    def of(cls, gap: NDArray[np.floating], partition: Partition, lengths: tuple[int, ...]) -> StateRuns:
+    def of(
+        cls, gap: NDArray[np.floating], partition: Partition, lengths: tuple[int, ...], drop: GasDrop | None
+    ) -> StateRuns:
         """Solve the runs of a gap (n1, n2) [m]."""
-        columns = ColumnRuns.of(gap, partition)
-        flows = tuple(columns.flows(length) for length in lengths)
+        columns, factor = columns_of_face(gap, partition, drop)
+        flows = tuple(
+            replace(f, closed=factor * f.closed, held=factor * f.held, whole=factor * f.whole)
+            for f in (columns.flows(length) for length in lengths)
+        )
         solvers = SolverCounts.total([SolverCounts.of(columns.face), *(f.solvers for f in flows)])
-        return cls(flows, columns.window_permeability(), solvers)
+        return cls(flows, factor * columns.window_permeability(), solvers)
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,11 +68,14 @@ class ChainedSeals:
     warnings: tuple[str, ...]
 
 
-def runs_of_face(fields: WindowFields, columns: int, *, mapper: Mapper = map) -> list[StateRuns | Failed]:
+def runs_of_face(
+    fields: WindowFields, columns: int, drop: GasDrop | None, *, mapper: Mapper = map
+) -> list[StateRuns | Failed]:
     """Solve the runs of a face at every step, of every length that a seal of so many columns may be made of."""
     m2 = fields.partition.cells[1]
     lengths = tuple(sorted({max(1, min(m2 // share, columns)) for share in RUN_SHARES}))
-    stage = Stage("runs of columns", partial(attempt, StateRuns.of, partition=fields.partition, lengths=lengths))
+    solve = partial(attempt, StateRuns.of, partition=fields.partition, lengths=lengths, drop=drop)
+    stage = Stage("runs of columns", solve)
     return list(mapper(stage, fields.gap))
 
 
@@ -76,7 +86,7 @@ def chained_seals(
 
     Random numbers depend on (seed, realisation, run) only: run n of a longer seal is what run n of a shorter one is.
     """
-    flows, warnings = _long_enough(scene, found)
+    flows, warnings = _long_enough(scene, found, columns)
     solved = [flow for flow in flows if flow is not None]
     length, independent = (solved[0].length, solved[0].independent) if solved else (1, 1)
     runs = max(1, round(columns / length))
@@ -109,7 +119,9 @@ def chained_seals(
     )
 
 
-def _long_enough(scene: Scene, found: Sequence[StateRuns | Failed]) -> tuple[list[RunFlows | None], tuple[str, ...]]:
+def _long_enough(
+    scene: Scene, found: Sequence[StateRuns | Failed], columns: int
+) -> tuple[list[RunFlows | None], tuple[str, ...]]:
     """Runs of the least length at which cuts matter less than the finite face, else of the largest; None if failed."""
     solved = {
         step.name: state.flows for step, state in zip(scene.steps, found, strict=True) if isinstance(state, StateRuns)
@@ -118,7 +130,8 @@ def _long_enough(scene: Scene, found: Sequence[StateRuns | Failed]) -> tuple[lis
         return [None] * len(found), ()
     first = next(iter(solved.values()))
     counting = {name: flows for name, flows in solved.items() if flows[0].whole > _COUNTS * first[0].whole}
-    lengths = range(len(first))
+    # no longer than the seal
+    lengths = range(max(1, sum(flow.length <= columns for flow in first)))
     long_enough = (n for n in lengths if all(f[n].cut_error <= f[n].scatter for f in counting.values()))
     chosen = next(long_enough, lengths[-1])
     wide = {

@@ -13,6 +13,7 @@ import numpy as np
 
 from ..base.machine import free_memory
 from ..contact.cycle import STATE_FIELDS
+from ..scales.elements import ELEMENT_BYTES
 from ..scales.global_contact import PIXELS_PER_CUT_OFF
 from .deterministic import STEP_BYTES, state_memory
 from .face_contact import chosen_contact
@@ -29,6 +30,8 @@ _PAIR_GROWTH = (0.1, 0.5)
 #: Seconds of a flow solution, and for each pixel of 100² where it is open and closed; their growth with the pixels far
 #: from closing and near it.
 _FLOW_SECONDS, _FLOW_PIXEL_SECONDS, _FLOW_GROWTH = 3e-4, (2e-7, 5e-8), (0.12, 0.46)
+#: Seconds of flow through elements for each open pixel: of any window, of one of a pixel, and for each pixel of a side.
+_ELEMENT_SECONDS = 1.25e-6, 1.9e-5, 4e-9
 #: Memory of contact and flow far from closing, for each pixel [byte].
 _EASY_BYTES = 8 * 40.0
 #: Shares in contact between which flow is near closing.
@@ -78,6 +81,12 @@ def flow_seconds(pixels: float, effort: Effort) -> float:
     return _FLOW_SECONDS + pixels * (far * growth if effort.share < high else closed)
 
 
+def element_seconds(pixels: float, side: float, effort: Effort) -> float:
+    """Expected time of one flow solution through elements, windows of `side` pixels along each side [s]."""
+    each, small, large = _ELEMENT_SECONDS
+    return pixels * (1 - effort.share) * (each + small / side + large * side)
+
+
 def deterministic_cost(efforts: Sequence[Effort], points: tuple[int, int]) -> tuple[float, float]:
     """Expected time on one core [s] and memory [byte] of the deterministic solution."""
     pixels = points[0] * points[1]
@@ -109,9 +118,14 @@ def two_scale_cost(
         seconds += contact_seconds(coarse, effort)
         if not whole:
             seconds += m1 * m2 * contact_seconds(window, effort) + _ERROR_PAIRS * _PAIR_SECONDS[1] * pixels
-        seconds += flow_seconds(pixels, effort) if flow == "resolved" else links * flow_seconds(window, effort)
+        if flow == "elements":
+            seconds += element_seconds(pixels, window**0.5, effort)
+        else:
+            seconds += flow_seconds(pixels, effort) if flow == "resolved" else links * flow_seconds(window, effort)
     if flow == "resolved":
         memory = max(memory, _state_memory(pixels, efforts))
+    elif flow == "elements":
+        memory = max(memory, ELEMENT_BYTES * pixels)
     return seconds, 4.0 * pixels * len(efforts) + memory
 
 
@@ -155,8 +169,12 @@ def stochastic_cost(
 AFFORDABLE_SECONDS, AFFORDABLE_SHARE = 3600.0, 0.7
 
 
-def choose_method(steps: int, points: tuple[int, int], cells: tuple[int, int]) -> tuple[str, str]:
+def choose_method(
+    steps: int, points: tuple[int, int], cells: tuple[int, int], flow: str = "elements"
+) -> tuple[str, str]:
     """Choose "deterministic", which is exact on its pixels, if it is affordable, and "two-scale" otherwise.
+
+    `flow` is that of two scales then.
 
     Returns
     -------
@@ -168,6 +186,6 @@ def choose_method(steps: int, points: tuple[int, int], cells: tuple[int, int]) -
     cost = f"deterministic about {seconds:.0f} s and {memory / 1e9:.2g} GB of {free / 1e9:.2g} GB free"
     if seconds <= AFFORDABLE_SECONDS and memory <= AFFORDABLE_SHARE * free:
         return "deterministic", f"{cost}: affordable, and nothing is more exact on these pixels"
-    other, less = two_scale_cost(efforts, points, cells, "links")
+    other, less = two_scale_cost(efforts, points, cells, flow)
     reason = "too long" if memory <= AFFORDABLE_SHARE * free else "too much"
-    return "two-scale", f"{cost}: {reason}; two scales with links about {other:.0f} s and {less / 1e9:.2g} GB"
+    return "two-scale", f"{cost}: {reason}; two scales with {flow} about {other:.0f} s and {less / 1e9:.2g} GB"

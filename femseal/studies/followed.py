@@ -19,6 +19,7 @@ from ..scales import (
     on_ladder,
 )
 from ..scales.sampling import Index
+from .local_pressure import shared_paths, shares_of_links
 from .scene import Array, Scene
 from .sources import Tables, Wanted, WindowSupply
 
@@ -40,7 +41,7 @@ def windows_under_global_contact(wanted: Wanted) -> WindowSupply:
     The global contact of the face repeats along the seal.
     """
     scene, partition = wanted.scene, wanted.partition
-    (m1, m2), n2 = partition.cells, wanted.seal[1]
+    (m1, m2), n2 = partition.cells, wanted.laid.draws[0][1]
     cut_off = CUT_OFF_WINDOWS * min(partition.window_size)
     means = partial(_link_means, partition=partition)
     states = scene.global_states(partition, cut_off, take=means, mapper=wanted.mapper)
@@ -58,7 +59,7 @@ def windows_under_global_contact(wanted: Wanted) -> WindowSupply:
         path = np.arange(m1 - axis)[:, None] * m2 + np.arange(n2) % m2
         flat = (len(pressure), (m1 - axis) * m2)
         links.append(_LinkPaths(pressure.reshape(flat), gaps.reshape(flat), path))
-    return WindowSupply(library, _tables(library, links, scene))
+    return WindowSupply(library, _tables(library, links, scene, wanted.laid.axes))
 
 
 def _link_means(state: GlobalState, partition: Partition) -> tuple[Array, Array, Array, Array]:
@@ -68,21 +69,22 @@ def _link_means(state: GlobalState, partition: Partition) -> tuple[Array, Array,
 
 
 def windows_under_uniform_pressure(wanted: Wanted) -> WindowSupply:
-    """Follow windows with the full heights; links have the nominal pressure or their share in the profile."""
-    scene, (n1, n2) = wanted.scene, wanted.seal
-    nominal = scene.steps.pressures
-    rows = np.asarray(wanted.sampling.profile or (1.0,), float)
-    # between the rows of a profile lie those of the links across
-    shares = (rows, (rows[:-1] + rows[1:]) / 2 if rows.size > 1 else rows)
-    highest = float(nominal.max() * rows.max())
-    exact = scene.steps.loading if rows.size == 1 else ()
-    library = _library(wanted, highest, exact=exact)
+    """Follow windows with the full heights; each has the nominal pressure, or its share of it in the map."""
+    scene, laid = wanted.scene, wanted.laid
+    nominal = scene.steps.pressures[:, None]
+    shares = [shares_of_links(scene, laid, wanted.sampling.pressure_map, axis) for axis in (0, 1)]
+    everywhere = all(np.all(s == 1) for s in shares)
+    library = _library(
+        wanted,
+        float(max((nominal * s).max(initial=0) for s in shares)),
+        exact=scene.steps.loading if everywhere else (),
+    )
     links = []
     for axis in (0, 1):
-        pressure = nominal[:, None] * shares[axis]
-        row = np.arange(n1 - axis) if rows.size > 1 else np.zeros(n1 - axis, np.int64)
-        links.append(_LinkPaths(pressure, np.full(pressure.shape, -np.inf), np.repeat(row[:, None], n2, axis=1)))
-    return WindowSupply(library, _tables(library, links, scene))
+        paths, number = shared_paths(shares[axis])
+        pressure = nominal * paths
+        links.append(_LinkPaths(pressure, np.full(pressure.shape, -np.inf), number.reshape(laid.draws[axis])))
+    return WindowSupply(library, _tables(library, links, scene, laid.axes))
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,12 +100,15 @@ class _LinkPaths:
     path: Index
 
 
-def _tables(library: LadderLibrary, links: list[_LinkPaths], scene: Scene) -> tuple[Tables, ...]:
-    """Tables of the permeabilities, and with bounds also of their lower and their upper bounds."""
+def _tables(library: LadderLibrary, links: list[_LinkPaths], scene: Scene, axes: tuple[int, int]) -> tuple[Tables, ...]:
+    """Tables of the permeabilities, and with bounds also of their lower and their upper bounds; see `Ladder.kinds`.
+
+    axes : of the windows, from which the links along both axes take theirs.
+    """
 
     def table(axis: int, kind: int) -> LinkTable:
-        k = library.along(links[axis].pressure, links[axis].gap, scene.steps, axis, kind)
-        return LinkTable(k, links[axis].path, scene.steps)
+        k = library.along(links[axis].pressure, links[axis].gap, scene.steps, axes[axis], kind)
+        return LinkTable(k, links[axis].path, scene.steps, pressure=links[axis].pressure[:, :, None])
 
     return tuple((table(0, kind), table(1, kind)) for kind in range(library.ladder.kinds))
 
@@ -126,6 +131,7 @@ def _library(wanted: Wanted, highest: float, *, apart: bool = False, exact: tupl
         stops=STOPS if waits else (),
         separations=tuple(source.rms_height * s for s in SEPARATIONS) if apart else (),
         bounds=sampling.bounds,
+        drop=scene.flow.drop,
     )
     ladder = on_ladder(ladder, exact, highest)
     if exact:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from ..base.errors import FemsealError
@@ -30,20 +32,24 @@ def windows_in_place(wanted: Wanted) -> WindowSupply:
     FemsealError : every column has a failed window.
     """
     scene, partition, two_scale, mapper = wanted.scene, wanted.partition, wanted.two_scale, wanted.mapper
-    (m1, m2), w2, n2 = partition.cells, partition.window[1], wanted.seal[1]
+    (m1, m2), w2, n2 = partition.cells, partition.window[1], wanted.laid.draws[0][1]
     contact = two_scale or solve_windows(scene, partition.cells, wanted.contact, mapper=mapper)
     if wanted.sampling.sampler == "runs":
         return _runs_in_place(wanted, contact)
     shifts = placed_windows(wanted.sampling, partition) // (m1 * m2)
     moved = [n * w2 // shifts for n in range(shifts)]
     known = {}
-    if two_scale is not None and two_scale.k1 is not None and two_scale.k2 is not None:
-        known = {(0, 0): LinkFlows(two_scale.k1), (1, 0): LinkFlows(two_scale.k2)}
+    if two_scale is not None and two_scale.link_flows is not None:
+        # counts and failures of the two-scale study are in its own result
+        flows_before = enumerate(two_scale.link_flows)
+        known = {(axis, 0): LinkFlows(flow.k, at_pressures=flow.at_pressures) for axis, flow in flows_before}
     flows = [
         [known.get((axis, s)) or solve_links(contact.fields, axis, scene.flow, shift=s, mapper=mapper) for s in moved]
         for axis in (0, 1)
     ]
-    k1, k2 = _without_failed(*(np.concatenate([f.k for f in along], axis=2) for along in flows))
+    # (pressures, steps, rows, columns), of which there is one pressure without slip
+    every_k1, every_k2 = _without_failed(*(np.concatenate([f.all for f in along], axis=3) for along in flows))
+    k1, k2 = every_k1[0], every_k2[0]
     length = float(np.mean([correlation_length(k1[:, :, n * m2 : (n + 1) * m2]) for n in range(shifts)]))
     every = flows[0] + flows[1]
     library = PlacedLibrary(
@@ -58,16 +64,20 @@ def windows_in_place(wanted: Wanted) -> WindowSupply:
         failures=(() if two_scale else contact.failures) + tuple(text for f in every for text in f.failures),
     )
     run = min(RUN_LENGTHS * length, float(m2))
-    along, across = (
-        LinkTable(k, np.repeat(np.arange(k.shape[1])[:, None], n2, axis=1), scene.steps, run, length) for k in (k1, k2)
-    )
+
+    def table(k: Array) -> LinkTable:
+        return LinkTable(k, np.repeat(np.arange(k.shape[1])[:, None], n2, axis=1), scene.steps, run, length)
+
+    tables = tuple((table(along), table(across)) for along, across in zip(every_k1, every_k2, strict=True))
+    along, across = tables[0]
+    tables = ((replace(along, pressure=_moved_along(contact.pressure, shifts)), across), *tables[1:])
     node_rows = contact.fields.partition.node_rows
-    return WindowSupply(library, ((along, across),), node_rows, () if two_scale else contact.warnings)
+    return WindowSupply(library, tables, node_rows, () if two_scale else contact.warnings)
 
 
 def _runs_in_place(wanted: Wanted, contact: TwoScaleResult | WindowContacts) -> WindowSupply:
     known = contact is wanted.two_scale
-    runs = runs_of_face(contact.fields, wanted.seal[1], mapper=wanted.mapper)
+    runs = runs_of_face(contact.fields, wanted.laid.draws[0][1], wanted.scene.flow.drop, mapper=wanted.mapper)
     missing = np.full(wanted.partition.cells, np.nan)
     k = np.array([state.k if isinstance(state, StateRuns) else missing for state in runs])
     solved = k[np.isfinite(k[:, 0, 0])]
@@ -94,6 +104,13 @@ def _curves(contact: TwoScaleResult | WindowContacts, k: Array) -> LibraryTable:
     )
 
 
+def _moved_along(pressure: Array, shifts: int) -> Array:
+    """Contact pressure of the windows of all shifts, from (steps, rows, columns) without one; between them linear."""
+    following = np.roll(pressure, -1, axis=2)
+    parts = (n / shifts for n in range(shifts))
+    return np.concatenate([(1 - part) * pressure + part * following for part in parts], axis=2)
+
+
 def _each_window(values: Array) -> Array:
     """Arrange numbers of windows at their places (steps, rows, columns) as (windows, steps)."""
     return values.reshape(len(values), -1).T
@@ -101,9 +118,9 @@ def _each_window(values: Array) -> Array:
 
 def _without_failed(k1: Array, k2: Array) -> tuple[Array, Array]:
     """Replace each column in which a window failed by the next column without failure."""
-    good = np.isfinite(k1).all(axis=(0, 1)) & np.isfinite(k2).all(axis=(0, 1))
+    good = np.isfinite(k1).all(axis=(0, 1, 2)) & np.isfinite(k2).all(axis=(0, 1, 2))
     if not good.any():
         raise FemsealError("library: every column of windows has a failed window")
     columns = np.flatnonzero(good)
     taken = columns[np.searchsorted(columns, np.arange(good.size)) % columns.size]
-    return k1[:, :, taken], k2[:, :, taken]
+    return k1[..., taken], k2[..., taken]

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
 from ..base import validate
 from ..base.errors import InputError
+from ..base.quantities import to_text
 from ..scales import SAMPLERS, Partition
+from ..seal.layouts import Layout, SealWindows, Windows
+from ..seal.pressure_map import AnyMap, Profile, Uniform, is_uniform
 from .face_contact import chosen_contact
 from .scene import Scene
 
@@ -23,25 +26,27 @@ DRAWS = (*SAMPLERS, "runs")
 class Sampling:
     """Options of a drawn seal.
 
-    length : length of the seal along x2 [m], rounded to whole cells.
-    breadth : size from inlet to outlet [m], rounded to whole cells; that of the face unless given; "uniform" only.
+    length : length of a straight seal along x2 [m], rounded to whole cells; None where the layout has its own size.
+    other_lengths : of further seals that are drawn from the same library [m].
+    breadth : size from inlet to outlet of a straight seal [m], rounded to whole cells; that of the face unless given;
+        "uniform" only.
     realisations : number of seals that are drawn.
     library_cells : number of windows in the library.
     seed : of all random numbers.
     sampler : "history", "derivative", "copula" or "block", see `scales.sampling`, or "runs", see `chosen_sampler`.
-        "runs", with the pressure "place" and the discretisation "edge", makes seals of runs of an eighth to a half of
-        the face's columns, whose flow is solved by finite elements, see `scales.column_runs`; `length` is rounded to
-        whole runs.
+        "runs", with the pressure "place" and the discretisation "edge", makes straight seals of runs of an eighth to a
+        half of the face's columns, whose flow is solved by finite elements, see `scales.column_runs`; `length` is
+        rounded to whole runs.
     pressure : the source of the windows and of their pressures.
         "place": all windows of the face at their places. A link draws from the windows of its row. If `library_cells`
         asks for more than the face has, they are cut again, moved by fractions of their width, except for "runs"; this
-        adds no area, and the error of the library stays that of the windows of the face. For faces whose
-        form varies over a window.
+        adds no area, and the error of the library stays that of the windows of the face. For faces whose form varies
+        over a window.
         "global": windows with all their waves, followed along a ladder of pressures. The global contact of the face,
         repeated along the seal, gives the pressure of each link (Pérez-Ràfols et al., 2018).
-        "uniform": windows with the full heights. Every link has the nominal pressure, or its share in `profile`.
-    profile : contact pressure of each row of windows from inlet to outlet in shares of the nominal one; their mean is
-        1; "uniform" only.
+        "uniform": windows with the full heights. Every link has the nominal pressure, or its share in `pressure_map`.
+    pressure_map : contact pressure over the seal in shares of the nominal one, see `seal.pressure_map`; one that is
+        not uniform goes with "uniform" only.
     library : folder in which libraries of windows are kept and found again; "global" and "uniform" only.
     width : wanted standard error of ln(median leakage) at the steps that leak more than 1e-3 of the first. Realisations
         and windows are added until it is reached, up to eight times as many. With None none are added.
@@ -49,36 +54,71 @@ class Sampling:
         The library then takes about three times as long. "global" and "uniform" with the sampler "history" only.
     """
 
-    length: float
+    length: float | None
     realisations: int
     library_cells: int
     seed: int
     sampler: str | None = None
     pressure: str = "place"
-    profile: tuple[float, ...] = ()
+    pressure_map: AnyMap = field(default_factory=Uniform)
     library: Path | None = None
     width: float | None = None
     breadth: float | None = None
     bounds: bool = False
+    other_lengths: tuple[float, ...] = ()
+
+    @property
+    def sampler_of_links(self) -> str:
+        """The given sampler, or the one of links that suits `pressure`."""
+        return self.sampler or ("block" if self.pressure == "place" else "history")
 
 
 def chosen_sampler(sampling: Sampling, scene: Scene, contact: str | None = None) -> str:
     """The sampler given, or the one that suits the pressure.
 
-    It is "history" where windows have no neighbours. With the pressure "place" it is "runs", or "block" where flow is
-    not solved between pixels ("edge"), or the contact not as a whole: then a window may fail, and runs with it.
+    It is "history" where windows have no neighbours. With the pressure "place" it is "runs", or "block" where the seal
+    is not straight, flow is not solved between pixels ("edge"), or the contact is solved by windows: one that fails
+    would take its runs with it.
     """
-    if sampling.sampler is not None or sampling.pressure != "place":
-        return sampling.sampler or "history"
     whole = chosen_contact(contact, scene.surface.shape) == "whole"
-    return "runs" if whole and scene.discretisation == "edge" else "block"
+    runs = whole and scene.discretisation == "edge" and scene.layout.kind == "rectangular"
+    if sampling.sampler is None and sampling.pressure == "place" and runs:
+        return "runs"
+    return sampling.sampler_of_links
 
 
-def seal_cells(partition: Partition, sampling: Sampling) -> tuple[int, int]:
-    """Number of windows of a drawn seal along x1 and along x2."""
-    d1, d2 = partition.window_size
-    n1 = partition.cells[0] if sampling.breadth is None else max(1, round(sampling.breadth / d1))
-    return n1, max(1, round(sampling.length / d2))
+def laid_out(layout: Layout, partition: Partition, sampling: Sampling) -> tuple[SealWindows, ...]:
+    """Windows of a face laid out over the seal that is drawn, and over those of the other lengths.
+
+    Raises
+    ------
+    InputError : as the layout does; options of the sampling that do not go with it; lengths that are the same in whole
+        cells.
+    """
+    every = tuple(
+        _laid_out(layout, partition, replace(sampling, length=length))
+        for length in (sampling.length, *sampling.other_lengths)
+    )
+    lengths = [to_text(laid.seal.size[1], "m") for laid in every]
+    if len({*lengths}) < len(lengths):
+        raise InputError.of("length", ", ".join(lengths) + " in whole cells", "lengths that differ")
+    return every
+
+
+def _laid_out(layout: Layout, partition: Partition, sampling: Sampling) -> SealWindows:
+    windows = Windows(partition.window_size, partition.cells[0], sampling.length, sampling.breadth)
+    laid = layout.lay_out(windows)
+    if laid.together and sampling.sampler_of_links != "history":
+        raise InputError.of("sampler", sampling.sampler_of_links, f"history with {layout}, whose elements take windows")
+    if laid.together and sampling.bounds:
+        raise InputError.of("bounds", "true", f"false with {layout}")
+    if sampling.sampler_of_links == "runs" and layout.kind != "rectangular":
+        raise InputError.of("sampler", "runs", f"another one with {layout}")
+    if sampling.pressure != "uniform" and laid.rows != partition.cells[0]:
+        face = f"a face with {partition.cells[0]} rows of windows"
+        given = f"'{sampling.pressure}' of {face} for {layout}, which has {laid.rows or 'none'}"
+        raise InputError.of("pressure", given, "'uniform', or as many rows from inlet to outlet on both")
+    return laid
 
 
 def placed_windows(sampling: Sampling, partition: Partition) -> int:
@@ -89,30 +129,27 @@ def placed_windows(sampling: Sampling, partition: Partition) -> int:
     return of_face * int(np.clip(-(-sampling.library_cells // of_face), 1, partition.window[1]))
 
 
-def check_sampling(sampling: Sampling, cells: tuple[int, int]) -> None:
+def check_sampling(sampling: Sampling) -> None:
     """Raise InputError for an unknown option, or for two that do not go together."""
-    if sampling.sampler is not None and sampling.sampler not in DRAWS:
+    if sampling.sampler_of_links not in DRAWS:
         raise InputError.of("sampler", sampling.sampler, f"one of {', '.join(DRAWS)}")
     if sampling.pressure not in PRESSURES:
         raise InputError.of("pressure", sampling.pressure, f"one of {', '.join(PRESSURES)}")
-    if sampling.sampler in ("block", "runs") and sampling.pressure != "place":
-        allowed = "another one, or the pressure 'place', whose windows are neighbours"
-        raise InputError.of("sampler", sampling.sampler, allowed)
+    if sampling.sampler_of_links == "block" and sampling.pressure != "place":
+        raise InputError.of("sampler", "block", "another one, or the pressure 'place', whose windows are neighbours")
+    if sampling.sampler_of_links == "runs" and sampling.pressure != "place":
+        raise InputError.of("sampler", "runs", "another one, or the pressure 'place', whose windows are neighbours")
     if sampling.breadth is not None and (sampling.pressure != "uniform" or not sampling.breadth > 0):
         raise InputError.of("breadth", sampling.breadth, "a length > 0 with the pressure 'uniform', none with others")
-    if sampling.profile:
-        if sampling.pressure != "uniform":
-            raise InputError.of("profile", sampling.profile, "none except with the pressure 'uniform'")
-        shares = np.asarray(sampling.profile, float)
-        rows = cells[0] if sampling.breadth is None else shares.size
-        if shares.shape != (rows,) or not np.all(shares >= 0) or abs(shares.mean() - 1) > 1e-6:
-            raise InputError.of("profile", sampling.profile, f"{rows} numbers >= 0 with the mean 1")
+    if sampling.pressure != "uniform" and not is_uniform(sampling.pressure_map):
+        allowed = "a uniform one, or another with the pressure 'uniform', whose windows follow any pressure"
+        raise InputError.of("map", f"an uneven one with the pressure '{sampling.pressure}'", allowed)
+    if sampling.other_lengths and not isinstance(sampling.pressure_map, (Uniform, Profile)):
+        raise InputError.of("map", "one that may vary along seals of several lengths", "a profile, or one length")
     if sampling.library is not None and sampling.pressure == "place":
         raise InputError.of("library", f"'{sampling.library}'", "none with the pressure 'place', which has no ladder")
     if sampling.width is not None:
         validate.number("width", sampling.width, unit="1")
-    if sampling.bounds and (sampling.pressure == "place" or sampling.sampler not in (None, "history")):
-        given = f"true with the pressure '{sampling.pressure}'"
-        if sampling.sampler is not None:
-            given += f" and the sampler '{sampling.sampler}'"
+    if sampling.bounds and (sampling.pressure == "place" or sampling.sampler_of_links != "history"):
+        given = f"true with the pressure '{sampling.pressure}' and the sampler '{sampling.sampler_of_links}'"
         raise InputError.of("bounds", given, "true with 'global' or 'uniform' and 'history'")

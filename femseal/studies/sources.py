@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from ..base.stage import Mapper
 from ..base.text import Shown
 from ..scales import Failed, LadderLibrary, LibraryTable, LinkTable, Partition, SolveCounts
+from ..seal.layouts import SealWindows
 from .chained import StateRuns
 from .sampling_options import Sampling
 from .scene import Array, Scene
@@ -21,7 +22,7 @@ Tables = tuple[LinkTable, LinkTable]
 class Wanted:
     """Request for windows, which a source answers with a `WindowSupply`.
 
-    scene, partition : the face and its windows. sampling : how the seal is drawn. seal : its windows along x1 and x2.
+    scene, partition : the face and its windows. sampling : how the seal is drawn. laid : the windows of the seal.
     two_scale : the two-scale solution of the face, if it is known already. contact : how the contact of windows with
     places is solved, see `face_contact.solve_windows`. mapper : computes a stage for many items.
     """
@@ -29,7 +30,7 @@ class Wanted:
     scene: Scene
     partition: Partition
     sampling: Sampling
-    seal: tuple[int, int]
+    laid: SealWindows
     two_scale: TwoScaleResult | None
     contact: str | None
     mapper: Mapper
@@ -41,7 +42,7 @@ class WindowSupply:
 
     library : the windows.
     tables : the tables from which links along x1 and along x2 are drawn; with bounds also those of the lower and of the
-        upper bounds. None with runs.
+        upper bounds. Of a gas with slip there are as many of each as it has pressures. None with runs.
     node_rows : x1 of the rows of nodes [m]; empty if they are equidistant.
     warnings : reasons to doubt the result.
     runs : of columns of the face at every step, for the sampler "runs".

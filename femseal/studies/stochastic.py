@@ -2,29 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import partial
-from math import ceil
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
 
 import numpy as np
 
 from ..base.errors import InputError
+from ..base.quantities import to_text
 from ..base.stage import Mapper, Stage
-from ..base.text import Shown
-from ..loads import LoadProgramme
+from ..flow.permeability_table import PermeabilityTable
 from ..scales import Failed, LadderLibrary, Partition, SolverCounts, attempt, draw_links
 from ..seal import RectangularSeal
+from ..seal.layouts import SealWindows
+from ..seal.linked import LinkWindows
 from .chained import StateRuns, chained_seals
 from .followed import windows_under_global_contact, windows_under_uniform_pressure
 from .placed import windows_in_place
 from .plausibility import odd_in_scene
-from .sampling_options import Sampling, check_sampling, chosen_sampler, seal_cells
-from .scene import Array, Scene, labels
+from .sampling_options import Sampling, check_sampling, chosen_sampler, laid_out
+from .scene import Array, Scene
 from .sources import PlacedLibrary, Source, Tables, Wanted, WindowSupply
+from .stochastic_result import StochasticResult
 from .two_scale import TwoScaleResult
 
 #: For a given `width`: how often realisations and windows are added, and up to what multiple of the given numbers.
@@ -35,149 +35,6 @@ SOURCES: dict[str, Source] = {
     "global": windows_under_global_contact,
     "uniform": windows_under_uniform_pressure,
 }
-
-
-@dataclass(frozen=True, repr=False)
-class StochasticResult(Shown):
-    """Realisations of a seal drawn from a library. A realisation is a curve over the steps: arrays (realisation, step).
-
-    sampler : how they were drawn, see `sampling_options.chosen_sampler`.
-    leakage : of each realisation.
-    leakage_resampled : of as many more realisations, each from a library that is drawn with repetition from the library
-        itself, of as many windows as do not overlap. Their scatter is that of realisations and library together.
-    leakage_lower_bound, leakage_upper_bound : of the realisations in `leakage`, with the bounds of every window's
-        permeability; None without bounds. They enclose the flow through gaps constant on each pixel: their distance
-        says how well the pixels resolve the gaps.
-    leakage_closed_cuts, leakage_held_cuts : of the realisations in `leakage`, with the cuts between runs of columns
-        closed, and held at one profile of the fluid pressure; None unless the sampler is "runs". The leakage of a chain
-        of these runs lies between them.
-    failures : reasons of values that are NaN or left out. warnings : reasons to doubt the result.
-    solvers : number of systems by solver, of library windows and of drawn seals.
-    """
-
-    steps: LoadProgramme
-    seal: RectangularSeal
-    library: LadderLibrary | PlacedLibrary = field(repr=False)
-    leakage: Array = field(
-        metadata=labels("m^2/s", "leakage per unit seal length, realisations", "realisation", "step")
-    )
-    leakage_resampled: Array = field(
-        metadata=labels("m^2/s", "leakage per unit seal length, resampled library", "realisation", "step")
-    )
-    leakage_lower_bound: Array | None = field(
-        default=None, metadata=labels("m^2/s", "lower bound of leakage per unit seal length", "realisation", "step")
-    )
-    leakage_upper_bound: Array | None = field(
-        default=None, metadata=labels("m^2/s", "upper bound of leakage per unit seal length", "realisation", "step")
-    )
-    leakage_closed_cuts: Array | None = field(
-        default=None, metadata=labels("m^2/s", "leakage per unit seal length, cuts closed", "realisation", "step")
-    )
-    leakage_held_cuts: Array | None = field(
-        default=None, metadata=labels("m^2/s", "leakage per unit seal length, cuts held", "realisation", "step")
-    )
-    sampler: str = "history"
-    failures: tuple[str, ...] = ()
-    warnings: tuple[str, ...] = ()
-    solvers: SolverCounts = field(default_factory=SolverCounts)
-
-    def quantile(self, q: float, *, resampled: bool = False) -> Array:
-        """Quantile over the realisations that did not fail, at every step [m²/s]; NaN where all failed.
-
-        Between two values of one sign it is interpolated in log space; beside a 0 it is 0. `resampled` takes
-        `leakage_resampled`, whose scatter includes the error of the library.
-        """
-        return self._at_every_step(partial(_quantile, q=q), self.leakage_resampled if resampled else self.leakage)
-
-    @property
-    def mean(self) -> Array:
-        """Mean over the realisations that did not fail, at every step [m²/s]; NaN where all failed."""
-        return self._at_every_step(np.mean)
-
-    @property
-    def sealed_share(self) -> Array:
-        """Share of realisations without leakage among those that did not fail, at every step; NaN where all failed."""
-        return self._at_every_step(lambda leakage: np.mean(leakage == 0))
-
-    @property
-    def realisation_spread(self) -> Array:
-        """Standard deviation of ln(leakage) between realisations, at every step; NaN where fewer than 2 leak."""
-        return self._at_every_step(_log_deviation)
-
-    @property
-    def library_error(self) -> Array:
-        """Standard deviation of ln(leakage) that the finite library adds, at every step; NaN where fewer than 2
-        leak."""
-        together = self._at_every_step(_log_deviation, self.leakage_resampled)
-        return np.sqrt(np.maximum(together**2 - self.realisation_spread**2, 0.0))
-
-    def needed(self, width: float) -> tuple[int, int]:
-        """Number of realisations and of library windows without overlap for a standard error `width`.
-
-        The error is that of ln(median leakage), at all steps that leak more than 1e-3 of the first. Realisations and
-        library may each cause half of the variance.
-        """
-        median = self.quantile(0.5)
-        chosen = np.abs(median) > 1e-3 * np.abs(median[0])
-        if not chosen.any():
-            return len(self.leakage), self.library.independent
-        # the median of n normal numbers scatters by 1.2533 σ/√n
-        realisations = 2 * (1.2533 * float(np.nanmax(self.realisation_spread[chosen], initial=0)) / width) ** 2
-        windows = 2 * self.library.independent * (float(np.nanmax(self.library_error[chosen], initial=0)) / width) ** 2
-        return max(2, ceil(realisations)), max(1, ceil(windows))
-
-    @property
-    def cut_error(self) -> Array | None:
-        """Half the distance of ln(leakage) with held and with closed cuts, at every step; None unless of runs.
-
-        It is inf where no run leaks by itself, NaN without leakage.
-        """
-        if self.leakage_closed_cuts is None or self.leakage_held_cuts is None:
-            return None
-        closed, held = (self._at_every_step(np.mean, q) for q in (self.leakage_closed_cuts, self.leakage_held_cuts))
-        with np.errstate(divide="ignore", invalid="ignore"):
-            return np.asarray(0.5 * np.log(held / closed))
-
-    def too_few(self, *quantiles: float) -> str:
-        """A warning with the number of realisations that the quantiles need, if there are fewer; otherwise ""."""
-        tails = [min(q, 1 - q) for q in quantiles if 0 < q < 1]
-        needed = ceil(max((1 / tail for tail in tails), default=1) - 1e-9)
-        if len(self.leakage) >= needed:
-            return ""
-        named = " and ".join(f"{q:g}" for q in quantiles)
-        return f"quantile {named} of {len(self.leakage)} realisations: at least {needed} needed"
-
-    def unsupported(self, q: float) -> tuple[str, ...]:
-        """Reasons not to trust a quantile: too few realisations, or a library that scatters more than the tail."""
-        reasons = [text] if (text := self.too_few(q)) else []
-        with np.errstate(divide="ignore", invalid="ignore"):
-            distance = np.abs(np.log(self.quantile(q) / self.quantile(0.5)))
-        weak = [s.name for s, d, e in zip(self.steps, distance, self.library_error, strict=True) if e > max(d, 0.1)]
-        if weak:
-            reasons.append(
-                f"quantile {q:g}: the error of {self.library.independent} library windows is larger than the band at "
-                f"{weak[0]}" + (f" and {len(weak) - 1} more steps" if len(weak) > 1 else "")
-            )
-        return tuple(reasons)
-
-    def _at_every_step(self, statistic: Callable[[Array], Any], leakage: Array | None = None) -> Array:
-        finite = [column[np.isfinite(column)] for column in (self.leakage if leakage is None else leakage).T]
-        return np.array([statistic(column) if column.size else np.nan for column in finite])
-
-
-def _quantile(values: Array, q: float) -> float:
-    low, high = (float(np.quantile(values, q, method=end)) for end in ("lower", "higher"))
-    weight = (values.size - 1) * q % 1
-    if low == 0 or high == 0:
-        return 0.0
-    if (low > 0) != (high > 0):
-        return low + weight * (high - low)
-    return float(np.sign(low)) * abs(low) ** (1 - weight) * abs(high) ** weight
-
-
-def _log_deviation(values: Array) -> float:
-    size = np.abs(values[values != 0])
-    return float(np.std(np.log(size), ddof=1)) if size.size > 1 else np.nan
 
 
 def stochastic(
@@ -205,7 +62,7 @@ def stochastic(
     InputError : an option does not exist or does not go with the others.
     FemsealError : every window of the library failed.
     """
-    check_sampling(sampling, cells)
+    check_sampling(sampling)
     sampling = replace(sampling, sampler=chosen_sampler(sampling, scene, two_scale.contact if two_scale else contact))
     if sampling.sampler == "runs" and scene.discretisation != "edge":
         raise InputError.of("sampler", f"'runs' with the discretisation '{scene.discretisation}'", "'edge' with it")
@@ -245,19 +102,36 @@ def _draw(
     mapper: Mapper,
 ) -> StochasticResult:
     partition = Partition(scene.surface.shape, scene.surface.spacing, cells)
-    n1, n2 = seal_cells(partition, sampling)
-    if sampling.profile and len(sampling.profile) != n1:
-        raise InputError.of("profile", f"{len(sampling.profile)} numbers", f"{n1}, one for each row of windows")
-    supply = SOURCES[sampling.pressure](Wanted(scene, partition, sampling, (n1, n2), two_scale, contact, mapper))
-    if sampling.sampler == "runs":
-        return _of_runs(scene, partition, sampling, supply, n2)
-    seal = scene.layout.seal((n1 * partition.window_size[0], n2 * partition.window_size[1]), (n1, n2), supply.node_rows)
+    every = laid_out(scene.layout, partition, sampling)
+    longest = max(every, key=lambda laid: laid.draws[0][1])
+    supply = SOURCES[sampling.pressure](Wanted(scene, partition, sampling, longest, two_scale, contact, mapper))
+    of = _of_runs if sampling.sampler == "runs" else _of_windows
+    first, *others = (of(scene, partition, sampling, supply, laid, mapper) for laid in every)
+    library = supply.library
+    failures = (f"{to_text(seals.seal.size[1], 'm')}, {text}" for seals in others for text in seals.failures)
+    return replace(
+        first,
+        other_lengths=tuple(others),
+        failures=library.failures + first.failures + tuple(failures),
+        warnings=odd_in_scene(scene) + first.warnings + supply.warnings,
+        solvers=library.counts.solvers
+        + SolverCounts.total(state.solvers for state in supply.runs if isinstance(state, StateRuns))
+        + SolverCounts.total(seals.solvers for seals in (first, *others)),
+    )
+
+
+def _of_windows(
+    scene: Scene, partition: Partition, sampling: Sampling, supply: WindowSupply, laid: SealWindows, mapper: Mapper
+) -> StochasticResult:
+    """Seals of one length, whose windows are drawn one by one or in blocks."""
+    if isinstance(laid, LinkWindows):
+        laid = laid.with_rows(supply.node_rows)
     library = supply.library
     realise = partial(
         _realise,
         scene=scene,
-        seal=seal,
-        kinds=supply.tables,
+        laid=laid,
+        kinds=tuple(_for(laid, tables) for tables in supply.tables),
         sampling=sampling,
         independent=library.independent / library.size,
     )
@@ -268,42 +142,49 @@ def _draw(
     lower, upper = bounds or (None, None)
     return StochasticResult(
         steps=scene.steps,
-        seal=seal,
-        sampler=sampling.sampler or "history",
+        seal=laid.seal,
+        sampler=sampling.sampler_of_links,
         library=library,
         leakage=leakage,
         leakage_resampled=np.array([r.leakage[0] for r in drawn[count:]]),
         leakage_lower_bound=lower,
         leakage_upper_bound=upper,
-        failures=library.failures + tuple(text for r in drawn for text in r.failures),
-        warnings=odd_in_scene(scene) + supply.warnings,
-        solvers=library.counts.solvers + SolverCounts.total(r.solvers for r in drawn),
+        failures=tuple(text for r in drawn for text in r.failures),
+        warnings=laid.warnings,
+        solvers=SolverCounts.total(r.solvers for r in drawn),
     )
+
+
+def _for(laid: SealWindows, tables: Tables) -> Tables:
+    """Tables of the first columns of links of a longer seal: a realisation begins with that of the shorter one."""
+    along, across = (
+        t if t.path.shape[1] == columns else replace(t, path=t.path[:, :columns])
+        for t, (_, columns) in zip(tables, laid.draws, strict=True)
+    )
+    return along, across
 
 
 def _of_runs(
-    scene: Scene, partition: Partition, sampling: Sampling, supply: WindowSupply, columns: int
+    scene: Scene, partition: Partition, sampling: Sampling, supply: WindowSupply, laid: SealWindows, mapper: Mapper
 ) -> StochasticResult:
-    """Seals drawn as chains of runs of the face."""
-    drawn = chained_seals(scene, partition, supply.runs, columns, sampling.realisations, sampling.seed)
-    failed = tuple(
-        f"runs, {step.name}: {state.reason}"
-        for step, state in zip(scene.steps, supply.runs, strict=True)
-        if isinstance(state, Failed)
-    )
+    """Seals of one length, drawn as chains of runs of the face."""
+    drawn = chained_seals(scene, partition, supply.runs, laid.draws[0][1], sampling.realisations, sampling.seed)
     cells, (d1, d2) = (partition.cells[0], drawn.columns), partition.window_size
     return StochasticResult(
         steps=scene.steps,
-        seal=scene.layout.seal((cells[0] * d1, cells[1] * d2), cells, supply.node_rows),
+        seal=RectangularSeal((cells[0] * d1, cells[1] * d2), cells, supply.node_rows),
         sampler="runs",
         library=supply.library,
         leakage=drawn.leakage,
         leakage_resampled=drawn.resampled,
         leakage_closed_cuts=drawn.closed,
         leakage_held_cuts=drawn.held,
-        failures=supply.library.failures + failed,
-        warnings=odd_in_scene(scene) + supply.warnings + drawn.warnings,
-        solvers=SolverCounts.total(state.solvers for state in supply.runs if isinstance(state, StateRuns)),
+        failures=tuple(
+            f"runs, {step.name}: {state.reason}"
+            for step, state in zip(scene.steps, supply.runs, strict=True)
+            if isinstance(state, Failed)
+        ),
+        warnings=drawn.warnings,
     )
 
 
@@ -324,7 +205,7 @@ def _realise(
     resampled: bool,
     *,
     scene: Scene,
-    seal: RectangularSeal,
+    laid: SealWindows,
     kinds: tuple[Tables, ...],
     sampling: Sampling,
     independent: float,
@@ -332,20 +213,31 @@ def _realise(
     """Draw one seal and solve its flow at every step.
 
     The same random numbers draw the same windows from each kind of tables. `resampled` draws a new library from the
-    library, and takes the values without their bounds.
+    library, and takes the values without their bounds. Of a gas with slip each kind has a table for every pressure.
     """
-    steps = scene.steps
+    steps, drop = scene.steps, scene.flow.drop
+    pressures = 1 if drop is None else drop.pressures.size
     if resampled:
-        kinds = (_resample(kinds[0], sampling.seed, realisation, independent),)
-    leakage = np.full((len(kinds), len(steps)), np.nan)
+        kinds = tuple(_resample(tables, sampling.seed, realisation, independent) for tables in kinds[:pressures])
+    leakage = np.full((len(kinds) // pressures, len(steps)), np.nan)
     failures, solvers = [], SolverCounts()
-    for kind, tables in enumerate(kinds):
-        along, across = (
-            draw_links(t, sampler=sampling.sampler or "history", seed=sampling.seed, realisation=realisation, axis=axis)
-            for axis, t in enumerate(tables)
-        )
+    for kind in range(len(leakage)):
+        draws = [
+            [
+                draw_links(
+                    t,
+                    sampler=sampling.sampler_of_links,
+                    seed=sampling.seed,
+                    realisation=realisation,
+                    axis=0 if laid.together else axis,
+                )
+                for axis, t in enumerate(tables)
+            ]
+            for tables in kinds[kind * pressures : (kind + 1) * pressures]
+        ]
         for s, step in enumerate(steps):
-            found = attempt(scene.leakage, seal, (along(s), across(s)))
+            values = [laid.permeability(along(s), across(s)) for along, across in draws]
+            found = attempt(scene.leakage, laid.seal, PermeabilityTable.of(drop, values))
             if isinstance(found, Failed):
                 failures.append(f"realisation {realisation}, {step.name}: {found.reason}")
             else:

@@ -147,11 +147,20 @@ def _respond(
 
 @dataclass(frozen=True, eq=False)
 class LinkFlows:
-    """Permeability of all links along one axis (steps, rows, columns) [m³], NaN where the window failed."""
+    """Permeability of all links along one axis (steps, rows, columns) [m³], NaN where the window failed.
+
+    at_pressures : of a gas with slip at each of its pressures (pressures, steps, rows, columns); k is the first.
+    """
 
     k: Array
     counts: SolveCounts = field(default_factory=SolveCounts)
     failures: tuple[str, ...] = ()
+    at_pressures: Array | None = None
+
+    @property
+    def all(self) -> Array:
+        """Permeabilities at all pressures (pressures, steps, rows, columns); without slip there is one."""
+        return self.k[None] if self.at_pressures is None else self.at_pressures
 
 
 def solve_links(
@@ -164,11 +173,13 @@ def solve_links(
     stage = Stage("flow in windows", partial(flow_history, axis=axis, settings=settings))
     # one argument is a list, so that the mapper knows the number of items
     flows = list(mapper(stage, windows, [partition.spacing] * len(places)))
-    k = np.empty((len(fields.steps), partition.cells[0] - axis, partition.cells[1]))
+    count = 1 if settings.drop is None else settings.drop.pressures.size
+    k = np.empty((count, len(fields.steps), partition.cells[0] - axis, partition.cells[1]))
     for (i, j), found in zip(places, flows, strict=True):
-        k[:, i, j] = found.permeability
+        k[:, :, i, j] = found.permeability if found.at_pressures is None else found.at_pressures
     return LinkFlows(
-        k=k,
+        k=k[0],
+        at_pressures=None if settings.drop is None else k,
         counts=SolveCounts.total(found.counts for found in flows),
         failures=tuple(f"x{axis + 1}-link {p}, {t}" for p, f in zip(places, flows, strict=True) for t in f.failures),
     )

@@ -1,0 +1,247 @@
+"""The design answer for a case or a finished run: what pressures a seal needs, and what changes them most."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..base import validate
+from ..base.errors import InputError
+from ..base.leak_classes import USUAL, LeakClass, leak_classes
+from ..base.quantities import to_si, to_text
+from ..results import open_results
+from ..results.results import Results
+from ..runs import job
+from ..runs.case import Case, load_case
+from ..runs.case_load import Amount
+from .requirements import Requirement, requirement, sealing_load
+from .seals import Seals
+from .sensitivities import Sensitivity, TurnedFace, Variants, ratio_of, sensitivities
+from .variants import Solver, inlet_slope, judged_state
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from .requirements import NeededPressure
+
+
+@dataclass(frozen=True, eq=False)
+class Design:
+    """What a seal needs, see `design`.
+
+    results : of the run. seals : the leakages that were judged. probability : share of the seals that keep a class.
+    requirements : Qmin and QSmin of every class. sealing : load from which on nothing leaks. at : class and nominal
+    pressure [Pa] of the sensitivities; NaN where there is none. sensitivities, turned : what changes the leakage.
+    notes : what to keep in mind, one line each.
+    """
+
+    results: Results
+    seals: Seals
+    probability: float
+    requirements: tuple[Requirement, ...]
+    sealing: NeededPressure
+    at: tuple[str, float]
+    sensitivities: tuple[Sensitivity, ...]
+    turned: TurnedFace | None
+    notes: tuple[str, ...]
+
+    def plot(self) -> Figure:
+        """Leakage against nominal pressure with the limits of the classes, Qmin and QSmin."""
+        from .design_picture import design_figure
+
+        return design_figure(self)
+
+    def table(self) -> Any:
+        """The data sheet for a terminal, to be given to `rich.print`."""
+        from .data_sheet import rich_tables
+
+        return rich_tables(self)
+
+    def write(self, folder: str | os.PathLike[str]) -> list[Path]:
+        """Write `design.csv`, `design.json` and `design.png`; the report of results in the folder shows them."""
+        from .data_sheet import write
+
+        return write(self, folder)
+
+
+def design(
+    what: Case | Results | str | os.PathLike[str],
+    output: str | os.PathLike[str] | None = None,
+    *,
+    classes: Iterable[str] = (),
+    probability: float = 0.95,
+    assembly: Iterable[float | str] = (),
+    nominal_diameter: float | str | None = None,
+    solve: bool = True,
+    workers: int | None = None,
+    progress: job.Progress | None = None,
+) -> Design:
+    """Pressures that a seal needs in assembly and in service, and what changes its leakage most.
+
+    Qmin(L) is the nominal pressure in assembly from which on a share of the seals leaks no more than a class L allows,
+    QSmin(L; Q_A) that to which it may fall after an assembly at Q_A, as EN 13555 and EN 1591-1 use them: along the
+    loading, and along the unloading from Q_A. Between load steps ln(leakage) is straight in ln(pressure); nothing is
+    extrapolated.
+
+    Parameters
+    ----------
+    what : a case or its file, or results or their folder; results are taken as they are, without solving.
+    output : folder of the run and of the answer, where complete results of the same case are taken; None writes
+        nothing.
+    classes : leakage classes, or leakages with their unit, see `base.leak_classes`; those of the case unless given,
+        else L0.01, L0.1 and L1. They are judged by the test fluid where there is one.
+    probability : share of the seals that is to keep the class, above 0 and below 1.
+    assembly : pressures in assembly Q_A besides those that the case unloads from, [Pa] or as "300 MPa"; cases only.
+    nominal_diameter : [m] or as "50 mm", for the rates of ISO 5208.
+    solve : solve the case again with another hardness and with the face turned by 90°, for what no law tells; cases
+        only.
+    workers : processes; all cores unless given. progress : see `run`.
+
+    Raises
+    ------
+    InputError : the case, the folder or an argument cannot be used.
+    """
+    probability = validate.tolerance("probability", probability)
+    wanted = leak_classes(classes)
+    case, results = _given(what)
+    extra = [to_si(q, "Pa", "assembly") if isinstance(q, str) else float(q) for q in assembly]
+    diameter = (
+        to_si(nominal_diameter, "m", "nominal_diameter") if isinstance(nominal_diameter, str) else nominal_diameter
+    )
+    if diameter is not None:
+        validate.number("nominal_diameter", diameter, unit="m")
+    if results is not None and extra:
+        raise InputError.of("assembly", ", ".join(to_text(q, "Pa") for q in extra), "none with results: give the case")
+    told = progress or (lambda stage, done, total: None)
+    if results is None:
+        assert case is not None
+        case = _assembled(case, extra)
+        if wanted:
+            _check(wanted, case, diameter)
+        results = job.run(case, output, output is not None, workers, progress=told)
+    seals = Seals.of_results(results)
+    if not seals.count:
+        raise InputError.of("results", "no seal whose leakage is known at every load", "results without such failures")
+    wanted = wanted or _usual(results)
+    diameter = diameter or results.dataset.attrs.get("nominal_diameter_m")
+    limits = [(one.name, one.limit(results.judged_basis, diameter)) for one in wanted]
+    needs = tuple(requirement(seals, name, limit, probability) for name, limit in limits)
+    place = _place(needs, seals, probability)
+    variants, turned, notes = Variants(hardness_counts=_yields(results)), None, _notes(seals, probability, results)
+    if case is not None and solve and np.isfinite(place[1]):
+        solver = Solver(case, results, workers, told)
+        variants = solver.variants()
+        try:
+            other = solver.turned()
+            turned = _turned(seals, other.seals, other.factor, needs, place, probability, other.how)
+        except InputError as error:  # a face and a shape of seal that go together only one way round
+            notes.append(f"the face was not turned by 90°: {error}")
+    if (state := judged_state(results)) is not None:
+        variants = replace(variants, rarefied=state.slips, inlet_slope=inlet_slope(state))
+    answer = Design(
+        results=results,
+        seals=seals,
+        probability=probability,
+        requirements=needs,
+        sealing=sealing_load(seals, probability),
+        at=place,
+        sensitivities=sensitivities(seals, variants, place[1], probability) if np.isfinite(place[1]) else (),
+        turned=turned,
+        notes=tuple(notes),
+    )
+    folder = output if output is not None else results.folder if case is None else None
+    if folder is not None:
+        answer.write(folder)
+    return answer
+
+
+def _given(what: Case | Results | str | os.PathLike[str]) -> tuple[Case | None, Results | None]:
+    if isinstance(what, Case):
+        return what, None
+    if isinstance(what, Results):
+        return None, what
+    return (None, open_results(what)) if Path(what).is_dir() else (load_case(what), None)
+
+
+def _assembled(case: Case, extra: list[float]) -> Case:
+    """The case with more pressures from which it is unloaded."""
+    if not extra:
+        return case
+    load, least = case.load, min(case.load.unloading or case.load.loading)
+    if load.unit != "Pa":
+        raise InputError.of("assembly", to_text(extra[0], "Pa"), "none where the loads of the case are forces")
+    for q in extra:
+        if not least < q < case.hardness:
+            allowed = f"pressures above the lowest of the case, {to_text(least, 'Pa')}, and below the hardness"
+            raise InputError.of("assembly", to_text(q, "Pa"), allowed)
+    stops = load.unloading or tuple(reversed(load.loading))
+    peaks = tuple(Amount(q, "Pa") for q in sorted({*load.unload_from, *extra}))
+    return case.model_copy(update={"load": load.model_copy(update={"unload_from": peaks, "unloading": stops})})
+
+
+def _check(wanted: tuple[LeakClass, ...], case: Case, diameter: float | None) -> None:
+    """Raise InputError for classes that are not for the fluid of a case, before it is run."""
+    from ..fluids import leak_basis
+
+    basis = leak_basis((case.output.test_fluid or case.fluid).fluid, 1.0)
+    for one in wanted:
+        one.limit(basis, diameter or case.output.nominal_diameter)
+
+
+def _usual(results: Results) -> tuple[LeakClass, ...]:
+    data = results.dataset
+    return leak_classes([str(n) for n in data["leak_class"].values] if "leak_class" in data.coords else USUAL)
+
+
+def _place(needs: tuple[Requirement, ...], seals: Seals, share: float) -> tuple[str, float]:
+    """Class and load of the sensitivities: Qmin of the first class that has one, else half way over the open loads."""
+    for need in needs:
+        if need.assembly.known:
+            return need.name, need.assembly.value
+    steps = seals.loading()
+    pressure, leak = seals.steps.pressures[steps], seals.share_curve(share)[steps]
+    open_ = pressure[(pressure > 0) & (leak > 0)]
+    return "", float(np.sqrt(open_[0] * open_[-1])) if open_.size > 1 else np.nan
+
+
+def _turned(
+    seals: Seals,
+    other: Seals,
+    factor: float,
+    needs: tuple[Requirement, ...],
+    place: tuple[str, float],
+    share: float,
+    how: str,
+) -> TurnedFace:
+    ratio = ratio_of(seals, other, factor, place[1], share)
+    limit = next((need.limit for need in needs if need.name == place[0]), None)
+    if limit is None:
+        return TurnedFace(ratio, "", how)
+    scaled = replace(other, leakage=other.leakage * factor)
+    return TurnedFace(ratio, requirement(scaled, place[0], limit, share).assembly.text(), how)
+
+
+def _yields(results: Results) -> bool:
+    return bool(np.isfinite(float(results.dataset.attrs["hardness_Pa"])))
+
+
+def _notes(seals: Seals, share: float, results: Results) -> list[str]:
+    notes = []
+    tail = min(share, 1 - share)
+    if seals.count == 1:
+        notes.append("one seal: its figures have no probability and no uncertainty; a stochastic run draws many")
+    elif seals.count * tail < 1 - 1e-9:
+        notes.append(
+            f"{seals.count} seals are few for the share {share:g}: at least {round(1 / tail)} tell it from all of them"
+        )
+    if not seals.steps.unload_from:
+        notes.append("the case is not unloaded: QSmin takes `unload_from`, or --assembly with a case")
+    lost = results.dataset.sizes.get("realisation", seals.count) - seals.count
+    if lost > 0 and results.method == "median":
+        notes.append(f"{lost} seals failed at some load and are left out")
+    return notes

@@ -1,0 +1,73 @@
+"""The command `femseal design`."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ..base.errors import FemsealError
+from ..runs.terminal import ProgressBars, log_lines, print_table
+
+
+def design(
+    path: Annotated[Path, typer.Argument(metavar="CASE|DIR", help="Case file, or results folder of a run.")],
+    classes: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--class",
+            help="Leakage class, such as L0.01, 'TA Luft', 'ISO 5208 C', or '5 mL/min'; may be given several times.",
+            show_default="those of the case, else L0.01, L0.1, L1",
+        ),
+    ] = None,
+    probability: Annotated[float, typer.Option(help="Share of the seals that is to keep the class.")] = 0.95,
+    assembly: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Pressure in assembly Q_A besides those of the case, such as '300 MPa'; may be given several times.",
+            show_default="none",
+        ),
+    ] = None,
+    diameter: Annotated[
+        str | None, typer.Option(help="Nominal diameter, for ISO 5208.", show_default="that of the case")
+    ] = None,
+    output: Annotated[
+        Path | None,
+        typer.Option("-o", "--output", help="Folder of results and answer.", show_default="results/CASE, or DIR"),
+    ] = None,
+    solve: Annotated[
+        bool, typer.Option("--solve/--no-solve", help="Solve a case again with another hardness and turned by 90°.")
+    ] = True,
+    workers: Annotated[int | None, typer.Option(help="Processes.", show_default="all cores")] = None,
+    quiet: Annotated[
+        bool, typer.Option("--quiet", help="No progress, no log lines, no tables.", show_default="off")
+    ] = False,
+) -> None:
+    """Say what pressure a seal needs in assembly (Qmin) and in service (QSmin) for leakage classes.
+
+    A case is run unless its folder holds its complete results; a results folder is taken as it is.
+    """
+    from .answer import design as answer_of
+
+    folder = output or (path if path.is_dir() else Path("results") / path.stem)
+    terminal = sys.stderr.isatty()
+    try:
+        with log_lines(None, quiet, terminal), ProgressBars(show=not quiet and terminal) as progress:
+            answer = answer_of(
+                path,
+                folder,
+                classes=classes or (),
+                probability=probability,
+                assembly=assembly or (),
+                nominal_diameter=diameter,
+                solve=solve,
+                workers=workers,
+                progress=progress,
+            )
+    except KeyboardInterrupt:
+        raise FemsealError("stopped; the same command goes on with what is complete") from None
+    if not quiet:
+        print_table(answer.table())
+        typer.echo(f"design.csv, design.json, design.png and report.html in {folder}")

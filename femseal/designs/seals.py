@@ -1,0 +1,123 @@
+"""Leakage of many seals over a load cycle, and the pressures at which it crosses a limit.
+
+Between load steps ln(leakage) is straight in ln(pressure); beyond the steps nothing is extrapolated: a pressure is then
+known to lie above the highest or below the lowest one. Where a seal opens or closes between two steps, and at a load of
+0, the pressure of the step that keeps the limit is taken.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from math import ceil, inf
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..base.leak_classes import within
+from ..loads import LoadProgramme
+from ..results.reached_classes import judged_leakage
+from ..results.results import Results
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+#: Sets of seals that are drawn again for the uncertainty of a figure, and the seed of their random numbers.
+DRAWS, SEED = 400, 13555
+
+
+@dataclass(frozen=True, eq=False)
+class Seals:
+    """Leakages of seals of one kind.
+
+    steps : the load programme. leakage : size of the leakage per length (seals, steps) [m²/s]. library_error : standard
+    deviation of ln(leakage) at each step that the finite library adds, common to all seals drawn from it.
+    """
+
+    steps: LoadProgramme
+    leakage: Array
+    library_error: Array
+
+    @classmethod
+    def of_results(cls, results: Results) -> Seals:
+        """The realisations of a run, or its one seal, with the fluid by which leakage classes are judged."""
+        _, several = judged_leakage(results.dataset, results)
+        error = results.dataset["library_error"].values if "library_error" in results.dataset else None
+        return cls.of(results.steps, several, error if results.method == "median" else None)
+
+    @classmethod
+    def of(cls, steps: LoadProgramme, leakage: Array, library_error: Array | None = None) -> Seals:
+        """Seals of leakages of any direction; those that failed at a step are left out."""
+        size = np.abs(np.atleast_2d(np.asarray(leakage, dtype=float)))
+        error = np.zeros(len(steps)) if library_error is None else np.nan_to_num(library_error)
+        return cls(steps, size[np.isfinite(size).all(axis=1)], error)
+
+    @property
+    def count(self) -> int:
+        """Number of seals."""
+        return len(self.leakage)
+
+    def drawn_again(self, seed: int = SEED) -> Iterator[tuple[Index, Seals]]:
+        """As many seals drawn with repetition, from another library: their numbers, and the seals.
+
+        The error of the library is taken to be of one sign at all steps and for all seals.
+        """
+        rng = np.random.default_rng(seed)
+        for _ in range(DRAWS if self.count > 1 else 0):
+            chosen = rng.integers(self.count, size=self.count)
+            shift = np.exp(self.library_error * rng.standard_normal())
+            yield chosen, replace(self, leakage=self.leakage[chosen] * shift)
+
+    def share_curve(self, share: float) -> Array:
+        """Leakage that a share of the seals does not exceed, at each step [m²/s]."""
+        return np.sort(self.leakage, axis=0)[_rank(share, self.count)]
+
+    def loading(self) -> Index:
+        """Steps of the loading, rising."""
+        return np.flatnonzero(self.steps.on_loading)
+
+    def unloading(self, peak: float) -> Index:
+        """Steps of the unloading from a peak, which they begin with."""
+        start = [n for n, s in enumerate(self.steps) if s.unloaded_from is None and s.pressure == peak]
+        return np.array(start + [n for n, s in enumerate(self.steps) if s.unloaded_from == peak])
+
+    def needed_on_loading(self, limit: float) -> Array:
+        """Pressure from which on each seal leaks no more than the limit (seals,) [Pa]; inf above all loads, 0 below."""
+        steps = self.loading()
+        return crossings(self.steps.pressures[steps][::-1], self.leakage[:, steps[::-1]], limit)
+
+    def needed_on_unloading(self, limit: float, peak: float) -> Array:
+        """Pressure down to which each seal, unloaded from a peak, leaks no more than the limit (seals,) [Pa].
+
+        inf: it leaks more at the peak already; 0: it does not at any load.
+        """
+        steps = self.unloading(peak)
+        return crossings(self.steps.pressures[steps], self.leakage[:, steps], limit)
+
+
+def crossings(pressure: Array, leakage: Array, limit: float) -> Array:
+    """Lowest pressure down to which the leakage stays within a limit (seals,); inf where it never is, 0 where always.
+
+    Parameters
+    ----------
+    pressure : falling (steps,). leakage : (seals, steps). limit : >= 0; 0 asks for the end of all leakage.
+    """
+    ok = within(leakage, limit)
+    seals = np.arange(len(leakage))
+    first = np.argmin(ok, axis=1)  # the first that is not
+    above = np.maximum(first - 1, 0)
+    high, low = np.broadcast_to(pressure, leakage.shape)[seals, above], pressure[first]
+    kept, lost = leakage[seals, above], leakage[seals, first]
+    smooth = (kept > 0) & (low > 0) & (lost > kept) & (limit > 0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        way = np.where(smooth, np.log(limit / kept) / np.log(lost / kept), 0.0)
+        between = np.where(smooth, high * (low / high) ** np.clip(way, 0, 1), high)
+    return np.where(ok.all(axis=1), 0.0, np.where(first == 0, inf, between))
+
+
+def share_of(pressures: Array, share: float) -> float:
+    """Lowest pressure that is enough for a share of the seals [Pa]: an order statistic, without interpolation."""
+    return float(np.sort(pressures)[_rank(share, len(pressures))])
+
+
+def _rank(share: float, count: int) -> int:
+    return min(max(ceil(share * count - 1e-9), 1), count) - 1

@@ -1,0 +1,200 @@
+"""What changes the leakage of a seal, and the pressure that it needs, most: logarithmic slopes at one load.
+
+Two slopes cannot be had without another solution: that against the hardness, and that of a rarefied gas against its
+viscosity. The others follow from them and from the slope against the load, because the problem has no scale of its own:
+heights, hardness and pressure multiplied by one number multiply every gap by it, so that leakage L goes with
+
+    L(αa, E, αH, αp, αη) = α² L(a, E, H, p, η)     L(a, βE, βH, βp, η) = L(a, E, H, p, η)
+
+with the amplitude a of the roughness, contact modulus E, hardness H, nominal pressure p, viscosity η (for a gas in the
+flow factor; as a continuum L goes with 1/η). The slopes s of ln L then obey s_a + s_H + s_p + s_η = 2 and
+s_E + s_H + s_p = 0. Leakage through a long seal goes with one over its breadth (Darcy's law). Where the leakage is to
+stay the same, the pressure goes with −s/s_p.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .requirements import ENDS
+from .seals import SEED, Index, Seals, share_of
+
+
+@dataclass(frozen=True)
+class Slope:
+    """A logarithmic slope, with the interval in which it lies with 90 %; NaN where it is unknown."""
+
+    value: float
+    low: float
+    high: float
+
+    def text(self) -> str:
+        """The slope with two decimals, "–" where it is unknown."""
+        if not np.isfinite(self.value):
+            return "–"
+        told = f"{self.value:+.2f}"
+        if not np.isfinite([self.low, self.high]).all() or self.low == self.high:
+            return told
+        return f"{told} ({self.low:+.2f} to {self.high:+.2f})"
+
+
+@dataclass(frozen=True)
+class Sensitivity:
+    """Slopes d ln L/d ln x and d ln Qmin/d ln x of a quantity x, and how they were found."""
+
+    quantity: str
+    leakage: Slope
+    pressure: Slope
+    how: str
+
+
+@dataclass(frozen=True)
+class Variants:
+    """The same seals solved again with one thing changed; None where that was not done.
+
+    harder : with the hardness multiplied by `hardness_factor`. thicker : with the viscosity multiplied by
+    `viscosity_factor`, for a rarefied gas. hardness_counts : whether the solids yield. rarefied : whether the fluid's
+    permeability depends on its viscosity. inlet_slope : d ln L/d ln p_in by the fluid's potential, NaN if unknown.
+    """
+
+    harder: Seals | None = None
+    thicker: Seals | None = None
+    hardness_factor: float = 1.1
+    viscosity_factor: float = 1.1
+    hardness_counts: bool = True
+    rarefied: bool = False
+    inlet_slope: float = np.nan
+
+
+def sensitivities(seals: Seals, variants: Variants, pressure: float, share: float) -> tuple[Sensitivity, ...]:
+    """Slopes at a nominal pressure on loading, of the leakage that a share of the seals does not exceed."""
+    rows = {name: how for name, _, how in _slopes(seals, variants, pressure, share)}
+    best = _values(seals, variants, pressure, share)
+    again = [
+        _values(some, _drawn(variants, chosen, some, seals), pressure, share) for chosen, some in seals.drawn_again()
+    ]
+    found = []
+    for n, (name, how) in enumerate(rows.items()):
+        slopes = []
+        for part in (0, 1):
+            several = np.array([values[n][part] for values in again])
+            several = several[np.isfinite(several)]
+            known = np.isfinite(best[n][part]) and several.size
+            ends = [share_of(several, end) if known else np.nan for end in ENDS]
+            slopes.append(Slope(best[n][part], *ends))
+        found.append(Sensitivity(name, slopes[0], slopes[1], how))
+    return tuple(found)
+
+
+def _drawn(variants: Variants, chosen: Index, some: Seals, seals: Seals) -> Variants:
+    """The variants of the seals drawn again: the error of the library is common to a seal and its variants."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        shift = np.where(seals.leakage[chosen] > 0, some.leakage / seals.leakage[chosen], 1.0)
+
+    def again(variant: Seals | None) -> Seals | None:
+        if variant is None or variant.count != seals.count:
+            return variant
+        return Seals(variant.steps, variant.leakage[chosen] * shift, variant.library_error)
+
+    return Variants(
+        again(variants.harder),
+        again(variants.thicker),
+        variants.hardness_factor,
+        variants.viscosity_factor,
+        variants.hardness_counts,
+        variants.rarefied,
+        variants.inlet_slope,
+    )
+
+
+def _values(seals: Seals, variants: Variants, pressure: float, share: float) -> list[tuple[float, float]]:
+    """Slopes of the leakage and of the pressure that is needed, of every quantity."""
+    slopes = _slopes(seals, variants, pressure, share)
+    load = slopes[0][1]
+    steep = np.isfinite(load) and load != 0
+    # of the load itself, there is nothing to be needed
+    return [(slope, -slope / load if steep and n else np.nan) for n, (_, slope, _) in enumerate(slopes)]
+
+
+def _slopes(seals: Seals, variants: Variants, pressure: float, share: float) -> list[tuple[str, float, str]]:
+    load = slope_at(seals, pressure, share)
+    hard, how_hard = 0.0, "elastic: no hardness"
+    if variants.hardness_counts:
+        hard, how_hard = np.nan, "unknown: takes a solution, from a case"
+        if variants.harder is not None:
+            factor = variants.hardness_factor
+            hard = (level_at(variants.harder, pressure, share) - level_at(seals, pressure, share)) / np.log(factor)
+            how_hard = f"solved again with {factor:g} times the hardness"
+    thick, how_thick = -1.0, "flow as a continuum"
+    if variants.rarefied:
+        thick, how_thick = np.nan, "unknown: takes a solution, from a case"
+        if variants.thicker is not None:
+            factor = variants.viscosity_factor
+            thick = (level_at(variants.thicker, pressure, share) - level_at(seals, pressure, share)) / np.log(factor)
+            how_thick = f"solved again with {factor:g} times the viscosity"
+    return [
+        ("nominal pressure", load, "the loading curve"),
+        ("roughness amplitude", 2 - hard - load - thick, "scaling law of contact and flow, exact"),
+        ("hardness", hard, how_hard),
+        ("contact modulus", -hard - load, "scaling law of contact, exact"),
+        ("breadth, same pressure", -1.0, "Darcy's law over many windows"),
+        ("breadth, same force", -1.0 - load, "the same, with the pressure of the force; Qmin: of the force"),
+        ("viscosity", thick, how_thick),
+        ("inlet pressure", variants.inlet_slope, "potential of the fluid"),
+    ]
+
+
+def level_at(seals: Seals, pressure: float, share: float) -> float:
+    """ln of the leakage that a share of the seals does not exceed, on loading; NaN beyond the loads or without leak."""
+    low, high, way = _segment(seals, pressure)
+    curve = seals.share_curve(share)
+    if low < 0 or not (curve[low] > 0 and curve[high] > 0):
+        return float("nan")
+    return float((1 - way) * np.log(curve[low]) + way * np.log(curve[high]))
+
+
+def slope_at(seals: Seals, pressure: float, share: float) -> float:
+    """d ln L/d ln p between the two load steps around a pressure; NaN beyond the loads or without leakage."""
+    low, high, _ = _segment(seals, pressure)
+    curve, p = seals.share_curve(share), seals.steps.pressures
+    if low < 0 or not (curve[low] > 0 and curve[high] > 0):
+        return float("nan")
+    return float(np.log(curve[high] / curve[low]) / np.log(p[high] / p[low]))
+
+
+def _segment(seals: Seals, pressure: float) -> tuple[int, int, float]:
+    """Load steps on loading around a pressure, and its place between them in ln(p); −1 beyond the loads."""
+    steps = seals.loading()
+    steps = steps[seals.steps.pressures[steps] > 0]
+    p = seals.steps.pressures[steps]
+    if p.size < 2 or not p[0] <= pressure <= p[-1]:
+        return -1, -1, 0.0
+    n = min(int(np.searchsorted(p, pressure, side="right")) - 1, p.size - 2)
+    return int(steps[n]), int(steps[n + 1]), float(np.log(pressure / p[n]) / np.log(p[n + 1] / p[n]))
+
+
+@dataclass(frozen=True)
+class TurnedFace:
+    """The face turned by 90°, at the same breadth of the seal.
+
+    leakage : factor of the leakage at the load of the sensitivities. need : pressure in assembly for the class, in
+    words. how : what was solved.
+    """
+
+    leakage: Slope
+    need: str
+    how: str
+
+
+def ratio_of(seals: Seals, other: Seals, factor: float, pressure: float, share: float) -> Slope:
+    """Factor from the leakage of seals to that of others at a load, the others' multiplied by `factor`."""
+
+    def ratio(one: Seals, two: Seals) -> float:
+        return float(factor * np.exp(level_at(two, pressure, share) - level_at(one, pressure, share)))
+
+    pairs = zip(seals.drawn_again(), other.drawn_again(SEED + 1), strict=False)
+    again = [value for value in (ratio(one, two) for (_, one), (_, two) in pairs) if np.isfinite(value)]
+    ends = [share_of(np.array(again), end) if again else np.nan for end in ENDS]
+    return Slope(ratio(seals, other), *ends)

@@ -1,0 +1,131 @@
+"""The case solved again with one thing changed: another hardness, a thicker gas, the face turned by 90°."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, fields, replace
+from typing import Any
+
+import numpy as np
+
+from ..fluids import FLUIDS
+from ..results.results import Results
+from ..runs import job
+from ..runs.case import Case
+from ..runs.executor import ordered_map
+from ..runs.preparation import Prepared
+from ..studies import Scene
+from ..studies.other_fluid import FluidState
+from ..topography import Topography
+from .seals import Seals
+from .sensitivities import Variants
+
+#: Factors of hardness and viscosity: small enough for a slope, large enough to stand above the residuals of contact.
+HARDER = THICKER = 1.1
+
+
+@dataclass(frozen=True, eq=False)
+class TurnedSeals:
+    """Seals of the turned face. factor : of their leakage, for the same breadth. how : what was solved."""
+
+    seals: Seals
+    factor: float
+    how: str
+
+
+class Solver:
+    """Solves variants of a case for the fluid by which its classes are judged."""
+
+    def __init__(self, case: Case, results: Results, workers: int | None, progress: job.Progress) -> None:
+        self._case, self._workers, self._progress = case, workers, progress
+        prepared: Prepared = case.prepare()
+        if prepared.sampling is not None and prepared.sampling.width is not None:
+            # as many seals and windows as the run took in the end
+            size = int(results.dataset.attrs.get("library_windows", prepared.sampling.library_cells))
+            count = results.dataset.sizes["realisation"]
+            sampling = replace(prepared.sampling, width=None, realisations=count, library_cells=size)
+            prepared = replace(prepared, sampling=sampling)
+        self._prepared, self._breadth = prepared, float(results.dataset.attrs["seal_size_m"][0])
+        state = (case.output.test_fluid or case.fluid).state
+        self._scene = state.in_scene(self._prepared.scene)
+
+    def variants(self) -> Variants:
+        """The seals with another hardness, if the solids yield, and with another viscosity, if the gas is rarefied."""
+        scene = self._scene
+        harder = thicker = None
+        yields = bool(np.isfinite(scene.hardness))
+        if yields:
+            harder = self._seals("another hardness", replace(scene, hardness=HARDER * scene.hardness))
+        if FluidState.of(scene).slips:
+            fluid: Any = scene.fluid
+            thick = replace(fluid, viscosity=THICKER * fluid.viscosity)
+            thicker = self._seals("another viscosity", replace(scene, fluid=thick))
+        return Variants(harder, thicker, HARDER, THICKER, hardness_counts=yields)
+
+    def turned(self) -> TurnedSeals:
+        """The seals of the face turned by 90°.
+
+        Raises
+        ------
+        InputError : the turned face does not go with the shape of the seal or with its windows.
+        """
+        prepared, scene = self._prepared, self._scene
+        surface = scene.surface
+        turned = replace(scene, surface=Topography(np.ascontiguousarray(surface.heights.T), surface.spacing[::-1]))
+        cells = None if prepared.cells is None else prepared.cells[::-1]
+        sampling = prepared.sampling
+        if sampling is not None and sampling.pressure == "uniform" and sampling.breadth is None:
+            sampling = replace(sampling, breadth=surface.size[0])
+        study = self._solved("face turned by 90°", turned, replace(prepared, cells=cells, sampling=sampling))
+        # leakage goes with one over the breadth
+        factor = _breadth(study, turned) / self._breadth
+        how = "solved again with the face turned by 90°"
+        if abs(factor - 1) > 1e-9:
+            how += ", at the same breadth by Darcy's law"
+        return TurnedSeals(_of_study(study, turned), factor, how)
+
+    def _seals(self, name: str, scene: Scene) -> Seals:
+        return _of_study(self._solved(name, scene, self._prepared), scene)
+
+    def _solved(self, name: str, scene: Scene, prepared: Prepared) -> Any:
+        with self._mapper() as mapper:
+            self._progress(name, 0, 1)
+            watched = job.watching(mapper, name, self._progress, {})
+            study = job.study_of(prepared.answer, self._case, prepared, scene, None, watched)
+            self._progress(name, 1, 1)
+        return study
+
+    @contextmanager
+    def _mapper(self) -> Iterator[Any]:
+        with ordered_map(self._workers) as mapper:
+            yield mapper
+
+
+def _breadth(study: Any, scene: Scene) -> float:
+    seal = getattr(study, "seal", None)
+    return float(seal.size[0]) if seal is not None and hasattr(seal, "size") else float(scene.surface.size[0])
+
+
+def _of_study(study: Any, scene: Scene) -> Seals:
+    return Seals.of(scene.steps, study.leakage, getattr(study, "library_error", None))
+
+
+def judged_state(results: Results) -> FluidState | None:
+    """The fluid by which classes are judged, from the case of the results; None if that does not tell it."""
+    try:
+        table = results.case.get("output", {}).get("test_fluid") or results.case["fluid"]
+        made = FLUIDS[table["kind"]]
+        fluid = made(**{f.name: table[f.name] for f in fields(made) if f.name in table})
+        return FluidState(fluid, float(table["inlet_pressure"]), float(table["outlet_pressure"]))
+    except (KeyError, TypeError, ValueError, AttributeError):
+        return None if results.scene is None else FluidState.of(results.scene)
+
+
+def inlet_slope(state: FluidState) -> float:
+    """d ln L/d ln p_in of a fluid that flows as a continuum; NaN for a rarefied gas."""
+    if state.slips:
+        return float("nan")
+    step = 1e-4
+    up, down = (replace(state, inlet_pressure=state.inlet_pressure * (1 + sign * step)) for sign in (1, -1))
+    return float(np.log(up.drop / down.drop) / np.log((1 + step) / (1 - step)))

@@ -1,0 +1,70 @@
+"""Leakage of drawn seals against their length."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..results import seal_lengths
+from ..results.tables import leakage_of
+from .drawing import LINES, STYLES, Sheet
+from .leakage_curves import leakage_axis
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from ..results.results import Results
+
+
+def lengths_figure(results: Results) -> Figure:
+    """Median and band of the leakage against the length of the seal, log scales, at a few load steps.
+
+    The shaded band is that between the quantiles of the realisations, which narrows with the length; the lighter one
+    has the error of the library besides, which does not.
+
+    Raises
+    ------
+    InputError : results of one length.
+    """
+    seal_lengths.require_lengths(results)
+    sheet = Sheet([5.0])
+    axes = sheet.panel(0, 0, replace(LINES, left=1.0, right=0.65, top=0.2, bottom=1.0))
+    _lengths_panel(axes, results)
+    sheet.figure.legend(
+        handles=axes.get_legend_handles_labels()[0],
+        loc="lower center",
+        ncols=2,
+        frameon=False,
+        fontsize=8.5,
+        handlelength=3.4,
+    )
+    return sheet.figure
+
+
+def _lengths_panel(axes: Axes, results: Results) -> None:
+    data = results.dataset
+    lengths, steps = data["seal_length"].values, seal_lengths.told_steps(results)
+    order = np.argsort(lengths)
+    x = lengths[order] * 1e3
+    values = {
+        kind: np.abs(data[f"leakage_of_lengths_{kind}"].values / seal_lengths.factors(results)[:, None])[order]
+        for kind in seal_lengths.KINDS
+    }
+    drawn = np.concatenate([values[kind][:, steps].ravel() for kind in seal_lengths.KINDS])
+    floor, lanes = leakage_axis(axes, drawn, len(steps))
+    for s, (colour, line, marker), lane in zip(steps, STYLES, lanes, strict=False):
+        for end, alpha in (("_together", 0.09), ("", 0.2)):
+            low, high = (np.maximum(values[f"{side}{end}"][:, s], floor) for side in ("lower", "upper"))
+            axes.fill_between(x, low, high, color=colour, lw=0, alpha=alpha)
+        y, name = values["median"][:, s], str(data["name"].values[s])
+        axes.plot(x, np.where(y > 0, y, np.nan), color=colour, ls=line, lw=1.8, marker=marker, ms=4.5, label=name)
+        axes.plot(x[y == 0], np.full(np.sum(y == 0), lane), color=colour, ls="", marker=marker, ms=4.5)
+    axes.set_xscale("log")
+    axes.set_xticks(x, labels=[f"{value:.3g}" for value in x])
+    axes.set_xticks([], minor=True)
+    what = leakage_of(results).split(",")[0] if not results.leak_unit.per_length else leakage_of(results)
+    axes.set(xlabel="length of the seal [mm]", ylabel=f"{what} [{results.leak_unit.name}]")
+    axes.grid(alpha=0.25, lw=0.6)

@@ -1,0 +1,104 @@
+"""Direction of the lay over a seal: where x2 of the face, along which marks of machining run, points on it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..base.errors import InputError, shown
+from ..base.quantities import to_si
+
+Array = NDArray[np.float64]
+#: Directions by name: those of the axes of the plane, and those as seen from the centre of the seal.
+NAMES = ("x1", "x2", "radial", "circumferential")
+ALLOWED = f"one of {', '.join(NAMES)}, {{angle = '30 deg'}} from x1 to x2, or {{field = 'file.vtu:name'}}"
+#: Places of a seal may be so many spacings of its points away from a field.
+_REACH = 2.0
+
+
+@dataclass(frozen=True)
+class Lay:
+    """Where x2 of the windows points: a name, an angle from x1 to x2 [rad], or the vectors of a field in a file.
+
+    Exactly one of the three is given. A direction and its opposite are the same lay.
+    """
+
+    name: str = ""
+    angle: float | None = None
+    file: Path | None = None
+    array: str = ""
+
+    @classmethod
+    def of(cls, given: Any, folder: Path = Path()) -> Lay:
+        """From a name, {"angle": radians or "30 deg"}, {"field": "file.vtu:name"} in the folder, or a `Lay`.
+
+        Raises
+        ------
+        InputError : anything else.
+        """
+        if isinstance(given, Lay):
+            return given
+        if isinstance(given, str) and given in NAMES:
+            return cls(name=given)
+        if isinstance(given, Mapping) and list(given) == ["angle"]:
+            angle = given["angle"]
+            if isinstance(angle, (int, float)) and not isinstance(angle, bool) and np.isfinite(angle):
+                return cls(angle=float(angle))
+            return cls(angle=to_si(angle, "rad", "lay.angle"))
+        if isinstance(given, Mapping) and list(given) == ["field"] and isinstance(given["field"], str):
+            path, _, array = given["field"].rpartition(":")
+            if path and array:
+                return cls(file=folder / path, array=array)
+        raise InputError.of("lay", shown(given), ALLOWED)
+
+    def directions(self, places: Array, centre: tuple[float, float] = (0.0, 0.0), unit: float = 1.0) -> Array:
+        """Unit vectors (n, 2) along the lay at places (n, 2) [m].
+
+        Parameters
+        ----------
+        centre : from which "radial" is seen [m].
+        unit : of the lengths in the file of a field [m].
+
+        Raises
+        ------
+        InputError : a place at the centre; a field that cannot be read, has no such vectors, or does not cover a place.
+        """
+        if self.file is not None:
+            return _of_field(self.file, self.array, places, unit)
+        if self.name in ("radial", "circumferential"):
+            away = places - np.asarray(centre)
+            distance = np.hypot(away[:, 0], away[:, 1])
+            if not distance.min(initial=1.0) > 0:
+                raise InputError.of("lay", f"'{self.name}' at the centre itself", "a centre outside of all elements")
+            radial = away / distance[:, None]
+            return radial if self.name == "radial" else np.stack([-radial[:, 1], radial[:, 0]], axis=1)
+        angle = {"x1": 0.0, "x2": np.pi / 2}.get(self.name, self.angle or 0.0)
+        return np.tile([np.cos(angle), np.sin(angle)], (len(places), 1))
+
+    def __str__(self) -> str:
+        if self.file is not None:
+            return f"along the field {self.array} of {self.file.name}"
+        return f"at {np.degrees(self.angle):.3g}° from x1" if self.angle is not None else self.name
+
+
+def _of_field(file: Path, array: str, places: Array, unit: float) -> Array:
+    from scipy.spatial import cKDTree
+
+    from .mesh_file import read_field
+
+    points, values = read_field(file, array)
+    points = points * unit
+    size = np.linalg.norm(values[:, :2], axis=1) if values.ndim == 2 and values.shape[1] in (2, 3) else np.zeros(1)
+    if values.ndim != 2 or not np.isfinite(values).all() or not size.min() > 0:
+        raise InputError.of("lay.field", f"'{array}' of '{file}'", "vectors along the lay, finite and not 0")
+    tree = cKDTree(points)
+    spacing = tree.query(points, k=2)[0][:, 1].max() if len(points) > 1 else np.inf
+    distance, nearest = tree.query(places)
+    if (far := int(np.count_nonzero(distance > _REACH * spacing))) > 0:
+        raise InputError.of("lay.field", f"'{file}', which leaves out {far} elements", "a field that covers the seal")
+    return values[nearest, :2] / size[nearest, None]

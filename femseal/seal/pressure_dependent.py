@@ -1,0 +1,148 @@
+"""Flow through a seal whose permeability depends on the pressure of the fluid: ∇·(k(p) ρ/η ∇p) = 0.
+
+The flow through a link is the difference of its own potential, ∫ k(p) (ρ/η) dp, between the pressures of its nodes: a
+network with a single solution, because each flow rises with its drop. It is solved by successive linear flows, in the
+potential ψ of a typical gap (see `flow.gas_drop`), with the mean permeability of each link between its pressures. On
+meshes, and with tensors, the permeability of an element is that at the mean of its nodes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..base.errors import InputError
+from ..flow.coefficient import cubic_law
+from ..flow.gas_drop import GasDrop, successive
+from ..flow.permeability_table import PermeabilityTable, pressure_curve
+from ..flow.solution import DarcyFlow
+from .shapes import Seal
+from .structured import StructuredSeal
+
+Array = NDArray[np.float64]
+#: Relative error at which successive solutions end.
+RTOL = 1e-5
+
+
+def pressure_dependent_flow(
+    seal: Seal,
+    table: PermeabilityTable,
+    fluid: Any,
+    *,
+    inlet: float,
+    outlet: float,
+    bounds: bool = False,
+    solver: str = "auto",
+) -> tuple[DarcyFlow, Any]:
+    """Flow through a seal for a unit drop of the viscous potential φ, and the permeability of each part.
+
+    Parameters
+    ----------
+    seal, fluid, bounds, solver : as in `seal_leakage`; bounds are those with the permeabilities of the solution.
+    table : permeability at several pressures. inlet, outlet : pressures of the ends [Pa].
+
+    Returns
+    -------
+    The flow, its potential as share of the drop of φ, and the permeabilities with which φ has this flow [m³].
+
+    Raises
+    ------
+    NotConverged : the linear solver failed, or the flow still changes after many solutions.
+    """
+    drop = GasDrop(fluid, inlet, outlet, _gap_of(table, fluid))
+    values = _on_parts(seal, table.values, len(table.pressures))
+    pair = isinstance(values, tuple)
+    curves = [pressure_curve(table.pressures, k) for k in (values if pair else (values,))]
+
+    def permeability(share: Any, viscous: bool = False) -> Any:
+        p = drop.pressure(np.nan_to_num(np.asarray(share, dtype=float), nan=0.5))
+        p = np.maximum(p, drop.least_pressure)
+        found = tuple(
+            c.between(_beside(first, c.shape), _beside(second, c.shape), drop.mobility, viscous)
+            for c, (first, second) in zip(curves, _ends(seal, p, pair), strict=True)
+        )
+        return found if pair else found[0]
+
+    def solve(share: Any) -> tuple[float, Array, DarcyFlow]:
+        flow = seal.flow(permeability(share), solver=solver)
+        return flow.conductance, flow.potential, flow
+
+    # along a uniform seal the potential falls evenly
+    first = np.linspace(1, 0, len(seal.grid.lines1))[:, None] if isinstance(seal, StructuredSeal) else 0.5
+    flow = successive(solve, RTOL, first)
+    if bounds:
+        flow = seal.flow(permeability(flow.potential), bounds=True, solver=solver)
+    factor, share = drop.mean_factor, np.clip(flow.potential, 0.0, 1.0)
+    potential = drop.viscous_share(share)
+    scaled = replace(
+        flow,
+        conductance=factor * flow.conductance,
+        lower=factor * flow.lower,
+        upper=factor * flow.upper,
+        potential=potential,
+        complement=1 - potential,
+    )
+    return scaled, permeability(share, viscous=True)
+
+
+def _on_parts(seal: Any, values: Any, pressures: int) -> Any:
+    """Values of a table, a number or two at each pressure taken for that of all parts; InputError of other shapes."""
+    if not isinstance(seal, StructuredSeal):
+        n = seal.mesh.nelements
+        k = np.repeat(values[:, None], n, axis=1) if np.ndim(values) == 1 else values
+        if isinstance(k, tuple) or k.shape[1:] not in ((n,), (n, 2), (n, 2, 2)):
+            given = "two arrays" if isinstance(k, tuple) else f"shape {k.shape}"
+            raise InputError.of("permeability", given, f"{pressures} values for each of {n} elements")
+        return k
+    n1, n2 = seal.cells
+    if not isinstance(values, tuple) and values.shape[1:] == (n1, n2, 2, 2):
+        return values
+    pair = values if isinstance(values, tuple) else (values, values)
+    shapes = (pressures, n1, n2), (pressures, n1 - 1, n2)
+    for k, shape in zip(pair, shapes, strict=True):
+        if k.shape not in ((pressures,), shape):
+            raise InputError.of("permeability", f"shape {k.shape}", f"{pressures} values, or shape {shape}")
+    return tuple(
+        np.broadcast_to(k[:, None, None] if k.ndim == 1 else k, shape) for k, shape in zip(pair, shapes, strict=True)
+    )
+
+
+def _beside(pressure: Array, shape: tuple[int, ...]) -> Array:
+    """Pressures of parts, with a further axis where each part has a value along two directions."""
+    return pressure[:, None] if pressure.ndim == 1 and len(shape) == 2 and shape[1] == 2 else pressure
+
+
+def _ends(seal: Any, p: Array, links: bool) -> list[tuple[Array, Array]]:
+    """Pressures at both ends of the links along both axes, or twice the mean pressure of each element."""
+    if p.ndim == 0:
+        return [(p, p)]
+    if links:
+        inner = p[1:-1]
+        return [(p[:-1], p[1:]), (inner, np.roll(inner, -1, axis=1))]
+    if hasattr(seal, "mesh"):
+        mean = p[seal.mesh.t].mean(axis=0)
+    else:
+        rows = 0.5 * (p[:-1] + p[1:])
+        mean = 0.5 * (rows + np.roll(rows, -1, axis=1))
+    return [(mean, mean)]
+
+
+def _gap_of(table: PermeabilityTable, fluid: Any) -> float:
+    """Gap between plates [m] with the median of the permeabilities in the middle of the pressures."""
+    pressure, k = table.typical
+    if k == 0:
+        return 1e-6
+    gap = np.cbrt(12 * k)
+    if hasattr(fluid, "flow_factor"):
+        # more passes through the gap than by the cubic law: halve the interval in which it lies
+        low, high = gap * 1e-6, gap
+        for _ in range(60):
+            gap = np.sqrt(low * high)
+            if cubic_law(gap) * fluid.flow_factor(gap, pressure) > k:
+                high = gap
+            else:
+                low = gap
+    return float(gap)

@@ -1,0 +1,306 @@
+"""Contact pressure over a seal from outside, in shares of the nominal one: where bolts, waviness or a flange press.
+
+A map gives values at points of a seal; `PressedSeal.shares` divides them by their mean over the area, so that a map is
+a shape which every nominal pressure scales. A map is a frozen dataclass with `at`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from itertools import pairwise
+from math import pi
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..base import validate
+from ..base.errors import InputError
+from ..base.quantities import to_text
+from .triangulation import Triangulation
+
+Array = NDArray[np.float64]
+#: Rounding of coordinates, in shares of a strip of a profile or of a radius.
+_ROUNDING = 1e-9
+
+
+@dataclass(frozen=True)
+class Frame:
+    """Coordinates of a seal, from the plane in which its parts lie.
+
+    size : sides of a strip along x1 and x2 [m]; None of seals around a centre.
+    centre : of other seals [m].
+    ends : distance from the inlet along x1, or radius, at the inlet and at the outlet [m]; None where they are no lines
+        of one value.
+    """
+
+    size: tuple[float, float] | None = None
+    centre: tuple[float, float] = (0.0, 0.0)
+    ends: tuple[float, float] | None = None
+
+    @classmethod
+    def of_strip(cls, size: tuple[float, float]) -> Frame:
+        """A strip of sides [m], inlet at x1 = 0."""
+        return cls(size=size, ends=(0.0, size[0]))
+
+    def across(self, points: Array) -> Array:
+        """x1 on a strip, else the radius (n,) [m]."""
+        return points[:, 0] if self.size else np.hypot(*(points - self.centre).T)
+
+    def angle(self, points: Array) -> Array:
+        """Once around the seal (n,) [rad]: 2π x2/L2 on a strip, else the polar angle."""
+        if self.size:
+            return 2 * pi * points[:, 1] / self.size[1]
+        x, y = (points - self.centre).T
+        return np.arctan2(y, x)
+
+
+class PressureMap(Protocol):
+    """Interface of the maps."""
+
+    def at(self, points: Array, frame: Frame) -> Array:
+        """Values (n,) >= 0 at points (n, 2) [m] of a seal, in any unit.
+
+        Raises
+        ------
+        InputError : the map does not cover the points.
+        """
+        ...
+
+
+@dataclass(frozen=True)
+class Uniform:
+    """The nominal pressure everywhere."""
+
+    def at(self, points: Array, frame: Frame) -> Array:
+        """Ones."""
+        return np.ones(len(points))
+
+
+@dataclass(frozen=True)
+class Profile:
+    """Pressure from the inlet to the outlet.
+
+    Parameters
+    ----------
+    shares : numbers >= 0 in any unit, the first at the inlet.
+    positions : where they are, rising [m]: x1 of a strip, from its inlet; radius of a ring or a mesh, whatever its
+        inlet. Between them the pressure is linear. Without them the numbers are those of strips of equal breadth.
+
+    Raises
+    ------
+    InputError : bad numbers, or positions that do not rise or are not as many.
+    """
+
+    shares: tuple[float, ...]
+    positions: tuple[float, ...] = ()
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "shares", _shares(self.shares))
+        object.__setattr__(self, "positions", _rising("positions", self.positions, len(self.shares), "[m]"))
+
+    def at(self, points: Array, frame: Frame) -> Array:
+        """Linear between positions; else that of the strip, at an edge the mean of both."""
+        values, across = np.array(self.shares), frame.across(points)
+        if self.positions:
+            low, high = self.positions[0], self.positions[-1]
+            least, most = float(across.min()), float(across.max())
+            if least < low - _ROUNDING * high or most > high * (1 + _ROUNDING):
+                given, needed = (f"{to_text(a, 'm')} to {to_text(b, 'm')}" for a, b in ((low, high), (least, most)))
+                raise InputError.of("positions", given, f"a range that holds the windows of the seal, {needed}")
+            return np.interp(across, self.positions, values)
+        if frame.ends is None:
+            raise InputError.of("positions", "none on a mesh", "radii [m]")
+        first, last = frame.ends
+        strip = (across - first) / (last - first) * values.size
+        lower, upper = (np.clip(np.floor(strip + e).astype(int), 0, values.size - 1) for e in (-_ROUNDING, _ROUNDING))
+        return np.asarray(0.5 * (values[lower] + values[upper]))
+
+
+@dataclass(frozen=True)
+class AngleTable:
+    """Pressure around the seal, linear between the angles and periodic, such as under bolts or of a wavy flange.
+
+    Parameters
+    ----------
+    shares : numbers >= 0 in any unit.
+    angles : where they are, rising from >= 0 to below one period [rad]; equally spaced from 0 unless given. On a strip
+        2π is its length.
+    repeat : the number of periods around the seal.
+
+    Raises
+    ------
+    InputError : bad numbers, or angles that do not rise, are not as many or reach beyond the period.
+    """
+
+    shares: tuple[float, ...]
+    angles: tuple[float, ...] = ()
+    repeat: int = 1
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "shares", _shares(self.shares))
+        object.__setattr__(self, "repeat", validate.count("repeat", self.repeat))
+        period = 2 * pi / self.repeat
+        object.__setattr__(self, "angles", _rising("angles", self.angles, len(self.shares), "[rad]"))
+        if self.angles and not 0 <= self.angles[0] <= self.angles[-1] < period * (1 - 1e-12):
+            given = f"{np.degrees(self.angles[0]):g}° to {np.degrees(self.angles[-1]):g}°"
+            raise InputError.of("angles", given, f"angles from 0° to below one period, {np.degrees(period):g}°")
+
+    def at(self, points: Array, frame: Frame) -> Array:
+        """Linear and periodic."""
+        period = 2 * pi / self.repeat
+        angles = self.angles or np.arange(len(self.shares)) * (period / len(self.shares))
+        return np.interp(frame.angle(points) % period, angles, self.shares, period=period)
+
+
+@dataclass(frozen=True, eq=False)
+class PressureField:
+    """A field in the plane of the seal, such as a flange calculation gives, linear on triangles; see `of`.
+
+    pressure : of the points of the triangulation, in the plane of the seal: x1 and x2 of a strip (m,) [Pa].
+    """
+
+    triangulation: Triangulation = field(repr=False)
+    pressure: Array = field(repr=False)
+
+    @classmethod
+    def of(cls, points: ArrayLike, pressure: ArrayLike, triangles: ArrayLike | None = None) -> PressureField:
+        """Check and take a field.
+
+        Parameters
+        ----------
+        points : (m, 2) [m].
+        pressure : (m,) >= 0 [Pa].
+        triangles : corners (t, 3); those of Delaunay unless given, without those so long that they are gaps.
+
+        Raises
+        ------
+        InputError : numbers that are not finite, negative pressures, points on a line.
+        """
+        triangulation = Triangulation.of(points, triangles)
+        return cls(triangulation, _pressures(pressure, len(triangulation.points)))
+
+    def at(self, points: Array, frame: Frame) -> Array:
+        """Linear on the triangle around each point [Pa]."""
+        return self.triangulation.interpolate(self.pressure, points)
+
+
+@dataclass(frozen=True, eq=False)
+class MapsAtLoads:
+    """Maps at several nominal pressures: between them the shares are linear in the nominal pressure, beyond constant.
+
+    On unloading the shares are those of the nominal pressure there, as where a flange bends elastically.
+
+    Raises
+    ------
+    InputError : no map, or pressures that do not rise or are not as many.
+    """
+
+    pressures: tuple[float, ...]
+    maps: tuple[PressureMap, ...]
+
+    def __post_init__(self) -> None:
+        if not self.maps:
+            raise InputError.of("maps", "none", "at least one")
+        if len(self.pressures) != len(self.maps):
+            raise InputError.of("pressures", f"{len(self.pressures)} numbers", f"{len(self.maps)}, one for each map")
+        object.__setattr__(self, "pressures", _rising("pressures", self.pressures, len(self.maps), "[Pa]"))
+
+
+#: What shares can be taken from.
+AnyMap = PressureMap | MapsAtLoads
+
+
+def is_uniform(pressure_map: AnyMap) -> bool:
+    """Whether the nominal pressure acts everywhere."""
+    return isinstance(pressure_map, Uniform)
+
+
+@dataclass(frozen=True, eq=False)
+class PressedSeal:
+    """A seal for maps: its frame, and the corners of the parts of its area (n, corners, 2) [m]."""
+
+    frame: Frame
+    outlines: Array = field(repr=False)
+
+    @property
+    def centres(self) -> Array:
+        """Middles of the parts (n, 2) [m]."""
+        return np.asarray(self.outlines.mean(axis=1))
+
+    @property
+    def areas(self) -> Array:
+        """Areas of the parts (n,) [m²]."""
+        x, y = self.outlines[..., 0], self.outlines[..., 1]
+        return np.asarray(np.abs((x * np.roll(y, -1, axis=1) - np.roll(x, -1, axis=1) * y).sum(axis=1)) / 2)
+
+    def mean(self, pressure_map: PressureMap) -> float:
+        """Mean of a map over the area, in the unit of the map."""
+        return float(np.average(pressure_map.at(self.centres, self.frame), weights=self.areas))
+
+    def shares(self, pressure_map: AnyMap, points: Array, nominal: ArrayLike) -> Array:
+        """Contact pressure at points in shares of the nominal one (steps, n); their mean over the area is 1.
+
+        Parameters
+        ----------
+        points : (n, 2) [m]. nominal : nominal pressure of every step (steps,) [Pa].
+
+        Raises
+        ------
+        InputError : the map does not cover the seal, or is 0 all over it.
+        """
+        loads = np.atleast_1d(np.asarray(nominal, float))
+        if not isinstance(pressure_map, MapsAtLoads):
+            return np.broadcast_to(self._mean_one(pressure_map, points), (loads.size, len(points)))
+        known = np.array([self._mean_one(one, points) for one in pressure_map.maps])
+        if len(known) == 1:
+            return np.broadcast_to(known[0], (loads.size, len(points)))
+        knots = np.array(pressure_map.pressures)
+        upper = np.clip(np.searchsorted(knots, loads), 1, knots.size - 1)
+        weight = np.clip((loads - knots[upper - 1]) / (knots[upper] - knots[upper - 1]), 0, 1)[:, None]
+        return np.asarray((1 - weight) * known[upper - 1] + weight * known[upper])
+
+    def _mean_one(self, pressure_map: PressureMap, points: Array) -> Array:
+        over_area, values = (pressure_map.at(where, self.frame) for where in (self.centres, points))
+        if not over_area.max() > 0:
+            raise InputError("map: given a pressure that is 0 all over the seal, allowed is one > 0 somewhere")
+        if np.all(over_area == over_area[0]) and np.all(values == over_area[0]):  # without the rounding of a mean
+            return np.ones_like(values)
+        return np.asarray(values / np.average(over_area, weights=self.areas))
+
+
+def _shares(values: Any) -> tuple[float, ...]:
+    try:
+        shares = tuple(validate.number("shares", v, inclusive=True) for v in values)
+    except TypeError:
+        raise InputError.of("shares", repr(values), "a list of numbers >= 0") from None
+    if not shares or not max(shares) > 0:
+        raise InputError.of("shares", values, "a list of numbers >= 0, not all of them 0")
+    return shares
+
+
+def _rising(name: str, values: Any, count: int, unit: str) -> tuple[float, ...]:
+    if isinstance(values, tuple) and not values:
+        return ()
+    try:
+        numbers = tuple(validate.number(name, v, above=-np.inf) for v in values)
+    except TypeError:
+        raise InputError.of(name, repr(values), f"a list of numbers {unit}") from None
+    if len(numbers) != count:
+        raise InputError.of(name, f"{len(numbers)} numbers", f"{count}, one for each value")
+    if any(b <= a for a, b in pairwise(numbers)):
+        raise InputError.of(name, list(numbers), f"rising numbers {unit}")
+    return numbers
+
+
+def _pressures(values: ArrayLike, count: int) -> Array:
+    pressure = np.array(values, dtype=float)
+    if pressure.shape != (count,):
+        raise InputError.of("pressure", f"shape {pressure.shape}", f"shape {(count,)}, one for each point [Pa]")
+    if bad := np.count_nonzero(~np.isfinite(pressure)):
+        raise InputError.of("pressure", f"{bad} of {count} values not finite", "finite numbers >= 0 [Pa]")
+    if pressure.min() < 0:
+        bad = np.count_nonzero(pressure < 0)
+        given = f"{bad} of {count} values negative, the least {to_text(float(pressure.min()), 'Pa')}"
+        raise InputError.of("pressure", given, "contact pressures >= 0 [Pa]")
+    return pressure

@@ -1,0 +1,128 @@
+"""Triangles in a plane and linear interpolation on them, also at points that lie just outside."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..base.errors import InputError
+
+Array = NDArray[np.float64]
+#: Triangles of Delaunay whose longest side is so many times that of most are gaps between the points, not part of
+#: their field. Between points on rings, the triangles that fill the hole are longer than that but for a few at its rim.
+GAP = 4.0
+#: A point so far outside a triangle, in shares of its heights, still takes its values: chords cut the arcs of a ring.
+OUTSIDE = 0.1
+#: Triangles with the nearest centroids that are tried for each point, then more of them, then all.
+_NEAREST = (8, 128)
+#: Pairs of a point and a triangle that are tried at once.
+_CHUNK = 1_000_000
+
+
+@dataclass(frozen=True, eq=False)
+class Triangulation:
+    """Points (m, 2) [m] and the triangles (t, 3) between them."""
+
+    points: Array
+    triangles: NDArray[np.int64]
+
+    @classmethod
+    def of(cls, points: ArrayLike, triangles: ArrayLike | None = None) -> Triangulation:
+        """Check points and triangles; without triangles, take those of Delaunay that are no gaps.
+
+        Raises
+        ------
+        InputError : points that are no finite pairs, all on a line, or triangles without area only.
+        """
+        found = np.array(points, dtype=float)
+        if found.ndim != 2 or found.shape[1:] != (2,) or len(found) < 3:
+            raise InputError.of("points", f"shape {found.shape}", "at least three points (m, 2) [m]")
+        if not np.isfinite(found).all():
+            bad = np.count_nonzero(~np.isfinite(found).all(axis=1))
+            raise InputError.of("points", f"{bad} of {len(found)} points not finite", "finite coordinates [m]")
+        corners = _delaunay(found) if triangles is None else np.array(triangles, dtype=np.int64)
+        size = np.ptp(found, axis=0).max()
+        corners = corners[np.abs(_areas(found, corners)) > 1e-12 * size**2]
+        if not len(corners):
+            raise InputError.of("points", f"{len(found)} points on a line", "points of a plane field")
+        return cls(found, corners)
+
+    def interpolate(self, values: Array, places: Array) -> Array:
+        """Linear interpolation of values (m,) of the points at places (n, 2); outside, the nearest of the triangle.
+
+        Raises
+        ------
+        InputError : a place that no triangle covers.
+        """
+        triangle, weights = self._around(places)
+        uncovered = np.flatnonzero(triangle < 0)
+        if uncovered.size:
+            (x0, y0), (x1, y1) = (end(self.points, axis=0) for end in (np.min, np.max))
+            x, y = places[uncovered[0]]
+            given = (
+                f"x {x0:.4g} to {x1:.4g} m, y {y0:.4g} to {y1:.4g} m, without {uncovered.size} of {len(places)} "
+                f"places on the seal, such as ({x:.4g}, {y:.4g}) m"
+            )
+            raise InputError.of("field", given, "one that covers the seal")
+        inside = np.maximum(weights, 0)
+        inside /= inside.sum(axis=1, keepdims=True)
+        return (inside * values[self.triangles[triangle]]).sum(axis=1)
+
+    def _around(self, places: Array) -> tuple[NDArray[np.int64], Array]:
+        """Triangle around each place, −1 where there is none, and the place in it by its three weights."""
+        from scipy.spatial import cKDTree
+
+        best = np.full(len(places), -1)
+        weights = np.full((len(places), 3), -np.inf)
+        low, high = (end(self.points, axis=0) for end in (np.min, np.max))
+        margin = OUTSIDE * np.ptp(self.points[self.triangles], axis=1).max()
+        left = np.flatnonzero(((places >= low - margin) & (places <= high + margin)).all(axis=1))
+        tree = cKDTree(self.points[self.triangles].mean(axis=1))
+        for count in (*_NEAREST, len(self.triangles)):
+            k = min(count, len(self.triangles))
+            for start in range(0, left.size, step := max(1, _CHUNK // k)):
+                part = left[start : start + step]
+                near = tree.query(places[part], k=[*range(1, k + 1)])[1] if k < len(self.triangles) else None
+                self._try(near, part, places, best, weights)
+            left = left[weights[left].min(axis=1) < 0]
+        best[weights.min(axis=1) < -OUTSIDE] = -1
+        return best, weights
+
+    def _try(self, near: Any, part: NDArray[np.int64], places: Array, best: NDArray[np.int64], weights: Array) -> None:
+        """Keep for some of the places the triangle in which they lie deepest, of those near or of all."""
+        chosen = self.triangles[near] if near is not None else self.triangles[None]
+        corner = self.points[chosen]
+        a, b = corner[..., 1, :] - corner[..., 0, :], corner[..., 2, :] - corner[..., 0, :]
+        d = places[part][:, None] - corner[..., 0, :]
+        det = a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
+        second = (d[..., 0] * b[..., 1] - d[..., 1] * b[..., 0]) / det
+        third = (a[..., 0] * d[..., 1] - a[..., 1] * d[..., 0]) / det
+        found = np.stack([1 - second - third, second, third], axis=-1)
+        rows = np.arange(len(part))
+        deepest = found.min(axis=-1).argmax(axis=1)
+        depth = found[rows, deepest]
+        better = depth.min(axis=1) > weights[part].min(axis=1)
+        best[part[better]] = (near[rows, deepest] if near is not None else deepest)[better]
+        weights[part[better]] = depth[better]
+
+
+def _delaunay(points: Array) -> NDArray[np.int64]:
+    from scipy.spatial import Delaunay, QhullError
+
+    try:
+        # the size of the whole does not matter to what lies on a line
+        corners = Delaunay((points - points.mean(axis=0)) / (np.ptp(points, axis=0).max() or 1.0)).simplices
+    except QhullError:
+        raise InputError.of("points", f"{len(points)} points on a line", "points of a plane field") from None
+    sides = np.linalg.norm(points[corners] - np.roll(points[corners], 1, axis=1), axis=2).max(axis=1)
+    return np.asarray(corners[sides <= GAP * np.median(sides)], np.int64)
+
+
+def _areas(points: Array, triangles: NDArray[np.int64]) -> Array:
+    """Signed areas [m²]."""
+    first, second, third = (points[triangles[:, n]] for n in range(3))
+    a, b = second - first, third - first
+    return np.asarray(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]) / 2

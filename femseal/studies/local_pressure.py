@@ -1,0 +1,108 @@
+"""Pressures of the windows of a seal under a map of the nominal pressure, and the paths that windows share."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..base.errors import InputError
+from ..base.quantities import to_text
+from ..scales.sampling import Index
+from ..seal.layouts import Layout, SealWindows
+from ..seal.pressure_map import AnyMap, MapsAtLoads, PressedSeal, PressureField, is_uniform
+from .scene import Array, Scene
+
+#: Most paths of pressure for which every library window has its own curve; more are rounded, see `shared_paths`.
+MOST_PATHS = 512
+#: Difference of the mean of a field from the load at which it holds from which on it is told.
+_OFF_LOAD = 0.1
+#: How many times above the highest or below the lowest load the mean of a field is told.
+_FAR_LOAD = 10.0
+
+
+def pressed_seal(layout: Layout, laid: SealWindows) -> PressedSeal:
+    """The seal in the coordinates of maps."""
+    return PressedSeal(layout.frame(laid.seal.size), laid.outlines)
+
+
+def shares_of_links(scene: Scene, laid: SealWindows, pressure_map: AnyMap, axis: int) -> Array:
+    """Pressure of the windows along an axis in shares of the nominal one (steps, windows).
+
+    Raises
+    ------
+    InputError : the map does not cover the seal.
+    """
+    count = int(np.prod(laid.draws[axis]))
+    if is_uniform(pressure_map):
+        return np.ones((len(scene.steps), count))
+    points = laid.places(axis).reshape(count, 2)
+    return pressed_seal(scene.layout, laid).shares(pressure_map, points, scene.steps.pressures)
+
+
+def shared_paths(shares: Array) -> tuple[Array, Index]:
+    """Distinct paths (steps, paths) of shares (steps, n), and the number of the path of each (n,).
+
+    If there are more than `MOST_PATHS`, shares are rounded in their cube root, in which ln k is nearly straight, to
+    steps of 1/512 of the largest or larger ones; the mean of those that share a path stays.
+    """
+    paths, number = _distinct(shares, shares)
+    levels = MOST_PATHS
+    while paths.shape[1] > MOST_PATHS:
+        paths, number = _distinct(np.rint(np.cbrt(shares / shares.max()) * (levels - 1)), shares)
+        levels //= 2
+    return paths, number
+
+
+def _distinct(keys: Array, shares: Array) -> tuple[Array, Index]:
+    """Groups of equal columns of keys, and the mean share in each."""
+    changed = np.r_[True, (np.diff(keys, axis=0) != 0).any(axis=1)]
+    _, first, number = np.unique(keys[changed], axis=1, return_index=True, return_inverse=True)
+    number = number.reshape(-1)
+    if keys is shares:
+        return shares[:, first], number
+    members = np.bincount(number)
+    return np.array([np.bincount(number, row) / members for row in shares]), number
+
+
+def check_map(scene: Scene, laid: SealWindows, pressure_map: AnyMap) -> tuple[str, ...]:
+    """Warnings on a map that are worth telling before a run.
+
+    Raises
+    ------
+    InputError : it does not cover the seal, or a window has the hardness or more.
+    """
+    if is_uniform(pressure_map):
+        return ()
+    for axis in (0, 1):
+        pressure = scene.steps.pressures[:, None] * shares_of_links(scene, laid, pressure_map, axis)
+        if pressure.size and pressure.max() >= scene.hardness:
+            step = int(pressure.max(axis=1).argmax())
+            given = f"{to_text(float(pressure.max()), 'Pa')} in a window at {scene.steps[step].name}"
+            raise InputError.of("map", given, f"pressures below the hardness, {to_text(scene.hardness, 'Pa')}")
+    seal, told = pressed_seal(scene.layout, laid), []
+    if isinstance(pressure_map, PressureField):
+        mean, loads = seal.mean(pressure_map), scene.steps.pressures[scene.steps.pressures > 0]
+        if loads.size and not loads.min() / _FAR_LOAD < mean < loads.max() * _FAR_LOAD:
+            found = to_text(mean, "Pa", 3)
+            told.append(
+                f"the field of pressure has the mean {found} over the seal, far from all loads: is its unit right?"
+            )
+    elif isinstance(pressure_map, MapsAtLoads):
+        for load, one in zip(pressure_map.pressures, pressure_map.maps, strict=True):
+            if isinstance(one, PressureField) and abs((mean := seal.mean(one)) - load) > _OFF_LOAD * load:
+                found, at = to_text(mean, "Pa", 3), to_text(load, "Pa", 3)
+                told.append(
+                    f"the field of pressure at {at} has the mean {found} over the seal: it is scaled to the load"
+                )
+    return tuple(told)
+
+
+def map_text(scene: Scene, laid: SealWindows, pressure_map: AnyMap) -> str:
+    """The map in words: its range in shares of the nominal pressure, and the mean of a field; "" if uniform."""
+    if is_uniform(pressure_map):
+        return ""
+    shares = shares_of_links(scene, laid, pressure_map, 0)
+    text = f"{shares.min():.3g} to {shares.max():.3g} of the nominal pressure over the seal"
+    seal = pressed_seal(scene.layout, laid)
+    maps = pressure_map.maps if isinstance(pressure_map, MapsAtLoads) else (pressure_map,)
+    means = [to_text(seal.mean(one), "Pa", 3) for one in maps if isinstance(one, PressureField)]
+    return text + (f"; mean of the field {' and '.join(means)}, scaled to every load" if means else "")

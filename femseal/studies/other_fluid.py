@@ -1,0 +1,111 @@
+"""Another fluid on the same seals, such as the gas of a leak test beside the fluid in service."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from ..fluids import Fluid
+from .scene import Array, Scene
+
+
+@dataclass(frozen=True)
+class FluidState:
+    """A fluid with its pressures at the inlet and at the outlet [Pa], absolute for a gas."""
+
+    fluid: Fluid
+    inlet_pressure: float
+    outlet_pressure: float
+
+    @classmethod
+    def of(cls, scene: Scene) -> FluidState:
+        """The fluid of a scene."""
+        return cls(scene.fluid, scene.inlet_pressure, scene.outlet_pressure)
+
+    def in_scene(self, scene: Scene) -> Scene:
+        """The scene with this fluid instead of its own."""
+        return replace(
+            scene, fluid=self.fluid, inlet_pressure=self.inlet_pressure, outlet_pressure=self.outlet_pressure
+        )
+
+    @property
+    def slips(self) -> bool:
+        """Whether molecules slip on the walls, so that the permeability of a gap depends on fluid and pressure."""
+        return bool(getattr(self.fluid, "slip", False))
+
+    @property
+    def drop(self) -> float:
+        """Volume rate for a conductance of 1 m³, at the reference density [1/s]: the drop of the potential over ρ."""
+        inlet, outlet = (float(self.fluid.potential(p)) for p in (self.inlet_pressure, self.outlet_pressure))
+        return (inlet - outlet) / self.fluid.reference_density
+
+
+@dataclass(frozen=True, eq=False)
+class OtherLeakage:
+    """Leakage of another fluid through the same seals, per length at its own reference density [m²/s].
+
+    leakage : (steps,), of the median seal where there are realisations. realisations, resampled : as in
+    `StochasticResult` (realisation, step); None without.
+    """
+
+    state: FluidState
+    leakage: Array
+    realisations: Array | None = None
+    resampled: Array | None = None
+
+    @classmethod
+    def of_study(cls, state: FluidState, study: Any, ratio: float = 1.0) -> OtherLeakage:
+        """From a study of the same seals, whose leakage is multiplied by a ratio."""
+        if hasattr(study, "quantile"):
+            return cls(state, ratio * study.quantile(0.5), ratio * study.leakage, ratio * study.leakage_resampled)
+        return cls(state, ratio * study.leakage)
+
+
+def drop_ratio(state: FluidState, own: FluidState) -> float | None:
+    """Ratio of the leakage of two fluids through any seal; None where their permeabilities differ.
+
+    The conductance of a seal [m³] does not depend on the fluid as long as both flow as a continuum: then the drops of
+    their potentials alone tell their leakages apart, exactly.
+    """
+    return None if state.slips or own.slips else state.drop / own.drop
+
+
+@dataclass(frozen=True)
+class LimitFactors:
+    """Factors from the leakage of a test gas to that of the fluid in service that the two limits of flow would give.
+
+    viscous : ratio of the leakages as a continuum, in pressure × volume of two gases, else in volume at the reference
+    density. molecular : that of free molecules, of two gases with molar mass and temperature; NaN otherwise.
+    """
+
+    viscous: float
+    molecular: float
+
+
+def limit_factors(test: FluidState, service: FluidState) -> LimitFactors:
+    """Factors of both limits, with the pressures of both fluids.
+
+    Viscous flow of gases goes with (p1² − p2²)/η in pressure × volume, molecular flow with (p1 − p2)/√(M/T). At equal
+    pressures and temperature they are η/η' and √(M/M'): of helium to nitrogen 1.12 and 0.378.
+    """
+
+    def throughput(state: FluidState) -> float:
+        return float(getattr(state.fluid, "reference_pressure", 1.0))
+
+    both_gases = all(hasattr(s.fluid, "reference_pressure") for s in (test, service))
+    viscous = service.drop / test.drop
+    if not both_gases:
+        return LimitFactors(viscous, float("nan"))
+    viscous *= throughput(service) / throughput(test)
+    try:
+        speeds = [(s.inlet_pressure - s.outlet_pressure) * _thermal_speed(s.fluid) for s in (service, test)]
+    except AttributeError:
+        return LimitFactors(viscous, float("nan"))
+    return LimitFactors(viscous, speeds[0] / speeds[1])
+
+
+def _thermal_speed(fluid: Any) -> float:
+    """√(T/M), with which the free flow of molecules goes."""
+    return float(np.sqrt(fluid.temperature / fluid.molar_mass))

@@ -1,0 +1,164 @@
+"""Result of the stochastic study: realisations of a seal, with the quantiles and the errors that follow from them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import partial
+from math import ceil
+from typing import Any
+
+import numpy as np
+
+from ..base.text import Shown
+from ..loads import LoadProgramme
+from ..scales import LadderLibrary, SolverCounts
+from ..seal.layouts import SizedSeal
+from .scene import Array, labels
+from .sources import PlacedLibrary
+
+
+@dataclass(frozen=True, repr=False)
+class StochasticResult(Shown):
+    """Realisations of a seal drawn from a library. A realisation is a curve over the steps: arrays (realisation, step).
+
+    leakage : of each realisation.
+    leakage_resampled : of as many more realisations, each from a library that is drawn with repetition from the library
+        itself, of as many windows as do not overlap. Their scatter is that of realisations and library together.
+    leakage_lower_bound, leakage_upper_bound : of the realisations in `leakage`, with the bounds of every window's
+        permeability; None without bounds. They enclose the flow through gaps constant on each pixel: their distance
+        says how well the pixels resolve the gaps.
+    leakage_closed_cuts, leakage_held_cuts : of the realisations in `leakage`, with the cuts between runs of columns
+        closed, and held at one profile of the fluid pressure; None unless the sampler is "runs". The leakage of a chain
+        of these runs lies between them.
+    other_lengths : seals of the other lengths that were asked for, drawn from the same library; the same realisation of
+        a longer seal begins with that of a shorter one.
+    sampler : how they were drawn, see `sampling_options.chosen_sampler`.
+    failures : reasons of values that are NaN or left out. warnings : reasons to doubt the result.
+    solvers : number of systems by solver, of library windows and of drawn seals.
+    """
+
+    steps: LoadProgramme
+    seal: SizedSeal
+    library: LadderLibrary | PlacedLibrary = field(repr=False)
+    leakage: Array = field(
+        metadata=labels("m^2/s", "leakage per unit seal length, realisations", "realisation", "step")
+    )
+    leakage_resampled: Array = field(
+        metadata=labels("m^2/s", "leakage per unit seal length, resampled library", "realisation", "step")
+    )
+    leakage_lower_bound: Array | None = field(
+        default=None, metadata=labels("m^2/s", "lower bound of leakage per unit seal length", "realisation", "step")
+    )
+    leakage_upper_bound: Array | None = field(
+        default=None, metadata=labels("m^2/s", "upper bound of leakage per unit seal length", "realisation", "step")
+    )
+    leakage_closed_cuts: Array | None = field(
+        default=None, metadata=labels("m^2/s", "leakage per unit seal length, cuts closed", "realisation", "step")
+    )
+    leakage_held_cuts: Array | None = field(
+        default=None, metadata=labels("m^2/s", "leakage per unit seal length, cuts held", "realisation", "step")
+    )
+    other_lengths: tuple[StochasticResult, ...] = field(default=(), repr=False)
+    sampler: str = "history"
+    failures: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
+    solvers: SolverCounts = field(default_factory=SolverCounts)
+
+    def quantile(self, q: float, *, resampled: bool = False) -> Array:
+        """Quantile over the realisations that did not fail, at every step [m²/s]; NaN where all failed.
+
+        Between two values of one sign it is interpolated in log space; beside a 0 it is 0. `resampled` takes
+        `leakage_resampled`, whose scatter includes the error of the library.
+        """
+        return self._at_every_step(partial(_quantile, q=q), self.leakage_resampled if resampled else self.leakage)
+
+    @property
+    def mean(self) -> Array:
+        """Mean over the realisations that did not fail, at every step [m²/s]; NaN where all failed."""
+        return self._at_every_step(np.mean)
+
+    @property
+    def sealed_share(self) -> Array:
+        """Share of realisations without leakage among those that did not fail, at every step; NaN where all failed."""
+        return self._at_every_step(lambda leakage: np.mean(leakage == 0))
+
+    @property
+    def realisation_spread(self) -> Array:
+        """Standard deviation of ln(leakage) between realisations, at every step; NaN where fewer than 2 leak."""
+        return self._at_every_step(_log_deviation)
+
+    @property
+    def library_error(self) -> Array:
+        """Standard deviation of ln(leakage) that the finite library adds, at every step; NaN where fewer than 2
+        leak."""
+        together = self._at_every_step(_log_deviation, self.leakage_resampled)
+        return np.sqrt(np.maximum(together**2 - self.realisation_spread**2, 0.0))
+
+    def needed(self, width: float) -> tuple[int, int]:
+        """Number of realisations and of library windows without overlap for a standard error `width`.
+
+        The error is that of ln(median leakage), at all steps that leak more than 1e-3 of the first. Realisations and
+        library may each cause half of the variance.
+        """
+        median = self.quantile(0.5)
+        chosen = np.abs(median) > 1e-3 * np.abs(median[0])
+        if not chosen.any():
+            return len(self.leakage), self.library.independent
+        # the median of n normal numbers scatters by 1.2533 σ/√n
+        realisations = 2 * (1.2533 * float(np.nanmax(self.realisation_spread[chosen], initial=0)) / width) ** 2
+        windows = 2 * self.library.independent * (float(np.nanmax(self.library_error[chosen], initial=0)) / width) ** 2
+        return max(2, ceil(realisations)), max(1, ceil(windows))
+
+    @property
+    def cut_error(self) -> Array | None:
+        """Half the distance of ln(leakage) with held and with closed cuts, at every step; None unless of runs.
+
+        It is inf where no run leaks by itself, NaN without leakage.
+        """
+        if self.leakage_closed_cuts is None or self.leakage_held_cuts is None:
+            return None
+        closed, held = (self._at_every_step(np.mean, q) for q in (self.leakage_closed_cuts, self.leakage_held_cuts))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.asarray(0.5 * np.log(held / closed))
+
+    def too_few(self, *quantiles: float) -> str:
+        """A warning with the number of realisations that the quantiles need, if there are fewer; otherwise ""."""
+        tails = [min(q, 1 - q) for q in quantiles if 0 < q < 1]
+        needed = ceil(max((1 / tail for tail in tails), default=1) - 1e-9)
+        if len(self.leakage) >= needed:
+            return ""
+        named = " and ".join(f"{q:g}" for q in quantiles)
+        return f"quantile {named} of {len(self.leakage)} realisations: at least {needed} needed"
+
+    def unsupported(self, q: float) -> tuple[str, ...]:
+        """Reasons not to trust a quantile: too few realisations, or a library that scatters more than the tail."""
+        reasons = [text] if (text := self.too_few(q)) else []
+        with np.errstate(divide="ignore", invalid="ignore"):
+            distance = np.abs(np.log(self.quantile(q) / self.quantile(0.5)))
+        weak = [s.name for s, d, e in zip(self.steps, distance, self.library_error, strict=True) if e > max(d, 0.1)]
+        if weak:
+            reasons.append(
+                f"quantile {q:g}: the error of {self.library.independent} library windows is larger than the band at "
+                f"{weak[0]}" + (f" and {len(weak) - 1} more steps" if len(weak) > 1 else "")
+            )
+        return tuple(reasons)
+
+    def _at_every_step(self, statistic: Callable[[Array], Any], leakage: Array | None = None) -> Array:
+        finite = [column[np.isfinite(column)] for column in (self.leakage if leakage is None else leakage).T]
+        return np.array([statistic(column) if column.size else np.nan for column in finite])
+
+
+def _quantile(values: Array, q: float) -> float:
+    low, high = (float(np.quantile(values, q, method=end)) for end in ("lower", "higher"))
+    weight = (values.size - 1) * q % 1
+    if low == 0 or high == 0:
+        return 0.0
+    if (low > 0) != (high > 0):
+        return low + weight * (high - low)
+    return float(np.sign(low)) * abs(low) ** (1 - weight) * abs(high) ** weight
+
+
+def _log_deviation(values: Array) -> float:
+    size = np.abs(values[values != 0])
+    return float(np.std(np.log(size), ddof=1)) if size.size > 1 else np.nan

@@ -1,0 +1,207 @@
+"""The table [load] of a case: forces, maps of the pressure, and what they refuse."""
+
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+import femseal as fs
+from femseal.runs.case import parse_case
+from femseal.runs.forecast import describe
+from femseal.runs.job import _face_files
+from femseal.seal.pressure_map import AngleTable, MapsAtLoads, Profile, Uniform
+
+ROOT = Path(__file__).parents[1]
+
+
+@pytest.fixture
+def data():
+    case = tomllib.loads((ROOT / "examples" / "turned_seal.toml").read_text(encoding="utf-8"))
+    case["face"] |= {"points": [64, 96], "size": ["60 um", "120 um"], "pitch": "30 um"}
+    case["cells"] = {"count": [2, 4]}
+    case["stochastic"] = {"length": "1 mm", "pressure": "uniform", "library_cells": 4, "realisations": 4}
+    case["load"] = {"loading": ["50 MPa", "100 MPa"], "unload_from": ["100 MPa"], "unloading": ["50 MPa"]}
+    case.pop("compare", None)
+    return case
+
+
+def load_of(data, **keys):
+    return parse_case(data | {"load": data["load"] | keys}).load
+
+
+class TestForces:
+    def test_units_are_told_apart(self, data):
+        forces = {"loading": ["5 kN", "10 kN"], "unload_from": ["10 kN"], "unloading": ["5000 N"]}
+        load = load_of(data, **forces)
+        assert (load.unit, load.highest) == ("N", 1e4)
+        assert load.pressures(1e-4, 0.1) == {"loading": (5e7, 1e8), "unload_from": (1e8,), "unloading": (5e7,)}
+        lengthwise = {"loading": ["50 N/mm", "100 N/mm"], "unload_from": ["1e5 N/m"], "unloading": ["50 N/mm"]}
+        load = load_of(data, **lengthwise)
+        assert (load.unit, load.highest) == ("N/m", 1e5)
+        assert_allclose(load.pressures(1e-4, 0.1)["loading"], (5e7, 1e8))
+
+    def test_the_echo_tells_them_and_is_a_case_again(self, data):
+        case = parse_case(data | {"load": {"loading": ["5 kN", "10 kN"]}})
+        assert case.echo()["load"]["loading"] == ["5000.0 N", "10000.0 N"]
+        assert parse_case(data).echo()["load"]["loading"] == [5e7, 1e8]
+
+    def test_they_become_pressures_by_the_size_of_the_seal(self, data):
+        """A strip 1 mm long and as broad as its face, 60 µm, or 0.5 mm; a ring by its own radii."""
+
+        def pressures(loading, **tables):
+            return parse_case(data | {"load": {"loading": loading}} | tables).prepare().scene.loading
+
+        assert_allclose(pressures(["3 N", "6 N"]), (5e7, 1e8))
+        assert_allclose(pressures(["3 N/mm", "6 N/mm"]), (5e7, 1e8))
+        assert_allclose(pressures(["25 N"], stochastic=data["stochastic"] | {"breadth": "0.5 mm"}), (5e7,))
+        ring = {"kind": "annular", "inner_radius": "0.2 mm", "outer_radius": "0.3 mm"}
+        drawn = {key: value for key, value in data["stochastic"].items() if key != "length"}
+        assert_allclose(pressures(["5 N"], seal=ring, stochastic=drawn), (5 / (np.pi * 5e-8),))
+        assert_allclose(pressures(["5 N/mm"], seal=ring, stochastic=drawn), (5e7,))
+        face = {"method": "deterministic"}
+        assert_allclose(pressures(["3 N/mm"], **face), (5e7,))
+        with pytest.raises(
+            fs.InputError, match=r"load.loading: given forces on a seal of no length, allowed .* per length"
+        ):
+            pressures(["3 N"], **face)
+        with pytest.raises(fs.InputError, match=r"of several lengths"):
+            pressures(["3 N"], stochastic=data["stochastic"] | {"length": ["1 mm", "2 mm"]})
+        with pytest.raises(fs.InputError, match=r"load: given 1 kN on 0.06 mm², 16.67 GPa, allowed is .* 2.8 GPa"):
+            pressures(["1 kN"])
+
+    @pytest.mark.parametrize(
+        ("loading", "words"),
+        [
+            (["50 MPa", "100 N"], "loads of one kind, not Pa and N"),
+            (["50 N/mm", "100 N"], "loads of one kind, not N/m and N"),
+            (["-5 N"], "load.loading.0: given '-5 N', allowed is a pressure >= 0.* or a force"),
+            (["5 m"], "load.loading.0: given '5 m', allowed is a pressure >= 0.* or a force"),
+            ([5.0], "load.loading.0: given 5.0"),
+            (["1,5 MPa"], "comma"),
+        ],
+    )
+    def test_what_is_refused(self, data, loading, words):
+        with pytest.raises(fs.InputError, match=words):
+            parse_case(data | {"load": {"loading": loading}})
+
+
+class TestMaps:
+    def test_kinds(self, data):
+        def of(*maps):
+            return load_of(data, map=list(maps)).pressure_map(Path(), 1e-4, 0.1)
+
+        assert isinstance(load_of(data).pressure_map(Path(), 1, 1), Uniform)
+        assert of({"kind": "profile", "shares": [1, 3]}) == Profile((1, 3))
+        profile = of({"kind": "profile", "shares": [1, 3], "positions": ["0 mm", "2 mm"]})
+        assert profile == Profile((1, 3), (0, 2e-3))
+        angles = of({"kind": "angle", "shares": [1, 2], "angles": ["0 deg", "22.5 deg"], "repeat": 8})
+        assert_allclose(angles.angles, AngleTable((1, 2), (0, 0.39269908), 8).angles)
+        series = of({"kind": "uniform", "at": "1 MPa"}, {"kind": "profile", "shares": [1, 3], "at": "100 MPa"})
+        assert isinstance(series, MapsAtLoads)
+        assert series.pressures == (1e6, 1e8)
+
+    def test_loads_of_maps_may_be_forces(self, data):
+        maps = [{"kind": "uniform", "at": "1 kN"}, {"kind": "profile", "shares": [1, 3], "at": "10 kN"}]
+        load = parse_case(data | {"load": {"loading": ["10 kN"], "map": maps}}).load
+        assert load.pressure_map(Path(), 1e-4, 0.1).pressures == (1e7, 1e8)
+
+    @pytest.mark.parametrize(
+        ("given", "words"),
+        [
+            ({"kind": "magic"}, "load.map.kind: given 'magic', allowed is one of 'uniform', 'profile'"),
+            ({"kind": "profile", "shares": [1, -1]}, r"load.map.shares.1: given -1"),
+            ({"kind": "profile", "shares": [1, float("nan")]}, r"load.map.shares.1"),
+            ({"kind": "profile", "shares": []}, r"load.map: shares: given \[\]|load.map.shares"),
+            ({"kind": "profile", "shares": [0, 0]}, "not all of them 0"),
+            ({"kind": "profile", "shares": [1, 2], "positions": ["0 mm"]}, "positions: given 1 numbers, allowed is 2"),
+            ({"kind": "profile", "share": [1]}, "load.map.share: unknown key"),
+            ({"kind": "angle", "shares": [1, 2], "repeat": 0}, "load.map.repeat"),
+            ({"kind": "angle", "shares": [1, 2], "angles": ["0 deg", "50 deg"], "repeat": 8}, "below one period, 45°"),
+            ({"kind": "field", "path": "none.csv"}, "load.map.length_unit: missing"),
+            ([{"kind": "uniform"}, {"kind": "uniform"}], "that all have `at`"),
+            ([{"kind": "uniform", "at": "2 MPa"}, {"kind": "uniform", "at": "1 MPa"}], "whose `at` rise"),
+            ([{"kind": "uniform", "at": "2 N"}, {"kind": "uniform", "at": "3 N"}], "of one kind, not Pa and N"),
+            ([], "one table `map`"),
+            ("profile", "load.map"),
+        ],
+    )
+    def test_what_is_refused(self, data, given, words):
+        with pytest.raises(fs.InputError, match=words):
+            load_of(data, map=given)
+
+    def test_only_windows_that_follow_any_pressure_have_maps(self, data):
+        """Nor faces that are solved as a whole."""
+        uneven = {"load": data["load"] | {"map": {"kind": "profile", "shares": [1, 3]}}}
+        place = {"stochastic": data["stochastic"] | {"pressure": "place"}}
+        with pytest.raises(fs.InputError, match=r"stochastic.pressure: given place with load.map, allowed is uniform"):
+            parse_case(data | uneven | place)
+        for other in ({"method": "two-scale"}, {"compare": ["deterministic"]}):
+            with pytest.raises(fs.InputError, match=r"load.map: given with the method .*, allowed is stochastic alone"):
+                parse_case(data | uneven | other)
+        lengths = {"stochastic": data["stochastic"] | {"length": ["1 mm", "2 mm"]}}
+        assert parse_case(data | uneven | lengths).prepare().sampling.pressure_map == Profile((1, 3))
+        turning = {"load": data["load"] | {"map": {"kind": "angle", "shares": [1, 3]}}}
+        with pytest.raises(fs.InputError, match=r"load.map: given one that may vary along seals of several lengths"):
+            parse_case(data | turning | lengths).prepare()
+
+
+class TestFieldOfACase:
+    @pytest.fixture
+    def case(self, data, tmp_path):
+        """A case whose map is a field of a mean of 60 MPa, once over the strip of 60 µm × 0.96 mm."""
+
+        def make(text=None, **keys):
+            rows = [f"{x},{y},{60 + 40 * (y - 0.48)}" for x in (0, 0.06) for y in np.linspace(0, 0.96, 11)]
+            (tmp_path / "flange.csv").write_text(text or "\n".join(["x,y,pressure", *rows]))
+            field = {"kind": "field", "path": "flange.csv", "length_unit": "mm", "pressure_unit": "MPa"} | keys
+            drawn = data["stochastic"] | {"length": "0.96 mm"}
+            return parse_case(data | {"load": data["load"] | {"map": field}, "stochastic": drawn}, tmp_path)
+
+        return make
+
+    def test_it_is_told_and_belongs_to_the_run(self, case):
+        prepared = case().prepare()
+        lines = dict(line.split(maxsplit=1) for line in describe(case(), prepared) if line.startswith("pressure"))
+        assert lines["pressure"].startswith(
+            "map   0.69 to 1.31 of the nominal pressure over the seal; mean of the field 60 MPa"
+        )
+        assert prepared.warnings == ()
+        kept = _face_files(case())["flange.csv"]
+        assert kept != _face_files(case("x,y,pressure\n0,0,1"))["flange.csv"]
+
+    def test_its_mean_is_compared_with_the_load(self, case):
+        assert case(at="60 MPa").prepare().warnings == ()
+        (off,) = case(at="100 MPa").prepare().warnings
+        assert off.startswith("the field of pressure at 100 MPa has the mean 60 MPa over the seal: it is scaled")
+        (far,) = case(pressure_unit="kPa").prepare().warnings
+        assert far == "the field of pressure has the mean 60 kPa over the seal, far from all loads: is its unit right?"
+
+    @pytest.mark.parametrize(
+        ("given", "words"),
+        [
+            ({"length_unit": "um"}, r"load.map.field: given x 0 to 6e-08 m.* allowed is one that covers the seal"),
+            ({"length_unit": "kg"}, "load.map.length_unit: given '1 kg'"),
+            ({"pressure_unit": "mm"}, "load.map.pressure_unit: given '1 mm'"),
+            ({"name": "CPRESS"}, "load.map.path: .* allowed is one column each of x, y, CPRESS"),
+            ({"text": "x,y,pressure\n0,0,nan\n1,0,1\n0,2,1"}, "load.map.pressure: given 1 of 3 values not finite"),
+            ({"text": "x,y,pressure\n0,0,-1\n1,0,1\n0,2,1"}, "load.map.pressure: given 1 of 3 values negative"),
+            ({"text": "x,y,pressure\n0,0,0\n1,0,0\n0,2,0"}, "load.map: given a pressure that is 0 all over the seal"),
+            ({"text": "x,y,pressure\n0,0,1\n1,1,1\n2,2,1"}, "load.map.points: given 3 points on a line"),
+            ({"text": "x,y,pressure\n0,0,90\n1,0,1\n0,2,1"}, r"load.map: given .* GPa in a window at loading 100 MPa"),
+        ],
+    )
+    def test_what_is_refused(self, case, given, words):
+        if words.endswith("100 MPa"):
+            given = {
+                "text": "x,y,pressure\n"
+                + "\n".join(f"{x},{y},{int(y < 0.02)}" for x in (0, 1) for y in (0, 0.01, 0.02, 2))
+            }
+        with pytest.raises(fs.InputError, match=words) as caught:
+            case(**given).prepare()
+        assert "\n" not in str(caught.value)
+
+    def test_a_missing_file(self, case):
+        with pytest.raises(fs.InputError, match=r"load.map.path: given 'none.csv', allowed is a file that exists"):
+            case(path="none.csv")

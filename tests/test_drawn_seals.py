@@ -1,0 +1,127 @@
+"""What a drawn seal looks like: flux and contact pressure over its parts, in results, pictures and files."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from skfem import MeshQuad, MeshTri
+
+import femseal as fs
+from femseal.loads import LoadProgramme
+from femseal.scales import LinkTable, draw_links, draw_pressures
+from femseal.seal.elemented import ElementSeal, ElementWindows
+from femseal.seal.linked import LinkWindows
+
+FLUID = fs.Liquid(1e-3)
+
+
+def _flow(seal, permeability):
+    """Leakage, and the potential of the nodes over the density of volume rates."""
+    leakage = fs.seal_leakage(seal, permeability, FLUID, inlet_pressure=2e6, outlet_pressure=1e6)
+    return leakage, FLUID.potential(leakage.fluid_pressure) / FLUID.reference_density
+
+
+@pytest.mark.parametrize("kind", ["strip", "ring", "inwards"])
+def test_flux_through_links_carries_the_leakage_through_every_row(kind):
+    rng = np.random.default_rng(1)
+    n1, n2 = 5, 24
+    if kind == "strip":
+        seal, widths = fs.RectangularSeal((2e-3, 12e-3), (n1, n2)), np.full((n1, 1), 12e-3 / n2)
+    else:
+        seal = fs.AnnularSeal(4e-3, 6e-3, (n1, n2), "inner" if kind == "ring" else "outer")
+        # widths where the flux of a link of constant permeability is its difference quotient
+        ends = seal.radii
+        widths = (np.diff(ends) / np.diff(np.log(ends)))[:, None] * 2 * np.pi / n2
+    laid = LinkWindows(seal)
+    k = np.exp(rng.normal(size=(n1, n2))) * 1e-18, np.zeros((n1 - 1, n2))
+    leakage, potential = _flow(seal, k)
+    flux = laid.flux(k, potential, leakage.volume_rate).reshape(n1, n2, 2)
+    outwards = np.diff(seal.points, axis=0)
+    outwards /= np.linalg.norm(outwards, axis=2, keepdims=True)
+    through = ((flux * outwards).sum(axis=2) * widths).sum(axis=1)
+    assert_allclose(through, leakage.volume_rate, rtol=1e-9)
+    k = k[0], np.exp(rng.normal(size=(n1 - 1, n2))) * 1e-18
+    leakage, potential = _flow(seal, k)
+    flux = laid.flux(k, potential, leakage.volume_rate).reshape(n1, n2, 2)
+    through = ((flux * outwards).sum(axis=2) * widths).sum(axis=1)
+    assert_allclose(through, leakage.volume_rate, rtol=0.02)  # links across are no longer straight on a ring
+    sideways = flux - (flux * outwards).sum(axis=2)[..., None] * outwards
+    assert np.linalg.norm(sideways, axis=2).max() > 0.5 * leakage.volume_rate / (n2 * widths.min())
+
+
+def test_flux_is_nothing_in_pockets_and_closed_links():
+    seal = fs.RectangularSeal((3e-3, 4e-3), (3, 4))
+    k1, k2 = np.full((3, 4), 1e-18), np.zeros((2, 4))
+    k1[[0, 2], 1] = 0.0  # nodes of a column that neither end reaches
+    leakage, potential = _flow(seal, (k1, k2))
+    assert np.isnan(potential[1, 1])
+    flux = LinkWindows(seal).flux((k1, k2), potential, leakage.volume_rate).reshape(3, 4, 2)
+    assert not flux[:, 1].any()
+    assert_allclose(flux[:, [0, 2, 3], 0], leakage.per_length * 4 / 3)
+
+
+@pytest.mark.parametrize("mesh", [MeshQuad, MeshTri])
+def test_flux_through_elements_is_that_of_darcy(mesh):
+    """A uniform tensor: the flux of the closed strip is along it, whatever the directions of its principal axes."""
+    plain = mesh.init_tensor(np.linspace(0, 2e-3, 9), np.linspace(0, 3e-3, 13))
+    ends = [plain.facets_satisfying(lambda x, at=at: np.isclose(x[0], at)) for at in (0.0, 2e-3)]
+    seal = ElementSeal(plain, *ends, (2e-3, 3e-3), plain.p.T[plain.t.T])
+    count = plain.nelements
+    laid = ElementWindows(seal, (0.25e-3, 0.25e-3), np.tile([0.0, 1.0], (count, 1)))
+    tensor = np.tile(np.diag([3e-18, 1e-18]), (count, 1, 1))
+    leakage, potential = _flow(seal, tensor)
+    flux = laid.flux(tensor, potential, leakage.volume_rate)
+    assert_allclose(flux[:, 0], leakage.per_length, rtol=1e-6)
+    assert_allclose(flux[:, 1], 0.0, atol=1e-9 * leakage.per_length)
+    assert leakage.per_length == pytest.approx(3e-18 / 1e-3 * 1e6 / 2e-3, rel=1e-6)
+
+
+def test_flux_through_random_elements_has_the_power_of_the_leakage():
+    """∫ q·∇p over the seal is leakage × pressure drop, although linear elements would carry more."""
+    plain = MeshTri.init_tensor(np.linspace(0, 2e-3, 17), np.linspace(0, 3e-3, 25))
+    ends = [plain.facets_satisfying(lambda x, at=at: np.isclose(x[0], at)) for at in (0.0, 2e-3)]
+    corners = plain.p.T[plain.t.T]
+    seal = ElementSeal(plain, *ends, (2e-3, 3e-3), corners)
+    laid = ElementWindows(seal, (0.1e-3, 0.1e-3), np.tile([0.0, 1.0], (plain.nelements, 1)))
+    k = np.exp(1.5 * np.random.default_rng(2).normal(size=plain.nelements)) * 1e-18
+    tensor = k[:, None, None] * np.eye(2)
+    leakage, potential = _flow(seal, tensor)
+    flux = laid.flux(tensor, potential, leakage.volume_rate)
+    edges = np.stack([corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]], axis=1)
+    at = leakage.fluid_pressure[plain.t.T]
+    gradient = np.linalg.solve(edges, (at[:, 1:] - at[:, :1])[..., None])[..., 0]
+    area = 0.5 * np.abs(np.linalg.det(edges))
+    assert -area @ (flux * gradient).sum(axis=1) == pytest.approx(leakage.volume_rate * 1e6, rel=1e-9)
+
+
+def test_values_of_windows_are_averaged_over_the_parts():
+    plain = MeshQuad.init_tensor(np.linspace(0, 2e-3, 3), np.linspace(0, 2e-3, 3))
+    ends = [plain.facets_satisfying(lambda x, at=at: np.isclose(x[0], at)) for at in (0.0, 2e-3)]
+    seal = ElementSeal(plain, *ends, (2e-3, 2e-3), plain.p.T[plain.t.T])
+    laid = ElementWindows(seal, (0.5e-3, 0.5e-3), np.tile([0.0, 1.0], (4, 1)))
+    windows = laid.draws[0][1]
+    assert windows == 16
+    values = np.arange(16.0)[None]
+    assert_allclose(laid.means(values), [1.5, 5.5, 9.5, 13.5])
+    links = LinkWindows(fs.RectangularSeal((1.0, 1.0), (2, 3)))
+    assert_allclose(links.means(np.arange(6.0).reshape(2, 3)), np.arange(6.0))
+
+
+# --- contact pressure of the windows ----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("sampler", ["history", "block", "copula", "derivative"])
+def test_pressures_are_those_of_the_windows_that_are_drawn(sampler):
+    steps = LoadProgramme.of([1e8, 3e8])
+    pressure = np.random.default_rng(3).uniform(1e7, 5e8, size=(2, 3, 8))
+    path = np.repeat(np.arange(3)[:, None], 20, axis=1)
+    table = LinkTable(pressure * 1e-27, path, steps, run_length=4.0, pressure=pressure)
+    which = {"sampler": sampler, "seed": 5, "realisation": 2, "axis": 0}
+    k, p = draw_links(table, **which), draw_pressures(table, **which)
+    for s in range(2):
+        if sampler in ("history", "block"):
+            assert_allclose(p(s), k(s) * 1e27)
+        else:  # they draw no windows
+            assert_allclose(p(s), pressure[s].mean(axis=1)[path])
+    of_paths = LinkTable(pressure, path, steps, run_length=4.0, pressure=pressure[:, :, :1])
+    assert_allclose(draw_pressures(of_paths, **which)(1), pressure[1, :, 0][path])
+    assert draw_pressures(LinkTable(pressure, path, steps), **which) is None

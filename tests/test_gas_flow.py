@@ -1,0 +1,322 @@
+"""Flow of a gas with slip: the resolved flow, networks whose permeability depends on pressure, and all studies."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from numpy.testing import assert_allclose
+from scipy.integrate import solve_ivp
+from scipy.optimize import root
+from scipy.sparse.linalg import spsolve
+from skfem import MeshQuad
+
+import femseal as fs
+from femseal.flow.coefficient import gap_on_links
+from femseal.flow.gas_drop import GasDrop, successive
+from femseal.flow.permeability_table import PermeabilityTable, table_pressures
+from femseal.rarefied import flow_rate
+from femseal.scales import FlowSettings
+from femseal.scales.window import window_permeability
+from femseal.studies.scene import resolved_flow
+
+HELIUM = fs.IdealGas(viscosity=19.6e-6, molar_mass=4.0026e-3, temperature=293.15)
+ENDS = [(1e6, 1e5), (1e5, 0.0), (1e7, 1e5)]
+
+
+def settings(inlet, outlet, gas=HELIUM):
+    return FlowSettings(drop=GasDrop.of(gas, inlet, outlet, 1e-6))
+
+
+def mean_factor(gap, inlet, outlet):
+    """Mean of F over p²: ∫ F 2p dp/(p_in² − p_out²), by the midpoint rule in ln p."""
+    edges = np.geomspace(max(outlet, 1e-6 * inlet), inlet, 200_001)
+    p = np.sqrt(edges[1:] * edges[:-1])
+    return (HELIUM.flow_factor(gap, p) * np.diff(edges**2)).sum() / (inlet**2 - outlet**2)
+
+
+def table(gaps, inlet, outlet):
+    """Table of the permeability of plates at gaps (k1, k2), or one array."""
+    p = table_pressures(inlet, outlet)
+
+    def k(h):
+        h = np.asarray(h)
+        return np.array([np.where(h > 0, h**3 / 12 * HELIUM.flow_factor(np.where(h > 0, h, 1.0), q), 0.0) for q in p])
+
+    return PermeabilityTable(tuple(p), tuple(map(k, gaps)) if isinstance(gaps, tuple) else k(gaps))
+
+
+@pytest.mark.parametrize(("inlet", "outlet"), ENDS)
+@pytest.mark.parametrize("gap", [1e-8, 1e-6, 1e-5])
+def test_parallel_plates(gap, inlet, outlet):
+    flow = resolved_flow(np.full((8, 4), gap), (1e-6, 1e-6), settings(inlet, outlet))
+    assert_allclose(flow.permeability, gap**3 / 12 * mean_factor(gap, inlet, outlet), rtol=1e-5)
+
+
+@pytest.mark.parametrize(("inlet", "outlet"), [(1e6, 1e5), (1e5, 1e3)])
+def test_waves_across_the_flow_against_an_ordinary_differential_equation(inlet, outlet):
+    n, length = 128, 128e-6
+
+    def gap(x):
+        return 1e-7 * (1 + 0.7 * np.cos(2 * np.pi * x))
+
+    x = (np.arange(n) + 0.5) / n
+    flow = resolved_flow(
+        np.repeat(gap(x)[:, None], 3, axis=1), (length / n, 1e-6), settings(inlet, outlet), with_share=True
+    )
+    rate = flow.permeability * (inlet**2 - outlet**2)
+
+    def slope(x, square):
+        p = np.sqrt(max(square[0], 1.0))
+        return [-rate / (gap(x) ** 3 / 12 * float(HELIUM.flow_factor(gap(x), p)))]
+
+    along = solve_ivp(slope, (0, 1), [inlet**2], rtol=1e-8, atol=1e-2, max_step=0.02, t_eval=[*x, 1.0]).y[0]
+    assert_allclose(along[-1], outlet**2, atol=3e-4 * inlet**2)
+    share = (along[:-1] - outlet**2) / (inlet**2 - outlet**2)
+    assert_allclose(flow.share[:, 0], share, atol=1e-3)
+
+
+def nonlinear_flow(gap, inlet, outlet):
+    """Flow along x1 for squares of pixels, periodic along x2, with the flow factor at the mean of the pressures of each
+    link: Picard's iteration in p² on scipy's direct solver."""
+    n1, n2 = gap.shape
+    h1, h2 = gap_on_links(gap, False, True)
+    node = np.arange(n1 * n2).reshape(n1, n2)
+    first = np.r_[np.full(n2, -1), node.ravel(), node.ravel()]
+    second = np.r_[node.ravel(), np.full(n2, -2), np.roll(node, -1, axis=1).ravel()]
+    second = np.r_[node[0], np.r_[node[1:].ravel(), np.full(n2, -2)], np.roll(node, -1, axis=1).ravel()]
+    length = np.r_[np.full(n2, 0.5), np.full((n1 - 1) * n2, 1.0), np.full(n2, 0.5), np.full(n1 * n2, 1.0)]
+    h = np.r_[h1.ravel(), h2.ravel()]
+    keep = h > 0
+    first, second, length, h = first[keep], second[keep], length[keep], h[keep]
+    square = np.full(n1 * n2 + 2, (inlet**2 + outlet**2) / 2)
+    square[-1], square[-2] = inlet**2, outlet**2
+    free = np.unique(np.r_[first, second])
+    free = free[free >= 0]
+    for _ in range(200):
+        p = (np.sqrt(square[first]) + np.sqrt(square[second])) / 2
+        c = h**3 / 12 * HELIUM.flow_factor(h, p) / length
+        i, j = np.r_[first, second, first, second], np.r_[first, second, second, first]
+        size = n1 * n2 + 2
+        matrix = sp.csr_array((np.r_[c, c, -c, -c], (i % size, j % size)), shape=(size, size))
+        new = square.copy()
+        new[free] = spsolve(matrix[free][:, free].tocsc(), -(matrix[free][:, [size - 1, size - 2]] @ square[[-1, -2]]))
+        change = np.abs(new - square).max() / inlet**2
+        square = new
+        if change < 1e-9:
+            break
+    into = first == -1
+    return (c[into] * (square[-1] - square[second[into]])).sum() / (inlet**2 - outlet**2) * n1 / n2
+
+
+@pytest.mark.parametrize(("inlet", "outlet"), [(1e6, 1e5), (1e5, 1e3)])
+def test_rough_gap_against_an_independent_nonlinear_solution(inlet, outlet):
+    heights = fs.self_affine((32, 32), (32e-6, 32e-6), hurst=0.8, rms_slope=0.1, cut_off=16e-6, rng=3).heights
+    gap = np.maximum(heights + 0.6 * heights.std(), 0.0)
+    assert 0.1 < (gap == 0).mean() < 0.4
+    flow = resolved_flow(gap, (1e-6, 1e-6), settings(inlet, outlet))
+    # the flow factor is interpolated between pixels with the gap, there it is that of the interpolated gap
+    assert_allclose(flow.permeability, nonlinear_flow(gap, inlet, outlet), rtol=0.01)
+    viscous = resolved_flow(gap, (1e-6, 1e-6))
+    assert flow.permeability > 1.2 * viscous.permeability
+
+
+def test_limits_of_the_resolved_flow():
+    """A gas of high pressure in a wide gap is viscous; that of free molecules depends on the drop of pressure alone."""
+    gap = 1e-6 * (1.5 + np.cos(np.arange(24) / 4)[:, None] * np.cos(np.arange(16) / 3))
+    high, low = ((p * 2.0, p) for p in (1e12, 1e-6))
+    viscous = resolved_flow(gap, (1e-6, 1e-6)).permeability
+    assert_allclose(resolved_flow(gap, (1e-6, 1e-6), settings(*high)).permeability, viscous, rtol=1e-6)
+    # mass rate over the drop of pressure, at two levels: the logarithm of Q(D) is all that is left of the pressure
+    first, second = (
+        resolved_flow(gap, (1e-6, 1e-6), settings(level * 2.0, level)).permeability * 3 * level
+        for level in (1e-6, 1e-8)
+    )
+    d = HELIUM.inverse_knudsen(1e-6, 1.5e-6)
+    assert_allclose(second / first, flow_rate(d / 100) / flow_rate(d), rtol=0.01)
+    assert low[0] > low[1]
+
+
+def test_what_does_not_slip_is_solved_as_ever():
+    gap = np.maximum(np.random.default_rng(0).standard_normal((16, 16)) + 1, 0) * 1e-6
+    still = replace(HELIUM, slip=False)
+    assert GasDrop.of(still, 1e6, 1e5, 1e-6) is None
+    assert GasDrop.of(fs.Liquid(1e-3), 1e6, 1e5, 1e-6) is None
+    expected = fs.cell_permeability(gap, (1e-6, 1e-6), sides="periodic").value
+    assert resolved_flow(gap, (1e-6, 1e-6), settings(1e6, 1e5, still)).permeability == expected
+    # a gas whose factor is 1 to six digits everywhere
+    assert resolved_flow(gap + 1.0, (1e-6, 1e-6), settings(1e9, 5e8)).solvers.systems[0][1] == 1
+
+
+def test_a_closed_gap_stays_closed():
+    gap = np.full((8, 8), 1e-6)
+    gap[3] = 0
+    flow = resolved_flow(gap, (1e-6, 1e-6), settings(1e6, 1e5), with_share=True)
+    assert flow.permeability == 0
+    assert window_permeability(gap, (1e-6, 1e-6), 0, settings=settings(1e6, 1e5)).k.tolist() == [0.0] * 4
+
+
+@pytest.mark.parametrize(("inlet", "outlet"), ENDS)
+def test_network_of_one_link(inlet, outlet):
+    for gap in (1e-8, 3e-7, 1e-5):
+        found = fs.seal_leakage(
+            fs.RectangularSeal((1e-3, 2e-3), (1, 1)), table(gap, inlet, outlet), HELIUM,
+            inlet_pressure=inlet, outlet_pressure=outlet,
+        )  # fmt: skip
+        assert_allclose(found.conductance, 2 * gap**3 / 12 * mean_factor(gap, inlet, outlet), rtol=5e-3)
+
+
+@pytest.mark.parametrize(("inlet", "outlet"), ENDS)
+def test_network_against_the_balance_of_its_own_potentials(inlet, outlet):
+    """Unknown pressures of a small random network; the potential of each link by quadrature of its own flow factor."""
+    rng = np.random.default_rng(5)
+    n1, n2 = 3, 4
+    h1, h2 = (1e-7 * np.exp(rng.standard_normal(shape)) for shape in ((n1, n2), (n1 - 1, n2)))
+    seal = fs.RectangularSeal((3e-4, 4e-4), (n1, n2))
+    found = fs.seal_leakage(seal, table((h1, h2), inlet, outlet), HELIUM, inlet_pressure=inlet, outlet_pressure=outlet)
+    x, w = np.polynomial.legendre.leggauss(40)
+
+    def flow(h, first, second):
+        """∫ (h³/12) F 2p dp, in √ of the distance from the lower pressure."""
+        low, high = np.minimum(first, second), np.maximum(first, second)
+        t = 0.5 * (1 + x)
+        p = np.maximum(low[..., None] + (high - low)[..., None] * t**2, 1e-9 * inlet)
+        total = (HELIUM.flow_factor(h[..., None], p) * p * t * w).sum(axis=-1) * 2 * (high - low)
+        return h**3 / 12 * total * np.sign(first - second)
+
+    def excess(inner):
+        p = np.vstack([np.full(n2, inlet), np.abs(inner).reshape(n1 - 1, n2), np.full(n2, outlet)])
+        q1, q2 = flow(h1, p[:-1], p[1:]), flow(h2, p[1:-1], np.roll(p[1:-1], -1, axis=1))
+        return (np.diff(q1, axis=0) + q2 - np.roll(q2, 1, axis=1)).ravel() / (h1**3).max() / inlet**2, q1
+
+    solved = root(lambda inner: excess(inner)[0] * 1e6, found.fluid_pressure[1:-1].ravel(), tol=1e-13)
+    q1 = excess(solved.x)[1]
+    assert_allclose(q1[0].sum(), q1[-1].sum(), rtol=1e-5)
+    assert_allclose(found.conductance * (inlet**2 - outlet**2), q1[0].sum(), rtol=3e-3)
+    assert_allclose(found.fluid_pressure[1:-1].ravel(), np.abs(solved.x), atol=3e-3 * inlet)
+    # the local permeabilities have the same flow in the viscous potential
+    φ = found.fluid_pressure**2
+    k1, k2 = found.permeability
+    q1, q2 = k1 * -np.diff(φ, axis=0), k2 * (φ[1:-1] - np.roll(φ[1:-1], -1, axis=1))
+    balance = np.diff(q1, axis=0) + q2 - np.roll(q2, 1, axis=1)
+    assert np.abs(balance).max() < 2e-3 * q1.max()
+    assert_allclose(q1[0].sum(), found.conductance * (inlet**2 - outlet**2), rtol=2e-3)
+
+
+def test_a_constant_permeability_in_a_table_changes_nothing():
+    k1, k2 = np.random.default_rng(1).random((4, 5)) * 1e-18, np.random.default_rng(2).random((3, 5)) * 1e-18
+    k1[2, 1] = 0
+    constant = PermeabilityTable((1e6, 3e5, 1e5), (np.array([k1] * 3), np.array([k2] * 3)))
+    seal = fs.RectangularSeal((1e-3, 1e-3), (4, 5))
+    for fluid in (replace(HELIUM, slip=False), fs.Liquid(1e-3), HELIUM):
+        plain, tabled = (
+            fs.seal_leakage(seal, k, fluid, inlet_pressure=1e6, outlet_pressure=1e5, bounds=True)
+            for k in ((k1, k2), constant)
+        )
+        assert_allclose(tabled.mass_rate, plain.mass_rate, rtol=2e-4)
+        assert_allclose((tabled.lower, tabled.upper), (plain.lower, plain.upper), rtol=2e-4)
+        assert_allclose(tabled.fluid_pressure, plain.fluid_pressure, rtol=2e-4)
+
+
+def test_meshes_tensors_and_links_agree():
+    inlet, outlet = 1e6, 1e5
+    mesh = MeshQuad.init_tensor(np.linspace(0, 1e-3, 9), np.linspace(0, 2e-3, 7)).with_boundaries(
+        {"in": lambda x: x[0] == 0, "out": lambda x: x[0] > 0.9999e-3}
+    )
+    numbers = table(1e-7, inlet, outlet)
+    n = mesh.nelements
+    of_elements = PermeabilityTable(numbers.pressures, np.repeat(numbers.values[:, None], n, axis=1))
+    tensors = PermeabilityTable(numbers.pressures, of_elements.values[..., None, None] * np.eye(2))
+    seals = {"mesh": fs.MeshSeal(mesh, "in", "out"), "strip": fs.RectangularSeal((1e-3, 2e-3), (8, 6))}
+    rates = [
+        fs.seal_leakage(seals[name], k, HELIUM, inlet_pressure=inlet, outlet_pressure=outlet).mass_rate
+        for name, k in (
+            ("mesh", numbers), ("mesh", of_elements), ("mesh", tensors), ("mesh", PermeabilityTable(numbers.pressures,
+             np.repeat(of_elements.values[..., None], 2, axis=2))), ("strip", numbers), ("strip", PermeabilityTable(numbers.pressures,
+             np.broadcast_to(numbers.values[:, None, None, None, None] * np.eye(2), (4, 8, 6, 2, 2)))),
+            ("strip", table((np.full((8, 6), 1e-7), np.full((7, 6), 1e-7)), inlet, outlet)),
+        )
+    ]  # fmt: skip
+    assert_allclose(rates, rates[-1], rtol=5e-3)
+
+
+@pytest.mark.parametrize("shape", [(3, 8, 6), (3, 5), (3, 7, 6)])
+def test_tables_of_other_shapes_than_the_seal(shape):
+    seal = fs.RectangularSeal((1e-3, 2e-3), (7, 6))
+    wrong = PermeabilityTable((1e6, 3e5, 1e5), (np.ones(shape), np.ones((3, 5, 6))))
+    with pytest.raises(fs.InputError, match=r"^permeability: given shape"):
+        fs.seal_leakage(seal, wrong, HELIUM, inlet_pressure=1e6, outlet_pressure=1e5)
+
+
+@pytest.mark.parametrize(
+    ("pressures", "values", "word"),
+    [((1e5,), np.ones(1), "pressures"), ((1e5, 1e5), np.ones(2), "pressures"), ((0.0, 1e5), np.ones(2), "pressures"),
+     ((1.0, 2.0), np.ones(3), "values"), ((1.0, 2.0), -np.ones(2), "values"), ((1.0, 2.0), [np.nan, 1], "values")],
+)  # fmt: skip
+def test_tables_that_are_none(pressures, values, word):
+    with pytest.raises(fs.InputError, match=f"^{word}: given"):
+        PermeabilityTable(pressures, values)
+
+
+def test_successive_solutions_that_do_not_settle():
+    flows = iter(range(1, 1000))
+    with pytest.raises(fs.NotConverged, match="still changes"):
+        successive(lambda share: (1.0 + next(flows) % 2, share, None), 1e-6)
+
+
+@pytest.fixture(scope="module")
+def scene():
+    surface = fs.self_affine((64, 128), (64e-6, 128e-6), hurst=0.8, rms_slope=0.1, roll_off=32e-6, cut_off=8e-6, rng=1)
+    return fs.Scene(
+        surface, 115e9, 2.8e9, HELIUM, 1e6, 1e5, loading=(50e6, 300e6), unload_from=(300e6,), unloading=(50e6,)
+    )
+
+
+def test_all_studies_of_a_gas(scene):
+    """Each study of a gas is as near to the deterministic one as it is for the viscous gas."""
+    viscous = replace(scene, fluid=replace(HELIUM, slip=False))
+    whole, plain = fs.deterministic(scene), fs.deterministic(viscous)
+    assert (whole.leakage > 1.1 * plain.leakage).all()
+    # p² falls less steeply near the inlet than without slip
+    assert np.nanmax(np.abs(whole.fluid_pressure - plain.fluid_pressure)) > 1e4
+    assert np.nanmin(whole.fluid_pressure) >= 0.999e5
+    for flow, rtol in (("resolved", 1e-6), ("elements", 0.02), ("links", 0.1)):
+        found, still = (fs.two_scale(s, (2, 4), flow=flow) for s in (scene, viscous))
+        assert_allclose(found.leakage, whole.leakage, rtol=rtol)
+        assert_allclose(found.leakage / whole.leakage, still.leakage / plain.leakage, rtol=0.03)
+        if flow == "links":
+            k1, φ = found.k1, HELIUM.potential(found.fluid_pressure) / HELIUM.reference_density
+            rate = (k1[:, 0] * (φ[:, 0] - φ[:, 1])).sum(axis=1)
+            width = np.diff(found.partition.node_rows[:2])[0] if found.partition.node_rows else 32e-6
+            assert_allclose(rate / width / 4, found.leakage, rtol=5e-3)
+
+
+@pytest.mark.parametrize(
+    "options",
+    [{"sampler": "block"}, {"sampler": "runs"}, {"pressure": "uniform", "sampler": "copula"},
+     pytest.param({"pressure": "global", "sampler": "derivative"}, marks=pytest.mark.slow),
+     pytest.param({"pressure": "uniform", "bounds": True}, marks=pytest.mark.slow)],
+    ids=str,
+)  # fmt: skip
+def test_drawn_seals_of_a_gas_leak_more_by_the_flow_factor(scene, options):
+    sampling = fs.Sampling(length=0.5e-3, realisations=3, library_cells=6, seed=1, **options)
+    viscous = replace(scene, fluid=replace(HELIUM, slip=False))
+    found, still = (fs.stochastic(s, (2, 4), sampling) for s in (scene, viscous))
+    whole, plain = fs.deterministic(scene), fs.deterministic(viscous)
+    ratio = found.leakage / still.leakage
+    assert (ratio > 1).all()
+    expected = whole.leakage / plain.leakage
+    assert_allclose(np.log(np.median(ratio, axis=0)) / np.log(expected), 1, atol=0.6)
+    if sampling.bounds:
+        assert (found.leakage_lower_bound <= found.leakage * 1.02).all()
+        assert (found.leakage <= found.leakage_upper_bound * 1.02).all()
+
+
+def test_a_library_of_a_gas_is_kept_apart(scene, tmp_path):
+    sampling = fs.Sampling(length=0.3e-3, realisations=2, library_cells=3, seed=1, pressure="uniform", library=tmp_path)
+    first = fs.stochastic(scene, (2, 4), sampling)
+    again = fs.stochastic(scene, (2, 4), sampling)
+    assert (first.library.reused, again.library.reused) == (0, 3)
+    assert_allclose(again.leakage, first.leakage, rtol=1e-12)
+    fs.stochastic(replace(scene, fluid=fs.Liquid(1e-3)), (2, 4), sampling)
+    assert len(list(tmp_path.glob("*.npz"))) == 2
