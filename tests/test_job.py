@@ -5,6 +5,7 @@ import re
 import socket
 import subprocess
 import sys
+import tomllib
 from contextlib import ExitStack
 from functools import partial
 
@@ -17,6 +18,7 @@ from test_checkpoint import HANG
 import femseal as fs
 from femseal.base.stage import Stage
 from femseal.runs import cluster as cluster_map
+from femseal.runs.case import parse_case
 from femseal.runs.executor import ordered_map
 from femseal.runs.forecast import disk
 
@@ -72,6 +74,20 @@ def test_results_do_not_depend_on_the_workers(case):
     for name in ("leakage_deterministic", "leakage_two_scale", "leakage_median"):
         first, top, back = one.dataset[name].values
         assert top < back < first
+
+
+def test_methods_that_are_compared_solve_the_contact_of_the_whole_face_once(case):
+    """With the same bits as each alone, also in processes."""
+    text = CASE.replace('method = "stochastic"', 'method = "two-scale"')
+    text = text.partition("[stochastic]")[0]
+    case.write_text(text)
+    stages = []
+    both = fs.run(case, workers=2, progress=lambda stage, done, total: stages.append(stage)).dataset
+    alone = fs.run(parse_case(tomllib.loads(text) | {"compare": []}), workers=1).dataset
+    assert {stage for stage in stages if "contact" in stage} == {"deterministic: contact of the whole face"}
+    assert not any(name.startswith("window") for name in set(alone.data_vars) - set(both.data_vars))
+    for name in alone.data_vars:
+        assert_array_equal(both[name].values, alone[name].values)
 
 
 def test_every_choice_of_the_stochastic_method_goes_through_a_case(case, tmp_path):

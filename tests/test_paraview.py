@@ -16,7 +16,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 import femseal as fs
 from femseal.report import write_folder
 from femseal.results import assemble, series
-from femseal.results.views import LoadSteps, QuadMesh
+from femseal.results.views import Cells, LoadSteps
 
 MACRO = Path(__file__).parents[1] / "examples" / "paraview_two_scale.py"
 M1, M2 = 3, 4
@@ -89,7 +89,7 @@ def test_meshio_reads_meshes_of_any_content(tmp_path):
     for values in (*points.values(), *cells.values()):
         values[rng.random(values.shape) < rng.random((n_steps, *[1] * (values.ndim - 1)))] = 0.0
     steps = LoadSteps(np.arange(n_steps), np.zeros(n_steps), np.full(n_steps, np.nan))
-    series.write(QuadMesh("grid", rng.normal(size=(6, 3)), quads, steps, points, cells), tmp_path)
+    series.write(Cells("grid", rng.normal(size=(6, 3)), quads, steps, points, cells), tmp_path)
     for s in range(n_steps):
         mesh = meshio.read(tmp_path / "grid" / f"step_{s:04d}.vtu")
         for name, values in points.items():

@@ -23,6 +23,7 @@ from .drawing import (
     map_row,
     with_closed,
 )
+from .drawn_panels import drawn_figure
 from .face_panels import face_contact_panel, face_fluid_panel, face_gap_panel, face_size
 
 if TYPE_CHECKING:
@@ -40,8 +41,9 @@ _DECADES = 10
 
 
 def default_step(data: xarray.Dataset) -> int:
-    """The step of the highest load at which the face leaks, by two scales if run; the first step if it never does."""
-    name = "leakage_two_scale" if "leakage_two_scale" in data else "leakage_deterministic"
+    """The step of the highest load at which the face leaks, or else the drawn seals; the first step if none does."""
+    names = ("leakage_two_scale", "leakage_deterministic", "leakage_median")
+    name = next(name for name in names if name in data)
     leaking = np.flatnonzero(np.nan_to_num(data[name].values) != 0)
     return int(leaking[np.argmax(data["nominal_pressure"].values[leaking])]) if leaking.size else 0
 
@@ -56,7 +58,8 @@ def seal_figure(results: Results, step: int | None = None, gaps: Sequence[Array]
 
     Of a two-scale study: the windows, with the flow as arrows, and A and B, the critical window, in which the flow
     loses most power, and the one that carries most flow of the others; with their gaps if the fields of the study are
-    in memory or in the folder. Else of a deterministic study, in blocks.
+    in memory or in the folder. Else of a deterministic study, in blocks. Else of the seal drawn from a library that is
+    nearest to the median.
 
     Parameters
     ----------
@@ -68,11 +71,14 @@ def seal_figure(results: Results, step: int | None = None, gaps: Sequence[Array]
     InputError : results without fields over the face, or no such step.
     """
     data = results.dataset
-    if not has_maps(data):
-        raise InputError.of("seal figure", "results without maps", "those of a two-scale or a deterministic study")
+    if not has_maps(data) and "drawn_corners" not in data:
+        allowed = "those of a two-scale or a deterministic study, or with a drawn seal"
+        raise InputError.of("seal figure", "results without maps", allowed)
     s = default_step(data) if step is None else step
     if not 0 <= s < data.sizes["step"]:
         raise InputError.of("step", step, f"0 to {data.sizes['step'] - 1}")
+    if not has_maps(data):
+        return drawn_figure(data, s)
     windows = "k1" in data
     size = seal_size(data) if windows else face_size(data)
     row = map_row(size)

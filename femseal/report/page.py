@@ -87,6 +87,8 @@ def report_html(results: Results, drawings: pictures.Drawings | None = None) -> 
 def _content(results: Results, drawings: pictures.Drawings) -> dict[str, Any]:
     data = results.dataset
     title, heads, lines = texts(results)
+    if results.classes:  # the page has a table of classes
+        heads, lines = heads[:-1], [line[:-1] for line in lines]
     content: dict[str, Any] = {
         "title": results.case.get("title") or "Leakage of a metal-to-metal seal",
         "source": data.attrs["source"],
@@ -112,6 +114,7 @@ def _content(results: Results, drawings: pictures.Drawings) -> dict[str, Any]:
         "method": results.method,
         "lengths": None,
         "cells": pictures.cell_pictures(results, drawings) if "cells" in drawings else [],
+        "drawn": pictures.drawn_picture(results, drawings) if "drawn_corners" in data else None,
         "map_step": "",
         "maps": [],
         "drop": None,
@@ -130,7 +133,7 @@ def _content(results: Results, drawings: pictures.Drawings) -> dict[str, Any]:
         content["lengths"] = pictures.lengths_picture(results, drawings)
         heads, lines = seal_lengths.texts(results)
         content["lengths_table"] = {"heads": heads, "lines": lines, "unit": results.leak_unit.name}
-    if "seal" in drawings:
+    if "drop" in drawings:
         content["map_step"], content["maps"] = pictures.map_pictures(results, drawings)
         content["drop"] = pictures.drop_picture(results, drawings)
         content["drop_sentences"] = pressure_drop_sentences(results)

@@ -16,6 +16,7 @@ from ..base.stage import Mapper, Stage
 from ..plots import cells_figure, heights_figure, leakage_figure, lengths_figure, seal_figure
 from ..plots.cell_curves import cells_of
 from ..plots.drawing import HEIGHTS, LINES, Drawn, Sheet, drawn, map_row
+from ..plots.drawn_panels import drawn_figure
 from ..plots.face_panels import face_panel, face_size
 from ..plots.maps import critical_gaps, default_step, drop_panel, has_maps
 from ..results.results import Results
@@ -29,7 +30,7 @@ if TYPE_CHECKING:
 
 Array = np.ndarray
 #: Pictures that are files of the folder too, by their name without ending; the page alone has the others.
-FILES = ("surface", "seal", "cells", "leakage", "lengths")
+FILES = ("surface", "seal", "drawn", "cells", "leakage", "lengths")
 Drawings = Mapping[str, Drawn]
 
 
@@ -54,7 +55,8 @@ def draw_all(results: Results, surface: Topography | None = None, *, mapper: Map
     data = results.dataset
     wanted = {
         "surface": surface is not None,
-        "seal": has_maps(data),
+        "seal": has_maps(data) or "drawn_corners" in data,
+        "drawn": has_maps(data) and "drawn_corners" in data,
         "cells": "library_k" in data or "k1" in data,
         "leakage": True,
         "drop": has_maps(data),
@@ -81,6 +83,8 @@ def _figure(name: str, results: Results, surface: Topography | None, gaps: list[
         return heights_figure(surface)
     if name == "seal":
         return seal_figure(results, gaps=gaps)
+    if name == "drawn":
+        return drawn_figure(data, default_step(data))
     if name == "cells":
         return cells_figure(results)
     if name == "lengths":
@@ -202,6 +206,20 @@ def _face_texts(data: xarray.Dataset, s: int) -> list[tuple[str, str]]:
             "Gap, mean of each block of pixels.",
         ),
     ]
+
+
+def drawn_picture(results: Results, drawings: Drawings) -> Picture:
+    """Maps of the drawn seal nearest to the median."""
+    data = results.dataset
+    s = default_step(data)
+    fluid, k = data["drawn_fluid_pressure"].values[s], data["drawn_permeability"].values[s]
+    parts, step = data.sizes["part"], data["name"].values[s]
+    alt = f"Maps of {parts} parts of a drawn seal at {step}: fluid pressure, {_range(fluid, 'Pa')}; {_open_text(k)}."
+    caption = (
+        f"The drawn seal nearest to the median, in its plane, at {step}: fluid pressure and permeability; around its "
+        "largest flux also the flux, with arrows as long as its root, and the contact pressure of windows that differ."
+    )
+    return Picture(_uri(drawings["drawn" if "drawn" in drawings else "seal"].whole), alt, caption)
 
 
 def drop_picture(results: Results, drawings: Drawings) -> Picture:

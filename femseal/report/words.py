@@ -58,7 +58,9 @@ def case_sentences(results: Results) -> list[str]:
     data, case = results.dataset, results.case
     attrs = data.attrs
     width, length = (float(v) for v in attrs["seal_size_m"])
-    sentences = [f"A seal {to_text(width, 'm')} wide along the leakage and {to_text(length, 'm')} long."]
+    sides = f"{to_text(width, 'm')} wide along the leakage and {to_text(length, 'm')} long"
+    shape = str(attrs.get("seal", "a strip"))
+    sentences = [f"A seal {sides}." if shape == "a strip" else f"The seal is {shape}; it is about {sides}."]
     faces = [_face_text(face) for face in case.get("face", [])]
     if faces:
         surface = json.loads(attrs["surface"])
@@ -72,7 +74,9 @@ def case_sentences(results: Results) -> list[str]:
     sentences.append(f"Contact modulus {to_text(modulus, 'Pa')}, {kind}.")
     sentences.append(_load_text(data))
     inlet, outlet = (to_text(float(attrs[f"{end}_pressure_Pa"]), "Pa") for end in ("inlet", "outlet"))
-    sentences.append(f"The fluid, {_fluid_text(case, str(attrs['fluid']))}, runs from {inlet} to {outlet}.")
+    sentences.append(
+        f"The fluid, {fluid_text(case.get('fluid', {}), str(attrs['fluid']))}, runs from {inlet} to {outlet}."
+    )
     sentences += _method_sentences(results)
     return sentences
 
@@ -130,8 +134,8 @@ def _load_text(data: xarray.Dataset) -> str:
     return text + "."
 
 
-def _fluid_text(case: dict[str, Any], fallback: str) -> str:
-    fluid = case.get("fluid", {})
+def fluid_text(fluid: dict[str, Any], fallback: str) -> str:
+    """A fluid of a case, of its table in SI, in words."""
     if "viscosity" not in fluid:
         return fallback
     name = f"{fluid['name']}, " if fluid.get("name") else ""

@@ -17,7 +17,7 @@ from ..base.provenance import versions
 from ..fluids import leak_basis
 from ..studies.compare import leakage_factor
 from ..studies.other_fluid import FluidState
-from . import face_maps, reached_classes, variables
+from . import drawn_seal, face_maps, reached_classes, variables
 from .results import Results
 
 if TYPE_CHECKING:
@@ -70,10 +70,11 @@ def assemble(
     -------
     Results; every variable has `units` and `long_name`. Dimensions: step; realisation; cell1, cell2, windows by their
     centres [m]; node1, corner1, rows of nodes and of x2-links along x1 [m] (the x2-link of column j runs from cell2 j
-    to j + 1); narrowest, numbers of links; library_cell, library_step. Fluxes are volume rates per width at the
-    fluid's reference density. Attributes tell the case, the surface, versions, machine, wall times, peak memory of the
-    main process, numbers of flows solved or known without solving (`counts`), number of linear systems by
-    solver with the worst imbalance of inlet and outlet flow (`solvers`), warnings and failures.
+    to j + 1); narrowest, numbers of links; library_cell, library_step; part, corner, plane, parts of the
+    drawn seal nearest to the median. Fluxes are volume rates per width at the fluid's reference density. Attributes
+    tell the case, the surface, versions, machine, wall times, peak memory of the main process, numbers of flows solved
+    or known without solving (`counts`), number of linear systems by solver with the worst imbalance of inlet and outlet
+    flow (`solvers`), warnings and failures.
 
     Raises
     ------
@@ -101,8 +102,11 @@ def assemble(
         variables.add_realisations(data, stochastic, quantiles)
         variables.add_lengths(data, stochastic, quantiles)
         variables.add_library(data, stochastic.library.curves)
+        if stochastic.median_seal is not None:
+            drawn_seal.add_drawn(data, stochastic.median_seal)
     face_maps.add_heights(data, scene)
     variables.add_contact_share(data, scene, deterministic, two_scale, stochastic)
+    variables.add_entry_pressure(data, scene, deterministic or two_scale)
     hangs = []
     if leakage_filtered is not None:
         variables.add_filtered(data, leakage_filtered)
@@ -143,6 +147,7 @@ def assemble(
         "outlet_pressure_Pa": float(scene.outlet_pressure),
         "contact_modulus_Pa": float(scene.modulus),
         "hardness_Pa": float(scene.hardness),
+        "seal": str(scene.layout) if stochastic is not None else "a strip",
         "seal_size_m": [float(length) for length in seal_size],
         "leakage_unit": leakage_unit or "",
         **reached_classes.basis_attributes(basis),
@@ -152,10 +157,12 @@ def assemble(
         data.attrs["seed"] = case["seed"]
     results = Results(data, scene=scene, deterministic=deterministic, two_scale=two_scale, stochastic=stochastic)
     variables.add_totals(data, results.leakage, results.leak_basis)
+    told_later = [variables.add_lifted(data, scene, results.leakage)]
     if test is not None:
         reached_classes.add_test_fluid(data, test, FluidState.of(scene), throughput_temperature)
-    if odd := reached_classes.add_classes(results, classes, nominal_diameter):
-        data.attrs["warnings"] = _shortened([*results.warnings, *odd])
+    told_later += reached_classes.add_classes(results, classes, nominal_diameter)
+    if any(told_later):
+        data.attrs["warnings"] = _shortened([*results.warnings, *filter(None, told_later)])
     return results
 
 

@@ -101,12 +101,12 @@ class Image:
 
 
 @dataclass(frozen=True)
-class QuadMesh:
-    """Quadrilaterals at all steps: `point_data` (steps, points), `cell_data` (steps, quads) or (steps, quads, 3)."""
+class Cells:
+    """Triangles or quadrilaterals at all steps: `point_data` (steps, points), `cell_data` (steps, cells[, 3])."""
 
     name: str
     points: Array
-    quads: NDArray[np.int64]
+    cells: NDArray[np.int64]
     steps: LoadSteps
     point_data: Mapping[str, NDArray[Any]]
     cell_data: Mapping[str, NDArray[Any]]
@@ -116,7 +116,8 @@ class QuadMesh:
         import meshio
         import pyvista
 
-        return pyvista.from_meshio(meshio.Mesh(self.points, [("quad", self.quads)]))
+        kind = {3: "triangle", 4: "quad"}[self.cells.shape[1]]
+        return pyvista.from_meshio(meshio.Mesh(self.points, [(kind, self.cells)]))
 
     def at(self, n: int) -> Any:
         """The mesh, which all steps share, with its data."""
@@ -152,7 +153,7 @@ def _with_loads(mesh: Any, steps: LoadSteps, n: int) -> Any:
     return mesh
 
 
-def seal_grid(data: xarray.Dataset) -> QuadMesh:
+def seal_grid(data: xarray.Dataset) -> Cells:
     """Windows of the whole seal: contact, permeability, fluid pressure and flow."""
     count, m2 = data.sizes["step"], data.sizes["cell2"]
     x, y = np.meshgrid(data["node1"].values, np.arange(2 * m2 + 1) * float(data["cell2"][0]), indexing="ij")
@@ -175,7 +176,7 @@ def seal_grid(data: xarray.Dataset) -> QuadMesh:
             cell_data[_NAMES.get(str(key), str(key)) + ending] = values.reshape(count, -1)
     cell_data["flux_m2_per_s"] = _flux(data).reshape(count, -1, 3)
     points = np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)])
-    return QuadMesh("seal", points, quads.reshape(-1, 4), LoadSteps.of(data), point_data, cell_data)
+    return Cells("seal", points, quads.reshape(-1, 4), LoadSteps.of(data), point_data, cell_data)
 
 
 def at_points(nodes: Array) -> Array:

@@ -10,6 +10,7 @@ from ..base.errors import InputError
 from ..base.files import made_folder
 from ..topography import Topography
 from . import series, vtkhdf
+from .drawn_seal import drawn_cells
 from .views import Heights, View, seal_grid, window_images
 
 if TYPE_CHECKING:
@@ -28,7 +29,8 @@ def write_vtk(
     ----------
     results : of a two-scale study: `seal`, the windows of the whole seal at every step; with the study's own fields in
         memory also `window_i_j`, gap, contact pressure and fluid pressure in the windows with the largest, median and
-        smallest k1 > 0 at the highest load.
+        smallest k1 > 0 at the highest load; of a stochastic study: `drawn`, the seal nearest to the median at every
+        step.
     surface : heights, for `surface` [µm]; None: not written.
     folder : made if needed. Each file is written whole or not at all, a `.pvd` after the files it names.
     file_format : "vtu" (series of `.vtu`, images of windows as `.vti`), "vtkhdf", "both" or "none".
@@ -46,6 +48,7 @@ def write_vtk(
     if file_format == "none":
         return []
     views: list[View] = [seal_grid(results.dataset)] if "k1" in results.dataset else []
+    views += [drawn_cells(results.dataset)] if "drawn_corners" in results.dataset else []
     views += window_images(results)
     views += [] if surface is None else [Heights(surface)]
     target = made_folder(folder)

@@ -6,7 +6,7 @@ import hashlib
 import json
 import logging
 import time
-from collections.abc import Callable, Iterable, Iterator, Sized
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sized
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import replace
 from os import PathLike
@@ -23,7 +23,6 @@ from ..studies import (
     FluidState,
     OtherLeakage,
     Scene,
-    TwoScaleResult,
     deterministic,
     drop_ratio,
     stochastic,
@@ -178,7 +177,7 @@ def _run(case: Case, prepared: Prepared, faces: dict[str, str], mapper: Mapper, 
             with _timed(method, progress, timings):
                 watched = watching(mapper, method, progress, timings)
                 name = method.replace("-", "_")
-                studies[name] = study_of(method, case, prepared, scene, studies.get("two_scale"), watched)
+                studies[name] = study_of(method, case, prepared, scene, studies, watched)
     filtered = None
     if prepared.filtered is not None:
         name = "twice the wave"
@@ -239,18 +238,22 @@ def _timed(name: str, progress: Progress, timings: dict[str, float]) -> Iterator
 
 
 def study_of(
-    method: str, case: Case, prepared: Prepared, scene: Scene, known: TwoScaleResult | None, mapper: Mapper
+    method: str, case: Case, prepared: Prepared, scene: Scene, known: Mapping[str, Any] | None, mapper: Mapper
 ) -> Any:
-    """Result of a study of a scene; `known` is that of two scales, if there is one."""
+    """Result of a study of a scene; `known` are the results of earlier studies of that scene by name."""
+    known = known or {}
     if method == "deterministic":
-        return deterministic(scene, mapper=mapper)
+        # two scales take the contact of the whole face from here
+        shared = "two-scale" in prepared.methods and prepared.contact == "whole"
+        return deterministic(scene, cells=prepared.cells if shared else None, mapper=mapper)
     assert prepared.cells is not None
+    flow, contact = prepared.flow, prepared.contact
     if method == "two-scale":
-        return two_scale(scene, prepared.cells, flow=prepared.flow, contact=prepared.contact, mapper=mapper)
+        solved = known["deterministic"].windows if "deterministic" in known else None
+        return two_scale(scene, prepared.cells, flow=flow, contact=contact, solved=solved, mapper=mapper)
     assert prepared.sampling is not None
-    return stochastic(
-        scene, prepared.cells, prepared.sampling, contact=prepared.contact, two_scale=known, mapper=mapper
-    )
+    two = known.get("two_scale")
+    return stochastic(scene, prepared.cells, prepared.sampling, contact=contact, two_scale=two, mapper=mapper)
 
 
 def _write(results: Results, folder: Path, case: Case, prepared: Prepared, mapper: Mapper) -> None:

@@ -25,8 +25,10 @@ Indices = NDArray[np.int64]
 #: Solvers of a system on a mesh; others are of grids.
 _SOLVERS = ("auto", "direct", "amg")
 #: √ of the windows that an element holds, below which elements are refused, and below which they are warned of. An
-#: element takes a power of 2 of windows, the nearest one, and at least one.
+#: element takes a power of 2 of windows, one of the two nearest, and at least one.
 _LEAST, _SMALL = 0.35, 0.7
+#: Steps of two sequences that fill the interval from 0 to 1 evenly; windows that are told from a whole number.
+_TURNS, _EVEN = (0.7548776662466927, 0.5698402909980532), 1e-9
 #: Share of the area whose elements may be smaller.
 _SHARE = 0.1
 #: Places, in a second-order element, of the corners of the four straight ones that fill it.
@@ -114,8 +116,10 @@ class ElementWindows:
     def _powers(self) -> Indices:
         """Exponents of 2 of the windows of each element along both axes of the windows (2, n)."""
         held = np.log2(self._held)
-        both = np.maximum(np.rint(held.sum(axis=0)), 0.0)
-        first = np.clip(np.rint((both + held[0] - held[1]) / 2), 0.0, both)
+        # rounded up or down by turns, so that the mean is kept: to one side it would prefer windows beside each other
+        turn = (np.arange(1, held.shape[1] + 1)[:, None] * _TURNS % 1.0).T
+        both = np.maximum(np.floor(held.sum(axis=0) + turn[0] + _EVEN), 0.0)
+        first = np.clip(np.floor((both + held[0] - held[1]) / 2 + turn[1] + _EVEN), 0.0, both)
         return np.stack([first, both - first]).astype(np.int64)
 
     @cached_property

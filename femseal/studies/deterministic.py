@@ -8,14 +8,17 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.shared_array import shared_empty
 from ..base.stage import Mapper
 from ..base.text import Shown
 from ..contact import HalfSpace, LoadState, load_states
 from ..loads import LoadProgramme
 from ..scales import Failed, FlowSettings, Partition, SolverCounts, attempt
-from ..scales.window_fields import ContactPressure, ContactValues
+from ..scales.window_fields import ContactPressure
+from .face_contact import CutState, from_whole
 from .plausibility import odd_in_scene
 from .scene import Array, FaceFlow, Scene, labels, resolved_flow
+from .windows import WindowContacts, face_partition
 
 #: Memory that a pixel of a result takes at every step [byte]: gap and fluid pressure, and the contact pressure where
 #: there is contact, which is a fourth of the face at high loads.
@@ -29,7 +32,8 @@ class DeterministicResult(Shown):
     gap, contact_pressure, fluid_pressure : at every pixel and step, in single precision; the contact pressure is kept
     where there is contact, see `ContactPressure`. The fluid pressure is NaN in contact and in pockets.
     residual : largest residual of the contacts. failures : steps whose flow failed; their leakage is NaN. warnings :
-    reasons to doubt the result. solvers : number of systems by solver.
+    reasons to doubt the result. solvers : number of systems by solver. windows : the contact cut into windows, for
+    `two_scale`; None unless asked for.
     """
 
     steps: LoadProgramme
@@ -60,14 +64,17 @@ class DeterministicResult(Shown):
     failures: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
     solvers: SolverCounts = field(default_factory=SolverCounts)
+    windows: WindowContacts | None = field(default=None, repr=False)
 
 
-def deterministic(scene: Scene, *, mapper: Mapper = map) -> DeterministicResult:
+def deterministic(scene: Scene, *, cells: tuple[int, int] | None = None, mapper: Mapper = map) -> DeterministicResult:
     """Solve contact and flow of the whole face at full resolution, at every step of the load programme.
 
     Parameters
     ----------
     scene : the face, its load and its fluid.
+    cells : number of windows along x1 and x2 into which the contact is cut besides, so that `two_scale` need not solve
+        it again; None for none.
     mapper : computes a stage for many items, such as the builtin `map`; it may use several processes.
 
     Raises
@@ -77,22 +84,23 @@ def deterministic(scene: Scene, *, mapper: Mapper = map) -> DeterministicResult:
     surface = scene.surface
     half_space = HalfSpace(surface.shape, surface.spacing, scene.modulus, scene.boundary)
     gap0 = surface.heights.max() - surface.heights
-    gap = np.empty((len(scene.steps), *surface.shape), np.float32)
-    fluid_pressure = np.full_like(gap, np.nan)
-    facts, flows, in_contact = [], [], []
+    gap = shared_empty((len(scene.steps), *surface.shape), np.float32)
+    fluid_pressure = np.full(gap.shape, np.nan, np.float32)
+    partition = Partition(surface.shape, surface.spacing, (1, 1)) if cells is None else face_partition(surface, cells)
+    facts, flows, cuts = [], [], []
     states = load_states(
         gap0,
         half_space,
         scene.steps,
         hardness=scene.hardness,
         rtol=scene.rtol,
-        take=partial(_resolved, settings=scene.flow),
+        take=partial(_resolved, settings=scene.flow, partition=partition),
         memory=state_memory(gap0.size),
         mapper=mapper,
     )
     for s, state in enumerate(states):
         gap[s] = state.gap
-        in_contact.append(state.contact)
+        cuts.append(state.cut)
         if isinstance(state.flow, FaceFlow) and state.flow.share is not None:
             fluid_pressure[s] = scene.pressure_at(state.flow.share)
             state = replace(state, flow=replace(state.flow, share=None))
@@ -100,6 +108,7 @@ def deterministic(scene: Scene, *, mapper: Mapper = map) -> DeterministicResult:
         facts.append((state.contact_fraction, state.plastic_fraction, state.mean_gap, state.residual))
     contact_fraction, plastic_fraction, mean_gap, residual = np.array(facts).T
     through = scene.resolved_leakage(flows)
+    windows = from_whole(scene, partition, gap, cuts)
     return DeterministicResult(
         steps=scene.steps,
         leakage=through.leakage,
@@ -107,12 +116,13 @@ def deterministic(scene: Scene, *, mapper: Mapper = map) -> DeterministicResult:
         plastic_fraction=plastic_fraction,
         mean_gap=mean_gap,
         gap=gap,
-        contact_pressure=ContactPressure(Partition(surface.shape, surface.spacing, (1, 1)), (tuple(in_contact),)),
+        contact_pressure=windows.fields.pressure,
         fluid_pressure=fluid_pressure,
         residual=float(residual.max()),
         failures=through.failures,
         warnings=odd_in_scene(scene),
         solvers=through.solvers,
+        windows=None if cells is None else windows,
     )
 
 
@@ -121,7 +131,7 @@ class _ResolvedState:
     """The parts of the contact and the flow of a step that are kept."""
 
     gap: NDArray[np.float32]
-    contact: ContactValues
+    cut: CutState
     flow: FaceFlow | Failed
     contact_fraction: float
     plastic_fraction: float
@@ -134,11 +144,11 @@ def state_memory(pixels: int) -> float:
     return 8.0 * pixels * (40 + 2.5 * np.log2(pixels))
 
 
-def _resolved(state: LoadState, settings: FlowSettings) -> _ResolvedState:
+def _resolved(state: LoadState, settings: FlowSettings, partition: Partition) -> _ResolvedState:
     contact = state.contact
     return _ResolvedState(
         gap=contact.gap.astype(np.float32),
-        contact=ContactValues.of(contact.pressure),
+        cut=CutState.of(contact, partition),
         flow=attempt(resolved_flow, contact.gap, contact.half_space.spacing, settings, with_share=True),
         contact_fraction=contact.area_fraction,
         plastic_fraction=contact.plastic_fraction,

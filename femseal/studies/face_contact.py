@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 from ..base.errors import InputError
 from ..base.shared_array import shared_empty
 from ..base.stage import Mapper
-from ..contact import HalfSpace, LoadState, load_states
+from ..contact import Contact, HalfSpace, LoadState, load_states
 from ..scales import Partition
 from ..scales.window_fields import ContactPressure, ContactValues, WindowFields
 from .scene import Array, Scene
@@ -59,8 +60,6 @@ def _whole_contact(scene: Scene, cells: tuple[int, int], mapper: Mapper) -> Wind
     surface, steps = scene.surface, scene.steps
     partition = face_partition(surface, cells)
     gap = shared_empty((len(steps), *surface.shape), np.float32)
-    in_contact: list[tuple[ContactValues, ...]] = []
-    pressure, contact_fraction, plastic_fraction = (np.empty((len(steps), *cells)) for _ in range(3))
     half_space = HalfSpace(surface.shape, surface.spacing, scene.modulus, scene.boundary)
     states = load_states(
         surface.heights.max() - surface.heights,
@@ -68,18 +67,48 @@ def _whole_contact(scene: Scene, cells: tuple[int, int], mapper: Mapper) -> Wind
         steps,
         hardness=scene.hardness,
         rtol=scene.rtol,
-        take=partial(_cut, partition=partition),
+        take=partial(_whole_state, partition=partition),
         mapper=mapper,
     )
-    for s, state in enumerate(states):
-        gap[s] = state.gap
-        in_contact.append(state.in_contact)
-        pressure[s], contact_fraction[s], plastic_fraction[s] = state.means
+    cuts = []
+    for s, (whole, cut) in enumerate(states):
+        gap[s] = whole
+        cuts.append(cut)
+    return from_whole(scene, partition, gap, cuts)
+
+
+@dataclass(frozen=True, eq=False)
+class CutState:
+    """The contact of the whole face at one step, cut into windows.
+
+    in_contact : the pressure of every window. means : pressure [Pa], share in contact and share at the hardness of
+    every window (3, m1, m2).
+    """
+
+    in_contact: tuple[ContactValues, ...]
+    means: Array
+
+    @classmethod
+    def of(cls, contact: Contact, partition: Partition) -> CutState:
+        """Cut a contact."""
+        p = contact.pressure
+        return cls(
+            in_contact=tuple(ContactValues.of(partition.cell(p, *place)) for place in partition.places),
+            means=np.array([partition.cell_means(values) for values in (p, p > 0, contact.plastic)]),
+        )
+
+
+def from_whole(
+    scene: Scene, partition: Partition, gap: NDArray[np.float32], cuts: Sequence[CutState]
+) -> WindowContacts:
+    """The contact of windows from that of the whole face: gap (steps, n1, n2) [m], and what was cut at every step."""
+    pressure, contact_fraction, plastic_fraction = np.array([cut.means for cut in cuts]).swapaxes(0, 1)
+    # the fields of every window at all steps
+    in_contact = tuple(zip(*(cut.in_contact for cut in cuts), strict=True))
     return WindowContacts(
         contact="whole",
-        # the fields of every window at all steps
-        fields=WindowFields(steps, partition, gap, ContactPressure(partition, tuple(zip(*in_contact, strict=True)))),
-        gap_error=np.zeros(len(steps)),
+        fields=WindowFields(scene.steps, partition, gap, ContactPressure(partition, in_contact)),
+        gap_error=np.zeros(len(cuts)),
         pressure=pressure,
         mean_gap=np.array([partition.cell_means(g) for g in gap]),
         contact_fraction=contact_fraction,
@@ -87,24 +116,5 @@ def _whole_contact(scene: Scene, cells: tuple[int, int], mapper: Mapper) -> Wind
     )
 
 
-@dataclass(frozen=True, eq=False)
-class _WholeState:
-    """The contact of the whole face at one step.
-
-    gap : (n1, n2) [m]. in_contact : the pressure of every window. means : pressure [Pa], share in contact and share at
-    the hardness of every window (3, m1, m2).
-    """
-
-    gap: NDArray[np.float32]
-    in_contact: tuple[ContactValues, ...]
-    means: Array
-
-
-def _cut(state: LoadState, partition: Partition) -> _WholeState:
-    contact = state.contact
-    p = contact.pressure
-    return _WholeState(
-        gap=contact.gap.astype(np.float32),
-        in_contact=tuple(ContactValues.of(partition.cell(p, *place)) for place in partition.places),
-        means=np.array([partition.cell_means(values) for values in (p, p > 0, contact.plastic)]),
-    )
+def _whole_state(state: LoadState, partition: Partition) -> tuple[NDArray[np.float32], CutState]:
+    return state.contact.gap.astype(np.float32), CutState.of(state.contact, partition)

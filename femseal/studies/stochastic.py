@@ -6,19 +6,20 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 import numpy as np
 
 from ..base.errors import InputError
 from ..base.quantities import to_text
 from ..base.stage import Mapper, Stage
-from ..flow.permeability_table import PermeabilityTable
-from ..scales import Failed, LadderLibrary, Partition, SolverCounts, attempt, draw_links
+from ..scales import Failed, LadderLibrary, Partition, SolverCounts, attempt
 from ..seal import RectangularSeal
 from ..seal.layouts import SealWindows
 from ..seal.linked import LinkWindows
 from .chained import StateRuns, chained_seals
 from .followed import windows_under_global_contact, windows_under_uniform_pressure
+from .median_seal import MOST_VALUES, drawn_permeability, median_seal, nearest_to_median
 from .placed import windows_in_place
 from .plausibility import odd_in_scene
 from .sampling_options import Sampling, check_sampling, chosen_sampler, laid_out
@@ -127,19 +128,18 @@ def _of_windows(
     if isinstance(laid, LinkWindows):
         laid = laid.with_rows(supply.node_rows)
     library = supply.library
-    realise = partial(
-        _realise,
-        scene=scene,
-        laid=laid,
-        kinds=tuple(_for(laid, tables) for tables in supply.tables),
-        sampling=sampling,
-        independent=library.independent / library.size,
-    )
-    stage = Stage("drawn seals", realise)
+    kinds = tuple(_for(laid, tables) for tables in supply.tables)
+    shared: dict[str, Any] = {"scene": scene, "laid": laid, "sampling": sampling}
+    independent = library.independent / library.size
+    stage = Stage("drawn seals", partial(_realise, **shared, kinds=kinds, independent=independent))
     count = sampling.realisations
     drawn = list(mapper(stage, [*range(count)] * 2, [False] * count + [True] * count))
     leakage, *bounds = np.array([r.leakage for r in drawn[:count]]).transpose(1, 0, 2)
     lower, upper = bounds or (None, None)
+    chosen = nearest_to_median(leakage) if len(laid.outlines) * len(scene.steps) <= MOST_VALUES else None
+    pressures = 1 if scene.flow.drop is None else scene.flow.drop.pressures.size
+    again = Stage("median seal", partial(median_seal, **shared, kinds=kinds[:pressures]))
+    medians = [] if chosen is None else list(mapper(again, [chosen]))
     return StochasticResult(
         steps=scene.steps,
         seal=laid.seal,
@@ -149,6 +149,7 @@ def _of_windows(
         leakage_resampled=np.array([r.leakage[0] for r in drawn[count:]]),
         leakage_lower_bound=lower,
         leakage_upper_bound=upper,
+        median_seal=medians[0] if medians else None,
         failures=tuple(text for r in drawn for text in r.failures),
         warnings=laid.warnings,
         solvers=SolverCounts.total(r.solvers for r in drawn),
@@ -222,22 +223,11 @@ def _realise(
     leakage = np.full((len(kinds) // pressures, len(steps)), np.nan)
     failures, solvers = [], SolverCounts()
     for kind in range(len(leakage)):
-        draws = [
-            [
-                draw_links(
-                    t,
-                    sampler=sampling.sampler_of_links,
-                    seed=sampling.seed,
-                    realisation=realisation,
-                    axis=0 if laid.together else axis,
-                )
-                for axis, t in enumerate(tables)
-            ]
-            for tables in kinds[kind * pressures : (kind + 1) * pressures]
-        ]
+        permeability = drawn_permeability(
+            laid, kinds[kind * pressures : (kind + 1) * pressures], sampling, realisation, drop
+        )
         for s, step in enumerate(steps):
-            values = [laid.permeability(along(s), across(s)) for along, across in draws]
-            found = attempt(scene.leakage, laid.seal, PermeabilityTable.of(drop, values))
+            found = attempt(scene.leakage, laid.seal, permeability(s))
             if isinstance(found, Failed):
                 failures.append(f"realisation {realisation}, {step.name}: {found.reason}")
             else:

@@ -14,6 +14,7 @@ from ..base.text import Shown
 from ..loads import LoadProgramme
 from ..scales import LadderLibrary, SolverCounts
 from ..seal.layouts import SizedSeal
+from .median_seal import MedianSeal
 from .scene import Array, labels
 from .sources import PlacedLibrary
 
@@ -34,6 +35,7 @@ class StochasticResult(Shown):
     other_lengths : seals of the other lengths that were asked for, drawn from the same library; the same realisation of
         a longer seal begins with that of a shorter one.
     sampler : how they were drawn, see `sampling_options.chosen_sampler`.
+    median_seal : fields of the realisation nearest to the median; None of runs, very large seals, and without leakage.
     failures : reasons of values that are NaN or left out. warnings : reasons to doubt the result.
     solvers : number of systems by solver, of library windows and of drawn seals.
     """
@@ -61,6 +63,7 @@ class StochasticResult(Shown):
     )
     other_lengths: tuple[StochasticResult, ...] = field(default=(), repr=False)
     sampler: str = "history"
+    median_seal: MedianSeal | None = field(default=None, repr=False)
     failures: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
     solvers: SolverCounts = field(default_factory=SolverCounts)

@@ -24,7 +24,7 @@ from .element_face import flow_through_elements
 from .face_contact import solve_windows
 from .plausibility import odd_in_scene
 from .scene import Array, FaceFlow, FaceLeakage, Scene, labels, resolved_flow
-from .windows import LinkFlows, solve_links
+from .windows import LinkFlows, WindowContacts, solve_links
 
 FLOWS = ("links", "resolved", "elements")
 #: Largest number of pixels of a face whose flow is resolved unless told otherwise: that of 2048².
@@ -133,6 +133,7 @@ def two_scale(
     *,
     flow: str | None = None,
     contact: str | None = None,
+    solved: WindowContacts | None = None,
     mapper: Mapper = map,
 ) -> TwoScaleResult:
     """Solve the contact of every cell, and the flow through the stitched gap.
@@ -149,17 +150,21 @@ def two_scale(
         Unless given, "resolved" up to 2²² pixels, and "elements" beyond, or "links" with another discretisation.
     contact : "whole": cut the cells from the contact of the whole face. "windows": solve the contact of each cell
         under the mean pressure that the contact of the low-pass face gives it. Unless given, "whole" up to 2²⁴ pixels.
+    solved : the contact of the same scene and cells, such as `deterministic` leaves; it is solved here unless given.
     mapper : computes a stage for many items, such as the builtin `map`; it may use several processes.
 
     Raises
     ------
-    InputError : another flow or contact, or cells that do not suit the surface.
+    InputError : another flow or contact, or cells that do not suit the surface or `solved`.
     NotConverged : a global contact failed. Windows and flows that fail are NaN, and listed in `failures`.
     """
     flow = chosen_flow(flow, scene.surface.shape, scene.discretisation)
     if flow == "elements" and scene.discretisation != "edge":
         raise InputError.of("flow", f"'elements' with the discretisation '{scene.discretisation}'", "'edge' with it")
-    solved = solve_windows(scene, cells, contact, mapper=mapper)
+    if solved is None:
+        solved = solve_windows(scene, cells, contact, mapper=mapper)
+    elif (given := solved.fields.partition).cells != tuple(cells) or given.shape != scene.surface.shape:
+        raise InputError.of("solved", f"a contact of {given.cells} cells", f"one of {tuple(cells)} cells of this face")
     partition = solved.fields.partition
     failures, warnings = solved.failures, odd_in_scene(scene) + solved.warnings
     counts, solvers, links, element_error, drop_share, inside = SolveCounts(), SolverCounts(), None, None, None, None
