@@ -8,6 +8,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 import femseal as fs
+from femseal.accuracy import make_plan
 from femseal.runs.case import parse_case
 from femseal.runs.forecast import describe
 from femseal.runs.job import _face_files
@@ -201,6 +202,12 @@ class TestFieldOfACase:
         with pytest.raises(fs.InputError, match=words) as caught:
             case(**given).prepare()
         assert "\n" not in str(caught.value)
+
+    def test_accuracy_is_that_of_the_face(self, case):
+        """Drawn seals are compared with the face, which has one pressure."""
+        plan = make_plan(case(), limit=1e9, memory=1e15)
+        assert plan.prepared.sampling.pressure_map == Uniform()
+        assert ("the map of the pressure", "drawn seals are compared with the face, under one pressure") in plan.skipped
 
     def test_a_missing_file(self, case):
         with pytest.raises(fs.InputError, match=r"load.map.path: given 'none.csv', allowed is a file that exists"):

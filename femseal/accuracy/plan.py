@@ -11,6 +11,7 @@ from ..base.quantities import to_text
 from ..runs.case import Case
 from ..runs.preparation import Prepared
 from ..scales import Partition
+from ..seal.pressure_map import Uniform, is_uniform
 from ..studies import laid_out, placed_windows
 from ..studies.costs import deterministic_cost, stochastic_cost, two_scale_cost, usual_efforts
 
@@ -110,6 +111,9 @@ def make_plan(case: Case, *, limit: float, memory: float) -> Plan:
     variants: list[Variant] = []
     costs: list[tuple[float, float]] = []
     skipped: list[tuple[str, str]] = []
+    if prepared.sampling is not None and not is_uniform(prepared.sampling.pressure_map):
+        prepared = replace(prepared, sampling=replace(prepared.sampling, pressure_map=Uniform()))
+        skipped.append(("the map of the pressure", "drawn seals are compared with the face, under one pressure"))
     unaffordable: list[tuple[Variant, str]] = []
     for variant, reason in _candidates(prepared):
         if not isinstance(variant, Variant) or reason:
