@@ -126,6 +126,8 @@ def test_results_tell_the_classes_that_every_step_reaches(studied):
     page = report_html(results)
     assert "reached on loading" in page
     assert "kept on unloading from 400 MPa" in page
+    named = {text.get_text().strip() for text in results.plot().axes[0].texts}
+    assert results.dataset["leak_class"].values[0] in named
     plain = assemble(scene, deterministic=study)
     assert plain.classes == []
     assert "reached on loading" not in report_html(plain)

@@ -13,7 +13,7 @@ from ..runs.preparation import Prepared
 from ..scales import Partition
 from ..seal.pressure_map import Uniform, is_uniform
 from ..studies import laid_out, placed_windows
-from ..studies.costs import deterministic_cost, stochastic_cost, two_scale_cost, usual_efforts
+from ..studies.costs import deterministic_cost, pressures_of_gas, stochastic_cost, two_scale_cost, usual_efforts
 
 Pair = tuple[int, int]
 #: Points along a side, and cells in the library, are divided by these. The shortest wave of a scene has at least 8
@@ -224,17 +224,19 @@ def _near_divisor(n: int, m: int, wanted: float) -> int | None:
 
 
 def _cost(prepared: Prepared, variant: Variant) -> tuple[float, float]:
-    efforts = usual_efforts(len(prepared.scene.steps))
+    efforts, pressures = usual_efforts(len(prepared.scene.steps)), pressures_of_gas(prepared.scene)
     if variant.cells is None:
-        return deterministic_cost(efforts, variant.points)
+        return deterministic_cost(efforts, variant.points, pressures)
     if variant.library_cells is None:
-        return two_scale_cost(efforts, variant.points, variant.cells, prepared.flow, prepared.contact)
+        return two_scale_cost(
+            efforts, variant.points, variant.cells, prepared.flow, prepared.contact, pressures=pressures
+        )
     assert prepared.sampling is not None
     sampling = replace(prepared.sampling, library_cells=variant.library_cells)
     surface = prepared.scene.surface
     partition = Partition(surface.shape, surface.spacing, variant.cells)
     seal = laid_out(prepared.scene.layout, partition, sampling)[0].unknowns
-    return stochastic_cost(efforts, variant.points, variant.cells, sampling, seal, prepared.contact)
+    return stochastic_cost(efforts, variant.points, variant.cells, sampling, seal, prepared.contact, pressures)
 
 
 def _may_be_reference(prepared: Prepared, variant: Variant) -> bool:

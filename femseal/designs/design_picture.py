@@ -10,7 +10,7 @@ import numpy as np
 
 from ..base.quantities import to_text
 from ..plots.drawing import GREY, LINES, STYLES, Sheet, branch_styles
-from ..plots.leakage_curves import LeakageCurves, leakage_panel
+from ..plots.leakage_curves import LeakageCurves, leakage_panel, limit_lines
 from .data_sheet import leak_scale
 from .requirements import ENDS
 
@@ -72,11 +72,7 @@ def _limits(axes: Axes, answer: Design, scale: float) -> None:
     axes.set_ylim(axes.get_ylim()[0], max(high, *(2 * x for x in limits if x < 1e3 * high), high))
     decades(axes.yaxis)
     low, high = axes.get_ylim()
-    for need in answer.requirements:
-        limit = need.limit / scale
-        if low < limit < high:
-            axes.axhline(limit, color=GREY, lw=0.9, ls=(0, (4, 2)), zorder=1)
-            axes.annotate(f" {need.name}", (1, limit), xycoords=("axes fraction", "data"), va="center", fontsize=8.5)
+    limit_lines(axes, {need.name: need.limit / scale for need in answer.requirements})
     below = [need.name for need in answer.requirements if 0 < need.limit / scale <= low]
     above = [need.name for need in answer.requirements if need.limit / scale >= high]
     for names, place, side in ((below, 0.0, "bottom"), (above, 1.0, "top")):

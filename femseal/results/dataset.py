@@ -106,6 +106,7 @@ def assemble(
             drawn_seal.add_drawn(data, stochastic.median_seal)
     face_maps.add_heights(data, scene)
     variables.add_contact_share(data, scene, deterministic, two_scale, stochastic)
+    variables.add_entry_pressure(data, scene, deterministic or two_scale)
     hangs = []
     if leakage_filtered is not None:
         variables.add_filtered(data, leakage_filtered)
@@ -155,10 +156,12 @@ def assemble(
         data.attrs["seed"] = case["seed"]
     results = Results(data, scene=scene, deterministic=deterministic, two_scale=two_scale, stochastic=stochastic)
     variables.add_totals(data, results.leakage, results.leak_basis)
+    told_later = [variables.add_lifted(data, scene, results.leakage)]
     if test is not None:
         reached_classes.add_test_fluid(data, test, FluidState.of(scene), throughput_temperature)
-    if odd := reached_classes.add_classes(results, classes, nominal_diameter):
-        data.attrs["warnings"] = _shortened([*results.warnings, *odd])
+    told_later += reached_classes.add_classes(results, classes, nominal_diameter)
+    if any(told_later):
+        data.attrs["warnings"] = _shortened([*results.warnings, *filter(None, told_later)])
     return results
 
 

@@ -13,8 +13,15 @@ from ..base.machine import free_memory
 from ..base.quantities import to_text
 from ..results.fields import fields_size
 from ..scales import Partition
-from ..studies import Sampling, Scene, laid_out, placed_windows
-from ..studies.costs import Effort, deterministic_cost, stochastic_cost, two_scale_cost, usual_efforts
+from ..studies import FluidState, Sampling, Scene, drop_ratio, laid_out, placed_windows
+from ..studies.costs import (
+    Effort,
+    deterministic_cost,
+    pressures_of_gas,
+    stochastic_cost,
+    two_scale_cost,
+    usual_efforts,
+)
 from ..studies.deterministic import STEP_BYTES
 from ..studies.local_pressure import map_text
 from .case import Case
@@ -135,6 +142,10 @@ def forecast(case: Case, prepared: Prepared, known: tuple[Effort, ...] | None = 
     costs = [_cost(method, prepared, prepared.scene, known) for method in prepared.methods]
     if prepared.filtered is not None:
         costs.append(_cost(prepared.answer, prepared, prepared.filtered, known))
+    if (test := case.output.test_fluid) is not None:
+        state = test.state
+        if drop_ratio(state, FluidState.of(prepared.scene)) is None:
+            costs.append(_cost(prepared.answer, prepared, state.in_scene(prepared.scene), known))
     alone = _START_SECONDS + _PICTURES_SECONDS + disk(case, prepared).fields * _FIELD_BYTE_SECONDS
     shared = sum(seconds for seconds, _ in costs)
     # what a study holds stays until the results are written; what it works with does not
@@ -161,18 +172,18 @@ def refuse_too_large(case: Case, prepared: Prepared) -> None:
 
 
 def _cost(method: str, prepared: Prepared, scene: Scene, known: tuple[Effort, ...]) -> tuple[float, float]:
-    points, cells = scene.surface.shape, prepared.cells
+    points, cells, pressures = scene.surface.shape, prepared.cells, pressures_of_gas(scene)
     if method == "deterministic":
-        return deterministic_cost(known, points)
+        return deterministic_cost(known, points, pressures)
     assert cells is not None
     if method == "two-scale":
         solved = "deterministic" in prepared.methods and scene is prepared.scene
-        return two_scale_cost(known, points, cells, prepared.flow, prepared.contact, solved=solved)
+        return two_scale_cost(known, points, cells, prepared.flow, prepared.contact, solved=solved, pressures=pressures)
     assert prepared.sampling is not None
     every = laid_out(scene.layout, Partition(points, scene.surface.spacing, cells), prepared.sampling)
     # seals of all lengths take the work of one as long as all of them together
     seal = every[0].unknowns[0], sum(laid.unknowns[1] for laid in every)
-    return stochastic_cost(known, points, cells, prepared.sampling, seal, prepared.contact)
+    return stochastic_cost(known, points, cells, prepared.sampling, seal, prepared.contact, pressures)
 
 
 def _expected_text(expected: Forecast) -> str:
