@@ -16,7 +16,7 @@ from .scene import Array, Scene
 #: Most paths of pressure for which every library window has its own curve; more are rounded, see `shared_paths`.
 MOST_PATHS = 512
 #: Ratio of neighbouring peaks that library windows follow, and most of them. Measured with 24 windows under a wave of
-#: ±40 %: leakage on unloading is within 2 % of that with peaks 1.02 apart on a self-affine face, and 5 % on a turned one.
+#: ±40 %: leakage on unloading is within 2 % of that with peaks 1.02 apart on a self-affine face, 5 % on a turned one.
 #: Peaks of the standard ladder, 1.6 to 3.5 apart, missed it by factors of 0.6 to 1.8.
 PEAK_RATIO, MOST_PEAKS = 1.15, 16
 #: Difference of the mean of a field from the load at which it holds from which on it is told.
