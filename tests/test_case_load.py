@@ -12,7 +12,7 @@ from femseal.accuracy import make_plan
 from femseal.runs.case import parse_case
 from femseal.runs.forecast import describe
 from femseal.runs.job import _face_files
-from femseal.seal.pressure_map import AngleTable, MapsAtLoads, Profile, Uniform
+from femseal.seal.pressure_map import AngleTable, MapsAtLoads, Profile, Uniform, is_uniform
 
 ROOT = Path(__file__).parents[1]
 
@@ -205,9 +205,8 @@ class TestFieldOfACase:
 
     def test_accuracy_is_that_of_the_face(self, case):
         """Drawn seals are compared with the face, which has one pressure."""
-        plan = make_plan(case(), limit=1e9, memory=1e15)
-        assert plan.prepared.sampling.pressure_map == Uniform()
-        assert ("the map of the pressure", "drawn seals are compared with the face, under one pressure") in plan.skipped
+        assert not is_uniform(case().prepare().sampling.pressure_map)
+        assert make_plan(case(), limit=1e9, memory=1e15).prepared.sampling.pressure_map == Uniform()
 
     def test_a_missing_file(self, case):
         with pytest.raises(fs.InputError, match=r"load.map.path: given 'none.csv', allowed is a file that exists"):
