@@ -58,7 +58,9 @@ def case_sentences(results: Results) -> list[str]:
     data, case = results.dataset, results.case
     attrs = data.attrs
     width, length = (float(v) for v in attrs["seal_size_m"])
-    sentences = [f"A seal {to_text(width, 'm')} wide along the leakage and {to_text(length, 'm')} long."]
+    sides = f"{to_text(width, 'm')} wide along the leakage and {to_text(length, 'm')} long"
+    shape = str(attrs.get("seal", "a strip"))
+    sentences = [f"A seal {sides}." if shape == "a strip" else f"The seal is {shape}; it is about {sides}."]
     faces = [_face_text(face) for face in case.get("face", [])]
     if faces:
         surface = json.loads(attrs["surface"])

@@ -147,6 +147,7 @@ def assemble(
         "outlet_pressure_Pa": float(scene.outlet_pressure),
         "contact_modulus_Pa": float(scene.modulus),
         "hardness_Pa": float(scene.hardness),
+        "seal": str(scene.layout) if stochastic is not None else "a strip",
         "seal_size_m": [float(length) for length in seal_size],
         "leakage_unit": leakage_unit or "",
         **reached_classes.basis_attributes(basis),

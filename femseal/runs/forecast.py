@@ -114,6 +114,8 @@ def describe(case: Case, prepared: Prepared) -> list[str]:
                 + (f"; as many of {', '.join(more)}" if more else "")
             )
             lines.append(_line("stochastic", text))
+            if str(scene.layout) != "a strip":
+                lines.append(_line("seal", str(scene.layout)))
             if uneven := map_text(scene, laid, sampling.pressure_map):
                 lines.append(_line("pressure map", uneven))
     if prepared.filtered is not None:

@@ -166,7 +166,7 @@ def _prepare(case: Case) -> Prepared:
         with in_tables_of(MAP_TABLES):
             sampling = replace(sampling, pressure_map=case.load.pressure_map(case.folder, seal[0] * seal[1], seal[1]))
             check_sampling(sampling)
-            doubts = check_map(scene, every[0], sampling.pressure_map)
+            doubts = (*every[0].warnings, *check_map(scene, every[0], sampling.pressure_map))
         paths = 1 if is_uniform(sampling.pressure_map) else MOST_PATHS
         for laid in every:
             weigh_draws(len(scene.steps), laid.draws[0], sampling.realisations, sampling.library_cells, paths)
