@@ -110,8 +110,8 @@ def describe(case: Case, prepared: Prepared) -> list[str]:
             laid, *others = laid_out(scene.layout, partition, sampling)
             length, *more = (to_text(one.seal.size[1], "m", 3) for one in (laid, *others))
             text = (
-                f"{_library(prepared, sampling, partition)} (pressure: {sampling.pressure}), "
-                f"{sampling.realisations} seals of {laid}, {length} long"
+                f"{_library(prepared, sampling, partition)} (pressure: {sampling.pressure}, "
+                f"sampler: {sampling.sampler}), {sampling.realisations} seals of {laid}, {length} long"
                 + (f"; as many of {', '.join(more)}" if more else "")
             )
             lines.append(_line("stochastic", text))
