@@ -153,7 +153,7 @@ def _method_sentences(results: Results) -> list[str]:
         )
         sentences.append(f"Two scales: {windows} {_contact_text(data)}, {flow}.")
     if "leakage_median" in data:
-        drawn = case.get("stochastic", {})
+        drawn = {name: data.attrs[name] for name in ("sampler",) if name in data.attrs} | case.get("stochastic", {})
         how = [f"{name} {drawn[name]}" for name in ("sampler", "pressure") if name in drawn]
         size = int(data.attrs.get("library_windows", data.sizes["library_cell"]))
         independent = int(data.attrs.get("library_independent", size))
