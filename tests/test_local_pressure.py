@@ -8,6 +8,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from femseal import InputError, Liquid, Topography, self_affine
 from femseal.loads import LoadProgramme
+from femseal.scales import Ladder, on_ladder
 from femseal.scales.library import local_peaks
 from femseal.seal.layouts import AnnularLayout
 from femseal.seal.pressure_map import AngleTable, MapsAtLoads, PressureField, Profile, Uniform
@@ -178,6 +179,15 @@ def test_what_is_refused(random, kept):
         drawn(random, STRIP, kept, Profile((1.0, 2.0), (0.0, 1e-4)))
     with pytest.raises(InputError, match=r"field: given .* allowed is one that covers the seal"):
         drawn(random, STRIP, kept, PressureField.of([[0, 0], [1e-4, 0], [0, 2e-3]], [1e8, 1e8, 1e8]))
+
+
+def test_loads_that_are_steps_of_the_ladder_but_for_rounding():
+    """Where a step of the ladder is a load, the load takes its place, and the peak of the ladder there goes."""
+    ladder = Ladder(loading=(0.0, 1e8, 0.3 * 1e9, 5e8), peaks=(1e8, 0.3 * 1e9), stops=(0.5, 0.0))
+    off = np.nextafter(1e8, 2e8)
+    cut = on_ladder(ladder, (off, 2e8), 3e8)
+    assert cut.loading == (0.0, off, 2e8, 0.3 * 1e9)
+    assert cut.peaks == (0.3 * 1e9,)
 
 
 class TestPeaks:

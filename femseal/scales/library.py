@@ -377,4 +377,4 @@ def on_ladder(ladder: Ladder, extra: Sequence[float], highest: float) -> Ladder:
     reach = next((p for p in ladder.loading if p >= highest * (1 - 1e-12)), highest)
     kept = (p for p in ladder.loading if p <= reach and not any(abs(p - other) < _EQUAL * other for other in extra))
     loading = tuple(sorted({*kept, *extra}))
-    return replace(ladder, loading=loading, peaks=tuple(p for p in ladder.peaks if p <= reach))
+    return replace(ladder, loading=loading, peaks=tuple(p for p in ladder.peaks if p in loading))
