@@ -8,10 +8,11 @@ import pytest
 from numpy.testing import assert_allclose
 
 import femseal as fs
+from femseal.accuracy import make_plan
 from femseal.runs.case import parse_case
 from femseal.runs.forecast import describe
 from femseal.runs.job import _face_files
-from femseal.seal.pressure_map import AngleTable, MapsAtLoads, Profile, Uniform
+from femseal.seal.pressure_map import AngleTable, MapsAtLoads, Profile, Uniform, is_uniform
 
 ROOT = Path(__file__).parents[1]
 
@@ -201,6 +202,11 @@ class TestFieldOfACase:
         with pytest.raises(fs.InputError, match=words) as caught:
             case(**given).prepare()
         assert "\n" not in str(caught.value)
+
+    def test_accuracy_is_that_of_the_face(self, case):
+        """Drawn seals are compared with the face, which has one pressure."""
+        assert not is_uniform(case().prepare().sampling.pressure_map)
+        assert make_plan(case(), limit=1e9, memory=1e15).prepared.sampling.pressure_map == Uniform()
 
     def test_a_missing_file(self, case):
         with pytest.raises(fs.InputError, match=r"load.map.path: given 'none.csv', allowed is a file that exists"):

@@ -155,7 +155,7 @@ CASE = {
     "load": {"loading": ["50 MPa", "300 MPa"], "unload_from": ["300 MPa"], "unloading": ["100 MPa"]},
     "fluid": {"kind": "liquid", "viscosity": "1 mPa*s", "inlet_pressure": "1 MPa"},
     "cells": {"count": [2, 4]},
-    "stochastic": {"length": "240 um", "realisations": 5, "library_cells": 16},
+    "stochastic": {"length": "240 um", "realisations": 5, "library_cells": 16, "sampler": "block"},
     "output": {"paraview": "both"},
 }  # fmt: skip
 RING = {

@@ -72,7 +72,9 @@ def test_windows_are_solved_once_for_all_lengths(scene, sampling):
         stages.append(stage.name)
         return map(stage, *iterables)
 
-    fs.stochastic(scene, (2, 4), sampling, mapper=mapper)
+    for sampler in ("runs", "block"):
+        fs.stochastic(scene, (2, 4), replace(sampling, sampler=sampler), mapper=mapper)
+    assert stages.count("runs of columns") == 1
     assert stages.count("flow in windows") == 2
     assert stages.count("drawn seals") == 3
 

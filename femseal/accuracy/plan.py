@@ -146,11 +146,14 @@ def make_plan(case: Case, *, limit: float, memory: float) -> Plan:
 
 
 def _on_a_strip(prepared: Prepared) -> Prepared:
-    """With strips as long as the face in place of seals of another shape: the face, which is compared, is a strip."""
+    """With strips as long as the face in place of seals of another shape, under one pressure, as the face compared."""
     sampling, scene = prepared.sampling, prepared.scene
-    if sampling is None or scene.layout.has_length:
+    if sampling is None:
         return prepared
-    strip = replace(sampling, length=scene.surface.size[1], pressure_map=Uniform())
+    sampling = replace(sampling, pressure_map=Uniform())
+    if scene.layout.has_length:
+        return replace(prepared, sampling=sampling)
+    strip = replace(sampling, length=scene.surface.size[1])
     return replace(prepared, scene=replace(scene, layout=RectangularLayout()), sampling=strip)
 
 

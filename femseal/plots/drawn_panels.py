@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -65,7 +66,8 @@ def drawn_figure(data: xarray.Dataset, s: int) -> Figure:
     rows = [[(view, fluid), (view, k)] for view in whole]
     rows.append([(detail, fluid), (detail, _Panel(f"flux [{unit}]", flow / factor, "magma", _FLUX_DECADES))])
     if "drawn_window_pressure" in data and np.ptp(p := data["drawn_window_pressure"].values[s]) > 1e-6 * p.max():
-        rows.append([(detail, _Panel("contact pressure of windows [MPa]", p / 1e6, "viridis")), (detail, k)])
+        contact = _Panel("contact pressure of windows [MPa]", p / 1e6, "viridis")
+        rows.append([((whole or [detail])[0] if _has_map(data) else detail, contact), (detail, k)])
     elif not whole:
         rows.append([(detail, k)])
     sheet = Sheet([map_row(row[0][0].size) for row in rows], columns=2, head=0.35)
@@ -82,6 +84,11 @@ def drawn_figure(data: xarray.Dataset, s: int) -> Figure:
     title = f"{data['name'].values[s]}; drawn seal {number}, the nearest to the median"
     sheet.figure.suptitle(title, fontsize=11, y=1 - 0.1 / sheet.height, va="top")
     return sheet.figure
+
+
+def _has_map(data: xarray.Dataset) -> bool:
+    """Whether the contact pressure follows a map over the seal, which the whole of it shows."""
+    return bool(json.loads(data.attrs.get("case", "{}")).get("load", {}).get("map"))
 
 
 def _is_strip(corners: Array) -> bool:

@@ -172,7 +172,8 @@ def _windows(two_scale: TwoScaleResult | None, stochastic: StochasticResult | No
     library = None if stochastic is None else stochastic.library
     if (placed := two_scale or library) is not None and hasattr(placed, "contact"):
         found["window_contact"] = placed.contact
-    if library is not None:
+    if stochastic is not None and library is not None:
+        found["sampler"] = stochastic.sampler
         found["library_windows"], found["library_independent"] = library.size, library.independent
     return found
 

@@ -86,6 +86,7 @@ def describe(case: Case, prepared: Prepared) -> list[str]:
         highest += f", from {to_text(case.load.highest, case.load.unit)}"
     lines.append(_line("load", f"{steps} states: {steps - down} loading{unloading}, up to {highest}"))
     lines.append(_line("flow", f"discretisation {scene.discretisation}, solver {scene.solver}"))
+    lines += _gas_lines(scene)
     if prepared.choice:
         lines.append(_line("method", f"{prepared.method}: {prepared.choice}"))
     if "deterministic" in prepared.methods:
@@ -109,8 +110,8 @@ def describe(case: Case, prepared: Prepared) -> list[str]:
             laid, *others = laid_out(scene.layout, partition, sampling)
             length, *more = (to_text(one.seal.size[1], "m", 3) for one in (laid, *others))
             text = (
-                f"{_library(prepared, sampling, partition)} (pressure: {sampling.pressure}), "
-                f"{sampling.realisations} seals of {laid}, {length} long"
+                f"{_library(prepared, sampling, partition)} (pressure: {sampling.pressure}, "
+                f"sampler: {sampling.sampler}), {sampling.realisations} seals of {laid}, {length} long"
                 + (f"; as many of {', '.join(more)}" if more else "")
             )
             lines.append(_line("stochastic", text))
@@ -171,6 +172,19 @@ def refuse_too_large(case: Case, prepared: Prepared) -> None:
         f"or memory = '{np.ceil(needed / 1e8) / 10:g} GB' in the case, to run all the same"
     )
     raise InputError.of("memory", given, allowed)
+
+
+def _gas_lines(scene: Scene) -> list[str]:
+    """What slip does to the flow of a gas in a gap of the rms height."""
+    if (drop := scene.flow.drop) is None:
+        return []
+    ends = [max(p, drop.least_pressure) for p in (drop.inlet, drop.outlet)]
+    at_inlet, at_outlet = drop.gas.flow_factor(drop.gap, ends)
+    text = (
+        f"slips: {at_inlet:.3g} (inlet) to {at_outlet:.3g} (outlet) times the viscous flow in a gap of the rms height; "
+        f"permeability of windows at {drop.pressures.size} pressures, other flow solved 3 to 5 times"
+    )
+    return [_line("gas", text)]
 
 
 def _cost(method: str, prepared: Prepared, scene: Scene, known: tuple[Effort, ...]) -> tuple[float, float]:

@@ -37,6 +37,8 @@ _ELEMENT_SECONDS = 1.25e-6, 1.9e-5, 4e-9
 _EASY_BYTES = 8 * 40.0
 #: Shares in contact between which flow is near closing.
 _CLOSING = (0.07, 0.45)
+#: Seconds of the runs of columns at a step, for each window and each pixel.
+_RUN_SECONDS, _RUN_PIXEL_SECONDS = 1.2e-3, 6e-7
 #: Seconds of a link of a drawn seal at a load step, for each doubling of its rows.
 _LINK_SECONDS = 1.1e-7
 #: Flow solutions, and what they need besides, that the flow of a gas with slip takes.
@@ -152,13 +154,18 @@ def stochastic_cost(
 ) -> tuple[float, float]:
     """Expected time on one core [s] and memory [byte] of a library and of the drawn seals of n1 × n2 links.
 
-    pressures : see `pressures_of_gas`.
+    `sampling` names its sampler, see `sampling_options.chosen_sampler`. pressures : see `pressures_of_gas`.
     """
     pixels, windows, steps = points[0] * points[1], cells[0] * cells[1], len(efforts)
     window = pixels // windows
     ladder = mean(contact_seconds(window, effort) for effort in efforts)
     flow = pressures * mean(flow_seconds(window, effort) for effort in efforts)
     faces = 8.0 * 8 * pixels
+    if sampling.sampler == "runs":
+        whole, faces = two_scale_cost(efforts, points, cells, "links", contact)
+        links = windows + (cells[0] - 1) * cells[1]
+        contacts = whole - links * sum(flow_seconds(window, effort) for effort in efforts)
+        return contacts + steps * (windows * _RUN_SECONDS + pixels * _RUN_PIXEL_SECONDS), faces
     if sampling.pressure == "place":
         whole, faces = two_scale_cost(efforts, points, cells, "links", contact, pressures=pressures)
         links = windows + (cells[0] - 1) * cells[1]
@@ -171,7 +178,7 @@ def stochastic_cost(
     seconds += (
         (_SUCCESSIVE if pressures > 1 else 1.0) * draws * steps * _LINK_SECONDS * links * max(1.0, np.log2(min(seal)))
     )
-    held = 1 if sampling.chosen_sampler in ("history", "block") else steps
+    held = 1 if sampling.sampler_of_links in ("history", "block") else steps
     return seconds, faces + 8.0 * links * (held * 2 + 30 + (6 * pressures if pressures > 1 else 0))
 
 

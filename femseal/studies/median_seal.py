@@ -54,7 +54,7 @@ def drawn_permeability(
 
     kinds : tables of the windows; of a gas with slip one for each pressure of its `drop`.
     """
-    sampler, seed = sampling.chosen_sampler, sampling.seed
+    sampler, seed = sampling.sampler_of_links, sampling.seed
     draws = [
         [
             # windows whose two values belong together are drawn with the same random numbers
@@ -96,7 +96,7 @@ def median_seal(
             k[s], p[s] = laid.shown(at_solution, found.fluid_pressure)
             potential = scene.fluid.potential(found.fluid_pressure) / scene.fluid.reference_density
             flux[s] = laid.flux(at_solution, potential, found.volume_rate)
-    sampler, seed = sampling.chosen_sampler, sampling.seed
+    sampler, seed = sampling.sampler_of_links, sampling.seed
     pressure = draw_pressures(kinds[0][0], sampler=sampler, seed=seed, realisation=realisation, axis=0)
     of_windows = None if pressure is None else np.array([laid.means(pressure(s)) for s in range(len(scene.steps))])
     return MedianSeal(realisation, outlines, k, p, flux, of_windows)
