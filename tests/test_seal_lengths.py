@@ -23,7 +23,7 @@ CASE = {
     "load": {"loading": ["50 MPa", "300 MPa"], "unload_from": ["300 MPa"], "unloading": ["100 MPa"]},
     "fluid": {"kind": "liquid", "viscosity": "1 mPa*s", "inlet_pressure": "1 MPa"},
     "cells": {"count": [2, 4]},
-    "stochastic": {"length": ["240 um", "60 um", "2 mm"], "realisations": 6, "library_cells": 8},
+    "stochastic": {"sampler": "block", "length": ["240 um", "60 um", "2 mm"], "realisations": 6, "library_cells": 8},
     "output": {"paraview": "none"},
 }  # fmt: skip
 

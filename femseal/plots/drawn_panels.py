@@ -67,10 +67,12 @@ def drawn_figure(data: xarray.Dataset, s: int) -> Figure:
     rows.append([(detail, fluid), (detail, _Panel(f"flux [{unit}]", flow / factor, "magma", _FLUX_DECADES))])
     if "drawn_window_pressure" in data and np.ptp(p := data["drawn_window_pressure"].values[s]) > 1e-6 * p.max():
         contact = _Panel("contact pressure of windows [MPa]", p / 1e6, "viridis")
-        rows.append([((whole or [detail])[0] if _has_map(data) else detail, contact), (detail, k)])
+        # the whole of a seal shows a map, a long strip without its proportions
+        wide = _View(low, high) if _has_map(data) and len(corners) <= _MOST else detail
+        rows.append([(whole[0] if whole and wide is not detail else wide, contact), (detail, k)])
     elif not whole:
         rows.append([(detail, k)])
-    sheet = Sheet([map_row(row[0][0].size) for row in rows], columns=2, head=0.35)
+    sheet = Sheet([map_row(row[-1][0].size) for row in rows], columns=2, head=0.35)
     for n, row in enumerate(rows):
         for column, (view, panel) in enumerate(row):
             axes = sheet.panel(n, column, MAP)
@@ -78,7 +80,8 @@ def drawn_figure(data: xarray.Dataset, s: int) -> Figure:
             panel.draw(axes, corners[seen], seen)
             if view is detail and panel is fluid:
                 _arrows(axes, corners[seen].mean(axis=1), flux[seen], max(view.size))
-            axes.set(xlim=(view.low[0], view.high[0]), ylim=(view.low[1], view.high[1]), aspect="equal")
+            aspect = "equal" if any(view is one for one in (detail, *whole)) else "auto"
+            axes.set(xlim=(view.low[0], view.high[0]), ylim=(view.low[1], view.high[1]), aspect=aspect)
             axes.set(xlabel="x2 along the seal [mm]" if strip else "x1 [mm]", ylabel="x1 [mm]" if strip else "x2 [mm]")
     number = data["drawn_corners"].attrs["realisation"]
     title = f"{data['name'].values[s]}; drawn seal {number}, the nearest to the median"

@@ -23,7 +23,7 @@ def _steps(data: xarray.Dataset, given: dict[str, Any]) -> str:
     pressure, peaks = data["nominal_pressure"].values, data["unloaded_from"].values
     up = pressure[np.isnan(peaks)]
     ends = " to ".join(to_text(float(p), "Pa") for p in dict.fromkeys((up.min(), up.max())))
-    text = f"It is loaded in {up.size} steps, {ends}"
+    text = f"It is loaded in {up.size} {'step' if up.size == 1 else 'steps'}, {ends}"
     if isinstance(highest := (given.get("loading") or [0.0])[-1], str):  # pressures are numbers
         force, unit = highest.split()
         text += f" (a force of {to_text(float(force), unit)} at most)"

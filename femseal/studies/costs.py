@@ -39,6 +39,8 @@ _EASY_BYTES = 8 * 40.0
 _CLOSING = (0.07, 0.45)
 #: Seconds of the runs of columns at a step, for each window and each pixel.
 _RUN_SECONDS, _RUN_PIXEL_SECONDS = 1.2e-3, 6e-7
+#: Seconds of a seal of runs of columns, and for each of its columns of windows.
+_DRAW_SECONDS, _DRAW_COLUMN_SECONDS = 1e-4, 2e-8
 #: Seconds of a link of a drawn seal at a load step, for each doubling of its rows.
 _LINK_SECONDS = 1.1e-7
 #: Flow solutions, and what they need besides, that the flow of a gas with slip takes.
@@ -165,7 +167,8 @@ def stochastic_cost(
         whole, faces = two_scale_cost(efforts, points, cells, "links", contact)
         links = windows + (cells[0] - 1) * cells[1]
         contacts = whole - links * sum(flow_seconds(window, effort) for effort in efforts)
-        return contacts + steps * (windows * _RUN_SECONDS + pixels * _RUN_PIXEL_SECONDS), faces
+        seconds = contacts + steps * (windows * _RUN_SECONDS + pixels * _RUN_PIXEL_SECONDS)
+        return seconds + sampling.realisations * (_DRAW_SECONDS + _DRAW_COLUMN_SECONDS * seal[1]), faces
     if sampling.pressure == "place":
         whole, faces = two_scale_cost(efforts, points, cells, "links", contact, pressures=pressures)
         links = windows + (cells[0] - 1) * cells[1]
