@@ -10,7 +10,7 @@ To add a fluid, write a frozen dataclass with `potential`, `pressure` and `refer
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import log, sqrt
+from math import cos, inf, log, nan, sqrt
 from typing import Any, ClassVar, Protocol
 
 import numpy as np
@@ -50,6 +50,14 @@ def _viscosity() -> Any:
     return parameter("Pa*s", "a viscosity > 0, such as '1 mPa*s'")
 
 
+def _surface_tension() -> Any:
+    return parameter("N/m", "a surface tension > 0, such as '73 mN/m'", default=None)
+
+
+def _contact_angle() -> Any:
+    return parameter("rad", "a contact angle >= 0, such as '110 deg'", inclusive=True, default=None)
+
+
 @dataclass(frozen=True)
 class Liquid:
     """A liquid of constant density; viscosity η = η₀ exp(αp) (Barus), constant for α = 0.
@@ -61,6 +69,7 @@ class Liquid:
     viscosity : η₀ [Pa s].
     density : ρ [kg/m³]; only the mass rate depends on it. Default: water.
     pressure_viscosity : α [1/Pa], >= 0.
+    surface_tension, contact_angle : γ [N/m] and θ [rad] on the faces, for `capillary_entry_pressure`.
     """
 
     kind: ClassVar[str] = "liquid"
@@ -69,6 +78,8 @@ class Liquid:
     viscosity: float = _viscosity()
     density: float = parameter("kg/m^3", "a density > 0, such as '870 kg/m^3'", default=1000.0)
     pressure_viscosity: float = parameter("1/Pa", "a coefficient >= 0, such as '20 1/GPa'", inclusive=True, default=0.0)
+    surface_tension: float | None = _surface_tension()
+    contact_angle: float | None = _contact_angle()
 
     def __post_init__(self) -> None:
         check_parameters(self)
@@ -101,6 +112,7 @@ class RoelandsLiquid:
     viscosity : η₀ [Pa s], above 6.31e-5.
     pressure_viscosity : α = d ln η/dp at p = 0 [1/Pa], as that of Barus's law.
     density : ρ [kg/m³]; only the mass rate depends on it.
+    surface_tension, contact_angle : γ [N/m] and θ [rad] on the faces, for `capillary_entry_pressure`.
     """
 
     kind: ClassVar[str] = "roelands-liquid"
@@ -108,6 +120,8 @@ class RoelandsLiquid:
     viscosity: float = parameter("Pa*s", "a viscosity > 63.1 uPa*s, such as '50 mPa*s'", above=6.31e-5)
     pressure_viscosity: float = parameter("1/Pa", "a coefficient > 0, such as '20 1/GPa'")
     density: float = parameter("kg/m^3", "a density > 0, such as '870 kg/m^3'", default=870.0)
+    surface_tension: float | None = _surface_tension()
+    contact_angle: float | None = _contact_angle()
 
     def __post_init__(self) -> None:
         check_parameters(self)
@@ -235,6 +249,25 @@ class IdealGas:
             return np.ones(h.shape)
         d = self.inverse_knudsen(h, p)
         return np.divide(6 * flow_rate(d), d, out=np.full(d.shape, np.inf), where=d > 0)
+
+
+def capillary_entry_pressure(fluid: Fluid, gap: float) -> float:
+    """Pressure 2γ|cos θ|/h [Pa] below which a liquid that does not wet the faces enters no gap h [m] between plates.
+
+    NaN of a liquid that wets them (θ <= 90°), or of which surface tension or contact angle is not known; inf where the
+    gap is 0.
+
+    Examples
+    --------
+    >>> from math import radians
+    >>> water = Liquid(1e-3, surface_tension=0.073, contact_angle=radians(120))
+    >>> round(capillary_entry_pressure(water, 1e-6))
+    73000
+    """
+    tension, angle = (getattr(fluid, name, None) for name in ("surface_tension", "contact_angle"))
+    if tension is None or angle is None or cos(angle) >= 0:
+        return nan
+    return -2 * tension * cos(angle) / gap if gap > 0 else inf
 
 
 def leak_basis(fluid: Fluid, length: float, stated: float | None = None) -> LeakBasis:

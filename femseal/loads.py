@@ -163,7 +163,8 @@ def nominal_pressure(load: float, unit: str, *, area: float, length: float) -> f
     """
     if unit not in LOAD_UNITS:
         raise InputError.of("unit", unit, f"one of {', '.join(LOAD_UNITS)}")
-    return {"Pa": load, "N": load / area, "N/m": load * (length / area)}[unit]
+    pressure = {"Pa": load, "N": load / area, "N/m": load * (length / area)}[unit]
+    return float(f"{pressure:.12g}")  # the same as other loads of the same pressure
 
 
 def _pressures(name: str, values: Sequence[float]) -> list[float]:

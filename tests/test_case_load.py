@@ -1,17 +1,24 @@
 """The table [load] of a case: forces, maps of the pressure, and what they refuse."""
 
+import json
+import pickle
 import tomllib
 from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.testing import assert_allclose
+import xarray
+from numpy.testing import assert_allclose, assert_array_equal
 
 import femseal as fs
+from femseal.accuracy import make_plan
+from femseal.loads import LoadProgramme
+from femseal.report.load_words import load_sentences
+from femseal.results.variables import step_coordinates
 from femseal.runs.case import parse_case
 from femseal.runs.forecast import describe
 from femseal.runs.job import _face_files
-from femseal.seal.pressure_map import AngleTable, MapsAtLoads, Profile, Uniform
+from femseal.seal.pressure_map import AngleTable, Frame, MapsAtLoads, Profile, Uniform, is_uniform
 
 ROOT = Path(__file__).parents[1]
 
@@ -202,6 +209,54 @@ class TestFieldOfACase:
             case(**given).prepare()
         assert "\n" not in str(caught.value)
 
+    def test_accuracy_is_that_of_the_face(self, case):
+        """Drawn seals are compared with the face, which has one pressure."""
+        assert not is_uniform(case().prepare().sampling.pressure_map)
+        assert make_plan(case(), limit=1e9, memory=1e15).prepared.sampling.pressure_map == Uniform()
+
     def test_a_missing_file(self, case):
         with pytest.raises(fs.InputError, match=r"load.map.path: given 'none.csv', allowed is a file that exists"):
             case(path="none.csv")
+
+    def test_results_and_report_show_it(self, case, tmp_path):
+        """Another field is another run."""
+        table = ["x,y,pressure", *(f"{x},{y},{60 + 40 * (y - 0.48)}" for x in (0, 0.06) for y in (0, 0.96))]
+        found = case("\n".join(table))
+        results = fs.run(found, tmp_path / "out", workers=1)
+        pressure = results.dataset["drawn_window_pressure"].values
+        y = results.dataset["drawn_corners"].values.mean(axis=1)[:, 1] * 1e3
+        assert_allclose(pressure[1], 1e8 * (1 + 40 / 60 * (y - 0.48)), rtol=0.01)
+        assert_allclose(pressure.mean(axis=1), results.dataset["nominal_pressure"].values, rtol=1e-6)
+        page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+        assert "The contact pressure over the seal follows the field in flange.csv: 69 MPa to 131 MPa at" in page
+        assert (tmp_path / "out" / "seal.png").is_file()
+        assert fs.run(found, tmp_path / "out", resume=True).warnings == results.warnings
+        sampling = found.prepare().sampling  # as workers get it
+        places, frame = np.array([[3e-5, 2e-4]]), Frame.of_strip((6e-5, 9.6e-4))
+        assert_array_equal(
+            pickle.loads(pickle.dumps(sampling)).pressure_map.at(places, frame), sampling.pressure_map.at(places, frame)
+        )
+        other = case("\n".join(table).replace("40.8", "41.8"))
+        assert _face_files(other) != json.loads(results.dataset.attrs["face_files"])
+
+
+@pytest.mark.parametrize(
+    ("case", "sentences"),
+    [
+        ({"loading": [5e7]}, ["It is loaded in 1 step, 50 MPa."]),
+        ({"loading": ["6.0 N"]}, ["It is loaded in 1 step, 50 MPa (a force of 6 N at most)."]),
+        (
+            {"loading": [5e7], "map": [{"kind": "uniform"}, {"kind": "angle", "repeat": 8}]},
+            ["It is loaded in 1 step, 50 MPa.", "The contact pressure over the seal follows one value everywhere and a "
+             "table around it, repeated 8 times, which changes with the load."],
+        ),
+        (
+            {"loading": [5e7], "map": [{"kind": "profile"}]},
+            ["It is loaded in 1 step, 50 MPa.", "The contact pressure over the seal follows a profile from inlet to "
+             "outlet."],
+        ),
+    ],
+)  # fmt: skip
+def test_loads_in_words(case, sentences):
+    data = xarray.Dataset(step_coordinates("step", "", LoadProgramme.of([5e7])))
+    assert load_sentences(data, {"load": case}) == sentences

@@ -11,7 +11,9 @@ from femseal import Liquid, Sampling, Scene, self_affine, stochastic, two_scale
 from femseal.base.errors import InputError
 from femseal.results.dataset import assemble
 from femseal.runs.case import parse_case
-from femseal.scales import Partition, element_flow, run_flows
+from femseal.scales import ColumnRuns, Partition, RunFlows, SolverCounts, element_flow
+from femseal.studies import chosen_sampler, placed
+from femseal.studies.chained import StateRuns, chained_seals
 
 PIXEL = (1e-6, 1e-6)
 
@@ -34,17 +36,19 @@ class TestRuns:
     @pytest.mark.parametrize("length", [1, 2, 5, 6])
     def test_closed_cuts_are_those_of_the_network(self, gap, cells, length):
         c1, c2 = cell_links(gap, PIXEL, "periodic")
-        expected = []
-        for start in range(6):
+        runs, expected = ColumnRuns.of(gap, cells, node_spacing=1).flows(length), []
+        assert runs.independent == 6 // length
+        assert len(runs.starts) == min(6, 2 * runs.independent)
+        for start in runs.starts:
             columns = np.arange(16 * start, 16 * (start + length)) % 96
             expected.append(solve_links(c1[:, columns], c2[:, columns[:-1]], solver="elimination").conductance)
-        assert_allclose(run_flows(gap, cells, length, node_spacing=1).closed, expected, rtol=1e-9)
+        assert_allclose(runs.closed, expected, rtol=1e-9)
 
     def test_the_uncut_face_lies_between_the_bounds(self, gap, cells):
         whole = element_flow(gap, cells).node_permeability * 96 / 64
         apart = []
         for length in (1, 2, 3, 6):
-            runs = run_flows(gap, cells, length)
+            runs = ColumnRuns.of(gap, cells).flows(length)
             assert_allclose(runs.whole, whole * length / 6, rtol=1e-12)
             assert runs.closed.mean() < runs.whole < runs.held.mean()
             assert np.all(runs.closed <= runs.held)
@@ -56,7 +60,7 @@ class TestRuns:
     @pytest.mark.parametrize("length", [1, 4])
     def test_cuts_along_the_flow_through_a_gap_that_varies_across_it_alone_cost_nothing(self, cells, length):
         h = 1e-6 * (2 + np.sin(2 * np.pi * (np.arange(64) + 0.5) / 64))[:, None] * np.ones(96)
-        runs = run_flows(h, cells, length)
+        runs = ColumnRuns.of(h, cells).flows(length)
         expected = element_flow(h, cells).dissipation.sum() * length / 6
         for found in (runs.closed, runs.held, runs.value):
             assert_allclose(found, expected, rtol=1e-9)
@@ -64,14 +68,32 @@ class TestRuns:
     def test_a_closed_face_has_closed_runs(self, gap, cells):
         h = gap.copy()
         h[11] = 0.0
-        runs = run_flows(h, cells, 2)
+        runs = ColumnRuns.of(h, cells).flows(2)
         assert not np.any([runs.closed, runs.held, runs.value])
         assert runs.share == 0
+
+    def test_windows_are_those_of_the_network(self, gap, cells):
+        h = gap.copy()
+        h[20, 32:48] = 0.0  # a row of the window (1, 2)
+        c1, c2 = cell_links(h, PIXEL, "periodic")
+        expected = np.zeros((4, 6))
+        for i, j in cells.places:
+            rows, columns = slice(16 * i, 16 * i + 17), slice(16 * j, 16 * j + 16)
+            along = c1[rows, columns].copy()
+            # a link to another window is cut into halves
+            along[0] *= 1 + (i > 0)
+            along[-1] *= 1 + (i < 3)
+            expected[i, j] = solve_links(
+                along, c2[16 * i : 16 * i + 16, columns][:, :-1], solver="elimination"
+            ).conductance
+        found = ColumnRuns.of(h, cells, node_spacing=1).window_permeability()
+        assert_allclose(found, expected, rtol=1e-9)
+        assert np.argwhere(found == 0).tolist() == [[1, 2]]
 
     def test_a_length_beyond_the_face(self, gap, cells):
         for length in (0, 7):
             with pytest.raises(InputError, match="length"):
-                run_flows(gap, cells, length)
+                ColumnRuns.of(gap, cells).flows(length)
 
 
 @pytest.fixture(scope="module")
@@ -113,7 +135,7 @@ class TestSeals:
 
     def test_a_longer_seal_starts_with_the_runs_of_a_shorter_one(self, scene, face):
         one, two = (
-            stochastic(scene, (4, 8), replace(SAMPLING, length=n * 32e-6, realisations=40), two_scale=face).leakage
+            stochastic(scene, (4, 8), replace(SAMPLING, length=n * 64e-6, realisations=40), two_scale=face).leakage
             for n in (1, 2)
         )
         second = 2 * two - one
@@ -123,6 +145,28 @@ class TestSeals:
         data = assemble(scene, stochastic=seals).dataset
         assert_allclose(data["cut_error"], seals.cut_error)
         assert data["leakage_closed_cuts"].dims == ("realisation", "step")
+
+    def test_they_are_the_default_and_need_no_links(self, scene, face, seals, monkeypatch):
+        monkeypatch.setattr(placed, "solve_links", None)
+        drawn = stochastic(scene, (4, 8), replace(SAMPLING, sampler=None), two_scale=face)
+        assert drawn.sampler == "runs"
+        assert_array_equal(drawn.leakage, seals.leakage)
+        assert drawn.library.k1 is drawn.library.k2 is None
+        assert (drawn.library.size, drawn.library.independent) == (32, 32)
+        assert np.all(np.diff(drawn.library.curves.k[:, :2], axis=1) < 0)
+
+    @pytest.mark.parametrize(
+        ("options", "contact", "sampler"),
+        [
+            ({}, "windows", "block"),
+            ({"discretisation": "gauss"}, None, "block"),
+            ({"pressure": "uniform"}, None, "history"),
+        ],
+    )
+    def test_others_are_the_default_elsewhere(self, scene, options, contact, sampler):
+        there = replace(scene, **{k: v for k, v in options.items() if k == "discretisation"})
+        sampling = replace(SAMPLING, sampler=None, **{k: v for k, v in options.items() if k == "pressure"})
+        assert chosen_sampler(sampling, there, contact) == sampler
 
     def test_a_failed_step_is_left_out(self, scene, face):
         gap = face.gap.copy()
@@ -139,6 +183,58 @@ class TestSeals:
             stochastic(replace(scene, discretisation="gauss"), (4, 8), SAMPLING)
         with pytest.raises(InputError, match="history, derivative, copula, block, runs"):
             stochastic(scene, (4, 8), replace(SAMPLING, sampler="magic"))
+
+
+class TestRunsOfAFace:
+    """Seals drawn from runs whose flows are given: eight columns, two states."""
+
+    PARTITION = Partition((8, 64), PIXEL, (1, 8))
+
+    def seals(self, flows, scene, columns=800, realisations=40):
+        """From the flows of each length at both states."""
+        scene = replace(scene, unload_from=(), unloading=())
+        states = [StateRuns(tuple(f), np.ones((1, 8)), SolverCounts()) for f in flows]
+        return chained_seals(scene, self.PARTITION, states, columns, realisations, seed=1)
+
+    def flow(self, length, closed, held, spread=0.1):
+        """Runs that scatter by `spread`, about a mean of 1 for a column."""
+        shape = length * (1 + spread * np.array([-1.0, 1.0] * (8 // length)))
+        low, high = closed * shape, held * shape
+        return RunFlows(length, 8 // length, np.arange(shape.size), low, high, float(length), SolverCounts())
+
+    @pytest.mark.parametrize(
+        ("apart", "length"),
+        [((1.03, 1.03, 1.03), 1), ((1.05, 1.05, 1.05), 2), ((1.2, 1.08, 1.05), 4), ((1.5, 1.4, 1.3), 4)],
+    )
+    def test_are_the_shortest_whose_cuts_matter_less_than_the_face(self, scene, apart, length):
+        flows = [self.flow(n, 1 / q, q) for n, q in zip((1, 2, 4), apart, strict=True)]
+        seals = self.seals([flows, flows], scene)
+        assert (seals.length, seals.columns, seals.warnings) == (length, 800, ())
+
+    def test_a_step_without_flow_does_not_count(self, scene):
+        open_ = [self.flow(n, 0.99, 1.01) for n in (1, 2, 4)]
+        closing = [replace(f, closed=0 * f.closed, held=1e-4 * f.held, whole=5e-5 * f.whole) for f in open_]
+        assert self.seals([open_, closing], scene).length == 1
+        assert self.seals([open_, [replace(f, closed=0 * f.closed) for f in open_]], scene).length == 4
+
+    def test_bounds_far_apart_are_told(self, scene):
+        flows = [self.flow(n, 0.25, 5.0) for n in (1, 2, 4)]
+        (text,) = self.seals([flows, flows], scene).warnings
+        assert "runs of 4 columns" in text
+        assert "factor of 20" in text
+        assert scene.steps[0].name in text
+
+    def test_the_scatter_of_libraries_is_that_of_the_mean_of_their_runs(self, scene):
+        """Faces of four independent runs each: their means scatter by a half of what runs do."""
+        rng = np.random.default_rng(1)
+        variances = []
+        for _ in range(60):
+            value = 1 + 0.1 * rng.standard_normal(4)
+            runs = RunFlows(2, 4, 2 * np.arange(4), value, value, float(value.mean()), SolverCounts())
+            seals = self.seals([[runs], [runs]], scene, columns=2000, realisations=60)
+            variances.append(np.log(seals.resampled[:, 0]).var(ddof=1))
+            assert_allclose(runs.scatter, value.std() / value.mean() / np.sqrt(3))
+        assert_allclose(np.sqrt(np.mean(variances)), 0.1 / np.sqrt(4), rtol=0.15)
 
 
 CASE = {

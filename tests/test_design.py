@@ -185,18 +185,26 @@ def case(**more):
     })  # fmt: skip
 
 
+#: Grooves along the seal, across the leakage.
+GROOVED = {"kind": "turned", "points": [32, 32], "size": ["60 um", "60 um"], "pitch": "30 um", "depth": "1.5 um",
+           "roughness": "0.3 um", "roughness_roll_off": "20 um"}  # fmt: skip
+
+
 def test_a_case_gives_files_and_a_section_of_the_report(tmp_path, undrawn):
-    results = fs.run(case(), workers=1)
+    results = fs.run(case(face=GROOVED), workers=1)
     limit = float(np.exp(np.mean(np.log(results.leakage.values[:2])))) * 1e9
     wanted = [f"{limit:.6g} mg/(m·s)", "L0.01"]  # of water
-    answer = fs.design(case(), tmp_path, classes=wanted, workers=1, assembly=["100 MPa"])
+    answer = fs.design(case(face=GROOVED), tmp_path, classes=wanted, workers=1, assembly=["100 MPa"])
     assert answer.seals.steps.unload_from == (1e8, 4e8)
     need = answer.requirements[0]
     assert 2e7 < need.assembly.value < 1e8 * 1.0001
     assert {s.quantity for s in answer.sensitivities} >= {"hardness", "roughness amplitude", "viscosity"}
     assert all(np.isfinite(s.leakage.value) for s in answer.sensitivities)
+    slopes = {s.quantity: s.leakage.value for s in answer.sensitivities}
+    assert 0.05 < slopes["hardness"] < 5  # a harder seal keeps wider gaps
+    assert_allclose(sum(slopes[name] for name in ("hardness", "contact modulus", "nominal pressure")), 0, atol=1e-12)
     assert answer.turned is not None
-    assert 0.2 < answer.turned.leakage.value < 5
+    assert answer.turned.leakage.value > 2  # along its grooves
     with (tmp_path / "design.csv").open(encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     assert_allclose(float(rows[0]["value"]), need.assembly.value)

@@ -1,15 +1,22 @@
 """What a drawn seal looks like: flux and contact pressure over its parts, in results, pictures and files."""
 
+import meshio
 import numpy as np
 import pytest
+import pyvista
 from numpy.testing import assert_allclose
 from skfem import MeshQuad, MeshTri
+from vtkmodules.vtkIOHDF import vtkHDFReader
 
 import femseal as fs
 from femseal.loads import LoadProgramme
+from femseal.plots import seal_figure
+from femseal.results import assemble, open_results, write_vtk
+from femseal.runs.case import parse_case
 from femseal.scales import LinkTable, draw_links, draw_pressures
 from femseal.seal.elemented import ElementSeal, ElementWindows
 from femseal.seal.linked import LinkWindows
+from femseal.seal.pressure_map import Profile
 
 FLUID = fs.Liquid(1e-3)
 
@@ -125,3 +132,126 @@ def test_pressures_are_those_of_the_windows_that_are_drawn(sampler):
     of_paths = LinkTable(pressure, path, steps, run_length=4.0, pressure=pressure[:, :, :1])
     assert_allclose(draw_pressures(of_paths, **which)(1), pressure[1, :, 0][path])
     assert draw_pressures(LinkTable(pressure, path, steps), **which) is None
+
+
+# --- the seal nearest to the median -----------------------------------------------------------------------
+
+CASE = {
+    "method": "stochastic",
+    "face": {"kind": "self-affine", "points": [32, 64], "size": ["30 um", "60 um"], "rms_slope": 0.2,
+             "roll_off": "20 um"},
+    "material": {"young": "210 GPa", "hardness": "3 GPa"},
+    "load": {"loading": ["50 MPa", "300 MPa"], "unload_from": ["300 MPa"], "unloading": ["100 MPa"]},
+    "fluid": {"kind": "liquid", "viscosity": "1 mPa*s", "inlet_pressure": "1 MPa"},
+    "cells": {"count": [2, 4]},
+    "stochastic": {"length": "240 um", "realisations": 5, "library_cells": 16, "sampler": "block"},
+    "output": {"paraview": "both"},
+}  # fmt: skip
+RING = {
+    "seal": {"kind": "annular", "inner_radius": "0.15 mm", "outer_radius": "0.3 mm"},
+    "stochastic": {"pressure": "uniform", "realisations": 5, "library_cells": 4},
+}
+
+
+@pytest.fixture(scope="module")
+def strip(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("strip") / "out"
+    return fs.run(parse_case(CASE), folder, workers=1)
+
+
+@pytest.fixture(scope="module")
+def ring():
+    return fs.run(parse_case(CASE | RING), workers=1)
+
+
+def test_fields_are_those_of_one_realisation(strip):
+    data = strip.dataset
+    own = data["leakage"].values[data["drawn_corners"].attrs["realisation"]]
+    flux = data["drawn_flux"].values.reshape(3, 2, -1, 2)
+    assert_allclose(flux[..., 0].mean(axis=2), np.repeat(own[:, None], 2, axis=1), rtol=1e-6)
+    assert_allclose(flux[..., 1].sum(axis=(1, 2)), 0.0, atol=5 * flux.max())
+    # every window has the pressure that a window of the face has, cut once more half a window further
+    pressure = data["drawn_window_pressure"].values
+    face = data["library_pressure"].values.T.reshape(3, 2, 4)
+    known = np.concatenate([face, (face + np.roll(face, -1, axis=2)) / 2], axis=2)
+    for s in range(3):
+        for row, drawn in enumerate(pressure[s].reshape(2, -1)):
+            assert set(drawn.round(3)) <= set(known[s, row].round(3))
+    assert np.corrcoef(pressure[1], data["drawn_permeability"].values[1])[0, 1] < 0
+
+
+def test_fields_of_a_ring_flow_outwards(ring):
+    data = ring.dataset
+    centres = data["drawn_corners"].values.mean(axis=1)
+    radius = np.linalg.norm(centres, axis=1)
+    outwards = (data["drawn_flux"].values * (centres / radius[:, None])).sum(axis=2)
+    assert (outwards > 0).mean() > 0.99
+    own = data["leakage"].values[data["drawn_corners"].attrs["realisation"]] * ring.leak_basis.length
+    width = 2 * np.pi * radius / (len(radius) / len(np.unique(radius.round(9))))
+    rows = np.unique(radius.round(9), return_inverse=True)[1]
+    through = np.array([[(outwards[s] * width)[rows == n].sum() for n in range(rows.max() + 1)] for s in range(3)])
+    assert_allclose(through, np.repeat(own[:, None], through.shape[1], axis=1), rtol=0.05)
+    assert_allclose(data["drawn_window_pressure"], data["nominal_pressure"].values[:, None].repeat(len(radius), axis=1))
+
+
+def test_pressures_of_a_map_are_those_of_their_places():
+    scene = fs.Scene(
+        fs.self_affine((32, 32), (30e-6, 30e-6), hurst=0.8, rms_slope=0.2, roll_off=20e-6, rng=2),
+        115e9, 3e9, FLUID, 1e6, 0.0, loading=(5e7, 3e8),
+    )  # fmt: skip
+    profile = Profile((0.5, 1.5))
+    sampling = fs.Sampling(240e-6, 4, 4, 1, pressure="uniform", pressure_map=profile)
+    seal = fs.stochastic(scene, (4, 4), sampling).median_seal
+    rows = seal.pressure.reshape(2, 4, -1)
+    assert (np.diff(rows, axis=1) >= 0).all()
+    assert_allclose(rows.mean(axis=(1, 2)), [5e7, 3e8])
+
+
+def test_pictures_of_drawn_seals(strip, ring):
+    titles = [axes.get_title() for axes in seal_figure(strip, 1).axes if axes.get_title()]
+    assert [title.split(" [")[0].split(";")[0] for title in titles] == [
+        "fluid pressure", "permeability", "fluid pressure", "flux", "contact pressure of windows", "permeability",
+    ]  # fmt: skip
+    first = seal_figure(strip, 1).axes[0]
+    assert first.get_xlabel() == "x2 along the seal [mm]"
+    assert_allclose(first.get_xlim(), (0, 0.24))
+    titles = [axes.get_title() for axes in seal_figure(ring).axes if axes.get_title()]
+    assert [title.split(" [")[0] for title in titles] == ["fluid pressure", "permeability", "fluid pressure", "flux"]
+    assert seal_figure(ring).axes[0].get_xlabel() == "x1 [mm]"
+
+
+def test_files_of_drawn_seals_are_read_by_vtk_and_meshio(strip):
+    folder, data = strip.folder, strip.dataset
+    expected = {
+        "permeability_m3": data["drawn_permeability"].values[1],
+        "fluid_pressure_Pa": data["drawn_fluid_pressure"].values[1],
+        "nominal_contact_pressure_MPa": data["drawn_window_pressure"].values[1] / 1e6,
+    }
+    by_step = pyvista.get_reader(folder / "vtk" / "drawn.pvd")
+    by_step.set_active_time_value(1.0)
+    hdf = vtkHDFReader()
+    hdf.SetFileName(str(folder / "vtk" / "drawn.vtkhdf"))
+    hdf.UpdateInformation()
+    hdf.UpdateTimeStep(1.0)
+    plain = meshio.read(folder / "vtk" / "drawn" / "step_0001.vtu")
+    for mesh in (by_step.read()[0], pyvista.wrap(hdf.GetOutput())):
+        assert mesh.n_cells == data.sizes["part"]
+        assert mesh.area == pytest.approx(30e-6 * 240e-6)
+        for name, values in expected.items():
+            assert_allclose(mesh.cell_data[name], values, rtol=1e-6)
+        assert_allclose(mesh.cell_data["flux_m2_per_s"][:, :2], data["drawn_flux"].values[1], rtol=1e-6, atol=1e-30)
+    assert_allclose(plain.cell_data["flux_m2_per_s"][0][:, :2], data["drawn_flux"].values[1], rtol=1e-6, atol=1e-30)
+    back = open_results(folder)
+    assert_allclose(back.dataset["drawn_flux"], data["drawn_flux"])
+
+
+def test_gases_with_slip_have_fields_too(tmp_path):
+    gas = {"kind": "ideal-gas", "viscosity": "0.02 mPa*s", "molar_mass": "4 g/mol", "temperature": "20 °C",
+           "inlet_pressure": "1 MPa", "outlet_pressure": "0.1 MPa"}  # fmt: skip
+    found = fs.run(parse_case(CASE | {"fluid": gas, "method": "stochastic"}), workers=1)
+    data = found.dataset
+    own = data["leakage"].values[data["drawn_corners"].attrs["realisation"]]
+    flux = data["drawn_flux"].values.reshape(3, 2, -1, 2)[..., 0].mean(axis=2)
+    assert_allclose(flux, np.repeat(own[:, None], 2, axis=1), rtol=1e-3)
+    again = assemble(found.scene, stochastic=found.stochastic)
+    assert write_vtk(again, None, tmp_path)

@@ -141,6 +141,10 @@ def test_check_says_which_windows_a_library_takes(data):
         (8, "8 library windows of the face, contact of the whole face"),
         (20, "24 library windows, the 8 of the face cut 3 times, not 20, contact of the whole face"),
     ):
-        data["stochastic"] = {"length": "1 mm", "library_cells": count}
+        data["stochastic"] = {"length": "1 mm", "library_cells": count, "sampler": "block"}
         case = parse_case(data)
         assert any(words in line for line in describe(case, case.prepare())), words
+    del data["stochastic"]["sampler"]
+    case = parse_case(data)
+    words = "8 library windows of the face, not 20, contact of the whole face, cut into windows (pressure: place, sampler: runs)"
+    assert any(words in line for line in describe(case, case.prepare()))

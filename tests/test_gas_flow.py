@@ -16,6 +16,9 @@ from femseal.flow.coefficient import gap_on_links
 from femseal.flow.gas_drop import GasDrop, successive
 from femseal.flow.permeability_table import PermeabilityTable, table_pressures
 from femseal.rarefied import flow_rate
+from femseal.report.words import case_sentences
+from femseal.results.dataset import assemble
+from femseal.runs.forecast import describe
 from femseal.scales import FlowSettings
 from femseal.scales.window import window_permeability
 from femseal.studies.scene import resolved_flow
@@ -320,3 +323,24 @@ def test_a_library_of_a_gas_is_kept_apart(scene, tmp_path):
     assert_allclose(again.leakage, first.leakage, rtol=1e-12)
     fs.stochastic(replace(scene, fluid=fs.Liquid(1e-3)), (2, 4), sampling)
     assert len(list(tmp_path.glob("*.npz"))) == 2
+
+
+def test_a_helium_test_from_case_to_report(tmp_path):
+    """The fluid by its name, through forecast, run and report; without slip it leaks less."""
+    face = 'kind = "self-affine"\npoints = [48, 64]\nsize = ["48 um", "64 um"]\nhurst = 0.8\nrms_slope = 0.1'
+    text = (
+        f'title = "helium"\nmethod = "deterministic"\n[face]\n{face}\n[material]\nyoung = "210 GPa"\nhardness = "3 GPa"\n'
+        '[load]\nloading = ["50 MPa", "300 MPa"]\n[fluid]\nname = "helium"\ninlet_pressure = "10 bar"\n{slip}'
+    )
+    leakage = {}
+    for slip in ("", "slip = false\n"):
+        path = tmp_path / f"case{len(slip)}.toml"
+        path.write_text(text.replace("{slip}", slip), encoding="utf-8")
+        case = fs.load_case(path)
+        told = "\n".join(describe(case, case.prepare()))
+        assert ("times the viscous flow in a gap of the rms height" in told) == (slip == "")
+        study = fs.deterministic(case.prepare().scene)
+        leakage[slip] = study.leakage
+        words = " ".join(case_sentences(assemble(case.prepare().scene, deterministic=study, case=case.echo())))
+        assert f"helium, an ideal gas of viscosity 19.62 µPa·s with{'out' if slip else ''} slip" in words
+    assert (leakage[""] > 1.1 * leakage["slip = false\n"]).all()

@@ -257,7 +257,7 @@ def test_progress_knows_how_much_there_is_to_do(case):
     case.write_text(CASE.replace('compare = ["deterministic", "two-scale"]', ""))
     fs.run(case, workers=1, progress=lambda *state: told.append(state))
     last = {stage: (done, total) for stage, done, total in told}
-    assert {"stochastic", "stochastic: contact of the whole face", "stochastic: flow in windows"} <= set(last)
+    assert {"stochastic", "stochastic: contact of the whole face", "stochastic: runs of columns"} <= set(last)
     assert all(done == total for done, total in last.values())
 
 

@@ -41,6 +41,9 @@ def test_limits_are_those_published():
         assert_allclose(one.limit(water, 0.05) * 0.5, liquid * 50e-9)
         assert_allclose(one.limit(helium, 0.05) * 0.5, gas * 50e-9)
     assert LEAK_CLASSES["ISO 5208 A"].limit(water, 0.05) == 0
+    one = LEAK_CLASSES["L1"]
+    around = one.limit(water) * np.array([0.99, 1.01, -0.99, -1.01, np.nan])
+    assert one.reached(around, water).tolist() == [True, False, True, False, False]  # whichever way it flows
     rates = [one.amount for one in LEAK_CLASSES.values() if one.family == "ISO 5208"]
     assert rates == sorted(rates)
 
@@ -126,6 +129,8 @@ def test_results_tell_the_classes_that_every_step_reaches(studied):
     page = report_html(results)
     assert "reached on loading" in page
     assert "kept on unloading from 400 MPa" in page
+    named = {text.get_text().strip() for text in results.plot().axes[0].texts}
+    assert results.dataset["leak_class"].values[0] in named
     plain = assemble(scene, deterministic=study)
     assert plain.classes == []
     assert "reached on loading" not in report_html(plain)

@@ -445,3 +445,18 @@ class TestLibrary:
     def test_no_windows(self, source):
         with pytest.raises(InputError, match="at least one"):
             build_ladder_library(source, LADDER, 0)
+
+
+def test_loads_that_differ_but_for_rounding_are_one(source, cell):
+    """A library that several runs have extended may hold 0.02 × 3 GPa and 60 MPa, which differ in the last digit."""
+    again = np.nextafter(np.array([2e8, 8e8]), np.inf)
+    loading, peaks = (tuple(sorted({*old, *again})) for old in (LOADING, (2e8, 8e8)))
+    doubled = follow(
+        source.window(0), ladder=replace(LADDER, loading=loading, peaks=peaks), half_space=BODY, hardness=H, rtol=1e-7
+    )
+    assert doubled.peaks.size == 4
+    for axis in (0, 1):
+        one, other = (CellCurves(c, LADDER, axis, 1e-7) for c in (cell, doubled))
+        pressure, peak = np.array([1e7, 2e8, 3e8, 7e8]), np.array([2e8, 5e8, 8e8, 8e8])
+        assert_allclose(other.loaded(pressure), one.loaded(pressure), rtol=1e-6)
+        assert_allclose(other.unloaded(pressure, peak), one.unloaded(pressure, peak), rtol=1e-6)

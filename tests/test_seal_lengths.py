@@ -23,7 +23,7 @@ CASE = {
     "load": {"loading": ["50 MPa", "300 MPa"], "unload_from": ["300 MPa"], "unloading": ["100 MPa"]},
     "fluid": {"kind": "liquid", "viscosity": "1 mPa*s", "inlet_pressure": "1 MPa"},
     "cells": {"count": [2, 4]},
-    "stochastic": {"length": ["240 um", "60 um", "2 mm"], "realisations": 6, "library_cells": 8},
+    "stochastic": {"sampler": "block", "length": ["240 um", "60 um", "2 mm"], "realisations": 6, "library_cells": 8},
     "output": {"paraview": "none"},
 }  # fmt: skip
 
@@ -72,7 +72,9 @@ def test_windows_are_solved_once_for_all_lengths(scene, sampling):
         stages.append(stage.name)
         return map(stage, *iterables)
 
-    fs.stochastic(scene, (2, 4), sampling, mapper=mapper)
+    for sampler in ("runs", "block"):
+        fs.stochastic(scene, (2, 4), replace(sampling, sampler=sampler), mapper=mapper)
+    assert stages.count("runs of columns") == 1
     assert stages.count("flow in windows") == 2
     assert stages.count("drawn seals") == 3
 

@@ -361,7 +361,7 @@ class TestRareTallPoints:
         assert "hardly changes" in warn(steps, quiet, np.array([1.0, 1.05, np.nan]))[0]
         assert (
             f"off by 1.0% at {scene.steps[1].name}, which changes the leakage by a factor of 1.9"
-            in (warn(off, np.array([1.0, 1.9, np.nan]))[0])
+            in warn(steps, off, np.array([1.0, 1.9, np.nan]))[0]
         )
         assert "closes the seal" in warn(steps, off, np.array([1.0, 0.0, np.nan]))[0]
         assert "opens a seal" in warn(steps, off, np.array([1.0, np.inf, np.nan]))[0]
@@ -474,7 +474,7 @@ class TestResolvedFlow:
 
     def test_links_of_drawn_windows_are_solved_then(self, rough, rough_two_scale):
         known = two_scale(rough, (4, 6), flow="resolved")
-        library = stochastic(rough, (4, 6), SAMPLING, two_scale=known).library
+        library = stochastic(rough, (4, 6), replace(SAMPLING, sampler="block"), two_scale=known).library
         assert_array_equal(library.k1, rough_two_scale.k1)
 
     def test_results_have_maps_of_the_face(self, rough, tmp_path):
@@ -634,7 +634,7 @@ class TestDraws:
         assert distance[1] < 0.7 * distance[0]
 
     def test_windows_of_the_two_scale_solution_are_not_solved_again(self, rough, monkeypatch):
-        sampling = replace(SAMPLING, library_cells=60)
+        sampling = replace(SAMPLING, library_cells=60, sampler="block")
         own = stochastic(rough, (4, 6), sampling)
         two = two_scale(rough, (4, 6), flow="links")
         monkeypatch.setattr(femseal.studies.placed, "solve_windows", None)
@@ -650,12 +650,13 @@ class TestDraws:
 
     def test_a_library_with_places_holds_the_windows_of_two_scales(self, rough, rough_two_scale):
         """In the order of the face; with twice as many, those moved by half a window come after them."""
-        library, parts = stochastic(rough, (4, 6), SAMPLING).library, rough_two_scale
+        sampling = replace(SAMPLING, sampler="block")
+        library, parts = stochastic(rough, (4, 6), sampling).library, rough_two_scale
         assert_array_equal(library.k1, parts.k1)
         assert_array_equal(library.k2, parts.k2)
         for name in ("pressure", "mean_gap", "contact_fraction"):
             assert_array_equal(getattr(library.curves, name).reshape(4, 6, 5), getattr(parts, name).transpose(1, 2, 0))
-        double = stochastic(rough, (4, 6), replace(SAMPLING, library_cells=40)).library
+        double = stochastic(rough, (4, 6), replace(sampling, library_cells=40)).library
         assert (double.shifts, double.size) == (2, 48)
         assert_array_equal(double.k1[:, :, :6], library.k1)
         gap = parts.partition.link(parts.gap[1], 2, 0, 0, shift=8).astype(float)
@@ -806,8 +807,14 @@ class TestErrorOfTheLibrary:
 
     def test_windows_that_overlap_add_no_area(self, rough):
         """A face of 24 windows: more of them are cut from the same area."""
-        for pressure, count, size in (("place", 6, 24), ("place", 24, 24), ("place", 96, 96), ("uniform", 32, 32)):
-            sampling = replace(SAMPLING, pressure=pressure, library_cells=count, realisations=2)
+        for sampler, pressure, count, size in (
+            ("block", "place", 6, 24),
+            ("block", "place", 24, 24),
+            ("block", "place", 96, 96),
+            ("runs", "place", 96, 24),
+            ("history", "uniform", 32, 32),
+        ):
+            sampling = replace(SAMPLING, sampler=sampler, pressure=pressure, library_cells=count, realisations=2)
             library = stochastic(replace(rough, unload_from=(), unloading=()), (4, 6), sampling).library
             assert (library.size, library.independent) == (size, 24), (pressure, count)
 
@@ -1014,7 +1021,7 @@ class TestFailures:
 
     def test_flow_through_a_seal(self, rough, monkeypatch):
         self.fail(monkeypatch, femseal.studies.scene, "seal_leakage", calls={5 + 1})
-        result = stochastic(rough, (4, 6), replace(SAMPLING, realisations=3))
+        result = stochastic(rough, (4, 6), replace(SAMPLING, realisations=3, sampler="block"))
         assert result.failures == ("realisation 1, loading 300 MPa: did not converge",)
         assert np.isfinite(result.leakage_resampled).all()
         assert_array_equal(np.argwhere(np.isnan(result.leakage)), [[1, 1]])

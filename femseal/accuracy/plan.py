@@ -11,8 +11,10 @@ from ..base.quantities import to_text
 from ..runs.case import Case
 from ..runs.preparation import Prepared
 from ..scales import Partition
+from ..seal.layouts import RectangularLayout
+from ..seal.pressure_map import Uniform
 from ..studies import laid_out, placed_windows
-from ..studies.costs import deterministic_cost, stochastic_cost, two_scale_cost, usual_efforts
+from ..studies.costs import deterministic_cost, pressures_of_gas, stochastic_cost, two_scale_cost, usual_efforts
 
 Pair = tuple[int, int]
 #: Points along a side, and cells in the library, are divided by these. The shortest wave of a scene has at least 8
@@ -88,6 +90,8 @@ class Plan:
             f"  {variant.label}: about {duration(seconds)}, {to_text(memory, 'B', 3)}"
             for variant, (seconds, memory) in zip(self.variants, self.costs, strict=True)
         ]
+        if not self.case.layout.has_length:
+            lines.append(f"  stochastic seals are strips as long as the face, not {self.case.layout}")
         return lines + [f"  skipped: {what}: {reason}" for what, reason in self.skipped]
 
 
@@ -106,7 +110,7 @@ def make_plan(case: Case, *, limit: float, memory: float) -> Plan:
     InputError : a face or cells that cannot be used; no affordable reference.
     """
     others = (("two-scale",) if case.cells else ()) + (("stochastic",) if case.cells and case.stochastic else ())
-    prepared = case.model_copy(update={"compare": others}).prepare()
+    prepared = _on_a_strip(case.model_copy(update={"compare": others}).prepare())
     variants: list[Variant] = []
     costs: list[tuple[float, float]] = []
     skipped: list[tuple[str, str]] = []
@@ -139,6 +143,18 @@ def make_plan(case: Case, *, limit: float, memory: float) -> Plan:
         skipped=tuple(skipped),
         companion=base[0] if base and base[0] != first else None,
     )
+
+
+def _on_a_strip(prepared: Prepared) -> Prepared:
+    """With strips as long as the face in place of seals of another shape, under one pressure, as the face compared."""
+    sampling, scene = prepared.sampling, prepared.scene
+    if sampling is None:
+        return prepared
+    sampling = replace(sampling, pressure_map=Uniform())
+    if scene.layout.has_length:
+        return replace(prepared, sampling=sampling)
+    strip = replace(sampling, length=scene.surface.size[1])
+    return replace(prepared, scene=replace(scene, layout=RectangularLayout()), sampling=strip)
 
 
 def by(pair: Pair) -> str:
@@ -220,17 +236,19 @@ def _near_divisor(n: int, m: int, wanted: float) -> int | None:
 
 
 def _cost(prepared: Prepared, variant: Variant) -> tuple[float, float]:
-    efforts = usual_efforts(len(prepared.scene.steps))
+    efforts, pressures = usual_efforts(len(prepared.scene.steps)), pressures_of_gas(prepared.scene)
     if variant.cells is None:
-        return deterministic_cost(efforts, variant.points)
+        return deterministic_cost(efforts, variant.points, pressures)
     if variant.library_cells is None:
-        return two_scale_cost(efforts, variant.points, variant.cells, prepared.flow, prepared.contact)
+        return two_scale_cost(
+            efforts, variant.points, variant.cells, prepared.flow, prepared.contact, pressures=pressures
+        )
     assert prepared.sampling is not None
     sampling = replace(prepared.sampling, library_cells=variant.library_cells)
     surface = prepared.scene.surface
     partition = Partition(surface.shape, surface.spacing, variant.cells)
     seal = laid_out(prepared.scene.layout, partition, sampling)[0].unknowns
-    return stochastic_cost(efforts, variant.points, variant.cells, sampling, seal, prepared.contact)
+    return stochastic_cost(efforts, variant.points, variant.cells, sampling, seal, prepared.contact, pressures)
 
 
 def _may_be_reference(prepared: Prepared, variant: Variant) -> bool:

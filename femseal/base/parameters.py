@@ -20,7 +20,7 @@ def parameter(
     ----------
     unit : in SI, as text that case files may use too, such as "Pa*s".
     allowed : what a case file may give, with an example, such as "a viscosity > 0, such as '1 mPa*s'".
-    default : value where none is given; without it the parameter is required.
+    default : value where none is given, which may be None; without it the parameter is required.
     """
     metadata = {"unit": unit, "allowed": allowed, "above": above, "inclusive": inclusive}
     return field(default=default, metadata=metadata)
@@ -35,6 +35,8 @@ def check_parameters(model: Any) -> None:
     """
     for f in fields(model):
         if "allowed" in f.metadata:
+            if getattr(model, f.name) is None and f.default is None:
+                continue
             unit = f.metadata["unit"].replace("*", " ").replace("^3", "³")
             above, inclusive = f.metadata["above"], f.metadata["inclusive"]
             validate.number(f.name, getattr(model, f.name), unit=unit, above=above, inclusive=inclusive)

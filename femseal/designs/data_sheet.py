@@ -17,6 +17,7 @@ from ..base.leak_units import LEAK_UNITS, LeakUnit
 from ..base.quantities import to_text
 from ..report import write_report
 from ..report.design_section import DESIGN_FILE, DESIGN_PICTURE
+from ..report.words import fluid_text
 from ..results.netcdf import FILE_NAME
 from ..results.tables import amount
 
@@ -70,7 +71,9 @@ def sentences(answer: Design) -> list[str]:
     data, count = answer.results.dataset, answer.seals.count
     prefix = "test_" if "test_leakage" in data else ""
     ends = " to ".join(to_text(float(data.attrs[f"{prefix}{end}_pressure_Pa"]), "Pa") for end in ("inlet", "outlet"))
-    fluid = f"{data.attrs[f'{prefix}fluid']} from {ends}"
+    case = answer.results.case
+    table = case.get("output", {}).get("test_fluid") if prefix else case.get("fluid")
+    fluid = f"{fluid_text(table or {}, str(data.attrs[f'{prefix}fluid']))}, from {ends}"
     width, length = (to_text(float(side), "m") for side in data.attrs["seal_size_m"])
     told = [f"A seal {width} wide and {length} long; {fluid}."]
     if count > 1:

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..base.quantities import to_text
 from ..plots.drawing import GREY, LINES, STYLES, Sheet, branch_styles
-from ..plots.leakage_curves import LeakageCurves, leakage_panel
+from ..plots.leakage_curves import LeakageCurves, leakage_panel, limit_lines
 from .data_sheet import leak_scale
 from .requirements import ENDS
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 #: Height of a line of the legend [inch].
 _LEGEND_LINE = 0.19
 #: Part of the width of the axes beyond which names would leave them.
-_RIGHT = 0.8
+_RIGHT = 0.86
 
 
 def design_figure(answer: Design) -> Figure:
@@ -72,11 +72,7 @@ def _limits(axes: Axes, answer: Design, scale: float) -> None:
     axes.set_ylim(axes.get_ylim()[0], max(high, *(2 * x for x in limits if x < 1e3 * high), high))
     decades(axes.yaxis)
     low, high = axes.get_ylim()
-    for need in answer.requirements:
-        limit = need.limit / scale
-        if low < limit < high:
-            axes.axhline(limit, color=GREY, lw=0.9, ls=(0, (4, 2)), zorder=1)
-            axes.annotate(f" {need.name}", (1, limit), xycoords=("axes fraction", "data"), va="center", fontsize=8.5)
+    limit_lines(axes, {need.name: need.limit / scale for need in answer.requirements})
     below = [need.name for need in answer.requirements if 0 < need.limit / scale <= low]
     above = [need.name for need in answer.requirements if need.limit / scale >= high]
     for names, place, side in ((below, 0.0, "bottom"), (above, 1.0, "top")):
@@ -89,6 +85,7 @@ def _limits(axes: Axes, answer: Design, scale: float) -> None:
 def _marks(axes: Axes, answer: Design, scale: float) -> list[Any]:
     """Qmin on the loading and QSmin on the unloadings, each with its uncertainty; returns handles of the legend."""
     from matplotlib.lines import Line2D
+    from matplotlib.patheffects import withStroke
 
     styles = branch_styles(1 + len(answer.seals.steps.unload_from))
     # branches are drawn from the highest peak
@@ -116,6 +113,7 @@ def _marks(axes: Axes, answer: Design, scale: float) -> list[Any]:
                 ha="right" if right else "left",
                 fontsize=8,
                 zorder=6,
+                path_effects=[withStroke(linewidth=2.5, foreground="white")],
             )
     if not drawn:
         return []

@@ -17,6 +17,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.interpolate import PchipInterpolator
 
 from .requirements import ENDS
 from .seals import SEED, Index, Seals, share_of
@@ -134,15 +135,17 @@ def _slopes(seals: Seals, variants: Variants, pressure: float, share: float) -> 
             factor = variants.viscosity_factor
             thick = (level_at(variants.thicker, pressure, share) - level_at(seals, pressure, share)) / np.log(factor)
             how_thick = f"solved again with {factor:g} times the viscosity"
+    known = np.isfinite(variants.inlet_slope)
+    how_inlet = "potential of the fluid" if known else "unknown for a rarefied gas, and without a fluid in the case"
     return [
         ("nominal pressure", load, "the loading curve"),
         ("roughness amplitude", 2 - hard - load - thick, "scaling law of contact and flow, exact"),
         ("hardness", hard, how_hard),
         ("contact modulus", -hard - load, "scaling law of contact, exact"),
         ("breadth, same pressure", -1.0, "Darcy's law over many windows"),
-        ("breadth, same force", -1.0 - load, "the same, with the pressure of the force; Qmin: of the force"),
+        ("breadth, same force", -1.0 - load, "Darcy's law, with the pressure of the force; Qmin: the force"),
         ("viscosity", thick, how_thick),
-        ("inlet pressure", variants.inlet_slope, "potential of the fluid"),
+        ("inlet pressure", variants.inlet_slope, how_inlet),
     ]
 
 
@@ -156,12 +159,17 @@ def level_at(seals: Seals, pressure: float, share: float) -> float:
 
 
 def slope_at(seals: Seals, pressure: float, share: float) -> float:
-    """d ln L/d ln p between the two load steps around a pressure; NaN beyond the loads or without leakage."""
+    """d ln L/d ln p on loading; NaN beyond the loads or without leakage.
+
+    Of a monotone cubic through the load steps (PCHIP): chords between steps are off where the curve bends. Measured at
+    579 MPa on the turned face of the examples: −2.73 of the chord, −3.00 so, −3.06 of two more solutions.
+    """
     low, high, _ = _segment(seals, pressure)
     curve, p = seals.share_curve(share), seals.steps.pressures
     if low < 0 or not (curve[low] > 0 and curve[high] > 0):
         return float("nan")
-    return float(np.log(curve[high] / curve[low]) / np.log(p[high] / p[low]))
+    open_ = [n for n in seals.loading() if p[n] > 0 and curve[n] > 0]
+    return float(PchipInterpolator(np.log(p[open_]), np.log(curve[open_]))(np.log(pressure), 1))
 
 
 def _segment(seals: Seals, pressure: float) -> tuple[int, int, float]:

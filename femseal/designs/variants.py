@@ -22,7 +22,7 @@ from .seals import Seals
 from .sensitivities import Variants
 
 #: Factors of hardness and viscosity: small enough for a slope, large enough to stand above the residuals of contact.
-HARDER = THICKER = 1.1
+HARDER = THICKER = 1.03
 
 
 @dataclass(frozen=True, eq=False)

@@ -140,6 +140,13 @@ class GasDrop:
             return np.asarray(share, dtype=float)
         return np.interp(np.asarray(share, dtype=float), ψ / ψ[-1], φ / φ[-1])
 
+    def steepness(self, first: Array, second: Array) -> Array:
+        """Δψ/Δφ between two shares of the drop, dψ/dφ where they are the same."""
+        drop, viscous = first - second, self.viscous_share(first) - self.viscous_share(second)
+        apart = np.abs(viscous) > 1e-9
+        at = self._factor(self.pressure(0.5 * (first + second)))
+        return np.where(apart, self.mean_factor * drop / np.where(apart, viscous, 1.0), at)
+
     def equivalent_gap(self, gap: Array, share: ArrayLike) -> Array:
         """Gap [m] with the permeability (h³/12) F(h, p)/F(h₀, p) by the cubic law; shares of NaN count as ½."""
         p = self.pressure(np.nan_to_num(np.asarray(share, dtype=float), nan=0.5))

@@ -122,9 +122,9 @@ class TensorCurve:
         )
         self.shape = values.shape[1:]
 
-    def between(self, first: Array, second: Array, mobility: Mobility, viscous: bool = False) -> Array:
+    def between(self, first: Array, second: Array, mobility: Mobility) -> Array:
         """Mean of each tensor between two pressures > 0, its shares those at the mean of both."""
-        trace = self._trace.between(first, second, mobility, viscous)
+        trace = self._trace.between(first, second, mobility)
         x = self._trace.scaled(np.log(0.5 * (first + second)))
         x = np.broadcast_to(np.clip(x, -1, 1), trace.shape)[..., None, None]
         shares = chebyshev.chebval(np.broadcast_to(x, self.shape), self._shares.reshape(-1, *self.shape), tensor=False)
@@ -152,13 +152,12 @@ class PressureCurve:
         low, high = self._range
         return (2 * x - low - high) / (high - low)
 
-    def between(self, first: Array, second: Array, mobility: Mobility, viscous: bool = False) -> Array:
-        """Mean of each permeability between two pressures > 0, ∫ k dφ/∫ dψ, or with `viscous` ∫ k dφ/∫ dφ."""
+    def between(self, first: Array, second: Array, mobility: Mobility) -> Array:
+        """Mean of each permeability between two pressures > 0, ∫ k dφ/∫ dψ."""
         a, b = (np.ascontiguousarray(np.broadcast_to(p, self.shape)).ravel() for p in (first, second))
         out = np.empty(a.size)
-        own = mobility.viscous if viscous else mobility.own
         _means(a, b, self._coefficients, self._slope, self._open, *self._range, mobility.start, mobility.end,
-               mobility.viscous, own, _ROOTS, _WEIGHTS, out)  # fmt: skip
+               mobility.viscous, mobility.own, _ROOTS, _WEIGHTS, out)  # fmt: skip
         return out.reshape(self.shape)
 
 

@@ -1,12 +1,15 @@
-"""Maps of a drawn seal in its plane: permeability and fluid pressure of the realisation nearest to the median."""
+"""Maps of a drawn seal in its plane, of the realisation nearest to the median: pressures, permeability and flux."""
 
 from __future__ import annotations
 
+import json
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.leak_units import leakage_unit
 from .drawing import CLOSED, MAP, POCKET, Sheet, colour_bar, map_row
 
 if TYPE_CHECKING:
@@ -15,69 +18,156 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Array = NDArray[np.float64]
-#: Permeabilities shown in colour: this many decades below the largest.
-_DECADES = 10
-#: Sides of the detail, and largest ratio of the sides of the seal that is shown as a whole, in breadths of the seal.
-_DETAIL, _LONGEST = 1.5, 8.0
-#: Most parts that are shown as a whole.
-_MOST = 200_000
+#: Permeabilities and fluxes shown in colour: so many decades below the largest.
+_DECADES, _FLUX_DECADES = 10, 4
+#: Sides of the detail across and along a strip, or of a square of another seal, and largest ratio of the sides of a
+#: seal that is shown as a whole, in breadths of the seal.
+_STRIP, _DETAIL, _LONGEST = (1.0, 2.5), 1.5, 8.0
+#: Most parts that are shown as a whole, and most arrows along the longer side of a map.
+_MOST, _ARROWS = 200_000, 20
+
+
+@dataclass(frozen=True)
+class _View:
+    """A part of the plane, x to the right and y upwards: its lower left and its upper right corner [mm]."""
+
+    low: Array
+    high: Array
+
+    @property
+    def size(self) -> tuple[float, float]:
+        """Height and width [mm]."""
+        width, height = self.high - self.low
+        return float(height), float(width)
+
+    def holds(self, corners: Array) -> NDArray[np.bool_]:
+        """Parts that lie in it, if only with a corner."""
+        return np.asarray(((corners.max(axis=1) >= self.low) & (corners.min(axis=1) <= self.high)).all(axis=1))
 
 
 def drawn_figure(data: xarray.Dataset, s: int) -> Figure:
-    """The whole seal and a detail of it, fluid pressure beside permeability; of long or fine ones the detail alone."""
-    corners = data["drawn_corners"].values * 1e3
+    """The whole seal, with fluid pressure and permeability, and the surroundings of its largest flux in detail.
+
+    The detail adds the flux, as arrows and by its size, and the contact pressure of the windows, where it is not the
+    same everywhere. Long or fine seals are shown in detail alone. A strip lies with x2 to the right.
+    """
+    strip = _is_strip(corners := data["drawn_corners"].values * 1e3)
+    flux = data["drawn_flux"].values[s]
+    if strip:
+        corners, flux = corners[..., ::-1], flux[..., ::-1]
     low, high = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
-    whole, breadth = high - low, float(data.attrs["seal_size_m"][0]) * 1e3
-    views = [_detail(corners, breadth)]
-    if whole.max() <= _LONGEST * whole.min() and len(corners) <= _MOST:
-        views.insert(0, (low, high))
-    heights = [map_row((float(top[1] - bottom[1]), float(top[0] - bottom[0]))) for bottom, top in views]
-    sheet = Sheet(heights, columns=2, head=0.35)
-    fields = (data["drawn_fluid_pressure"].values[s] / 1e6, data["drawn_permeability"].values[s])
-    for row, (bottom, top) in enumerate(views):
-        seen = ((corners.max(axis=1) >= bottom) & (corners.min(axis=1) <= top)).all(axis=1)
-        for column, values in enumerate(fields):
-            axes = sheet.panel(row, column, MAP)
-            _panel(axes, corners[seen], values[seen], values, of_pressure=column == 0)
-            axes.set(xlim=(bottom[0], top[0]), ylim=(bottom[1], top[1]))
+    size, breadth = high - low, float(data.attrs["seal_size_m"][0]) * 1e3
+    detail = _detail(corners, flux, breadth, strip)
+    whole = [_View(low, high)] if size.max() <= _LONGEST * size.min() and len(corners) <= _MOST else []
+    flow = np.nan_to_num(np.hypot(*flux.T))
+    fluid = _Panel("fluid pressure [MPa]", data["drawn_fluid_pressure"].values[s] / 1e6, "cividis", bad="pockets")
+    k = _Panel("permeability [m³]", data["drawn_permeability"].values[s], "viridis", _DECADES)
+    factor, unit = leakage_unit(flow.max()) if flow.max() > 0 else (1.0, "m²/s")
+    rows = [[(view, fluid), (view, k)] for view in whole]
+    rows.append([(detail, fluid), (detail, _Panel(f"flux [{unit}]", flow / factor, "magma", _FLUX_DECADES))])
+    if "drawn_window_pressure" in data and np.ptp(p := data["drawn_window_pressure"].values[s]) > 1e-6 * p.max():
+        contact = _Panel("contact pressure of windows [MPa]", p / 1e6, "viridis")
+        # the whole of a seal shows a map, a long strip without its proportions
+        wide = _View(low, high) if _has_map(data) and len(corners) <= _MOST else detail
+        rows.append([(whole[0] if whole and wide is not detail else wide, contact), (detail, k)])
+    elif not whole:
+        rows.append([(detail, k)])
+    sheet = Sheet([map_row(row[-1][0].size) for row in rows], columns=2, head=0.35)
+    for n, row in enumerate(rows):
+        for column, (view, panel) in enumerate(row):
+            axes = sheet.panel(n, column, MAP)
+            seen = view.holds(corners)
+            panel.draw(axes, corners[seen], seen)
+            if view is detail and panel is fluid:
+                _arrows(axes, corners[seen].mean(axis=1), flux[seen], max(view.size))
+            aspect = "equal" if any(view is one for one in (detail, *whole)) else "auto"
+            axes.set(xlim=(view.low[0], view.high[0]), ylim=(view.low[1], view.high[1]), aspect=aspect)
+            axes.set(xlabel="x2 along the seal [mm]" if strip else "x1 [mm]", ylabel="x1 [mm]" if strip else "x2 [mm]")
     number = data["drawn_corners"].attrs["realisation"]
-    title = f"{data['name'].values[s]}; realisation {number}, the nearest to the median"
+    title = f"{data['name'].values[s]}; drawn seal {number}, the nearest to the median"
     sheet.figure.suptitle(title, fontsize=11, y=1 - 0.1 / sheet.height, va="top")
     return sheet.figure
 
 
-def _detail(corners: Array, breadth: float) -> tuple[Array, Array]:
-    """Lower left and upper right corner of a square at the right end of the seal."""
-    centres = corners.mean(axis=1)
-    side = _DETAIL * breadth
+def _has_map(data: xarray.Dataset) -> bool:
+    """Whether the contact pressure follows a map over the seal, which the whole of it shows."""
+    return bool(json.loads(data.attrs.get("case", "{}")).get("load", {}).get("map"))
+
+
+def _is_strip(corners: Array) -> bool:
+    """Whether the parts, all with sides along the axes, fill a rectangle whose first side is the breadth."""
+    low, high = corners.min(axis=1), corners.max(axis=1)
+    size = np.ptp(corners, axis=(0, 1))
+    if corners.shape[1] != 4 or not np.isclose((high - low).prod(axis=1).sum(), size.prod()):
+        return False
+    return bool(np.all(np.isclose(corners, low[:, None], atol=1e-9) | np.isclose(corners, high[:, None], atol=1e-9)))
+
+
+def _detail(corners: Array, flux: Array, breadth: float, strip: bool) -> _View:
+    """The surroundings of the largest flux."""
     low, high = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
-    place = centres[np.argmax(centres[:, 0])]
-    start = np.maximum(low, np.minimum(np.array([high[0] - side, place[1] - side / 2]), high - side))
-    return start, np.minimum(start + side, high)
+    sides = breadth * np.array(_STRIP[::-1] if strip else (_DETAIL, _DETAIL))
+    place = corners.mean(axis=1)[np.argmax(np.nan_to_num(np.hypot(*flux.T)))]
+    start = np.maximum(low, np.minimum(place - sides / 2, high - sides))
+    return _View(start, np.minimum(start + sides, high))
 
 
-def _panel(axes: Axes, corners: Array, values: Array, whole: Array, *, of_pressure: bool) -> None:
-    from matplotlib import colormaps
-    from matplotlib.collections import PolyCollection
-    from matplotlib.colors import LogNorm, Normalize
+@dataclass(frozen=True, eq=False)
+class _Panel:
+    """A map of values of the parts (parts,) on a linear scale, or on a logarithmic one of so many decades at most.
 
-    scale: dict[str, Any]
-    if of_pressure:
-        finite = whole[np.isfinite(whole)]
-        ends = (float(finite.min()), float(finite.max())) if finite.size else (0.0, 1.0)
-        scale = {"cmap": colormaps["cividis"].with_extremes(bad=POCKET), "norm": Normalize(*ends)}
-        title = "fluid pressure [MPa]" + ("; white: pockets" if np.isnan(whole).any() else "")
-    else:
-        positive = whole[np.isfinite(whole) & (whole > 0)]
-        top = float(positive.max()) if positive.size else 1.0
-        low = max(float(positive.min()), top * 10.0**-_DECADES) if positive.size else 0.1
-        low = low if low < top else low / 10
-        values = np.where(values > 0, np.maximum(values, low), np.where(values == 0, low / 10, np.nan))
-        scale = {"cmap": colormaps["viridis"].with_extremes(under=CLOSED, bad=POCKET), "norm": LogNorm(low, top)}
-        title = "permeability [m³]" + ("; grey: closed" if (whole == 0).any() else "")
-    parts = PolyCollection(list(corners), array=np.ma.masked_invalid(values), rasterized=True, **scale)
-    parts.set(edgecolor="face", linewidth=0.2)
-    axes.add_collection(parts)
-    colour_bar(axes, parts)
-    axes.set_title(title, fontsize=9.5)
-    axes.set(xlabel="x1 [mm]", ylabel="x2 [mm]", aspect="equal")
+    bad : what parts without a value are.
+    """
+
+    title: str
+    values: Array
+    colours: str
+    decades: int = 0
+    bad: str = "failed"
+
+    def draw(self, axes: Axes, corners: Array, seen: NDArray[np.bool_]) -> None:
+        """Draw the parts that are seen, in the colours of all of them."""
+        from matplotlib import colormaps
+        from matplotlib.collections import PolyCollection
+        from matplotlib.colors import LogNorm, Normalize
+
+        values, finite = self.values, self.values[np.isfinite(self.values)]
+        notes = [f"white: {self.bad}"] if finite.size < values.size else []
+        norm: Any
+        if self.decades:
+            positive = finite[finite > 0]
+            top = float(positive.max()) if positive.size else 1.0
+            low = max(float(positive.min()), top * 10.0**-self.decades) if positive.size else 0.1
+            low = low if low < top else low / 10
+            values = np.where(values > 0, np.maximum(values, low), np.where(values == 0, low / 10, np.nan))
+            notes += ["grey: none" if "flux" in self.title else "grey: closed"] if (finite == 0).any() else []
+            norm = LogNorm(low, top)
+        else:
+            norm = Normalize(float(finite.min()), float(finite.max())) if finite.size else Normalize(0, 1)
+        colours = colormaps[self.colours].with_extremes(under=CLOSED, bad=POCKET)
+        parts = PolyCollection(
+            list(corners), array=np.ma.masked_invalid(values[seen]), cmap=colours, norm=norm, rasterized=True
+        )
+        parts.set(edgecolor="face", linewidth=0.2)
+        axes.add_collection(parts)
+        colour_bar(axes, parts)
+        axes.set_title("; ".join([self.title, *notes]), fontsize=9.5)
+
+
+def _arrows(axes: Axes, centres: Array, flux: Array, side: float) -> None:
+    """Arrows as long as the root of the flux, one in each square of a grid: that of the part with the largest flux."""
+    size = np.nan_to_num(np.hypot(*flux.T))
+    if not size.any():
+        return
+    pitch = side / _ARROWS
+    order = np.argsort(-size)
+    _, first = np.unique(np.floor(centres[order] / pitch).astype(int), axis=0, return_index=True)
+    chosen = order[first]
+    chosen = chosen[size[chosen] > 1e-3 * size.max()]
+    # the length goes with the root of the flux, so that the weaker paths are seen beside the strongest
+    vectors = flux[chosen] * (1.6 * pitch / np.sqrt(size[chosen] * size.max()))[:, None]
+    arrows = axes.quiver(
+        *centres[chosen].T, *vectors.T, pivot="mid", angles="xy", scale_units="xy", scale=1.0, units="inches",
+        width=0.025, headwidth=4, headlength=4, headaxislength=3.6, color="#D7191C", edgecolor="white", linewidth=0.5,
+    )  # fmt: skip
+    arrows.set_in_layout(False)

@@ -26,6 +26,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Array = NDArray[np.float64]
+#: Height of a name beside the axis, as a part of the axis.
+_NAME_HEIGHT = 0.04
 #: Studies drawn as single markers beside the main curve.
 _SINGLE = (("two-scale", "D", 7), ("deterministic", "x", 5))
 
@@ -37,8 +39,9 @@ class LeakageCurves:
     pressure, peaks : of the steps [Pa], see `branches`. leakage, title : the main curve and its name.
     band, band_together : lower and upper ends over realisations, and over realisations with the error of the library.
     share : lower and upper quantile of the bands. mean : thin and dotted. others : single markers, by method.
-    notes : added to the axis. told : the leakage that is 1 on the axis, and the axis's name with its unit; a readable
-    unit for all curves that are drawn together, unless all of them ask for the same.
+    notes : added to the axis. limits : of leakage classes, by their name.
+    told : the leakage that is 1 on the axis, and the axis's name with its unit; a readable unit for all curves that are
+    drawn together, unless all of them ask for the same.
     """
 
     pressure: Array
@@ -52,6 +55,7 @@ class LeakageCurves:
     others: dict[str, Array] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     told: tuple[float, str] | None = None
+    limits: dict[str, float] = field(default_factory=dict)
 
     @property
     def drawn(self) -> list[Array]:
@@ -81,10 +85,26 @@ def leakage_panel(axes: Axes, *several: LeakageCurves) -> list[Any]:
     axes.set_ylabel("\n".join([label, *([", ".join(notes)] if notes else [])]))
     load_axis(axes, np.concatenate([curves.pressure for curves in several]) / 1e6)
     axes.grid(alpha=0.25, lw=0.6)
+    if len(several) == 1:
+        limit_lines(axes, {name: limit / factor for name, limit in several[0].limits.items()})
     from matplotlib.lines import Line2D
 
     named = [h for c in several for h in (Line2D([], [], ls="", label=c.title), *handles[id(c)])]
     return [*named, *_other_handles(several)]
+
+
+def limit_lines(axes: Axes, limits: dict[str, float]) -> None:
+    """A line for each limit within the scale of a logarithmic axis, named at its right end; names do not overlap."""
+    low, high = axes.get_ylim()
+    free = np.inf
+    for name, limit in sorted(limits.items(), key=lambda item: -item[1]):
+        if not low < limit < high:
+            continue
+        axes.axhline(limit, color=GREY, lw=0.9, ls=(0, (4, 2)), zorder=1)
+        place = np.log(limit / low) / np.log(high / low)
+        if free - place > _NAME_HEIGHT:
+            axes.annotate(f" {name}", (1, limit), xycoords=("axes fraction", "data"), va="center", fontsize=8.5)
+            free = place
 
 
 def _branch(
@@ -183,7 +203,11 @@ def _curves_figure(curves: LeakageCurves, ax: Axes | None, label: str | None) ->
     if ax is None:
         sheet = Sheet([4.2 + _LEGEND_LINE * ceil(_legend_lines(curves) / 2)])
         margins = replace(
-            LINES, left=1.0, right=0.65, top=0.15, bottom=0.7 + _LEGEND_LINE * ceil(_legend_lines(curves) / 2)
+            LINES,
+            left=1.0,
+            right=1.1 if curves.limits else 0.65,
+            top=0.15,
+            bottom=0.7 + _LEGEND_LINE * ceil(_legend_lines(curves) / 2),
         )
         handles = leakage_panel(sheet.panel(0, 0, margins), curves)
         sheet.figure.legend(handles=handles, loc="lower center", ncols=2, frameon=False, fontsize=8.5, handlelength=3.4)
@@ -254,7 +278,18 @@ def leakage_curves(results: Results) -> LeakageCurves:
         others={m: data[name].values for m, name in others.items() if name in data and m != results.method},
         notes=tuple(notes),
         told=_told(results) if data.attrs.get("leakage_unit") else None,
+        limits=_limits(results),
     )
+
+
+def _limits(results: Results) -> dict[str, float]:
+    """Limits of leakage classes that are judged by the fluid that is drawn."""
+    data = results.dataset
+    if "leak_class" not in data.coords or "test_leakage" in data:
+        return {}
+    return {
+        str(n): float(limit) for n, limit in zip(data["leak_class"].values, data["class_limit"].values, strict=True)
+    }
 
 
 def _told(results: Results) -> tuple[float, str]:

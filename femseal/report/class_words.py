@@ -10,6 +10,7 @@ from ..base.quantities import to_text
 from ..results.branches import branches
 from ..results.reached_classes import judged_leakage
 from ..results.tables import amount, test_unit
+from .words import fluid_text
 
 if TYPE_CHECKING:
     from ..results.results import Results
@@ -38,7 +39,7 @@ def class_lines(results: Results) -> Lines:
     for name, limit, reached in zip(
         data["leak_class"].values, data["class_limit"].values, data["class_reached"].values, strict=True
     ):
-        line = [str(name), f"{limit / scale:.3g} {unit.name}" if limit else "no leakage"]
+        line = [str(name), f"{amount(float(limit), scale)} {unit.name}" if limit else "no leakage"]
         for n, (_, steps) in enumerate(_branches(results)):
             line.append(_span(pressure[steps], reached[steps] == 1, loading=n == 0))
         lines.append(tuple(line))
@@ -78,8 +79,9 @@ def test_fluid_sentences(results: Results) -> list[str]:
     best, _ = judged_leakage(data, results)
     inlet, outlet = (to_text(float(attrs[f"test_{end}_pressure_Pa"]), "Pa") for end in ("inlet", "outlet"))
     own = results.leakage.values
+    told = fluid_text(results.case.get("output", {}).get("test_fluid") or {}, str(attrs["test_fluid"]))
     sentences = [
-        f"A test fluid, {attrs['test_fluid']}, runs from {inlet} to {outlet} through the same seals: "
+        f"A test fluid, {told}, runs from {inlet} to {outlet} through the same seals: "
         f"{amount(float(best[0]), basis.factor(unit))} {unit.name} at {data['name'].values[0]}."
     ]
     if both_gases := basis.is_gas and results.leak_basis.is_gas:

@@ -87,6 +87,8 @@ def report_html(results: Results, drawings: pictures.Drawings | None = None) -> 
 def _content(results: Results, drawings: pictures.Drawings) -> dict[str, Any]:
     data = results.dataset
     title, heads, lines = texts(results)
+    if results.classes:  # the page has a table of classes
+        heads, lines = heads[:-1], [line[:-1] for line in lines]
     content: dict[str, Any] = {
         "title": results.case.get("title") or "Leakage of a metal-to-metal seal",
         "source": data.attrs["source"],

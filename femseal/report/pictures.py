@@ -215,7 +215,10 @@ def drawn_picture(results: Results, drawings: Drawings) -> Picture:
     fluid, k = data["drawn_fluid_pressure"].values[s], data["drawn_permeability"].values[s]
     parts, step = data.sizes["part"], data["name"].values[s]
     alt = f"Maps of {parts} parts of a drawn seal at {step}: fluid pressure, {_range(fluid, 'Pa')}; {_open_text(k)}."
-    caption = f"The drawn seal nearest to the median, in its plane, at {step}: fluid pressure and permeability."
+    caption = (
+        f"The drawn seal nearest to the median, in its plane, at {step}: fluid pressure and permeability; around its "
+        "largest flux also the flux, with arrows as long as its root, and the contact pressure of windows that differ."
+    )
     return Picture(_uri(drawings["drawn" if "drawn" in drawings else "seal"].whole), alt, caption)
 
 

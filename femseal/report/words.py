@@ -14,6 +14,7 @@ from ..base.quantities import to_text
 from ..results.summary import solvers_text
 from ..results.tables import amount, in_several_units, leak_scale
 from ..studies.compare import FLOOR, leakage_factor
+from .load_words import load_sentences
 
 if TYPE_CHECKING:
     import xarray
@@ -58,7 +59,9 @@ def case_sentences(results: Results) -> list[str]:
     data, case = results.dataset, results.case
     attrs = data.attrs
     width, length = (float(v) for v in attrs["seal_size_m"])
-    sentences = [f"A seal {to_text(width, 'm')} wide along the leakage and {to_text(length, 'm')} long."]
+    sides = f"{to_text(width, 'm')} wide along the leakage and {to_text(length, 'm')} long"
+    shape = str(attrs.get("seal", "a strip"))
+    sentences = [f"A seal {sides}." if shape == "a strip" else f"The seal is {shape}; it is about {sides}."]
     faces = [_face_text(face) for face in case.get("face", [])]
     if faces:
         surface = json.loads(attrs["surface"])
@@ -70,9 +73,11 @@ def case_sentences(results: Results) -> list[str]:
     modulus, hardness = float(attrs["contact_modulus_Pa"]), float(attrs["hardness_Pa"])
     kind = "elastic" if np.isinf(hardness) else f"elastic-perfectly plastic with hardness {to_text(hardness, 'Pa')}"
     sentences.append(f"Contact modulus {to_text(modulus, 'Pa')}, {kind}.")
-    sentences.append(_load_text(data))
+    sentences += load_sentences(data, case)
     inlet, outlet = (to_text(float(attrs[f"{end}_pressure_Pa"]), "Pa") for end in ("inlet", "outlet"))
-    sentences.append(f"The fluid, {_fluid_text(case, str(attrs['fluid']))}, runs from {inlet} to {outlet}.")
+    sentences.append(
+        f"The fluid, {fluid_text(case.get('fluid', {}), str(attrs['fluid']))}, runs from {inlet} to {outlet}."
+    )
     sentences += _method_sentences(results)
     return sentences
 
@@ -119,19 +124,8 @@ def _surface_text(surface: dict[str, Any]) -> str:
     return text + "."
 
 
-def _load_text(data: xarray.Dataset) -> str:
-    pressure, peaks = data["nominal_pressure"].values, data["unloaded_from"].values
-    up = pressure[np.isnan(peaks)]
-    ends = " to ".join(to_text(float(p), "Pa") for p in dict.fromkeys((up.min(), up.max())))
-    text = f"It is loaded in {up.size} steps, {ends}"
-    if tops := [to_text(float(p), "Pa") for p in np.unique(peaks[~np.isnan(peaks)])]:
-        down = to_text(float(pressure[~np.isnan(peaks)].min()), "Pa")
-        text += f", and unloaded from {' and '.join(tops)} down to {down}"
-    return text + "."
-
-
-def _fluid_text(case: dict[str, Any], fallback: str) -> str:
-    fluid = case.get("fluid", {})
+def fluid_text(fluid: dict[str, Any], fallback: str) -> str:
+    """A fluid of a case, of its table in SI, in words."""
     if "viscosity" not in fluid:
         return fallback
     name = f"{fluid['name']}, " if fluid.get("name") else ""
@@ -159,7 +153,7 @@ def _method_sentences(results: Results) -> list[str]:
         )
         sentences.append(f"Two scales: {windows} {_contact_text(data)}, {flow}.")
     if "leakage_median" in data:
-        drawn = case.get("stochastic", {})
+        drawn = {name: data.attrs[name] for name in ("sampler",) if name in data.attrs} | case.get("stochastic", {})
         how = [f"{name} {drawn[name]}" for name in ("sampler", "pressure") if name in drawn]
         size = int(data.attrs.get("library_windows", data.sizes["library_cell"]))
         independent = int(data.attrs.get("library_independent", size))

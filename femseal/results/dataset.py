@@ -106,6 +106,7 @@ def assemble(
             drawn_seal.add_drawn(data, stochastic.median_seal)
     face_maps.add_heights(data, scene)
     variables.add_contact_share(data, scene, deterministic, two_scale, stochastic)
+    variables.add_entry_pressure(data, scene, deterministic or two_scale)
     hangs = []
     if leakage_filtered is not None:
         variables.add_filtered(data, leakage_filtered)
@@ -146,6 +147,7 @@ def assemble(
         "outlet_pressure_Pa": float(scene.outlet_pressure),
         "contact_modulus_Pa": float(scene.modulus),
         "hardness_Pa": float(scene.hardness),
+        "seal": str(scene.layout) if stochastic is not None else "a strip",
         "seal_size_m": [float(length) for length in seal_size],
         "leakage_unit": leakage_unit or "",
         **reached_classes.basis_attributes(basis),
@@ -155,10 +157,12 @@ def assemble(
         data.attrs["seed"] = case["seed"]
     results = Results(data, scene=scene, deterministic=deterministic, two_scale=two_scale, stochastic=stochastic)
     variables.add_totals(data, results.leakage, results.leak_basis)
+    told_later = [variables.add_lifted(data, scene, results.leakage)]
     if test is not None:
         reached_classes.add_test_fluid(data, test, FluidState.of(scene), throughput_temperature)
-    if odd := reached_classes.add_classes(results, classes, nominal_diameter):
-        data.attrs["warnings"] = _shortened([*results.warnings, *odd])
+    told_later += reached_classes.add_classes(results, classes, nominal_diameter)
+    if any(told_later):
+        data.attrs["warnings"] = _shortened([*results.warnings, *filter(None, told_later)])
     return results
 
 
@@ -168,7 +172,8 @@ def _windows(two_scale: TwoScaleResult | None, stochastic: StochasticResult | No
     library = None if stochastic is None else stochastic.library
     if (placed := two_scale or library) is not None and hasattr(placed, "contact"):
         found["window_contact"] = placed.contact
-    if library is not None:
+    if stochastic is not None and library is not None:
+        found["sampler"] = stochastic.sampler
         found["library_windows"], found["library_independent"] = library.size, library.independent
     return found
 

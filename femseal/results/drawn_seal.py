@@ -20,7 +20,7 @@ _ONE_POINT = 1e-9
 
 
 def add_drawn(data: xarray.Dataset, seal: MedianSeal) -> None:
-    """Add the corners of the parts of the seal, and their permeability and fluid pressure at every step."""
+    """Add the corners of the parts of the seal, and at every step their permeability, pressures and flux."""
     labels = {"units": "m", "long_name": "corners of the parts of the drawn seal, in its plane"}
     data["drawn_corners"] = (("part", "corner", "plane"), seal.outlines, labels | {"realisation": seal.realisation})
     add_fields(data, seal, "drawn_")
@@ -33,7 +33,10 @@ def drawn_cells(data: xarray.Dataset) -> Cells:
     fields = {
         "permeability_m3": data["drawn_permeability"].values,
         "fluid_pressure_Pa": data["drawn_fluid_pressure"].values,
+        "flux_m2_per_s": np.pad(data["drawn_flux"].values, ((0, 0), (0, 0), (0, 1))),
     }
+    if "drawn_window_pressure" in data:
+        fields["nominal_contact_pressure_MPa"] = data["drawn_window_pressure"].values / 1e6
     return Cells("drawn", points, cells, LoadSteps.of(data), {}, fields)
 
 

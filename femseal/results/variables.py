@@ -14,8 +14,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..base.leak_units import LEAK_UNITS, LeakBasis
+from ..flow import critical_constriction
+from ..fluids import capillary_entry_pressure
 from ..loads import LoadStep
 from ..seal import NARROWEST, RectangularSeal, drop_shares
+from ..studies.lifted import lifted_leakage, lifting_effect
 
 if TYPE_CHECKING:
     import xarray
@@ -150,6 +153,26 @@ def add_filtered(data: xarray.Dataset, leakage: np.ndarray) -> None:
     """Add the leakage of the face without waves up to twice the shortest one."""
     text = "leakage per unit seal length, of the face without waves up to twice the shortest"
     data["leakage_filtered"] = ("step", leakage, _labels("m^2/s", text, "twice the wave"))
+
+
+def add_lifted(data: xarray.Dataset, scene: Scene, leakage: xarray.DataArray) -> str:
+    """Add an estimate of the leakage with the part of the load that the fluid carries, where that is much; see it."""
+    told = lifting_effect(scene, leakage.values)
+    if told:
+        text = "leakage per unit seal length, estimate if the fluid carries its part of the load, NaN below all steps"
+        data["leakage_lifted"] = ("step", lifted_leakage(scene, leakage.values), _labels("m^2/s", text))
+    return told
+
+
+def add_entry_pressure(data: xarray.Dataset, scene: Scene, study: DeterministicResult | TwoScaleResult | None) -> None:
+    """Add the capillary entry pressure of the critical constriction, of a liquid that does not wet the faces."""
+    if study is None or np.isnan(capillary_entry_pressure(scene.fluid, 1.0)):
+        return
+    spacing = scene.surface.spacing
+    found = (critical_constriction(np.maximum(gap, 0.0), spacing, sides="periodic") for gap in study.gap)
+    pressures = [capillary_entry_pressure(scene.fluid, 0.0 if c is None else c.gap) for c in found]
+    text = "pressure below which the liquid does not enter the critical constriction, inf where it is closed"
+    data["capillary_entry_pressure"] = ("step", pressures, _labels("Pa", text))
 
 
 def add_library(data: xarray.Dataset, curves: LibraryTable) -> None:

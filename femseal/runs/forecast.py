@@ -13,8 +13,15 @@ from ..base.machine import free_memory
 from ..base.quantities import to_text
 from ..results.fields import fields_size
 from ..scales import Partition
-from ..studies import Sampling, Scene, laid_out, placed_windows
-from ..studies.costs import Effort, deterministic_cost, stochastic_cost, two_scale_cost, usual_efforts
+from ..studies import FluidState, Sampling, Scene, drop_ratio, laid_out, placed_windows
+from ..studies.costs import (
+    Effort,
+    deterministic_cost,
+    pressures_of_gas,
+    stochastic_cost,
+    two_scale_cost,
+    usual_efforts,
+)
 from ..studies.deterministic import STEP_BYTES
 from ..studies.local_pressure import map_text
 from .case import Case
@@ -79,6 +86,7 @@ def describe(case: Case, prepared: Prepared) -> list[str]:
         highest += f", from {to_text(case.load.highest, case.load.unit)}"
     lines.append(_line("load", f"{steps} states: {steps - down} loading{unloading}, up to {highest}"))
     lines.append(_line("flow", f"discretisation {scene.discretisation}, solver {scene.solver}"))
+    lines += _gas_lines(scene)
     if prepared.choice:
         lines.append(_line("method", f"{prepared.method}: {prepared.choice}"))
     if "deterministic" in prepared.methods:
@@ -102,11 +110,13 @@ def describe(case: Case, prepared: Prepared) -> list[str]:
             laid, *others = laid_out(scene.layout, partition, sampling)
             length, *more = (to_text(one.seal.size[1], "m", 3) for one in (laid, *others))
             text = (
-                f"{_library(prepared, sampling, partition)} (pressure: {sampling.pressure}), "
-                f"{sampling.realisations} seals of {laid}, {length} long"
+                f"{_library(prepared, sampling, partition)} (pressure: {sampling.pressure}, "
+                f"sampler: {sampling.sampler}), {sampling.realisations} seals of {laid}, {length} long"
                 + (f"; as many of {', '.join(more)}" if more else "")
             )
             lines.append(_line("stochastic", text))
+            if str(scene.layout) != "a strip":
+                lines.append(_line("seal", str(scene.layout)))
             if uneven := map_text(scene, laid, sampling.pressure_map):
                 lines.append(_line("pressure map", uneven))
     if prepared.filtered is not None:
@@ -135,6 +145,10 @@ def forecast(case: Case, prepared: Prepared, known: tuple[Effort, ...] | None = 
     costs = [_cost(method, prepared, prepared.scene, known) for method in prepared.methods]
     if prepared.filtered is not None:
         costs.append(_cost(prepared.answer, prepared, prepared.filtered, known))
+    if (test := case.output.test_fluid) is not None:
+        state = test.state
+        if drop_ratio(state, FluidState.of(prepared.scene)) is None:
+            costs.append(_cost(prepared.answer, prepared, state.in_scene(prepared.scene), known))
     alone = _START_SECONDS + _PICTURES_SECONDS + disk(case, prepared).fields * _FIELD_BYTE_SECONDS
     shared = sum(seconds for seconds, _ in costs)
     # what a study holds stays until the results are written; what it works with does not
@@ -160,19 +174,32 @@ def refuse_too_large(case: Case, prepared: Prepared) -> None:
     raise InputError.of("memory", given, allowed)
 
 
+def _gas_lines(scene: Scene) -> list[str]:
+    """What slip does to the flow of a gas in a gap of the rms height."""
+    if (drop := scene.flow.drop) is None:
+        return []
+    ends = [max(p, drop.least_pressure) for p in (drop.inlet, drop.outlet)]
+    at_inlet, at_outlet = drop.gas.flow_factor(drop.gap, ends)
+    text = (
+        f"slips: {at_inlet:.3g} (inlet) to {at_outlet:.3g} (outlet) times the viscous flow in a gap of the rms height; "
+        f"permeability of windows at {drop.pressures.size} pressures, other flow solved 3 to 5 times"
+    )
+    return [_line("gas", text)]
+
+
 def _cost(method: str, prepared: Prepared, scene: Scene, known: tuple[Effort, ...]) -> tuple[float, float]:
-    points, cells = scene.surface.shape, prepared.cells
+    points, cells, pressures = scene.surface.shape, prepared.cells, pressures_of_gas(scene)
     if method == "deterministic":
-        return deterministic_cost(known, points)
+        return deterministic_cost(known, points, pressures)
     assert cells is not None
     if method == "two-scale":
         solved = shares_contact(prepared) and scene is prepared.scene
-        return two_scale_cost(known, points, cells, prepared.flow, prepared.contact, solved=solved)
+        return two_scale_cost(known, points, cells, prepared.flow, prepared.contact, solved=solved, pressures=pressures)
     assert prepared.sampling is not None
     every = laid_out(scene.layout, Partition(points, scene.surface.spacing, cells), prepared.sampling)
     # seals of all lengths take the work of one as long as all of them together
     seal = every[0].unknowns[0], sum(laid.unknowns[1] for laid in every)
-    return stochastic_cost(known, points, cells, prepared.sampling, seal, prepared.contact)
+    return stochastic_cost(known, points, cells, prepared.sampling, seal, prepared.contact, pressures)
 
 
 def _expected_text(expected: Forecast) -> str:

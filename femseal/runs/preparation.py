@@ -15,7 +15,7 @@ from ..base.quantities import to_text
 from ..scales import Partition
 from ..seal.layouts import SealWindows
 from ..seal.pressure_map import is_uniform
-from ..studies import Sampling, Scene, check_sampling, chosen_contact, chosen_flow, laid_out
+from ..studies import Sampling, Scene, check_sampling, chosen_contact, chosen_flow, chosen_sampler, laid_out
 from ..studies.costs import choose_method
 from ..studies.local_pressure import MOST_PATHS, check_map
 from ..topography import (
@@ -171,7 +171,7 @@ def _prepare(case: Case) -> Prepared:
         with in_tables_of(MAP_TABLES):
             sampling = replace(sampling, pressure_map=case.load.pressure_map(case.folder, seal[0] * seal[1], seal[1]))
             check_sampling(sampling)
-            doubts = check_map(scene, every[0], sampling.pressure_map)
+            doubts = (*every[0].warnings, *check_map(scene, every[0], sampling.pressure_map))
         paths = 1 if is_uniform(sampling.pressure_map) else MOST_PATHS
         for laid in every:
             weigh_draws(len(scene.steps), laid.draws[0], sampling.realisations, sampling.library_cells, paths)
@@ -190,6 +190,8 @@ def _prepare(case: Case) -> Prepared:
         flow = cheaper
     contact = chosen_contact(contact, surface.shape)
     flow = chosen_flow(flow, surface.shape, scene.discretisation)
+    if sampling is not None:
+        sampling = replace(sampling, sampler=chosen_sampler(sampling, scene, contact))
     prepared = Prepared(scene, cells, sampling, report, overlap, method, methods, choice, contact, flow, odd)
     return replace(prepared, filtered=coarser(prepared)) if case.surface.filter_sensitivity else prepared
 

@@ -1,6 +1,6 @@
 """Parts of the two-scale method: windows of a face, their contact and flow, libraries of windows, and drawn links."""
 
-from .column_runs import RunFlows, run_flows
+from .column_runs import ColumnRuns, RunFlows
 from .curves import CellCurves
 from .dissipation import window_dissipation
 from .elements import ElementFlow, WindowFlow, element_flow, face_potential, window_flow
@@ -18,6 +18,7 @@ __all__ = [
     "SAMPLERS",
     "Cell",
     "CellCurves",
+    "ColumnRuns",
     "ContactPressure",
     "ElementFlow",
     "Failed",
@@ -47,7 +48,6 @@ __all__ = [
     "global_states",
     "on_ladder",
     "respond",
-    "run_flows",
     "window_dissipation",
     "window_flow",
 ]

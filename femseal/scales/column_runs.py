@@ -16,7 +16,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..base import validate
 from ..base.errors import InputError
-from .element_mesh import ElementMesh
+from .element_elimination import factored
+from .element_mesh import ElementMesh, ElementSolution
 from .elements import NODE_SPACING
 from .outcome import SolverCounts
 from .partition import Partition
@@ -24,21 +25,24 @@ from .superelement import WindowElement, WindowLinks, validated_face, window_lin
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
-#: Most places of a face at which runs start.
-STARTS = 32
+#: Places at which runs start, for each run that the face has without overlap.
+STARTS = 2
 
 
 @dataclass(frozen=True, eq=False)
 class RunFlows:
     """Flow through runs of a face for a unit drop at one state [m³].
 
-    length : columns of a run.
+    length : columns of a run. independent : number of runs that the face has without overlap.
+    starts (runs,) : first column of each run.
     closed (runs,), held (runs,) : conductance with closed cuts, and with cuts held at the common profile.
     whole : conductance of the uncut face over as many columns as a run has.
     solvers : number of systems by solver.
     """
 
     length: int
+    independent: int
+    starts: Indices
     closed: Array
     held: Array
     whole: float
@@ -55,48 +59,95 @@ class RunFlows:
         """Conductance of each run (runs,), between closed and held, with the mean of the uncut face."""
         return self.closed + self.share * (self.held - self.closed)
 
+    @property
+    def cut_error(self) -> float:
+        """Half the distance of ln(conductance) with held and with closed cuts; inf if closed ones leave no flow."""
+        low, high = float(self.closed.mean()), float(self.held.mean())
+        return float(0.5 * np.log(high / low)) if low > 0 else np.inf if high > 0 else 0.0
 
-def run_flows(gap: ArrayLike, partition: Partition, length: int, *, node_spacing: int = NODE_SPACING) -> RunFlows:
-    """Flow through runs of columns that start at places all along a face, which is periodic along x2.
+    @property
+    def scatter(self) -> float:
+        """Standard error of the mean of ln(conductance), from the runs that do not overlap; inf for a single one."""
+        mean = float(self.value.mean())
+        if self.independent < 2:
+            return np.inf
+        # runs of a face scatter about its own mean
+        return float(self.value.std()) / mean / np.sqrt(self.independent - 1) if mean > 0 else 0.0
 
-    Parameters
-    ----------
-    gap : (n1, n2) [m]. partition : of the face.
-    length : columns of windows in a run, at most those of the face.
-    node_spacing : largest distance of two nodes on a side [pixels].
 
-    Raises
-    ------
-    InputError : a gap that is negative, undefined or of another shape, a length that does not fit.
-    NotConverged : see `element_mesh.ElementMesh.solve`.
+@dataclass(frozen=True, eq=False)
+class ColumnRuns:
+    """The windows of a face as elements, of which runs of neighbouring columns are solved.
+
+    elements, links : of every window, row after row. mesh, face : the uncut face, periodic along x2, and its flow.
     """
-    m1, m2 = partition.cells
-    length = validate.count("length", length)
-    if length > m2:
-        raise InputError.of("length", length, f"at most the {m2} columns of the face")
-    h = validated_face(gap, partition)
-    links = [link for row in range(m1) for link in window_links(h, partition, row)]
-    elements = [WindowElement.of(link, node_spacing) for link in links]
-    starts = np.unique(np.linspace(0, m2, min(m2, STARTS), endpoint=False).astype(int))
-    mesh = ElementMesh.of_face(elements, (m1, m2))
-    face = mesh.solve()
-    if face.conductance == 0:
-        return RunFlows(length, np.zeros(starts.size), np.zeros(starts.size), 0.0, SolverCounts.of(face))
-    profile = _profile(mesh, face.potential, links, partition)
-    closed, held = [], []
-    for start in starts:
-        chosen = [elements[i * m2 + (start + j) % m2] for i in range(m1) for j in range(length)]
-        run = ElementMesh.of_face(chosen, (m1, length), ring=False)
-        closed.append(run.solve())
-        nodes, row = _on_cuts(run, partition, length)
-        held.append(run.solve_held(nodes, profile[row]))
-    return RunFlows(
-        length=length,
-        closed=np.array([run.conductance for run in closed]),
-        held=np.array([run.conductance for run in held]),
-        whole=face.conductance * length / m2,
-        solvers=SolverCounts.total(SolverCounts.of(s) for s in (face, *closed, *held)),
-    )
+
+    partition: Partition
+    elements: list[WindowElement]
+    links: list[WindowLinks]
+    mesh: ElementMesh
+    face: ElementSolution
+
+    @classmethod
+    def of(cls, gap: ArrayLike, partition: Partition, *, node_spacing: int = NODE_SPACING) -> ColumnRuns:
+        """Condense the windows of a face, and solve the flow through it.
+
+        Parameters
+        ----------
+        gap : (n1, n2) [m]. partition : of the face.
+        node_spacing : largest distance of two nodes on a side [pixels].
+
+        Raises
+        ------
+        InputError : a gap that is negative, undefined or of another shape.
+        NotConverged : see `element_mesh.ElementMesh.solve`.
+        """
+        h = validated_face(gap, partition)
+        links = [link for row in range(partition.cells[0]) for link in window_links(h, partition, row)]
+        elements = [WindowElement.of(link, node_spacing) for link in links]
+        mesh = ElementMesh.of_face(elements, partition.cells)
+        return cls(partition, elements, links, mesh, mesh.solve())
+
+    def flows(self, length: int) -> RunFlows:
+        """Flow through runs of so many columns, which start at places all along the face.
+
+        Raises
+        ------
+        InputError : more columns than the face has.
+        NotConverged : see `element_mesh.ElementMesh.solve`.
+        """
+        m1, m2 = self.partition.cells
+        length = validate.count("length", length)
+        if length > m2:
+            raise InputError.of("length", length, f"at most the {m2} columns of the face")
+        independent = m2 // length
+        starts = np.unique(np.linspace(0, m2, min(m2, STARTS * independent), endpoint=False).astype(int))
+        closed, held = [], []
+        if self.face.conductance > 0:
+            profile = _profile(self.mesh, self.face.potential, self.links, self.partition)
+            for start in starts:
+                chosen = [self.elements[i * m2 + (start + j) % m2] for i in range(m1) for j in range(length)]
+                run = ElementMesh.of_face(chosen, (m1, length), ring=False)
+                closed.append(run.solve())
+                nodes, row = _on_cuts(run, self.partition, length)
+                held.append(run.solve_held(nodes, profile[row]))
+        return RunFlows(
+            length=length,
+            independent=independent,
+            starts=starts,
+            closed=np.array([run.conductance for run in closed] or np.zeros(starts.size)),
+            held=np.array([run.conductance for run in held] or np.zeros(starts.size)),
+            whole=self.face.conductance * length / m2,
+            solvers=SolverCounts.total(SolverCounts.of(s) for s in (*closed, *held)),
+        )
+
+    def window_permeability(self) -> Array:
+        """Permeability of every window along x1 (m1, m2) [m³], its sides across x2 closed."""
+        (l1, l2), w2 = self.partition.window_size, self.partition.window[1]
+        k = np.zeros(self.partition.cells)
+        for place, element in zip(self.partition.places, self.elements, strict=True):
+            k[place] = _through(element, w2) * l1 / l2
+        return k
 
 
 def _profile(face: ElementMesh, potential: Array, links: list[WindowLinks], partition: Partition) -> Array:
@@ -112,6 +163,19 @@ def _profile(face: ElementMesh, potential: Array, links: list[WindowLinks], part
     mean = (weight * np.nan_to_num(values)).sum(axis=1).ravel()[rows] / total[rows]
     n1 = partition.shape[0]
     return np.interp(np.arange(n1) + 0.5, np.r_[0.0, rows + 0.5, n1], np.r_[1.0, mean, 0.0])
+
+
+def _through(element: WindowElement, w2: int) -> float:
+    """Conductance of a window between its sides across x1, those across x2 closed [m³]."""
+    is_open = element.node[:, 0] >= 0
+    first, last = (np.unique(element.component[side][is_open[side]]) for side in (np.s_[:w2], np.s_[w2 : 2 * w2]))
+    if not np.intersect1d(first, last).size:
+        return 0.0
+    nodes, (before, after) = np.arange(len(element.couples)), element.counts[:2]
+    held = nodes[: before + after]
+    factors = factored([element.couples], [nodes], (1, 1), held, nodes.size)
+    potential = factors.with_held(held, (held < before).astype(float)[:, None])
+    return float(0.5 * (element.couples * (potential - potential.T) ** 2).sum())
 
 
 def _on_cuts(run: ElementMesh, partition: Partition, length: int) -> tuple[Indices, Indices]:

@@ -20,12 +20,19 @@ from .ladder import Cell, Ladder
 
 Array = NDArray[np.float64]
 Curve = Callable[[Array], Array]
+#: Relative distance of numbers that are the same but for rounding.
+_ROUNDING = 1e-12
 
 
 class LogCurve:
-    """ln k as a function of a rising x. Where k falls to 0 the curve ends, halfway between open and closed."""
+    """ln k as a function of a rising x. Where k falls to 0 the curve ends, halfway between open and closed.
+
+    Points that differ but for rounding, as a kept library of several runs may have, are taken once.
+    """
 
     def __init__(self, x: Array, k: Array) -> None:
+        differ = _differing(x)
+        x, k = x[differ], k[differ]
         n_open = int(np.argmin(k > 0)) if not np.all(k > 0) else k.size
         self.end = np.inf if n_open == k.size else (-np.inf if n_open == 0 else (x[n_open - 1] + x[n_open]) / 2)
         self._low, self._high = (float(x[0]), float(x[n_open - 1])) if n_open else (0.0, 0.0)
@@ -63,11 +70,16 @@ class CellCurves:
         return LogCurve(np.cbrt(self.cell.pressure), self.cell.k[self.kind, self.axis])
 
     @cached_property
+    def _peaks(self) -> NDArray[np.int64]:
+        """Numbers of the peaks that differ."""
+        return np.flatnonzero(_differing(np.cbrt(self.cell.peaks)))
+
+    @cached_property
     def _unloading(self) -> list[LogCurve]:
         """For each peak, ln k as a function of the share of the peak pressure; the peak itself has the share 1."""
         shares = np.array([1.0, *self.ladder.stops])[::-1]
         curves = []
-        for m, peak in enumerate(self.cell.peaks):
+        for m, peak in zip(self._peaks, self.cell.peaks[self._peaks], strict=True):
             top = self.cell.k[self.kind, self.axis, np.searchsorted(self.cell.pressure, peak)]
             curves.append(LogCurve(shares, np.array([top, *self.cell.k_unloading[self.kind, self.axis, m]])[::-1]))
         return curves
@@ -98,7 +110,7 @@ class CellCurves:
         if not self.cell.peaks.size:
             return self.loaded(pressure)
         share = np.clip(pressure / peak, 0.0, 1.0)
-        knots = np.r_[0.0, self.cell.peaks]
+        knots = np.r_[0.0, self.cell.peaks[self._peaks]]
         upper = np.clip(np.searchsorted(knots, peak), 1, knots.size - 1)
         closing = self._closing_root**3
         opens = np.array([_reopening(curve) for curve in self._unloading])
@@ -135,6 +147,11 @@ class CellCurves:
             if chosen.any():
                 out[chosen] = curve(inside[chosen] * _reopening(curve))
         return out
+
+
+def _differing(x: Array) -> NDArray[np.bool_]:
+    """True at the numbers of a rising sequence that are above the one before by more than rounding."""
+    return np.concatenate([np.ones(min(x.size, 1), bool), np.diff(x) > _ROUNDING * np.abs(x[1:])])
 
 
 def _reopening(unloading: LogCurve) -> float:

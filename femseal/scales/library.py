@@ -36,6 +36,8 @@ from .window import FlowSettings
 Array = NDArray[np.float64]
 #: Written into every file; a file of another format is computed again.
 FORMAT = 2
+#: Relative distance of two pressures that are the same but for rounding.
+_EQUAL = 1e-6
 #: No file says that it holds more cells.
 _MOST_CELLS = 10**6
 #: Errors of reading a file of arrays that is damaged or was changed.
@@ -373,5 +375,6 @@ def _is_sound(cell: Cell, ladder: Ladder) -> bool:
 def on_ladder(ladder: Ladder, extra: Sequence[float], highest: float) -> Ladder:
     """The ladder cut after its first step at or above `highest`, with the `extra` loading steps added."""
     reach = next((p for p in ladder.loading if p >= highest * (1 - 1e-12)), highest)
-    loading = tuple(sorted({*(p for p in ladder.loading if p <= reach), *extra}))
-    return replace(ladder, loading=loading, peaks=tuple(p for p in ladder.peaks if p <= reach))
+    kept = (p for p in ladder.loading if p <= reach and not any(abs(p - other) < _EQUAL * other for other in extra))
+    loading = tuple(sorted({*kept, *extra}))
+    return replace(ladder, loading=loading, peaks=tuple(p for p in ladder.peaks if p in loading))

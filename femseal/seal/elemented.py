@@ -197,7 +197,7 @@ class ElementWindows:
     @property
     def unknowns(self) -> tuple[int, int]:
         """Rows and columns of a network that takes about as much work."""
-        side = max(1, round(np.sqrt(self.draws[0][1])))
+        side = max(1, round(np.sqrt(10 * len(self.lay) + 0.1 * self.draws[0][1])))
         return side, side
 
     def __str__(self) -> str:

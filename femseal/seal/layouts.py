@@ -7,6 +7,7 @@ To add a shape, write a frozen dataclass with its `kind`, the parameters that a 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from math import isfinite, pi
 from pathlib import Path
 from typing import Any, ClassVar, Literal, Protocol
@@ -259,11 +260,16 @@ class MeshLayout:
         if self.length is not None and not (isfinite(self.length) and self.length > 0):
             raise InputError.of("length", self.length, "a length > 0 [m]")
         object.__setattr__(self, "lay", Lay.of(self.lay, Path(self.path).parent))
+        for name in ("inlet", "outlet"):
+            names = getattr(self, name)
+            object.__setattr__(self, name, names if isinstance(names, str) else tuple(names))
 
     def lay_out(self, windows: Windows) -> SealWindows:
         """Each element takes the windows that fit into it."""
         _refuse_sizes(self.kind, windows)
-        seal = MeshSeal(self.path, self.inlet, self.outlet, self.unit)
+        stat = Path(self.path).stat() if Path(self.path).is_file() else None
+        stamp = None if stat is None else (stat.st_mtime_ns, stat.st_size)
+        seal = _mesh_seal(Path(self.path), self.inlet, self.outlet, self.unit, stamp)
         _plausible("path", float(np.ptp(seal.points, axis=0).max()), self.unit)
         mesh, (inlet, outlet) = straightened(seal.mesh, *seal.ends)
         length = self.length or seal.length
@@ -276,6 +282,12 @@ class MeshLayout:
 
     def __str__(self) -> str:
         return f"the mesh {Path(self.path).name}, lay {self.lay}"
+
+
+@lru_cache(maxsize=2)
+def _mesh_seal(path: Path, inlet: Any, outlet: Any, unit: str, stamp: Any) -> MeshSeal:
+    """The seal of a mesh file, read once while its time and size (`stamp`) stay; a run lays it out several times."""
+    return MeshSeal(path, inlet, outlet, unit)
 
 
 def _elements(

@@ -57,24 +57,25 @@ def pressure_dependent_flow(
     pair = isinstance(values, tuple)
     curves = [pressure_curve(table.pressures, k) for k in (values if pair else (values,))]
 
-    def permeability(share: Any, viscous: bool = False) -> Any:
+    def permeability(share: Any) -> Any:
         p = drop.pressure(np.nan_to_num(np.asarray(share, dtype=float), nan=0.5))
         p = np.maximum(p, drop.least_pressure)
         found = tuple(
-            c.between(_beside(first, c.shape), _beside(second, c.shape), drop.mobility, viscous)
+            c.between(_beside(first, c.shape), _beside(second, c.shape), drop.mobility)
             for c, (first, second) in zip(curves, _ends(seal, p, pair), strict=True)
         )
         return found if pair else found[0]
 
-    def solve(share: Any) -> tuple[float, Array, DarcyFlow]:
-        flow = seal.flow(permeability(share), solver=solver)
-        return flow.conductance, flow.potential, flow
+    def solve(share: Any) -> tuple[float, Array, tuple[DarcyFlow, Any]]:
+        local = permeability(share)
+        flow = seal.flow(local, solver=solver)
+        return flow.conductance, flow.potential, (flow, local)
 
     # along a uniform seal the potential falls evenly
     first = np.linspace(1, 0, len(seal.grid.lines1))[:, None] if isinstance(seal, StructuredSeal) else 0.5
-    flow = successive(solve, RTOL, first)
+    flow, local = successive(solve, RTOL, first)
     if bounds:
-        flow = seal.flow(permeability(flow.potential), bounds=True, solver=solver)
+        flow = seal.flow(local, bounds=True, solver=solver)
     factor, share = drop.mean_factor, np.clip(flow.potential, 0.0, 1.0)
     potential = drop.viscous_share(share)
     scaled = replace(
@@ -85,7 +86,11 @@ def pressure_dependent_flow(
         potential=potential,
         complement=1 - potential,
     )
-    return scaled, permeability(share, viscous=True)
+    # what flows through each part is the same in both potentials
+    steeper = [drop.steepness(*ends) for ends in _ends(seal, np.nan_to_num(share, nan=0.5), pair)]
+    if pair:
+        return scaled, tuple(k * by for k, by in zip(local, steeper, strict=True))
+    return scaled, local * steeper[0].reshape(steeper[0].shape + (1,) * (local.ndim - steeper[0].ndim))
 
 
 def _on_parts(seal: Any, values: Any, pressures: int) -> Any:

@@ -7,7 +7,7 @@
 from .deterministic import DeterministicResult, deterministic
 from .face_contact import CONTACTS, chosen_contact
 from .other_fluid import FluidState, OtherLeakage, drop_ratio
-from .sampling_options import DRAWS, PRESSURES, Sampling, check_sampling, laid_out, placed_windows
+from .sampling_options import DRAWS, PRESSURES, Sampling, check_sampling, chosen_sampler, laid_out, placed_windows
 from .scene import Scene
 from .stochastic import stochastic
 from .stochastic_result import StochasticResult
@@ -28,6 +28,7 @@ __all__ = [
     "check_sampling",
     "chosen_contact",
     "chosen_flow",
+    "chosen_sampler",
     "deterministic",
     "drop_ratio",
     "laid_out",

@@ -2,21 +2,50 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..base.stage import Mapper, Stage
-from ..scales import Failed, SolverCounts, attempt
+from ..flow.gas_drop import GasDrop
+from ..scales import Failed, Partition, RunFlows, SolverCounts, attempt
 from ..scales.window_fields import WindowFields
 from ..seal import RectangularSeal
-from .element_face import flow_through_runs
+from .element_face import columns_of_face
 from .scene import Array, Scene
 
-#: Columns of a run as a share of those of the face: realisations differ by the runs that they draw, and the fewer runs
-#: a face has the less they can differ.
-RUN_SHARE = 0.25
+#: Columns of a run as shares of those of the face, the first of which is taken by which the cuts matter less than the
+#: finite library. The shorter the runs, the more of them tell how realisations scatter.
+RUN_SHARES = (8, 4, 2)
+#: Half the distance of the bounds of ln(leakage) from which on a run warns: bounds a factor of ten apart say little.
+WIDE = 1.15
+#: Share of the first step's flow from which on a step counts for that.
+_COUNTS = 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class StateRuns:
+    """Runs of a face at one state: for each length in columns, and the permeability of every window (m1, m2) [m³]."""
+
+    flows: tuple[RunFlows, ...]
+    k: Array
+    solvers: SolverCounts
+
+    @classmethod
+    def of(
+        cls, gap: NDArray[np.floating], partition: Partition, lengths: tuple[int, ...], drop: GasDrop | None
+    ) -> StateRuns:
+        """Solve the runs of a gap (n1, n2) [m]."""
+        columns, factor = columns_of_face(gap, partition, drop)
+        flows = tuple(
+            replace(f, closed=factor * f.closed, held=factor * f.held, whole=factor * f.whole)
+            for f in (columns.flows(length) for length in lengths)
+        )
+        solvers = SolverCounts.total([SolverCounts.of(columns.face), *(f.solvers for f in flows)])
+        return cls(flows, factor * columns.window_permeability(), solvers)
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,7 +55,8 @@ class ChainedSeals:
     leakage : between both bounds, where the mean over the runs of the face is the leakage of the face itself.
     closed, held : with closed cuts between runs, and with all cuts held at one profile of the fluid pressure.
     resampled : as many more realisations, each from runs that are drawn with repetition from those of the face.
-    columns : columns of windows of the seal.
+    columns : columns of windows of the seal. length : those of a run.
+    warnings : reasons to doubt the result.
     """
 
     leakage: Array
@@ -34,44 +64,49 @@ class ChainedSeals:
     held: Array
     resampled: Array
     columns: int
-    failures: tuple[str, ...]
-    solvers: SolverCounts
+    length: int
+    warnings: tuple[str, ...]
+
+
+def runs_of_face(
+    fields: WindowFields, columns: int, drop: GasDrop | None, *, mapper: Mapper = map
+) -> list[StateRuns | Failed]:
+    """Solve the runs of a face at every step, of every length that a seal of so many columns may be made of."""
+    m2 = fields.partition.cells[1]
+    lengths = tuple(sorted({max(1, min(m2 // share, columns)) for share in RUN_SHARES}))
+    solve = partial(attempt, StateRuns.of, partition=fields.partition, lengths=lengths, drop=drop)
+    stage = Stage("runs of columns", solve)
+    return list(mapper(stage, fields.gap))
 
 
 def chained_seals(
-    scene: Scene, fields: WindowFields, columns: int, realisations: int, seed: int, *, mapper: Mapper = map
+    scene: Scene, partition: Partition, found: Sequence[StateRuns | Failed], columns: int, realisations: int, seed: int
 ) -> ChainedSeals:
     """Draw seals of about so many columns of windows as chains of runs of the face, and add their leakages up.
 
     Random numbers depend on (seed, realisation, run) only: run n of a longer seal is what run n of a shorter one is.
     """
-    partition = fields.partition
-    m2 = partition.cells[1]
-    length = max(1, min(round(RUN_SHARE * m2), columns))
+    flows, warnings = _long_enough(scene, found, columns)
+    solved = [flow for flow in flows if flow is not None]
+    length, independent = (solved[0].length, solved[0].independent) if solved else (1, 1)
     runs = max(1, round(columns / length))
-    solve = partial(attempt, flow_through_runs, partition=partition, length=length, drop=scene.flow.drop)
-    stage = Stage("runs of columns", solve)
-    found = list(mapper(stage, fields.gap))
-    failures, solvers = [], SolverCounts()
-    starts = max((f.value.size for f in found if not isinstance(f, Failed)), default=1)
-    value, closed, held = np.full((3, starts, len(found)), np.nan)
-    for s, (step, flow) in enumerate(zip(scene.steps, found, strict=True)):
-        if isinstance(flow, Failed):
-            failures.append(f"runs, {step.name}: {flow.reason}")
-        else:
+    starts = solved[0].closed.size if solved else 1
+    value, closed, held = np.full((3, starts, len(flows)), np.nan)
+    for s, flow in enumerate(flows):
+        if flow is not None:
             value[:, s], closed[:, s], held[:, s] = flow.value, flow.closed, flow.held
-            solvers += flow.solvers
     size = partition.shape[0] * partition.spacing[0], length * partition.window_size[1]
     # leakage per length of a run of conductance 1 m³, and so of a seal whose runs have the mean conductance 1 m³
     unit = scene.leakage(RectangularSeal(size, (1, 1)), size[0] / size[1]).per_length
     drawn, again = np.zeros((2, realisations, starts))
-    independent = max(1, m2 // length)
+    # a face scatters less about its own mean than seals about theirs: one run less makes up for that
+    fewer = max(1, independent - 1)
     for n in range(realisations):
         place = np.random.Generator(np.random.Philox(np.random.SeedSequence(seed, spawn_key=(n,)))).random(runs)
         drawn[n] = np.bincount((place * starts).astype(np.int64), minlength=starts)
         rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(n, 2)))
-        library = rng.integers(starts, size=independent)
-        again[n] = np.bincount(library[rng.integers(independent, size=runs)], minlength=starts)
+        library = rng.integers(starts, size=fewer)
+        again[n] = np.bincount(library[rng.integers(fewer, size=runs)], minlength=starts)
     per_length = unit / runs
     return ChainedSeals(
         leakage=per_length * drawn @ value,
@@ -79,6 +114,35 @@ def chained_seals(
         held=per_length * drawn @ held,
         resampled=per_length * again @ value,
         columns=runs * length,
-        failures=tuple(failures),
-        solvers=solvers,
+        length=length,
+        warnings=warnings,
     )
+
+
+def _long_enough(
+    scene: Scene, found: Sequence[StateRuns | Failed], columns: int
+) -> tuple[list[RunFlows | None], tuple[str, ...]]:
+    """Runs of the least length at which cuts matter less than the finite face, else of the largest; None if failed."""
+    solved = {
+        step.name: state.flows for step, state in zip(scene.steps, found, strict=True) if isinstance(state, StateRuns)
+    }
+    if not solved:
+        return [None] * len(found), ()
+    first = next(iter(solved.values()))
+    counting = {name: flows for name, flows in solved.items() if flows[0].whole > _COUNTS * first[0].whole}
+    # no longer than the seal
+    lengths = range(max(1, sum(flow.length <= columns for flow in first)))
+    long_enough = (n for n in lengths if all(f[n].cut_error <= f[n].scatter for f in counting.values()))
+    chosen = next(long_enough, lengths[-1])
+    wide = {
+        name: f[chosen].cut_error for name, f in counting.items() if f[chosen].cut_error > max(f[chosen].scatter, WIDE)
+    }
+    warnings: tuple[str, ...] = ()
+    if wide:
+        worst = max(wide, key=wide.__getitem__)
+        text = (
+            f"sampler 'runs': closed and held cuts between runs of {first[chosen].length} columns bound the leakage "
+            f"within a factor of {np.exp(2 * wide[worst]):.2g} at {worst}: its channels need a longer face"
+        )
+        warnings = (text,)
+    return [state.flows[chosen] if isinstance(state, StateRuns) else None for state in found], warnings

@@ -18,6 +18,7 @@ from ..scales.global_contact import PIXELS_PER_CUT_OFF
 from .deterministic import STEP_BYTES, state_memory
 from .face_contact import chosen_contact
 from .sampling_options import Sampling
+from .scene import Scene
 from .two_scale import chosen_flow
 from .windows import CUT_OFF_WINDOWS
 
@@ -36,8 +37,14 @@ _ELEMENT_SECONDS = 1.25e-6, 1.9e-5, 4e-9
 _EASY_BYTES = 8 * 40.0
 #: Shares in contact between which flow is near closing.
 _CLOSING = (0.07, 0.45)
+#: Seconds of the runs of columns at a step, for each window and each pixel.
+_RUN_SECONDS, _RUN_PIXEL_SECONDS = 1.2e-3, 6e-7
+#: Seconds of a seal of runs of columns, and for each of its columns of windows.
+_DRAW_SECONDS, _DRAW_COLUMN_SECONDS = 1e-4, 2e-8
 #: Seconds of a link of a drawn seal at a load step, for each doubling of its rows.
 _LINK_SECONDS = 1.1e-7
+#: Flow solutions, and what they need besides, that the flow of a gas with slip takes.
+_SUCCESSIVE = 4.5
 #: Transforms that the estimate of the error of a gap takes.
 _ERROR_PAIRS = 3
 #: Number of states of a window on its ladder: loading, unloading and without contact.
@@ -85,10 +92,10 @@ def element_seconds(pixels: float, side: float, effort: Effort) -> float:
     return pixels * (1 - effort.share) * (each + small / side + large * side)
 
 
-def deterministic_cost(efforts: Sequence[Effort], points: tuple[int, int]) -> tuple[float, float]:
-    """Expected time on one core [s] and memory [byte] of the deterministic solution."""
-    pixels = points[0] * points[1]
-    seconds = sum(contact_seconds(pixels, effort) + flow_seconds(pixels, effort) for effort in efforts)
+def deterministic_cost(efforts: Sequence[Effort], points: tuple[int, int], pressures: int = 1) -> tuple[float, float]:
+    """Expected time on one core [s] and memory [byte] of the deterministic solution; see `pressures_of_gas`."""
+    pixels, again = points[0] * points[1], _SUCCESSIVE if pressures > 1 else 1.0
+    seconds = sum(contact_seconds(pixels, effort) + again * flow_seconds(pixels, effort) for effort in efforts)
     return seconds, STEP_BYTES * pixels * len(efforts) + _state_memory(pixels, efforts)
 
 
@@ -107,11 +114,14 @@ def two_scale_cost(
     contact: str | None = None,
     *,
     solved: bool = False,
+    pressures: int = 1,
 ) -> tuple[float, float]:
     """Expected time on one core [s] and memory [byte] of the two-scale solution.
 
-    `solved` says that the deterministic solution before it leaves the contact of the whole face.
+    `solved` says that the deterministic solution before it leaves the contact of the whole face. pressures : see
+    `pressures_of_gas`.
     """
+    again = _SUCCESSIVE if pressures > 1 else 1.0
     whole, flow = chosen_contact(contact, points) == "whole", chosen_flow(flow, points)
     pixels, (m1, m2) = points[0] * points[1], cells
     window, links = pixels // (m1 * m2), m1 * m2 + (m1 - 1) * m2
@@ -123,9 +133,11 @@ def two_scale_cost(
         if not whole:
             seconds += m1 * m2 * contact_seconds(window, effort) + _ERROR_PAIRS * _PAIR_SECONDS[1] * pixels
         if flow == "elements":
-            seconds += element_seconds(pixels, window**0.5, effort)
+            seconds += again * element_seconds(pixels, window**0.5, effort)
+        elif flow == "resolved":
+            seconds += again * flow_seconds(pixels, effort)
         else:
-            seconds += flow_seconds(pixels, effort) if flow == "resolved" else links * flow_seconds(window, effort)
+            seconds += pressures * links * flow_seconds(window, effort)
     if flow == "resolved":
         memory = max(memory, _state_memory(pixels, efforts))
     elif flow == "elements":
@@ -140,15 +152,25 @@ def stochastic_cost(
     sampling: Sampling,
     seal: tuple[int, int],
     contact: str | None = None,
+    pressures: int = 1,
 ) -> tuple[float, float]:
-    """Expected time on one core [s] and memory [byte] of a library and of the drawn seals of n1 × n2 links."""
+    """Expected time on one core [s] and memory [byte] of a library and of the drawn seals of n1 × n2 links.
+
+    `sampling` names its sampler, see `sampling_options.chosen_sampler`. pressures : see `pressures_of_gas`.
+    """
     pixels, windows, steps = points[0] * points[1], cells[0] * cells[1], len(efforts)
     window = pixels // windows
     ladder = mean(contact_seconds(window, effort) for effort in efforts)
-    flow = mean(flow_seconds(window, effort) for effort in efforts)
+    flow = pressures * mean(flow_seconds(window, effort) for effort in efforts)
     faces = 8.0 * 8 * pixels
-    if sampling.pressure == "place":
+    if sampling.sampler == "runs":
         whole, faces = two_scale_cost(efforts, points, cells, "links", contact)
+        links = windows + (cells[0] - 1) * cells[1]
+        contacts = whole - links * sum(flow_seconds(window, effort) for effort in efforts)
+        seconds = contacts + steps * (windows * _RUN_SECONDS + pixels * _RUN_PIXEL_SECONDS)
+        return seconds + sampling.realisations * (_DRAW_SECONDS + _DRAW_COLUMN_SECONDS * seal[1]), faces
+    if sampling.pressure == "place":
+        whole, faces = two_scale_cost(efforts, points, cells, "links", contact, pressures=pressures)
         links = windows + (cells[0] - 1) * cells[1]
         seconds = whole + steps * (2 * max(sampling.library_cells, windows) - links) * flow
     else:
@@ -156,9 +178,17 @@ def stochastic_cost(
     links = seal[0] * seal[1]
     # as many seals again from resampled libraries, and from lower and upper bounds
     draws = (4 if sampling.bounds else 2) * sampling.realisations
-    seconds += draws * steps * _LINK_SECONDS * links * max(1.0, np.log2(min(seal)))
-    held = 1 if sampling.chosen_sampler in ("history", "block") else steps
-    return seconds, faces + 8.0 * links * (held * 2 + 30)
+    seconds += (
+        (_SUCCESSIVE if pressures > 1 else 1.0) * draws * steps * _LINK_SECONDS * links * max(1.0, np.log2(min(seal)))
+    )
+    held = 1 if sampling.sampler_of_links in ("history", "block") else steps
+    return seconds, faces + 8.0 * links * (held * 2 + 30 + (6 * pressures if pressures > 1 else 0))
+
+
+def pressures_of_gas(scene: Scene) -> int:
+    """Number of pressures at which permeabilities are needed: 1, of a gas with slip more."""
+    drop = scene.flow.drop
+    return 1 if drop is None else drop.pressures.size
 
 
 #: Limits of the deterministic solution in an automatic choice: time on one core [s], and share of the free memory.

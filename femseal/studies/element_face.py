@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..flow.gas_drop import GasDrop, successive
-from ..scales import ElementFlow, Partition, RunFlows, element_flow, face_potential, run_flows
+from ..scales import ColumnRuns, ElementFlow, Partition, element_flow, face_potential
 from .scene import GAS_RTOL, Array
 
 
@@ -59,12 +59,12 @@ def flow_through_elements(gap: NDArray[np.floating], partition: Partition, drop:
     return FaceElements(flow, share, found.gap, factor)
 
 
-def flow_through_runs(gap: NDArray[np.floating], partition: Partition, length: int, drop: GasDrop | None) -> RunFlows:
-    """Flow through runs of a face, see `scales.run_flows`; of a gas with slip at the pressures in the whole face."""
+def columns_of_face(gap: NDArray[np.floating], partition: Partition, drop: GasDrop | None) -> tuple[ColumnRuns, float]:
+    """Columns of a face, see `scales.ColumnRuns`, and what multiplies their conductances.
+
+    A gas with slip has the pressures in the whole face.
+    """
     if drop is None:
-        return run_flows(gap, partition, length)
+        return ColumnRuns.of(gap, partition), 1.0
     face = flow_through_elements(gap, partition, drop)
-    found = run_flows(face.gap, partition, length)
-    return replace(
-        found, closed=face.factor * found.closed, held=face.factor * found.held, whole=face.factor * found.whole
-    )
+    return ColumnRuns.of(face.gap, partition), face.factor

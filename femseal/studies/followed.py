@@ -19,7 +19,7 @@ from ..scales import (
     on_ladder,
 )
 from ..scales.sampling import Index
-from .local_pressure import shared_paths, shares_of_links
+from .local_pressure import peaks_to_follow, shared_paths, shares_of_links
 from .scene import Array, Scene
 from .sources import Tables, Wanted, WindowSupply
 
@@ -73,17 +73,16 @@ def windows_under_uniform_pressure(wanted: Wanted) -> WindowSupply:
     scene, laid = wanted.scene, wanted.laid
     nominal = scene.steps.pressures[:, None]
     shares = [shares_of_links(scene, laid, wanted.sampling.pressure_map, axis) for axis in (0, 1)]
-    everywhere = all(np.all(s == 1) for s in shares)
-    library = _library(
-        wanted,
-        float(max((nominal * s).max(initial=0) for s in shares)),
-        exact=scene.steps.loading if everywhere else (),
-    )
     links = []
     for axis in (0, 1):
         paths, number = shared_paths(shares[axis])
         pressure = nominal * paths
         links.append(_LinkPaths(pressure, np.full(pressure.shape, -np.inf), number.reshape(laid.draws[axis])))
+    highest = float(max(link.pressure.max(initial=0) for link in links))
+    if all(np.all(s == 1) for s in shares):
+        library = _library(wanted, highest, exact=scene.steps.loading, peaks=scene.steps.unload_from)
+    else:
+        library = _library(wanted, highest, peaks=peaks_to_follow([link.pressure for link in links], scene.steps))
     return WindowSupply(library, _tables(library, links, scene, laid.axes))
 
 
@@ -113,11 +112,17 @@ def _tables(library: LadderLibrary, links: list[_LinkPaths], scene: Scene, axes:
     return tuple((table(0, kind), table(1, kind)) for kind in range(library.ladder.kinds))
 
 
-def _library(wanted: Wanted, highest: float, *, apart: bool = False, exact: tuple[float, ...] = ()) -> LadderLibrary:
+def _library(
+    wanted: Wanted,
+    highest: float,
+    *,
+    apart: bool = False,
+    exact: tuple[float, ...] = (),
+    peaks: tuple[float, ...] | None = None,
+) -> LadderLibrary:
     """Follow windows of the face along the standard ladder, up to the pressure `highest`.
 
-    `apart` adds separations without pressure. `exact` adds loading pressures; windows are then unloaded from the
-    scene's own peaks.
+    `apart` adds separations without pressure, `exact` loading pressures. `peaks` replaces those of the standard ladder.
     """
     scene, partition, sampling = wanted.scene, wanted.partition, wanted.sampling
     full = min(scene.hardness, 0.5 * scene.modulus * scene.surface.rms_slope)
@@ -133,7 +138,7 @@ def _library(wanted: Wanted, highest: float, *, apart: bool = False, exact: tupl
         bounds=sampling.bounds,
         drop=scene.flow.drop,
     )
-    ladder = on_ladder(ladder, exact, highest)
-    if exact:
-        ladder = replace(ladder, peaks=waits, stops=STOPS if waits else ())
+    ladder = on_ladder(ladder, (*exact, *(peaks or ())), highest)
+    if peaks is not None:
+        ladder = replace(ladder, peaks=peaks, stops=STOPS if peaks else ())
     return build_ladder_library(source, ladder, sampling.library_cells, folder=sampling.library, mapper=wanted.mapper)

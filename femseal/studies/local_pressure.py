@@ -6,6 +6,8 @@ import numpy as np
 
 from ..base.errors import InputError
 from ..base.quantities import to_text
+from ..loads import LoadProgramme
+from ..scales.library import local_peaks
 from ..scales.sampling import Index
 from ..seal.layouts import Layout, SealWindows
 from ..seal.pressure_map import AnyMap, MapsAtLoads, PressedSeal, PressureField, is_uniform
@@ -13,6 +15,10 @@ from .scene import Array, Scene
 
 #: Most paths of pressure for which every library window has its own curve; more are rounded, see `shared_paths`.
 MOST_PATHS = 512
+#: Ratio of neighbouring peaks that library windows follow, and most of them. Measured with 24 windows under a wave of
+#: ±40 %: leakage on unloading is within 2 % of that with peaks 1.02 apart on a self-affine face, 5 % on a turned one.
+#: Peaks of the standard ladder, 1.6 to 3.5 apart, missed it by factors of 0.6 to 1.8.
+PEAK_RATIO, MOST_PEAKS = 1.15, 16
 #: Difference of the mean of a field from the load at which it holds from which on it is told.
 _OFF_LOAD = 0.1
 #: How many times above the highest or below the lowest load the mean of a field is told.
@@ -50,6 +56,27 @@ def shared_paths(shares: Array) -> tuple[Array, Index]:
         paths, number = _distinct(np.rint(np.cbrt(shares / shares.max()) * (levels - 1)), shares)
         levels //= 2
     return paths, number
+
+
+def peaks_to_follow(pressures: list[Array], steps: LoadProgramme) -> tuple[float, ...]:
+    """Pressures from which library windows are unloaded, so that those of paths (steps, paths) are among them or near.
+
+    They are those of the paths' own peaks, the highest and the lowest among them, at least `PEAK_RATIO` apart, or more
+    where they would be too many; in four digits, so that a kept library does not hold them twice but for rounding.
+    """
+    own = [(paths, local_peaks(paths, steps)) for paths in pressures]
+    found = np.unique(np.concatenate([peak[(paths > 0) & (paths < peak)] for paths, peak in own]))
+    values = np.unique([float(f"{peak:.4g}") for peak in found.tolist()])[::-1]
+    ratio = PEAK_RATIO
+    while True:
+        chosen: list[float] = []
+        for peak in values.tolist():
+            gap = 1.02 if peak == values[-1] else ratio
+            if not chosen or peak * gap <= chosen[-1]:
+                chosen.append(peak)
+        if len(chosen) <= MOST_PEAKS:
+            return tuple(chosen[::-1])
+        ratio *= 1.1
 
 
 def _distinct(keys: Array, shares: Array) -> tuple[Array, Index]:

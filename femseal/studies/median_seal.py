@@ -11,7 +11,7 @@ import numpy as np
 from ..base.text import Shown
 from ..flow.gas_drop import GasDrop
 from ..flow.permeability_table import PermeabilityTable
-from ..scales import Failed, attempt, draw_links
+from ..scales import Failed, attempt, draw_links, draw_pressures
 from ..seal.layouts import SealWindows
 from .sampling_options import Sampling
 from .scene import Array, Scene, labels
@@ -30,12 +30,21 @@ class MedianSeal(Shown):
     realisation : its number.
     outlines : corners of the parts (parts, corners, 2) [m]. permeability, fluid_pressure : (steps, parts), NaN at steps
         that failed, and the fluid pressure also in pockets.
+    flux : volume rate per width at the fluid's reference density, in the plane of the seal (steps, parts, 2).
+    pressure : mean contact pressure of the windows of every part (steps, parts).
     """
 
     realisation: int
     outlines: Array = field(repr=False, metadata=labels("m", "corners of the parts of the seal"))
     permeability: Array = field(metadata=labels("m^3", "permeability, median realisation", "step", "part"))
     fluid_pressure: Array = field(metadata=labels("Pa", "fluid pressure, median realisation", "step", "part"))
+    flux: Array = field(metadata=labels("m^2/s", "flow per width, median realisation", "step", "part", "plane"))
+    pressure: Array | None = field(
+        default=None,
+        metadata=labels(
+            "Pa", "contact pressure of windows, median realisation", "step", "part", name="window_pressure"
+        ),
+    )
 
 
 def drawn_permeability(
@@ -45,7 +54,7 @@ def drawn_permeability(
 
     kinds : tables of the windows; of a gas with slip one for each pressure of its `drop`.
     """
-    sampler, seed = sampling.chosen_sampler, sampling.seed
+    sampler, seed = sampling.sampler_of_links, sampling.seed
     draws = [
         [
             # windows whose two values belong together are drawn with the same random numbers
@@ -78,10 +87,16 @@ def median_seal(
     """Draw a realisation again and solve its flow at every step; kinds as in `drawn_permeability`."""
     permeability = drawn_permeability(laid, kinds, sampling, realisation, scene.flow.drop)
     outlines = laid.outlines
-    k, p = np.full((2, len(scene.steps), len(outlines)), np.nan)
+    k, p, flux = (np.full((len(scene.steps), len(outlines), *plane), np.nan) for plane in ((), (), (2,)))
     for s in range(len(scene.steps)):
         given = permeability(s)
         found = attempt(scene.leakage, laid.seal, given)
         if not isinstance(found, Failed):
-            k[s], p[s] = laid.shown(given if found.permeability is None else found.permeability, found.fluid_pressure)
-    return MedianSeal(realisation, outlines, k, p)
+            at_solution = given if found.permeability is None else found.permeability
+            k[s], p[s] = laid.shown(at_solution, found.fluid_pressure)
+            potential = scene.fluid.potential(found.fluid_pressure) / scene.fluid.reference_density
+            flux[s] = laid.flux(at_solution, potential, found.volume_rate)
+    sampler, seed = sampling.sampler_of_links, sampling.seed
+    pressure = draw_pressures(kinds[0][0], sampler=sampler, seed=seed, realisation=realisation, axis=0)
+    of_windows = None if pressure is None else np.array([laid.means(pressure(s)) for s in range(len(scene.steps))])
+    return MedianSeal(realisation, outlines, k, p, flux, of_windows)

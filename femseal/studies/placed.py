@@ -8,11 +8,13 @@ import numpy as np
 
 from ..base.errors import FemsealError
 from ..scales import LibraryTable, LinkTable, SolveCounts, correlation_length
+from .chained import StateRuns, runs_of_face
 from .face_contact import solve_windows
 from .sampling_options import placed_windows
 from .scene import Array
 from .sources import PlacedLibrary, Wanted, WindowSupply
-from .windows import LinkFlows, solve_links
+from .two_scale import TwoScaleResult
+from .windows import LinkFlows, WindowContacts, solve_links
 
 #: Length of runs of columns in correlation lengths; a run has at most all columns of the face. Where runs meet, the
 #: channels of the face are cut. Measured on circular milling marks with ten columns: 0.83 to 0.95 of the leakage with
@@ -23,6 +25,8 @@ RUN_LENGTHS = 10
 def windows_in_place(wanted: Wanted) -> WindowSupply:
     """Take all windows of the face at their places; if more are wanted, move them along it by fractions of a window.
 
+    The sampler "runs" takes runs of their columns instead of links.
+
     Raises
     ------
     FemsealError : every column has a failed window.
@@ -30,6 +34,8 @@ def windows_in_place(wanted: Wanted) -> WindowSupply:
     scene, partition, two_scale, mapper = wanted.scene, wanted.partition, wanted.two_scale, wanted.mapper
     (m1, m2), w2, n2 = partition.cells, partition.window[1], wanted.laid.draws[0][1]
     contact = two_scale or solve_windows(scene, partition.cells, wanted.contact, mapper=mapper)
+    if wanted.sampling.sampler == "runs":
+        return _runs_in_place(wanted, contact)
     shifts = placed_windows(wanted.sampling, partition) // (m1 * m2)
     moved = [n * w2 // shifts for n in range(shifts)]
     known = {}
@@ -49,13 +55,7 @@ def windows_in_place(wanted: Wanted) -> WindowSupply:
     library = PlacedLibrary(
         k1=k1,
         k2=k2,
-        curves=LibraryTable(
-            steps=scene.steps,
-            pressure=_each_window(contact.pressure),
-            k=_each_window(flows[0][0].k),
-            mean_gap=_each_window(contact.mean_gap),
-            contact_fraction=_each_window(contact.contact_fraction),
-        ),
+        curves=_curves(contact, flows[0][0].k),
         contact=contact.contact,
         correlation_length=length,
         shifts=shifts,
@@ -72,7 +72,36 @@ def windows_in_place(wanted: Wanted) -> WindowSupply:
     along, across = tables[0]
     tables = ((replace(along, pressure=_moved_along(contact.pressure, shifts)), across), *tables[1:])
     node_rows = contact.fields.partition.node_rows
-    return WindowSupply(library, tables, node_rows, () if two_scale else contact.warnings, contact.fields)
+    return WindowSupply(library, tables, node_rows, () if two_scale else contact.warnings)
+
+
+def _runs_in_place(wanted: Wanted, contact: TwoScaleResult | WindowContacts) -> WindowSupply:
+    known = contact is wanted.two_scale
+    runs = runs_of_face(contact.fields, wanted.laid.draws[0][1], wanted.scene.flow.drop, mapper=wanted.mapper)
+    missing = np.full(wanted.partition.cells, np.nan)
+    k = np.array([state.k if isinstance(state, StateRuns) else missing for state in runs])
+    solved = k[np.isfinite(k[:, 0, 0])]
+    library = PlacedLibrary(
+        k1=None,
+        k2=None,
+        curves=_curves(contact, k),
+        contact=contact.contact,
+        correlation_length=correlation_length(solved) if len(solved) else 1.0,
+        shifts=1,
+        failures=() if known else contact.failures,
+    )
+    node_rows = contact.fields.partition.node_rows
+    return WindowSupply(library, (), node_rows, () if known else contact.warnings, tuple(runs))
+
+
+def _curves(contact: TwoScaleResult | WindowContacts, k: Array) -> LibraryTable:
+    return LibraryTable(
+        steps=contact.fields.steps,
+        pressure=_each_window(contact.pressure),
+        k=_each_window(k),
+        mean_gap=_each_window(contact.mean_gap),
+        contact_fraction=_each_window(contact.contact_fraction),
+    )
 
 
 def _moved_along(pressure: Array, shifts: int) -> Array:

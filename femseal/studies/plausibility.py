@@ -7,13 +7,12 @@ from math import isfinite
 
 from ..base.quantities import to_text
 from ..fluids import IdealGas
+from .lifted import LIFTING_SHARE, carried_pressure
 from .scene import Scene
 
 #: Young's moduli of metals, and of hard coatings, lie between these [Pa]; contact moduli between half of the lower one
 #: and a fifth more than the higher one.
 YOUNG_LIMITS = (5e9, 1.2e12)
-#: Share of the contact pressure from which on the fluid lifts the faces noticeably, which the model leaves out.
-_LIFTING_SHARE = 0.5
 #: Share of the hardness from which on the nominal pressure flattens most of the face, where hardness is no constant.
 _FLATTENING_SHARE = 0.5
 #: Largest rms slope for which a face is near to a half-space.
@@ -43,13 +42,18 @@ def _odd_modulus(scene: Scene) -> Iterator[str]:
 
 def _odd_pressures(scene: Scene) -> Iterator[str]:
     inlet, steps = scene.inlet_pressure, scene.steps
-    lifted = [step for step in steps if step.pressure > 0 and inlet > _LIFTING_SHARE * step.pressure]
+    lifted = [step for step in steps if step.pressure > 0 and inlet > LIFTING_SHARE * step.pressure]
     if lifted:
-        least = min(step.pressure for step in lifted)
+        least, carried = min(step.pressure for step in lifted), carried_pressure(scene)
+        like = (
+            f"it acts as if the contact pressure were lower by {to_text(carried, 'Pa')}"
+            if carried < least
+            else "it parts them"
+        )
         yield (
             f"the fluid's {to_text(inlet, 'Pa')} at the inlet is {inlet / least:.2g} times the contact pressure of "
-            f"{to_text(least, 'Pa')}, and more than {_LIFTING_SHARE:.0%} of it at {len(lifted)} of {len(steps)} load "
-            "steps: the model leaves out that the fluid lifts the faces, so that leakage is too small there"
+            f"{to_text(least, 'Pa')}, and more than {LIFTING_SHARE:.0%} of it at {len(lifted)} of {len(steps)} load "
+            f"steps: the model leaves out that the fluid lifts the faces ({like}), so that leakage is too small there"
         )
     if isinstance(scene.fluid, IdealGas) and scene.outlet_pressure == 0:
         yield (

@@ -13,6 +13,8 @@ from ..base.quantities import to_text
 from ..scales import SAMPLERS, Partition
 from ..seal.layouts import Layout, SealWindows, Windows
 from ..seal.pressure_map import AnyMap, Profile, Uniform, is_uniform
+from .face_contact import chosen_contact
+from .scene import Scene
 
 #: Choices of the pressures and the waves of windows, see `Sampling.pressure`.
 PRESSURES = ("place", "global", "uniform")
@@ -31,14 +33,15 @@ class Sampling:
     realisations : number of seals that are drawn.
     library_cells : number of windows in the library.
     seed : of all random numbers.
-    sampler : "history", "derivative", "copula" or "block", see `scales.sampling`, or "runs". Unless given it is "block"
-        with the pressure "place", where windows have neighbours, and "history" with the others. "runs", with the
-        pressure "place" and the discretisation "edge", makes seals of runs of a quarter of the face's columns, whose
-        flow is solved by finite elements, see `scales.column_runs`; `length` is rounded to whole runs.
+    sampler : "history", "derivative", "copula" or "block", see `scales.sampling`, or "runs", see `chosen_sampler`.
+        "runs", with the pressure "place" and the discretisation "edge", makes straight seals of runs of an eighth to a
+        half of the face's columns, whose flow is solved by finite elements, see `scales.column_runs`; `length` is
+        rounded to whole runs.
     pressure : the source of the windows and of their pressures.
         "place": all windows of the face at their places. A link draws from the windows of its row. If `library_cells`
-        asks for more than the face has, they are cut again, moved by fractions of their width; this adds no area, and
-        the error of the library stays that of the windows of the face. For faces whose form varies over a window.
+        asks for more than the face has, they are cut again, moved by fractions of their width, except for "runs"; this
+        adds no area, and the error of the library stays that of the windows of the face. For faces whose form varies
+        over a window.
         "global": windows with all their waves, followed along a ladder of pressures. The global contact of the face,
         repeated along the seal, gives the pressure of each link (Pérez-Ràfols et al., 2018).
         "uniform": windows with the full heights. Every link has the nominal pressure, or its share in `pressure_map`.
@@ -65,9 +68,23 @@ class Sampling:
     other_lengths: tuple[float, ...] = ()
 
     @property
-    def chosen_sampler(self) -> str:
-        """The given sampler, or the one that suits `pressure`."""
+    def sampler_of_links(self) -> str:
+        """The given sampler, or the one of links that suits `pressure`."""
         return self.sampler or ("block" if self.pressure == "place" else "history")
+
+
+def chosen_sampler(sampling: Sampling, scene: Scene, contact: str | None = None) -> str:
+    """The sampler given, or the one that suits the pressure.
+
+    It is "history" where windows have no neighbours. With the pressure "place" it is "runs", or "block" where the seal
+    is not straight, flow is not solved between pixels ("edge"), or the contact is solved by windows: one that fails
+    would take its runs with it.
+    """
+    whole = chosen_contact(contact, scene.surface.shape) == "whole"
+    runs = whole and scene.discretisation == "edge" and scene.layout.kind == "rectangular"
+    if sampling.sampler is None and sampling.pressure == "place" and runs:
+        return "runs"
+    return sampling.sampler_of_links
 
 
 def laid_out(layout: Layout, partition: Partition, sampling: Sampling) -> tuple[SealWindows, ...]:
@@ -91,11 +108,11 @@ def laid_out(layout: Layout, partition: Partition, sampling: Sampling) -> tuple[
 def _laid_out(layout: Layout, partition: Partition, sampling: Sampling) -> SealWindows:
     windows = Windows(partition.window_size, partition.cells[0], sampling.length, sampling.breadth)
     laid = layout.lay_out(windows)
-    if laid.together and sampling.chosen_sampler != "history":
-        raise InputError.of("sampler", sampling.chosen_sampler, f"history with {layout}, whose elements take windows")
+    if laid.together and sampling.sampler_of_links != "history":
+        raise InputError.of("sampler", sampling.sampler_of_links, f"history with {layout}, whose elements take windows")
     if laid.together and sampling.bounds:
         raise InputError.of("bounds", "true", f"false with {layout}")
-    if sampling.chosen_sampler == "runs" and layout.kind != "rectangular":
+    if sampling.sampler_of_links == "runs" and layout.kind != "rectangular":
         raise InputError.of("sampler", "runs", f"another one with {layout}")
     if sampling.pressure != "uniform" and laid.rows != partition.cells[0]:
         face = f"a face with {partition.cells[0]} rows of windows"
@@ -107,18 +124,20 @@ def _laid_out(layout: Layout, partition: Partition, sampling: Sampling) -> SealW
 def placed_windows(sampling: Sampling, partition: Partition) -> int:
     """Number of windows that the pressure "place" takes from a face: all of its windows, once for every shift."""
     of_face = partition.cells[0] * partition.cells[1]
+    if sampling.sampler == "runs":
+        return of_face
     return of_face * int(np.clip(-(-sampling.library_cells // of_face), 1, partition.window[1]))
 
 
 def check_sampling(sampling: Sampling) -> None:
     """Raise InputError for an unknown option, or for two that do not go together."""
-    if sampling.chosen_sampler not in DRAWS:
+    if sampling.sampler_of_links not in DRAWS:
         raise InputError.of("sampler", sampling.sampler, f"one of {', '.join(DRAWS)}")
     if sampling.pressure not in PRESSURES:
         raise InputError.of("pressure", sampling.pressure, f"one of {', '.join(PRESSURES)}")
-    if sampling.chosen_sampler == "block" and sampling.pressure != "place":
+    if sampling.sampler_of_links == "block" and sampling.pressure != "place":
         raise InputError.of("sampler", "block", "another one, or the pressure 'place', whose windows are neighbours")
-    if sampling.chosen_sampler == "runs" and sampling.pressure != "place":
+    if sampling.sampler_of_links == "runs" and sampling.pressure != "place":
         raise InputError.of("sampler", "runs", "another one, or the pressure 'place', whose windows are neighbours")
     if sampling.breadth is not None and (sampling.pressure != "uniform" or not sampling.breadth > 0):
         raise InputError.of("breadth", sampling.breadth, "a length > 0 with the pressure 'uniform', none with others")
@@ -131,6 +150,6 @@ def check_sampling(sampling: Sampling) -> None:
         raise InputError.of("library", f"'{sampling.library}'", "none with the pressure 'place', which has no ladder")
     if sampling.width is not None:
         validate.number("width", sampling.width, unit="1")
-    if sampling.bounds and (sampling.pressure == "place" or sampling.chosen_sampler != "history"):
-        given = f"true with the pressure '{sampling.pressure}' and the sampler '{sampling.chosen_sampler}'"
+    if sampling.bounds and (sampling.pressure == "place" or sampling.sampler_of_links != "history"):
+        given = f"true with the pressure '{sampling.pressure}' and the sampler '{sampling.sampler_of_links}'"
         raise InputError.of("bounds", given, "true with 'global' or 'uniform' and 'history'")

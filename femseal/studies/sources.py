@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 
 from ..base.stage import Mapper
 from ..base.text import Shown
-from ..scales import LadderLibrary, LibraryTable, LinkTable, Partition, SolveCounts
-from ..scales.window_fields import WindowFields
+from ..scales import Failed, LadderLibrary, LibraryTable, LinkTable, Partition, SolveCounts
 from ..seal.layouts import SealWindows
+from .chained import StateRuns
 from .sampling_options import Sampling
 from .scene import Array, Scene
 from .two_scale import TwoScaleResult
@@ -42,17 +42,17 @@ class WindowSupply:
 
     library : the windows.
     tables : the tables from which links along x1 and along x2 are drawn; with bounds also those of the lower and of the
-        upper bounds. Of a gas with slip there are as many of each as it has pressures.
+        upper bounds. Of a gas with slip there are as many of each as it has pressures. None with runs.
     node_rows : x1 of the rows of nodes [m]; empty if they are equidistant.
     warnings : reasons to doubt the result.
-    fields : deformed gap of the face, if the windows keep their places on it.
+    runs : of columns of the face at every step, for the sampler "runs".
     """
 
     library: LadderLibrary | PlacedLibrary
     tables: tuple[Tables, ...]
     node_rows: tuple[float, ...] = ()
     warnings: tuple[str, ...] = ()
-    fields: WindowFields | None = None
+    runs: tuple[StateRuns | Failed, ...] = ()
 
 
 #: A source of windows: takes a request and returns the windows.
@@ -64,7 +64,7 @@ class PlacedLibrary(Shown):
     """Windows of a face at their places.
 
     k1, k2 : permeability of links along x1 (steps, rows, columns) and x2 (steps, rows − 1, columns) [m³]. Columns come
-        in the order of the face, once for every shift of the windows along x2.
+        in the order of the face, once for every shift of the windows along x2. None with the sampler "runs".
     curves : the windows without shift, for tables and pictures.
     contact : how the contact of the windows was solved, see `face_contact.CONTACTS`.
     correlation_length : number of columns over which windows are alike.
@@ -73,8 +73,8 @@ class PlacedLibrary(Shown):
     failures : reasons of failed windows, one line each.
     """
 
-    k1: Array = field(metadata={"unit": "m^3", "long_name": "permeability along x1"})
-    k2: Array = field(metadata={"unit": "m^3", "long_name": "permeability along x2"})
+    k1: Array | None = field(metadata={"unit": "m^3", "long_name": "permeability along x1"})
+    k2: Array | None = field(metadata={"unit": "m^3", "long_name": "permeability along x2"})
     curves: LibraryTable
     contact: str
     correlation_length: float
@@ -85,9 +85,9 @@ class PlacedLibrary(Shown):
     @property
     def size(self) -> int:
         """Number of windows of links along x1."""
-        return self.k1.shape[1] * self.k1.shape[2]
+        return len(self.curves.k) * self.shifts
 
     @property
     def independent(self) -> int:
         """Number of windows that do not overlap: those of the face without shift."""
-        return self.size // self.shifts
+        return len(self.curves.k)

@@ -17,12 +17,12 @@ from ..scales import Failed, LadderLibrary, Partition, SolverCounts, attempt
 from ..seal import RectangularSeal
 from ..seal.layouts import SealWindows
 from ..seal.linked import LinkWindows
-from .chained import chained_seals
+from .chained import StateRuns, chained_seals
 from .followed import windows_under_global_contact, windows_under_uniform_pressure
 from .median_seal import MOST_VALUES, drawn_permeability, median_seal, nearest_to_median
 from .placed import windows_in_place
 from .plausibility import odd_in_scene
-from .sampling_options import Sampling, check_sampling, laid_out
+from .sampling_options import Sampling, check_sampling, chosen_sampler, laid_out
 from .scene import Array, Scene
 from .sources import PlacedLibrary, Source, Tables, Wanted, WindowSupply
 from .stochastic_result import StochasticResult
@@ -64,7 +64,8 @@ def stochastic(
     FemsealError : every window of the library failed.
     """
     check_sampling(sampling)
-    if sampling.chosen_sampler == "runs" and scene.discretisation != "edge":
+    sampling = replace(sampling, sampler=chosen_sampler(sampling, scene, two_scale.contact if two_scale else contact))
+    if sampling.sampler == "runs" and scene.discretisation != "edge":
         raise InputError.of("sampler", f"'runs' with the discretisation '{scene.discretisation}'", "'edge' with it")
     if sampling.width is None:
         return _draw(scene, cells, sampling, contact, two_scale, mapper)
@@ -105,7 +106,7 @@ def _draw(
     every = laid_out(scene.layout, partition, sampling)
     longest = max(every, key=lambda laid: laid.draws[0][1])
     supply = SOURCES[sampling.pressure](Wanted(scene, partition, sampling, longest, two_scale, contact, mapper))
-    of = _of_runs if sampling.chosen_sampler == "runs" else _of_windows
+    of = _of_runs if sampling.sampler == "runs" else _of_windows
     first, *others = (of(scene, partition, sampling, supply, laid, mapper) for laid in every)
     library = supply.library
     failures = (f"{to_text(seals.seal.size[1], 'm')}, {text}" for seals in others for text in seals.failures)
@@ -114,7 +115,9 @@ def _draw(
         other_lengths=tuple(others),
         failures=library.failures + first.failures + tuple(failures),
         warnings=odd_in_scene(scene) + first.warnings + supply.warnings,
-        solvers=library.counts.solvers + SolverCounts.total(seals.solvers for seals in (first, *others)),
+        solvers=library.counts.solvers
+        + SolverCounts.total(state.solvers for state in supply.runs if isinstance(state, StateRuns))
+        + SolverCounts.total(seals.solvers for seals in (first, *others)),
     )
 
 
@@ -140,6 +143,7 @@ def _of_windows(
     return StochasticResult(
         steps=scene.steps,
         seal=laid.seal,
+        sampler=sampling.sampler_of_links,
         library=library,
         leakage=leakage,
         leakage_resampled=np.array([r.leakage[0] for r in drawn[count:]]),
@@ -165,19 +169,23 @@ def _of_runs(
     scene: Scene, partition: Partition, sampling: Sampling, supply: WindowSupply, laid: SealWindows, mapper: Mapper
 ) -> StochasticResult:
     """Seals of one length, drawn as chains of runs of the face."""
-    assert supply.fields is not None
-    drawn = chained_seals(scene, supply.fields, laid.draws[0][1], sampling.realisations, sampling.seed, mapper=mapper)
+    drawn = chained_seals(scene, partition, supply.runs, laid.draws[0][1], sampling.realisations, sampling.seed)
     cells, (d1, d2) = (partition.cells[0], drawn.columns), partition.window_size
     return StochasticResult(
         steps=scene.steps,
         seal=RectangularSeal((cells[0] * d1, cells[1] * d2), cells, supply.node_rows),
+        sampler="runs",
         library=supply.library,
         leakage=drawn.leakage,
         leakage_resampled=drawn.resampled,
         leakage_closed_cuts=drawn.closed,
         leakage_held_cuts=drawn.held,
-        failures=drawn.failures,
-        solvers=drawn.solvers,
+        failures=tuple(
+            f"runs, {step.name}: {state.reason}"
+            for step, state in zip(scene.steps, supply.runs, strict=True)
+            if isinstance(state, Failed)
+        ),
+        warnings=drawn.warnings,
     )
 
 

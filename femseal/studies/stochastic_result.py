@@ -34,7 +34,9 @@ class StochasticResult(Shown):
         of these runs lies between them.
     other_lengths : seals of the other lengths that were asked for, drawn from the same library; the same realisation of
         a longer seal begins with that of a shorter one.
-    median_seal : fields of the realisation nearest to the median; None of runs, very large seals, and without leakage.
+    sampler : how they were drawn, see `sampling_options.chosen_sampler`.
+    median_seal : fields of the realisation nearest to the median; None with the sampler "runs", of very large seals,
+        and without leakage.
     failures : reasons of values that are NaN or left out. warnings : reasons to doubt the result.
     solvers : number of systems by solver, of library windows and of drawn seals.
     """
@@ -61,6 +63,7 @@ class StochasticResult(Shown):
         default=None, metadata=labels("m^2/s", "leakage per unit seal length, cuts held", "realisation", "step")
     )
     other_lengths: tuple[StochasticResult, ...] = field(default=(), repr=False)
+    sampler: str = "history"
     median_seal: MedianSeal | None = field(default=None, repr=False)
     failures: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()

@@ -68,14 +68,16 @@ def sweep(
     folder = Path(output)
     if folder.exists() and not folder.is_dir():
         raise InputError.of("output", f"'{folder}', which is a file", "a folder, or one that does not exist")
-    for variation in cases:
+    told = progress or (lambda stage, done, total: None)
+    for n, variation in enumerate(cases):
+        told("checked cases", n, len(cases))
         _check(variation)
         if not resume:
             checkpoint.refuse_unfinished(folder / variation.name)
     with alone_in(made_folder(folder)):
         kept: dict[int, Results] = {}
         failures: list[str] = []
-        told = progress or (lambda stage, done, total: None)
+        told("checked cases", len(cases), len(cases))
         told("cases", 0, len(cases))
         for n, variation in enumerate(cases):
             if announce is not None:

@@ -1,23 +1,38 @@
 """How well samplers reproduce windows: against their own library and against windows held out of it.
 
-    python tests/benchmarks/samplers.py --windows 300 --write
+    python tests/benchmarks/samplers.py --windows 300 --points 256 --write
 
 Windows of a self-affine face (Hurst 0.8, H/(E*·rms slope) = 0.14) are followed along a ladder; the samplers draw from the
 first half, the second is held out. Kolmogorov–Smirnov distance, difference of the closed share, and of the rank
 correlations between all loads, on loading and unloading, each the largest over the loads; links whose history is not monotone;
 and leakage of maps of drawn links in shares of that of maps of the held-out windows. The last line is the held-out half
 against the first: what chance alone does to numbers this small.
+
+Then seals against faces that are eight times as long as broad: each is solved as a whole, and cut into eight pieces. Seals
+as long as the face are drawn from each piece alone, as if it was what had been measured. In shares of the leakage of the
+long face: the mean over its pieces, the median over the faces; of the pieces themselves, solved alone and periodic along x2,
+and of seals drawn from them. Behind it the standard deviation of ln(leakage) between pieces / the error of the library that
+the seals tell.
 """
 
 from __future__ import annotations
 
 import argparse
+import time
+from dataclasses import replace
 
 import numpy as np
 from common import machine, rows, save_report
 
 MODULUS, SLOPE, PIXEL, WINDOW = 115e9, 0.25, 1e-6, 32
 LINKS, MAPS, SHAPES = 20_000, 30, ((32, 32), (100, 10))
+#: Pieces of a long face, pixels of a window, and shares of the hardness at which each kind of face is loaded.
+PIECES, WINDOW_PIXELS = 8, 32
+LONG = {
+    "milling arcs": (0.01, 0.04, 0.09, 0.15),
+    "turned": (0.004, 0.02, 0.05, 0.09),
+    "self-affine": (0.01, 0.04, 0.11, 0.2),
+}
 
 
 def library_table(windows):
@@ -85,11 +100,78 @@ def leakages(draw, steps):
     return out
 
 
+def long_scene(kind, n, seed):
+    """A face of n × 8n pixels under load, with one unloading, whose form varies with n in proportion."""
+    from femseal import Liquid, Scene, Topography, self_affine, turned
+
+    shape = n, PIECES * n
+    size = n * PIXEL, PIECES * n * PIXEL
+    hardness, rough = 4e9, {"cut_off": 8 * PIXEL, "rng": seed}
+    if kind == "turned":
+        face = turned(shape, size, pitch=size[0] / 8, depth=5e-6 * n / 512, roughness=0.7e-6 * n / 512,
+                      roughness_roll_off=size[0] / 16, **rough)  # fmt: skip
+    elif kind == "self-affine":
+        face = self_affine(shape, size, hurst=0.8, rms_slope=SLOPE, roll_off=size[0] / 4, **rough)
+        hardness = 0.14 * MODULUS * SLOPE
+    else:
+        face = self_affine(shape, size, hurst=0.8, rms_height=0.35e-6, roll_off=size[0] / 4, **rough)
+        x1, x2 = ((np.arange(count) + 0.5) * PIXEL for count in shape)
+        along = x2 + np.sqrt((1.5 * size[0]) ** 2 - x1[:, None] ** 2)
+        marks = 0.625e-6 * np.cos(2 * np.pi * along / (size[0] / 8))
+        face = Topography(marks + face.heights, (PIXEL, PIXEL), (False, True))
+    shares = LONG[kind]
+    return Scene(surface=face, modulus=MODULUS, hardness=hardness, fluid=Liquid(1e-3), inlet_pressure=1e7,
+                 outlet_pressure=0.0, loading=tuple(hardness * s for s in shares), unload_from=(hardness * shares[2],),
+                 unloading=(hardness * shares[1] / 2,))  # fmt: skip
+
+
+def long_faces(n, seeds):
+    """Rows of the table of long faces: one for each kind of face and step."""
+    from femseal import Sampling, Topography, deterministic, stochastic
+
+    found, cells = [], (n // WINDOW_PIXELS,) * 2
+    for kind in LONG:
+        routes = {name: [] for name in ("the pieces", "runs", "block")}
+        errors, bounds, seconds, truths = {}, [], {}, []
+        for seed in range(1, seeds + 1):
+            scene = long_scene(kind, n, seed)
+            truth = deterministic(scene).leakage
+            truths.append(truth / truth[0])
+            for first in range(0, PIECES * n, n):
+                heights = np.ascontiguousarray(scene.surface.heights[:, first : first + n])
+                piece = replace(scene, surface=Topography(heights, scene.surface.spacing, (False, False)))
+                routes["the pieces"].append(deterministic(piece).leakage / truth)
+                for name in ("runs", "block"):
+                    sampling = Sampling(PIECES * n * PIXEL, 200, 1, seed=1, sampler=name)
+                    begin = time.process_time()
+                    seals = stochastic(piece, cells, sampling)
+                    seconds.setdefault(name, []).append(time.process_time() - begin)
+                    routes[name].append(seals.quantile(0.5) / truth)
+                    errors.setdefault(name, []).append(seals.library_error)
+                    if name == "runs":
+                        ends = seals.leakage_closed_cuts, seals.leakage_held_cuts
+                        bounds.append([end.mean(axis=0) / truth for end in ends])
+        low, high = np.mean(bounds, axis=0)
+        for s, step in enumerate(scene.steps):
+            line = [kind, step.name, f"{np.mean(truths, axis=0)[s]:.2g}"]
+            for name, shares in routes.items():
+                share = np.array(shares)[:, s]
+                of_faces = np.median(share.reshape(seeds, PIECES).mean(axis=1))
+                line.append(f"{of_faces:.3f}; {np.log(np.maximum(share, 1e-3)).std():.2f}")
+                if name in errors:
+                    line[-1] += f" / {np.sqrt(np.nanmean(np.array(errors[name])[:, s] ** 2)):.2f}"
+            found.append([*line, f"{low[s]:.2f} … {high[s]:.2f}"])
+        print(kind, {name: f"{np.median(values):.2f} s" for name, values in seconds.items()}, flush=True)
+    return rows(["face", "step", "flow", "the pieces", "runs", "block", "closed … held cuts"], found)
+
+
 def main():
     from femseal.scales import SAMPLERS, LinkTable, draw_links
 
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--windows", type=int, default=300)
+    parser.add_argument("--points", type=int, default=256, help="across the long faces; 0: without them")
+    parser.add_argument("--seeds", type=int, default=5, help="long faces of each kind")
     parser.add_argument("--write", action="store_true")
     options = parser.parse_args()
     k, steps = library_table(options.windows)
@@ -125,6 +207,12 @@ def main():
         f"{machine({})}; {options.windows} windows of {WINDOW}² points. Against the library / the held-out windows.\n\n"
     )
     text += rows(["sampler", "KS", "closed share", "rank correlation", "not monotone", *shapes], cells)
+    if options.points:
+        text += (
+            f"\n\n{options.seeds} faces of each kind, of {options.points} × {PIECES * options.points} points, and seals of "
+            "the same length drawn from each of their eight pieces.\n\n"
+        )
+        text += long_faces(options.points, options.seeds)
     print(text)
     if options.write:
         save_report(__file__, "Samplers", text)

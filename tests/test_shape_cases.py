@@ -1,0 +1,183 @@
+"""Cases of a ring and of a gasket from their file to ParaView, and the faults of a seal's table."""
+
+import re
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+from test_job import femseal
+
+import femseal as fs
+from femseal.accuracy import make_plan
+from femseal.runs.case import parse_case
+from femseal.runs.forecast import describe
+
+EXAMPLES = Path(__file__).parents[1] / "examples"
+#: Fewer loads and windows; the ring is narrower, and the gasket has larger windows.
+REDUCED = {
+    "annular_seal": {"seal": {"outer_radius": "10.6 mm"}, "face": {"points": [96, 96], "size": ["120 um", "120 um"]},
+                     "cells": {"count": [2, 2]}},
+    "gasket_seal": {"face": {"points": [64, 128]}},
+}  # fmt: skip
+LOAD = {"loading": ["50 MPa", "200 MPa"], "unload_from": ["200 MPa"], "unloading": ["50 MPa"]}
+
+
+def reduced(name, **more):
+    data = tomllib.loads((EXAMPLES / f"{name}.toml").read_text(encoding="utf-8"))
+    changes = REDUCED[name] | {"load": LOAD, "stochastic": {"realisations": 3, "library_cells": 6}}
+    for table, keys in (*changes.items(), *more.items()):
+        data[table] = data[table] | keys
+    return data
+
+
+@pytest.fixture(scope="module", params=sorted(REDUCED))
+def done(request, tmp_path_factory):
+    folder = tmp_path_factory.mktemp(request.param)
+    case = parse_case(reduced(request.param), EXAMPLES)
+    return case, fs.run(case, folder, workers=1), folder
+
+
+def test_leakage_is_that_of_the_shape(done):
+    """Between what rings of the smallest and the largest permeability of a drawn part would leak; it closes and opens."""
+    case, results, _ = done
+    assert results.failures == []
+    first, top, back = results.leakage.values
+    assert 0 < top < back < first
+    k = results.dataset["drawn_permeability"].values
+    length = results.dataset.attrs["seal_size_m"][1]
+    if case.seal.kind == "annular":
+        assert_allclose(length, np.pi * 20.6e-3)
+        squares = 2 * np.pi / np.log(10.6 / 10)
+    else:
+        assert_allclose(length, 0.11)
+        squares = 10.1  # of the whole gasket, see test_meshes
+    rate = case.fluid.inlet_pressure / case.fluid.viscosity * squares / length
+    for s, leakage in enumerate((first, top, back)):
+        assert k[s].min() * rate < leakage < k[s].max() * rate
+        assert_allclose(leakage, np.exp(np.log(k[s]).mean()) * rate, rtol=0.35)
+
+
+@pytest.mark.parametrize("done", ["gasket_seal"], indirect=True)
+def test_results_do_not_depend_on_workers_and_a_finished_run_is_found(done):
+    case, results, folder = done
+    again = fs.run(case, workers=2)
+    assert_array_equal(again.dataset["leakage"].values, results.dataset["leakage"].values)
+    assert_array_equal(again.dataset["drawn_permeability"].values, results.dataset["drawn_permeability"].values)
+    log = (folder / "run.log").read_text(encoding="utf-8")
+    fs.run(case, folder, resume=True)
+    assert (folder / "run.log").read_text(encoding="utf-8") == log
+
+
+def test_files_for_people_and_paraview(done):
+    import pyvista
+
+    case, results, folder = done
+    reader = pyvista.get_reader(folder / "vtk" / "drawn.pvd")
+    assert reader.time_values == [0, 1, 2]
+    reader.set_active_time_value(1)
+    block = reader.read()[0]
+    data = results.dataset
+    assert block.n_cells == data.sizes["part"]
+    assert block.n_points < 0.9 * data.sizes["part"] * data.sizes["corner"]  # corners that parts share are one point
+    assert_allclose(block.cell_data["permeability_m3"], data["drawn_permeability"].values[1])
+    p = block.cell_data["fluid_pressure_Pa"]
+    assert 0 <= p.min() < 0.15 * p.max() < p.max() <= case.fluid.inlet_pressure
+    # the fluid pressure falls from the bore outwards
+    r = np.hypot(*block.cell_centers().points[:, :2].T)
+    assert p[r < np.quantile(r, 0.1)].mean() > 3 * p[r > np.quantile(r, 0.9)].mean()
+    assert (folder / "seal.png").stat().st_size > 20_000
+    page = (folder / "report.html").read_text(encoding="utf-8")
+    words = {"annular": "a ring between the radii 10 mm and 10.6 mm", "mesh": "the mesh bolted_ring.msh, lay x2"}
+    assert words[case.seal.kind] in page
+    assert "The drawn seal nearest to the median" in page
+
+
+@pytest.mark.parametrize("name", sorted(REDUCED))
+def test_check_and_accuracy_know_the_shape(name):
+    case = parse_case(reduced(name), EXAMPLES)
+    lines = "\n".join(describe(case, case.prepare()))
+    assert re.search(r"^seal +(a ring between|the mesh bolted_ring)", lines, re.MULTILINE)
+    assert re.search(
+        {"annular_seal": r"3 seals of 10 × 1079 links", "gasket_seal": r"\d+ windows in 5940 elements"}[name], lines
+    )
+    plan = make_plan(case, limit=1e9, memory=1e12)
+    assert plan.prepared.scene.layout.kind == "rectangular"
+    assert plan.prepared.sampling.length == plan.prepared.scene.surface.size[1]
+    assert "strips as long as the face" in "\n".join(plan.lines())
+    assert {v.method for v in plan.variants} == {"deterministic", "two-scale", "stochastic"}
+
+
+def refused(data, folder=EXAMPLES):
+    with pytest.raises(fs.InputError) as error:
+        parse_case(data, folder).prepare()
+    assert "\n" not in str(error.value)
+    return str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("name", "table", "keys", "words"),
+    [
+        ("annular_seal", "stochastic", {"length": "1 mm"}, "stochastic.length: given 1 mm, allowed is none with a seal of"),
+        ("annular_seal", "stochastic", {"breadth": "1 mm"}, "stochastic.breadth: given 1 mm, allowed is none with a seal"),
+        ("annular_seal", "stochastic", {"pressure": "place"}, "stochastic.pressure: given 'place' of a face with 2 rows"),
+        ("annular_seal", "seal", {"inlet": "left"}, "seal.inlet: given 'left', allowed is 'inner' or 'outer'"),
+        ("annular_seal", "seal", {"outer_radius": "9 mm"}, "seal.outer_radius: given 0.009 m, allowed is a number > the"),
+        ("annular_seal", "seal", {"inner_radius": "-1 mm"}, "seal.inner_radius: given '-1 mm', allowed is a length > 0"),
+        ("annular_seal", "seal", {"lay": "around"}, "seal.lay: given 'around', allowed is one of x1, x2, radial"),
+        ("annular_seal", "seal", {"lay": {"angle": "3 mm"}}, "seal.lay: allowed is text with a number and a unit of the kind 'rad'"),
+        ("annular_seal", "seal", {"lay": {"field": "a.vtu:b"}}, "seal.lay: given 'along the field b of a.vtu' on a ring"),
+        ("annular_seal", "seal", {"path": "a.msh"}, "seal.path: unknown key, allowed are kind, inner_radius, outer_radius"),
+        ("annular_seal", "seal", {"kind": "square"}, "seal.kind: given 'square', allowed is one of 'rectangular', 'annular'"),
+        ("gasket_seal", "seal", {"path": "none.msh"}, "seal.path: given 'none.msh', allowed is a file that exists"),
+        ("gasket_seal", "seal", {"unit": "s"}, "seal.unit: given 's', allowed is a unit of length, such as 'mm'"),
+        ("gasket_seal", "seal", {"unit": "nm"}, "seal.path: given a seal 50 nm across with the unit 'nm', allowed is from"),
+        ("gasket_seal", "seal", {"unit": "um"}, "seal.path: given a seal 50 µm across with the unit 'um', allowed is from"),
+        ("gasket_seal", "seal", {"inlet": "door"}, "seal.inlet: given 'door', allowed is the name of a boundary of the mesh"),
+        ("gasket_seal", "seal", {"outlet": ["rim", "bore"]}, "seal.inlet and outlet: they touch"),
+        ("gasket_seal", "seal", {"outlet": []}, "seal.outlet: given [], allowed is the name of a boundary, or a list"),
+        ("gasket_seal", "seal", {"outlet": 3}, "seal.outlet: given 3, allowed is the name of a boundary, or a list"),
+        ("gasket_seal", "seal", {"lay": {"field": "none.vtu:t"}}, "seal.lay: given 'none.vtu', allowed is a file that"),
+        ("gasket_seal", "seal", {"lay": {"field": "annular_seal.toml:t"}}, "seal.path: given "),
+        ("gasket_seal", "seal", {"path": "gasket_seal.toml"}, "seal.path: given "),
+        ("gasket_seal", "seal", {"centre": ["1 mm"]}, "seal.centre"),
+        ("gasket_seal", "seal", {"length": "-1 mm"}, "seal.length: given '-1 mm', allowed is a length > 0"),
+        ("gasket_seal", "stochastic", {"sampler": "copula"}, "stochastic.sampler: given copula, allowed is history with the mesh"),
+        ("gasket_seal", "stochastic", {"bounds": True}, "stochastic.bounds: given true, allowed is false with the mesh"),
+        ("gasket_seal", "stochastic", {"pressure": "global"}, "stochastic.pressure: given 'global' of a face with 2 rows"),
+    ],
+)  # fmt: skip
+def test_faults_are_one_line_with_their_key(name, table, keys, words):
+    assert refused(reduced(name, **{table: keys})).startswith(words)
+
+
+def test_a_shape_needs_the_method_that_draws_it_and_a_strip_its_length():
+    data = reduced("annular_seal") | {"method": "two-scale"}
+    assert refused(data).startswith("seal.kind: given annular with the method two-scale, allowed is it with stochastic")
+    data = reduced("annular_seal") | {"seal": {"kind": "rectangular"}}
+    assert refused(data) == "stochastic.length: given none, allowed is the length of the seal"
+
+
+def test_bad_seals_end_with_code_2_and_write_nothing(tmp_path):
+    text = (EXAMPLES / "gasket_seal.toml").read_text(encoding="utf-8")
+    path = tmp_path / "case.toml"
+    path.write_text(text.replace("../meshes", str(EXAMPLES.parent / "meshes")).replace('"bore"', '"door"'))
+    done = femseal("run", path, "-o", tmp_path / "out")
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.startswith(
+        "femseal: seal.inlet: given 'door', allowed is the name of a boundary of the mesh: 'bore'"
+    )
+    assert done.stderr.count("\n") == 1
+    assert not (tmp_path / "out").exists()
+
+
+def test_another_mesh_is_another_run(tmp_path):
+    """The content of the mesh is part of what a run goes on from."""
+    from femseal.runs.job import _face_files
+
+    data = reduced("gasket_seal") | {"seal": reduced("gasket_seal")["seal"] | {"path": "seal.msh"}}
+    (tmp_path / "seal.msh").write_text("one")
+    first = _face_files(parse_case(data, tmp_path))
+    (tmp_path / "seal.msh").write_text("two")
+    assert list(first) == ["seal.msh"] != _face_files(parse_case(data, tmp_path))
