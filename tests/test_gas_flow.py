@@ -344,3 +344,20 @@ def test_a_helium_test_from_case_to_report(tmp_path):
         words = " ".join(case_sentences(assemble(case.prepare().scene, deterministic=study, case=case.echo())))
         assert f"helium, an ideal gas of viscosity 19.62 µPa·s with{'out' if slip else ''} slip" in words
     assert (leakage[""] > 1.1 * leakage["slip = false\n"]).all()
+
+
+@pytest.mark.parametrize(("inlet", "outlet"), [(1e6, 1e5), (1e5, 0.0)])
+def test_one_pressure_in_a_window_is_near_to_its_own(inlet, outlet):
+    """k(p) of a face with the pressure uniform in it, over the whole drop; 36 gaps of 128² pixels: 0.057 at most."""
+    heights = fs.self_affine((48, 48), (48e-6, 48e-6), hurst=0.8, rms_slope=0.1, cut_off=8e-6, rng=1).heights
+    gap = 0.3 * np.maximum(heights + heights.std(), 0.0)
+    whole = resolved_flow(gap, (1e-6, 1e-6), settings(inlet, outlet)).permeability
+    p = table_pressures(inlet, outlet)
+    widened = [gap * np.cbrt(HELIUM.flow_factor(np.where(gap > 0, gap, 1.0), q)) for q in p]
+    k = [fs.cell_permeability(h, (1e-6, 1e-6), sides="periodic").value for h in widened]
+    found = fs.seal_leakage(
+        fs.RectangularSeal((1.0, 1.0), (1, 1)), PermeabilityTable(tuple(p), np.array(k)), HELIUM,
+        inlet_pressure=inlet, outlet_pressure=outlet,
+    )  # fmt: skip
+    assert_allclose(found.conductance, whole, rtol=0.05)
+    assert abs(found.conductance / whole - 1) > 1e-5
