@@ -80,6 +80,11 @@ class Prepared:
         return asdict(self.conditioning) | ({} if self.overlap is None else {"overlap": asdict(self.overlap)})
 
 
+def shares_contact(prepared: Prepared) -> bool:
+    """Whether two scales take the contact of the whole face from the deterministic solution of the same run."""
+    return prepared.methods >= {"deterministic", "two-scale"} and prepared.contact == "whole"
+
+
 def coarser(prepared: Prepared) -> Scene:
     """The scene without waves shorter than twice the shortest one, on half the points a side.
 
