@@ -1,4 +1,4 @@
-"""Shapes of seals, the leakage of a whole seal from the permeability of its parts, its pressure drop, and maps of the contact pressure."""
+"""Shapes of seals, leakage from the permeability of their parts, pressure drop, and maps of the contact pressure."""
 
 from .drop_shares import NARROWEST, drop_shares, largest_shares
 from .field_file import read_pressure_field

@@ -51,8 +51,8 @@ def shared_paths(shares: Array) -> tuple[Array, Index]:
     """Distinct paths (steps, paths) of shares (steps, n), and the number of the path of each (n,).
 
     If there are more than `MOST_PATHS`, or `MOST_OF_SEVERAL`, shares are rounded in their cube root, in which ln k is
-    nearly straight, to steps of 1/512 of the largest or larger ones; the mean of those that share a path stays. Measured
-    under two maps with 512 paths: leakage within 3e-4.
+    nearly straight, to steps of 1/512 of the largest or larger ones; the mean of those that share a path stays.
+    Measured under two maps with 512 paths: leakage within 3e-4.
     """
     changes = [True, *(not np.array_equal(one, other) for one, other in pairwise(shares))]
     rows = shares[changes]
