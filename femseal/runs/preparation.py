@@ -14,10 +14,9 @@ from ..base.errors import InputError
 from ..base.quantities import to_text
 from ..scales import Partition
 from ..seal.layouts import SealWindows
-from ..seal.pressure_map import is_uniform
 from ..studies import Sampling, Scene, check_sampling, chosen_contact, chosen_flow, chosen_sampler, laid_out
 from ..studies.costs import choose_method
-from ..studies.local_pressure import MOST_PATHS, check_map
+from ..studies.local_pressure import check_map, most_paths
 from ..topography import (
     MOST_POINTS,
     Conditioning,
@@ -172,7 +171,7 @@ def _prepare(case: Case) -> Prepared:
             sampling = replace(sampling, pressure_map=case.load.pressure_map(case.folder, seal[0] * seal[1], seal[1]))
             check_sampling(sampling)
             doubts = (*every[0].warnings, *check_map(scene, every[0], sampling.pressure_map))
-        paths = 1 if is_uniform(sampling.pressure_map) else MOST_PATHS
+        paths = most_paths(sampling.pressure_map)
         for laid in every:
             weigh_draws(len(scene.steps), laid.draws[0], sampling.realisations, sampling.library_cells, paths)
     method: str = case.method
