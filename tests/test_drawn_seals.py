@@ -55,6 +55,17 @@ def test_flux_through_links_carries_the_leakage_through_every_row(kind):
     assert np.linalg.norm(sideways, axis=2).max() > 0.5 * leakage.volume_rate / (n2 * widths.min())
 
 
+def test_flux_across_is_the_mean_of_the_links_at_the_corners():
+    seal = fs.RectangularSeal((3e-3, 4e-3), (3, 4))
+    potential = np.random.default_rng(4).normal(size=(4, 4))
+    k = np.ones((3, 4)), np.ones((2, 4))
+    flux = LinkWindows(seal).flux(k, potential, 1.0).reshape(3, 4, 2)
+    link = -(np.roll(potential, -1, axis=1) - potential)[1:3] / 1e-3  # from column j to j + 1
+    assert_allclose(flux[1, 2, 1], (link[0, 1] + link[0, 2] + link[1, 1] + link[1, 2]) / 4)
+    assert_allclose(flux[0, 0, 1], (link[0, 3] + link[0, 0]) / 4)  # none at the inlet
+    assert_allclose(flux[..., 0], -np.diff(potential, axis=0) / 1e-3)
+
+
 def test_flux_is_nothing_in_pockets_and_closed_links():
     seal = fs.RectangularSeal((3e-3, 4e-3), (3, 4))
     k1, k2 = np.full((3, 4), 1e-18), np.zeros((2, 4))

@@ -243,6 +243,22 @@ def test_meshes_tensors_and_links_agree():
     assert_allclose(rates, rates[-1], rtol=5e-3)
 
 
+def test_the_flow_factor_of_a_cell():
+    gap = np.maximum(np.random.default_rng(3).standard_normal((12, 9)) + 1.5, 0) * 1e-7
+    for axis in (0, 1):
+        plain = fs.cell_permeability(gap, (1e-6, 2e-6), axis=axis, bounds=True)
+        twice = fs.cell_permeability(gap, (1e-6, 2e-6), axis=axis, bounds=True, flow_factor=2.0)
+        assert_allclose(
+            (twice.value, twice.lower, twice.upper), 2 * np.array([plain.value, plain.lower, plain.upper]), rtol=1e-9
+        )
+        # F of every pixel: the bounds are those of pixels of constant permeability
+        gas = fs.cell_permeability(gap, (1e-6, 2e-6), axis=axis, bounds=True, flow_factor=HELIUM.flow_factor(gap, 1e5))
+        assert gas.lower > 5 * plain.upper
+    for bad in (np.ones(3), -1.0, np.nan):
+        with pytest.raises(fs.InputError, match=r"^flow_factor: given"):
+            fs.cell_permeability(gap, (1e-6, 1e-6), flow_factor=bad)
+
+
 @pytest.mark.parametrize("shape", [(3, 8, 6), (3, 5), (3, 7, 6)])
 def test_tables_of_other_shapes_than_the_seal(shape):
     seal = fs.RectangularSeal((1e-3, 2e-3), (7, 6))
@@ -344,3 +360,22 @@ def test_a_helium_test_from_case_to_report(tmp_path):
         words = " ".join(case_sentences(assemble(case.prepare().scene, deterministic=study, case=case.echo())))
         assert f"helium, an ideal gas of viscosity 19.62 µPa·s with{'out' if slip else ''} slip" in words
     assert (leakage[""] > 1.1 * leakage["slip = false\n"]).all()
+
+
+@pytest.mark.parametrize(("inlet", "outlet"), [(1e6, 1e5), (1e5, 0.0)])
+def test_one_pressure_in_a_window_is_near_to_its_own(inlet, outlet):
+    """k(p) of a face with the pressure uniform in it, over the whole drop; 36 gaps of 128² pixels: 0.057 at most."""
+    heights = fs.self_affine((48, 48), (48e-6, 48e-6), hurst=0.8, rms_slope=0.1, cut_off=8e-6, rng=1).heights
+    gap = 0.3 * np.maximum(heights + heights.std(), 0.0)
+    whole = resolved_flow(gap, (1e-6, 1e-6), settings(inlet, outlet)).permeability
+    p = table_pressures(inlet, outlet)
+    k = [
+        fs.cell_permeability(gap, (1e-6, 1e-6), sides="periodic", flow_factor=HELIUM.flow_factor(gap, q)).value
+        for q in p
+    ]
+    found = fs.seal_leakage(
+        fs.RectangularSeal((1.0, 1.0), (1, 1)), PermeabilityTable(tuple(p), np.array(k)), HELIUM,
+        inlet_pressure=inlet, outlet_pressure=outlet,
+    )  # fmt: skip
+    assert_allclose(found.conductance, whole, rtol=0.05)
+    assert abs(found.conductance / whole - 1) > 1e-5

@@ -3,6 +3,7 @@
 import csv
 import io
 import sys
+from dataclasses import replace
 from functools import partial
 
 import matplotlib.image
@@ -264,6 +265,7 @@ def test_picture_of_a_sweep(swept):
     assert image.shape[1] > 1000
     figure = found.plot()
     left, right = figure.axes
+    assert found.labels[1] == "hardness 3 GPa, viscosity 2 mPa*s"
     assert left.get_xlabel() == "nominal pressure [MPa]"
     assert left.get_ylabel() == found.told_as
     lines = [line for line in left.lines if len(line.get_xdata()) > 1]
@@ -274,6 +276,18 @@ def test_picture_of_a_sweep(swept):
     assert right.get_xlabel() == "hardness [GPa]"
     assert_allclose(right.lines[0].get_xdata(), [3, 6])
     assert_allclose(right.lines[0].get_ydata(), [found.leakage(n)[1] for n in (0, 2)])
+
+
+def test_keys_that_do_not_vary_are_not_told(swept):
+    _, found = swept
+    some = [n for n, values in enumerate(found.settings) if values[1] == "2 mPa*s"]
+    same = replace(
+        found,
+        names=tuple(found.names[n] for n in some),
+        runs=tuple(found.runs[n] for n in some),
+        settings=tuple(found.settings[n] for n in some),
+    )
+    assert same.labels == ("hardness 3 GPa", "hardness 6 GPa")
 
 
 def test_runs_of_other_loads_methods_and_lengths(case, swept, tmp_path):

@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 #: Bands of more runs hide each other.
 _MOST_BANDS = 3
+#: Rows of markers in the strip of steps without leakage; more runs share them.
+_MOST_LANES = 4
 #: Most lines against a key, of loads or of the other keys.
 _MOST_LINES = 6
 #: Height of a line of the legend [inch], and letters of it that fit into half a panel.
@@ -74,7 +76,7 @@ def _load_panel(axes: Axes, comparison: RunComparison) -> list[Any]:
     leakages = [np.abs(comparison.leakage(n)) for n in range(count)]
     bands = [comparison.band(n) if count <= _MOST_BANDS else None for n in range(count)]
     ends = [np.abs(end) for band in bands if band is not None for end in band]
-    floor, lanes = leakage_axis(axes, np.concatenate([*leakages, *ends]), count)
+    floor, lanes = leakage_axis(axes, np.concatenate([*leakages, *ends]), min(count, _MOST_LANES))
     handles: list[Any] = []
     unloads = False
     for n, (name, (colour, marker)) in enumerate(zip(comparison.labels, run_styles(count), strict=True)):
@@ -85,7 +87,7 @@ def _load_panel(axes: Axes, comparison: RunComparison) -> list[Any]:
             look: dict[str, Any] = {"color": colour, "marker": marker}
             look |= {"ls": "-", "lw": 1.8, "ms": 4.5} if part == 0 else {"ls": "--", "lw": 1.0, "ms": 4, "mfc": "white"}
             axes.plot(x, np.where(y > 0, y, np.nan), **look)
-            axes.plot(x[y == 0], np.full(np.sum(y == 0), lanes[n]), **(look | {"ls": ""}))
+            axes.plot(x[y == 0], np.full(np.sum(y == 0), lanes[n % len(lanes)]), **(look | {"ls": ""}))
             unloads |= part > 0
             if (band := bands[n]) is not None and part == 0:
                 low, high = (np.maximum(np.abs(end[steps]), floor) for end in band)

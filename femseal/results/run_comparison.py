@@ -67,11 +67,11 @@ class RunComparison(Plotted):
 
     @property
     def labels(self) -> tuple[str, ...]:
-        """The runs in words: the settings of a sweep, or else their names."""
-        if not self.keys:
+        """The runs in words: the settings of a sweep that differ, or else their names."""
+        varied = [k for k in range(len(self.keys)) if len({values[k] for values in self.settings}) > 1]
+        if not varied:
             return self.names
-        return tuple(", ".join(f"{key} {text}" for key, text in zip(self.keys, values, strict=True))
-                     for values in self.settings)  # fmt: skip
+        return tuple(", ".join(f"{self.keys[k]} {values[k]}" for k in varied) for values in self.settings)
 
     @property
     def told_as(self) -> str:
