@@ -43,7 +43,7 @@ if TYPE_CHECKING:
     from .results import Results, RunComparison, compare, open_results
     from .runs.case import Case, load_case
     from .runs.job import run
-    from .seal import AnnularSeal, Leakage, MeshSeal, RectangularSeal, seal_leakage
+    from .seal import AnnularSeal, Leakage, MeshSeal, PermeabilityTable, RectangularSeal, seal_leakage, table_pressures
     from .studies.deterministic import DeterministicResult, deterministic
     from .studies.sampling_options import Sampling
     from .studies.scene import Scene
@@ -80,7 +80,15 @@ _MODULES = {
     "materials": ("Solid", "contact_modulus"),
     "report": ("write_report",),
     "results": ("Results", "RunComparison", "compare", "open_results"),
-    "seal": ("AnnularSeal", "Leakage", "MeshSeal", "RectangularSeal", "seal_leakage"),
+    "seal": (
+        "AnnularSeal",
+        "Leakage",
+        "MeshSeal",
+        "PermeabilityTable",
+        "RectangularSeal",
+        "seal_leakage",
+        "table_pressures",
+    ),
     "studies": (
         "DeterministicResult",
         "Sampling",

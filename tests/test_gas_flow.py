@@ -14,7 +14,7 @@ from skfem import MeshQuad
 import femseal as fs
 from femseal.flow.coefficient import gap_on_links
 from femseal.flow.gas_drop import GasDrop, successive
-from femseal.flow.permeability_table import PermeabilityTable, table_pressures
+from femseal.flow.permeability_table import PermeabilityTable, pressure_curve, table_pressures
 from femseal.rarefied import flow_rate
 from femseal.report.words import case_sentences
 from femseal.results.dataset import assemble
@@ -243,6 +243,22 @@ def test_meshes_tensors_and_links_agree():
     assert_allclose(rates, rates[-1], rtol=5e-3)
 
 
+def test_the_flow_factor_of_a_cell():
+    gap = np.maximum(np.random.default_rng(3).standard_normal((12, 9)) + 1.5, 0) * 1e-7
+    for axis in (0, 1):
+        plain = fs.cell_permeability(gap, (1e-6, 2e-6), axis=axis, bounds=True)
+        twice = fs.cell_permeability(gap, (1e-6, 2e-6), axis=axis, bounds=True, flow_factor=2.0)
+        assert_allclose(
+            (twice.value, twice.lower, twice.upper), 2 * np.array([plain.value, plain.lower, plain.upper]), rtol=1e-9
+        )
+        # F of every pixel: the bounds are those of pixels of constant permeability
+        gas = fs.cell_permeability(gap, (1e-6, 2e-6), axis=axis, bounds=True, flow_factor=HELIUM.flow_factor(gap, 1e5))
+        assert gas.lower > 5 * plain.upper
+    for bad in (np.ones(3), -1.0, np.nan):
+        with pytest.raises(fs.InputError, match=r"^flow_factor: given"):
+            fs.cell_permeability(gap, (1e-6, 1e-6), flow_factor=bad)
+
+
 @pytest.mark.parametrize("shape", [(3, 8, 6), (3, 5), (3, 7, 6)])
 def test_tables_of_other_shapes_than_the_seal(shape):
     seal = fs.RectangularSeal((1e-3, 2e-3), (7, 6))
@@ -344,3 +360,41 @@ def test_a_helium_test_from_case_to_report(tmp_path):
         words = " ".join(case_sentences(assemble(case.prepare().scene, deterministic=study, case=case.echo())))
         assert f"helium, an ideal gas of viscosity 19.62 µPa·s with{'out' if slip else ''} slip" in words
     assert (leakage[""] > 1.1 * leakage["slip = false\n"]).all()
+
+
+@pytest.mark.parametrize(("inlet", "outlet"), [(1e6, 1e5), (1e5, 0.0)])
+def test_one_pressure_in_a_window_is_near_to_its_own(inlet, outlet):
+    """k(p) of a face with the pressure uniform in it, over the whole drop; 36 gaps of 128² pixels: 0.057 at most."""
+    heights = fs.self_affine((48, 48), (48e-6, 48e-6), hurst=0.8, rms_slope=0.1, cut_off=8e-6, rng=1).heights
+    gap = 0.3 * np.maximum(heights + heights.std(), 0.0)
+    whole = resolved_flow(gap, (1e-6, 1e-6), settings(inlet, outlet)).permeability
+    p = table_pressures(inlet, outlet)
+    k = [
+        fs.cell_permeability(gap, (1e-6, 1e-6), sides="periodic", flow_factor=HELIUM.flow_factor(gap, q)).value
+        for q in p
+    ]
+    found = fs.seal_leakage(
+        fs.RectangularSeal((1.0, 1.0), (1, 1)), PermeabilityTable(tuple(p), np.array(k)), HELIUM,
+        inlet_pressure=inlet, outlet_pressure=outlet,
+    )  # fmt: skip
+    assert_allclose(found.conductance, whole, rtol=0.05)
+    assert abs(found.conductance / whole - 1) > 1e-5
+
+
+def test_tensors_between_their_pressures():
+    """Principal values of two gaps, turned by 30°: at a pressure between those of the table they are those of the gaps."""
+    p, drop = table_pressures(1e6, 1e5), GasDrop.of(HELIUM, 1e6, 1e5, 1e-7)
+    turn = np.array([[np.sqrt(3), -1], [1, np.sqrt(3)]]) / 2
+
+    def tensor(pressure):
+        gaps = np.array([1e-7, 3e-8])
+        return turn @ np.diag(gaps**3 / 12 * HELIUM.flow_factor(gaps, pressure)) @ turn.T
+
+    closed = np.zeros((len(p), 2, 2))
+    curve = pressure_curve(p, np.stack([[tensor(q) for q in p], closed], axis=1))
+    for inside in (1.3e5, 3e5, 8e5):
+        at = np.full(2, inside)
+        # ∫ k dφ/∫ dψ over no drop is k/F(h₀, p)
+        found = curve.between(at, at, drop.mobility) * HELIUM.flow_factor(1e-7, inside)
+        assert_allclose(found[0], tensor(inside), rtol=5e-3)
+        assert (found[1] == 0).all()

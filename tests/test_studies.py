@@ -13,6 +13,7 @@ import femseal.scales.ladder
 import femseal.scales.window
 import femseal.studies.placed
 import femseal.studies.scene
+import femseal.studies.windows as windows_module
 from femseal import analytic
 from femseal.base.errors import FemsealError, InputError, NotConverged
 from femseal.contact import HalfSpace, load_states
@@ -335,6 +336,35 @@ class TestRareTallPoints:
         (text,) = [t for t in result.warnings if t.startswith("contact of windows")]
         assert f"off by {result.gap_error.max():.0%} at loading 10 MPa" in text
         assert "deterministic" in text
+        factor = two_scale(scene, (2, 2), contact="windows", flow="resolved").leakage / whole.leakage
+        told = float(text.partition("by a factor of ")[2].partition(":")[0])
+        assert 0.8 < told / factor[0] < 1.25
+
+    def test_a_small_error_of_the_gap_at_the_narrowest_place_is_told(self, face):
+        """What the leakage does decides, and what is small or unknown is not told."""
+        scene, whole = face
+        gap = np.array(whole.gap[0], float)
+        spacing = scene.surface.spacing
+        half_space = HalfSpace(gap.shape, spacing, MODULUS, scene.boundary)
+        body = {"undeformed": -scene.surface.heights, "half_space": half_space, "hardness": HARDNESS}
+        narrow = gap.copy()
+        narrow[95] *= 0.5
+        exact, changed = (cell_permeability(g, spacing, sides="periodic").value for g in (gap, narrow))
+        assert changed < 0.99 * exact
+        for stitched, expected in ((gap, 1.0), (narrow, changed / exact)):
+            error, factor = windows_module._error(stitched, whole.contact_pressure[0], spacing=spacing, body=body)
+            assert_allclose(factor, expected, rtol=1e-4)
+            assert error < 0.05
+        steps, warn = scene.steps, windows_module._contact_warnings
+        quiet, off = np.array([0.001, 0.06, np.nan]), np.array([0.001, 0.01, np.nan])
+        assert warn(steps, np.array([0.001, 0.02, np.nan]), np.array([1.0, 1.05, np.nan])) == ()
+        assert "hardly changes" in warn(steps, quiet, np.array([1.0, 1.05, np.nan]))[0]
+        assert (
+            f"off by 1.0% at {scene.steps[1].name}, which changes the leakage by a factor of 1.9"
+            in warn(steps, off, np.array([1.0, 1.9, np.nan]))[0]
+        )
+        assert "closes the seal" in warn(steps, off, np.array([1.0, 0.0, np.nan]))[0]
+        assert "opens a seal" in warn(steps, off, np.array([1.0, np.inf, np.nan]))[0]
 
     def test_a_solution_has_no_error(self, face):
         scene, _ = face
@@ -363,6 +393,20 @@ class TestRareTallPoints:
     def test_unknown_contact(self, rough):
         with pytest.raises(InputError, match="contact: given magic, allowed is one of whole, windows"):
             two_scale(rough, (4, 6), contact="magic")
+
+    @pytest.mark.slow
+    def test_one_per_cent_of_the_gap_of_a_fine_measured_face(self, instrument_file):
+        surface, _ = condition(read_topography(instrument_file("metropro-1.dat")), shape=(640, 480))
+        hardness = 0.14 * MODULUS * surface.rms_slope
+        loads = {"loading": (0.3 * hardness,), "unload_from": (0.3 * hardness,), "unloading": (0.003 * hardness,)}
+        scene = make_scene(surface.heights, surface.spacing, hardness=hardness, **loads)
+        found = two_scale(scene, (16, 16), contact="windows")
+        assert found.gap_error.max() < 0.02
+        ratio = found.leakage[-1] / two_scale(scene, (16, 16)).leakage[-1]
+        assert ratio > 1.5
+        (text,) = [t for t in found.warnings if t.startswith("contact of windows")]
+        told = float(text.partition("by a factor of ")[2].partition(":")[0])
+        assert_allclose(told, ratio, rtol=0.06)
 
     @pytest.mark.slow
     def test_on_a_measured_face(self, instrument_file):

@@ -18,7 +18,7 @@ from ..base.errors import InputError
 from ..base.text import Shown
 from .bounds import pixel_bounds
 from .cell_mesh import mesh_flow
-from .coefficient import unit_spacing, validated_cell
+from .coefficient import equivalent_gap, unit_spacing, validated_cell
 from .discretisation import cell_stencil, check_discretisation, on_grid
 from .grid import Grid
 from .solution import FIELD_RTOL, DarcyFlow
@@ -62,6 +62,7 @@ def cell_permeability(
     discretisation: str = "edge",
     solver: str = "auto",
     field_rtol: float | None = None,
+    flow_factor: ArrayLike | None = None,
 ) -> Permeability:
     """Permeability [m³] of a cell whose gap h >= 0 is given at pixel centres; h = 0 is contact.
 
@@ -85,6 +86,7 @@ def cell_permeability(
     solver : of the linear system, see `femseal.flow.solve_flow`; a general mesh takes "auto" or "amg".
     field_rtol : where `fluid_pressure` is looked at, its error allowed to multigrid, in the norm of the energy; 1e-6 is
         right to the eye everywhere, also in bays that hardly anything flows through.
+    flow_factor : F > 0, a number or (n1, n2), that multiplies h³, as `IdealGas.flow_factor` of the gap at a pressure.
 
     Raises
     ------
@@ -92,6 +94,8 @@ def cell_permeability(
         solver, an estimate with a general mesh.
     NotConverged : the linear solver failed.
     """
+    if flow_factor is not None:
+        gap = equivalent_gap(validated_cell(gap, spacing, 0, sides)[0], flow_factor)
     h, (d1, d2) = validated_cell(gap, spacing, axis, sides)
     validate.tolerance("rtol", rtol)
     check_discretisation(discretisation, solver, estimate)

@@ -34,11 +34,21 @@ def cubic_law(gap: Any) -> Any:
     return gap * gap * gap / 12.0
 
 
-def equivalent_gap(gap: Array, factor: Array) -> Array:
-    """Gap [m] whose permeability by the cubic law is (h³/12) F, with the flow factor F of a gas; 0 in contact.
+def equivalent_gap(gap: Array, factor: ArrayLike) -> Array:
+    """Gap [m] whose permeability by the cubic law is (h³/12) F, with the flow factor F > 0 of a gas; 0 in contact.
 
     It is taken at the pixels, and interpolated between them as any gap is.
+
+    Raises
+    ------
+    InputError : a factor of another shape than the gap, or not > 0 and finite where the gap is open.
     """
+    factor = np.asarray(factor, dtype=float)
+    if factor.shape not in ((), gap.shape):
+        raise InputError.of("flow_factor", f"shape {factor.shape}", f"a number or shape {gap.shape}")
+    factor = np.broadcast_to(factor, gap.shape)
+    if not ((factor > 0) & np.isfinite(factor)).all(where=gap > 0):
+        raise InputError.of("flow_factor", "values <= 0 or undefined", "finite numbers > 0 where the gap is open")
     return np.multiply(gap, np.cbrt(factor), out=np.zeros(gap.shape), where=gap > 0)
 
 

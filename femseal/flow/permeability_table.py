@@ -56,23 +56,37 @@ class PermeabilityTable:
     """Permeability of the parts of a seal at several pressures.
 
     pressures : m different ones > 0 [Pa], such as those of `table_pressures`.
-    values : what `seal_leakage` takes as permeability, with a first axis of m: (m,) numbers, the links (k1, k2) as
+    values : what `seal_leakage` takes as permeability, with a first axis of m: (m,) numbers, the links as a pair of
         arrays (m, n1, n2) and (m, n1 − 1, n2), or (m, n_elements) … [m³]. A part that is closed at one pressure counts
         as closed.
 
     Raises
     ------
     InputError : pressures that are not > 0 or not different, values that are negative or undefined or do not match.
+
+    Examples
+    --------
+    Helium from 10 bar to 1 bar through gaps of 100 nm: 4.0 times what the viscous flow would be.
+
+    >>> import femseal as fs
+    >>> gas = fs.IdealGas(19.6e-6, 4.0026e-3, 293.15)
+    >>> gap, ends = np.full((4, 4), 100e-9), {"inlet_pressure": 10e5, "outlet_pressure": 1e5}
+    >>> pressures = fs.table_pressures(10e5, 1e5)
+    >>> k = [fs.cell_permeability(gap, (1e-6, 1e-6), flow_factor=gas.flow_factor(gap, p)).value for p in pressures]
+    >>> seal = fs.RectangularSeal((1e-3, 0.1), (10, 100))
+    >>> with_slip = fs.seal_leakage(seal, PermeabilityTable(pressures, k), gas, **ends)
+    >>> round(with_slip.mass_rate / fs.seal_leakage(seal, (100e-9) ** 3 / 12, gas, **ends).mass_rate, 1)
+    4.0
     """
 
-    pressures: tuple[float, ...]
+    pressures: Sequence[float] | Array
     values: Any
 
     def __post_init__(self) -> None:
         p = np.array(self.pressures, dtype=float).ravel()
         if p.size < 2 or not (np.isfinite(p).all() and p.min() > 0 and np.unique(p).size == p.size):
             raise InputError.of("pressures", str(self.pressures), "two or more different pressures > 0 [Pa]")
-        pair = isinstance(self.values, (tuple, list))
+        pair = isinstance(self.values, tuple) and all(np.ndim(v) > 0 for v in self.values)
         arrays = tuple(np.asarray(v, dtype=float) for v in (self.values if pair else (self.values,)))
         for k in arrays:
             if k.ndim < 1 or len(k) != p.size:

@@ -26,7 +26,7 @@ from ..studies.deterministic import STEP_BYTES
 from ..studies.local_pressure import map_text
 from .case import Case
 from .pilot import efforts, pace
-from .preparation import Prepared
+from .preparation import Prepared, shares_contact
 
 #: Shortest waves that a window should hold along each side.
 ADVISED_WAVES = 8
@@ -179,7 +179,7 @@ def _gas_lines(scene: Scene) -> list[str]:
     if (drop := scene.flow.drop) is None:
         return []
     ends = [max(p, drop.least_pressure) for p in (drop.inlet, drop.outlet)]
-    at_inlet, at_outlet = drop.gas.flow_factor(drop.gap, ends)
+    at_inlet, at_outlet = drop.gas.flow_factor(scene.surface.rms_height, ends)
     text = (
         f"slips: {at_inlet:.3g} (inlet) to {at_outlet:.3g} (outlet) times the viscous flow in a gap of the rms height; "
         f"permeability of windows at {drop.pressures.size} pressures, other flow solved 3 to 5 times"
@@ -193,7 +193,7 @@ def _cost(method: str, prepared: Prepared, scene: Scene, known: tuple[Effort, ..
         return deterministic_cost(known, points, pressures)
     assert cells is not None
     if method == "two-scale":
-        solved = "deterministic" in prepared.methods and scene is prepared.scene
+        solved = shares_contact(prepared) and scene is prepared.scene
         return two_scale_cost(known, points, cells, prepared.flow, prepared.contact, solved=solved, pressures=pressures)
     assert prepared.sampling is not None
     every = laid_out(scene.layout, Partition(points, scene.surface.spacing, cells), prepared.sampling)
@@ -229,7 +229,10 @@ def disk(case: Case, prepared: Prepared) -> Disk:
         # a window: ten numbers in results.nc, twenty in the mesh of the seal; three windows with three fields
         others += steps * windows * (80 + 160 * formats) + steps * formats * 36 * pixels / windows
         # the gap that the global contact leaves, and gap and pressure of the windows
-        checkpoint += pixels * (8.0 * steps + 8.0 * peaks)
+        if not shares_contact(prepared):
+            checkpoint += pixels * (8.0 * steps + 8.0 * peaks)
+        elif prepared.flow != "links":
+            checkpoint += pixels * 4.0 * steps
     if (sampling := prepared.sampling) is not None:
         others += 8.0 * steps * (2 * sampling.realisations + 6 * sampling.library_cells)
     return Disk(float(each * fitting), fitting, others, checkpoint)

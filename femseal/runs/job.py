@@ -36,7 +36,7 @@ from .executor import ordered_map
 from .forecast import refuse_too_large
 from .lock import alone_in
 from .log_file import LogFile
-from .preparation import Prepared
+from .preparation import Prepared, shares_contact
 from .shared_stages import SharedStages
 
 log = logging.getLogger("femseal")
@@ -243,9 +243,7 @@ def study_of(
     """Result of a study of a scene; `known` are the results of earlier studies of that scene by name."""
     known = known or {}
     if method == "deterministic":
-        # two scales take the contact of the whole face from here
-        shared = "two-scale" in prepared.methods and prepared.contact == "whole"
-        return deterministic(scene, cells=prepared.cells if shared else None, mapper=mapper)
+        return deterministic(scene, cells=prepared.cells if shares_contact(prepared) else None, mapper=mapper)
     assert prepared.cells is not None
     flow, contact = prepared.flow, prepared.contact
     if method == "two-scale":

@@ -14,10 +14,9 @@ from ..base.errors import InputError
 from ..base.quantities import to_text
 from ..scales import Partition
 from ..seal.layouts import SealWindows
-from ..seal.pressure_map import is_uniform
 from ..studies import Sampling, Scene, check_sampling, chosen_contact, chosen_flow, chosen_sampler, laid_out
 from ..studies.costs import choose_method
-from ..studies.local_pressure import MOST_PATHS, check_map
+from ..studies.local_pressure import check_map, most_paths
 from ..topography import (
     MOST_POINTS,
     Conditioning,
@@ -79,6 +78,11 @@ class Prepared:
     def surface_report(self) -> dict[str, Any]:
         """The repair and conditioning of the surface, as plain data."""
         return asdict(self.conditioning) | ({} if self.overlap is None else {"overlap": asdict(self.overlap)})
+
+
+def shares_contact(prepared: Prepared) -> bool:
+    """Whether two scales take the contact of the whole face from the deterministic solution of the same run."""
+    return prepared.methods >= {"deterministic", "two-scale"} and prepared.contact == "whole"
 
 
 def coarser(prepared: Prepared) -> Scene:
@@ -167,7 +171,7 @@ def _prepare(case: Case) -> Prepared:
             sampling = replace(sampling, pressure_map=case.load.pressure_map(case.folder, seal[0] * seal[1], seal[1]))
             check_sampling(sampling)
             doubts = (*every[0].warnings, *check_map(scene, every[0], sampling.pressure_map))
-        paths = 1 if is_uniform(sampling.pressure_map) else MOST_PATHS
+        paths = most_paths(sampling.pressure_map)
         for laid in every:
             weigh_draws(len(scene.steps), laid.draws[0], sampling.realisations, sampling.library_cells, paths)
     method: str = case.method

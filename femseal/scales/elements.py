@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from threadpoolctl import threadpool_limits
 
 from ..base import validate
 from ..base.errors import InputError
@@ -72,6 +73,12 @@ def element_flow(gap: ArrayLike, partition: Partition, *, node_spacing: int = NO
     """
     node_spacing = validate.count("node_spacing", node_spacing)
     h = validated_face(gap, partition)
+    # several threads on products of small matrices took ten times as long
+    with threadpool_limits(1):
+        return _element_flow(h, partition, node_spacing)
+
+
+def _element_flow(h: Array, partition: Partition, node_spacing: int) -> ElementFlow:
     (m1, m2), (w1, w2), (l1, l2) = partition.cells, partition.window, partition.window_size
     elements, points = [], SidePoints(partition)
     for i in range(m1):
@@ -150,10 +157,11 @@ def face_potential(gap: ArrayLike, partition: Partition, flow: ElementFlow) -> A
     """
     h = validated_face(gap, partition)
     potential = np.empty(partition.shape)
-    for i in range(partition.cells[0]):
-        for j, links in enumerate(window_links(h, partition, i)):
-            inside = _inside(links, _at_sides(flow, partition, i, j))
-            partition.cell(potential, i, j)[:] = np.where(partition.cell(h, i, j) > 0, inside.potential, np.nan)
+    with threadpool_limits(1):
+        for i in range(partition.cells[0]):
+            for j, links in enumerate(window_links(h, partition, i)):
+                inside = _inside(links, _at_sides(flow, partition, i, j))
+                partition.cell(potential, i, j)[:] = np.where(partition.cell(h, i, j) > 0, inside.potential, np.nan)
     return potential
 
 

@@ -23,7 +23,13 @@ from statistics import median
 from common import kept, machine, rows, save_report
 
 #: Method, flow of two scales.
-ROUTES = (("deterministic", None), ("two-scale", "links"), ("two-scale", "resolved"), ("stochastic", None))
+ROUTES = (
+    ("deterministic", None),
+    ("two-scale", "links"),
+    ("two-scale", "elements"),
+    ("two-scale", "resolved"),
+    ("stochastic", None),
+)
 LOADS = {"loading": ["5 MPa", "10 MPa", "20 MPa", "40 MPa", "80 MPa"], "unload_from": ["80 MPa"],
          "unloading": ["40 MPa", "20 MPa", "5 MPa"]}  # fmt: skip
 

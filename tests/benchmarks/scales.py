@@ -1,20 +1,23 @@
-"""How wrong two scales are: leakage over a load cycle against the deterministic solution of the same surface.
+"""All routes of two scales beside each other: leakage over a load cycle against the deterministic solution of a face.
 
-    python tests/benchmarks/scales.py --points 512 1024 --seeds 5 --records scales.jsonl --write
+    FEMSEAL_SURFACES=… python tests/benchmarks/scales.py --size usual --records scales.jsonl --write
 
-Surfaces: turned across the flow with ridges on and off the window's faces, turned along the flow, self-affine, and measured
-files (`--measured FILE ...`, levelled, without waves shorter than 8 pixels); contact free along x1 and periodic along x2,
-taken from the whole face or solved in each window (`--contact`).
-Factors are exp(rms ln(Q/Q_det)) over the loads with Q_det above 1e-3 of the first: of links between windows, and of the
-flow resolved on their stitched gap, so that contact and flow can be told apart. Every route runs in a process of its own
-with one thread; times are its CPU time, memory is what its peak is above that of a small surface before. `--records` keeps what is computed and goes on from there.
-`--write` puts the table beside this file, where the documentation takes it from.
+Routes: contact of the whole face or solved in each window, and for both the flow resolved on all pixels, through elements
+and through links. Surfaces: turned across the flow, self-affine, and measured files (levelled, without waves shorter than
+8 pixels) from the folder FEMSEAL_SURFACES; contact free along x1 and periodic along x2. Factors are exp(rms ln(Q/Q_det))
+over the loads with Q_det above 1e-3 of the first.
+The deterministic solution and each kind of contact run in processes of their own with one thread; times are CPU times,
+those of a route its contact and its flow; memory is the peak above that of a small surface before, contact or flow,
+whichever is more, with what the study keeps. From 1024² on the cycle has half the loads. `--records` keeps what is
+computed and goes on from there. `--write` puts the table beside this file, where the documentation takes it from.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import os
+import sys
 import time
 from functools import partial
 from pathlib import Path
@@ -26,6 +29,17 @@ MODULUS, PIXEL = 115e9, 1e-6
 #: Nominal pressures in shares of the hardness, the one to unload from, and the stops on the way down.
 LOADING = (0.004, 0.01, 0.02, 0.04, 0.07, 0.11, 0.16, 0.22, 0.3, 0.4)
 PEAKS, UNLOADING = (0.11, 0.3), (0.22, 0.16, 0.07, 0.03, 0.01, 0.003)
+#: The cycle of large faces.
+SHORT = (0.004, 0.02, 0.07, 0.16, 0.3), (0.3,), (0.16, 0.03, 0.003)
+#: Points a side of the generated faces, and whether measured ones are taken.
+SIZES = {"small": ((256,), False), "usual": ((512, 1024, 2048), True), "large": ((512, 1024, 2048, 4096), True)}
+MEASURED = ("metropro-1.dat", "mnt-1.mnt", "plu-1.plu", "surfalize_test_1.opd")
+FLOWS = ("resolved", "elements", "links")
+
+
+def cycle(task):
+    """Loads of a task in shares of the hardness: loading, peaks, stops of unloading."""
+    return SHORT if task["n"] >= 1024 else (LOADING, PEAKS, UNLOADING)
 
 
 def face(kind, n, seed):
@@ -49,7 +63,7 @@ def face(kind, n, seed):
     return Topography(np.ascontiguousarray(z.heights.T), z.spacing) if kind == "turned along" else z
 
 
-KINDS = ("turned, 8 marks", "turned, 7 marks", "turned along", "self-affine")
+KINDS = ("turned, 7 marks", "self-affine")
 
 
 def scene_of(task):
@@ -62,6 +76,7 @@ def scene_of(task):
     else:
         surface = face(task["kind"], task["n"], task["seed"])
     hardness = 0.14 * MODULUS * surface.rms_slope if task["kind"] in ("self-affine", "measured") else 4e9
+    loading, peaks, stops = cycle(task)
     return Scene(
         surface=surface,
         modulus=MODULUS,
@@ -69,150 +84,139 @@ def scene_of(task):
         fluid=Liquid(viscosity=1e-3, density=1000.0),
         inlet_pressure=1e7,
         outlet_pressure=0.0,
-        loading=tuple(hardness * p for p in LOADING),
-        unload_from=tuple(hardness * p for p in PEAKS),
-        unloading=tuple(hardness * p for p in UNLOADING),
+        loading=tuple(hardness * p for p in loading),
+        unload_from=tuple(hardness * p for p in peaks),
+        unloading=tuple(hardness * p for p in stops),
     )
 
 
+def peak(before):
+    """Peak memory since the last `forget_peak` above that of the start [MB]."""
+    return (resident("VmHWM") - before) / 2**20
+
+
 def study(task):
-    """One route over the cycle: leakage, contact share and mean gap at every step, CPU time and peak memory."""
+    """The deterministic solution, or one kind of contact with all flows: leakage, CPU time [s] and peak memory [MB]."""
     from femseal import deterministic, two_scale
-    from femseal.studies.scene import resolved_flow
+    from femseal.studies.face_contact import solve_windows
 
-    scene = scene_of(task)
+    scene, cells = scene_of(task), (task["windows"],) * 2
     warm = scene_of({"kind": "self-affine", "n": 64, "seed": 0})
-    deterministic(warm), two_scale(warm, (2, 2))
+    deterministic(warm)
+    for flow in FLOWS:
+        two_scale(warm, (2, 2), flow=flow, contact="windows")
     forget_peak()
-    before = resident("VmRSS")
-    start = time.process_time()
-    if task["route"] == "deterministic":
+    before, start = resident("VmRSS"), time.process_time()
+    if task["contact"] == "deterministic":
         result = deterministic(scene)
-        record = {"leakage": result.leakage, "area": result.contact_fraction, "gap": result.mean_gap}
-    else:
-        result = two_scale(scene, (task["windows"],) * 2, flow="links", contact=task["contact"])
-        record = {"leakage": result.leakage, "area": result.contact_fraction.mean(axis=(1, 2)),
-                  "gap": result.mean_gap.mean(axis=(1, 2))}  # fmt: skip
-    record |= {"seconds": time.process_time() - start, "megabytes": (resident("VmHWM") - before) / 2**20}
-    if task["route"] == "two-scale":
-        spacing = scene.surface.spacing
-        record["gap error"] = float(result.gap_error.max())
-        record["resolved"] = scene.resolved_leakage(resolved_flow(g, spacing) for g in result.gap).leakage
-        record["resolved seconds"] = time.process_time() - start
-    return {name: np.asarray(value).tolist() for name, value in record.items()}
+        found = {"deterministic": {"leakage": result.leakage.tolist(), "seconds": time.process_time() - start,
+                                   "megabytes": peak(before)}}  # fmt: skip
+        return found
+    contact = solve_windows(scene, cells, task["contact"])
+    seconds, megabytes = time.process_time() - start, peak(before)
+    found = {"gap error": float(np.nanmax(contact.gap_error)), "warned": bool(contact.warnings)}
+    for flow in FLOWS:
+        forget_peak()
+        start = time.process_time()
+        result = two_scale(scene, cells, flow=flow, solved=contact)
+        found[flow] = {"leakage": result.leakage.tolist(), "seconds": seconds + time.process_time() - start,
+                       "megabytes": max(megabytes, peak(before))}  # fmt: skip
+        del result
+    return found
 
 
-def compare(task, exact, two):
-    """Factors of one surface."""
+def compare(task, exact, contacts):
+    """Factors of one surface: a record for each kind of contact."""
     from femseal.accuracy import closing_load, leakage_factor
     from femseal.loads import LoadProgramme
 
-    steps = LoadProgramme.of(LOADING, PEAKS, UNLOADING)
-    record = dict(task)
-    for name, leakage in (("links", two["leakage"]), ("resolved", two["resolved"])):
-        for branch in ("loading", "unloading"):
-            factor = leakage_factor(leakage, exact["leakage"], steps, branch)
-            record[f"{name} {branch}"], record[f"{name} {branch} closed"] = factor.value, factor.closed
-    record["closing"] = [closing_load(r["leakage"], steps) for r in (exact, two)]
-    for name in ("area", "gap"):
-        ratio = np.array(two[name]) / np.array(exact[name])
-        record[name] = float(np.exp(np.sqrt(np.mean(np.log(ratio) ** 2))))
-    for name in ("seconds", "megabytes"):
-        record[name] = [exact[name], two[name]]
-    record |= {name: two[name] for name in ("resolved seconds", "gap error")}
+    steps, true = LoadProgramme.of(*cycle(task)), exact["deterministic"]
+    record = {name: value for name, value in task.items() if name != "file"}
+    record["contacts"] = {}
+    record["deterministic"] = [true["seconds"], true["megabytes"], closing_load(true["leakage"], steps)]
+    for contact, found in contacts.items():
+        record["contacts"][contact] = {"gap error": found["gap error"], "warned": found["warned"]}
+        for flow in FLOWS:
+            route = found[flow]
+            factors = [leakage_factor(route["leakage"], true["leakage"], steps, b) for b in ("loading", "unloading")]
+            record["contacts"][contact][flow] = {
+                "factors": [f.value for f in factors],
+                "closed": sum(f.closed for f in factors),
+                "closing": closing_load(route["leakage"], steps),
+                "seconds": route["seconds"],
+                "megabytes": route["megabytes"],
+            }
     return record
 
 
 def table(records):
-    head = ["surface", "points, windows", "contact", "seeds", "links: loading", "unloading", "resolved: loading", "unloading", "area",
-            "mean gap", "its estimated error", "closing load p̄/H, deterministic : two scales", "CPU time [s], deterministic : links : resolved",
-            "memory [MB], deterministic : links"]  # fmt: skip
-    cells, groups = [], {}
+    head = ["surface", "contact", "estimated error of the gap",
+            *(f"{flow}: loading, unloading" for flow in FLOWS), "closing load p̄/H, deterministic : " + " : ".join(FLOWS),
+            "CPU time [s], deterministic : " + " : ".join(FLOWS),
+            "memory [MB], deterministic : " + " : ".join(FLOWS)]  # fmt: skip
+    cells = []
     for r in records:
-        groups.setdefault((r["kind"], r["label"], r["windows"], r["contact"]), []).append(r)
-    for (kind, label, windows, contact), chosen in groups.items():
-
-        def spread(name, chosen=chosen):
-            values = [r[name] for r in chosen]
-            lost = sum(r.get(f"{name} closed", 0) for r in chosen)
-            text = f"{np.nanmedian(values):.3g}"
-            text += f" ({np.nanmin(values):.3g}–{np.nanmax(values):.3g})" if len(chosen) > 1 else ""
-            return text + (f", {lost} loads closed" if lost else "")
-
-        closings = ", ".join(f"{a:.3g}:{b:.3g}" for a, b in (r["closing"] for r in chosen)).replace("inf", "–")
-        names = (
-            "links loading",
-            "links unloading",
-            "resolved loading",
-            "resolved unloading",
-            "area",
-            "gap",
-            "gap error",
-        )
-        seconds, memory = (np.median([r[name] for r in chosen], axis=0) for name in ("seconds", "megabytes"))
-        resolved = np.median([r["resolved seconds"] for r in chosen])
-        cells.append([kind, f"{label}, {windows}²", contact, str(len(chosen)), *(spread(name) for name in names), closings,
-                      f"{seconds[0]:.3g} : {seconds[1]:.3g} : {resolved:.3g}",
-                      f"{memory[0]:.0f} : {memory[1]:.0f}"])  # fmt: skip
+        for contact in ("whole", "windows"):
+            found = r["contacts"][contact]
+            factors = []
+            for flow in FLOWS:
+                lost = found[flow]["closed"]
+                text = ", ".join(f"{f:.3g}" for f in found[flow]["factors"])
+                factors.append(text + (f" ({lost} loads closed)" if lost else ""))
+            seconds, memory, closing = ([r["deterministic"][k]] + [found[flow][name] for flow in FLOWS]
+                                        for k, name in enumerate(("seconds", "megabytes", "closing")))  # fmt: skip
+            label = f"{r['kind']} {r['label']}" if r["kind"] != "measured" else r["label"]
+            cells.append([
+                f"{label}, {r['windows']}² windows", contact,
+                f"{found['gap error']:.3g}" + (", warned" if found["warned"] else ""), *factors,
+                " : ".join(f"{c:.3g}" for c in closing).replace("inf", "–"),
+                " : ".join(f"{s:.3g}" for s in seconds),
+                " : ".join(f"{m:.0f}" for m in memory),
+            ])  # fmt: skip
     return rows(head, cells)
 
 
 def computed(task):
-    """The record of a task, each route by a process of its own."""
-    routes = [call(__file__, ["--worker", json.dumps(task | {"route": r})], 1) for r in ("deterministic", "two-scale")]
-    return {name: value for name, value in compare(task, *routes).items() if name != "file"}
+    """The record of a task, by three processes."""
+    found = {
+        contact: call(__file__, ["--worker", json.dumps(task | {"contact": contact})], 1)
+        for contact in ("deterministic", "whole", "windows")
+    }
+    return compare(task, found.pop("deterministic"), found)
+
+
+def tasks_of(size, seeds):
+    """Generated faces of a size and the measured ones that there are; those that are not are named."""
+    sides, measured = SIZES[size]
+    for n in sides:
+        for kind in KINDS:
+            for seed in range(1, (seeds if n <= 512 else 1) + 1):
+                yield {"kind": kind, "label": f"{n}²", "n": n, "seed": seed, "windows": n // (32 if n <= 512 else 64)}
+    folder = Path(os.environ.get("FEMSEAL_SURFACES", "."))
+    for name in MEASURED if measured else ():
+        if (folder / name).exists():
+            yield {"kind": "measured", "label": Path(name).stem, "n": 0, "seed": 0, "windows": 16,
+                   "file": str(folder / name)}  # fmt: skip
+        else:
+            print(f"{name} is not in FEMSEAL_SURFACES: left out", file=sys.stderr)
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--points", type=int, nargs="*", default=[512])
-    parser.add_argument(
-        "--window", type=int, default=0, help="pixels along a side of a window [32 up to 512², else 64]"
-    )
-    parser.add_argument("--contact", nargs="+", default=["whole", "windows"], choices=["whole", "windows"])
-    parser.add_argument("--seeds", type=int, default=5)
-    parser.add_argument("--kinds", nargs="+", default=list(KINDS), choices=KINDS)
-    parser.add_argument("--measured", nargs="*", default=[], help="files of measured faces")
+    parser.add_argument("--size", default="small", choices=SIZES)
+    parser.add_argument("--seeds", type=int, default=1, help="seeds of the generated faces up to 512² points")
     parser.add_argument("--records", type=Path, help="file in which results are kept")
-    parser.add_argument("--write", action="store_true", help="write the table of all records")
+    parser.add_argument("--write", action="store_true", help="write the table")
     parser.add_argument("--worker", help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.worker:
         print(json.dumps(study(json.loads(options.worker))))
         return
-    tasks = [
-        {
-            "kind": kind,
-            "label": f"{n}²",
-            "n": n,
-            "seed": seed,
-            "windows": n // (options.window or (32 if n <= 512 else 64)),
-            "contact": contact,
-        }
-        for n in options.points
-        for kind in options.kinds
-        for seed in range(1, options.seeds + 1)
-        for contact in options.contact
+    names = ("kind", "label", "seed", "windows")
+    records = [
+        kept(task, names, options.records, partial(computed, task)) for task in tasks_of(options.size, options.seeds)
     ]
-    tasks += [
-        {
-            "kind": "measured",
-            "label": Path(file).stem,
-            "file": file,
-            "n": 0,
-            "seed": 0,
-            "windows": 16,
-            "contact": contact,
-        }
-        for file in options.measured
-        for contact in options.contact
-    ]
-    names = ("kind", "label", "seed", "windows", "contact")
-    records = [kept(task, names, options.records, partial(computed, task)) for task in tasks]
-    if options.records:
-        records = [json.loads(line) for line in options.records.read_text(encoding="utf-8").splitlines()]
-        records.sort(key=lambda r: ([*KINDS, "measured"].index(r["kind"]), r["n"], r["label"], r["seed"]))
-    text = f"{machine({})}. Median over the seeds (lowest–highest).\n\n{table(records)}"
+    text = f"{machine({})}. Seconds: of the deterministic solution and of contact and flow of each route.\n\n{table(records)}"
     print(text)
     if options.write:
         save_report(__file__, "Two scales", text)
