@@ -90,6 +90,40 @@ class TestRuns:
         assert_allclose(found, expected, rtol=1e-9)
         assert np.argwhere(found == 0).tolist() == [[1, 2]]
 
+    def test_windows_have_the_potential_and_the_flux_of_the_network(self, gap, cells):
+        h = gap.copy()
+        h[16:32, 32:48] = 0.0  # the window (1, 2)
+        c1, c2 = cell_links(h, PIXEL, "periodic")
+        c2 = np.roll(c2, 1, axis=1)  # the link before every pixel
+        p = solve_links(c1, np.roll(c2, -1, axis=1), solver="elimination").potential
+        inside, before = p[1:-1], np.roll(p[1:-1], 1, axis=1)
+        along = c1 * np.nan_to_num(p[:-1] - p[1:])
+        across = c2 * np.nan_to_num(before - inside)
+        # a side point lies half way along its link, and at the ends of the face on them
+        rows = np.where(c1 > 0, np.vstack([p[:1], (inside[:-1] + inside[1:]) / 2, p[-1:]]), np.nan)
+        middle = np.where(c2 > 0, (before + inside) / 2, np.nan)
+        faces = ColumnRuns.of(h, cells, node_spacing=1)
+        found, flux = faces.window_potential(), faces.window_flux()
+        for i, j in cells.places:
+            a, b, ends = 16 * i, 16 * j, (16 * j, 16 * (j + 1) % 96)
+            sides = [*rows[[a, a + 16], b : b + 16].ravel(), *middle[a : a + 16, ends].ravel()]
+            known = np.isfinite(sides)
+            assert_allclose(found[i, j], np.mean(np.array(sides)[known]) if known.any() else np.nan, rtol=1e-9)
+            through = along[[a, a + 16], b : b + 16].sum() / 2, across[a : a + 16, ends].sum() / 2
+            assert_allclose(flux[i, j], np.array(through) / 16e-6, rtol=1e-7, atol=1e-9 * flux.max())
+        assert np.argwhere(np.isnan(found)).tolist() == [[1, 2]]
+        assert_allclose(16e-6 * flux[..., 0].sum(axis=1), faces.face.conductance, rtol=1e-9)
+
+    def test_windows_of_a_closed_face_have_no_flux(self, gap, cells):
+        h = gap.copy()
+        h[16:20] = 0.0
+        faces = ColumnRuns.of(h, cells)
+        potential = faces.window_potential()
+        assert not faces.window_flux().any()
+        assert set(np.unique(potential[np.isfinite(potential)])) == {0.0, 1.0}
+        assert np.all(potential[0] == 1)
+        assert np.all(potential[2:] == 0)
+
     def test_a_length_beyond_the_face(self, gap, cells):
         for length in (0, 7):
             with pytest.raises(InputError, match="length"):

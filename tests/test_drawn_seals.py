@@ -1,5 +1,7 @@
 """What a drawn seal looks like: flux and contact pressure over its parts, in results, pictures and files."""
 
+from dataclasses import replace
+
 import meshio
 import numpy as np
 import pytest
@@ -13,7 +15,7 @@ from femseal.loads import LoadProgramme
 from femseal.plots import seal_figure
 from femseal.results import assemble, open_results, write_vtk
 from femseal.runs.case import parse_case
-from femseal.scales import LinkTable, draw_links, draw_pressures
+from femseal.scales import ColumnRuns, LinkTable, draw_links, draw_pressures, element_flow
 from femseal.seal.elemented import ElementSeal, ElementWindows
 from femseal.seal.linked import LinkWindows
 from femseal.seal.pressure_map import Profile
@@ -189,6 +191,75 @@ def test_fields_are_those_of_one_realisation(strip):
         for row, drawn in enumerate(pressure[s].reshape(2, -1)):
             assert set(drawn.round(3)) <= set(known[s, row].round(3))
     assert np.corrcoef(pressure[1], data["drawn_permeability"].values[1])[0, 1] < 0
+
+
+# --- chains of runs ----------------------------------------------------------------------------------------
+
+DEFAULT = {"stochastic": {"length": "480 um", "realisations": 5, "library_cells": 8}}
+
+
+@pytest.fixture(scope="module")
+def chain(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("chain") / "out"
+    return fs.run(parse_case(CASE | DEFAULT), folder, workers=1)
+
+
+def test_the_median_chain_of_runs_carries_its_leakage_from_inlet_to_outlet(chain):
+    data, seals = chain.dataset, chain.stochastic
+    assert seals.sampler == "runs"
+    own = data["leakage"].values[data["drawn_corners"].attrs["realisation"]]
+    flux = data["drawn_flux"].values.reshape(3, 2, 32, 2)
+    assert_allclose(flux[..., 0].mean(axis=2), np.repeat(own[:, None], 2, axis=1), rtol=1e-12)
+    fluid = data["drawn_fluid_pressure"].values.reshape(3, 2, 32)
+    assert np.nanmin(fluid) >= 0
+    assert np.nanmax(fluid) <= 1e6
+    assert np.all(np.diff(np.nanmean(fluid, axis=2), axis=1) < 0)
+    # every column has permeability and contact pressure of the same column of the face, at every step
+    k, p = (data[f"drawn_{name}"].values.reshape(6, 32) for name in ("permeability", "window_pressure"))
+    known = [data[f"library_{name}"].values.T.reshape(6, 4) for name in ("k", "pressure")]
+    for column in range(32):
+        which = np.flatnonzero([np.allclose(p[:, column], known[1][:, j], rtol=1e-6) for j in range(4)])
+        assert which.size == 1
+        assert_allclose(k[:, column], known[0][:, which[0]], rtol=1e-6)
+
+
+def test_a_chain_of_one_run_again_and_again_has_the_fields_of_the_face():
+    one = fs.self_affine((48, 24), (48e-6, 24e-6), hurst=0.8, rms_slope=0.1, roll_off=16e-6, cut_off=6e-6, rng=1)
+    repeated = fs.Topography(np.tile(one.heights, (1, 4)), (1e-6, 1e-6))
+    scene = fs.Scene(repeated, 115e9, 3e9, FLUID, 2e6, 1e6, loading=(5e7, 2e8))
+    face = fs.two_scale(scene, (2, 4), flow="elements")
+    seals = fs.stochastic(scene, (2, 4), fs.Sampling(480e-6, 3, 1, 1), two_scale=face)
+    fields, like = seals.median_seal, np.ones(20)
+    assert seals.seal.cells == (2, 20)
+    assert_allclose(fields.pressure.reshape(2, 2, 20), face.pressure[..., :1] * like, rtol=1e-5)
+    flux = fields.flux.reshape(2, 2, 20, 2)
+    # the mean over the four sides of a window is nearly that over its fluid
+    of_windows = np.nanmean(face.face_fluid_pressure.astype(float).reshape(2, 2, 24, 96), axis=(2, 3))
+    assert_allclose(fields.fluid_pressure.reshape(2, 2, 20), of_windows[..., None] * like, atol=0.1e6)
+    for s in range(2):
+        through = ColumnRuns.of(face.gap[s], face.partition).window_flux()[:, :1] * 1e6 / FLUID.viscosity
+        assert_allclose(flux[s], np.repeat(through, 20, axis=1), rtol=1e-6)
+        permeability = element_flow(face.gap[s], face.partition).node_permeability
+        assert_allclose(flux[s, ..., 0], permeability * 1e6 / FLUID.viscosity / 48e-6, rtol=1e-6)
+
+
+def test_a_chain_with_a_failed_step_has_the_fields_of_the_others(chain):
+    scene = chain.scene
+    face = fs.two_scale(scene, (2, 4))
+    gap = face.gap.copy()
+    gap[1, :5, :5] = np.nan
+    broken = replace(face, fields=replace(face.fields, gap=gap))
+    fields = fs.stochastic(scene, (2, 4), fs.Sampling(480e-6, 3, 8, 1), two_scale=broken).median_seal
+    assert np.isnan(fields.permeability).all(axis=1).tolist() == [False, True, False]
+    assert np.isnan(fields.flux).all(axis=(1, 2)).tolist() == [False, True, False]
+
+
+def test_chains_are_in_pictures_reports_and_files(chain):
+    titles = [axes.get_title().split(" [")[0] for axes in seal_figure(chain, 1).axes if axes.get_title()]
+    assert titles == ["fluid pressure", "flux", "contact pressure of windows", "permeability"]
+    assert "drawn seal nearest to the median" in (chain.folder / "report.html").read_text(encoding="utf-8")
+    mesh = meshio.read(chain.folder / "vtk" / "drawn" / "step_0001.vtu")
+    assert_allclose(mesh.cell_data["fluid_pressure_Pa"][0], chain.dataset["drawn_fluid_pressure"].values[1], rtol=1e-6)
 
 
 def test_fields_of_a_ring_flow_outwards(ring):
