@@ -149,6 +149,28 @@ class ColumnRuns:
             k[place] = _through(element, w2) * l1 / l2
         return k
 
+    def window_potential(self) -> Array:
+        """Potential in every window (m1, m2), the mean over its open side points; NaN where pockets or contact fill it.
+
+        It is that in the uncut face for a unit drop.
+        """
+        mean = np.full(self.partition.cells, np.nan)
+        for place, element, number in zip(self.partition.places, self.elements, self.mesh.numbers, strict=True):
+            values = element.at_points(self.face.potential[number])
+            if np.isfinite(values).any():
+                mean[place] = np.nanmean(values)
+        return mean
+
+    def window_flux(self) -> Array:
+        """Flow per width through every window of the uncut face along x1 and x2 (m1, m2, 2) [m²] for a unit drop.
+
+        Along each axis it is the mean over the two sides across it.
+        """
+        if not self.face.flow.size:
+            return np.zeros((*self.partition.cells, 2))
+        through = self.face.flow.reshape(*self.partition.cells, 2, 2)
+        return 0.5 * (through[..., 0] - through[..., 1]) / np.array(self.partition.window_size[::-1])
+
 
 def _profile(face: ElementMesh, potential: Array, links: list[WindowLinks], partition: Partition) -> Array:
     """Mean potential over x2 of the points on the sides before all columns (n1,), weighted with their conductance."""
@@ -182,9 +204,8 @@ def _on_cuts(run: ElementMesh, partition: Partition, length: int) -> tuple[Indic
     """Nodes on both cuts of a run, and the row of pixels at which each of them lies."""
     nodes, rows = [], []
     for n, (element, number) in enumerate(zip(run.elements, run.numbers, strict=True)):
-        side = np.repeat(np.arange(4), element.counts)
         row, column = divmod(n, length)
-        on_cut = ((side == 2) & (column == 0)) | ((side == 3) & (column == length - 1))
+        on_cut = ((element.side == 2) & (column == 0)) | ((element.side == 3) & (column == length - 1))
         nodes.append(number[on_cut])
         rows.append(row * partition.window[0] + element.place[on_cut])
     return np.concatenate(nodes), np.concatenate(rows)

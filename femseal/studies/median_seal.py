@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -11,8 +11,11 @@ import numpy as np
 from ..base.text import Shown
 from ..flow.gas_drop import GasDrop
 from ..flow.permeability_table import PermeabilityTable
-from ..scales import Failed, attempt, draw_links, draw_pressures
+from ..scales import Failed, Partition, attempt, draw_links, draw_pressures
+from ..seal import RectangularSeal
 from ..seal.layouts import SealWindows
+from ..seal.linked import LinkWindows
+from .chained import ChainedSeals, StateRuns
 from .sampling_options import Sampling
 from .scene import Array, Scene, labels
 from .sources import Tables
@@ -67,10 +70,13 @@ def drawn_permeability(
 
 
 def nearest_to_median(leakage: Array) -> int | None:
-    """Realisation whose ln(leakage) (realisations, steps) is nearest to the median of all; None where none leaks."""
-    size = np.abs(leakage)
+    """Realisation whose ln(leakage) (realisations, steps) is nearest to the median of all; None where none leaks.
+
+    Steps at which all failed do not count.
+    """
+    size = np.abs(leakage[:, np.isfinite(leakage).any(axis=0)])
     whole = np.isfinite(size).all(axis=1)
-    if not whole.any():
+    if not size.size or not whole.any():
         return None
     median = np.median(size[whole], axis=0)
     chosen = np.asarray(median > _FLOOR * median.max())
@@ -100,3 +106,37 @@ def median_seal(
     pressure = draw_pressures(kinds[0][0], sampler=sampler, seed=seed, realisation=realisation, axis=0)
     of_windows = None if pressure is None else np.array([laid.means(pressure(s)) for s in range(len(scene.steps))])
     return MedianSeal(realisation, outlines, k, p, flux, of_windows)
+
+
+def median_chain(
+    realisation: int,
+    *,
+    scene: Scene,
+    partition: Partition,
+    drawn: ChainedSeals,
+    states: Sequence[StateRuns | Failed],
+    pressure: Array,
+) -> MedianSeal:
+    """Fields of a chain of runs, whose windows have those that they have in the uncut face.
+
+    The flux through every row of windows is scaled so that it carries the leakage of the chain.
+
+    Parameters
+    ----------
+    drawn : chains, of which this is one. states : `StateRuns` of every step, or `Failed`.
+    pressure : mean contact pressure of the windows of the face (steps, m1, m2) [Pa].
+    """
+    (m1, m2), (d1, d2) = partition.cells, partition.window_size
+    columns = drawn.windows(realisation, m2)
+    outlines = LinkWindows(RectangularSeal((m1 * d1, columns.size * d2), (m1, columns.size))).outlines
+    k, p, flux = (np.full((len(states), len(outlines), *plane), np.nan) for plane in ((), (), (2,)))
+    for s, state in enumerate(states):
+        if isinstance(state, Failed):
+            continue
+        k[s] = state.k[:, columns].ravel()
+        p[s] = scene.pressure_at(state.share[:, columns]).ravel()
+        through = state.flux[:, columns]
+        total = through[..., 0].mean(axis=1)
+        scale = np.divide(drawn.leakage[realisation, s], total, out=np.zeros(m1), where=total > 0)
+        flux[s] = (scale[:, None, None] * through).reshape(-1, 2)
+    return MedianSeal(realisation, outlines, k, p, flux, pressure[:, :, columns].reshape(len(states), -1))

@@ -19,7 +19,7 @@ from ..seal.layouts import SealWindows
 from ..seal.linked import LinkWindows
 from .chained import StateRuns, chained_seals
 from .followed import windows_under_global_contact, windows_under_uniform_pressure
-from .median_seal import MOST_VALUES, drawn_permeability, median_seal, nearest_to_median
+from .median_seal import MOST_VALUES, drawn_permeability, median_chain, median_seal, nearest_to_median
 from .placed import windows_in_place
 from .plausibility import odd_in_scene
 from .sampling_options import Sampling, check_sampling, chosen_sampler, laid_out
@@ -171,6 +171,11 @@ def _of_runs(
     """Seals of one length, drawn as chains of runs of the face."""
     drawn = chained_seals(scene, partition, supply.runs, laid.draws[0][1], sampling.realisations, sampling.seed)
     cells, (d1, d2) = (partition.cells[0], drawn.columns), partition.window_size
+    few = cells[0] * cells[1] * len(scene.steps) <= MOST_VALUES
+    chosen = nearest_to_median(drawn.leakage) if few else None
+    shown: dict[str, Any] = {"scene": scene, "partition": partition, "drawn": drawn, "states": supply.runs}
+    # windows row after row, as the face has them
+    pressure = supply.library.curves.pressure.T.reshape(-1, *partition.cells)
     return StochasticResult(
         steps=scene.steps,
         seal=RectangularSeal((cells[0] * d1, cells[1] * d2), cells, supply.node_rows),
@@ -180,6 +185,7 @@ def _of_runs(
         leakage_resampled=drawn.resampled,
         leakage_closed_cuts=drawn.closed,
         leakage_held_cuts=drawn.held,
+        median_seal=None if chosen is None else median_chain(chosen, **shown, pressure=pressure),
         failures=tuple(
             f"runs, {step.name}: {state.reason}"
             for step, state in zip(scene.steps, supply.runs, strict=True)
