@@ -67,7 +67,8 @@ class Design:
 
     def __repr__(self) -> str:
         needs = "; ".join(f"{need.name}: Qmin {need.assembly.text()}" for need in self.requirements)
-        return f"<femseal.Design of {self.seals.count} seal{'' if self.seals.count == 1 else 's'}, probability {self.probability:g}: {needs}>"
+        count = "1 seal" if self.seals.count == 1 else f"{self.seals.count} seals"
+        return f"<femseal.Design of {count}, probability {self.probability:g}: {needs}>"
 
     def _repr_html_(self) -> str:
         from .data_sheet import sheet, slopes, slopes_title
