@@ -141,6 +141,25 @@ class ColumnRuns:
             solvers=SolverCounts.total(SolverCounts.of(s) for s in (*closed, *held)),
         )
 
+    def window_flows(self) -> tuple[Array, Array]:
+        """Flow through every window of the uncut face for a unit drop.
+
+        Returns
+        -------
+        Mean potential of the open points on its sides (m1, m2), NaN where none flows; conductance along x1 and along x2
+        (2, m1, m2) [m³], the mean of what enters by one side and leaves by the other.
+        """
+        share, flow = np.full(self.partition.cells, np.nan), np.zeros((2, *self.partition.cells))
+        for place, element, number in zip(self.partition.places, self.elements, self.mesh.numbers, strict=True):
+            potential = self.face.potential[number]
+            at_points = element.at_points(potential)
+            if (known := np.isfinite(at_points)).any():
+                share[place] = at_points[known].mean()
+            entering = (element.couples * np.nan_to_num(potential[:, None] - potential)).sum(axis=1)
+            side = np.bincount(np.repeat(np.arange(4), element.counts), entering, minlength=4)
+            flow[:, *place] = (side[0] - side[1]) / 2, (side[2] - side[3]) / 2
+        return share, flow
+
     def window_permeability(self) -> Array:
         """Permeability of every window along x1 (m1, m2) [m³], its sides across x2 closed."""
         (l1, l2), w2 = self.partition.window_size, self.partition.window[1]

@@ -28,10 +28,17 @@ _COUNTS = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class StateRuns:
-    """Runs of a face at one state: for each length in columns, and the permeability of every window (m1, m2) [m³]."""
+    """Runs of a face at one state, and the flow through the windows of the uncut face.
+
+    flows : of runs of each length in columns. k : permeability of every window (m1, m2) [m³].
+    share, flow : part of the drop of the potential (m1, m2), and conductance along x1 and x2 (2, m1, m2) [m³], see
+    `ColumnRuns.window_flows`.
+    """
 
     flows: tuple[RunFlows, ...]
     k: Array
+    share: Array
+    flow: Array
     solvers: SolverCounts
 
     @classmethod
@@ -45,7 +52,10 @@ class StateRuns:
             for f in (columns.flows(length) for length in lengths)
         )
         solvers = SolverCounts.total([SolverCounts.of(columns.face), *(f.solvers for f in flows)])
-        return cls(flows, factor * columns.window_permeability(), solvers)
+        share, flow = columns.window_flows()
+        if drop is not None and (of_gas := drop.through(np.asarray(gap, float), partition.spacing)) is not None:
+            share = of_gas.viscous_share(np.clip(share, 0.0, 1.0))
+        return cls(flows, factor * columns.window_permeability(), share, factor * flow, solvers)
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +65,7 @@ class ChainedSeals:
     leakage : between both bounds, where the mean over the runs of the face is the leakage of the face itself.
     closed, held : with closed cuts between runs, and with all cuts held at one profile of the fluid pressure.
     resampled : as many more realisations, each from runs that are drawn with repetition from those of the face.
-    columns : columns of windows of the seal. length : those of a run.
+    columns : columns of windows of the seal. length : those of a run. starts : first columns of the runs of the face.
     warnings : reasons to doubt the result.
     """
 
@@ -65,7 +75,20 @@ class ChainedSeals:
     resampled: Array
     columns: int
     length: int
+    starts: NDArray[np.int64]
+    seed: int
     warnings: tuple[str, ...]
+
+    def columns_of(self, realisation: int, of_face: int) -> NDArray[np.int64]:
+        """Columns of the face, which has so many, of which a realisation is made."""
+        first = self.starts[_drawn_runs(self.seed, realisation, self.columns // self.length, self.starts.size)]
+        return np.asarray((first[:, None] + np.arange(self.length)).ravel() % of_face)
+
+
+def _drawn_runs(seed: int, realisation: int, runs: int, starts: int) -> NDArray[np.int64]:
+    """Numbers of the runs of the face of which a realisation is made."""
+    place = np.random.Generator(np.random.Philox(np.random.SeedSequence(seed, spawn_key=(realisation,)))).random(runs)
+    return (place * starts).astype(np.int64)
 
 
 def runs_of_face(
@@ -102,8 +125,7 @@ def chained_seals(
     # a face scatters less about its own mean than seals about theirs: one run less makes up for that
     fewer = max(1, independent - 1)
     for n in range(realisations):
-        place = np.random.Generator(np.random.Philox(np.random.SeedSequence(seed, spawn_key=(n,)))).random(runs)
-        drawn[n] = np.bincount((place * starts).astype(np.int64), minlength=starts)
+        drawn[n] = np.bincount(_drawn_runs(seed, n, runs, starts), minlength=starts)
         rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(n, 2)))
         library = rng.integers(starts, size=fewer)
         again[n] = np.bincount(library[rng.integers(fewer, size=runs)], minlength=starts)
@@ -115,6 +137,8 @@ def chained_seals(
         resampled=per_length * again @ value,
         columns=runs * length,
         length=length,
+        starts=solved[0].starts if solved else np.zeros(1, np.int64),
+        seed=seed,
         warnings=warnings,
     )
 

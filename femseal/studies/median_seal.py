@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -12,7 +12,10 @@ from ..base.text import Shown
 from ..flow.gas_drop import GasDrop
 from ..flow.permeability_table import PermeabilityTable
 from ..scales import Failed, attempt, draw_links, draw_pressures
+from ..scales.sampling import Index
+from ..seal import RectangularSeal
 from ..seal.layouts import SealWindows
+from ..seal.linked import LinkWindows
 from .sampling_options import Sampling
 from .scene import Array, Scene, labels
 from .sources import Tables
@@ -45,6 +48,29 @@ class MedianSeal(Shown):
             "Pa", "contact pressure of windows, median realisation", "step", "part", name="window_pressure"
         ),
     )
+
+
+def median_of_runs(
+    realisation: int, *, scene: Scene, seal: RectangularSeal, columns: Index, states: Sequence[Any], pressure: Array
+) -> MedianSeal:
+    """Fields of a chain of runs: those of the uncut face at its columns.
+
+    Parameters
+    ----------
+    seal : with a window for each part. columns : of the face, in the order of the seal.
+    states : `StateRuns` of every step, or a failure. pressure : contact pressure of the windows (steps, m1, m2) [Pa].
+    """
+    outlines = LinkWindows(seal).outlines
+    k, p, flux = (np.full((len(states), len(outlines), *plane), np.nan) for plane in ((), (), (2,)))
+    inlet, outlet = scene.fluid.potential([scene.inlet_pressure, scene.outlet_pressure])
+    drop = (inlet - outlet) / scene.fluid.reference_density
+    (l1, l2), (n1, n2) = seal.size, seal.cells
+    widths = np.array([l2 / n2, l1 / n1])
+    for s, state in enumerate(states):
+        if not isinstance(state, Failed):
+            k[s], p[s] = state.k[:, columns].ravel(), scene.pressure_at(np.clip(state.share[:, columns], 0, 1)).ravel()
+            flux[s] = drop * state.flow[:, :, columns].reshape(2, -1).T / widths
+    return MedianSeal(realisation, outlines, k, p, flux, pressure[:, :, columns].reshape(len(states), -1))
 
 
 def drawn_permeability(
