@@ -193,9 +193,7 @@ class TestRunsOfAFace:
     def seals(self, flows, scene, columns=800, realisations=40):
         """From the flows of each length at both states."""
         scene = replace(scene, unload_from=(), unloading=())
-        states = [
-            StateRuns(tuple(f), np.ones((1, 8)), np.ones((1, 8)), np.ones((2, 1, 8)), SolverCounts()) for f in flows
-        ]
+        states = [StateRuns(tuple(f), *np.ones((2, 1, 8)), np.ones((1, 8, 2)), SolverCounts()) for f in flows]
         return chained_seals(scene, self.PARTITION, states, columns, realisations, seed=1)
 
     def flow(self, length, closed, held, spread=0.1):

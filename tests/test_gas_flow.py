@@ -14,7 +14,7 @@ from skfem import MeshQuad
 import femseal as fs
 from femseal.flow.coefficient import gap_on_links
 from femseal.flow.gas_drop import GasDrop, successive
-from femseal.flow.permeability_table import PermeabilityTable, table_pressures
+from femseal.flow.permeability_table import PermeabilityTable, pressure_curve, table_pressures
 from femseal.rarefied import flow_rate
 from femseal.report.words import case_sentences
 from femseal.results.dataset import assemble
@@ -379,3 +379,22 @@ def test_one_pressure_in_a_window_is_near_to_its_own(inlet, outlet):
     )  # fmt: skip
     assert_allclose(found.conductance, whole, rtol=0.05)
     assert abs(found.conductance / whole - 1) > 1e-5
+
+
+def test_tensors_between_their_pressures():
+    """Principal values of two gaps, turned by 30°: at a pressure between those of the table they are those of the gaps."""
+    p, drop = table_pressures(1e6, 1e5), GasDrop.of(HELIUM, 1e6, 1e5, 1e-7)
+    turn = np.array([[np.sqrt(3), -1], [1, np.sqrt(3)]]) / 2
+
+    def tensor(pressure):
+        gaps = np.array([1e-7, 3e-8])
+        return turn @ np.diag(gaps**3 / 12 * HELIUM.flow_factor(gaps, pressure)) @ turn.T
+
+    closed = np.zeros((len(p), 2, 2))
+    curve = pressure_curve(p, np.stack([[tensor(q) for q in p], closed], axis=1))
+    for inside in (1.3e5, 3e5, 8e5):
+        at = np.full(2, inside)
+        # ∫ k dφ/∫ dψ over no drop is k/F(h₀, p)
+        found = curve.between(at, at, drop.mobility) * HELIUM.flow_factor(1e-7, inside)
+        assert_allclose(found[0], tensor(inside), rtol=5e-3)
+        assert (found[1] == 0).all()

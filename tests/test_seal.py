@@ -316,6 +316,14 @@ def test_groups_without_a_name_go_by_their_number(tmp_path):
     assert_allclose(MeshSeal(path, "7", "8").flow(1.0).conductance, 1.0, rtol=1e-12)
 
 
+@pytest.mark.parametrize("array", ["gmsh:physical", "boundary"])
+def test_boundaries_in_a_vtu_go_by_their_number(tmp_path, array):
+    mesh = square("triangle6", "line3")
+    mesh.cell_data = {array: [np.full(len(block.data), tag) for tag, block in zip((7, 8, 7), mesh.cells, strict=True)]}
+    meshio.write(tmp_path / "square.vtu", mesh)
+    assert_allclose(MeshSeal(tmp_path / "square.vtu", "7", "8").flow(1.0).conductance, 1.0, rtol=1e-12)
+
+
 def test_elements_keep_the_order_of_the_file(tmp_path):
     mesh = square("triangle", field_data=NAMES)
     mesh.cells[2].data = mesh.cells[2].data[::-1]

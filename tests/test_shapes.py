@@ -245,6 +245,11 @@ def test_closed_windows_seal_exactly():
     k[np.hypot(*np.moveaxis(centres, -1, 0)) < 11e-3] = 0.0
     flow = laid.seal.flow(laid.permeability(k, k))
     assert (flow.conductance, flow.lower, flow.percolates) == (0.0, 0.0, False)
+    # closed across the lay, which runs round the bore; no side of an element runs along it
+    turned = MeshLayout(MESHES / "bolted_ring.msh", "mm", "bore", "rim").lay_out(WINDOWS)
+    one = np.ones(turned.draws[0])
+    half = turned.seal.flow(turned.permeability(0 * one, one))
+    assert (half.conductance, half.percolates, half.upper > 0) == (0.0, False, True)
     rows = AnnularLayout(10e-3, 15e-3).lay_out(WINDOWS)
     assert rows.places(0).shape == (50, 785, 2)
     assert_allclose(np.hypot(*np.moveaxis(rows.places(1), -1, 0))[0], 10.1e-3, rtol=1e-12)

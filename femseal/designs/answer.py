@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
@@ -13,6 +14,7 @@ import numpy as np
 from ..base import validate
 from ..base.errors import InputError
 from ..base.leak_classes import USUAL, LeakClass, leak_classes
+from ..base.provenance import versions
 from ..base.quantities import to_si, to_text
 from ..results import open_results
 from ..results.results import Results
@@ -135,6 +137,8 @@ def design(
     variants, turned, notes = Variants(hardness_counts=_yields(results)), None, _notes(seals, probability, results)
     if case is not None and solve and np.isfinite(place[1]):
         solver = Solver(case, results, workers, told)
+        if (former := _other_version(results)) is not None:
+            notes.append(f"the run is of femseal {former}: what is solved again may differ from it for that reason too")
         variants = solver.variants()
         try:
             other = solver.turned()
@@ -224,6 +228,12 @@ def _turned(
         return TurnedFace(ratio, "", how)
     scaled = replace(other, leakage=other.leakage * factor)
     return TurnedFace(ratio, requirement(scaled, place[0], limit, share).assembly.text(), how)
+
+
+def _other_version(results: Results) -> str | None:
+    """Version of the package that the results are of, if it is another."""
+    former = json.loads(results.dataset.attrs["versions"]).get("femseal")
+    return None if former == versions()["femseal"] else str(former)
 
 
 def _yields(results: Results) -> bool:

@@ -75,7 +75,9 @@ class Solver:
         turned = replace(scene, surface=Topography(np.ascontiguousarray(surface.heights.T), surface.spacing[::-1]))
         cells = None if prepared.cells is None else prepared.cells[::-1]
         sampling = prepared.sampling
-        if sampling is not None and sampling.pressure == "uniform" and sampling.breadth is None:
+        # other shapes than strips have a breadth of their own, and no length is given
+        strip = sampling is not None and sampling.length is not None
+        if sampling is not None and strip and sampling.pressure == "uniform" and sampling.breadth is None:
             sampling = replace(sampling, breadth=surface.size[0])
         study = self._solved("face turned by 90°", turned, replace(prepared, cells=cells, sampling=sampling))
         # leakage goes with one over the breadth

@@ -61,8 +61,8 @@ class GasDrop:
     gap: float
 
     @classmethod
-    def of(cls, fluid: Any, inlet: float, outlet: float, gap: float) -> GasDrop | None:
-        """The drop of a fluid whose flow factor counts, None for any other fluid."""
+    def of(cls, fluid: Any, inlet: float, outlet: float, gap: float = 1e-6) -> GasDrop | None:
+        """The drop of a fluid whose flow factor counts, None for any other fluid; see `through` for a better gap."""
         slips = getattr(fluid, "slip", False) and hasattr(fluid, "flow_factor")
         return cls(fluid, float(inlet), float(outlet), float(gap)) if slips else None
 

@@ -179,7 +179,7 @@ def _gas_lines(scene: Scene) -> list[str]:
     if (drop := scene.flow.drop) is None:
         return []
     ends = [max(p, drop.least_pressure) for p in (drop.inlet, drop.outlet)]
-    at_inlet, at_outlet = drop.gas.flow_factor(drop.gap, ends)
+    at_inlet, at_outlet = drop.gas.flow_factor(scene.surface.rms_height, ends)
     text = (
         f"slips: {at_inlet:.3g} (inlet) to {at_outlet:.3g} (outlet) times the viscous flow in a gap of the rms height; "
         f"permeability of windows at {drop.pressures.size} pressures, other flow solved 3 to 5 times"

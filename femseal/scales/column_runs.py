@@ -141,25 +141,6 @@ class ColumnRuns:
             solvers=SolverCounts.total(SolverCounts.of(s) for s in (*closed, *held)),
         )
 
-    def window_flows(self) -> tuple[Array, Array]:
-        """Flow through every window of the uncut face for a unit drop.
-
-        Returns
-        -------
-        Mean potential of the open points on its sides (m1, m2), NaN where none flows; conductance along x1 and along x2
-        (2, m1, m2) [m³], the mean of what enters by one side and leaves by the other.
-        """
-        share, flow = np.full(self.partition.cells, np.nan), np.zeros((2, *self.partition.cells))
-        for place, element, number in zip(self.partition.places, self.elements, self.mesh.numbers, strict=True):
-            potential = self.face.potential[number]
-            at_points = element.at_points(potential)
-            if (known := np.isfinite(at_points)).any():
-                share[place] = at_points[known].mean()
-            entering = (element.couples * np.nan_to_num(potential[:, None] - potential)).sum(axis=1)
-            side = np.bincount(np.repeat(np.arange(4), element.counts), entering, minlength=4)
-            flow[:, *place] = (side[0] - side[1]) / 2, (side[2] - side[3]) / 2
-        return share, flow
-
     def window_permeability(self) -> Array:
         """Permeability of every window along x1 (m1, m2) [m³], its sides across x2 closed."""
         (l1, l2), w2 = self.partition.window_size, self.partition.window[1]
@@ -167,6 +148,28 @@ class ColumnRuns:
         for place, element in zip(self.partition.places, self.elements, strict=True):
             k[place] = _through(element, w2) * l1 / l2
         return k
+
+    def window_potential(self) -> Array:
+        """Potential in every window (m1, m2), the mean over its open side points; NaN where pockets or contact fill it.
+
+        It is that in the uncut face for a unit drop.
+        """
+        mean = np.full(self.partition.cells, np.nan)
+        for place, element, number in zip(self.partition.places, self.elements, self.mesh.numbers, strict=True):
+            values = element.at_points(self.face.potential[number])
+            if np.isfinite(values).any():
+                mean[place] = np.nanmean(values)
+        return mean
+
+    def window_flux(self) -> Array:
+        """Flow per width through every window of the uncut face along x1 and x2 (m1, m2, 2) [m²] for a unit drop.
+
+        Along each axis it is the mean over the two sides across it.
+        """
+        if not self.face.flow.size:
+            return np.zeros((*self.partition.cells, 2))
+        through = self.face.flow.reshape(*self.partition.cells, 2, 2)
+        return 0.5 * (through[..., 0] - through[..., 1]) / np.array(self.partition.window_size[::-1])
 
 
 def _profile(face: ElementMesh, potential: Array, links: list[WindowLinks], partition: Partition) -> Array:
@@ -201,9 +204,8 @@ def _on_cuts(run: ElementMesh, partition: Partition, length: int) -> tuple[Indic
     """Nodes on both cuts of a run, and the row of pixels at which each of them lies."""
     nodes, rows = [], []
     for n, (element, number) in enumerate(zip(run.elements, run.numbers, strict=True)):
-        side = np.repeat(np.arange(4), element.counts)
         row, column = divmod(n, length)
-        on_cut = ((side == 2) & (column == 0)) | ((side == 3) & (column == length - 1))
+        on_cut = ((element.side == 2) & (column == 0)) | ((element.side == 3) & (column == length - 1))
         nodes.append(number[on_cut])
         rows.append(row * partition.window[0] + element.place[on_cut])
     return np.concatenate(nodes), np.concatenate(rows)

@@ -27,12 +27,14 @@ class ElementSolution:
 
     conductance : the energy [m³]. potential : NaN in pockets, which open pixels join to no held node.
     energy : of each element; empty if nothing flows. unknowns : number of nodes that were solved for.
+    flow : into each element through its four sides (elements, 4) [m³]; empty if nothing flows.
     imbalance, solver : see `flow.DarcyFlow`. factors : of the system; None if nothing flows.
     """
 
     conductance: float
     potential: Array
     energy: Array = field(default_factory=lambda: np.zeros(0))
+    flow: Array = field(default_factory=lambda: np.zeros((0, 4)))
     unknowns: int = 0
     imbalance: float = 0.0
     solver: str = "none"
@@ -126,7 +128,7 @@ class ElementMesh:
         factors = factored(couples, self.numbers, self.cells, held, self.nodes)
         x, y = factors.with_held(held, both).T
         reached = np.isin(self.component, self.component[held])
-        energy, out = np.zeros(len(couples)), np.zeros(self.nodes)
+        energy, through, out = np.zeros(len(couples)), np.zeros((len(couples), 4)), np.zeros(self.nodes)
         for n, (c, number) in enumerate(zip(couples, self.numbers, strict=True)):
             chosen = reached[number]
             i = number[chosen]
@@ -134,10 +136,14 @@ class ElementMesh:
             drop = np.where(p[:, None] + p < 1, p[:, None] - p, q - q[:, None])
             flow = c[np.ix_(chosen, chosen)] * drop
             energy[n] = 0.5 * float((flow * drop).sum())
-            np.add.at(out, i, flow.sum(axis=1))
+            inwards = flow.sum(axis=1)
+            np.add.at(out, i, inwards)
+            through[n] = np.bincount(self.elements[n].side[chosen], inwards, minlength=4)
         rate = float(energy.sum())
         imbalance = max(abs(float(out[held].sum())), abs(float(values @ out[held]) - rate))
         imbalance = imbalance / rate if rate > 0 else 0.0
         unknowns = int(np.count_nonzero(reached)) - held.size
         solver = "elimination" if unknowns else "none"
-        return ElementSolution(rate, np.where(reached, x, np.nan), energy, unknowns, imbalance, solver, factors)
+        return ElementSolution(
+            rate, np.where(reached, x, np.nan), energy, through, unknowns, imbalance, solver, factors
+        )

@@ -78,6 +78,11 @@ class WindowElement:
         condensed, *parts = _element(links.along, links.across, links.beside1, links.beside2, links.ends, node_spacing)
         return cls(*parts), condensed
 
+    @property
+    def side(self) -> Indices:
+        """Side on which each node lies (n,)."""
+        return np.repeat(np.arange(4), self.counts)
+
     def at_points(self, potential: Array) -> Array:
         """Potential at the side points (p,) from that at the nodes (n,); NaN where a point is closed."""
         values = np.full(len(self.node), np.nan)

@@ -28,6 +28,8 @@ _KINDS: dict[str, tuple[type[Mesh], int]] = {
     "quad9": (MeshQuad2, 4),
 }
 _LINES = ("line", "line3")
+#: Arrays of cells whose numbers name boundaries, such as those that meshio keeps in a .vtu.
+_TAGS = ("gmsh:physical", "medit:ref", "boundary")
 #: Memory that reading takes at least, in sizes of the file.
 _READING_FACTOR = 4
 
@@ -41,7 +43,8 @@ def read_mesh(path: str | PathLike[str], unit: float = 1.0) -> Mesh:
     unit : of its coordinates [m].
 
     Elements keep the order of the file (blocks of one kind one after the other); nodes that no element uses
-    are left out. A physical group without a name is called by its number.
+    are left out. A physical group without a name is called by its number, and so is one of lines in a .vtu, by the
+    array "gmsh:physical" or "boundary" of its cells.
 
     Raises
     ------
@@ -134,7 +137,8 @@ def _named_lines(data: Any) -> dict[str, NDArray[np.int64]]:
                 named.setdefault(name, []).append(block.data[chosen][:, :2])
     # a tag counts within its dimension: a surface may have the number of a line
     names = {int(tag): name for name, (tag, dimension) in data.field_data.items() if int(dimension) == 1}
-    for block, tags in zip(data.cells, data.cell_data.get("gmsh:physical", []), strict=False):
+    arrays: Any = next((data.cell_data[key] for key in _TAGS if key in data.cell_data), [])
+    for block, tags in zip(data.cells, arrays, strict=False):
         if block.type not in _LINES:
             continue
         for tag in np.unique(tags):

@@ -28,17 +28,17 @@ _COUNTS = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class StateRuns:
-    """Runs of a face at one state, and the flow through the windows of the uncut face.
+    """Runs of a face at one state.
 
-    flows : of runs of each length in columns. k : permeability of every window (m1, m2) [m³].
-    share, flow : part of the drop of the potential (m1, m2), and conductance along x1 and x2 (2, m1, m2) [m³], see
-    `ColumnRuns.window_flows`.
+    flows : of the runs, for each length in columns. k : permeability of every window (m1, m2) [m³].
+    share, flux : in every window of the uncut face the share of the drop of the viscous potential (m1, m2), NaN where
+        contact or pockets fill it, and the flow per width for a unit drop (m1, m2, 2) [m²].
     """
 
     flows: tuple[RunFlows, ...]
     k: Array
     share: Array
-    flow: Array
+    flux: Array
     solvers: SolverCounts
 
     @classmethod
@@ -46,16 +46,17 @@ class StateRuns:
         cls, gap: NDArray[np.floating], partition: Partition, lengths: tuple[int, ...], drop: GasDrop | None
     ) -> StateRuns:
         """Solve the runs of a gap (n1, n2) [m]."""
-        columns, factor = columns_of_face(gap, partition, drop)
+        columns, of_gas = columns_of_face(gap, partition, drop)
+        # rounding may give the potential an extreme inside
+        factor, share = 1.0, np.clip(columns.window_potential(), 0.0, 1.0)
+        if of_gas is not None:
+            factor, share = of_gas.mean_factor, of_gas.viscous_share(share)
         flows = tuple(
             replace(f, closed=factor * f.closed, held=factor * f.held, whole=factor * f.whole)
             for f in (columns.flows(length) for length in lengths)
         )
         solvers = SolverCounts.total([SolverCounts.of(columns.face), *(f.solvers for f in flows)])
-        share, flow = columns.window_flows()
-        if drop is not None and (of_gas := drop.through(np.asarray(gap, float), partition.spacing)) is not None:
-            share = of_gas.viscous_share(np.clip(share, 0.0, 1.0))
-        return cls(flows, factor * columns.window_permeability(), share, factor * flow, solvers)
+        return cls(flows, factor * columns.window_permeability(), share, factor * columns.window_flux(), solvers)
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +66,8 @@ class ChainedSeals:
     leakage : between both bounds, where the mean over the runs of the face is the leakage of the face itself.
     closed, held : with closed cuts between runs, and with all cuts held at one profile of the fluid pressure.
     resampled : as many more realisations, each from runs that are drawn with repetition from those of the face.
-    columns : columns of windows of the seal. length : those of a run. starts : first columns of the runs of the face.
+    columns : columns of windows of the seal. length : those of a run.
+    starts : first columns of the runs on the face. seed : of the random numbers.
     warnings : reasons to doubt the result.
     """
 
@@ -79,16 +81,10 @@ class ChainedSeals:
     seed: int
     warnings: tuple[str, ...]
 
-    def columns_of(self, realisation: int, of_face: int) -> NDArray[np.int64]:
-        """Columns of the face, which has so many, of which a realisation is made."""
+    def windows(self, realisation: int, face_columns: int) -> NDArray[np.int64]:
+        """Columns of a face, of so many, whose windows the columns of a realisation are (columns,)."""
         first = self.starts[_drawn_runs(self.seed, realisation, self.columns // self.length, self.starts.size)]
-        return np.asarray((first[:, None] + np.arange(self.length)).ravel() % of_face)
-
-
-def _drawn_runs(seed: int, realisation: int, runs: int, starts: int) -> NDArray[np.int64]:
-    """Numbers of the runs of the face of which a realisation is made."""
-    place = np.random.Generator(np.random.Philox(np.random.SeedSequence(seed, spawn_key=(realisation,)))).random(runs)
-    return (place * starts).astype(np.int64)
+        return np.asarray((first[:, None] + np.arange(self.length)).ravel() % face_columns)
 
 
 def runs_of_face(
@@ -113,22 +109,22 @@ def chained_seals(
     solved = [flow for flow in flows if flow is not None]
     length, independent = (solved[0].length, solved[0].independent) if solved else (1, 1)
     runs = max(1, round(columns / length))
-    starts = solved[0].closed.size if solved else 1
-    value, closed, held = np.full((3, starts, len(flows)), np.nan)
+    starts = solved[0].starts if solved else np.zeros(1, np.int64)
+    value, closed, held = np.full((3, starts.size, len(flows)), np.nan)
     for s, flow in enumerate(flows):
         if flow is not None:
             value[:, s], closed[:, s], held[:, s] = flow.value, flow.closed, flow.held
     size = partition.shape[0] * partition.spacing[0], length * partition.window_size[1]
     # leakage per length of a run of conductance 1 m³, and so of a seal whose runs have the mean conductance 1 m³
     unit = scene.leakage(RectangularSeal(size, (1, 1)), size[0] / size[1]).per_length
-    drawn, again = np.zeros((2, realisations, starts))
+    drawn, again = np.zeros((2, realisations, starts.size))
     # a face scatters less about its own mean than seals about theirs: one run less makes up for that
     fewer = max(1, independent - 1)
     for n in range(realisations):
-        drawn[n] = np.bincount(_drawn_runs(seed, n, runs, starts), minlength=starts)
+        drawn[n] = np.bincount(_drawn_runs(seed, n, runs, starts.size), minlength=starts.size)
         rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(n, 2)))
-        library = rng.integers(starts, size=fewer)
-        again[n] = np.bincount(library[rng.integers(fewer, size=runs)], minlength=starts)
+        library = rng.integers(starts.size, size=fewer)
+        again[n] = np.bincount(library[rng.integers(fewer, size=runs)], minlength=starts.size)
     per_length = unit / runs
     return ChainedSeals(
         leakage=per_length * drawn @ value,
@@ -137,10 +133,16 @@ def chained_seals(
         resampled=per_length * again @ value,
         columns=runs * length,
         length=length,
-        starts=solved[0].starts if solved else np.zeros(1, np.int64),
+        starts=starts,
         seed=seed,
         warnings=warnings,
     )
+
+
+def _drawn_runs(seed: int, realisation: int, runs: int, different: int) -> NDArray[np.int64]:
+    """Numbers of the runs that a realisation is a chain of (runs,), out of so many different ones."""
+    place = np.random.Generator(np.random.Philox(np.random.SeedSequence(seed, spawn_key=(realisation,)))).random(runs)
+    return (place * different).astype(np.int64)
 
 
 def _long_enough(

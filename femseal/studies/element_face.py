@@ -19,13 +19,13 @@ class FaceElements:
 
     flow : its permeabilities see the drop of the viscous potential. share : of that drop at every pixel (n1, n2).
     gap : (n1, n2) [m] whose elements were solved; of a gas with slip that of the same permeability by the cubic law.
-    factor : what multiplies the permeabilities of that gap.
+    drop : of a gas with slip the drop whose shares the potential of that gap is; None of other fluids.
     """
 
     flow: ElementFlow
     share: NDArray[np.float32]
     gap: NDArray[np.floating]
-    factor: float = 1.0
+    drop: GasDrop | None = None
 
 
 def flow_through_elements(gap: NDArray[np.floating], partition: Partition, drop: GasDrop | None) -> FaceElements:
@@ -56,15 +56,17 @@ def flow_through_elements(gap: NDArray[np.floating], partition: Partition, drop:
         dissipation=factor * found.flow.dissipation,
     )
     share = of_gas.viscous_share(np.clip(found.share, 0.0, 1.0)).astype(np.float32)
-    return FaceElements(flow, share, found.gap, factor)
+    return FaceElements(flow, share, found.gap, of_gas)
 
 
-def columns_of_face(gap: NDArray[np.floating], partition: Partition, drop: GasDrop | None) -> tuple[ColumnRuns, float]:
-    """Columns of a face, see `scales.ColumnRuns`, and what multiplies their conductances.
+def columns_of_face(
+    gap: NDArray[np.floating], partition: Partition, drop: GasDrop | None
+) -> tuple[ColumnRuns, GasDrop | None]:
+    """Columns of a face, see `scales.ColumnRuns`; of a gas with slip also the drop whose shares their potential is.
 
-    A gas with slip has the pressures in the whole face.
+    A gas with slip has the pressures in the whole face. Its `mean_factor` multiplies the conductances.
     """
     if drop is None:
-        return ColumnRuns.of(gap, partition), 1.0
+        return ColumnRuns.of(gap, partition), None
     face = flow_through_elements(gap, partition, drop)
-    return ColumnRuns.of(face.gap, partition), face.factor
+    return ColumnRuns.of(face.gap, partition), face.drop

@@ -11,11 +11,11 @@ import numpy as np
 from ..base.text import Shown
 from ..flow.gas_drop import GasDrop
 from ..flow.permeability_table import PermeabilityTable
-from ..scales import Failed, attempt, draw_links, draw_pressures
-from ..scales.sampling import Index
+from ..scales import Failed, Partition, attempt, draw_links, draw_pressures
 from ..seal import RectangularSeal
 from ..seal.layouts import SealWindows
 from ..seal.linked import LinkWindows
+from .chained import ChainedSeals, StateRuns
 from .sampling_options import Sampling
 from .scene import Array, Scene, labels
 from .sources import Tables
@@ -50,29 +50,6 @@ class MedianSeal(Shown):
     )
 
 
-def median_of_runs(
-    realisation: int, *, scene: Scene, seal: RectangularSeal, columns: Index, states: Sequence[Any], pressure: Array
-) -> MedianSeal:
-    """Fields of a chain of runs: those of the uncut face at its columns.
-
-    Parameters
-    ----------
-    seal : with a window for each part. columns : of the face, in the order of the seal.
-    states : `StateRuns` of every step, or a failure. pressure : contact pressure of the windows (steps, m1, m2) [Pa].
-    """
-    outlines = LinkWindows(seal).outlines
-    k, p, flux = (np.full((len(states), len(outlines), *plane), np.nan) for plane in ((), (), (2,)))
-    inlet, outlet = scene.fluid.potential([scene.inlet_pressure, scene.outlet_pressure])
-    drop = (inlet - outlet) / scene.fluid.reference_density
-    (l1, l2), (n1, n2) = seal.size, seal.cells
-    widths = np.array([l2 / n2, l1 / n1])
-    for s, state in enumerate(states):
-        if not isinstance(state, Failed):
-            k[s], p[s] = state.k[:, columns].ravel(), scene.pressure_at(np.clip(state.share[:, columns], 0, 1)).ravel()
-            flux[s] = drop * state.flow[:, :, columns].reshape(2, -1).T / widths
-    return MedianSeal(realisation, outlines, k, p, flux, pressure[:, :, columns].reshape(len(states), -1))
-
-
 def drawn_permeability(
     laid: SealWindows, kinds: tuple[Tables, ...], sampling: Sampling, realisation: int, drop: GasDrop | None
 ) -> Callable[[int], Any]:
@@ -93,10 +70,13 @@ def drawn_permeability(
 
 
 def nearest_to_median(leakage: Array) -> int | None:
-    """Realisation whose ln(leakage) (realisations, steps) is nearest to the median of all; None where none leaks."""
-    size = np.abs(leakage)
+    """Realisation whose ln(leakage) (realisations, steps) is nearest to the median of all; None where none leaks.
+
+    Steps at which all failed do not count.
+    """
+    size = np.abs(leakage[:, np.isfinite(leakage).any(axis=0)])
     whole = np.isfinite(size).all(axis=1)
-    if not whole.any():
+    if not size.size or not whole.any():
         return None
     median = np.median(size[whole], axis=0)
     chosen = np.asarray(median > _FLOOR * median.max())
@@ -126,3 +106,37 @@ def median_seal(
     pressure = draw_pressures(kinds[0][0], sampler=sampler, seed=seed, realisation=realisation, axis=0)
     of_windows = None if pressure is None else np.array([laid.means(pressure(s)) for s in range(len(scene.steps))])
     return MedianSeal(realisation, outlines, k, p, flux, of_windows)
+
+
+def median_chain(
+    realisation: int,
+    *,
+    scene: Scene,
+    partition: Partition,
+    drawn: ChainedSeals,
+    states: Sequence[StateRuns | Failed],
+    pressure: Array,
+) -> MedianSeal:
+    """Fields of a chain of runs, whose windows have those that they have in the uncut face.
+
+    The flux through every row of windows is scaled so that it carries the leakage of the chain.
+
+    Parameters
+    ----------
+    drawn : chains, of which this is one. states : `StateRuns` of every step, or `Failed`.
+    pressure : mean contact pressure of the windows of the face (steps, m1, m2) [Pa].
+    """
+    (m1, m2), (d1, d2) = partition.cells, partition.window_size
+    columns = drawn.windows(realisation, m2)
+    outlines = LinkWindows(RectangularSeal((m1 * d1, columns.size * d2), (m1, columns.size))).outlines
+    k, p, flux = (np.full((len(states), len(outlines), *plane), np.nan) for plane in ((), (), (2,)))
+    for s, state in enumerate(states):
+        if isinstance(state, Failed):
+            continue
+        k[s] = state.k[:, columns].ravel()
+        p[s] = scene.pressure_at(state.share[:, columns]).ravel()
+        through = state.flux[:, columns]
+        total = through[..., 0].mean(axis=1)
+        scale = np.divide(drawn.leakage[realisation, s], total, out=np.zeros(m1), where=total > 0)
+        flux[s] = (scale[:, None, None] * through).reshape(-1, 2)
+    return MedianSeal(realisation, outlines, k, p, flux, pressure[:, :, columns].reshape(len(states), -1))

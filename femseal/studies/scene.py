@@ -82,7 +82,7 @@ class Scene:
     @property
     def flow(self) -> FlowSettings:
         """How the flow through windows and faces is discretised and solved."""
-        drop = GasDrop.of(self.fluid, self.inlet_pressure, self.outlet_pressure, self.surface.rms_height or 1e-6)
+        drop = GasDrop.of(self.fluid, self.inlet_pressure, self.outlet_pressure)
         return FlowSettings(self.solver, self.discretisation, drop)
 
     def leakage(self, seal: Seal, permeability: Any) -> Leakage:

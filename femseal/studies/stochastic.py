@@ -19,7 +19,7 @@ from ..seal.layouts import SealWindows
 from ..seal.linked import LinkWindows
 from .chained import StateRuns, chained_seals
 from .followed import windows_under_global_contact, windows_under_uniform_pressure
-from .median_seal import MOST_VALUES, drawn_permeability, median_of_runs, median_seal, nearest_to_median
+from .median_seal import MOST_VALUES, drawn_permeability, median_chain, median_seal, nearest_to_median
 from .placed import windows_in_place
 from .plausibility import odd_in_scene
 from .sampling_options import Sampling, check_sampling, chosen_sampler, laid_out
@@ -171,28 +171,21 @@ def _of_runs(
     """Seals of one length, drawn as chains of runs of the face."""
     drawn = chained_seals(scene, partition, supply.runs, laid.draws[0][1], sampling.realisations, sampling.seed)
     cells, (d1, d2) = (partition.cells[0], drawn.columns), partition.window_size
-    size = cells[0] * d1, cells[1] * d2
-    chosen = nearest_to_median(drawn.leakage) if cells[0] * cells[1] * len(scene.steps) <= MOST_VALUES else None
-    median = None
-    if chosen is not None:
-        median = median_of_runs(
-            chosen,
-            scene=scene,
-            seal=RectangularSeal(size, cells),
-            columns=drawn.columns_of(chosen, partition.cells[1]),
-            states=supply.runs,
-            pressure=supply.library.curves.pressure.T.reshape(-1, *partition.cells),
-        )
+    few = cells[0] * cells[1] * len(scene.steps) <= MOST_VALUES
+    chosen = nearest_to_median(drawn.leakage) if few else None
+    shown: dict[str, Any] = {"scene": scene, "partition": partition, "drawn": drawn, "states": supply.runs}
+    # windows row after row, as the face has them
+    pressure = supply.library.curves.pressure.T.reshape(-1, *partition.cells)
     return StochasticResult(
         steps=scene.steps,
-        seal=RectangularSeal(size, cells, supply.node_rows),
+        seal=RectangularSeal((cells[0] * d1, cells[1] * d2), cells, supply.node_rows),
         sampler="runs",
         library=supply.library,
         leakage=drawn.leakage,
         leakage_resampled=drawn.resampled,
         leakage_closed_cuts=drawn.closed,
         leakage_held_cuts=drawn.held,
-        median_seal=median,
+        median_seal=None if chosen is None else median_chain(chosen, **shown, pressure=pressure),
         failures=tuple(
             f"runs, {step.name}: {state.reason}"
             for step, state in zip(scene.steps, supply.runs, strict=True)

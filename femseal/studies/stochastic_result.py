@@ -35,8 +35,7 @@ class StochasticResult(Shown):
     other_lengths : seals of the other lengths that were asked for, drawn from the same library; the same realisation of
         a longer seal begins with that of a shorter one.
     sampler : how they were drawn, see `sampling_options.chosen_sampler`.
-    median_seal : fields of the realisation nearest to the median; None with the sampler "runs", of very large seals,
-        and without leakage.
+    median_seal : fields of the realisation nearest to the median; None of very large seals, and without leakage.
     failures : reasons of values that are NaN or left out. warnings : reasons to doubt the result.
     solvers : number of systems by solver, of library windows and of drawn seals.
     """
