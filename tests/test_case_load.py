@@ -188,6 +188,21 @@ class TestFieldOfACase:
         (far,) = case(pressure_unit="kPa").prepare().warnings
         assert far == "the field of pressure has the mean 60 kPa over the seal, far from all loads: is its unit right?"
 
+    def test_windows_that_hardly_touch_are_told(self, data):
+        def warnings(shares, inlet):
+            case = data | {"load": data["load"] | {"map": {"kind": "profile", "shares": shares}}}
+            return parse_case(case | {"fluid": data["fluid"] | {"inlet_pressure": inlet}}).prepare().warnings
+
+        assert warnings([1, 2], "1 MPa") == ()
+        (open_,) = warnings([0, 2], "1 MPa")
+        assert open_.startswith("the map is 0 over 50% of the seal: windows just touch there")
+        (lifted,) = warnings([0.01, 2], "1 MPa")
+        assert lifted.startswith(
+            "the fluid's 1 MPa at the inlet is 2 times the contact pressure of 498 kPa where the map"
+        )
+        (whole,) = warnings([0.01, 2], "30 MPa")  # of the nominal pressure too
+        assert "where the map" not in whole
+
     @pytest.mark.parametrize(
         ("given", "words"),
         [
