@@ -18,7 +18,10 @@ from femseal.results.variables import step_coordinates
 from femseal.runs.case import parse_case
 from femseal.runs.forecast import describe
 from femseal.runs.job import _face_files
+from femseal.scales import Partition
 from femseal.seal.pressure_map import AngleTable, Frame, MapsAtLoads, Profile, Uniform, is_uniform
+from femseal.studies import laid_out
+from femseal.studies.local_pressure import pressed_seal, shares_of_links
 
 ROOT = Path(__file__).parents[1]
 
@@ -185,6 +188,21 @@ class TestFieldOfACase:
         (far,) = case(pressure_unit="kPa").prepare().warnings
         assert far == "the field of pressure has the mean 60 kPa over the seal, far from all loads: is its unit right?"
 
+    def test_windows_that_hardly_touch_are_told(self, data):
+        def warnings(shares, inlet):
+            case = data | {"load": data["load"] | {"map": {"kind": "profile", "shares": shares}}}
+            return parse_case(case | {"fluid": data["fluid"] | {"inlet_pressure": inlet}}).prepare().warnings
+
+        assert warnings([1, 2], "1 MPa") == ()
+        (open_,) = warnings([0, 2], "1 MPa")
+        assert open_.startswith("the map is 0 over 50% of the seal: windows just touch there")
+        (lifted,) = warnings([0.01, 2], "1 MPa")
+        assert lifted.startswith(
+            "the fluid's 1 MPa at the inlet is 2 times the contact pressure of 498 kPa where the map"
+        )
+        (whole,) = warnings([0.01, 2], "30 MPa")  # of the nominal pressure too
+        assert "where the map" not in whole
+
     @pytest.mark.parametrize(
         ("given", "words"),
         [
@@ -260,3 +278,39 @@ class TestFieldOfACase:
 def test_loads_in_words(case, sentences):
     data = xarray.Dataset(step_coordinates("step", "", LoadProgramme.of([5e7])))
     assert load_sentences(data, {"load": case}) == sentences
+
+
+class TestMesh:
+    """The gasket of the examples, under four bolts."""
+
+    @pytest.fixture
+    def gasket(self):
+        return tomllib.loads((ROOT / "examples" / "gasket_seal.toml").read_text(encoding="utf-8"))
+
+    def prepared(self, gasket, **load):
+        return parse_case(gasket | {"load": gasket["load"] | load}, ROOT / "examples").prepare()
+
+    def test_a_map_round_its_centre(self, gasket):
+        under_bolts = {"kind": "angle", "shares": [2, 1], "repeat": 4}
+        prepared = self.prepared(gasket, map=under_bolts)
+        partition = Partition(prepared.scene.surface.shape, prepared.scene.surface.spacing, prepared.cells)
+        (laid,) = laid_out(prepared.scene.layout, partition, prepared.sampling)
+        pressed = pressed_seal(prepared.scene.layout, laid)
+        shares = pressed.shares(prepared.sampling.pressure_map, pressed.centres, 1.0)[0]
+        assert_allclose(np.average(shares, weights=pressed.areas), 1.0)
+        angle = np.degrees(np.arctan2(*pressed.centres.T[::-1])) % 90
+        expected = 2 - np.abs(np.abs(angle - 45) - 45) / 45
+        assert_allclose(shares / shares.mean(), expected / expected.mean(), rtol=1e-6)
+        of_windows = shares_of_links(prepared.scene, laid, prepared.sampling.pressure_map, 1)
+        assert of_windows.shape == (len(prepared.scene.steps), laid.draws[1][1])
+        assert_allclose((of_windows.min(), of_windows.max()), (shares.min(), shares.max()))
+
+    def test_forces_and_profiles(self, gasket):
+        """Its area is what a uniform force acts on, its length the one given; a profile needs radii."""
+        forces = {"loading": ["200 kN"], "unload_from": [], "unloading": []}
+        (pressure,) = self.prepared(gasket, **forces).scene.loading
+        (lengthwise,) = self.prepared(gasket, **forces | {"loading": [f"{200 / 110} kN/mm"]}).scene.loading
+        assert_allclose(lengthwise, pressure, rtol=1e-9)
+        assert 1e7 < pressure < 1e9
+        with pytest.raises(fs.InputError, match=r"load.map.positions: given none on a mesh, allowed is radii"):
+            self.prepared(gasket, map={"kind": "profile", "shares": [1, 2]})

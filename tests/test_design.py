@@ -170,6 +170,28 @@ def test_one_seal_has_no_probability(face):
     assert "no probability" in answer.notes[0]
     assert "not unloaded" in answer.notes[1]
     assert "(" not in answer.requirements[0].assembly.text()
+    assert repr(answer).startswith("<femseal.Design of 1 seal, probability 0.95")
+    assert "31.6 MPa" in repr(answer)
+    assert "Qmin(L)" in answer._repr_html_()
+
+
+def test_the_picture_marks_limits_and_pressures(face):
+    loads = {"loading": (1e7, 1e8, 4e8), "unload_from": (4e8,), "unloading": (1e8, 1e7)}
+    scene = fs.Scene(face, 115e9, 2e9, fs.Liquid(1e-3), 1e6, 0.0, **loads)
+    study = fs.deterministic(scene)
+    limit = float(np.sqrt(study.leakage[3] * study.leakage[4])) * 1e9
+    answer = fs.design(
+        assemble(scene, deterministic=study), classes=[f"{limit:.4g} mg/(m·s)", f"{limit * 1e9:.4g} mg/(m·s)"]
+    )
+    axes = answer.plot().axes[0]
+    named = {text.get_text().strip() for text in axes.texts}
+    need = answer.requirements[0]
+    assert need.service[4e8].relation == "="
+    assert {need.name, need.assembly.text(), need.service[4e8].text()} <= named
+    assert any(text.startswith("↑") for text in named)  # a limit above the picture
+    places = {(float(x), float(y)) for line in axes.lines if len(line.get_xdata()) == 1
+              for x, y in zip(line.get_xdata(), line.get_ydata(), strict=True)}  # fmt: skip
+    assert any(np.allclose(place, (need.assembly.value / 1e6, limit), rtol=1e-3) for place in places)
 
 
 def case(**more):

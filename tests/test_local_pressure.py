@@ -95,6 +95,14 @@ def test_a_window_has_its_own_peak(equal, kept):
     assert abs(np.log(own[0].mean() / own[1].mean())) > 0.1
 
 
+@pytest.mark.parametrize("sampler", ["derivative", "copula"])
+def test_every_sampler_follows_a_map(equal, kept, sampler):
+    """Windows being the same, they draw what histories draw."""
+    halves = Profile((1.5, 0.5))
+    other = drawn(equal, replace(STRIP, sampler=sampler), kept, halves)
+    assert_allclose(other.leakage, drawn(equal, STRIP, kept, halves).leakage, rtol=1e-6)
+
+
 @pytest.mark.parametrize("shape", ["strip", "ring"])
 def test_long_waves_leak_as_the_mean_of_local_seals(random, kept, shape):
     """Waves of period 2, 4 and 8 around a seal against the mean of uniform seals of the same windows."""
@@ -177,6 +185,9 @@ class TestPaths:
 def test_what_is_refused(random, kept):
     with pytest.raises(InputError, match=r"positions: given 0 m to 100 µm, allowed is a range that holds the windows"):
         drawn(random, STRIP, kept, Profile((1.0, 2.0), (0.0, 1e-4)))
+    series = MapsAtLoads((1e8,), (Uniform(),))
+    with pytest.raises(InputError, match="sampler: given copula, allowed is history with several maps"):
+        drawn(random, replace(STRIP, sampler="copula"), kept, series)
     with pytest.raises(InputError, match=r"field: given .* allowed is one that covers the seal"):
         drawn(random, STRIP, kept, PressureField.of([[0, 0], [1e-4, 0], [0, 2e-3]], [1e8, 1e8, 1e8]))
 

@@ -16,6 +16,7 @@ from ..base.errors import InputError
 from ..base.leak_classes import USUAL, LeakClass, leak_classes
 from ..base.provenance import versions
 from ..base.quantities import to_si, to_text
+from ..base.text import fact_table
 from ..results import open_results
 from ..results.results import Results
 from ..runs import job
@@ -32,7 +33,7 @@ if TYPE_CHECKING:
     from .requirements import NeededPressure
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Design:
     """What a seal needs, see `design`.
 
@@ -63,6 +64,20 @@ class Design:
         from .data_sheet import rich_tables
 
         return rich_tables(self)
+
+    def __repr__(self) -> str:
+        needs = "; ".join(f"{need.name}: Qmin {need.assembly.text()}" for need in self.requirements)
+        count = "1 seal" if self.seals.count == 1 else f"{self.seals.count} seals"
+        return f"<femseal.Design of {count}, probability {self.probability:g}: {needs}>"
+
+    def _repr_html_(self) -> str:
+        from .data_sheet import sheet, slopes, slopes_title
+
+        (heads, lines), (slope_heads, slope_lines) = sheet(self), slopes(self)
+        told = fact_table("Pressure in assembly and in service", map(tuple, lines), tuple(heads))
+        if slope_lines:
+            told += fact_table(slopes_title(self), map(tuple, slope_lines), tuple(slope_heads))
+        return told
 
     def write(self, folder: str | os.PathLike[str]) -> list[Path]:
         """Write `design.csv`, `design.json` and `design.png`; the report of results in the folder shows them."""
@@ -251,6 +266,8 @@ def _notes(seals: Seals, share: float, results: Results) -> list[str]:
         )
     if not seals.steps.unload_from:
         notes.append("the case is not unloaded: QSmin takes `unload_from`, or --assembly with a case")
+    if doubts := len(results.warnings):
+        notes.append(f"the run has {doubts} warning{'s' if doubts > 1 else ''}, which its report tells")
     lost = results.dataset.sizes.get("realisation", seals.count) - seals.count
     if lost > 0 and results.method == "median":
         notes.append(f"{lost} seals failed at some load and are left out")

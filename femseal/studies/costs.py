@@ -15,6 +15,7 @@ from ..base.machine import free_memory
 from ..contact.cycle import STATE_FIELDS
 from ..scales.elements import ELEMENT_BYTES
 from ..scales.global_contact import PIXELS_PER_CUT_OFF
+from ..seal.pressure_map import is_uniform
 from .deterministic import STEP_BYTES, state_memory
 from .face_contact import chosen_contact
 from .sampling_options import Sampling
@@ -47,8 +48,8 @@ _LINK_SECONDS = 1.1e-7
 _SUCCESSIVE = 4.5
 #: Transforms that the estimate of the error of a gap takes.
 _ERROR_PAIRS = 3
-#: Number of states of a window on its ladder: loading, unloading and without contact.
-_LADDER_STATES = 60
+#: Number of states of a window on its ladder, under one pressure or a map: loading, unloading and without contact.
+_LADDER_STATES, _MAP_STATES = 60, 120
 
 
 @dataclass(frozen=True)
@@ -168,13 +169,16 @@ def stochastic_cost(
         links = windows + (cells[0] - 1) * cells[1]
         contacts = whole - links * sum(flow_seconds(window, effort) for effort in efforts)
         seconds = contacts + steps * (windows * _RUN_SECONDS + pixels * _RUN_PIXEL_SECONDS)
+        if pressures > 1:  # the flow through the face, which gives the pressures in it
+            seconds += _SUCCESSIVE * sum(element_seconds(pixels, window**0.5, effort) for effort in efforts)
         return seconds + sampling.realisations * (_DRAW_SECONDS + _DRAW_COLUMN_SECONDS * seal[1]), faces
     if sampling.pressure == "place":
         whole, faces = two_scale_cost(efforts, points, cells, "links", contact, pressures=pressures)
         links = windows + (cells[0] - 1) * cells[1]
         seconds = whole + steps * (2 * max(sampling.library_cells, windows) - links) * flow
     else:
-        seconds = _LADDER_STATES * sampling.library_cells * (ladder + 2 * (3 if sampling.bounds else 1) * flow)
+        states = _LADDER_STATES if is_uniform(sampling.pressure_map) else _MAP_STATES
+        seconds = states * sampling.library_cells * (ladder + 2 * (3 if sampling.bounds else 1) * flow)
     links = seal[0] * seal[1]
     # as many seals again from resampled libraries, and from lower and upper bounds
     draws = (4 if sampling.bounds else 2) * sampling.realisations

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from itertools import pairwise
 
 import numpy as np
@@ -13,6 +14,7 @@ from ..scales.library import local_peaks
 from ..scales.sampling import Index
 from ..seal.layouts import Layout, SealWindows
 from ..seal.pressure_map import AnyMap, MapsAtLoads, PressedSeal, PressureField, is_uniform
+from .plausibility import LIFTING_SHARE
 from .scene import Array, Scene
 
 #: Most paths of pressure for which every library window has its own curve, under one map and under several at different
@@ -111,13 +113,41 @@ def check_map(scene: Scene, laid: SealWindows, pressure_map: AnyMap) -> tuple[st
     """
     if is_uniform(pressure_map):
         return ()
+    nominal = scene.steps.pressures
     for axis in (0, 1):
-        pressure = scene.steps.pressures[:, None] * shares_of_links(scene, laid, pressure_map, axis)
+        pressure = nominal[:, None] * shares_of_links(scene, laid, pressure_map, axis)
         if pressure.size and pressure.max() >= scene.hardness:
             step = int(pressure.max(axis=1).argmax())
             given = f"{to_text(float(pressure.max()), 'Pa')} in a window at {scene.steps[step].name}"
             raise InputError.of("map", given, f"pressures below the hardness, {to_text(scene.hardness, 'Pa')}")
-    seal, told = pressed_seal(scene.layout, laid), []
+    loaded = nominal > 0
+    told = _odd_pressures(scene, nominal[loaded, None] * shares_of_links(scene, laid, pressure_map, 0)[loaded])
+    return (*told, *_odd_fields(scene, laid, pressure_map))
+
+
+def _odd_pressures(scene: Scene, pressure: Array) -> Iterator[str]:
+    """What is odd in the pressures of the windows at the loaded steps (steps, windows)."""
+    if not pressure.size:
+        return
+    if free := float((pressure <= 0).mean(axis=1).max()):
+        yield (
+            f"the map is 0 over {free:.0%} of the seal: windows just touch there, and a gap that a flange opens is not "
+            "in the leakage"
+        )
+    least = float(pressure[pressure > 0].min())
+    lowest = min(p for p in scene.steps.pressures if p > 0)
+    if LIFTING_SHARE * least < scene.inlet_pressure <= LIFTING_SHARE * lowest:  # where it is more, the scene tells it
+        yield (
+            f"the fluid's {to_text(scene.inlet_pressure, 'Pa')} at the inlet is {scene.inlet_pressure / least:.2g} "
+            f"times the contact pressure of {to_text(least, 'Pa', 3)} where the map presses least: the model leaves "
+            "out that the fluid lifts the faces there"
+        )
+
+
+def _odd_fields(scene: Scene, laid: SealWindows, pressure_map: AnyMap) -> tuple[str, ...]:
+    """Fields whose mean is far from the loads."""
+    seal = pressed_seal(scene.layout, laid)
+    told: list[str] = []
     if isinstance(pressure_map, PressureField):
         mean, loads = seal.mean(pressure_map), scene.steps.pressures[scene.steps.pressures > 0]
         if loads.size and not loads.min() / _FAR_LOAD < mean < loads.max() * _FAR_LOAD:

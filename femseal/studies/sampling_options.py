@@ -12,7 +12,7 @@ from ..base.errors import InputError
 from ..base.quantities import to_text
 from ..scales import SAMPLERS, Partition
 from ..seal.layouts import Layout, SealWindows, Windows
-from ..seal.pressure_map import AnyMap, Profile, Uniform, is_uniform
+from ..seal.pressure_map import AnyMap, MapsAtLoads, Profile, Uniform, is_uniform
 from .face_contact import chosen_contact
 from .scene import Scene
 
@@ -146,6 +146,9 @@ def check_sampling(sampling: Sampling) -> None:
         raise InputError.of("map", f"an uneven one with the pressure '{sampling.pressure}'", allowed)
     if sampling.other_lengths and not isinstance(sampling.pressure_map, (Uniform, Profile)):
         raise InputError.of("map", "one that may vary along seals of several lengths", "a profile, or one length")
+    if isinstance(sampling.pressure_map, MapsAtLoads) and sampling.sampler_of_links != "history":
+        allowed = "history with several maps, under which windows may be unloaded while the seal is loaded"
+        raise InputError.of("sampler", sampling.sampler_of_links, allowed)
     if sampling.library is not None and sampling.pressure == "place":
         raise InputError.of("library", f"'{sampling.library}'", "none with the pressure 'place', which has no ladder")
     if sampling.width is not None:
