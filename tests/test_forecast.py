@@ -13,7 +13,15 @@ from femseal.runs import forecast as module
 from femseal.runs import pilot
 from femseal.runs.case import parse_case
 from femseal.runs.forecast import describe, forecast
-from femseal.studies.costs import PILOT_PIXELS, Effort, contact_seconds
+from femseal.studies.costs import (
+    PILOT_PIXELS,
+    Effort,
+    contact_seconds,
+    deterministic_cost,
+    stochastic_cost,
+    two_scale_cost,
+    usual_efforts,
+)
 
 ROOT = Path(__file__).parents[1]
 
@@ -148,3 +156,21 @@ def test_check_says_which_windows_a_library_takes(data):
     case = parse_case(data)
     words = "8 library windows of the face, not 20, contact of the whole face, cut into windows (pressure: place, sampler: runs)"
     assert any(words in line for line in describe(case, case.prepare()))
+
+
+def test_a_gas_with_slip_takes_longer():
+    """Windows at several pressures, and other flow solved again and again."""
+    efforts, points, cells = usual_efforts(4), (256, 512), (8, 16)
+    sampling = {
+        name: fs.Sampling(length=1e-2, realisations=9, library_cells=64, seed=1, sampler=name)
+        for name in ("runs", "block")
+    }
+    for cost in (
+        lambda n: deterministic_cost(efforts, points, n),
+        lambda n: two_scale_cost(efforts, points, cells, "links", pressures=n),
+        lambda n: two_scale_cost(efforts, points, cells, "elements", pressures=n),
+        lambda n: stochastic_cost(efforts, points, cells, sampling["runs"], (8, 100), pressures=n),
+        lambda n: stochastic_cost(efforts, points, cells, sampling["block"], (8, 100), pressures=n),
+    ):
+        still, slips, wide = (cost(n)[0] for n in (1, 4, 6))
+        assert still < slips <= wide < 6 * still

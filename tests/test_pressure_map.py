@@ -132,6 +132,21 @@ class TestFields:
         coarse = ring(cells=(4, 24)).outlines.reshape(-1, 2)
         assert_allclose(PressureField.of(coarse, np.ones(len(coarse))).at(seal.centres, Frame()), 1.0)
 
+    def test_fine_fields_that_do_not_cover_are_refused_at_once(self, monkeypatch):
+        """All triangles are tried for few of the places."""
+        tried, whole = Triangulation._try, []
+
+        def counted(self, near, part, *arrays):
+            whole.append(len(part) if near is None else 0)
+            tried(self, near, part, *arrays)
+
+        monkeypatch.setattr(Triangulation, "_try", counted)
+        points = ring(cells=(12, 600)).outlines.reshape(-1, 2)
+        field = PressureField.of(points, np.ones(len(points)))
+        with pytest.raises(InputError, match="without places on the seal such as"):
+            field.at(ring(9e-3, 14e-3, cells=(100, 400)).centres, Frame())
+        assert 0 < sum(whole) < 200
+
     def test_long_triangles_far_from_their_middles_are_found(self):
         """Many small triangles beside a few long ones."""
         fine = RNG.uniform(0, 1, (2000, 2)) * [0.1, 1]
@@ -159,7 +174,7 @@ class TestFiles:
         x, y = (grid.ravel() for grid in np.meshgrid(np.linspace(0, 2, 9), np.linspace(0, 8, 17)))
         return x, y, 10 + x + 2 * y
 
-    @pytest.mark.parametrize("delimiter", [",", ";", "\t"])
+    @pytest.mark.parametrize("delimiter", [",", ";", "\t", "  "])
     def test_columns(self, tmp_path, values, delimiter):
         path = tmp_path / "flange.csv"
         rows = (delimiter.join((str(p), "0", str(x), str(y))) for x, y, p in zip(*values, strict=True))

@@ -41,7 +41,8 @@ def read_pressure_field(
     ----------
     path : a mesh of triangles or quadrilaterals that meshio reads, such as .vtu, in a plane of constant z, with `name`
         among its data of points (linear on the corners of cells) or of cells (constant on them); or a .csv or .txt with
-        columns x, y and `name` under a line of these names, whose points are joined by triangles.
+        columns x, y and `name` under a line of these names, between commas, semicolons, tabs or blanks, whose points
+        are joined by triangles.
     length_unit, pressure_unit : of the numbers in the file, such as "mm" and "MPa".
 
     Raises
@@ -70,7 +71,10 @@ def _of_text(file: Path, name: str) -> tuple[Any, Any, None]:
     if not lines:
         raise InputError.of("path", f"'{file}', which is empty", "a text with columns")
     delimiter = max(_DELIMITERS, key=lines[0].count)
-    head, *rows = csv.reader(io.StringIO("\n".join(lines)), delimiter=delimiter)
+    if delimiter in lines[0]:
+        head, *rows = csv.reader(io.StringIO("\n".join(lines)), delimiter=delimiter)
+    else:
+        head, *rows = (line.split() for line in lines)
     names = [column.strip() for column in head]
     wanted = (*_COORDINATES, name)
     if missing := [column for column in wanted if names.count(column) != 1]:

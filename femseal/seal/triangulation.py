@@ -63,8 +63,8 @@ class Triangulation:
             (x0, y0), (x1, y1) = (end(self.points, axis=0) for end in (np.min, np.max))
             x, y = places[uncovered[0]]
             given = (
-                f"x {x0:.4g} to {x1:.4g} m, y {y0:.4g} to {y1:.4g} m, without {uncovered.size} of {len(places)} "
-                f"places on the seal, such as ({x:.4g}, {y:.4g}) m"
+                f"x {x0:.4g} to {x1:.4g} m, y {y0:.4g} to {y1:.4g} m, without places on the seal such as "
+                f"({x:.4g}, {y:.4g}) m"
             )
             raise InputError.of("field", given, "one that covers the seal")
         inside = np.maximum(weights, 0)
@@ -72,7 +72,10 @@ class Triangulation:
         return (inside * values[self.triangles[triangle]]).sum(axis=1)
 
     def _around(self, places: Array) -> tuple[NDArray[np.int64], Array]:
-        """Triangle around each place, −1 where there is none, and the place in it by its three weights."""
+        """Triangle around each place, −1 where there is none, and the place in it by its three weights.
+
+        Places are no longer sought once there is one without a triangle.
+        """
         from scipy.spatial import cKDTree
 
         best = np.full(len(places), -1)
@@ -81,12 +84,16 @@ class Triangulation:
         margin = OUTSIDE * np.ptp(self.points[self.triangles], axis=1).max()
         left = np.flatnonzero(((places >= low - margin) & (places <= high + margin)).all(axis=1))
         tree = cKDTree(self.points[self.triangles].mean(axis=1))
+        if left.size < len(places):
+            return best, weights
         for count in (*_NEAREST, len(self.triangles)):
             k = min(count, len(self.triangles))
             for start in range(0, left.size, step := max(1, _CHUNK // k)):
                 part = left[start : start + step]
                 near = tree.query(places[part], k=[*range(1, k + 1)])[1] if k < len(self.triangles) else None
                 self._try(near, part, places, best, weights)
+                if near is None and (weights[part].min(axis=1) < -OUTSIDE).any():
+                    break
             left = left[weights[left].min(axis=1) < 0]
         best[weights.min(axis=1) < -OUTSIDE] = -1
         return best, weights

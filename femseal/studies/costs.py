@@ -169,6 +169,8 @@ def stochastic_cost(
         links = windows + (cells[0] - 1) * cells[1]
         contacts = whole - links * sum(flow_seconds(window, effort) for effort in efforts)
         seconds = contacts + steps * (windows * _RUN_SECONDS + pixels * _RUN_PIXEL_SECONDS)
+        if pressures > 1:  # the flow through the face, which gives the pressures in it
+            seconds += _SUCCESSIVE * sum(element_seconds(pixels, window**0.5, effort) for effort in efforts)
         return seconds + sampling.realisations * (_DRAW_SECONDS + _DRAW_COLUMN_SECONDS * seal[1]), faces
     if sampling.pressure == "place":
         whole, faces = two_scale_cost(efforts, points, cells, "links", contact, pressures=pressures)
