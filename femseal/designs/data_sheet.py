@@ -81,7 +81,7 @@ def sentences(answer: Design) -> list[str]:
             f"Qmin and QSmin are nominal pressures that keep {answer.probability:.4g} of {count} seals in the class; "
             "in brackets the interval in which they lie with 90 %, by seals drawn again and the error of the library."
         )
-    told.append("No leakage at all takes " + answer.sealing.text() + _band(answer.sealing, count) + ".")
+    told.append("The load that seals without leakage: " + answer.sealing.text() + _band(answer.sealing, count) + ".")
     if answer.turned is not None:
         low, high = answer.turned.leakage.low, answer.turned.leakage.high
         band = f" ({low:.3g} to {high:.3g})" if isfinite(low) else ""

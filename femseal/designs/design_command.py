@@ -70,4 +70,6 @@ def design(
         raise FemsealError("stopped; the same command goes on with what is complete") from None
     if not quiet:
         print_table(answer.table())
-        typer.echo(f"design.csv, design.json, design.png and report.html in {folder}")
+        written = [f"design.{kind}" for kind in ("csv", "json", "png")]
+        written += ["report.html"] if (folder / "report.html").is_file() else []
+        typer.echo(f"{', '.join(written[:-1])} and {written[-1]} in {folder}")
