@@ -52,6 +52,30 @@ def refusal(call, *arguments):
     return message
 
 
+# --- words ------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("table", "key", "given", "allowed"),
+    [
+        ("output", "classes", "L0.01", "a list in square brackets"),
+        ("load", "loading", "50 MPa", "a list in square brackets"),
+        ("output", "test_fluid", "helium", "a table"),
+        ("contact", "rtol", "small", "a number"),
+        ("stochastic", "bounds", "maybe", "true or false"),
+    ],
+)
+def test_values_of_another_type_are_told_in_words_of_the_file(data, table, key, given, allowed):
+    data.setdefault(table, {})[key] = given
+    assert f"{table}.{key}: given {shown(given)}, allowed is {allowed}" in refusal(parse_case, data).splitlines()
+
+
+def test_tables_and_values_in_place_of_one_another_are_told(data):
+    data |= {"cells": True, "seal": {"kind": "annular", "inner_radius": "5 mm", "outer_radius": "6 mm", "inlet": {}}}
+    lines = refusal(parse_case, data).splitlines()
+    assert {"cells: given True, allowed is a table", "seal.inlet: allowed is 'inner' or 'outer'"} <= {*lines}
+
+
 # --- units ------------------------------------------------------------------------------------------------
 
 
