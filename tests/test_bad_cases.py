@@ -303,6 +303,18 @@ def test_a_case_leaks_from_inlet_to_outlet(data, inlet, outlet, words):
 AIR = {"kind": "ideal-gas", "viscosity": "18 uPa*s", "molar_mass": "29 g/mol", "temperature": "20 °C"}
 
 
+@pytest.mark.parametrize("place", ["fluid", "output.test_fluid"])
+def test_pressures_at_which_a_liquid_is_solid_are_refused_before_the_run(data, place):
+    table = data if place == "fluid" else data.setdefault("output", {})
+    table[place.split(".")[-1]] = {
+        "kind": "liquid",
+        "viscosity": "1 mPa*s",
+        "pressure_viscosity": "20 1/GPa",
+        "inlet_pressure": "2 GPa",
+    }
+    assert refusal(parse_case, data).startswith(f"{place}.inlet_pressure: given 2e+09 Pa, allowed is a pressure that")
+
+
 @pytest.mark.parametrize(
     ("table", "given", "words"),
     [
