@@ -150,6 +150,11 @@ class TestFollowing:
         with pytest.raises(InputError, match=word):
             replace(LADDER, **given)
 
+    def test_a_ladder_below_all_of_its_peaks_has_one(self):
+        lower = on_ladder(LADDER, (), 1e-3 * LADDER.peaks[0])
+        assert lower.loading[1:2] == lower.peaks == lower.loading[-1:]
+        assert on_ladder(replace(LADDER, peaks=(), stops=()), (), 1e6).peaks == ()
+
     def test_ladder_reaches_beyond_the_highest_load(self):
         shorter = on_ladder(LADDER, (1.5e8,), 3e8)
         assert shorter.loading == (0.0, 1e8, 1.5e8, 2e8, 4e8)

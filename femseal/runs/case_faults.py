@@ -13,6 +13,20 @@ _MOST_FAULTS = 20
 _LONGEST_KEY = 40
 #: What took the place of keys that are gone.
 _REPLACED = {"stochastic.profile": 'map = { kind = "profile", shares = [...] } in the table load, in its place'}
+#: What pydantic's words for values of another type are in those of the file.
+_IN_WORDS_OF_TOML = {
+    "tuple_type": "a list in square brackets",
+    "list_type": "a list in square brackets",
+    "model_type": "a table",
+    "model_attributes_type": "a table",
+    "dict_type": "a table",
+    "string_type": "text in quotes",
+    "path_type": "text in quotes",
+    "float_type": "a number",
+    "float_parsing": "a number",
+    "bool_type": "true or false",
+    "bool_parsing": "true or false",
+}
 
 
 def fault_lines(case: type[BaseModel], error: ValidationError) -> list[str]:
@@ -41,12 +55,14 @@ def _line(case: type[BaseModel], error: dict[str, Any]) -> str:
     if kind in ("union_tag_invalid", "union_tag_not_found"):
         given = given.get("kind") if isinstance(given, dict) else given
         return f"{key}.kind: given {shown(given)}, allowed is one of {', '.join(map(repr, map(_kind, tables)))}"
+    if kind in _IN_WORDS_OF_TOML:
+        return f"{key}: given {shown(given)}, allowed is {_IN_WORDS_OF_TOML[kind]}"
     message = str(error["msg"])
     if ": given " in message:  # the message of a fault between keys names them
         return shortened(message, 400)
-    if isinstance(given, (dict, BaseModel)):
-        return f"{key}: allowed is {message}"
     text = message.removeprefix("Input should be ").removeprefix("Value error, ")
+    if isinstance(given, (dict, BaseModel)):
+        return f"{key}: allowed is {text}"
     return f"{key}: given {shown(given)}, allowed is {text}"
 
 

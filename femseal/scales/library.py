@@ -372,8 +372,12 @@ def _is_sound(cell: Cell, ladder: Ladder) -> bool:
 
 
 def on_ladder(ladder: Ladder, extra: Sequence[float], highest: float) -> Ladder:
-    """The ladder cut after its first step at or above `highest`, with the `extra` loading steps added."""
+    """The ladder cut after its first step at or above `highest`, with the `extra` loading steps added.
+
+    Where it has peaks and all of them are cut off, its highest step is one.
+    """
     reach = next((p for p in ladder.loading if p >= highest * (1 - 1e-12)), highest)
     kept = (p for p in ladder.loading if p <= reach and not any(abs(p - other) < _EQUAL * other for other in extra))
     loading = tuple(sorted({*kept, *extra}))
-    return replace(ladder, loading=loading, peaks=tuple(p for p in ladder.peaks if p in loading))
+    peaks = tuple(p for p in ladder.peaks if p in loading)
+    return replace(ladder, loading=loading, peaks=peaks or (loading[-1:] if ladder.peaks else ()))
