@@ -3,7 +3,6 @@
 import csv
 import json
 import re
-import subprocess
 import sys
 import time
 import warnings
@@ -134,12 +133,12 @@ class TestCommand:
         assert "2 hard scenes, 1 failed" in done.output
         assert [line["within"] for line in json.loads((tmp_path / "table.json").read_text("utf-8"))] == [True, False]
 
-    def test_bad_options_are_exit_code_2(self, tmp_path):
-        for options in (["--stage", "nonsense"], ["--name", "nonsense"], ["-o", str(tmp_path / "table.txt")]):
-            command = [sys.executable, "-c", "from femseal.cli import main; main()", "hard-cases", *options]
-            done = subprocess.run(command, capture_output=True, text=True)
-            assert (done.returncode, done.stdout) == (2, ""), done
-            assert re.match(r"femseal: (stage|name|output): given '", done.stderr)
+    def test_bad_options_are_refused_before_anything_is_solved(self, tmp_path, monkeypatch):
+        monkeypatch.setattr(HardCase, "outcome", None)
+        for options in (["--stage", "nonsense"], ["--name", "nonsense"], ["-o", tmp_path / "table.txt"]):
+            done = self.invoke(*options)
+            assert isinstance(done.exception, InputError)
+            assert re.match(r"(stage|name|output): given '", str(done.exception))
         assert not list(tmp_path.iterdir())
 
     def test_a_whole_name_is_that_scene_alone(self):

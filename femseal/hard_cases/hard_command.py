@@ -16,7 +16,9 @@ def hard_cases(
     stage: Annotated[
         str | None, typer.Option(help="Only the scenes of contact, flow, seal or chain.", show_default="all")
     ] = None,
-    name: Annotated[str | None, typer.Option(help="Only the scene of this name, or those that contain it.")] = None,
+    name: Annotated[
+        str | None, typer.Option(help="Only the scene of this name, or those that contain it.", show_default="all")
+    ] = None,
     output: Annotated[
         Path | None,
         typer.Option("-o", "--output", help="Table as a file: .csv, .json or .md.", show_default="none"),
