@@ -11,6 +11,8 @@ from ..base.errors import shortened, shown
 #: Faults told at once; longest key of a user in a message, in characters.
 _MOST_FAULTS = 20
 _LONGEST_KEY = 40
+#: What took the place of keys that are gone.
+_REPLACED = {"stochastic.profile": 'map = { kind = "profile", shares = [...] } in the table load, in its place'}
 #: What pydantic's words for values of another type are in those of the file.
 _IN_WORDS_OF_TOML = {
     "tuple_type": "a list in square brackets",
@@ -40,6 +42,8 @@ def _line(case: type[BaseModel], error: dict[str, Any]) -> str:
     place, tables = _place(case, error["loc"])
     key = ".".join(place) or "case"
     kind, given = error["type"], error["input"]
+    if kind == "extra_forbidden" and key in _REPLACED:
+        return f"{key}: given {shown(given)}, allowed is {_REPLACED[key]}"
     if kind == "extra_forbidden":
         return f"{key}: unknown key, allowed are {', '.join(n for n in tables[0].model_fields if n != 'folder')}"
     if kind == "missing":
