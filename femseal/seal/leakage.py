@@ -8,10 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base.errors import InputError
 from ..base.text import Shown
 from ..flow.permeability_table import PermeabilityTable
-from ..fluids import Fluid
+from ..fluids import Fluid, potential_of
 from .pressure_dependent import pressure_dependent_flow
 from .shapes import Seal
 
@@ -81,8 +80,8 @@ def seal_leakage(
         cannot have, bounds on a curved mesh.
     NotConverged : inlet and outlet flow do not balance.
     """
-    φ_in = _potential(fluid, "inlet_pressure", inlet_pressure)
-    φ_out = _potential(fluid, "outlet_pressure", outlet_pressure)
+    φ_in = potential_of(fluid, "inlet_pressure", inlet_pressure)
+    φ_out = potential_of(fluid, "outlet_pressure", outlet_pressure)
     local = None
     if isinstance(permeability, PermeabilityTable):
         ends = {"inlet": float(inlet_pressure), "outlet": float(outlet_pressure)}
@@ -110,22 +109,3 @@ def seal_leakage(
         solver=flow.solver,
         permeability=local,
     )
-
-
-def _potential(fluid: Fluid, name: str, pressure: float) -> float:
-    try:
-        p = float(pressure)
-    except (TypeError, ValueError):
-        p = np.nan
-    if not np.isfinite(p):
-        raise InputError.of(name, repr(pressure), "a finite number [Pa]")
-    with np.errstate(all="ignore"):
-        potential = float(fluid.potential(p))
-        back = float(fluid.pressure(potential))
-    if not abs(back - p) <= 1e-6 * abs(p):
-        raise InputError.of(
-            name,
-            f"{p:g} Pa",
-            f"a pressure that {fluid} can have (of a gas absolute, >= 0; of a liquid αp below 20)",
-        )
-    return potential
