@@ -558,7 +558,6 @@ class TestSymmetries:
         found = stochastic(scene, (6, 6), sampling)
         dense = tuple(np.geomspace(0.01, 0.9, 25))
         monkeypatch.setattr("femseal.studies.followed.LOADING_SHARES", tuple(sorted({*LOADING_SHARES, *dense})))
-        monkeypatch.setattr("femseal.studies.followed.PEAK_SHARES", dense)
         monkeypatch.setattr("femseal.studies.local_pressure.PEAK_RATIO", 1.1)
         monkeypatch.setattr("femseal.studies.local_pressure.MOST_PEAKS", 1000)
         exact = stochastic(scene, (6, 6), sampling)

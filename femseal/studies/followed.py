@@ -26,8 +26,7 @@ from .sources import Tables, Wanted, WindowSupply
 #: Loading steps of a library in shares of the pressure at which everything is in contact, about: the hardness, or half
 #: of E* × rms slope where that is less.
 LOADING_SHARES = (0, 0.001, 0.004, 0.01, 0.02, 0.04, 0.07, 0.11, 0.16, 0.22, 0.29, 0.37, 0.46, 0.56, 0.67, 0.8, 0.95)
-#: Loading steps from which library windows are unloaded, and stops on the way down in shares of the peak.
-PEAK_SHARES = (0.02, 0.07, 0.16, 0.29, 0.46, 0.67, 0.95)
+#: Stops of library windows on the way down in shares of the peak.
 STOPS = (0.8, 0.6, 0.4, 0.25, 0.12, 0.04, 0.0)
 #: Rigid separations of library windows in rms heights; beyond them k is within 3 % of the asymptote, which takes over.
 SEPARATIONS = (-1.0, 0.0, 1.0, 2.0, 3.0, 5.0, 8.0)
@@ -119,27 +118,22 @@ def _library(
     *,
     apart: bool = False,
     exact: tuple[float, ...] = (),
-    peaks: tuple[float, ...] | None = None,
+    peaks: tuple[float, ...],
 ) -> LadderLibrary:
     """Follow windows of the face along the standard ladder, up to the pressure `highest`.
 
-    `apart` adds separations without pressure, `exact` loading pressures. `peaks` replaces those of the standard ladder.
+    `apart` adds separations without pressure, `exact` loading pressures, `peaks` those from which windows are unloaded.
     """
     scene, partition, sampling = wanted.scene, wanted.partition, wanted.sampling
     full = min(scene.hardness, 0.5 * scene.modulus * scene.surface.rms_slope)
     half_space = HalfSpace(partition.window, partition.spacing, scene.modulus, ("mirror", "mirror"))
     source = WindowSource((-scene.surface.heights,), half_space, scene.hardness, sampling.seed, scene.rtol, scene.flow)
-    waits = scene.steps.unload_from
     shares = LOADING_SHARES if highest <= LOADING_SHARES[-1] * full else (*LOADING_SHARES, highest / full)
     ladder = Ladder(
         loading=tuple(share * full for share in shares),
-        peaks=tuple(share * full for share in PEAK_SHARES) if waits else (),
-        stops=STOPS if waits else (),
         separations=tuple(source.rms_height * s for s in SEPARATIONS) if apart else (),
         bounds=sampling.bounds,
         drop=scene.flow.drop,
     )
-    ladder = on_ladder(ladder, (*exact, *(peaks or ())), highest)
-    if peaks is not None:
-        ladder = replace(ladder, peaks=peaks, stops=STOPS if peaks else ())
+    ladder = replace(on_ladder(ladder, (*exact, *peaks), highest), peaks=peaks, stops=STOPS if peaks else ())
     return build_ladder_library(source, ladder, sampling.library_cells, folder=sampling.library, mapper=wanted.mapper)

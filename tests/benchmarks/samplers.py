@@ -41,14 +41,16 @@ def library_table(windows):
     from femseal.contact import HalfSpace
     from femseal.loads import LoadProgramme
     from femseal.scales import Ladder, WindowSource, build_ladder_library
-    from femseal.studies.followed import LOADING_SHARES, PEAK_SHARES, STOPS
+    from femseal.studies.followed import LOADING_SHARES, STOPS
 
     n = 16 * WINDOW
     face = self_affine((n, n), (n * PIXEL,) * 2, hurst=0.8, rms_slope=SLOPE, roll_off=40e-6, cut_off=8 * PIXEL, rng=1)
     hardness = 0.14 * MODULUS * SLOPE
     half_space = HalfSpace((WINDOW, WINDOW), (PIXEL, PIXEL), MODULUS, ("mirror", "mirror"))
     ladder = Ladder(
-        tuple(hardness * s for s in LOADING_SHARES[:13]), tuple(hardness * s for s in PEAK_SHARES[:5]), STOPS
+        tuple(hardness * s for s in LOADING_SHARES[:13]),
+        tuple(hardness * s for s in (0.02, 0.07, 0.16, 0.29, 0.46)),
+        STOPS,
     )
     source = WindowSource((-face.heights,), half_space, hardness, seed=1, rtol=1e-5)
     library = build_ladder_library(source, ladder, windows)
