@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.errors import InputError
 from ..base.stage import Mapper
 from ..flow import Permeability, cell_permeability
 from ..flow.gas_drop import GasDrop, successive
@@ -56,6 +57,10 @@ class Scene:
 
     def __post_init__(self) -> None:
         _ = self.flow  # raises if solver and discretisation do not go together
+        undefined = int(np.isnan(self.surface.heights).sum())
+        if undefined:
+            allowed = "a face without undefined points: fill them first, see Topography.fill_undefined"
+            raise InputError.of("surface", f"{undefined} of {self.surface.heights.size} points undefined", allowed)
 
     @property
     def steps(self) -> LoadProgramme:
