@@ -37,8 +37,10 @@ class HeldBoundaries:
 
         Raises
         ------
-        InputError : two of them touch.
+        InputError : one is both inlet and outlet, or two of them touch.
         """
+        if both := [name for name in outlet if name in inlet]:
+            raise InputError.of("outlet", f"{both[0]!r}, which is an inlet too", "other boundaries than the inlets")
         names = (*inlet, *dict.fromkeys(outlet))
         facets = tuple(np.unique(mesh.boundaries[name]).astype(np.int64) for name in names)
         for (first, one), (second, other) in itertools.combinations(zip(names, facets, strict=True), 2):

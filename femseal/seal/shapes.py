@@ -217,10 +217,8 @@ class MeshSeal:
             for name in _names(names) or (names,):
                 if name not in (mesh.boundaries or {}):
                     raise InputError.of(role, repr(name), f"the name of a boundary of the mesh: {there}")
-            if role == "outlet" and (both := set(_names(names)) & set(_names(self.inlet))):
-                raise InputError.of(role, f"{min(both)!r}, which is an inlet too", "other boundaries than the inlet")
         _check_elements(mesh)
-        held = self.boundaries
+        held = self.boundaries  # raises if one is both inlet and outlet
         inlets = [self.ends[0]] if held is None else held.facets[: len(held.pressures)]
         if not all(is_connected(mesh, inlet, self.ends[1]) for inlet in inlets):
             raise InputError("inlet and outlet: not connected by the mesh, allowed is a mesh in one piece")
