@@ -289,6 +289,8 @@ def schema() -> None:
 
 
 _debug = False
+#: Exit code that shells and typer have for a Ctrl-C.
+_INTERRUPTED = 130
 
 
 def main() -> None:
@@ -298,7 +300,9 @@ def main() -> None:
     """
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
-        app(prog_name="femseal", standalone_mode=False)
+        # typer may swallow a Ctrl-C and return its code
+        if code := app(prog_name="femseal", standalone_mode=False):
+            raise KeyboardInterrupt if code == _INTERRUPTED else SystemExit(code)
         sys.stdout.flush()
     except InputError as error:
         _stop(error, str(error), 2)

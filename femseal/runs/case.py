@@ -17,7 +17,7 @@ from pydantic_core import PydanticCustomError
 
 from ..base.errors import InputError, shortened
 from ..base.quantities import to_text
-from ..fluids import leak_basis
+from ..fluids import leak_basis, potential_of
 from ..materials import Solid, contact_modulus, softer_hardness
 from ..results.reached_classes import check_classes
 from ..seal.layouts import Layout
@@ -97,10 +97,16 @@ class Case(Table):
             given = {"p": to_text(self.load.highest, "Pa"), "h": to_text(self.hardness, "Pa")}
             raise PydanticCustomError("load", "load: given {p}, allowed are pressures below the hardness, {h}", given)
         for key, fluid in (("fluid", self.fluid), ("output.test_fluid", self.output.test_fluid)):
-            if fluid is not None and not (inlet := fluid.inlet_pressure) > (outlet := fluid.outlet_pressure):
+            if fluid is None:
+                continue
+            if not (inlet := fluid.inlet_pressure) > (outlet := fluid.outlet_pressure):
                 given = {"key": key, "p": to_text(inlet, "Pa"), "q": to_text(outlet, "Pa")}
                 text = "{key}.inlet_pressure: given {p}, allowed is a pressure above that of the outlet, {q}"
                 raise PydanticCustomError("fluid", text, given)
+            try:
+                potential_of(fluid.fluid, f"{key}.inlet_pressure", fluid.inlet_pressure)
+            except InputError as error:
+                raise PydanticCustomError("fluid", "{fault}", {"fault": str(error)}) from None
         self._check_output()
         for face in self.face:
             if isinstance(face, FileFace) and not isfile(self.folder / face.path):

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ..base.errors import InputError
 from ..base.text import Shown
 from ..flow.permeability_table import PermeabilityTable
-from ..fluids import Fluid
+from ..fluids import Fluid, potential_of
 from .inlets import HeldBoundaries
 from .pressure_dependent import pressure_dependent_flow
 from .shapes import Seal
@@ -101,8 +101,8 @@ def seal_leakage(
             if given:
                 raise InputError.of(name, _REFUSED[name], "none on a seal whose inlets have pressures of their own")
         return _between_boundaries(seal, held, permeability, fluid, outlet_pressure, solver)
-    φ_in = _potential(fluid, "inlet_pressure", inlet_pressure)
-    φ_out = _potential(fluid, "outlet_pressure", outlet_pressure)
+    φ_in = potential_of(fluid, "inlet_pressure", inlet_pressure)
+    φ_out = potential_of(fluid, "outlet_pressure", outlet_pressure)
     local = None
     if isinstance(permeability, PermeabilityTable):
         assert inlet_pressure is not None  # it has a potential
@@ -141,9 +141,9 @@ def _between_boundaries(
     seal: Any, held: HeldBoundaries, permeability: Any, fluid: Fluid, outlet_pressure: float, solver: str
 ) -> Leakage:
     """Leakage out of the outlets of a seal whose inlets have pressures of their own."""
-    φ_out = _potential(fluid, "outlet_pressure", outlet_pressure)
+    φ_out = potential_of(fluid, "outlet_pressure", outlet_pressure)
     names = held.names[: len(held.pressures)]
-    drops = [_potential(fluid, f"inlet {name!r}", p) - φ_out for name, p in zip(names, held.pressures, strict=True)]
+    drops = [potential_of(fluid, f"inlet {name!r}", p) - φ_out for name, p in zip(names, held.pressures, strict=True)]
     drop = max(drops, key=abs)
     levels = np.zeros(len(held.names))
     levels[: len(names)] = np.divide(drops, drop) if drop else 1.0
@@ -167,22 +167,3 @@ def _between_boundaries(
         solver=flow.solver,
         boundary_rates=dict(zip(held.names, (to_volume * flow.rates).tolist(), strict=True)),
     )
-
-
-def _potential(fluid: Fluid, name: str, pressure: Any) -> float:
-    try:
-        p = float(pressure)
-    except (TypeError, ValueError):
-        p = np.nan
-    if not np.isfinite(p):
-        raise InputError.of(name, repr(pressure), "a finite number [Pa]")
-    with np.errstate(all="ignore"):
-        potential = float(fluid.potential(p))
-        back = float(fluid.pressure(potential))
-    if not abs(back - p) <= 1e-6 * abs(p):
-        raise InputError.of(
-            name,
-            f"{p:g} Pa",
-            f"a pressure that {fluid} can have (of a gas absolute, >= 0; of a liquid αp below 20)",
-        )
-    return potential
