@@ -67,6 +67,10 @@ class Scene:
                 highest = to_text(max(own.values()), "Pa")
                 given = to_text(self.inlet_pressure, "Pa")
                 raise InputError.of("inlet_pressure", given, f"the highest pressure of the inlets, {highest}")
+        undefined = int(np.isnan(self.surface.heights).sum())
+        if undefined:
+            allowed = "a face without undefined points: fill them first, see Topography.fill_undefined"
+            raise InputError.of("surface", f"{undefined} of {self.surface.heights.size} points undefined", allowed)
 
     @property
     def steps(self) -> LoadProgramme:
