@@ -549,17 +549,17 @@ class TestSymmetries:
         assert_allclose(leakages[1], leakages[0], rtol=1e-4)
 
     def test_windows_under_a_global_contact_are_unloaded_from_their_own_peaks(self, monkeypatch):
-        """Against peaks 8 % apart: those of the standard ladder missed this by 6 %."""
+        """Against peaks 10 % apart: those of the standard ladder missed this by 8 %."""
         face = turned((144, 144), (144e-6, 144e-6), pitch=48e-6, depth=0.8e-6, roughness=0.5e-6, feed_error=0.03,
                       depth_error=0.1, roughness_roll_off=30e-6, cut_off=8e-6, rng=3)  # fmt: skip
-        scene = make_scene(face.heights, loading=(2e8,), unload_from=(2e8,), unloading=(1e8, 5e7))
+        scene = make_scene(face.heights, loading=(2e8,), unload_from=(2e8,), unloading=(5e7,))
         scene = replace(scene, surface=face)
-        sampling = replace(SAMPLING, pressure="global", library_cells=6, length=576e-6)
+        sampling = replace(SAMPLING, pressure="global", library_cells=4, length=576e-6)
         found = stochastic(scene, (6, 6), sampling)
-        dense = tuple(np.geomspace(0.01, 0.9, 36))
+        dense = tuple(np.geomspace(0.01, 0.9, 25))
         monkeypatch.setattr("femseal.studies.followed.LOADING_SHARES", tuple(sorted({*LOADING_SHARES, *dense})))
         monkeypatch.setattr("femseal.studies.followed.PEAK_SHARES", dense)
-        monkeypatch.setattr("femseal.studies.local_pressure.PEAK_RATIO", 1.08)
+        monkeypatch.setattr("femseal.studies.local_pressure.PEAK_RATIO", 1.1)
         monkeypatch.setattr("femseal.studies.local_pressure.MOST_PEAKS", 1000)
         exact = stochastic(scene, (6, 6), sampling)
         assert_allclose(np.median(found.leakage, axis=0), np.median(exact.leakage, axis=0), rtol=0.02)
