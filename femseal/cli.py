@@ -18,6 +18,7 @@ import typer
 
 from .base.errors import FemsealError, InputError, shortened
 from .designs.design_command import design
+from .hard_cases.hard_command import hard_cases
 from .runs.terminal import ProgressBars, log_lines, print_table
 from .sweeps.commands import compare, sweep
 
@@ -145,6 +146,7 @@ def run(
 app.command()(sweep)
 app.command()(compare)
 app.command()(design)
+app.command("hard-cases")(hard_cases)
 
 
 @app.command()
@@ -289,6 +291,8 @@ def schema() -> None:
 
 
 _debug = False
+#: Exit code that shells and typer have for a Ctrl-C.
+_INTERRUPTED = 130
 
 
 def main() -> None:
@@ -298,7 +302,9 @@ def main() -> None:
     """
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
-        app(prog_name="femseal", standalone_mode=False)
+        # typer may swallow a Ctrl-C and return its code
+        if code := app(prog_name="femseal", standalone_mode=False):
+            raise KeyboardInterrupt if code == _INTERRUPTED else SystemExit(code)
         sys.stdout.flush()
     except InputError as error:
         _stop(error, str(error), 2)

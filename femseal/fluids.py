@@ -251,6 +251,32 @@ class IdealGas:
         return np.divide(6 * flow_rate(d), d, out=np.full(d.shape, np.inf), where=d > 0)
 
 
+def potential_of(fluid: Fluid, name: str, pressure: Any) -> float:
+    """Pressure potential of a fluid at a pressure that is called `name` [kg/(m³ s)].
+
+    Raises
+    ------
+    InputError : no finite number, or a pressure that the potential does not give back, as of a liquid that is solid
+        there.
+    """
+    try:
+        p = float(pressure)
+    except (TypeError, ValueError):
+        p = np.nan
+    if not np.isfinite(p):
+        raise InputError.of(name, repr(pressure), "a finite number [Pa]")
+    with np.errstate(all="ignore"):
+        potential = float(fluid.potential(p))
+        back = float(fluid.pressure(potential))
+    if not abs(back - p) <= 1e-6 * abs(p):
+        raise InputError.of(
+            name,
+            f"{p:g} Pa",
+            f"a pressure that {fluid} can have (of a gas absolute, >= 0; of a liquid αp below 20)",
+        )
+    return potential
+
+
 def capillary_entry_pressure(fluid: Fluid, gap: float) -> float:
     """Pressure 2γ|cos θ|/h [Pa] below which a liquid that does not wet the faces enters no gap h [m] between plates.
 

@@ -52,6 +52,30 @@ def refusal(call, *arguments):
     return message
 
 
+# --- words ------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("table", "key", "given", "allowed"),
+    [
+        ("output", "classes", "L0.01", "a list in square brackets"),
+        ("load", "loading", "50 MPa", "a list in square brackets"),
+        ("output", "test_fluid", "helium", "a table"),
+        ("contact", "rtol", "small", "a number"),
+        ("stochastic", "bounds", "maybe", "true or false"),
+    ],
+)
+def test_values_of_another_type_are_told_in_words_of_the_file(data, table, key, given, allowed):
+    data.setdefault(table, {})[key] = given
+    assert f"{table}.{key}: given {shown(given)}, allowed is {allowed}" in refusal(parse_case, data).splitlines()
+
+
+def test_tables_and_values_in_place_of_one_another_are_told(data):
+    data |= {"cells": True, "seal": {"kind": "annular", "inner_radius": "5 mm", "outer_radius": "6 mm", "inlet": {}}}
+    lines = refusal(parse_case, data).splitlines()
+    assert {"cells: given True, allowed is a table", "seal.inlet: allowed is 'inner' or 'outer'"} <= {*lines}
+
+
 # --- units ------------------------------------------------------------------------------------------------
 
 
@@ -277,6 +301,18 @@ def test_a_case_leaks_from_inlet_to_outlet(data, inlet, outlet, words):
 
 
 AIR = {"kind": "ideal-gas", "viscosity": "18 uPa*s", "molar_mass": "29 g/mol", "temperature": "20 °C"}
+
+
+@pytest.mark.parametrize("place", ["fluid", "output.test_fluid"])
+def test_pressures_at_which_a_liquid_is_solid_are_refused_before_the_run(data, place):
+    table = data if place == "fluid" else data.setdefault("output", {})
+    table[place.split(".")[-1]] = {
+        "kind": "liquid",
+        "viscosity": "1 mPa*s",
+        "pressure_viscosity": "20 1/GPa",
+        "inlet_pressure": "2 GPa",
+    }
+    assert refusal(parse_case, data).startswith(f"{place}.inlet_pressure: given 2e+09 Pa, allowed is a pressure that")
 
 
 @pytest.mark.parametrize(

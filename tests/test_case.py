@@ -160,7 +160,7 @@ def test_slip_of_a_gas_is_a_switch(data):
     data["fluid"]["slip"] = False
     assert parse_case(data).fluid.fluid.slip is False
     data["fluid"]["slip"] = "maybe"
-    with pytest.raises(fs.InputError, match=r"^fluid\.slip: given 'maybe', allowed is a valid boolean"):
+    with pytest.raises(fs.InputError, match=r"^fluid\.slip: given 'maybe', allowed is true or false"):
         parse_case(data)
 
 

@@ -141,6 +141,15 @@ class TestMaps:
         with pytest.raises(fs.InputError, match=words):
             load_of(data, map=given)
 
+    def test_the_former_profile_is_told_its_place(self, data):
+        former = {"stochastic": data["stochastic"] | {"profile": [1, 3]}}
+        words = (
+            r'^stochastic\.profile: given \[1, 3\], allowed is map = { kind = "profile", shares = .* in the table load'
+        )
+        with pytest.raises(fs.InputError, match=words) as error:
+            parse_case(data | former)
+        assert "\n" not in str(error.value)
+
     def test_only_windows_that_follow_any_pressure_have_maps(self, data):
         """Nor faces that are solved as a whole."""
         uneven = {"load": data["load"] | {"map": {"kind": "profile", "shares": [1, 3]}}}

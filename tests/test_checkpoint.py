@@ -342,6 +342,26 @@ def test_finished_results_of_another_face_file_are_not_taken(case, undrawn, tmp_
     assert runs[0][0] == runs[1][0] != runs[2][0]
 
 
+@pytest.mark.parametrize(
+    ("method", "choice", "other"),
+    [("stochastic", "chosen_sampler", "copula"), ("two-scale", "chosen_flow", "links"),
+     ("two-scale", "chosen_contact", "whole"), ("deterministic", "chosen_flow", None)],
+)  # fmt: skip
+def test_finished_results_of_another_choice_are_not_taken(case, undrawn, tmp_path, monkeypatch, method, choice, other):
+    """The case leaves open how it is solved, and another version of the program would choose otherwise."""
+    text = case.read_text().replace('"stochastic"', f'"{method}"', 1).replace('flow = "links"', "")
+    case.write_text(text.replace('compare = ["deterministic", "two-scale"]', ""))
+    done = fs.run(case, tmp_path / "out", workers=1)
+    calls = []
+    assert fs.run(case, tmp_path / "out", resume=True, workers=1, progress=lambda *a: calls.append(a)).dataset.equals(
+        done.dataset
+    )
+    assert not calls
+    monkeypatch.setattr(f"femseal.runs.preparation.{choice}", lambda *a: other)
+    fs.run(case, tmp_path / "out", resume=True, workers=1, progress=lambda *a: calls.append(a))
+    assert bool(calls) == (method != "deterministic")  # which has no windows
+
+
 # --- signals -------------------------------------------------------------------------------------------------------
 
 

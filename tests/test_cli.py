@@ -49,6 +49,17 @@ def femseal(monkeypatch, capsys):
     cli._debug = False
 
 
+@pytest.mark.parametrize("command", ["check", "run", "design"])
+def test_a_stop_before_the_work_is_told_and_no_success(femseal, monkeypatch, command):
+    def stopped(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("femseal.runs.case.read_case", stopped)
+    code, _, errors = femseal(command, ROOT / "examples" / "turned_seal.toml")
+    assert code == 1
+    assert "stopped" in errors
+
+
 @pytest.fixture
 def face(tmp_path):
     """A face whose x is across its grooves, with a spike and two undefined points."""

@@ -337,22 +337,3 @@ def test_gases_with_slip_have_fields_too(tmp_path):
     assert_allclose(flux, np.repeat(own[:, None], 2, axis=1), rtol=1e-3)
     again = assemble(found.scene, stochastic=found.stochastic)
     assert write_vtk(again, None, tmp_path)
-
-
-def test_chains_of_runs_have_the_fields_of_the_face_at_their_columns():
-    found = fs.run(parse_case(CASE | {"stochastic": CASE["stochastic"] | {"sampler": "runs"}}), workers=1)
-    data = found.dataset
-    face = fs.two_scale(found.scene, (2, 4), flow="elements")
-    seal = found.stochastic.median_seal
-    columns = len(seal.outlines) // 2
-    # every column is one of the face, with all that belongs to it
-    of_face = {tuple(face.pressure[:, :, j].ravel().round(3)) for j in range(4)}
-    drawn = {tuple(seal.pressure.reshape(3, 2, columns)[:, :, j].ravel().round(3)) for j in range(columns)}
-    assert drawn <= of_face
-    own = data["leakage"].values[seal.realisation]
-    through = seal.flux.reshape(3, 2, columns, 2)[..., 0].mean(axis=2)
-    assert_allclose(through, np.repeat(own[:, None], 2, axis=1), rtol=1e-6)
-    assert (np.nanmax(seal.fluid_pressure, axis=1) <= 1e6).all()
-    assert (np.nanmin(seal.fluid_pressure, axis=1) >= 0).all()
-    rows = np.nanmean(seal.fluid_pressure.reshape(3, 2, columns), axis=2)
-    assert (rows[:, 0] > rows[:, 1]).all()

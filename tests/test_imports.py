@@ -35,6 +35,7 @@ ROOMS = (
     "sweeps",
     "accuracy",
     "designs",
+    "hard_cases",
     "cli",
 )
 HEAVY = ("matplotlib", "jinja2", "vtk", "vtkmodules", "pyvista", "meshio", "SurfaceTopography", "distributed", "pyamg")

@@ -55,9 +55,10 @@ def results(scene, seals):
 @pytest.mark.parametrize("options", [{}, {"pressure": "uniform", "bounds": True}, {"pressure": "global"},
                                      {"sampler": "runs"}, {"sampler": "copula"}], ids=str)  # fmt: skip
 def test_every_length_is_what_it_is_by_itself(scene, sampling, options):
-    several = fs.stochastic(scene, (2, 4), replace(sampling, **options, library_cells=4))
+    few = replace(sampling, **options, library_cells=3, realisations=3)
+    several = fs.stochastic(scene, (2, 4), few)
     for seals, length in zip((several, *several.other_lengths), LENGTHS, strict=True):
-        alone = replace(sampling, **options, library_cells=4, length=length, other_lengths=())
+        alone = replace(few, length=length, other_lengths=())
         own = fs.stochastic(scene, (2, 4), alone)
         assert seals.seal.size == own.seal.size
         for name in ("leakage", "leakage_resampled", "leakage_lower_bound", "leakage_held_cuts"):

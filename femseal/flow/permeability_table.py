@@ -55,6 +55,8 @@ def table_pressures(inlet: float, outlet: float) -> Array:
 class PermeabilityTable:
     """Permeability of the parts of a seal at several pressures.
 
+    Parameters
+    ----------
     pressures : m different ones > 0 [Pa], such as those of `table_pressures`.
     values : what `seal_leakage` takes as permeability, with a first axis of m: (m,) numbers, the links as a pair of
         arrays (m, n1, n2) and (m, n1 − 1, n2), or (m, n_elements) … [m³]. A part that is closed at one pressure counts

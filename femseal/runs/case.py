@@ -17,7 +17,7 @@ from pydantic_core import PydanticCustomError
 
 from ..base.errors import InputError, shortened
 from ..base.quantities import to_text
-from ..fluids import leak_basis
+from ..fluids import leak_basis, potential_of
 from ..materials import Solid, contact_modulus, softer_hardness
 from ..results.reached_classes import check_classes
 from ..seal.layouts import Layout
@@ -25,7 +25,7 @@ from .case_faces import Face, FileFace, SurfaceTable
 from .case_faults import fault_lines
 from .case_fluid import with_named_fluids
 from .case_load import LoadTable
-from .case_seal import AnySeal
+from .case_seal import AnySeal, with_inlet_pressure
 from .case_tables import (
     AnyFluid,
     CellsTable,
@@ -79,7 +79,7 @@ class Case(Table):
     @model_validator(mode="before")
     @classmethod
     def _named_fluid(cls, data: Any) -> Any:
-        return with_named_fluids(data)
+        return with_named_fluids(with_inlet_pressure(data))
 
     @model_validator(mode="after")
     def _complete(self) -> Case:
@@ -97,10 +97,16 @@ class Case(Table):
             given = {"p": to_text(self.load.highest, "Pa"), "h": to_text(self.hardness, "Pa")}
             raise PydanticCustomError("load", "load: given {p}, allowed are pressures below the hardness, {h}", given)
         for key, fluid in (("fluid", self.fluid), ("output.test_fluid", self.output.test_fluid)):
-            if fluid is not None and not (inlet := fluid.inlet_pressure) > (outlet := fluid.outlet_pressure):
+            if fluid is None:
+                continue
+            if not (inlet := fluid.inlet_pressure) > (outlet := fluid.outlet_pressure):
                 given = {"key": key, "p": to_text(inlet, "Pa"), "q": to_text(outlet, "Pa")}
                 text = "{key}.inlet_pressure: given {p}, allowed is a pressure above that of the outlet, {q}"
                 raise PydanticCustomError("fluid", text, given)
+            try:
+                potential_of(fluid.fluid, f"{key}.inlet_pressure", fluid.inlet_pressure)
+            except InputError as error:
+                raise PydanticCustomError("fluid", "{fault}", {"fault": str(error)}) from None
         self._check_output()
         for face in self.face:
             if isinstance(face, FileFace) and not isfile(self.folder / face.path):
@@ -142,10 +148,26 @@ class Case(Table):
                     "kind": layout.kind,
                 }
                 raise PydanticCustomError("length", text, given)
+        self._check_inlets()
         for key, path in self.seal.files():
             if not isfile(self.folder / path):
                 given = {"key": key, "path": shortened(path)}
                 raise PydanticCustomError("file", "seal.{key}: given '{path}', allowed is a file that exists", given)
+
+    def _check_inlets(self) -> None:
+        """Raise a fault if pressures of the inlets do not go with the outlet, the methods or a test fluid."""
+        own, outlet = getattr(self.layout, "inlet_pressures", {}), self.fluid.outlet_pressure
+        for name, pressure in own.items():
+            if not pressure > outlet:
+                given = {"name": name, "p": to_text(pressure, "Pa"), "q": to_text(outlet, "Pa")}
+                text = "seal.inlet.{name}: given {p}, allowed is a pressure above that of the outlet, {q}"
+                raise PydanticCustomError("seal", text, given)
+        if own and self.methods != {"stochastic"}:
+            text = "seal.inlet: given pressures with the method {m}, allowed is stochastic alone: a face has one inlet"
+            raise PydanticCustomError("seal", text, {"m": ", ".join(sorted(self.methods - {"stochastic"}))})
+        if own and self.output.test_fluid is not None:
+            text = "output.test_fluid: given one with pressures of the inlets in seal.inlet, allowed is none with them"
+            raise PydanticCustomError("seal", text)
 
     def _check_map(self) -> None:
         if self.load.map is None:

@@ -11,6 +11,22 @@ from ..base.errors import shortened, shown
 #: Faults told at once; longest key of a user in a message, in characters.
 _MOST_FAULTS = 20
 _LONGEST_KEY = 40
+#: What took the place of keys that are gone.
+_REPLACED = {"stochastic.profile": 'map = { kind = "profile", shares = [...] } in the table load, in its place'}
+#: What pydantic's words for values of another type are in those of the file.
+_IN_WORDS_OF_TOML = {
+    "tuple_type": "a list in square brackets",
+    "list_type": "a list in square brackets",
+    "model_type": "a table",
+    "model_attributes_type": "a table",
+    "dict_type": "a table",
+    "string_type": "text in quotes",
+    "path_type": "text in quotes",
+    "float_type": "a number",
+    "float_parsing": "a number",
+    "bool_type": "true or false",
+    "bool_parsing": "true or false",
+}
 
 
 def fault_lines(case: type[BaseModel], error: ValidationError) -> list[str]:
@@ -26,6 +42,8 @@ def _line(case: type[BaseModel], error: dict[str, Any]) -> str:
     place, tables = _place(case, error["loc"])
     key = ".".join(place) or "case"
     kind, given = error["type"], error["input"]
+    if kind == "extra_forbidden" and key in _REPLACED:
+        return f"{key}: given {shown(given)}, allowed is {_REPLACED[key]}"
     if kind == "extra_forbidden":
         return f"{key}: unknown key, allowed are {', '.join(n for n in tables[0].model_fields if n != 'folder')}"
     if kind == "missing":
@@ -37,12 +55,14 @@ def _line(case: type[BaseModel], error: dict[str, Any]) -> str:
     if kind in ("union_tag_invalid", "union_tag_not_found"):
         given = given.get("kind") if isinstance(given, dict) else given
         return f"{key}.kind: given {shown(given)}, allowed is one of {', '.join(map(repr, map(_kind, tables)))}"
+    if kind in _IN_WORDS_OF_TOML:
+        return f"{key}: given {shown(given)}, allowed is {_IN_WORDS_OF_TOML[kind]}"
     message = str(error["msg"])
     if ": given " in message:  # the message of a fault between keys names them
         return shortened(message, 400)
-    if isinstance(given, (dict, BaseModel)):
-        return f"{key}: allowed is {message}"
     text = message.removeprefix("Input should be ").removeprefix("Value error, ")
+    if isinstance(given, (dict, BaseModel)):
+        return f"{key}: allowed is {text}"
     return f"{key}: given {shown(given)}, allowed is {text}"
 
 

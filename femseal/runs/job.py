@@ -62,8 +62,8 @@ def run(
     ----------
     case : a `Case`, or the path of a case file.
     output : results folder, made if it does not exist; None writes nothing.
-    resume : take the results from the folder if it holds those of the same case, complete; else go on from the
-        checkpoint of a run that was ended, with the same bits.
+    resume : take the results from the folder if it holds those of the same case, complete and with the same choices
+        where the case leaves them open; else go on from the checkpoint of a run that was ended, with the same bits.
     workers : processes; all cores unless given. The results do not depend on it.
     scheduler : address of a Dask scheduler to compute on instead (femseal[cluster]), or "local" for one of its own
         with `workers` processes, see `executor.ordered_map`.
@@ -201,6 +201,7 @@ def _run(case: Case, prepared: Prepared, faces: dict[str, str], mapper: Mapper, 
         **case.output.model_dump(include={"leakage_unit", "classes", "nominal_diameter", "throughput_temperature"}),
     )
     results.dataset.attrs["face_files"] = json.dumps(faces)
+    results.dataset.attrs["chosen"] = json.dumps(prepared.chosen)
     for text in [*results.warnings, *results.failures]:
         log.warning("%s", text)
     return results
@@ -281,15 +282,23 @@ def _face_files(case: Case) -> dict[str, str]:
 
 
 def _finished(case: Case, faces: dict[str, str], folder: Path) -> Results | None:
-    """Complete results of the same case and face files in a folder."""
+    """Complete results of the same case and face files in a folder, if what the case leaves open is chosen as then."""
     from ..results import open_results
 
     try:
         results = open_results(folder)
         face_files = json.loads(results.dataset.attrs.get("face_files", "{}"))
+        chosen = json.loads(results.dataset.attrs.get("chosen", "{}"))
     except (FemsealError, ValueError, TypeError, RecursionError):
         return None
-    return results if results.case == case.echo() and face_files == faces else None
+    if results.case != case.echo() or face_files != faces:
+        return None
+    now = case.prepare().chosen
+    if chosen != now:
+        changed = ", ".join(key for key in now if chosen.get(key) != now[key])
+        log.info("the results in %s are computed again: other choices now (%s)", folder, changed)
+        return None
+    return results
 
 
 @contextmanager

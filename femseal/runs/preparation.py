@@ -75,6 +75,25 @@ class Prepared:
         return next(method for method in ("stochastic", "two-scale", "deterministic") if method in self.methods)
 
     @property
+    def chosen(self) -> dict[str, Any]:
+        """What is computed, and how, whether the case says so or leaves it to the program, as plain data."""
+        scene = self.scene
+        found: dict[str, Any] = {
+            "methods": sorted(self.methods),
+            "points": list(scene.surface.shape),
+            "shortest wave": self.conditioning.shortest_wavelength,
+            "discretisation": scene.discretisation,
+            "solver": scene.solver,
+        }
+        if self.cells is not None and self.methods & {"two-scale", "stochastic"}:
+            found |= {"cells": list(self.cells), "contact of windows": self.contact}
+        if "two-scale" in self.methods:
+            found["flow of windows"] = self.flow
+        if self.sampling is not None:
+            found["sampler"] = self.sampling.sampler
+        return found
+
+    @property
     def surface_report(self) -> dict[str, Any]:
         """The repair and conditioning of the surface, as plain data."""
         return asdict(self.conditioning) | ({} if self.overlap is None else {"overlap": asdict(self.overlap)})

@@ -27,7 +27,7 @@ _ROUNDING = 1e-12
 class LogCurve:
     """ln k as a function of a rising x. Where k falls to 0 the curve ends, halfway between open and closed.
 
-    Points that differ but for rounding, as a kept library of several runs may have, are taken once.
+    Points that differ but for rounding are taken once.
     """
 
     def __init__(self, x: Array, k: Array) -> None:

@@ -6,9 +6,8 @@ bisection refines the ladder until the closing pressure is known to a tolerance.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -118,6 +117,8 @@ def follow(
 ) -> Cell:
     """Solve a window along a ladder, or solve only the states of the ladder that a known cell lacks.
 
+    The result has the states of the ladder and no others of the known cell: it is the same whatever is known.
+
     Parameters
     ----------
     window : undeformed gap (n1, n2) [m].
@@ -130,37 +131,81 @@ def follow(
     NotConverged : a contact or a flow failed.
     """
     work = _Window(np.asarray(window, float), half_space, hardness, rtol, ladder, flow)
-    loading = {} if known is None else dict(zip(known.pressure.tolist(), _states(known), strict=True))
+    before = {} if known is None else dict(zip(known.pressure.tolist(), _states(known), strict=True))
+
+    def state(pressure: float, closed: tuple[bool, bool]) -> _State:
+        return before[pressure].within(closed) if pressure in before else work.loaded(pressure, closed)
+
+    loading = _loading(ladder, state)
+    peaks = {} if known is None else {p: n for n, p in enumerate(known.peaks.tolist())}
+    ways = [
+        _way(known, peaks[p]) if known is not None and p in peaks else list(work.unloaded(p, ladder.stops))
+        for p in ladder.peaks
+    ]
+    rigid = known.rigid if known is not None else work.separated(ladder.separations)
+    return replace(_cell(loading, dict(zip(ladder.peaks, ways, strict=True)), ladder, rigid), counts=work.counts)
+
+
+def part(known: Cell, ladder: Ladder) -> Cell | None:
+    """The cell that `follow` gives along a ladder, from the states of a known one; None if it lacks some."""
+    before = dict(zip(known.pressure.tolist(), _states(known), strict=True))
+    peaks = {p: n for n, p in enumerate(known.peaks.tolist())}
+    try:
+        loading = _loading(ladder, lambda pressure, closed: before[pressure].within(closed))
+        return _cell(loading, {p: _way(known, peaks[p]) for p in ladder.peaks}, ladder, known.rigid)
+    except KeyError:
+        return None
+
+
+def united(cell: Cell, other: Cell, ladder: Ladder) -> Cell:
+    """The states of two cells of one window; both have the stops, separations and bounds of the ladder."""
+    loading: dict[float, _State] = {}
+    ways: dict[float, list[_State]] = {}
+    for one in (other, cell):
+        loading |= dict(zip(one.pressure.tolist(), _states(one), strict=True))
+        ways |= {p: _way(one, m) for m, p in enumerate(one.peaks.tolist())}
+    return replace(_cell(loading, ways, ladder, cell.rigid), counts=cell.counts)
+
+
+def _loading(ladder: Ladder, state: Callable[[float, tuple[bool, bool]], _State]) -> dict[float, _State]:
+    """States on loading at the steps of a ladder, and at those that bisection adds where the window closes.
+
+    state : of a pressure, given along which axes the window is closed below it.
+    """
+    loading: dict[float, _State] = {}
     for p in ladder.loading:
-        if p not in loading:
-            loading[p] = work.loaded(p, closed=_closed_below(loading, p))
+        loading[p] = state(p, _closed_below(loading, p))
     for axis in (0, 1):
         while (middle := _between(loading, axis, ladder.closing_rtol)) is not None:
-            loading[middle] = work.loaded(middle, closed=_closed_below(loading, middle))
-    peaks = {} if known is None else {p: n for n, p in enumerate(known.peaks.tolist())}
-    missing = [p for p in ladder.peaks if p not in peaks]
-    unloaded = [list(work.unloaded(p, ladder.stops)) for p in missing]
-    shape, kinds = (len(missing), len(ladder.stops)), ladder.kinds
-    rigid = known.rigid if known is not None else work.separated(ladder.separations)
-    pressure = np.array(sorted(loading))
-    states = [loading[p] for p in pressure.tolist()]
-    cell = Cell(
-        pressure=pressure,
+            loading[middle] = state(middle, _closed_below(loading, middle))
+    return loading
+
+
+def _cell(loading: dict[float, _State], ways: dict[float, list[_State]], ladder: Ladder, rigid: Array) -> Cell:
+    """The cell of states on loading and on unloading from peaks, both by their pressures."""
+    pressure, peaks = sorted(loading), sorted(ways)
+    states = [loading[p] for p in pressure]
+    unloaded = [ways[p] for p in peaks]
+    shape = (len(peaks), len(ladder.stops))
+    means = {
+        name: np.array([[getattr(s, name) for s in way] for way in unloaded]).reshape(shape)
+        for name in ("standoff", "mean_gap", "contact_fraction")
+    }
+    down = np.array([[s.k for s in way] for way in unloaded]).reshape(*shape, ladder.kinds, 2)
+    return Cell(
+        pressure=np.array(pressure),
         k=np.array([s.k for s in states]).transpose(1, 2, 0),
         standoff=np.array([s.standoff for s in states]),
         mean_gap=np.array([s.mean_gap for s in states]),
         plastic_deformation=np.array([s.plastic_deformation for s in states]),
         contact_fraction=np.array([s.contact_fraction for s in states]),
-        peaks=np.array(missing),
-        k_unloading=np.array([[s.k for s in way] for way in unloaded]).reshape(*shape, kinds, 2).transpose(2, 3, 0, 1),
-        **{
-            f"{name}_unloading": np.array([[getattr(s, name) for s in way] for way in unloaded]).reshape(shape)
-            for name in ("standoff", "mean_gap", "contact_fraction")
-        },
+        peaks=np.array(peaks),
+        k_unloading=down.transpose(2, 3, 0, 1),
+        standoff_unloading=means["standoff"],
+        mean_gap_unloading=means["mean_gap"],
+        contact_fraction_unloading=means["contact_fraction"],
         rigid=rigid,
-        counts=work.counts,
     )
-    return cell if known is None else _with_peaks(cell, known)
 
 
 @dataclass(frozen=True)
@@ -175,6 +220,10 @@ class _State:
     def closed(self) -> tuple[bool, bool]:
         """Whether the window is closed along x1 and along x2: k, or with bounds its upper bound, is 0."""
         return bool(self.k[-1, 0] == 0), bool(self.k[-1, 1] == 0)
+
+    def within(self, closed: tuple[bool, bool]) -> _State:
+        """The state where it is known to be closed along axes."""
+        return replace(self, k=np.where(closed, 0.0, self.k))
 
 
 class _Window:
@@ -193,16 +242,23 @@ class _Window:
         self.kinds, self.bounds = ladder.kinds, ladder.bounds
         self.flow = replace(flow or FlowSettings(), drop=ladder.drop)
         self.counts = SolveCounts()
+        # plastic deformation at the peaks that have been loaded
+        self._deformed: dict[float, Array | None] = dict.fromkeys(ladder.peaks)
 
     def loaded(self, pressure: float, closed: tuple[bool, bool]) -> _State:
-        return self._state(self._contact(pressure), closed)
+        contact = self._contact(pressure)
+        if pressure in self._deformed:
+            self._deformed[pressure] = contact.plastic_deformation
+        return self._state(contact, closed)
 
     def unloaded(self, peak: float, stops: tuple[float, ...]) -> Iterator[_State]:
         """States on unloading from a peak, in the order of the stops.
 
         They are solved from the lowest stop upwards: a window that is closed at a stop is closed at all higher ones.
         """
-        deformation = self._contact(peak).plastic_deformation
+        deformation = self._deformed[peak]
+        if deformation is None:
+            deformation = self._contact(peak).plastic_deformation
         states: list[_State] = []
         closed = (False, False)
         for share in reversed(stops):
@@ -243,6 +299,14 @@ def _states(cell: Cell) -> list[_State]:
     return [_State(*values) for values in zip(np.moveaxis(cell.k, -1, 0), *columns, strict=True)]
 
 
+def _way(cell: Cell, m: int) -> list[_State]:
+    """States on unloading from peak m; their plastic deformation is that of the peak, which no cell holds again."""
+    names = ("standoff_unloading", "mean_gap_unloading", "contact_fraction_unloading")
+    columns = zip(*(getattr(cell, name)[m] for name in names), strict=True)
+    return [_State(k, off, gap, np.nan, share) for k, (off, gap, share) in
+            zip(np.moveaxis(cell.k_unloading[:, :, m], -1, 0), columns, strict=True)]  # fmt: skip
+
+
 def _closed_below(loading: dict[float, _State], pressure: float) -> tuple[bool, bool]:
     below = [s.closed for p, s in loading.items() if p < pressure]
     return any(first for first, _ in below), any(second for _, second in below)
@@ -256,14 +320,3 @@ def _between(loading: dict[float, _State], axis: int, rtol: float) -> float | No
         return None
     low, high = pressures[pressures.index(shut[0]) - 1], shut[0]
     return (low + high) / 2 if high - low > rtol * high else None
-
-
-def _with_peaks(cell: Cell, known: Cell) -> Cell:
-    """The new cell with the peaks of the known one added, in rising order."""
-    order = np.argsort(np.concatenate([known.peaks, cell.peaks]))
-    merged: dict[str, Any] = {}
-    for name, axis in (("k", 2), ("standoff", 0), ("mean_gap", 0), ("contact_fraction", 0)):
-        name = f"{name}_unloading"
-        both = np.concatenate([getattr(known, name), getattr(cell, name)], axis=axis)
-        merged[name] = both.take(order, axis=axis)
-    return replace(cell, peaks=np.concatenate([known.peaks, cell.peaks])[order], **merged)

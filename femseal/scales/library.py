@@ -29,7 +29,7 @@ from ..base.text import Shown
 from ..contact import HalfSpace
 from ..loads import LoadProgramme, LoadStep
 from .curves import CellCurves
-from .ladder import Cell, Ladder, follow
+from .ladder import Cell, Ladder, follow, part, united
 from .outcome import Failed, SolveCounts, attempt
 from .window import FlowSettings
 
@@ -261,6 +261,8 @@ def build_ladder_library(
 ) -> LadderLibrary:
     """Follow windows along a ladder; read what a folder holds of them already.
 
+    The library is the same whatever the folder holds: it has no states of other ladders.
+
     Parameters
     ----------
     source, ladder : the windows, and the states in which they are solved.
@@ -276,18 +278,17 @@ def build_ladder_library(
     if count < 1:
         raise InputError.of("library", f"{count} windows", "at least one")
     path = None if folder is None else made_folder(folder) / f"{source.key(ladder)}.npz"
-    known = [] if path is None else _read(path, ladder)
-    complete = [n for n, cell in enumerate(known[:count]) if cell is not None and _covers(cell, ladder)]
-    missing = sorted({*range(count)} - {*complete})
+    held = [] if path is None else _read(path, ladder)
+    known = [*held[:count], *[None] * (count - len(held))]
+    # cells that are complete go there too: what a run asks for does not depend on what is kept
     stage = Stage("library windows", partial(_cell, source=source, ladder=ladder))
-    outcomes = dict(
-        zip(missing, mapper(stage, missing, [known[n] if n < len(known) else None for n in missing]), strict=True)
-    )
-    followed = {n: cell for n, cell in outcomes.items() if not isinstance(cell, Failed)}
-    cells = [followed.get(n) if n in outcomes else known[n] for n in range(count)]
-    failures = tuple(f"cell {n}: {cell.reason}" for n, cell in outcomes.items() if isinstance(cell, Failed))
-    if path is not None and missing:
-        _write(path, cells + known[count:])
+    outcomes = list(mapper(stage, range(count), known))
+    cells = [None if isinstance(cell, Failed) else cell for cell in outcomes]
+    failures = tuple(f"cell {n}: {cell.reason}" for n, cell in enumerate(outcomes) if isinstance(cell, Failed))
+    complete = [cell is not None and part(cell, ladder) is not None for cell in known]
+    if path is not None and not all(complete):
+        both = [c if k is None else k if c is None else united(c, k, ladder) for c, k in zip(cells, known, strict=True)]
+        _write(path, both + held[count:])
     good = tuple(c for c in cells if c is not None)
     if not good:
         raise FemsealError(f"library: every cell failed; the first: {failures[0]}")
@@ -296,13 +297,15 @@ def build_ladder_library(
         cells=good,
         rms_height=source.rms_height,
         tiles=source.tiles,
-        counts=SolveCounts.total(cell.counts for cell in followed.values()),
-        reused=len(complete),
+        counts=SolveCounts.total(cell.counts for cell in good),
+        reused=sum(complete),
         failures=failures,
     )
 
 
 def _cell(n: int, known: Cell | None, *, source: WindowSource, ladder: Ladder) -> Cell | Failed:
+    if known is not None and (cell := part(known, ladder)) is not None:
+        return cell
     return attempt(
         follow,
         source.window(n),
@@ -313,10 +316,6 @@ def _cell(n: int, known: Cell | None, *, source: WindowSource, ladder: Ladder) -
         flow=source.flow,
         known=known,
     )
-
-
-def _covers(cell: Cell, ladder: Ladder) -> bool:
-    return {*ladder.loading} <= {*cell.pressure.tolist()} and {*ladder.peaks} <= {*cell.peaks.tolist()}
 
 
 _ARRAYS = tuple(f.name for f in fields(Cell) if f.name != "counts")
@@ -373,8 +372,12 @@ def _is_sound(cell: Cell, ladder: Ladder) -> bool:
 
 
 def on_ladder(ladder: Ladder, extra: Sequence[float], highest: float) -> Ladder:
-    """The ladder cut after its first step at or above `highest`, with the `extra` loading steps added."""
+    """The ladder cut after its first step at or above `highest`, with the `extra` loading steps added.
+
+    Where it has peaks and all of them are cut off, its highest step is one.
+    """
     reach = next((p for p in ladder.loading if p >= highest * (1 - 1e-12)), highest)
     kept = (p for p in ladder.loading if p <= reach and not any(abs(p - other) < _EQUAL * other for other in extra))
     loading = tuple(sorted({*kept, *extra}))
-    return replace(ladder, loading=loading, peaks=tuple(p for p in ladder.peaks if p in loading))
+    peaks = tuple(p for p in ladder.peaks if p in loading)
+    return replace(ladder, loading=loading, peaks=peaks or (loading[-1:] if ladder.peaks else ()))

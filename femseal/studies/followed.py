@@ -46,7 +46,8 @@ def windows_under_global_contact(wanted: Wanted) -> WindowSupply:
     means = partial(_link_means, partition=partition)
     states = scene.global_states(partition, cut_off, take=means, mapper=wanted.mapper)
     p, p_across, gap, gap_across = (np.array(values) for values in zip(*states, strict=True))
-    library = _library(wanted, float(p.max()), apart=True)
+    followed = peaks_to_follow([pressure.reshape(len(pressure), -1) for pressure in (p, p_across)], scene.steps)
+    library = _library(wanted, float(p.max()), apart=True, peaks=followed)
     # the standoff of the whole body separates windows without pressure from the face
     peaks = scene.steps.peak_indices
     load = p.sum(axis=(1, 2))

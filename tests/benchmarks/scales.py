@@ -161,7 +161,7 @@ def table(records):
             factors = []
             for flow in FLOWS:
                 lost = found[flow]["closed"]
-                text = ", ".join(f"{f:.3g}" for f in found[flow]["factors"])
+                text = ", ".join(f"{f:.3g}" for f in found[flow]["factors"]).replace("nan", "–")
                 factors.append(text + (f" ({lost} loads closed)" if lost else ""))
             seconds, memory, closing = ([r["deterministic"][k]] + [found[flow][name] for flow in FLOWS]
                                         for k, name in enumerate(("seconds", "megabytes", "closing")))  # fmt: skip
