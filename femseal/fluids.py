@@ -251,7 +251,7 @@ class IdealGas:
         return np.divide(6 * flow_rate(d), d, out=np.full(d.shape, np.inf), where=d > 0)
 
 
-def potential_of(fluid: Fluid, name: str, pressure: float) -> float:
+def potential_of(fluid: Fluid, name: str, pressure: Any) -> float:
     """Pressure potential of a fluid at a pressure that is called `name` [kg/(m³ s)].
 
     Raises

@@ -70,6 +70,11 @@ def test_values_of_another_type_are_told_in_words_of_the_file(data, table, key, 
     assert f"{table}.{key}: given {shown(given)}, allowed is {allowed}" in refusal(parse_case, data).splitlines()
 
 
+def test_samplers_that_do_not_suit_are_told_by_their_key(data):
+    data["stochastic"] |= {"pressure": "uniform", "sampler": "block"}
+    assert refusal(parse_case(data).prepare).startswith("stochastic.sampler: given block")
+
+
 def test_tables_and_values_in_place_of_one_another_are_told(data):
     data |= {"cells": True, "seal": {"kind": "annular", "inner_radius": "5 mm", "outer_radius": "6 mm", "inlet": {}}}
     lines = refusal(parse_case, data).splitlines()

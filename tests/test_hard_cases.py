@@ -14,7 +14,7 @@ import pytest
 from typer.testing import CliRunner
 
 from femseal.base.errors import InputError
-from femseal.cli import app
+from femseal.cli import app, main
 from femseal.hard_cases import collection
 from femseal.hard_cases.collection import CASES, STAGES, chosen
 from femseal.hard_cases.hard_case import HardCase
@@ -132,6 +132,10 @@ class TestCommand:
         assert done.exit_code == 1
         assert "2 hard scenes, 1 failed" in done.output
         assert [line["within"] for line in json.loads((tmp_path / "table.json").read_text("utf-8"))] == [True, False]
+        monkeypatch.setattr(sys, "argv", ["femseal", "hard-cases"])
+        with pytest.raises(SystemExit) as stopped:
+            main()
+        assert stopped.value.code == 1
 
     def test_bad_options_are_refused_before_anything_is_solved(self, tmp_path, monkeypatch):
         monkeypatch.setattr(HardCase, "outcome", None)

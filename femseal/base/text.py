@@ -99,6 +99,8 @@ def value_text(value: Any, unit: str = "1") -> str:
         return str(int(value))
     if isinstance(value, (float, np.floating)):
         return _number_text(float(value), unit)
+    if isinstance(value, dict):
+        return ", ".join(f"{name} {value_text(each, unit)}" for name, each in value.items())
     if isinstance(value, tuple) and value and all(hasattr(v, "pressure") for v in value):
         return f"of {len(value)} load steps"
     if isinstance(value, tuple) and value and all(isinstance(v, str) for v in value):

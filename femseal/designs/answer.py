@@ -161,7 +161,9 @@ def design(
         except InputError as error:  # a face and a shape of seal that go together only one way round
             notes.append(f"the face was not turned by 90°: {error}")
     if (state := judged_state(results)) is not None:
-        variants = replace(variants, rarefied=state.slips, inlet_slope=inlet_slope(state))
+        several = isinstance(results.case.get("seal", {}).get("inlet"), dict)
+        slope = np.nan if several else inlet_slope(state)
+        variants = replace(variants, rarefied=state.slips, inlet_slope=slope)
     answer = Design(
         results=results,
         seals=seals,

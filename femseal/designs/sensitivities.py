@@ -136,7 +136,11 @@ def _slopes(seals: Seals, variants: Variants, pressure: float, share: float) -> 
             thick = (level_at(variants.thicker, pressure, share) - level_at(seals, pressure, share)) / np.log(factor)
             how_thick = f"solved again with {factor:g} times the viscosity"
     known = np.isfinite(variants.inlet_slope)
-    how_inlet = "potential of the fluid" if known else "unknown for a rarefied gas, and without a fluid in the case"
+    how_inlet = (
+        "potential of the fluid"
+        if known
+        else "unknown for a rarefied gas, for several inlet pressures, and without a fluid"
+    )
     return [
         ("nominal pressure", load, "the loading curve"),
         ("roughness amplitude", 2 - hard - load - thick, "scaling law of contact and flow, exact"),

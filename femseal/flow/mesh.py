@@ -54,7 +54,7 @@ class _Kind:
     intorder: int
 
 
-_KINDS = {
+KINDS = {
     MeshTri1: _Kind(ElementTriP1, ElementTriRT0, 2),
     MeshQuad1: _Kind(ElementQuad1, ElementQuadRT0, 4),
     MeshTri2: _Kind(ElementTriP2, None, 6),
@@ -102,9 +102,9 @@ def darcy_conductance(
     The value is the energy ∫ ∇φ·K∇φ, so it equals `upper`. Open elements that meet in a corner are connected
     in the value and in the upper bound, and not in the lower one.
     """
-    kind = _KINDS.get(type(mesh))
+    kind = KINDS.get(type(mesh))
     if kind is None:
-        names = ", ".join(t.__name__ for t in _KINDS)
+        names = ", ".join(t.__name__ for t in KINDS)
         raise InputError.of("mesh", f"a {type(mesh).__name__}", f"one of {names}")
     if bounds and kind.flux_element is None:
         raise InputError.of("bounds", f"a curved mesh, {type(mesh).__name__}", "a straight mesh (first-order elements)")
@@ -120,7 +120,7 @@ def darcy_conductance(
     if carrying.size == 0:
         bound = 0.0 if bounds else np.nan
         return DarcyFlow(0.0, potential, 1 - potential, False, lower=bound, upper=bound)
-    tensor = _invertible(tensor)
+    tensor = invertible(tensor)
     basis = Basis(mesh, kind.element(), intorder=kind.intorder, elements=carrying)
     k = np.moveaxis(tensor[carrying], 0, -1)[..., None]
     flow = conforming_flow(basis, k, ends, rtol=RTOL, solver=solver)
@@ -245,7 +245,7 @@ def _facets(mesh: Mesh, facets: ArrayLike, name: str) -> Indices:
     return chosen
 
 
-def _invertible(tensor: Array) -> Array:
+def invertible(tensor: Array) -> Array:
     """Tensors with a smaller principal value of CLOSED_AXIS of the larger instead of 0."""
     values, axes = np.linalg.eigh(tensor)
     half = (values[:, 1] > 0) & (values[:, 0] <= 1e-14 * values[:, 1])

@@ -7,6 +7,9 @@ Sources: Thomson's principle; Arnold & Brezzi, RAIRO M2AN 19, 1985, 7 (hybridisa
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
@@ -14,9 +17,9 @@ from skfem import Basis, ElementQuadRT0, ElementTriRT0, Mesh
 
 from . import forms
 from .balance import balanced_flux
-from .reach import elements_reached, open_facets
+from .reach import elements_between, elements_reached, open_facets
 from .solution import DarcyFlow
-from .solvers.amg import solve_spd
+from .solvers.amg import LinearSolution, solve_spd
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -56,59 +59,126 @@ def flux_conductance(
     potential[at_inlet], potential[at_outlet] = 1.0, 0.0
     if carrying.size == 0:
         return DarcyFlow(0.0, potential, 1 - potential, False)
-    basis = Basis(mesh, element, intorder=intorder, elements=carrying)
-    resistance = np.moveaxis(np.linalg.inv(tensor[carrying]), 0, -1)[..., None]
-    local = forms.flux_resistance.coo_data(basis, resistance=resistance).tolocal()
-    facets = mesh.t2f[:, carrying].T
-    # a basis function is a unit flux out of the facet's first element: turn it outward
-    outward = np.where(mesh.f2t[0, facets] == carrying[:, None], 1.0, -1.0)
-    local = local * outward[:, :, None] * outward[:, None, :]
-    # A q = p − λ and Σq = 0 on each element give q = −S λ
-    inverse = np.linalg.inv(local)
-    column = inverse.sum(axis=2)
-    schur = inverse - column[:, :, None] * column[:, None, :] / column.sum(axis=1)[:, None, None]
-    n = facets.shape[1]
-    rows, cols = np.repeat(facets, n, axis=1), np.tile(facets, (1, n))
-    matrix = sp.coo_array((schur.ravel(), (rows.ravel(), cols.ravel())), shape=(mesh.nfacets, mesh.nfacets)).tocsr()
+    system = _Hybrid.of(mesh, tensor, element, intorder, carrying)
     inlet, outlet = (open_facets(mesh, f, carrying) for f in ends)
     lam = np.zeros(mesh.nfacets)
     lam[inlet] = 1.0
-    unknown = np.setdiff1d(np.unique(facets), np.concatenate([inlet, outlet]))
-    iterations, residual, used = 0, 0.0, "none"
-    if unknown.size:
-        rows_of = matrix[unknown]
-        found = solve_spd(rows_of[:, unknown], -(rows_of @ lam), rtol, solver, unit_drop=True)
-        lam[unknown] = found.x
-        iterations, residual, used = found.iterations, found.residual, found.solver
-    # differences within an element: no cancellation where λ is nearly constant
-    drop = lam[facets] - lam[facets[:, :1]]
-    flux = -np.einsum("eij,ej->ei", schur, drop)
-    flux, total = _balanced_on_facets(mesh, facets, carrying, flux, local, (inlet, outlet))
-    conductance = total**2 / float(np.einsum("ei,eij,ej->", flux, local, flux))
-    potential[carrying] = (column * lam[facets]).sum(axis=1) / column.sum(axis=1)
-    return DarcyFlow(conductance, potential, 1 - potential, True, iterations, residual, 0.0, used)
+    found = system.solve(lam, (inlet, outlet), rtol, solver, unit_drop=True)
+    flux, on_facet = system.balanced(lam, (inlet, outlet))
+    total = min(abs(float(on_facet[f].sum())) for f in (inlet, outlet))
+    conductance = total**2 / float(np.einsum("ei,eij,ej->", flux, system.local, flux))
+    potential[carrying] = (system.column * lam[system.facets]).sum(axis=1) / system.column.sum(axis=1)
+    solved = (found.iterations, found.residual) if found else (0, 0.0)
+    return DarcyFlow(conductance, potential, 1 - potential, True, *solved, 0.0, found.solver if found else "none")
 
 
-def _balanced_on_facets(
+def flux_rates(
     mesh: Mesh,
-    facets: Indices,
-    carrying: Indices,
-    flux: Array,
-    local: Array,
-    ends: tuple[Indices, Indices],
-) -> tuple[Array, float]:
-    """Outward fluxes (elements, facets) that balance on elements and agree on facets, and the total flow."""
-    node = np.zeros(mesh.nelements, np.int64)
-    node[carrying] = np.arange(1, carrying.size + 1)
-    first, second = mesh.f2t
-    sign = np.where(first[facets] == carrying[:, None], 1.0, -1.0)
-    sides = np.bincount(facets.ravel(), minlength=mesh.nfacets)
-    mean = np.bincount(facets.ravel(), (sign * flux).ravel(), mesh.nfacets) / np.maximum(sides, 1)
-    resistance = np.bincount(facets.ravel(), np.einsum("eii->ei", local).ravel(), mesh.nfacets)
-    # links: facets between two carrying elements, and those of the ends, whose outer side is node 0
-    link = np.concatenate([np.flatnonzero(sides == 2), *ends])
-    tail, head = node[first[link]], np.where(second[link] >= 0, node[second[link]], 0)
-    on_facet = np.zeros(mesh.nfacets)
-    on_facet[link] = balanced_flux(tail, head, 1 / resistance[link], mean[link], carrying.size + 1)
-    totals = [abs(float(on_facet[f].sum())) for f in ends]
-    return sign * on_facet[facets], min(totals)
+    tensor: Array,
+    ends: Sequence[Indices],
+    levels: Sequence[float],
+    element: ElementTriRT0 | ElementQuadRT0,
+    intorder: int,
+    *,
+    rtol: float,
+    solver: str = "auto",
+) -> Array:
+    """Flow into the mesh through each of several boundaries that are held at potentials (ends,).
+
+    It is that of the lowest-order Raviart-Thomas flux, which balances on every element, so that its sum is 0 up to
+    rounding; 0 at boundaries without an open path to another.
+
+    Parameters
+    ----------
+    ends : facets of the boundaries. levels : their potentials. The others are those of `flux_conductance`.
+
+    Raises
+    ------
+    NotConverged : the linear solver failed.
+    """
+    carrying, _, joined = elements_between(mesh, tensor, ends, through_corners=False)
+    if carrying.size == 0:
+        return np.zeros(len(ends))
+    held = [open_facets(mesh, f, carrying) if more else f[:0] for f, more in zip(ends, joined, strict=True)]
+    lam = np.zeros(mesh.nfacets)
+    for facets, level in zip(held, levels, strict=True):
+        lam[facets] = level
+    system = _Hybrid.of(mesh, tensor, element, intorder, carrying)
+    system.solve(lam, held, rtol, solver)
+    _, on_facet = system.balanced(lam, held)
+    return np.array([-float(on_facet[facets].sum()) for facets in held])
+
+
+@dataclass(frozen=True, eq=False)
+class _Hybrid:
+    """The hybridised system of the elements that carry the flow.
+
+    facets (elements, facets) : numbers of the facets of each element. local : resistance of the fluxes through them.
+    column : sums of its inverse. schur : conductance between the potentials of the facets of each element, and
+    matrix : of all facets.
+    """
+
+    mesh: Mesh
+    carrying: Indices
+    facets: Indices
+    local: Array
+    column: Array
+    schur: Array
+    matrix: sp.csr_array
+
+    @classmethod
+    def of(
+        cls, mesh: Mesh, tensor: Array, element: ElementTriRT0 | ElementQuadRT0, intorder: int, carrying: Indices
+    ) -> _Hybrid:
+        """Assemble the system of the carrying elements."""
+        basis = Basis(mesh, element, intorder=intorder, elements=carrying)
+        resistance = np.moveaxis(np.linalg.inv(tensor[carrying]), 0, -1)[..., None]
+        local = forms.flux_resistance.coo_data(basis, resistance=resistance).tolocal()
+        facets = mesh.t2f[:, carrying].T
+        # a basis function is a unit flux out of the facet's first element: turn it outward
+        outward = np.where(mesh.f2t[0, facets] == carrying[:, None], 1.0, -1.0)
+        local = local * outward[:, :, None] * outward[:, None, :]
+        # A q = p − λ and Σq = 0 on each element give q = −S λ
+        inverse = np.linalg.inv(local)
+        column = inverse.sum(axis=2)
+        schur = inverse - column[:, :, None] * column[:, None, :] / column.sum(axis=1)[:, None, None]
+        n = facets.shape[1]
+        rows, cols = np.repeat(facets, n, axis=1), np.tile(facets, (1, n))
+        matrix = sp.coo_array((schur.ravel(), (rows.ravel(), cols.ravel())), shape=(mesh.nfacets, mesh.nfacets)).tocsr()
+        return cls(mesh, carrying, facets, local, column, schur, matrix)
+
+    def solve(
+        self, lam: Array, held: Sequence[Indices], rtol: float, solver: str, *, unit_drop: bool = False
+    ) -> LinearSolution | None:
+        """Fill in the potentials of all facets but the held ones; None if there is no other."""
+        unknown = np.setdiff1d(np.unique(self.facets), np.concatenate(held))
+        if not unknown.size:
+            return None
+        rows_of = self.matrix[unknown]
+        rhs = -(rows_of @ lam)
+        if not rhs.any():
+            return None
+        found = solve_spd(rows_of[:, unknown], rhs, rtol, solver, unit_drop=unit_drop)
+        lam[unknown] = found.x
+        return found
+
+    def balanced(self, lam: Array, held: Sequence[Indices]) -> tuple[Array, Array]:
+        """Outward fluxes (elements, facets) that balance on elements and agree on facets, and those of all facets, out
+        of their first element."""
+        mesh, facets, carrying = self.mesh, self.facets, self.carrying
+        # differences within an element: no cancellation where λ is nearly constant
+        drop = lam[facets] - lam[facets[:, :1]]
+        flux = -np.einsum("eij,ej->ei", self.schur, drop)
+        node = np.zeros(mesh.nelements, np.int64)
+        node[carrying] = np.arange(1, carrying.size + 1)
+        first, second = mesh.f2t
+        sign = np.where(first[facets] == carrying[:, None], 1.0, -1.0)
+        sides = np.bincount(facets.ravel(), minlength=mesh.nfacets)
+        mean = np.bincount(facets.ravel(), (sign * flux).ravel(), mesh.nfacets) / np.maximum(sides, 1)
+        resistance = np.bincount(facets.ravel(), np.einsum("eii->ei", self.local).ravel(), mesh.nfacets)
+        # links: facets between two carrying elements, and those of the ends, whose outer side is node 0
+        link = np.concatenate([np.flatnonzero(sides == 2), *held])
+        tail, head = node[first[link]], np.where(second[link] >= 0, node[second[link]], 0)
+        on_facet = np.zeros(mesh.nfacets)
+        on_facet[link] = balanced_flux(tail, head, 1 / resistance[link], mean[link], carrying.size + 1)
+        return sign * on_facet[facets], on_facet

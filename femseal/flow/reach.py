@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
@@ -25,26 +27,45 @@ def elements_reached(
     Elements connect through a facet that both can carry flow across, n·Kn > 0; with `through_corners` also
     through a vertex if both are open in every direction.
     """
+    label, (inlet, outlet) = _connected(mesh, tensor, ends, through_corners)
+    empty = np.empty(0, np.int64)
+    at_inlet, at_outlet = (np.flatnonzero(label == end) for end in (inlet, outlet))
+    return (at_inlet, empty, empty) if inlet == outlet else (empty, at_inlet, at_outlet)
+
+
+def elements_between(
+    mesh: Mesh, tensor: Array, ends: Sequence[Indices], *, through_corners: bool
+) -> tuple[Indices, list[Indices], NDArray[np.bool_]]:
+    """Elements connected to two or more of several ends, those connected to each end alone, and whether each end is
+    connected to another; see `elements_reached`.
+    """
+    label, of_ends = _connected(mesh, tensor, ends, through_corners)
+    joined = np.array([np.count_nonzero(of_ends == own) > 1 for own in of_ends])
+    alone = [np.flatnonzero((label == own) & ~more) for own, more in zip(of_ends, joined, strict=True)]
+    return np.flatnonzero(np.isin(label, of_ends[joined])), alone, joined
+
+
+def _connected(mesh: Mesh, tensor: Array, ends: Sequence[Indices], through_corners: bool) -> tuple[Indices, Indices]:
+    """Numbers of the connected parts to which the elements and the ends belong."""
     full, across = _open_ways(mesh, tensor)
     slot, element = np.nonzero(across)
     facet = mesh.t2f[slot, element]
-    # one graph of elements, facets, vertices and the two ends
+    # one graph of elements, facets, vertices and the ends
     ne, nf = mesh.nelements, mesh.nfacets
-    inlet, outlet = ne + nf + mesh.nvertices, ne + nf + mesh.nvertices + 1
+    first = ne + nf + mesh.nvertices
     start, end = [element], [ne + facet]
     if through_corners:
         open_ = np.flatnonzero(full)
         start.append(np.tile(open_, mesh.t.shape[0]))
         end.append(ne + nf + mesh.t[:, open_].ravel())
-    for facets, node in zip(ends, (inlet, outlet), strict=True):
+    for node, facets in enumerate(ends, first):
         start.append(ne + facets)
         end.append(np.full(facets.size, node))
     i, j = np.concatenate(start), np.concatenate(end)
-    graph = sp.coo_array((np.ones(i.size), (i, j)), shape=(outlet + 1, outlet + 1))
+    size = first + len(ends)
+    graph = sp.coo_array((np.ones(i.size), (i, j)), shape=(size, size))
     _, label = connected_components(graph, directed=False)
-    empty = np.empty(0, np.int64)
-    at_inlet, at_outlet = (np.flatnonzero(label[:ne] == label[end]) for end in (inlet, outlet))
-    return (at_inlet, empty, empty) if label[inlet] == label[outlet] else (empty, at_inlet, at_outlet)
+    return label[:ne], label[first:]
 
 
 def _open_ways(mesh: Mesh, tensor: Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:

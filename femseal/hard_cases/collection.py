@@ -89,7 +89,8 @@ def table(outcomes: Sequence[Outcome]) -> Table:
     from rich.table import Table
 
     failed = sum(not outcome.within for outcome in outcomes)
-    title = f"{len(outcomes)} hard scenes, {failed or 'none'} failed, {sum(o.seconds for o in outcomes):.1f} s"
+    scenes = "hard scene" if len(outcomes) == 1 else "hard scenes"
+    title = f"{len(outcomes)} {scenes}, {failed or 'none'} failed, {sum(o.seconds for o in outcomes):.1f} s"
     shown = Table(title=title, title_justify="left", box=SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
     for name, justify in (("stage", "left"), ("scene", "left"), ("must", "left"), ("came", "left"), ("within", "left")):
         shown.add_column(name, justify=justify, overflow="fold")  # type: ignore[arg-type]

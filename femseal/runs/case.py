@@ -25,7 +25,7 @@ from .case_faces import Face, FileFace, SurfaceTable
 from .case_faults import fault_lines
 from .case_fluid import with_named_fluids
 from .case_load import LoadTable
-from .case_seal import AnySeal
+from .case_seal import AnySeal, with_inlet_pressure
 from .case_tables import (
     AnyFluid,
     CellsTable,
@@ -79,7 +79,7 @@ class Case(Table):
     @model_validator(mode="before")
     @classmethod
     def _named_fluid(cls, data: Any) -> Any:
-        return with_named_fluids(data)
+        return with_named_fluids(with_inlet_pressure(data))
 
     @model_validator(mode="after")
     def _complete(self) -> Case:
@@ -148,10 +148,26 @@ class Case(Table):
                     "kind": layout.kind,
                 }
                 raise PydanticCustomError("length", text, given)
+        self._check_inlets()
         for key, path in self.seal.files():
             if not isfile(self.folder / path):
                 given = {"key": key, "path": shortened(path)}
                 raise PydanticCustomError("file", "seal.{key}: given '{path}', allowed is a file that exists", given)
+
+    def _check_inlets(self) -> None:
+        """Raise a fault if pressures of the inlets do not go with the outlet, the methods or a test fluid."""
+        own, outlet = getattr(self.layout, "inlet_pressures", {}), self.fluid.outlet_pressure
+        for name, pressure in own.items():
+            if not pressure > outlet:
+                given = {"name": name, "p": to_text(pressure, "Pa"), "q": to_text(outlet, "Pa")}
+                text = "seal.inlet.{name}: given {p}, allowed is a pressure above that of the outlet, {q}"
+                raise PydanticCustomError("seal", text, given)
+        if own and self.methods != {"stochastic"}:
+            text = "seal.inlet: given pressures with the method {m}, allowed is stochastic alone: a face has one inlet"
+            raise PydanticCustomError("seal", text, {"m": ", ".join(sorted(self.methods - {"stochastic"}))})
+        if own and self.output.test_fluid is not None:
+            text = "output.test_fluid: given one with pressures of the inlets in seal.inlet, allowed is none with them"
+            raise PydanticCustomError("seal", text)
 
     def _check_map(self) -> None:
         if self.load.map is None:

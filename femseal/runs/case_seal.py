@@ -7,17 +7,18 @@ from __future__ import annotations
 
 from dataclasses import MISSING, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, get_args
 
 from pydantic import BeforeValidator, WithJsonSchema, model_validator
 from pydantic_core import PydanticCustomError
 
-from ..base.errors import InputError
+from ..base.errors import InputError, shortened
+from ..base.leak_units import STANDARD_PRESSURE
 from ..base.quantities import to_si
 from ..seal.lay import ALLOWED, NAMES, Lay
 from ..seal.layouts import LAYOUTS, Layout
 from .case_registry import table_of_any
-from .case_values import Length, Shift, Table
+from .case_values import Length, Pressure, Quantity, Shift, Table, quantity_schema
 
 
 class SealTable(Table):
@@ -64,6 +65,25 @@ def _names(value: Any) -> Any:
     return value if isinstance(value, str) else tuple(value)
 
 
+def _inlets(value: Any) -> Any:
+    return {name: _PRESSURE.read(p) for name, p in value.items()} if isinstance(value, dict) else _names(value)
+
+
+def with_inlet_pressure(data: Any) -> Any:
+    """The data of a case, in which inlets with pressures of their own give the highest one to the fluid."""
+    seal, fluid = (data.get(name) for name in ("seal", "fluid")) if isinstance(data, dict) else (None, None)
+    if not isinstance(seal, dict) or not isinstance(inlets := seal.get("inlet"), dict) or not isinstance(fluid, dict):
+        return data
+    if "inlet_pressure" in fluid:
+        text = "fluid.inlet_pressure: given {p} beside the pressures of the inlets in seal.inlet, allowed is none there"
+        raise PydanticCustomError("fluid", text, {"p": shortened(repr(fluid["inlet_pressure"]), 60)})
+    try:
+        highest = max(to_si(p, "Pa") for p in inlets.values())
+    except (InputError, ValueError):
+        highest = STANDARD_PRESSURE  # that fault is told with its key
+    return {**data, "fluid": {**fluid, "inlet_pressure": f"{highest!r} Pa"}}
+
+
 def _length_unit(value: Any) -> str:
     try:
         if not isinstance(value, str) or not to_si(f"1 {value}", "m") > 0:
@@ -77,6 +97,13 @@ def _length_unit(value: Any) -> str:
 _LAY_SCHEMA = {"anyOf": [{"type": "string", "enum": list(NAMES)}, {"type": "object"}], "description": ALLOWED}
 _NAMES_SCHEMA = {"anyOf": [{"type": "string"}, {"type": "array", "items": {"type": "string"}}]}
 _Names = Annotated[str | tuple[str, ...], BeforeValidator(_names), WithJsonSchema(_NAMES_SCHEMA)]
+_PRESSURE: Quantity = get_args(Pressure)[1]
+_PRESSURES_SCHEMA = {"type": "object", "additionalProperties": quantity_schema("a pressure >= 0, such as '10 MPa'")}
+_Inlets = Annotated[
+    str | tuple[str, ...] | dict[str, float],
+    BeforeValidator(_inlets),
+    WithJsonSchema({"anyOf": [*_NAMES_SCHEMA["anyOf"], _PRESSURES_SCHEMA]}),
+]
 #: Keys whose values are not what the fields of the shapes say, or need a unit.
 _KEYS: dict[str, Any] = {
     "lay": Annotated[Any, BeforeValidator(_lay), WithJsonSchema(_LAY_SCHEMA)],
@@ -84,7 +111,7 @@ _KEYS: dict[str, Any] = {
     "centre": tuple[Shift, Shift],
     "length": Length | None,
 }
-_KEYS_OF_MESHES: dict[str, Any] = {"inlet": _Names, "outlet": _Names}
+_KEYS_OF_MESHES: dict[str, Any] = {"inlet": _Inlets, "outlet": _Names}
 
 
 def _keys(layout: Any) -> dict[str, Any]:

@@ -22,10 +22,10 @@ FACE_KEYS = {"shape": "points", "height_unit": "height_unit"}
 #: Tables of the arguments of seals and drawn windows.
 SEAL_TABLES = dict.fromkeys(
     ("path", "unit", "inlet", "outlet", "lay", "centre", "inner_radius", "outer_radius", "field"), "seal"
-) | dict.fromkeys(("length", "breadth", "sampler", "pressure", "bounds"), "stochastic")
+) | dict.fromkeys(("length", "breadth", "sampler", "pressure", "bounds", "width", "library"), "stochastic")
 
 #: Tables of the arguments of maps of the pressure.
-MAP_TABLES = {"map": "load"} | dict.fromkeys(
+MAP_TABLES = {"map": "load", "sampler": "stochastic"} | dict.fromkeys(
     ("shares", "positions", "angles", "path", "name", "length_unit", "pressure_unit", "points", "pressure", "field"),
     "load.map",
 )

@@ -163,7 +163,8 @@ def _prepare(case: Case) -> Prepared:
             raise InputError.of("cells", f"windows of {sizes}", f"windows of at least two shortest waves, {least}")
         if case.stochastic is not None and "stochastic" in case.methods:
             sampling = _sampling(case, case.stochastic, window[1])
-            check_sampling(sampling)
+            with in_tables_of(SEAL_TABLES):
+                check_sampling(sampling)
     every: tuple[SealWindows, ...] = ()
     seal = surface.size
     if sampling is not None and cells is not None:

@@ -18,10 +18,12 @@ def case_schema() -> dict[str, Any]:
     faces = schema["properties"]["face"]
     schema["properties"]["face"] = {"anyOf": [faces["items"], faces]}
     kinds = [schema["definitions"][option["$ref"].split("/")[-1]] for option in schema["properties"]["fluid"]["oneOf"]]
+    for kind in kinds:  # inlets of the seal may have pressures of their own
+        kind["required"] = [key for key in kind["required"] if key != "inlet_pressure"]
     # what a name fills in need not be given
     keys = {key: value for kind in reversed(kinds) for key, value in kind["properties"].items() if key != "kind"}
     names = {"kind": {"enum": [kind["properties"]["kind"]["const"] for kind in kinds]}, "name": {"type": "string"}}
-    named = {"type": "object", "properties": keys | names, "required": ["name", "inlet_pressure"]}
+    named = {"type": "object", "properties": keys | names, "required": ["name"]}
     schema["definitions"]["NamedFluidTable"] = named | {"additionalProperties": False}
     fluid = {"anyOf": [*schema["properties"]["fluid"]["oneOf"], {"$ref": "#/definitions/NamedFluidTable"}]}
     schema["properties"]["fluid"] = schema["definitions"]["OutputTable"]["properties"]["test_fluid"] = fluid

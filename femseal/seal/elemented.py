@@ -6,6 +6,7 @@ are taken together (`upscaling`), and turned to the direction of the lay in the 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, ClassVar
@@ -16,8 +17,10 @@ from skfem import Mesh, MeshQuad1, MeshQuad2, MeshTri1, MeshTri2
 
 from ..base.errors import InputError
 from ..base.quantities import to_text
+from ..flow.held import HeldFlow, held_flow
 from ..flow.mesh import CLOSED_AXIS, darcy_conductance, permeability_tensors
 from ..flow.solution import DarcyFlow
+from .inlets import HeldBoundaries
 from .upscaling import combined
 
 Array = NDArray[np.float64]
@@ -51,6 +54,7 @@ class ElementSeal:
     mesh : straight triangles or quadrilaterals. inlet, outlet : indices of its boundary facets.
     size : breadth from inlet to outlet, about, and length along the seal [m].
     outlines : corners of the elements (n, corners, 2) [m].
+    boundaries : inlets with pressures of their own, and outlets; None where all inlets have one pressure.
     """
 
     mesh: Mesh = field(repr=False)
@@ -58,6 +62,7 @@ class ElementSeal:
     outlet: Indices = field(repr=False)
     size: tuple[float, float]
     outlines: Array = field(repr=False)
+    boundaries: HeldBoundaries | None = field(default=None, repr=False)
 
     @property
     def length(self) -> float:
@@ -78,6 +83,31 @@ class ElementSeal:
         lower = flow.lower if flow.lower > self._through_closed_axes(permeability) else 0.0
         conductance = float(np.sqrt(lower) * np.sqrt(flow.upper))
         return replace(flow, conductance=conductance, lower=lower, percolates=lower > 0)
+
+    def flow_between(
+        self, permeability: Any, boundaries: HeldBoundaries, levels: Sequence[float], *, solver: str = "auto"
+    ) -> HeldFlow:
+        """Flow between boundaries held at potentials, the outlets at 0 and all inlets on one side of it.
+
+        The outflow is √ of the product of those of linear elements and of Raviart-Thomas fluxes, which with inlets at
+        one pressure are the two bounds. The flows through all boundaries are the mean of both solutions, each
+        multiplied so that it has this outflow: they balance. Without outflow all are 0.
+
+        Raises
+        ------
+        InputError : inlets on both sides of the outlet.
+        """
+        if min(levels) < 0:
+            raise InputError.of("inlet", "pressures above and below that of the outlet", "all on one side of it")
+        solver = solver if solver in _SOLVERS else "auto"
+        flow = held_flow(self.mesh, permeability, boundaries.facets, levels, fluxes=True, solver=solver)
+        outlets = slice(len(boundaries.pressures), None)
+        fluxes = flow.rates if flow.flux_rates is None else flow.flux_rates
+        upper, lower = -float(flow.rates[outlets].sum()), -float(fluxes[outlets].sum())
+        if not (lower > self._through_closed_axes(permeability) * max(levels) and upper > 0):
+            return replace(flow, rates=np.zeros_like(flow.rates))
+        outflow = np.sqrt(lower) * np.sqrt(upper)
+        return replace(flow, rates=0.5 * outflow * (flow.rates / upper + fluxes / lower))
 
     def _through_closed_axes(self, permeability: Any) -> float:
         """Flow for a unit drop below which it may go through axes of windows that are closed [m³]."""

@@ -6,7 +6,8 @@ To add a shape, write a frozen dataclass with its `kind`, the parameters that a 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from math import isfinite, pi
 from pathlib import Path
@@ -21,6 +22,7 @@ from ..base.errors import InputError
 from ..base.parameters import check_parameters, parameter
 from ..base.quantities import to_si, to_text
 from .elemented import ElementSeal, ElementWindows, straightened
+from .inlets import Inlet, checked_pressures
 from .lay import Lay
 from .linked import LinkWindows
 from .pressure_map import Frame
@@ -239,7 +241,7 @@ class MeshLayout:
     """A seal of any plan shape, from a mesh file.
 
     path : the file, see `MeshSeal`. unit : of its lengths, such as "mm". inlet, outlet : names of boundaries, one or
-    several each; all others are closed.
+    several each; all others are closed. Inlets at several pressures are given as {name: pressure [Pa]}.
     lay : of the windows on the seal, see `Lay`. centre : from which "radial", "circumferential" and the maps of the
     pressure are seen [m].
     length : by which leakage is divided [m]; that of the outlet unless given.
@@ -249,7 +251,7 @@ class MeshLayout:
     has_length: ClassVar[bool] = False
     path: Path
     unit: str
-    inlet: str | tuple[str, ...]
+    inlet: Inlet
     outlet: str | tuple[str, ...]
     lay: Any = "circumferential"
     centre: tuple[float, float] = (0.0, 0.0)
@@ -262,18 +264,30 @@ class MeshLayout:
         object.__setattr__(self, "lay", Lay.of(self.lay, Path(self.path).parent))
         for name in ("inlet", "outlet"):
             names = getattr(self, name)
-            object.__setattr__(self, name, names if isinstance(names, str) else tuple(names))
+            if isinstance(names, Mapping):
+                object.__setattr__(self, name, checked_pressures(names))
+            elif not isinstance(names, str):
+                object.__setattr__(self, name, tuple(names))
+
+    @property
+    def inlet_pressures(self) -> dict[str, float]:
+        """Pressures of the inlets by their names [Pa]; empty where all have that of the scene."""
+        return dict(self.inlet) if isinstance(self.inlet, Mapping) else {}
 
     def lay_out(self, windows: Windows) -> SealWindows:
         """Each element takes the windows that fit into it."""
         _refuse_sizes(self.kind, windows)
         stat = Path(self.path).stat() if Path(self.path).is_file() else None
         stamp = None if stat is None else (stat.st_mtime_ns, stat.st_size)
-        seal = _mesh_seal(Path(self.path), self.inlet, self.outlet, self.unit, stamp)
+        inlet = tuple(self.inlet.items()) if isinstance(self.inlet, Mapping) else self.inlet
+        seal = _mesh_seal(Path(self.path), inlet, self.outlet, self.unit, stamp)
         _plausible("path", float(np.ptp(seal.points, axis=0).max()), self.unit)
-        mesh, (inlet, outlet) = straightened(seal.mesh, *seal.ends)
+        held = seal.boundaries
+        mesh, ends = straightened(seal.mesh, *seal.ends, *(held.facets if held else ()))
         length = self.length or seal.length
-        laid = ElementSeal(mesh, inlet, outlet, (seal.area / length, length), mesh.p.T[mesh.t.T])
+        boundaries = replace(held, facets=ends[2:]) if held else None
+        size = seal.area / length, length
+        laid = ElementSeal(mesh, ends[0], ends[1], size, mesh.p.T[mesh.t.T], boundaries)
         return _elements(laid, windows, self.lay, self.centre, to_si(f"1 {self.unit}", "m", "unit"))
 
     def frame(self, size: tuple[float, float]) -> Frame:
@@ -281,13 +295,15 @@ class MeshLayout:
         return Frame(centre=self.centre)
 
     def __str__(self) -> str:
-        return f"the mesh {Path(self.path).name}, lay {self.lay}"
+        inlets = ", ".join(f"{name} at {to_text(p, 'Pa')}" for name, p in self.inlet_pressures.items())
+        return f"the mesh {Path(self.path).name}, {f'inlets {inlets}, ' if inlets else ''}lay {self.lay}"
 
 
 @lru_cache(maxsize=2)
 def _mesh_seal(path: Path, inlet: Any, outlet: Any, unit: str, stamp: Any) -> MeshSeal:
     """The seal of a mesh file, read once while its time and size (`stamp`) stay; a run lays it out several times."""
-    return MeshSeal(path, inlet, outlet, unit)
+    of_pressures = isinstance(inlet, tuple) and isinstance(inlet[0], tuple)
+    return MeshSeal(path, dict(inlet) if of_pressures else inlet, outlet, unit)
 
 
 def _elements(

@@ -8,9 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.errors import InputError
 from ..base.text import Shown
 from ..flow.permeability_table import PermeabilityTable
 from ..fluids import Fluid, potential_of
+from .inlets import HeldBoundaries
 from .pressure_dependent import pressure_dependent_flow
 from .shapes import Seal
 
@@ -38,6 +40,10 @@ class Leakage(Shown):
         metadata={"unit": "m^3", "long_name": "permeability at the pressures of the solution, if it depends on them"},
         repr=False,
     )
+    boundary_rates: dict[str, float] | None = field(
+        default=None,
+        metadata={"unit": "m^3/s", "long_name": "flow into the seal through each boundary, of inlets with pressures"},
+    )
 
 
 def seal_leakage(
@@ -45,7 +51,7 @@ def seal_leakage(
     permeability: Any,
     fluid: Fluid,
     *,
-    inlet_pressure: float,
+    inlet_pressure: float | None = None,
     outlet_pressure: float = 0.0,
     bounds: bool = False,
     solver: str = "auto",
@@ -62,28 +68,44 @@ def seal_leakage(
         `PermeabilityTable` of any of these gives it at several pressures, as a gas with slip needs; anything else is
         taken for that of all pressures.
     fluid : a `Liquid`, an `IdealGas` or anything else with a pressure potential.
-    inlet_pressure, outlet_pressure : [Pa]; absolute for a gas.
+    inlet_pressure, outlet_pressure : [Pa]; absolute for a gas. A mesh whose inlets have pressures of their own takes no
+        inlet pressure.
     bounds : also enclose the rate between `lower` and `upper`; otherwise both are NaN. On structured seals
         they enclose the flow of the network of links, on straight meshes that of the mesh with k constant on
-        each element. Not with tensors on structured seals.
+        each element. Not with tensors on structured seals, nor with pressures of inlets: the flow out of one of
+        several boundaries is no energy.
     solver : of the linear system, see `femseal.flow.solve_flow`; on meshes "auto", "direct" or "amg".
 
     Returns
     -------
     Leakage; volume rates are at the fluid's reference density, `fluid_pressure` is (n1 + 1, n2) from inlet
     to outlet on structured seals and (n_vertices,) on meshes. Nodes that only one end reaches have its
-    pressure, those that neither does NaN.
+    pressure, those that neither does NaN. With pressures of inlets the rates are those out of the outlets together;
+    `boundary_rates` has those into the seal through every boundary, negative where the fluid leaves, and
+    `conductance` is that for a unit of the largest drop.
 
     Raises
     ------
     InputError : a permeability that is negative, not finite or of the wrong shape, a pressure the fluid
-        cannot have, bounds on a curved mesh.
+        cannot have, bounds on a curved mesh; with pressures of inlets also an inlet pressure, bounds, or a
+        `PermeabilityTable`.
     NotConverged : inlet and outlet flow do not balance.
     """
+    if (held := getattr(seal, "boundaries", None)) is not None:
+        refused = {
+            "inlet_pressure": inlet_pressure is not None,
+            "bounds": bounds,
+            "permeability": isinstance(permeability, PermeabilityTable),
+        }
+        for name, given in refused.items():
+            if given:
+                raise InputError.of(name, _REFUSED[name], "none on a seal whose inlets have pressures of their own")
+        return _between_boundaries(seal, held, permeability, fluid, outlet_pressure, solver)
     φ_in = potential_of(fluid, "inlet_pressure", inlet_pressure)
     φ_out = potential_of(fluid, "outlet_pressure", outlet_pressure)
     local = None
     if isinstance(permeability, PermeabilityTable):
+        assert inlet_pressure is not None  # it has a potential
         ends = {"inlet": float(inlet_pressure), "outlet": float(outlet_pressure)}
         flow, local = pressure_dependent_flow(seal, permeability, fluid, **ends, bounds=bounds, solver=solver)
     else:
@@ -108,4 +130,40 @@ def seal_leakage(
         percolates=flow.percolates,
         solver=flow.solver,
         permeability=local,
+    )
+
+
+#: What is not possible with pressures of inlets.
+_REFUSED = {"inlet_pressure": "a pressure", "bounds": "true", "permeability": "a table over pressures, as of slip"}
+
+
+def _between_boundaries(
+    seal: Any, held: HeldBoundaries, permeability: Any, fluid: Fluid, outlet_pressure: float, solver: str
+) -> Leakage:
+    """Leakage out of the outlets of a seal whose inlets have pressures of their own."""
+    φ_out = potential_of(fluid, "outlet_pressure", outlet_pressure)
+    names = held.names[: len(held.pressures)]
+    drops = [potential_of(fluid, f"inlet {name!r}", p) - φ_out for name, p in zip(names, held.pressures, strict=True)]
+    drop = max(drops, key=abs)
+    levels = np.zeros(len(held.names))
+    levels[: len(names)] = np.divide(drops, drop) if drop else 1.0
+    flow = seal.flow_between(permeability, held, levels, solver=solver)
+    outflow = flow.rates[len(names) :]
+    conductance = 0.0 - float(outflow.sum())
+    to_volume = drop / fluid.reference_density
+    potential = φ_out + drop * np.clip(flow.potential, levels.min(), levels.max())
+    return Leakage(
+        volume_rate=conductance * to_volume,
+        mass_rate=conductance * drop,
+        per_length=conductance * to_volume / seal.length,
+        lower=np.nan,
+        upper=np.nan,
+        fluid_pressure=fluid.pressure(potential),
+        conductance=conductance,
+        iterations=flow.iterations,
+        residual=flow.residual,
+        imbalance=flow.imbalance,
+        percolates=bool(outflow.any()),
+        solver=flow.solver,
+        boundary_rates=dict(zip(held.names, (to_volume * flow.rates).tolist(), strict=True)),
     )

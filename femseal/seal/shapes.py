@@ -7,7 +7,7 @@ A shape is a frozen dataclass with `length`, `points` and `flow` (see `Seal`); o
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from math import pi
 from operator import index
@@ -22,8 +22,10 @@ from skfem.quadrature import get_quadrature
 from ..base.errors import InputError
 from ..base.quantities import to_si
 from ..flow.grid import Grid
+from ..flow.held import HeldFlow, held_flow
 from ..flow.mesh import darcy_conductance, is_connected
 from ..flow.solution import DarcyFlow
+from .inlets import HeldBoundaries, Inlet, checked_pressures
 from .mesh_file import read_mesh
 from .overlap import first_overlap
 from .structured import StructuredSeal
@@ -186,23 +188,26 @@ class MeshSeal:
     Parameters
     ----------
     path : a mesh file that meshio reads (plane, z constant), or a scikit-fem mesh with named `boundaries`, in metres.
-    inlet, outlet : names of boundaries, one or several each, that do not touch; all others are closed.
+    inlet, outlet : names of boundaries, one or several each, that do not touch; all others are closed. Inlets at
+        several pressures are given as {name: pressure [Pa]}; `seal_leakage` then takes no inlet pressure.
     unit : of the lengths in the file, such as "mm".
 
     Raises
     ------
     InputError : the file is missing or not a mesh, no boundary of that name (the message lists those there
         are), inlet and outlet touch or are not connected by the mesh, elements that are degenerate or
-        tangled.
+        tangled; with pressures, boundaries that touch, or an inlet that is not connected to the outlet.
     """
 
     path: str | PathLike[str] | Mesh = field(repr=False)
-    inlet: str | Sequence[str]
+    inlet: Inlet
     outlet: str | Sequence[str]
     unit: str = field(default="m", repr=False)
     mesh: Mesh = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
+        if isinstance(self.inlet, Mapping):
+            object.__setattr__(self, "inlet", checked_pressures(self.inlet))
         mesh = self.path if isinstance(self.path, Mesh) else read_mesh(self.path, to_si(f"1 {self.unit}", "m", "unit"))
         object.__setattr__(self, "mesh", mesh)
         if type(mesh) not in (MeshTri1, MeshQuad1, MeshTri2, MeshQuad2):
@@ -213,7 +218,9 @@ class MeshSeal:
                 if name not in (mesh.boundaries or {}):
                     raise InputError.of(role, repr(name), f"the name of a boundary of the mesh: {there}")
         _check_elements(mesh)
-        if not is_connected(mesh, *self.ends):
+        held = self.boundaries  # raises if one is both inlet and outlet
+        inlets = [self.ends[0]] if held is None else held.facets[: len(held.pressures)]
+        if not all(is_connected(mesh, inlet, self.ends[1]) for inlet in inlets):
             raise InputError("inlet and outlet: not connected by the mesh, allowed is a mesh in one piece")
 
     @property
@@ -224,6 +231,13 @@ class MeshSeal:
             for names in (self.inlet, self.outlet)
         )
         return inlet, outlet
+
+    @property
+    def boundaries(self) -> HeldBoundaries | None:
+        """Boundaries with the pressures of the inlets; None where these are not given."""
+        if not isinstance(self.inlet, Mapping):
+            return None
+        return HeldBoundaries.of(self.mesh, self.inlet, _names(self.outlet))
 
     @property
     def length(self) -> float:
@@ -244,6 +258,12 @@ class MeshSeal:
     def flow(self, permeability: Any, *, bounds: bool = False, solver: str = "auto") -> DarcyFlow:
         """Flow for a unit drop; permeability: a number, (n,), (n, 2) or (n, 2, 2) for n elements [m³]."""
         return darcy_conductance(self.mesh, permeability, *self.ends, bounds=bounds, solver=solver)
+
+    def flow_between(
+        self, permeability: Any, boundaries: HeldBoundaries, levels: Sequence[float], *, solver: str = "auto"
+    ) -> HeldFlow:
+        """Flow between boundaries held at potentials, permeability as in `flow`."""
+        return held_flow(self.mesh, permeability, boundaries.facets, levels, solver=solver)
 
 
 @Functional
@@ -297,7 +317,7 @@ def _check_sides(mesh: Mesh) -> None:
         raise InputError.of("path", given, "elements that lie beside each other")
 
 
-def _names(given: str | Sequence[str]) -> tuple[str, ...]:
+def _names(given: Inlet) -> tuple[str, ...]:
     return (given,) if isinstance(given, str) else tuple(given)
 
 

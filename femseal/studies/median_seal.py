@@ -12,7 +12,7 @@ from ..base.text import Shown
 from ..flow.gas_drop import GasDrop
 from ..flow.permeability_table import PermeabilityTable
 from ..scales import Failed, Partition, attempt, draw_links, draw_pressures
-from ..seal import RectangularSeal
+from ..seal import Leakage, RectangularSeal
 from ..seal.layouts import SealWindows
 from ..seal.linked import LinkWindows
 from .chained import ChainedSeals, StateRuns
@@ -101,11 +101,21 @@ def median_seal(
             at_solution = given if found.permeability is None else found.permeability
             k[s], p[s] = laid.shown(at_solution, found.fluid_pressure)
             potential = scene.fluid.potential(found.fluid_pressure) / scene.fluid.reference_density
-            flux[s] = laid.flux(at_solution, potential, found.volume_rate)
+            flux[s] = laid.flux(at_solution, potential, _rate_of_power(scene, laid.seal, found))
     sampler, seed = sampling.sampler_of_links, sampling.seed
     pressure = draw_pressures(kinds[0][0], sampler=sampler, seed=seed, realisation=realisation, axis=0)
     of_windows = None if pressure is None else np.array([laid.means(pressure(s)) for s in range(len(scene.steps))])
     return MedianSeal(realisation, outlines, k, p, flux, of_windows)
+
+
+def _rate_of_power(scene: Scene, seal: Any, found: Leakage) -> float:
+    """Leakage [m³/s] that dissipates as much over the highest drop as the flow between all boundaries does."""
+    if found.boundary_rates is None:
+        return found.volume_rate
+    held = seal.boundaries
+    drops = scene.fluid.potential(held.pressures) - scene.fluid.potential(scene.outlet_pressure)
+    rates = [found.boundary_rates[name] for name in held.names[: len(drops)]]
+    return float(drops @ rates / np.abs(drops).max())
 
 
 def median_chain(

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.errors import InputError
+from ..base.quantities import to_text
 from ..base.stage import Mapper
 from ..flow import Permeability, cell_permeability
 from ..flow.gas_drop import GasDrop, successive
@@ -32,7 +33,8 @@ class Scene:
 
     surface : heights of the combined faces; high points touch first.
     modulus, hardness : contact modulus E* and hardness H [Pa].
-    fluid : the fluid that leaks. inlet_pressure, outlet_pressure : its pressures at both ends of x1 [Pa].
+    fluid : the fluid that leaks. inlet_pressure, outlet_pressure : its pressures at both ends of x1 [Pa]; the highest
+        inlet pressure where the layout gives each inlet its own.
     boundary : contact boundary of the whole face along x1 and x2, see `HalfSpace`.
     loading, unload_from, unloading : nominal pressures [Pa], see `LoadProgramme.of`.
     rtol : residual of each contact, see `contact.solve_contact`.
@@ -56,7 +58,15 @@ class Scene:
     discretisation: str = "edge"
 
     def __post_init__(self) -> None:
-        _ = self.flow  # raises if solver and discretisation do not go together
+        flow = self.flow  # raises if solver and discretisation do not go together
+        if own := getattr(self.layout, "inlet_pressures", {}):
+            if flow.drop is not None:
+                given = f"{self.fluid} with pressures of the inlets"
+                raise InputError.of("fluid", given, "a liquid, or a gas without slip (slip = false)")
+            if self.inlet_pressure != max(own.values()):
+                highest = to_text(max(own.values()), "Pa")
+                given = to_text(self.inlet_pressure, "Pa")
+                raise InputError.of("inlet_pressure", given, f"the highest pressure of the inlets, {highest}")
         undefined = int(np.isnan(self.surface.heights).sum())
         if undefined:
             allowed = "a face without undefined points: fill them first, see Topography.fill_undefined"
@@ -97,11 +107,12 @@ class Scene:
         ------
         NotConverged : the linear solver failed.
         """
+        own = getattr(seal, "boundaries", None) is not None
         return seal_leakage(
             seal,
             permeability,
             self.fluid,
-            inlet_pressure=self.inlet_pressure,
+            inlet_pressure=None if own else self.inlet_pressure,
             outlet_pressure=self.outlet_pressure,
             solver=self.solver,
         )

@@ -151,13 +151,15 @@ def short_names(keys: Sequence[str]) -> tuple[str, ...]:
 def value_text(value: Any) -> str:
     """A value as short text.
 
-    >>> value_text([8, 16]), value_text("3 GPa"), value_text(True)
-    ('[8, 16]', '3 GPa', 'true')
+    >>> value_text([8, 16]), value_text("3 GPa"), value_text(True), value_text({"angle": "30 deg"})
+    ('[8, 16]', '3 GPa', 'true', '{angle = 30 deg}')
     """
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, (list, tuple)):
         return f"[{', '.join(map(value_text, value))}]"
+    if isinstance(value, Mapping):
+        return f"{{{', '.join(f'{key} = {value_text(inner)}' for key, inner in value.items())}}}"
     return str(value)
 
 
