@@ -72,7 +72,9 @@ def _inlets(value: Any) -> Any:
 def with_inlet_pressure(data: Any) -> Any:
     """The data of a case, in which inlets with pressures of their own give the highest one to the fluid."""
     seal, fluid = (data.get(name) for name in ("seal", "fluid")) if isinstance(data, dict) else (None, None)
-    if not isinstance(seal, dict) or not isinstance(inlets := seal.get("inlet"), dict) or not isinstance(fluid, dict):
+    if not isinstance(seal, dict) or seal.get("kind") != "mesh" or not isinstance(fluid, dict):
+        return data
+    if not isinstance(inlets := seal.get("inlet"), dict):
         return data
     if "inlet_pressure" in fluid:
         text = "fluid.inlet_pressure: given {p} beside the pressures of the inlets in seal.inlet, allowed is none there"
