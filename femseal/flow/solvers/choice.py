@@ -150,7 +150,7 @@ def _worth_of_multigrid(along: Array, unknowns: int, nodes: int) -> tuple[bool, 
     iteration, elimination = 1.5e-8 * unknowns, 2e-3 * (nodes / 4000) ** 1.25 * share**0.4
     limit = int(elimination / iteration)
     smooth = 5e-5 + (6 + 18 * (1 - share)) * iteration < elimination
-    return bool(smooth) and _iterations_of_noise(along, unknowns) < 1.3 * limit, limit
+    return bool(smooth) and _iterations_of_noise(along, unknowns) < limit, limit
 
 
 def _iterations_of_noise(along: Array, unknowns: int) -> float:
