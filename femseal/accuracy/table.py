@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import json
 import os
 import platform
@@ -18,6 +16,7 @@ from numpy.typing import NDArray
 from ..base.files import made_folder, replacing, write_text
 from ..base.provenance import versions
 from ..base.quantities import to_text
+from ..base.text import comma_separated
 from ..studies.compare import FLOOR, LeakageFactor
 from .plan import Plan, Variant, by
 
@@ -94,12 +93,7 @@ class AccuracyReport:
 
     def csv_text(self) -> str:
         """The rows as comma-separated values with one line of column names; empty where there is no number."""
-        rows = self.rows()
-        stream = io.StringIO()
-        writer = csv.DictWriter(stream, list(rows[0]), lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(rows)
-        return stream.getvalue()
+        return comma_separated(self.rows())
 
     def json_text(self) -> str:
         """All data, with the case in SI, versions and machine; null in place of NaN."""

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import csv
+import io
+from collections.abc import Iterable, Sequence
 from dataclasses import fields
 from html import escape
 from importlib import import_module
@@ -15,6 +17,15 @@ from numpy.lib.mixins import NDArrayOperatorsMixin
 from .quantities import to_text
 
 _POWERS = str.maketrans("23", "²³")
+
+
+def comma_separated(rows: Sequence[dict[str, Any]]) -> str:
+    """Rows, at least one, as comma-separated values with one line of column names; empty where there is no number."""
+    stream = io.StringIO()
+    writer = csv.DictWriter(stream, list(rows[0]), lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    return stream.getvalue()
 
 
 class Plotted:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import json
 import os
 from math import isfinite
@@ -15,6 +13,7 @@ from ..base.files import made_folder, replacing, write_text
 from ..base.leak_classes import leak_classes
 from ..base.leak_units import LEAK_UNITS, LeakUnit
 from ..base.quantities import to_text
+from ..base.text import comma_separated
 from ..report import write_report
 from ..report.design_section import DESIGN_FILE, DESIGN_PICTURE
 from ..report.words import fluid_text
@@ -165,10 +164,6 @@ def write(answer: Design, folder: str | os.PathLike[str]) -> list[Path]:
     """Write table, data and picture; the report of results in the folder is written anew, with them."""
     target = made_folder(folder)
     table, unit = rows(answer), leak_scale(answer)[0]
-    stream = io.StringIO()
-    writer = csv.DictWriter(stream, list(table[0]), lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(table)
     (heads, lines), (slope_heads, slope_lines) = sheet(answer), slopes(answer)
     content = {
         "case": answer.results.case,
@@ -188,7 +183,7 @@ def write(answer: Design, folder: str | os.PathLike[str]) -> list[Path]:
             from ..plots.drawing import png
 
             temporary.write_bytes(png(answer.plot()))
-        write_text(target / TABLE_FILE, stream.getvalue())
+        write_text(target / TABLE_FILE, comma_separated(table))
         write_text(target / DESIGN_FILE, json.dumps(content, indent=1, ensure_ascii=False))
     except OSError as error:
         raise InputError.of("output", f"'{target}'", f"a folder that can be written ({error.strerror})") from None

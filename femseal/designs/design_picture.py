@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..base.quantities import to_text
-from ..plots.drawing import GREY, LINES, STYLES, Sheet, branch_styles
+from ..plots.drawing import GREY, LEGEND_LINE, LINES, STYLES, Sheet, branch_styles, legend_below
 from ..plots.leakage_curves import LeakageCurves, leakage_panel, limit_lines
 from .data_sheet import leak_scale
 from .requirements import ENDS
@@ -20,8 +20,6 @@ if TYPE_CHECKING:
 
     from .answer import Design
 
-#: Height of a line of the legend [inch].
-_LEGEND_LINE = 0.19
 #: Part of the width of the axes beyond which names would leave them.
 _RIGHT = 0.86
 
@@ -43,19 +41,12 @@ def design_figure(answer: Design) -> Figure:
         told=(scale, f"{what} [{unit.name}]"),
     )
     lines = ceil((len(seals.steps.unload_from) + 6) / 2)
-    sheet = Sheet([4.4 + _LEGEND_LINE * lines])
-    margins = replace(LINES, left=1.0, right=1.1, top=0.2, bottom=0.7 + _LEGEND_LINE * lines)
+    sheet = Sheet([4.4 + LEGEND_LINE * lines])
+    margins = replace(LINES, left=1.0, right=1.1, top=0.2, bottom=0.7 + LEGEND_LINE * lines)
     axes = sheet.panel(0, 0, margins)
     handles = leakage_panel(axes, curves)
     _limits(axes, answer, scale)
-    sheet.figure.legend(
-        handles=handles + _marks(axes, answer, scale),
-        loc="lower center",
-        ncols=2,
-        frameon=False,
-        fontsize=8.5,
-        handlelength=3.4,
-    )
+    legend_below(sheet.figure, handles + _marks(axes, answer, scale))
     return sheet.figure
 
 

@@ -121,20 +121,19 @@ def _values(seals: Seals, variants: Variants, pressure: float, share: float) -> 
 
 def _slopes(seals: Seals, variants: Variants, pressure: float, share: float) -> list[tuple[str, float, str]]:
     load = slope_at(seals, pressure, share)
+
+    def solved(variant: Seals | None, factor: float, quantity: str) -> tuple[float, str]:
+        if variant is None:
+            return np.nan, "unknown: takes a solution, from a case"
+        slope = (level_at(variant, pressure, share) - level_at(seals, pressure, share)) / np.log(factor)
+        return slope, f"solved again with {factor:g} times the {quantity}"
+
     hard, how_hard = 0.0, "elastic: no hardness"
     if variants.hardness_counts:
-        hard, how_hard = np.nan, "unknown: takes a solution, from a case"
-        if variants.harder is not None:
-            factor = variants.hardness_factor
-            hard = (level_at(variants.harder, pressure, share) - level_at(seals, pressure, share)) / np.log(factor)
-            how_hard = f"solved again with {factor:g} times the hardness"
+        hard, how_hard = solved(variants.harder, variants.hardness_factor, "hardness")
     thick, how_thick = -1.0, "flow as a continuum"
     if variants.rarefied:
-        thick, how_thick = np.nan, "unknown: takes a solution, from a case"
-        if variants.thicker is not None:
-            factor = variants.viscosity_factor
-            thick = (level_at(variants.thicker, pressure, share) - level_at(seals, pressure, share)) / np.log(factor)
-            how_thick = f"solved again with {factor:g} times the viscosity"
+        thick, how_thick = solved(variants.thicker, variants.viscosity_factor, "viscosity")
     known = np.isfinite(variants.inlet_slope)
     how_inlet = (
         "potential of the fluid"

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import json
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from ..base.errors import InputError
+from ..base.text import comma_separated
 from .chain_cases import CASES as CHAIN
 from .contact_cases import CASES as CONTACT
 from .flow_cases import CASES as FLOW
@@ -66,11 +65,7 @@ def file_text(outcomes: Sequence[Outcome], suffix: str) -> str:
     if suffix == ".json":
         return json.dumps(lines, indent=1, ensure_ascii=False) + "\n"
     if suffix == ".csv":
-        stream = io.StringIO()
-        writer = csv.DictWriter(stream, list(lines[0]), lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(lines)
-        return stream.getvalue()
+        return comma_separated(lines)
     return _markdown(lines)
 
 

@@ -165,6 +165,15 @@ def map_row(size: tuple[float, float], margins: Margins = MAP) -> float:
     return map_height(size, width) + margins.bottom + margins.top
 
 
+#: Height of a line of a legend below the panels [inch].
+LEGEND_LINE = 0.19
+
+
+def legend_below(figure: Figure, handles: Sequence[Any], columns: int = 2, length: float = 3.4) -> None:
+    """Draw one legend below all panels; length : of its lines, in font sizes."""
+    figure.legend(handles=handles, loc="lower center", ncols=columns, frameon=False, fontsize=8.5, handlelength=length)
+
+
 def one_panel(ax: Axes | None, width: float, height: float) -> tuple[Figure, Axes]:
     """The given axes and their figure, or those of a new figure [inch]."""
     if ax is None:

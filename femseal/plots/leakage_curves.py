@@ -16,7 +16,7 @@ from ..results.branches import Steps, branches, pressures_and_peaks
 from ..results.results import Results
 from ..results.tables import leak_scale, leakage_of
 from ..studies import DeterministicResult, StochasticResult, TwoScaleResult
-from .drawing import GREY, LINES, Sheet, branch_styles, one_panel
+from .drawing import GREY, LEGEND_LINE, LINES, Sheet, branch_styles, legend_below, one_panel
 from .registry import shows
 from .scales_of_axes import decades, load_axis
 
@@ -183,10 +183,6 @@ def _other_handles(several: Sequence[LeakageCurves]) -> list[Any]:
     return handles
 
 
-#: Height of a line of the legend [inch].
-_LEGEND_LINE = 0.19
-
-
 def _legend_lines(curves: LeakageCurves) -> int:
     """Number of entries of the legend of curves in a figure of their own."""
     extra = sum(name in curves.others for name, *_ in _SINGLE) + 2 * (curves.band is not None) + 1
@@ -201,16 +197,16 @@ def _curves_figure(curves: LeakageCurves, ax: Axes | None, label: str | None) ->
     """The curves in a figure of their own, or together with those drawn into the same axes before."""
     curves = curves if label is None else replace(curves, title=label)
     if ax is None:
-        sheet = Sheet([4.2 + _LEGEND_LINE * ceil(_legend_lines(curves) / 2)])
+        sheet = Sheet([4.2 + LEGEND_LINE * ceil(_legend_lines(curves) / 2)])
         margins = replace(
             LINES,
             left=1.0,
             right=1.1 if curves.limits else 0.65,
             top=0.15,
-            bottom=0.7 + _LEGEND_LINE * ceil(_legend_lines(curves) / 2),
+            bottom=0.7 + LEGEND_LINE * ceil(_legend_lines(curves) / 2),
         )
         handles = leakage_panel(sheet.panel(0, 0, margins), curves)
-        sheet.figure.legend(handles=handles, loc="lower center", ncols=2, frameon=False, fontsize=8.5, handlelength=3.4)
+        legend_below(sheet.figure, handles)
         return sheet.figure
     several, artists = _SHARED.setdefault(ax, ([], []))
     for artist in artists:

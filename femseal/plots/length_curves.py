@@ -9,7 +9,7 @@ import numpy as np
 
 from ..results import seal_lengths
 from ..results.tables import leakage_of
-from .drawing import LINES, STYLES, Sheet
+from .drawing import LINES, STYLES, Sheet, legend_below
 from .leakage_curves import leakage_axis
 
 if TYPE_CHECKING:
@@ -33,14 +33,7 @@ def lengths_figure(results: Results) -> Figure:
     sheet = Sheet([5.0])
     axes = sheet.panel(0, 0, replace(LINES, left=1.0, right=0.65, top=0.2, bottom=1.0))
     _lengths_panel(axes, results)
-    sheet.figure.legend(
-        handles=axes.get_legend_handles_labels()[0],
-        loc="lower center",
-        ncols=2,
-        frameon=False,
-        fontsize=8.5,
-        handlelength=3.4,
-    )
+    legend_below(sheet.figure, axes.get_legend_handles_labels()[0])
     return sheet.figure
 
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ..results.branches import branches
 from ..results.run_comparison import RunComparison
-from .drawing import GREY, LINES, STYLES, Sheet
+from .drawing import GREY, LEGEND_LINE, LINES, STYLES, Sheet, legend_below
 from .leakage_curves import leakage_axis
 from .registry import shows
 from .scales_of_axes import load_axis
@@ -30,8 +30,8 @@ _MOST_BANDS = 3
 _MOST_LANES = 4
 #: Most lines against a key, of loads or of the other keys.
 _MOST_LINES = 6
-#: Height of a line of the legend [inch], and letters of it that fit into half a panel.
-_LEGEND_LINE, _LEGEND_LETTERS = 0.19, 34
+#: Letters of a line of the legend that fit into half a panel.
+_LEGEND_LETTERS = 34
 _NUMBER = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*")
 
 
@@ -47,11 +47,11 @@ def comparison_figure(comparison: RunComparison) -> Figure:
     panels = 1 if key is None else 2
     columns = panels * (2 if max(map(len, comparison.labels)) <= _LEGEND_LETTERS else 1)
     lines = ceil((len(comparison.labels) + 2) / columns)
-    below = 0.75 + _LEGEND_LINE * lines
+    below = 0.75 + LEGEND_LINE * lines
     sheet = Sheet([4.0 + below], columns=panels)
     margins = replace(LINES, left=1.0, right=0.65, bottom=below)
     handles = _load_panel(sheet.panel(0, 0, margins), comparison)
-    sheet.figure.legend(handles=handles, loc="lower center", ncols=columns, frameon=False, fontsize=8.5, handlelength=3)
+    legend_below(sheet.figure, handles, columns, length=3)
     if key is not None:
         _key_panel(sheet.panel(0, 1, margins), comparison, key)
     return sheet.figure

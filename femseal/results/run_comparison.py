@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -17,7 +15,7 @@ from ..base.errors import InputError, shown
 from ..base.files import made_folder, replacing, write_text
 from ..base.leak_units import LEAK_UNITS, LeakUnit, leak_unit, leakage_unit
 from ..base.quantities import to_text
-from ..base.text import Plotted, room
+from ..base.text import Plotted, comma_separated, room
 from ..loads import LoadStep
 from ..studies.compare import closing_load
 from .netcdf import open_results
@@ -118,12 +116,7 @@ class RunComparison(Plotted):
 
     def csv_text(self) -> str:
         """The rows as comma-separated values, with one line of column names."""
-        rows = self.rows()
-        stream = io.StringIO()
-        writer = csv.DictWriter(stream, list(rows[0]), lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(rows)
-        return stream.getvalue()
+        return comma_separated(self.rows())
 
     def texts(self) -> tuple[str, list[str], list[list[str]]]:
         """Title, headings and cells of the table for people, one line for each run.

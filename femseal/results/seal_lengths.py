@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -11,6 +9,7 @@ import numpy as np
 
 from ..base.errors import InputError
 from ..base.quantities import to_text
+from ..base.text import comma_separated
 from .tables import amount, told_range
 
 if TYPE_CHECKING:
@@ -82,11 +81,7 @@ def csv_text(results: Results) -> str:
         for n, length in enumerate(data["seal_length"].values)
         for s in range(data.sizes["step"])
     ]
-    stream = io.StringIO()
-    writer = csv.DictWriter(stream, list(rows[0]), lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(rows)
-    return stream.getvalue()
+    return comma_separated(rows)
 
 
 def rich_table(results: Results) -> Table:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Iterable
 from html import escape
 from textwrap import fill
@@ -13,6 +11,7 @@ import numpy as np
 
 from ..base.leak_units import LEAK_UNITS, TOLD
 from ..base.quantities import to_text
+from ..base.text import comma_separated
 from .branches import branch_text
 from .variables import name_with_unit
 
@@ -69,12 +68,7 @@ def ascii_unit(unit: str) -> str:
 
 def csv_text(results: Results) -> str:
     """The rows as comma-separated values, with one line of column names."""
-    table = rows(results)
-    stream = io.StringIO()
-    writer = csv.DictWriter(stream, list(table[0]), lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(table)
-    return stream.getvalue()
+    return comma_separated(rows(results))
 
 
 def texts(results: Results) -> tuple[str, list[str], list[list[str]]]:

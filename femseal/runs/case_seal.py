@@ -16,7 +16,7 @@ from ..base.errors import InputError, shortened
 from ..base.leak_units import STANDARD_PRESSURE
 from ..base.quantities import to_si
 from ..seal.lay import ALLOWED, NAMES, Lay
-from ..seal.layouts import LAYOUTS, Layout
+from ..seal.layouts import LAYOUTS, Layout, MeshLayout
 from .case_registry import table_of_any
 from .case_values import Length, Pressure, Quantity, Shift, Table, quantity_schema
 
@@ -72,7 +72,7 @@ def _inlets(value: Any) -> Any:
 def with_inlet_pressure(data: Any) -> Any:
     """The data of a case, in which inlets with pressures of their own give the highest one to the fluid."""
     seal, fluid = (data.get(name) for name in ("seal", "fluid")) if isinstance(data, dict) else (None, None)
-    if not isinstance(seal, dict) or seal.get("kind") != "mesh" or not isinstance(fluid, dict):
+    if not isinstance(seal, dict) or seal.get("kind") != MeshLayout.kind or not isinstance(fluid, dict):
         return data
     if not isinstance(inlets := seal.get("inlet"), dict):
         return data
@@ -117,7 +117,7 @@ _KEYS_OF_MESHES: dict[str, Any] = {"inlet": _Inlets, "outlet": _Names}
 
 
 def _keys(layout: Any) -> dict[str, Any]:
-    known = _KEYS | (_KEYS_OF_MESHES if layout.kind == "mesh" else {})
+    known = _KEYS | (_KEYS_OF_MESHES if layout is MeshLayout else {})
     return {
         f.name: (known[f.name], ... if f.default is MISSING else f.default) for f in fields(layout) if f.name in known
     }

@@ -116,15 +116,13 @@ def check_map(scene: Scene, laid: SealWindows, pressure_map: AnyMap) -> tuple[st
     if is_uniform(pressure_map):
         return ()
     nominal = scene.steps.pressures
-    for axis in (0, 1):
-        pressure = nominal[:, None] * shares_of_links(scene, laid, pressure_map, axis)
+    pressures = [nominal[:, None] * shares_of_links(scene, laid, pressure_map, axis) for axis in (0, 1)]
+    for pressure in pressures:
         if pressure.size and pressure.max() >= scene.hardness:
             step = int(pressure.max(axis=1).argmax())
             given = f"{to_text(float(pressure.max()), 'Pa')} in a window at {scene.steps[step].name}"
             raise InputError.of("map", given, f"pressures below the hardness, {to_text(scene.hardness, 'Pa')}")
-    loaded = nominal > 0
-    told = _odd_pressures(scene, nominal[loaded, None] * shares_of_links(scene, laid, pressure_map, 0)[loaded])
-    return (*told, *_odd_fields(scene, laid, pressure_map))
+    return (*_odd_pressures(scene, pressures[0][nominal > 0]), *_odd_fields(scene, laid, pressure_map))
 
 
 def _odd_pressures(scene: Scene, pressure: Array) -> Iterator[str]:
