@@ -17,6 +17,7 @@ from ..base.errors import FemsealError, InputError
 from ..base.files import made_folder, remove_foreign
 from ..base.provenance import numerical_versions
 from ..base.stage import Mapper, Stage
+from ..budget import ErrorBudget
 from ..report import write_folder
 from ..results import Results, assemble
 from ..studies import (
@@ -29,6 +30,7 @@ from ..studies import (
     two_scale,
 )
 from . import checkpoint
+from .budgeted import budgets_of
 from .case import Case, load_case
 from .case_faces import FileFace
 from .checkpoint import Checkpoint
@@ -188,9 +190,20 @@ def _run(case: Case, prepared: Prepared, faces: dict[str, str], mapper: Mapper, 
     test = None
     if case.output.test_fluid is not None:
         test = _of_test_fluid(case.output.test_fluid.state, case, prepared, studies, mapper, progress, timings)
+    budgets: dict[str, ErrorBudget] = {}
+    if case.output.budget:  # last, so that it can be switched before a run is resumed
+        name = "error budget"
+        with _timed(name, progress, timings):
+            watched = watching(mapper, name, progress, timings)
+
+            def solve(method: str, other: Prepared, known: Mapping[str, Any]) -> Any:
+                return study_of(method, case, other, other.scene, known, watched)
+
+            budgets = budgets_of(prepared, studies, solve, filtered)
     results = assemble(
         scene,
         **studies,
+        budgets=budgets,
         case=case.echo(),
         surface_report=prepared.surface_report,
         timings=timings,
