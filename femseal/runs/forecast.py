@@ -14,19 +14,13 @@ from ..base.quantities import to_text
 from ..results.fields import fields_size
 from ..scales import Partition
 from ..studies import FluidState, Sampling, Scene, drop_ratio, laid_out, placed_windows
-from ..studies.costs import (
-    Effort,
-    deterministic_cost,
-    pressures_of_gas,
-    stochastic_cost,
-    two_scale_cost,
-    usual_efforts,
-)
+from ..studies.costs import Effort, usual_efforts
 from ..studies.deterministic import STEP_BYTES
 from ..studies.local_pressure import map_text
 from .case import Case
 from .pilot import efforts, pace
 from .preparation import Prepared, shares_contact
+from .study_costs import study_cost
 
 #: Shortest waves that a window should hold along each side.
 ADVISED_WAVES = 8
@@ -142,13 +136,14 @@ def forecast(case: Case, prepared: Prepared, known: tuple[Effort, ...] | None = 
     known : effort of each load step; found by a few contacts of a small part of the face unless given.
     """
     known = efforts(prepared.scene) if known is None else known
-    costs = [_cost(method, prepared, prepared.scene, known) for method in prepared.methods]
+    shared_contact = shares_contact(prepared)
+    costs = [study_cost(m, prepared, prepared.scene, known, solved=shared_contact) for m in prepared.methods]
     if prepared.filtered is not None:
-        costs.append(_cost(prepared.answer, prepared, prepared.filtered, known))
+        costs.append(study_cost(prepared.answer, prepared, prepared.filtered, known))
     if (test := case.output.test_fluid) is not None:
         state = test.state
         if drop_ratio(state, FluidState.of(prepared.scene)) is None:
-            costs.append(_cost(prepared.answer, prepared, state.in_scene(prepared.scene), known))
+            costs.append(study_cost(prepared.answer, prepared, state.in_scene(prepared.scene), known))
     alone = _START_SECONDS + _PICTURES_SECONDS + disk(case, prepared).fields * _FIELD_BYTE_SECONDS
     shared = sum(seconds for seconds, _ in costs)
     # what a study holds stays until the results are written; what it works with does not
@@ -185,21 +180,6 @@ def _gas_lines(scene: Scene) -> list[str]:
         f"permeability of windows at {drop.pressures.size} pressures, other flow solved 3 to 5 times"
     )
     return [_line("gas", text)]
-
-
-def _cost(method: str, prepared: Prepared, scene: Scene, known: tuple[Effort, ...]) -> tuple[float, float]:
-    points, cells, pressures = scene.surface.shape, prepared.cells, pressures_of_gas(scene)
-    if method == "deterministic":
-        return deterministic_cost(known, points, pressures)
-    assert cells is not None
-    if method == "two-scale":
-        solved = shares_contact(prepared) and scene is prepared.scene
-        return two_scale_cost(known, points, cells, prepared.flow, prepared.contact, solved=solved, pressures=pressures)
-    assert prepared.sampling is not None
-    every = laid_out(scene.layout, Partition(points, scene.surface.spacing, cells), prepared.sampling)
-    # seals of all lengths take the work of one as long as all of them together
-    seal = every[0].unknowns[0], sum(laid.unknowns[1] for laid in every)
-    return stochastic_cost(known, points, cells, prepared.sampling, seal, prepared.contact, pressures)
 
 
 def _expected_text(expected: Forecast) -> str:
