@@ -131,6 +131,8 @@ Hurst = Annotated[float, Quantity("", lambda x: 0 < x <= 1, "a Hurst exponent ab
 Slope = Annotated[float, Quantity("", _positive, "a slope > 0")]
 Poisson = Annotated[float, Quantity("", lambda x: -1 < x <= 0.5, "a Poisson's ratio above -1, at most 0.5")]
 Angle = Annotated[float, Quantity("rad", lambda x: True, "an angle, such as '90 deg'")]
+Duration = Annotated[float, Quantity("s", _positive, "a time > 0, such as '30 min'")]
+Accuracy = Annotated[float, Quantity("", lambda x: 0 < x < 1, "a share above 0 and below 1, such as '10 %'")]
 Shift = Annotated[float, Quantity("m", lambda x: True, "a length, such as '-20 um'")]
 Place = Annotated[float, Quantity("m", _not_negative, "a length >= 0, such as '0.1 mm'")]
 #: A channel of a file, by its number or its name.

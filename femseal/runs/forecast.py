@@ -11,6 +11,7 @@ import psutil
 from ..base.errors import InputError
 from ..base.machine import free_memory
 from ..base.quantities import to_text
+from ..base.text import duration
 from ..results.fields import fields_size
 from ..scales import Partition
 from ..studies import FluidState, Sampling, Scene, drop_ratio, laid_out, placed_windows
@@ -20,6 +21,7 @@ from ..studies.local_pressure import map_text
 from .case import Case
 from .pilot import efforts, pace
 from .preparation import Prepared, shares_contact
+from .settings import fixed, time_limit
 from .study_costs import study_cost
 
 #: Shortest waves that a window should hold along each side.
@@ -81,6 +83,7 @@ def describe(case: Case, prepared: Prepared) -> list[str]:
     lines.append(_line("load", f"{steps} states: {steps - down} loading{unloading}, up to {highest}"))
     lines.append(_line("flow", f"discretisation {scene.discretisation}, solver {scene.solver}"))
     lines += _gas_lines(scene)
+    lines += _accuracy_lines(case, prepared)
     if prepared.choice:
         lines.append(_line("method", f"{prepared.method}: {prepared.choice}"))
     if "deterministic" in prepared.methods:
@@ -120,7 +123,8 @@ def describe(case: Case, prepared: Prepared) -> list[str]:
         )
     if told := case.output.told:
         lines.append(_line("leakage", told))
-    lines.append(_line("expected", _expected_text(forecast(case, prepared))))
+    first = "" if prepared.settings is None else "first attempt: "
+    lines.append(_line("expected", first + _expected_text(forecast(case, prepared))))
     if not any(Path(__file__).parents[1].rglob("__pycache__/*.nbi")):
         lines.append(_line("", "the first run after an installation compiles besides, for a minute or two"))
     lines.append(_line("disk", _disk_text(disk(case, prepared), steps)))
@@ -167,6 +171,21 @@ def refuse_too_large(case: Case, prepared: Prepared) -> None:
         f"or memory = '{np.ceil(needed / 1e8) / 10:g} GB' in the case, to run all the same"
     )
     raise InputError.of("memory", given, allowed)
+
+
+def _accuracy_lines(case: Case, prepared: Prepared) -> list[str]:
+    """What the first attempt at a wanted accuracy takes."""
+    if case.accuracy is None or prepared.settings is None or prepared.made is None:
+        return []
+    chosen, given = prepared.settings, fixed(case)
+    words = [f"{' × '.join(map(str, prepared.scene.surface.shape))} points", f"contact.rtol {chosen.rtol:.0e}"]
+    words += [] if chosen.realisations is None else [f"{chosen.realisations} seals"]
+    text = f"{100 * case.accuracy:.3g} %, first with {', '.join(words)}; then what limits is refined"
+    lines = [_line("accuracy", f"{text}, for at most {duration(time_limit(case))}")]
+    if given:
+        keys = ", ".join(dict.fromkeys(given.values()))
+        lines.append(_line("", f"{keys} {'stays' if len(given) == 1 else 'stay'} as given"))
+    return lines
 
 
 def _gas_lines(scene: Scene) -> list[str]:

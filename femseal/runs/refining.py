@@ -17,7 +17,6 @@ from .settings import (
     expected_cost,
     fixed,
     grid_points,
-    has_windows,
     settled,
 )
 
@@ -66,7 +65,9 @@ def refined(case: Case, made: Prepared, settings: Settings, part: str, memory: f
         if less < needed:
             found, needed = Refinement(cheaper, f"{found.text}, two scales with {flow}"), less
     if needed > memory:
-        text = f"{found.text} would take about {to_text(needed, 'B', 2)} of memory, allowed are {to_text(memory, 'B', 2)}"
+        text = (
+            f"{found.text} would take about {to_text(needed, 'B', 2)} of memory, allowed are {to_text(memory, 'B', 2)}"
+        )
         return Refinement(None, text)
     return found
 
