@@ -18,7 +18,7 @@ HEADS = (
     "attempt",
     "method",
     "points",
-    "contact residual",
+    "residual",
     "windows",
     "library",
     "seals",
@@ -74,6 +74,12 @@ def columns(found: dict[str, Any]) -> tuple[list[str], list[list[str]]]:
     rows = lines(found)
     kept = [n for n in range(len(HEADS)) if any(row[n] != "–" for row in rows)]
     return [HEADS[n] for n in kept], [[row[n] for n in kept] for row in rows]
+
+
+def section(found: dict[str, Any]) -> dict[str, Any]:
+    """Sentences, heads and lines of the report."""
+    heads, rows = columns(found)
+    return {"sentences": sentences(found), "heads": heads, "lines": rows}
 
 
 def rich_table(found: dict[str, Any]) -> Table:

@@ -33,10 +33,11 @@ Solve = Callable[["Prepared", str], Any]
 class Attempt:
     """One attempt at an accuracy.
 
-    settings : with which it was computed. points : of the face. seconds : wall time of its study; with_coarse : with that
-    of the coarser one that tells the error of its pixels, where no earlier attempt was that one. half_width : largest
-    half-width of ln(leakage) of the budget at the loads that count, inf where it has no end. limit : the source of
-    error that is widest there. parts : half-widths of the sources there. load : name of the load where it is largest.
+    settings : with which it was computed. points : of the face. seconds : wall time of its study;
+    with_coarse : with that of the coarser one that tells the error of its pixels, where no earlier attempt was that
+    one. half_width : largest half-width of ln(leakage) of the budget at the loads that count, inf where it has no end.
+    limit : the source of error that is widest there. parts : half-widths of the sources there. load : name of the load
+    where it is largest.
     """
 
     settings: Settings
@@ -149,7 +150,9 @@ def reach(case: Case, first: Prepared, solve: Solve, mapper: Mapper) -> Reached:
     ------
     FemsealError : the first attempt failed. One that fails later ends the attempts.
     """
-    assert case.accuracy is not None and first.made is not None and first.settings is not None
+    assert case.accuracy is not None
+    assert first.made is not None
+    assert first.settings is not None
     goal, most = np.log1p(case.accuracy), time_limit(case)
     memory = free_memory() if case.memory is None else case.memory
     attempts = _Attempts(case, first.made, solve, mapper)
@@ -217,6 +220,18 @@ def _expected(attempts: _Attempts, attempt: Attempt, settings: Settings) -> floa
     """Expected wall time of other settings, as multiple of what an attempt took [s]."""
     seconds, before = (expected_cost(settled(attempts.case, attempts.made, s))[0] for s in (settings, attempt.settings))
     return attempt.seconds * seconds / before
+
+
+def settled_as(case: Case, prepared: Prepared, told: dict[str, Any] | None) -> Prepared:
+    """The prepared case with the settings of the best attempt of a run; as it is without attempts.
+
+    told : what the results of the run say of its attempts, see `Reached.told`.
+    """
+    if told is None or prepared.made is None:
+        return prepared
+    found: dict[str, Any] = told["settings"]
+    cells = None if found["cells"] is None else (found["cells"][0], found["cells"][1])
+    return settled(case, prepared.made, Settings(**found | {"cells": cells}))
 
 
 def answer_of(study: Any) -> Array:

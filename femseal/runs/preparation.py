@@ -54,8 +54,8 @@ class Prepared:
 
     method, methods : to be run, with "auto" resolved; choice : reason of that choice, if there was one. contact, flow :
         of windows, see `studies.two_scale`. warnings : what is odd in the case. filtered : the scene of the second run
-        that shows how leakage depends on the low-pass. settings, made : of a case that asks for an accuracy, what was chosen,
-        and the case on the points of its face before that.
+        that shows how leakage depends on the low-pass. settings, made : of a case that asks for an accuracy, what was
+        chosen, and the case on the points of its face before that.
     """
 
     scene: Scene

@@ -65,9 +65,8 @@ def refined(case: Case, made: Prepared, settings: Settings, part: str, memory: f
         if less < needed:
             found, needed = Refinement(cheaper, f"{found.text}, two scales with {flow}"), less
     if needed > memory:
-        text = (
-            f"{found.text} would take about {to_text(needed, 'B', 2)} of memory, allowed are {to_text(memory, 'B', 2)}"
-        )
+        needs, allowed = (to_text(size, "B", 2) for size in (needed, memory))
+        text = f"{found.text} would take about {needs} of memory, allowed are {allowed}"
         return Refinement(None, text)
     return found
 
@@ -119,7 +118,9 @@ def _sampler(made: Prepared, settings: Settings, given: dict[str, str]) -> Refin
 
 
 def _library(made: Prepared, settings: Settings, given: dict[str, str]) -> Refinement:
-    assert made.sampling is not None and settings.library_cells is not None and settings.cells is not None
+    assert made.sampling is not None
+    assert settings.library_cells is not None
+    assert settings.cells is not None
     apart = prod(settings.cells)
     if made.sampling.pressure == "place" or settings.library_cells >= apart:
         return Refinement(None, f"all {apart} windows of the face are in the library: a larger face has more")

@@ -25,7 +25,8 @@ def study_cost(
 ) -> tuple[float, float]:
     """Expected time on one core [s] and memory [byte] of a study.
 
-    known : effort of each load step; usual ones unless given. solved : the deterministic study leaves its contact to two scales.
+    known : effort of each load step; usual ones unless given. solved : the deterministic study
+    leaves its contact to two scales.
     """
     points, cells, pressures = scene.surface.shape, prepared.cells, pressures_of_gas(scene)
     known = usual_efforts(len(scene.steps)) if known is None else known
