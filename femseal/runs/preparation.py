@@ -96,7 +96,8 @@ class Prepared:
         if self.sampling is not None:
             found["sampler"] = self.sampling.sampler
         if self.settings is not None:
-            found |= {f"settings.{name}": value for name, value in asdict(self.settings).items()}
+            told = {name: list(v) if isinstance(v, tuple) else v for name, v in asdict(self.settings).items()}
+            found |= {f"settings.{name}": value for name, value in told.items()}
         return found
 
     @property
