@@ -102,7 +102,9 @@ def write_again(
     The other arguments, what is returned and the errors are as in `write_folder`.
     """
     target = Path(results.folder or "")
-    kept = [name for name in _former(target) if _is_kept(name, fields, paraview != "none") and (target / name).is_file()]
+    kept = [
+        name for name in _former(target) if _is_kept(name, fields, paraview != "none") and (target / name).is_file()
+    ]
     if not fields:
         results.dataset.attrs["left_out"] = json.dumps([])
     return _replaced(results, target, partial(_write_for_people, results, surface, pictures, report, mapper), kept)
