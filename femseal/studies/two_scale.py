@@ -55,8 +55,8 @@ class TwoScaleResult(Shown):
     """Contact and flow at two scales; arrays over steps, rows and columns of windows.
 
     partition : the windows. contact, flow : how they were solved, see `two_scale`. gap_error : estimate of the error of
-    the contact, see `scales.gap_error`. gap_effect : what that error does to the leakage, a factor: 1 where it is small,
-    inf where the corrected gap is closed.
+        the contact, see `scales.gap_error`. gap_effect : the factor by which it changes the leakage: 1 where it is
+        small, inf where the corrected gap is closed.
     element_error, drop_share : of the flow "elements", None with others. The leakage is then an upper bound of that
         resolved on the same gap, and the error is at most about 1e-3, see `scales.ElementFlow`.
     k1, k2, fluid_pressure : of the links and their nodes; None without "links". Of a gas with slip, k1 and k2 are those
