@@ -148,7 +148,8 @@ def forecast(case: Case, prepared: Prepared, known: tuple[Effort, ...] | None = 
         state = test.state
         if drop_ratio(state, FluidState.of(prepared.scene)) is None:
             costs.append(study_cost(prepared.answer, prepared, state.in_scene(prepared.scene), known))
-    alone = _START_SECONDS + _PICTURES_SECONDS + disk(case, prepared).fields * _FIELD_BYTE_SECONDS
+    drawn = case.output.pictures or case.output.report
+    alone = _START_SECONDS + drawn * _PICTURES_SECONDS + disk(case, prepared).fields * _FIELD_BYTE_SECONDS
     shared = sum(seconds for seconds, _ in costs)
     # what a study holds stays until the results are written; what it works with does not
     memory = _START_MEMORY + max(memory for _, memory in costs)
@@ -216,10 +217,10 @@ def disk(case: Case, prepared: Prepared) -> Disk:
     steps, pixels = len(scene.steps), int(np.prod(scene.surface.shape))
     studies = {method.replace("-", "_") for method in prepared.methods}
     each = fields_size(scene.surface.shape, studies, links=prepared.flow == "links")
-    fitting = int(min(case.output.fields_limit // each, steps)) if each else 0
+    fitting = int(min(case.output.fields_limit // each, steps)) if each and case.output.fields else 0
     formats = {"none": 0, "both": 2}.get(case.output.paraview, 1)
     # pictures and report; heights for ParaView
-    others, checkpoint = 2e6 + 4.0 * pixels * formats, 0.0
+    others, checkpoint = 2e6 * (case.output.pictures or case.output.report) + 4.0 * pixels * formats, 0.0
     peaks = len(set(scene.unload_from))
     if "deterministic" in prepared.methods:
         checkpoint += pixels * (STEP_BYTES * steps + 8.0 * peaks)

@@ -35,6 +35,7 @@ from .case import Case, load_case
 from .case_faces import FileFace
 from .checkpoint import Checkpoint
 from .executor import ordered_map
+from .finished import finished_results
 from .forecast import refuse_too_large
 from .lock import alone_in
 from .log_file import LogFile
@@ -97,7 +98,7 @@ def run(
     if "test_fluid" in echo["output"]:
         computed["test fluid"] = echo["output"]["test_fluid"]
     identity = {**computed, "content of face files": faces, "version": numerical_versions()}
-    if resume and folder is not None and (finished := _finished(case, faces, folder)) is not None:
+    if resume and folder is not None and (finished := finished_results(case, faces, folder)) is not None:
         with suppress(InputError), alone_in(folder):  # the checkpoint of another run stays
             checkpoint.resumable(folder, identity)
             checkpoint.remove(folder)
@@ -281,9 +282,8 @@ def study_of(
 
 def _write(results: Results, folder: Path, case: Case, mapper: Mapper) -> None:
     try:
-        options = case.output.model_dump(include={"paraview", "fields_limit"})
         surface = None if results.scene is None else results.scene.surface
-        write_folder(results, folder, surface, **options, mapper=mapper)
+        write_folder(results, folder, surface, **case.output.files, mapper=mapper)
     except Exception as error:
         reason = str(error) if isinstance(error, FemsealError) else f"results: {error or type(error).__name__}"
         raise FemsealError(f"{reason}; mend that, then a run with --resume has only to write them") from error
@@ -304,26 +304,6 @@ def _face_files(case: Case) -> dict[str, str]:
             allowed = f"a file that can be read ({error.strerror})"
             raise InputError.of(key, f"'{path}'", allowed) from None
     return digests
-
-
-def _finished(case: Case, faces: dict[str, str], folder: Path) -> Results | None:
-    """Complete results of the same case and face files in a folder, if what the case leaves open is chosen as then."""
-    from ..results import open_results
-
-    try:
-        results = open_results(folder)
-        face_files = json.loads(results.dataset.attrs.get("face_files", "{}"))
-        chosen = json.loads(results.dataset.attrs.get("chosen", "{}"))
-    except (FemsealError, ValueError, TypeError, RecursionError):
-        return None
-    if results.case != case.echo() or face_files != faces:
-        return None
-    now = case.prepare().chosen
-    if chosen != now:
-        changed = ", ".join(key for key in now if chosen.get(key) != now[key])
-        log.info("the results in %s are computed again: other choices now (%s)", folder, changed)
-        return None
-    return results
 
 
 @contextmanager

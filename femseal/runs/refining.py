@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 from ..base.quantities import to_text
 from .settings import (
     HALVING,
+    LEAST_RTOL,
     MOST_GRID,
     MOST_SEALS,
     MOST_WINDOWS,
-    RTOLS,
     Settings,
     expected_cost,
     fixed,
@@ -75,7 +75,7 @@ def _contact_residual(made: Prepared, settings: Settings, given: dict[str, str])
     if "rtol" in given:
         return _is_given(given["rtol"])
     finer = settings.rtol / 10
-    if finer < RTOLS[0] * (1 - 1e-9):
+    if finer < LEAST_RTOL * (1 - 1e-9):
         return Refinement(None, f"contact.rtol is {settings.rtol:.0e}, as small as it gets")
     return Refinement(replace(settings, rtol=finer), f"contact.rtol {finer:.0e}")
 

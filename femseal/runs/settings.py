@@ -7,6 +7,7 @@ from math import ceil
 from typing import TYPE_CHECKING
 
 from ..scales import Partition
+from ..studies.tolerances import contact_tolerance
 from .study_costs import study_cost
 
 if TYPE_CHECKING:
@@ -21,9 +22,8 @@ TIME_LIMIT = 3600.0
 FIRST_GRID, LEAST_GRID, MOST_GRID = -1, -2, 4
 #: Windows have at least this many pixels a side on the coarser grid that tells the error of an attempt.
 _WINDOW_PIXELS = 8
-#: Residual of contact as a share of the accuracy, and its limits. Measured on eight faces: a residual of 1e-3 changes
-#: ln(leakage) by less than 1e-4, and by 4e-4 next to closing.
-_RTOL_SHARE, RTOLS = 1e-3, (1e-8, 1e-4)
+#: Least residual of contact.
+LEAST_RTOL = 1e-8
 #: Seals that are drawn at first and at most, and windows of a library at most.
 FIRST_SEALS, MOST_SEALS, MOST_WINDOWS = 50, 12800, 8192
 #: Factor of the number of seals, and of library windows, that halves their error.
@@ -77,11 +77,10 @@ def first_settings(case: Case, made: Prepared) -> Settings:
     """
     assert case.accuracy is not None
     given, sampling = fixed(case), made.sampling
-    low, high = RTOLS
     settings = Settings(
         method=made.answer,
         grid=0,
-        rtol=case.contact.rtol if "rtol" in given else min(max(_RTOL_SHARE * case.accuracy, low), high),
+        rtol=case.contact.rtol if "rtol" in given else contact_tolerance(case.accuracy),
         cells=made.cells,
         flow=made.flow,
         contact=made.contact,
