@@ -28,21 +28,30 @@ Solve = Callable[[str, Prepared, Mapping[str, Any]], Any]
 
 
 def budgets_of(
-    prepared: Prepared, studies: Mapping[str, Any], solve: Solve, leakage_filtered: Array | None = None
+    prepared: Prepared,
+    studies: Mapping[str, Any],
+    solve: Solve,
+    *,
+    leakage_filtered: Array | None = None,
+    known: Mapping[str, ErrorBudget] | None = None,
 ) -> dict[str, ErrorBudget]:
     """Error budget of every study of a run, by its name in `studies`.
 
     Parameters
     ----------
     leakage_filtered : of the answer at every step without waves up to twice the shortest one, where that was solved.
+    known : budgets that are there already, by the names of their studies.
     """
+    budgets = dict(known or {})
+    left = {name: study for name, study in studies.items() if name not in budgets}
+    if not left:
+        return budgets
     answer = prepared.answer.replace("-", "_")
     grids = coarser_grids(prepared, leakage_of(studies[answer]))
     solved = [_solved(grid, solve) for grid in grids]
     smooth = filtered_input(prepared, leakage_of(studies[answer]))
     again = {} if smooth is None or leakage_filtered is not None else _solved(smooth, solve)
-    budgets = {}
-    for name, study in studies.items():
+    for name, study in left.items():
         coarse = [
             _against(study, grid, found.get(route(prepared, name))) for grid, found in zip(grids, solved, strict=True)
         ]
