@@ -321,6 +321,7 @@ class TestRareTallPoints:
         assert (result.contact, result.warnings) == ("whole", ())
         assert_array_equal(result.gap, whole.gap)
         assert_array_equal(result.gap_error, 0)
+        assert_array_equal(result.gap_effect, 1)
         assert_allclose(result.leakage, whole.leakage, rtol=1e-5)  # gaps are kept in single precision
         assert_allclose(result.contact_fraction.mean(axis=(1, 2)), whole.contact_fraction, rtol=1e-12)
         assert_allclose(result.plastic_fraction.mean(axis=(1, 2)), whole.plastic_fraction, rtol=1e-12)
@@ -338,6 +339,7 @@ class TestRareTallPoints:
         assert f"off by {result.gap_error.max():.0%} at loading 10 MPa" in text
         assert "deterministic" in text
         factor = two_scale(scene, (2, 2), contact="windows", flow="resolved").leakage / whole.leakage
+        assert_allclose(np.log(result.gap_effect), np.log(factor), atol=0.25)
         told = float(text.partition("by a factor of ")[2].partition(":")[0])
         assert 0.8 < told / factor[0] < 1.25
 

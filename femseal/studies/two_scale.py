@@ -55,7 +55,8 @@ class TwoScaleResult(Shown):
     """Contact and flow at two scales; arrays over steps, rows and columns of windows.
 
     partition : the windows. contact, flow : how they were solved, see `two_scale`. gap_error : estimate of the error of
-    the contact, see `scales.gap_error`.
+        the contact, see `scales.gap_error`. gap_effect : the factor by which it changes the leakage: 1 where it is
+        small, inf where the corrected gap is closed.
     element_error, drop_share : of the flow "elements", None with others. The leakage is then an upper bound of that
         resolved on the same gap, and the error is at most about 1e-3, see `scales.ElementFlow`.
     k1, k2, fluid_pressure : of the links and their nodes; None without "links". Of a gas with slip, k1 and k2 are those
@@ -100,6 +101,9 @@ class TwoScaleResult(Shown):
     fields: WindowFields
     gap_error: Array = field(
         metadata=labels("1", "error of the gap of windows, estimated by the half-space of the whole face", "step")
+    )
+    gap_effect: Array = field(
+        metadata=labels("1", "leakage over that with the gap corrected by the half-space of the whole face", "step")
     )
     element_error: Array | None = field(
         default=None, metadata=labels("1", "estimated relative error of the leakage through elements", "step")
@@ -188,6 +192,7 @@ def two_scale(
         link_flows=None if links is None else links.flows,
         contact=solved.contact,
         gap_error=solved.gap_error,
+        gap_effect=solved.gap_effect,
         pressure=solved.pressure,
         mean_gap=solved.mean_gap,
         contact_fraction=solved.contact_fraction,
