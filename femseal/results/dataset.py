@@ -74,7 +74,7 @@ def assemble(
     drawn seal nearest to the median. Fluxes are volume rates per width at the fluid's reference density. Attributes
     tell the case, the surface, versions, machine, wall times, peak memory of the main process, numbers of flows solved
     or known without solving (`counts`), number of linear systems by solver with the worst imbalance of inlet and outlet
-    flow (`solvers`), warnings and failures.
+    flow (`solvers`), number of steps that are earlier ones again (`equal_steps`), warnings and failures.
 
     Raises
     ------
@@ -118,6 +118,11 @@ def assemble(
         for name, study in (("deterministic", deterministic), ("two_scale", two_scale), ("stochastic", stochastic))
         if study is not None
     }
+    equal = {
+        name: study.equal_steps
+        for name, study in (("deterministic", deterministic), ("two_scale", two_scale), ("stochastic", stochastic))
+        if study is not None and study.equal_steps
+    }
     few = [text] if stochastic is not None and (text := stochastic.too_few(*quantiles)) else []
     told = (text for study in studies for text in study.warnings)
     seal_size = stochastic.seal.size if stochastic is not None else scene.surface.size
@@ -136,6 +141,7 @@ def assemble(
         "timings": _json(timings or {}),
         "counts": _json(counts),
         "solvers": _json(solvers),
+        "equal_steps": _json(equal),
         # what is odd in the scene is told by every study
         "warnings": _shortened(list(dict.fromkeys([*warnings, *told, *few, *hangs]))),
         "failures": _shortened([text for study in studies for text in study.failures]),
