@@ -15,9 +15,11 @@ from ..base.leak_units import leak_unit
 from ..base.machine import machine, peak_memory
 from ..base.provenance import versions
 from ..fluids import leak_basis
+from ..studies.between_loads import numbers_of
 from ..studies.compare import leakage_factor
 from ..studies.other_fluid import FluidState
 from . import drawn_seal, face_maps, reached_classes, variables
+from .interpolated import with_all_steps
 from .results import Results
 
 if TYPE_CHECKING:
@@ -43,6 +45,7 @@ def assemble(
     leakage_unit: str | None = None,
     leakage_filtered: NDArray[np.float64] | None = None,
     test: OtherLeakage | None = None,
+    whole: Scene | None = None,
     classes: Sequence[str] = (),
     nominal_diameter: float | None = None,
     throughput_temperature: float | None = None,
@@ -62,6 +65,7 @@ def assemble(
         of seal unless given.
     leakage_filtered : the leakage at every step of the same face without waves up to twice the shortest one.
     test : the leakage of a test fluid through the same seals.
+    whole : the scene with all load steps, where `scene` has a part of them: the others are interpolated.
     classes : leakage classes to be judged at every step, by the test fluid where there is one, see
         `base.leak_classes`. nominal_diameter : [m], which some of them need.
     throughput_temperature : at which pressure × volume of a gas is told [K]; its own unless given.
@@ -111,6 +115,11 @@ def assemble(
     if leakage_filtered is not None:
         variables.add_filtered(data, leakage_filtered)
         hangs = _hangs_on_filter(leakage_filtered, Results(data), scene)
+    every = scene if whole is None else whole
+    if len(every.steps) > len(scene.steps):
+        solved = numbers_of(scene.steps, every.steps)
+        data = with_all_steps(data, solved, every.steps)
+        test = None if test is None else test.at_all_steps(solved, every.steps)
     counts = {"two_scale": two_scale.counts.by_kind()} if two_scale is not None else {}
     counts |= {"library": stochastic.library.counts.by_kind()} if stochastic is not None else {}
     solvers = {
@@ -163,7 +172,7 @@ def assemble(
         data.attrs["seed"] = case["seed"]
     results = Results(data, scene=scene, deterministic=deterministic, two_scale=two_scale, stochastic=stochastic)
     variables.add_totals(data, results.leakage, results.leak_basis)
-    told_later = [variables.add_lifted(data, scene, results.leakage)]
+    told_later = [variables.add_lifted(data, every, results.leakage)]
     if test is not None:
         reached_classes.add_test_fluid(data, test, FluidState.of(scene), throughput_temperature)
     told_later += reached_classes.add_classes(results, classes, nominal_diameter)
