@@ -36,8 +36,8 @@ def _steps(data: xarray.Dataset, given: dict[str, Any]) -> str:
     if (solved := solved_steps(data)).size < pressure.size:
         tolerance = f"{100 * given['interpolate']:.3g} %" if "interpolate" in given else "a tolerance"
         text += (
-            f" {solved.size} of the {pressure.size} steps are solved; the others, marked {INTERPOLATED}, have no fields, "
-            f"and their leakage is interpolated within {tolerance}."
+            f" {solved.size} of the {pressure.size} steps are solved; the others, marked {INTERPOLATED}, have no "
+            f"fields, and their leakage is interpolated within {tolerance}."
         )
     return text
 
