@@ -179,6 +179,10 @@ def test_loads_that_are_interpolated_are_within_the_tolerance(case, undrawn, tmp
     assert_allclose(np.log(found.leakage), np.log(every.leakage), atol=np.log(1.01))
     share = "contact_fraction_deterministic"
     assert_allclose(found.dataset[share], every.dataset[share], atol=0.015)
+    # the budget knows of it
+    band = [found.dataset[f"leakage_deterministic_budget_{end}"].values for end in ("lower", "upper")]
+    assert (band[0] < found.leakage)[~solved].all()
+    assert (band[1] > found.leakage * 1.0099)[~solved].all()
     # the ends of both branches are solved, and those that are not have no fields
     up = found.steps.on_loading
     assert solved[[0, up.sum() - 1, -1]].all()

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 #: Name of the variable that tells which steps are interpolated.
 NAME = "interpolated"
 #: Dimensions beside the steps whose every entry is a number of its own; variables with others are fields.
-_OF_NUMBERS = {"step", "realisation", "seal_length", "budget_part"}
+_OF_NUMBERS = {"step", "realisation", "seal_length"}
 
 
 def solved_steps(data: xarray.Dataset) -> NDArray[np.int64]:

@@ -7,6 +7,7 @@ pressure, in which it is nearly straight from first touch to closing; any other 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +31,17 @@ def branches(steps: LoadProgramme) -> Iterator[Indices]:
     for peak in steps.unload_from:
         below = [s for s, step in enumerate(steps) if step.unloaded_from == peak]
         yield np.array([*below[::-1], steps.loading.index(peak)])
+
+
+def neighbours(solved: Indices, steps: LoadProgramme) -> dict[int, tuple[int, int]]:
+    """The two solved steps between which each of the others lies on its branch."""
+    known = {*solved.tolist()}
+    found: dict[int, tuple[int, int]] = {}
+    for branch in branches(steps):
+        at = [n for n, s in enumerate(branch.tolist()) if s in known]
+        for low, high in pairwise(at):
+            found |= {int(s): (int(branch[low]), int(branch[high])) for s in branch[low + 1 : high]}
+    return found
 
 
 def at_all_steps(values: Array, solved: Indices, steps: LoadProgramme, *, logarithmic: bool) -> Array:
