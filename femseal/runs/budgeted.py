@@ -133,7 +133,9 @@ def _reduced(prepared: Prepared, scene: Scene) -> Prepared:
     sampling = prepared.sampling
     if sampling is not None:
         fewer = min(COARSE_REALISATIONS, sampling.realisations)
-        sampling = replace(sampling, realisations=fewer, width=None, bounds=False, other_lengths=(), library=None)
+        sampling = replace(
+            sampling, realisations=fewer, width=None, bounds=False, other_lengths=(), library=None, resampled=False
+        )
     names = (method.replace("-", "_") for method in prepared.methods)
     methods = frozenset(route(prepared, name).replace("_", "-") for name in names)
     return replace(prepared, scene=scene, sampling=sampling, methods=methods, filtered=None)
