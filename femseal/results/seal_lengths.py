@@ -82,10 +82,7 @@ def csv_text(results: Results) -> str:
             "nominal_pressure_Pa": float(data["nominal_pressure"].values[s]),
             "unloaded_from_Pa": float(data["unloaded_from"].values[s]),
         }
-        | {
-            f"leakage_{kind}_m2_per_s": float(data[f"leakage_of_lengths_{kind}"].values[n, s])
-            for kind in kinds(results)
-        }
+        | {f"leakage_{kind}_m2_per_s": float(data[f"leakage_of_lengths_{kind}"].values[n, s]) for kind in there}
         for n, length in enumerate(data["seal_length"].values)
         for s in range(data.sizes["step"])
     ]
