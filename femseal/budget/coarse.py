@@ -43,8 +43,8 @@ def coarser_points(points: tuple[int, int], cells: tuple[int, int] | None = None
     return wanted[0], wanted[1]
 
 
-def at_some_steps(scene: Scene, leakage: Array) -> Scene:
-    """The scene at about half of its steps: ends, peaks, both sides of closing, and every other of the rest.
+def at_some_steps(scene: Scene, leakage: Array, stride: int = 2) -> Scene:
+    """The scene at some of its steps: ends, peaks, both sides of closing, and one of `stride` of the rest.
 
     Parameters
     ----------
@@ -54,13 +54,13 @@ def at_some_steps(scene: Scene, leakage: Array) -> Scene:
     loading = scene.steps.loading
     shut = [n for n in range(len(loading)) if q[n] == 0]
     first_shut = shut[0] if shut else len(loading)
-    kept = {0, first_shut - 1, first_shut, *range(0, first_shut, 2)}
+    kept = {0, first_shut - 1, first_shut, *range(0, first_shut, stride)}
     peaks = set(scene.unload_from)
     if not peaks:  # beyond closing there is nothing to compare
         kept.add(len(loading) - 1 if not shut else first_shut)
     chosen = tuple(p for n, p in enumerate(loading) if n in kept or p in peaks)
     stops = scene.steps.unloading  # falling
-    ends = {0, len(stops) - 1, *range(0, len(stops), 2)}
+    ends = {0, len(stops) - 1, *range(0, len(stops), stride)}
     return replace(scene, loading=chosen, unloading=tuple(p for n, p in enumerate(stops) if n in ends))
 
 

@@ -25,6 +25,8 @@ from ..studies.scene import Array
 from .preparation import Prepared, coarser
 
 log = logging.getLogger("femseal")
+#: One of so many steps is solved on a coarser grid, and one of so many without the shortest waves.
+GRID_STRIDE, FILTER_STRIDE = 2, 4
 #: Realisations of drawn seals that are drawn again on the coarser grid; both are compared seal by seal.
 COARSE_REALISATIONS = 8
 #: Share of the windows of a library that are solved again on the coarser grid, and the least number of them; they are
@@ -100,7 +102,7 @@ def coarser_grids(prepared: Prepared, leakage: Array | None = None) -> list[Prep
 
     leakage : of the answer, which tells what steps are near closing.
     """
-    some = _some_steps(prepared, leakage)
+    some = _some_steps(prepared, leakage, GRID_STRIDE)
     points = coarser_points(prepared.scene.surface.shape, _cells(prepared))
     if points is None:
         return []
@@ -121,7 +123,7 @@ def filtered_input(prepared: Prepared, leakage: Array | None = None) -> Prepared
     except InputError as error:
         log.warning("error budget: no solution without the shortest waves: %s", error)
         return None
-    some = _some_steps(prepared, leakage)
+    some = _some_steps(prepared, leakage, FILTER_STRIDE)
     return _reduced(prepared, replace(some, surface=smooth.surface))
 
 
@@ -139,8 +141,9 @@ def _cells(prepared: Prepared) -> tuple[int, int] | None:
     return prepared.cells if {route(prepared, name) for name in names} - {"deterministic"} else None
 
 
-def _some_steps(prepared: Prepared, leakage: Array | None) -> Scene:
-    return at_some_steps(prepared.scene, np.ones(len(prepared.scene.steps)) if leakage is None else leakage)
+def _some_steps(prepared: Prepared, leakage: Array | None, stride: int) -> Scene:
+    known = np.ones(len(prepared.scene.steps)) if leakage is None else leakage
+    return at_some_steps(prepared.scene, known, stride)
 
 
 def _reduced(prepared: Prepared, scene: Scene) -> Prepared:
