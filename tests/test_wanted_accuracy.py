@@ -11,10 +11,10 @@ import pytest
 from numpy.testing import assert_array_equal
 
 import femseal as fs
-from femseal.budget import ErrorBudget, ErrorPart
+from femseal.budget import ErrorBudget, ErrorPart, counting_steps
 from femseal.loads import LoadProgramme
 from femseal.results import wanted_accuracy
-from femseal.runs.attempts import counting_steps, settled_as
+from femseal.runs.attempts import settled_as
 from femseal.runs.case import parse_case
 from femseal.runs.forecast import describe
 from femseal.runs.refining import refined

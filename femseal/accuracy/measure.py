@@ -8,6 +8,7 @@ from contextlib import suppress
 from dataclasses import replace
 from os import PathLike
 from pathlib import Path
+from typing import Any
 
 import joblib
 import numpy as np
@@ -17,12 +18,14 @@ from ..base import validate
 from ..base.errors import FemsealError, InputError
 from ..base.files import made_folder
 from ..base.stage import Mapper
+from ..budget import CoarserSolution, ErrorBudget, error_budget
+from ..runs.attempts import answer_of
 from ..runs.case import Case, load_case
 from ..runs.executor import ordered_map
 from ..runs.preparation import Prepared
 from ..studies import deterministic, stochastic, two_scale
 from ..studies.compare import closing_load, leakage_factor
-from .plan import Plan, Variant, make_plan
+from .plan import LEAST_PIXELS, Plan, Variant, coarser_grid, make_plan
 from .table import AccuracyReport, Comparison, Solution
 
 Array = NDArray[np.float64]
@@ -86,18 +89,26 @@ def _measure(plan: Plan, workers: int, mapper: Mapper, progress: Progress) -> Ac
     leakages: dict[Variant, Array] = {}
     seconds: dict[Variant, float] = {}
     failures: dict[Variant, tuple[str, ...]] = {}
+    budgets: dict[Variant, ErrorBudget] = {}
     progress("solutions", 0, len(plan.variants))
-    for done, variant in enumerate(plan.variants, start=1):
+    # coarser pixels first: they tell the error of finer ones
+    order = sorted(plan.variants, key=lambda v: (v.points[0] * v.points[1], v != plan.reference))
+    for done, variant in enumerate(order, start=1):
         prepared = _at_resolution(plan.prepared, variant)
         _warm_up(prepared, variant, workers, mapper)
         start = time.perf_counter()
+        study = None
         try:
-            leakages[variant], failures[variant] = _solve(prepared, variant, mapper)
+            study = _solve(prepared, variant, mapper)
+            leakages[variant], failures[variant] = answer_of(study), study.failures
         except FemsealError as error:
             if variant == plan.reference:
                 raise
             leakages[variant], failures[variant] = np.full(len(prepared.scene.steps), np.nan), (str(error),)
         seconds[variant] = time.perf_counter() - start
+        if study is not None:
+            coarse = _coarser(plan.prepared, variant, leakages, mapper)
+            budgets[variant] = error_budget(prepared.scene, study, coarse=coarse)
         progress("solutions", done, len(plan.variants))
     steps = plan.prepared.scene.steps
 
@@ -115,10 +126,31 @@ def _measure(plan: Plan, workers: int, mapper: Mapper, progress: Progress) -> Ac
             closing_load=closing_load(leakages[variant], steps),
             comparisons=tuple(compare(variant, reference) for reference in _references(plan, variant)),
             failures=failures[variant],
+            budget=budgets.get(variant),
         )
         for variant, cost in zip(plan.variants, plan.costs, strict=True)
     ]
     return AccuracyReport(plan=plan, solutions=tuple(solutions), workers=workers)
+
+
+def _coarser(
+    prepared: Prepared, variant: Variant, leakages: dict[Variant, Array], mapper: Mapper
+) -> list[CoarserSolution]:
+    """The same solution on half the points a side, and on a fourth where that is known already."""
+    found: list[CoarserSolution] = []
+    for coarsening in (2, 4):
+        points = coarser_grid(variant.points, coarsening, variant.cells or (1, 1))
+        coarse = replace(variant, points=points)
+        if coarse not in leakages:
+            few = min(n // m for n, m in zip(points, variant.cells or (1, 1), strict=True)) < LEAST_PIXELS
+            if found or few:
+                break
+            try:
+                leakages[coarse] = answer_of(_solve(_at_resolution(prepared, coarse), coarse, mapper))
+            except FemsealError:  # the budget then says nothing of the pixels
+                break
+        found.append(CoarserSolution(points, prepared.scene.steps, leakages[coarse]))
+    return found
 
 
 def _references(plan: Plan, variant: Variant) -> list[Variant]:
@@ -136,19 +168,16 @@ def _at_resolution(prepared: Prepared, variant: Variant) -> Prepared:
     return replace(prepared, scene=replace(scene, surface=scene.surface.resample(variant.points)))
 
 
-def _solve(prepared: Prepared, variant: Variant, mapper: Mapper) -> tuple[Array, tuple[str, ...]]:
-    """Leakage at every step, and the failures."""
+def _solve(prepared: Prepared, variant: Variant, mapper: Mapper) -> Any:
+    """Result of the study."""
     scene = prepared.scene
     if variant.cells is None:
-        whole = deterministic(scene, mapper=mapper)
-        return whole.leakage, whole.failures
+        return deterministic(scene, mapper=mapper)
     if variant.library_cells is None:
-        windows = two_scale(scene, variant.cells, flow=prepared.flow, contact=prepared.contact, mapper=mapper)
-        return windows.leakage, windows.failures
+        return two_scale(scene, variant.cells, flow=prepared.flow, contact=prepared.contact, mapper=mapper)
     assert prepared.sampling is not None
     sampling = replace(prepared.sampling, library_cells=variant.library_cells, other_lengths=())
-    seals = stochastic(scene, variant.cells, sampling, contact=prepared.contact, mapper=mapper)
-    return seals.quantile(0.5), seals.failures
+    return stochastic(scene, variant.cells, sampling, contact=prepared.contact, mapper=mapper)
 
 
 def _warm_up(prepared: Prepared, variant: Variant, workers: int, mapper: Mapper) -> None:

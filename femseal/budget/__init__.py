@@ -8,13 +8,17 @@ from .coarse import CoarserSolution
 from .error_budget import error_budget, method_of
 from .error_parts import ErrorBudget, ErrorPart
 from .grid_convergence import GridConvergence, grid_convergence
+from .judged import Judged, counting_steps, judged
 
 __all__ = [
     "CoarserSolution",
     "ErrorBudget",
     "ErrorPart",
     "GridConvergence",
+    "Judged",
+    "counting_steps",
     "error_budget",
     "grid_convergence",
+    "judged",
     "method_of",
 ]

@@ -14,8 +14,7 @@ from ..base.errors import FemsealError
 from ..base.machine import free_memory
 from ..base.stage import Mapper, Stage
 from ..base.text import duration
-from ..budget import CoarserSolution, ErrorBudget, error_budget
-from ..studies.compare import FLOOR
+from ..budget import CoarserSolution, ErrorBudget, error_budget, judged
 from ..studies.scene import Array
 from .refining import refined
 from .settings import Settings, expected_cost, has_windows, settled, time_limit
@@ -169,7 +168,7 @@ def reach(case: Case, first: Prepared, solve: Solve, mapper: Mapper) -> Reached:
             break
         last = attempts.done[-1]
         log.info("attempt %d: %s", len(attempts.done), said(last))
-        if best is None or _finite(last.half_width) <= _finite(attempts.done[chosen].half_width):
+        if best is None or last.half_width <= attempts.done[chosen].half_width:
             best, chosen = found, len(attempts.done) - 1
         if last.half_width <= goal:
             break
@@ -187,7 +186,7 @@ def _next(attempts: _Attempts, goal: float, most: float, memory: float) -> tuple
     last = attempts.done[-1]
     reasons = []
     # a part that is within the accuracy may be refined where a wider one cannot be and is within it too
-    for part in sorted(last.parts, key=lambda name: -_finite(last.parts[name])):
+    for part in sorted(last.parts, key=lambda name: -last.parts[name]):
         change = refined(attempts.case, attempts.made, last.settings, part, memory)
         if change.settings is not None:
             break
@@ -239,47 +238,19 @@ def answer_of(study: Any) -> Array:
     return np.asarray(study.quantile(0.5) if hasattr(study, "quantile") else study.leakage)
 
 
-def counting_steps(budget: ErrorBudget) -> np.ndarray:
-    """Indices of the loads at which an accuracy is asked for: the answer leaks more than 1e-3 of its first leakage.
-
-    A load at which nothing leaks counts if the band reaches that far. Where nothing leaks at the first, all count that
-    leak.
-    """
-    q, upper = np.abs(budget.leakage), np.abs(budget.upper)
-    least = FLOOR * (q[0] if np.isfinite(q[0]) else 0.0)
-    with np.errstate(invalid="ignore"):
-        counts = (q > least) | ((q == 0) & (upper > least)) | np.isnan(q)
-    return np.flatnonzero(counts)
-
-
 def _judged(prepared: Prepared, budget: ErrorBudget, seconds: float, with_coarse: float) -> Attempt:
     assert prepared.settings is not None
-    steps = counting_steps(budget)
-    widths = np.asarray(budget.half_width())
-    parts = {name: _largest(width[steps]) for name, width in budget.widths().items()}
-    # pixels of which nothing is known
-    parts.setdefault("pixels", np.inf)
-    worst = int(steps[np.argmax(np.nan_to_num(widths[steps], nan=np.inf))]) if steps.size else 0
-    half_width = max(_largest(widths[steps]), np.inf if np.isinf(parts["pixels"]) else 0.0)
+    found = judged(budget)
     return Attempt(
         settings=prepared.settings,
         points=prepared.scene.surface.shape,
         seconds=seconds,
         with_coarse=with_coarse,
-        half_width=half_width,
-        limit=max(parts, key=lambda name: parts[name]),
-        load=prepared.scene.steps[worst].name,
-        parts=parts,
+        half_width=found.half_width,
+        limit=found.limit,
+        load=prepared.scene.steps[found.step].name,
+        parts=found.parts,
     )
-
-
-def _largest(widths: Array) -> float:
-    """The largest of some half-widths; one that is unknown has no end."""
-    return float(np.max(np.nan_to_num(widths, nan=np.inf), initial=0.0))
-
-
-def _finite(width: float) -> float:
-    return float(np.nan_to_num(width, nan=np.inf))
 
 
 def share_text(half_width: float) -> str:
