@@ -18,14 +18,14 @@ from ..base import validate
 from ..base.errors import FemsealError, InputError
 from ..base.files import made_folder
 from ..base.stage import Mapper
-from ..budget import CoarserSolution, ErrorBudget, error_budget
-from ..runs.attempts import answer_of
+from ..budget import CoarserSolution, ErrorBudget, coarser_points, error_budget
+from ..runs.budgeted import THIRD_GRID_PIXELS, filtered_input, leakage_of, removed_octaves
 from ..runs.case import Case, load_case
 from ..runs.executor import ordered_map
 from ..runs.preparation import Prepared
 from ..studies import deterministic, stochastic, two_scale
 from ..studies.compare import closing_load, leakage_factor
-from .plan import LEAST_PIXELS, Plan, Variant, coarser_grid, make_plan
+from .plan import Plan, Variant, make_plan
 from .table import AccuracyReport, Comparison, Solution
 
 Array = NDArray[np.float64]
@@ -91,6 +91,7 @@ def _measure(plan: Plan, workers: int, mapper: Mapper, progress: Progress) -> Ac
     failures: dict[Variant, tuple[str, ...]] = {}
     budgets: dict[Variant, ErrorBudget] = {}
     progress("solutions", 0, len(plan.variants))
+    filtered = _filtered(plan.prepared, mapper)
     # coarser pixels first: they tell the error of finer ones
     order = sorted(plan.variants, key=lambda v: (v.points[0] * v.points[1], v != plan.reference))
     for done, variant in enumerate(order, start=1):
@@ -100,7 +101,7 @@ def _measure(plan: Plan, workers: int, mapper: Mapper, progress: Progress) -> Ac
         study = None
         try:
             study = _solve(prepared, variant, mapper)
-            leakages[variant], failures[variant] = answer_of(study), study.failures
+            leakages[variant], failures[variant] = leakage_of(study), study.failures
         except FemsealError as error:
             if variant == plan.reference:
                 raise
@@ -108,7 +109,9 @@ def _measure(plan: Plan, workers: int, mapper: Mapper, progress: Progress) -> Ac
         seconds[variant] = time.perf_counter() - start
         if study is not None:
             coarse = _coarser(plan.prepared, variant, leakages, mapper)
-            budgets[variant] = error_budget(prepared.scene, study, coarse=coarse)
+            budgets[variant] = error_budget(
+                prepared.scene, study, coarse=coarse, filtered=filtered, octaves=removed_octaves(plan.prepared)
+            )
         progress("solutions", done, len(plan.variants))
     steps = plan.prepared.scene.steps
 
@@ -136,21 +139,38 @@ def _measure(plan: Plan, workers: int, mapper: Mapper, progress: Progress) -> Ac
 def _coarser(
     prepared: Prepared, variant: Variant, leakages: dict[Variant, Array], mapper: Mapper
 ) -> list[CoarserSolution]:
-    """The same solution on half the points a side, and on a fourth where that is known already."""
+    """The same solution on half the points a side, and on a fourth where that carries the waves and is known."""
     found: list[CoarserSolution] = []
-    for coarsening in (2, 4):
-        points = coarser_grid(variant.points, coarsening, variant.cells or (1, 1))
+    pixel = max(_at_resolution(prepared, variant).scene.surface.spacing)
+    fine = prepared.conditioning.shortest_wavelength >= THIRD_GRID_PIXELS * pixel * (1 - 1e-9)
+    points = coarser_points(variant.points, variant.cells)
+    while points is not None and len(found) < 1 + fine:
         coarse = replace(variant, points=points)
         if coarse not in leakages:
-            few = min(n // m for n, m in zip(points, variant.cells or (1, 1), strict=True)) < LEAST_PIXELS
-            if found or few:
+            if found:
                 break
             try:
-                leakages[coarse] = answer_of(_solve(_at_resolution(prepared, coarse), coarse, mapper))
+                leakages[coarse] = leakage_of(_solve(_at_resolution(prepared, coarse), coarse, mapper))
             except FemsealError:  # the budget then says nothing of the pixels
                 break
         found.append(CoarserSolution(points, prepared.scene.steps, leakages[coarse]))
+        points = coarser_points(points, variant.cells)
     return found
+
+
+def _filtered(prepared: Prepared, mapper: Mapper) -> CoarserSolution | None:
+    """The deterministic solution without the shortest waves, beside that with them; None where none were removed.
+
+    Both are on half the points a side: what removed waves would change is the same for all solutions.
+    """
+    whole = replace(prepared, cells=None, sampling=None, methods=frozenset({"deterministic"}))
+    smooth = filtered_input(whole)
+    if smooth is None:
+        return None
+    shape = smooth.scene.surface.shape
+    with_them = replace(smooth.scene, surface=prepared.scene.surface.resample(shape))
+    own, other = (deterministic(scene, mapper=mapper).leakage for scene in (with_them, smooth.scene))
+    return CoarserSolution(shape, smooth.scene.steps, other, own)
 
 
 def _references(plan: Plan, variant: Variant) -> list[Variant]:

@@ -25,8 +25,6 @@ COARSENINGS = (1, 2, 4)
 DEFAULT_ACCURACY = 0.1
 #: Windows have at least this many pixels a side, and hold this many of the shortest waves.
 WINDOW_PIXELS, WINDOW_WAVES = 16, 2
-#: And on the coarser grid that tells the error of the pixels.
-LEAST_PIXELS = 8
 
 
 @dataclass(frozen=True)
@@ -182,7 +180,7 @@ def _candidates(prepared: Prepared) -> Iterator[tuple[Variant | str, str]]:
     """Every possible solution, or a text for one that has no numbers, with the reason to leave it out ("": none)."""
     scene, cells, sampling = prepared.scene, prepared.cells, prepared.sampling
     points = scene.surface.shape
-    grids = list(dict.fromkeys(coarser_grid(points, n, cells or (1, 1)) for n in COARSENINGS))
+    grids = list(dict.fromkeys(_grid(points, n, cells or (1, 1)) for n in COARSENINGS))
     for grid in grids:
         yield Variant("deterministic", grid), ""
     if cells is None:
@@ -205,7 +203,7 @@ def _candidates(prepared: Prepared) -> Iterator[tuple[Variant | str, str]]:
         yield Variant("stochastic", points, cells, size), "" if size else "a library of at least 1 is needed"
 
 
-def coarser_grid(points: Pair, coarsening: int, cells: Pair) -> Pair:
+def _grid(points: Pair, coarsening: int, cells: Pair) -> Pair:
     """A coarser grid that can be divided into the cells."""
     n1, n2 = (ceil(ceil(n / coarsening) / m) * m for n, m in zip(points, cells, strict=True))
     return n1, n2

@@ -14,14 +14,15 @@ from ..base.errors import InputError
 from ..base.leak_units import LEAK_UNITS, LeakBasis, LeakUnit, leak_unit, leakage_unit
 from ..base.text import Plotted, room
 from ..loads import LoadProgramme, LoadStep
+from . import error_bands, reached_classes, seal_lengths, select, summary, tables, wanted_accuracy
 from . import fields as stitched
-from . import reached_classes, seal_lengths, select, summary, tables, wanted_accuracy
 from .export import export_field
 
 if TYPE_CHECKING:
     import xarray
     from rich.table import Table
 
+    from ..budget import ErrorBudget
     from ..studies import DeterministicResult, Scene, StochasticResult, TwoScaleResult
 
 #: Methods from the best, each with its leakage in the dataset.
@@ -95,6 +96,16 @@ class Results(Plotted):
         chosen = leak_unit(unit)
         values = self.leakage / self.leak_basis.factor(chosen)
         return values.assign_attrs(units=chosen.name, long_name=self.leakage.attrs["long_name"])
+
+    @property
+    def budgets(self) -> dict[str, ErrorBudget]:
+        """Error budgets by method: "deterministic", "two_scale", "stochastic"; empty where none was asked for."""
+        return error_bands.budgets_in(self.dataset)
+
+    @property
+    def budget(self) -> ErrorBudget | None:
+        """Error budget of `leakage`; None where none was asked for."""
+        return self.budgets.get(error_bands.BUDGETED[self.method])
 
     @property
     def steps(self) -> LoadProgramme:

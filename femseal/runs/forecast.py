@@ -18,6 +18,7 @@ from ..studies import FluidState, Sampling, Scene, drop_ratio, laid_out, placed_
 from ..studies.costs import Effort, usual_efforts
 from ..studies.deterministic import STEP_BYTES
 from ..studies.local_pressure import map_text
+from .budgeted import coarser_grids, filtered_input
 from .case import Case
 from .pilot import efforts, pace
 from .preparation import Prepared, shares_contact
@@ -121,6 +122,9 @@ def describe(case: Case, prepared: Prepared) -> list[str]:
         lines.append(
             _line("second run", f"{prepared.answer}, on {points} points without waves up to twice the shortest")
         )
+    if budget := _budget_inputs(case, prepared):
+        points = " and ".join(" × ".join(map(str, one.scene.surface.shape)) for one in budget)
+        lines.append(_line("error budget", f"about half of the states again on {points} points"))
     if told := case.output.told:
         lines.append(_line("leakage", told))
     first = "" if prepared.settings is None else "first attempt: "
@@ -144,6 +148,10 @@ def forecast(case: Case, prepared: Prepared, known: tuple[Effort, ...] | None = 
     costs = [study_cost(m, prepared, prepared.scene, known, solved=shared_contact) for m in prepared.methods]
     if prepared.filtered is not None:
         costs.append(study_cost(prepared.answer, prepared, prepared.filtered, known))
+    for coarse in _budget_inputs(case, prepared):
+        efforts_of = tuple(known[prepared.scene.steps.index(step)] for step in coarse.scene.steps)
+        both = shares_contact(coarse)
+        costs += [study_cost(m, coarse, coarse.scene, efforts_of, solved=both) for m in coarse.methods]
     if (test := case.output.test_fluid) is not None:
         state = test.state
         if drop_ratio(state, FluidState.of(prepared.scene)) is None:
@@ -220,22 +228,38 @@ def disk(case: Case, prepared: Prepared) -> Disk:
     fitting = int(min(case.output.fields_limit // each, steps)) if each and case.output.fields else 0
     formats = {"none": 0, "both": 2}.get(case.output.paraview, 1)
     # pictures and report; heights for ParaView
-    others, checkpoint = 2e6 * (case.output.pictures or case.output.report) + 4.0 * pixels * formats, 0.0
-    peaks = len(set(scene.unload_from))
-    if "deterministic" in prepared.methods:
-        checkpoint += pixels * (STEP_BYTES * steps + 8.0 * peaks)
+    others = 2e6 * (case.output.pictures or case.output.report) + 4.0 * pixels * formats
     if prepared.cells is not None and prepared.methods != {"deterministic"}:
         windows = prepared.cells[0] * prepared.cells[1]
         # a window: ten numbers in results.nc, twenty in the mesh of the seal; three windows with three fields
         others += steps * windows * (80 + 160 * formats) + steps * formats * 36 * pixels / windows
-        # the gap that the global contact leaves, and gap and pressure of the windows
-        if not shares_contact(prepared):
-            checkpoint += pixels * (8.0 * steps + 8.0 * peaks)
-        elif prepared.flow != "links":
-            checkpoint += pixels * 4.0 * steps
     if (sampling := prepared.sampling) is not None:
         others += 8.0 * steps * (2 * sampling.realisations + 6 * sampling.library_cells)
+    checkpoint = sum(_checkpoint(one) for one in (prepared, *_budget_inputs(case, prepared)))
     return Disk(float(each * fitting), fitting, others, checkpoint)
+
+
+def _budget_inputs(case: Case, prepared: Prepared) -> list[Prepared]:
+    """What the error budget solves besides."""
+    if not case.output.budget:
+        return []
+    smooth = filtered_input(prepared) if prepared.filtered is None else None
+    return [*coarser_grids(prepared), *([] if smooth is None else [smooth])]
+
+
+def _checkpoint(prepared: Prepared) -> float:
+    """Expected size of the checkpoint of the studies of an input [byte]."""
+    scene, found = prepared.scene, 0.0
+    steps, pixels, peaks = len(scene.steps), int(np.prod(scene.surface.shape)), len(set(scene.unload_from))
+    if "deterministic" in prepared.methods:
+        found += pixels * (STEP_BYTES * steps + 8.0 * peaks)
+    if prepared.cells is not None and prepared.methods != {"deterministic"}:
+        # the gap that the global contact leaves, and gap and pressure of the windows
+        if not shares_contact(prepared):
+            found += pixels * (8.0 * steps + 8.0 * peaks)
+        elif prepared.flow != "links":
+            found += pixels * 4.0 * steps
+    return found
 
 
 def _surface_lines(prepared: Prepared) -> list[str]:

@@ -18,6 +18,7 @@ from ..base.errors import FemsealError, InputError
 from ..base.files import made_folder, remove_foreign
 from ..base.provenance import numerical_versions
 from ..base.stage import Mapper, Stage
+from ..budget import ErrorBudget
 from ..report import write_folder
 from ..results import Results, assemble
 from ..studies import (
@@ -31,6 +32,7 @@ from ..studies import (
 )
 from . import checkpoint
 from .attempts import Reached, reach
+from .budgeted import budgets_of
 from .case import Case, load_case
 from .case_faces import FileFace
 from .checkpoint import Checkpoint
@@ -200,9 +202,22 @@ def _run(case: Case, prepared: Prepared, faces: dict[str, str], mapper: Mapper, 
     test = None
     if case.output.test_fluid is not None:
         test = _of_test_fluid(case.output.test_fluid.state, case, prepared, studies, mapper, progress, timings)
+    budgets: dict[str, ErrorBudget] = {}
+    if case.output.budget:  # last, so that it can be switched before a run is resumed
+        name = "error budget"
+        with _timed(name, progress, timings):
+            watched = watching(mapper, name, progress, timings)
+
+            def solve(method: str, other: Prepared, known: Mapping[str, Any]) -> Any:
+                return study_of(method, case, other, other.scene, known, watched)
+
+            # the attempts have judged the answer
+            known = {} if reached is None else {prepared.answer.replace("-", "_"): reached.budget}
+            budgets = budgets_of(prepared, studies, solve, leakage_filtered=filtered, known=known)
     results = assemble(
         scene,
         **studies,
+        budgets=budgets,
         case=case.echo(),
         surface_report=prepared.surface_report,
         timings=timings,
@@ -224,10 +239,10 @@ def _run(case: Case, prepared: Prepared, faces: dict[str, str], mapper: Mapper, 
 def _reached(case: Case, prepared: Prepared, mapper: Mapper, progress: Progress, timings: dict[str, float]) -> Reached:
     """Attempts at the accuracy that the case asks for; what they have in common is computed once."""
 
-    def solve(prepared: Prepared, name: str) -> Any:
+    def solve(method: str, prepared: Prepared, known: Mapping[str, Any], name: str) -> Any:
         with _timed(name, progress, timings):
             watched = watching(mapper, name, progress, timings)
-            return study_of(prepared.answer, case, prepared, prepared.scene, None, watched)
+            return study_of(method, case, prepared, prepared.scene, known, watched)
 
     return reach(case, prepared, solve, mapper)
 

@@ -167,7 +167,7 @@ def _prepare(case: Case) -> Prepared:
         Partition(shape, flat.spacing, cells)  # refuses windows of too few pixels
     with in_words_of(SURFACE_KEYS):
         surface, report = smooth(flat, repaired, shortest_wavelength=wave, shape=shape)
-    report = replace(report, **_found(separately, wave))
+    report = _of_generated(case, flat, replace(report, **_found(separately, wave)))
     sampling = None
     if cells is not None:
         window = Partition(surface.shape, surface.spacing, cells).window_size
@@ -204,10 +204,11 @@ def _prepare(case: Case) -> Prepared:
         with in_tables_of(MAP_TABLES):
             sampling = replace(sampling, pressure_map=case.load.pressure_map(case.folder, seal[0] * seal[1], seal[1]))
             check_sampling(sampling)
-            doubts = (*every[0].warnings, *check_map(scene, every[0], sampling.pressure_map))
         paths = most_paths(sampling.pressure_map)
         for laid in every:
             weigh_draws(len(scene.steps), laid.draws[0], sampling.realisations, sampling.library_cells, paths)
+        with in_tables_of(MAP_TABLES):
+            doubts = (*every[0].warnings, *check_map(scene, every[0], sampling.pressure_map))
     method: str = case.method
     choice = ""
     # where the deterministic solution is not affordable, resolved flow is not either
@@ -306,6 +307,19 @@ def _combined_faces(case: Case) -> tuple[Topography, list[tuple[Topography, Repa
     table = case.face[1]
     surface, overlap = combine(first, second, **(table.placement if isinstance(table, FileFace) else {}))
     return surface, repaired, overlap, inf
+
+
+def _of_generated(case: Case, flat: Topography, report: Conditioning) -> Conditioning:
+    """The report of a generated face says what the low-pass removes of the waves that were made."""
+    made = [
+        table.cut_off or resolved_wave(table.size, table.points)
+        for table in case.face
+        if not isinstance(table, FileFace)
+    ]
+    if len(made) < len(case.face) or min(made) <= report.shortest_measured:
+        return report
+    slope = flat.low_pass(min(made)).rms_slope
+    return replace(report, shortest_measured=min(made), rms_slope_measured=slope)
 
 
 def _found(repaired: list[tuple[Topography, Repair]], wavelength: float) -> dict[str, Any]:

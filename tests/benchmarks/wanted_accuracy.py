@@ -43,7 +43,7 @@ def scene(seed: int) -> dict[str, Any]:
     else:
         face = {
             "kind": "turned",
-            "pitch": f"{n1 / rng.integers(3, 6):.6g} um",
+            "pitch": f"{n1 / rng.integers(3, 6)} um",
             "depth": f"{rng.uniform(0.3, 1.2):.3g} um",
             "feed_error": 0.03,
             "depth_error": 0.1,
