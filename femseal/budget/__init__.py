@@ -4,7 +4,8 @@ A budget belongs to one study of one scene: `error_budget` gathers the estimates
 combines them to one band (`error_parts.py`). All distances are of ln(leakage): near closing, errors are factors.
 """
 
-from .coarse import CoarserSolution, at_some_steps, coarser_points
+from .all_steps import at_interpolated_steps
+from .coarse import CoarserSolution, at_some_steps, change_of_windows, coarser_points
 from .error_budget import error_budget, method_of
 from .error_parts import ErrorBudget, ErrorPart
 from .grid_convergence import GridConvergence, grid_convergence
@@ -16,7 +17,9 @@ __all__ = [
     "ErrorPart",
     "GridConvergence",
     "Judged",
+    "at_interpolated_steps",
     "at_some_steps",
+    "change_of_windows",
     "coarser_points",
     "counting_steps",
     "error_budget",

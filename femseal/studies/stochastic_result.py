@@ -32,12 +32,14 @@ class StochasticResult(Shown):
     leakage_closed_cuts, leakage_held_cuts : of the realisations in `leakage`, with the cuts between runs of columns
         closed, and held at one profile of the fluid pressure; None unless the sampler is "runs". The leakage of a chain
         of these runs lies between them.
+    leakage_of_face : of the face itself, whose runs they are; None unless the sampler is "runs".
     other_lengths : seals of the other lengths that were asked for, drawn from the same library; the same realisation of
         a longer seal begins with that of a shorter one.
     sampler : how they were drawn, see `sampling_options.chosen_sampler`.
     median_seal : fields of the realisation nearest to the median; None of very large seals, and without leakage.
     failures : reasons of values that are NaN or left out. warnings : reasons to doubt the result.
-    solvers : number of systems by solver, of library windows and of drawn seals.
+    solvers : number of systems by solver, of library windows and of drawn seals. equal_steps : number of steps that are
+        an earlier one again, solved once.
     """
 
     steps: LoadProgramme
@@ -61,12 +63,17 @@ class StochasticResult(Shown):
     leakage_held_cuts: Array | None = field(
         default=None, metadata=labels("m^2/s", "leakage per unit seal length, cuts held", "realisation", "step")
     )
+    leakage_of_face: Array | None = field(
+        default=None,
+        metadata=labels("m^2/s", "leakage per unit seal length, of the face that the runs are of", "step"),
+    )
     other_lengths: tuple[StochasticResult, ...] = field(default=(), repr=False)
     sampler: str = "history"
     median_seal: MedianSeal | None = field(default=None, repr=False)
     failures: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
     solvers: SolverCounts = field(default_factory=SolverCounts)
+    equal_steps: int = 0
 
     def quantile(self, q: float, *, resampled: bool = False) -> Array:
         """Quantile over the realisations that did not fail, at every step [m²/s]; NaN where all failed.
