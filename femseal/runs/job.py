@@ -107,14 +107,14 @@ def run(
 
     with ExitStack() as stack:
         if folder is None:
-            mapper = stack.enter_context(ordered_map(workers, scheduler))
+            mapper = stack.enter_context(ordered_map(workers, scheduler, progress))
             return _run(case, _prepared(case, scheduler), faces, found_or_computed(mapper), progress)
         # a folder is made once the case has been found good
         if there := folder.is_dir():
             stack.enter_context(alone_in(folder))
             going_on = _goes_on(folder, identity, resume)
         prepared = _prepared(case, scheduler)
-        mapper = stack.enter_context(ordered_map(workers, scheduler))
+        mapper = stack.enter_context(ordered_map(workers, scheduler, progress))
         if not there:
             stack.enter_context(alone_in(made_folder(folder)))
             going_on = _goes_on(folder, identity, resume)
