@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -100,3 +101,23 @@ def test_the_parts_hold_what_a_run_compiles(tmp_path):
     )
     ahead, later = map(float, said.stdout.split())
     assert later < 0.1 * ahead
+
+
+PLACES = """
+import os
+from pathlib import Path
+os.environ.pop("NUMBA_CACHE_DIR", None)
+writable = os.access
+os.access = lambda path, mode: "femseal-" in str(path) and writable(path, mode)
+import femseal
+print(os.environ["NUMBA_CACHE_DIR"])
+from femseal.flow.percolation import find
+print(find.stats.cache_path)
+"""
+
+
+def test_where_nothing_can_be_written_loops_are_kept_in_a_temporary_folder():
+    """Without one, numba refuses to import them."""
+    said = subprocess.run([sys.executable, "-c", PLACES], capture_output=True, text=True, check=True).stdout.split()
+    assert Path(said[1]).parent == Path(said[0])
+    assert not Path(said[0]).exists()
