@@ -8,6 +8,7 @@ The flow of data, top to bottom::
     seal         permeability -> leakage of a seal of some shape         RectangularSeal, ..., seal_leakage
     scales       windows, their response, libraries, draws
     studies      the chains: deterministic, two-scale, stochastic
+    budget       error of every leakage, source by source             error_budget
     results      one dataset: netCDF, tables, files for ParaView         open_results
     plots        pictures of every result
     report       the folder and the page of a run                        write_report
@@ -31,6 +32,7 @@ __version__ = "0.1.0"
 if TYPE_CHECKING:
     from .accuracy import AccuracyReport, measure_accuracy
     from .base.errors import FemsealError, InputError, NotConverged
+    from .budget import CoarserSolution, ErrorBudget, ErrorPart, GridConvergence, error_budget, grid_convergence
     from .contact import Contact, HalfSpace, LoadCycle, LoadState, load_cycle, solve_contact
     from .designs.answer import Design, design
     from .flow import (
@@ -68,6 +70,7 @@ if TYPE_CHECKING:
 
 _MODULES = {
     "accuracy": ("AccuracyReport", "measure_accuracy"),
+    "budget": ("CoarserSolution", "ErrorBudget", "ErrorPart", "GridConvergence", "error_budget", "grid_convergence"),
     "runs.case": ("Case", "load_case"),
     "contact": ("Contact", "HalfSpace", "LoadCycle", "LoadState", "load_cycle", "solve_contact"),
     "base.errors": ("FemsealError", "InputError", "NotConverged"),
