@@ -95,20 +95,23 @@ def on_all_steps(steps: LoadProgramme, coarse: CoarserSolution, leakage: Array) 
 def change_of_windows(own: LibraryTable, other: LibraryTable, steps: LoadProgramme) -> Array:
     """Change of ln(leakage) at steps from the windows of a library to the same windows solved otherwise (steps,).
 
-    It is the median change of ln(k) of the windows that are open in both, on loading at the nominal pressure; NaN where
-    all are closed.
+    It is the median change of ln(k) of the windows that are open in both, at the step where both libraries have it,
+    else on loading at its nominal pressure; NaN where all are closed.
     """
     count = min(len(own.k), len(other.k))
+    wanted = _log_loads(steps, [*range(len(steps))])
     logs = []
     for table in (own, other):
-        on_loading = table.steps.on_loading
-        at = np.log(np.maximum(table.steps.pressures[on_loading], 1e-300))
-        with np.errstate(divide="ignore"):
-            ln_k = np.log(table.k[:count, on_loading])
-        wanted = np.log(np.maximum(steps.pressures, 1e-300))
-        with np.errstate(invalid="ignore"):
-            logs.append(np.array([np.interp(wanted, at, row) for row in ln_k]))
-    change = logs[1] - logs[0]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ln_k = np.log(table.k[:count])
+            if set(steps) <= set(table.steps):
+                logs.append(ln_k[:, [table.steps.index(step) for step in steps]])
+                continue
+            loading = [n for n, step in enumerate(table.steps) if step.unloaded_from is None]
+            at = _log_loads(table.steps, loading)
+            logs.append(np.array([np.interp(wanted, at, row) for row in ln_k[:, loading]]))
+    with np.errstate(invalid="ignore"):
+        change = logs[1] - logs[0]
     finite = [column[np.isfinite(column)] for column in change.T]
     return np.array([float(np.median(column)) if column.size else np.nan for column in finite])
 
