@@ -13,7 +13,8 @@ import numpy as np
 from ..loads import LoadProgramme
 from ..studies import Scene
 from ..studies.between_loads import Array, Indices, branches, left_out_errors, numbers_of
-from .attempts import Solve, answer_of
+from .attempts import Solve
+from .budgeted import leakage_of
 
 if TYPE_CHECKING:
     from .preparation import Prepared
@@ -32,7 +33,7 @@ def solve_chosen(prepared: Prepared, tolerance: float, solve: Solve) -> tuple[Pr
     Parameters
     ----------
     tolerance : relative error of the leakage between solved steps.
-    solve : called as solve(prepared, name), gives the result of the study of the answer.
+    solve : called as solve(method, prepared, known, told), gives the result of a study.
 
     Returns
     -------
@@ -43,8 +44,8 @@ def solve_chosen(prepared: Prepared, tolerance: float, solve: Solve) -> tuple[Pr
     def leakage_at(part: LoadProgramme) -> Array:
         filtered = None if prepared.filtered is None else _with_loads(prepared.filtered, part)
         chosen = replace(prepared, scene=_with_loads(prepared.scene, part), filtered=filtered)
-        found.append((chosen, solve(chosen, f"loads {len(found) + 1}")))
-        return answer_of(found[-1][1])
+        found.append((chosen, solve(chosen.answer, chosen, {}, f"loads {len(found) + 1}")))
+        return leakage_of(found[-1][1])
 
     steps = prepared.scene.steps
     part = choose(steps, tolerance, leakage_at)
