@@ -30,14 +30,13 @@ class Judged:
 def counting_steps(budget: ErrorBudget) -> np.ndarray:
     """Indices of the loads at which the leakage is more than 1e-3 of the first, or unknown.
 
-    A load at which nothing leaks counts if the band reaches that far. Where nothing leaks at the first, all count that
-    leak.
+    Where nothing leaks at the first load, all count that leak or may do so. Loads beyond the first that are found sealed
+    do not count: the wide bands at the loads before them tell if they may be open.
     """
     q, upper = np.abs(budget.leakage), np.abs(budget.upper)
-    least = FLOOR * (q[0] if np.isfinite(q[0]) else 0.0)
-    with np.errstate(invalid="ignore"):
-        counts = (q > least) | ((q == 0) & (upper > least)) | np.isnan(q)
-    return np.flatnonzero(counts)
+    if q[0] == 0:
+        return np.flatnonzero((q != 0) | (upper != 0))
+    return np.flatnonzero((q > FLOOR * (q[0] if np.isfinite(q[0]) else 0.0)) | np.isnan(q))
 
 
 def judged(budget: ErrorBudget) -> Judged:
