@@ -60,8 +60,8 @@ class TestCriticalArea:
         assert_allclose(found[8], found[16], atol=0.005)
 
     def test_flow_near_closing_is_that_of_the_last_constriction(self):
-        found = critical_area.flow_near_closing(faces=7, pixels=32)
-        assert_allclose(np.median(found["exponents"]), 3.45, atol=0.2)
+        found = critical_area.flow_near_closing(faces=5, pixels=128)
+        assert_allclose(np.median(found["exponents"]), 3.45, atol=0.15)
 
 
 class TestFinishes:
