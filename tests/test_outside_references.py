@@ -64,14 +64,16 @@ class TestCriticalArea:
         assert_allclose(np.median(found["exponents"]), 3.45, atol=0.15)
 
 
+@pytest.fixture(scope="module")
+def closing():
+    """Loads over the yield strength between which a face closes, by kind and rms height."""
+    found = finishes.leakage_of_finishes(n=128, rms=(0.1e-6, 3e-6))
+    in_yield = finishes.HARDNESS / finishes.YIELD
+    return {(r["kind"], r["rms"]): np.multiply(r["closing"], in_yield) for r in found}
+
+
 class TestFinishes:
     """SAE 650312, 1965: loads from which the finish does not matter, in yield strengths."""
-
-    @pytest.fixture(scope="class")
-    def closing(self):
-        found = finishes.leakage_of_finishes(n=128, rms=(0.1e-6, 3e-6))
-        in_yield = finishes.HARDNESS / finishes.YIELD
-        return {(r["kind"], r["rms"]): np.multiply(r["closing"], in_yield) for r in found}
 
     def test_scratched_faces_close_only_near_the_hardness(self, closing):
         low, high = closing[finishes.KINDS[2], 3e-6]
@@ -125,8 +127,9 @@ def test_open_area_near_full_contact_is_that_of_penny_cracks():
     coarse, fine = open_area.open_areas(variants=((256, 8, 8), (512, 16, 8)), seeds=range(4))
     for r in (coarse, fine):
         ratio = r["open"] / r["tension"]
-        assert np.all(np.diff(ratio[:3]) < 0)
-        assert_allclose(ratio[2], 1.5, atol=0.08)
+        # the farther spots are apart the nearer: single faces scatter by 3 % from p̄ = 1.25 E*h′ on
+        assert ratio[0] > ratio[1] + 0.05
+        assert_allclose(ratio[1:3], 1.5, atol=0.08)
         assert_allclose(2 * r["tension"][:2] / r["persson"][:2], 1, atol=0.05)
     assert_allclose(fine["open"][:2], coarse["open"][:2], rtol=0.02)
 
