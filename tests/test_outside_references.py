@@ -54,6 +54,12 @@ class TestCriticalArea:
         spread = [r["spread"] for r in found["sizes"]]
         assert spread[0] > spread[1] > spread[2]
 
+    def test_undeformed_faces_close_at_more(self):
+        # heights are as likely as depths: an infinite face that is cut off closes at one half
+        truncated = critical_area.truncated_areas(8, 12).mean(axis=1)
+        assert_allclose(truncated.mean(), 0.5, atol=3 * truncated.std() / np.sqrt(12))
+        assert truncated.mean() > critical_area.CLAIMED + 0.04
+
     def test_finer_pixels_do_not_change_it(self):
         # without the correction for the edges of contact 4 pixels differ by 0.02 from 16
         found = critical_area.resolution(pixels=(8, 16), faces=6, waves=2)

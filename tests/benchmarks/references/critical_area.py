@@ -70,6 +70,22 @@ def closing_areas(waves, faces, **options):
     return np.array(found)
 
 
+def truncated_areas(waves, faces, steps=10):
+    """Share cut off at which the undeformed faces close along x1 and x2, (faces, 2)."""
+    from femseal.flow.percolation import percolates
+
+    found = np.zeros((faces, 2))
+    for seed in range(faces):
+        gap0 = Face(waves, rng=seed).gap0
+        for axis, gap in enumerate((gap0, gap0.T)):
+            low, high = 0.1, 0.9
+            for _ in range(steps):
+                middle = (low + high) / 2
+                low, high = (middle, high) if percolates(gap > np.quantile(gap, middle)) else (low, middle)
+            found[seed, axis] = (low + high) / 2
+    return found
+
+
 def critical_area(sizes=SIZES):
     """Closing areas by size, and their extrapolation a + b·waves^(−3/4) of the medians to an infinite face.
 
