@@ -30,8 +30,8 @@ class Judged:
 def counting_steps(budget: ErrorBudget) -> np.ndarray:
     """Indices of the loads at which the leakage is more than 1e-3 of the first, or unknown.
 
-    Where nothing leaks at the first load, all count that leak or may do so. Loads beyond the first that are found sealed
-    do not count: the wide bands at the loads before them tell if they may be open.
+    Where nothing leaks at the first load, all count that leak or may do so. Others that are found sealed do not count:
+    the wide bands at the loads before them tell if they may be open.
     """
     q, upper = np.abs(budget.leakage), np.abs(budget.upper)
     if q[0] == 0:
@@ -42,7 +42,7 @@ def counting_steps(budget: ErrorBudget) -> np.ndarray:
 def judged(budget: ErrorBudget) -> Judged:
     """Judge a budget. Pixels of which nothing is known have no end."""
     steps = counting_steps(budget)
-    widths = np.nan_to_num(np.asarray(budget.half_width())[steps], nan=inf)
+    widths = np.nan_to_num(np.asarray(budget.half_width())[steps], nan=inf, posinf=inf)
     parts = {"pixels": inf} | {name: _largest(width[steps]) for name, width in budget.widths().items()}
     return Judged(
         half_width=max(_largest(widths), inf if np.isinf(parts["pixels"]) else 0.0),
@@ -53,4 +53,4 @@ def judged(budget: ErrorBudget) -> Judged:
 
 
 def _largest(widths: Array) -> float:
-    return float(np.max(np.nan_to_num(widths, nan=inf), initial=0.0))
+    return float(np.max(np.nan_to_num(widths, nan=inf, posinf=inf), initial=0.0))
