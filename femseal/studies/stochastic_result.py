@@ -34,7 +34,7 @@ class StochasticResult(Shown):
         of these runs lies between them.
     other_lengths : seals of the other lengths that were asked for, drawn from the same library; the same realisation of
         a longer seal begins with that of a shorter one.
-    sampler : how they were drawn, see `sampling_options.chosen_sampler`.
+    sampler, pressure : how they were drawn, and the source of their windows, see `Sampling`.
     median_seal : fields of the realisation nearest to the median; None of very large seals, and without leakage.
     failures : reasons of values that are NaN or left out. warnings : reasons to doubt the result.
     solvers : number of systems by solver, of library windows and of drawn seals.
@@ -63,6 +63,7 @@ class StochasticResult(Shown):
     )
     other_lengths: tuple[StochasticResult, ...] = field(default=(), repr=False)
     sampler: str = "history"
+    pressure: str = "place"
     median_seal: MedianSeal | None = field(default=None, repr=False)
     failures: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
