@@ -8,6 +8,7 @@ from math import ceil, log2
 
 from ..base.errors import InputError
 from ..base.quantities import to_text
+from ..base.text import duration
 from ..runs.case import Case
 from ..runs.preparation import Prepared
 from ..scales import Partition
@@ -164,17 +165,6 @@ def by(pair: Pair) -> str:
     '8×16'
     """
     return f"{pair[0]}×{pair[1]}"
-
-
-def duration(seconds: float) -> str:
-    """Seconds as text.
-
-    >>> duration(0.01234), duration(75.0), duration(9000.0)
-    ('0.012 s', '75 s', '2.5 h')
-    """
-    if seconds < 600:
-        return f"{seconds:.2g} s" if seconds < 99.5 else f"{seconds:.0f} s"
-    return f"{seconds / 60:.0f} min" if seconds < 7200 else f"{seconds / 3600:.2g} h"
 
 
 def _candidates(prepared: Prepared) -> Iterator[tuple[Variant | str, str]]:

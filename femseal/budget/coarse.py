@@ -2,12 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from math import ceil
 
 import numpy as np
 
 from ..loads import LoadProgramme
-from ..studies.scene import Array
+from ..studies.scene import Array, Scene
+
+#: Points a side of the coarser grid over those of the scene.
+COARSENING = 0.5
+#: A coarser grid of more than this share of the points tells nothing.
+MOST_POINTS_SHARE = 0.6
+#: Windows have at least this many pixels a side.
+WINDOW_PIXELS = 8
 
 
 @dataclass(frozen=True)
@@ -22,6 +30,37 @@ class CoarserSolution:
     steps: LoadProgramme
     leakage: Array
     against: Array | None = None
+
+
+def coarser_points(points: tuple[int, int], cells: tuple[int, int] | None = None) -> tuple[int, int] | None:
+    """Half the points a side, or as few more as the windows ask for; None where windows have too few pixels."""
+    wanted = [ceil(COARSENING * n) for n in points]
+    if cells is not None:
+        wanted = [max(ceil(n / m), WINDOW_PIXELS) * m for n, m in zip(wanted, cells, strict=True)]
+    if wanted[0] * wanted[1] > MOST_POINTS_SHARE * points[0] * points[1]:
+        return None
+    return wanted[0], wanted[1]
+
+
+def at_some_steps(scene: Scene, leakage: Array) -> Scene:
+    """The scene at about half of its steps: ends, peaks, both sides of closing, and every other of the rest.
+
+    Parameters
+    ----------
+    leakage : of the scene at every step (steps,).
+    """
+    q = np.abs(np.asarray(leakage, dtype=float))
+    loading = scene.steps.loading
+    shut = [n for n in range(len(loading)) if q[n] == 0]
+    first_shut = shut[0] if shut else len(loading)
+    kept = {0, first_shut - 1, first_shut, *range(0, first_shut, 2)}
+    peaks = set(scene.unload_from)
+    if not peaks:  # beyond closing there is nothing to compare
+        kept.add(len(loading) - 1 if not shut else first_shut)
+    chosen = tuple(p for n, p in enumerate(loading) if n in kept or p in peaks)
+    stops = scene.steps.unloading  # falling
+    ends = {0, len(stops) - 1, *range(0, len(stops), 2)}
+    return replace(scene, loading=chosen, unloading=tuple(p for n, p in enumerate(stops) if n in ends))
 
 
 def on_all_steps(steps: LoadProgramme, coarse: CoarserSolution, leakage: Array) -> Array:
@@ -39,17 +78,22 @@ def on_all_steps(steps: LoadProgramme, coarse: CoarserSolution, leakage: Array) 
         change = np.where((own == 0) & (other == 0), 0.0, np.log(other / own))
     found = np.full(len(steps), np.nan)
     found[places] = change
-    peaks = steps.peak_indices
     for peak in (None, *steps.unload_from):
         branch = [n for n, step in enumerate(steps) if step.unloaded_from == peak]
-        ends = branch if peak is None else [*branch, int(peaks[branch[0]])]
-        known = sorted((n for n in ends if n in set(places)), key=lambda n: steps[n].pressure)
+        ends = branch if peak is None else [*branch, int(steps.peak_indices[branch[0]])]
+        known = sorted({*ends} & {*places}, key=lambda n: steps[n].pressure)
         if not known:
             continue
-        at = np.log(np.maximum([steps[n].pressure for n in known], 1e-300))
-        for n in set(branch) - set(places):
-            found[n] = _straight(float(np.log(max(steps[n].pressure, 1e-300))), at, found[known])
+        at = _log_loads(steps, known)
+        others = sorted({*branch} - {*places})
+        for n, x in zip(others, _log_loads(steps, others), strict=True):
+            found[n] = _straight(float(x), at, found[known])
     return found
+
+
+def _log_loads(steps: LoadProgramme, places: list[int]) -> Array:
+    """ln of the nominal pressure; of no pressure at all that of a very small one."""
+    return np.log(np.maximum(steps.pressures[places], 1e-300))
 
 
 def _straight(x: float, at: Array, values: Array) -> float:

@@ -7,7 +7,9 @@ from collections.abc import Sequence
 from ..studies import DeterministicResult, Scene, StochasticResult, TwoScaleResult
 from .coarse import CoarserSolution
 from .error_parts import ErrorBudget, ErrorPart
-from .estimates import library_part, pixels_part, realisations_part, solver_part, windows_part
+from .estimates import library_part, realisations_part, solver_part, windows_part
+from .pixels import pixels_part
+from .removed_waves import filter_part
 
 
 def error_budget(
@@ -16,6 +18,7 @@ def error_budget(
     *,
     coarse: Sequence[CoarserSolution] = (),
     filtered: CoarserSolution | None = None,
+    octaves: float = 0.0,
 ) -> ErrorBudget:
     """What is known of the error of a leakage: a band for each source, and all of them together.
 
@@ -23,7 +26,8 @@ def error_budget(
     ----------
     scene : input of the study. study : its result; of a stochastic study the budget is that of the median.
     coarse : the same scene solved on fewer points, the finest first; one or two. Without any the pixels have no part.
-    filtered : the scene solved without waves up to twice the shortest one, where waves were removed.
+    filtered : the scene solved without waves up to twice the shortest one. octaves : of waves that were removed from
+        the face before; without any, as of a generated face, the filter has no part.
 
     Returns
     -------
@@ -35,6 +39,8 @@ def error_budget(
     parts: list[ErrorPart] = [solver_part(scene, leakage)]
     if coarse:
         parts.append(pixels_part(scene, leakage, coarse))
+    if filtered is not None and octaves > 0:
+        parts.append(filter_part(scene, leakage, filtered, octaves))
     if isinstance(study, TwoScaleResult) and study.element_error is not None:
         parts.append(windows_part(study))
     if isinstance(study, StochasticResult):

@@ -2,24 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 from scipy.special import bdtr, stdtrit
 
-from ..loads import LoadProgramme
 from ..studies import Scene, StochasticResult, TwoScaleResult
 from ..studies.scene import Array
-from .coarse import CoarserSolution, on_all_steps
 from .error_parts import ErrorPart
-from .grid_convergence import grid_convergence
+from .pixels import load_sensitivity
 
 #: Share of the cases that a band holds, and the number of standard deviations of a normal number for it.
 COVERAGE, DEVIATIONS = 0.95, 1.96
 #: Change of ln(leakage) by the residual of the flow, which is solved to 1e-6 of its energy.
 _FLOW = 1e-6
-#: Expected order of the leakage in the size of pixels.
-ORDER = 2.0
 
 
 def solver_part(scene: Scene, leakage: Array) -> ErrorPart:
@@ -28,49 +22,6 @@ def solver_part(scene: Scene, leakage: Array) -> ErrorPart:
     distance = scene.rtol * np.maximum(slope, 1.0) + _FLOW
     note = f"contact residual {scene.rtol:.0e} as a share of the load, by the slope of ln(leakage) over ln(load)"
     return ErrorPart.of("solver", leakage, distance, distance, note)
-
-
-def load_sensitivity(steps: LoadProgramme, leakage: Array) -> Array:
-    """|d ln(leakage) / d ln(load)| at every step (steps,), the steeper of both sides on the branch; 0 where unknown."""
-    q, p = np.abs(np.asarray(leakage, float)), steps.pressures
-    found = np.zeros(len(steps))
-    for s, other in _neighbours(steps):
-        if q[s] > 0 and q[other] > 0 and p[s] > 0 and p[other] > 0:
-            slope = abs(np.log(q[s] / q[other]) / np.log(p[s] / p[other]))
-            found[s], found[other] = max(found[s], slope), max(found[other], slope)
-    return found
-
-
-def _neighbours(steps: LoadProgramme) -> list[tuple[int, int]]:
-    """Every step with the one before it on its branch, that of an unloading being its peak."""
-    pairs = []
-    for s, step in enumerate(steps):
-        before = s - 1
-        if step.unloaded_from is not None and steps[before].unloaded_from != step.unloaded_from:
-            before = int(steps.peak_indices[s])
-        if before >= 0:
-            pairs.append((s, before))
-    return pairs
-
-
-def pixels_part(scene: Scene, leakage: Array, coarse: Sequence[CoarserSolution]) -> ErrorPart:
-    """Size of the pixels: from the change of ln(leakage) to one or two coarser grids."""
-    shape = scene.surface.shape
-    sizes = [1.0, *(float(np.sqrt(np.prod(shape) / np.prod(c.points))) for c in coarse)]
-    changes = [on_all_steps(scene.steps, c, leakage) for c in coarse]
-    distance = np.full(len(leakage), np.nan)
-    kinds: dict[str, int] = {}
-    for s in range(len(leakage)):
-        values = [0.0, *(change[s] for change in changes)]
-        if np.isfinite(values).all():
-            found = grid_convergence(values, sizes, order=ORDER)
-            distance[s] = found.error
-            kinds[found.kind] = kinds.get(found.kind, 0) + 1
-        elif not np.isnan(values).any():
-            distance[s] = np.inf
-    told = ", ".join(f"{kind} at {count} steps" for kind, count in kinds.items())
-    points = ", ".join(" × ".join(map(str, c.points)) for c in coarse)
-    return ErrorPart.of("pixels", leakage, distance, distance, f"change of ln(leakage) to {points} points: {told}")
 
 
 def windows_part(study: TwoScaleResult) -> ErrorPart:

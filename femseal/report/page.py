@@ -10,7 +10,7 @@ from typing import Any
 
 from ..base.errors import FemsealError, InputError
 from ..base.files import replacing
-from ..results import seal_lengths
+from ..results import seal_lengths, wanted_accuracy
 from ..results.netcdf import FILE_NAME, open_results, unfit
 from ..results.results import Results
 from ..results.tables import texts, totals
@@ -121,6 +121,7 @@ def _content(results: Results, drawings: pictures.Drawings) -> dict[str, Any]:
         "drop_sentences": [],
         "scatter": words.scatter_lines(results),
         "checks": words.check_lines(results),
+        "attempts": None if results.attempts is None else wanted_accuracy.section(results.attempts),
         "accuracy": words.accuracy_lines(results),
         "times": words.time_lines(results),
         "warnings": results.warnings,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
@@ -17,10 +17,11 @@ from ..base.provenance import versions
 from ..fluids import leak_basis
 from ..studies.compare import leakage_factor
 from ..studies.other_fluid import FluidState
-from . import drawn_seal, face_maps, reached_classes, variables
+from . import drawn_seal, error_bands, face_maps, reached_classes, variables
 from .results import Results
 
 if TYPE_CHECKING:
+    from ..budget import ErrorBudget
     from ..studies import DeterministicResult, OtherLeakage, Scene, StochasticResult, TwoScaleResult
 
 #: An attribute of an HDF5 file holds at most 64 kB.
@@ -42,6 +43,7 @@ def assemble(
     warnings: tuple[str, ...] = (),
     leakage_unit: str | None = None,
     leakage_filtered: NDArray[np.float64] | None = None,
+    budgets: Mapping[str, ErrorBudget] | None = None,
     test: OtherLeakage | None = None,
     classes: Sequence[str] = (),
     nominal_diameter: float | None = None,
@@ -61,6 +63,7 @@ def assemble(
     leakage_unit : in which tables, pictures and report tell leakage, see `base.leak_units`; a readable one per length
         of seal unless given.
     leakage_filtered : the leakage at every step of the same face without waves up to twice the shortest one.
+    budgets : error budgets of the studies, by their names here.
     test : the leakage of a test fluid through the same seals.
     classes : leakage classes to be judged at every step, by the test fluid where there is one, see
         `base.leak_classes`. nominal_diameter : [m], which some of them need.
@@ -71,10 +74,11 @@ def assemble(
     Results; every variable has `units` and `long_name`. Dimensions: step; realisation; cell1, cell2, windows by their
     centres [m]; node1, corner1, rows of nodes and of x2-links along x1 [m] (the x2-link of column j runs from cell2 j
     to j + 1); narrowest, numbers of links; library_cell, library_step; part, corner, plane, parts of the
-    drawn seal nearest to the median. Fluxes are volume rates per width at the fluid's reference density. Attributes
-    tell the case, the surface, versions, machine, wall times, peak memory of the main process, numbers of flows solved
-    or known without solving (`counts`), number of linear systems by solver with the worst imbalance of inlet and outlet
-    flow (`solvers`), warnings and failures.
+    drawn seal nearest to the median; budget_part, sources of error. Fluxes are volume rates per width at the fluid's
+    reference density. Attributes tell the case, the surface, versions, machine, wall times, peak memory of the main
+    process, numbers of flows solved or known without solving (`counts`), number of linear systems by solver with the
+    worst imbalance of inlet and outlet flow (`solvers`), how the errors were estimated (`error_budget`), warnings and
+    failures.
 
     Raises
     ------
@@ -153,6 +157,7 @@ def assemble(
         **reached_classes.basis_attributes(basis),
     }
     data.attrs |= _windows(two_scale, stochastic)
+    error_bands.add_budgets(data, budgets or {})
     if case and case.get("seed") is not None:
         data.attrs["seed"] = case["seed"]
     results = Results(data, scene=scene, deterministic=deterministic, two_scale=two_scale, stochastic=stochastic)

@@ -13,6 +13,7 @@ from ..base.leak_units import LEAK_UNITS, TOLD
 from ..base.quantities import to_text
 from ..base.text import comma_separated
 from .branches import branch_text
+from .error_bands import BUDGETED
 from .variables import name_with_unit
 
 if TYPE_CHECKING:
@@ -89,6 +90,10 @@ def texts(results: Results) -> tuple[str, list[str], list[list[str]]]:
         for heading, end in ((f"{share} %", ""), ("with error of library", "_together")):
             ends = zip(data[f"leakage_lower{end}"].values, data[f"leakage_upper{end}"].values, strict=True)
             columns.append((heading, [told_range(low, high, factor) for low, high in ends]))
+    budget = f"leakage_{BUDGETED[results.method]}_budget"
+    if f"{budget}_lower" in data:
+        band = zip(data[f"{budget}_lower"].values, data[f"{budget}_upper"].values, strict=True)
+        columns.append(("95 % band of error", [error_band(low, high, factor) for low, high in band]))
     if unit.per_length:
         whole = basis.readable(best.values)
         columns.append((f"whole seal [{whole.name}]", [amount(q, basis.factor(whole)) for q in best.values]))
@@ -207,6 +212,15 @@ def told_range(low: float, high: float, factor: float) -> str:
     if ends[0] == ends[1] and not abs(low) > 0:
         return ends[0]
     return (" to " if low < 0 else "–").join(ends)
+
+
+def error_band(low: float, high: float, factor: float) -> str:
+    """Both ends of a band of error in the unit `factor`, as text."""
+    if np.isnan(low) or np.isnan(high):
+        return "unknown"
+    if np.isinf(high):
+        return "unknown" if low == 0 else f"{amount(low, factor)} or more"
+    return told_range(low, high, factor)
 
 
 def _percent(value: float) -> str:

@@ -174,6 +174,7 @@ class OutputTable(Table):
     leakage_unit : of tables, pictures and report. throughput_temperature : at which pressure × volume of gases is told.
     classes : leakage classes judged at every step, see `base.leak_classes`. nominal_diameter : which some need.
     test_fluid : of a leak test, whose leakage stands beside; classes are judged by it.
+    budget : the error of every leakage, source by source, see `budget.error_budget`.
     """
 
     pictures: bool = True
@@ -191,6 +192,7 @@ class OutputTable(Table):
     ] = ()
     nominal_diameter: Length | None = None
     test_fluid: AnyFluid | None = None
+    budget: bool = True
 
     @model_validator(mode="before")
     @classmethod

@@ -10,6 +10,7 @@ from typing import Any
 from ..base.errors import FemsealError
 from ..report import write_again
 from ..results import Results, open_results
+from .attempts import settled_as
 from .case import Case
 from .case_tables import FILE_KEYS
 from .lock import alone_in
@@ -54,7 +55,7 @@ def finished_results(case: Case, faces: dict[str, str], folder: Path) -> Results
     with alone_in(folder):
         results.dataset.attrs["case"] = json.dumps(echo, ensure_ascii=False)
         options = {key: value for key, value in case.output.files.items() if key != "fields_limit"}
-        write_again(results, prepared.scene.surface, **options)
+        write_again(results, settled_as(case, prepared, results.attempts).scene.surface, **options)
         log.info("other files written to %s", folder)
     return results
 

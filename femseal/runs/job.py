@@ -11,12 +11,14 @@ from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import replace
 from os import PathLike
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 from ..base.errors import FemsealError, InputError
 from ..base.files import made_folder, remove_foreign
 from ..base.provenance import numerical_versions
 from ..base.stage import Mapper, Stage
+from ..budget import ErrorBudget
 from ..report import write_folder
 from ..results import Results, assemble
 from ..studies import (
@@ -29,6 +31,8 @@ from ..studies import (
     two_scale,
 )
 from . import checkpoint
+from .attempts import Reached, reach
+from .budgeted import budgets_of
 from .case import Case, load_case
 from .case_faces import FileFace
 from .checkpoint import Checkpoint
@@ -103,13 +107,18 @@ def run(
         return finished
     progress = progress or (lambda stage, done, total: None)
 
-    def found_or_computed(mapper: Mapper) -> Mapper:
-        return mapper if shared is None else SharedStages(Path(shared)).over(mapper)
-
     with ExitStack() as stack:
+
+        def found_or_computed(mapper: Mapper, prepared: Prepared) -> Mapper:
+            common = shared
+            # attempts have windows in common, but no faces
+            if common is None and case.accuracy is not None and prepared.answer != "deterministic":
+                common = stack.enter_context(TemporaryDirectory())
+            return mapper if common is None else SharedStages(Path(common)).over(mapper)
+
         if folder is None:
-            mapper = stack.enter_context(ordered_map(workers, scheduler))
-            return _run(case, _prepared(case, scheduler), faces, found_or_computed(mapper), progress)
+            mapper, prepared = stack.enter_context(ordered_map(workers, scheduler)), _prepared(case, scheduler)
+            return _run(case, prepared, faces, found_or_computed(mapper, prepared), progress)
         # a folder is made once the case has been found good
         if there := folder.is_dir():
             stack.enter_context(alone_in(folder))
@@ -121,11 +130,11 @@ def run(
             going_on = _goes_on(folder, identity, resume)
         stack.enter_context(_log_file(folder, append=going_on))
         kept = stack.enter_context(Checkpoint(folder, identity, going_on))
-        results = _run(case, prepared, faces, kept.over(found_or_computed(mapper)), progress)
+        results = _run(case, prepared, faces, kept.over(found_or_computed(mapper, prepared)), progress)
         progress("writing results", 0, None)
         start = time.perf_counter(), time.process_time()
         # the pictures are small, and drawn on this machine
-        _write(results, folder, case, prepared, map if scheduler else mapper)
+        _write(results, folder, case, map if scheduler else mapper)
         seconds = time.perf_counter() - start[0], time.process_time() - start[1]
         log.info("pictures, report and files in %.1f s, %.1f s of this process", *seconds)
         for text in results.left_out:
@@ -166,15 +175,19 @@ def _interrupts() -> Iterator[None]:
 
 @_interrupts()
 def _run(case: Case, prepared: Prepared, faces: dict[str, str], mapper: Mapper, progress: Progress) -> Results:
-    scene = prepared.scene
-    log.info("case %s: surface %s", case.title or "without title", scene.surface)
+    log.info("case %s: surface %s", case.title or "without title", prepared.scene.surface)
     if prepared.choice:
         log.info("method %s: %s", prepared.method, prepared.choice)
     timings: dict[str, float] = {}
     studies: dict[str, Any] = {}
+    first, reached = prepared, None
+    if case.accuracy is not None:
+        reached = _reached(case, prepared, mapper, progress, timings)
+        prepared, studies[prepared.answer.replace("-", "_")] = reached.prepared, reached.study
+    scene = prepared.scene
     # the cheapest route that the comparison needs comes first, the answer last
     for method in ("deterministic", "two-scale", "stochastic"):
-        if method in prepared.methods:
+        if method in prepared.methods and method.replace("-", "_") not in studies:
             with _timed(method, progress, timings):
                 watched = watching(mapper, method, progress, timings)
                 name = method.replace("-", "_")
@@ -189,23 +202,49 @@ def _run(case: Case, prepared: Prepared, faces: dict[str, str], mapper: Mapper, 
     test = None
     if case.output.test_fluid is not None:
         test = _of_test_fluid(case.output.test_fluid.state, case, prepared, studies, mapper, progress, timings)
+    budgets: dict[str, ErrorBudget] = {}
+    if case.output.budget:  # last, so that it can be switched before a run is resumed
+        name = "error budget"
+        with _timed(name, progress, timings):
+            watched = watching(mapper, name, progress, timings)
+
+            def solve(method: str, other: Prepared, known: Mapping[str, Any]) -> Any:
+                return study_of(method, case, other, other.scene, known, watched)
+
+            # the attempts have judged the answer
+            known = {} if reached is None else {prepared.answer.replace("-", "_"): reached.budget}
+            budgets = budgets_of(prepared, studies, solve, leakage_filtered=filtered, known=known)
     results = assemble(
         scene,
         **studies,
+        budgets=budgets,
         case=case.echo(),
         surface_report=prepared.surface_report,
         timings=timings,
         quantiles=case.stochastic.quantiles if case.stochastic else (0.05, 0.95),
-        warnings=prepared.warnings,
+        warnings=prepared.warnings if reached is None else (*prepared.warnings, *reached.warnings),
         leakage_filtered=filtered,
         test=test,
         **case.output.model_dump(include={"leakage_unit", "classes", "nominal_diameter", "throughput_temperature"}),
     )
     results.dataset.attrs["face_files"] = json.dumps(faces)
-    results.dataset.attrs["chosen"] = json.dumps(prepared.chosen)
+    results.dataset.attrs["chosen"] = json.dumps(first.chosen)
+    if reached is not None:
+        results.dataset.attrs["accuracy"] = json.dumps(reached.told())
     for text in [*results.warnings, *results.failures]:
         log.warning("%s", text)
     return results
+
+
+def _reached(case: Case, prepared: Prepared, mapper: Mapper, progress: Progress, timings: dict[str, float]) -> Reached:
+    """Attempts at the accuracy that the case asks for; what they have in common is computed once."""
+
+    def solve(prepared: Prepared, name: str) -> Any:
+        with _timed(name, progress, timings):
+            watched = watching(mapper, name, progress, timings)
+            return study_of(prepared.answer, case, prepared, prepared.scene, None, watched)
+
+    return reach(case, prepared, solve, mapper)
 
 
 def _of_test_fluid(
@@ -256,9 +295,10 @@ def study_of(
     return stochastic(scene, prepared.cells, prepared.sampling, contact=contact, two_scale=two, mapper=mapper)
 
 
-def _write(results: Results, folder: Path, case: Case, prepared: Prepared, mapper: Mapper) -> None:
+def _write(results: Results, folder: Path, case: Case, mapper: Mapper) -> None:
     try:
-        write_folder(results, folder, prepared.scene.surface, **case.output.files, mapper=mapper)
+        surface = None if results.scene is None else results.scene.surface
+        write_folder(results, folder, surface, **case.output.files, mapper=mapper)
     except Exception as error:
         reason = str(error) if isinstance(error, FemsealError) else f"results: {error or type(error).__name__}"
         raise FemsealError(f"{reason}; mend that, then a run with --resume has only to write them") from error

@@ -38,6 +38,7 @@ from .case_faces import FileFace
 from .case_oddities import oddities
 from .case_tables import StochasticTable
 from .case_words import FACE_KEYS, MAP_TABLES, SEAL_TABLES, SURFACE_KEYS, in_tables_of, in_words_of
+from .settings import Settings, first_settings, settled
 from .sizes import refused_if_too_large, weigh_draws, weigh_points
 
 if TYPE_CHECKING:
@@ -53,7 +54,8 @@ class Prepared:
 
     method, methods : to be run, with "auto" resolved; choice : reason of that choice, if there was one. contact, flow :
         of windows, see `studies.two_scale`. warnings : what is odd in the case. filtered : the scene of the second run
-        that shows how leakage depends on the low-pass.
+        that shows how leakage depends on the low-pass. settings, made : of a case that asks for an accuracy, what was
+        chosen, and the case on the points of its face before that.
     """
 
     scene: Scene
@@ -68,6 +70,8 @@ class Prepared:
     flow: str
     warnings: tuple[str, ...] = ()
     filtered: Scene | None = None
+    settings: Settings | None = None
+    made: Prepared | None = None
 
     @property
     def answer(self) -> str:
@@ -91,6 +95,9 @@ class Prepared:
             found["flow of windows"] = self.flow
         if self.sampling is not None:
             found["sampler"] = self.sampling.sampler
+        if self.settings is not None:
+            told = {name: list(v) if isinstance(v, tuple) else v for name, v in asdict(self.settings).items()}
+            found |= {f"settings.{name}": value for name, value in told.items()}
         return found
 
     @property
@@ -124,14 +131,21 @@ def coarser(prepared: Prepared) -> Scene:
 
 
 def prepare(case: Case) -> Prepared:
-    """Make or read the faces, condition their sum, divide it into windows.
+    """Make or read the faces, condition their sum, divide it into windows; choose what a wanted accuracy leaves open.
 
     Raises
     ------
     InputError : a face that cannot be read or used, or windows that do not suit it.
     """
     with refused_if_too_large():
-        return _prepare(case)
+        made = _prepare(case)
+        return made if case.accuracy is None else chosen_as(case, made, first_settings(case, made))
+
+
+def chosen_as(case: Case, made: Prepared, settings: Settings) -> Prepared:
+    """A case that asks for an accuracy with these settings; `made` is the case on the points of its face."""
+    prepared = settled(case, made, settings)
+    return replace(prepared, filtered=coarser(prepared)) if case.surface.filter_sensitivity else prepared
 
 
 def _prepare(case: Case) -> Prepared:
@@ -352,7 +366,7 @@ def default_grid(flat: Topography, shortest_wave: float | None) -> tuple[int, in
 
 
 def _cell_count(case: Case, face: tuple[float, float], wave: float) -> tuple[int, int] | None:
-    if case.methods == {"deterministic"} or (case.cells is None and case.method != "auto"):
+    if case.methods == {"deterministic"} or (case.cells is None and case.method != "auto" and case.accuracy is None):
         return None
     if case.cells is not None and case.cells.count is not None:
         return case.cells.count
