@@ -204,10 +204,11 @@ def _prepare(case: Case) -> Prepared:
         with in_tables_of(MAP_TABLES):
             sampling = replace(sampling, pressure_map=case.load.pressure_map(case.folder, seal[0] * seal[1], seal[1]))
             check_sampling(sampling)
-            doubts = (*every[0].warnings, *check_map(scene, every[0], sampling.pressure_map))
         paths = most_paths(sampling.pressure_map)
         for laid in every:
             weigh_draws(len(scene.steps), laid.draws[0], sampling.realisations, sampling.library_cells, paths)
+        with in_tables_of(MAP_TABLES):
+            doubts = (*every[0].warnings, *check_map(scene, every[0], sampling.pressure_map))
     method: str = case.method
     choice = ""
     # where the deterministic solution is not affordable, resolved flow is not either
