@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
+from femseal import Liquid, Sampling, Scene, error_budget, self_affine, stochastic, two_scale
 from femseal.base.errors import InputError
 from femseal.budget.conformal import (
     CALIBRATION,
@@ -128,3 +129,42 @@ class TestSealedSteps:
 def test_decades_are_below_the_first_load():
     assert_array_equal(decades(np.array([1e-6, 1e-8, 0.0, 1e-5])), [0, 2, 0, -1])
     assert_array_equal(decades(np.array([0.0, 1e-8])), 0)
+
+
+class TestPartsOfABudget:
+    @pytest.fixture(scope="class")
+    def scene(self):
+        face = self_affine((64, 64), (64e-6, 64e-6), hurst=0.8, rms_slope=0.2, roll_off=16e-6, cut_off=8e-6, rng=3)
+        return Scene(
+            surface=face, modulus=115e9, hardness=3e9, fluid=Liquid(1e-3), inlet_pressure=1e7, outlet_pressure=0.0,
+            loading=(1e8, 4e8),
+        )  # fmt: skip
+
+    def test_two_scales_have_the_parts_of_what_they_leave_out(self, scene):
+        names = {}
+        for flow, contact in (("links", "whole"), ("resolved", "windows"), ("links", "windows"), ("resolved", "whole")):
+            study = two_scale(scene, (4, 4), flow=flow, contact=contact)
+            budget = error_budget(scene, study)
+            names[flow, contact] = [part.name for part in budget.parts]
+            if flow == "links":
+                (links,) = (part for part in budget.parts if part.name == "two scales")
+                distance = model_error(
+                    "links", contact=study.contact_fraction.mean(axis=(1, 2)), decades=decades(study.leakage)
+                )
+                assert_allclose(np.log(links.upper / study.leakage), distance)
+                assert_allclose(np.log(study.leakage / links.lower), distance)
+                assert str(calibration()["links"].scenes) in links.note
+        assert names == {
+            ("links", "whole"): ["solver", "two scales"],
+            ("resolved", "windows"): ["solver", "windows"],
+            ("links", "windows"): ["solver", "two scales", "windows"],
+            ("resolved", "whole"): ["solver"],
+        }
+
+    def test_drawn_seals_have_a_part_of_their_sampler(self, scene):
+        kinds = {"runs": ("runs", "place"), "block": ("block", "place"), "uniform": (None, "uniform")}
+        for kind, (sampler, pressure) in kinds.items():
+            sampling = Sampling(2 * 64e-6, 3, 6, seed=1, sampler=sampler, pressure=pressure)
+            (part,) = (p for p in error_budget(scene, stochastic(scene, (2, 2), sampling)).parts if p.name == "sampler")
+            assert f"'{kind}'" in part.note
+            assert (part.lower < part.upper).all()

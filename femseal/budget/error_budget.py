@@ -7,7 +7,8 @@ from collections.abc import Sequence
 from ..studies import DeterministicResult, Scene, StochasticResult, TwoScaleResult
 from .coarse import CoarserSolution
 from .error_parts import ErrorBudget, ErrorPart
-from .estimates import library_part, realisations_part, solver_part, windows_part
+from .estimates import elements_part, library_part, realisations_part, solver_part
+from .model_parts import sampler_part, two_scales_parts
 from .pixels import pixels_part
 from .removed_waves import filter_part
 
@@ -41,10 +42,12 @@ def error_budget(
         parts.append(pixels_part(scene, leakage, coarse))
     if filtered is not None and octaves > 0:
         parts.append(filter_part(scene, leakage, filtered, octaves))
-    if isinstance(study, TwoScaleResult) and study.element_error is not None:
-        parts.append(windows_part(study))
+    if isinstance(study, TwoScaleResult):
+        if study.element_error is not None:
+            parts.append(elements_part(study))
+        parts += two_scales_parts(study)
     if isinstance(study, StochasticResult):
-        parts += [library_part(study), realisations_part(study)]
+        parts += [library_part(study), realisations_part(study), sampler_part(study)]
     return ErrorBudget(method, leakage, tuple(parts))
 
 

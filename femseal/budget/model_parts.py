@@ -10,26 +10,26 @@ from .conformal import calibration, decades, model_error, sealed_ends
 from .error_parts import ErrorPart
 
 
-def two_scales_parts(study: TwoScaleResult, coverage: float) -> list[ErrorPart]:
+def two_scales_parts(study: TwoScaleResult) -> list[ErrorPart]:
     """Flow through links, and contact solved in windows; none of contact and flow of the whole face."""
     q, parts = study.leakage, []
     if study.flow == "links":
         contact = study.contact_fraction.mean(axis=(1, 2))
-        distance = model_error("links", coverage=coverage, contact=contact, decades=decades(q))
+        distance = model_error("links", contact=contact, decades=decades(q))
         parts.append(_part("two scales", study, q, distance, _told("flow through links", "links")))
     if study.contact == "windows":
         with np.errstate(divide="ignore"):
             effect = np.abs(np.log(study.gap_effect))
-        distance = model_error("windows", coverage=coverage, gap_error=study.gap_error, effect=effect)
+        distance = model_error("windows", gap_error=study.gap_error, effect=effect)
         parts.append(_part("windows", study, q, distance, _told("contact in windows", "windows")))
     return parts
 
 
-def sampler_part(study: StochasticResult, own: Array, coverage: float) -> ErrorPart:
-    """Seals drawn from a face, against a face of their length; `own` distance of library and realisations (steps,)."""
+def sampler_part(study: StochasticResult) -> ErrorPart:
+    """Seals drawn from a face, against a face of their length: what library and realisations leave over."""
     kind = study.pressure if study.pressure != "place" else "runs" if study.sampler == "runs" else "block"
     q = study.quantile(0.5)
-    distance = model_error(kind, coverage=coverage, own=own)
+    distance = model_error(kind, decades=decades(q))
     return _part("sampler", study, q, distance, _told(f"seals drawn by '{kind}'", kind))
 
 

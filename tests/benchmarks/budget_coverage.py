@@ -38,14 +38,12 @@ def coarser(scene, surface, leakage, solve):
     return CoarserSolution(surface.shape, some.steps, found, own)
 
 
-def strip(kind, seed):
-    """A scene by the deterministic method, by links, and with contact in windows; its truth and coarser solutions."""
-    from femseal import deterministic, two_scale
-    from femseal.studies.face_contact import solve_windows
+def whole_face(drawn, cells=None):
+    """A scene by the deterministic method, with what its budget needs, and its truth; windows are cut out for `cells`."""
+    from femseal import deterministic
 
-    drawn = Drawn(kind, seed)
     scene, solutions = drawn.scene(), {}
-    whole = deterministic(scene, cells=drawn.cells)
+    whole = deterministic(scene, cells=cells)
     half = tuple(n // 2 for n in drawn.points)
     solutions["coarse"] = [coarser(scene, scene.surface.resample(half), whole.leakage, deterministic)]
     if drawn.kind == "filtered":
@@ -54,17 +52,25 @@ def strip(kind, seed):
         truth = deterministic(drawn.scene(FINER, filtered=False)).leakage
     else:
         truth = deterministic(drawn.scene(2)).leakage
+    return {"scene": scene, "studies": {"deterministic": whole}, "truth": truth, "solutions": solutions}
+
+
+def strip(kind, seed):
+    """A scene by the deterministic method, by links, and with contact in windows."""
+    from femseal import two_scale
+    from femseal.studies.face_contact import solve_windows
+
+    drawn = Drawn(kind, seed)
+    found = whole_face(drawn, drawn.cells)
+    scene, whole = found["scene"], found["studies"]["deterministic"]
     links = two_scale(scene, drawn.cells, flow="links", solved=whole.windows)
     windows = two_scale(scene, drawn.cells, flow="resolved", solved=solve_windows(scene, drawn.cells, "windows"))
     # a budget needs no fields
-    bare = {"gap": None, "contact_pressure": None, "fluid_pressure": None}
+    bare = {"gap": None, "contact_pressure": None, "fluid_pressure": None, "windows": None}
     few = {"fields": None, "face_fluid_pressure": None, "link_flows": None}
-    studies = {
-        "deterministic": replace(whole, windows=None, **bare),
-        "two scales, links": replace(links, **few),
-        "two scales, windows": replace(windows, **few),
-    }
-    return {"scene": scene, "studies": studies, "truth": truth, "solutions": solutions}
+    studies = {"deterministic": replace(whole, **bare), "two scales, links": replace(links, **few),
+               "two scales, windows": replace(windows, **few)}  # fmt: skip
+    return found | {"studies": studies}
 
 
 def drawn_seals(kind, seed):

@@ -25,12 +25,13 @@ FINER = 4
 class Drawn:
     """A scene of a kind and a seed.
 
-    length : of the face along x2 in breadths.
+    length : of the face along x2 in breadths. side : points along x1, a multiple of 16; drawn unless given.
     """
 
     kind: str
     seed: int
     length: int = 1
+    side: int = 0
 
     @cached_property
     def numbers(self) -> dict:
@@ -46,13 +47,15 @@ class Drawn:
             np.exp(rng.uniform(np.log(0.04), np.log(0.2))),
         )
         steps = int(rng.integers(3, 6))
+        if self.side:
+            points, window = self.side, 16
         loads = np.exp(np.sort(rng.uniform(np.log(0.02), 0.0, steps - 1)))
         return {
             "points": points, "window": window, "hurst": hurst, "slope": slope,
             "hardness": np.inf if elastic else hardness,
             "loading": [*loads, 1.0], "highest": min(highest, 0.4 * hardness) if not elastic else highest,
             "unloading": np.sort(np.exp(rng.uniform(np.log(0.03), np.log(0.8), 2)))[::-1],
-            "roll_off": rng.uniform(0.15, 0.6), "marks": int(rng.integers(5, 11)), "fine": rng.uniform(0.05, 0.3),
+            "roll_off": rng.uniform(0.15, 0.6), "marks": min(int(rng.integers(5, 11)), points // 9), "fine": rng.uniform(0.05, 0.3),
             "stretch": int(rng.choice([3, 6])), "across": bool(rng.random() < 0.5), "count": int(rng.integers(20, 80)),
             "face": int(rng.integers(2**32)),
         }  # fmt: skip
