@@ -1,12 +1,23 @@
 """Model errors by split conformal prediction: the quantile, its coverage, sealed steps, and the packaged calibration set."""
 
 import csv
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from femseal import Liquid, Sampling, Scene, error_budget, self_affine, stochastic, two_scale
+from femseal import (
+    CoarserSolution,
+    Liquid,
+    Sampling,
+    Scene,
+    deterministic,
+    error_budget,
+    self_affine,
+    stochastic,
+    two_scale,
+)
 from femseal.base.errors import InputError
 from femseal.budget.conformal import (
     CALIBRATION,
@@ -17,6 +28,7 @@ from femseal.budget.conformal import (
     model_error,
     sealed_ends,
 )
+from femseal.budget.pixels import load_sensitivity
 from femseal.loads import LoadProgramme
 
 
@@ -59,23 +71,23 @@ class TestCalibrationSet:
         assert len({row["scene"] for row in rows}) >= 60
         assert len({row["surface"] for row in rows}) >= 5
         for kind, scores in found.items():
-            assert scores.scenes >= (60 if kind in ("links", "windows") else 30)
+            assert scores.scenes >= (60 if kind in ("links", "compared links", "windows") else 30)
             assert 0 < scores.quantile(0.95) < np.inf
 
     def test_what_other_parts_hold_is_left_to_them(self, tmp_path):
         """With the other part `own` the band of the whole is as wide as the error."""
         path = tmp_path / "set.csv"
-        lines = [f"runs,turned,turned {n},0,0.5,0.3,0.0,,," for n in range(19)]
-        head = "method,surface,scene,step,log_ratio,own,decades,contact,gap_error,effect"
+        lines = [f"runs,turned,turned {n},0,0.5,0.3,0.0,,,,," for n in range(19)]
+        head = "method,surface,scene,step,log_ratio,own,decades,contact,gap_error,effect,difference,slope"
         path.write_text("\n".join([head, *lines]) + "\n", encoding="utf-8")
         width = calibration(path)["runs"].quantile(0.95) * DIFFICULTIES["runs"]({"decades": np.zeros(1)})
         assert_allclose(np.hypot(width, 0.3), 0.5)
 
     def test_steps_sealed_by_the_method_are_left_out_and_open_ones_whose_truth_is_sealed_are_misses(self, tmp_path):
         path = tmp_path / "set.csv"
-        head = "method,surface,scene,step,log_ratio,own,decades,contact,gap_error,effect"
+        head = "method,surface,scene,step,log_ratio,own,decades,contact,gap_error,effect,difference,slope"
         lines = [
-            f"links,turned,turned {n},0,{ratio},,0.0,0.1,," for n, ratio in enumerate(["-inf", "inf", *["0.1"] * 19])
+            f"links,turned,turned {n},0,{ratio},,0.0,0.1,,,," for n, ratio in enumerate(["-inf", "inf", *["0.1"] * 19])
         ]
         path.write_text("\n".join([head, *lines]) + "\n", encoding="utf-8")
         scores = calibration(path)["links"]
@@ -132,7 +144,7 @@ def test_decades_are_below_the_first_load():
 
 
 class TestPartsOfABudget:
-    @pytest.fixture(scope="class")
+    @pytest.fixture
     def scene(self):
         face = self_affine((64, 64), (64e-6, 64e-6), hurst=0.8, rms_slope=0.2, roll_off=16e-6, cut_off=8e-6, rng=3)
         return Scene(
@@ -160,6 +172,20 @@ class TestPartsOfABudget:
             ("links", "windows"): ["solver", "two scales", "windows"],
             ("resolved", "whole"): ["solver"],
         }
+
+    def test_links_compared_with_the_whole_face_on_fewer_points_have_a_narrower_band(self, scene):
+        study = two_scale(scene, (4, 4), flow="links")
+        coarse = replace(scene, surface=scene.surface.resample((32, 32)))
+        links, whole = two_scale(coarse, (4, 4), flow="links").leakage, deterministic(coarse).leakage
+        alone, told = (
+            {part.name: part for part in error_budget(scene, study, compared=compared).parts}["two scales"]
+            for compared in (None, CoarserSolution((32, 32), scene.steps, whole, links))
+        )
+        slope = np.maximum(load_sensitivity(scene.steps, study.leakage), 1.0)
+        distance = model_error("compared links", difference=np.abs(np.log(links / whole)), slope=slope)
+        assert_allclose(np.log(told.upper / study.leakage), distance)
+        assert (told.upper < alone.upper).all()
+        assert "32 × 32 points" in told.note
 
     def test_drawn_seals_have_a_part_of_their_sampler(self, scene):
         kinds = {"runs": ("runs", "place"), "block": ("block", "place"), "uniform": (None, "uniform")}

@@ -43,6 +43,10 @@ def _links(f: Features) -> Array:
     return 0.1 + f["contact"] + 0.1 * np.maximum(f["decades"], 0.0)
 
 
+def _compared_links(f: Features) -> Array:
+    return np.hypot(np.minimum(f["difference"], _MOST), 0.02 * np.maximum(f["slope"], 1.0))
+
+
 def _windows(f: Features) -> Array:
     return np.sqrt(0.0003**2 + f["gap_error"] ** 2 + np.minimum(f["effect"], _MOST) ** 2)
 
@@ -53,9 +57,11 @@ def _drawn(f: Features) -> Array:
 
 #: Difficulty of a step by the kind of method: the size of the error to be expected, up to a factor, from what is known
 #: without the truth. contact : share in contact. decades : below the leakage of the first load. gap_error, effect : see
-#: `TwoScaleResult`, effect as |ln|.
+#: `TwoScaleResult`, effect as |ln|. difference : |ln| of the leakage by links over that of the whole face, on fewer points
+#: both. slope : |d ln(leakage) / d ln(load)|.
 DIFFICULTIES: dict[str, Callable[[Features], Array]] = {
     "links": _links,
+    "compared links": _compared_links,
     "windows": _windows,
     "runs": _drawn,
     "block": _drawn,

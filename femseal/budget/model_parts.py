@@ -6,22 +6,39 @@ import numpy as np
 
 from ..studies import StochasticResult, TwoScaleResult
 from ..studies.scene import Array
+from .coarse import CoarserSolution, on_all_steps
 from .conformal import calibration, decades, model_error, sealed_ends
 from .error_parts import ErrorPart
+from .pixels import load_sensitivity
 
 
-def two_scales_parts(study: TwoScaleResult) -> list[ErrorPart]:
-    """Flow through links, and contact solved in windows; none of contact and flow of the whole face."""
+def two_scales_parts(study: TwoScaleResult, compared: CoarserSolution | None = None) -> list[ErrorPart]:
+    """Flow through links, and contact solved in windows; none of contact and flow of the whole face.
+
+    Parameters
+    ----------
+    compared : leakage of the whole face on fewer points against that of the study's own method there.
+    """
     q, parts = study.leakage, []
-    if study.flow == "links":
+    if study.flow == "links" and compared is not None:
+        difference = np.abs(on_all_steps(study.steps, compared, q))
+        distance = model_error("compared links", difference=difference, slope=load_sensitivity(study.steps, q))
+        points = " × ".join(map(str, compared.points))
+        text = f"flow through links against that of the whole face on {points} points"
+        parts.append(_part("two scales", study, q, distance, _told(text, "compared links")))
+    elif study.flow == "links":
         contact = study.contact_fraction.mean(axis=(1, 2))
         distance = model_error("links", contact=contact, decades=decades(q))
-        parts.append(_part("two scales", study, q, distance, _told("flow through links", "links")))
+        parts.append(
+            _part("two scales", study, q, distance, _told("flow through links against that of the whole face", "links"))
+        )
     if study.contact == "windows":
         with np.errstate(divide="ignore"):
             effect = np.abs(np.log(study.gap_effect))
         distance = model_error("windows", gap_error=study.gap_error, effect=effect)
-        parts.append(_part("windows", study, q, distance, _told("contact in windows", "windows")))
+        parts.append(
+            _part("windows", study, q, distance, _told("contact in windows against that of the whole face", "windows"))
+        )
     return parts
 
 
@@ -30,7 +47,7 @@ def sampler_part(study: StochasticResult) -> ErrorPart:
     kind = study.pressure if study.pressure != "place" else "runs" if study.sampler == "runs" else "block"
     q = study.quantile(0.5)
     distance = model_error(kind, decades=decades(q))
-    return _part("sampler", study, q, distance, _told(f"seals drawn by '{kind}'", kind))
+    return _part("sampler", study, q, distance, _told(f"seals drawn by '{kind}' against long faces", kind))
 
 
 def _part(name: str, study: TwoScaleResult | StochasticResult, q: Array, distance: Array, note: str) -> ErrorPart:
@@ -40,4 +57,4 @@ def _part(name: str, study: TwoScaleResult | StochasticResult, q: Array, distanc
 
 
 def _told(what: str, kind: str) -> str:
-    return f"{what} against the face in full, by split conformal prediction from {calibration()[kind].scenes} scenes"
+    return f"{what}: by split conformal prediction from {calibration()[kind].scenes} scenes"

@@ -16,7 +16,7 @@ from .pixels import load_sensitivity
 
 #: Effect of an octave of waves on ln(leakage) over that of the next longer one.
 DECAY = 0.7
-#: Error over the effect of the shortest octave, carried on. Measured on 26 faces that had lost two octaves, at the loads
+#: Error over the effect of the shortest octave, carried on. Measured on 26 faces that had lost two octaves, at loads
 #: that leak more than 1e-3 of the first: 0.78 holds 95 of 100 errors.
 SAFETY = 0.8
 
@@ -37,8 +37,8 @@ def filter_part(scene: Scene, leakage: Array, filtered: CoarserSolution, octaves
     typical = float(np.mean(shifts[np.isfinite(shifts)])) if np.isfinite(shifts).any() else 0.0
     distance = SAFETY * terms * np.hypot(change, typical * slope)
     note = (
-        f"change of ln(leakage) without the shortest octave of waves, at the step and on average over the cycle, carried "
-        f"on over {octaves:.2g} removed octaves with a factor of {DECAY:g} for each"
+        "change of ln(leakage) without the shortest octave of waves, at the step and on average over the cycle, "
+        f"carried on over {octaves:.2g} removed octaves with a factor of {DECAY:g} for each"
     )
     q = np.abs(np.asarray(leakage, dtype=float))
     part = ErrorPart.of("filter", leakage, distance, distance, note)

@@ -18,7 +18,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from calibration import LENGTH, LONG_KINDS, piece_of
+from calibration import LENGTH, LONG_KINDS, compared_links, piece_of
 from common import machine, rows, save_report
 from drawn_scenes import FINER, HELD_OUT, KINDS, PIXEL, Drawn
 
@@ -70,7 +70,8 @@ def strip(kind, seed):
     few = {"fields": None, "face_fluid_pressure": None, "link_flows": None}
     studies = {"deterministic": replace(whole, **bare), "two scales, links": replace(links, **few),
                "two scales, windows": replace(windows, **few)}  # fmt: skip
-    return found | {"studies": studies}
+    solutions = found["solutions"] | {"compared": compared_links(drawn, scene, links.leakage)}
+    return found | {"studies": studies, "solutions": solutions}
 
 
 def drawn_seals(kind, seed):

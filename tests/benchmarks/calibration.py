@@ -31,7 +31,8 @@ SAMPLERS = {
     "global": (None, "global"),
     "uniform": (None, "uniform"),
 }
-COLUMNS = ("method", "surface", "scene", "step", "log_ratio", "own", "decades", "contact", "gap_error", "effect")
+COLUMNS = ("method", "surface", "scene", "step", "log_ratio", "own", "decades", "contact", "gap_error", "effect",
+           "difference", "slope")  # fmt: skip
 
 
 def log_ratio(leakage, truth):
@@ -52,9 +53,23 @@ def rows_of(method, drawn, steps, leakage, truth, **features):
             yield row
 
 
+def compared_links(drawn, scene, leakage):
+    """The whole face on half the points against links on these, at the steps that a run takes."""
+    from femseal import CoarserSolution, deterministic, two_scale
+    from femseal.budget import at_some_steps
+
+    half = scene.surface.resample(tuple(n // 2 for n in drawn.points))
+    some = replace(at_some_steps(scene, leakage), surface=half)
+    whole = deterministic(some, cells=drawn.cells)
+    links = two_scale(some, drawn.cells, flow="links", solved=whole.windows)
+    return CoarserSolution(half.shape, some.steps, whole.leakage, links.leakage)
+
+
 def compared(task):
     """Rows of a scene whose truth is its own deterministic solution."""
     from femseal import deterministic, two_scale
+    from femseal.budget.coarse import on_all_steps
+    from femseal.budget.pixels import load_sensitivity
     from femseal.studies.face_contact import solve_windows
 
     drawn = Drawn(task["kind"], task["seed"])
@@ -62,7 +77,10 @@ def compared(task):
     whole = deterministic(scene, cells=drawn.cells)
     steps, q = scene.steps, whole.leakage
     links = two_scale(scene, drawn.cells, flow="links", solved=whole.windows)
+    compared = compared_links(drawn, scene, links.leakage)
     rows = list(rows_of("links", drawn, steps, links.leakage, q, contact=links.contact_fraction.mean(axis=(1, 2))))
+    rows += rows_of("compared links", drawn, steps, links.leakage, q, slope=load_sensitivity(steps, links.leakage),
+                    difference=np.abs(on_all_steps(steps, compared, links.leakage)))  # fmt: skip
     windows = two_scale(scene, drawn.cells, flow="resolved", solved=solve_windows(scene, drawn.cells, "windows"))
     rows += rows_of("windows", drawn, steps, windows.leakage, q, gap_error=windows.gap_error,
                     effect=np.abs(np.log(windows.gap_effect)))  # fmt: skip
