@@ -4,6 +4,7 @@ A budget belongs to one study of one scene: `error_budget` gathers the estimates
 combines them to one band (`error_parts.py`). All distances are of ln(leakage): near closing, errors are factors.
 """
 
+from .all_steps import at_interpolated_steps
 from .coarse import CoarserSolution, at_some_steps, coarser_points
 from .error_budget import error_budget, method_of
 from .error_parts import ErrorBudget, ErrorPart
@@ -14,6 +15,7 @@ __all__ = [
     "ErrorBudget",
     "ErrorPart",
     "GridConvergence",
+    "at_interpolated_steps",
     "at_some_steps",
     "coarser_points",
     "error_budget",

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     import xarray
 
 #: Sources of error in the order in which they are told.
-SOURCES = ("solver", "pixels", "filter", "windows", "two scales", "sampler", "library", "realisations")
+SOURCES = ("solver", "pixels", "filter", "windows", "two scales", "sampler", "library", "realisations", "loads")
 #: Method of every leakage in the dataset, and its name in the variables of its budget.
 BUDGETED = {"median": "stochastic", "two-scale": "two_scale", "deterministic": "deterministic"}
 

@@ -14,6 +14,7 @@ from ..base.quantities import to_text
 from ..base.text import comma_separated
 from .branches import branch_text
 from .error_bands import BUDGETED
+from .interpolated import solved_steps
 from .variables import name_with_unit
 
 if TYPE_CHECKING:
@@ -23,6 +24,8 @@ if TYPE_CHECKING:
     from ..base.leak_units import LeakUnit
     from .results import Results
 
+#: Mark of a leakage that is interpolated between loads.
+INTERPOLATED = "≈"
 #: Length of a heading in the terminal beyond which it is broken between words.
 _HEADING = 10
 #: Width of the first column in the terminal.
@@ -83,7 +86,7 @@ def texts(results: Results) -> tuple[str, list[str], list[list[str]]]:
     columns: list[tuple[str, Iterable[str]]] = [
         ("branch", (branch_text(float(peak)) for peak in data["unloaded_from"].values)),
         ("pressure", (to_text(float(p), "Pa") for p in data["nominal_pressure"].values)),
-        (best.attrs.get("heading", results.method), _cells(best, factor)),
+        (best.attrs.get("heading", results.method), _marked(_cells(best, factor), data)),
     ]
     if "leakage_lower" in data:
         share = "–".join(f"{100 * data[name].attrs['quantile']:g}" for name in ("leakage_lower", "leakage_upper"))
@@ -166,6 +169,12 @@ def _cells(variable: xarray.DataArray, factor: float) -> list[str]:
     if unit == "1":
         return [_percent(value) for value in variable.values]
     return [to_text(float(value), unit, 3) for value in variable.values]
+
+
+def _marked(cells: list[str], data: xarray.Dataset) -> list[str]:
+    """Cells of all steps, with a mark at those that are interpolated."""
+    solved = solved_steps(data)
+    return [cell if s in solved else f"{INTERPOLATED} {cell}" for s, cell in enumerate(cells)]
 
 
 def rich_table(results: Results) -> Table:

@@ -81,6 +81,8 @@ def describe(case: Case, prepared: Prepared) -> list[str]:
     highest = to_text(max((*scene.loading, *scene.unload_from)), "Pa", 3)
     if case.load.unit != "Pa":
         highest += f", from {to_text(case.load.highest, case.load.unit)}"
+    if case.load.interpolate is not None:
+        highest += f"; at most: those that {100 * case.load.interpolate:.3g} % allows are interpolated"
     lines.append(_line("load", f"{steps} states: {steps - down} loading{unloading}, up to {highest}"))
     lines.append(_line("flow", f"discretisation {scene.discretisation}, solver {scene.solver}"))
     lines += _gas_lines(scene)

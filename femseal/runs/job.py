@@ -31,11 +31,12 @@ from ..studies import (
     two_scale,
 )
 from . import checkpoint
-from .attempts import Reached, reach
+from .attempts import Reached, Solve, reach
 from .budgeted import budgets_of
 from .case import Case, load_case
 from .case_faces import FileFace
 from .checkpoint import Checkpoint
+from .chosen_loads import solve_chosen
 from .executor import ordered_map
 from .finished import finished_results
 from .forecast import refuse_too_large
@@ -111,8 +112,9 @@ def run(
 
         def found_or_computed(mapper: Mapper, prepared: Prepared) -> Mapper:
             common = shared
-            # attempts have windows in common, but no faces
-            if common is None and case.accuracy is not None and prepared.answer != "deterministic":
+            # attempts have windows in common, but no faces; loads that are added the states before
+            attempts = case.accuracy is not None and prepared.answer != "deterministic"
+            if common is None and (attempts or case.load.interpolate is not None):
                 common = stack.enter_context(TemporaryDirectory())
             return mapper if common is None else SharedStages(Path(common)).over(mapper)
 
@@ -184,6 +186,11 @@ def _run(case: Case, prepared: Prepared, faces: dict[str, str], mapper: Mapper, 
     if case.accuracy is not None:
         reached = _reached(case, prepared, mapper, progress, timings)
         prepared, studies[prepared.answer.replace("-", "_")] = reached.prepared, reached.study
+    whole = prepared.scene
+    if case.load.interpolate is not None:
+        answer = _solving(case, mapper, progress, timings)
+        prepared, study = solve_chosen(prepared, case.load.interpolate, answer)
+        studies[prepared.answer.replace("-", "_")] = study
     scene = prepared.scene
     # the cheapest route that the comparison needs comes first, the answer last
     for method in ("deterministic", "two-scale", "stochastic"):
@@ -225,6 +232,8 @@ def _run(case: Case, prepared: Prepared, faces: dict[str, str], mapper: Mapper, 
         warnings=prepared.warnings if reached is None else (*prepared.warnings, *reached.warnings),
         leakage_filtered=filtered,
         test=test,
+        whole=whole,
+        interpolated_within=case.load.interpolate or 0.0,
         **case.output.model_dump(include={"leakage_unit", "classes", "nominal_diameter", "throughput_temperature"}),
     )
     results.dataset.attrs["face_files"] = json.dumps(faces)
@@ -238,13 +247,18 @@ def _run(case: Case, prepared: Prepared, faces: dict[str, str], mapper: Mapper, 
 
 def _reached(case: Case, prepared: Prepared, mapper: Mapper, progress: Progress, timings: dict[str, float]) -> Reached:
     """Attempts at the accuracy that the case asks for; what they have in common is computed once."""
+    return reach(case, prepared, _solving(case, mapper, progress, timings), mapper)
+
+
+def _solving(case: Case, mapper: Mapper, progress: Progress, timings: dict[str, float]) -> Solve:
+    """Solve the study of the answer of a prepared case under a name."""
 
     def solve(prepared: Prepared, name: str) -> Any:
         with _timed(name, progress, timings):
             watched = watching(mapper, name, progress, timings)
             return study_of(prepared.answer, case, prepared, prepared.scene, None, watched)
 
-    return reach(case, prepared, solve, mapper)
+    return solve
 
 
 def _of_test_fluid(

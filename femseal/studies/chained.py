@@ -15,6 +15,7 @@ from ..scales import Failed, Partition, RunFlows, SolverCounts, attempt
 from ..scales.window_fields import WindowFields
 from ..seal import RectangularSeal
 from .element_face import columns_of_face
+from .equal_states import first_equal, map_different
 from .scene import Array, Scene
 
 #: Columns of a run as shares of those of the face, the first of which is taken by which the cuts matter less than the
@@ -95,7 +96,7 @@ def runs_of_face(
     lengths = tuple(sorted({max(1, min(m2 // share, columns)) for share in RUN_SHARES}))
     solve = partial(attempt, StateRuns.of, partition=fields.partition, lengths=lengths, drop=drop)
     stage = Stage("runs of columns", solve)
-    return list(mapper(stage, fields.gap))
+    return list(map_different(mapper, stage, fields.gap, first_equal(fields.gap, fields.steps)))
 
 
 def chained_seals(

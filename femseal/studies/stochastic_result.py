@@ -37,7 +37,8 @@ class StochasticResult(Shown):
     sampler, pressure : how they were drawn, and the source of their windows, see `Sampling`.
     median_seal : fields of the realisation nearest to the median; None of very large seals, and without leakage.
     failures : reasons of values that are NaN or left out. warnings : reasons to doubt the result.
-    solvers : number of systems by solver, of library windows and of drawn seals.
+    solvers : number of systems by solver, of library windows and of drawn seals. equal_steps : number of steps that are
+        an earlier one again, solved once.
     """
 
     steps: LoadProgramme
@@ -68,6 +69,7 @@ class StochasticResult(Shown):
     failures: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
     solvers: SolverCounts = field(default_factory=SolverCounts)
+    equal_steps: int = 0
 
     def quantile(self, q: float, *, resampled: bool = False) -> Array:
         """Quantile over the realisations that did not fail, at every step [m²/s]; NaN where all failed.
