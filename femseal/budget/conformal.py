@@ -57,8 +57,8 @@ def _drawn(f: Features) -> Array:
 
 #: Difficulty of a step by the kind of method: the size of the error to be expected, up to a factor, from what is known
 #: without the truth. contact : share in contact. decades : below the leakage of the first load. gap_error, effect : see
-#: `TwoScaleResult`, effect as |ln|. difference : |ln| of the leakage by links over that of the whole face, on fewer points
-#: both. slope : |d ln(leakage) / d ln(load)|.
+#: `TwoScaleResult`, effect as |ln|. difference : |ln| of the leakage by links over that of the whole face, on fewer
+#: points both. slope : |d ln(leakage) / d ln(load)|.
 DIFFICULTIES: dict[str, Callable[[Features], Array]] = {
     "links": _links,
     "compared links": _compared_links,
