@@ -5,7 +5,7 @@ combines them to one band (`error_parts.py`). All distances are of ln(leakage): 
 """
 
 from .all_steps import at_interpolated_steps
-from .coarse import CoarserSolution, at_some_steps, coarser_points
+from .coarse import CoarserSolution, at_some_steps, change_of_windows, coarser_points
 from .error_budget import error_budget, method_of
 from .error_parts import ErrorBudget, ErrorPart
 from .grid_convergence import GridConvergence, grid_convergence
@@ -17,6 +17,7 @@ __all__ = [
     "GridConvergence",
     "at_interpolated_steps",
     "at_some_steps",
+    "change_of_windows",
     "coarser_points",
     "error_budget",
     "grid_convergence",

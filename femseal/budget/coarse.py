@@ -8,6 +8,7 @@ from math import ceil
 import numpy as np
 
 from ..loads import LoadProgramme
+from ..scales import LibraryTable
 from ..studies.scene import Array, Scene
 
 #: Points a side of the coarser grid over those of the scene.
@@ -89,6 +90,27 @@ def on_all_steps(steps: LoadProgramme, coarse: CoarserSolution, leakage: Array) 
         for n, x in zip(others, _log_loads(steps, others), strict=True):
             found[n] = _straight(float(x), at, found[known])
     return found
+
+
+def change_of_windows(own: LibraryTable, other: LibraryTable, steps: LoadProgramme) -> Array:
+    """Change of ln(leakage) at steps from the windows of a library to the same windows solved otherwise (steps,).
+
+    It is the median change of ln(k) of the windows that are open in both, on loading at the nominal pressure; NaN where
+    all are closed.
+    """
+    count = min(len(own.k), len(other.k))
+    logs = []
+    for table in (own, other):
+        on_loading = table.steps.on_loading
+        at = np.log(np.maximum(table.steps.pressures[on_loading], 1e-300))
+        with np.errstate(divide="ignore"):
+            ln_k = np.log(table.k[:count, on_loading])
+        wanted = np.log(np.maximum(steps.pressures, 1e-300))
+        with np.errstate(invalid="ignore"):
+            logs.append(np.array([np.interp(wanted, at, row) for row in ln_k]))
+    change = logs[1] - logs[0]
+    finite = [column[np.isfinite(column)] for column in change.T]
+    return np.array([float(np.median(column)) if column.size else np.nan for column in finite])
 
 
 def _log_loads(steps: LoadProgramme, places: list[int]) -> Array:

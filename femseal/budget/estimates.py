@@ -12,15 +12,18 @@ from .pixels import load_sensitivity
 
 #: Share of the cases that a band holds, and the number of standard deviations of a normal number for it.
 COVERAGE, DEVIATIONS = 0.95, 1.96
+#: Change of ln(leakage) by the residual of the contact, over this and the slope of ln(leakage) over ln(load), at least
+#: 1. Measured on 24 faces at residuals of 1e-2 to 1e-6: 0.04 holds 95 of 100 changes, and 0.5 all of them.
+_RESIDUAL = 0.5
 #: Change of ln(leakage) by the residual of the flow, which is solved to 1e-6 of its energy.
 _FLOW = 1e-6
 
 
 def solver_part(scene: Scene, leakage: Array) -> ErrorPart:
-    """Residuals of contact and flow: the contact carries the load within its residual."""
-    slope = np.abs(load_sensitivity(scene.steps, leakage))
-    distance = scene.rtol * np.maximum(slope, 1.0) + _FLOW
-    note = f"contact residual {scene.rtol:.0e} as a share of the load, by the slope of ln(leakage) over ln(load)"
+    """Residuals of contact and flow: that of the contact acts as a change of the load."""
+    slope = load_sensitivity(scene.steps, leakage)
+    distance = _RESIDUAL * scene.rtol * np.maximum(slope, 1.0) + _FLOW
+    note = f"contact residual {scene.rtol:.0e} as a change of the load, by the slope of ln(leakage) over ln(load)"
     return ErrorPart.of("solver", leakage, distance, distance, note)
 
 
@@ -33,9 +36,14 @@ def elements_part(study: TwoScaleResult) -> ErrorPart:
 
 
 def library_part(study: StochasticResult) -> ErrorPart:
-    """Finite library: scatter of seals from resampled libraries."""
+    """Finite library: scatter of seals from resampled libraries.
+
+    It is the difference of two variances of as many seals; it counts at least as half of its standard error.
+    """
     median = study.quantile(0.5)
-    distance = DEVIATIONS * study.library_error
+    own, error = study.realisation_spread**2, study.library_error**2
+    noise = np.sqrt(2 / max(len(study.leakage) - 1, 1)) * np.hypot(own, own + error)
+    distance = DEVIATIONS * np.sqrt(np.maximum(error, 0.5 * noise))
     note = "1.96 standard deviations of ln(leakage) between libraries drawn with repetition from the library"
     part = ErrorPart.of("library", median, distance, distance, note)
     # too few leak to have a deviation

@@ -14,7 +14,7 @@ from ..results import seal_lengths, wanted_accuracy
 from ..results.netcdf import FILE_NAME, open_results, unfit
 from ..results.results import Results
 from ..results.tables import texts, totals
-from . import class_words
+from . import budget_words, class_words
 from . import pictures as pictures
 from . import words as words
 from .design_section import design_section
@@ -119,6 +119,11 @@ def _content(results: Results, drawings: pictures.Drawings) -> dict[str, Any]:
         "maps": [],
         "drop": None,
         "drop_sentences": [],
+        "budget": {
+            "sentences": budget_words.budget_sentences(results),
+            "heads": budget_words.budget_heads(results),
+            "lines": budget_words.budget_lines(results),
+        },
         "scatter": words.scatter_lines(results),
         "checks": words.check_lines(results),
         "attempts": None if results.attempts is None else wanted_accuracy.section(results.attempts),

@@ -122,6 +122,8 @@ def leakage_picture(results: Results, drawings: Drawings) -> Picture:
     caption = "Leakage against nominal pressure, one line and marker for each branch of the load cycle."
     if "leakage_lower_together" in results.dataset:
         caption += " Shaded: band of the realisations, and lighter that with the error of the finite library besides."
+    if results.budget is not None:
+        caption += " Bars: band of error, which holds the truth in about 95 of 100 cases."
     return Picture(_uri(drawings["leakage"].whole), alt, caption)
 
 

@@ -56,3 +56,17 @@ def budgets_in(data: xarray.Dataset) -> dict[str, ErrorBudget]:
         leakage = data[leakages.get(method, f"leakage_{method}")].values
         found[method] = ErrorBudget(method.replace("_", "-"), leakage, made)
     return found
+
+
+def half_width_text(width: float) -> str:
+    """A half-width of ln(leakage) as a share, or as a factor where it is large.
+
+    >>> half_width_text(0.0953), half_width_text(1.5), half_width_text(0.0), half_width_text(float("inf"))
+    ('10 %', '× 4.5', '0', 'open or sealed')
+    """
+    if np.isnan(width):
+        return "unknown"
+    if np.isinf(width):
+        return "open or sealed"
+    share = float(np.expm1(width))
+    return "0" if share == 0 else f"{100 * share:.2g} %" if share < 1 else f"× {1 + share:.2g}"

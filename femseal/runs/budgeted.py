@@ -11,7 +11,15 @@ from typing import Any
 import numpy as np
 
 from ..base.errors import FemsealError, InputError
-from ..budget import CoarserSolution, ErrorBudget, at_some_steps, coarser_points, error_budget
+from ..budget import (
+    CoarserSolution,
+    ErrorBudget,
+    at_some_steps,
+    change_of_windows,
+    coarser_points,
+    error_budget,
+)
+from ..scales import LadderLibrary
 from ..studies import Scene, StochasticResult
 from ..studies.scene import Array
 from .preparation import Prepared, coarser
@@ -19,6 +27,9 @@ from .preparation import Prepared, coarser
 log = logging.getLogger("femseal")
 #: Realisations of drawn seals that are drawn again on the coarser grid; both are compared seal by seal.
 COARSE_REALISATIONS = 8
+#: Share of the windows of a library that are solved again on the coarser grid, and the least number of them; they are
+#: compared window by window.
+COARSE_WINDOWS, LEAST_WINDOWS = 0.25, 4
 #: Pixels to the shortest wave from which on a grid of a quarter of the points a side carries the waves too.
 THIRD_GRID_PIXELS = 16.0
 #: Octaves of removed waves from which on they matter.
@@ -74,10 +85,14 @@ def leakage_of(study: Any) -> Array:
 def route(prepared: Prepared, name: str) -> str:
     """Method that has the same contact and flow as a study on a coarser grid, by its name in results.
 
-    The deterministic one stands for two scales whose contact and flow are those of the whole face.
+    The deterministic one stands for two scales whose contact and flow are those of the whole face, and for seals drawn
+    as runs of it.
     """
-    whole = prepared.contact == "whole" and prepared.flow != "links"
-    return "deterministic" if name == "two_scale" and whole else name
+    whole = prepared.contact == "whole"
+    if name == "two_scale" and whole and prepared.flow != "links":
+        return "deterministic"
+    runs = prepared.sampling is not None and prepared.sampling.sampler == "runs"
+    return "deterministic" if name == "stochastic" and whole and runs else name
 
 
 def coarser_grids(prepared: Prepared, leakage: Array | None = None) -> list[Prepared]:
@@ -132,8 +147,18 @@ def _reduced(prepared: Prepared, scene: Scene) -> Prepared:
     """The same input for a coarser scene: each method by its route, with few realisations."""
     sampling = prepared.sampling
     if sampling is not None:
-        fewer = min(COARSE_REALISATIONS, sampling.realisations)
-        sampling = replace(sampling, realisations=fewer, width=None, bounds=False, other_lengths=(), library=None)
+        fewer, windows = min(COARSE_REALISATIONS, sampling.realisations), sampling.library_cells
+        if sampling.pressure != "place":
+            fewer, windows = 2, min(windows, max(LEAST_WINDOWS, round(COARSE_WINDOWS * windows)))
+        sampling = replace(
+            sampling,
+            realisations=fewer,
+            library_cells=windows,
+            width=None,
+            bounds=False,
+            other_lengths=(),
+            library=None,
+        )
     names = (method.replace("-", "_") for method in prepared.methods)
     methods = frozenset(route(prepared, name).replace("_", "-") for name in names)
     return replace(prepared, scene=scene, sampling=sampling, methods=methods, filtered=None)
@@ -157,9 +182,15 @@ def _against(study: Any, coarse: Prepared, found: Any) -> CoarserSolution:
     steps = coarse.scene.steps
     if found is None:
         return CoarserSolution(points, steps, np.full(len(steps), np.nan))
-    against = None
-    if isinstance(study, StochasticResult):
-        places = [study.steps.index(step) for step in steps]
-        drawn = study.leakage[: len(found.leakage), places]
-        against = replace(study, leakage=drawn).quantile(0.5)
-    return CoarserSolution(points, steps, leakage_of(found), against)
+    if not isinstance(study, StochasticResult):
+        return CoarserSolution(points, steps, leakage_of(found))
+    places = [study.steps.index(step) for step in steps]
+    if not isinstance(found, StochasticResult):
+        assert study.leakage_of_face is not None
+        return CoarserSolution(points, steps, found.leakage, study.leakage_of_face[places])
+    if isinstance(study.library, LadderLibrary):
+        own = study.quantile(0.5)[places]
+        change = change_of_windows(study.library.curves, found.library.curves, steps)
+        return CoarserSolution(points, steps, own * np.exp(change), own)
+    drawn = replace(study, leakage=study.leakage[: len(found.leakage), places])
+    return CoarserSolution(points, steps, found.quantile(0.5), drawn.quantile(0.5))

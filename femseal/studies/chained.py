@@ -68,6 +68,7 @@ class ChainedSeals:
     closed, held : with closed cuts between runs, and with all cuts held at one profile of the fluid pressure.
     resampled : as many more realisations, each from runs that are drawn with repetition from those of the face.
     columns : columns of windows of the seal. length : those of a run.
+    of_face : leakage per length of the face itself, uncut (steps,) [m²/s].
     starts : first columns of the runs on the face. seed : of the random numbers.
     warnings : reasons to doubt the result.
     """
@@ -76,6 +77,7 @@ class ChainedSeals:
     closed: Array
     held: Array
     resampled: Array
+    of_face: Array
     columns: int
     length: int
     starts: NDArray[np.int64]
@@ -112,9 +114,11 @@ def chained_seals(
     runs = max(1, round(columns / length))
     starts = solved[0].starts if solved else np.zeros(1, np.int64)
     value, closed, held = np.full((3, starts.size, len(flows)), np.nan)
+    whole = np.full(len(flows), np.nan)
     for s, flow in enumerate(flows):
         if flow is not None:
             value[:, s], closed[:, s], held[:, s] = flow.value, flow.closed, flow.held
+            whole[s] = flow.whole
     size = partition.shape[0] * partition.spacing[0], length * partition.window_size[1]
     # leakage per length of a run of conductance 1 m³, and so of a seal whose runs have the mean conductance 1 m³
     unit = scene.leakage(RectangularSeal(size, (1, 1)), size[0] / size[1]).per_length
@@ -132,6 +136,7 @@ def chained_seals(
         closed=per_length * drawn @ closed,
         held=per_length * drawn @ held,
         resampled=per_length * again @ value,
+        of_face=unit * whole,
         columns=runs * length,
         length=length,
         starts=starts,

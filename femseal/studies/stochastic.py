@@ -190,6 +190,7 @@ def _of_runs(
         leakage_resampled=drawn.resampled,
         leakage_closed_cuts=drawn.closed,
         leakage_held_cuts=drawn.held,
+        leakage_of_face=drawn.of_face,
         median_seal=None if chosen is None else median_chain(chosen, **shown, pressure=pressure),
         failures=tuple(
             f"runs, {step.name}: {state.reason}"

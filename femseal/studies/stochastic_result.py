@@ -32,6 +32,7 @@ class StochasticResult(Shown):
     leakage_closed_cuts, leakage_held_cuts : of the realisations in `leakage`, with the cuts between runs of columns
         closed, and held at one profile of the fluid pressure; None unless the sampler is "runs". The leakage of a chain
         of these runs lies between them.
+    leakage_of_face : of the face itself, whose runs they are; None unless the sampler is "runs".
     other_lengths : seals of the other lengths that were asked for, drawn from the same library; the same realisation of
         a longer seal begins with that of a shorter one.
     sampler, pressure : how they were drawn, and the source of their windows, see `Sampling`.
@@ -61,6 +62,10 @@ class StochasticResult(Shown):
     )
     leakage_held_cuts: Array | None = field(
         default=None, metadata=labels("m^2/s", "leakage per unit seal length, cuts held", "realisation", "step")
+    )
+    leakage_of_face: Array | None = field(
+        default=None,
+        metadata=labels("m^2/s", "leakage per unit seal length, of the face that the runs are of", "step"),
     )
     other_lengths: tuple[StochasticResult, ...] = field(default=(), repr=False)
     sampler: str = "history"
