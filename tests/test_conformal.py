@@ -1,12 +1,14 @@
 """Model errors by split conformal prediction: the quantile, its coverage, sealed steps, and the packaged calibration set."""
 
 import csv
+import tomllib
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
+import femseal as fs
 from femseal import (
     CoarserSolution,
     Liquid,
@@ -30,6 +32,7 @@ from femseal.budget.conformal import (
 )
 from femseal.budget.pixels import load_sensitivity
 from femseal.loads import LoadProgramme
+from femseal.runs.case import parse_case
 
 
 class TestQuantile:
@@ -194,3 +197,20 @@ class TestPartsOfABudget:
             (part,) = (p for p in error_budget(scene, stochastic(scene, (2, 2), sampling)).parts if p.name == "sampler")
             assert f"'{kind}'" in part.note
             assert (part.lower < part.upper).all()
+
+    def test_a_run_compares_links_with_the_whole_face_on_its_coarser_grid(self, scene):
+        """By the solutions that it needs for the pixels anyway, and the deterministic one beside them."""
+        text = """
+            title = "links"
+            method = "two-scale"
+            seed = 1
+            face = {kind = "self-affine", points = [64, 64], size = ["60 um", "60 um"], rms_slope = 0.2}
+            material = {young = "210 GPa", hardness = "3 GPa"}
+            load = {loading = ["100 MPa", "300 MPa"]}
+            fluid = {kind = "liquid", viscosity = "1 mPa*s", inlet_pressure = "1 MPa"}
+            cells = {count = [4, 4], flow = "links"}
+            output = {pictures = false, report = false}
+        """
+        results = fs.run(parse_case(tomllib.loads(text)))
+        (part,) = (part for part in results.budgets["two_scale"].parts if part.name == "two scales")
+        assert "32 × 32 points" in part.note
