@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-import femseal as fs
 from femseal import (
     CoarserSolution,
     Liquid,
@@ -32,6 +31,7 @@ from femseal.budget.conformal import (
 )
 from femseal.budget.pixels import load_sensitivity
 from femseal.loads import LoadProgramme
+from femseal.runs.budgeted import budgets_of
 from femseal.runs.case import parse_case
 
 
@@ -109,7 +109,7 @@ class TestCalibrationSet:
     @pytest.mark.parametrize(
         ("kind", "given", "text"),
         [
-            ("lines", {}, "one of links, windows"),
+            ("lines", {}, "one of links, compared links"),
             ("links", {"contact": np.zeros(1)}, "also decades"),
             ("links", {"coverage": 1.0}, "below 1"),
             ("links", {"coverage": 0.9999}, "scenes"),
@@ -209,8 +209,19 @@ class TestPartsOfABudget:
             load = {loading = ["100 MPa", "300 MPa"]}
             fluid = {kind = "liquid", viscosity = "1 mPa*s", inlet_pressure = "1 MPa"}
             cells = {count = [4, 4], flow = "links"}
-            output = {pictures = false, report = false}
         """
-        results = fs.run(parse_case(tomllib.loads(text)))
-        (part,) = (part for part in results.budgets["two_scale"].parts if part.name == "two scales")
+        prepared = parse_case(tomllib.loads(text)).prepare()
+        asked = []
+
+        def solve(method, prepared, known):
+            asked.append(method)
+            if method == "deterministic":
+                return deterministic(prepared.scene)
+            return two_scale(prepared.scene, prepared.cells, flow=prepared.flow, contact=prepared.contact)
+
+        study = solve("two-scale", prepared, {})
+        (part,) = (
+            p for p in budgets_of(prepared, {"two_scale": study}, solve)["two_scale"].parts if p.name == "two scales"
+        )
+        assert asked[:3] == ["two-scale", "deterministic", "two-scale"]
         assert "32 × 32 points" in part.note
