@@ -46,8 +46,13 @@ def sampler_part(study: StochasticResult) -> ErrorPart:
     """Seals drawn from a face, against a face of their length: what library and realisations leave over."""
     kind = study.pressure if study.pressure != "place" else "runs" if study.sampler == "runs" else "block"
     q = study.quantile(0.5)
-    distance = model_error(kind, decades=decades(q))
+    distance = model_error(kind, scatter=scatter_of(study), decades=decades(q))
     return _part("sampler", study, q, distance, _told(f"seals drawn by '{kind}' against long faces", kind))
+
+
+def scatter_of(study: StochasticResult) -> Array:
+    """Standard deviation of ln(leakage) of drawn seals (steps,), by library and realisations; 0 where none leaks."""
+    return np.hypot(np.nan_to_num(study.library_error), np.nan_to_num(study.realisation_spread))
 
 
 def _part(name: str, study: TwoScaleResult | StochasticResult, q: Array, distance: Array, note: str) -> ErrorPart:

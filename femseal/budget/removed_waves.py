@@ -17,8 +17,8 @@ from .pixels import load_sensitivity
 #: Effect of an octave of waves on ln(leakage) over that of the next longer one.
 DECAY = 0.7
 #: Error over the effect of the shortest octave, carried on. Measured on 26 faces that had lost two octaves, at loads
-#: that leak more than 1e-3 of the first: 0.78 holds 95 of 100 errors.
-SAFETY = 0.8
+#: that leak more than 1e-3 of the first: 0.78 holds 95 of 100 errors, 0.95 98.
+SAFETY = 0.95
 
 
 def filter_part(scene: Scene, leakage: Array, filtered: CoarserSolution, octaves: float) -> ErrorPart:

@@ -32,7 +32,7 @@ SAMPLERS = {
     "uniform": (None, "uniform"),
 }
 COLUMNS = ("method", "surface", "scene", "step", "log_ratio", "own", "decades", "contact", "gap_error", "effect",
-           "difference", "slope")  # fmt: skip
+           "difference", "slope", "scatter")  # fmt: skip
 
 
 def log_ratio(leakage, truth):
@@ -99,6 +99,7 @@ def piece_of(drawn):
 def drawn_from_a_piece(task):
     """Rows of seals drawn from one breadth of a long face, whose truth is the deterministic solution of all of it."""
     from femseal import FemsealError, Sampling, deterministic, stochastic
+    from femseal.budget.model_parts import scatter_of
 
     drawn = Drawn(task["kind"], task["seed"], LENGTH)
     truth, piece, (n, _) = deterministic(drawn.scene()).leakage, piece_of(drawn), drawn.points
@@ -111,26 +112,29 @@ def drawn_from_a_piece(task):
         except FemsealError:  # no window of the face bears the load
             continue
         # the long face is one realisation of the seals, and scatters as they do
-        own = 1.96 * np.hypot(np.nan_to_num(seals.library_error), np.nan_to_num(seals.realisation_spread))
-        rows += rows_of(method, drawn, piece.steps, seals.quantile(0.5), truth, own=own)
+        scatter = scatter_of(seals)
+        rows += rows_of(method, drawn, piece.steps, seals.quantile(0.5), truth, own=1.96 * scatter, scatter=scatter)
     return task | {"rows": rows}
 
 
-def tasks_of(seeds, scenes, long, methods):
+def tasks_of(seeds, scenes, long, ladders):
     """Every scene to be solved, and what is done with it."""
     for seed in seeds[: max(scenes, long)]:
         for kind in KINDS:
             if seed - seeds[0] < scenes:
                 yield compared, {"kind": kind, "seed": seed, "methods": ""}
-            if seed - seeds[0] < long and kind in LONG_KINDS:
-                yield drawn_from_a_piece, {"kind": kind, "seed": seed, "methods": methods}
+            for methods, count in ((["runs", "block"], long), (["global", "uniform"], ladders)):
+                if seed - seeds[0] < count and kind in LONG_KINDS:
+                    yield drawn_from_a_piece, {"kind": kind, "seed": seed, "methods": methods}
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--scenes", type=int, default=20, help="of each kind of face")
-    parser.add_argument("--long", type=int, default=10, help="long faces of each kind")
-    parser.add_argument("--methods", nargs="*", default=list(SAMPLERS), choices=SAMPLERS)
+    parser.add_argument("--long", type=int, default=24, help="long faces of each kind")
+    parser.add_argument(
+        "--ladders", type=int, default=10, help="those of them that are compared with ladders of windows"
+    )
     parser.add_argument("--seeds", default="calibration", choices=("calibration", "pilot"))
     parser.add_argument("--records", type=Path, help="file in which results are kept")
     parser.add_argument("--write", action="store_true", help="put the set where the package reads it")
@@ -138,7 +142,7 @@ def main():
     warnings.simplefilter("ignore", RuntimeWarning)  # logarithms of sealed steps
     seeds = CALIBRATION if options.seeds == "calibration" else PILOT
     rows = []
-    for function, task in tasks_of(seeds, options.scenes, options.long, options.methods):
+    for function, task in tasks_of(seeds, options.scenes, options.long, options.ladders):
         rows += kept(task, ("kind", "seed", "methods"), options.records, partial(function, task))["rows"]
     rows.sort(key=lambda row: list(SAMPLERS).index(row["method"]) + 9 if row["method"] in SAMPLERS else 0)
     print({m: len({r["scene"] for r in rows if r["method"] == m}) for m in dict.fromkeys(r["method"] for r in rows)})
