@@ -20,6 +20,7 @@ from femseal import (
     two_scale,
 )
 from femseal.base.errors import InputError
+from femseal.budget.changes import load_sensitivity
 from femseal.budget.conformal import (
     CALIBRATION,
     DIFFICULTIES,
@@ -29,7 +30,6 @@ from femseal.budget.conformal import (
     model_error,
     sealed_ends,
 )
-from femseal.budget.pixels import load_sensitivity
 from femseal.loads import LoadProgramme
 from femseal.runs.budgeted import budgets_of
 from femseal.runs.case import parse_case

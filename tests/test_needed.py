@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+import tomllib
 from collections import Counter
 from dataclasses import replace
 from itertools import combinations
@@ -12,6 +13,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 import femseal as fs
 from femseal.loads import LoadProgramme
+from femseal.results import assemble
+from femseal.runs.case import parse_case
 from femseal.runs.chosen_loads import _needed
 
 CASE = """
@@ -212,3 +215,41 @@ def test_nothing_is_interpolated_across_closing():
         ([1.0, 0.1, 1e-9], {2, 6}),
     ):
         assert _needed(np.array(leakage), solved, steps, 0.01) == {(loads[n], True) for n in more}, leakage
+
+
+# --- resampled seals --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("sampler", ["runs", "block"])
+def test_seals_are_resampled_for_the_error_of_the_library_alone(elastic, sampler, tmp_path):
+    sampling = fs.Sampling(
+        length=2e-4, other_lengths=(3e-4,), realisations=3, library_cells=12, seed=1, sampler=sampler
+    )
+    items = []
+
+    def counting(stage, *iterables):
+        for item in map(stage, *iterables):
+            items.append(stage.name)
+            yield item
+
+    whole = fs.stochastic(elastic, (3, 4), sampling)
+    found = fs.stochastic(elastic, (3, 4), replace(sampling, resampled=False), mapper=counting)
+    assert found.leakage_resampled is None
+    assert_array_equal(found.leakage, whole.leakage)
+    assert np.isnan(found.library_error).all()
+    assert items.count("drawn seals") == (0 if sampler == "runs" else 6)
+    results = assemble(elastic, stochastic=found)
+    assert {"leakage_lower", "leakage_of_lengths_lower"} < set(results.dataset)
+    assert not [name for name in results.dataset if "together" in name or name == "library_error"]
+    results.table(), results.lengths_table(), results.report(tmp_path / "page.html")
+    with pytest.raises(fs.InputError, match="resampled: given False with a width"):
+        fs.stochastic(elastic, (3, 4), replace(sampling, resampled=False, width=0.1))
+
+
+@pytest.mark.parametrize(("keys", "resampled"), [("", True), ("[output]\nbudget = false", False)])
+def test_a_run_without_a_budget_resamples_no_seals(keys, resampled):
+    drawn = '[cells]\ncount = [2, 3]\n[stochastic]\nlength = "90 um"\n'
+    text = CASE.replace('"deterministic"', '"stochastic"').replace("[32, 48]", "[64, 96]") + drawn
+    text = text.replace('["30 um", "45 um"]', '["60 um", "90 um"]')
+    assert parse_case(tomllib.loads(text + keys)).prepare().sampling.resampled is resampled
+    assert parse_case(tomllib.loads(text + "width = 0.1\n" + keys)).prepare().sampling.resampled

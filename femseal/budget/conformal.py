@@ -30,7 +30,7 @@ from ..base import validate
 from ..base.errors import InputError
 from ..loads import LoadProgramme
 from ..studies.scene import Array
-from .pixels import load_sensitivity
+from .changes import load_sensitivity
 
 #: The calibration set, which `tests/benchmarks/calibration.py` makes.
 CALIBRATION = Path(__file__).with_name("calibration.csv")

@@ -7,8 +7,8 @@ from scipy.special import bdtr, stdtrit
 
 from ..studies import Scene, StochasticResult, TwoScaleResult
 from ..studies.scene import Array
+from .changes import load_sensitivity
 from .error_parts import ErrorPart
-from .pixels import load_sensitivity
 
 #: Share of the cases that a band holds, and the number of standard deviations of a normal number for it.
 COVERAGE, DEVIATIONS = 0.95, 1.96

@@ -6,10 +6,10 @@ import numpy as np
 
 from ..studies import StochasticResult, TwoScaleResult
 from ..studies.scene import Array
+from .changes import load_sensitivity
 from .coarse import CoarserSolution, on_all_steps
 from .conformal import calibration, decades, model_error, sealed_ends
 from .error_parts import ErrorPart
-from .pixels import load_sensitivity
 
 
 def two_scales_parts(study: TwoScaleResult, compared: CoarserSolution | None = None) -> list[ErrorPart]:

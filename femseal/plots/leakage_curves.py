@@ -251,12 +251,15 @@ def study_figure(
 def realisations_figure(study: StochasticResult, ax: Axes | None = None, label: str | None = None) -> Figure:
     """Median of the leakage against nominal pressure, with the bands from 5 to 95 %."""
     low, high = 0.05, 0.95
+    together = None
+    if study.leakage_resampled is not None:
+        together = study.quantile(low, resampled=True), study.quantile(high, resampled=True)
     curves = LeakageCurves(
         *pressures_and_peaks(study.steps),
         study.quantile(0.5),
         "median of realisations",
         band=(study.quantile(low), study.quantile(high)),
-        band_together=(study.quantile(low, resampled=True), study.quantile(high, resampled=True)),
+        band_together=together,
         share=(low, high),
         mean=study.mean,
     )

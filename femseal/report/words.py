@@ -203,10 +203,12 @@ def scatter_lines(results: Results) -> Lines:
             lines.append((source, typical, largest, steps[worst].name, meaning))
 
     if "realisation_spread" in data:
-        spread, error = data["realisation_spread"].values, data["library_error"].values
+        spread = data["realisation_spread"].values
         deviation("realisations", spread, "one standard deviation between drawn seals")
-        deviation("finite library", error, "one standard deviation between libraries of this size")
-        deviation("both together", np.hypot(spread, error), "what a seal of this kind may differ from the median")
+        if "library_error" in data:
+            error = data["library_error"].values
+            deviation("finite library", error, "one standard deviation between libraries of this size")
+            deviation("both together", np.hypot(spread, error), "what a seal of this kind may differ from the median")
         share = 1.2533 / np.sqrt(data.sizes["realisation"])
         deviation("median", share * spread, "standard error of the median; more realisations lower it")
     if "element_error" in data:

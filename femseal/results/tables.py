@@ -90,7 +90,8 @@ def texts(results: Results) -> tuple[str, list[str], list[list[str]]]:
     ]
     if "leakage_lower" in data:
         share = "–".join(f"{100 * data[name].attrs['quantile']:g}" for name in ("leakage_lower", "leakage_upper"))
-        for heading, end in ((f"{share} %", ""), ("with error of library", "_together")):
+        bands = ((f"{share} %", ""), ("with error of library", "_together"))
+        for heading, end in (band for band in bands if f"leakage_lower{band[1]}" in data):
             ends = zip(data[f"leakage_lower{end}"].values, data[f"leakage_upper{end}"].values, strict=True)
             columns.append((heading, [told_range(low, high, factor) for low, high in ends]))
     budget = f"leakage_{BUDGETED[results.method]}_budget"

@@ -160,6 +160,7 @@ def _reduced(prepared: Prepared, scene: Scene) -> Prepared:
             realisations=fewer,
             library_cells=windows,
             width=None,
+            resampled=False,
             bounds=False,
             other_lengths=(),
             library=None,

@@ -119,14 +119,15 @@ def run(
             return mapper if common is None else SharedStages(Path(common)).over(mapper)
 
         if folder is None:
-            mapper, prepared = stack.enter_context(ordered_map(workers, scheduler)), _prepared(case, scheduler)
+            prepared = _prepared(case, scheduler)
+            mapper = stack.enter_context(ordered_map(workers, scheduler, progress))
             return _run(case, prepared, faces, found_or_computed(mapper, prepared), progress)
         # a folder is made once the case has been found good
         if there := folder.is_dir():
             stack.enter_context(alone_in(folder))
             going_on = _goes_on(folder, identity, resume)
         prepared = _prepared(case, scheduler)
-        mapper = stack.enter_context(ordered_map(workers, scheduler))
+        mapper = stack.enter_context(ordered_map(workers, scheduler, progress))
         if not there:
             stack.enter_context(alone_in(made_folder(folder)))
             going_on = _goes_on(folder, identity, resume)

@@ -244,6 +244,7 @@ def _sampling(case: Case, table: StochasticTable, window_length: float) -> Sampl
         other_lengths=table.lengths[1:],
         breadth=table.breadth,
         realisations=table.realisations,
+        resampled=case.output.budget or table.width is not None or case.accuracy is not None,
         library_cells=table.library_cells,
         seed=case.seed,
         sampler=table.sampler,

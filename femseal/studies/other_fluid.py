@@ -61,7 +61,8 @@ class OtherLeakage:
     def of_study(cls, state: FluidState, study: Any, ratio: float = 1.0) -> OtherLeakage:
         """From a study of the same seals, whose leakage is multiplied by a ratio."""
         if hasattr(study, "quantile"):
-            return cls(state, ratio * study.quantile(0.5), ratio * study.leakage, ratio * study.leakage_resampled)
+            resampled = None if study.leakage_resampled is None else ratio * study.leakage_resampled
+            return cls(state, ratio * study.quantile(0.5), ratio * study.leakage, resampled)
         return cls(state, ratio * study.leakage)
 
     def at_all_steps(self, solved: Indices, steps: LoadProgramme) -> OtherLeakage:

@@ -66,6 +66,8 @@ def stochastic(
     FemsealError : every window of the library failed.
     """
     check_sampling(sampling)
+    if sampling.width is not None and not sampling.resampled:
+        raise InputError.of("resampled", "False with a width", "True with it: the error of the library has to be known")
     sampling = replace(sampling, sampler=chosen_sampler(sampling, scene, two_scale.contact if two_scale else contact))
     if sampling.sampler == "runs" and scene.discretisation != "edge":
         raise InputError.of("sampler", f"'runs' with the discretisation '{scene.discretisation}'", "'edge' with it")
@@ -137,7 +139,9 @@ def _of_windows(
     first = first_equal_draws(kinds, scene.steps, sampling.sampler_of_links)
     stage = Stage("drawn seals", partial(_realise, **shared, kinds=kinds, independent=independent, first=first))
     count = sampling.realisations
-    drawn = list(mapper(stage, [*range(count)] * 2, [False] * count + [True] * count))
+    kinds_of_seal = (False, True) if sampling.resampled else (False,)
+    tasks = [(n, again) for again in kinds_of_seal for n in range(count)]
+    drawn = list(mapper(stage, *zip(*tasks, strict=True)))[: len(tasks)]
     leakage, *bounds = np.array([r.leakage for r in drawn[:count]]).transpose(1, 0, 2)
     lower, upper = bounds or (None, None)
     chosen = nearest_to_median(leakage) if len(laid.outlines) * len(scene.steps) <= MOST_VALUES else None
@@ -150,7 +154,7 @@ def _of_windows(
         sampler=sampling.sampler_of_links,
         library=library,
         leakage=leakage,
-        leakage_resampled=np.array([r.leakage[0] for r in drawn[count:]]),
+        leakage_resampled=np.array([r.leakage[0] for r in drawn[count:]]) if sampling.resampled else None,
         leakage_lower_bound=lower,
         leakage_upper_bound=upper,
         median_seal=medians[0] if medians else None,
@@ -187,7 +191,7 @@ def _of_runs(
         sampler="runs",
         library=supply.library,
         leakage=drawn.leakage,
-        leakage_resampled=drawn.resampled,
+        leakage_resampled=drawn.resampled if sampling.resampled else None,
         leakage_closed_cuts=drawn.closed,
         leakage_held_cuts=drawn.held,
         leakage_of_face=drawn.of_face,

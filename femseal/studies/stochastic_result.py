@@ -25,7 +25,8 @@ class StochasticResult(Shown):
 
     leakage : of each realisation.
     leakage_resampled : of as many more realisations, each from a library that is drawn with repetition from the library
-        itself, of as many windows as do not overlap. Their scatter is that of realisations and library together.
+        itself, of as many windows as do not overlap. Their scatter is that of realisations and library together. None
+        unless asked for, see `Sampling`.
     leakage_lower_bound, leakage_upper_bound : of the realisations in `leakage`, with the bounds of every window's
         permeability; None without bounds. They enclose the flow through gaps constant on each pixel: their distance
         says how well the pixels resolve the gaps.
@@ -48,7 +49,7 @@ class StochasticResult(Shown):
     leakage: Array = field(
         metadata=labels("m^2/s", "leakage per unit seal length, realisations", "realisation", "step")
     )
-    leakage_resampled: Array = field(
+    leakage_resampled: Array | None = field(
         metadata=labels("m^2/s", "leakage per unit seal length, resampled library", "realisation", "step")
     )
     leakage_lower_bound: Array | None = field(
@@ -80,9 +81,12 @@ class StochasticResult(Shown):
         """Quantile over the realisations that did not fail, at every step [m²/s]; NaN where all failed.
 
         Between two values of one sign it is interpolated in log space; beside a 0 it is 0. `resampled` takes
-        `leakage_resampled`, whose scatter includes the error of the library.
+        `leakage_resampled`, whose scatter includes the error of the library; NaN without.
         """
-        return self._at_every_step(partial(_quantile, q=q), self.leakage_resampled if resampled else self.leakage)
+        chosen = self.leakage
+        if resampled:
+            chosen = np.full_like(chosen, np.nan) if self.leakage_resampled is None else self.leakage_resampled
+        return self._at_every_step(partial(_quantile, q=q), chosen)
 
     @property
     def mean(self) -> Array:
@@ -102,7 +106,9 @@ class StochasticResult(Shown):
     @property
     def library_error(self) -> Array:
         """Standard deviation of ln(leakage) that the finite library adds, at every step; NaN where fewer than 2
-        leak."""
+        leak, or without resampled seals."""
+        if self.leakage_resampled is None:
+            return np.full(len(self.steps), np.nan)
         together = self._at_every_step(_log_deviation, self.leakage_resampled)
         return np.sqrt(np.maximum(together**2 - self.realisation_spread**2, 0.0))
 
