@@ -20,7 +20,7 @@ from femseal import (
     two_scale,
 )
 from femseal.base.errors import InputError
-from femseal.budget.changes import load_sensitivity
+from femseal.budget.changes import load_sensitivity, sealed_upper
 from femseal.budget.conformal import (
     CALIBRATION,
     DIFFICULTIES,
@@ -28,7 +28,6 @@ from femseal.budget.conformal import (
     calibration,
     decades,
     model_error,
-    sealed_ends,
 )
 from femseal.loads import LoadProgramme
 from femseal.runs.budgeted import budgets_of
@@ -80,7 +79,7 @@ class TestCalibrationSet:
     def test_what_other_parts_hold_is_left_to_them(self, tmp_path):
         """With the other part `own` the band of the whole is as wide as the error."""
         path = tmp_path / "set.csv"
-        lines = [f"runs,turned,turned {n},0,0.5,0.3,0.0,,,,,0.2" for n in range(19)]
+        lines = [f"runs,turned,turned {n},0,0.5,0.3,0.0,,,,,,0.2" for n in range(19)]
         head = "method,surface,scene,step,log_ratio,own,decades,contact,gap_error,effect,difference,slope,scatter"
         path.write_text("\n".join([head, *lines]) + "\n", encoding="utf-8")
         width = calibration(path)["runs"].quantile(0.95) * DIFFICULTIES["runs"](
@@ -129,7 +128,7 @@ class TestSealedSteps:
     def test_a_step_sealed_by_little_may_leak_what_the_one_before_does(self):
         q = np.array([1e-6, 1e-7, 0.0, 0.0, 0.0, 0.0, 1e-8])
         # the slope is 3.3: a distance of 0.3 is a shift of the load by 9 %
-        ends = sealed_ends(self.STEPS, q, np.full(7, 0.3))
+        ends = sealed_upper(self.STEPS, q, np.full(7, 0.3))
         assert_allclose(ends[[2, 3]], 1e-7 * np.exp(0.3))
         assert_array_equal(ends[[0, 1, 4, 6]], 0)
         # on unloading the same load is bounded by what leaks with less load
@@ -137,10 +136,10 @@ class TestSealedSteps:
 
     def test_without_errors_sealed_stays_sealed_beyond_the_first(self):
         q = np.array([1e-6, 1e-7, 0.0, 0.0, 0.0, 0.0, 1e-8])
-        assert_array_equal(sealed_ends(self.STEPS, q, np.zeros(7))[[3, 4]], 0)
+        assert_array_equal(sealed_upper(self.STEPS, q, np.zeros(7))[[3, 4]], 0)
 
     def test_a_seal_that_never_leaks_has_no_open_step(self):
-        assert_array_equal(sealed_ends(self.STEPS, np.zeros(7), np.zeros(7)), 0)
+        assert_array_equal(sealed_upper(self.STEPS, np.zeros(7), np.zeros(7)), 0)
 
 
 def test_decades_are_below_the_first_load():

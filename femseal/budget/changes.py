@@ -67,21 +67,28 @@ def neighbours(steps: LoadProgramme) -> list[tuple[int, int]]:
     return pairs
 
 
-def sealed_upper(steps: LoadProgramme, q: Array, change: Array, coarse: CoarserSolution, distance: Array) -> Array:
+def sealed_upper(
+    steps: LoadProgramme, q: Array, distance: Array, change: Array | None = None, coarse: CoarserSolution | None = None
+) -> Array:
     """Upper end at the sealed steps (steps,) [m²/s], 0 elsewhere.
 
-    It is what the other solution leaks there; and the upper end of the next open step, where that is within the shift
-    of the load at which the error would open the seal.
+    It is the upper end of the next open step, where that is within the shift of the load at which the error would open
+    the seal; and what the other solution leaks there, if there is one.
 
     Parameters
     ----------
-    q : leakage. change : of ln(leakage) to the other solution. distance : of ln(leakage) to the upper end.
+    q : leakage. distance : of ln(leakage) to the upper end. change : of ln(leakage) to the other solution.
     """
     found = np.zeros(q.size)
-    slope = np.maximum(load_sensitivity(steps, q), LEAST_SLOPE)
+    slope = load_sensitivity(steps, q)
     open_ = (q > 0) & np.isfinite(distance)
-    shift = float(np.max(distance[open_] / slope[open_], initial=0.0))
-    leaks = {step: abs(float(value)) for step, value in zip(coarse.steps, coarse.leakage, strict=True)}
+    # steps whose slope is known tell the shift, if there are any
+    told = open_ & (slope > 0) if (slope[open_] > 0).any() else open_
+    shift = float(np.max(distance[told] / np.maximum(slope[told], LEAST_SLOPE), initial=0.0))
+    change = np.zeros(q.size) if change is None else change
+    leaks = {}
+    if coarse is not None:
+        leaks = {step: abs(float(value)) for step, value in zip(coarse.steps, coarse.leakage, strict=True)}
     most = max((value for value in leaks.values() if np.isfinite(value)), default=0.0)
     shut = np.flatnonzero(q == 0)
     for s in shut:

@@ -9,7 +9,7 @@ Steps of one scene err together, so the scenes are what is exchangeable: every s
 steps share, and what is left is beyond all scores. A band then holds the truth of a step of a new scene of the same
 population with at least the coverage, whatever the distribution of the errors.
 
-A step that is sealed by the method has no distance of ln(leakage), see `sealed_ends`.
+A step that is sealed by the method has no distance of ln(leakage), see `changes.sealed_upper`.
 
 Sources: Vovk, Gammerman & Shafer, Algorithmic Learning in a Random World, 2005 (a quantile for each kind of method);
 Papadopoulos, Gammerman & Vovk, Neural conformal prediction, 2008 (scores over difficulty); Lee, Barber & Willett,
@@ -28,9 +28,7 @@ import numpy as np
 
 from ..base import validate
 from ..base.errors import InputError
-from ..loads import LoadProgramme
 from ..studies.scene import Array
-from .changes import load_sensitivity
 
 #: The calibration set, which `tests/benchmarks/calibration.py` makes.
 CALIBRATION = Path(__file__).with_name("calibration.csv")
@@ -165,29 +163,3 @@ def _difficulty(kind: str, features: Features) -> Array:
     except KeyError as missing:
         given = ", ".join(sorted(features)) or "none"
         raise InputError.of(f"features of {kind}", given, f"also {missing.args[0]}") from None
-
-
-def sealed_ends(steps: LoadProgramme, leakage: Array, distance: Array) -> Array:
-    """Upper ends of the band at the sealed steps (steps,) [m²/s], 0 elsewhere.
-
-    The error near closing is a shift of the load: a sealed step may leak as much as the upper end of the next open one
-    with less load, if it is sealed by less than the largest shift of the open steps.
-
-    Parameters
-    ----------
-    distance : of ln(leakage) to the upper end at the open steps (steps,).
-    """
-    q, p = np.abs(leakage), steps.pressures
-    slope = load_sensitivity(steps, leakage)
-    known = (q > 0) & (slope > 0) & np.isfinite(distance)
-    shift = float(np.max(distance[known] / slope[known], initial=0.0))
-    ends = np.zeros(len(steps))
-    for s in np.flatnonzero(q == 0):
-        # a seal leaks no more on unloading than it did on loading at the same load
-        before = [n for n, step in enumerate(steps) if step.unloaded_from in (None, steps[s].unloaded_from)]
-        less = [n for n in before if q[n] > 0 and p[n] <= p[s]]
-        shut = [p[n] for n in before if q[n] == 0]
-        if less and np.log(p[s] / min(shut)) <= shift:
-            nearest = max(less, key=lambda n: (p[n], -q[n]))
-            ends[s] = q[nearest] * np.exp(distance[nearest])
-    return ends

@@ -6,9 +6,9 @@ import numpy as np
 
 from ..studies import StochasticResult, TwoScaleResult
 from ..studies.scene import Array
-from .changes import load_sensitivity
+from .changes import load_sensitivity, sealed_upper
 from .coarse import CoarserSolution, on_all_steps
-from .conformal import calibration, decades, model_error, sealed_ends
+from .conformal import calibration, decades, model_error
 from .error_parts import ErrorPart
 
 
@@ -57,7 +57,7 @@ def scatter_of(study: StochasticResult) -> Array:
 
 def _part(name: str, study: TwoScaleResult | StochasticResult, q: Array, distance: Array, note: str) -> ErrorPart:
     part = ErrorPart.of(name, q, distance, distance, note)
-    ends = sealed_ends(study.steps, q, distance)
+    ends = sealed_upper(study.steps, np.abs(q), distance)
     return ErrorPart(name, part.lower, np.where(q == 0, ends, part.upper), note)
 
 

@@ -65,7 +65,7 @@ def pixels_part(scene: Scene, leakage: Array, coarse: Sequence[CoarserSolution])
     below[(q < _NEAR_CLOSING * q[0]) & (distance > _MAY_CLOSE)] = np.inf
     below[np.isneginf(changes[0])] = np.inf
     part = ErrorPart.of("pixels", leakage, below, distance, _note(coarse, order, changes))
-    upper = np.where(q == 0, sealed_upper(steps, q, changes[0], coarse[0], distance), part.upper)
+    upper = np.where(q == 0, sealed_upper(steps, q, distance, changes[0], coarse[0]), part.upper)
     unknown = np.isnan(changes[0])
     lower, upper = (np.where(unknown, np.nan, end) for end in (part.lower, upper))
     return ErrorPart(part.name, lower, upper, part.note)

@@ -41,7 +41,7 @@ def filter_part(scene: Scene, leakage: Array, filtered: CoarserSolution, octaves
         f"with a factor of {DECAY:g} for each; its {'rise' if lowers else 'fall'} is the likelier"
     )
     part = ErrorPart.of("filter", leakage, below, above, note)
-    upper = np.where(q == 0, sealed_upper(steps, q, change, filtered, above), part.upper)
+    upper = np.where(q == 0, sealed_upper(steps, q, above, change, filtered), part.upper)
     unknown = np.isnan(change)
     lower, upper = (np.where(unknown, np.nan, end) for end in (part.lower, upper))
     return ErrorPart(part.name, lower, upper, note)
