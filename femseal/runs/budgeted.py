@@ -64,9 +64,9 @@ def budgets_of(
     again = {} if smooth is None or leakage_filtered is not None else _solved(smooth, solve)
     for name, study in left.items():
         coarse = [
-            _against(study, grid, found.get(route(prepared, name))) for grid, found in zip(grids, solved, strict=True)
+            against(study, grid, found.get(route(prepared, name))) for grid, found in zip(grids, solved, strict=True)
         ]
-        filtered = None if smooth is None else _against(study, smooth, again.get(route(prepared, name)))
+        filtered = None if smooth is None else against(study, smooth, again.get(route(prepared, name)))
         if smooth is not None and leakage_filtered is not None:
             filtered = CoarserSolution(
                 smooth.scene.surface.shape, study.steps, leakage_filtered, leakage_of(studies[answer])
@@ -197,7 +197,7 @@ def _solved(coarse: Prepared, solve: Solve) -> dict[str, Any]:
     return found
 
 
-def _against(study: Any, coarse: Prepared, found: Any) -> CoarserSolution:
+def against(study: Any, coarse: Prepared, found: Any) -> CoarserSolution:
     """A coarser solution beside the study; unknown leakage where it failed."""
     points = coarse.scene.surface.shape
     steps = coarse.scene.steps

@@ -12,7 +12,8 @@ import numpy as np
 from ..loads import LoadProgramme
 from ..studies import Scene
 from ..studies.between_loads import Array, Indices, branches, left_out_errors, numbers_of
-from .attempts import Solve, answer_of
+from .attempts import Solve
+from .budgeted import leakage_of
 
 if TYPE_CHECKING:
     from .preparation import Prepared
@@ -34,7 +35,7 @@ def solve_chosen(prepared: Prepared, tolerance: float, solve: Solve) -> tuple[Pr
     Parameters
     ----------
     tolerance : relative error of the leakage between solved steps.
-    solve : called as solve(prepared, name), gives the result of the study of the answer.
+    solve : called as solve(method, prepared, known, told), gives the result of a study.
 
     Returns
     -------
@@ -44,9 +45,9 @@ def solve_chosen(prepared: Prepared, tolerance: float, solve: Solve) -> tuple[Pr
     steps, loads = scene.steps, _first(scene.steps)
     for count in range(1, len(steps) + 1):
         chosen = replace(prepared, scene=_with_loads(scene, loads))
-        study = solve(chosen, f"loads {count}")
+        study = solve(chosen.answer, chosen, {}, f"loads {count}")
         solved = numbers_of(chosen.scene.steps, steps)
-        more = _needed(answer_of(study), solved, steps, np.log1p(tolerance)) - loads
+        more = _needed(leakage_of(study), solved, steps, np.log1p(tolerance)) - loads
         log.info("%d of %d load steps solved, %s", solved.size, len(steps), "more to come" if more else "enough")
         if not more:
             break
