@@ -15,9 +15,7 @@ from .coarse import CoarserSolution
 LEAST_SLOPE = 0.3
 
 
-def scale_of_changes(
-    steps: LoadProgramme, change: Array, slope: Array, known: list[int], *, typical: float = 1.0
-) -> Array:
+def scale_of_changes(steps: LoadProgramme, change: Array, slope: Array, known: list[int]) -> Array:
     """Size of the changes of ln(leakage) at every step (steps,), from the solved steps near it and from all of them.
 
     It is made of the rms change of the nearest two or more steps, and of the mean shift of the load over the cycle.
@@ -25,7 +23,6 @@ def scale_of_changes(
     Parameters
     ----------
     change : of ln(leakage) at every step. slope : see `load_sensitivity`, > 0. known : numbers of the steps solved.
-    typical : weight of the mean shift.
     """
     finite = [s for s in known if np.isfinite(change[s])]
     shift = float(np.mean(np.abs(change[finite] / slope[finite]))) if finite else 0.0
@@ -41,7 +38,7 @@ def scale_of_changes(
             seen |= ring
             found |= ring & {*finite}
         near[s] = np.sqrt(np.mean(np.square(change[sorted(found)]))) if found else 0.0
-    return np.hypot(near, typical * slope * shift)
+    return np.hypot(near, slope * shift)
 
 
 def load_sensitivity(steps: LoadProgramme, leakage: Array) -> Array:
