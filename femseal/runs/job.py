@@ -254,10 +254,10 @@ def _reached(case: Case, prepared: Prepared, mapper: Mapper, progress: Progress,
 def _solving(case: Case, mapper: Mapper, progress: Progress, timings: dict[str, float]) -> Solve:
     """Solve the study of the answer of a prepared case under a name."""
 
-    def solve(prepared: Prepared, name: str) -> Any:
+    def solve(method: str, prepared: Prepared, known: Mapping[str, Any], name: str) -> Any:
         with _timed(name, progress, timings):
             watched = watching(mapper, name, progress, timings)
-            return study_of(prepared.answer, case, prepared, prepared.scene, None, watched)
+            return study_of(method, case, prepared, prepared.scene, known, watched)
 
     return solve
 
