@@ -13,8 +13,9 @@ import numpy as np
 from ..base.errors import FemsealError
 from ..base.machine import free_memory
 from ..base.stage import Mapper, Stage
-from ..base.text import duration
+from ..base.text import duration, share_text
 from ..budget import CoarserSolution, ErrorBudget, error_budget, judged
+from ..studies import StochasticResult
 from ..studies.scene import Array
 from .budgeted import THIRD_GRID_PIXELS, against, budgets_of, filtered_input, leakage_of, removed_octaves
 from .refining import refined
@@ -37,7 +38,7 @@ class Attempt:
     with_coarse : with that of the coarser one that tells the error of its pixels, where no earlier attempt was that
     one. half_width : largest half-width of ln(leakage) of the budget at the loads that count, inf where it has no end.
     limit : the source of error that is widest there. parts : half-widths of the sources there. load : name of the load
-    where it is largest.
+    where it is largest. windows : of the library, None without.
     """
 
     settings: Settings
@@ -48,6 +49,7 @@ class Attempt:
     limit: str
     load: str
     parts: dict[str, float]
+    windows: int | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,7 +121,8 @@ class _Attempts:
         times = {"study": seconds, "with coarse": time.perf_counter() - start}
         # a run that goes on has to decide as before
         times = _remembered(self.mapper, "time of the attempt", times)
-        self.done.append(_judged(prepared, budget, times["study"], times["with coarse"]))
+        windows = study.library.size if isinstance(study, StochasticResult) else None
+        self.done.append(_judged(prepared, budget, times["study"], times["with coarse"], windows))
         return prepared, study, budget
 
     def _answer(self, prepared: Prepared, told: str) -> Any:
@@ -257,7 +260,9 @@ def settled_as(case: Case, prepared: Prepared, told: dict[str, Any] | None) -> P
     return settled(case, prepared.made, Settings(**found | {"cells": cells}))
 
 
-def _judged(prepared: Prepared, budget: ErrorBudget, seconds: float, with_coarse: float) -> Attempt:
+def _judged(
+    prepared: Prepared, budget: ErrorBudget, seconds: float, with_coarse: float, windows: int | None
+) -> Attempt:
     assert prepared.settings is not None
     found = judged(budget)
     return Attempt(
@@ -269,17 +274,8 @@ def _judged(prepared: Prepared, budget: ErrorBudget, seconds: float, with_coarse
         limit=found.limit,
         load=prepared.scene.steps[found.step].name,
         parts=found.parts,
+        windows=windows,
     )
-
-
-def share_text(half_width: float) -> str:
-    """A half-width of ln(leakage) as a share.
-
-    >>> share_text(0.0953), share_text(1.5)
-    ('10 %', 'a factor of 4.5')
-    """
-    share = float(np.expm1(half_width))
-    return f"{100 * share:.2g} %" if share < 1 else f"a factor of {1 + share:.2g}"
 
 
 def _told(attempt: Attempt) -> dict[str, Any]:
