@@ -36,7 +36,8 @@ def test_bands_hold_the_truth_of_a_dozen_small_scenes():
         ]
     drawn = [state for state in states if state["picked"]]
     assert len(drawn) == 12
-    assert sum(state["holds"] for state in drawn) >= 11
+    # fewer would be found in 2 of 100 cases if the bands held 95 of 100
+    assert sum(state["holds"] for state in drawn) >= 10
     leaks = [state for state in states if state["state"] == "leaks"]
     assert np.mean([state["holds"] for state in leaks]) > 0.9
     assert np.median([state["width"] for state in leaks]) < 10 * np.median([state["error"] for state in leaks])

@@ -79,8 +79,8 @@ class TestCalibrationSet:
     def test_what_other_parts_hold_is_left_to_them(self, tmp_path):
         """With the other part `own` the band of the whole is as wide as the error."""
         path = tmp_path / "set.csv"
-        lines = [f"runs,turned,turned {n},0,0.5,0.3,0.0,,,,,,0.2" for n in range(19)]
-        head = "method,surface,scene,step,log_ratio,own,decades,contact,gap_error,effect,difference,slope,scatter"
+        lines = [f"runs,turned,turned {n},0,0.5,0.3,0.0,,,,,,0.2," for n in range(19)]
+        head = "method,surface,scene,step,log_ratio,own,decades,contact,gap_error,effect,difference,slope,scatter,form"
         path.write_text("\n".join([head, *lines]) + "\n", encoding="utf-8")
         width = calibration(path)["runs"].quantile(0.95) * DIFFICULTIES["runs"](
             {"decades": np.zeros(1), "scatter": np.full(1, 0.2)}
@@ -89,9 +89,10 @@ class TestCalibrationSet:
 
     def test_steps_sealed_by_the_method_are_left_out_and_open_ones_whose_truth_is_sealed_are_misses(self, tmp_path):
         path = tmp_path / "set.csv"
-        head = "method,surface,scene,step,log_ratio,own,decades,contact,gap_error,effect,difference,slope,scatter"
+        head = "method,surface,scene,step,log_ratio,own,decades,contact,gap_error,effect,difference,slope,scatter,form"
         lines = [
-            f"links,turned,turned {n},0,{ratio},,0.0,0.1,,,,," for n, ratio in enumerate(["-inf", "inf", *["0.1"] * 19])
+            f"links,turned,turned {n},0,{ratio},,0.0,0.1,,,,,,"
+            for n, ratio in enumerate(["-inf", "inf", *["0.1"] * 19])
         ]
         path.write_text("\n".join([head, *lines]) + "\n", encoding="utf-8")
         scores = calibration(path)["links"]

@@ -53,11 +53,15 @@ def _drawn(f: Features) -> Array:
     return np.sqrt(0.001 + f["scatter"]) * (1.0 + np.maximum(f["decades"], 0.0))
 
 
+def _uniform(f: Features) -> Array:
+    return (0.1 + f["form"] ** 2) * (1.0 + np.maximum(f["decades"], 0.0))
+
+
 #: Difficulty of a step by the kind of method: the size of the error to be expected, up to a factor, from what is known
 #: without the truth. contact : share in contact. decades : below the leakage of the first load. gap_error, effect : see
 #: `TwoScaleResult`, effect as |ln|. difference : |ln| of the leakage by links over that of the whole face, on fewer
 #: points both. slope : |d ln(leakage) / d ln(load)|. scatter : standard deviation of ln(leakage) of drawn seals by
-#: library and realisations.
+#: library and realisations. form : standard deviation of the mean heights of windows over that of the heights.
 DIFFICULTIES: dict[str, Callable[[Features], Array]] = {
     "links": _links,
     "compared links": _compared_links,
@@ -65,7 +69,7 @@ DIFFICULTIES: dict[str, Callable[[Features], Array]] = {
     "runs": _drawn,
     "block": _drawn,
     "global": _drawn,
-    "uniform": _drawn,
+    "uniform": _uniform,
 }
 
 

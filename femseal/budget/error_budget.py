@@ -50,7 +50,7 @@ def error_budget(
             parts.append(elements_part(study))
         parts += two_scales_parts(study, compared)
     if isinstance(study, StochasticResult):
-        parts += [library_part(study), realisations_part(study), sampler_part(study)]
+        parts += [library_part(study), realisations_part(study), sampler_part(scene, study)]
     return ErrorBudget(method, leakage, tuple(parts))
 
 

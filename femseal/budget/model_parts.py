@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..studies import StochasticResult, TwoScaleResult
+from ..studies import Scene, StochasticResult, TwoScaleResult
 from ..studies.scene import Array
 from .changes import load_sensitivity, sealed_upper
 from .coarse import CoarserSolution, on_all_steps
@@ -42,12 +42,27 @@ def two_scales_parts(study: TwoScaleResult, compared: CoarserSolution | None = N
     return parts
 
 
-def sampler_part(study: StochasticResult) -> ErrorPart:
+def sampler_part(scene: Scene, study: StochasticResult) -> ErrorPart:
     """Seals drawn from a face, against a face of their length: what library and realisations leave over."""
     kind = study.pressure if study.pressure != "place" else "runs" if study.sampler == "runs" else "block"
     q = study.quantile(0.5)
-    distance = model_error(kind, scatter=scatter_of(study), decades=decades(q))
+    if kind == "uniform":
+        form = np.full(q.shape, form_share(scene.surface.heights, study.window))
+        distance = model_error(kind, form=form, decades=decades(q))
+    else:
+        distance = model_error(kind, scatter=scatter_of(study), decades=decades(q))
     return _part("sampler", study, q, distance, _told(f"seals drawn by '{kind}' against long faces", kind))
+
+
+def form_share(heights: Array, window: tuple[int, int]) -> float:
+    """Standard deviation of the mean heights of windows of so many pixels over that of the heights, 0 of a plane face.
+
+    Windows under one pressure do not know which of them lie high.
+    """
+    m1, m2 = (n // pixels for n, pixels in zip(heights.shape, window, strict=True))
+    whole = heights[: m1 * window[0], : m2 * window[1]]
+    means = whole.reshape(m1, window[0], m2, window[1]).mean(axis=(1, 3))
+    return float(means.std() / (whole.std() or 1.0))
 
 
 def scatter_of(study: StochasticResult) -> Array:

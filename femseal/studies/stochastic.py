@@ -117,6 +117,7 @@ def _draw(
     return replace(
         first,
         pressure=sampling.pressure,
+        window=partition.window,
         other_lengths=tuple(others),
         failures=library.failures + first.failures + tuple(failures),
         warnings=odd_in_scene(scene) + first.warnings + supply.warnings,

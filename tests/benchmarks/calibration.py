@@ -32,7 +32,7 @@ SAMPLERS = {
     "uniform": (None, "uniform"),
 }
 COLUMNS = ("method", "surface", "scene", "step", "log_ratio", "own", "decades", "contact", "gap_error", "effect",
-           "difference", "slope", "scatter")  # fmt: skip
+           "difference", "slope", "scatter", "form")  # fmt: skip
 
 
 def log_ratio(leakage, truth):
@@ -99,7 +99,7 @@ def piece_of(drawn):
 def drawn_from_a_piece(task):
     """Rows of seals drawn from one breadth of a long face, whose truth is the deterministic solution of all of it."""
     from femseal import FemsealError, Sampling, deterministic, stochastic
-    from femseal.budget.model_parts import scatter_of
+    from femseal.budget.model_parts import form_share, scatter_of
 
     drawn = Drawn(task["kind"], task["seed"], LENGTH)
     truth, piece, (n, _) = deterministic(drawn.scene()).leakage, piece_of(drawn), drawn.points
@@ -112,8 +112,9 @@ def drawn_from_a_piece(task):
         except FemsealError:  # no window of the face bears the load
             continue
         # the long face is one realisation of the seals, and scatters as they do
-        scatter = scatter_of(seals)
-        rows += rows_of(method, drawn, piece.steps, seals.quantile(0.5), truth, own=1.96 * scatter, scatter=scatter)
+        scatter, form = scatter_of(seals), form_share(piece.surface.heights, seals.window)
+        rows += rows_of(method, drawn, piece.steps, seals.quantile(0.5), truth, own=1.96 * scatter, scatter=scatter,
+                        form=np.full(truth.shape, form))  # fmt: skip
     return task | {"rows": rows}
 
 
@@ -133,7 +134,7 @@ def main():
     parser.add_argument("--scenes", type=int, default=20, help="of each kind of face")
     parser.add_argument("--long", type=int, default=24, help="long faces of each kind")
     parser.add_argument(
-        "--ladders", type=int, default=10, help="those of them that are compared with ladders of windows"
+        "--ladders", type=int, default=20, help="those of them that are compared with ladders of windows"
     )
     parser.add_argument("--seeds", default="calibration", choices=("calibration", "pilot"))
     parser.add_argument("--records", type=Path, help="file in which results are kept")
