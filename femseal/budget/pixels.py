@@ -90,4 +90,5 @@ def _note(coarse: Sequence[CoarserSolution], order: float, changes: list[Array])
         return f"{text}; two grids, order {ORDER:g} expected"
     known = np.isfinite(changes[0]) & np.isfinite(changes[1])
     oscillating = float(np.mean(changes[0][known] * changes[1][known] < 0)) if known.any() else 0.0
-    return f"{text}; observed order {order:.2g}, oscillating at {oscillating:.0%} of the steps"
+    observed = "the changes do not fall" if np.isnan(order) else f"observed order {order:.2g}"
+    return f"{text}; {observed}, oscillating at {oscillating:.0%} of the steps"

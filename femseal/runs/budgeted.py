@@ -19,14 +19,13 @@ from ..budget import (
     coarser_points,
     error_budget,
 )
-from ..scales import LadderLibrary
 from ..studies import Scene, StochasticResult
 from ..studies.scene import Array
 from .preparation import Prepared, coarser
 
 log = logging.getLogger("femseal")
-#: Realisations of drawn seals that are drawn again on the coarser grid; both are compared seal by seal.
-COARSE_REALISATIONS = 8
+#: One of so many steps is solved on a coarser grid, and one of so many without the shortest waves.
+GRID_STRIDE, FILTER_STRIDE = 2, 4
 #: Share of the windows of a library that are solved again on the coarser grid, and the least number of them; they are
 #: compared window by window.
 COARSE_WINDOWS, LEAST_WINDOWS = 0.25, 4
@@ -66,6 +65,9 @@ def budgets_of(
         coarse = [
             against(study, grid, found.get(route(prepared, name))) for grid, found in zip(grids, solved, strict=True)
         ]
+        if not grids:  # windows of too few pixels to be halved: nothing is known
+            steps = prepared.scene.steps
+            coarse = [CoarserSolution(prepared.scene.surface.shape, steps, np.full(len(steps), np.nan))]
         filtered = None if smooth is None else against(study, smooth, again.get(route(prepared, name)))
         if smooth is not None and leakage_filtered is not None:
             filtered = CoarserSolution(
@@ -100,7 +102,7 @@ def coarser_grids(prepared: Prepared, leakage: Array | None = None) -> list[Prep
 
     leakage : of the answer, which tells what steps are near closing.
     """
-    some = _some_steps(prepared, leakage)
+    some = _some_steps(prepared, leakage, GRID_STRIDE)
     points = coarser_points(prepared.scene.surface.shape, _cells(prepared))
     if points is None:
         return []
@@ -121,7 +123,7 @@ def filtered_input(prepared: Prepared, leakage: Array | None = None) -> Prepared
     except InputError as error:
         log.warning("error budget: no solution without the shortest waves: %s", error)
         return None
-    some = _some_steps(prepared, leakage)
+    some = _some_steps(prepared, leakage, FILTER_STRIDE)
     return _reduced(prepared, replace(some, surface=smooth.surface))
 
 
@@ -139,20 +141,19 @@ def _cells(prepared: Prepared) -> tuple[int, int] | None:
     return prepared.cells if {route(prepared, name) for name in names} - {"deterministic"} else None
 
 
-def _some_steps(prepared: Prepared, leakage: Array | None) -> Scene:
-    return at_some_steps(prepared.scene, np.ones(len(prepared.scene.steps)) if leakage is None else leakage)
+def _some_steps(prepared: Prepared, leakage: Array | None, stride: int) -> Scene:
+    known = np.ones(len(prepared.scene.steps)) if leakage is None else leakage
+    return at_some_steps(prepared.scene, known, stride)
 
 
 def _reduced(prepared: Prepared, scene: Scene) -> Prepared:
-    """The same input for a coarser scene: each method by its route, with few realisations."""
+    """The same input for a coarser scene: each method by its route, with few windows and realisations."""
     sampling = prepared.sampling
     if sampling is not None:
-        fewer, windows = min(COARSE_REALISATIONS, sampling.realisations), sampling.library_cells
-        if sampling.pressure != "place":
-            fewer, windows = 2, min(windows, max(LEAST_WINDOWS, round(COARSE_WINDOWS * windows)))
+        windows = min(sampling.library_cells, max(LEAST_WINDOWS, round(COARSE_WINDOWS * sampling.library_cells)))
         sampling = replace(
             sampling,
-            realisations=fewer,
+            realisations=2,  # the windows are compared
             library_cells=windows,
             width=None,
             resampled=False,
@@ -189,9 +190,6 @@ def against(study: Any, coarse: Prepared, found: Any) -> CoarserSolution:
     if not isinstance(found, StochasticResult):
         assert study.leakage_of_face is not None
         return CoarserSolution(points, steps, found.leakage, study.leakage_of_face[places])
-    if isinstance(study.library, LadderLibrary):
-        own = study.quantile(0.5)[places]
-        change = change_of_windows(study.library.curves, found.library.curves, steps)
-        return CoarserSolution(points, steps, own * np.exp(change), own)
-    drawn = replace(study, leakage=study.leakage[: len(found.leakage), places])
-    return CoarserSolution(points, steps, found.quantile(0.5), drawn.quantile(0.5))
+    own = study.quantile(0.5)[places]
+    change = change_of_windows(study.library.curves, found.library.curves, steps)
+    return CoarserSolution(points, steps, own * np.exp(change), own)
