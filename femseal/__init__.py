@@ -22,7 +22,10 @@ Everything is SI. Names are loaded when first used, so that importing the packag
 """
 
 from importlib import import_module
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+from .base.loop_files import find_place
 
 __version__ = "0.1.0"
 
@@ -116,6 +119,7 @@ _MODULES = {
         "turned",
     ),
 }
+find_place(Path(__file__).parent)
 _HOME = {name: module for module, names in _MODULES.items() for name in names}
 
 __all__ = sorted(_HOME)

@@ -9,17 +9,21 @@ from .coarse import CoarserSolution, at_some_steps, change_of_windows, coarser_p
 from .error_budget import error_budget, method_of
 from .error_parts import ErrorBudget, ErrorPart
 from .grid_convergence import GridConvergence, grid_convergence
+from .judged import Judged, counting_steps, judged
 
 __all__ = [
     "CoarserSolution",
     "ErrorBudget",
     "ErrorPart",
     "GridConvergence",
+    "Judged",
     "at_interpolated_steps",
     "at_some_steps",
     "change_of_windows",
     "coarser_points",
+    "counting_steps",
     "error_budget",
     "grid_convergence",
+    "judged",
     "method_of",
 ]

@@ -203,7 +203,7 @@ CASES: tuple[HardCase, ...] = (
     case(
         "place of the constriction",
         what="the same: gap and x2 of the critical constriction [m]",
-        must=Near((1e-4 * H, 17.5 * D), 1e-12, "a tenth of the smaller gap where the gap jumps"),
+        must=Near((1e-3 * H, 17.5 * D), 1e-12, "the gap of the neck"),
         run=_place,
     ),
     case(

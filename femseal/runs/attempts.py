@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
@@ -13,10 +13,11 @@ import numpy as np
 from ..base.errors import FemsealError
 from ..base.machine import free_memory
 from ..base.stage import Mapper, Stage
-from ..base.text import duration
-from ..budget import CoarserSolution, ErrorBudget, error_budget
-from ..studies.compare import FLOOR
+from ..base.text import duration, share_text
+from ..budget import CoarserSolution, ErrorBudget, error_budget, judged
+from ..studies import StochasticResult
 from ..studies.scene import Array
+from .budgeted import THIRD_GRID_PIXELS, against, budgets_of, filtered_input, leakage_of, removed_octaves
 from .refining import refined
 from .settings import Settings, expected_cost, has_windows, settled, time_limit
 
@@ -25,8 +26,8 @@ if TYPE_CHECKING:
     from .preparation import Prepared
 
 log = logging.getLogger("femseal.runs.attempts")
-#: Result of the study of the answer of a prepared case, told under a name.
-Solve = Callable[["Prepared", str], Any]
+#: Result of a study by a method, with the studies that are known by name: solve(method, prepared, known, told).
+Solve = Callable[[str, "Prepared", Mapping[str, Any], str], Any]
 
 
 @dataclass(frozen=True)
@@ -37,7 +38,7 @@ class Attempt:
     with_coarse : with that of the coarser one that tells the error of its pixels, where no earlier attempt was that
     one. half_width : largest half-width of ln(leakage) of the budget at the loads that count, inf where it has no end.
     limit : the source of error that is widest there. parts : half-widths of the sources there. load : name of the load
-    where it is largest.
+    where it is largest. windows : of the library, None without.
     """
 
     settings: Settings
@@ -48,6 +49,7 @@ class Attempt:
     limit: str
     load: str
     parts: dict[str, float]
+    windows: int | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,28 +114,52 @@ class _Attempts:
         number = len(self.done) + 1
         prepared = settled(self.case, self.made, settings)
         start = time.perf_counter()
-        study = self.solve(prepared, f"attempt {number}")
+        study = self._answer(prepared, f"attempt {number}")
         seconds = time.perf_counter() - start
-        self.leakages[settings] = answer_of(study)
-        coarse = self._coarser(settings, f"attempt {number}, coarser")
-        budget = error_budget(prepared.scene, study, coarse=coarse)
+        self.leakages[settings] = leakage_of(study)
+        budget = self._budget(prepared, study, f"attempt {number}, error budget")
         times = {"study": seconds, "with coarse": time.perf_counter() - start}
         # a run that goes on has to decide as before
         times = _remembered(self.mapper, "time of the attempt", times)
-        self.done.append(_judged(prepared, budget, times["study"], times["with coarse"]))
+        windows = study.library.size if isinstance(study, StochasticResult) else None
+        self.done.append(_judged(prepared, budget, times["study"], times["with coarse"], windows))
         return prepared, study, budget
 
-    def _coarser(self, settings: Settings, name: str) -> list[CoarserSolution]:
-        """The same with half the points a side, and with a fourth where an earlier attempt had them."""
-        found = []
+    def _answer(self, prepared: Prepared, told: str) -> Any:
+        return self.solve(prepared.answer, prepared, {}, told)
+
+    def _budget(self, prepared: Prepared, study: Any, told: str) -> ErrorBudget:
+        """The budget of the answer; faces on coarser grids that are known already are not solved again."""
+        name = prepared.answer.replace("-", "_")
+        if name == "stochastic":
+
+            def solve(method: str, other: Prepared, known: Mapping[str, Any]) -> Any:
+                return self.solve(method, other, known, told)
+
+            alone = replace(prepared, methods=frozenset({prepared.answer}))
+            return budgets_of(alone, {name: study}, solve)[name]
+        smooth = filtered_input(prepared, leakage_of(study))
+        filtered = None if smooth is None else against(study, smooth, self._answer(smooth, told))
+        octaves = removed_octaves(prepared)
+        return error_budget(
+            prepared.scene, study, coarse=self._coarser(prepared, told), filtered=filtered, octaves=octaves
+        )
+
+    def _coarser(self, prepared: Prepared, told: str) -> list[CoarserSolution]:
+        """The same with half the points a side, and with a fourth where that carries the waves and is known already."""
+        assert prepared.settings is not None
+        found: list[CoarserSolution] = []
+        pixel, wave = max(prepared.scene.surface.spacing), prepared.conditioning.shortest_wavelength
         for halvings in (1, 2):
-            coarse = replace(settings, grid=settings.grid - halvings)
-            if coarse not in self.leakages:
-                if halvings > 1 or not has_windows(self.made, coarse):
+            settings = replace(prepared.settings, grid=prepared.settings.grid - halvings)
+            if settings not in self.leakages:
+                if halvings > 1 or not has_windows(self.made, settings):
                     break
-                self.leakages[coarse] = answer_of(self.solve(settled(self.case, self.made, coarse), name))
-            prepared = settled(self.case, self.made, coarse)
-            found.append(CoarserSolution(prepared.scene.surface.shape, prepared.scene.steps, self.leakages[coarse]))
+                coarse = self._answer(settled(self.case, self.made, settings), told)
+                self.leakages[settings] = leakage_of(coarse)
+            if halvings == 1 or wave >= THIRD_GRID_PIXELS * pixel * (1 - 1e-9):
+                scene = settled(self.case, self.made, settings).scene
+                found.append(CoarserSolution(scene.surface.shape, scene.steps, self.leakages[settings]))
         return found
 
 
@@ -143,7 +169,7 @@ def reach(case: Case, first: Prepared, solve: Solve, mapper: Mapper) -> Reached:
     Parameters
     ----------
     first : the case with its first settings, see `preparation.prepare`.
-    solve : called as solve(prepared, name), gives the result of the study of the answer.
+    solve : called as solve(method, prepared, known, told), gives the result of a study; `told` is its name in progress.
     mapper : keeps the decisions where it keeps results, so that a run that goes on decides as before.
 
     Raises
@@ -169,7 +195,7 @@ def reach(case: Case, first: Prepared, solve: Solve, mapper: Mapper) -> Reached:
             break
         last = attempts.done[-1]
         log.info("attempt %d: %s", len(attempts.done), said(last))
-        if best is None or _finite(last.half_width) <= _finite(attempts.done[chosen].half_width):
+        if best is None or last.half_width <= attempts.done[chosen].half_width:
             best, chosen = found, len(attempts.done) - 1
         if last.half_width <= goal:
             break
@@ -187,7 +213,7 @@ def _next(attempts: _Attempts, goal: float, most: float, memory: float) -> tuple
     last = attempts.done[-1]
     reasons = []
     # a part that is within the accuracy may be refined where a wider one cannot be and is within it too
-    for part in sorted(last.parts, key=lambda name: -_finite(last.parts[name])):
+    for part in sorted(last.parts, key=lambda name: -last.parts[name]):
         change = refined(attempts.case, attempts.made, last.settings, part, memory)
         if change.settings is not None:
             break
@@ -234,62 +260,22 @@ def settled_as(case: Case, prepared: Prepared, told: dict[str, Any] | None) -> P
     return settled(case, prepared.made, Settings(**found | {"cells": cells}))
 
 
-def answer_of(study: Any) -> Array:
-    """Leakage of a study at every step, of drawn seals the median [m²/s]."""
-    return np.asarray(study.quantile(0.5) if hasattr(study, "quantile") else study.leakage)
-
-
-def counting_steps(budget: ErrorBudget) -> np.ndarray:
-    """Indices of the loads at which an accuracy is asked for: the answer leaks more than 1e-3 of its first leakage.
-
-    A load at which nothing leaks counts if the band reaches that far. Where nothing leaks at the first, all count that
-    leak.
-    """
-    q, upper = np.abs(budget.leakage), np.abs(budget.upper)
-    least = FLOOR * (q[0] if np.isfinite(q[0]) else 0.0)
-    with np.errstate(invalid="ignore"):
-        counts = (q > least) | ((q == 0) & (upper > least)) | np.isnan(q)
-    return np.flatnonzero(counts)
-
-
-def _judged(prepared: Prepared, budget: ErrorBudget, seconds: float, with_coarse: float) -> Attempt:
+def _judged(
+    prepared: Prepared, budget: ErrorBudget, seconds: float, with_coarse: float, windows: int | None
+) -> Attempt:
     assert prepared.settings is not None
-    steps = counting_steps(budget)
-    widths = np.asarray(budget.half_width())
-    parts = {name: _largest(width[steps]) for name, width in budget.widths().items()}
-    # pixels of which nothing is known
-    parts.setdefault("pixels", np.inf)
-    worst = int(steps[np.argmax(np.nan_to_num(widths[steps], nan=np.inf))]) if steps.size else 0
-    half_width = max(_largest(widths[steps]), np.inf if np.isinf(parts["pixels"]) else 0.0)
+    found = judged(budget)
     return Attempt(
         settings=prepared.settings,
         points=prepared.scene.surface.shape,
         seconds=seconds,
         with_coarse=with_coarse,
-        half_width=half_width,
-        limit=max(parts, key=lambda name: parts[name]),
-        load=prepared.scene.steps[worst].name,
-        parts=parts,
+        half_width=found.half_width,
+        limit=found.limit,
+        load=prepared.scene.steps[found.step].name,
+        parts=found.parts,
+        windows=windows,
     )
-
-
-def _largest(widths: Array) -> float:
-    """The largest of some half-widths; one that is unknown has no end."""
-    return float(np.max(np.nan_to_num(widths, nan=np.inf), initial=0.0))
-
-
-def _finite(width: float) -> float:
-    return float(np.nan_to_num(width, nan=np.inf))
-
-
-def share_text(half_width: float) -> str:
-    """A half-width of ln(leakage) as a share.
-
-    >>> share_text(0.0953), share_text(1.5)
-    ('10 %', 'a factor of 4.5')
-    """
-    share = float(np.expm1(half_width))
-    return f"{100 * share:.2g} %" if share < 1 else f"a factor of {1 + share:.2g}"
 
 
 def _told(attempt: Attempt) -> dict[str, Any]:

@@ -119,14 +119,15 @@ def run(
             return mapper if common is None else SharedStages(Path(common)).over(mapper)
 
         if folder is None:
-            mapper, prepared = stack.enter_context(ordered_map(workers, scheduler)), _prepared(case, scheduler)
+            prepared = _prepared(case, scheduler)
+            mapper = stack.enter_context(ordered_map(workers, scheduler, progress))
             return _run(case, prepared, faces, found_or_computed(mapper, prepared), progress)
         # a folder is made once the case has been found good
         if there := folder.is_dir():
             stack.enter_context(alone_in(folder))
             going_on = _goes_on(folder, identity, resume)
         prepared = _prepared(case, scheduler)
-        mapper = stack.enter_context(ordered_map(workers, scheduler))
+        mapper = stack.enter_context(ordered_map(workers, scheduler, progress))
         if not there:
             stack.enter_context(alone_in(made_folder(folder)))
             going_on = _goes_on(folder, identity, resume)
@@ -253,10 +254,10 @@ def _reached(case: Case, prepared: Prepared, mapper: Mapper, progress: Progress,
 def _solving(case: Case, mapper: Mapper, progress: Progress, timings: dict[str, float]) -> Solve:
     """Solve the study of the answer of a prepared case under a name."""
 
-    def solve(prepared: Prepared, name: str) -> Any:
+    def solve(method: str, prepared: Prepared, known: Mapping[str, Any], name: str) -> Any:
         with _timed(name, progress, timings):
             watched = watching(mapper, name, progress, timings)
-            return study_of(prepared.answer, case, prepared, prepared.scene, None, watched)
+            return study_of(method, case, prepared, prepared.scene, known, watched)
 
     return solve
 

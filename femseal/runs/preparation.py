@@ -167,7 +167,7 @@ def _prepare(case: Case) -> Prepared:
         Partition(shape, flat.spacing, cells)  # refuses windows of too few pixels
     with in_words_of(SURFACE_KEYS):
         surface, report = smooth(flat, repaired, shortest_wavelength=wave, shape=shape)
-    report = replace(report, **_found(separately, wave))
+    report = _of_generated(case, flat, replace(report, **_found(separately, wave)))
     sampling = None
     if cells is not None:
         window = Partition(surface.shape, surface.spacing, cells).window_size
@@ -308,6 +308,19 @@ def _combined_faces(case: Case) -> tuple[Topography, list[tuple[Topography, Repa
     table = case.face[1]
     surface, overlap = combine(first, second, **(table.placement if isinstance(table, FileFace) else {}))
     return surface, repaired, overlap, inf
+
+
+def _of_generated(case: Case, flat: Topography, report: Conditioning) -> Conditioning:
+    """The report of a generated face says what the low-pass removes of the waves that were made."""
+    made = [
+        table.cut_off or resolved_wave(table.size, table.points)
+        for table in case.face
+        if not isinstance(table, FileFace)
+    ]
+    if len(made) < len(case.face) or min(made) <= report.shortest_measured:
+        return report
+    slope = flat.low_pass(min(made)).rms_slope
+    return replace(report, shortest_measured=min(made), rms_slope_measured=slope)
 
 
 def _found(repaired: list[tuple[Topography, Repair]], wavelength: float) -> dict[str, Any]:

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from math import ceil
+from math import ceil, prod
 from typing import TYPE_CHECKING
+
+import numpy as np
 
 from ..scales import Partition
 from ..studies.tolerances import contact_tolerance
@@ -24,8 +26,10 @@ FIRST_GRID, LEAST_GRID, MOST_GRID = -1, -2, 4
 _WINDOW_PIXELS = 8
 #: Least residual of contact.
 LEAST_RTOL = 1e-8
-#: Seals that are drawn at first and at most, and windows of a library at most.
-FIRST_SEALS, MOST_SEALS, MOST_WINDOWS = 50, 12800, 8192
+#: Seals that are drawn at first and at most. Windows of a library at first, of a face that has as few without overlap
+#: and of others, and at most.
+FIRST_SEALS, MOST_SEALS = 20, 20480
+FIRST_WINDOWS, MOST_WINDOWS = (16, 32), 8192
 #: Factor of the number of seals, and of library windows, that halves their error.
 HALVING = 4
 
@@ -52,7 +56,7 @@ class Settings:
 def fixed(case: Case) -> dict[str, str]:
     """Settings that the case gives, by the key that gives them."""
     found: dict[str, str] = {}
-    if case.method != "auto":
+    if case.method in ("deterministic", "two-scale"):
         found["method"] = "method"
     if case.surface.points is not None:
         found["grid"] = "surface.points"
@@ -89,6 +93,8 @@ def first_settings(case: Case, made: Prepared) -> Settings:
     )
     if sampling is not None and "realisations" not in given:
         settings = replace(settings, realisations=FIRST_SEALS)
+    if sampling is not None and sampling.pressure != "place" and "library_cells" not in given:
+        settings = replace(settings, library_cells=int(np.clip(prod(made.cells or ()), *FIRST_WINDOWS)))
     if "grid" in given:
         return settings
     for grid in range(FIRST_GRID, LEAST_GRID - 1, -1):
