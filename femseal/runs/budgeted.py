@@ -74,7 +74,12 @@ def budgets_of(
                 smooth.scene.surface.shape, study.steps, leakage_filtered, leakage_of(studies[answer])
             )
         budgets[name] = error_budget(
-            prepared.scene, study, coarse=coarse, filtered=filtered, octaves=removed_octaves(prepared)
+            prepared.scene,
+            study,
+            coarse=coarse,
+            filtered=filtered,
+            octaves=removed_octaves(prepared),
+            compared=_links_compared(grids[0], solved[0]) if grids and name == "two_scale" else None,
         )
     return budgets
 
@@ -163,7 +168,22 @@ def _reduced(prepared: Prepared, scene: Scene) -> Prepared:
         )
     names = (method.replace("-", "_") for method in prepared.methods)
     methods = frozenset(route(prepared, name).replace("_", "-") for name in names)
+    if _by_links(prepared):
+        methods |= {"deterministic"}
     return replace(prepared, scene=scene, sampling=sampling, methods=methods, filtered=None)
+
+
+def _by_links(prepared: Prepared) -> bool:
+    """Whether two scales have the contact of the whole face and the flow of links, which cost little to compare."""
+    return "two-scale" in prepared.methods and prepared.contact == "whole" and prepared.flow == "links"
+
+
+def _links_compared(coarse: Prepared, found: Mapping[str, Any]) -> CoarserSolution | None:
+    """The whole face on fewer points against links there; None where they are not compared."""
+    if not _by_links(coarse) or not {"deterministic", "two_scale"} <= found.keys():
+        return None
+    whole, links = found["deterministic"], found["two_scale"]
+    return CoarserSolution(coarse.scene.surface.shape, coarse.scene.steps, whole.leakage, links.leakage)
 
 
 def _solved(coarse: Prepared, solve: Solve) -> dict[str, Any]:
