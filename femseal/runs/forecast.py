@@ -34,7 +34,7 @@ _START_SECONDS = 2.6
 #: Seconds of pictures, report and tables, and of a byte of fields.
 _PICTURES_SECONDS, _FIELD_BYTE_SECONDS = 1.4, 5e-8
 #: Memory of the libraries that a run imports, and of another process [byte].
-_START_MEMORY, _WORKER_MEMORY = 0.5e9, 0.25e9
+START_MEMORY, _WORKER_MEMORY = 0.5e9, 0.25e9
 
 
 @dataclass(frozen=True)
@@ -162,7 +162,7 @@ def forecast(case: Case, prepared: Prepared, known: tuple[Effort, ...] | None = 
     alone = _START_SECONDS + drawn * _PICTURES_SECONDS + disk(case, prepared).fields * _FIELD_BYTE_SECONDS
     shared = sum(seconds for seconds, _ in costs)
     # what a study holds stays until the results are written; what it works with does not
-    memory = _START_MEMORY + max(memory for _, memory in costs)
+    memory = START_MEMORY + max(memory for _, memory in costs)
     return Forecast(alone * pace(), shared * pace(), memory)
 
 
