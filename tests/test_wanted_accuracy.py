@@ -225,12 +225,11 @@ def test_the_accuracy_is_true(seed):
 
 
 def test_what_can_be_refined_is_where_something_else_cannot():
-    """Drawing from four windows limits; pixels are refined until they are within the accuracy."""
+    """Seals of four windows of the face limit; pixels are refined until they are within the accuracy."""
     drawn = {"length": "300 um", "realisations": 6}
-    told = fs.run(parse_case(DRAWN | {"accuracy": "2 %", "stochastic": drawn}), workers=1).attempts
+    told = fs.run(parse_case(DRAWN | {"accuracy": "3 %", "stochastic": drawn}), workers=1).attempts
     first, last = told["attempts"][0], told["attempts"][-1]
-    assert not told["reached"]
-    assert last["limit"] != "pixels"
-    assert first["parts"]["pixels"] > np.log(1.02) >= last["parts"]["pixels"]
+    assert first["limit"] == last["limit"] == "sampler"
+    assert first["parts"]["pixels"] > np.log(1.03) >= last["parts"]["pixels"]
     assert "all 4 windows of the face are in the library" in told["why"]
-    assert "stochastic.realisations is given" in told["why"] or last["parts"]["realisations"] <= np.log(1.02)
+    assert "stochastic.realisations is given" in told["why"] or last["parts"]["realisations"] <= np.log(1.03)
