@@ -12,6 +12,7 @@ import numpy as np
 
 from ..base.errors import FemsealError, InputError
 from ..budget import (
+    LEAST_LOADS,
     CoarserSolution,
     ErrorBudget,
     at_some_steps,
@@ -74,7 +75,12 @@ def budgets_of(
                 smooth.scene.surface.shape, study.steps, leakage_filtered, leakage_of(studies[answer])
             )
         budgets[name] = error_budget(
-            prepared.scene, study, coarse=coarse, filtered=filtered, octaves=removed_octaves(prepared)
+            prepared.scene,
+            study,
+            coarse=coarse,
+            filtered=filtered,
+            octaves=removed_octaves(prepared),
+            compared=_links_compared(grids[0], solved[0]) if grids and name == "two_scale" else None,
         )
     return budgets
 
@@ -102,7 +108,9 @@ def coarser_grids(prepared: Prepared, leakage: Array | None = None) -> list[Prep
 
     leakage : of the answer, which tells what steps are near closing.
     """
-    some = _some_steps(prepared, leakage, GRID_STRIDE)
+    # where the filter or the comparison of links takes its share of the time too, no more steps than every other
+    least = 0 if removed_octaves(prepared) >= LEAST_OCTAVES or _by_links(prepared) else LEAST_LOADS
+    some = _some_steps(prepared, leakage, GRID_STRIDE, least)
     points = coarser_points(prepared.scene.surface.shape, _cells(prepared))
     if points is None:
         return []
@@ -123,7 +131,7 @@ def filtered_input(prepared: Prepared, leakage: Array | None = None) -> Prepared
     except InputError as error:
         log.warning("error budget: no solution without the shortest waves: %s", error)
         return None
-    some = _some_steps(prepared, leakage, FILTER_STRIDE)
+    some = _some_steps(prepared, leakage, FILTER_STRIDE, 0)
     return _reduced(prepared, replace(some, surface=smooth.surface))
 
 
@@ -141,9 +149,9 @@ def _cells(prepared: Prepared) -> tuple[int, int] | None:
     return prepared.cells if {route(prepared, name) for name in names} - {"deterministic"} else None
 
 
-def _some_steps(prepared: Prepared, leakage: Array | None, stride: int) -> Scene:
+def _some_steps(prepared: Prepared, leakage: Array | None, stride: int, least: int) -> Scene:
     known = np.ones(len(prepared.scene.steps)) if leakage is None else leakage
-    return at_some_steps(prepared.scene, known, stride)
+    return at_some_steps(prepared.scene, known, stride, least=least)
 
 
 def _reduced(prepared: Prepared, scene: Scene) -> Prepared:
@@ -163,7 +171,22 @@ def _reduced(prepared: Prepared, scene: Scene) -> Prepared:
         )
     names = (method.replace("-", "_") for method in prepared.methods)
     methods = frozenset(route(prepared, name).replace("_", "-") for name in names)
+    if _by_links(prepared):
+        methods |= {"deterministic"}
     return replace(prepared, scene=scene, sampling=sampling, methods=methods, filtered=None)
+
+
+def _by_links(prepared: Prepared) -> bool:
+    """Whether two scales have the contact of the whole face and the flow of links, which cost little to compare."""
+    return "two-scale" in prepared.methods and prepared.contact == "whole" and prepared.flow == "links"
+
+
+def _links_compared(coarse: Prepared, found: Mapping[str, Any]) -> CoarserSolution | None:
+    """The whole face on fewer points against links there; None where they are not compared."""
+    if not _by_links(coarse) or not {"deterministic", "two_scale"} <= found.keys():
+        return None
+    whole, links = found["deterministic"], found["two_scale"]
+    return CoarserSolution(coarse.scene.surface.shape, coarse.scene.steps, whole.leakage, links.leakage)
 
 
 def _solved(coarse: Prepared, solve: Solve) -> dict[str, Any]:
