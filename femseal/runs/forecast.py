@@ -125,8 +125,8 @@ def describe(case: Case, prepared: Prepared) -> list[str]:
             _line("second run", f"{prepared.answer}, on {points} points without waves up to twice the shortest")
         )
     if budget := _budget_inputs(case, prepared):
-        points = " and ".join(" × ".join(map(str, one.scene.surface.shape)) for one in budget)
-        lines.append(_line("error budget", f"about half of the states again on {points} points"))
+        again = (f"{len(one.scene.steps)} on {' × '.join(map(str, one.scene.surface.shape))} points" for one in budget)
+        lines.append(_line("error budget", f"states again, {' and '.join(again)}"))
     if told := case.output.told:
         lines.append(_line("leakage", told))
     first = "" if prepared.settings is None else "first attempt: "
