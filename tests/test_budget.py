@@ -117,9 +117,12 @@ def scene():
 
 def test_half_of_the_steps_hold_ends_peaks_and_both_sides_of_closing(scene):
     q = np.array([4.0, 3.0, 2.0, 1.0, 0.0, 1.0, 1.5])
-    some = at_some_steps(replace(scene, loading=(*scene.loading, 1.8e9, 2e9)), np.insert(q, 5, [0.0, 0.0]))
+    longer = replace(scene, loading=(*scene.loading, 1.8e9, 2e9)), np.insert(q, 5, [0.0, 0.0])
+    some = at_some_steps(*longer, least=0)
     assert some.loading == (1e8, 6e8, 1e9, 1.5e9)
     assert some.unloading == (6e8, 1e8)
+    # few loads tell little: all open ones and the first that is sealed
+    assert at_some_steps(*longer).loading == scene.loading
 
 
 def test_a_step_that_is_open_on_one_grid_only_may_be_sealed_or_open(scene):

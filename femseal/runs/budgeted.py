@@ -12,6 +12,7 @@ import numpy as np
 
 from ..base.errors import FemsealError, InputError
 from ..budget import (
+    LEAST_LOADS,
     CoarserSolution,
     ErrorBudget,
     at_some_steps,
@@ -107,7 +108,9 @@ def coarser_grids(prepared: Prepared, leakage: Array | None = None) -> list[Prep
 
     leakage : of the answer, which tells what steps are near closing.
     """
-    some = _some_steps(prepared, leakage, GRID_STRIDE)
+    # where the filter or the comparison of links takes its share of the time too, no more steps than every other
+    least = 0 if removed_octaves(prepared) >= LEAST_OCTAVES or _by_links(prepared) else LEAST_LOADS
+    some = _some_steps(prepared, leakage, GRID_STRIDE, least)
     points = coarser_points(prepared.scene.surface.shape, _cells(prepared))
     if points is None:
         return []
@@ -128,7 +131,7 @@ def filtered_input(prepared: Prepared, leakage: Array | None = None) -> Prepared
     except InputError as error:
         log.warning("error budget: no solution without the shortest waves: %s", error)
         return None
-    some = _some_steps(prepared, leakage, FILTER_STRIDE)
+    some = _some_steps(prepared, leakage, FILTER_STRIDE, 0)
     return _reduced(prepared, replace(some, surface=smooth.surface))
 
 
@@ -146,9 +149,9 @@ def _cells(prepared: Prepared) -> tuple[int, int] | None:
     return prepared.cells if {route(prepared, name) for name in names} - {"deterministic"} else None
 
 
-def _some_steps(prepared: Prepared, leakage: Array | None, stride: int) -> Scene:
+def _some_steps(prepared: Prepared, leakage: Array | None, stride: int, least: int) -> Scene:
     known = np.ones(len(prepared.scene.steps)) if leakage is None else leakage
-    return at_some_steps(prepared.scene, known, stride)
+    return at_some_steps(prepared.scene, known, stride, least=least)
 
 
 def _reduced(prepared: Prepared, scene: Scene) -> Prepared:

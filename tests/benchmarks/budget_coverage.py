@@ -143,12 +143,18 @@ def line(name, states):
         key = s["method"], s["kind"], s["seed"]
         whole[key] = whole.get(key, True) and s["holds"]
     error, width = (float(np.median([s[k] for s in leaks])) for k in ("error", "width"))
+    worst = {}
+    for s in leaks:
+        key = s["method"], s["kind"], s["seed"]
+        worst[key] = max(worst.get(key, s), s, key=lambda state: state["error"])
+    at_worst = [float(np.median([s[k] for s in worst.values()])) for k in ("error", "width")]
     return [name, f"{held} of {len(picked)}", interval(held, len(picked)), f"{np.mean([s['holds'] for s in leaks]):.1%}",
-            f"{np.mean(list(whole.values())):.0%}", f"{error:.2%}", f"{width:.2%}", f"{width / error:.1f}"]  # fmt: skip
+            f"{np.mean(list(whole.values())):.0%}", f"{error:.2%}", f"{width:.2%}", f"{width / error:.1f}",
+            f"{at_worst[1] / at_worst[0]:.1f}"]  # fmt: skip
 
 
 HEAD = ["", "held, one load of each scene", "95 % interval", "held, all loads", "scenes held at all loads", "median error",
-        "median half-width", "ratio"]  # fmt: skip
+        "median half-width", "ratio", "ratio at the largest error of each scene"]  # fmt: skip
 
 
 def tables(states):
