@@ -8,6 +8,7 @@ The flow of data, top to bottom::
     seal         permeability -> leakage of a seal of some shape         RectangularSeal, ..., seal_leakage
     scales       windows, their response, libraries, draws
     studies      the chains: deterministic, two-scale, stochastic
+    budget       error of every leakage, source by source             error_budget
     results      one dataset: netCDF, tables, files for ParaView         open_results
     plots        pictures of every result
     report       the folder and the page of a run                        write_report
@@ -21,13 +22,17 @@ Everything is SI. Names are loaded when first used, so that importing the packag
 """
 
 from importlib import import_module
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+from .base.loop_files import find_place
 
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
     from .accuracy import AccuracyReport, measure_accuracy
     from .base.errors import FemsealError, InputError, NotConverged
+    from .budget import CoarserSolution, ErrorBudget, ErrorPart, GridConvergence, error_budget, grid_convergence
     from .contact import Contact, HalfSpace, LoadCycle, LoadState, load_cycle, solve_contact
     from .designs.answer import Design, design
     from .flow import (
@@ -65,6 +70,7 @@ if TYPE_CHECKING:
 
 _MODULES = {
     "accuracy": ("AccuracyReport", "measure_accuracy"),
+    "budget": ("CoarserSolution", "ErrorBudget", "ErrorPart", "GridConvergence", "error_budget", "grid_convergence"),
     "runs.case": ("Case", "load_case"),
     "contact": ("Contact", "HalfSpace", "LoadCycle", "LoadState", "load_cycle", "solve_contact"),
     "base.errors": ("FemsealError", "InputError", "NotConverged"),
@@ -113,6 +119,7 @@ _MODULES = {
         "turned",
     ),
 }
+find_place(Path(__file__).parent)
 _HOME = {name: module for module, names in _MODULES.items() for name in names}
 
 __all__ = sorted(_HOME)

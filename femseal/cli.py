@@ -134,6 +134,8 @@ def run(
         print_table(results.table())
         if "seal_length" in results.dataset.coords:
             print_table(results.lengths_table())
+        if results.attempts is not None:
+            print_table(results.attempts_table())
         if terminal:  # without a terminal, the log lines have told it
             for kind, texts in (("warning", results.warnings), ("failure", results.failures)):
                 for text in texts[:5]:

@@ -10,8 +10,9 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 import femseal as fs
 from femseal import accuracy
-from femseal.accuracy import closing_load, leakage_factor, make_plan
+from femseal.accuracy import Comparison, Solution, closing_load, leakage_factor, make_plan
 from femseal.accuracy.plan import Variant
+from femseal.budget import ErrorBudget, ErrorPart
 from femseal.cli import main
 from femseal.loads import LoadStep
 from femseal.runs.case import parse_case
@@ -438,3 +439,57 @@ class TestCommand:
         assert "cells" in errors
         assert call(tmp_path / "none.toml", "-o", out)[0] == 2
         assert not out.exists()
+
+
+class TestRecommended:
+    """The cheapest solution whose measured error and budget are within the accuracy, of the case's own method first."""
+
+    def report(self, *solutions, wanted=0.1):
+        """Solutions as (method, seconds, factor, half-width of the budget, loads closed in one only)."""
+        case = parse_case(SMALL | {"accuracy": wanted})
+        plan = make_plan(case, limit=60, memory=1e9)
+        made = []
+        for n, (method, seconds, factor, width, closed) in enumerate(solutions):
+            q = np.array([1.0, 0.1])
+            part = ErrorPart("pixels", q * np.exp(-width), q * np.exp(width), "")
+            variant = Variant(method, (32, 32 + n), None if method == "deterministic" else (2, 2))
+            distance = accuracy.LeakageFactor(factor, 2, closed, 0)
+            made.append(
+                Solution(
+                    variant=variant,
+                    seconds=seconds,
+                    expected_seconds=1.0,
+                    expected_memory=1.0,
+                    leakage=q,
+                    closing_load=np.inf,
+                    comparisons=(Comparison(variant, distance, distance),),
+                    failures=(),
+                    budget=ErrorBudget(method, q, (part,)),
+                )
+            )
+        return accuracy.AccuracyReport(plan=plan, solutions=tuple(made), workers=1)
+
+    def test_of_those_within_error_and_budget_the_cheapest(self):
+        found = self.report(
+            ("deterministic", 4.0, 1.0, 0.01, 0),
+            ("deterministic", 3.0, 1.05, 0.09, 0),
+            ("deterministic", 2.0, 1.05, 0.2, 0),
+            ("deterministic", 1.0, 1.2, 0.01, 0),
+            ("deterministic", 0.5, 1.0, 0.01, 1),
+        )
+        assert found.recommended.seconds == 3.0
+        assert "recommended: deterministic, 32×33 points" in found.advice
+        assert [row["recommended"] for row in found.rows()] == [False, True, False, False, False]
+        assert json.loads(found.json_text())["recommended"] == found.recommended.variant.label
+        assert found.rows()[1]["budget_factor"] == pytest.approx(np.exp(0.09))
+
+    def test_the_own_method_comes_first(self):
+        """The small case is stochastic."""
+        good = ("deterministic", 1.0, 1.0, 0.01, 0)
+        assert self.report(good, ("stochastic", 5.0, 1.0, 0.05, 0)).recommended.seconds == 5.0
+        assert self.report(good, ("stochastic", 5.0, 1.0, 0.5, 0)).recommended.seconds == 1.0
+
+    def test_none_is_said(self):
+        found = self.report(("deterministic", 1.0, 1.0, 0.2, 0), wanted=0.03)
+        assert found.recommended is None
+        assert found.advice == "no solution has both its measured error and its budget within 3 %"

@@ -556,3 +556,21 @@ def test_out_of_memory_is_one_line(monkeypatch, capsys):
         cli.main()
     assert stop.value.code == 1
     assert capsys.readouterr().err.startswith("femseal: out of memory")
+
+
+def test_long_lists_of_what_is_allowed_lose_their_end(data, monkeypatch):
+    def refused(name, temperature, pressures):
+        raise fs.InputError.of("name", "x" * 1000, "one of " + ", ".join(map(str, range(500))))
+
+    monkeypatch.setattr("femseal.runs.case_fluid.named_fluid", refused)
+    data["fluid"] = {"name": "x" * 1000, "inlet_pressure": "1 MPa"}
+    message = refusal(parse_case, data)
+    assert ", allowed is one of 0, 1, 2" in message
+    assert message.endswith("…")
+
+
+@pytest.mark.usefixtures("memory")
+def test_long_seals_are_weighed_before_their_pressures_are_looked_at(monkeypatch, data):
+    monkeypatch.setattr("femseal.runs.preparation.check_map", lambda *_: pytest.fail("looked at"))
+    data["stochastic"] |= {"pressure": "uniform", "length": "1000 km"}
+    assert "stochastic.length: given a seal of 2 × " in refusal(parse_case(data).prepare)

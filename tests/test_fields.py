@@ -566,7 +566,9 @@ def test_a_case_says_what_is_written_also_when_a_stopped_run_goes_on(case, tmp_p
         ({"paraview": "xdmf"}, "output.paraview: given 'xdmf', allowed is one of vtu, vtkhdf, both, none"),
         ({"fields_limit": "-1 GB"}, "output.fields_limit: given '-1 GB', allowed is a size >= 0"),
         ({"fields_limit": "1 m"}, "output.fields_limit"),
-        ({"pictures": True}, "output.pictures: unknown key, allowed are paraview, fields_limit"),
+        ({"films": True}, "output.films: unknown key, allowed are pictures, report, fields, paraview, fields_limit"),
+        ({"pictures": 2}, "output.pictures: given 2, allowed is "),
+        ({"pictures": False, "report": True}, "output.report: given true with pictures = false, allowed is false"),
     ],
 )
 def test_faults_of_the_table_are_named(case, table, words):

@@ -13,19 +13,19 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from femseal.base.errors import InputError
+from femseal.base.errors import FemsealError, InputError, NotConverged
 from femseal.cli import app, main
 from femseal.hard_cases import collection
 from femseal.hard_cases.collection import CASES, STAGES, chosen
 from femseal.hard_cases.hard_case import HardCase
-from femseal.hard_cases.judges import Between, Exactly, Falling, Near, Refused, ZeroAndPositive
+from femseal.hard_cases.judges import Between, Exactly, Falling, Near, NotSolved, Refused, ZeroAndPositive
 
 PAGE = Path(__file__).parents[1] / "docs" / "evidence" / "hard_cases.md"
 
 
 def changed(must, came):
     """The judge with its expectation changed a little, in every way, and what came with it."""
-    if isinstance(must, Refused):
+    if isinstance(must, (NotSolved, Refused)):
         return [(replace(must, words=(*must.words, "nonsense")), came)]
     values = np.ravel(np.asarray(came, float))
     if isinstance(must, Between):
@@ -52,7 +52,7 @@ def test_scene(case):
     def run():
         try:
             came.append(case.run())
-        except InputError as error:
+        except FemsealError as error:
             came.append(error)
             raise
         return came[-1]
@@ -109,6 +109,8 @@ class TestOutcomes:
 
     def test_an_error_of_another_kind_is_no_refusal(self):
         assert not Refused(("gap",)).holds(ValueError("gap"))
+        assert not Refused(("gap",)).holds(NotConverged("gap"))
+        assert not NotSolved(("gap",)).holds(InputError("gap"))
 
 
 class TestCommand:

@@ -28,6 +28,7 @@ ROOMS = (
     "seal",
     "scales",
     "studies",
+    "budget",
     "results",
     "plots",
     "report",

@@ -92,3 +92,24 @@ def test_text(value, unit, text):
 @pytest.mark.parametrize("value", [2.5e9, 1.25e-6, 3.0, -4e-3])
 def test_text_is_read_back(value):
     assert_allclose(to_si(to_text(value, "m"), "m"), value, rtol=1e-12)
+
+
+def test_long_lists_ask_the_parser_of_units_once(monkeypatch):
+    from femseal.base import quantities
+
+    registry, asked = quantities._registry(), []
+
+    class Counting:
+        def parse_units(self, text):
+            asked.append(text)
+            return registry.parse_units(text)
+
+    quantities._factor.cache_clear()
+    monkeypatch.setattr(quantities, "_registry", Counting)
+    assert [to_si(f"{n} MPa", "Pa") for n in (1, 2.5, 3e3)] == [1e6, 2.5e6, 3e9]
+    assert asked == ["MPa"]
+
+
+def test_a_plain_number_is_asked_for_as_such():
+    with pytest.raises(InputError, match=r"width: given '\.', allowed is a finite number$"):
+        to_si(".", "", "width")

@@ -8,6 +8,7 @@ from contextlib import suppress
 from dataclasses import replace
 from os import PathLike
 from pathlib import Path
+from typing import Any
 
 import joblib
 import numpy as np
@@ -17,6 +18,8 @@ from ..base import validate
 from ..base.errors import FemsealError, InputError
 from ..base.files import made_folder
 from ..base.stage import Mapper
+from ..budget import CoarserSolution, ErrorBudget, coarser_points, error_budget
+from ..runs.budgeted import THIRD_GRID_PIXELS, filtered_input, leakage_of, removed_octaves
 from ..runs.case import Case, load_case
 from ..runs.executor import ordered_map
 from ..runs.preparation import Prepared
@@ -86,18 +89,29 @@ def _measure(plan: Plan, workers: int, mapper: Mapper, progress: Progress) -> Ac
     leakages: dict[Variant, Array] = {}
     seconds: dict[Variant, float] = {}
     failures: dict[Variant, tuple[str, ...]] = {}
+    budgets: dict[Variant, ErrorBudget] = {}
     progress("solutions", 0, len(plan.variants))
-    for done, variant in enumerate(plan.variants, start=1):
+    filtered = _filtered(plan.prepared, mapper)
+    # coarser pixels first: they tell the error of finer ones
+    order = sorted(plan.variants, key=lambda v: (v.points[0] * v.points[1], v != plan.reference))
+    for done, variant in enumerate(order, start=1):
         prepared = _at_resolution(plan.prepared, variant)
         _warm_up(prepared, variant, workers, mapper)
         start = time.perf_counter()
+        study = None
         try:
-            leakages[variant], failures[variant] = _solve(prepared, variant, mapper)
+            study = _solve(prepared, variant, mapper)
+            leakages[variant], failures[variant] = leakage_of(study), study.failures
         except FemsealError as error:
             if variant == plan.reference:
                 raise
             leakages[variant], failures[variant] = np.full(len(prepared.scene.steps), np.nan), (str(error),)
         seconds[variant] = time.perf_counter() - start
+        if study is not None:
+            coarse = _coarser(plan.prepared, variant, leakages, mapper)
+            budgets[variant] = error_budget(
+                prepared.scene, study, coarse=coarse, filtered=filtered, octaves=removed_octaves(plan.prepared)
+            )
         progress("solutions", done, len(plan.variants))
     steps = plan.prepared.scene.steps
 
@@ -115,10 +129,48 @@ def _measure(plan: Plan, workers: int, mapper: Mapper, progress: Progress) -> Ac
             closing_load=closing_load(leakages[variant], steps),
             comparisons=tuple(compare(variant, reference) for reference in _references(plan, variant)),
             failures=failures[variant],
+            budget=budgets.get(variant),
         )
         for variant, cost in zip(plan.variants, plan.costs, strict=True)
     ]
     return AccuracyReport(plan=plan, solutions=tuple(solutions), workers=workers)
+
+
+def _coarser(
+    prepared: Prepared, variant: Variant, leakages: dict[Variant, Array], mapper: Mapper
+) -> list[CoarserSolution]:
+    """The same solution on half the points a side, and on a fourth where that carries the waves and is known."""
+    found: list[CoarserSolution] = []
+    pixel = max(_at_resolution(prepared, variant).scene.surface.spacing)
+    fine = prepared.conditioning.shortest_wavelength >= THIRD_GRID_PIXELS * pixel * (1 - 1e-9)
+    points = coarser_points(variant.points, variant.cells)
+    while points is not None and len(found) < 1 + fine:
+        coarse = replace(variant, points=points)
+        if coarse not in leakages:
+            if found:
+                break
+            try:
+                leakages[coarse] = leakage_of(_solve(_at_resolution(prepared, coarse), coarse, mapper))
+            except FemsealError:  # the budget then says nothing of the pixels
+                break
+        found.append(CoarserSolution(points, prepared.scene.steps, leakages[coarse]))
+        points = coarser_points(points, variant.cells)
+    return found
+
+
+def _filtered(prepared: Prepared, mapper: Mapper) -> CoarserSolution | None:
+    """The deterministic solution without the shortest waves, beside that with them; None where none were removed.
+
+    Both are on half the points a side: what removed waves would change is the same for all solutions.
+    """
+    whole = replace(prepared, cells=None, sampling=None, methods=frozenset({"deterministic"}))
+    smooth = filtered_input(whole)
+    if smooth is None:
+        return None
+    shape = smooth.scene.surface.shape
+    with_them = replace(smooth.scene, surface=prepared.scene.surface.resample(shape))
+    own, other = (deterministic(scene, mapper=mapper).leakage for scene in (with_them, smooth.scene))
+    return CoarserSolution(shape, smooth.scene.steps, other, own)
 
 
 def _references(plan: Plan, variant: Variant) -> list[Variant]:
@@ -136,19 +188,16 @@ def _at_resolution(prepared: Prepared, variant: Variant) -> Prepared:
     return replace(prepared, scene=replace(scene, surface=scene.surface.resample(variant.points)))
 
 
-def _solve(prepared: Prepared, variant: Variant, mapper: Mapper) -> tuple[Array, tuple[str, ...]]:
-    """Leakage at every step, and the failures."""
+def _solve(prepared: Prepared, variant: Variant, mapper: Mapper) -> Any:
+    """Result of the study."""
     scene = prepared.scene
     if variant.cells is None:
-        whole = deterministic(scene, mapper=mapper)
-        return whole.leakage, whole.failures
+        return deterministic(scene, mapper=mapper)
     if variant.library_cells is None:
-        windows = two_scale(scene, variant.cells, flow=prepared.flow, contact=prepared.contact, mapper=mapper)
-        return windows.leakage, windows.failures
+        return two_scale(scene, variant.cells, flow=prepared.flow, contact=prepared.contact, mapper=mapper)
     assert prepared.sampling is not None
     sampling = replace(prepared.sampling, library_cells=variant.library_cells, other_lengths=())
-    seals = stochastic(scene, variant.cells, sampling, contact=prepared.contact, mapper=mapper)
-    return seals.quantile(0.5), seals.failures
+    return stochastic(scene, variant.cells, sampling, contact=prepared.contact, mapper=mapper)
 
 
 def _warm_up(prepared: Prepared, variant: Variant, workers: int, mapper: Mapper) -> None:

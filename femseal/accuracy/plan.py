@@ -8,6 +8,7 @@ from math import ceil, log2
 
 from ..base.errors import InputError
 from ..base.quantities import to_text
+from ..base.text import duration
 from ..runs.case import Case
 from ..runs.preparation import Prepared
 from ..scales import Partition
@@ -20,6 +21,8 @@ Pair = tuple[int, int]
 #: Points along a side, and cells in the library, are divided by these. The shortest wave of a scene has at least 8
 #: pixels, so 2 are left, which is what a grid can carry.
 COARSENINGS = (1, 2, 4)
+#: Accuracy of a setting that is recommended, where the case asks for none.
+DEFAULT_ACCURACY = 0.1
 #: Windows have at least this many pixels a side, and hold this many of the shortest waves.
 WINDOW_PIXELS, WINDOW_WAVES = 16, 2
 
@@ -68,6 +71,11 @@ class Plan:
     companion: Variant | None
 
     @property
+    def accuracy(self) -> float:
+        """Wanted of a setting that is recommended: that of the case, as a share."""
+        return DEFAULT_ACCURACY if self.case.accuracy is None else self.case.accuracy
+
+    @property
     def reference(self) -> Variant:
         """Solution with which the others are compared."""
         return self.variants[0]
@@ -110,7 +118,9 @@ def make_plan(case: Case, *, limit: float, memory: float) -> Plan:
     InputError : a face or cells that cannot be used; no affordable reference.
     """
     others = (("two-scale",) if case.cells else ()) + (("stochastic",) if case.cells and case.stochastic else ())
-    prepared = _on_a_strip(case.model_copy(update={"compare": others}).prepare())
+    prepared = case.model_copy(update={"compare": others}).prepare()
+    # not the coarse pixels of a first attempt at an accuracy
+    prepared = _on_a_strip(prepared.made or prepared)
     variants: list[Variant] = []
     costs: list[tuple[float, float]] = []
     skipped: list[tuple[str, str]] = []
@@ -164,17 +174,6 @@ def by(pair: Pair) -> str:
     '8×16'
     """
     return f"{pair[0]}×{pair[1]}"
-
-
-def duration(seconds: float) -> str:
-    """Seconds as text.
-
-    >>> duration(0.01234), duration(75.0), duration(9000.0)
-    ('0.012 s', '75 s', '2.5 h')
-    """
-    if seconds < 600:
-        return f"{seconds:.2g} s" if seconds < 99.5 else f"{seconds:.0f} s"
-    return f"{seconds / 60:.0f} min" if seconds < 7200 else f"{seconds / 3600:.2g} h"
 
 
 def _candidates(prepared: Prepared) -> Iterator[tuple[Variant | str, str]]:

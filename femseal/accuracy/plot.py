@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from ..plots.drawing import STYLES, new_figure
 from .plan import Variant, by
 
@@ -38,6 +40,7 @@ def accuracy_figure(report: AccuracyReport) -> Figure:
         for solution in report.solutions[1:]:
             for comparison in solution.comparisons:
                 _mark(axes, report, solution, comparison, branch)
+        _mark_budgets(axes, report)
         axes.margins(0.18, 0.1)
     panels[0].set_ylabel("factor of leakage − 1")
     figure.suptitle(report.plan.against.replace(": ", ":\n"), fontsize=9.5)
@@ -60,6 +63,19 @@ def _mark(axes: Axes, report: AccuracyReport, solution: Solution, comparison: Co
     apart = variant.library_cells is not None or (variant.cells and variant.points != report.plan.reference.points)
     side: dict[str, Any] = {"xytext": (-5, -9), "ha": "right"} if apart else {"xytext": (5, 4)}
     axes.annotate(text, at, textcoords="offset points", fontsize=7, color=_GREY, **side)
+
+
+def _mark_budgets(axes: Axes, report: AccuracyReport) -> None:
+    """The budget of every solution as a bar over its time, and a ring about the recommended one."""
+    for solution in report.solutions:
+        if (found := solution.judged) is None or not np.isfinite(found.half_width):
+            continue
+        colour, _ = _METHODS[solution.variant.method]
+        width = max(float(np.expm1(found.half_width)), _LEAST)
+        axes.plot(solution.seconds, width, color=colour, ls="", marker="_", ms=13, mew=2)
+        if solution is report.recommended:
+            axes.plot(solution.seconds, width, color=_GREY, ls="", marker="o", ms=17, mfc="none", mew=1.2)
+    axes.axhline(report.plan.accuracy, color=_GREY, ls=":", lw=1)
 
 
 def _name(report: AccuracyReport, variant: Variant) -> str:
@@ -87,4 +103,10 @@ def _legend(report: AccuracyReport) -> list[Any]:
         label = f"open: against {report.plan.companion.short}"
         handles.append(Line2D([], [], ls="", color=colour, marker=marker, ms=7, mew=1.3, mfc="none", label=label))
     handles.append(Line2D([], [], color=_GREY, ls="--", lw=1, label="time of the reference"))
+    handles.append(Line2D([], [], color=_GREY, ls="", marker="_", ms=13, mew=2, label="budget"))
+    wanted = f"{100 * report.plan.accuracy:.3g} %"
+    handles.append(Line2D([], [], color=_GREY, ls=":", lw=1, label=wanted))
+    if report.recommended is not None:
+        ring = Line2D([], [], color=_GREY, ls="", marker="o", ms=12, mfc="none", label="recommended")
+        handles.append(ring)
     return handles

@@ -17,6 +17,7 @@ from ..base.files import made_folder, replacing, write_text
 from ..base.provenance import versions
 from ..base.quantities import to_text
 from ..base.text import comma_separated
+from ..budget import ErrorBudget, Judged, judged
 from ..studies.compare import FLOOR, LeakageFactor
 from .plan import Plan, Variant, by
 
@@ -41,7 +42,7 @@ class Solution:
     seconds : wall time. expected_seconds, expected_memory : expected before the run, on one core [s], [byte].
     leakage : per length of seal at every step [m²/s]; the median of drawn seals; NaN: failed.
     closing_load : lowest loading step that is closed [Pa]; inf if none is.
-    comparisons : with the reference first. failures : one line each.
+    comparisons : with the reference first. failures : one line each. budget : its error budget; None: failed.
     """
 
     variant: Variant
@@ -52,6 +53,22 @@ class Solution:
     closing_load: float
     comparisons: tuple[Comparison, ...]
     failures: tuple[str, ...]
+    budget: ErrorBudget | None = None
+
+    @property
+    def judged(self) -> Judged | None:
+        """The widest band of the budget at loads that leak more than 1e-3 of the first; None: failed."""
+        return None if self.budget is None else judged(self.budget)
+
+    def is_within(self, accuracy: float) -> bool:
+        """Whether measured error and budget are within an accuracy, a share, and nothing is closed or failed."""
+        found, first = self.judged, self.comparisons[0]
+        if found is None or not found.half_width <= np.log1p(accuracy):
+            return False
+        branches = [branch for branch in (first.loading, first.unloading) if branch.loads or branch.closed]
+        errors = [abs(np.log(branch.value)) for branch in branches if branch.loads]
+        clean = not any(branch.closed or branch.failed for branch in (first.loading, first.unloading))
+        return clean and bool(errors) and max(errors) <= np.log1p(accuracy)
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,6 +81,24 @@ class AccuracyReport:
     plan: Plan
     solutions: tuple[Solution, ...]
     workers: int
+
+    @property
+    def recommended(self) -> Solution | None:
+        """The cheapest solution whose measured error and budget are within the accuracy wanted; None if none is.
+
+        It is one of the case's own method if there is such a one. The accuracy is that of the case, else 10 %.
+        """
+        good = [s for s in self.solutions if s.is_within(self.plan.accuracy)]
+        own = [s for s in good if s.variant.method == self.plan.prepared.answer]
+        return min(own or good, key=lambda s: s.seconds, default=None)
+
+    @property
+    def advice(self) -> str:
+        """The recommended solution in words, and how it was found."""
+        wanted = f"{100 * self.plan.accuracy:.3g} %"
+        if (best := self.recommended) is None:
+            return f"no solution has both its measured error and its budget within {wanted}"
+        return f"recommended: {best.variant.label}, the cheapest with measured error and budget within {wanted}"
 
     @property
     def warnings(self) -> list[str]:
@@ -86,6 +121,11 @@ class AccuracyReport:
                     "seconds": solution.seconds,
                     "against": comparison.against.label,
                 }
+                if (budget := solution.judged) is not None:
+                    row |= {"budget_factor": _or_none(np.exp(budget.half_width)), "budget_limit": budget.limit}
+                else:
+                    row |= {"budget_factor": None, "budget_limit": None}
+                row["recommended"] = solution is self.recommended
                 for branch in ("loading", "unloading"):
                     row |= {f"{branch}_{name}": v for name, v in _plain(getattr(comparison, branch)).items()}
                 rows.append(row | {"closing_load_Pa": _or_none(solution.closing_load)})
@@ -109,6 +149,8 @@ class AccuracyReport:
             "surface": plan.prepared.surface_report,
             "reference": plan.reference.label,
             "against": plan.against,
+            "accuracy": plan.accuracy,
+            "recommended": None if self.recommended is None else self.recommended.variant.label,
             "compared_above_share_of_first_load": FLOOR,
             "steps": [
                 {"name": s.name, "nominal_pressure_Pa": s.pressure, "unloaded_from_Pa": s.unloaded_from}
@@ -127,21 +169,36 @@ class AccuracyReport:
 
         table = Table(box=SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
         table.title = "factors of leakage, exp(rms ln ratio); stochastic: of the median"
-        table.caption = f"{self.plan.against}\n+1: and one load at which only one of the two is closed"
+        table.caption = (
+            f"{self.plan.against}\n+1: and one load at which only one of the two is closed\n"
+            f"budget: widest 95 % band of error at a load that leaks, as a factor\n→ {self.advice}"
+        )
         table.title_justify = table.caption_justify = "left"
         table.add_column("points")
-        for head in ("cells", "lib-\nrary", "time\n[s]", "against", "loading", "unload-\ning", "closes\nat"):
+        for head in (
+            "cells",
+            "lib-\nrary",
+            "time\n[s]",
+            "against",
+            "loading",
+            "unload-\ning",
+            "bud-\nget",
+            "closes\nat",
+        ):
             table.add_column(head, justify="left" if head == "against" else "right", no_wrap=True)
         methods = dict.fromkeys(s.variant.method for s in self.solutions)
         for method in methods:
             table.add_row(method, style="bold")
             for solution in (s for s in self.solutions if s.variant.method == method):
                 for n, comparison in enumerate(solution.comparisons):
-                    own, last = (_own_cells(solution), _closing_text(solution)) if n == 0 else ([""] * 4, "")
+                    own, last = ([""] * 4, ["", ""])
+                    if n == 0:
+                        own = _own_cells(solution, "→" if solution is self.recommended else " ")
+                        last = [_budget_text(solution), _closing_text(solution)]
                     itself = comparison.against == solution.variant
                     against = "(reference)" if itself else comparison.against.short
                     factors = (_factor_text(f) for f in (comparison.loading, comparison.unloading))
-                    table.add_row(*own, against, *factors, last)
+                    table.add_row(*own, against, *factors, *last)
         return table
 
     def plot(self) -> Figure:
@@ -171,13 +228,13 @@ class AccuracyReport:
         return [*written, picture]
 
 
-def _own_cells(solution: Solution) -> list[str]:
+def _own_cells(solution: Solution, mark: str) -> list[str]:
     variant = solution.variant
     return [
-        f" {by(variant.points)}",
+        f"{mark}{by(variant.points)}",
         "" if variant.cells is None else by(variant.cells),
         "" if variant.library_cells is None else str(variant.library_cells),
-        f"{solution.seconds:.3g}",
+        f"{solution.seconds:.2f}" if solution.seconds < 10 else f"{solution.seconds:.3g}",
     ]
 
 
@@ -186,6 +243,13 @@ def _factor_text(factor: LeakageFactor) -> str:
     if isnan(factor.value):
         return ("failed" if factor.failed else "–") + more
     return (f"{factor.value:.3g}" if factor.value < 1e4 else f"{factor.value:.0e}") + more
+
+
+def _budget_text(solution: Solution) -> str:
+    if (found := solution.judged) is None:
+        return "failed"
+    factor = float(np.exp(found.half_width))
+    return "–" if not isfinite(factor) else f"{factor:.3g}" if factor < 1e4 else f"{factor:.0e}"
 
 
 def _closing_text(solution: Solution) -> str:
@@ -200,11 +264,23 @@ def _as_dictionary(solution: Solution) -> dict[str, Any]:
         "expected_memory_bytes": solution.expected_memory,
         "leakage_m2_per_s": [_or_none(float(q)) for q in solution.leakage],
         "closing_load_Pa": _or_none(solution.closing_load),
+        "budget": None if solution.budget is None else _budget(solution.budget),
         "comparisons": [
             {"against": c.against.label, "loading": _plain(c.loading), "unloading": _plain(c.unloading)}
             for c in solution.comparisons
         ],
         "failures": list(solution.failures),
+    }
+
+
+def _budget(budget: ErrorBudget) -> dict[str, Any]:
+    found = judged(budget)
+    return {
+        "factor": _or_none(np.exp(found.half_width)),
+        "limit": found.limit,
+        "parts": {name: _or_none(np.exp(width)) for name, width in found.parts.items()},
+        "lower_m2_per_s": [_or_none(float(q)) for q in budget.lower],
+        "upper_m2_per_s": [_or_none(float(q)) for q in budget.upper],
     }
 
 

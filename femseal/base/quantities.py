@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from functools import cache
+from functools import cache, lru_cache
 from math import isfinite
 from typing import Any
 
@@ -57,9 +57,11 @@ def to_si(text: object, unit: str, name: str = "quantity") -> float:
     Traceback (most recent call last):
     femseal.base.errors.InputError: quantity: given '1,5 mm', allowed is a number with a decimal point, not a comma
     """
-    example = f"text with a number and a unit of the kind {unit!r}, such as {_example(unit)!r}"
+    example = (
+        f"text with a number and a unit of the kind {unit!r}, such as {_example(unit)!r}" if unit else "a finite number"
+    )
     if unit == "" and isinstance(text, (int, float)) and not isinstance(text, bool):
-        return _finite(float(text), text, name, "a finite number")
+        return _finite(float(text), text, name, example)
     if not isinstance(text, str):
         raise InputError.of(name, shown(text), example)
     if len(text) > _LONGEST:
@@ -74,13 +76,19 @@ def to_si(text: object, unit: str, name: str = "quantity") -> float:
     written = (match[2] or "").strip()
     if written and not _UNIT.fullmatch(written):
         raise InputError.of(name, shown(text), example)
+    if (factor := _factor(written, unit)) is None:
+        raise InputError.of(name, shown(text), example)
+    # 15 digits restore the decimal number as written, although the factor of a prefix is not exact in binary
+    return _finite(float(f"{float(match[1]) * factor:.15g}"), text, name, example)
+
+
+@lru_cache(maxsize=1000)
+def _factor(written: str, unit: str) -> float | None:
+    """What a unit is in SI, kept as long lists repeat it; None if it is of another kind or unknown."""
     try:
-        quantity = float(match[1]) * _registry().parse_units(_spelled(written))
-        # 15 digits restore the decimal number as written, although the factor of a prefix is not exact in binary
-        value = float(f"{quantity.to(unit or 'dimensionless').magnitude:.15g}")
+        return float((1.0 * _registry().parse_units(_spelled(written))).to(unit or "dimensionless").magnitude)
     except Exception:  # a parser of units fails on unknown names in many ways, all of which mean the same
-        raise InputError.of(name, shown(text), example) from None
-    return _finite(value, text, name, example)
+        return None
 
 
 def _spelled(unit: str) -> str:

@@ -28,6 +28,17 @@ def comma_separated(rows: Sequence[dict[str, Any]]) -> str:
     return stream.getvalue()
 
 
+def duration(seconds: float) -> str:
+    """Seconds as text.
+
+    >>> duration(0.01234), duration(75.0), duration(9000.0)
+    ('0.012 s', '75 s', '2.5 h')
+    """
+    if seconds < 600:
+        return f"{seconds:.2g} s" if seconds < 99.5 else f"{seconds:.0f} s"
+    return f"{seconds / 60:.0f} min" if seconds < 7200 else f"{seconds / 3600:.2g} h"
+
+
 class Plotted:
     """Base of classes with a picture, which a function in `femseal.plots` draws."""
 

@@ -79,7 +79,6 @@ class Convolution:
         self._staged = self._array((n1, l2), real) if staged else None
         points, target = (self._staged, self._staged) if staged else (self.pressure, self.displacement)
         self._no_points = spectrum[n1:]
-        self._rows = _plans(points, spectrum[:n1], target, axis=1, threads=threads)
         self._weights: Array = over._weights if over else _weights(symbol / (l1 * l2), *self._mirrors)
         turn1, turn2 = (np.exp(1j * np.pi * np.arange(n // 2 + 1) / n) for n in (l1, l2))
         cosine1, sine1 = turn1.real.copy(), turn1.imag.copy()
@@ -87,15 +86,17 @@ class Convolution:
         width = max(_ALIGNED, width - width % _ALIGNED)
         starts = range(0, m2, width)
         self._blocks: list[list[Any]] = []
-        for part in np.array_split(starts, threads):
-            block = pyfftw.zeros_aligned((width, l1), dtype=waves)
-            self._blocks.append([])
-            for j in part:
-                columns = slice(j, min(j + width, m2))
-                here = block[: columns.stop - j]
-                plans = _plans(spectrum[:, columns], here.T, spectrum[:, columns], axis=0)
-                arguments = here, j, self._weights, cosine1, sine1, turn2
-                self._blocks[-1].append((*plans, arguments))
+        with _own_wisdom():
+            self._rows = _plans(points, spectrum[:n1], target, axis=1, threads=threads)
+            for part in np.array_split(starts, threads):
+                block = pyfftw.zeros_aligned((width, l1), dtype=waves)
+                self._blocks.append([])
+                for j in part:
+                    columns = slice(j, min(j + width, m2))
+                    here = block[: columns.stop - j]
+                    plans = _plans(spectrum[:, columns], here.T, spectrum[:, columns], axis=0)
+                    arguments = here, j, self._weights, cosine1, sine1, turn2
+                    self._blocks[-1].append((*plans, arguments))
         self._pool = ThreadPoolExecutor(threads) if threads > 1 else None
 
     def _array(self, shape: tuple[int, int], dtype: np.dtype[Any]) -> Any:
@@ -134,17 +135,16 @@ def _row_length(waves: int, itemsize: int) -> int:
 def _plans(points: Any, waves: Any, target: Any, *, axis: int, threads: int = 1) -> tuple[Any, Any]:
     """FFTW's transforms points → waves and, destroying them, waves → target."""
     flags = "FFTW_ESTIMATE", "FFTW_DESTROY_INPUT"
-    with _no_wisdom():
-        forward = pyfftw.FFTW(points, waves, (axis,), "FFTW_FORWARD", flags[:1], threads)
-        return forward.execute, pyfftw.FFTW(waves, target, (axis,), "FFTW_BACKWARD", flags, threads).execute
+    pyfftw.forget_wisdom()  # earlier plans would change the choice
+    forward = pyfftw.FFTW(points, waves, (axis,), "FFTW_FORWARD", flags[:1], threads)
+    return forward.execute, pyfftw.FFTW(waves, target, (axis,), "FFTW_BACKWARD", flags, threads).execute
 
 
 @contextmanager
-def _no_wisdom() -> Iterator[None]:
-    """Context in which FFTW forgets earlier plans, which would change its choice."""
+def _own_wisdom() -> Iterator[None]:
+    """Context after which FFTW knows the plans that it knew before: keeping and restoring them takes milliseconds."""
     with _PLANNING:
         known = pyfftw.export_wisdom()
-        pyfftw.forget_wisdom()
         try:
             yield
         finally:

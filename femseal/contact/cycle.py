@@ -112,10 +112,14 @@ def load_states(
 ) -> Iterator[Any]:
     """Solve the contact states of a programme one after another; arguments are checked at once, no state is kept.
 
+    Unloading from a peak that deforms nothing for good is the loading backwards: a load at which the contact is known
+    then is not solved again, and what was taken of it is returned once more.
+
     Parameters
     ----------
     programme : the load steps; the others are as in `load_cycle`.
-    take : function of a state, called in the process that solves it; its value is returned in place of the state.
+    take : function of the contact of a state, called in the process that solves it; its value is returned in place of
+        the state.
     memory : of solving a state and of `take` together [byte]; that of the contact unless given. A mapper over processes
         solves no more states at once than fit.
     mapper : solves the states of a branch, which do not depend on each other: first loading, then unloading.
@@ -131,18 +135,35 @@ def load_states(
 
 
 def _solved(stage: Stage, programme: LoadProgramme, mapper: Mapper) -> Iterator[Any]:
-    peaks = programme.unload_from
+    peaks, stops = programme.unload_from, programme.unloading
     loading = [step for step in programme if step.unloaded_from is None]
     unloading = programme[len(loading) :]
     left: dict[float | None, np.ndarray] = {}
+    # what was taken where nothing has deformed for good and an unloading may come by
+    undeformed: dict[float, Any] = {}
     is_peak = [step.pressure in peaks for step in loading]
-    for step, (taken, deformation) in zip(loading, mapper(stage, loading, is_peak), strict=True):
+    for step, (taken, deformation, deformed) in zip(loading, mapper(stage, loading, is_peak), strict=True):
         if deformation is not None:
             left[step.pressure] = deformation
+        if step.pressure in stops and not deformed:
+            undeformed[step.pressure] = taken
         yield taken
-    deformations = (left[step.unloaded_from] for step in unloading)
-    for taken, _ in mapper(stage, unloading, [False] * len(unloading), deformations):
-        yield taken
+    elastic = {peak for peak, deformation in left.items() if not deformation.any()}
+    known, new = set(undeformed), []
+    for step in unloading:
+        if step.unloaded_from not in elastic or step.pressure not in known:
+            new.append(step)
+            known |= {step.pressure} if step.unloaded_from in elastic else set()
+    solved = iter(mapper(stage, new, [False] * len(new), (left[step.unloaded_from] for step in new)))
+    for step in unloading:
+        if step.unloaded_from not in elastic:
+            yield next(solved)[0]
+            continue
+        if step.pressure not in undeformed:
+            undeformed[step.pressure] = next(solved)[0]
+        taken = undeformed[step.pressure]
+        yield replace(taken, unloaded_from=step.unloaded_from) if isinstance(taken, LoadState) else taken
+    next(solved, None)  # a mapper may have something to do at its end
 
 
 def _state(
@@ -155,14 +176,15 @@ def _state(
     hardness: float | ArrayLike,
     rtol: float,
     take: Callable[[LoadState], Any] | None,
-) -> tuple[Any, np.ndarray | None]:
-    """Solve a state; return the value of `take`, and of a peak the plastic deformation too."""
+) -> tuple[Any, np.ndarray | None, bool]:
+    """Solve a state; return the value of `take`, of a peak the plastic deformation, and whether there is any."""
     contact = solve_deformed_contact(
         gap0, half_space, deformation, pressure=step.pressure, hardness=hardness, rtol=rtol
     )
     again = 0.0 if deformation is None else _yielded_again(contact, deformation, rtol)
     state = LoadState(step.pressure, step.unloaded_from, contact=contact, yielded_again=again)
-    return state if take is None else take(state), contact.plastic_deformation if peak else None
+    left = contact.plastic_deformation
+    return state if take is None else take(state), left if peak else None, bool(left.any())
 
 
 def _yielded_again(contact: Contact, deformation: np.ndarray, rtol: float) -> float:

@@ -12,6 +12,7 @@ import numpy as np
 from ..fluids import FLUIDS
 from ..results.results import Results
 from ..runs import job
+from ..runs.attempts import settled_as
 from ..runs.case import Case
 from ..runs.executor import ordered_map
 from ..runs.preparation import Prepared
@@ -39,7 +40,7 @@ class Solver:
 
     def __init__(self, case: Case, results: Results, workers: int | None, progress: job.Progress) -> None:
         self._case, self._workers, self._progress = case, workers, progress
-        prepared: Prepared = case.prepare()
+        prepared: Prepared = settled_as(case, case.prepare(), results.attempts)
         if prepared.sampling is not None and prepared.sampling.width is not None:
             # as many seals and windows as the run took in the end
             size = int(results.dataset.attrs.get("library_windows", prepared.sampling.library_cells))

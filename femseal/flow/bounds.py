@@ -125,7 +125,9 @@ def _upper(k: Array, spacing: tuple[float, float], sides: str, potential: Array)
             return energy(solve_multigrid(stencil, _RTOL, _ITERATIONS)[0])
         except NotConverged:
             pass
-    candidates = [_mean_at_corners(k, potential, sides == "periodic")[1:-1]]
+    fallen = np.cumsum(1 / k.sum(axis=1))  # of a pressure that is the same along each row
+    rows = np.repeat(1 - fallen[:-1, None] / fallen[-1], columns, axis=1)
+    candidates = [_mean_at_corners(k, potential, sides == "periodic")[1:-1], rows]
     try:
         p = _factorised(stencil, keep)
         candidates += [p, np.clip(p, 0.0, 1.0)]

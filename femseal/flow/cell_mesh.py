@@ -14,14 +14,14 @@ from numpy.typing import NDArray
 from skfem import Basis, ElementQuad1, ElementQuadRT0, ElementTriP1, Mesh, MeshQuad, MeshTri
 from skfem.mesh import MeshQuad1DG, MeshTri1DG
 
-from ..base.errors import InputError
+from ..base.errors import InputError, NotConverged
 from .coefficient import cubic_law
 from .discretisation import DISCRETISATIONS, Discretisation
 from .grid import Grid
 from .mesh import conforming_flow
 from .mixed import flux_conductance
 from .reach import elements_reached
-from .solution import DarcyFlow
+from .solution import MAX_IMBALANCE, DarcyFlow
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -37,7 +37,7 @@ def mesh_flow(
     Raises
     ------
     InputError : fewer than 3 columns of pixels in a ring.
-    NotConverged : the linear solver failed.
+    NotConverged : the linear solver failed, or the contrast of the gap is too high for mixed elements.
     """
     if sides == "periodic" and gap.shape[1] < 3:
         raise InputError.of("gap", f"{gap.shape[1]} columns", f"at least 3 with periodic sides and '{discretisation}'")
@@ -82,6 +82,12 @@ def _mixed(
     tensor = cubic_law(gap[pixel])[:, None, None] * np.eye(2)
     ends = tuple(_facets_of(mesh, vertex[plain.p[0] == end]) for end in (lines1[0], lines1[-1]))
     flow = flux_conductance(mesh, tensor, (ends[0], ends[1]), ElementQuadRT0(), kind.degree, rtol=rtol, solver=solver)
+    if not flow.imbalance <= max(MAX_IMBALANCE, rtol):
+        raise NotConverged(
+            f"flow: the energies of flux and pressure of mixed elements differ by {flow.imbalance:.1e} of the flow; "
+            "the contrast of the gap is too high for them: try the discretisation 'edge'",
+            flow.imbalance,
+        )
     at_pixels = np.empty(gap.shape)
     at_pixels[pixel] = flow.potential
     return replace(flow, potential=at_pixels, complement=1 - at_pixels)

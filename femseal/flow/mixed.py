@@ -48,7 +48,8 @@ def flux_conductance(
 
     Returns
     -------
-    DarcyFlow, `potential` the mean of each element.
+    DarcyFlow, `potential` the mean of each element; `imbalance` is the relative difference of the energies of the flux
+    and of the potentials of the facets, between which the flow of these elements lies.
 
     Raises
     ------
@@ -67,9 +68,10 @@ def flux_conductance(
     flux, on_facet = system.balanced(lam, (inlet, outlet))
     total = min(abs(float(on_facet[f].sum())) for f in (inlet, outlet))
     conductance = total**2 / float(np.einsum("ei,eij,ej->", flux, system.local, flux))
+    imbalance = abs(1 - conductance / system.dissipation(lam))
     potential[carrying] = (system.column * lam[system.facets]).sum(axis=1) / system.column.sum(axis=1)
     solved = (found.iterations, found.residual) if found else (0, 0.0)
-    return DarcyFlow(conductance, potential, 1 - potential, True, *solved, 0.0, found.solver if found else "none")
+    return DarcyFlow(conductance, potential, 1 - potential, True, *solved, imbalance, found.solver if found else "none")
 
 
 def flux_rates(
@@ -161,6 +163,11 @@ class _Hybrid:
         found = solve_spd(rows_of[:, unknown], rhs, rtol, solver, unit_drop=unit_drop)
         lam[unknown] = found.x
         return found
+
+    def dissipation(self, lam: Array) -> float:
+        """Energy of the potentials of the facets."""
+        drop = lam[self.facets] - lam[self.facets[:, :1]]
+        return float(np.einsum("ei,eij,ej->", drop, self.schur, drop))
 
     def balanced(self, lam: Array, held: Sequence[Indices]) -> tuple[Array, Array]:
         """Outward fluxes (elements, facets) that balance on elements and agree on facets, and those of all facets, out

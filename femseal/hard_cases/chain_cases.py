@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from ..analytic import wave_full_contact_pressure, wave_groove_flow
+from ..analytic import wavy_full_contact_pressure
 from ..fluids import IdealGas, Liquid
-from ..studies import Sampling, Scene, deterministic, stochastic, two_scale
+from ..studies import Scene, deterministic
 from ..topography import Topography, self_affine
 from .hard_case import HardCase
-from .judges import Between, Exactly, Falling, Near, Refused, at_most
+from .judges import Between, Exactly, Falling, Near, Refused, ZeroAndPositive, at_most
 
 E, HARDNESS, D, ETA, DROP = 115e9, 3e9, 1e-6, 1e-3, 1e6
 WATER = Liquid(viscosity=ETA)
@@ -22,7 +22,8 @@ WATER = Liquid(viscosity=ETA)
 case = partial(HardCase, stage="chain")
 
 
-def _scene(heights: np.ndarray, spacing: tuple[float, float] = (D, D), **given: Any) -> Scene:
+def chain_scene(heights: np.ndarray, spacing: tuple[float, float] = (D, D), **given: Any) -> Scene:
+    """A scene of heights [m] on pixels of 1 µm: steel, water, 200 MPa; `given` takes the place of any of it."""
     base: dict[str, Any] = {
         "modulus": E,
         "hardness": HARDNESS,
@@ -35,36 +36,77 @@ def _scene(heights: np.ndarray, spacing: tuple[float, float] = (D, D), **given: 
     return Scene(surface=Topography(heights, spacing), **(base | given))
 
 
-def _rough(shape: tuple[int, int] = (64, 96), slope: float = 0.1, rng: int = 1) -> np.ndarray:
+def chain_face(shape: tuple[int, int] = (64, 96), slope: float = 0.1, rng: int = 1) -> np.ndarray:
+    """Heights of a rough face [m]."""
     size = (shape[0] * D, shape[1] * D)
     return self_affine(shape, size, hurst=0.8, rms_slope=slope, roll_off=24 * D, cut_off=8 * D, rng=rng).heights
 
 
 def _leakage(heights: np.ndarray, **given: Any) -> np.ndarray:
-    return deterministic(_scene(heights, **given)).leakage
+    return deterministic(chain_scene(heights, **given)).leakage
 
 
-#: A wave of 1 µm and 256 pixels, and the pressure that flattens it.
-_WAVE = 0.5e-6 * np.cos(2 * pi * (np.arange(256) + 0.5) / 256)
-_FULL = wave_full_contact_pressure(E, 0.5e-6, 256 * D)
+def _last_pools() -> float:
+    """An egg box at 99.9 % in contact."""
+    n = 128
+    c = np.cos(2 * pi * (np.arange(n) + 0.5) / n)
+    pressure = 0.9979056 * wavy_full_contact_pressure(E, 1e-6, n * D)
+    return float(_leakage(1e-6 * c[:, None] * c, hardness=np.inf, loading=(pressure,))[0])
 
 
-def _grooves(ratio: float) -> float:
-    heights = np.repeat(_WAVE[None], 8, axis=0)
-    return float(_leakage(heights, hardness=np.inf, loading=(ratio * _FULL,))[0])
+def _closing() -> tuple[float, float]:
+    """A rough face at the load that closes it, to a millionth, and just below."""
+    heights = chain_face((48, 64))
+    low, high = 2e8, 2.9e9
+    while high > (1 + 1e-6) * low:
+        middle = (low + high) / 2
+        low, high = (middle, high) if _leakage(heights, loading=(middle,))[0] > 0 else (low, middle)
+    closed, open_ = (float(_leakage(heights, loading=(load,))[0]) for load in (high, low))
+    return closed, open_
 
 
-def _grooves_exactly(ratio: float) -> float:
-    return (2 * 0.5e-6) ** 3 / 12 * wave_groove_flow(ratio) * DROP / (ETA * 8 * D)
+def _hardnesses() -> list[float]:
+    heights = chain_face((48, 64))
+    return [float(_leakage(heights, hardness=r * E * 0.1, loading=(5e7,))[0]) for r in (1.0, 0.1, 0.03, 0.01)]
 
 
-def _ridges() -> float:
-    heights = np.repeat(_WAVE[:, None], 8, axis=1)
-    return float(_leakage(heights, hardness=np.inf, loading=(1e-3 * _FULL,))[0])
+def _never_plastic() -> float:
+    heights = chain_face((48, 64))
+    hard, elastic = (_leakage(heights, hardness=h, loading=(5e7,))[0] for h in (100 * E * 0.1, np.inf))
+    return float(hard / elastic - 1)
+
+
+def _asperity() -> float:
+    """A ball of half a millimetre on a plane, leaking along one axis over the other; pixels of 1 : 2."""
+    x1, x2 = (np.arange(64) - 31.5) * D, (np.arange(32) - 15.5) * 2 * D
+    heights = -(x1[:, None] ** 2 + x2**2) / (2 * 5e-4)
+    faces = (heights, (D, 2 * D)), (heights.T, (2 * D, D))
+    along, across = (deterministic(chain_scene(*f, hardness=np.inf, loading=(2e7,))).leakage[0] for f in faces)
+    return float(along / across)
+
+
+def _held_open() -> float:
+    """A rough face held open by a spike of a millimetre."""
+    heights = np.array(chain_face((48, 48)))
+    heights[20, 30] += 1e-3
+    return float(_leakage(heights, hardness=np.inf, loading=(1e5,))[0])
+
+
+def _ledge() -> float:
+    """A face of which half is a metre below."""
+    heights = np.zeros((16, 48))
+    heights[:, 24:] = -1.0
+    return float(_leakage(heights, loading=(1e8,))[0])
+
+
+def _peaks() -> np.ndarray:
+    """Leakage at one load: on first loading, after a peak and after a higher one."""
+    leakage = _leakage(chain_face(), loading=(1e8,), unload_from=(3e8, 9e8), unloading=(1e8,))
+    return leakage[[0, -2, -1]]
 
 
 def _loads() -> np.ndarray:
-    return _leakage(_rough(), loading=(0.0, 1e6, 3e7, 1e8, 3e8, 1e9, 2.9e9))
+    return _leakage(chain_face(), loading=(0.0, 1e6, 3e7, 1e8, 3e8, 1e9, 2.9e9))
 
 
 def _primes() -> float:
@@ -74,22 +116,38 @@ def _primes() -> float:
 
 
 def _unloaded() -> float:
-    loading, _, unloading = _leakage(_rough(), loading=(1e8,), unload_from=(6e8,), unloading=(1e8,))
+    loading, _, unloading = _leakage(chain_face(), loading=(1e8,), unload_from=(6e8,), unloading=(1e8,))
     return float(unloading / loading)
 
 
 def _peak_again() -> float:
     peak = 3e8
-    leakage = _leakage(_rough(), loading=(1e8,), unload_from=(peak,), unloading=((1 - 1e-9) * peak,))
+    leakage = _leakage(chain_face(), loading=(1e8,), unload_from=(peak,), unloading=((1 - 1e-9) * peak,))
     return float(abs(leakage[2] / leakage[1] - 1))
 
 
 def _units() -> float:
-    plain = _scene(_rough((32, 48)))
+    plain = chain_scene(chain_face((32, 48)))
     scale = 2.0**40
     surface = Topography(scale * plain.surface.heights, (scale * D, scale * D))
     small, large = (float(deterministic(s).leakage[0]) for s in (plain, replace(plain, surface=surface)))
     return abs(large / scale**2 / small - 1)
+
+
+def _stresses() -> float:
+    """Relative change of leakage with all stresses, and the viscosity, 2⁴⁰ times as large."""
+    plain = chain_scene(chain_face((32, 48)))
+    unit = 2.0**40
+    scaled = replace(
+        plain,
+        modulus=unit * E,
+        hardness=unit * HARDNESS,
+        loading=(unit * 2e8,),
+        fluid=Liquid(viscosity=unit * ETA),
+        inlet_pressure=unit * DROP,
+    )
+    small, large = (float(deterministic(s).leakage[0]) for s in (plain, scaled))
+    return abs(large / small - 1)
 
 
 def _scratched() -> tuple[float, float]:
@@ -103,7 +161,7 @@ def _scratched() -> tuple[float, float]:
 
 def _holes() -> float:
     """A face that misses 2 % of its points, filled, over the whole one."""
-    heights = _rough()
+    heights = chain_face()
     missing = np.where(np.random.default_rng(2).random(heights.shape) < 0.02, np.nan, heights)
     filled = Topography(missing, (D, D)).fill_undefined().heights
     whole, mended = (float(_leakage(h, loading=(1e8,))[0]) for h in (heights, filled))
@@ -111,30 +169,15 @@ def _holes() -> float:
 
 
 def _undefined() -> np.ndarray:
-    heights = _rough()
+    heights = chain_face()
     heights = np.where(np.arange(heights.size).reshape(heights.shape) == 7, np.nan, heights)
     return _leakage(heights)
-
-
-def _scales(cells: tuple[int, int], heights: np.ndarray, load: float = 1e8) -> float:
-    """Leakage of two scales over the deterministic one."""
-    scene = _scene(heights, loading=(load,))
-    return float(two_scale(scene, cells, flow="resolved").leakage[0] / deterministic(scene).leakage[0])
-
-
-def _drawn_of_one_kind() -> float:
-    """A seal drawn from windows that are all alike, over their own leakage; one tile with a mirror in both axes."""
-    c = np.cos(2 * pi * (np.arange(32) + 0.5) / 32)
-    tile = 1e-7 * c[:, None] * c
-    scene = _scene(np.tile(tile, (3, 4)), hardness=np.inf, loading=(1e7,))
-    drawn = stochastic(scene, (3, 4), Sampling(1e-3, 3, 12, 1, sampler="block"))
-    return float(np.ptp(drawn.leakage) / drawn.leakage.mean())
 
 
 def _gas() -> float:
     """A gas without slip over water, both as drops of pressure potential."""
     gas = IdealGas(viscosity=2e-5, molar_mass=0.029, temperature=293.15, slip=False)
-    heights = _rough()
+    heights = chain_face()
     water, air = (_leakage(heights, fluid=fluid, inlet_pressure=1e7, outlet_pressure=1e5)[0] for fluid in (WATER, gas))
     drops = [np.subtract(*f.potential([1e7, 1e5])) / f.reference_density for f in (WATER, gas)]
     return float(air / water / (drops[1] / drops[0]))
@@ -143,17 +186,10 @@ def _gas() -> float:
 def _slipping(inlet: float, outlet: float) -> float:
     """Helium with slip over helium without it."""
     helium = IdealGas(viscosity=19.6e-6, molar_mass=4.0026e-3, temperature=293.15)
-    heights = 0.1 * _rough((32, 48))
+    heights = 0.1 * chain_face((32, 48))
     ends = {"inlet_pressure": inlet, "outlet_pressure": outlet, "loading": (1e6,)}
     slip, viscous = (_leakage(heights, fluid=replace(helium, slip=s), **ends)[0] for s in (True, False))
     return float(slip / viscous)
-
-
-def _symmetric() -> np.ndarray:
-    """A face that is its own mirror image in both axes, so that periodic and mirrored sides are one."""
-    quarter = _rough((48, 48))
-    half = np.concatenate([quarter, quarter[::-1]])
-    return np.concatenate([half, half[:, ::-1]], axis=1)
 
 
 def _twice() -> float:
@@ -164,40 +200,64 @@ def _twice() -> float:
 
 CASES: tuple[HardCase, ...] = (
     case(
+        "99.9 % in contact, pools",
+        what="an egg box at 99.9 % in contact: leakage [m²/s]",
+        must=Exactly(0.0, "pools are joined to nothing"),
+        run=_last_pools,
+    ),
+    case(
+        "both sides of closing under load",
+        what="a rough face at the load that closes it, found to a millionth, and just below: leakage [m²/s]",
+        must=ZeroAndPositive("closed and open"),
+        run=_closing,
+    ),
+    case(
+        "leakage at H/(E*h′) = 100",
+        what="a hardness that is never reached: relative change of leakage",
+        must=Exactly(0.0, "the elastic face"),
+        run=_never_plastic,
+    ),
+    case(
+        "leakage at H/(E*h′) from 1 to 0.01",
+        what="one face and load, falling hardness: leakage [m²/s]",
+        must=Falling("a softer face seals better"),
+        run=_hardnesses,
+    ),
+    case(
+        "one asperity, leakage along and across",
+        what="a ball on pixels of 1 : 2: leakage along one axis over that along the other",
+        must=Near(1.0, 0.01, "a ball has no direction"),
+        run=_asperity,
+    ),
+    case(
+        "face held open by a spike",
+        what="one pixel stands out by 1 mm: leakage [m²/s]",
+        must=Near(1e-9 / 12 * DROP / (ETA * 48 * D), 0.003, "plates 1 mm apart"),
+        run=_held_open,
+    ),
+    case(
+        "ledge of a metre along the leakage",
+        what="half of a face lies 1 m below the other: leakage [m²/s]",
+        must=Near(0.5 / 12 * DROP / (ETA * 16 * D), 1e-6, "plates 1 m apart"),
+        run=_ledge,
+    ),
+    case(
+        "higher and higher peaks",
+        what="leakage at 100 MPa: on first loading, after 300 MPa and after 900 MPa [m²/s]",
+        must=Falling("a higher peak leaves less"),
+        run=_peaks,
+    ),
+    case(
+        "stresses of 1e12 times the size",
+        what="modulus, hardness, load, pressure and viscosity 2⁴⁰ times as large: relative change of leakage",
+        must=Exactly(0.0, "no stress of its own"),
+        run=_stresses,
+    ),
+    case(
         "no roughness at all",
         what="two flat faces under load: leakage [m²/s]",
         must=Exactly(0.0),
         run=lambda: _leakage(np.zeros((32, 32)))[0],
-    ),
-    case(
-        "grooves along, light load",
-        what="an elastic wave whose grooves run from inlet to outlet, at 0.01 of full contact [m²/s]",
-        must=Near(_grooves_exactly(0.01), 0.005, "gap of Westergaard's wave"),
-        run=lambda: _grooves(0.01),
-    ),
-    case(
-        "grooves along, half closed",
-        what="the same at half of full contact [m²/s]",
-        must=Near(_grooves_exactly(0.5), 0.005, "gap of Westergaard's wave"),
-        run=lambda: _grooves(0.5),
-    ),
-    case(
-        "grooves along, nearly closed",
-        what="the same at 0.9 of full contact [m²/s]",
-        must=Near(_grooves_exactly(0.9), 0.03, "gap of Westergaard's wave"),
-        run=lambda: _grooves(0.9),
-    ),
-    case(
-        "grooves along, closed",
-        what="the same at 1.001 of full contact [m²/s]",
-        must=Exactly(0.0),
-        run=lambda: _grooves(1.001),
-    ),
-    case(
-        "grooves across",
-        what="ridges across the leakage, at 1e-3 of full contact [m²/s]",
-        must=Exactly(0.0, "one ridge is enough"),
-        run=_ridges,
     ),
     case(
         "huge steps of load",
@@ -208,7 +268,7 @@ CASES: tuple[HardCase, ...] = (
     case(
         "leakage after unloading",
         what="leakage at 100 MPa after 600 MPa over that before",
-        must=Between(0.0, 1.0, "a face keeps the print of its peak"),
+        must=Between(0.05, 0.9, "a face keeps the print of its peak"),
         run=_unloaded,
     ),
     case(
@@ -221,7 +281,7 @@ CASES: tuple[HardCase, ...] = (
         "loads repeated",
         what="the same load twice on the loading curve",
         must=Refused(("loading", "rising")),
-        run=lambda: _leakage(_rough(), loading=(1e8, 1e8)),
+        run=lambda: _leakage(chain_face(), loading=(1e8, 1e8)),
     ),
     case(
         "face of 1e12 times the size",
@@ -254,12 +314,6 @@ CASES: tuple[HardCase, ...] = (
         run=_undefined,
     ),
     case(
-        "one window in two scales",
-        what="a face that is one window: two scales over deterministic",
-        must=Near(1.0, 0.05, "the same problem but for mirrored sides"),
-        run=lambda: _scales((1, 1), _symmetric()),
-    ),
-    case(
         "face of prime numbers of pixels",
         what="61 × 97 white pixels at 1 GPa: leakage of the mirror image over its own",
         must=Near(1.0, 1e-4, "symmetry"),
@@ -270,12 +324,6 @@ CASES: tuple[HardCase, ...] = (
         what="heights of 0 to 4 steps of 0.1 µm: leakage [m²/s], twice",
         must=at_most(0.0, "one input, one answer"),
         run=_twice,
-    ),
-    case(
-        "windows all alike",
-        what="a face of twelve equal windows: scatter of drawn seals over their mean",
-        must=Between(0.0, 1e-4, "no chance is left"),
-        run=_drawn_of_one_kind,
     ),
     case(
         "gas without slip",

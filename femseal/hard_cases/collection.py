@@ -10,7 +10,10 @@ from ..base.errors import InputError
 from ..base.text import comma_separated
 from .chain_cases import CASES as CHAIN
 from .contact_cases import CASES as CONTACT
+from .drawn_cases import CASES as DRAWN
 from .flow_cases import CASES as FLOW
+from .gas_cases import CASES as GAS
+from .groove_cases import CASES as GROOVES
 from .hard_case import HardCase, Outcome
 from .ring_cases import CASES as RINGS
 from .seal_cases import CASES as SEAL
@@ -21,7 +24,7 @@ if TYPE_CHECKING:
 #: Endings of files that a table can be written to.
 ENDINGS = (".csv", ".json", ".md")
 STAGES = ("contact", "flow", "seal", "chain")
-CASES: tuple[HardCase, ...] = (*CONTACT, *FLOW, *SEAL, *RINGS, *CHAIN)
+CASES: tuple[HardCase, ...] = (*CONTACT, *FLOW, *GAS, *SEAL, *RINGS, *GROOVES, *CHAIN, *DRAWN)
 
 
 def chosen(stage: str | None = None, name: str | None = None) -> tuple[HardCase, ...]:

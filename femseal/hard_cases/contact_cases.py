@@ -44,10 +44,15 @@ def _solved(gap0: np.ndarray, **given: Any) -> Contact:
     return solve_contact(gap0, _grid(gap0), **{"pressure": LOAD} | given)
 
 
-def _carried(contact: Contact, pressure: float) -> float:
-    """Relative error of the load, and of the signs of pressure and gap."""
+def _carried(gap0: np.ndarray, half_space: HalfSpace, pressure: float, hardness: float = inf) -> tuple[float, float]:
+    """Relative error of the load and of the signs of pressure and gap; a thousandth of that of complementarity."""
+    contact = solve_contact(gap0, half_space, pressure=pressure, hardness=hardness)
     p, g = contact.pressure, contact.gap
-    return float(max(abs(p.mean() / pressure - 1), -p.min() / p.max(), -g.min() / max(np.ptp(g), 1e-300)))
+    signs = max(abs(p.mean() / pressure - 1), -p.min() / p.max(), -g.min() / max(np.ptp(g), 1e-300))
+    stiffness = pi * half_space.modulus / (4 * np.sqrt(np.prod(half_space.spacing)))
+    raw = half_space.displacement(p) + gap0 - contact.approach
+    fault = np.linalg.norm(p - np.clip(p - stiffness * raw, 0, hardness)) / np.linalg.norm(p)
+    return float(signs), 1e-3 * float(fault)
 
 
 def _asperity() -> tuple[float, float, float]:
@@ -141,21 +146,21 @@ def _crushed_spike() -> tuple[float, float]:
     return float(contact.pressure[20, 30]), contact.mean_pressure
 
 
-def _integers() -> float:
+def _integers() -> tuple[float, float]:
     gap0 = np.random.default_rng(3).integers(0, 5, (48, 80)) * 1e-7
-    return _carried(_solved(gap0, hardness=3e9), LOAD)
+    return _carried(gap0, _grid(gap0), LOAD, 3e9)
 
 
-def _primes() -> float:
+def _primes() -> tuple[float, float]:
     gap0 = np.random.default_rng(4).standard_normal((97, 101)) * 1e-7
     half_space = HalfSpace((97, 101), (D, 3 * D), E, ("mirror", "free"))
-    return _carried(solve_contact(gap0, half_space, pressure=LOAD, hardness=3e9), LOAD)
+    return _carried(gap0, half_space, LOAD, 3e9)
 
 
-def _needles() -> float:
+def _needles() -> tuple[float, float]:
     gap0 = np.random.default_rng(5).standard_normal((16, 64)) * 1e-8
     half_space = HalfSpace((16, 64), (D, 100 * D), E, ("free", "periodic"))
-    return _carried(solve_contact(gap0, half_space, pressure=LOAD), LOAD)
+    return _carried(gap0, half_space, LOAD)
 
 
 def _again() -> tuple[float, float]:
@@ -180,8 +185,9 @@ def _touch() -> tuple[float, float]:
     return float(contact.pressure.max()), float(contact.gap.min())
 
 
-def _feather() -> float:
-    return _carried(_solved(_rough(48), pressure=1e-3), 1e-3)
+def _feather() -> tuple[float, float]:
+    gap0 = _rough(48)
+    return _carried(gap0, _grid(gap0), 1e-3)
 
 
 def _undefined() -> Contact:
@@ -295,26 +301,26 @@ CASES: tuple[HardCase, ...] = (
     ),
     case(
         "heights of integers",
-        what="five heights and no other: error of the load, negative pressure, negative gap, relative",
-        must=at_most(1e-9, "equilibrium and signs"),
+        what="five heights and no other: relative error of load and signs, a thousandth of that of complementarity",
+        must=at_most(1e-9, "equilibrium, signs and complementarity"),
         run=_integers,
     ),
     case(
         "prime numbers of pixels",
         what="white noise on 97 × 101 oblong pixels, mirrored and free: the same errors",
-        must=at_most(1e-9, "equilibrium and signs"),
+        must=at_most(1e-9, "equilibrium, signs and complementarity"),
         run=_primes,
     ),
     case(
         "pixels of 1 : 100",
         what="white noise on needles, free and periodic: the same errors",
-        must=at_most(1e-5, "equilibrium and signs"),
+        must=at_most(1e-9, "equilibrium, signs and complementarity"),
         run=_needles,
     ),
     case(
         "load of a feather",
         what="a load of 1 mPa on steel: the same errors",
-        must=at_most(1e-9, "equilibrium and signs"),
+        must=at_most(1e-9, "equilibrium, signs and complementarity"),
         run=_feather,
     ),
     case(
@@ -332,7 +338,7 @@ CASES: tuple[HardCase, ...] = (
     case(
         "gap after unloading",
         what="mean gap on unloading over that on loading, at one load",
-        must=Between(0.0, 1.0, "a face keeps the print of its peak"),
+        must=Between(0.5, 0.99, "a face keeps the print of its peak"),
         run=lambda: _again()[1],
     ),
     case(

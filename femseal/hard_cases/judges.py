@@ -7,7 +7,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from ..base.errors import InputError
+from ..base.errors import InputError, NotConverged
 
 
 class Judge(Protocol):
@@ -163,3 +163,19 @@ class Refused:
     def holds(self, came: Any) -> bool:
         """It was refused, by name."""
         return isinstance(came, InputError) and all(word in str(came) for word in self.words)
+
+
+@dataclass(frozen=True)
+class NotSolved:
+    """A `NotConverged` whose message has these words: no number rather than a wrong one."""
+
+    words: tuple[str, ...]
+
+    @property
+    def text(self) -> str:
+        """What must come out."""
+        return f"not solved, with the words {' … '.join(self.words)}"
+
+    def holds(self, came: Any) -> bool:
+        """It was not solved, and says why."""
+        return isinstance(came, NotConverged) and all(word in str(came) for word in self.words)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from ..base.errors import InputError
 from ..flow.coefficient import cubic_law
 from ..results.branches import Steps, branches
+from ..results.interpolated import solved_steps
 from .drawing import GREY, LINES, STYLES, Sheet
 from .scales_of_axes import decades, load_axis
 
@@ -79,7 +80,7 @@ def cells_of(results: Results) -> Cells:
     ------
     InputError : results without cells.
     """
-    data = results.dataset
+    data = results.dataset.isel(step=solved_steps(results.dataset))
     if "library_k" in data:
         prefix, origin, columns = "library_", "cells of the library", 0
         arrays = [data[f"library_{n}"].values for n in ("pressure", "k", "mean_gap")]

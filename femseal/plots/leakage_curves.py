@@ -38,6 +38,7 @@ class LeakageCurves:
 
     pressure, peaks : of the steps [Pa], see `branches`. leakage, title : the main curve and its name.
     band, band_together : lower and upper ends over realisations, and over realisations with the error of the library.
+    error : lower and upper end of the band of error.
     share : lower and upper quantile of the bands. mean : thin and dotted. others : single markers, by method.
     notes : added to the axis. limits : of leakage classes, by their name.
     told : the leakage that is 1 on the axis, and the axis's name with its unit; a readable unit for all curves that are
@@ -50,6 +51,7 @@ class LeakageCurves:
     title: str
     band: tuple[Array, Array] | None = None
     band_together: tuple[Array, Array] | None = None
+    error: tuple[Array, Array] | None = None
     share: tuple[float, float] = (0.05, 0.95)
     mean: Array | None = None
     others: dict[str, Array] = field(default_factory=dict)
@@ -124,6 +126,9 @@ def _branch(
     if curves.mean is not None:
         mean = np.abs(curves.mean[steps]) / factor
         axes.plot(x, np.where(mean > 0, mean, np.nan), color=colour, ls=":", lw=1.1)
+    if curves.error is not None:
+        low, high = (np.abs(end[steps]) / factor for end in curves.error)
+        _error_bars(axes, x, low, high, colour, lane)
     (main,) = axes.plot(x, np.where(y > 0, y, np.nan), color=colour, ls=line, lw=1.8, marker=marker, ms=4.5, label=name)
     axes.plot(x[y == 0], np.full(np.sum(y == 0), lane), color=colour, ls="", marker=marker, ms=4.5)
     for method, symbol, size in _SINGLE:
@@ -132,6 +137,16 @@ def _branch(
             at = np.where(single == 0, lane, single)
             axes.plot(x, at, color=colour, ls="", marker=symbol, ms=size, mew=1.2, mfc="none")
     return main
+
+
+def _error_bars(axes: Axes, x: Array, low: Array, high: Array, colour: Any, lane: float) -> None:
+    """Bars over the band of error; one that may be sealed reaches into the strip below, one without end to the top."""
+    known = np.isfinite(low) & ~np.isnan(high) & (high > 0)
+    top = axes.get_ylim()[1]
+    low, high = np.where(low > 0, low, lane), np.minimum(high, top)
+    axes.vlines(x[known], low[known], high[known], color=colour, lw=1.0, alpha=0.8)
+    for end in (low, high):
+        axes.plot(x[known], end[known], color=colour, ls="", marker="_", ms=6, mew=1.0, alpha=0.8)
 
 
 def leakage_axis(axes: Axes, values: Array, count: int) -> tuple[float, list[float]]:
@@ -177,6 +192,8 @@ def _other_handles(several: Sequence[LeakageCurves]) -> list[Any]:
         )
     if any(curves.mean is not None for curves in several):
         handles.append(Line2D([], [], color=GREY, ls=":", lw=1.1, label="mean of realisations"))
+    if any(curves.error is not None for curves in several):
+        handles.append(Line2D([], [], color=GREY, ls="", marker="|", ms=9, mew=1.0, label="95 % band of error"))
     for name, symbol, size in _SINGLE:
         if any(name in curves.others for curves in several):
             handles.append(Line2D([], [], color=GREY, ls="", marker=symbol, ms=size, mew=1.2, mfc="none", label=name))
@@ -186,6 +203,7 @@ def _other_handles(several: Sequence[LeakageCurves]) -> list[Any]:
 def _legend_lines(curves: LeakageCurves) -> int:
     """Number of entries of the legend of curves in a figure of their own."""
     extra = sum(name in curves.others for name, *_ in _SINGLE) + 2 * (curves.band is not None) + 1
+    extra += curves.error is not None
     return 1 + len(branches(curves.pressure, curves.peaks)) + extra
 
 
@@ -233,12 +251,15 @@ def study_figure(
 def realisations_figure(study: StochasticResult, ax: Axes | None = None, label: str | None = None) -> Figure:
     """Median of the leakage against nominal pressure, with the bands from 5 to 95 %."""
     low, high = 0.05, 0.95
+    together = None
+    if study.leakage_resampled is not None:
+        together = study.quantile(low, resampled=True), study.quantile(high, resampled=True)
     curves = LeakageCurves(
         *pressures_and_peaks(study.steps),
         study.quantile(0.5),
         "median of realisations",
         band=(study.quantile(low), study.quantile(high)),
-        band_together=(study.quantile(low, resampled=True), study.quantile(high, resampled=True)),
+        band_together=together,
         share=(low, high),
         mean=study.mean,
     )
@@ -250,6 +271,7 @@ def leakage_figure(results: Results, ax: Axes | None = None, label: str | None =
     """Size of the leakage per length against nominal pressure, log scale; steps without leakage stand in a strip below.
 
     Bands: between the quantiles of the realisations, and with the error of the library besides; mean thin and dotted.
+    Bars: the band of error.
     `label` names the run in the legend; several runs are drawn together into one `ax`.
     """
     return _curves_figure(leakage_curves(results), ax, label)
@@ -269,6 +291,7 @@ def leakage_curves(results: Results) -> LeakageCurves:
         title="median of realisations" if results.method == "median" else results.method,
         band=_band(data, ""),
         band_together=_band(data, "_together"),
+        error=None if results.budget is None else (results.budget.lower, results.budget.upper),
         share=(share[0], share[1]),
         mean=data["leakage_mean"].values if "leakage_mean" in data else None,
         others={m: data[name].values for m, name in others.items() if name in data and m != results.method},

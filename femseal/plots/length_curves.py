@@ -44,12 +44,14 @@ def _lengths_panel(axes: Axes, results: Results) -> None:
     x = lengths[order] * 1e3
     values = {
         kind: np.abs(data[f"leakage_of_lengths_{kind}"].values / seal_lengths.factors(results)[:, None])[order]
-        for kind in seal_lengths.KINDS
+        for kind in seal_lengths.kinds(results)
     }
-    drawn = np.concatenate([values[kind][:, steps].ravel() for kind in seal_lengths.KINDS])
+    drawn = np.concatenate([v[:, steps].ravel() for v in values.values()])
     floor, lanes = leakage_axis(axes, drawn, len(steps))
     for s, (colour, line, marker), lane in zip(steps, STYLES, lanes, strict=False):
         for end, alpha in (("_together", 0.09), ("", 0.2)):
+            if f"lower{end}" not in values:
+                continue
             low, high = (np.maximum(values[f"{side}{end}"][:, s], floor) for side in ("lower", "upper"))
             axes.fill_between(x, low, high, color=colour, lw=0, alpha=alpha)
         y, name = values["median"][:, s], str(data["name"].values[s])

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ..base.errors import InputError
 from ..base.leak_units import leakage_unit
+from ..results.interpolated import solved_steps
 from .drawing import (
     CLOSED,
     LINES,
@@ -44,7 +45,8 @@ def default_step(data: xarray.Dataset) -> int:
     """The step of the highest load at which the face leaks, or else the drawn seals; the first step if none does."""
     names = ("leakage_two_scale", "leakage_deterministic", "leakage_median")
     name = next(name for name in names if name in data)
-    leaking = np.flatnonzero(np.nan_to_num(data[name].values) != 0)
+    solved = solved_steps(data)  # the first step is
+    leaking = solved[np.nan_to_num(data[name].values[solved]) != 0]
     return int(leaking[np.argmax(data["nominal_pressure"].values[leaking])]) if leaking.size else 0
 
 
@@ -77,6 +79,8 @@ def seal_figure(results: Results, step: int | None = None, gaps: Sequence[Array]
     s = default_step(data) if step is None else step
     if not 0 <= s < data.sizes["step"]:
         raise InputError.of("step", step, f"0 to {data.sizes['step'] - 1}")
+    if s not in (solved := solved_steps(data)):
+        raise InputError.of("step", f"{step}, which is interpolated", f"one of {', '.join(map(str, solved))}")
     if not has_maps(data):
         return drawn_figure(data, s)
     windows = "k1" in data

@@ -1,6 +1,6 @@
 """Output of a run for its user: the folder of all files, and one self-contained page."""
 
-from .folder import write_folder
+from .folder import write_again, write_folder
 from .page import write_report
 
-__all__ = ["write_folder", "write_report"]
+__all__ = ["write_again", "write_folder", "write_report"]

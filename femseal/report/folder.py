@@ -5,21 +5,25 @@ from __future__ import annotations
 import json
 import os
 import shutil
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 
 from ..base.errors import FemsealError
 from ..base.files import is_inside, made_folder, read_plain, replacing, write_text
 from ..base.stage import Mapper
-from ..results import fields, seal_lengths
+from ..results import seal_lengths
+from ..results.fields import LIMIT, FieldPlan, plan_fields, write_fields
+from ..results.fields import NAME as FIELDS
 from ..results.netcdf import FILE_NAME, save
 from ..results.results import Results
 from ..results.tables import csv_text
 from ..results.vtk import write_vtk
 from ..topography import Topography
-from . import pictures
 from .page import REPORT_NAME, write_report
+from .pictures import FILES, draw_all
 
 #: Manifest of the files of a run, one a line; the next run removes those that it does not write again.
 MANIFEST = "files.txt"
@@ -27,6 +31,8 @@ MANIFEST = "files.txt"
 _LARGEST_MANIFEST = 1e7
 #: Subfolder of the files of a run until all of them are written.
 UNFINISHED = ".unfinished"
+#: Subfolder of the files for ParaView.
+VIEWS = "vtk"
 
 
 def write_folder(
@@ -34,8 +40,11 @@ def write_folder(
     folder: str | os.PathLike[str],
     surface: Topography | None = None,
     *,
+    pictures: bool = True,
+    report: bool = True,
+    fields: bool = True,
     paraview: str = "vtu",
-    fields_limit: float = fields.LIMIT,
+    fields_limit: float = LIMIT,
     mapper: Mapper = map,
 ) -> list[Path]:
     """Write `results.nc`, `table.csv`, `report.html`, the pictures, the fields over all pixels and, in `vtk/`, files
@@ -49,6 +58,7 @@ def write_folder(
     results : of a run; pictures and fields without data are left out.
     folder : made if needed; files of the same name are replaced.
     surface : the combined heights, for `surface.png` and ParaView; None: without.
+    pictures, report, fields : False leaves these out; without pictures and report nothing is drawn.
     paraview : format of the files in `vtk/`, see `write_vtk`.
     fields_limit : size of the fields over all pixels before compression [byte] above which steps are left out; the
         attribute "left_out" of the dataset then says so.
@@ -63,9 +73,52 @@ def write_folder(
     InputError : the folder cannot be made.
     FemsealError : a file could not be written; `.unfinished/results.nc` then holds the results.
     """
-    target = made_folder(folder)
-    plan = fields.plan_fields(results, fields_limit)
-    results.dataset.attrs["left_out"] = json.dumps([plan.left_out] if plan.left_out else [])
+    plan = plan_fields(results, fields_limit if fields else 0.0)
+    results.dataset.attrs["left_out"] = json.dumps([plan.left_out] if fields and plan.left_out else [])
+
+    def write(unfinished: Path) -> list[Path]:
+        with ThreadPoolExecutor(1) as beside:
+            # files are written while processes draw
+            files = beside.submit(_write_fields, results, plan, surface, unfinished, paraview)
+            written = _write_for_people(results, surface, pictures, report, mapper, unfinished)
+            return written + files.result()
+
+    return _replaced(results, made_folder(folder), write)
+
+
+def write_again(
+    results: Results,
+    surface: Topography | None = None,
+    *,
+    pictures: bool = True,
+    report: bool = True,
+    fields: bool = True,
+    paraview: str = "vtu",
+    mapper: Mapper = map,
+) -> list[Path]:
+    """Write the files of results that were read from a folder there again, but for those that their fields are in.
+
+    Files of fields, and with `paraview` also those in `vtk/`, stay as they are, or are removed with False and "none".
+    The other arguments, what is returned and the errors are as in `write_folder`.
+    """
+    target = Path(results.folder or "")
+    kept = [
+        name for name in _former(target) if _is_kept(name, fields, paraview != "none") and (target / name).is_file()
+    ]
+    if not fields:
+        results.dataset.attrs["left_out"] = json.dumps([])
+    return _replaced(results, target, partial(_write_for_people, results, surface, pictures, report, mapper), kept)
+
+
+def _is_kept(name: Path, with_fields: bool, with_views: bool) -> bool:
+    head = Path(name.parts[0]).stem
+    return (with_fields and head == FIELDS) or (with_views and head == VIEWS)
+
+
+def _replaced(
+    results: Results, target: Path, write: Callable[[Path], list[Path]], kept: Sequence[Path] = ()
+) -> list[Path]:
+    """Write the files of a run, and put them in the place of those of an earlier one but the kept."""
     unfinished = target / UNFINISHED
     _clear(unfinished)
     try:
@@ -74,15 +127,10 @@ def write_folder(
         shutil.rmtree(unfinished, ignore_errors=True)
         raise
     try:
-        with ThreadPoolExecutor(1) as beside:
-            # files are written while processes draw
-            files = beside.submit(_write_fields, results, plan, surface, unfinished, paraview)
-            written = _write_for_people(results, unfinished, pictures.draw_all(results, surface, mapper=mapper))
-            written += [*files.result(), saved]
-        names = [path.relative_to(unfinished) for path in written]
+        names = [path.relative_to(unfinished) for path in [*write(unfinished), saved]]
         (target / FILE_NAME).unlink(missing_ok=True)
-        _remove_former(target)
-        write_text(target / MANIFEST, "".join(f"{name.as_posix()}\n" for name in names))
+        _remove_former(target, kept)
+        write_text(target / MANIFEST, "".join(f"{name.as_posix()}\n" for name in [*kept, *names]))
         for name in names:
             if not is_inside(target, name):
                 raise FemsealError(f"'{target / name.parent}' is a link to another folder, allowed is a folder")
@@ -92,27 +140,32 @@ def write_folder(
         reason = str(error) or type(error).__name__
         raise FemsealError(f"output folder: {reason}; the computed results are in '{saved}'") from error
     shutil.rmtree(unfinished, ignore_errors=True)
-    return [target / MANIFEST, *(target / name for name in names)]
+    return [target / MANIFEST, *(target / name for name in [*kept, *names])]
 
 
-def _write_for_people(results: Results, folder: Path, drawings: pictures.Drawings) -> list[Path]:
+def _write_for_people(
+    results: Results, surface: Topography | None, pictures: bool, report: bool, mapper: Mapper, folder: Path
+) -> list[Path]:
+    """Tables, pictures and report."""
     written = [write_text(folder / "table.csv", csv_text(results))]
     if seal_lengths.has_lengths(results):
         written.append(write_text(folder / "lengths.csv", seal_lengths.csv_text(results)))
-    for name in pictures.FILES:
+    if not pictures and not report:
+        return written
+    drawings = draw_all(results, surface, mapper=mapper)
+    for name in FILES if pictures else ():
         if name in drawings:
             with replacing(folder / f"{name}.png") as temporary:
                 temporary.write_bytes(drawings[name].whole)
             written.append(folder / f"{name}.png")
-    written.append(write_report(results, folder / REPORT_NAME, drawings))
-    return written
+    return [*written, write_report(results, folder / REPORT_NAME, drawings)] if report else written
 
 
 def _write_fields(
-    results: Results, plan: fields.FieldPlan, surface: Topography | None, folder: Path, paraview: str
+    results: Results, plan: FieldPlan, surface: Topography | None, folder: Path, paraview: str
 ) -> list[Path]:
-    written = fields.write_fields(results, plan, folder) if plan.steps.size else []
-    return [*written, *write_vtk(results, surface, folder / "vtk", paraview)]
+    written = write_fields(results, plan, folder) if plan.steps.size else []
+    return [*written, *write_vtk(results, surface, folder / VIEWS, paraview)]
 
 
 def _clear(folder: Path) -> None:
@@ -122,19 +175,23 @@ def _clear(folder: Path) -> None:
     shutil.rmtree(folder, ignore_errors=True)
 
 
-def _remove_former(folder: Path) -> None:
-    """Remove the files that the manifest of an earlier run names, and folders that they leave empty.
-
-    A name that leads out of the folder, also by a link, is passed over.
-    """
+def _former(folder: Path) -> list[Path]:
+    """The files that the manifest of an earlier run names; names that lead out of the folder are passed over."""
     try:
         lines = read_plain(folder / MANIFEST, _LARGEST_MANIFEST).decode().splitlines()
     except (OSError, UnicodeDecodeError):
-        return
+        return []
     names = [Path(line) for line in lines if line and "\0" not in line]
-    names = [name for name in names if not name.is_absolute() and ".." not in name.parts]
+    return [name for name in names if name.parts and not name.is_absolute() and ".." not in name.parts]
+
+
+def _remove_former(folder: Path, kept: Sequence[Path] = ()) -> None:
+    """Remove the files of an earlier run but the kept, and folders that they leave empty.
+
+    A name that leads out of the folder by a link is passed over.
+    """
     parents: set[Path] = set()
-    for name in names:
+    for name in [name for name in _former(folder) if name not in kept]:
         with suppress(OSError):  # no such file, or a name too long to be one
             if is_inside(folder, name):
                 (folder / name).unlink()

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..base.quantities import to_text
+from ..results.interpolated import solved_steps
+from ..results.tables import INTERPOLATED
 
 if TYPE_CHECKING:
     import xarray
@@ -30,7 +32,14 @@ def _steps(data: xarray.Dataset, given: dict[str, Any]) -> str:
     if tops := [to_text(float(p), "Pa") for p in np.unique(peaks[~np.isnan(peaks)])]:
         down = to_text(float(pressure[~np.isnan(peaks)].min()), "Pa")
         text += f", and unloaded from {' and '.join(tops)} down to {down}"
-    return text + "."
+    text += "."
+    if (solved := solved_steps(data)).size < pressure.size:
+        tolerance = f"{100 * given['interpolate']:.3g} %" if "interpolate" in given else "a tolerance"
+        text += (
+            f" {solved.size} of the {pressure.size} steps are solved; the others, marked {INTERPOLATED}, have no "
+            f"fields, and their leakage is interpolated within {tolerance}."
+        )
+    return text
 
 
 def _map(data: xarray.Dataset, maps: list[dict[str, Any]]) -> str:

@@ -10,11 +10,11 @@ from typing import Any
 
 from ..base.errors import FemsealError, InputError
 from ..base.files import replacing
-from ..results import seal_lengths
+from ..results import seal_lengths, wanted_accuracy
 from ..results.netcdf import FILE_NAME, open_results, unfit
 from ..results.results import Results
 from ..results.tables import texts, totals
-from . import class_words
+from . import budget_words, class_words
 from . import pictures as pictures
 from . import words as words
 from .design_section import design_section
@@ -119,8 +119,14 @@ def _content(results: Results, drawings: pictures.Drawings) -> dict[str, Any]:
         "maps": [],
         "drop": None,
         "drop_sentences": [],
+        "budget": {
+            "sentences": budget_words.budget_sentences(results),
+            "heads": budget_words.budget_heads(results),
+            "lines": budget_words.budget_lines(results),
+        },
         "scatter": words.scatter_lines(results),
         "checks": words.check_lines(results),
+        "attempts": None if results.attempts is None else wanted_accuracy.section(results.attempts),
         "accuracy": words.accuracy_lines(results),
         "times": words.time_lines(results),
         "warnings": results.warnings,

@@ -203,10 +203,12 @@ def scatter_lines(results: Results) -> Lines:
             lines.append((source, typical, largest, steps[worst].name, meaning))
 
     if "realisation_spread" in data:
-        spread, error = data["realisation_spread"].values, data["library_error"].values
+        spread = data["realisation_spread"].values
         deviation("realisations", spread, "one standard deviation between drawn seals")
-        deviation("finite library", error, "one standard deviation between libraries of this size")
-        deviation("both together", np.hypot(spread, error), "what a seal of this kind may differ from the median")
+        if "library_error" in data:
+            error = data["library_error"].values
+            deviation("finite library", error, "one standard deviation between libraries of this size")
+            deviation("both together", np.hypot(spread, error), "what a seal of this kind may differ from the median")
         share = 1.2533 / np.sqrt(data.sizes["realisation"])
         deviation("median", share * spread, "standard error of the median; more realisations lower it")
     if "element_error" in data:
@@ -283,12 +285,16 @@ def check_lines(results: Results) -> Lines:
                 (
                     f"flows of windows, {study.replace('_', '-')}",
                     text,
-                    "closed ones are exactly 0, open ones follow h̄³/12",
+                    "closed ones are exactly 0, open ones follow h̄³/12, equal ones were solved at an earlier step",
                 )
             )
     for study, solvers in json.loads(data.attrs.get("solvers", "{}")).items():
         meaning = "which solver solved how many; the imbalance is that of inlet and outlet flow"
         lines.append((f"linear systems, {study.replace('_', '-')}", solvers_text(solvers), meaning))
+    for study, number in json.loads(data.attrs.get("equal_steps", "{}")).items():
+        text = f"{number} of {data.sizes['step']}"
+        meaning = "the same state as an earlier step bit for bit, which is solved once"
+        lines.append((f"equal load steps, {study.replace('_', '-')}", text, meaning))
     surface = json.loads(data.attrs["surface"])
     if "shortest_wavelength" in surface and "spacing" in surface:
         wave, pixel = surface["shortest_wavelength"], max(surface["spacing"])

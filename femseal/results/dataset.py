@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
@@ -14,13 +14,17 @@ from ..base.errors import InputError
 from ..base.leak_units import leak_unit
 from ..base.machine import machine, peak_memory
 from ..base.provenance import versions
+from ..budget import at_interpolated_steps
 from ..fluids import leak_basis
+from ..studies.between_loads import numbers_of
 from ..studies.compare import leakage_factor
 from ..studies.other_fluid import FluidState
-from . import drawn_seal, face_maps, reached_classes, variables
+from . import drawn_seal, error_bands, face_maps, reached_classes, variables
+from .interpolated import with_all_steps
 from .results import Results
 
 if TYPE_CHECKING:
+    from ..budget import ErrorBudget
     from ..studies import DeterministicResult, OtherLeakage, Scene, StochasticResult, TwoScaleResult
 
 #: An attribute of an HDF5 file holds at most 64 kB.
@@ -42,7 +46,10 @@ def assemble(
     warnings: tuple[str, ...] = (),
     leakage_unit: str | None = None,
     leakage_filtered: NDArray[np.float64] | None = None,
+    budgets: Mapping[str, ErrorBudget] | None = None,
     test: OtherLeakage | None = None,
+    whole: Scene | None = None,
+    interpolated_within: float = 0.0,
     classes: Sequence[str] = (),
     nominal_diameter: float | None = None,
     throughput_temperature: float | None = None,
@@ -61,7 +68,10 @@ def assemble(
     leakage_unit : in which tables, pictures and report tell leakage, see `base.leak_units`; a readable one per length
         of seal unless given.
     leakage_filtered : the leakage at every step of the same face without waves up to twice the shortest one.
+    budgets : error budgets of the studies, by their names here.
     test : the leakage of a test fluid through the same seals.
+    whole : the scene with all load steps, where `scene` has a part of them: the others are interpolated.
+    interpolated_within : relative error of the leakage there.
     classes : leakage classes to be judged at every step, by the test fluid where there is one, see
         `base.leak_classes`. nominal_diameter : [m], which some of them need.
     throughput_temperature : at which pressure × volume of a gas is told [K]; its own unless given.
@@ -71,10 +81,11 @@ def assemble(
     Results; every variable has `units` and `long_name`. Dimensions: step; realisation; cell1, cell2, windows by their
     centres [m]; node1, corner1, rows of nodes and of x2-links along x1 [m] (the x2-link of column j runs from cell2 j
     to j + 1); narrowest, numbers of links; library_cell, library_step; part, corner, plane, parts of the
-    drawn seal nearest to the median. Fluxes are volume rates per width at the fluid's reference density. Attributes
-    tell the case, the surface, versions, machine, wall times, peak memory of the main process, numbers of flows solved
-    or known without solving (`counts`), number of linear systems by solver with the worst imbalance of inlet and outlet
-    flow (`solvers`), warnings and failures.
+    drawn seal nearest to the median; budget_part, sources of error. Fluxes are volume rates per width at the fluid's
+    reference density. Attributes tell the case, the surface, versions, machine, wall times, peak memory of the main
+    process, numbers of flows solved or known without solving (`counts`), number of linear systems by solver with the
+    worst imbalance of inlet and outlet flow (`solvers`), number of steps that are earlier ones again (`equal_steps`),
+    how the errors were estimated (`error_budget`), warnings and failures.
 
     Raises
     ------
@@ -111,12 +122,26 @@ def assemble(
     if leakage_filtered is not None:
         variables.add_filtered(data, leakage_filtered)
         hangs = _hangs_on_filter(leakage_filtered, Results(data), scene)
+    every = scene if whole is None else whole
+    if len(every.steps) > len(scene.steps):
+        solved = numbers_of(scene.steps, every.steps)
+        data = with_all_steps(data, solved, every.steps)
+        test = None if test is None else test.at_all_steps(solved, every.steps)
+        budgets = {
+            name: at_interpolated_steps(budget, solved, every.steps, interpolated_within)
+            for name, budget in (budgets or {}).items()
+        }
     counts = {"two_scale": two_scale.counts.by_kind()} if two_scale is not None else {}
     counts |= {"library": stochastic.library.counts.by_kind()} if stochastic is not None else {}
     solvers = {
         name: {"systems": study.solvers.by_solver(), "worst_imbalance": study.solvers.worst_imbalance}
         for name, study in (("deterministic", deterministic), ("two_scale", two_scale), ("stochastic", stochastic))
         if study is not None
+    }
+    equal = {
+        name: study.equal_steps
+        for name, study in (("deterministic", deterministic), ("two_scale", two_scale), ("stochastic", stochastic))
+        if study is not None and study.equal_steps
     }
     few = [text] if stochastic is not None and (text := stochastic.too_few(*quantiles)) else []
     told = (text for study in studies for text in study.warnings)
@@ -136,6 +161,7 @@ def assemble(
         "timings": _json(timings or {}),
         "counts": _json(counts),
         "solvers": _json(solvers),
+        "equal_steps": _json(equal),
         # what is odd in the scene is told by every study
         "warnings": _shortened(list(dict.fromkeys([*warnings, *told, *few, *hangs]))),
         "failures": _shortened([text for study in studies for text in study.failures]),
@@ -153,11 +179,12 @@ def assemble(
         **reached_classes.basis_attributes(basis),
     }
     data.attrs |= _windows(two_scale, stochastic)
+    error_bands.add_budgets(data, budgets or {})
     if case and case.get("seed") is not None:
         data.attrs["seed"] = case["seed"]
     results = Results(data, scene=scene, deterministic=deterministic, two_scale=two_scale, stochastic=stochastic)
     variables.add_totals(data, results.leakage, results.leak_basis)
-    told_later = [variables.add_lifted(data, scene, results.leakage)]
+    told_later = [variables.add_lifted(data, every, results.leakage)]
     if test is not None:
         reached_classes.add_test_fluid(data, test, FluidState.of(scene), throughput_temperature)
     told_later += reached_classes.add_classes(results, classes, nominal_diameter)

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from ..base.errors import InputError
 from ..base.quantities import to_text
 from . import series
+from .interpolated import solved_steps
 from .select import window
 from .views import Field, Image, LoadSteps
 
@@ -65,22 +66,23 @@ def plan_fields(results: Results, limit: float) -> FieldPlan:
     Where not all of them fit: evenly over the programme, with the highest load.
     """
     kept = [_array(results, study, field) for field, study, *_ in _FIELDS if _array(results, study, field) is not None]
-    count = results.dataset.sizes["step"]
+    solved = solved_steps(results.dataset)
+    count = solved.size
     if not kept:
         return FieldPlan(np.arange(0))
     each = sum(_BYTES * array[0].size for array in kept)
     fitting = int(min(limit // each, count))
     if fitting == count:
-        return FieldPlan(np.arange(count))
+        return FieldPlan(solved)
     # the middles of equal parts of the programme
     chosen = ((np.arange(fitting) + 0.5) * count / max(fitting, 1)).astype(int)
-    highest = int(np.argmax(results.dataset["nominal_pressure"].values))
+    highest = int(np.argmax(results.dataset["nominal_pressure"].values[solved]))
     if fitting and highest not in chosen:
         chosen[np.argmin(np.abs(chosen - highest))] = highest
     missing = np.setdiff1d(np.arange(count), chosen)
-    numbers = ", ".join(str(n) for n in missing)
+    numbers = ", ".join(str(n) for n in solved[missing])
     sizes = f"{to_text(each * count, 'B', 3)} of all steps are above the limit of {to_text(limit, 'B', 3)}"
-    return FieldPlan(np.sort(chosen), f"fields over all pixels at steps {numbers}: {sizes} (fields_limit)")
+    return FieldPlan(solved[np.sort(chosen)], f"fields over all pixels at steps {numbers}: {sizes} (fields_limit)")
 
 
 def fields_size(shape: tuple[int, int], studies: Container[str], links: bool) -> int:
@@ -100,7 +102,7 @@ def write_fields(results: Results, plan: FieldPlan, folder: Path) -> list[Path]:
         if (array := _array(results, study, field)) is not None:
             assert results.scene is not None
             shape, spacing = array.shape[1:], results.scene.surface.spacing
-            cells[name] = _scaled(array, plan.steps, 1 / unit)
+            cells[name] = _scaled(array, np.searchsorted(solved_steps(results.dataset), plan.steps), 1 / unit)
     steps = LoadSteps.of(results.dataset, plan.steps)
     return series.write(Image(NAME, spacing, (0.0, 0.0), shape, steps, cells), folder)
 
@@ -144,7 +146,7 @@ def read_field(results: Results, field: str, step: int, cell: tuple[int, int] | 
 def stored_steps(results: Results) -> list[int]:
     """Steps whose fields are in memory, or else in the results folder."""
     if any(_array(results, study, field) is not None for field, study, *_ in _FIELDS):
-        return list(range(results.dataset.sizes["step"]))
+        return solved_steps(results.dataset).tolist()
     return [] if results.folder is None else list(series.stored(results.folder, NAME))
 
 
@@ -157,7 +159,11 @@ def _at_step(
         assert results.scene is not None
         d1, d2 = results.scene.surface.spacing
         rows, columns = _pixels(results.dataset, cell, array.shape[1:], (d1, d2))
-        return np.asarray(array[step, rows, columns], np.float64), (rows.start, columns.start), (d1, d2)
+        solved = solved_steps(results.dataset)
+        if step not in solved:
+            return None
+        values = array[int(np.searchsorted(solved, step)), rows, columns]
+        return np.asarray(values, np.float64), (rows.start, columns.start), (d1, d2)
     path = None if results.folder is None else series.stored(results.folder, NAME).get(step)
     if path is None or (image := series.read_image(path, name)) is None:
         return None

@@ -10,17 +10,19 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..base.errors import InputError
 from ..base.leak_units import LEAK_UNITS, LeakBasis, LeakUnit, leak_unit, leakage_unit
 from ..base.text import Plotted, room
 from ..loads import LoadProgramme, LoadStep
+from . import error_bands, reached_classes, seal_lengths, select, summary, tables, wanted_accuracy
 from . import fields as stitched
-from . import reached_classes, seal_lengths, select, summary, tables
 from .export import export_field
 
 if TYPE_CHECKING:
     import xarray
     from rich.table import Table
 
+    from ..budget import ErrorBudget
     from ..studies import DeterministicResult, Scene, StochasticResult, TwoScaleResult
 
 #: Methods from the best, each with its leakage in the dataset.
@@ -96,6 +98,16 @@ class Results(Plotted):
         return values.assign_attrs(units=chosen.name, long_name=self.leakage.attrs["long_name"])
 
     @property
+    def budgets(self) -> dict[str, ErrorBudget]:
+        """Error budgets by method: "deterministic", "two_scale", "stochastic"; empty where none was asked for."""
+        return error_bands.budgets_in(self.dataset)
+
+    @property
+    def budget(self) -> ErrorBudget | None:
+        """Error budget of `leakage`; None where none was asked for."""
+        return self.budgets.get(error_bands.BUDGETED[self.method])
+
+    @property
     def steps(self) -> LoadProgramme:
         """The load programme."""
         pairs = zip(self.dataset["nominal_pressure"].values, self.dataset["unloaded_from"].values, strict=True)
@@ -120,6 +132,11 @@ class Results(Plotted):
     def case(self) -> dict[str, Any]:
         """The case in SI, as given to `assemble`; tuples have become lists."""
         return json.loads(self.dataset.attrs["case"])
+
+    @property
+    def attempts(self) -> dict[str, Any] | None:
+        """The attempts at the accuracy that the case asks for, and whether it is reached; None if it asks for none."""
+        return wanted_accuracy.told(self)
 
     def loading(self) -> xarray.Dataset:
         """Leakage and all other variables over the steps, on loading, over `nominal_pressure` [Pa]."""
@@ -234,6 +251,17 @@ class Results(Plotted):
         InputError : seals of one length only.
         """
         return seal_lengths.rich_table(self)
+
+    def attempts_table(self) -> Table:
+        """The attempts at the accuracy that the case asks for, to be given to `rich.print`.
+
+        Raises
+        ------
+        InputError : a case that asks for no accuracy.
+        """
+        if self.attempts is None:
+            raise InputError.of("attempts", "a case that asks for no accuracy", "one with the key accuracy")
+        return wanted_accuracy.rich_table(self.attempts)
 
     def plot_lengths(self) -> Any:
         """Leakage against the length of the seal, see `lengths_figure`."""

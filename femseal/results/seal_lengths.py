@@ -23,6 +23,11 @@ KINDS = ("median", "lower", "upper", "lower_together", "upper_together")
 _MOST_STEPS = 4
 
 
+def kinds(results: Results) -> list[str]:
+    """Those that there are."""
+    return [kind for kind in KINDS if f"leakage_of_lengths_{kind}" in results.dataset]
+
+
 def has_lengths(results: Results) -> bool:
     """Whether seals of several lengths were drawn."""
     return "leakage_of_lengths_median" in results.dataset
@@ -68,7 +73,7 @@ def texts(results: Results) -> tuple[list[str], list[list[str]]]:
 
 def csv_text(results: Results) -> str:
     """One line for each length and load step in SI, as comma-separated values."""
-    data = results.dataset
+    data, there = results.dataset, kinds(results)
     rows: list[dict[str, Any]] = [
         {
             "seal_length_m": float(length),
@@ -77,7 +82,7 @@ def csv_text(results: Results) -> str:
             "nominal_pressure_Pa": float(data["nominal_pressure"].values[s]),
             "unloaded_from_Pa": float(data["unloaded_from"].values[s]),
         }
-        | {f"leakage_{kind}_m2_per_s": float(data[f"leakage_of_lengths_{kind}"].values[n, s]) for kind in KINDS}
+        | {f"leakage_{kind}_m2_per_s": float(data[f"leakage_of_lengths_{kind}"].values[n, s]) for kind in there}
         for n, length in enumerate(data["seal_length"].values)
         for s in range(data.sizes["step"])
     ]

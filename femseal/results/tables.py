@@ -13,6 +13,8 @@ from ..base.leak_units import LEAK_UNITS, TOLD
 from ..base.quantities import to_text
 from ..base.text import comma_separated
 from .branches import branch_text
+from .error_bands import BUDGETED
+from .interpolated import solved_steps
 from .variables import name_with_unit
 
 if TYPE_CHECKING:
@@ -22,6 +24,8 @@ if TYPE_CHECKING:
     from ..base.leak_units import LeakUnit
     from .results import Results
 
+#: Mark of a leakage that is interpolated between loads.
+INTERPOLATED = "≈"
 #: Length of a heading in the terminal beyond which it is broken between words.
 _HEADING = 10
 #: Width of the first column in the terminal.
@@ -82,13 +86,18 @@ def texts(results: Results) -> tuple[str, list[str], list[list[str]]]:
     columns: list[tuple[str, Iterable[str]]] = [
         ("branch", (branch_text(float(peak)) for peak in data["unloaded_from"].values)),
         ("pressure", (to_text(float(p), "Pa") for p in data["nominal_pressure"].values)),
-        (best.attrs.get("heading", results.method), _cells(best, factor)),
+        (best.attrs.get("heading", results.method), _marked(_cells(best, factor), data)),
     ]
     if "leakage_lower" in data:
         share = "–".join(f"{100 * data[name].attrs['quantile']:g}" for name in ("leakage_lower", "leakage_upper"))
-        for heading, end in ((f"{share} %", ""), ("with error of library", "_together")):
+        bands = ((f"{share} %", ""), ("with error of library", "_together"))
+        for heading, end in (band for band in bands if f"leakage_lower{band[1]}" in data):
             ends = zip(data[f"leakage_lower{end}"].values, data[f"leakage_upper{end}"].values, strict=True)
             columns.append((heading, [told_range(low, high, factor) for low, high in ends]))
+    budget = f"leakage_{BUDGETED[results.method]}_budget"
+    if f"{budget}_lower" in data:
+        band = zip(data[f"{budget}_lower"].values, data[f"{budget}_upper"].values, strict=True)
+        columns.append(("95 % band of error", [error_band(low, high, factor) for low, high in band]))
     if unit.per_length:
         whole = basis.readable(best.values)
         columns.append((f"whole seal [{whole.name}]", [amount(q, basis.factor(whole)) for q in best.values]))
@@ -163,6 +172,12 @@ def _cells(variable: xarray.DataArray, factor: float) -> list[str]:
     return [to_text(float(value), unit, 3) for value in variable.values]
 
 
+def _marked(cells: list[str], data: xarray.Dataset) -> list[str]:
+    """Cells of all steps, with a mark at those that are interpolated."""
+    solved = solved_steps(data)
+    return [cell if s in solved else f"{INTERPOLATED} {cell}" for s, cell in enumerate(cells)]
+
+
 def rich_table(results: Results) -> Table:
     """The table for a terminal of 80 columns, for `rich.print`; each branch has a line of its own above its steps."""
     from rich.box import SIMPLE_HEAD
@@ -207,6 +222,15 @@ def told_range(low: float, high: float, factor: float) -> str:
     if ends[0] == ends[1] and not abs(low) > 0:
         return ends[0]
     return (" to " if low < 0 else "–").join(ends)
+
+
+def error_band(low: float, high: float, factor: float) -> str:
+    """Both ends of a band of error in the unit `factor`, as text."""
+    if np.isnan(low) or np.isnan(high):
+        return "unknown"
+    if np.isinf(high):
+        return "unknown" if low == 0 else f"{amount(low, factor)} or more"
+    return told_range(low, high, factor)
 
 
 def _percent(value: float) -> str:

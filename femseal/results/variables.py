@@ -111,13 +111,14 @@ def add_realisations(data: xarray.Dataset, result: StochasticResult, quantiles: 
     for name, q in (("median", 0.5), ("lower", quantiles[0]), ("upper", quantiles[1])):
         labels = _labels("m^2/s", text.format(name if name == "median" else f"{name} quantile {q:g}"))
         data[f"leakage_{name}"] = ("step", result.quantile(q), labels | {"quantile": q})
-        if name != "median":
+        if name != "median" and result.leakage_resampled is not None:
             labels = _labels("m^2/s", labels["long_name"] + " with the error of the finite library")
             data[f"leakage_{name}_together"] = ("step", result.quantile(q, resampled=True), labels | {"quantile": q})
     data["leakage_mean"] = ("step", result.mean, _labels("m^2/s", text.format("mean")))
     spread, error = result.realisation_spread, result.library_error
     data["realisation_spread"] = ("step", spread, _labels("1", "standard deviation of ln(leakage), realisations"))
-    data["library_error"] = ("step", error, _labels("1", "standard deviation of ln(leakage), finite library"))
+    if result.leakage_resampled is not None:
+        data["library_error"] = ("step", error, _labels("1", "standard deviation of ln(leakage), finite library"))
     if result.cut_error is not None:
         text = "half the distance of ln(leakage) with held and with closed cuts between runs"
         data["cut_error"] = ("step", result.cut_error, _labels("1", text))
@@ -136,6 +137,7 @@ def add_lengths(data: xarray.Dataset, result: StochasticResult, quantiles: tuple
         f"{name}{end}": (q, resampled)
         for end, resampled in (("", False), ("_together", True))
         for name, q in zip(("lower", "upper"), quantiles, strict=True)
+        if not resampled or result.leakage_resampled is not None
     }
     for name, (q, resampled) in kinds.items():
         values = np.array([seals.quantile(q, resampled=resampled) for seals in every])

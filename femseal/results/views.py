@@ -49,7 +49,7 @@ class LoadSteps:
     def of(cls, data: xarray.Dataset, index: NDArray[np.int64] | None = None) -> LoadSteps:
         """Steps of a dataset; all of them unless `index` says which."""
         chosen = np.arange(data.sizes["step"]) if index is None else index
-        return cls(chosen, data["nominal_pressure"].values[chosen], data["unloaded_from"].values[chosen])
+        return cls(*(data[name].values[chosen] for name in ("step", "nominal_pressure", "unloaded_from")))
 
     @property
     def fields(self) -> dict[str, Array]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,6 +12,7 @@ from ..base.files import made_folder
 from ..topography import Topography
 from . import series, vtkhdf
 from .drawn_seal import drawn_cells
+from .interpolated import solved_steps
 from .views import Heights, View, seal_grid, window_images
 
 if TYPE_CHECKING:
@@ -47,6 +49,8 @@ def write_vtk(
         raise InputError.of("file_format", file_format, f"one of {', '.join(FORMATS)}")
     if file_format == "none":
         return []
+    if (solved := solved_steps(results.dataset)).size < results.dataset.sizes["step"]:
+        results = replace(results, dataset=results.dataset.isel(step=solved))
     views: list[View] = [seal_grid(results.dataset)] if "k1" in results.dataset else []
     views += [drawn_cells(results.dataset)] if "drawn_corners" in results.dataset else []
     views += window_images(results)

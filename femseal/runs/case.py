@@ -21,6 +21,7 @@ from ..fluids import leak_basis, potential_of
 from ..materials import Solid, contact_modulus, softer_hardness
 from ..results.reached_classes import check_classes
 from ..seal.layouts import Layout
+from .case_accuracy import with_what_is_open
 from .case_faces import Face, FileFace, SurfaceTable
 from .case_faults import fault_lines
 from .case_fluid import with_named_fluids
@@ -35,7 +36,7 @@ from .case_tables import (
     SolidTable,
     StochasticTable,
 )
-from .case_values import FileSize, Number, Table
+from .case_values import Accuracy, Duration, FileSize, Number, Table
 from .preparation import Prepared, prepare
 
 #: No case is larger [byte].
@@ -47,12 +48,16 @@ Method = Literal["auto", "deterministic", "two-scale", "stochastic"]
 class Case(Table):
     """A validated case, all values in SI.
 
-    memory : that a run may take [byte]; what is free on the machine unless given. It does not change results.
+    accuracy : wanted of the leakage, as a share: the run then chooses what the case leaves open, see `runs.attempts`.
+    time_limit : of its attempts together [s]. memory : that a run may take [byte]; what is free on the machine unless
+    given. It changes no results without `accuracy`.
     """
 
     title: Annotated[str, Field(max_length=200)] = ""
     method: Method = "stochastic"
     compare: tuple[Literal["deterministic", "two-scale", "stochastic"], ...] = ()
+    accuracy: Accuracy | None = None
+    time_limit: Duration | None = None
     seed: Number = 0
     memory: FileSize | None = Field(default=None, exclude=True)
     face: tuple[Face, ...] = Field(min_length=1, max_length=2)
@@ -81,9 +86,19 @@ class Case(Table):
     def _named_fluid(cls, data: Any) -> Any:
         return with_named_fluids(with_inlet_pressure(data))
 
+    @model_validator(mode="before")
+    @classmethod
+    def _open(cls, data: Any) -> Any:
+        return with_what_is_open(data)
+
     @model_validator(mode="after")
     def _complete(self) -> Case:
-        if self.cells is None and not self.methods <= {"deterministic", "auto"}:
+        if self.load.interpolate is not None and self.accuracy is not None:
+            text = "load.interpolate: given with accuracy, allowed is one of them: attempts solve all loads"
+            raise PydanticCustomError("interpolate", text)
+        if self.time_limit is not None and self.accuracy is None:
+            raise PydanticCustomError("time_limit", "time_limit: given without accuracy, allowed is it with accuracy")
+        if self.cells is None and self.accuracy is None and not self.methods <= {"deterministic", "auto"}:
             raise PydanticCustomError("cells", "a table `cells` with the method {m}", {"m": self.method})
         if self.cells is not None and self.cells.flow == "elements" and self.flow.discretisation != "edge":
             text = "cells.flow: given elements with the discretisation {d}, allowed is edge with them"

@@ -11,6 +11,8 @@ from ..base.errors import shortened, shown
 #: Faults told at once; longest key of a user in a message, in characters.
 _MOST_FAULTS = 20
 _LONGEST_KEY = 40
+#: Longest message about keys together; of a longer one the end is left out, such as that of a list of what is allowed.
+_LONGEST_FAULT = 400
 #: What took the place of keys that are gone.
 _REPLACED = {"stochastic.profile": 'map = { kind = "profile", shares = [...] } in the table load, in its place'}
 #: What pydantic's words for values of another type are in those of the file.
@@ -59,7 +61,8 @@ def _line(case: type[BaseModel], error: dict[str, Any]) -> str:
         return f"{key}: given {shown(given)}, allowed is {_IN_WORDS_OF_TOML[kind]}"
     message = str(error["msg"])
     if ": given " in message:  # the message of a fault between keys names them
-        return shortened(message, 400)
+        told = shortened(message, 10 * len(message))  # as it is, but printable
+        return told if len(told) <= _LONGEST_FAULT else f"{told[: _LONGEST_FAULT - 1]}…"
     text = message.removeprefix("Input should be ").removeprefix("Value error, ")
     if isinstance(given, (dict, BaseModel)):
         return f"{key}: allowed is {text}"

@@ -18,7 +18,7 @@ from ..base.quantities import to_si, to_text
 from ..loads import LOAD_UNITS, nominal_pressure
 from ..seal.field_file import read_pressure_field
 from ..seal.pressure_map import AngleTable, AnyMap, MapsAtLoads, PressureField, PressureMap, Profile, Uniform
-from .case_values import Angle, Count, Place, Quantity, Table, quantity_schema
+from .case_values import Accuracy, Angle, Count, Place, Quantity, Table, quantity_schema
 
 #: No cycle is longer [load steps].
 _MOST_STEPS = 10_000
@@ -148,12 +148,14 @@ AnyMapTable = Annotated[UniformMap | ProfileMap | AngleMap | FieldMap, Field(dis
 class LoadTable(Table):
     """Loads of the cycle, see `loads.LoadProgramme`: nominal pressures, or forces that the seal's size makes pressures.
 
-    map : of the pressure over the seal; several hold at the loads `at`.
+    map : of the pressure over the seal; several hold at the loads `at`. interpolate : relative error of the leakage
+        within which steps may be interpolated instead of solved; unless given all are solved.
     """
 
     loading: Annotated[tuple[Load, ...], Field(min_length=1)]
     unload_from: tuple[Load, ...] = ()
     unloading: tuple[Load, ...] = ()
+    interpolate: Accuracy | None = None
     map: Annotated[
         tuple[AnyMapTable, ...] | None, BeforeValidator(lambda given: [given] if isinstance(given, dict) else given)
     ] = None

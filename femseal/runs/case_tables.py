@@ -146,6 +146,8 @@ class StochasticTable(Table):
         return self
 
 
+#: Keys of [output] that say which files are written, and change no number.
+FILE_KEYS = ("pictures", "report", "fields", "paraview", "fields_limit")
 #: What the schema says of units.
 _UNITS_TOLD = f"a unit of leakage: {', '.join(LEAK_UNITS)}"
 
@@ -168,11 +170,16 @@ def _class_name(value: Any) -> str:
 class OutputTable(Table):
     """Optional contents of the results folder, see `report.write_folder`, and how leakage is told.
 
+    pictures, report, fields : whether they are written; a run without pictures has no report either, unless told so.
     leakage_unit : of tables, pictures and report. throughput_temperature : at which pressure × volume of gases is told.
     classes : leakage classes judged at every step, see `base.leak_classes`. nominal_diameter : which some need.
     test_fluid : of a leak test, whose leakage stands beside; classes are judged by it.
+    budget : the error of every leakage, source by source, see `budget.error_budget`.
     """
 
+    pictures: bool = True
+    report: bool = True
+    fields: bool = True
     paraview: Annotated[str, *one_of(FORMATS)] = "vtu"
     fields_limit: FileSize = LIMIT
     leakage_unit: Annotated[
@@ -185,6 +192,24 @@ class OutputTable(Table):
     ] = ()
     nominal_diameter: Length | None = None
     test_fluid: AnyFluid | None = None
+    budget: bool = True
+
+    @model_validator(mode="before")
+    @classmethod
+    def _no_report(cls, data: Any) -> Any:
+        return {"report": False, **data} if isinstance(data, dict) and data.get("pictures") is False else data
+
+    @model_validator(mode="after")
+    def _together(self) -> OutputTable:
+        if self.report and not self.pictures:
+            text = "output.report: given true with pictures = false, allowed is false: the page is made of pictures"
+            raise PydanticCustomError("report", text)
+        return self
+
+    @property
+    def files(self) -> dict[str, Any]:
+        """Which files are written, as arguments of `report.write_folder`."""
+        return self.model_dump(include=set(FILE_KEYS))
 
     @property
     def told(self) -> str:

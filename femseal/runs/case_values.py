@@ -110,6 +110,19 @@ def _channel(value: Any) -> int | str:
     return value
 
 
+_ACCURACY_ALLOWED = "a share above 0 and below 1, such as '10 %'"
+
+
+def _accuracy(value: Any) -> float:
+    try:
+        share = to_si(value, "", "value")
+    except InputError:
+        share = -1.0
+    if isinstance(value, bool) or not 0 < share < 1:
+        raise PydanticCustomError("accuracy", "{allowed}", {"allowed": _ACCURACY_ALLOWED})
+    return share
+
+
 def _positive(x: float) -> bool:
     return x > 0
 
@@ -131,6 +144,12 @@ Hurst = Annotated[float, Quantity("", lambda x: 0 < x <= 1, "a Hurst exponent ab
 Slope = Annotated[float, Quantity("", _positive, "a slope > 0")]
 Poisson = Annotated[float, Quantity("", lambda x: -1 < x <= 0.5, "a Poisson's ratio above -1, at most 0.5")]
 Angle = Annotated[float, Quantity("rad", lambda x: True, "an angle, such as '90 deg'")]
+Duration = Annotated[float, Quantity("s", _positive, "a time > 0, such as '30 min'")]
+Accuracy = Annotated[
+    float,
+    BeforeValidator(_accuracy),
+    WithJsonSchema({"type": ["number", "string"], "description": _ACCURACY_ALLOWED}),
+]
 Shift = Annotated[float, Quantity("m", lambda x: True, "a length, such as '-20 um'")]
 Place = Annotated[float, Quantity("m", _not_negative, "a length >= 0, such as '0.1 mm'")]
 #: A channel of a file, by its number or its name.

@@ -6,14 +6,18 @@ not compete for cores and results do not depend on where they were computed.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 from ..base.stage import Mapper
 
 
 @contextmanager
-def ordered_map(workers: int | None = None, scheduler: str | None = None) -> Iterator[Mapper]:
+def ordered_map(
+    workers: int | None = None,
+    scheduler: str | None = None,
+    progress: Callable[[str, int, int | None], None] = lambda stage, done, total: None,
+) -> Iterator[Mapper]:
     """Context with a mapper whose results come in the order of the items.
 
     Parameters
@@ -21,6 +25,8 @@ def ordered_map(workers: int | None = None, scheduler: str | None = None) -> Ite
     workers : processes on this machine; None: one for each core.
     scheduler : address of a Dask scheduler to compute on instead, whose first worker is awaited for
         `cluster.WORKER_SECONDS`; "local": a scheduler and `workers` single-threaded processes started here.
+    progress : called as progress(stage, done, total) while processes of this machine compile loops, which they do at
+        the first run after an installation.
 
     Raises
     ------
@@ -32,6 +38,7 @@ def ordered_map(workers: int | None = None, scheduler: str | None = None) -> Ite
     from threadpoolctl import threadpool_limits
 
     from .cluster import over_cluster
+    from .compiling import compile_ahead
     from .processes import over_processes
 
     count = workers or joblib.cpu_count()
@@ -43,4 +50,5 @@ def ordered_map(workers: int | None = None, scheduler: str | None = None) -> Ite
             yield map
         else:
             with over_processes(count) as mapper:
+                compile_ahead(mapper, progress)
                 yield mapper

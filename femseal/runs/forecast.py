@@ -11,22 +11,19 @@ import psutil
 from ..base.errors import InputError
 from ..base.machine import free_memory
 from ..base.quantities import to_text
+from ..base.text import duration
 from ..results.fields import fields_size
 from ..scales import Partition
 from ..studies import FluidState, Sampling, Scene, drop_ratio, laid_out, placed_windows
-from ..studies.costs import (
-    Effort,
-    deterministic_cost,
-    pressures_of_gas,
-    stochastic_cost,
-    two_scale_cost,
-    usual_efforts,
-)
+from ..studies.costs import Effort, usual_efforts
 from ..studies.deterministic import STEP_BYTES
 from ..studies.local_pressure import map_text
+from .budgeted import coarser_grids, filtered_input
 from .case import Case
 from .pilot import efforts, pace
 from .preparation import Prepared, shares_contact
+from .settings import fixed, time_limit
+from .study_costs import study_cost
 
 #: Shortest waves that a window should hold along each side.
 ADVISED_WAVES = 8
@@ -84,9 +81,12 @@ def describe(case: Case, prepared: Prepared) -> list[str]:
     highest = to_text(max((*scene.loading, *scene.unload_from)), "Pa", 3)
     if case.load.unit != "Pa":
         highest += f", from {to_text(case.load.highest, case.load.unit)}"
+    if case.load.interpolate is not None:
+        highest += f"; at most: those that {100 * case.load.interpolate:.3g} % allows are interpolated"
     lines.append(_line("load", f"{steps} states: {steps - down} loading{unloading}, up to {highest}"))
     lines.append(_line("flow", f"discretisation {scene.discretisation}, solver {scene.solver}"))
     lines += _gas_lines(scene)
+    lines += _accuracy_lines(case, prepared)
     if prepared.choice:
         lines.append(_line("method", f"{prepared.method}: {prepared.choice}"))
     if "deterministic" in prepared.methods:
@@ -124,9 +124,13 @@ def describe(case: Case, prepared: Prepared) -> list[str]:
         lines.append(
             _line("second run", f"{prepared.answer}, on {points} points without waves up to twice the shortest")
         )
+    if budget := _budget_inputs(case, prepared):
+        points = " and ".join(" × ".join(map(str, one.scene.surface.shape)) for one in budget)
+        lines.append(_line("error budget", f"about half of the states again on {points} points"))
     if told := case.output.told:
         lines.append(_line("leakage", told))
-    lines.append(_line("expected", _expected_text(forecast(case, prepared))))
+    first = "" if prepared.settings is None else "first attempt: "
+    lines.append(_line("expected", first + _expected_text(forecast(case, prepared))))
     if not any(Path(__file__).parents[1].rglob("__pycache__/*.nbi")):
         lines.append(_line("", "the first run after an installation compiles besides, for a minute or two"))
     lines.append(_line("disk", _disk_text(disk(case, prepared), steps)))
@@ -142,14 +146,20 @@ def forecast(case: Case, prepared: Prepared, known: tuple[Effort, ...] | None = 
     known : effort of each load step; found by a few contacts of a small part of the face unless given.
     """
     known = efforts(prepared.scene) if known is None else known
-    costs = [_cost(method, prepared, prepared.scene, known) for method in prepared.methods]
+    shared_contact = shares_contact(prepared)
+    costs = [study_cost(m, prepared, prepared.scene, known, solved=shared_contact) for m in prepared.methods]
     if prepared.filtered is not None:
-        costs.append(_cost(prepared.answer, prepared, prepared.filtered, known))
+        costs.append(study_cost(prepared.answer, prepared, prepared.filtered, known))
+    for coarse in _budget_inputs(case, prepared):
+        efforts_of = tuple(known[prepared.scene.steps.index(step)] for step in coarse.scene.steps)
+        both = shares_contact(coarse)
+        costs += [study_cost(m, coarse, coarse.scene, efforts_of, solved=both) for m in coarse.methods]
     if (test := case.output.test_fluid) is not None:
         state = test.state
         if drop_ratio(state, FluidState.of(prepared.scene)) is None:
-            costs.append(_cost(prepared.answer, prepared, state.in_scene(prepared.scene), known))
-    alone = _START_SECONDS + _PICTURES_SECONDS + disk(case, prepared).fields * _FIELD_BYTE_SECONDS
+            costs.append(study_cost(prepared.answer, prepared, state.in_scene(prepared.scene), known))
+    drawn = case.output.pictures or case.output.report
+    alone = _START_SECONDS + drawn * _PICTURES_SECONDS + disk(case, prepared).fields * _FIELD_BYTE_SECONDS
     shared = sum(seconds for seconds, _ in costs)
     # what a study holds stays until the results are written; what it works with does not
     memory = _START_MEMORY + max(memory for _, memory in costs)
@@ -174,6 +184,21 @@ def refuse_too_large(case: Case, prepared: Prepared) -> None:
     raise InputError.of("memory", given, allowed)
 
 
+def _accuracy_lines(case: Case, prepared: Prepared) -> list[str]:
+    """What the first attempt at a wanted accuracy takes."""
+    if case.accuracy is None or prepared.settings is None or prepared.made is None:
+        return []
+    chosen, given = prepared.settings, fixed(case)
+    words = [f"{' × '.join(map(str, prepared.scene.surface.shape))} points", f"contact.rtol {chosen.rtol:.0e}"]
+    words += [] if chosen.realisations is None else [f"{chosen.realisations} seals"]
+    text = f"{100 * case.accuracy:.3g} %, first with {', '.join(words)}; then what limits is refined"
+    lines = [_line("accuracy", f"{text}, for at most {duration(time_limit(case))}")]
+    if given:
+        keys = ", ".join(dict.fromkeys(given.values()))
+        lines.append(_line("", f"{keys} {'stays' if len(given) == 1 else 'stay'} as given"))
+    return lines
+
+
 def _gas_lines(scene: Scene) -> list[str]:
     """What slip does to the flow of a gas in a gap of the rms height."""
     if (drop := scene.flow.drop) is None:
@@ -185,21 +210,6 @@ def _gas_lines(scene: Scene) -> list[str]:
         f"permeability of windows at {drop.pressures.size} pressures, other flow solved 3 to 5 times"
     )
     return [_line("gas", text)]
-
-
-def _cost(method: str, prepared: Prepared, scene: Scene, known: tuple[Effort, ...]) -> tuple[float, float]:
-    points, cells, pressures = scene.surface.shape, prepared.cells, pressures_of_gas(scene)
-    if method == "deterministic":
-        return deterministic_cost(known, points, pressures)
-    assert cells is not None
-    if method == "two-scale":
-        solved = shares_contact(prepared) and scene is prepared.scene
-        return two_scale_cost(known, points, cells, prepared.flow, prepared.contact, solved=solved, pressures=pressures)
-    assert prepared.sampling is not None
-    every = laid_out(scene.layout, Partition(points, scene.surface.spacing, cells), prepared.sampling)
-    # seals of all lengths take the work of one as long as all of them together
-    seal = every[0].unknowns[0], sum(laid.unknowns[1] for laid in every)
-    return stochastic_cost(known, points, cells, prepared.sampling, seal, prepared.contact, pressures)
 
 
 def _expected_text(expected: Forecast) -> str:
@@ -217,25 +227,41 @@ def disk(case: Case, prepared: Prepared) -> Disk:
     steps, pixels = len(scene.steps), int(np.prod(scene.surface.shape))
     studies = {method.replace("-", "_") for method in prepared.methods}
     each = fields_size(scene.surface.shape, studies, links=prepared.flow == "links")
-    fitting = int(min(case.output.fields_limit // each, steps)) if each else 0
+    fitting = int(min(case.output.fields_limit // each, steps)) if each and case.output.fields else 0
     formats = {"none": 0, "both": 2}.get(case.output.paraview, 1)
     # pictures and report; heights for ParaView
-    others, checkpoint = 2e6 + 4.0 * pixels * formats, 0.0
-    peaks = len(set(scene.unload_from))
-    if "deterministic" in prepared.methods:
-        checkpoint += pixels * (STEP_BYTES * steps + 8.0 * peaks)
+    others = 2e6 * (case.output.pictures or case.output.report) + 4.0 * pixels * formats
     if prepared.cells is not None and prepared.methods != {"deterministic"}:
         windows = prepared.cells[0] * prepared.cells[1]
         # a window: ten numbers in results.nc, twenty in the mesh of the seal; three windows with three fields
         others += steps * windows * (80 + 160 * formats) + steps * formats * 36 * pixels / windows
-        # the gap that the global contact leaves, and gap and pressure of the windows
-        if not shares_contact(prepared):
-            checkpoint += pixels * (8.0 * steps + 8.0 * peaks)
-        elif prepared.flow != "links":
-            checkpoint += pixels * 4.0 * steps
     if (sampling := prepared.sampling) is not None:
         others += 8.0 * steps * (2 * sampling.realisations + 6 * sampling.library_cells)
+    checkpoint = sum(_checkpoint(one) for one in (prepared, *_budget_inputs(case, prepared)))
     return Disk(float(each * fitting), fitting, others, checkpoint)
+
+
+def _budget_inputs(case: Case, prepared: Prepared) -> list[Prepared]:
+    """What the error budget solves besides."""
+    if not case.output.budget:
+        return []
+    smooth = filtered_input(prepared) if prepared.filtered is None else None
+    return [*coarser_grids(prepared), *([] if smooth is None else [smooth])]
+
+
+def _checkpoint(prepared: Prepared) -> float:
+    """Expected size of the checkpoint of the studies of an input [byte]."""
+    scene, found = prepared.scene, 0.0
+    steps, pixels, peaks = len(scene.steps), int(np.prod(scene.surface.shape)), len(set(scene.unload_from))
+    if "deterministic" in prepared.methods:
+        found += pixels * (STEP_BYTES * steps + 8.0 * peaks)
+    if prepared.cells is not None and prepared.methods != {"deterministic"}:
+        # the gap that the global contact leaves, and gap and pressure of the windows
+        if not shares_contact(prepared):
+            found += pixels * (8.0 * steps + 8.0 * peaks)
+        elif prepared.flow != "links":
+            found += pixels * 4.0 * steps
+    return found
 
 
 def _surface_lines(prepared: Prepared) -> list[str]:

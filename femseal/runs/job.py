@@ -11,12 +11,14 @@ from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import replace
 from os import PathLike
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 from ..base.errors import FemsealError, InputError
 from ..base.files import made_folder, remove_foreign
 from ..base.provenance import numerical_versions
 from ..base.stage import Mapper, Stage
+from ..budget import ErrorBudget
 from ..report import write_folder
 from ..results import Results, assemble
 from ..studies import (
@@ -29,10 +31,14 @@ from ..studies import (
     two_scale,
 )
 from . import checkpoint
+from .attempts import Reached, Solve, reach
+from .budgeted import budgets_of
 from .case import Case, load_case
 from .case_faces import FileFace
 from .checkpoint import Checkpoint
+from .chosen_loads import solve_chosen
 from .executor import ordered_map
+from .finished import finished_results
 from .forecast import refuse_too_large
 from .lock import alone_in
 from .log_file import LogFile
@@ -95,36 +101,43 @@ def run(
     if "test_fluid" in echo["output"]:
         computed["test fluid"] = echo["output"]["test_fluid"]
     identity = {**computed, "content of face files": faces, "version": numerical_versions()}
-    if resume and folder is not None and (finished := _finished(case, faces, folder)) is not None:
+    if resume and folder is not None and (finished := finished_results(case, faces, folder)) is not None:
         with suppress(InputError), alone_in(folder):  # the checkpoint of another run stays
             checkpoint.resumable(folder, identity)
             checkpoint.remove(folder)
         return finished
     progress = progress or (lambda stage, done, total: None)
 
-    def found_or_computed(mapper: Mapper) -> Mapper:
-        return mapper if shared is None else SharedStages(Path(shared)).over(mapper)
-
     with ExitStack() as stack:
+
+        def found_or_computed(mapper: Mapper, prepared: Prepared) -> Mapper:
+            common = shared
+            # attempts have windows in common, but no faces; loads that are added the states before
+            attempts = case.accuracy is not None and prepared.answer != "deterministic"
+            if common is None and (attempts or case.load.interpolate is not None):
+                common = stack.enter_context(TemporaryDirectory())
+            return mapper if common is None else SharedStages(Path(common)).over(mapper)
+
         if folder is None:
-            mapper = stack.enter_context(ordered_map(workers, scheduler))
-            return _run(case, _prepared(case, scheduler), faces, found_or_computed(mapper), progress)
+            prepared = _prepared(case, scheduler)
+            mapper = stack.enter_context(ordered_map(workers, scheduler, progress))
+            return _run(case, prepared, faces, found_or_computed(mapper, prepared), progress)
         # a folder is made once the case has been found good
         if there := folder.is_dir():
             stack.enter_context(alone_in(folder))
             going_on = _goes_on(folder, identity, resume)
         prepared = _prepared(case, scheduler)
-        mapper = stack.enter_context(ordered_map(workers, scheduler))
+        mapper = stack.enter_context(ordered_map(workers, scheduler, progress))
         if not there:
             stack.enter_context(alone_in(made_folder(folder)))
             going_on = _goes_on(folder, identity, resume)
         stack.enter_context(_log_file(folder, append=going_on))
         kept = stack.enter_context(Checkpoint(folder, identity, going_on))
-        results = _run(case, prepared, faces, kept.over(found_or_computed(mapper)), progress)
+        results = _run(case, prepared, faces, kept.over(found_or_computed(mapper, prepared)), progress)
         progress("writing results", 0, None)
         start = time.perf_counter(), time.process_time()
         # the pictures are small, and drawn on this machine
-        _write(results, folder, case, prepared, map if scheduler else mapper)
+        _write(results, folder, case, map if scheduler else mapper)
         seconds = time.perf_counter() - start[0], time.process_time() - start[1]
         log.info("pictures, report and files in %.1f s, %.1f s of this process", *seconds)
         for text in results.left_out:
@@ -165,15 +178,24 @@ def _interrupts() -> Iterator[None]:
 
 @_interrupts()
 def _run(case: Case, prepared: Prepared, faces: dict[str, str], mapper: Mapper, progress: Progress) -> Results:
-    scene = prepared.scene
-    log.info("case %s: surface %s", case.title or "without title", scene.surface)
+    log.info("case %s: surface %s", case.title or "without title", prepared.scene.surface)
     if prepared.choice:
         log.info("method %s: %s", prepared.method, prepared.choice)
     timings: dict[str, float] = {}
     studies: dict[str, Any] = {}
+    first, reached = prepared, None
+    if case.accuracy is not None:
+        reached = _reached(case, prepared, mapper, progress, timings)
+        prepared, studies[prepared.answer.replace("-", "_")] = reached.prepared, reached.study
+    whole = prepared.scene
+    if case.load.interpolate is not None:
+        answer = _solving(case, mapper, progress, timings)
+        prepared, study = solve_chosen(prepared, case.load.interpolate, answer)
+        studies[prepared.answer.replace("-", "_")] = study
+    scene = prepared.scene
     # the cheapest route that the comparison needs comes first, the answer last
     for method in ("deterministic", "two-scale", "stochastic"):
-        if method in prepared.methods:
+        if method in prepared.methods and method.replace("-", "_") not in studies:
             with _timed(method, progress, timings):
                 watched = watching(mapper, method, progress, timings)
                 name = method.replace("-", "_")
@@ -188,23 +210,56 @@ def _run(case: Case, prepared: Prepared, faces: dict[str, str], mapper: Mapper, 
     test = None
     if case.output.test_fluid is not None:
         test = _of_test_fluid(case.output.test_fluid.state, case, prepared, studies, mapper, progress, timings)
+    budgets: dict[str, ErrorBudget] = {}
+    if case.output.budget:  # last, so that it can be switched before a run is resumed
+        name = "error budget"
+        with _timed(name, progress, timings):
+            watched = watching(mapper, name, progress, timings)
+
+            def solve(method: str, other: Prepared, known: Mapping[str, Any]) -> Any:
+                return study_of(method, case, other, other.scene, known, watched)
+
+            # the attempts have judged the answer
+            known = {} if reached is None else {prepared.answer.replace("-", "_"): reached.budget}
+            budgets = budgets_of(prepared, studies, solve, leakage_filtered=filtered, known=known)
     results = assemble(
         scene,
         **studies,
+        budgets=budgets,
         case=case.echo(),
         surface_report=prepared.surface_report,
         timings=timings,
         quantiles=case.stochastic.quantiles if case.stochastic else (0.05, 0.95),
-        warnings=prepared.warnings,
+        warnings=prepared.warnings if reached is None else (*prepared.warnings, *reached.warnings),
         leakage_filtered=filtered,
         test=test,
+        whole=whole,
+        interpolated_within=case.load.interpolate or 0.0,
         **case.output.model_dump(include={"leakage_unit", "classes", "nominal_diameter", "throughput_temperature"}),
     )
     results.dataset.attrs["face_files"] = json.dumps(faces)
-    results.dataset.attrs["chosen"] = json.dumps(prepared.chosen)
+    results.dataset.attrs["chosen"] = json.dumps(first.chosen)
+    if reached is not None:
+        results.dataset.attrs["accuracy"] = json.dumps(reached.told())
     for text in [*results.warnings, *results.failures]:
         log.warning("%s", text)
     return results
+
+
+def _reached(case: Case, prepared: Prepared, mapper: Mapper, progress: Progress, timings: dict[str, float]) -> Reached:
+    """Attempts at the accuracy that the case asks for; what they have in common is computed once."""
+    return reach(case, prepared, _solving(case, mapper, progress, timings), mapper)
+
+
+def _solving(case: Case, mapper: Mapper, progress: Progress, timings: dict[str, float]) -> Solve:
+    """Solve the study of the answer of a prepared case under a name."""
+
+    def solve(method: str, prepared: Prepared, known: Mapping[str, Any], name: str) -> Any:
+        with _timed(name, progress, timings):
+            watched = watching(mapper, name, progress, timings)
+            return study_of(method, case, prepared, prepared.scene, known, watched)
+
+    return solve
 
 
 def _of_test_fluid(
@@ -255,10 +310,10 @@ def study_of(
     return stochastic(scene, prepared.cells, prepared.sampling, contact=contact, two_scale=two, mapper=mapper)
 
 
-def _write(results: Results, folder: Path, case: Case, prepared: Prepared, mapper: Mapper) -> None:
+def _write(results: Results, folder: Path, case: Case, mapper: Mapper) -> None:
     try:
-        options = case.output.model_dump(include={"paraview", "fields_limit"})
-        write_folder(results, folder, prepared.scene.surface, **options, mapper=mapper)
+        surface = None if results.scene is None else results.scene.surface
+        write_folder(results, folder, surface, **case.output.files, mapper=mapper)
     except Exception as error:
         reason = str(error) if isinstance(error, FemsealError) else f"results: {error or type(error).__name__}"
         raise FemsealError(f"{reason}; mend that, then a run with --resume has only to write them") from error
@@ -279,26 +334,6 @@ def _face_files(case: Case) -> dict[str, str]:
             allowed = f"a file that can be read ({error.strerror})"
             raise InputError.of(key, f"'{path}'", allowed) from None
     return digests
-
-
-def _finished(case: Case, faces: dict[str, str], folder: Path) -> Results | None:
-    """Complete results of the same case and face files in a folder, if what the case leaves open is chosen as then."""
-    from ..results import open_results
-
-    try:
-        results = open_results(folder)
-        face_files = json.loads(results.dataset.attrs.get("face_files", "{}"))
-        chosen = json.loads(results.dataset.attrs.get("chosen", "{}"))
-    except (FemsealError, ValueError, TypeError, RecursionError):
-        return None
-    if results.case != case.echo() or face_files != faces:
-        return None
-    now = case.prepare().chosen
-    if chosen != now:
-        changed = ", ".join(key for key in now if chosen.get(key) != now[key])
-        log.info("the results in %s are computed again: other choices now (%s)", folder, changed)
-        return None
-    return results
 
 
 @contextmanager

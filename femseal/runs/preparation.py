@@ -38,6 +38,7 @@ from .case_faces import FileFace
 from .case_oddities import oddities
 from .case_tables import StochasticTable
 from .case_words import FACE_KEYS, MAP_TABLES, SEAL_TABLES, SURFACE_KEYS, in_tables_of, in_words_of
+from .settings import Settings, first_settings, settled
 from .sizes import refused_if_too_large, weigh_draws, weigh_points
 
 if TYPE_CHECKING:
@@ -53,7 +54,8 @@ class Prepared:
 
     method, methods : to be run, with "auto" resolved; choice : reason of that choice, if there was one. contact, flow :
         of windows, see `studies.two_scale`. warnings : what is odd in the case. filtered : the scene of the second run
-        that shows how leakage depends on the low-pass.
+        that shows how leakage depends on the low-pass. settings, made : of a case that asks for an accuracy, what was
+        chosen, and the case on the points of its face before that.
     """
 
     scene: Scene
@@ -68,6 +70,8 @@ class Prepared:
     flow: str
     warnings: tuple[str, ...] = ()
     filtered: Scene | None = None
+    settings: Settings | None = None
+    made: Prepared | None = None
 
     @property
     def answer(self) -> str:
@@ -91,6 +95,9 @@ class Prepared:
             found["flow of windows"] = self.flow
         if self.sampling is not None:
             found["sampler"] = self.sampling.sampler
+        if self.settings is not None:
+            told = {name: list(v) if isinstance(v, tuple) else v for name, v in asdict(self.settings).items()}
+            found |= {f"settings.{name}": value for name, value in told.items()}
         return found
 
     @property
@@ -124,14 +131,21 @@ def coarser(prepared: Prepared) -> Scene:
 
 
 def prepare(case: Case) -> Prepared:
-    """Make or read the faces, condition their sum, divide it into windows.
+    """Make or read the faces, condition their sum, divide it into windows; choose what a wanted accuracy leaves open.
 
     Raises
     ------
     InputError : a face that cannot be read or used, or windows that do not suit it.
     """
     with refused_if_too_large():
-        return _prepare(case)
+        made = _prepare(case)
+        return made if case.accuracy is None else chosen_as(case, made, first_settings(case, made))
+
+
+def chosen_as(case: Case, made: Prepared, settings: Settings) -> Prepared:
+    """A case that asks for an accuracy with these settings; `made` is the case on the points of its face."""
+    prepared = settled(case, made, settings)
+    return replace(prepared, filtered=coarser(prepared)) if case.surface.filter_sensitivity else prepared
 
 
 def _prepare(case: Case) -> Prepared:
@@ -153,7 +167,7 @@ def _prepare(case: Case) -> Prepared:
         Partition(shape, flat.spacing, cells)  # refuses windows of too few pixels
     with in_words_of(SURFACE_KEYS):
         surface, report = smooth(flat, repaired, shortest_wavelength=wave, shape=shape)
-    report = replace(report, **_found(separately, wave))
+    report = _of_generated(case, flat, replace(report, **_found(separately, wave)))
     sampling = None
     if cells is not None:
         window = Partition(surface.shape, surface.spacing, cells).window_size
@@ -190,10 +204,11 @@ def _prepare(case: Case) -> Prepared:
         with in_tables_of(MAP_TABLES):
             sampling = replace(sampling, pressure_map=case.load.pressure_map(case.folder, seal[0] * seal[1], seal[1]))
             check_sampling(sampling)
-            doubts = (*every[0].warnings, *check_map(scene, every[0], sampling.pressure_map))
         paths = most_paths(sampling.pressure_map)
         for laid in every:
             weigh_draws(len(scene.steps), laid.draws[0], sampling.realisations, sampling.library_cells, paths)
+        with in_tables_of(MAP_TABLES):
+            doubts = (*every[0].warnings, *check_map(scene, every[0], sampling.pressure_map))
     method: str = case.method
     choice = ""
     # where the deterministic solution is not affordable, resolved flow is not either
@@ -229,6 +244,7 @@ def _sampling(case: Case, table: StochasticTable, window_length: float) -> Sampl
         other_lengths=table.lengths[1:],
         breadth=table.breadth,
         realisations=table.realisations,
+        resampled=case.output.budget or table.width is not None or case.accuracy is not None,
         library_cells=table.library_cells,
         seed=case.seed,
         sampler=table.sampler,
@@ -294,6 +310,19 @@ def _combined_faces(case: Case) -> tuple[Topography, list[tuple[Topography, Repa
     return surface, repaired, overlap, inf
 
 
+def _of_generated(case: Case, flat: Topography, report: Conditioning) -> Conditioning:
+    """The report of a generated face says what the low-pass removes of the waves that were made."""
+    made = [
+        table.cut_off or resolved_wave(table.size, table.points)
+        for table in case.face
+        if not isinstance(table, FileFace)
+    ]
+    if len(made) < len(case.face) or min(made) <= report.shortest_measured:
+        return report
+    slope = flat.low_pass(min(made)).rms_slope
+    return replace(report, shortest_measured=min(made), rms_slope_measured=slope)
+
+
 def _found(repaired: list[tuple[Topography, Repair]], wavelength: float) -> dict[str, Any]:
     """What the report says of two faces that were repaired before they were summed; nothing of a single one."""
     if not repaired:
@@ -352,7 +381,7 @@ def default_grid(flat: Topography, shortest_wave: float | None) -> tuple[int, in
 
 
 def _cell_count(case: Case, face: tuple[float, float], wave: float) -> tuple[int, int] | None:
-    if case.methods == {"deterministic"} or (case.cells is None and case.method != "auto"):
+    if case.methods == {"deterministic"} or (case.cells is None and case.method != "auto" and case.accuracy is None):
         return None
     if case.cells is not None and case.cells.count is not None:
         return case.cells.count

@@ -149,11 +149,15 @@ def _eliminated(couples, p):
                         couples[j, k] += share * couples[i, k]
     if p < n:
         later = couples[:p, p:].copy()
-        shares = later.copy()
+        shares = np.zeros((p, n - p))
         for i in range(p):
-            shares[i] = shares[i] / total[i] if total[i] != 0.0 else 0.0 * shares[i]
-        couples[p:, p:] += np.dot(shares.T, later)
+            if total[i] != 0.0:
+                for j in range(n - p):
+                    shares[i, j] = later[i, j] / total[i]
+        product = np.dot(shares.T, later)
         for i in range(p, n):
+            for j in range(p, n):
+                couples[i, j] += product[i - p, j - p]
             couples[i, i] = 0.0
     return total
 

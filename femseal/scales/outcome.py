@@ -82,6 +82,7 @@ class SolveCounts:
     solved : flows with an open path, which a linear solver solved.
     closed : flows without an open path, which are 0.
     open : flows between nearly parallel plates, which the closed form gives.
+    equal : flows through a gap that the window had at an earlier step.
     solvers : number of systems by solver.
 
     >>> SolveCounts(solved=2) + SolveCounts(solved=1, closed=3) == SolveCounts(solved=3, closed=3)
@@ -91,6 +92,7 @@ class SolveCounts:
     solved: int = 0
     closed: int = 0
     open: int = 0
+    equal: int = 0
     solvers: SolverCounts = field(default_factory=SolverCounts)
 
     def __add__(self, other: SolveCounts) -> SolveCounts:
@@ -98,13 +100,14 @@ class SolveCounts:
             self.solved + other.solved,
             self.closed + other.closed,
             self.open + other.open,
+            self.equal + other.equal,
             self.solvers + other.solvers,
         )
 
     @property
     def flows(self) -> int:
-        """Number of all flows: solved, closed and open."""
-        return self.solved + self.closed + self.open
+        """Number of all flows: solved, closed, open and equal."""
+        return self.solved + self.closed + self.open + self.equal
 
     @classmethod
     def total(cls, counts: Iterable[SolveCounts]) -> SolveCounts:
@@ -112,5 +115,6 @@ class SolveCounts:
         return sum(counts, start=cls())
 
     def by_kind(self) -> dict[str, int]:
-        """The numbers of solved, closed and open flows, by these names."""
-        return {"solved": self.solved, "closed": self.closed, "open": self.open}
+        """The numbers of solved, closed and open flows, and of equal ones if there are any, by these names."""
+        numbers = {"solved": self.solved, "closed": self.closed, "open": self.open}
+        return numbers | ({"equal": self.equal} if self.equal else {})

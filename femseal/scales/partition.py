@@ -35,7 +35,7 @@ class Partition:
 
     Raises
     ------
-    InputError : cells that do not divide the surface, cells of fewer than 8 pixels, lines that do not rise.
+    InputError : cells that do not divide the surface, several of fewer than 8 pixels, lines that do not rise.
     """
 
     shape: tuple[int, int]
@@ -46,7 +46,7 @@ class Partition:
     def __post_init__(self) -> None:
         if any(m < 1 or n % m for n, m in zip(self.shape, self.cells, strict=True)):
             raise InputError.of("cells", self.cells, f"divisors of the surface's {self.shape} pixels")
-        if min(self.window) < 8:
+        if min(self.window) < 8 and self.cells != (1, 1):
             raise InputError.of("cells", self.cells, f"windows of at least 8 pixels, not {self.window}")
         m1, w1 = self.cells[0], self.window[0]
         lines = self.lines or tuple(i * w1 for i in range(m1 + 1))

@@ -42,7 +42,7 @@ def side_nodes(crossing, along, spacing):
         nodes = _place(first, last, n, spacing, place[count:])
         every = np.arange(count, count + nodes)
         for i in range(first, last + 1):
-            node[i], weight[i] = _between(along, place, every, i)
+            (node[i, 0], node[i, 1]), (weight[i, 0], weight[i, 1]) = _between(along, place, every, i)
         count += nodes
         first = last + 1
     return node, weight, place[:count].copy()

@@ -152,9 +152,11 @@ def _element(along, across, beside1, beside2, ends, spacing):
             of_point, w, at = side_nodes(crossing, beside, spacing)
             for i in range(n):
                 if of_point[i, 0] >= 0:
-                    node[start + i] = of_point[i] + count
-                    weight[start + i] = w[i]
-            place[count : count + at.size] = at
+                    for k in range(2):
+                        node[start + i, k] = of_point[i, k] + count
+                        weight[start + i, k] = w[i, k]
+            for k in range(at.size):
+                place[count + k] = at[k]
             counts[side] = at.size
         count += counts[side]
         start += n

@@ -79,6 +79,8 @@ def respond(
     in_contact = [unknown] * n
     left: dict[float, Array] = {}
     failures = []
+    # solved steps from which nothing is left of an earlier load
+    before: list[int] = []
     for s, step in enumerate(steps):
         undeformed = gap0[s] if gap0.ndim == 3 else gap0
         deformation = None if step.unloaded_from is None else left.get(step.unloaded_from)
@@ -92,6 +94,13 @@ def respond(
             if step.unloaded_from is None:
                 left[step.pressure] = np.zeros(shape)
             continue
+        if deformation is None or not deformation.any():
+            t = next((t for t in before if steps[t].pressure == step.pressure and pressures[t] == pressures[s]), s)
+            if t < s and (gap0.ndim == 2 or np.array_equal(gap0[t], gap0[s])):
+                for values in (gap, contact_fraction, plastic_fraction, standoff):
+                    values[s] = values[t]
+                in_contact[s] = in_contact[t]
+                continue
         pressure = min(pressures[s], hardness)
         contact = attempt(
             solve_deformed_contact,
@@ -109,6 +118,8 @@ def respond(
         in_contact[s] = ContactValues.of(contact.pressure)
         contact_fraction[s], plastic_fraction[s] = contact.area_fraction, contact.plastic_fraction
         standoff[s] = -contact.approach
+        if deformation is None or not deformation.any():
+            before.append(s)
         if step.unloaded_from is None:
             left[step.pressure] = contact.plastic_deformation
     return WindowHistory(gap, tuple(in_contact), contact_fraction, plastic_fraction, standoff, tuple(failures))
@@ -184,15 +195,21 @@ def flow_history(
     drop = None if settings is None else settings.drop
     k = np.full((1 if drop is None else drop.pressures.size, len(gaps)), np.nan)
     counts, failures = SolveCounts(), []
+    known: dict[bytes, Array] = {}
     for s, gap in enumerate(gaps):
         h = np.asarray(gap, dtype=float)
         if not np.all(np.isfinite(h)):
+            continue
+        bits = gap.tobytes()
+        if bits in known:
+            k[:, s] = known[bits]
+            counts += SolveCounts(equal=1)
             continue
         flow = attempt(window_permeability, h, spacing, axis, settings=settings)
         if isinstance(flow, Failed):
             failures.append(f"step {s}: {flow.reason}")
             continue
-        k[:, s] = flow.k
+        k[:, s] = known[bits] = flow.k
         counts += flow.counts
     return FlowHistory(k[0], counts, tuple(failures), None if drop is None else k)
 

@@ -15,6 +15,7 @@ from ..scales import Failed, Partition, RunFlows, SolverCounts, attempt
 from ..scales.window_fields import WindowFields
 from ..seal import RectangularSeal
 from .element_face import columns_of_face
+from .equal_states import first_equal, map_different
 from .scene import Array, Scene
 
 #: Columns of a run as shares of those of the face, the first of which is taken by which the cuts matter less than the
@@ -67,6 +68,7 @@ class ChainedSeals:
     closed, held : with closed cuts between runs, and with all cuts held at one profile of the fluid pressure.
     resampled : as many more realisations, each from runs that are drawn with repetition from those of the face.
     columns : columns of windows of the seal. length : those of a run.
+    of_face : leakage per length of the face itself, uncut (steps,) [m²/s].
     starts : first columns of the runs on the face. seed : of the random numbers.
     warnings : reasons to doubt the result.
     """
@@ -75,6 +77,7 @@ class ChainedSeals:
     closed: Array
     held: Array
     resampled: Array
+    of_face: Array
     columns: int
     length: int
     starts: NDArray[np.int64]
@@ -95,7 +98,7 @@ def runs_of_face(
     lengths = tuple(sorted({max(1, min(m2 // share, columns)) for share in RUN_SHARES}))
     solve = partial(attempt, StateRuns.of, partition=fields.partition, lengths=lengths, drop=drop)
     stage = Stage("runs of columns", solve)
-    return list(mapper(stage, fields.gap))
+    return list(map_different(mapper, stage, fields.gap, first_equal(fields.gap, fields.steps)))
 
 
 def chained_seals(
@@ -111,9 +114,11 @@ def chained_seals(
     runs = max(1, round(columns / length))
     starts = solved[0].starts if solved else np.zeros(1, np.int64)
     value, closed, held = np.full((3, starts.size, len(flows)), np.nan)
+    whole = np.full(len(flows), np.nan)
     for s, flow in enumerate(flows):
         if flow is not None:
             value[:, s], closed[:, s], held[:, s] = flow.value, flow.closed, flow.held
+            whole[s] = flow.whole
     size = partition.shape[0] * partition.spacing[0], length * partition.window_size[1]
     # leakage per length of a run of conductance 1 m³, and so of a seal whose runs have the mean conductance 1 m³
     unit = scene.leakage(RectangularSeal(size, (1, 1)), size[0] / size[1]).per_length
@@ -131,6 +136,7 @@ def chained_seals(
         closed=per_length * drawn @ closed,
         held=per_length * drawn @ held,
         resampled=per_length * again @ value,
+        of_face=unit * whole,
         columns=runs * length,
         length=length,
         starts=starts,

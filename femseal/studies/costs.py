@@ -181,7 +181,7 @@ def stochastic_cost(
         seconds = states * sampling.library_cells * (ladder + 2 * (3 if sampling.bounds else 1) * flow)
     links = seal[0] * seal[1]
     # as many seals again from resampled libraries, and from lower and upper bounds
-    draws = (4 if sampling.bounds else 2) * sampling.realisations
+    draws = ((3 if sampling.bounds else 1) + sampling.resampled) * sampling.realisations
     seconds += (
         (_SUCCESSIVE if pressures > 1 else 1.0) * draws * steps * _LINK_SECONDS * links * max(1.0, np.log2(min(seal)))
     )

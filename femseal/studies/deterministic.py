@@ -15,6 +15,7 @@ from ..contact import HalfSpace, LoadState, load_states
 from ..loads import LoadProgramme
 from ..scales import Failed, FlowSettings, Partition, SolverCounts, attempt
 from ..scales.window_fields import ContactPressure
+from .equal_states import first_equal, repeated
 from .face_contact import CutState, from_whole
 from .plausibility import odd_in_scene
 from .scene import Array, FaceFlow, Scene, labels, resolved_flow
@@ -33,7 +34,7 @@ class DeterministicResult(Shown):
     where there is contact, see `ContactPressure`. The fluid pressure is NaN in contact and in pockets.
     residual : largest residual of the contacts. failures : steps whose flow failed; their leakage is NaN. warnings :
     reasons to doubt the result. solvers : number of systems by solver. windows : the contact cut into windows, for
-    `two_scale`; None unless asked for.
+    `two_scale`; None unless asked for. equal_steps : number of steps that are an earlier one again, solved once.
     """
 
     steps: LoadProgramme
@@ -65,6 +66,7 @@ class DeterministicResult(Shown):
     warnings: tuple[str, ...] = ()
     solvers: SolverCounts = field(default_factory=SolverCounts)
     windows: WindowContacts | None = field(default=None, repr=False)
+    equal_steps: int = 0
 
 
 def deterministic(scene: Scene, *, cells: tuple[int, int] | None = None, mapper: Mapper = map) -> DeterministicResult:
@@ -107,7 +109,8 @@ def deterministic(scene: Scene, *, cells: tuple[int, int] | None = None, mapper:
         flows.append(state.flow)
         facts.append((state.contact_fraction, state.plastic_fraction, state.mean_gap, state.residual))
     contact_fraction, plastic_fraction, mean_gap, residual = np.array(facts).T
-    through = scene.resolved_leakage(flows)
+    first = first_equal(gap, scene.steps)
+    through = scene.resolved_leakage(flows, first)
     windows = from_whole(scene, partition, gap, cuts)
     return DeterministicResult(
         steps=scene.steps,
@@ -123,6 +126,7 @@ def deterministic(scene: Scene, *, cells: tuple[int, int] | None = None, mapper:
         warnings=odd_in_scene(scene),
         solvers=through.solvers,
         windows=None if cells is None else windows,
+        equal_steps=repeated(first),
     )
 
 

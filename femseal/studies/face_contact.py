@@ -109,6 +109,7 @@ def from_whole(
         contact="whole",
         fields=WindowFields(scene.steps, partition, gap, ContactPressure(partition, in_contact)),
         gap_error=np.zeros(len(cuts)),
+        gap_effect=np.ones(len(cuts)),
         pressure=pressure,
         mean_gap=np.array([partition.cell_means(g) for g in gap]),
         contact_fraction=contact_fraction,

@@ -122,7 +122,8 @@ def _library(
 ) -> LadderLibrary:
     """Follow windows of the face along the standard ladder, up to the pressure `highest`.
 
-    `apart` adds separations without pressure, `exact` loading pressures, `peaks` those from which windows are unloaded.
+    `apart` adds separations without pressure, `exact` loading pressures, `peaks` those from which windows are unloaded;
+    elastic ones are not: they unload as they were loaded.
     """
     scene, partition, sampling = wanted.scene, wanted.partition, wanted.sampling
     full = min(scene.hardness, 0.5 * scene.modulus * scene.surface.rms_slope)
@@ -135,5 +136,6 @@ def _library(
         bounds=sampling.bounds,
         drop=scene.flow.drop,
     )
-    ladder = replace(on_ladder(ladder, (*exact, *peaks), highest), peaks=peaks, stops=STOPS if peaks else ())
+    down = peaks if np.isfinite(scene.hardness) else ()
+    ladder = replace(on_ladder(ladder, (*exact, *peaks), highest), peaks=down, stops=STOPS if down else ())
     return build_ladder_library(source, ladder, sampling.library_cells, folder=sampling.library, mapper=wanted.mapper)

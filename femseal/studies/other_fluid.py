@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 
 from ..fluids import Fluid
+from ..loads import LoadProgramme
+from .between_loads import Indices, at_all_steps
 from .scene import Array, Scene
 
 
@@ -59,8 +61,17 @@ class OtherLeakage:
     def of_study(cls, state: FluidState, study: Any, ratio: float = 1.0) -> OtherLeakage:
         """From a study of the same seals, whose leakage is multiplied by a ratio."""
         if hasattr(study, "quantile"):
-            return cls(state, ratio * study.quantile(0.5), ratio * study.leakage, ratio * study.leakage_resampled)
+            resampled = None if study.leakage_resampled is None else ratio * study.leakage_resampled
+            return cls(state, ratio * study.quantile(0.5), ratio * study.leakage, resampled)
         return cls(state, ratio * study.leakage)
+
+    def at_all_steps(self, solved: Indices, steps: LoadProgramme) -> OtherLeakage:
+        """From those at the solved steps, see `between_loads.at_all_steps`."""
+        given = (self.leakage, self.realisations, self.resampled)
+        every = (None if q is None else at_all_steps(q, solved, steps, logarithmic=True) for q in given)
+        leakage, realisations, resampled = every
+        assert leakage is not None
+        return OtherLeakage(self.state, leakage, realisations, resampled)
 
 
 def drop_ratio(state: FluidState, own: FluidState) -> float | None:

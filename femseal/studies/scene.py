@@ -122,18 +122,21 @@ class Scene:
         inlet, outlet = self.fluid.potential([self.inlet_pressure, self.outlet_pressure])
         return self.fluid.pressure(outlet + (inlet - outlet) * np.asarray(share, float))
 
-    def resolved_leakage(self, flows: Iterable[FaceFlow | Failed]) -> FaceLeakage:
-        """Leakage through the whole face at every step, from its flow at full resolution."""
+    def resolved_leakage(self, flows: Iterable[FaceFlow | Failed], first: NDArray[np.int64]) -> FaceLeakage:
+        """Leakage through the whole face at every step, from its flow at full resolution.
+
+        first : number of the first step with the same flow, at which its systems were solved.
+        """
         seal = RectangularSeal(self.surface.size, (1, 1))
         leakage, failures, solvers = [], [], SolverCounts()
-        for step, flow in zip(self.steps, flows, strict=True):
+        for s, (step, flow) in enumerate(zip(self.steps, flows, strict=True)):
             if isinstance(flow, Failed):
                 leakage.append(np.nan)
                 failures.append(f"{step.name}: {flow.reason}")
             else:
                 through = self.leakage(seal, flow.permeability)
                 leakage.append(through.per_length)
-                solvers += flow.solvers + SolverCounts.of(through)
+                solvers += flow.solvers + SolverCounts.of(through) if first[s] == s else SolverCounts()
         return FaceLeakage(np.array(leakage), tuple(failures), solvers)
 
 

@@ -9,6 +9,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..base.errors import InputError
 from ..base.quantities import to_text
@@ -18,6 +19,7 @@ from ..seal import RectangularSeal
 from ..seal.layouts import SealWindows
 from ..seal.linked import LinkWindows
 from .chained import StateRuns, chained_seals
+from .equal_states import first_equal_draws, repeated
 from .followed import windows_under_global_contact, windows_under_uniform_pressure
 from .median_seal import MOST_VALUES, drawn_permeability, median_chain, median_seal, nearest_to_median
 from .placed import windows_in_place
@@ -64,6 +66,8 @@ def stochastic(
     FemsealError : every window of the library failed.
     """
     check_sampling(sampling)
+    if sampling.width is not None and not sampling.resampled:
+        raise InputError.of("resampled", "False with a width", "True with it: the error of the library has to be known")
     sampling = replace(sampling, sampler=chosen_sampler(sampling, scene, two_scale.contact if two_scale else contact))
     if sampling.sampler == "runs" and scene.discretisation != "edge":
         raise InputError.of("sampler", f"'runs' with the discretisation '{scene.discretisation}'", "'edge' with it")
@@ -131,9 +135,12 @@ def _of_windows(
     kinds = tuple(_for(laid, tables) for tables in supply.tables)
     shared: dict[str, Any] = {"scene": scene, "laid": laid, "sampling": sampling}
     independent = library.independent / library.size
-    stage = Stage("drawn seals", partial(_realise, **shared, kinds=kinds, independent=independent))
+    first = first_equal_draws(kinds, scene.steps, sampling.sampler_of_links)
+    stage = Stage("drawn seals", partial(_realise, **shared, kinds=kinds, independent=independent, first=first))
     count = sampling.realisations
-    drawn = list(mapper(stage, [*range(count)] * 2, [False] * count + [True] * count))
+    kinds_of_seal = (False, True) if sampling.resampled else (False,)
+    tasks = [(n, again) for again in kinds_of_seal for n in range(count)]
+    drawn = list(mapper(stage, *zip(*tasks, strict=True)))[: len(tasks)]
     leakage, *bounds = np.array([r.leakage for r in drawn[:count]]).transpose(1, 0, 2)
     lower, upper = bounds or (None, None)
     chosen = nearest_to_median(leakage) if len(laid.outlines) * len(scene.steps) <= MOST_VALUES else None
@@ -146,13 +153,14 @@ def _of_windows(
         sampler=sampling.sampler_of_links,
         library=library,
         leakage=leakage,
-        leakage_resampled=np.array([r.leakage[0] for r in drawn[count:]]),
+        leakage_resampled=np.array([r.leakage[0] for r in drawn[count:]]) if sampling.resampled else None,
         leakage_lower_bound=lower,
         leakage_upper_bound=upper,
         median_seal=medians[0] if medians else None,
         failures=tuple(text for r in drawn for text in r.failures),
         warnings=laid.warnings,
         solvers=SolverCounts.total(r.solvers for r in drawn),
+        equal_steps=repeated(first),
     )
 
 
@@ -182,9 +190,10 @@ def _of_runs(
         sampler="runs",
         library=supply.library,
         leakage=drawn.leakage,
-        leakage_resampled=drawn.resampled,
+        leakage_resampled=drawn.resampled if sampling.resampled else None,
         leakage_closed_cuts=drawn.closed,
         leakage_held_cuts=drawn.held,
+        leakage_of_face=drawn.of_face,
         median_seal=None if chosen is None else median_chain(chosen, **shown, pressure=pressure),
         failures=tuple(
             f"runs, {step.name}: {state.reason}"
@@ -192,6 +201,7 @@ def _of_runs(
             if isinstance(state, Failed)
         ),
         warnings=drawn.warnings,
+        equal_steps=len(supply.runs) - len({*map(id, supply.runs)}),
     )
 
 
@@ -216,11 +226,13 @@ def _realise(
     kinds: tuple[Tables, ...],
     sampling: Sampling,
     independent: float,
+    first: NDArray[np.int64],
 ) -> Realisation:
     """Draw one seal and solve its flow at every step.
 
     The same random numbers draw the same windows from each kind of tables. `resampled` draws a new library from the
     library, and takes the values without their bounds. Of a gas with slip each kind has a table for every pressure.
+    first : number of the first step with the same windows.
     """
     steps, drop = scene.steps, scene.flow.drop
     pressures = 1 if drop is None else drop.pressures.size
@@ -233,6 +245,9 @@ def _realise(
             laid, kinds[kind * pressures : (kind + 1) * pressures], sampling, realisation, drop
         )
         for s, step in enumerate(steps):
+            if first[s] < s:
+                leakage[kind, s] = leakage[kind, first[s]]
+                continue
             found = attempt(scene.leakage, laid.seal, permeability(s))
             if isinstance(found, Failed):
                 failures.append(f"realisation {realisation}, {step.name}: {found.reason}")

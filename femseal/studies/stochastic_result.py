@@ -25,19 +25,22 @@ class StochasticResult(Shown):
 
     leakage : of each realisation.
     leakage_resampled : of as many more realisations, each from a library that is drawn with repetition from the library
-        itself, of as many windows as do not overlap. Their scatter is that of realisations and library together.
+        itself, of as many windows as do not overlap. Their scatter is that of realisations and library together. None
+        unless asked for, see `Sampling`.
     leakage_lower_bound, leakage_upper_bound : of the realisations in `leakage`, with the bounds of every window's
         permeability; None without bounds. They enclose the flow through gaps constant on each pixel: their distance
         says how well the pixels resolve the gaps.
     leakage_closed_cuts, leakage_held_cuts : of the realisations in `leakage`, with the cuts between runs of columns
         closed, and held at one profile of the fluid pressure; None unless the sampler is "runs". The leakage of a chain
         of these runs lies between them.
+    leakage_of_face : of the face itself, whose runs they are; None unless the sampler is "runs".
     other_lengths : seals of the other lengths that were asked for, drawn from the same library; the same realisation of
         a longer seal begins with that of a shorter one.
     sampler : how they were drawn, see `sampling_options.chosen_sampler`.
     median_seal : fields of the realisation nearest to the median; None of very large seals, and without leakage.
     failures : reasons of values that are NaN or left out. warnings : reasons to doubt the result.
-    solvers : number of systems by solver, of library windows and of drawn seals.
+    solvers : number of systems by solver, of library windows and of drawn seals. equal_steps : number of steps that are
+        an earlier one again, solved once.
     """
 
     steps: LoadProgramme
@@ -46,7 +49,7 @@ class StochasticResult(Shown):
     leakage: Array = field(
         metadata=labels("m^2/s", "leakage per unit seal length, realisations", "realisation", "step")
     )
-    leakage_resampled: Array = field(
+    leakage_resampled: Array | None = field(
         metadata=labels("m^2/s", "leakage per unit seal length, resampled library", "realisation", "step")
     )
     leakage_lower_bound: Array | None = field(
@@ -61,20 +64,28 @@ class StochasticResult(Shown):
     leakage_held_cuts: Array | None = field(
         default=None, metadata=labels("m^2/s", "leakage per unit seal length, cuts held", "realisation", "step")
     )
+    leakage_of_face: Array | None = field(
+        default=None,
+        metadata=labels("m^2/s", "leakage per unit seal length, of the face that the runs are of", "step"),
+    )
     other_lengths: tuple[StochasticResult, ...] = field(default=(), repr=False)
     sampler: str = "history"
     median_seal: MedianSeal | None = field(default=None, repr=False)
     failures: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
     solvers: SolverCounts = field(default_factory=SolverCounts)
+    equal_steps: int = 0
 
     def quantile(self, q: float, *, resampled: bool = False) -> Array:
         """Quantile over the realisations that did not fail, at every step [m²/s]; NaN where all failed.
 
         Between two values of one sign it is interpolated in log space; beside a 0 it is 0. `resampled` takes
-        `leakage_resampled`, whose scatter includes the error of the library.
+        `leakage_resampled`, whose scatter includes the error of the library; NaN without.
         """
-        return self._at_every_step(partial(_quantile, q=q), self.leakage_resampled if resampled else self.leakage)
+        chosen = self.leakage
+        if resampled:
+            chosen = np.full_like(chosen, np.nan) if self.leakage_resampled is None else self.leakage_resampled
+        return self._at_every_step(partial(_quantile, q=q), chosen)
 
     @property
     def mean(self) -> Array:
@@ -94,7 +105,9 @@ class StochasticResult(Shown):
     @property
     def library_error(self) -> Array:
         """Standard deviation of ln(leakage) that the finite library adds, at every step; NaN where fewer than 2
-        leak."""
+        leak, or without resampled seals."""
+        if self.leakage_resampled is None:
+            return np.full(len(self.steps), np.nan)
         together = self._at_every_step(_log_deviation, self.leakage_resampled)
         return np.sqrt(np.maximum(together**2 - self.realisation_spread**2, 0.0))
 

@@ -21,6 +21,7 @@ from ..scales.window_fields import ContactPressure, WindowFields
 from ..seal import RectangularSeal
 from .deterministic import state_memory
 from .element_face import flow_through_elements
+from .equal_states import first_equal, map_different, repeated
 from .face_contact import solve_windows
 from .plausibility import odd_in_scene
 from .scene import Array, FaceFlow, FaceLeakage, Scene, labels, resolved_flow
@@ -55,7 +56,8 @@ class TwoScaleResult(Shown):
     """Contact and flow at two scales; arrays over steps, rows and columns of windows.
 
     partition : the windows. contact, flow : how they were solved, see `two_scale`. gap_error : estimate of the error of
-    the contact, see `scales.gap_error`.
+        the contact, see `scales.gap_error`. gap_effect : the factor by which it changes the leakage: 1 where it is
+        small, inf where the corrected gap is closed.
     element_error, drop_share : of the flow "elements", None with others. The leakage is then an upper bound of that
         resolved on the same gap, and the error is at most about 1e-3, see `scales.ElementFlow`.
     k1, k2, fluid_pressure : of the links and their nodes; None without "links". Of a gas with slip, k1 and k2 are those
@@ -63,7 +65,8 @@ class TwoScaleResult(Shown):
     face_fluid_pressure : at every pixel and step; None with "links".
     fields : deformed gap and contact pressure at every pixel.
     counts : flows of links, solved or known without solving. solvers : number of systems by solver, of links and over
-    the face. failures : reasons of values that are NaN. warnings : reasons to doubt the result.
+    the face. equal_steps : number of steps that are an earlier one again, solved once. failures : reasons of values
+    that are NaN. warnings : reasons to doubt the result.
     """
 
     steps: LoadProgramme
@@ -101,6 +104,9 @@ class TwoScaleResult(Shown):
     gap_error: Array = field(
         metadata=labels("1", "error of the gap of windows, estimated by the half-space of the whole face", "step")
     )
+    gap_effect: Array = field(
+        metadata=labels("1", "leakage over that with the gap corrected by the half-space of the whole face", "step")
+    )
     element_error: Array | None = field(
         default=None, metadata=labels("1", "estimated relative error of the leakage through elements", "step")
     )
@@ -115,6 +121,7 @@ class TwoScaleResult(Shown):
     warnings: tuple[str, ...] = ()
     solvers: SolverCounts = field(default_factory=SolverCounts)
     link_flows: tuple[LinkFlows, LinkFlows] | None = field(default=None, repr=False)
+    equal_steps: int = 0
 
     @property
     def gap(self) -> NDArray[np.float32]:
@@ -166,14 +173,15 @@ def two_scale(
     elif (given := solved.fields.partition).cells != tuple(cells) or given.shape != scene.surface.shape:
         raise InputError.of("solved", f"a contact of {given.cells} cells", f"one of {tuple(cells)} cells of this face")
     partition = solved.fields.partition
+    first = first_equal(solved.fields.gap, scene.steps)
     failures, warnings = solved.failures, odd_in_scene(scene) + solved.warnings
     counts, solvers, links, element_error, drop_share, inside = SolveCounts(), SolverCounts(), None, None, None, None
     if flow == "resolved":
-        found, inside = _resolved(scene, solved.fields, mapper)
+        found, inside = _resolved(scene, solved.fields, first, mapper)
     elif flow == "elements":
-        found, inside, element_error, drop_share = _through_elements(scene, solved.fields, mapper)
+        found, inside, element_error, drop_share = _through_elements(scene, solved.fields, first, mapper)
     else:
-        links = _through_links(scene, solved.fields, mapper)
+        links = _through_links(scene, solved.fields, first, mapper)
         failures += links.failures
         counts, solvers = links.counts, links.solvers
         found = FaceLeakage(links.leakage, (), SolverCounts())
@@ -188,6 +196,7 @@ def two_scale(
         link_flows=None if links is None else links.flows,
         contact=solved.contact,
         gap_error=solved.gap_error,
+        gap_effect=solved.gap_effect,
         pressure=solved.pressure,
         mean_gap=solved.mean_gap,
         contact_fraction=solved.contact_fraction,
@@ -201,10 +210,13 @@ def two_scale(
         failures=failures + found.failures,
         warnings=warnings,
         solvers=solvers + found.solvers,
+        equal_steps=repeated(first),
     )
 
 
-def _resolved(scene: Scene, fields: WindowFields, mapper: Mapper) -> tuple[FaceLeakage, NDArray[np.float32]]:
+def _resolved(
+    scene: Scene, fields: WindowFields, first: NDArray[np.int64], mapper: Mapper
+) -> tuple[FaceLeakage, NDArray[np.float32]]:
     """Flow through the stitched gap of every step, and its pressure at every pixel (steps, n1, n2) [Pa]."""
     surface = scene.surface
     solve = partial(attempt, resolved_flow, spacing=surface.spacing, settings=scene.flow, with_share=True)
@@ -212,17 +224,17 @@ def _resolved(scene: Scene, fields: WindowFields, mapper: Mapper) -> tuple[FaceL
     pressure = np.full(fields.gap.shape, np.nan, np.float32)
 
     def flows() -> Iterator[FaceFlow | Failed]:
-        for s, flow in enumerate(mapper(stage, fields.gap)):
+        for s, flow in enumerate(map_different(mapper, stage, fields.gap, first)):
             if isinstance(flow, FaceFlow) and flow.share is not None:
                 pressure[s] = scene.pressure_at(flow.share)
                 flow = replace(flow, share=None)
             yield flow
 
-    return scene.resolved_leakage(flows()), pressure
+    return scene.resolved_leakage(flows(), first), pressure
 
 
 def _through_elements(
-    scene: Scene, fields: WindowFields, mapper: Mapper
+    scene: Scene, fields: WindowFields, first: NDArray[np.int64], mapper: Mapper
 ) -> tuple[FaceLeakage, NDArray[np.float32], Array, Array]:
     """Flow through elements at every step, its pressure at every pixel, its error and the shares of the windows."""
     solve = partial(attempt, flow_through_elements, partition=fields.partition, drop=scene.flow.drop)
@@ -231,7 +243,7 @@ def _through_elements(
     error, share = np.full(len(fields.gap), np.nan), np.full((len(fields.gap), *fields.partition.cells), np.nan)
 
     def flows() -> Iterator[FaceFlow | Failed]:
-        for s, found in enumerate(mapper(stage, fields.gap)):
+        for s, found in enumerate(map_different(mapper, stage, fields.gap, first)):
             if isinstance(found, Failed):
                 yield found
                 continue
@@ -240,7 +252,7 @@ def _through_elements(
             error[s], share[s] = flow.error, flow.dissipation / (flow.dissipation.sum() or 1.0)
             yield FaceFlow(flow.permeability, SolverCounts.of(flow))
 
-    return scene.resolved_leakage(flows()), pressure, error, share
+    return scene.resolved_leakage(flows(), first), pressure, error, share
 
 
 @dataclass(frozen=True, eq=False)
@@ -260,7 +272,7 @@ class _LinkFlow:
     flows: tuple[LinkFlows, LinkFlows]
 
 
-def _through_links(scene: Scene, fields: WindowFields, mapper: Mapper) -> _LinkFlow:
+def _through_links(scene: Scene, fields: WindowFields, first: NDArray[np.int64], mapper: Mapper) -> _LinkFlow:
     """Solve the links of every step, and the flow through them."""
     partition = fields.partition
     drop = scene.flow.drop
@@ -273,6 +285,9 @@ def _through_links(scene: Scene, fields: WindowFields, mapper: Mapper) -> _LinkF
     solvers, failures = counts.solvers, along.failures + across.failures
     for s, step in enumerate(scene.steps):
         if not (np.isfinite(k1[s]).all() and np.isfinite(k2[s]).all()):
+            continue
+        if (t := first[s]) < s:
+            leakage[s], fluid_pressure[s], k1[s], k2[s] = leakage[t], fluid_pressure[t], k1[t], k2[t]
             continue
         links = PermeabilityTable.of(drop, list(zip(along.all[:, s], across.all[:, s], strict=True)))
         through = attempt(scene.leakage, seal, links)

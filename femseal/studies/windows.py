@@ -40,12 +40,14 @@ class WindowContacts:
     """Contact of all cells of a face along a cycle; arrays (steps, m1, m2) as in `TwoScaleResult`.
 
     contact : how it was solved, see `face_contact.CONTACTS`. gap_error : at every step (steps,), see
-    `scales.gap_error`; 0 for the contact of the whole face.
+    `scales.gap_error`; 0 for the contact of the whole face. gap_effect : flow through the gap over that through the
+    corrected one (steps,): 1 where the error is small, inf where the corrected gap is closed.
     """
 
     contact: str
     fields: WindowFields
     gap_error: Array
+    gap_effect: Array
     pressure: Array
     mean_gap: Array
     contact_fraction: Array
@@ -100,6 +102,7 @@ def windows_contact(scene: Scene, cells: tuple[int, int], mapper: Mapper) -> Win
         contact="windows",
         fields=fields,
         gap_error=error,
+        gap_effect=factor,
         pressure=pressure,
         mean_gap=np.array([partition.cell_means(g) for g in gap]),
         contact_fraction=contact_fraction,

@@ -149,7 +149,8 @@ def _borders(c1, c2, order, first, parent, rank):
             most += start[pending[k] + 1] - start[pending[k]]
         if most > border.size:
             grown = np.empty(2 * most, np.int64)
-            grown[:size] = border[:size]
+            for i in range(size):
+                grown[i] = border[i]
             border = grown
         for i in range(first[f], end):
             _links(c1, c2, order[i], neighbour, link)

@@ -88,18 +88,20 @@ def eliminate_front(front, rest, total):
                         front[j, k] += f * front[i, k]
         if end < p:
             later = front[start:end, end:].copy()
-            shares = later[:, : p - end].copy()
+            shares = np.empty((end - start, p - end))
             for i in range(end - start):
-                shares[i] /= total[start + i]
+                for j in range(p - end):
+                    shares[i, j] = later[i, j] / total[start + i]
             product = np.dot(shares.T, later)
             for i in range(end, p):
                 for j in range(end, p + q):
                     front[i, j] += product[i - end, j - end]
     if p * q * q > _BLAS:
         later = front[:, p:].copy()
-        shares = later.copy()
+        shares = np.empty((p, q))
         for i in range(p):
-            shares[i] /= total[i]
+            for j in range(q):
+                shares[i, j] = later[i, j] / total[i]
         product = np.dot(shares.T, later)
         for i in range(q):
             for j in range(q):

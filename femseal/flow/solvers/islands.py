@@ -111,9 +111,12 @@ def _eliminate_small(c1, c2, ring, hidden, inlet, outlet, potential, complement)
                     if c > 0.0 and 0 <= a < n1 and hidden[a, b]:
                         links[q, 2 + place[a, b]] += c
             for q in range(m - 1, -1, -1):
-                total = links[q, : q + 2].sum()
+                total = 0.0
+                for k in range(q + 2):
+                    total += links[q, k]
                 if total > 0.0:
-                    links[q, : q + 2] /= total
+                    for k in range(q + 2):
+                        links[q, k] /= total
                 for p in range(q):
                     weight = links[p, 2 + q]
                     if weight > 0.0:

@@ -1,0 +1,29 @@
+"""The error budget of a leakage: what solver, pixels, filter, windows, library and realisations may be off.
+
+A budget belongs to one study of one scene: `error_budget` gathers the estimates of its parts (`estimates.py`) and
+combines them to one band (`error_parts.py`). All distances are of ln(leakage): near closing, errors are factors.
+"""
+
+from .all_steps import at_interpolated_steps
+from .coarse import CoarserSolution, at_some_steps, change_of_windows, coarser_points
+from .error_budget import error_budget, method_of
+from .error_parts import ErrorBudget, ErrorPart
+from .grid_convergence import GridConvergence, grid_convergence
+from .judged import Judged, counting_steps, judged
+
+__all__ = [
+    "CoarserSolution",
+    "ErrorBudget",
+    "ErrorPart",
+    "GridConvergence",
+    "Judged",
+    "at_interpolated_steps",
+    "at_some_steps",
+    "change_of_windows",
+    "coarser_points",
+    "counting_steps",
+    "error_budget",
+    "grid_convergence",
+    "judged",
+    "method_of",
+]

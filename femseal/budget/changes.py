@@ -1,0 +1,100 @@
+"""Changes of ln(leakage) between solutions of a scene: how large they are at a step, from its neighbours too.
+
+Near closing the change is a shift of the load at which the seal closes, times the slope of ln(leakage) over ln(load).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..loads import LoadProgramme
+from ..studies.scene import Array
+from .coarse import CoarserSolution
+
+#: Least slope of ln(leakage) over ln(load) that is counted.
+LEAST_SLOPE = 0.3
+
+
+def scale_of_changes(
+    steps: LoadProgramme, change: Array, slope: Array, known: list[int], *, typical: float = 1.0
+) -> Array:
+    """Size of the changes of ln(leakage) at every step (steps,), from the solved steps near it and from all of them.
+
+    It is made of the rms change of the nearest two or more steps, and of the mean shift of the load over the cycle.
+
+    Parameters
+    ----------
+    change : of ln(leakage) at every step. slope : see `load_sensitivity`, > 0. known : numbers of the steps solved.
+    typical : weight of the mean shift.
+    """
+    finite = [s for s in known if np.isfinite(change[s])]
+    shift = float(np.mean(np.abs(change[finite] / slope[finite]))) if finite else 0.0
+    beside: list[set[int]] = [set() for _ in steps]
+    for s, other in neighbours(steps):
+        beside[s].add(other)
+        beside[other].add(s)
+    near = np.zeros(len(steps))
+    for s in range(len(steps)):
+        seen, ring, found = {s}, {s}, {s} & {*finite}
+        while len(found) < 2 and ring:
+            ring = {n for m in ring for n in beside[m]} - seen
+            seen |= ring
+            found |= ring & {*finite}
+        near[s] = np.sqrt(np.mean(np.square(change[sorted(found)]))) if found else 0.0
+    return np.hypot(near, typical * slope * shift)
+
+
+def load_sensitivity(steps: LoadProgramme, leakage: Array) -> Array:
+    """|d ln(leakage) / d ln(load)| at every step (steps,), the steeper of both sides on the branch; 0 where unknown."""
+    q, p = np.abs(np.asarray(leakage, float)), steps.pressures
+    found = np.zeros(len(steps))
+    for s, other in neighbours(steps):
+        if q[s] > 0 and q[other] > 0 and p[s] > 0 and p[other] > 0:
+            slope = abs(np.log(q[s] / q[other]) / np.log(p[s] / p[other]))
+            found[s], found[other] = max(found[s], slope), max(found[other], slope)
+    return found
+
+
+def neighbours(steps: LoadProgramme) -> list[tuple[int, int]]:
+    """Every step with the one before it on its branch, that of an unloading being its peak."""
+    pairs = []
+    for s, step in enumerate(steps):
+        before = s - 1
+        if step.unloaded_from is not None and steps[before].unloaded_from != step.unloaded_from:
+            before = int(steps.peak_indices[s])
+        if before >= 0:
+            pairs.append((s, before))
+    return pairs
+
+
+def sealed_upper(steps: LoadProgramme, q: Array, change: Array, coarse: CoarserSolution, distance: Array) -> Array:
+    """Upper end at the sealed steps (steps,) [m²/s], 0 elsewhere.
+
+    It is what the other solution leaks there; and the upper end of the next open step, where that is within the shift
+    of the load at which the error would open the seal.
+
+    Parameters
+    ----------
+    q : leakage. change : of ln(leakage) to the other solution. distance : of ln(leakage) to the upper end.
+    """
+    found = np.zeros(q.size)
+    slope = np.maximum(load_sensitivity(steps, q), LEAST_SLOPE)
+    open_ = (q > 0) & np.isfinite(distance)
+    shift = float(np.max(distance[open_] / slope[open_], initial=0.0))
+    leaks = {step: abs(float(value)) for step, value in zip(coarse.steps, coarse.leakage, strict=True)}
+    most = max((value for value in leaks.values() if np.isfinite(value)), default=0.0)
+    shut = np.flatnonzero(q == 0)
+    for s in shut:
+        if np.isnan(change[s]):
+            continue
+        found[s] = np.nan_to_num(leaks.get(steps[s], 0.0))
+        branch = [n for n in range(q.size) if steps[n].unloaded_from in (None, steps[s].unloaded_from)]
+        less = [n for n in branch if open_[n] and steps[n].pressure <= steps[s].pressure]
+        # a load that is sealed for certain seals all higher ones
+        lowest = min(steps[n].pressure for n in branch if q[n] == 0)
+        if less and (np.isposinf(change[s]) or steps[s].pressure * np.exp(-shift) <= lowest):
+            nearest = max(less, key=lambda n: (steps[n].pressure, -q[n]))
+            found[s] = max(found[s], q[nearest] * np.exp(min(float(distance[nearest]), 50.0)))
+        if np.isposinf(change[s]) and found[s] == 0:
+            found[s] = most
+    return found

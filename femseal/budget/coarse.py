@@ -1,0 +1,130 @@
+"""Coarser solutions of a scene, which tell how much its pixels and its removed waves matter."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from math import ceil
+
+import numpy as np
+
+from ..loads import LoadProgramme
+from ..scales import LibraryTable
+from ..studies.scene import Array, Scene
+
+#: Points a side of the coarser grid over those of the scene.
+COARSENING = 0.5
+#: A coarser grid of more than this share of the points tells nothing.
+MOST_POINTS_SHARE = 0.6
+#: Windows have at least this many pixels a side.
+WINDOW_PIXELS = 8
+
+
+@dataclass(frozen=True)
+class CoarserSolution:
+    """Leakage of a scene that was solved otherwise: on fewer points, or without its shortest waves.
+
+    points : of the face. steps : at which it was solved, some of those of the scene. leakage : at these steps [m²/s].
+    against : leakage of the same study at these steps on the points of the scene; None: that of which the budget is.
+    """
+
+    points: tuple[int, int]
+    steps: LoadProgramme
+    leakage: Array
+    against: Array | None = None
+
+
+def coarser_points(points: tuple[int, int], cells: tuple[int, int] | None = None) -> tuple[int, int] | None:
+    """Half the points a side, or as few more as the windows ask for; None where windows have too few pixels."""
+    wanted = [ceil(COARSENING * n) for n in points]
+    if cells is not None:
+        wanted = [max(ceil(n / m), WINDOW_PIXELS) * m for n, m in zip(wanted, cells, strict=True)]
+    if wanted[0] * wanted[1] > MOST_POINTS_SHARE * points[0] * points[1]:
+        return None
+    return wanted[0], wanted[1]
+
+
+def at_some_steps(scene: Scene, leakage: Array) -> Scene:
+    """The scene at about half of its steps: ends, peaks, both sides of closing, and every other of the rest.
+
+    Parameters
+    ----------
+    leakage : of the scene at every step (steps,).
+    """
+    q = np.abs(np.asarray(leakage, dtype=float))
+    loading = scene.steps.loading
+    shut = [n for n in range(len(loading)) if q[n] == 0]
+    first_shut = shut[0] if shut else len(loading)
+    kept = {0, first_shut - 1, first_shut, *range(0, first_shut, 2)}
+    peaks = set(scene.unload_from)
+    if not peaks:  # beyond closing there is nothing to compare
+        kept.add(len(loading) - 1 if not shut else first_shut)
+    chosen = tuple(p for n, p in enumerate(loading) if n in kept or p in peaks)
+    stops = scene.steps.unloading  # falling
+    ends = {0, len(stops) - 1, *range(0, len(stops), 2)}
+    return replace(scene, loading=chosen, unloading=tuple(p for n, p in enumerate(stops) if n in ends))
+
+
+def on_all_steps(steps: LoadProgramme, coarse: CoarserSolution, leakage: Array) -> Array:
+    """Change of ln(leakage) to a coarser solution at every step of the scene (steps,).
+
+    Between the steps of the coarser solution it is straight in ln(load) on each branch, a peak being the first step of
+    its unloading; beyond them it keeps the last value. It is inf or -inf where one of the two is sealed, 0 where both
+    are, NaN where one is unknown.
+    """
+    index = {step: n for n, step in enumerate(steps)}
+    places = [index[step] for step in coarse.steps]
+    own = np.abs(np.asarray(leakage, float)[places] if coarse.against is None else coarse.against)
+    other = np.abs(np.asarray(coarse.leakage, float))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        change = np.where((own == 0) & (other == 0), 0.0, np.log(other / own))
+    found = np.full(len(steps), np.nan)
+    found[places] = change
+    for peak in (None, *steps.unload_from):
+        branch = [n for n, step in enumerate(steps) if step.unloaded_from == peak]
+        ends = branch if peak is None else [*branch, int(steps.peak_indices[branch[0]])]
+        known = sorted({*ends} & {*places}, key=lambda n: steps[n].pressure)
+        if not known:
+            continue
+        at = _log_loads(steps, known)
+        others = sorted({*branch} - {*places})
+        for n, x in zip(others, _log_loads(steps, others), strict=True):
+            found[n] = _straight(float(x), at, found[known])
+    return found
+
+
+def change_of_windows(own: LibraryTable, other: LibraryTable, steps: LoadProgramme) -> Array:
+    """Change of ln(leakage) at steps from the windows of a library to the same windows solved otherwise (steps,).
+
+    It is the median change of ln(k) of the windows that are open in both, on loading at the nominal pressure; NaN where
+    all are closed.
+    """
+    count = min(len(own.k), len(other.k))
+    logs = []
+    for table in (own, other):
+        on_loading = table.steps.on_loading
+        at = np.log(np.maximum(table.steps.pressures[on_loading], 1e-300))
+        with np.errstate(divide="ignore"):
+            ln_k = np.log(table.k[:count, on_loading])
+        wanted = np.log(np.maximum(steps.pressures, 1e-300))
+        with np.errstate(invalid="ignore"):
+            logs.append(np.array([np.interp(wanted, at, row) for row in ln_k]))
+    change = logs[1] - logs[0]
+    finite = [column[np.isfinite(column)] for column in change.T]
+    return np.array([float(np.median(column)) if column.size else np.nan for column in finite])
+
+
+def _log_loads(steps: LoadProgramme, places: list[int]) -> Array:
+    """ln of the nominal pressure; of no pressure at all that of a very small one."""
+    return np.log(np.maximum(steps.pressures[places], 1e-300))
+
+
+def _straight(x: float, at: Array, values: Array) -> float:
+    """Interpolated value; that of the end beyond it, and the one of larger size where one of two is not finite."""
+    upper = int(np.clip(np.searchsorted(at, x), 0, at.size - 1))
+    lower = max(upper - 1, 0) if at[upper] > x else upper
+    a, b = float(values[lower]), float(values[upper])
+    if lower == upper:
+        return a
+    if not (np.isfinite(a) and np.isfinite(b)):
+        return a if np.isnan(a) or (np.isinf(a) and not np.isnan(b)) else b
+    return a + (b - a) * (x - at[lower]) / (at[upper] - at[lower])

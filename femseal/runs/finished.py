@@ -1,0 +1,73 @@
+"""Complete results of a case in a folder: taken as they are, or with other files written beside them."""
+
+from __future__ import annotations
+
+import json
+import logging
+from pathlib import Path
+from typing import Any
+
+from ..base.errors import FemsealError
+from ..report import write_again
+from ..results import Results, open_results
+from .attempts import settled_as
+from .case import Case
+from .case_tables import FILE_KEYS
+from .lock import alone_in
+
+log = logging.getLogger("femseal.runs.finished")
+
+
+def finished_results(case: Case, faces: dict[str, str], folder: Path) -> Results | None:
+    """Complete results of the same case and face files in a folder, if what the case leaves open is chosen as then.
+
+    Where the case asks for other files than those that are there, and their fields are not needed for them, the files
+    are written first.
+
+    Parameters
+    ----------
+    faces : digest of every face file by its path in the case.
+
+    Raises
+    ------
+    InputError : another run is under way in the folder.
+    FemsealError : a file could not be written.
+    """
+    try:
+        results = open_results(folder)
+        face_files = json.loads(results.dataset.attrs.get("face_files", "{}"))
+        chosen = json.loads(results.dataset.attrs.get("chosen", "{}"))
+    except (FemsealError, ValueError, TypeError, RecursionError):
+        return None
+    echo = case.echo()
+    if _numbers(results.case) != _numbers(echo) or face_files != faces:
+        return None
+    prepared = case.prepare()
+    if chosen != (now := prepared.chosen):
+        changed = ", ".join(key for key in now if chosen.get(key) != now[key])
+        log.info("the results in %s are computed again: other choices now (%s)", folder, changed)
+        return None
+    if results.case == echo:
+        return results
+    if lacking := _lacking(results.case["output"], echo["output"]):
+        log.info("the results in %s are computed again: they are not kept with what %s takes", folder, lacking)
+        return None
+    with alone_in(folder):
+        results.dataset.attrs["case"] = json.dumps(echo, ensure_ascii=False)
+        options = {key: value for key, value in case.output.files.items() if key != "fields_limit"}
+        write_again(results, settled_as(case, prepared, results.attempts).scene.surface, **options)
+        log.info("other files written to %s", folder)
+    return results
+
+
+def _numbers(echo: dict[str, Any]) -> dict[str, Any]:
+    """The case without what says only which files are written."""
+    output = {key: value for key, value in echo.get("output", {}).items() if key not in FILE_KEYS}
+    return {**echo, "output": output}
+
+
+def _lacking(former: dict[str, Any], now: dict[str, Any]) -> str:
+    """Key of files that take the fields of the studies, which are not kept; "" if there is none."""
+    if now["fields"] and any(former.get(key) != now[key] for key in ("fields", "fields_limit")):
+        return "output.fields"
+    return "output.paraview" if now["paraview"] not in (former.get("paraview"), "none") else ""

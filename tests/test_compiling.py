@@ -1,0 +1,123 @@
+"""Loops are compiled ahead once, by parts, and these parts are all that a run needs."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from femseal.runs import compiling
+
+CASE = """
+method = "stochastic"
+compare = ["two-scale"]
+seed = 1
+[face]
+kind = "self-affine"
+points = [64, 64]
+size = ["64 um", "64 um"]
+hurst = 0.8
+rms_slope = 0.2
+[material]
+young = "210 GPa"
+poisson = 0.3
+yield_stress = "1 GPa"
+[load]
+loading = ["100 MPa", "300 MPa"]
+[fluid]
+kind = "liquid"
+viscosity = "1 mPa*s"
+inlet_pressure = "10 MPa"
+[cells]
+count = [4, 4]
+[stochastic]
+length = "2 mm"
+realisations = 4
+library_cells = 16
+"""
+#: Compiles the parts, then runs a case, and prints the seconds that numba took for each.
+TIMES = """
+import sys, time
+from numba.core import event
+spent, since = 0.0, []
+class Listener(event.Listener):
+    def on_start(self, e):
+        since.append(time.process_time())
+    def on_end(self, e):
+        global spent
+        start = since.pop()
+        if not since:
+            spent += time.process_time() - start
+event.register("numba:compile", Listener())
+import femseal
+from femseal.runs import compiling
+for part in compiling._PARTS:
+    compiling._compile(part)
+ahead, spent = spent, 0.0
+femseal.run(sys.argv[1], workers=1)
+print(ahead, spent)
+"""
+
+
+def test_loops_are_compiled_by_parts_and_once(tmp_path, monkeypatch):
+    record = tmp_path / "compiled"
+    monkeypatch.setattr(compiling, "_record", lambda: record)
+    given, told = [], []
+
+    def mapper(stage, parts):
+        given.extend(parts)
+        return parts
+
+    for _ in range(2):
+        compiling.compile_ahead(mapper, lambda *state: told.append(state[1:]))
+    assert given == list(compiling._PARTS)
+    assert told == [(k, len(given)) for k in range(len(given) + 1)]
+    assert record.exists()
+
+
+def test_processes_that_die_leave_no_record(tmp_path, monkeypatch):
+    record = tmp_path / "compiled"
+    monkeypatch.setattr(compiling, "_record", lambda: record)
+    with pytest.raises(MemoryError):
+        compiling.compile_ahead(lambda stage, parts: (_ for _ in ()).throw(MemoryError), lambda *state: None)
+    assert not record.exists()
+
+
+def test_the_record_is_of_this_code_and_machine(monkeypatch):
+    known = compiling._record()
+    assert known == compiling._record()
+    monkeypatch.setattr(compiling, "get_host_cpu_name", lambda: "another")
+    assert compiling._record() != known
+
+
+@pytest.mark.slow
+def test_the_parts_hold_what_a_run_compiles(tmp_path):
+    (tmp_path / "case.toml").write_text(CASE)
+    (tmp_path / "cache").mkdir()
+    env = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+    said = subprocess.run(
+        [sys.executable, "-c", TIMES, tmp_path / "case.toml"], env=env, capture_output=True, text=True, check=True
+    )
+    ahead, later = map(float, said.stdout.split())
+    assert later < 0.1 * ahead
+
+
+PLACES = """
+import os
+from pathlib import Path
+os.environ.pop("NUMBA_CACHE_DIR", None)
+writable = os.access
+os.access = lambda path, mode: "femseal-" in str(path) and writable(path, mode)
+import femseal
+print(os.environ["NUMBA_CACHE_DIR"])
+from femseal.flow.percolation import find
+print(find.stats.cache_path)
+"""
+
+
+def test_where_nothing_can_be_written_loops_are_kept_in_a_temporary_folder():
+    """Without one, numba refuses to import them."""
+    said = subprocess.run([sys.executable, "-c", PLACES], capture_output=True, text=True, check=True).stdout.split()
+    assert Path(said[1]).parent == Path(said[0])
+    assert not Path(said[0]).exists()

@@ -1,0 +1,113 @@
+"""Fuzzed case files are checked or refused: no traceback, no wait, no large allocation, and a message that says why."""
+
+import re
+import resource
+import signal
+import sys
+import warnings
+from contextlib import contextmanager
+
+import psutil
+import pytest
+from case_fuzz import CaseFuzz, spare_files
+
+import femseal as fs
+from femseal.runs import sizes
+from femseal.runs.forecast import describe, refuse_too_large
+
+#: CPU time that checking a case may take [s], and memory that it may ask for [byte].
+LONGEST, MOST = 2.0, 2e9
+#: A line of a refusal: key, what was given, what is allowed.
+LINE = re.compile(
+    r"\d+ more faults|.+: missing|.+: unknown key, allowed are .+|.+: allowed (is|are) .+|.+: given .*, allowed (is|are) .+"
+)
+#: What only a programmer understands.
+INSIDE = re.compile(r"pydantic|Traceback|object at 0x|Error\b|numpy|<class|NoneType|Unable to allocate|\bValue error\b")
+
+
+class TooLong(BaseException):
+    """Checking took too long."""
+
+
+@contextmanager
+def limits():
+    """Limit the CPU time and the memory of this process."""
+
+    def late(*_):
+        raise TooLong(f"not done after {LONGEST:g} s")
+
+    soft, hard = resource.getrlimit(resource.RLIMIT_AS)
+    before = signal.signal(signal.SIGVTALRM, late)
+    signal.setitimer(signal.ITIMER_VIRTUAL, LONGEST)
+    resource.setrlimit(resource.RLIMIT_AS, (int(psutil.Process().memory_info().vms + MOST), hard))
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_VIRTUAL, 0)
+        signal.signal(signal.SIGVTALRM, before)
+        resource.setrlimit(resource.RLIMIT_AS, (soft, hard))
+
+
+def told(path):
+    """What `femseal check` says of a case; an InputError is raised as it is."""
+    case = fs.load_case(path)
+    prepared = case.prepare()
+    lines = describe(case, prepared)
+    refuse_too_large(case, prepared)
+    case.echo()
+    return lines
+
+
+def fault(path):
+    """What is wrong with checking a case file, "" if nothing is; and whether it was refused."""
+    try:
+        with limits(), warnings.catch_warnings():
+            warnings.simplefilter("error", RuntimeWarning)
+            told(path)
+    except fs.InputError as error:
+        lines = str(error).splitlines()
+        wrong = [line for line in lines if not LINE.fullmatch(line) or INSIDE.search(line) or len(line) > 700]
+        wrong += [line for line in lines if not line.isprintable()]
+        return "\n".join(wrong) if lines else "no message", True
+    except (TooLong, Exception) as error:
+        return f"{type(error).__name__}: {error}", False
+    return "", False
+
+
+@pytest.fixture(scope="module")
+def fuzz(tmp_path_factory):
+    """Fuzzed cases, and the file that they are written to."""
+    folder = tmp_path_factory.mktemp("fuzzed")
+    texts, path = CaseFuzz(spare_files(folder)), folder / "case.toml"
+    path.write_bytes(texts.text(0))
+    told(path)  # compiled loops and libraries are loaded once
+    return texts, path
+
+
+def check(fuzz, numbers):
+    texts, path = fuzz
+    refused = 0
+    for number in numbers:
+        path.write_bytes(texts.text(number))
+        wrong, was_refused = fault(path)
+        assert not wrong, f"case {number}: {wrong}"
+        refused += was_refused
+    # neither all well nor all spoiled
+    assert 0.3 * len(numbers) <= refused <= 0.97 * len(numbers)
+
+
+@pytest.fixture(autouse=True)
+def _little_memory(monkeypatch):
+    """Faces of more than a million points are refused."""
+    monkeypatch.setattr(sizes, "free_memory", lambda: 1e8)
+
+
+def test_hundreds_of_fuzzed_cases(fuzz, monkeypatch):
+    monkeypatch.setitem(sys.modules, "CoolProp", None)  # reading all its fluids takes longer than all the cases
+    check(fuzz, range(500))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("first", range(1000, 101_000, 2000))
+def test_a_hundred_thousand_fuzzed_cases(fuzz, first):
+    check(fuzz, range(first, first + 2000))

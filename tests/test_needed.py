@@ -1,0 +1,255 @@
+"""What a scene does not need is left out, and what is left gives the same numbers."""
+
+import subprocess
+import sys
+import tomllib
+from collections import Counter
+from dataclasses import replace
+from itertools import combinations
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+import femseal as fs
+from femseal.loads import LoadProgramme
+from femseal.results import assemble
+from femseal.runs.case import parse_case
+from femseal.runs.chosen_loads import _needed
+
+CASE = """
+method = "deterministic"
+[face]
+kind = "self-affine"
+points = [32, 48]
+size = ["30 um", "45 um"]
+rms_slope = 0.2
+roll_off = "20 um"
+[material]
+young = "210 GPa"
+hardness = "3 GPa"
+[load]
+loading = ["100 MPa", "300 MPa"]
+[fluid]
+kind = "liquid"
+viscosity = "1 mPa*s"
+inlet_pressure = "1 MPa"
+"""
+BARE = '[output]\npictures = false\nfields = false\nparaview = "none"\n'
+
+
+@pytest.fixture
+def case(tmp_path):
+    path = tmp_path / "small.toml"
+    path.write_text(CASE)
+    return path
+
+
+def files(folder):
+    found = {p.relative_to(folder).as_posix() for p in folder.rglob("*") if p.is_file()}
+    assert set((folder / "files.txt").read_text().split()) == found - {"files.txt", "run.log"}
+    return found
+
+
+# --- files ------------------------------------------------------------------------------------------------
+
+
+def test_a_bare_run_imports_nothing_that_draws(case, tmp_path):
+    case.write_text(CASE + BARE)
+    out = tmp_path / "out"
+    code = (
+        "import sys, femseal as fs; fs.run(sys.argv[1], sys.argv[2], workers=1)\n"
+        "print(sorted({'matplotlib', 'pyvista', 'vtk', 'vtkmodules'} & set(sys.modules)))"
+    )
+    done = subprocess.run([sys.executable, "-c", code, case, out], capture_output=True, text=True)
+    assert done.stdout.strip() == "[]", done.stderr
+    assert files(out) == {"results.nc", "table.csv", "files.txt", "run.log"}
+
+
+def test_files_are_written_later_without_solving_again(case, undrawn, tmp_path, monkeypatch):
+    out = tmp_path / "out"
+    whole = fs.run(case, out, workers=1)
+    every = files(out)
+    assert {"report.html", "leakage.png", "fields.pvd"} < every
+
+    def fail(*args, **kwargs):
+        raise ValueError("solved again")
+
+    monkeypatch.setattr("femseal.runs.job.deterministic", fail)
+    case.write_text(CASE + "[output]\npictures = false\n")
+    fs.run(case, out, resume=True, workers=1)
+    left = {name for name in every if not name.endswith(".png") and name != "report.html"}
+    assert files(out) == left
+    assert fs.open_results(out).stored_steps == [0, 1]
+    case.write_text(CASE)
+    again = fs.run(case, out, resume=True, workers=1)
+    assert files(out) == every
+    assert_array_equal(again.leakage, whole.leakage)
+    case.write_text(CASE + BARE)
+    fs.run(case, out, resume=True, workers=1)
+    assert files(out) == {"results.nc", "table.csv", "files.txt", "run.log"}
+    assert fs.open_results(out).case["output"]["fields"] is False
+    # fields are not in the dataset
+    case.write_text(CASE)
+    with pytest.raises(ValueError, match="solved again"):
+        fs.run(case, out, resume=True, workers=1)
+
+
+# --- equal load steps -------------------------------------------------------------------------------------
+
+
+def solved_again(scene):
+    """The same scene with unloading loads a rounding off those on loading, which are solved by themselves."""
+    return replace(scene, unloading=tuple(p * (1 + 1e-14) for p in scene.unloading))
+
+
+@pytest.fixture(scope="module")
+def elastic():
+    surface = fs.self_affine((48, 64), (45e-6, 60e-6), hurst=0.8, rms_slope=0.2, roll_off=30e-6, rng=2)
+    return fs.Scene(
+        surface, 115e9, np.inf, fs.Liquid(1e-3), 1e6, 0.0,
+        loading=(1e8, 4e8, 1.2e9), unload_from=(4e8, 1.2e9), unloading=(4e8, 2e8, 1e8, 0.0),
+    )  # fmt: skip
+
+
+STUDIES = {
+    "deterministic": fs.deterministic,
+    "resolved": lambda scene, **keys: fs.two_scale(scene, (3, 4), flow="resolved", **keys),
+    "elements": lambda scene, **keys: fs.two_scale(scene, (3, 4), flow="elements", **keys),
+    "links": lambda scene, **keys: fs.two_scale(scene, (3, 4), flow="links", contact="windows", **keys),
+    "runs": lambda scene, **keys: fs.stochastic(
+        scene, (3, 4), fs.Sampling(length=2e-4, realisations=3, library_cells=12, seed=1), **keys
+    ),
+    "library": lambda scene, **keys: fs.stochastic(
+        scene, (3, 4), fs.Sampling(length=2e-4, realisations=3, library_cells=4, seed=1, pressure="uniform"), **keys
+    ),
+}
+
+
+@pytest.mark.parametrize("name", STUDIES)
+def test_elastic_unloading_is_the_loading_backwards_and_solved_once(elastic, name):
+    items = Counter()
+
+    def counting(stage, *iterables):
+        for item in map(stage, *iterables):
+            items[stage.name] += 1
+            yield item
+
+    found = STUDIES[name](elastic, mapper=counting)
+    pressures = elastic.steps.pressures
+    # 200 MPa and 0 from the lower peak are new; the other stops have been met before
+    assert found.equal_steps == 5
+    if name != "library":
+        assert items["contact of the whole face"] == 5
+        assert items.get("flow of the whole face", 5) == items.get("flow through elements", 5) == 5
+        assert items.get("runs of columns", 5) == 5
+    whole = STUDIES[name](solved_again(elastic))
+    assert whole.equal_steps == 3  # the stops that both peaks have in common
+    leakage, before = (np.atleast_2d(study.leakage) for study in (found, whole))
+    assert_allclose(leakage, before, rtol=1e-6)
+    for s, t in combinations(range(len(pressures)), 2):
+        if pressures[s] == pressures[t]:
+            assert_array_equal(leakage[:, s], leakage[:, t])
+
+
+def test_states_that_plastic_deformation_tells_apart_are_solved(elastic):
+    plastic = replace(elastic, hardness=3e9)
+    found = fs.deterministic(plastic)
+    assert found.equal_steps == 0
+    assert found.leakage[4] < found.leakage[0]  # back at 100 MPa
+
+
+# --- interpolated load steps ------------------------------------------------------------------------------
+
+MANY = CASE.replace("[100 MPa", "[").replace(
+    'loading = ["100 MPa", "300 MPa"]',
+    f"loading = {[f'{p} MPa' for p in range(50, 1250, 100)]}\n"
+    'unload_from = ["950 MPa"]\n'
+    f"unloading = {[f'{p} MPa' for p in range(850, 0, -100)]}",
+)  # fmt: skip
+
+
+def test_loads_that_are_interpolated_are_within_the_tolerance(case, undrawn, tmp_path):
+    case.write_text(MANY)
+    every = fs.run(case, workers=1)
+    case.write_text(MANY.replace("loading =", 'interpolate = "1 %"\nloading =', 1))
+    out = tmp_path / "out"
+    found = fs.run(case, out, workers=1)
+    assert found.steps == every.steps
+    solved = found.dataset["interpolated"].values == 0
+    assert 8 <= solved.sum() < solved.size - 4
+    assert_array_equal(found.leakage[solved], every.leakage[solved])
+    assert_allclose(np.log(found.leakage), np.log(every.leakage), atol=np.log(1.01))
+    share = "contact_fraction_deterministic"
+    assert_allclose(found.dataset[share], every.dataset[share], atol=0.015)
+    # the budget knows of it
+    band = [found.dataset[f"leakage_deterministic_budget_{end}"].values for end in ("lower", "upper")]
+    assert (band[0] < found.leakage)[~solved].all()
+    assert (band[1] > found.leakage * 1.0099)[~solved].all()
+    # the ends of both branches are solved, and those that are not have no fields
+    up = found.steps.on_loading
+    assert solved[[0, up.sum() - 1, -1]].all()
+    back = fs.open_results(out)
+    assert back.stored_steps == np.flatnonzero(solved).tolist() == found.stored_steps
+    for s in (3, int(np.flatnonzero(~solved)[0])):
+        if solved[s]:
+            assert_allclose(back.gap(s), every.gap(s), rtol=1e-6)
+        else:
+            with pytest.raises(fs.InputError, match=f"step: given {s}, which has no gap, allowed is one of"):
+                back.gap(s)
+            with pytest.raises(fs.InputError, match=f"step: given {s}, which is interpolated"):
+                found.plot_seal(s)
+    assert [row["interpolated"] for row in found.rows()] == (~solved).tolist()
+    assert "leakage is interpolated within 1 %" in (out / "report.html").read_text(encoding="utf-8")
+
+
+def test_nothing_is_interpolated_across_closing():
+    steps = LoadProgramme.of([1e8 * n for n in range(1, 10)])
+    solved = np.array([0, 4, 8])
+    loads = steps.pressures
+    for leakage, more in (
+        ([1.0, 0.0, 0.0], {2}),
+        ([0.0, 0.0, 0.0], set()),
+        ([1.0, np.nan, 0.5], {2, 6}),
+        ([1.0, 1.0, 1.0], set()),
+        ([1.0, 0.1, 1e-9], {2, 6}),
+    ):
+        assert _needed(np.array(leakage), solved, steps, 0.01) == {(loads[n], True) for n in more}, leakage
+
+
+# --- resampled seals --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("sampler", ["runs", "block"])
+def test_seals_are_resampled_for_the_error_of_the_library_alone(elastic, sampler, tmp_path):
+    sampling = fs.Sampling(
+        length=2e-4, other_lengths=(3e-4,), realisations=3, library_cells=12, seed=1, sampler=sampler
+    )
+    items = []
+
+    def counting(stage, *iterables):
+        for item in map(stage, *iterables):
+            items.append(stage.name)
+            yield item
+
+    whole = fs.stochastic(elastic, (3, 4), sampling)
+    found = fs.stochastic(elastic, (3, 4), replace(sampling, resampled=False), mapper=counting)
+    assert found.leakage_resampled is None
+    assert_array_equal(found.leakage, whole.leakage)
+    assert np.isnan(found.library_error).all()
+    assert items.count("drawn seals") == (0 if sampler == "runs" else 6)
+    results = assemble(elastic, stochastic=found)
+    assert {"leakage_lower", "leakage_of_lengths_lower"} < set(results.dataset)
+    assert not [name for name in results.dataset if "together" in name or name == "library_error"]
+    results.table(), results.lengths_table(), results.report(tmp_path / "page.html")
+    with pytest.raises(fs.InputError, match="resampled: given False with a width"):
+        fs.stochastic(elastic, (3, 4), replace(sampling, resampled=False, width=0.1))
+
+
+@pytest.mark.parametrize(("keys", "resampled"), [("", True), ("[output]\nbudget = false", False)])
+def test_a_run_without_a_budget_resamples_no_seals(keys, resampled):
+    drawn = '[cells]\ncount = [2, 3]\n[stochastic]\nlength = "90 um"\n'
+    text = CASE.replace('"deterministic"', '"stochastic"').replace("[32, 48]", "[64, 96]") + drawn
+    text = text.replace('["30 um", "45 um"]', '["60 um", "90 um"]')
+    assert parse_case(tomllib.loads(text + keys)).prepare().sampling.resampled is resampled
+    assert parse_case(tomllib.loads(text + "width = 0.1\n" + keys)).prepare().sampling.resampled

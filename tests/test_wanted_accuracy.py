@@ -1,0 +1,219 @@
+"""A case that asks for an accuracy: what is chosen, what is refined, and whether it is reached."""
+
+import json
+import re
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.testing import assert_array_equal
+
+import femseal as fs
+from femseal.budget import ErrorBudget, ErrorPart, counting_steps
+from femseal.loads import LoadProgramme
+from femseal.results import wanted_accuracy
+from femseal.runs.attempts import settled_as
+from femseal.runs.case import parse_case
+from femseal.runs.forecast import describe
+from femseal.runs.refining import refined
+
+sys.path.append(str(Path(__file__).parent / "benchmarks"))
+import wanted_accuracy as benchmark
+
+SMALL = {
+    "accuracy": "5 %",
+    "seed": 2,
+    "face": {"kind": "self-affine", "points": [64, 64], "size": ["60 um"] * 2, "rms_slope": 0.2, "roll_off": "40 um"},
+    "material": {"young": "210 GPa", "hardness": "3 GPa"},
+    "load": {"loading": ["100 MPa", "300 MPa"], "unload_from": ["300 MPa"], "unloading": ["100 MPa"]},
+    "fluid": {"kind": "liquid", "viscosity": "1 mPa*s", "inlet_pressure": "1 MPa"},
+}
+DRAWN = SMALL | {
+    "cells": {"count": [2, 2]},
+    "stochastic": {"length": "300 um", "sampler": "history", "pressure": "uniform", "library_cells": 2},
+}
+
+
+def case(**changes):
+    return parse_case(SMALL | changes)
+
+
+@pytest.fixture(scope="module")
+def reached():
+    return fs.run(case(), workers=1)
+
+
+def test_attempts_end_when_the_budget_is_within_the_accuracy(reached):
+    """The truth is the same face on twice the points of the last attempt."""
+    told, scene = reached.attempts, reached.scene
+    assert told["reached"]
+    assert told["half_width"] <= np.log(1.05)
+    assert all(attempt["half_width"] > np.log(1.05) for attempt in told["attempts"][:-1])
+    points = [attempt["points"] for attempt in told["attempts"]]
+    assert points == [[32 * 2**n] * 2 for n in range(len(points))]
+    assert list(scene.surface.shape) == points[-1]
+    fine = replace(scene, surface=scene.surface.resample((2 * points[-1][0],) * 2), rtol=1e-8)
+    error = np.abs(np.log(reached.leakage.values / fs.deterministic(fine).leakage))
+    assert error.max() < np.log(1.05)
+
+
+def test_the_answer_is_that_of_the_last_settings(reached):
+    assert_array_equal(reached.leakage.values, fs.deterministic(reached.scene).leakage)
+    assert reached.attempts["settings"]["grid"] == len(reached.attempts["attempts"]) - 2
+    again = settled_as(case(), case().prepare(), reached.attempts)
+    assert_array_equal(again.scene.surface.heights, reached.scene.surface.heights)
+
+
+def test_every_attempt_is_of_the_same_face(reached):
+    first = case().prepare()
+    assert first.scene.surface.shape == (32, 32)
+    assert first.made.scene.surface.shape == (64, 64)
+    fine = reached.scene.surface
+    assert np.abs(first.made.scene.surface.resample(fine.shape).heights - fine.heights).max() < 1e-9 * fine.rms_height
+
+
+def test_what_was_tried_is_told(reached):
+    section = wanted_accuracy.section(reached.attempts)
+    assert section["sentences"][0].startswith("The accuracy of 5 % is reached: the leakage is known within ")
+    assert section["sentences"][-1].startswith("Half the error: ")
+    assert section["lines"][0][section["heads"].index("points")] == "32 × 32"
+    assert reached.attempts_table().row_count == len(reached.attempts["attempts"]) > 1
+    assert not reached.warnings
+
+
+def test_a_setting_of_the_case_stays_and_limits():
+    results = fs.run(case(accuracy="0.1 %", surface={"points": [64, 64]}, contact={"rtol": 1e-4}), workers=1)
+    told = results.attempts
+    assert [a["points"] for a in told["attempts"]] == [[64, 64]]
+    assert told["settings"]["rtol"] == 1e-4
+    assert not told["reached"]
+    assert "surface.points is given" in told["why"]
+    assert any("accuracy 0.1 % is not reached" in text and "surface.points" in text for text in results.warnings)
+
+
+def test_no_attempt_is_started_that_the_time_does_not_suffice_for():
+    results = fs.run(case(accuracy="0.1 %", time_limit="1 ms"), workers=1)
+    assert len(results.attempts["attempts"]) == 1
+    assert "time limit is 0.001 s" in results.warnings[-1]
+
+
+def test_a_run_that_was_stopped_goes_on_as_it_would_have(tmp_path, reached):
+    """Its decisions and times are kept with its results; the page shows them."""
+    wanted = case(output={"paraview": "none", "fields_limit": "0 GB"})
+
+    def stop(stage, done, total):
+        if stage.startswith("attempt 2") and done:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        fs.run(wanted, tmp_path, workers=1, progress=stop)
+    (before,) = re.findall("INFO attempt 1: deterministic.*", (tmp_path / "run.log").read_text())
+    resumed = fs.run(wanted, tmp_path, resume=True, workers=1)
+    assert_array_equal(resumed.leakage.values, reached.leakage.values)
+    assert before in (tmp_path / "run.log").read_text().split("resumed")[1]
+    assert "The accuracy of 5 % is reached" in (tmp_path / "report.html").read_text()
+    again = fs.run(wanted, tmp_path, resume=True, workers=1)  # takes what is complete
+    assert again.attempts == json.loads(json.dumps(resumed.attempts))
+    assert again.dataset.attrs["timings"] == resumed.dataset.attrs["timings"]
+
+
+def test_seals_are_added_until_their_median_is_known():
+    results = fs.run(parse_case(DRAWN | {"accuracy": "60 %", "surface": {"points": [64, 64]}}), workers=1)
+    told = results.attempts
+    assert told["limit"] in ("library", "realisations", "pixels")
+    assert told["attempts"][0]["settings"]["realisations"] == 50
+    assert "stochastic.library_cells" in json.dumps(told) or told["reached"]
+
+
+class TestRefining:
+    """What is changed where a source of error limits, and the reason where nothing is."""
+
+    def change(self, data, part, memory=1e9):
+        wanted = parse_case(data)
+        prepared = wanted.prepare()
+        return prepared.settings, refined(wanted, prepared.made, prepared.settings, part, memory)
+
+    def test_pixels_are_halved(self):
+        settings, change = self.change(SMALL, "pixels")
+        assert change.settings == replace(settings, grid=settings.grid + 1)
+        assert change.text == "64 × 64 points"
+
+    def test_what_does_not_fit_into_memory_is_tried_with_elements(self):
+        many = SMALL | {"load": {"loading": [f"{p} MPa" for p in range(50, 900, 10)]}}
+        _, change = self.change(many, "pixels", memory=5e6)
+        assert (change.settings.method, change.settings.flow) == ("two-scale", "elements")
+        _, change = self.change(SMALL, "pixels", memory=1e5)
+        assert change.settings is None
+        assert "of memory, allowed are 100 kB" in change.text
+
+    def test_seals_and_windows_are_four_times_as_many(self):
+        drawn = DRAWN | {"stochastic": {"length": "300 um", "sampler": "history", "pressure": "uniform"}}
+        drawn["cells"] = {"count": [2, 2]}
+        settings, change = self.change(drawn, "realisations")
+        assert change.settings == replace(settings, realisations=200)
+        assert "all 4 windows of the face" in self.change(drawn, "library")[1].text
+        drawn["stochastic"] = drawn["stochastic"] | {"library_cells": 2}
+        assert "stochastic.library_cells is given" in self.change(drawn, "library")[1].text
+
+    def test_windows_make_place_for_the_whole(self):
+        two = SMALL | {"method": "two-scale"}
+        settings, change = self.change(two | {"cells": {"count": [2, 2], "flow": "links"}}, "two scales")
+        assert settings.flow == "links"
+        assert "cells.count is given" in change.text
+        assert self.change(two, "windows")[1].text == "1 × 1 windows cannot be halved: a larger face has larger ones"
+
+    def test_residuals_are_a_tenth(self):
+        settings, change = self.change(SMALL, "solver")
+        assert change.settings.rtol == pytest.approx(settings.rtol / 10)
+        assert "contact.rtol is given" in self.change(SMALL | {"contact": {"rtol": 1e-3}}, "solver")[1].text
+
+    def test_removed_waves_and_cut_pieces_are_told(self):
+        assert "surface.shortest_wave" in self.change(SMALL, "filter")[1].text
+        assert "longer face" in self.change(SMALL, "sampler")[1].text
+
+
+class TestCase:
+    @pytest.mark.parametrize("wrong", ["0 %", "100 %", -0.1, "ten", True, "3 m"])
+    def test_accuracies_that_are_none(self, wrong):
+        with pytest.raises(fs.InputError, match=r"accuracy: given .* allowed is a share above 0 and below 1"):
+            case(accuracy=wrong)
+
+    def test_a_time_limit_is_for_an_accuracy(self):
+        plain = {key: value for key, value in SMALL.items() if key != "accuracy"} | {"method": "deterministic"}
+        with pytest.raises(fs.InputError, match="time_limit: given without accuracy"):
+            parse_case(plain | {"time_limit": "1 h"})
+
+    def test_the_method_is_what_the_tables_call_for(self):
+        assert case().method == "auto"
+        assert case(method="two-scale").method == "two-scale"
+        assert parse_case(DRAWN).method == "stochastic"
+        ring = {"kind": "annular", "inner_radius": "1 mm", "outer_radius": "2 mm", "inlet": "inner"}
+        shaped = case(seal=ring)
+        assert (shaped.method, shaped.stochastic.pressure) == ("stochastic", "uniform")
+        assert shaped.prepare().sampling.realisations == 50
+
+    def test_check_says_what_is_tried_first(self):
+        wanted = case(contact={"rtol": 1e-5}, time_limit="20 min")
+        text = "\n".join(describe(wanted, wanted.prepare()))
+        assert (
+            "5 %, first with 32 × 32 points, contact.rtol 1e-05; then what limits is refined, for at most 20 min"
+            in text
+        )
+        assert "contact.rtol stays as given" in text
+
+
+def test_loads_that_count():
+    """Those that leak more than 1e-3 of the first, and closed ones that may."""
+    q = np.array([1.0, 2e-3, 9e-4, 0.0, 0.0])
+    part = ErrorPart("pixels", q / 2, np.array([2.0, 4e-3, 2e-3, 5e-3, 1e-4]), "")
+    steps = LoadProgramme.of([1e8, 2e8, 3e8, 4e8, 5e8])
+    assert len(steps) == q.size
+    assert counting_steps(ErrorBudget("deterministic", q, (part,))).tolist() == [0, 1, 3]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", benchmark.SEEDS[:6])
+def test_the_accuracy_is_true(seed):
+    assert benchmark.is_met(benchmark.tried(seed + 1000, 0.1))
