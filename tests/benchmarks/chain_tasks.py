@@ -62,7 +62,7 @@ def own_study(task, n, pixels):
 
     scene, cells, size = scene_of(n, pixels), cells_of(n), n * PIXEL
     sampling = Sampling(length=size * COLUMNS / cells[1], realisations=REALISATIONS, library_cells=cells[0] ** 2,
-                        seed=0, sampler="history")  # fmt: skip
+                        seed=0, sampler="block")  # fmt: skip
 
     def contact():
         body = HalfSpace(scene.surface.shape, scene.surface.spacing, MODULUS, scene.boundary)

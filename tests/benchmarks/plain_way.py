@@ -243,13 +243,15 @@ def network_permeability(k1, k2, solver="SuperLU"):
 
 
 def drawn_seals(k1, k2, columns, realisations, seed=0):
-    """Permeability of seals (realisations, states) whose links take whole histories of links of their own row."""
+    """Permeability of seals (realisations, states) of neighbouring columns of the face, in runs of its length on average."""
     rng = np.random.default_rng(seed)
+    m2 = k1.shape[2]
     found = np.empty((realisations, len(k1)))
     for n in range(realisations):
-        # the row of each link, and the column of the face that it is drawn from
-        at1, at2 = (
-            (np.arange(k.shape[1])[:, None], rng.integers(k.shape[2], size=(k.shape[1], columns))) for k in (k1, k2)
-        )
-        found[n] = [network_permeability(k1[s][at1], k2[s][at2]) for s in range(len(k1))]
+        fresh = rng.random(columns) < 1 / m2
+        fresh[0] = True
+        first = np.flatnonzero(fresh)
+        run = np.cumsum(fresh) - 1
+        at = (rng.integers(m2, size=first.size)[run] + np.arange(columns) - first[run]) % m2
+        found[n] = [network_permeability(k1[s][:, at], k2[s][:, at]) for s in range(len(k1))]
     return found

@@ -95,7 +95,7 @@ def measure(task):
 
 def computed(task):
     """The record of a task, by a process of its own."""
-    return {"scaling": task, "found": call(__file__, ["--worker", json.dumps(task)], 1)}
+    return {"tasks": task, "found": call(__file__, ["--worker", json.dumps(task)], 1)}
 
 
 def records_of(what, solver, sizes, tolerances, path):
@@ -107,13 +107,13 @@ def records_of(what, solver, sizes, tolerances, path):
         if found and 1.5 * growth * found[-1]["seconds"] > PATIENCE:
             break
         task = {"what": what, "solver": solver, "sizes": group, "tolerances": tolerances}
-        found += kept({"scaling": task}, ["scaling"], path, partial(computed, task))["found"]
+        found += kept({"tasks": task}, ["tasks"], path, partial(computed, task))["found"]
     return found
 
 
-def all_records(tolerances, flows, path, quick):
-    """Records of everything; tolerances are those of the contacts of the plain way that are installed."""
-    pixels, links = (PIXELS[:3], LINKS[:3]) if quick else (PIXELS, LINKS)
+def all_records(tolerances, flows, path, most_pixels, most_links):
+    """Records up to so many pixels a side and links; tolerances are those of the contacts of the plain way at hand."""
+    pixels, links = [n for n in PIXELS if n <= most_pixels], [n for n in LINKS if n <= most_links]
     asked = [("contact", ["femseal", *tolerances], pixels), ("flow", ["femseal", *flows], pixels),
              ("network", ["femseal", "SuperLU", *(f for f in flows if f == "pyamg")], links)]  # fmt: skip
     return [
@@ -183,7 +183,7 @@ def main():
     if options.worker:
         print(json.dumps(measure(json.loads(options.worker))))
         return
-    print(table(all_records({}, [], options.records, quick=False)))
+    print(table(all_records({}, [], options.records, PIXELS[-1], LINKS[-1])))
 
 
 if __name__ == "__main__":
