@@ -154,7 +154,7 @@ def draw(records, path):
     """Time and memory over size."""
     import matplotlib.pyplot as plt
 
-    figure, axes = plt.subplots(2, 3, figsize=(11, 6), layout="constrained")
+    figure, axes = plt.subplots(2, 3, figsize=(11, 6.5), layout="constrained")
     for column, what in enumerate(PREPARES):
         of = [r for r in records if r["what"] == what]
         for name, marker in zip(dict.fromkeys(r["solver"] for r in of), "os^v", strict=False):
@@ -165,7 +165,7 @@ def draw(records, path):
             if large:
                 axes[1, column].loglog(*zip(*large, strict=True), f"{marker}-", label=name, ms=4)
         axes[0, column].set_title(what)
-        axes[0, column].legend(fontsize=8)
+        axes[0, column].legend(fontsize=7, loc="upper left" if what == "network" else "lower right")
         axes[1, column].set_xlabel("links" if what == "network" else "pixels")
     axes[0, 0].set_ylabel("CPU time [s]")
     axes[1, 0].set_ylabel("peak memory [MB]")
