@@ -98,6 +98,9 @@ def examples():
         alone,
         alone | {"fluid": gas, "method": "auto", "output": classes},
         turned | {"face": two},
+        {key: turned[key] for key in ("face", "material", "load", "fluid")}
+        | {"accuracy": "20 %", "time_limit": "1 min"},
+        alone | {"load": turned["load"] | {"interpolate": "5 %"}, "output": {"pictures": False, "budget": False}},
         turned | {"load": turned["load"] | {"map": bolted}, "stochastic": drawn},
         turned | {"compare": ["deterministic"], "surface": {"filter_sensitivity": True, "shortest_wave": "30 um"}},
     ]
@@ -190,7 +193,17 @@ class CaseFuzz:
         if isinstance(value, list) and value:
             inner = [self._bent(rng, each) if rng.random() < 0.5 else each for each in value]
             return self._pick(
-                rng, (value[:-1], value + value, value[::-1], inner, inner, value[0], [*value, []], value * 3000)
+                rng,
+                (
+                    value[:-1],
+                    value + value,
+                    value[::-1],
+                    inner,
+                    inner,
+                    value[0],
+                    [*value, []],
+                    value * self._pick(rng, (2, 3, 5, 20, 50, 3000)),
+                ),
             )
         return self._pick(rng, JUNK)
 

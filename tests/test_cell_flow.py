@@ -22,6 +22,7 @@ from femseal.flow import (
     percolation,
     permeability_tensor,
 )
+from femseal.flow.coefficient import cubic_law, gap_on_links
 from femseal.flow.discretisation import cell_stencil
 from femseal.flow.grid import Grid
 
@@ -172,16 +173,47 @@ def test_stripes_across_are_in_series_in_the_limit():
     assert k_of(np.repeat(closed[:, None], 3, axis=1)) == 0
 
 
+def midway(before, a, b, after):
+    """The documented gap between pixels a and b: cubic, without an outer pixel beyond a jump, a tenth at least, 0 in contact."""
+    smaller, middle = np.minimum(a, b), (9 * (a + b) - before - after) / 16
+    bends = np.stack([before - 2 * a + b, a - 2 * b + after])
+    jumps = (middle < 0.8 * smaller) & (bends.max(axis=0) > 8 * abs(bends.min(axis=0)))
+    middle = np.where(jumps, (a + b) / 2 - bends.min(axis=0) / 8, middle)
+    return np.where(smaller > 0, np.maximum(middle, 0.1 * smaller), 0.0)
+
+
 def series(h, d1, d2, width):
     """k of a column of pixels by the documented link: half links at the ends, cubic mid-link gap, limiter."""
     padded = np.concatenate([h[1::-1], h, h[:-3:-1]])
     resistance = 0.0
     for i in range(1, padded.size - 2):
         a, b = padded[i], padded[i + 1]
-        middle = max((9 * (a + b) - padded[i - 1] - padded[i + 2]) / 16, 0.1 * min(a, b))
+        middle = midway(padded[i - 1], a, b, padded[i + 2])
         length = d1 / 2 if i in (1, padded.size - 3) else d1
         resistance += 12 * length / (middle**3 * d2 * width)
     return h.size * d1 / (width * d2) / resistance
+
+
+@pytest.mark.parametrize("ratio", [0.2, 0.1, 1e-2, 1e-6])
+def test_plates_in_series_err_by_half_a_pixel(ratio):
+    """Where the gap jumps the cubic would dip on the lower plate; the link across the jump is the mean of both."""
+    for n in (64, 256):
+        h = np.full((n, 3), D)
+        h[n // 2 :] *= ratio
+        exact = cubic_law(D) * 2 / (1 + ratio**-3)
+        assert exact < k_of(h) < (1 + 1.05 / n) * exact
+        assert k_of(h[::-1]) == pytest.approx(k_of(h), rel=1e-12)
+
+
+def test_links_are_the_documented_ones_on_rough_and_on_smooth_gaps():
+    jumps = 0
+    for h in (D * np.exp(3 * np.random.default_rng(0).standard_normal((40, 30))), cut_by_plane((40, 30), 0.2)):
+        for axis, found in enumerate(gap_on_links(h, True, True)):
+            before, a, b, after = (np.roll(h, -k, axis) for k in range(-1, 3))
+            assert_allclose(found, midway(before, a, b, after), rtol=1e-12)
+            plain = np.maximum((9 * (a + b) - before - after) / 16, 0.1 * np.minimum(a, b))
+            jumps += np.count_nonzero(found > 1.01 * np.where(np.minimum(a, b) > 0, plain, 0))
+    assert jumps > 20
 
 
 @pytest.mark.parametrize("contrast", [1.0, 1e3, 1e9, 1e15])
@@ -856,7 +888,7 @@ def test_a_tensor_is_right_at_any_contrast(decades):
         h[:, 2] = D * 10.0 ** np.random.default_rng([5, seed]).uniform(-decades, 0, 40)
         wrapped = np.pad(h[:, 2], 2, mode="wrap")
         a, b = wrapped[1:-2], wrapped[2:-1]
-        middle = np.maximum((9 * (a + b) - wrapped[:-3] - wrapped[3:]) / 16, 0.1 * np.minimum(a, b))[1:]
+        middle = midway(wrapped[:-3], a, b, wrapped[3:])[1:]
         exact = 1 / np.mean(12 / middle**3) / 5
         assert permeability_tensor(h, (D, D))[0, 0] == pytest.approx(exact, rel=1e-6)
 

@@ -104,7 +104,7 @@ def test_multigrid_takes_few_iterations_on_a_smooth_gap(shape, periodic):
 @pytest.mark.parametrize("contrast", [1e3, 1e9, 1e15, 1e30])
 def test_elimination_takes_over_where_multigrid_cannot(monkeypatch, periodic, contrast):
     """What does not converge is solved again, to rounding."""
-    monkeypatch.setattr(choice, "_iterations_of_noise", lambda *links: 0.0)
+    monkeypatch.setattr(choice, "_worth_of_multigrid", lambda *sizes: (True, 50))
     c1, c2 = links(70, 70, periodic, 5, contrast=contrast, closed=0.1)
     chosen, direct = solve_links(c1, c2), solve_links(c1, c2, solver="elimination")
     assert_allclose(chosen.conductance, direct.conductance, rtol=1e-6)

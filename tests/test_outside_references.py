@@ -8,14 +8,14 @@ import pytest
 from numpy.testing import assert_allclose
 
 sys.path.append(str(Path(__file__).parent / "benchmarks"))
-import outside_references as outside
+from references import ball_on_cone, bearing, critical_area, finishes, open_area, programs, saddle, theories
 
 pytestmark = pytest.mark.slow
 
 
 @pytest.fixture(scope="module")
 def softened():
-    return outside.bearing_area(n=128)
+    return bearing.bearing_area(n=128)
 
 
 class TestBearingArea:
@@ -39,16 +39,73 @@ class TestBearingArea:
 
 def test_resistance_of_a_saddle_point_near_closing():
     """R ∝ (L_c − L)^−3.45: Dapp & Müser, EPL 109, 2015, 44001."""
-    found = outside.saddle_point(n=512, nearest=1.5e-3)
+    found = saddle.saddle_point(n=512, nearest=1.5e-3)
     assert_allclose(found["corrected_exponent"], 3.45, atol=0.05)
     assert_allclose(found["nearest_exponent"], 3.45, atol=0.1)
+
+
+class TestCriticalArea:
+    """Dapp, Lücke, Persson & Müser, PRL 108, 2012, 244301; Wang & Müser, Tribol. Lett. 69, 2021, 1."""
+
+    def test_elastic_isotropic_faces_close_near_two_fifths(self):
+        found = critical_area.critical_area(sizes=((2, 60), (4, 40), (8, 6)))
+        assert_allclose(found["area"], critical_area.CLAIMED, atol=0.02 + 2 * found["error"])
+        assert found["error"] < 0.015
+        spread = [r["spread"] for r in found["sizes"]]
+        assert spread[0] > spread[1] > spread[2]
+
+    def test_undeformed_faces_close_at_more(self):
+        # heights are as likely as depths: an infinite face that is cut off closes at one half
+        truncated = critical_area.truncated_areas(8, 12).mean(axis=1)
+        assert_allclose(truncated.mean(), 0.5, atol=3 * truncated.std() / np.sqrt(12))
+        assert truncated.mean() > critical_area.CLAIMED + 0.04
+
+    def test_finer_pixels_do_not_change_it(self):
+        # without the correction for the edges of contact 4 pixels differ by 0.02 from 16
+        found = critical_area.resolution(pixels=(8, 16), faces=6, waves=2)
+        assert_allclose(found[8], found[16], atol=0.005)
+
+    def test_flow_near_closing_is_that_of_the_last_constriction(self):
+        found = critical_area.flow_near_closing(faces=5, pixels=128)
+        assert_allclose(np.median(found["exponents"]), 3.45, atol=0.15)
+
+
+@pytest.fixture(scope="module")
+def closing():
+    """Loads over the yield strength between which a face closes, by kind and rms height."""
+    found = finishes.leakage_of_finishes(n=128, rms=(0.1e-6, 3e-6))
+    in_yield = finishes.HARDNESS / finishes.YIELD
+    return {(r["kind"], r["rms"]): np.multiply(r["closing"], in_yield) for r in found}
+
+
+class TestFinishes:
+    """SAE 650312, 1965: loads from which the finish does not matter, in yield strengths."""
+
+    def test_scratched_faces_close_only_near_the_hardness(self, closing):
+        low, high = closing[finishes.KINDS[2], 3e-6]
+        assert 0.85 * 2.75 < low < high < 2.75
+
+    def test_isotropic_faces_close_at_considerably_less(self, closing):
+        assert closing[finishes.KINDS[0], 3e-6][1] < 0.6 * 2.75
+
+    def test_very_fine_isotropic_faces_close_about_the_yield_strength(self, closing):
+        assert closing[finishes.KINDS[0], 0.1e-6][0] < 1.0
+
+
+def test_plastic_deformation_cuts_the_leakage_of_a_ball_on_a_cone_by_about_ten():
+    """Fischer, Schmitz, Tiwari & Persson, Tribol. Lett. 68, 2020: about 8, for a seat that is not known here."""
+    found = ball_on_cone.leakage_of_seat((512, 128), 2.25e-6, peaks=(0.1e9, 0.4e9, 0.9e9))
+    light, middle, heavy = ball_on_cone.factors(found)
+    assert 1 < light < middle < heavy
+    assert light < 8 < 10 * middle
+    assert 2 < heavy < 50
 
 
 @pytest.mark.parametrize("peer", ["tamaas", "ContactMechanics"])
 def test_contact_fields_are_those_of_other_programs(peer):
     pytest.importorskip(peer, reason=f"{peer} is not installed")
     name = {"tamaas": "Tamaas"}.get(peer, peer)
-    for r in outside.contact_fields(name, n=128):
+    for r in programs.contact_fields(name, n=128):
         # the peers stop at about 1e-9 without hardness, ContactMechanics at 1e-7 with hardness
         limit = 1e-7 if np.isinf(r["hardness"]) else 1e-5
         assert r["pressure"] < limit
@@ -58,7 +115,7 @@ def test_contact_fields_are_those_of_other_programs(peer):
 
 def test_flow_tends_to_that_of_reynoldsflow_on_finer_grids():
     pytest.importorskip("reynoldsflow", reason="reynoldsflow is not installed")
-    coarse, fine = outside.flow_fields(n=128, refinements=(1, 2))
+    coarse, fine = programs.flow_fields(n=128, refinements=(1, 2))
     for elements in ("edge", "RT0"):
         assert abs(coarse[elements]["value"]) < 0.03
         assert abs(fine[elements]["value"]) < 0.4 * abs(coarse[elements]["value"])
@@ -66,13 +123,30 @@ def test_flow_tends_to_that_of_reynoldsflow_on_finer_grids():
 
 
 def test_area_at_small_loads_lies_between_persson_and_bush_gibson_thomas():
-    found = outside.persson(n=512, loads=(0.005, 0.01, 0.02, 0.05), seeds=(1,))
+    found = theories.persson(n=512, loads=(0.005, 0.01, 0.02, 0.05), seeds=(1,))
     kappa = found["area"] / found["load"]
     assert np.all((np.sqrt(8 / np.pi) < kappa) & (kappa < np.sqrt(2 * np.pi)))
 
 
+def test_open_area_near_full_contact_is_that_of_penny_cracks():
+    """Spots open to 3/2 of the area under tension, which is half of Persson's open area, on coarse and fine pixels."""
+    coarse, fine = open_area.open_areas(variants=((256, 8, 8), (512, 16, 8)), seeds=range(4))
+    for r in (coarse, fine):
+        ratio = r["open"] / r["tension"]
+        # the farther spots are apart the nearer: single faces scatter by 3 % from p̄ = 1.25 E*h′ on
+        assert ratio[0] > ratio[1] + 0.05
+        assert_allclose(ratio[1:3], 1.5, atol=0.08)
+        assert_allclose(2 * r["tension"][:2] / r["persson"][:2], 1, atol=0.05)
+    assert_allclose(fine["open"][:2], coarse["open"][:2], rtol=0.02)
+
+
 def test_area_of_summits_tends_to_greenwood_and_williamson():
     # what summits do to each other is in proportion to contact radius over distance, thus to √spread
-    wide, half, _ = (r["area"] / r["theory"] for r in outside.greenwood_williamson(n=1024))
+    found = theories.greenwood_williamson(n=1024)
+    wide, half, _ = (r["area"] / r["theory"] for r in found)
     assert wide < half < 1
     assert_allclose(2 * half - wide, 1, atol=0.02)
+    # with that as point forces the theory has the area found, but for few pixels of contact at the least spread
+    for r in found[:2]:
+        assert_allclose(r["area"], r["interacting"], rtol=5e-3)
+        assert r["theory"] - r["interacting"] > 5 * abs(r["interacting"] - r["area"])

@@ -11,7 +11,7 @@ import pytest
 from numpy.testing import assert_array_equal
 
 import femseal as fs
-from femseal.budget import ErrorBudget, ErrorPart, counting_steps
+from femseal.budget import ErrorBudget, ErrorPart, counting_steps, judged
 from femseal.loads import LoadProgramme
 from femseal.results import wanted_accuracy
 from femseal.runs.attempts import settled_as
@@ -23,7 +23,7 @@ sys.path.append(str(Path(__file__).parent / "benchmarks"))
 import wanted_accuracy as benchmark
 
 SMALL = {
-    "accuracy": "5 %",
+    "accuracy": "3 %",
     "seed": 2,
     "face": {"kind": "self-affine", "points": [64, 64], "size": ["60 um"] * 2, "rms_slope": 0.2, "roll_off": "40 um"},
     "material": {"young": "210 GPa", "hardness": "3 GPa"},
@@ -49,14 +49,14 @@ def test_attempts_end_when_the_budget_is_within_the_accuracy(reached):
     """The truth is the same face on twice the points of the last attempt."""
     told, scene = reached.attempts, reached.scene
     assert told["reached"]
-    assert told["half_width"] <= np.log(1.05)
-    assert all(attempt["half_width"] > np.log(1.05) for attempt in told["attempts"][:-1])
+    assert told["half_width"] <= np.log(1.03)
+    assert all(attempt["half_width"] > np.log(1.03) for attempt in told["attempts"][:-1])
     points = [attempt["points"] for attempt in told["attempts"]]
     assert points == [[32 * 2**n] * 2 for n in range(len(points))]
     assert list(scene.surface.shape) == points[-1]
     fine = replace(scene, surface=scene.surface.resample((2 * points[-1][0],) * 2), rtol=1e-8)
     error = np.abs(np.log(reached.leakage.values / fs.deterministic(fine).leakage))
-    assert error.max() < np.log(1.05)
+    assert error.max() < np.log(1.03)
 
 
 def test_the_answer_is_that_of_the_last_settings(reached):
@@ -76,7 +76,7 @@ def test_every_attempt_is_of_the_same_face(reached):
 
 def test_what_was_tried_is_told(reached):
     section = wanted_accuracy.section(reached.attempts)
-    assert section["sentences"][0].startswith("The accuracy of 5 % is reached: the leakage is known within ")
+    assert section["sentences"][0].startswith("The accuracy of 3 % is reached: the leakage is known within ")
     assert section["sentences"][-1].startswith("Half the error: ")
     assert section["lines"][0][section["heads"].index("points")] == "32 × 32"
     assert reached.attempts_table().row_count == len(reached.attempts["attempts"]) > 1
@@ -113,18 +113,20 @@ def test_a_run_that_was_stopped_goes_on_as_it_would_have(tmp_path, reached):
     resumed = fs.run(wanted, tmp_path, resume=True, workers=1)
     assert_array_equal(resumed.leakage.values, reached.leakage.values)
     assert before in (tmp_path / "run.log").read_text().split("resumed")[1]
-    assert "The accuracy of 5 % is reached" in (tmp_path / "report.html").read_text()
+    assert "The accuracy of 3 % is reached" in (tmp_path / "report.html").read_text()
     again = fs.run(wanted, tmp_path, resume=True, workers=1)  # takes what is complete
     assert again.attempts == json.loads(json.dumps(resumed.attempts))
     assert again.dataset.attrs["timings"] == resumed.dataset.attrs["timings"]
 
 
-def test_seals_are_added_until_their_median_is_known():
+def test_what_seals_drawn_from_a_small_face_leave_out_limits():
+    """Windows under one pressure know nothing of the long waves of the face, which no library mends."""
     results = fs.run(parse_case(DRAWN | {"accuracy": "60 %", "surface": {"points": [64, 64]}}), workers=1)
     told = results.attempts
-    assert told["limit"] in ("library", "realisations", "pixels")
-    assert told["attempts"][0]["settings"]["realisations"] == 50
-    assert "stochastic.library_cells" in json.dumps(told) or told["reached"]
+    assert told["limit"] == "sampler"
+    assert told["attempts"][0]["settings"]["realisations"] == 20
+    assert not told["reached"]
+    assert any("accuracy 60 % is not reached" in text and "a longer face" in text for text in results.warnings)
 
 
 class TestRefining:
@@ -152,7 +154,7 @@ class TestRefining:
         drawn = DRAWN | {"stochastic": {"length": "300 um", "sampler": "history", "pressure": "uniform"}}
         drawn["cells"] = {"count": [2, 2]}
         settings, change = self.change(drawn, "realisations")
-        assert change.settings == replace(settings, realisations=200)
+        assert change.settings == replace(settings, realisations=80)
         assert "all 4 windows of the face" in self.change(drawn, "library")[1].text
         drawn["stochastic"] = drawn["stochastic"] | {"library_cells": 2}
         assert "stochastic.library_cells is given" in self.change(drawn, "library")[1].text
@@ -192,28 +194,42 @@ class TestCase:
         ring = {"kind": "annular", "inner_radius": "1 mm", "outer_radius": "2 mm", "inlet": "inner"}
         shaped = case(seal=ring)
         assert (shaped.method, shaped.stochastic.pressure) == ("stochastic", "uniform")
-        assert shaped.prepare().sampling.realisations == 50
+        assert shaped.prepare().sampling.realisations == 20
 
     def test_check_says_what_is_tried_first(self):
         wanted = case(contact={"rtol": 1e-5}, time_limit="20 min")
         text = "\n".join(describe(wanted, wanted.prepare()))
         assert (
-            "5 %, first with 32 × 32 points, contact.rtol 1e-05; then what limits is refined, for at most 20 min"
+            "3 %, first with 32 × 32 points, contact.rtol 1e-05; then what limits is refined, for at most 20 min"
             in text
         )
         assert "contact.rtol stays as given" in text
 
 
 def test_loads_that_count():
-    """Those that leak more than 1e-3 of the first, and closed ones that may."""
+    """Those that leak more than 1e-3 of the first; of a seal that is closed at first those that may leak at all."""
     q = np.array([1.0, 2e-3, 9e-4, 0.0, 0.0])
     part = ErrorPart("pixels", q / 2, np.array([2.0, 4e-3, 2e-3, 5e-3, 1e-4]), "")
     steps = LoadProgramme.of([1e8, 2e8, 3e8, 4e8, 5e8])
     assert len(steps) == q.size
-    assert counting_steps(ErrorBudget("deterministic", q, (part,))).tolist() == [0, 1, 3]
+    assert counting_steps(ErrorBudget("deterministic", q, (part,))).tolist() == [0, 1]
+    sealed = ErrorPart("pixels", 0 * q, np.array([0.0, 0.0, 0.0, 1e-5, 0.0]), "")
+    assert counting_steps(ErrorBudget("deterministic", 0 * q, (sealed,))).tolist() == [3]
+    assert judged(ErrorBudget("deterministic", 0 * q, (sealed,))).half_width == np.inf
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", benchmark.SEEDS[:6])
 def test_the_accuracy_is_true(seed):
     assert benchmark.is_met(benchmark.tried(seed + 1000, 0.1))
+
+
+def test_what_can_be_refined_is_where_something_else_cannot():
+    """Seals of four windows of the face limit; pixels are refined until they are within the accuracy."""
+    drawn = {"length": "300 um", "realisations": 6}
+    told = fs.run(parse_case(DRAWN | {"accuracy": "3 %", "stochastic": drawn}), workers=1).attempts
+    first, last = told["attempts"][0], told["attempts"][-1]
+    assert first["limit"] == last["limit"] == "sampler"
+    assert first["parts"]["pixels"] > np.log(1.03) >= last["parts"]["pixels"]
+    assert "all 4 windows of the face are in the library" in told["why"]
+    assert "stochastic.realisations is given" in told["why"] or last["parts"]["realisations"] <= np.log(1.03)

@@ -8,6 +8,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import fields
 from html import escape
 from importlib import import_module
+from math import expm1, isfinite
 from types import ModuleType
 from typing import Any, ClassVar
 
@@ -37,6 +38,20 @@ def duration(seconds: float) -> str:
     if seconds < 600:
         return f"{seconds:.2g} s" if seconds < 99.5 else f"{seconds:.0f} s"
     return f"{seconds / 60:.0f} min" if seconds < 7200 else f"{seconds / 3600:.2g} h"
+
+
+def share_text(half_width: float) -> str:
+    """A distance of ln(x) as a share of x, or as a factor.
+
+    >>> share_text(0.0953), share_text(1.5), share_text(800.0), share_text(float("inf"))
+    ('10 %', 'a factor of 4.5', 'a factor of more than 10000', 'an unknown factor')
+    """
+    if not half_width < 700:
+        return "an unknown factor" if not isfinite(half_width) else "a factor of more than 10000"
+    share = expm1(half_width)
+    if share < 1:
+        return f"{100 * share:.2g} %"
+    return f"a factor of {1 + share:.2g}" if share < 1e4 else "a factor of more than 10000"
 
 
 class Plotted:

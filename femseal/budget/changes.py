@@ -15,9 +15,7 @@ from .coarse import CoarserSolution
 LEAST_SLOPE = 0.3
 
 
-def scale_of_changes(
-    steps: LoadProgramme, change: Array, slope: Array, known: list[int], *, typical: float = 1.0
-) -> Array:
+def scale_of_changes(steps: LoadProgramme, change: Array, slope: Array, known: list[int]) -> Array:
     """Size of the changes of ln(leakage) at every step (steps,), from the solved steps near it and from all of them.
 
     It is made of the rms change of the nearest two or more steps, and of the mean shift of the load over the cycle.
@@ -25,7 +23,6 @@ def scale_of_changes(
     Parameters
     ----------
     change : of ln(leakage) at every step. slope : see `load_sensitivity`, > 0. known : numbers of the steps solved.
-    typical : weight of the mean shift.
     """
     finite = [s for s in known if np.isfinite(change[s])]
     shift = float(np.mean(np.abs(change[finite] / slope[finite]))) if finite else 0.0
@@ -41,7 +38,7 @@ def scale_of_changes(
             seen |= ring
             found |= ring & {*finite}
         near[s] = np.sqrt(np.mean(np.square(change[sorted(found)]))) if found else 0.0
-    return np.hypot(near, typical * slope * shift)
+    return np.hypot(near, slope * shift)
 
 
 def load_sensitivity(steps: LoadProgramme, leakage: Array) -> Array:
@@ -67,21 +64,28 @@ def neighbours(steps: LoadProgramme) -> list[tuple[int, int]]:
     return pairs
 
 
-def sealed_upper(steps: LoadProgramme, q: Array, change: Array, coarse: CoarserSolution, distance: Array) -> Array:
+def sealed_upper(
+    steps: LoadProgramme, q: Array, distance: Array, change: Array | None = None, coarse: CoarserSolution | None = None
+) -> Array:
     """Upper end at the sealed steps (steps,) [m²/s], 0 elsewhere.
 
-    It is what the other solution leaks there; and the upper end of the next open step, where that is within the shift
-    of the load at which the error would open the seal.
+    It is the upper end of the next open step, where that is within the shift of the load at which the error would open
+    the seal; and what the other solution leaks there, if there is one.
 
     Parameters
     ----------
-    q : leakage. change : of ln(leakage) to the other solution. distance : of ln(leakage) to the upper end.
+    q : leakage. distance : of ln(leakage) to the upper end. change : of ln(leakage) to the other solution.
     """
     found = np.zeros(q.size)
-    slope = np.maximum(load_sensitivity(steps, q), LEAST_SLOPE)
+    slope = load_sensitivity(steps, q)
     open_ = (q > 0) & np.isfinite(distance)
-    shift = float(np.max(distance[open_] / slope[open_], initial=0.0))
-    leaks = {step: abs(float(value)) for step, value in zip(coarse.steps, coarse.leakage, strict=True)}
+    # steps whose slope is known tell the shift, if there are any
+    told = open_ & (slope > 0) if (slope[open_] > 0).any() else open_
+    shift = float(np.max(distance[told] / np.maximum(slope[told], LEAST_SLOPE), initial=0.0))
+    change = np.zeros(q.size) if change is None else change
+    leaks = {}
+    if coarse is not None:
+        leaks = {step: abs(float(value)) for step, value in zip(coarse.steps, coarse.leakage, strict=True)}
     most = max((value for value in leaks.values() if np.isfinite(value)), default=0.0)
     shut = np.flatnonzero(q == 0)
     for s in shut:

@@ -15,6 +15,9 @@ from ..studies.scene import Array, Scene
 COARSENING = 0.5
 #: A coarser grid of more than this share of the points tells nothing.
 MOST_POINTS_SHARE = 0.6
+#: Loading steps that tell the error of pixels well. Measured on 160 faces with 3 to 5 of them, for the same coverage:
+#: all of them give bands of 4.2 times the error in the median, every other 5.2 times.
+LEAST_LOADS = 5
 #: Windows have at least this many pixels a side.
 WINDOW_PIXELS = 8
 
@@ -43,24 +46,27 @@ def coarser_points(points: tuple[int, int], cells: tuple[int, int] | None = None
     return wanted[0], wanted[1]
 
 
-def at_some_steps(scene: Scene, leakage: Array) -> Scene:
-    """The scene at about half of its steps: ends, peaks, both sides of closing, and every other of the rest.
+def at_some_steps(scene: Scene, leakage: Array, stride: int = 2, *, least: int = LEAST_LOADS) -> Scene:
+    """The scene at some of its steps: ends, peaks, both sides of closing, and one of `stride` of the rest.
 
     Parameters
     ----------
     leakage : of the scene at every step (steps,).
+    least : number of open loading steps below which the stride would not fall: it is shorter then.
     """
     q = np.abs(np.asarray(leakage, dtype=float))
     loading = scene.steps.loading
     shut = [n for n in range(len(loading)) if q[n] == 0]
     first_shut = shut[0] if shut else len(loading)
-    kept = {0, first_shut - 1, first_shut, *range(0, first_shut, 2)}
+    if least:
+        stride = min(stride, max(1, first_shut // least))
+    kept = {0, first_shut - 1, first_shut, *range(0, first_shut, stride)}
     peaks = set(scene.unload_from)
     if not peaks:  # beyond closing there is nothing to compare
         kept.add(len(loading) - 1 if not shut else first_shut)
     chosen = tuple(p for n, p in enumerate(loading) if n in kept or p in peaks)
     stops = scene.steps.unloading  # falling
-    ends = {0, len(stops) - 1, *range(0, len(stops), 2)}
+    ends = {0, len(stops) - 1, *range(0, len(stops), stride)}
     return replace(scene, loading=chosen, unloading=tuple(p for n, p in enumerate(stops) if n in ends))
 
 
@@ -95,20 +101,23 @@ def on_all_steps(steps: LoadProgramme, coarse: CoarserSolution, leakage: Array) 
 def change_of_windows(own: LibraryTable, other: LibraryTable, steps: LoadProgramme) -> Array:
     """Change of ln(leakage) at steps from the windows of a library to the same windows solved otherwise (steps,).
 
-    It is the median change of ln(k) of the windows that are open in both, on loading at the nominal pressure; NaN where
-    all are closed.
+    It is the median change of ln(k) of the windows that are open in both, at the step where both libraries have it,
+    else on loading at its nominal pressure; NaN where all are closed.
     """
     count = min(len(own.k), len(other.k))
+    wanted = _log_loads(steps, [*range(len(steps))])
     logs = []
     for table in (own, other):
-        on_loading = table.steps.on_loading
-        at = np.log(np.maximum(table.steps.pressures[on_loading], 1e-300))
-        with np.errstate(divide="ignore"):
-            ln_k = np.log(table.k[:count, on_loading])
-        wanted = np.log(np.maximum(steps.pressures, 1e-300))
-        with np.errstate(invalid="ignore"):
-            logs.append(np.array([np.interp(wanted, at, row) for row in ln_k]))
-    change = logs[1] - logs[0]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ln_k = np.log(table.k[:count])
+            if set(steps) <= set(table.steps):
+                logs.append(ln_k[:, [table.steps.index(step) for step in steps]])
+                continue
+            loading = [n for n, step in enumerate(table.steps) if step.unloaded_from is None]
+            at = _log_loads(table.steps, loading)
+            logs.append(np.array([np.interp(wanted, at, row) for row in ln_k[:, loading]]))
+    with np.errstate(invalid="ignore"):
+        change = logs[1] - logs[0]
     finite = [column[np.isfinite(column)] for column in change.T]
     return np.array([float(np.median(column)) if column.size else np.nan for column in finite])
 

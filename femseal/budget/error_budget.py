@@ -7,7 +7,8 @@ from collections.abc import Sequence
 from ..studies import DeterministicResult, Scene, StochasticResult, TwoScaleResult
 from .coarse import CoarserSolution
 from .error_parts import ErrorBudget, ErrorPart
-from .estimates import library_part, realisations_part, solver_part, windows_part
+from .estimates import elements_part, library_part, realisations_part, solver_part
+from .model_parts import sampler_part, two_scales_parts
 from .pixels import pixels_part
 from .removed_waves import filter_part
 
@@ -19,6 +20,7 @@ def error_budget(
     coarse: Sequence[CoarserSolution] = (),
     filtered: CoarserSolution | None = None,
     octaves: float = 0.0,
+    compared: CoarserSolution | None = None,
 ) -> ErrorBudget:
     """What is known of the error of a leakage: a band for each source, and all of them together.
 
@@ -28,6 +30,8 @@ def error_budget(
     coarse : the same scene solved on fewer points, the finest first; one or two. Without any the pixels have no part.
     filtered : the scene solved without waves up to twice the shortest one. octaves : of waves that were removed from
         the face before; without any, as of a generated face, the filter has no part.
+    compared : of two scales by links, the deterministic solution on fewer points against that by links on these points.
+        It tells the error of links better than the scenes of the calibration do.
 
     Returns
     -------
@@ -41,10 +45,12 @@ def error_budget(
         parts.append(pixels_part(scene, leakage, coarse))
     if filtered is not None and octaves > 0:
         parts.append(filter_part(scene, leakage, filtered, octaves))
-    if isinstance(study, TwoScaleResult) and study.element_error is not None:
-        parts.append(windows_part(study))
+    if isinstance(study, TwoScaleResult):
+        if study.element_error is not None:
+            parts.append(elements_part(study))
+        parts += two_scales_parts(study, compared)
     if isinstance(study, StochasticResult):
-        parts += [library_part(study), realisations_part(study)]
+        parts += [library_part(study), realisations_part(study), sampler_part(scene, study)]
     return ErrorBudget(method, leakage, tuple(parts))
 
 

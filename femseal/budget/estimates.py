@@ -27,12 +27,12 @@ def solver_part(scene: Scene, leakage: Array) -> ErrorPart:
     return ErrorPart.of("solver", leakage, distance, distance, note)
 
 
-def windows_part(study: TwoScaleResult) -> ErrorPart:
+def elements_part(study: TwoScaleResult) -> ErrorPart:
     """Flow through elements: its leakage is an upper bound, and its own estimate the largest error."""
     assert study.element_error is not None
     below = -np.log1p(-np.minimum(study.element_error, 0.99))
     note = "flow through elements, an upper bound; largest error estimated from its last iterations"
-    return ErrorPart.of("windows", study.leakage, below, np.zeros(len(below)), note)
+    return ErrorPart.of("two scales", study.leakage, below, np.zeros(len(below)), note)
 
 
 def library_part(study: StochasticResult) -> ErrorPart:

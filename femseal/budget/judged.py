@@ -30,20 +30,19 @@ class Judged:
 def counting_steps(budget: ErrorBudget) -> np.ndarray:
     """Indices of the loads at which the leakage is more than 1e-3 of the first, or unknown.
 
-    A load at which nothing leaks counts if the band reaches that far. Where nothing leaks at the first, all count that
-    leak.
+    Where nothing leaks at the first load, all count that leak or may do so. Others that are found sealed do not count:
+    the wide bands at the loads before them tell if they may be open.
     """
     q, upper = np.abs(budget.leakage), np.abs(budget.upper)
-    least = FLOOR * (q[0] if np.isfinite(q[0]) else 0.0)
-    with np.errstate(invalid="ignore"):
-        counts = (q > least) | ((q == 0) & (upper > least)) | np.isnan(q)
-    return np.flatnonzero(counts)
+    if q[0] == 0:
+        return np.flatnonzero((q != 0) | (upper != 0))
+    return np.flatnonzero((q > FLOOR * (q[0] if np.isfinite(q[0]) else 0.0)) | np.isnan(q))
 
 
 def judged(budget: ErrorBudget) -> Judged:
     """Judge a budget. Pixels of which nothing is known have no end."""
     steps = counting_steps(budget)
-    widths = np.nan_to_num(np.asarray(budget.half_width())[steps], nan=inf)
+    widths = np.nan_to_num(np.asarray(budget.half_width())[steps], nan=inf, posinf=inf)
     parts = {"pixels": inf} | {name: _largest(width[steps]) for name, width in budget.widths().items()}
     return Judged(
         half_width=max(_largest(widths), inf if np.isinf(parts["pixels"]) else 0.0),
@@ -54,4 +53,4 @@ def judged(budget: ErrorBudget) -> Judged:
 
 
 def _largest(widths: Array) -> float:
-    return float(np.max(np.nan_to_num(widths, nan=inf), initial=0.0))
+    return float(np.max(np.nan_to_num(widths, nan=inf, posinf=inf), initial=0.0))

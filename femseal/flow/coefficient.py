@@ -2,7 +2,8 @@
 
 The gap is given at pixel centres. On the links between pixels, the midpoints of the edges of the elements, it is
 interpolated by a four-point cubic, at least a tenth of the smaller of the two pixels and 0 next to contact: a link is
-open exactly where both its pixels are, and the interpolation closes no pixel off. At Gauss points it is bilinear.
+open exactly where both its pixels are, and the interpolation closes no pixel off. Where the cubic would dip because the
+gap jumps beyond one of the two pixels, that pixel's outer neighbour is left out. At Gauss points the gap is bilinear.
 Source of the cubic law: Reynolds, Phil. Trans. R. Soc. 177, 1886, 157, for parallel plates.
 """
 
@@ -25,6 +26,11 @@ SIDES = ("mirror", "periodic")
 _EXTREME = 1e60
 #: Largest ratio of two open gaps.
 _CONTRAST = 1e50
+
+#: The cubic is doubted where it is below this share of both pixels, and left where one second difference is so many
+#: times the other: that is a jump beyond one of the two. On 36 gaps with eight pixels for the shortest wave, cut by a
+#: plane or in contact, that changed no permeability by more than 4e-7, at errors of 7e-5 to 2e-2 by the pixels.
+_DOUBTED, _JUMP = 0.8, 8.0
 
 _compiled: dict[str, Any] = {"cache": True, "nogil": True}
 
@@ -130,8 +136,14 @@ _law = njit(**_compiled)(cubic_law)
 @njit(**_compiled)
 def _midway(before, a, b, after):
     smaller = min(a, b)
+    if not smaller > 0.0:
+        return 0.0
     middle = (9.0 * (a + b) - before - after) / 16.0
-    return max(middle, 0.1 * smaller) if smaller > 0.0 else 0.0
+    if middle < _DOUBTED * smaller:
+        left, right = before - 2.0 * a + b, a - 2.0 * b + after  # second differences, alike where the gap is smooth
+        if max(left, right) > _JUMP * abs(min(left, right)):
+            middle = 0.5 * (a + b) - min(left, right) / 8.0
+    return max(middle, 0.1 * smaller)
 
 
 @njit(**_compiled)

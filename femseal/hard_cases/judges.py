@@ -146,7 +146,7 @@ class ZeroAndPositive:
     def holds(self, came: Any) -> bool:
         """The first is 0, the second is not."""
         values = _values(came)
-        return values is not None and values.size == 2 and values[0] == 0 and bool(0 < values[1] < np.inf)
+        return values is not None and values.size == 2 and bool(values[0] == 0 and 0 < values[1] < np.inf)
 
 
 @dataclass(frozen=True)

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import json
+from math import inf, log1p
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
-from ..base.text import duration
+from ..base.text import duration, share_text
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -36,7 +35,7 @@ def told(results: Results) -> dict[str, Any] | None:
 
 def sentences(found: dict[str, Any]) -> list[str]:
     """Whether the accuracy is reached, what limits it, and what half the error takes."""
-    wanted, error = _share(np.log1p(found["wanted"])), _share(found["half_width"])
+    wanted, error = _share(log1p(found["wanted"])), _share(found["half_width"])
     if found["reached"]:
         first = f"The accuracy of {wanted} is reached: the leakage is known within {error}"
     else:
@@ -46,7 +45,8 @@ def sentences(found: dict[str, Any]) -> list[str]:
         lines.append(f"The {found['limit']} limit{_s(found['limit'])} it, most at {found['load']}.")
     if found["why"]:
         lines.append(f"No further attempt: {found['why']}.")
-    lines.append(f"Half the error: {found['half_error']}.")
+    if not (found["why"] and found["half_error"].startswith("cannot")):
+        lines.append(f"Half the error: {found['half_error']}.")
     return lines
 
 
@@ -59,7 +59,7 @@ def lines(found: dict[str, Any]) -> list[tuple[str, ...]]:
             " × ".join(map(str, attempt["points"])),
             f"{attempt['settings']['rtol']:.0e}",
             _windows(attempt["settings"]),
-            _count(attempt["settings"]["library_cells"]),
+            _count(attempt["windows"]),
             _count(attempt["settings"]["realisations"]),
             duration(attempt["with_coarse"]),
             _share(attempt["half_width"]),
@@ -109,10 +109,7 @@ def _count(number: int | None) -> str:
 
 
 def _share(half_width: float | None) -> str:
-    if half_width is None:
-        return "unknown"
-    share = float(np.expm1(half_width))
-    return f"{100 * share:.2g} %" if share < 1 else f"factor {1 + share:.2g}"
+    return share_text(inf if half_width is None else half_width)
 
 
 def _s(name: str) -> str:

@@ -13,10 +13,12 @@ import numpy as np
 from ..base.errors import FemsealError
 from ..base.machine import free_memory
 from ..base.stage import Mapper, Stage
-from ..base.text import duration
+from ..base.text import duration, share_text
 from ..budget import CoarserSolution, ErrorBudget, error_budget, judged
+from ..studies import StochasticResult
 from ..studies.scene import Array
 from .budgeted import THIRD_GRID_PIXELS, against, budgets_of, filtered_input, leakage_of, removed_octaves
+from .forecast import START_MEMORY
 from .refining import refined
 from .settings import Settings, expected_cost, has_windows, settled, time_limit
 
@@ -37,7 +39,7 @@ class Attempt:
     with_coarse : with that of the coarser one that tells the error of its pixels, where no earlier attempt was that
     one. half_width : largest half-width of ln(leakage) of the budget at the loads that count, inf where it has no end.
     limit : the source of error that is widest there. parts : half-widths of the sources there. load : name of the load
-    where it is largest.
+    where it is largest. windows : of the library, None without.
     """
 
     settings: Settings
@@ -48,11 +50,12 @@ class Attempt:
     limit: str
     load: str
     parts: dict[str, float]
+    windows: int | None
 
 
 @dataclass(frozen=True, eq=False)
 class Reached:
-    """Outcome of the attempts: the best of them, prepared and solved.
+    """Outcome of the attempts: the last of them, the finest in all, prepared and solved.
 
     why : what hinders a further attempt; "" where the accuracy is reached. half : what half the error takes. wanted :
     the accuracy. limit : of the time [s].
@@ -62,10 +65,8 @@ class Reached:
     study: Any
     budget: ErrorBudget
     attempts: tuple[Attempt, ...]
-    best: int
     why: str
     half: str
-
     wanted: float
     limit: float
 
@@ -74,24 +75,23 @@ class Reached:
         """That the accuracy is not reached, and what limits it."""
         if not self.why:
             return ()
-        best = self.attempts[self.best]
-        width = f"{share_text(best.half_width)} at {best.load}" if np.isfinite(best.half_width) else "without end"
-        return (f"accuracy {share_text(np.log1p(self.wanted))} is not reached: the error may be {width}; {self.why}",)
+        last, wanted = self.attempts[-1], share_text(np.log1p(self.wanted))
+        error = f"{share_text(last.half_width)} at {last.load}"
+        return (f"accuracy {wanted} is not reached: the error may be {error}; {self.why}",)
 
     def told(self) -> dict[str, Any]:
         """What the results say of the attempts, as plain data; None for a width without end."""
-        best = self.attempts[self.best]
+        last = self.attempts[-1]
         return {
             "wanted": self.wanted,
             "reached": not self.why,
-            "half_width": _or_none(best.half_width),
-            "limit": best.limit,
-            "load": best.load,
+            "half_width": _or_none(last.half_width),
+            "limit": last.limit,
+            "load": last.load,
             "why": self.why,
             "half_error": self.half,
             "time_limit": self.limit,
-            "best": self.best,
-            "settings": asdict(best.settings),
+            "settings": asdict(last.settings),
             "attempts": [_told(attempt) for attempt in self.attempts],
         }
 
@@ -119,7 +119,8 @@ class _Attempts:
         times = {"study": seconds, "with coarse": time.perf_counter() - start}
         # a run that goes on has to decide as before
         times = _remembered(self.mapper, "time of the attempt", times)
-        self.done.append(_judged(prepared, budget, times["study"], times["with coarse"]))
+        windows = study.library.size if isinstance(study, StochasticResult) else None
+        self.done.append(_judged(prepared, budget, times["study"], times["with coarse"], windows))
         return prepared, study, budget
 
     def _answer(self, prepared: Prepared, told: str) -> Any:
@@ -177,62 +178,65 @@ def reach(case: Case, first: Prepared, solve: Solve, mapper: Mapper) -> Reached:
     assert first.made is not None
     assert first.settings is not None
     goal, most = np.log1p(case.accuracy), time_limit(case)
-    memory = free_memory() if case.memory is None else case.memory
+    # what is free now has the libraries in it already
+    memory = free_memory() if case.memory is None else case.memory - START_MEMORY
     attempts = _Attempts(case, first.made, solve, mapper)
     settings: Settings = first.settings
-    best: tuple[Prepared, Any, ErrorBudget] | None = None
-    chosen, why, text = 0, "", ""
+    solved: tuple[Prepared, Any, ErrorBudget] | None = None
+    why, text = "", ""
     while True:
         try:
             found = attempts.attempt(settings)
         except FemsealError as error:
-            if best is None:
+            if solved is None:
                 raise
             why = f"{text} failed: {error}"
             break
-        last = attempts.done[-1]
+        solved, last = found, attempts.done[-1]
         log.info("attempt %d: %s", len(attempts.done), said(last))
-        if best is None or last.half_width <= attempts.done[chosen].half_width:
-            best, chosen = found, len(attempts.done) - 1
         if last.half_width <= goal:
             break
         settings, text, why = _next(attempts, goal, most, memory)
         if why:
             break
-        log.info("next: %s, for the error of the %s", text, last.limit)
-    prepared, study, budget = best
-    half = _half(attempts, chosen, memory)
-    return Reached(prepared, study, budget, tuple(attempts.done), chosen, why, half, case.accuracy, most)
+        log.info("next: %s", text)
+    prepared, study, budget = solved
+    half = _half(attempts, memory)
+    return Reached(prepared, study, budget, tuple(attempts.done), why, half, case.accuracy, most)
 
 
 def _next(attempts: _Attempts, goal: float, most: float, memory: float) -> tuple[Settings, str, str]:
     """Settings of the next attempt, what they change, and "" or what hinders it."""
     last = attempts.done[-1]
-    reasons = []
-    # a part that is within the accuracy may be refined where a wider one cannot be and is within it too
+    change, part = None, ""
+    reasons: list[str] = []
     for part in sorted(last.parts, key=lambda name: -last.parts[name]):
-        change = refined(attempts.case, attempts.made, last.settings, part, memory)
-        if change.settings is not None:
+        # the others of an accuracy that cannot be reached are refined until they are within it
+        if reasons and last.parts[part] <= goal and max(last.parts.values()) > goal:
             break
-        reasons.append(f"{part}: {change.text}")
-        if not last.parts[part] < goal:
+        found = refined(attempts.case, attempts.made, last.settings, part, memory)
+        if found.settings is not None:
+            change = found
             break
-    found = None if change.settings is None else change
-    why = "" if found is not None else "; ".join(reasons)
-    if found is not None and found.settings is not None:
-        expected = _expected(attempts, last, found.settings)
+        reasons.append(f"{part}: {found.text}")
+    why = "; ".join(reasons) if change is None else ""
+    if change is not None and change.settings is not None:
+        expected = _expected(attempts, last, change.settings)
         spent = sum(attempt.with_coarse for attempt in attempts.done)
         if spent + expected > most:
-            why = f"{part}: {found.text} would take about {duration(expected)}, after {duration(spent)}, and the time "
-            why += f"limit is {duration(most)}"
+            long = f"{change.text} would take about {duration(expected)}, after {duration(spent)}"
+            why = "; ".join([*reasons, f"{part}: {long}, and the time limit is {duration(most)}"])
+        text = f"{change.text}, for the error of {part}"
+    else:
+        text = ""
     # a run that goes on has to decide as before
-    decided = _remembered(attempts.mapper, "next attempt", (found and found.settings, found.text if found else "", why))
+    decided = _remembered(attempts.mapper, "next attempt", (change and change.settings, text, why))
     return decided[0] or last.settings, decided[1], decided[2]
 
 
-def _half(attempts: _Attempts, chosen: int, memory: float) -> str:
-    """What half the error of an attempt would take."""
-    attempt = attempts.done[chosen]
+def _half(attempts: _Attempts, memory: float) -> str:
+    """What half the error of the last attempt would take."""
+    attempt = attempts.done[-1]
     change = refined(attempts.case, attempts.made, attempt.settings, attempt.limit, memory)
     if change.settings is None:
         return f"cannot be had: {change.text}"
@@ -246,7 +250,7 @@ def _expected(attempts: _Attempts, attempt: Attempt, settings: Settings) -> floa
 
 
 def settled_as(case: Case, prepared: Prepared, told: dict[str, Any] | None) -> Prepared:
-    """The prepared case with the settings of the best attempt of a run; as it is without attempts.
+    """The prepared case with the settings of the last attempt of a run; as it is without attempts.
 
     told : what the results of the run say of its attempts, see `Reached.told`.
     """
@@ -257,7 +261,9 @@ def settled_as(case: Case, prepared: Prepared, told: dict[str, Any] | None) -> P
     return settled(case, prepared.made, Settings(**found | {"cells": cells}))
 
 
-def _judged(prepared: Prepared, budget: ErrorBudget, seconds: float, with_coarse: float) -> Attempt:
+def _judged(
+    prepared: Prepared, budget: ErrorBudget, seconds: float, with_coarse: float, windows: int | None
+) -> Attempt:
     assert prepared.settings is not None
     found = judged(budget)
     return Attempt(
@@ -269,17 +275,8 @@ def _judged(prepared: Prepared, budget: ErrorBudget, seconds: float, with_coarse
         limit=found.limit,
         load=prepared.scene.steps[found.step].name,
         parts=found.parts,
+        windows=windows,
     )
-
-
-def share_text(half_width: float) -> str:
-    """A half-width of ln(leakage) as a share.
-
-    >>> share_text(0.0953), share_text(1.5)
-    ('10 %', 'a factor of 4.5')
-    """
-    share = float(np.expm1(half_width))
-    return f"{100 * share:.2g} %" if share < 1 else f"a factor of {1 + share:.2g}"
 
 
 def _told(attempt: Attempt) -> dict[str, Any]:
@@ -294,8 +291,7 @@ def _or_none(value: float) -> float | None:
 
 def said(attempt: Attempt) -> str:
     """An attempt as a line of the log."""
-    known = np.isfinite(attempt.half_width)
-    width = f"within {share_text(attempt.half_width)}" if known else "with an error without end"
+    width = f"within {share_text(attempt.half_width)}"
     points = " × ".join(map(str, attempt.points))
     return (
         f"{attempt.settings.method} on {points} points in {attempt.with_coarse:.3g} s, {width} at {attempt.load}, "

@@ -12,6 +12,7 @@ import numpy as np
 
 from ..base.errors import FemsealError, InputError
 from ..budget import (
+    LEAST_LOADS,
     CoarserSolution,
     ErrorBudget,
     at_some_steps,
@@ -19,14 +20,13 @@ from ..budget import (
     coarser_points,
     error_budget,
 )
-from ..scales import LadderLibrary
 from ..studies import Scene, StochasticResult
 from ..studies.scene import Array
 from .preparation import Prepared, coarser
 
 log = logging.getLogger("femseal")
-#: Realisations of drawn seals that are drawn again on the coarser grid; both are compared seal by seal.
-COARSE_REALISATIONS = 8
+#: One of so many steps is solved on a coarser grid, and one of so many without the shortest waves.
+GRID_STRIDE, FILTER_STRIDE = 2, 4
 #: Share of the windows of a library that are solved again on the coarser grid, and the least number of them; they are
 #: compared window by window.
 COARSE_WINDOWS, LEAST_WINDOWS = 0.25, 4
@@ -66,13 +66,21 @@ def budgets_of(
         coarse = [
             against(study, grid, found.get(route(prepared, name))) for grid, found in zip(grids, solved, strict=True)
         ]
+        if not grids:  # windows of too few pixels to be halved: nothing is known
+            steps = prepared.scene.steps
+            coarse = [CoarserSolution(prepared.scene.surface.shape, steps, np.full(len(steps), np.nan))]
         filtered = None if smooth is None else against(study, smooth, again.get(route(prepared, name)))
         if smooth is not None and leakage_filtered is not None:
             filtered = CoarserSolution(
                 smooth.scene.surface.shape, study.steps, leakage_filtered, leakage_of(studies[answer])
             )
         budgets[name] = error_budget(
-            prepared.scene, study, coarse=coarse, filtered=filtered, octaves=removed_octaves(prepared)
+            prepared.scene,
+            study,
+            coarse=coarse,
+            filtered=filtered,
+            octaves=removed_octaves(prepared),
+            compared=_links_compared(grids[0], solved[0]) if grids and name == "two_scale" else None,
         )
     return budgets
 
@@ -100,7 +108,9 @@ def coarser_grids(prepared: Prepared, leakage: Array | None = None) -> list[Prep
 
     leakage : of the answer, which tells what steps are near closing.
     """
-    some = _some_steps(prepared, leakage)
+    # where the filter or the comparison of links takes its share of the time too, no more steps than every other
+    least = 0 if removed_octaves(prepared) >= LEAST_OCTAVES or _by_links(prepared) else LEAST_LOADS
+    some = _some_steps(prepared, leakage, GRID_STRIDE, least)
     points = coarser_points(prepared.scene.surface.shape, _cells(prepared))
     if points is None:
         return []
@@ -121,7 +131,7 @@ def filtered_input(prepared: Prepared, leakage: Array | None = None) -> Prepared
     except InputError as error:
         log.warning("error budget: no solution without the shortest waves: %s", error)
         return None
-    some = _some_steps(prepared, leakage)
+    some = _some_steps(prepared, leakage, FILTER_STRIDE, 0)
     return _reduced(prepared, replace(some, surface=smooth.surface))
 
 
@@ -139,20 +149,19 @@ def _cells(prepared: Prepared) -> tuple[int, int] | None:
     return prepared.cells if {route(prepared, name) for name in names} - {"deterministic"} else None
 
 
-def _some_steps(prepared: Prepared, leakage: Array | None) -> Scene:
-    return at_some_steps(prepared.scene, np.ones(len(prepared.scene.steps)) if leakage is None else leakage)
+def _some_steps(prepared: Prepared, leakage: Array | None, stride: int, least: int) -> Scene:
+    known = np.ones(len(prepared.scene.steps)) if leakage is None else leakage
+    return at_some_steps(prepared.scene, known, stride, least=least)
 
 
 def _reduced(prepared: Prepared, scene: Scene) -> Prepared:
-    """The same input for a coarser scene: each method by its route, with few realisations."""
+    """The same input for a coarser scene: each method by its route, with few windows and realisations."""
     sampling = prepared.sampling
     if sampling is not None:
-        fewer, windows = min(COARSE_REALISATIONS, sampling.realisations), sampling.library_cells
-        if sampling.pressure != "place":
-            fewer, windows = 2, min(windows, max(LEAST_WINDOWS, round(COARSE_WINDOWS * windows)))
+        windows = min(sampling.library_cells, max(LEAST_WINDOWS, round(COARSE_WINDOWS * sampling.library_cells)))
         sampling = replace(
             sampling,
-            realisations=fewer,
+            realisations=2,  # the windows are compared
             library_cells=windows,
             width=None,
             resampled=False,
@@ -162,7 +171,22 @@ def _reduced(prepared: Prepared, scene: Scene) -> Prepared:
         )
     names = (method.replace("-", "_") for method in prepared.methods)
     methods = frozenset(route(prepared, name).replace("_", "-") for name in names)
+    if _by_links(prepared):
+        methods |= {"deterministic"}
     return replace(prepared, scene=scene, sampling=sampling, methods=methods, filtered=None)
+
+
+def _by_links(prepared: Prepared) -> bool:
+    """Whether two scales have the contact of the whole face and the flow of links, which cost little to compare."""
+    return "two-scale" in prepared.methods and prepared.contact == "whole" and prepared.flow == "links"
+
+
+def _links_compared(coarse: Prepared, found: Mapping[str, Any]) -> CoarserSolution | None:
+    """The whole face on fewer points against links there; None where they are not compared."""
+    if not _by_links(coarse) or not {"deterministic", "two_scale"} <= found.keys():
+        return None
+    whole, links = found["deterministic"], found["two_scale"]
+    return CoarserSolution(coarse.scene.surface.shape, coarse.scene.steps, whole.leakage, links.leakage)
 
 
 def _solved(coarse: Prepared, solve: Solve) -> dict[str, Any]:
@@ -189,9 +213,6 @@ def against(study: Any, coarse: Prepared, found: Any) -> CoarserSolution:
     if not isinstance(found, StochasticResult):
         assert study.leakage_of_face is not None
         return CoarserSolution(points, steps, found.leakage, study.leakage_of_face[places])
-    if isinstance(study.library, LadderLibrary):
-        own = study.quantile(0.5)[places]
-        change = change_of_windows(study.library.curves, found.library.curves, steps)
-        return CoarserSolution(points, steps, own * np.exp(change), own)
-    drawn = replace(study, leakage=study.leakage[: len(found.leakage), places])
-    return CoarserSolution(points, steps, found.quantile(0.5), drawn.quantile(0.5))
+    own = study.quantile(0.5)[places]
+    change = change_of_windows(study.library.curves, found.library.curves, steps)
+    return CoarserSolution(points, steps, own * np.exp(change), own)

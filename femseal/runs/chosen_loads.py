@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Callable
 from dataclasses import replace
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
@@ -21,16 +22,13 @@ if TYPE_CHECKING:
 log = logging.getLogger("femseal.runs.chosen_loads")
 #: Most steps in a row that are left out at first.
 FIRST_GAP = 3
-#: Share of the error without a step that is left with it: its neighbours are then twice as near, and the interpolation
-#: is at least of order two.
-LEFT = 0.25
+#: Factor on the error without a step for an interval at the end of a branch, one side of which has no such error.
+#: Measured on 16 faces with 38 loads from open to closing: within 1, 3 and 10 % in 47 of 48 cases, 1.003 of it in one.
+AT_ENDS = 2.0
 
 
 def solve_chosen(prepared: Prepared, tolerance: float, solve: Solve) -> tuple[Prepared, Any]:
     """Solve the answer at a part of the load steps, and at more until the others can be interpolated.
-
-    Steps are added between two solved ones where either would be missed by more than the tolerance if it was left out
-    itself, see `LEFT`, and between an open and a closed or failed one until none is left.
 
     Parameters
     ----------
@@ -41,20 +39,40 @@ def solve_chosen(prepared: Prepared, tolerance: float, solve: Solve) -> tuple[Pr
     -------
     The case with the loads that are solved, and its result.
     """
-    scene = prepared.scene
-    steps, loads = scene.steps, _first(scene.steps)
-    for count in range(1, len(steps) + 1):
-        chosen = replace(prepared, scene=_with_loads(scene, loads))
-        study = solve(chosen.answer, chosen, {}, f"loads {count}")
-        solved = numbers_of(chosen.scene.steps, steps)
-        more = _needed(leakage_of(study), solved, steps, np.log1p(tolerance)) - loads
-        log.info("%d of %d load steps solved, %s", solved.size, len(steps), "more to come" if more else "enough")
+    found: list[tuple[Prepared, Any]] = []
+
+    def leakage_at(part: LoadProgramme) -> Array:
+        filtered = None if prepared.filtered is None else _with_loads(prepared.filtered, part)
+        chosen = replace(prepared, scene=_with_loads(prepared.scene, part), filtered=filtered)
+        found.append((chosen, solve(chosen.answer, chosen, {}, f"loads {len(found) + 1}")))
+        return leakage_of(found[-1][1])
+
+    steps = prepared.scene.steps
+    part = choose(steps, tolerance, leakage_at)
+    log.info("%d of %d load steps solved, the others interpolated", len(part), len(steps))
+    return found[-1]
+
+
+def choose(steps: LoadProgramme, tolerance: float, leakage_at: Callable[[LoadProgramme], Array]) -> LoadProgramme:
+    """The part of a programme from which the leakage at the other steps can be interpolated.
+
+    It begins with the ends of all branches and some steps between. One is added between two that it has where either
+    would be missed by more than the tolerance if it was left out itself, and between an open and a closed or failed one
+    until none is left.
+
+    Parameters
+    ----------
+    leakage_at : leakage at the steps of a part.
+    """
+    loads = _first(steps)
+    while True:
+        part = LoadProgramme.of(
+            sorted(p for p, up in loads if up), steps.unload_from, sorted(p for p, up in loads if not up)
+        )
+        more = _needed(leakage_at(part), numbers_of(part, steps), steps, float(np.log1p(tolerance))) - loads
         if not more:
-            break
+            return part
         loads |= more
-    if prepared.filtered is not None:
-        chosen = replace(chosen, filtered=_with_loads(prepared.filtered, loads))
-    return chosen, study
 
 
 #: A load: its pressure [Pa], and whether it is one of loading.
@@ -91,13 +109,13 @@ def _needed(leakage: Array, solved: Indices, steps: LoadProgramme, tolerance: fl
             if high - low < 2 or first == last == 0:
                 continue
             known = [errors[s] for s in ends if s in errors]
-            if known and first * last > 0 and LEFT * max(known) <= tolerance:
+            factor = 1.0 if len(known) == 2 else AT_ENDS
+            if known and first * last > 0 and factor * max(known) <= tolerance:
                 continue
             step = steps[int(branch[(low + high) // 2])]
             found.add((step.pressure, step.unloaded_from is None))
     return found
 
 
-def _with_loads(scene: Scene, loads: set[_Load]) -> Scene:
-    loading = tuple(sorted(p for p, up in loads if up))
-    return replace(scene, loading=loading, unloading=tuple(sorted((p for p, up in loads if not up), reverse=True)))
+def _with_loads(scene: Scene, part: LoadProgramme) -> Scene:
+    return replace(scene, loading=part.loading, unloading=part.unloading)

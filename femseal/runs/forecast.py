@@ -34,7 +34,7 @@ _START_SECONDS = 2.6
 #: Seconds of pictures, report and tables, and of a byte of fields.
 _PICTURES_SECONDS, _FIELD_BYTE_SECONDS = 1.4, 5e-8
 #: Memory of the libraries that a run imports, and of another process [byte].
-_START_MEMORY, _WORKER_MEMORY = 0.5e9, 0.25e9
+START_MEMORY, _WORKER_MEMORY = 0.5e9, 0.25e9
 
 
 @dataclass(frozen=True)
@@ -125,8 +125,8 @@ def describe(case: Case, prepared: Prepared) -> list[str]:
             _line("second run", f"{prepared.answer}, on {points} points without waves up to twice the shortest")
         )
     if budget := _budget_inputs(case, prepared):
-        points = " and ".join(" × ".join(map(str, one.scene.surface.shape)) for one in budget)
-        lines.append(_line("error budget", f"about half of the states again on {points} points"))
+        again = (f"{len(one.scene.steps)} on {' × '.join(map(str, one.scene.surface.shape))} points" for one in budget)
+        lines.append(_line("error budget", f"states again, {' and '.join(again)}"))
     if told := case.output.told:
         lines.append(_line("leakage", told))
     first = "" if prepared.settings is None else "first attempt: "
@@ -162,7 +162,7 @@ def forecast(case: Case, prepared: Prepared, known: tuple[Effort, ...] | None = 
     alone = _START_SECONDS + drawn * _PICTURES_SECONDS + disk(case, prepared).fields * _FIELD_BYTE_SECONDS
     shared = sum(seconds for seconds, _ in costs)
     # what a study holds stays until the results are written; what it works with does not
-    memory = _START_MEMORY + max(memory for _, memory in costs)
+    memory = START_MEMORY + max(memory for _, memory in costs)
     return Forecast(alone * pace(), shared * pace(), memory)
 
 

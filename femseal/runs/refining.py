@@ -45,7 +45,7 @@ def refined(case: Case, made: Prepared, settings: Settings, part: str, memory: f
     memory : that an attempt may take [byte].
     """
     given = fixed(case)
-    found = {
+    refine = {
         "solver": _contact_residual,
         "pixels": _pixels,
         "filter": _filter,
@@ -54,7 +54,8 @@ def refined(case: Case, made: Prepared, settings: Settings, part: str, memory: f
         "sampler": _sampler,
         "library": _library,
         "realisations": _realisations,
-    }[part](made, settings, given)
+    }.get(part)
+    found = Refinement(None, "nothing refines it") if refine is None else refine(made, settings, given)
     if found.settings is None:
         return found
     needed = expected_cost(settled(case, made, found.settings))[1]

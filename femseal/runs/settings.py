@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from math import ceil
+from math import ceil, prod
 from typing import TYPE_CHECKING
+
+import numpy as np
 
 from ..scales import Partition
 from ..studies.tolerances import contact_tolerance
@@ -17,15 +19,18 @@ if TYPE_CHECKING:
 Pair = tuple[int, int]
 #: Longest time of a run whose case asks for an accuracy and gives no time [s].
 TIME_LIMIT = 3600.0
-#: Doublings of the points of a face by which the first attempt and any attempt are coarser or finer. The shortest wave
+#: Doublings of the points of a face by which the first attempt and the finest are coarser or finer. The shortest wave
 #: has 8 pixels on the points of a face: 4 in the first attempt, and 2 on the coarser grid that tells its error.
-FIRST_GRID, LEAST_GRID, MOST_GRID = -1, -2, 4
+#: Measured: with 2 pixels the budget may be half of the error.
+FIRST_GRID, MOST_GRID = -1, 4
 #: Windows have at least this many pixels a side on the coarser grid that tells the error of an attempt.
 _WINDOW_PIXELS = 8
 #: Least residual of contact.
 LEAST_RTOL = 1e-8
-#: Seals that are drawn at first and at most, and windows of a library at most.
-FIRST_SEALS, MOST_SEALS, MOST_WINDOWS = 50, 12800, 8192
+#: Seals that are drawn at first and at most. Windows of a library at first, of a face that has as few without overlap
+#: and of others, and at most.
+FIRST_SEALS, MOST_SEALS = 20, 20480
+FIRST_WINDOWS, MOST_WINDOWS = (16, 32), 8192
 #: Factor of the number of seals, and of library windows, that halves their error.
 HALVING = 4
 
@@ -52,7 +57,7 @@ class Settings:
 def fixed(case: Case) -> dict[str, str]:
     """Settings that the case gives, by the key that gives them."""
     found: dict[str, str] = {}
-    if case.method != "auto":
+    if case.method in ("deterministic", "two-scale"):
         found["method"] = "method"
     if case.surface.points is not None:
         found["grid"] = "surface.points"
@@ -89,16 +94,12 @@ def first_settings(case: Case, made: Prepared) -> Settings:
     )
     if sampling is not None and "realisations" not in given:
         settings = replace(settings, realisations=FIRST_SEALS)
-    if "grid" in given:
-        return settings
-    for grid in range(FIRST_GRID, LEAST_GRID - 1, -1):
-        coarse = replace(settings, grid=grid)
-        if not has_windows(made, replace(coarse, grid=grid - 1)):
-            break
-        settings = coarse
-        if expected_cost(settled(case, made, settings))[0] <= time_limit(case):
-            break
-    return settings
+    if sampling is not None and sampling.pressure != "place" and "library_cells" not in given:
+        settings = replace(settings, library_cells=int(np.clip(prod(made.cells or ()), *FIRST_WINDOWS)))
+    coarse = replace(settings, grid=FIRST_GRID)
+    # the coarser grid that tells the error needs windows too
+    fits = has_windows(made, replace(coarse, grid=FIRST_GRID - 1))
+    return coarse if fits and "grid" not in given else settings
 
 
 def time_limit(case: Case) -> float:

@@ -116,6 +116,8 @@ def _draw(
     failures = (f"{to_text(seals.seal.size[1], 'm')}, {text}" for seals in others for text in seals.failures)
     return replace(
         first,
+        pressure=sampling.pressure,
+        window=partition.window,
         other_lengths=tuple(others),
         failures=library.failures + first.failures + tuple(failures),
         warnings=odd_in_scene(scene) + first.warnings + supply.warnings,

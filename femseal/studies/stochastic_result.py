@@ -36,7 +36,8 @@ class StochasticResult(Shown):
     leakage_of_face : of the face itself, whose runs they are; None unless the sampler is "runs".
     other_lengths : seals of the other lengths that were asked for, drawn from the same library; the same realisation of
         a longer seal begins with that of a shorter one.
-    sampler : how they were drawn, see `sampling_options.chosen_sampler`.
+    sampler, pressure : how they were drawn, and the source of their windows, see `Sampling`. window : pixels of a
+        window along x1 and x2.
     median_seal : fields of the realisation nearest to the median; None of very large seals, and without leakage.
     failures : reasons of values that are NaN or left out. warnings : reasons to doubt the result.
     solvers : number of systems by solver, of library windows and of drawn seals. equal_steps : number of steps that are
@@ -70,6 +71,8 @@ class StochasticResult(Shown):
     )
     other_lengths: tuple[StochasticResult, ...] = field(default=(), repr=False)
     sampler: str = "history"
+    pressure: str = "place"
+    window: tuple[int, int] = (1, 1)
     median_seal: MedianSeal | None = field(default=None, repr=False)
     failures: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()

@@ -11,10 +11,13 @@ goes on from there.
 from __future__ import annotations
 
 import argparse
+import json
 import os
 import time
+from dataclasses import replace
 from itertools import product
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 from common import kept, machine, rows, save_report
@@ -132,18 +135,263 @@ def tolerance_tables(records):
     return tables
 
 
+# --- the rules ------------------------------------------------------------------------------------------------------
+
+FACE = """
+seed = 3
+[face]
+kind = "self-affine"
+points = [{n}, {n}]
+size = ["{n} um", "{n} um"]
+rms_slope = 0.2
+roll_off = "60 um"
+[material]
+young = "210 GPa"
+{strength}
+[load]
+loading = {loading}
+unload_from = {peaks}
+unloading = {stops}
+{interpolate}
+[fluid]
+kind = "liquid"
+viscosity = "1 mPa*s"
+inlet_pressure = "1 MPa"
+[cells]
+count = [8, 8]
+{cells}
+[stochastic]
+length = "4 mm"
+realisations = 50
+library_cells = 64
+{drawn}
+[output]
+budget = {budget}
+pictures = {files}
+fields = {files}
+paraview = "{paraview}"
+"""
+PLAIN = {"n": 256, "strength": 'hardness = "4 GPa"', "loading": [], "peaks": [], "stops": [], "interpolate": "",
+         "cells": "", "drawn": "", "budget": "false", "files": "false", "paraview": "none"}  # fmt: skip
+CYCLE = {"loading": ["50 MPa", "150 MPa", "300 MPa", "600 MPa"], "peaks": ["600 MPa"],
+         "stops": ["300 MPa", "150 MPa", "50 MPa"]}  # fmt: skip
+MANY = {"loading": [f"{p} MPa" for p in range(50, 850, 50)], "peaks": ["800 MPa"],
+        "stops": [f"{p} MPa" for p in range(700, 0, -90)]}  # fmt: skip
+#: Rule: method, keys of the case without it, keys with it, further keys of both; the switch, and what is compared.
+RULES = {
+    "nothing is drawn, no fields": (
+        "two-scale", {"files": "true", "paraview": "vtu"}, {}, CYCLE,
+        "`pictures`, `report`, `fields`, `paraview` in `[output]`"),
+    "equal load states once, deterministic": (
+        "deterministic", {"stops": ["300.0000001 MPa", "150.0000001 MPa", "50.0000001 MPa"]}, {},
+        CYCLE | {"strength": ""}, "none: the bits are the same"),
+    "equal load states once, two scales by windows": (
+        "two-scale", {"stops": ["300.0000001 MPa", "150.0000001 MPa", "50.0000001 MPa"]}, {},
+        CYCLE | {"strength": "", "cells": 'contact = "windows"\nflow = "links"'}, "none: the bits are the same"),
+    "elastic libraries are not unloaded": (
+        "stochastic", {"strength": 'hardness = "1000 GPa"'}, {"strength": ""},
+        CYCLE | {"drawn": 'pressure = "uniform"'}, "none: elastic windows unload as they were loaded"),
+    "loads interpolated within 1 %": (
+        "deterministic", {}, {"interpolate": 'interpolate = "1 %"'}, MANY | {"n": 512}, "`interpolate` in `[load]`"),
+    "loads interpolated within 5 %": (
+        "deterministic", {}, {"interpolate": 'interpolate = "5 %"'}, MANY | {"n": 512}, "`interpolate` in `[load]`"),
+    "loads interpolated within 5 %, drawn seals": (
+        "stochastic", {}, {"interpolate": 'interpolate = "5 %"'}, MANY, "`interpolate` in `[load]`"),
+}  # fmt: skip
+#: Switches of the rules about drawn seals, by how they are drawn.
+RESAMPLED = {
+    "no resampled seals, drawn by links": {"pressure": "uniform"},
+    "no resampled seals, in blocks": {"sampler": "block"},
+    "no resampled seals, in runs": {"sampler": "runs"},
+}
+#: Tolerances of interpolated loads.
+TOLERANCES = (0.01, 0.03, 0.1)
+#: Pairs of runs, the median of which is told.
+PAIRS = 3
+
+
+def run_of(method, keys, folder):
+    """CPU time of a run, its leakage, and the number of load steps that were solved."""
+    import tomllib
+
+    import femseal as fs
+    from femseal.runs.case import parse_case
+
+    text = FACE.format(**PLAIN | keys).replace("seed = 3", f'seed = 3\nmethod = "{method}"')
+    case = parse_case(tomllib.loads(text))
+    start = time.process_time()
+    results = fs.run(case, folder, workers=1)
+    seconds = time.process_time() - start
+    data = results.dataset
+    equal = sum(json.loads(data.attrs["equal_steps"]).values())
+    solved = int((data["interpolated"] == 0).sum()) if "interpolated" in data else data.sizes["step"] - equal
+    return seconds, results.leakage.values.tolist(), solved, data.sizes["step"]
+
+
+def rule_of(task):
+    """Median CPU times without and with a rule, and the largest error of ln(leakage) that it brings."""
+    method, without, with_it, both, _ = RULES[task["rule"]]
+    times = []
+    with TemporaryDirectory() as folder:
+        for pair in range(PAIRS + 1):  # the first compiles
+            before, after = (
+                run_of(method, both | keys, Path(folder) / f"{pair}{side}")
+                for side, keys in (("a", without), ("b", with_it))
+            )
+            times.append((before[0], after[0]))
+    pairs = zip(before[1], after[1], strict=True)
+    without, with_it = np.median(times[1:], axis=0)
+    return {"without": without, "with": with_it, "error": max(error(q, r) for r, q in pairs), "solved": after[2:]}
+
+
+def resampled_of(task):
+    """The same of studies of drawn seals with and without those from resampled libraries."""
+    from femseal import Liquid, Sampling, Scene, stochastic
+
+    face, hardness = surface_of("self-affine, 0.14", 256)
+    scene = Scene(face, MODULUS, hardness, Liquid(1e-3), 1e6, 0.0, loading=(0.02 * hardness, 0.07 * hardness))
+    sampling = Sampling(length=4e-3, realisations=50, library_cells=64, seed=1, **RESAMPLED[task["rule"]])
+    times, leakages = [], []
+    for _ in range(PAIRS + 1):
+        for resampled in (True, False):
+            start = time.process_time()
+            study = stochastic(scene, (8, 8), replace(sampling, resampled=resampled))
+            times.append(time.process_time() - start)
+            leakages.append(study.leakage)
+    without, with_it = np.median(np.reshape(times[2:], (-1, 2)), axis=0)
+    worst = float(np.abs(leakages[-1] - leakages[-2]).max())
+    return {"without": without, "with": with_it, "error": worst, "solved": [2, 2]}
+
+
+def coarse_windows(task):
+    """Windows that matter little at half the points a side are left there: their share, the gain, and the error."""
+    from femseal import Liquid, Scene, two_scale
+    from femseal.studies.face_contact import solve_windows
+    from femseal.studies.scene import resolved_flow
+
+    face, hardness = surface_of("self-affine, 0.14", 256)
+    loads = tuple(share * hardness for share in task["loads"])
+    scene = Scene(face, MODULUS, hardness, Liquid(1e-3), 1e6, 0.0, loading=loads)
+    half = replace(scene, surface=face.resample((128, 128)))
+    for one in (scene, half):
+        solve_windows(one, (8, 8), "windows")
+    start = time.process_time()
+    fine = solve_windows(scene, (8, 8), "windows").fields
+    middle = time.process_time()
+    coarse = two_scale(half, (8, 8), contact="windows", flow="elements")
+    seconds = middle - start, time.process_time() - middle
+    share = coarse.drop_share.max(axis=0)
+    order = np.sort(share.ravel())
+    little = share <= order[max(np.searchsorted(np.cumsum(order), task["left out"]) - 1, 0)]
+    worst = 0.0
+    for s in range(len(loads)):
+        gap = fine.gap[s].copy()
+        left = np.repeat(np.repeat(coarse.fields.gap[s], 2, axis=0), 2, axis=1)
+        for place in np.argwhere(little):
+            fine.partition.cell(gap, *place)[:] = fine.partition.cell(left, *place)
+        values = (resolved_flow(g, face.spacing).permeability for g in (gap, fine.gap[s]))
+        worst = max(worst, error(*values))
+    return {"share": float(little.mean()), "fine": seconds[0], "coarse": seconds[1], "error": worst}
+
+
+def interpolated_of(task):
+    """Share of 38 loads that are solved, and the largest error at the others, by the tolerance, on one face."""
+    from femseal import Liquid, Scene, deterministic
+    from femseal.runs.chosen_loads import choose
+    from femseal.studies.between_loads import at_all_steps, numbers_of
+
+    face, hardness = surface_of(task["scene"], POINTS[0], task["seed"])
+    full = min(hardness, 0.5 * MODULUS * face.rms_slope)
+    loads = full * np.linspace(0.02, 0.5, 24)
+    scene = Scene(face, MODULUS, hardness, Liquid(1e-3), 1e6, 0.0, loading=tuple(loads), unload_from=(loads[-1],),
+                  unloading=tuple(full * np.linspace(0.01, 0.45, 14)))  # fmt: skip
+    steps, leakage = scene.steps, deterministic(scene).leakage
+    found = []
+    for tolerance in TOLERANCES:
+        part = choose(steps, tolerance, lambda part: leakage[numbers_of(part, steps)])
+        solved = numbers_of(part, steps)
+        every = at_all_steps(leakage[solved], solved, steps, logarithmic=True)
+        found.append((len(part), len(steps), max(error(q, r) for q, r in zip(every, leakage, strict=True))))
+    return found
+
+
+def interpolated_table(records):
+    cells = []
+    for n, tolerance in enumerate(TOLERANCES):
+        solved, steps, errors = np.array([record["found"][n] for record in records]).T
+        shares = solved / steps
+        off = errors / np.log1p(tolerance)
+        cells.append([f"{tolerance:.0%}", f"{shares.min():.0%} / {np.median(shares):.0%} / {shares.max():.0%}",
+                      f"{np.median(off):.2f} / {off.max():.2f}", f"{np.sum(off <= 1.0)} of {off.size}"])  # fmt: skip
+    head = [
+        "tolerance",
+        "loads solved: least / median / most",
+        "error over tolerance: median / largest",
+        "faces within",
+    ]
+    return rows(head, cells)
+
+
+def rules_table(records):
+    cells = []
+    for record in records:
+        found = record["found"]
+        solved, steps = found["solved"]
+        cells.append([
+            record["rule"], RULES[record["rule"]][-1] if record["rule"] in RULES else "`budget` in `[output]`, `width`",
+            f"{found['without']:.2f} s", f"{found['with']:.2f} s", f"{found['without'] / found['with']:.2f}",
+            f"{found['error']:.1e}" if found["error"] else "0", f"{solved} of {steps}",
+        ])  # fmt: skip
+    head = ["rule", "switch", "without", "with it", "gain", "largest error of ln(leakage)", "load steps solved"]
+    return rows(head, cells)
+
+
+def coarse_table(records):
+    cells = []
+    for record in records:
+        found = record["found"]
+        after = found["fine"] * (1 - found["share"]) + found["coarse"]
+        loads = ", ".join(f"{share:g}" for share in record["loads"])
+        cells.append([loads, f"{record['left out']:g}", f"{found['share']:.0%}", f"{found['fine']:.2f} s",
+                      f"{after:.2f} s", f"{found['error']:.1e}"])  # fmt: skip
+    head = ["loads in shares of the hardness", "share of the drop in the windows left coarse", "windows left coarse",
+            "contact of all windows", "with coarse ones, at best", "error of ln(leakage)"]  # fmt: skip
+    return rows(head, cells)
+
+
 def main():
     parser = argparse.ArgumentParser()
     parser.add_argument("--records", type=Path)
     parser.add_argument("--write", action="store_true")
     options = parser.parse_args()
-    measured = []
-    for points, scene in product(POINTS, SCENES):
-        task = {"rule": "tolerances", "scene": scene, "points": points}
-        if scene == "measured" and "FEMSEAL_SURFACES" not in os.environ:
-            continue
-        measured.append(kept(task, task, options.records, lambda task=task: task | {"found": tolerances_of(task)}))
-    text = "\n\n".join([machine({"numpy": "numpy"}), *tolerance_tables(measured)])
+
+    def found(task, solve):
+        return kept(task, task, options.records, lambda: task | {"found": solve(task)})
+
+    rules = [found({"rule": rule}, rule_of) for rule in RULES]
+    rules += [found({"rule": rule}, resampled_of) for rule in RESAMPLED]
+    coarse = [
+        found({"rule": "coarse windows", "loads": list(loads), "left out": left}, coarse_windows)
+        for loads in ((0.02, 0.07), (0.16, 0.2))
+        for left in (0.01, 0.05)
+    ]
+    measured = [
+        found({"rule": "tolerances", "scene": scene, "points": points}, tolerances_of)
+        for points, scene in product(POINTS, SCENES)
+        if scene != "measured" or "FEMSEAL_SURFACES" in os.environ
+    ]
+    chosen = [
+        found({"rule": "interpolated", "scene": scene, "seed": seed}, interpolated_of)
+        for scene, seed in product(SCENES, (1, 2, 3))
+        if scene != "measured" or (seed == 1 and "FEMSEAL_SURFACES" in os.environ)
+    ]
+    parts = [
+        machine({"numpy": "numpy"}), "## Rules", rules_table(rules),
+        "## Tolerances", *tolerance_tables(measured),
+        "## Loads interpolated, 24 on loading and 14 on unloading", interpolated_table(chosen),
+        "## Coarse windows: tried and not kept", coarse_table(coarse),
+    ]  # fmt: skip
+    text = "\n\n".join(parts)
     print(text)
     if options.write:
         save_report(__file__, "Only what is needed", text)

@@ -1,0 +1,80 @@
+"""Parts of the budget for what a method leaves out of a face, by the calibration set."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..studies import Scene, StochasticResult, TwoScaleResult
+from ..studies.scene import Array
+from .changes import load_sensitivity, sealed_upper
+from .coarse import CoarserSolution, on_all_steps
+from .conformal import calibration, decades, model_error
+from .error_parts import ErrorPart
+
+
+def two_scales_parts(study: TwoScaleResult, compared: CoarserSolution | None = None) -> list[ErrorPart]:
+    """Flow through links, and contact solved in windows; none of contact and flow of the whole face.
+
+    Parameters
+    ----------
+    compared : leakage of the whole face on fewer points against that of the study's own method there.
+    """
+    q, parts = study.leakage, []
+    if study.flow == "links" and compared is not None:
+        difference = np.abs(on_all_steps(study.steps, compared, q))
+        distance = model_error("compared links", difference=difference, slope=load_sensitivity(study.steps, q))
+        points = " × ".join(map(str, compared.points))
+        text = f"flow through links against that of the whole face on {points} points"
+        parts.append(_part("two scales", study, q, distance, _told(text, "compared links")))
+    elif study.flow == "links":
+        contact = study.contact_fraction.mean(axis=(1, 2))
+        distance = model_error("links", contact=contact, decades=decades(q))
+        parts.append(
+            _part("two scales", study, q, distance, _told("flow through links against that of the whole face", "links"))
+        )
+    if study.contact == "windows":
+        with np.errstate(divide="ignore"):
+            effect = np.abs(np.log(study.gap_effect))
+        distance = model_error("windows", gap_error=study.gap_error, effect=effect)
+        parts.append(
+            _part("windows", study, q, distance, _told("contact in windows against that of the whole face", "windows"))
+        )
+    return parts
+
+
+def sampler_part(scene: Scene, study: StochasticResult) -> ErrorPart:
+    """Seals drawn from a face, against a face of their length: what library and realisations leave over."""
+    kind = study.pressure if study.pressure != "place" else "runs" if study.sampler == "runs" else "block"
+    q = study.quantile(0.5)
+    if kind == "uniform":
+        form = np.full(q.shape, form_share(scene.surface.heights, study.window))
+        distance = model_error(kind, form=form, decades=decades(q))
+    else:
+        distance = model_error(kind, scatter=scatter_of(study), decades=decades(q))
+    return _part("sampler", study, q, distance, _told(f"seals drawn by '{kind}' against long faces", kind))
+
+
+def form_share(heights: Array, window: tuple[int, int]) -> float:
+    """Standard deviation of the mean heights of windows of so many pixels over that of the heights, 0 of a plane face.
+
+    Windows under one pressure do not know which of them lie high.
+    """
+    m1, m2 = (n // pixels for n, pixels in zip(heights.shape, window, strict=True))
+    whole = heights[: m1 * window[0], : m2 * window[1]]
+    means = whole.reshape(m1, window[0], m2, window[1]).mean(axis=(1, 3))
+    return float(means.std() / (whole.std() or 1.0))
+
+
+def scatter_of(study: StochasticResult) -> Array:
+    """Standard deviation of ln(leakage) of drawn seals (steps,), by library and realisations; 0 where none leaks."""
+    return np.hypot(np.nan_to_num(study.library_error), np.nan_to_num(study.realisation_spread))
+
+
+def _part(name: str, study: TwoScaleResult | StochasticResult, q: Array, distance: Array, note: str) -> ErrorPart:
+    part = ErrorPart.of(name, q, distance, distance, note)
+    ends = sealed_upper(study.steps, np.abs(q), distance)
+    return ErrorPart(name, part.lower, np.where(q == 0, ends, part.upper), note)
+
+
+def _told(what: str, kind: str) -> str:
+    return f"{what}: by split conformal prediction from {calibration()[kind].scenes} scenes"

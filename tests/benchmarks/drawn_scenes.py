@@ -1,0 +1,166 @@
+"""Scenes drawn at random: rough faces of several kinds, their loads, and windows, the same on any grid.
+
+A face is made of waves that its grid resolves with 8 pixels, so that `Drawn.scene(2)` is the same face on twice the points.
+Every number of a scene follows from its kind and its seed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+MODULUS, PIXEL = 115e9, 1e-6
+KINDS = ("self-affine", "turned", "milling arcs", "ground", "bumps", "filtered")
+#: Seeds of the scenes that set the forms of the widths, that calibrate them, that goals are tried on, and that are held out.
+PILOT, CALIBRATION, HELD_OUT = range(1, 1000), range(1000, 2000), range(5000, 6000)
+#: Points a side of the faces, and sides of their windows in pixels.
+SIDES, WINDOWS = (96, 128, 192), (16, 32, 48)
+#: How many times finer the waves of a rough face are than those that its filter leaves.
+FINER = 4
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """A scene of a kind and a seed.
+
+    length : of the face along x2 in breadths. side : points along x1, a multiple of 16; drawn unless given.
+    """
+
+    kind: str
+    seed: int
+    length: int = 1
+    side: int = 0
+
+    @cached_property
+    def numbers(self) -> dict:
+        """What is drawn, in an order that is never changed."""
+        rng = np.random.default_rng([KINDS.index(self.kind), self.seed])
+        points = int(rng.choice(SIDES))
+        window = int(rng.choice([w for w in WINDOWS if points % w == 0 and 1 < points // w < 12]))
+        elastic = rng.random() < 0.3
+        hurst, slope = rng.uniform(0.4, 1.0), np.exp(rng.uniform(np.log(0.05), np.log(0.4)))
+        # shares of E* times the slope at which about half of the faces close
+        hardness, highest = (
+            np.exp(rng.uniform(np.log(0.06), np.log(0.5))),
+            np.exp(rng.uniform(np.log(0.04), np.log(0.2))),
+        )
+        steps = int(rng.integers(3, 6))
+        if self.side:
+            points, window = self.side, 16
+        loads = np.exp(np.sort(rng.uniform(np.log(0.02), 0.0, steps - 1)))
+        return {
+            "points": points, "window": window, "hurst": hurst, "slope": slope,
+            "hardness": np.inf if elastic else hardness,
+            "loading": [*loads, 1.0], "highest": min(highest, 0.4 * hardness) if not elastic else highest,
+            "unloading": np.sort(np.exp(rng.uniform(np.log(0.03), np.log(0.8), 2)))[::-1],
+            "roll_off": rng.uniform(0.15, 0.6), "marks": min(int(rng.integers(5, 11)), points // 9), "fine": rng.uniform(0.05, 0.3),
+            "stretch": int(rng.choice([3, 6])), "across": bool(rng.random() < 0.5), "count": int(rng.integers(20, 80)),
+            "face": int(rng.integers(2**32)),
+        }  # fmt: skip
+
+    @property
+    def points(self) -> tuple[int, int]:
+        """Points of the face along x1 and x2."""
+        n = self.numbers["points"]
+        return n, self.length * n
+
+    @property
+    def cells(self) -> tuple[int, int]:
+        """Windows along x1 and x2."""
+        m = self.numbers["points"] // self.numbers["window"]
+        return m, self.length * m
+
+    @property
+    def waves(self) -> float:
+        """Side of a window in shortest waves."""
+        return self.numbers["window"] / 8
+
+    def surface(self, times: int = 1, *, filtered: bool = True):
+        """The face on `times` as many points a side; without the filter with the waves that it removes."""
+        shape = tuple(times * n for n in self.points)
+        if self.kind == "filtered":
+            fine = self._made(FINER)
+            if not filtered:
+                return fine.resample(shape) if times > FINER else fine
+            return fine.low_pass(8 * PIXEL).resample(shape)
+        return self._made(1).resample(shape)
+
+    def _made(self, finer: int):
+        from femseal import Topography, self_affine, turned
+
+        n = self.numbers
+        (n1, n2), rng = self.points, np.random.default_rng(n["face"])
+        shape, size = (finer * n1, finer * n2), (n1 * PIXEL, n2 * PIXEL)
+        breadth, pixel = size[0], PIXEL / finer
+        # a breadth of a long face, from which seals are drawn, holds several of its longest waves
+        longest = 0.4 if self.length > 1 else 1.0
+        rough = {
+            "hurst": n["hurst"],
+            "roll_off": max(longest * n["roll_off"] * breadth, 12 * PIXEL),
+            "cut_off": 8 * pixel,
+            "rng": rng,
+        }
+        if self.kind in ("self-affine", "filtered"):
+            face = self_affine(shape, size, rms_slope=1.0, **rough)
+        elif self.kind == "turned":
+            pitch = breadth / n["marks"]
+            radius_depth = pitch / 10
+            face = turned(shape, size, pitch=pitch, depth=radius_depth, roughness=n["fine"] * radius_depth, depth_error=0.1,
+                          hurst=n["hurst"], roughness_roll_off=breadth / 6, cut_off=8 * PIXEL, rng=rng)  # fmt: skip
+        elif self.kind == "milling arcs":
+            x1, x2 = ((np.arange(count) + 0.5) * pixel for count in shape)
+            marks = max(5, n["marks"] - 2) / breadth
+            along = x2 + np.sqrt((1.5 * breadth) ** 2 - x1[:, None] ** 2)
+            arcs = Topography(np.cos(2 * np.pi * marks * along), (pixel, pixel), (False, True))
+            fine = self_affine(shape, size, rms_height=2 * n["fine"], **rough)
+            face = Topography(arcs.heights + fine.heights, (pixel, pixel), (False, True))
+        elif self.kind == "ground":
+            # a face squeezed along its lay: its waves are so many times longer there
+            s = n["stretch"]
+            squeezed = (size[0], size[1] / s) if n["across"] else (size[0] / s, size[1])
+            face = self_affine(shape, squeezed, rms_slope=1.0, **rough)
+            face = Topography(face.heights, (pixel, pixel))
+        else:
+            face = _bumps(shape, size, round(n["count"] * self.length / longest), 0.12 * longest**0.5, rng)
+        return _scaled(face, n["slope"])
+
+    def scene(self, times: int = 1, *, filtered: bool = True, **changes):
+        """The scene on `times` as many points a side."""
+        from femseal import Liquid, Scene
+
+        n = self.numbers
+        unit = MODULUS * self._made(1).rms_slope if self.kind != "filtered" else MODULUS * n["slope"] / 2
+        highest = unit * n["highest"]
+        loading = tuple(highest * x for x in n["loading"])
+        return Scene(
+            surface=self.surface(times, filtered=filtered), modulus=MODULUS, hardness=unit * n["hardness"],
+            fluid=Liquid(1e-3), inlet_pressure=1e7, outlet_pressure=0.0, loading=loading, unload_from=loading[-1:],
+            unloading=tuple(highest * x for x in n["unloading"]), **changes,
+        )  # fmt: skip
+
+
+def _bumps(shape, size, count, widest, rng):
+    """Gaussian bumps up to a width in breadths, periodic, without waves shorter than 8 pixels."""
+    from scipy import fft
+
+    from femseal import Topography
+
+    q1 = 2 * np.pi * fft.fftfreq(shape[0], size[0] / shape[0])[:, None]
+    q2 = 2 * np.pi * fft.rfftfreq(shape[1], size[1] / shape[1])[None, :]
+    total = 0.0
+    for _ in range(count):
+        width = size[0] * np.exp(rng.uniform(np.log(0.03), np.log(widest)))
+        place = rng.uniform(0, 1, 2) * size
+        total = total + width**3 * rng.uniform(0.5, 1) * np.exp(
+            -((q1**2 + q2**2) * width**2) / 2 - 1j * (q1 * place[0] + q2 * place[1])
+        )
+    spacing = size[0] / shape[0], size[1] / shape[1]
+    return Topography(fft.irfft2(total, s=shape), spacing).low_pass(8 * PIXEL)
+
+
+def _scaled(face, slope):
+    from femseal import Topography
+
+    return Topography(face.heights * (slope / face.rms_slope), face.spacing, face.periodic)
