@@ -200,6 +200,7 @@ def test_loads_that_are_interpolated_are_within_the_tolerance(case, undrawn, tmp
             with pytest.raises(fs.InputError, match=f"step: given {s}, which is interpolated"):
                 found.plot_seal(s)
     assert [row["interpolated"] for row in found.rows()] == (~solved).tolist()
+    assert f"{np.sum(~solved)} interpolated" in repr(found)
     assert "leakage is interpolated within 1 %" in (out / "report.html").read_text(encoding="utf-8")
 
 
@@ -221,7 +222,7 @@ def test_nothing_is_interpolated_across_closing():
 
 
 @pytest.mark.parametrize("sampler", ["runs", "block"])
-def test_seals_are_resampled_for_the_error_of_the_library_alone(elastic, sampler, tmp_path):
+def test_seals_are_resampled_for_the_error_of_the_library_alone(elastic, sampler, undrawn, tmp_path):
     sampling = fs.Sampling(
         length=2e-4, other_lengths=(3e-4,), realisations=3, library_cells=12, seed=1, sampler=sampler
     )

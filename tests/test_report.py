@@ -288,12 +288,13 @@ def test_accuracy_of_the_same_case_is_shown(quick, tmp_path):
     save(quick, tmp_path)
     factors = {"loading": {"factor": 1.234}, "unloading": {"factor": None}}
     solution = {"method": "two-scale", "points": [48, 96], "cells": [3, 6], "seconds": 2.0,
-                "comparisons": [{"against": "deterministic 48 × 96"} | factors]}  # fmt: skip
+                "comparisons": [{"against": "deterministic 48 × 96"} | factors],
+                "budget": {"factor": 1.3}, "recommended": True}  # fmt: skip
     found = {"case": fs.open_results(tmp_path).case, "solutions": [solution]}
     (tmp_path / "accuracy.json").write_text(json.dumps(found))
     table = next(section(write_report(tmp_path).read_text(encoding="utf-8"), "errors").iter("table"))
     label = "two-scale, 48 × 96 points, 3 × 6 windows"
-    assert body_rows(table) == [[label, "deterministic 48 × 96", "× 1.23", "–", "2 s"]]
+    assert body_rows(table) == [[label, "deterministic 48 × 96", "× 1.23", "–", "× 1.3", "2 s, recommended"]]
     for other in (json.dumps(found | {"case": {"title": "another"}}), "{", "[]"):
         (tmp_path / "accuracy.json").write_text(other)
         assert accuracy_lines(fs.open_results(tmp_path)) == []

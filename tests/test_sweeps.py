@@ -18,6 +18,7 @@ from femseal.plots.drawing import Drawn
 from femseal.results.run_comparison import named
 from femseal.runs.case import read_case
 from femseal.runs.shared_stages import SharedStages, Unnamed, digest
+from femseal.scales import SolveCounts, SolverCounts
 from femseal.sweeps.variations import parsed_keys, short_names, variations
 
 LOADED = TABLES.replace('["100 MPa", ', '["50 MPa", ')
@@ -343,8 +344,11 @@ def test_stages_are_told_apart_by_all_that_goes_into_them():
         (partial(_power, base=2), a, {"k": (1, None)}),
     ]
     assert len({same, *map(digest, others)}) == 1 + len(others)
-    with pytest.raises(Unnamed):
-        digest(lambda x: x)
+    # functions of classes have names, those of objects and of functions have not
+    assert len({*map(digest, (SolverCounts.of, SolverCounts.total, SolveCounts.total))}) == 3
+    for nameless in (lambda x: x, SolverCounts().by_solver):
+        with pytest.raises(Unnamed):
+            digest(nameless)
 
 
 def test_items_are_computed_once_in_their_order(tmp_path):

@@ -156,7 +156,9 @@ class AccuracyReport:
                 {"name": s.name, "nominal_pressure_Pa": s.pressure, "unloaded_from_Pa": s.unloaded_from}
                 for s in plan.prepared.scene.steps
             ],
-            "solutions": [_as_dictionary(solution) for solution in self.solutions],
+            "solutions": [
+                _as_dictionary(solution) | {"recommended": solution is self.recommended} for solution in self.solutions
+            ],
             "skipped": [{"solution": what, "reason": reason} for what, reason in plan.skipped],
             "warnings": self.warnings,
         }

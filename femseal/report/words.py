@@ -330,7 +330,8 @@ def accuracy_lines(results: Results) -> Lines:
                 + (f", {' × '.join(map(str, s['cells']))} windows" if s["cells"] else ""),
                 c["against"],
                 *(_factor(c[branch]["factor"]) for branch in ("loading", "unloading")),
-                f"{s['seconds']:.3g} s",
+                _factor(s["budget"]["factor"] if s.get("budget") else None),
+                f"{s['seconds']:.3g} s" + (", recommended" if s.get("recommended") else ""),
             )
             for s in found["solutions"]
             for c in s["comparisons"]

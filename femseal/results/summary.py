@@ -10,6 +10,7 @@ import numpy as np
 
 from ..base.quantities import to_text
 from . import tables
+from .interpolated import solved_steps
 
 if TYPE_CHECKING:
     from .results import Results
@@ -44,7 +45,8 @@ def facts(results: Results) -> dict[str, str]:
     up = sum(step.unloaded_from is None for step in steps)
     peaks = sorted({step.unloaded_from for step in steps if step.unloaded_from is not None})
     down = f", {len(steps) - up} unloading from {', '.join(to_text(p, 'Pa') for p in peaks)}" if peaks else ""
-    found["load"] = f"{len(steps)} steps: {up} loading{down}"
+    between = len(steps) - solved_steps(data).size
+    found["load"] = f"{len(steps)} steps: {up} loading{down}" + (f"; {between} interpolated" if between else "")
     cells = [f"{data.sizes['cell1']} × {data.sizes['cell2']} windows"] if "window_pressure" in data else []
     if "realisation" in data.sizes:
         cells.append(f"{data.sizes['realisation']} realisations from {data.sizes['library_cell']} library cells")

@@ -19,9 +19,10 @@ if TYPE_CHECKING:
 Pair = tuple[int, int]
 #: Longest time of a run whose case asks for an accuracy and gives no time [s].
 TIME_LIMIT = 3600.0
-#: Doublings of the points of a face by which the first attempt and any attempt are coarser or finer. The shortest wave
+#: Doublings of the points of a face by which the first attempt and the finest are coarser or finer. The shortest wave
 #: has 8 pixels on the points of a face: 4 in the first attempt, and 2 on the coarser grid that tells its error.
-FIRST_GRID, LEAST_GRID, MOST_GRID = -1, -2, 4
+#: Measured: with 2 pixels the budget may be half of the error.
+FIRST_GRID, MOST_GRID = -1, 4
 #: Windows have at least this many pixels a side on the coarser grid that tells the error of an attempt.
 _WINDOW_PIXELS = 8
 #: Least residual of contact.
@@ -95,16 +96,10 @@ def first_settings(case: Case, made: Prepared) -> Settings:
         settings = replace(settings, realisations=FIRST_SEALS)
     if sampling is not None and sampling.pressure != "place" and "library_cells" not in given:
         settings = replace(settings, library_cells=int(np.clip(prod(made.cells or ()), *FIRST_WINDOWS)))
-    if "grid" in given:
-        return settings
-    for grid in range(FIRST_GRID, LEAST_GRID - 1, -1):
-        coarse = replace(settings, grid=grid)
-        if not has_windows(made, replace(coarse, grid=grid - 1)):
-            break
-        settings = coarse
-        if expected_cost(settled(case, made, settings))[0] <= time_limit(case):
-            break
-    return settings
+    coarse = replace(settings, grid=FIRST_GRID)
+    # the coarser grid that tells the error needs windows too
+    fits = has_windows(made, replace(coarse, grid=FIRST_GRID - 1))
+    return coarse if fits and "grid" not in given else settings
 
 
 def time_limit(case: Case) -> float:

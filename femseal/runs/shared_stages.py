@@ -195,9 +195,14 @@ def _feed(state: Any, value: Any) -> None:
         state.update(f"{name}(".encode())
         for f in fields(value):
             _feed(state, getattr(value, f.name))
-    elif (
-        callable(value) and "<" not in getattr(value, "__qualname__", "<") and getattr(value, "__self__", None) is None
-    ):
-        state.update(f"function:{value.__module__}.{value.__qualname__};".encode())
+    elif callable(value) and "<" not in getattr(value, "__qualname__", "<") and _is_named(value):
+        of = getattr(getattr(value, "__self__", None), "__qualname__", "")
+        state.update(f"function:{value.__module__}.{value.__qualname__}{of};".encode())
     else:
         raise Unnamed(name)
+
+
+def _is_named(function: Any) -> bool:
+    """Whether a function is one of a module or of a class, and not of an object."""
+    of = getattr(function, "__self__", None)
+    return of is None or isinstance(of, type)

@@ -192,13 +192,11 @@ RULES = {
         "stochastic", {"strength": 'hardness = "1000 GPa"'}, {"strength": ""},
         CYCLE | {"drawn": 'pressure = "uniform"'}, "none: elastic windows unload as they were loaded"),
     "loads interpolated within 1 %": (
-        "deterministic", {}, {"interpolate": 'interpolate = "1 %"'}, MANY, "`interpolate` in `[load]`"),
+        "deterministic", {}, {"interpolate": 'interpolate = "1 %"'}, MANY | {"n": 512}, "`interpolate` in `[load]`"),
     "loads interpolated within 5 %": (
-        "deterministic", {}, {"interpolate": 'interpolate = "5 %"'}, MANY, "`interpolate` in `[load]`"),
-    "loads interpolated within 1 %, drawn seals": (
-        "stochastic", {}, {"interpolate": 'interpolate = "1 %"'}, MANY, "`interpolate` in `[load]`"),
-    "contact to 1e-3, for an accuracy of 10 %": (
-        "deterministic", {}, {"cells": "[contact]\nrtol = 1e-3"}, CYCLE, "`accuracy`, or `rtol` in `[contact]`"),
+        "deterministic", {}, {"interpolate": 'interpolate = "5 %"'}, MANY | {"n": 512}, "`interpolate` in `[load]`"),
+    "loads interpolated within 5 %, drawn seals": (
+        "stochastic", {}, {"interpolate": 'interpolate = "5 %"'}, MANY, "`interpolate` in `[load]`"),
 }  # fmt: skip
 #: Switches of the rules about drawn seals, by how they are drawn.
 RESAMPLED = {
