@@ -39,6 +39,7 @@ realisations = 4
 library_cells = 8
 [output]
 paraview = "none"
+budget = false
 """
 KEYS = {"material.hardness": ["3 GPa", "6 GPa"], "fluid.viscosity": ["1 mPa*s", "2 mPa*s"]}
 
