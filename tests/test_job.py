@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 import xarray
 from numpy.testing import assert_array_equal
+from small_cases import TABLES
 from test_checkpoint import HANG
 
 import femseal as fs
@@ -22,7 +23,7 @@ from femseal.runs.case import parse_case
 from femseal.runs.executor import ordered_map
 from femseal.runs.forecast import disk
 
-CASE = """
+CASE = f"""
 title = "small"
 method = "stochastic"
 compare = ["deterministic", "two-scale"]
@@ -33,18 +34,7 @@ points = [64, 128]
 size = ["60 um", "120 um"]
 rms_slope = 0.2
 roll_off = "40 um"
-[material]
-young = "210 GPa"
-hardness = "3 GPa"
-[load]
-loading = ["100 MPa", "300 MPa"]
-unload_from = ["300 MPa"]
-unloading = ["100 MPa"]
-[fluid]
-kind = "liquid"
-viscosity = "1 mPa*s"
-inlet_pressure = "1 MPa"
-[cells]
+{TABLES}[cells]
 count = [3, 6]
 flow = "links"
 [stochastic]
