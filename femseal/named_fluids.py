@@ -6,6 +6,7 @@ Gases are ideal, with the viscosity of the mean pressure; liquids have the densi
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 from .base.errors import InputError, shown
@@ -101,13 +102,21 @@ def _coolprop(name: Any, temperature: float) -> Any:
     except ImportError:
         allowed = f"one of {table} at 20 °C; any temperature and more fluids after: pip install 'femseal[fluids]'"
         _refuse(name, temperature, allowed)
-    fluids = CoolProp.get_global_param_string("fluids_list").split(",")
-    aliases = {alias.casefold() for fluid in fluids for alias in (fluid, *CoolProp.get_aliases(fluid))}
+    fluids, aliases = _known_to_coolprop()
     if not isinstance(name, str) or name.casefold() not in aliases:
         if isinstance(name, str) and name.casefold() in {key.casefold() for key in TABLE}:
             _refuse(name, temperature, "20 °C for a fluid that CoolProp does not know; or its viscosity and density")
         raise InputError.of("name", shown(name), f"one of {table}, or a fluid of CoolProp: {', '.join(sorted(fluids))}")
     return CoolProp
+
+
+@cache
+def _known_to_coolprop() -> tuple[list[str], set[str]]:
+    """Fluids of CoolProp, and all their names in lower case."""
+    from CoolProp import CoolProp
+
+    fluids = CoolProp.get_global_param_string("fluids_list").split(",")
+    return fluids, {alias.casefold() for fluid in fluids for alias in (fluid, *CoolProp.get_aliases(fluid))}
 
 
 def _refuse(name: Any, temperature: float, allowed: str) -> Any:

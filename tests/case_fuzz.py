@@ -193,7 +193,17 @@ class CaseFuzz:
         if isinstance(value, list) and value:
             inner = [self._bent(rng, each) if rng.random() < 0.5 else each for each in value]
             return self._pick(
-                rng, (value[:-1], value + value, value[::-1], inner, inner, value[0], [*value, []], value * 3000)
+                rng,
+                (
+                    value[:-1],
+                    value + value,
+                    value[::-1],
+                    inner,
+                    inner,
+                    value[0],
+                    [*value, []],
+                    value * self._pick(rng, (2, 3, 5, 20, 50, 3000)),
+                ),
             )
         return self._pick(rng, JUNK)
 

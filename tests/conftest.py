@@ -132,3 +132,21 @@ def undrawn(monkeypatch):
 
     content = b"\x89PNG\r\n\x1a\n"
     monkeypatch.setattr("femseal.report.pictures.drawn", lambda figure: Drawn(content, (content,) * 3))
+
+
+@pytest.fixture
+def femseal(monkeypatch, capsys):
+    """Call the command line in this process: exit code, output, errors."""
+    from femseal import cli
+
+    def call(*arguments):
+        monkeypatch.setattr("sys.argv", ["femseal", *map(str, arguments)])
+        try:
+            cli.main()
+            code = 0
+        except SystemExit as stop:
+            code = stop.code or 0
+        return (code, *capsys.readouterr())
+
+    yield call
+    cli._debug = False

@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray
+from small_cases import TABLES
 
 import femseal as fs
 from femseal.base.provenance import numerical_versions
@@ -26,7 +27,7 @@ from femseal.runs.checkpoint import Checkpoint
 
 #: A process that has not answered by then never will [s]: no measure of how quick it is.
 HANG = 600
-CASE = """
+CASE = f"""
 method = "stochastic"
 compare = ["deterministic", "two-scale"]
 seed = 2
@@ -36,19 +37,8 @@ points = [32, 32]
 size = ["30 um", "30 um"]
 rms_slope = 0.2
 roll_off = "20 um"
-[material]
-young = "210 GPa"
-hardness = "3 GPa"
-[load]
-loading = ["100 MPa", "300 MPa"]
-unload_from = ["300 MPa"]
-unloading = ["100 MPa"]
-[contact]
+{TABLES}[contact]
 boundary = ["periodic", "periodic"]
-[fluid]
-kind = "liquid"
-viscosity = "1 mPa*s"
-inlet_pressure = "1 MPa"
 [cells]
 count = [2, 2]
 contact = "windows"

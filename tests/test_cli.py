@@ -32,23 +32,6 @@ MEASURED = {
 }
 
 
-@pytest.fixture
-def femseal(monkeypatch, capsys):
-    """Call the command line in this process: exit code, output, errors."""
-
-    def call(*arguments):
-        monkeypatch.setattr(sys, "argv", ["femseal", *map(str, arguments)])
-        try:
-            cli.main()
-            code = 0
-        except SystemExit as stop:
-            code = stop.code or 0
-        return (code, *capsys.readouterr())
-
-    yield call
-    cli._debug = False
-
-
 @pytest.mark.parametrize("command", ["check", "run", "design"])
 def test_a_stop_before_the_work_is_told_and_no_success(femseal, monkeypatch, command):
     def stopped(*_):

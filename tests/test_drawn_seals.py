@@ -8,6 +8,7 @@ import pytest
 import pyvista
 from numpy.testing import assert_allclose
 from skfem import MeshQuad, MeshTri
+from small_cases import STRIP
 from vtkmodules.vtkIOHDF import vtkHDFReader
 
 import femseal as fs
@@ -149,17 +150,10 @@ def test_pressures_are_those_of_the_windows_that_are_drawn(sampler):
 
 # --- the seal nearest to the median -----------------------------------------------------------------------
 
-CASE = {
-    "method": "stochastic",
-    "face": {"kind": "self-affine", "points": [32, 64], "size": ["30 um", "60 um"], "rms_slope": 0.2,
-             "roll_off": "20 um"},
-    "material": {"young": "210 GPa", "hardness": "3 GPa"},
-    "load": {"loading": ["50 MPa", "300 MPa"], "unload_from": ["300 MPa"], "unloading": ["100 MPa"]},
-    "fluid": {"kind": "liquid", "viscosity": "1 mPa*s", "inlet_pressure": "1 MPa"},
-    "cells": {"count": [2, 4]},
+CASE = STRIP | {
     "stochastic": {"length": "240 um", "realisations": 5, "library_cells": 16, "sampler": "block"},
     "output": {"paraview": "both"},
-}  # fmt: skip
+}
 RING = {
     "seal": {"kind": "annular", "inner_radius": "0.15 mm", "outer_radius": "0.3 mm"},
     "stochastic": {"pressure": "uniform", "realisations": 5, "library_cells": 4},

@@ -90,7 +90,7 @@ def test_isotropic_on_pixels_that_are_not_square():
         ({"rms_height": -1e-7}, "rms_height: given -1e-07"),
         ({"cut_off": 1e-6}, "cut_off: given 1e-06, allowed is a wavelength >= 2 pixels"),
         ({"cut_off": 2e-3}, "cut_off: given 0.002, allowed is a wavelength < the larger side = 0.001"),
-        ({"shape": (4, 4)}, "cut_off: given 0.002"),
+        ({"shape": (4, 4)}, "cut_off: given none, which is 8 pixels = 0.002, allowed is a wavelength < the larger"),
         ({"roll_off": 1e-5}, "roll_off: given 1e-05, allowed is a wavelength > cut_off"),
         ({"shape": (0, 4)}, "shape: given"),
         ({"size": (1e-3, -1.0)}, "size: given"),

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
+from small_cases import STRIP
 
 import femseal as fs
 from femseal.results import assemble, open_results, seal_lengths
@@ -15,17 +16,10 @@ from femseal.runs.forecast import describe, forecast
 from femseal.runs.schema import case_schema
 
 LENGTHS = (240e-6, 60e-6, 2e-3)
-CASE = {
-    "method": "stochastic",
-    "face": {"kind": "self-affine", "points": [32, 64], "size": ["30 um", "60 um"], "rms_slope": 0.2,
-             "roll_off": "20 um"},
-    "material": {"young": "210 GPa", "hardness": "3 GPa"},
-    "load": {"loading": ["50 MPa", "300 MPa"], "unload_from": ["300 MPa"], "unloading": ["100 MPa"]},
-    "fluid": {"kind": "liquid", "viscosity": "1 mPa*s", "inlet_pressure": "1 MPa"},
-    "cells": {"count": [2, 4]},
+CASE = STRIP | {
     "stochastic": {"sampler": "block", "length": ["240 um", "60 um", "2 mm"], "realisations": 6, "library_cells": 8},
     "output": {"paraview": "none"},
-}  # fmt: skip
+}
 
 
 @pytest.fixture(scope="module")

@@ -2,7 +2,6 @@
 
 import csv
 import io
-import sys
 from dataclasses import replace
 from functools import partial
 
@@ -10,9 +9,9 @@ import matplotlib.image
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
+from small_cases import TABLES
 
 import femseal as fs
-from femseal import cli
 from femseal.base.stage import Stage
 from femseal.contact import cycle
 from femseal.plots.drawing import Drawn
@@ -22,7 +21,8 @@ from femseal.runs.shared_stages import SharedStages, Unnamed, digest
 from femseal.scales import SolveCounts, SolverCounts
 from femseal.sweeps.variations import parsed_keys, short_names, variations
 
-CASE = """
+LOADED = TABLES.replace('["100 MPa", ', '["50 MPa", ')
+CASE = f"""
 method = "stochastic"
 seed = 2
 [face]
@@ -31,18 +31,7 @@ points = [32, 64]
 size = ["30 um", "60 um"]
 rms_slope = 0.2
 roll_off = "20 um"
-[material]
-young = "210 GPa"
-hardness = "3 GPa"
-[load]
-loading = ["50 MPa", "300 MPa"]
-unload_from = ["300 MPa"]
-unloading = ["100 MPa"]
-[fluid]
-kind = "liquid"
-viscosity = "1 mPa*s"
-inlet_pressure = "1 MPa"
-[cells]
+{LOADED}[cells]
 count = [2, 4]
 [stochastic]
 length = "120 um"
@@ -50,6 +39,7 @@ realisations = 4
 library_cells = 8
 [output]
 paraview = "none"
+budget = false
 """
 KEYS = {"material.hardness": ["3 GPa", "6 GPa"], "fluid.viscosity": ["1 mPa*s", "2 mPa*s"]}
 
@@ -59,22 +49,6 @@ def case(tmp_path):
     path = tmp_path / "small.toml"
     path.write_text(CASE)
     return path
-
-
-@pytest.fixture
-def femseal(monkeypatch, capsys):
-    """Call the command line in this process: exit code, output, errors."""
-
-    def call(*arguments):
-        monkeypatch.setattr(sys, "argv", ["femseal", *map(str, arguments)])
-        try:
-            cli.main()
-            code = 0
-        except SystemExit as stop:
-            code = stop.code or 0
-        return (code, *capsys.readouterr())
-
-    return call
 
 
 @pytest.fixture

@@ -240,7 +240,8 @@ def _cut_off(cut_off: float | None, spacing: tuple[float, float], size: tuple[fl
     if given < shortest * (1 - SLACK):
         raise InputError.of("cut_off", cut_off, f"a wavelength >= 2 pixels = {shortest:g} [m]")
     if given >= max(size) * (1 - SLACK):
-        raise InputError.of("cut_off", f"{given:g}", f"a wavelength < the larger side = {max(size):g} [m]")
+        told = f"{given:g}" if cut_off is not None else f"none, which is {PIXELS_PER_WAVE} pixels = {given:g}"
+        raise InputError.of("cut_off", told, f"a wavelength < the larger side = {max(size):g} [m]")
     return given
 
 

@@ -33,8 +33,8 @@ PACKAGES = {
 SHARES = (0.05, 0.2, 0.35, 0.42)
 #: A solver is not run on sizes where the next smaller one says that it would take longer [s].
 PATIENCE = 60.0
-#: Size of the cell whose error is followed over refinements, and the finest refinement of it.
-BASE, FINEST = 128, 16
+#: Size of the cell whose error is followed over refinements.
+BASE = 128
 ERROR_SHARES = (0.05, 0.2, 0.35)
 
 
@@ -213,7 +213,8 @@ def speed_table(records):
 def references(records):
     """Richardson's limit of the two finest solutions of femseal, whose order is two, for every share."""
     own = {(r["share"], r["refinement"]): r["k"] for r in records if r["solver"] == "femseal"}
-    return {s: own[s, FINEST] + (own[s, FINEST] - own[s, FINEST // 2]) / 3 for s in ERROR_SHARES}
+    finest = max(refinement for _, refinement in own)
+    return {s: own[s, finest] + (own[s, finest] - own[s, finest // 2]) / 3 for s in ERROR_SHARES}
 
 
 def error_table(records, names):
@@ -221,7 +222,7 @@ def error_table(records, names):
     head = ["contact", "pixels per shortest wave", *(f"{name}: error, time [s]" for name in names)]
     cells = []
     for share in ERROR_SHARES:
-        for refinement in (1, 2, 4, 8):
+        for refinement in sorted({r["refinement"] for r in records})[:-1]:
             line = [str(share), str(8 * refinement)]
             for name in names:
                 r = next((r for r in records if r["solver"] == name and r["share"] == share
@@ -244,7 +245,7 @@ def picture(records, names, path):
         for name in names:
             points = [(r["time"], abs(r["k"] / limit[share] - 1)) for r in records
                       if r["solver"] == name and r["share"] == share and "k" in r
-                      and r["refinement"] < FINEST]  # fmt: skip
+                      and r["refinement"] < max(r["refinement"] for r in records)]  # fmt: skip
             if points:
                 ax.loglog(*zip(*points, strict=True), styles[name], label=name)
         ax.set(xlabel="time [s]", title=f"contact {share:g}, {BASE}² pixels and refinements")
@@ -260,6 +261,9 @@ def main():
     parser.add_argument("--repeats", type=int, default=7)
     parser.add_argument("--solvers", nargs="+", default=list(SOLVERS), choices=list(SOLVERS))
     parser.add_argument("--discretisations", nargs="*", default=list(DISCRETISATIONS), choices=list(DISCRETISATIONS))
+    parser.add_argument(
+        "--finest", type=int, default=16, help="finest refinement in the study of the error, a power of 2"
+    )
     parser.add_argument("--write", action="store_true", help="write tables and picture")
     parser.add_argument("--worker", help=argparse.SUPPRESS)
     options = parser.parse_args()
@@ -278,8 +282,9 @@ def main():
             records += [{"solver": name, "n": n} | r for r in new]
             print(f"{name}, {n}² done", file=sys.stderr, flush=True)
     for name in [*options.solvers, *options.discretisations]:
-        steps = [1, 2, 4, 8, FINEST] if name == "femseal" else [1, 2, 4, 8]
-        task = {"solver": name, "n": BASE, "repeats": 3, "refinements": steps}
+        steps = [2**k for k in range(options.finest.bit_length())]
+        steps = steps if name == "femseal" else steps[:-1]
+        task = {"solver": name, "n": BASE, "repeats": min(3, options.repeats), "refinements": steps}
         errors += [{"solver": name} | r for r in call(__file__, ["--worker", json.dumps(task)], 1)]
         print(f"{name}, refinements done", file=sys.stderr, flush=True)
     failures = sorted(
@@ -292,7 +297,7 @@ Times of the peers as multiples of femseal's; "–": would have taken more than 
 
 Failures: {"; ".join(failures) or "none"}.
 
-Error of the permeability against Richardson's limit of refinements 8 and {FINEST} of femseal's scheme, a cell of {BASE}²
+Error of the permeability against Richardson's limit of refinements {options.finest // 2} and {options.finest} of femseal's scheme, a cell of {BASE}²
 pixels with 8 pixels per shortest wave and its refinements:
 
 {error_table(errors, SOLVERS)}
