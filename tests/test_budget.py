@@ -7,7 +7,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 import femseal as fs
-from femseal import CoarserSolution
+from femseal import CoarserSolution, ErrorPart
 from femseal.budget import at_some_steps, coarser_points
 from femseal.budget.coarse import on_all_steps
 from femseal.budget.estimates import median_interval
@@ -298,3 +298,30 @@ def test_windows_keep_eight_pixels_on_coarser_points():
     assert coarser_points((96, 96), (3, 4)) == (48, 48)
     assert coarser_points((90, 96), (3, 4)) == (45, 48)
     assert coarser_points((30, 36), (3, 4)) is None
+
+
+# --- bands of loads beside each other ------------------------------------------------------------------------------
+
+
+def test_bands_end_where_those_of_other_loads_do():
+    """No load leaks more than a lower one, and unloading no more than loading."""
+    q = np.array([8.0, 5.0, 4.0, 1.0, 1.5, 2.0])
+    wide = ErrorPart("a", np.array([7.0, 0.1, 3.0, 0.5, 0.1, 1.9]), np.array([9.0, 20.0, 4.5, 50.0, 30.0, 2.5]), "")
+    budget = fs.ErrorBudget("deterministic", q, (wide,), STEPS)
+    assert_allclose(budget.upper, [9.0, 9.0, 4.5, 4.5, 2.5, 2.5])
+    assert_allclose(budget.lower, [7.0, 3.0, 3.0, 0.5, 0.5, 1.9])
+    assert_allclose(replace(budget, steps=None).upper, wide.upper)
+
+
+def test_a_leakage_that_rises_with_the_load_leaves_the_bands_as_they_are():
+    q = np.array([8.0, 5.0, 6.0, 1.0, 1.5, 2.0])
+    wide = ErrorPart("a", 0.1 * q, 10 * q, "")
+    assert_allclose(fs.ErrorBudget("stochastic", q, (wide,), STEPS).upper, 10 * q)
+
+
+def test_unknown_ends_stay_unknown_beside_known_ones():
+    q = np.array([8.0, 5.0, 4.0, 1.0, 1.5, 2.0])
+    part = ErrorPart("a", np.where(q == 5, np.nan, 0.5 * q), np.where(q == 5, np.nan, 2 * q), "")
+    budget = fs.ErrorBudget("deterministic", q, (part,), STEPS)
+    assert np.isnan([budget.lower[1], budget.upper[1]]).all()
+    assert np.isfinite(np.delete(budget.upper, 1)).all()

@@ -24,7 +24,7 @@ def at_interpolated_steps(budget: ErrorBudget, solved: Indices, steps: LoadProgr
     width = np.full(len(steps), np.log1p(tolerance))
     width[solved] = 0.0
     note = "The tolerance of the interpolation between loads that were solved."
-    return ErrorBudget(budget.method, leakage, (*parts, ErrorPart.of("loads", leakage, width, width, note)))
+    return ErrorBudget(budget.method, leakage, (*parts, ErrorPart.of("loads", leakage, width, width, note)), steps)
 
 
 def _part(part: ErrorPart, own: Array, leakage: Array, solved: Indices, steps: LoadProgramme) -> ErrorPart:

@@ -51,7 +51,7 @@ def error_budget(
         parts += two_scales_parts(study, compared)
     if isinstance(study, StochasticResult):
         parts += [library_part(study), realisations_part(study), sampler_part(scene, study)]
-    return ErrorBudget(method, leakage, tuple(parts))
+    return ErrorBudget(method, leakage, tuple(parts), scene.steps)
 
 
 def method_of(study: DeterministicResult | TwoScaleResult | StochasticResult) -> str:

@@ -3,11 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
+from ..loads import LoadProgramme
 from ..studies.compare import FLOOR
 from ..studies.scene import Array
+
+Indices = NDArray[np.int64]
+#: Ratio by which a leakage may rise under a higher load by the errors of its solution.
+_RISE = 1.001
 
 
 @dataclass(frozen=True)
@@ -43,12 +50,14 @@ class ErrorBudget:
     """The error budget of the leakage of one study of one scene.
 
     method : "deterministic", "two-scale", or "stochastic". leakage : at every step (steps,) [m²/s]. parts : sources of
-    error.
+    error. steps : the load programme, by which no load leaks more than a lower one: the band of a load ends where those
+    of others do, see `within_others`. Without it each load has its own band.
     """
 
     method: str
     leakage: Array
     parts: tuple[ErrorPart, ...]
+    steps: LoadProgramme | None = None
 
     @property
     def lower(self) -> Array:
@@ -56,16 +65,22 @@ class ErrorBudget:
 
         It is that of the root of the sum of squares of the parts' distances of ln(leakage); 0 of a sealed step.
         """
-        low = np.abs(self.leakage) * np.exp(-self._distance("lower"))
-        return np.where(np.isnan(self.leakage), np.nan, np.where(self.leakage == 0, 0.0, low))
+        return self._ends[0]
 
     @property
     def upper(self) -> Array:
         """Upper end of the band (steps,) [m²/s], see `lower`; of a sealed step the largest of the parts' upper ends."""
+        return self._ends[1]
+
+    @cached_property
+    def _ends(self) -> tuple[Array, Array]:
+        q = np.abs(self.leakage)
         highest = np.max([np.abs(part.upper) for part in self.parts], axis=0, initial=0.0)
         with np.errstate(invalid="ignore", over="ignore"):
-            high = np.abs(self.leakage) * np.exp(self._distance("upper"))
-        return np.where(np.isnan(self.leakage), np.nan, np.where(self.leakage == 0, highest, high))
+            low = np.where(q == 0, 0.0, q * np.exp(-self._distance("lower")))
+            high = np.where(q == 0, highest, q * np.exp(self._distance("upper")))
+        low, high = (np.where(np.isnan(q), np.nan, end) for end in (low, high))
+        return (low, high) if self.steps is None else within_others(self.steps, q, low, high)
 
     def half_width(self, step: int | None = None) -> Array | float:
         """Larger distance of ln(leakage) to an end of the band: at every step (steps,), or at one.
@@ -106,6 +121,38 @@ class ErrorBudget:
                 ratio = np.abs(getattr(part, end)) / np.abs(self.leakage)
                 total += np.where(self.leakage == 0, 0.0, np.log(ratio) ** 2)
         return np.sqrt(total)
+
+
+def within_others(steps: LoadProgramme, leakage: Array, lower: Array, upper: Array) -> tuple[Array, Array]:
+    """Ends of bands (steps,) that do not go beyond those of other loads.
+
+    A seal leaks no more under a higher load of the same branch, and no more on unloading than it did on loading under
+    the same load. Bands of leakages that do not fall so, as under maps of the pressure that change with the load, are
+    left as they are. Ends that are unknown stay so, and the leakage itself stays within its band.
+    """
+    rising = np.flatnonzero(steps.on_loading)
+    (high, low), (least, most) = (_from_others(steps, rising, a, b) for a, b in ((upper, lower), (leakage, leakage)))
+    if (leakage > _RISE * least).any() or (_RISE * leakage < most).any():
+        return lower, upper
+    low, high = np.where(np.isnan(lower), np.nan, low), np.where(np.isnan(upper), np.nan, high)
+    with np.errstate(invalid="ignore"):
+        return np.minimum(low, leakage), np.maximum(high, leakage)
+
+
+def _from_others(steps: LoadProgramme, rising: Indices, upper: Array, lower: Array) -> tuple[Array, Array]:
+    """The least upper end of the loads that leak no less, and the largest lower end of those that leak no more."""
+    low, high, pressure = lower.copy(), upper.copy(), steps.pressures
+    high[rising] = np.fmin.accumulate(high[rising])
+    low[rising] = np.fmax.accumulate(low[rising][::-1])[::-1]
+    for peak in steps.unload_from:
+        # from the lowest load to the highest
+        branch = np.flatnonzero([step.unloaded_from == peak for step in steps])[::-1]
+        below = np.searchsorted(pressure[rising], pressure[branch], side="right") - 1
+        before = np.where(below >= 0, high[rising[below]], np.inf)
+        high[branch] = np.fmin.accumulate(np.fmin(high[branch], before))
+        falling = np.append(steps.peak_indices[branch[0]], branch[::-1])
+        low[falling[1:]] = np.fmax.accumulate(low[falling])[1:]
+    return high, low
 
 
 def _width(leakage: Array, lower: Array, upper: Array) -> Array:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..budget import ErrorBudget, ErrorPart
+from ..loads import LoadProgramme
 
 if TYPE_CHECKING:
     import xarray
@@ -42,7 +43,7 @@ def add_budgets(data: xarray.Dataset, budgets: Mapping[str, ErrorBudget]) -> Non
     data.attrs["error_budget"] = json.dumps(notes, ensure_ascii=False)
 
 
-def budgets_in(data: xarray.Dataset) -> dict[str, ErrorBudget]:
+def budgets_in(data: xarray.Dataset, steps: LoadProgramme) -> dict[str, ErrorBudget]:
     """The budgets of a dataset by the name of their method in variables; empty if there are none."""
     notes: dict[str, dict[str, str]] = json.loads(data.attrs.get("error_budget", "{}"))
     leakages = {"stochastic": "leakage_median"}
@@ -54,7 +55,7 @@ def budgets_in(data: xarray.Dataset) -> dict[str, ErrorBudget]:
             for name, note in parts.items()
         )
         leakage = data[leakages.get(method, f"leakage_{method}")].values
-        found[method] = ErrorBudget(method.replace("_", "-"), leakage, made)
+        found[method] = ErrorBudget(method.replace("_", "-"), leakage, made, steps)
     return found
 
 

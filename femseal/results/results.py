@@ -100,7 +100,7 @@ class Results(Plotted):
     @property
     def budgets(self) -> dict[str, ErrorBudget]:
         """Error budgets by method: "deterministic", "two_scale", "stochastic"; empty where none was asked for."""
-        return error_bands.budgets_in(self.dataset)
+        return error_bands.budgets_in(self.dataset, self.steps)
 
     @property
     def budget(self) -> ErrorBudget | None:

@@ -28,6 +28,8 @@ if TYPE_CHECKING:
 INTERPOLATED = "≈"
 #: Length of a heading in the terminal beyond which it is broken between words.
 _HEADING = 10
+#: Ratio of the ends of a narrow band.
+_NARROW = 1.2
 #: Width of the first column in the terminal.
 _BRANCH = 12
 
@@ -88,13 +90,16 @@ def texts(results: Results) -> tuple[str, list[str], list[list[str]]]:
         ("pressure", (to_text(float(p), "Pa") for p in data["nominal_pressure"].values)),
         (best.attrs.get("heading", results.method), _marked(_cells(best, factor), data)),
     ]
+    budget = f"leakage_{BUDGETED[results.method]}_budget"
     if "leakage_lower" in data:
         share = "–".join(f"{100 * data[name].attrs['quantile']:g}" for name in ("leakage_lower", "leakage_upper"))
-        bands = ((f"{share} %", ""), ("with error of library", "_together"))
-        for heading, end in (band for band in bands if f"leakage_lower{band[1]}" in data):
+        bands = [(f"{share} %", "")]
+        # the band of error has that of the library
+        if "leakage_lower_together" in data and f"{budget}_lower" not in data:
+            bands.append(("with error of library", "_together"))
+        for heading, end in bands:
             ends = zip(data[f"leakage_lower{end}"].values, data[f"leakage_upper{end}"].values, strict=True)
             columns.append((heading, [told_range(low, high, factor) for low, high in ends]))
-    budget = f"leakage_{BUDGETED[results.method]}_budget"
     if f"{budget}_lower" in data:
         band = zip(data[f"{budget}_lower"].values, data[f"{budget}_upper"].values, strict=True)
         columns.append(("95 % band of error", [error_band(low, high, factor) for low, high in band]))
@@ -225,11 +230,14 @@ def told_range(low: float, high: float, factor: float) -> str:
 
 
 def error_band(low: float, high: float, factor: float) -> str:
-    """Both ends of a band of error in the unit `factor`, as text."""
+    """Both ends of a band of error in the unit `factor`, as text; in two digits unless it is narrow."""
     if np.isnan(low) or np.isnan(high):
         return "unknown"
     if np.isinf(high):
         return "unknown" if low == 0 else f"{amount(low, factor)} or more"
+    if high > _NARROW * low:
+        low, high = (float(f"{end / factor:.1e}") for end in (low, high))
+        return told_range(low, high, 1.0)
     return told_range(low, high, factor)
 
 
