@@ -99,13 +99,18 @@ def _filter(made: Prepared, settings: Settings, given: dict[str, str]) -> Refine
 
 def _windows(made: Prepared, settings: Settings, given: dict[str, str]) -> Refinement:
     """Whole contact, then flow without links, then larger windows."""
-    if settings.contact == "windows" and "contact" not in given:
-        return Refinement(replace(settings, contact="whole"), "contact of the whole face")
-    if settings.method == "two-scale" and settings.flow != "resolved" and "flow" not in given:
-        better = "elements" if settings.flow == "links" and made.scene.discretisation == "edge" else "resolved"
-        return Refinement(replace(settings, flow=better), f"flow {better}")
+    hinders = []
+    if settings.contact == "windows":
+        if "contact" not in given:
+            return Refinement(replace(settings, contact="whole"), "contact of the whole face")
+        hinders.append(given["contact"])
+    if settings.method == "two-scale" and settings.flow != "resolved":
+        if "flow" not in given:
+            better = "elements" if settings.flow == "links" and made.scene.discretisation == "edge" else "resolved"
+            return Refinement(replace(settings, flow=better), f"flow {better}")
+        hinders.append(given["flow"])
     if "cells" in given:
-        return _is_given(given["cells"])
+        return _is_given(*hinders, given["cells"])
     cells = settings.cells or (1, 1)
     m1, m2 = (m // 2 if m % 2 == 0 else m for m in cells)
     if (m1, m2) == cells:
@@ -143,5 +148,6 @@ def _realisations(made: Prepared, settings: Settings, given: dict[str, str]) -> 
     return Refinement(replace(settings, realisations=more), f"{more} seals")
 
 
-def _is_given(key: str) -> Refinement:
-    return Refinement(None, f"{key} is given in the case")
+def _is_given(*keys: str) -> Refinement:
+    """Keys of the case that hinder a refinement."""
+    return Refinement(None, f"{' and '.join(keys)} {'is' if len(keys) == 1 else 'are'} given in the case")
