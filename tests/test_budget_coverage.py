@@ -32,7 +32,7 @@ def test_bands_hold_the_truth_of_a_dozen_small_scenes():
             state
             for seed in HELD_OUT[:2]
             for kind in KINDS
-            for state in budget_coverage.judged(kind, seed, budget_coverage.whole_face(Drawn(kind, seed, side=64)))
+            for state in budget_coverage.judged(kind, seed, budget_coverage.whole_face(Drawn(kind, seed, side=96)))
         ]
     drawn = [state for state in states if state["picked"]]
     assert len(drawn) == 12

@@ -9,7 +9,7 @@ from .coarse import CoarserSolution
 from .error_parts import ErrorBudget, ErrorPart
 from .estimates import elements_part, library_part, realisations_part, solver_part
 from .model_parts import sampler_part, two_scales_parts
-from .pixels import pixels_part
+from .pixels import USUAL_PIXELS, pixels_part
 from .removed_waves import filter_part
 
 
@@ -21,6 +21,7 @@ def error_budget(
     filtered: CoarserSolution | None = None,
     octaves: float = 0.0,
     compared: CoarserSolution | None = None,
+    wave_pixels: float = USUAL_PIXELS,
 ) -> ErrorBudget:
     """What is known of the error of a leakage: a band for each source, and all of them together.
 
@@ -32,6 +33,7 @@ def error_budget(
         the face before; without any, as of a generated face, the filter has no part.
     compared : of two scales by links, the deterministic solution on fewer points against that by links on these points.
         It tells the error of links better than the scenes of the calibration do.
+    wave_pixels : pixels to the shortest wave of the scene: with more than 8 the least error of the pixels is less.
 
     Returns
     -------
@@ -42,7 +44,7 @@ def error_budget(
     leakage = study.quantile(0.5) if isinstance(study, StochasticResult) else study.leakage
     parts: list[ErrorPart] = [solver_part(scene, leakage)]
     if coarse:
-        parts.append(pixels_part(scene, leakage, coarse))
+        parts.append(pixels_part(scene, leakage, coarse, wave_pixels))
     if filtered is not None and octaves > 0:
         parts.append(filter_part(scene, leakage, filtered, octaves))
     if isinstance(study, TwoScaleResult):

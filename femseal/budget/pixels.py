@@ -21,8 +21,9 @@ from .grid_convergence import LEAST_ORDER, grid_convergence
 #: Order of the leakage in the size of pixels. Measured on 320 faces of 64² to 256² points: 1.9 in the median.
 ORDER = 2.0
 #: Error over the scale of the changes to half the points a side, see `scale_of_changes`. Measured on 154 faces of six
-#: kinds, at the loads that leak more than 1e-3 of the first: 0.28 holds 95 of 100 errors, 0.31 96.5, and 0.43 98.
-PER_CHANGE = 0.33
+#: kinds, at the loads that leak more than 1e-3 of the first: 0.28 holds 95 of 100 errors, 0.31 96.5, and 0.43 98, which
+#: on other faces held 97.
+PER_CHANGE = 0.43
 #: The factor besides where few loads were solved on both grids, by their number; measured as above.
 FEW_LOADS = {0: 3.0, 1: 3.0, 2: 1.45, 3: 1.15}
 #: The factor besides where the changes hardly fall from grid to grid, below the least order, see `grid_convergence`.
@@ -31,15 +32,20 @@ OFF_ORDER = 1.5
 #: The least shift of the load, that of all faces, and the least slope of ln(leakage) over ln(load) that it is counted
 #: with. Measured as above: with a third of the shift and a fifth of the slope as wide bands hold 94.5 in place of 97.
 _LEAST_SHIFT, _LEAST_SLOPE = 0.012, 1.5
+#: Pixels to the shortest wave of the faces on which that was measured.
+USUAL_PIXELS = 8.0
 #: Share of the first leakage below which a step is near closing: there its error below is multiplied by the second,
 #: and it may be sealed from the third of ln(leakage) on. Measured: most errors beyond the band are of steep curves.
 _NEAR_CLOSING, _STEEPER, _MAY_CLOSE = 1e-3, 2.0, 1.5
 
 
-def pixels_part(scene: Scene, leakage: Array, coarse: Sequence[CoarserSolution]) -> ErrorPart:
+def pixels_part(
+    scene: Scene, leakage: Array, coarse: Sequence[CoarserSolution], wave_pixels: float = USUAL_PIXELS
+) -> ErrorPart:
     """Part of the pixels, from one coarser grid or two, the finer of them first.
 
-    A step that is open on one grid and sealed on the other may be either.
+    A step that is open on one grid and sealed on the other may be either. wave_pixels : to the shortest wave; where
+    they are more than usual, the least shift of the load is in proportion to the size of the pixels.
     """
     q, steps = np.abs(np.asarray(leakage, dtype=float)), scene.steps
     points = float(np.prod(scene.surface.shape))
@@ -54,8 +60,9 @@ def pixels_part(scene: Scene, leakage: Array, coarse: Sequence[CoarserSolution])
         for change, before, after in zip(changes, sizes, sizes[1:], strict=False)
     ]
     known = [[steps.index(step) for step in c.steps] for c in coarse]
+    least = _LEAST_SHIFT * min(1.0, USUAL_PIXELS / wave_pixels)
     scales = [
-        np.hypot(scale_of_changes(steps, change, slope, at), _LEAST_SHIFT * slope)
+        np.hypot(scale_of_changes(steps, change, slope, at), least * slope)
         for change, at in zip(scaled, known, strict=True)
     ]
     order, falling = _order(changes, sizes, slope)

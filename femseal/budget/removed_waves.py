@@ -16,7 +16,7 @@ DECAY = 0.4
 #: change goes on in its direction, and against it. Measured on 26 self-affine faces that had lost two octaves, at the
 #: loads that leak more than 1e-3 of the first: 0.66 and 0.33 hold 95 of 100 errors, 0.76 and 0.38 hold 97; it is more
 #: for so few faces. Waves that are put back mostly raise the leakage.
-ALONG, AGAINST = 0.9, 0.45
+ALONG, AGAINST = 1.1, 0.5
 #: Least slope of ln(leakage) over ln(load) that the shift is counted with.
 _LEAST_SLOPE = 1.0
 

@@ -17,7 +17,7 @@ from ..base.text import duration, share_text
 from ..budget import CoarserSolution, ErrorBudget, error_budget, judged
 from ..studies import StochasticResult
 from ..studies.scene import Array
-from .budgeted import THIRD_GRID_PIXELS, against, budgets_of, filtered_input, leakage_of, removed_octaves
+from .budgeted import THIRD_GRID_PIXELS, against, budgets_of, filtered_input, leakage_of, removed_octaves, wave_pixels
 from .forecast import START_MEMORY
 from .refining import refined
 from .settings import Settings, expected_cost, has_windows, settled, time_limit
@@ -129,7 +129,8 @@ class _Attempts:
     def _budget(self, prepared: Prepared, study: Any, told: str) -> ErrorBudget:
         """The budget of the answer; faces on coarser grids that are known already are not solved again."""
         name = prepared.answer.replace("-", "_")
-        if name == "stochastic":
+        # these are compared with more than themselves
+        if name == "stochastic" or (name == "two_scale" and prepared.flow == "links"):
 
             def solve(method: str, other: Prepared, known: Mapping[str, Any]) -> Any:
                 return self.solve(method, other, known, told)
@@ -138,16 +139,19 @@ class _Attempts:
             return budgets_of(alone, {name: study}, solve)[name]
         smooth = filtered_input(prepared, leakage_of(study))
         filtered = None if smooth is None else against(study, smooth, self._answer(smooth, told))
-        octaves = removed_octaves(prepared)
         return error_budget(
-            prepared.scene, study, coarse=self._coarser(prepared, told), filtered=filtered, octaves=octaves
+            prepared.scene,
+            study,
+            coarse=self._coarser(prepared, told),
+            filtered=filtered,
+            octaves=removed_octaves(prepared),
+            wave_pixels=wave_pixels(prepared),
         )
 
     def _coarser(self, prepared: Prepared, told: str) -> list[CoarserSolution]:
         """The same with half the points a side, and with a fourth where that carries the waves and is known already."""
         assert prepared.settings is not None
         found: list[CoarserSolution] = []
-        pixel, wave = max(prepared.scene.surface.spacing), prepared.conditioning.shortest_wavelength
         for halvings in (1, 2):
             settings = replace(prepared.settings, grid=prepared.settings.grid - halvings)
             if settings not in self.leakages:
@@ -155,7 +159,7 @@ class _Attempts:
                     break
                 coarse = self._answer(settled(self.case, self.made, settings), told)
                 self.leakages[settings] = leakage_of(coarse)
-            if halvings == 1 or wave >= THIRD_GRID_PIXELS * pixel * (1 - 1e-9):
+            if halvings == 1 or wave_pixels(prepared) >= THIRD_GRID_PIXELS * (1 - 1e-9):
                 scene = settled(self.case, self.made, settings).scene
                 found.append(CoarserSolution(scene.surface.shape, scene.steps, self.leakages[settings]))
         return found

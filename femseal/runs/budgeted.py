@@ -81,6 +81,7 @@ def budgets_of(
             filtered=filtered,
             octaves=removed_octaves(prepared),
             compared=_links_compared(grids[0], solved[0]) if grids and name == "two_scale" else None,
+            wave_pixels=wave_pixels(prepared),
         )
     return budgets
 
@@ -133,6 +134,11 @@ def filtered_input(prepared: Prepared, leakage: Array | None = None) -> Prepared
         return None
     some = _some_steps(prepared, leakage, FILTER_STRIDE, 0)
     return _reduced(prepared, replace(some, surface=smooth.surface))
+
+
+def wave_pixels(prepared: Prepared) -> float:
+    """Pixels of the scene to its shortest wave."""
+    return prepared.conditioning.shortest_wavelength / max(prepared.scene.surface.spacing)
 
 
 def removed_octaves(prepared: Prepared) -> float:

@@ -3,7 +3,7 @@
     python tests/benchmarks/wanted_accuracy.py --write
 
 Every scene is a generated face of 96² to 160² points, whose shortest wave has 8 pixels, under loads from open to closing, with
-hardness or elastic. The case says `accuracy` and nothing of how, but for the method of some. The truth is the deterministic
+hardness or elastic. The case says `accuracy` and nothing of how, but for the method of some, and at most two minutes. The truth is the deterministic
 solution of the same face on twice the points a side of the face or of the run's last attempt, whichever are more, with contact
 solved to 1e-8: faces are limited in their waves, so that all are the same face. The error is the largest distance of ln(leakage) from the truth at the loads at which the truth leaks more
 than 1e-3 of its first leakage. A scene is met if the run says that it has reached the accuracy and the error is within it.
@@ -73,7 +73,7 @@ def tried(seed: int, accuracy: float) -> dict[str, Any]:
     import femseal as fs
     from femseal.runs.case import parse_case
 
-    case = parse_case(scene(seed) | {"accuracy": accuracy})
+    case = parse_case(scene(seed) | {"accuracy": accuracy, "time_limit": "2 min"})
     start = time.process_time()
     results = fs.run(case, workers=1)
     seconds = time.process_time() - start
