@@ -111,3 +111,10 @@ def test_hundreds_of_fuzzed_cases(fuzz, monkeypatch):
 @pytest.mark.parametrize("first", range(1000, 101_000, 2000))
 def test_a_hundred_thousand_fuzzed_cases(fuzz, first):
     check(fuzz, range(first, first + 2000))
+
+
+def test_a_load_of_next_to_nothing_is_forecast(fuzz):
+    """Coarser grids of a smooth face find no point near contact under 1e-29 Pa."""
+    texts, path = fuzz
+    path.write_bytes(texts.text(34015))
+    assert fault(path) == ("", False)

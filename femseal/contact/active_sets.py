@@ -101,7 +101,7 @@ class ActiveSets:
         """List the points near contact of the initial pressure, with a first guess of the approach."""
         _, load, total = self._product()
         if self._loaded:
-            self.delta = total / self._n_near
+            self.delta = total / max(self._n_near, 1)  # none where coarser grids lose so light a load
         self._margin = 0.5 * load / (max(self._n_near, 1) * self._c0)
         self._reach = self.delta + self._margin
         self._list_near()
