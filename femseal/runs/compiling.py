@@ -94,7 +94,7 @@ def _contact() -> None:
 
 def _windows() -> None:
     gap = _gap(32)
-    flow.cell_permeability(gap, (1.0, 1.0))
+    flow.cell_permeability(gap, (1.0, 1.0), solver="elimination")
     scales.element_flow(gap, scales.Partition(gap.shape, (1.0, 1.0), (2, 2)))
     s = _network()
     hidden = np.zeros((16, 16), np.bool_)
