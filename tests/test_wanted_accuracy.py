@@ -19,6 +19,7 @@ from femseal.runs.case import parse_case
 from femseal.runs.forecast import describe
 from femseal.runs.refining import refined
 
+EXAMPLES = Path(__file__).parents[1] / "examples"
 sys.path.append(str(Path(__file__).parent / "benchmarks"))
 import wanted_accuracy as benchmark
 
@@ -43,6 +44,16 @@ def case(**changes):
 @pytest.fixture(scope="module")
 def reached():
     return fs.run(case(), workers=1)
+
+
+def test_the_example_reaches_what_it_asks_for():
+    results = fs.run(fs.load_case(EXAMPLES / "wanted_accuracy.toml"), workers=1)
+    assert results.attempts["reached"]
+    assert results.attempts["half_width"] <= np.log(1.1)
+    shape = results.scene.surface.shape
+    fine = replace(results.scene, surface=results.scene.surface.resample((2 * shape[0], 2 * shape[1])), rtol=1e-8)
+    error = np.abs(np.log(results.leakage.values / fs.deterministic(fine).leakage))
+    assert error.max() < np.log(1.1)
 
 
 def test_attempts_end_when_the_budget_is_within_the_accuracy(reached):
