@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 from skfem import MeshQuad
+
 import femseal as fs
 from femseal.accuracy import make_plan
 from femseal.base.errors import InputError

@@ -19,9 +19,10 @@ from femseal.runs.case import parse_case
 from femseal.runs.forecast import describe
 from femseal.runs.refining import refined
 
-EXAMPLES = Path(__file__).parents[1] / "examples"
 sys.path.append(str(Path(__file__).parent / "benchmarks"))
 import wanted_accuracy as benchmark
+
+EXAMPLES = Path(__file__).parents[1] / "examples"
 
 SMALL = {
     "accuracy": "3 %",
