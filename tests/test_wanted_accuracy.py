@@ -13,6 +13,7 @@ from numpy.testing import assert_array_equal
 import femseal as fs
 from femseal.budget import ErrorBudget, ErrorPart, counting_steps, judged
 from femseal.loads import LoadProgramme
+from femseal.report.words import check_lines
 from femseal.results import wanted_accuracy
 from femseal.runs.attempts import settled_as
 from femseal.runs.case import parse_case
@@ -103,6 +104,11 @@ def test_a_setting_of_the_case_stays_and_limits():
     assert not told["reached"]
     assert "surface.points is given" in told["why"]
     assert any("accuracy 0.1 % is not reached" in text and "surface.points" in text for text in results.warnings)
+
+
+def test_the_page_tells_the_residual_that_was_chosen(reached):
+    (residual,) = (value for name, value, _ in check_lines(reached) if name == "contact residual")
+    assert residual == f"≤ {reached.attempts['attempts'][-1]['settings']['rtol']:.0e}" != "≤ 1e-05"
 
 
 def test_no_attempt_is_started_that_the_time_does_not_suffice_for():
