@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..contact import HalfSpace, solve_deformed_contact
-from ..flow import cell_permeability
+from ..flow import DarcyFlow, Permeability, cell_permeability
+from ..flow.cell import cell_flow
 from ..flow.coefficient import cubic_law, equivalent_gap
 from ..flow.discretisation import check_discretisation
 from ..flow.gas_drop import GasDrop
@@ -194,24 +195,21 @@ def flow_history(
     """Permeability along `axis` of a window with closed sides at every step, from its gaps (steps, n1, n2) [m]."""
     drop = None if settings is None else settings.drop
     k = np.full((1 if drop is None else drop.pressures.size, len(gaps)), np.nan)
-    counts, failures = SolveCounts(), []
+    counts, failures = [], []
     known: dict[bytes, Array] = {}
-    for s, gap in enumerate(gaps):
-        h = np.asarray(gap, dtype=float)
-        if not np.all(np.isfinite(h)):
-            continue
-        bits = gap.tobytes()
+    for s in np.flatnonzero(np.isfinite(gaps).all(axis=(1, 2))):
+        bits = gaps[s].tobytes()
         if bits in known:
             k[:, s] = known[bits]
-            counts += SolveCounts(equal=1)
+            counts.append(SolveCounts(equal=1))
             continue
-        flow = attempt(window_permeability, h, spacing, axis, settings=settings)
+        flow = attempt(window_permeability, np.asarray(gaps[s], float), spacing, axis, settings=settings)
         if isinstance(flow, Failed):
             failures.append(f"step {s}: {flow.reason}")
             continue
         k[:, s] = known[bits] = flow.k
-        counts += flow.counts
-    return FlowHistory(k[0], counts, tuple(failures), None if drop is None else k)
+        counts.append(flow.counts)
+    return FlowHistory(k[0], SolveCounts.total(counts), tuple(failures), None if drop is None else k)
 
 
 @dataclass(frozen=True, eq=False)
@@ -262,24 +260,21 @@ def window_permeability(
 def _of_gap(
     gap: Array, spacing: tuple[float, float], axis: int, bounds: bool, settings: FlowSettings
 ) -> WindowPermeability:
-    mean = float(gap.mean())
-    if gap.min() > 0 and gap.std() < OPEN_RATIO * mean:
+    if gap.min() > 0 and gap.std() < OPEN_RATIO * (mean := float(gap.mean())):
         means = []
         if bounds:
             k = cubic_law(gap)
             means = [1 / float(np.mean(1 / k)), float(np.mean(k))]
         return WindowPermeability(np.array([cubic_law(mean), *means]), SolveCounts(open=1))
-    result = cell_permeability(
-        gap,
-        spacing,
-        axis=axis,
-        sides="mirror",
-        bounds=bounds,
-        discretisation=settings.discretisation,
-        solver=settings.solver,
-    )
-    k = np.array([result.value, result.lower, result.upper] if bounds else [result.value])
-    solvers = SolverCounts.of(result)
+    how = {"axis": axis, "sides": "mirror", "discretisation": settings.discretisation, "solver": settings.solver}
+    found: Permeability | DarcyFlow
+    if bounds:
+        found = cell_permeability(gap, spacing, bounds=True, **how)
+        k = np.array([found.value, found.lower, found.upper])
+    else:
+        cell = cell_flow(gap, spacing, **how)
+        found, k = cell.flow, np.array([cell.permeability])
+    solvers = SolverCounts.of(found)
     return WindowPermeability(
-        k, SolveCounts(solved=1, solvers=solvers) if result.percolates else SolveCounts(closed=1, solvers=solvers)
+        k, SolveCounts(solved=1, solvers=solvers) if found.percolates else SolveCounts(closed=1, solvers=solvers)
     )

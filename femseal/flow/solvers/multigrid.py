@@ -63,11 +63,10 @@ def solve_multigrid(
     Sources: Strakoš & Tichý, ETNA 13, 2002, 56; Meurant, Papež & Tichý, Numer. Algorithms 88, 2021, 1337.
     """
     s = stencil
-    operator, inlet, outlet = bordered(s.along, s.across, s.falling, s.rising, s.ring2)
     if judged is None:
         judged = np.ones((s.along.shape[0] - 1, s.along.shape[1]), np.bool_)
     field = np.inf if field_rtol is None else field_rtol
-    x, iterations, error, done = _solve(*operator, s.ring2, inlet, outlet, rtol, field, limit, judged)
+    x, iterations, error, done = _solve(s.along, s.across, s.falling, s.rising, s.ring2, rtol, field, limit, judged)
     if not done:
         raise NotConverged(
             f"flow: error {error**2:.1e} of the rate after {iterations} iterations of multigrid, wanted {rtol:.1e}"
@@ -200,8 +199,9 @@ def _slowest(lowest, iteration, nodes):
 
 
 @njit(**COMPILED)
-def _solve(centre, right, below, below_right, below_left, ring, inlet, outlet, rtol, field, limit, judged):
+def _solve(along, across, falling, rising, ring, rtol, field, limit, judged):
     """Conjugate gradients: potential, iterations, error in the norm of the energy, and whether it is what was asked."""
+    (centre, right, below, below_right, below_left), inlet, outlet = bordered(along, across, falling, rising, ring)
     levels = hierarchy(centre, right, below, below_right, below_left, ring)
     centre, right, below, below_right, below_left = levels[-1][:5]
     coarsest = eliminated(centre, right, below, below_right, below_left, ring)
