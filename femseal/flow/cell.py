@@ -182,11 +182,11 @@ def cell_flow(
         flow = mesh_flow(h, (d1, d2), sides, discretisation, rtol=rtol, solver=solver)
     else:
         grid = Grid.of_pixel_centres(h.shape, (d1, d2), sides)
-        solve = {"rtol": rtol, "solver": solver, "field_rtol": field_rtol}
         if discretisation == "edge":
-            flow = edge_flow(h, grid, **solve)
+            flow = edge_flow(h, grid, rtol=rtol, solver=solver, field_rtol=field_rtol)
         else:
-            flow = solve_flow(cell_stencil(h, grid, discretisation), **solve)
+            stencil = cell_stencil(h, grid, discretisation)
+            flow = solve_flow(stencil, rtol=rtol, solver=solver, field_rtol=field_rtol)
     return CellFlow(h, (d1, d2), scale**3 * (h.shape[0] * d1) / (h.shape[1] * d2), flow)
 
 

@@ -67,7 +67,8 @@ def check_discretisation(discretisation: str, solver: str, estimate: bool = Fals
 def cell_stencil(gap: Array, grid: Grid, discretisation: str = "edge") -> Stencil:
     """Operator of the flow through a cell on a grid of nodes at its pixels, from the gap [m] (n1, n2) there."""
     if discretisation == "edge":
-        return Stencil(*edge_couples(gap, grid.ring2, edge_weights(grid)), ring1=grid.ring1, ring2=grid.ring2)
+        along, across = edge_couples(gap, grid.ring2, edge_weights(grid))
+        return Stencil(along, across, ring2=grid.ring2)
     # K11 and K22 have the same value at a point
     k = permeability_at_gauss_points(gap, grid, GAUSS_POINTS)
     return assemble_on_elements(grid, k, gauss((0, 0), (1, 1)), [p for p in range(len(k)) for _ in range(2)])

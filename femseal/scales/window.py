@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from ..contact import HalfSpace, solve_deformed_contact
@@ -260,21 +261,44 @@ def window_permeability(
 def _of_gap(
     gap: Array, spacing: tuple[float, float], axis: int, bounds: bool, settings: FlowSettings
 ) -> WindowPermeability:
-    if gap.min() > 0 and gap.std() < OPEN_RATIO * (mean := float(gap.mean())):
+    mean = _between_plates(gap, OPEN_RATIO)
+    if mean > 0:
         means = []
         if bounds:
             k = cubic_law(gap)
             means = [1 / float(np.mean(1 / k)), float(np.mean(k))]
         return WindowPermeability(np.array([cubic_law(mean), *means]), SolveCounts(open=1))
-    how = {"axis": axis, "sides": "mirror", "discretisation": settings.discretisation, "solver": settings.solver}
-    found: Permeability | DarcyFlow
+    by = settings.discretisation, settings.solver
     if bounds:
-        found = cell_permeability(gap, spacing, bounds=True, **how)
-        k = np.array([found.value, found.lower, found.upper])
-    else:
-        cell = cell_flow(gap, spacing, **how)
-        found, k = cell.flow, np.array([cell.permeability])
-    solvers = SolverCounts.of(found)
+        result = cell_permeability(gap, spacing, axis=axis, bounds=True, discretisation=by[0], solver=by[1])
+        return _counted(np.array([result.value, result.lower, result.upper]), result)
+    cell = cell_flow(gap, spacing, axis=axis, sides="mirror", discretisation=by[0], solver=by[1])
+    return _counted(np.array([cell.permeability]), cell.flow)
+
+
+def _counted(k: Array, flow: Permeability | DarcyFlow) -> WindowPermeability:
+    solvers = SolverCounts.of(flow)
     return WindowPermeability(
-        k, SolveCounts(solved=1, solvers=solvers) if found.percolates else SolveCounts(closed=1, solvers=solvers)
+        k, SolveCounts(solved=1, solvers=solvers) if flow.percolates else SolveCounts(closed=1, solvers=solvers)
     )
+
+
+@njit(cache=True, nogil=True)
+def _between_plates(gap, ratio):
+    """Mean of a gap that is open everywhere and whose standard deviation is below this ratio of it, 0 of any other."""
+    n1, n2 = gap.shape
+    mean = 0.0
+    for i in range(n1):
+        of_row = 0.0
+        for j in range(n2):
+            if not gap[i, j] > 0.0:
+                return 0.0
+            of_row += gap[i, j]
+        mean += of_row / (n1 * n2)
+    square = 0.0
+    for i in range(n1):
+        of_row = 0.0
+        for j in range(n2):
+            of_row += (gap[i, j] - mean) ** 2
+        square += of_row
+    return mean if np.sqrt(square / (n1 * n2)) < ratio * mean else 0.0

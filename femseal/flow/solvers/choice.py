@@ -223,8 +223,8 @@ def _by_multigrid(stencil: Stencil, keep: Flags, rtol: float, limit: int, field_
     apart bounds the error.
     """
     through, anchor = keep, None
-    nodes = int(np.count_nonzero(keep[1:-1]))
-    if not stencil.nine and nodes >= _MANY and nodes < _MAY_HAVE_DEAD_ENDS * keep[1:-1].size:
+    inner = keep[1:-1]
+    if not stencil.nine and inner.size >= _MANY and _MANY <= np.count_nonzero(inner) < _MAY_HAVE_DEAD_ENDS * inner.size:
         stencil, through, anchor = without_dead_ends(stencil, keep)
     seen, hidden = stencil, None
     if not stencil.nine and narrowest(stencil.along, stencil.across) < _SEEN:

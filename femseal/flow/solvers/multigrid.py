@@ -28,6 +28,8 @@ _FEW = 6
 #: Largest correction left at a node, relative to the error allowed in the norm of the energy; that norm hardly has a
 #: share of nodes that only narrow links connect with the others.
 _LARGEST = 100.0
+#: No nodes singled out: all are judged.
+_ALL = np.zeros((0, 0), np.bool_)
 #: Iterations after which the number still needed is extrapolated.
 _FORESEEN = 10
 
@@ -64,7 +66,7 @@ def solve_multigrid(
     """
     s = stencil
     if judged is None:
-        judged = np.ones((s.along.shape[0] - 1, s.along.shape[1]), np.bool_)
+        judged = _ALL
     field = np.inf if field_rtol is None else field_rtol
     x, iterations, error, done = _solve(s.along, s.across, s.falling, s.rising, s.ring2, rtol, field, limit, judged)
     if not done:
@@ -237,7 +239,7 @@ def _solve(along, across, falling, rising, ring, rtol, field, limit, judged):
             if field < np.inf:
                 for i in range(1, n1 + 1):
                     for j in range(1, n2 + 1):
-                        if judged[i - 1, j - 1]:
+                        if judged.size == 0 or judged[i - 1, j - 1]:
                             largest = max(largest, abs(z[i, j]))
             if error**2 <= allowed and largest <= _LARGEST * 0.1 * field:
                 done = True
