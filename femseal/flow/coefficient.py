@@ -135,15 +135,15 @@ _law = njit(**_compiled)(cubic_law)
 @njit(**_compiled)
 def _extent(gap):
     """The lowest gap, the smallest that is open, if any, and the largest."""
+    n1, n2 = gap.shape
     lowest = largest = gap[0, 0]
-    for i in range(gap.shape[0]):
-        for h in gap[i]:
-            lowest = h if h < lowest else lowest
-            largest = h if h > largest else largest
+    for i in range(n1):
+        for j in range(n2):
+            lowest, largest = min(lowest, gap[i, j]), max(largest, gap[i, j])
     smallest = largest
-    for i in range(gap.shape[0]):
-        for h in gap[i]:
-            smallest = h if 0.0 < h < smallest else smallest
+    for i in range(n1):
+        for j in range(n2):
+            smallest = gap[i, j] if 0.0 < gap[i, j] < smallest else smallest
     return lowest, smallest, largest
 
 

@@ -100,9 +100,13 @@ def ready(along, across, falling, rising):
     over a power of two near the widest, and its exponent.
     """
     reached = nodes_reached_of(along, across, falling, rising, 0.0)
-    keep, exponent = reached >= 0, 0
+    least, exponent = 0, 0
     if reached[0, 0] == 3 and along.shape[0] > 1:
-        keep, exponent = reached == 3, frexp(widest(along, across))[1] - 1
+        least, exponent = 3, frexp(widest(along, across))[1] - 1
+    keep = np.empty(reached.shape, np.bool_)
+    for i in range(reached.shape[0]):
+        for j in range(reached.shape[1]):
+            keep[i, j] = reached[i, j] >= least
     # a power of two changes no digit and keeps products from overflowing; two of half the exponent are in range
     half = exponent // 2
     factors = ldexp(1.0, -half), ldexp(1.0, half - exponent)
@@ -309,20 +313,22 @@ def _balanced(
 @njit(cache=True, nogil=True)
 def _flows(along, across, falling, rising, keep, φ, ψ):
     """Potentials of all nodes and their complements, NaN where they are not kept; inlet and outlet flow, and energy."""
-    n2 = along.shape[1]
+    n1, n2 = along.shape
     potential, complement = np.zeros(keep.shape), np.zeros(keep.shape)
-    potential[0], complement[-1] = 1.0, 1.0
-    potential[1:-1], complement[1:-1] = φ, ψ
+    for i in range(1, n1):
+        for j in range(n2):
+            potential[i, j], complement[i, j] = φ[i - 1, j], ψ[i - 1, j]
     inlet = outlet = 0.0
     for j in range(n2):
+        potential[0, j] = complement[n1, j] = 1.0
         inlet += along[0, j] * complement[1, j]
-        outlet += along[-1, j] * potential[-2, j]
+        outlet += along[n1 - 1, j] * potential[n1 - 1, j]
     for j in range(falling.shape[1]):
         k = (j + 1) % n2
         inlet += falling[0, j] * complement[1, k] + rising[0, j] * complement[1, j]
-        outlet += rising[-1, j] * potential[-2, k] + falling[-1, j] * potential[-2, j]
+        outlet += rising[n1 - 1, j] * potential[n1 - 1, k] + falling[n1 - 1, j] * potential[n1 - 1, j]
     energy = energy_of(along, across, falling, rising, potential, False)
-    for i in range(keep.shape[0]):
+    for i in range(n1 + 1):
         for j in range(n2):
             if not keep[i, j]:
                 potential[i, j] = complement[i, j] = np.nan
