@@ -86,6 +86,15 @@ def test_an_unknown_part_makes_the_band_unknown():
     assert np.isfinite(budget.half_width(0))
 
 
+def test_a_widened_part_has_its_distances_times_a_factor():
+    wide = part("a", [0.1, 0.2, 0], [0.3, 0.1, 0], 0.2).widened(Q, np.array([1.0, 3.0, 3.0]))
+    assert_allclose(wide.lower, [4 * np.exp(-0.1), np.exp(-0.6), 0.0])
+    assert_allclose(wide.upper, [4 * np.exp(0.3), np.exp(0.3), 0.2])
+    closed = part("a", [0.1, np.inf, 0], [0.3, np.nan, 0]).widened(Q, np.full(3, 3.0))
+    assert closed.lower[1] == 0
+    assert np.isnan(closed.upper[1])
+
+
 # --- coarser solutions ---------------------------------------------------------------------------------------------
 
 STEPS = LoadProgramme.of([1e7, 1e8, 2e8, 4e8], [4e8], [2e8, 1e8])
@@ -157,6 +166,14 @@ def test_removed_waves_are_carried_on_from_the_shortest_octave(scene):
     # leakage fell with the waves that were taken away, and so rises with those that are missing
     assert (np.log(one.upper / q) > 2 * np.log(q / one.lower)).all()
     assert "filter" not in error_budget_of(scene, q, filtered=filtered, octaves=0.0)
+
+
+def test_loads_that_leak_very_little_have_wider_bands(scene):
+    q = np.array([1.0, 0.5, 0.2, 0.9e-3, 0.8e-3, 1e-2, 0.1])
+    half = CoarserSolution((32, 32), scene.steps, 1.1 * q)
+    plain = pixels_part(scene, q, [half])
+    widths = error_budget_of(scene, q, coarse=[half])["pixels"]
+    assert_allclose(widths, np.log(plain.upper / q) * np.where(q < 1e-3, 3.0, 1.0))
 
 
 def error_budget_of(scene, q, **solutions):

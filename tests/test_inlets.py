@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 from skfem import MeshQuad
-from test_job import femseal as command
 
 import femseal as fs
 from femseal.accuracy import make_plan
@@ -236,10 +235,10 @@ def test_faults_of_a_case_are_one_line(tables, message):
     assert "\n" not in str(error.value)
 
 
-def test_a_fault_is_exit_code_2(tmp_path):
+def test_a_fault_is_exit_code_2(tmp_path, femseal):
     path = tmp_path / "case.toml"
     text = (ROOT / "examples" / "gasket_seal.toml").read_text(encoding="utf-8")
     path.write_text(text.replace('inlet = "bore"', 'inlet = {bore = "4 MPa"}'), encoding="utf-8")
-    done = command("check", path)
-    assert done.returncode == 2
-    assert "fluid.inlet_pressure: given '4 MPa' beside the pressures of the inlets" in done.stderr
+    code, _, errors = femseal("check", path)
+    assert code == 2
+    assert "fluid.inlet_pressure: given '4 MPa' beside the pressures of the inlets" in errors

@@ -13,6 +13,7 @@ from numpy.testing import assert_array_equal
 import femseal as fs
 from femseal.budget import ErrorBudget, ErrorPart, counting_steps, judged
 from femseal.loads import LoadProgramme
+from femseal.report.words import check_lines
 from femseal.results import wanted_accuracy
 from femseal.runs.attempts import settled_as
 from femseal.runs.case import parse_case
@@ -21,6 +22,8 @@ from femseal.runs.refining import refined
 
 sys.path.append(str(Path(__file__).parent / "benchmarks"))
 import wanted_accuracy as benchmark
+
+EXAMPLES = Path(__file__).parents[1] / "examples"
 
 SMALL = {
     "accuracy": "3 %",
@@ -43,6 +46,16 @@ def case(**changes):
 @pytest.fixture(scope="module")
 def reached():
     return fs.run(case(), workers=1)
+
+
+def test_the_example_reaches_what_it_asks_for():
+    results = fs.run(fs.load_case(EXAMPLES / "wanted_accuracy.toml"), workers=1)
+    assert results.attempts["reached"]
+    assert results.attempts["half_width"] <= np.log(1.1)
+    shape = results.scene.surface.shape
+    fine = replace(results.scene, surface=results.scene.surface.resample((2 * shape[0], 2 * shape[1])), rtol=1e-8)
+    error = np.abs(np.log(results.leakage.values / fs.deterministic(fine).leakage))
+    assert error.max() < np.log(1.1)
 
 
 def test_attempts_end_when_the_budget_is_within_the_accuracy(reached):
@@ -91,6 +104,11 @@ def test_a_setting_of_the_case_stays_and_limits():
     assert not told["reached"]
     assert "surface.points is given" in told["why"]
     assert any("accuracy 0.1 % is not reached" in text and "surface.points" in text for text in results.warnings)
+
+
+def test_the_page_tells_the_residual_that_was_chosen(reached):
+    (residual,) = (value for name, value, _ in check_lines(reached) if name == "contact residual")
+    assert residual == f"≤ {reached.attempts['attempts'][-1]['settings']['rtol']:.0e}" != "≤ 1e-05"
 
 
 def test_no_attempt_is_started_that_the_time_does_not_suffice_for():

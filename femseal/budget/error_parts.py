@@ -44,6 +44,13 @@ class ErrorPart:
             low, high = ends
         return cls(name, np.where(np.isnan(q), np.nan, low), np.where(np.isnan(q), np.nan, high), note)
 
+    def widened(self, leakage: Array, factor: Array) -> ErrorPart:
+        """The part with the distances of ln(leakage) at the open steps times a factor (steps,)."""
+        q = np.asarray(leakage, dtype=float)
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            lower, upper = (np.where(q == 0, end, q * (end / q) ** factor) for end in (self.lower, self.upper))
+        return ErrorPart(self.name, lower, upper, self.note)
+
 
 @dataclass(frozen=True)
 class ErrorBudget:

@@ -12,6 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..studies import Scene
+from ..studies.compare import FLOOR
 from ..studies.scene import Array
 from .changes import load_sensitivity, scale_of_changes, sealed_upper
 from .coarse import CoarserSolution, on_all_steps
@@ -34,9 +35,8 @@ OFF_ORDER = 1.5
 _LEAST_SHIFT, _LEAST_SLOPE = 0.012, 1.5
 #: Pixels to the shortest wave of the faces on which that was measured.
 USUAL_PIXELS = 8.0
-#: Share of the first leakage below which a step is near closing: there its error below is multiplied by the second,
-#: and it may be sealed from the third of ln(leakage) on. Measured: most errors beyond the band are of steep curves.
-_NEAR_CLOSING, _STEEPER, _MAY_CLOSE = 1e-3, 2.0, 1.5
+#: Error of ln(leakage) from which on a step near closing may be sealed.
+_MAY_CLOSE = 1.5
 
 
 def pixels_part(
@@ -69,9 +69,8 @@ def pixels_part(
     loads = sum(1 for s in known[0] if np.isfinite(changes[0][s]) and steps[s].unloaded_from is None)
     factor = PER_CHANGE * FEW_LOADS.get(loads, 1.0) * (1.0 if falling else OFF_ORDER)
     distance = factor * np.sqrt(np.mean(np.square(scales), axis=0))
-    below = np.where(q < _NEAR_CLOSING * q[0], _STEEPER * distance, distance)
-    below[(q < _NEAR_CLOSING * q[0]) & (distance > _MAY_CLOSE)] = np.inf
-    below[np.isneginf(changes[0])] = np.inf
+    may_close = (q < FLOOR * q[0]) & (distance > _MAY_CLOSE)
+    below = np.where(may_close | np.isneginf(changes[0]), np.inf, distance)
     part = ErrorPart.of("pixels", leakage, below, distance, _note(coarse, order, changes))
     upper = np.where(q == 0, sealed_upper(steps, q, distance, changes[0], coarse[0]), part.upper)
     unknown = np.isnan(changes[0])

@@ -259,7 +259,8 @@ def check_lines(results: Results) -> Lines:
     """Residuals and resolution: quantity, value, meaning."""
     data, case = results.dataset, results.case
     lines: Lines = []
-    if (rtol := case.get("contact", {}).get("rtol")) is not None:
+    chosen = results.attempts["attempts"][-1]["settings"] if results.attempts else case.get("contact", {})
+    if (rtol := chosen.get("rtol")) is not None:
         lines.append(("contact residual", f"≤ {rtol:.0e}", "reached by every contact that is not among the failures"))
     if "window_pressure" in data:
         nominal = data["nominal_pressure"].values

@@ -14,7 +14,7 @@ import numpy as np
 MODULUS, PIXEL = 115e9, 1e-6
 KINDS = ("self-affine", "turned", "milling arcs", "ground", "bumps", "filtered")
 #: Seeds of the scenes that set the forms of the widths, that calibrate them, that goals are tried on, and that are held out.
-PILOT, CALIBRATION, HELD_OUT = range(1, 1000), range(1000, 2000), range(6000, 7000)
+PILOT, CALIBRATION, HELD_OUT = range(1, 1000), range(1000, 2000), range(8000, 9000)
 #: Points a side of the faces, and sides of their windows in pixels.
 SIDES, WINDOWS = (96, 128, 192), (16, 32, 48)
 #: How many times finer the waves of a rough face are than those that its filter leaves.
