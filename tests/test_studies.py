@@ -986,7 +986,7 @@ class TestFailures:
 
     def test_flow_of_a_link_across(self, rough, monkeypatch):
         """Of the 24 windows along come 5 steps each, then those across: the third step of the second one."""
-        self.fail(monkeypatch, femseal.scales.window, "cell_permeability", calls={24 * 5 + 5 + 2})
+        self.fail(monkeypatch, femseal.scales.window, "cell_flow", calls={24 * 5 + 5 + 2})
         result = two_scale(rough, (4, 6), flow="links")
         assert result.failures == ("x2-link (0, 1), step 2: did not converge",)
         assert_array_equal(np.argwhere(np.isnan(result.k2)), [[2, 0, 1]])

@@ -49,7 +49,7 @@ def field(
         raise InputError.of(name, f"a {type(value).__name__}", f"an array (n1, n2) of real numbers [{unit}]") from None
     if array.ndim != 2 or array.size == 0 or (shape is not None and array.shape != shape):
         raise InputError.of(name, f"shape {array.shape}", "a shape (n1, n2)" if shape is None else f"shape {shape}")
-    if not np.all(np.isfinite(array)):
+    if not np.isfinite(array).all():
         count = np.count_nonzero(~np.isfinite(array))
         raise InputError.of(name, f"{count} points not finite", f"finite numbers [{unit}]")
     return array

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
@@ -102,7 +102,7 @@ def couples_of(local: Array) -> Array:
     return np.stack([-(local[..., a, b] + local[..., b, a]) / 2 for a, b in _COUPLES], axis=-1)
 
 
-def assemble_on_links(grid: Grid, k1: Array, k2: Array, *, overwrite: bool = False) -> Stencil:
+def assemble_on_links(grid: Grid, k1: Array, k2: Array) -> Stencil:
     """Operator ∫ K∇p·∇q of Q1 with quadrature at the midpoints of edges: a five-point stencil.
 
     Parameters
@@ -110,22 +110,18 @@ def assemble_on_links(grid: Grid, k1: Array, k2: Array, *, overwrite: bool = Fal
     grid : of the nodes.
     k1, k2 : permeability on the edges along x1, (m1, n2), and on those along x2 between different nodes of the rows
         that are no end, for instance (m1 − 1, n2) on a strip [m³].
-    overwrite : work in the memory of k1 and k2.
 
     Notes
     -----
     The elements on both sides of an edge have the same K there, so their parts are summed before they are weighted.
     """
-    w = _edge_weights(grid, forms.darcy_flow, forms.darcy_flow.form)
-    along = _weighted(k1, w.rows1, w.columns1, w.kinds1, k1 if overwrite else np.empty(k1.shape))
-    across = _weighted(k2, w.rows2, w.columns2, w.kinds2, k2 if overwrite else np.empty(k2.shape))
-    if across.shape[1] == 1 and grid.ring2 and not grid.ring1:  # what an only column drives around it is nothing
-        across[:] = 0.0
+    w = edge_weights(grid)
+    along = weighted(k1, w.rows1, w.columns1, w.kinds1, np.empty(k1.shape))
+    across = weighted(k2, w.rows2, w.columns2, w.kinds2, np.empty(k2.shape))
     return Stencil(along, across, ring1=grid.ring1, ring2=grid.ring2)
 
 
-@dataclass(frozen=True)
-class _EdgeWeights:
+class EdgeWeights(NamedTuple):
     """Factors of the couple of every edge for K = 1: that of its row, times that of its column for the row's kind."""
 
     rows1: Array
@@ -136,8 +132,13 @@ class _EdgeWeights:
     kinds2: NDArray[np.int64]
 
 
+def edge_weights(grid: Grid) -> EdgeWeights:
+    """Weights of the edges of a grid by `forms.darcy_flow`, with quadrature at their midpoints."""
+    return _edge_weights(grid, forms.darcy_flow, forms.darcy_flow.form)
+
+
 @lru_cache(maxsize=64)
-def _edge_weights(grid: Grid, form: BilinearForm, _: Callable[..., Any]) -> _EdgeWeights:
+def _edge_weights(grid: Grid, form: BilinearForm, _: Callable[..., Any]) -> EdgeWeights:
     m1, m2 = grid.elements
     d1, d2 = np.diff(grid.lines1), np.diff(grid.lines2)
     quadratures = (EDGES_AT_INLET, EDGES, EDGES_AT_OUTLET) if grid.half_ends else (EDGES,) * 3
@@ -152,7 +153,10 @@ def _edge_weights(grid: Grid, form: BilinearForm, _: Callable[..., Any]) -> _Edg
     inner = rows if grid.ring1 else rows[1:-1]
     # the links of a ring are all there, even that of an only column to itself
     apart = (grid.columns[:-1] != grid.columns[1:]) | grid.ring2
-    return _EdgeWeights(1 / d1, columns, kinds, inner, (1 / d2[apart])[None], np.zeros(inner.size, np.int64))
+    columns2 = (1 / d2[apart])[None]
+    if columns2.size == 1 and grid.ring2 and not grid.ring1:  # what an only column drives around it is nothing
+        columns2[:] = 0.0
+    return EdgeWeights(1 / d1, columns, kinds, inner, columns2, np.zeros(inner.size, np.int64))
 
 
 def assemble_on_elements(grid: Grid, k: Sequence[Array], samples: tuple[Sample, ...], of: Sequence[int]) -> Stencil:
@@ -193,7 +197,7 @@ def _own_couples(local: Array) -> Array:
 
 
 @njit(cache=True, nogil=True)
-def _weighted(k, by_row, by_column, kind, out):
+def weighted(k, by_row, by_column, kind, out):
     """k times the weight of its row and, by the kind of the row, of its column."""
     for i in range(k.shape[0]):
         of_row, of_column = by_row[i], by_column[kind[i]]

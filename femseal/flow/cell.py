@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -20,6 +20,7 @@ from .bounds import pixel_bounds
 from .cell_mesh import mesh_flow
 from .coefficient import equivalent_gap, unit_spacing, validated_cell
 from .discretisation import cell_stencil, check_discretisation, on_grid
+from .edge_flow import edge_flow
 from .grid import Grid
 from .solution import FIELD_RTOL, DarcyFlow
 from .solvers.choice import solve_flow
@@ -96,26 +97,31 @@ def cell_permeability(
     """
     if flow_factor is not None:
         gap = equivalent_gap(validated_cell(gap, spacing, 0, sides)[0], flow_factor)
-    h, (d1, d2) = validated_cell(gap, spacing, axis, sides)
-    validate.tolerance("rtol", rtol)
     check_discretisation(discretisation, solver, estimate)
-    d1, d2 = unit_spacing((d1, d2))
-    scale = float(h.max()) or 1.0
-    h = h / scale
-    flow = _flow(h, (d1, d2), sides, discretisation, rtol, solver, field_rtol)
-    n1, n2 = h.shape
-    shape_factor = scale**3 * (n1 * d1) / (n2 * d2)
+    cell = cell_flow(
+        gap,
+        spacing,
+        axis=axis,
+        sides=sides,
+        rtol=rtol,
+        discretisation=discretisation,
+        solver=solver,
+        field_rtol=field_rtol,
+    )
+    h, unit, flow, pressure = cell.gap, cell.spacing, cell.flow, cell.flow.potential
+    if on_grid(discretisation):
+        # nodes in contact have a pressure where a Q1 element reaches into contact
+        pressure = np.where(h > 0, pressure[1:-1], np.nan)
     lower, upper = np.nan, np.nan
     if bounds:
         lower, upper = (
-            shape_factor * b for b in pixel_bounds(h, (d1, d2), sides, solver if on_grid(discretisation) else "auto")
+            cell.factor * b for b in pixel_bounds(h, unit, sides, solver if on_grid(discretisation) else "auto")
         )
-    pressure = flow.potential
     estimated = np.nan
     if estimate:
-        estimated = _resampling_error(h, (d1, d2), sides, discretisation, flow.conductance, rtol, solver)
+        estimated = _resampling_error(h, unit, sides, discretisation, flow.conductance, rtol, solver)
     return Permeability(
-        value=shape_factor * flow.conductance,
+        value=cell.permeability,
         lower=lower,
         upper=upper,
         resampling_error=estimated,
@@ -127,6 +133,61 @@ def cell_permeability(
         solver=flow.solver,
         fluid_pressure=pressure.T if axis == 1 else pressure,
     )
+
+
+@dataclass(frozen=True, eq=False)
+class CellFlow:
+    """Flow along the first axis of a cell for a unit drop.
+
+    gap (n1, n2) : over the largest one, its first axis along the flow. spacing : over a power of two near the larger.
+    factor : permeability [m³] over the conductance of `flow`.
+    """
+
+    gap: Array
+    spacing: tuple[float, float]
+    factor: float
+    flow: DarcyFlow
+
+    @property
+    def permeability(self) -> float:
+        """Permeability [m³] of the cell."""
+        return self.factor * self.flow.conductance
+
+
+def cell_flow(
+    gap: ArrayLike,
+    spacing: tuple[float, float],
+    *,
+    axis: int,
+    sides: str,
+    discretisation: str,
+    solver: str,
+    rtol: float = 1e-6,
+    field_rtol: float | None = None,
+) -> CellFlow:
+    """The flow of `cell_permeability` without what that makes of it, for many small cells.
+
+    On a grid the potential is that of all nodes, those of both ends among them; on a mesh that at the pixels.
+
+    Raises
+    ------
+    InputError, NotConverged : as `cell_permeability`, but for an unknown discretisation.
+    """
+    h, spacing = validated_cell(gap, spacing, axis, sides)
+    validate.tolerance("rtol", rtol)
+    d1, d2 = unit_spacing(spacing)
+    scale = float(h.max()) or 1.0
+    h /= scale
+    if not on_grid(discretisation):
+        flow = mesh_flow(h, (d1, d2), sides, discretisation, rtol=rtol, solver=solver)
+    else:
+        grid = Grid.of_pixel_centres(h.shape, (d1, d2), sides)
+        if discretisation == "edge":
+            flow = edge_flow(h, grid, rtol=rtol, solver=solver, field_rtol=field_rtol)
+        else:
+            stencil = cell_stencil(h, grid, discretisation)
+            flow = solve_flow(stencil, rtol=rtol, solver=solver, field_rtol=field_rtol)
+    return CellFlow(h, (d1, d2), scale**3 * (h.shape[0] * d1) / (h.shape[1] * d2), flow)
 
 
 def cell_permeabilities(
@@ -201,25 +262,6 @@ def pixel_dissipation(gap: Array, spacing: tuple[float, float]) -> Array:
     along, across = stencil.dissipation(solve_flow(stencil, field_rtol=FIELD_RTOL).potential)
     along[[0, -1]] *= 2  # halved below
     return (along[:-1] + along[1:] + across + np.roll(across, 1, axis=1)) / 2
-
-
-def _flow(
-    h: Array,
-    spacing: tuple[float, float],
-    sides: str,
-    discretisation: str,
-    rtol: float,
-    solver: str,
-    field_rtol: float | None,
-) -> DarcyFlow:
-    """Flow along x1 through a cell, its potential at the pixels (n1, n2)."""
-    if not on_grid(discretisation):
-        return mesh_flow(h, spacing, sides, discretisation, rtol=rtol, solver=solver)
-    stencil = cell_stencil(h, Grid.of_pixel_centres(h.shape, spacing, sides), discretisation)
-    flow = solve_flow(stencil, rtol=rtol, solver=solver, field_rtol=field_rtol)
-    # nodes in contact have a pressure where a Q1 element reaches into contact
-    inside, complement = (np.where(h > 0, values[1:-1], np.nan) for values in (flow.potential, flow.complement))
-    return replace(flow, potential=inside, complement=complement)
 
 
 def _resampling_error(

@@ -69,12 +69,11 @@ def validated_gap(gap: ArrayLike, spacing: tuple[float, float]) -> tuple[Array, 
     Numbers whose cubes or ratios double precision cannot bear are refused too.
     """
     h = validate.field("gap", gap, unit="m")
-    if h.min() < 0:
-        raise InputError.of("gap", f"{h.min():g} m", "numbers >= 0 [m]")
-    largest = float(h.max())
+    lowest, smallest, largest = _extent(h)
+    if lowest < 0:
+        raise InputError.of("gap", f"{lowest:g} m", "numbers >= 0 [m]")
     if largest > 0 and not 1 / _EXTREME <= largest <= _EXTREME:
         raise InputError.of("gap", f"a largest gap of {largest:g} m", f"one from {1 / _EXTREME:g} to {_EXTREME:g} m")
-    smallest = float(h.min(where=h > 0, initial=largest))
     if smallest < largest / _CONTRAST:
         given = f"{smallest:g} m beside {largest:g} m"
         raise InputError.of("gap", given, f"0, or numbers >= {1 / _CONTRAST:g} of the largest")
@@ -111,12 +110,12 @@ def gap_on_links(gap: Array, ring1: bool, ring2: bool) -> tuple[Array, Array]:
     Along an axis that forms a ring n pixels have n links, from each to the next; otherwise the first axis has n + 1
     links, one to each end, beyond which the gap is mirrored, and the second n − 1.
     """
-    return _on_links(gap, ring1, ring2, False)
+    return on_links(gap, ring1, ring2, False)
 
 
 def permeability_on_links(gap: Array, ring1: bool, ring2: bool) -> tuple[Array, Array]:
     """Permeability [m³] of `gap_on_links`."""
-    return _on_links(gap, ring1, ring2, True)
+    return on_links(gap, ring1, ring2, True)
 
 
 def permeability_at_gauss_points(gap: Array, grid: Grid, points: tuple[tuple[float, float], ...]) -> list[Array]:
@@ -131,6 +130,21 @@ def permeability_at_gauss_points(gap: Array, grid: Grid, points: tuple[tuple[flo
 
 
 _law = njit(**_compiled)(cubic_law)
+
+
+@njit(**_compiled)
+def _extent(gap):
+    """The lowest gap, the smallest that is open, if any, and the largest."""
+    n1, n2 = gap.shape
+    lowest = largest = gap[0, 0]
+    for i in range(n1):
+        for j in range(n2):
+            lowest, largest = min(lowest, gap[i, j]), max(largest, gap[i, j])
+    smallest = largest
+    for i in range(n1):
+        for j in range(n2):
+            smallest = gap[i, j] if 0.0 < gap[i, j] < smallest else smallest
+    return lowest, smallest, largest
 
 
 @njit(**_compiled)
@@ -158,7 +172,8 @@ def _inside(i, n, ring):
 
 
 @njit(**_compiled)
-def _on_links(gap, ring1, ring2, as_permeability):
+def on_links(gap, ring1, ring2, as_permeability):
+    """`gap_on_links` or `permeability_on_links`."""
     n1, n2 = gap.shape
     m1 = n1 if ring1 else n1 + 1
     on1 = np.empty((m1, n2))

@@ -42,17 +42,19 @@ def nodes_reached(stencil: Stencil) -> NDArray[np.int8]:
 
     Dead ends of a path from inlet to outlet are joined to both; they are kept, and carry no flow.
     """
-    return _nodes_reached(stencil.along, stencil.across, stencil.falling, stencil.rising, 0.0)
+    return nodes_reached_of(stencil.along, stencil.across, stencil.falling, stencil.rising, 0.0)
 
 
 def nodes_reached_by(stencil: Stencil, least: float) -> NDArray[np.int8]:
     """`nodes_reached` of a network by links of a conductance >= `least` only."""
-    return _nodes_reached(stencil.along, stencil.across, stencil.falling, stencil.rising, least)
+    return nodes_reached_of(stencil.along, stencil.across, stencil.falling, stencil.rising, least)
 
 
 @njit(cache=True, nogil=True)
-def _nodes_reached(along, across, falling, rising, least):
-    """Row by row: a node takes the label of a neighbour that it is joined to, and where two meet they become one.
+def nodes_reached_of(along, across, falling, rising, least):
+    """`nodes_reached_by` of the couples of a stencil.
+
+    Row by row: a node takes the label of a neighbour that it is joined to, and where two meet they become one.
 
     Labels are few against nodes: those of inlet and outlet are 0 and 1.
     """
@@ -129,14 +131,29 @@ def narrowest(along, across):
     return least
 
 
-def restricted(stencil: Stencil, keep: NDArray[np.bool_], factor: float = 1.0, least: float = 0.0) -> Stencil:
-    """Copy times a factor, without the couples of nodes (n1 + 1, n2) that are not kept and those below `least`."""
-    parts = _restricted(stencil.along, stencil.across, stencil.falling, stencil.rising, keep, factor, least)
+@njit(cache=True, nogil=True)
+def widest(along, across):
+    """The largest of these conductances."""
+    most = 0.0
+    for i in range(along.shape[0]):
+        for j in range(along.shape[1]):
+            most = along[i, j] if along[i, j] > most else most
+    for i in range(across.shape[0]):
+        for j in range(across.shape[1]):
+            most = across[i, j] if across[i, j] > most else most
+    return most
+
+
+def restricted(stencil: Stencil, keep: NDArray[np.bool_], least: float = 0.0) -> Stencil:
+    """Copy without the couples of nodes (n1 + 1, n2) that are not kept and those below `least`."""
+    parts = restricted_couples(stencil.along, stencil.across, stencil.falling, stencil.rising, keep, (1.0, 1.0), least)
     return replace(stencil, along=parts[0], across=parts[1], falling=parts[2], rising=parts[3])
 
 
 @njit(cache=True, nogil=True)
-def _restricted(along, across, falling, rising, keep, factor, least):
+def restricted_couples(along, across, falling, rising, keep, factors, least):
+    """`restricted` of the couples of a stencil, times two factors."""
+    first, second = factors
     n1, n2 = along.shape
     m2 = across.shape[1]
     out1, out2 = np.zeros(along.shape), np.zeros(across.shape)
@@ -144,19 +161,19 @@ def _restricted(along, across, falling, rising, keep, factor, least):
     for i in range(n1):
         for j in range(n2):
             if keep[i, j] and keep[i + 1, j] and abs(along[i, j]) >= least:
-                out1[i, j] = factor * along[i, j]
+                out1[i, j] = second * (first * along[i, j])
     for i in range(n1 - 1):
         for j in range(m2):
             if keep[i + 1, j] and keep[i + 1, (j + 1) % n2] and abs(across[i, j]) >= least:
-                out2[i, j] = factor * across[i, j]
+                out2[i, j] = second * (first * across[i, j])
     if falling.size > 0:
         for i in range(n1):
             for j in range(m2):
                 k = (j + 1) % n2
                 if keep[i, j] and keep[i + 1, k] and abs(falling[i, j]) >= least:
-                    out3[i, j] = factor * falling[i, j]
+                    out3[i, j] = second * (first * falling[i, j])
                 if keep[i, k] and keep[i + 1, j] and abs(rising[i, j]) >= least:
-                    out4[i, j] = factor * rising[i, j]
+                    out4[i, j] = second * (first * rising[i, j])
     return out1, out2, out3, out4
 
 

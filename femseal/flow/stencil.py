@@ -102,7 +102,7 @@ class Stencil:
 
     def energy(self, pressure: Array) -> float:
         """Σ c (Δp)² over all couples for a pressure at the nodes: from differences, so that nothing cancels."""
-        return float(_energy(self.along, self.across, self.falling, self.rising, pressure, self.ring1))
+        return float(energy_of(self.along, self.across, self.falling, self.rising, pressure, self.ring1))
 
     def dissipation(self, potential: Array) -> tuple[Array, Array]:
         """Dissipation c (Δφ)² of the couples along both axes of a five-point stencil.
@@ -127,7 +127,8 @@ class Stencil:
 
 
 @njit(cache=True, nogil=True)
-def _energy(along, across, falling, rising, p, ring1):
+def energy_of(along, across, falling, rising, p, ring1):
+    """`Stencil.energy` of a pressure p."""
     n1, n2 = along.shape
     m2 = across.shape[1]
     first = 0 if ring1 else 1

@@ -22,6 +22,7 @@ from ..base.stage import Mapper, Stage
 from ..flow.solvers.choice import solve_flow
 from ..flow.solvers.hierarchy import bordered, hierarchy
 from ..flow.solvers.islands import island_potentials
+from ..scales.window import window_permeability
 
 log = logging.getLogger("femseal")
 
@@ -94,7 +95,7 @@ def _contact() -> None:
 
 def _windows() -> None:
     gap = _gap(32)
-    flow.cell_permeability(gap, (1.0, 1.0), solver="elimination")
+    window_permeability(gap, (1.0, 1.0), 0, settings=scales.FlowSettings(solver="elimination"))
     scales.element_flow(gap, scales.Partition(gap.shape, (1.0, 1.0), (2, 2)))
     s = _network()
     hidden = np.zeros((16, 16), np.bool_)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from typing import Any, Protocol, TypeVar
@@ -62,13 +61,18 @@ class SolverCounts:
         return cls() if flow.solver == "none" else cls(((flow.solver, 1),), flow.imbalance)
 
     def __add__(self, other: SolverCounts) -> SolverCounts:
-        systems = Counter(dict(self.systems)) + Counter(dict(other.systems))
-        return SolverCounts(tuple(sorted(systems.items())), max(self.worst_imbalance, other.worst_imbalance))
+        return self.total((self, other))
 
     @classmethod
     def total(cls, counts: Iterable[SolverCounts]) -> SolverCounts:
         """Add them all up."""
-        return sum(counts, start=cls())
+        systems: dict[str, int] = {}
+        worst = 0.0
+        for one in counts:
+            for solver, number in one.systems:
+                systems[solver] = systems.get(solver, 0) + number
+            worst = max(worst, one.worst_imbalance)
+        return cls(tuple(sorted(systems.items())), worst)
 
     def by_solver(self) -> dict[str, int]:
         """Number of systems, by the name of their solver."""
@@ -96,13 +100,7 @@ class SolveCounts:
     solvers: SolverCounts = field(default_factory=SolverCounts)
 
     def __add__(self, other: SolveCounts) -> SolveCounts:
-        return SolveCounts(
-            self.solved + other.solved,
-            self.closed + other.closed,
-            self.open + other.open,
-            self.equal + other.equal,
-            self.solvers + other.solvers,
-        )
+        return self.total((self, other))
 
     @property
     def flows(self) -> int:
@@ -112,7 +110,11 @@ class SolveCounts:
     @classmethod
     def total(cls, counts: Iterable[SolveCounts]) -> SolveCounts:
         """Add them all up."""
-        return sum(counts, start=cls())
+        counts = list(counts)
+        solved, closed, opened, equal = (
+            sum(getattr(c, kind) for c in counts) for kind in ("solved", "closed", "open", "equal")
+        )
+        return cls(solved, closed, opened, equal, SolverCounts.total(c.solvers for c in counts))
 
     def by_kind(self) -> dict[str, int]:
         """The numbers of solved, closed and open flows, and of equal ones if there are any, by these names."""

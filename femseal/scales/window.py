@@ -6,10 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from ..contact import HalfSpace, solve_deformed_contact
-from ..flow import cell_permeability
+from ..flow import DarcyFlow, Permeability, cell_permeability
+from ..flow.cell import cell_flow
 from ..flow.coefficient import cubic_law, equivalent_gap
 from ..flow.discretisation import check_discretisation
 from ..flow.gas_drop import GasDrop
@@ -194,24 +196,21 @@ def flow_history(
     """Permeability along `axis` of a window with closed sides at every step, from its gaps (steps, n1, n2) [m]."""
     drop = None if settings is None else settings.drop
     k = np.full((1 if drop is None else drop.pressures.size, len(gaps)), np.nan)
-    counts, failures = SolveCounts(), []
+    counts, failures = [], []
     known: dict[bytes, Array] = {}
-    for s, gap in enumerate(gaps):
-        h = np.asarray(gap, dtype=float)
-        if not np.all(np.isfinite(h)):
-            continue
-        bits = gap.tobytes()
+    for s in np.flatnonzero(np.isfinite(gaps).all(axis=(1, 2))):
+        bits = gaps[s].tobytes()
         if bits in known:
             k[:, s] = known[bits]
-            counts += SolveCounts(equal=1)
+            counts.append(SolveCounts(equal=1))
             continue
-        flow = attempt(window_permeability, h, spacing, axis, settings=settings)
+        flow = attempt(window_permeability, np.asarray(gaps[s], float), spacing, axis, settings=settings)
         if isinstance(flow, Failed):
             failures.append(f"step {s}: {flow.reason}")
             continue
         k[:, s] = known[bits] = flow.k
-        counts += flow.counts
-    return FlowHistory(k[0], counts, tuple(failures), None if drop is None else k)
+        counts.append(flow.counts)
+    return FlowHistory(k[0], SolveCounts.total(counts), tuple(failures), None if drop is None else k)
 
 
 @dataclass(frozen=True, eq=False)
@@ -262,24 +261,44 @@ def window_permeability(
 def _of_gap(
     gap: Array, spacing: tuple[float, float], axis: int, bounds: bool, settings: FlowSettings
 ) -> WindowPermeability:
-    mean = float(gap.mean())
-    if gap.min() > 0 and gap.std() < OPEN_RATIO * mean:
+    mean = _between_plates(gap, OPEN_RATIO)
+    if mean > 0:
         means = []
         if bounds:
             k = cubic_law(gap)
             means = [1 / float(np.mean(1 / k)), float(np.mean(k))]
         return WindowPermeability(np.array([cubic_law(mean), *means]), SolveCounts(open=1))
-    result = cell_permeability(
-        gap,
-        spacing,
-        axis=axis,
-        sides="mirror",
-        bounds=bounds,
-        discretisation=settings.discretisation,
-        solver=settings.solver,
-    )
-    k = np.array([result.value, result.lower, result.upper] if bounds else [result.value])
-    solvers = SolverCounts.of(result)
+    by = settings.discretisation, settings.solver
+    if bounds:
+        result = cell_permeability(gap, spacing, axis=axis, bounds=True, discretisation=by[0], solver=by[1])
+        return _counted(np.array([result.value, result.lower, result.upper]), result)
+    cell = cell_flow(gap, spacing, axis=axis, sides="mirror", discretisation=by[0], solver=by[1])
+    return _counted(np.array([cell.permeability]), cell.flow)
+
+
+def _counted(k: Array, flow: Permeability | DarcyFlow) -> WindowPermeability:
+    solvers = SolverCounts.of(flow)
     return WindowPermeability(
-        k, SolveCounts(solved=1, solvers=solvers) if result.percolates else SolveCounts(closed=1, solvers=solvers)
+        k, SolveCounts(solved=1, solvers=solvers) if flow.percolates else SolveCounts(closed=1, solvers=solvers)
     )
+
+
+@njit(cache=True, nogil=True)
+def _between_plates(gap, ratio):
+    """Mean of a gap that is open everywhere and whose standard deviation is below this ratio of it, 0 of any other."""
+    n1, n2 = gap.shape
+    mean = 0.0
+    for i in range(n1):
+        of_row = 0.0
+        for j in range(n2):
+            if not gap[i, j] > 0.0:
+                return 0.0
+            of_row += gap[i, j]
+        mean += of_row / (n1 * n2)
+    square = 0.0
+    for i in range(n1):
+        of_row = 0.0
+        for j in range(n2):
+            of_row += (gap[i, j] - mean) ** 2
+        square += of_row
+    return mean if np.sqrt(square / (n1 * n2)) < ratio * mean else 0.0

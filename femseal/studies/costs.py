@@ -31,7 +31,7 @@ _PAIR_SECONDS, _LEAST_PAIRS = (5e-5, 1.55e-8), 6
 _PAIR_GROWTH = (0.1, 0.5)
 #: Seconds of a flow solution, and for each pixel of 100² where it is open and closed; their growth with the pixels far
 #: from closing and near it.
-_FLOW_SECONDS, _FLOW_PIXEL_SECONDS, _FLOW_GROWTH = 3e-4, (2e-7, 5e-8), (0.12, 0.46)
+_FLOW_SECONDS, _FLOW_PIXEL_SECONDS, _FLOW_GROWTH = 1.5e-4, (2e-7, 5e-8), (0.12, 0.46)
 #: Seconds of flow through elements for each open pixel: of any window, of one of a pixel, and for each pixel of a side.
 _ELEMENT_SECONDS = 1.25e-6, 1.9e-5, 4e-9
 #: Memory of contact and flow far from closing, for each pixel [byte].

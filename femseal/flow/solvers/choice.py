@@ -9,6 +9,7 @@ exactly 0.
 from __future__ import annotations
 
 from dataclasses import replace
+from math import frexp, ldexp, sqrt
 
 import numpy as np
 from numba import njit
@@ -17,9 +18,9 @@ from numpy.typing import NDArray
 from ...base import validate
 from ...base.errors import InputError, NotConverged
 from ..dead_ends import fill_dead_ends, without_dead_ends
-from ..percolation import narrowest, nodes_reached, nodes_reached_by, restricted
+from ..percolation import narrowest, nodes_reached_by, nodes_reached_of, restricted, restricted_couples, widest
 from ..solution import MAX_IMBALANCE, DarcyFlow, potential_rtol
-from ..stencil import Stencil
+from ..stencil import Stencil, energy_of
 from .amg import solve_amg, solve_direct
 from .elimination import eliminate
 from .hierarchy import coarsest_nodes
@@ -87,26 +88,50 @@ def solve_flow(
     validate.tolerance("rtol", rtol)
     if field_rtol is not None:
         validate.tolerance("field_rtol", field_rtol)
-    reached = nodes_reached(stencil)
+    reached, couples, exponent = ready(stencil.along, stencil.across, stencil.falling, stencil.rising)
+    return solve_ready(reached, couples, exponent, stencil.ring2, rtol=rtol, solver=solver, field_rtol=field_rtol)
+
+
+@njit(cache=True, nogil=True)
+def ready(along, across, falling, rising):
+    """The couples of a stencil as `solve_ready` takes them.
+
+    Returns which ends each node reaches, see `percolation.nodes_reached`, the couples between nodes that reach both,
+    over a power of two near the widest, and its exponent.
+    """
+    reached = nodes_reached_of(along, across, falling, rising, 0.0)
+    least, exponent = 0, 0
+    if reached[0, 0] == 3 and along.shape[0] > 1:
+        least, exponent = 3, frexp(widest(along, across))[1] - 1
+    keep = np.empty(reached.shape, np.bool_)
+    for i in range(reached.shape[0]):
+        for j in range(reached.shape[1]):
+            keep[i, j] = reached[i, j] >= least
+    # a power of two changes no digit and keeps products from overflowing; two of half the exponent are in range
+    half = exponent // 2
+    factors = ldexp(1.0, -half), ldexp(1.0, half - exponent)
+    return reached, restricted_couples(along, across, falling, rising, keep, factors, 0.0), exponent
+
+
+def solve_ready(
+    reached: NDArray[np.int8],
+    couples: tuple[Array, Array, Array, Array],
+    exponent: int,
+    ring2: bool,
+    *,
+    rtol: float,
+    solver: str,
+    field_rtol: float | None,
+) -> DarcyFlow:
+    """`solve_flow` of what `ready` returns."""
+    stencil = Stencil(*couples, ring2=ring2)
     percolates = bool(reached[0, 0] == 3)
     if not percolates or len(stencil.along) == 1:
         potential = _AT_REST.take(reached)
         potential[0], potential[-1] = 1.0, 0.0
         total = stencil.energy(np.nan_to_num(potential)) if percolates else 0.0
         return DarcyFlow(total, potential, 1 - potential, percolates)
-    keep = reached == 3
-    # a power of two changes no digit and keeps products from overflowing
-    largest = max(stencil.along.max(), stencil.across.max(initial=0.0))
-    exponent = int(np.floor(np.log2(largest)))
-    if abs(exponent) < 1000:
-        inside = restricted(stencil, keep, float(np.ldexp(1.0, -exponent)))
-    else:
-        inside = restricted(stencil, keep)
-        inside = replace(
-            inside, **{c: np.ldexp(getattr(inside, c), -exponent) for c in ("along", "across", "falling", "rising")}
-        )
-    flow = _solve(inside, keep, rtol, solver, field_rtol)
-    return replace(flow, conductance=float(np.ldexp(flow.conductance, exponent)))
+    return _solve(stencil, reached == 3, rtol, solver, field_rtol).times(exponent)
 
 
 def check_solver(solver: str) -> None:
@@ -142,14 +167,15 @@ def _chosen(stencil: Stencil, keep: Flags) -> tuple[str, int]:
     return ("multigrid" if worth else "elimination"), limit
 
 
-def _worth_of_multigrid(along: Array, unknowns: int, nodes: int) -> tuple[bool, int]:
+@njit(cache=True, nogil=True, error_model="numpy")
+def _worth_of_multigrid(along, unknowns, nodes):
     """Whether multigrid is expected to take less time than elimination, and after how many iterations to give it up.
 
     Elimination leaves out what is closed. The times are within a factor of 1.2 of those of one core at 64² to 256², the
     iterations within 1.3 where neighbouring links are independent; narrow paths of smooth gaps take up to four times
     as many. So chosen the solver took 1.04 times the time of the faster one by the mean of 101 networks, 1.5 at most.
     """
-    contrast, ends, lost = _roughness(along, max(1, len(along) // _SAMPLED))
+    contrast, ends, lost = _roughness(along, max(1, along.shape[0] // _SAMPLED))
     if lost > _MOST_LOST:
         return False, 0
     share = nodes / unknowns
@@ -159,7 +185,7 @@ def _worth_of_multigrid(along: Array, unknowns: int, nodes: int) -> tuple[bool, 
     smooth = 6 + 18 * (1 - share)
     independent = np.exp(0.56 + 0.65 * contrast - 1.75 * ends + (0.12 + 0.69 * ends) * np.log(unknowns))
     expected = 5e-5 + max(smooth, independent + 2) * iteration
-    return bool(expected < 1.2 * elimination), int(_PATIENCE * elimination / iteration)
+    return expected < 1.2 * elimination, int(_PATIENCE * elimination / iteration)
 
 
 @njit(cache=True, nogil=True)
@@ -201,17 +227,19 @@ def _by_multigrid(stencil: Stencil, keep: Flags, rtol: float, limit: int, field_
     apart bounds the error.
     """
     through, anchor = keep, None
-    nodes = int(np.count_nonzero(keep[1:-1]))
-    if not stencil.nine and nodes >= _MANY and nodes < _MAY_HAVE_DEAD_ENDS * keep[1:-1].size:
+    inner = keep[1:-1]
+    if not stencil.nine and inner.size >= _MANY and _MANY <= np.count_nonzero(inner) < _MAY_HAVE_DEAD_ENDS * inner.size:
         stencil, through, anchor = without_dead_ends(stencil, keep)
-    seen, hidden = stencil, np.zeros_like(keep[1:-1])
+    seen, hidden = stencil, None
     if not stencil.nine and narrowest(stencil.along, stencil.across) < _SEEN:
         hidden = (through & (nodes_reached_by(stencil, _SEEN) == 0))[1:-1]
         if hidden.any():
             seen = restricted(stencil, nodes_reached_by(stencil, _LOST) == 3, least=_LOST)
-    φ, iterations, error = solve_multigrid(seen, rtol, limit, ~hidden, field_rtol)
-    allowed = max(MAX_IMBALANCE, 10 * (float(np.sqrt(rtol)) if field_rtol is None else field_rtol))
-    if not hidden.any():
+        else:
+            hidden = None
+    φ, iterations, error = solve_multigrid(seen, rtol, limit, None if hidden is None else ~hidden, field_rtol)
+    allowed = max(MAX_IMBALANCE, 10 * (sqrt(rtol) if field_rtol is None else field_rtol))
+    if hidden is None:
         if anchor is not None:
             fill_dead_ends(φ, anchor, 1.0, 0.0)
         return _balanced(stencil, keep, φ, 1 - φ, None, iterations, error, "multigrid", allowed)
@@ -265,21 +293,13 @@ def _balanced(
     allowed: float = MAX_IMBALANCE,
 ) -> DarcyFlow:
     """The solution with the potentials φ and 1 − φ = ψ of the inner nodes, unless inlet and outlet flow differ."""
-    potential, complement = np.zeros(keep.shape), np.zeros(keep.shape)
-    potential[0] = complement[-1] = 1.0
-    potential[1:-1], complement[1:-1] = φ.reshape(keep[1:-1].shape), ψ.reshape(keep[1:-1].shape)
-    inlet, outlet = float(stencil.along[0] @ complement[1]), float(stencil.along[-1] @ potential[-2])
-    if stencil.nine:
-        m2 = stencil.falling.shape[1]
-        inlet += float(
-            (stencil.falling[0] * np.roll(complement[1], -1)[:m2]).sum() + stencil.rising[0] @ complement[1, :m2]
-        )
-        outlet += float(
-            (stencil.rising[-1] * np.roll(potential[-2], -1)[:m2]).sum() + stencil.falling[-1] @ potential[-2, :m2]
-        )
+    inner = keep[1:-1].shape
+    potential, complement, inlet, outlet, energy = _flows(
+        stencil.along, stencil.across, stencil.falling, stencil.rising, keep, φ.reshape(inner), ψ.reshape(inner)
+    )
     if rate is None:
         # the energy sum keeps its relative accuracy where a difference of flows would not
-        rate = stencil.energy(potential)
+        rate = energy
     imbalance = max(abs(inlet - outlet), abs(inlet - rate)) / rate if rate > 0 else np.inf
     if not imbalance <= allowed:
         raise NotConverged(
@@ -287,5 +307,29 @@ def _balanced(
             "try the solver 'elimination'",
             imbalance,
         )
-    potential[~keep] = complement[~keep] = np.nan
     return DarcyFlow(rate, potential, complement, True, iterations, residual, imbalance, solver)
+
+
+@njit(cache=True, nogil=True)
+def _flows(along, across, falling, rising, keep, φ, ψ):
+    """Potentials of all nodes and their complements, NaN where they are not kept; inlet and outlet flow, and energy."""
+    n1, n2 = along.shape
+    potential, complement = np.zeros(keep.shape), np.zeros(keep.shape)
+    for i in range(1, n1):
+        for j in range(n2):
+            potential[i, j], complement[i, j] = φ[i - 1, j], ψ[i - 1, j]
+    inlet = outlet = 0.0
+    for j in range(n2):
+        potential[0, j] = complement[n1, j] = 1.0
+        inlet += along[0, j] * complement[1, j]
+        outlet += along[n1 - 1, j] * potential[n1 - 1, j]
+    for j in range(falling.shape[1]):
+        k = (j + 1) % n2
+        inlet += falling[0, j] * complement[1, k] + rising[0, j] * complement[1, j]
+        outlet += rising[n1 - 1, j] * potential[n1 - 1, k] + falling[n1 - 1, j] * potential[n1 - 1, j]
+    energy = energy_of(along, across, falling, rising, potential, False)
+    for i in range(n1 + 1):
+        for j in range(n2):
+            if not keep[i, j]:
+                potential[i, j] = complement[i, j] = np.nan
+    return potential, complement, inlet, outlet, energy

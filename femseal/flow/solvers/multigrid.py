@@ -28,6 +28,8 @@ _FEW = 6
 #: Largest correction left at a node, relative to the error allowed in the norm of the energy; that norm hardly has a
 #: share of nodes that only narrow links connect with the others.
 _LARGEST = 100.0
+#: No nodes singled out: all are judged.
+_ALL = np.zeros((0, 0), np.bool_)
 #: Iterations after which the number still needed is extrapolated.
 _FORESEEN = 10
 
@@ -63,11 +65,10 @@ def solve_multigrid(
     Sources: Strakoš & Tichý, ETNA 13, 2002, 56; Meurant, Papež & Tichý, Numer. Algorithms 88, 2021, 1337.
     """
     s = stencil
-    operator, inlet, outlet = bordered(s.along, s.across, s.falling, s.rising, s.ring2)
     if judged is None:
-        judged = np.ones((s.along.shape[0] - 1, s.along.shape[1]), np.bool_)
+        judged = _ALL
     field = np.inf if field_rtol is None else field_rtol
-    x, iterations, error, done = _solve(*operator, s.ring2, inlet, outlet, rtol, field, limit, judged)
+    x, iterations, error, done = _solve(s.along, s.across, s.falling, s.rising, s.ring2, rtol, field, limit, judged)
     if not done:
         raise NotConverged(
             f"flow: error {error**2:.1e} of the rate after {iterations} iterations of multigrid, wanted {rtol:.1e}"
@@ -200,8 +201,9 @@ def _slowest(lowest, iteration, nodes):
 
 
 @njit(**COMPILED)
-def _solve(centre, right, below, below_right, below_left, ring, inlet, outlet, rtol, field, limit, judged):
+def _solve(along, across, falling, rising, ring, rtol, field, limit, judged):
     """Conjugate gradients: potential, iterations, error in the norm of the energy, and whether it is what was asked."""
+    (centre, right, below, below_right, below_left), inlet, outlet = bordered(along, across, falling, rising, ring)
     levels = hierarchy(centre, right, below, below_right, below_left, ring)
     centre, right, below, below_right, below_left = levels[-1][:5]
     coarsest = eliminated(centre, right, below, below_right, below_left, ring)
@@ -237,7 +239,7 @@ def _solve(centre, right, below, below_right, below_left, ring, inlet, outlet, r
             if field < np.inf:
                 for i in range(1, n1 + 1):
                     for j in range(1, n2 + 1):
-                        if judged[i - 1, j - 1]:
+                        if judged.size == 0 or judged[i - 1, j - 1]:
                             largest = max(largest, abs(z[i, j]))
             if error**2 <= allowed and largest <= _LARGEST * 0.1 * field:
                 done = True
