@@ -68,7 +68,7 @@ class ErrorBudget:
 
     @property
     def lower(self) -> Array:
-        """Lower end of the band at every step (steps,) [m²/s]: 0 where it may be sealed, NaN where a part is unknown.
+        """Lower end of the band at every step (steps,) [m²/s], 0 where it may be sealed, NaN where a part is unknown.
 
         It is that of the root of the sum of squares of the parts' distances of ln(leakage); 0 of a sealed step.
         """
