@@ -2,6 +2,7 @@
 
 import errno
 import hashlib
+import json
 import os
 import random
 import re
@@ -272,6 +273,134 @@ def test_a_stopped_run_goes_on_with_the_same_bits_and_leaves_no_checkpoint(case,
     assert not (out / ".checkpoint").exists()
     assert "stopped (KeyboardInterrupt)" in (out / "run.log").read_text()
     assert ("stochastic: drawn seals", 48, 48) in stages
+
+
+#: What a run does besides its studies, as top-level keys and keys of [load]: an accuracy, the budget, interpolation.
+BESIDES = {
+    "accuracy": ('accuracy = "3 %"', ""),
+    "budget": ('method = "deterministic"', ""),
+    "interpolate": ('method = "deterministic"', 'interpolate = "5 %"'),
+}
+
+
+def case_with(besides, path):
+    """A case of a whole face that does the one or the other besides its study, without pictures."""
+    top, load = BESIDES[besides]
+    loads = ", ".join(f'"{n} MPa"' for n in (50, 75, 100, 125, 150, 200, 250, 300))
+    text = CASE.replace('method = "stochastic"\ncompare = ["deterministic", "two-scale"]', top).split("[contact]")[0]
+    text = text.replace('loading = ["100 MPa", "300 MPa"]', f"loading = [{loads}]\n{load}").replace(
+        "[32, 32]", "[64, 64]"
+    )
+    path.write_text(text + '[output]\npictures = false\nreport = false\nparaview = "none"\n')
+    return path
+
+
+#: A run that is killed where the first item of a stage is done, or where the table has been moved to its place.
+KILLED = """
+import os, signal, sys
+from pathlib import Path
+import femseal as fs
+import femseal.runs.checkpoint as checkpoint
+case, out, moment = sys.argv[1:]
+checkpoint.SHARD_ITEMS = 1
+moved = os.replace
+def moving(source, target):
+    moved(source, target)
+    if moment == "files" and Path(target) == Path(out) / "table.csv":
+        os.kill(os.getpid(), signal.SIGKILL)
+def progress(stage, done, total):
+    if stage.startswith(moment + ": ") and done:
+        os.kill(os.getpid(), signal.SIGKILL)
+os.replace = moving
+fs.run(case, out, resume=True, workers=1, progress=progress)
+"""
+
+
+@pytest.mark.parametrize(
+    ("besides", "moments"),
+    [
+        ("accuracy", ["attempt 1, error budget", "attempt 2", "files"]),
+        ("budget", ["error budget", "files"]),
+        ("interpolate", ["loads 2", "error budget", "files"]),
+    ],
+)
+def test_kills_besides_the_studies_leave_the_same_numbers(tmp_path, besides, moments):
+    file, out = case_with(besides, tmp_path / "small.toml"), tmp_path / "out"
+    whole = fs.run(file, workers=1).dataset
+    for moment in moments:
+        done = subprocess.run([sys.executable, "-c", KILLED, file, out, moment], stderr=subprocess.PIPE, text=True)
+        assert done.returncode == -signal.SIGKILL, done.stderr
+        assert not (out / "results.nc").exists()
+    fs.run(file, out, resume=True, workers=1)
+    again = fs.open_results(out).dataset
+    if besides == "accuracy":
+        whole, again = without_times(whole), without_times(again)
+    assert {key: again.attrs.pop(key) for key in ("face_files", "left_out")}
+    for key in ("face_files", "left_out"):
+        whole.attrs.pop(key, None)
+    assert_same(whole, again)
+    assert not (out / ".checkpoint").exists()
+
+
+def without_times(dataset):
+    """The results without the times of the attempts."""
+    told = json.loads(dataset.attrs["accuracy"])
+    for attempt in told["attempts"]:
+        del attempt["seconds"], attempt["with_coarse"]
+    told["half_error"] = told["half_error"].split(", about")[0]
+    return dataset.assign_attrs(accuracy=json.dumps(told))
+
+
+@pytest.mark.parametrize("stage", ["attempt 2", "error budget"])
+def test_a_full_disk_in_an_attempt_or_a_budget_stops_the_run(tmp_path, monkeypatch, stage):
+    """They go on without what fails to be computed, but such a result would be taken for complete later."""
+    file = case_with("accuracy" if stage == "attempt 2" else "budget", tmp_path / "small.toml")
+    monkeypatch.setattr(checkpoint, "SHARD_ITEMS", 1)
+    write = checkpoint._write
+    full = []
+
+    def progress(name, done, total):
+        if name.startswith(stage + ": "):
+            full.append(name)
+
+    def writing(path, content):
+        if full:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        write(path, content)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(checkpoint, "_write", writing)
+        with pytest.raises(fs.FemsealError, match=r"No space left.*make room.*--resume"):
+            fs.run(file, tmp_path / "out", workers=1, progress=progress)
+    assert not (tmp_path / "out/results.nc").exists()
+    found = fs.run(file, tmp_path / "out", resume=True, workers=1)
+    np.testing.assert_array_equal(found.leakage.values, fs.run(file, workers=1).leakage.values)
+
+
+@pytest.mark.parametrize("moved", ["files.txt", "table.csv", "leakage.png"])
+def test_a_kill_while_other_files_are_written_again_leaves_the_results(tmp_path, monkeypatch, moved):
+    """There is no checkpoint of complete results, so that they would be lost."""
+    file, out = case_with("budget", tmp_path / "small.toml"), tmp_path / "out"
+    before = fs.run(file, out, workers=1)
+    file.write_text(file.read_text().replace("pictures = false", "pictures = true"))
+    replace = os.replace
+
+    def killed(source, target):
+        replace(source, target)
+        if Path(target) == out / moved:
+            raise Crash
+
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "replace", killed)
+        with pytest.raises(Crash):
+            fs.run(file, out, resume=True, workers=1)
+    np.testing.assert_array_equal(fs.open_results(out).leakage.values, before.leakage.values)
+    calls = []
+    fs.run(file, out, resume=True, workers=1, progress=lambda *a: calls.append(a))
+    assert not calls
+    assert (out / "leakage.png").exists()
+    listed = {out / name for name in (out / "files.txt").read_text().split()}
+    assert listed == {p for p in out.rglob("*") if p.is_file()} - {out / "files.txt", out / "run.log"}
 
 
 def test_an_unfinished_run_is_not_lost_to_one_without_resume(case, undrawn, tmp_path):

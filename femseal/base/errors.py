@@ -14,6 +14,10 @@ class FemsealError(Exception):
     """Base of every error that femseal raises on purpose."""
 
 
+class NotKept(FemsealError):
+    """Results cannot be written or read: the run stops, as whatever else it would do could not be resumed."""
+
+
 class InputError(FemsealError, ValueError):
     """An input cannot be used: the message names it, what was given and what is allowed."""
 

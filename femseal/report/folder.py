@@ -107,7 +107,8 @@ def write_again(
     ]
     if not fields:
         results.dataset.attrs["left_out"] = json.dumps([])
-    return _replaced(results, target, partial(_write_for_people, results, surface, pictures, report, mapper), kept)
+    write = partial(_write_for_people, results, surface, pictures, report, mapper)
+    return _replaced(results, target, write, kept, same_numbers=True)
 
 
 def _is_kept(name: Path, with_fields: bool, with_views: bool) -> bool:
@@ -116,9 +117,17 @@ def _is_kept(name: Path, with_fields: bool, with_views: bool) -> bool:
 
 
 def _replaced(
-    results: Results, target: Path, write: Callable[[Path], list[Path]], kept: Sequence[Path] = ()
+    results: Results,
+    target: Path,
+    write: Callable[[Path], list[Path]],
+    kept: Sequence[Path] = (),
+    *,
+    same_numbers: bool = False,
 ) -> list[Path]:
-    """Write the files of a run, and put them in the place of those of an earlier one but the kept."""
+    """Write the files of a run, and put them in the place of those of an earlier one but the kept.
+
+    same_numbers : the earlier results are these, and stay until the new ones are complete: nothing else keeps them.
+    """
     unfinished = target / UNFINISHED
     _clear(unfinished)
     try:
@@ -128,19 +137,30 @@ def _replaced(
         raise
     try:
         names = [path.relative_to(unfinished) for path in [*write(unfinished), saved]]
-        (target / FILE_NAME).unlink(missing_ok=True)
-        _remove_former(target, kept)
-        write_text(target / MANIFEST, "".join(f"{name.as_posix()}\n" for name in [*kept, *names]))
+        listed = [*kept, *names]
+        if same_numbers:
+            _list_files(target, [*listed, *(name for name in _former(target) if name not in listed)])
+        else:
+            (target / FILE_NAME).unlink(missing_ok=True)
+            _remove_former(target, kept)
+            _list_files(target, listed)
         for name in names:
             if not is_inside(target, name):
                 raise FemsealError(f"'{target / name.parent}' is a link to another folder, allowed is a folder")
             made_folder((target / name).parent)
             os.replace(unfinished / name, target / name)
+        if same_numbers:
+            _remove_former(target, listed)
+            _list_files(target, listed)
     except Exception as error:
         reason = str(error) or type(error).__name__
         raise FemsealError(f"output folder: {reason}; the computed results are in '{saved}'") from error
     shutil.rmtree(unfinished, ignore_errors=True)
     return [target / MANIFEST, *(target / name for name in [*kept, *names])]
+
+
+def _list_files(folder: Path, names: Sequence[Path]) -> None:
+    write_text(folder / MANIFEST, "".join(f"{name.as_posix()}\n" for name in names))
 
 
 def _write_for_people(

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..base.errors import FemsealError
+from ..base.errors import FemsealError, NotKept
 from ..base.machine import free_memory
 from ..base.stage import Mapper, Stage
 from ..base.text import duration, share_text
@@ -191,6 +191,8 @@ def reach(case: Case, first: Prepared, solve: Solve, mapper: Mapper) -> Reached:
     while True:
         try:
             found = attempts.attempt(settings)
+        except NotKept:
+            raise
         except FemsealError as error:
             if solved is None:
                 raise

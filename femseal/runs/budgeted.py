@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ..base.errors import FemsealError, InputError
+from ..base.errors import FemsealError, InputError, NotKept
 from ..budget import (
     LEAST_LOADS,
     CoarserSolution,
@@ -202,6 +202,8 @@ def _solved(coarse: Prepared, solve: Solve) -> dict[str, Any]:
         if method in coarse.methods:
             try:
                 found[method.replace("-", "_")] = solve(method, coarse, found)
+            except NotKept:
+                raise
             except FemsealError as error:
                 log.warning("error budget: %s on a coarser grid failed: %s", method, error)
     return found

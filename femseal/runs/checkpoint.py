@@ -26,7 +26,7 @@ from itertools import islice
 from pathlib import Path
 from typing import Any
 
-from ..base.errors import FemsealError, InputError, shortened
+from ..base.errors import FemsealError, InputError, NotKept, shortened
 from ..base.files import read_plain, replacing
 from ..base.machine import free_memory
 from ..base.stage import Mapper, Stage
@@ -227,14 +227,14 @@ class Checkpoint:
             except OSError as error:
                 raise self._failure(error) from error
 
-    def _failure(self, error: OSError) -> FemsealError:
+    def _failure(self, error: OSError) -> NotKept:
         if not self._folder.is_dir():
             text = f"checkpoint: '{self._folder}' was removed while the run went on, with the results in it"
-            return FemsealError(f"{text}; start the run again")
+            return NotKept(f"{text}; start the run again")
         shards = map(_Shard.at, self._folder.glob("*.shard"))
         kept = sum(s.stop - s.start for s in shards if s is not None)
         todo = "make room" if error.errno in (errno.ENOSPC, errno.EDQUOT) else "mend that"
-        return FemsealError(
+        return NotKept(
             f"checkpoint: {error}; the results of {kept} items are kept in '{self._folder}': "
             f"{todo}, then a run with --resume goes on from there"
         )

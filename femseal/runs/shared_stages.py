@@ -22,7 +22,7 @@ from typing import Any
 
 import numpy as np
 
-from ..base.errors import FemsealError
+from ..base.errors import NotKept
 from ..base.provenance import numerical_versions
 from ..base.stage import Mapper, Stage
 from .plain_data import packed, unpacked
@@ -49,7 +49,7 @@ class _Place:
                 return unpacked(file.read(self.size))
         except (OSError, ValueError) as error:
             text = f"shared results: '{self.path}' cannot be read ({error}); remove '{self.path.parent}', then --resume"
-            raise FemsealError(text) from error
+            raise NotKept(text) from error
 
 
 class SharedStages:
