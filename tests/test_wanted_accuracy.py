@@ -106,6 +106,11 @@ def test_a_setting_of_the_case_stays_and_limits():
     assert any("accuracy 0.1 % is not reached" in text and "surface.points" in text for text in results.warnings)
 
 
+def test_without_any_error_nothing_halves_it(reached):
+    exact = reached.attempts | {"half_width": 0.0}
+    assert not any("Half the error" in text for text in wanted_accuracy.sentences(exact))
+
+
 def test_the_page_tells_the_residual_that_was_chosen(reached):
     (residual,) = (value for name, value, _ in check_lines(reached) if name == "contact residual")
     assert residual == f"≤ {reached.attempts['attempts'][-1]['settings']['rtol']:.0e}" != "≤ 1e-05"

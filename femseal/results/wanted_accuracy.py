@@ -45,7 +45,7 @@ def sentences(found: dict[str, Any]) -> list[str]:
         lines.append(f"The {found['limit']} limit{_s(found['limit'])} it, most at {found['load']}.")
     if found["why"]:
         lines.append(f"No further attempt: {found['why']}.")
-    if not (found["why"] and found["half_error"].startswith("cannot")):
+    if found["half_width"] != 0 and not (found["why"] and found["half_error"].startswith("cannot")):
         lines.append(f"Half the error: {found['half_error']}.")
     return lines
 
