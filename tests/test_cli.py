@@ -116,6 +116,12 @@ def test_every_option_with_a_default_shows_it(monkeypatch):
             assert "[default: " in line, (command.name, name, line)
 
 
+def test_the_package_is_the_command_too():
+    done = subprocess.run([sys.executable, "-m", "femseal", "--version"], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith("femseal ")
+
+
 def test_version_lists_the_stack(femseal):
     code, text, _ = femseal("--version")
     listed = dict(line.split(" ") for line in text.splitlines())

@@ -38,6 +38,7 @@ ROOMS = (
     "designs",
     "hard_cases",
     "cli",
+    "__main__",
 )
 HEAVY = ("matplotlib", "jinja2", "vtk", "vtkmodules", "pyvista", "meshio", "SurfaceTopography", "distributed", "pyamg")
 #: A module of more lines has more than one reason to change.

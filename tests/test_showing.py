@@ -16,6 +16,7 @@ from femseal.base.errors import InputError
 from femseal.base.leak_units import leakage_unit
 from femseal.base.text import Shown, value_text
 from femseal.plots.drawing import png
+from femseal.plots.leakage_curves import LeakageCurves, leakage_panel
 
 MODULUS, HARDNESS = 115e9, 1.4e9
 
@@ -226,3 +227,30 @@ def test_leakage_of_a_mesh_has_no_map():
 )
 def test_texts_of_values(value, unit, text):
     assert value_text(value, unit) == text
+
+
+@pytest.mark.parametrize(
+    ("lower", "upper", "shown"),
+    [
+        ([1.5e-9, 0.2e-9], [4e-9, 1.1e-9], (True, True)),
+        ([1.5e-9, 0.0], [4e-9, 1.1e-9], (True, True)),
+        ([1.5e-9, 1e-14], [4e-9, 1.1e-9], (False, True)),
+        ([1.5e-9, 0.2e-9], [1e-6, 1.1e-9], (True, False)),
+        ([1.5e-9, 0.2e-9], [np.inf, 1.1e-9], (True, False)),
+    ],
+)
+def test_bars_of_the_band_of_error_end_where_it_ends_or_at_the_edge_without_a_mark(lower, upper, shown):
+    leakage = np.array([2e-9, 0.5e-9])
+    error = np.array(lower), np.array(upper)
+    axes = Figure().subplots()
+    told = 1.0, "leakage"
+    loads, peaks = np.array([1e8, 2e8]), np.full(2, np.nan)
+    leakage_panel(axes, LeakageCurves(loads, peaks, leakage, "median", error=error, told=told))
+    low, high = axes.get_ylim()
+    assert low > 0.2e-9 / 11
+    assert high < 4e-9 * 11
+    feet, heads = (line.get_ydata() for line in axes.lines if line.get_marker() == "_")
+    assert (len(feet) == 2, len(heads) == 2) == shown
+    assert all(low <= end <= high for end in (*feet, *heads))
+    assert set(heads) <= set(upper)
+    assert set(feet) <= {*lower, low}

@@ -13,8 +13,9 @@ from numpy.testing import assert_array_equal
 import femseal as fs
 from femseal.budget import ErrorBudget, ErrorPart, counting_steps, judged
 from femseal.loads import LoadProgramme
-from femseal.report.words import check_lines
+from femseal.report.words import check_lines, key_numbers
 from femseal.results import wanted_accuracy
+from femseal.results.tables import error_band, leak_scale
 from femseal.runs.attempts import settled_as
 from femseal.runs.case import parse_case
 from femseal.runs.forecast import describe
@@ -109,6 +110,19 @@ def test_a_setting_of_the_case_stays_and_limits():
 def test_without_any_error_nothing_halves_it(reached):
     exact = reached.attempts | {"half_width": 0.0}
     assert not any("Half the error" in text for text in wanted_accuracy.sentences(exact))
+
+
+def test_the_page_tells_what_was_chosen_and_the_band_of_error(tmp_path):
+    """Defaults that were not taken are no values of the case, and the band of 20 seals is no certainty."""
+    results = fs.run(parse_case(DRAWN | {"accuracy": "60 %", "time_limit": "1 ms"}), workers=1)
+    chosen = results.attempts["settings"]
+    page = results.report(tmp_path / "page.html").read_text(encoding="utf-8")
+    told = dict(re.findall(r"<dt>([^<]*)</dt><dd>([^<]*)</dd>", page))
+    assert float(told["contact.rtol"]) == chosen["rtol"] != 1e-5
+    assert int(told["stochastic.realisations"]) == chosen["realisations"] == 20
+    assert told["stochastic.library_cells"] == "2"
+    band = error_band(results.budget.lower[0], results.budget.upper[0], leak_scale(results)[1])
+    assert key_numbers(results)[0].note == f"95 % band of error {band}"
 
 
 def test_the_page_tells_the_residual_that_was_chosen(reached):

@@ -26,6 +26,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Array = NDArray[np.float64]
+#: Factor by which the scale reaches beyond the leakages for the ends of their bands of error.
+_BARS_BEYOND = 10.0
 #: Height of a name beside the axis, as a part of the axis.
 _NAME_HEIGHT = 0.04
 #: Studies drawn as single markers beside the main curve.
@@ -78,7 +80,7 @@ def leakage_panel(axes: Axes, *several: LeakageCurves) -> list[Any]:
     factor, label = told
     parts = [(curves, name, steps) for curves in several for name, steps in branches(curves.pressure, curves.peaks)]
     drawn = np.concatenate([values for curves in several for values in curves.drawn])
-    floor, lanes = leakage_axis(axes, np.abs(drawn) / factor, len(parts))
+    floor, lanes = leakage_axis(axes, np.concatenate([np.abs(drawn), _near_ends(drawn, several)]) / factor, len(parts))
     handles: dict[int, list[Any]] = {id(curves): [] for curves in several}
     for (curves, name, steps), style, lane in zip(parts, branch_styles(len(parts)), lanes, strict=True):
         handles[id(curves)].append(_branch(axes, curves, name, steps, style, factor, floor, lane))
@@ -93,6 +95,14 @@ def leakage_panel(axes: Axes, *several: LeakageCurves) -> list[Any]:
 
     named = [h for c in several for h in (Line2D([], [], ls="", label=c.title), *handles[id(c)])]
     return [*named, *_other_handles(several)]
+
+
+def _near_ends(drawn: Array, several: Sequence[LeakageCurves]) -> Array:
+    """Ends of the bands of error for the scale, no further than `_BARS_BEYOND` from what is drawn besides."""
+    sizes = np.abs(drawn[np.isfinite(drawn) & (drawn != 0)])
+    ends = np.concatenate([np.empty(0), *(end for curves in several for end in curves.error or ())])
+    ends = np.abs(ends[np.isfinite(ends) & (ends != 0)])
+    return np.clip(ends, sizes.min() / _BARS_BEYOND, sizes.max() * _BARS_BEYOND) if sizes.size else ends[:0]
 
 
 def limit_lines(axes: Axes, limits: dict[str, float]) -> None:
@@ -128,7 +138,7 @@ def _branch(
         axes.plot(x, np.where(mean > 0, mean, np.nan), color=colour, ls=":", lw=1.1)
     if curves.error is not None:
         low, high = (np.abs(end[steps]) / factor for end in curves.error)
-        _error_bars(axes, x, low, high, colour, lane)
+        _error_bars(axes, x, low, high, colour, floor, lane)
     (main,) = axes.plot(x, np.where(y > 0, y, np.nan), color=colour, ls=line, lw=1.8, marker=marker, ms=4.5, label=name)
     axes.plot(x[y == 0], np.full(np.sum(y == 0), lane), color=colour, ls="", marker=marker, ms=4.5)
     for method, symbol, size in _SINGLE:
@@ -139,14 +149,17 @@ def _branch(
     return main
 
 
-def _error_bars(axes: Axes, x: Array, low: Array, high: Array, colour: Any, lane: float) -> None:
-    """Bars over the band of error; one that may be sealed reaches into the strip below, one without end to the top."""
+def _error_bars(axes: Axes, x: Array, low: Array, high: Array, colour: Any, floor: float, lane: float) -> None:
+    """Bars over the band of error; one that may be sealed reaches into the strip below.
+
+    One that goes on beyond the scale, or has no end, has no mark at the edge.
+    """
     known = np.isfinite(low) & ~np.isnan(high) & (high > 0)
-    top = axes.get_ylim()[1]
-    low, high = np.where(low > 0, low, lane), np.minimum(high, top)
-    axes.vlines(x[known], low[known], high[known], color=colour, lw=1.0, alpha=0.8)
-    for end in (low, high):
-        axes.plot(x[known], end[known], color=colour, ls="", marker="_", ms=6, mew=1.0, alpha=0.8)
+    x, low, high, top = x[known], low[known], high[known], axes.get_ylim()[1]
+    feet, heads = np.where(low > 0, np.maximum(low, floor), lane), np.minimum(high, top)
+    axes.vlines(x, feet, heads, color=colour, lw=1.0, alpha=0.8)
+    for end, ends in ((feet, (low == 0) | (low >= floor)), (heads, high <= top)):
+        axes.plot(x[ends], end[ends], color=colour, ls="", marker="_", ms=6, mew=1.0, alpha=0.8)
 
 
 def leakage_axis(axes: Axes, values: Array, count: int) -> tuple[float, list[float]]:

@@ -133,7 +133,7 @@ def _content(results: Results, drawings: pictures.Drawings) -> dict[str, Any]:
         "failures": results.failures,
         "versions": words.flat(json.loads(data.attrs["versions"])),
         "machine": words.flat(json.loads(data.attrs["machine"])),
-        "case": words.flat(results.case),
+        "case": words.flat(wanted_accuracy.as_chosen(results.case, results.attempts)),
     }
     if "lengths" in drawings:
         content["lengths"] = pictures.lengths_picture(results, drawings)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ..base.files import read_plain
 from ..base.quantities import to_text
 from ..results.summary import solvers_text
-from ..results.tables import amount, in_several_units, leak_scale
+from ..results.tables import amount, error_band, in_several_units, leak_scale
 from ..studies.compare import FLOOR, leakage_factor
 from .load_words import load_sentences
 
@@ -39,14 +39,16 @@ def key_numbers(results: Results) -> list[KeyNumber]:
     data, steps, leakage = results.dataset, results.steps, results.leakage.values
     unit, factor = leak_scale(results)
     peak = max(range(len(steps)), key=lambda s: steps[s].pressure)
-    numbers = []
+    numbers, budget = [], results.budget
     for s in dict.fromkeys((0, peak, len(steps) - 1)):
         value = amount(leakage[s], factor)
         value += f" {unit.name}" if leakage[s] and not np.isnan(leakage[s]) else ""
         note = ""
-        if "leakage_lower" in data:
+        if budget is not None:
+            note = f"95 % band of error {error_band(budget.lower[s], budget.upper[s], factor)}"
+        elif "leakage_lower" in data:
             ends = (amount(float(data[f"leakage_{end}"][s]), factor) for end in ("lower", "upper"))
-            note = f"band {' to '.join(ends)}"
+            note = f"band of the realisations {'–'.join(ends)}"
         numbers.append(KeyNumber(steps[s].name, value, note))
     if "contact_share" in data:
         share = float(data["contact_share"][peak])

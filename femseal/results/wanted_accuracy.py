@@ -82,6 +82,21 @@ def section(found: dict[str, Any]) -> dict[str, Any]:
     return {"sentences": sentences(found), "heads": heads, "lines": rows}
 
 
+def as_chosen(case: dict[str, Any], found: dict[str, Any] | None) -> dict[str, Any]:
+    """A case whose keys have the values of the last attempt; it is the same without attempts.
+
+    Keys that the case gives have them already, others hold defaults that were not taken.
+    """
+    if found is None:
+        return case
+    chosen = found["settings"]
+    drawn = case.get("stochastic")
+    if drawn is not None and chosen["realisations"] is not None and drawn.get("width") is None:
+        drawn = drawn | {key: chosen[key] for key in ("realisations", "library_cells")}
+    changed = {"method": chosen["method"], "contact": case["contact"] | {"rtol": chosen["rtol"]}}
+    return case | changed | ({} if drawn is None else {"stochastic": drawn})
+
+
 def rich_table(found: dict[str, Any]) -> Table:
     """The table of attempts for a terminal, with the sentences below."""
     from rich.box import SIMPLE_HEAD

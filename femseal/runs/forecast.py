@@ -175,10 +175,13 @@ def refuse_too_large(case: Case, prepared: Prepared) -> None:
     if (needed := forecast(case, prepared).memory) <= most:
         return
     points = " × ".join(map(str, prepared.scene.surface.shape))
-    given = f"a run that takes about {needed / 1e9:.2g} GB, on {points} points"
+    given = f"a run that takes about {needed / 1e9:.3g} GB, on {points} points"
     cheaper = ', the method two-scale with flow = "elements"' if "deterministic" in prepared.methods else ""
+    advice = f"fewer surface.points or load steps{cheaper}"
+    if most <= START_MEMORY:
+        advice = f"more than the {START_MEMORY / 1e9:g} GB that any run takes before its work"
     allowed = (
-        f"at most the {most / 1e9:.2g} GB {which}: fewer surface.points or load steps{cheaper}; "
+        f"at most the {most / 1e9:.3g} GB {which}: {advice}; "
         f"or memory = '{np.ceil(needed / 1e8) / 10:g} GB' in the case, to run all the same"
     )
     raise InputError.of("memory", given, allowed)
