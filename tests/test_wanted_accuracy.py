@@ -219,6 +219,10 @@ class TestCase:
         with pytest.raises(fs.InputError, match=r"accuracy: given .* allowed is a share above 0 and below 1"):
             case(accuracy=wrong)
 
+    def test_an_accuracy_is_judged_by_the_budget(self):
+        with pytest.raises(fs.InputError, match="output.budget: given false with accuracy, allowed is true"):
+            case(output={"budget": False})
+
     def test_a_time_limit_is_for_an_accuracy(self):
         plain = {key: value for key, value in SMALL.items() if key != "accuracy"} | {"method": "deterministic"}
         with pytest.raises(fs.InputError, match="time_limit: given without accuracy"):

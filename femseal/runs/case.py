@@ -96,6 +96,9 @@ class Case(Table):
         if self.load.interpolate is not None and self.accuracy is not None:
             text = "load.interpolate: given with accuracy, allowed is one of them: attempts solve all loads"
             raise PydanticCustomError("interpolate", text)
+        if self.accuracy is not None and not self.output.budget:
+            text = "output.budget: given false with accuracy, allowed is true: attempts end by their error budget"
+            raise PydanticCustomError("budget", text)
         if self.time_limit is not None and self.accuracy is None:
             raise PydanticCustomError("time_limit", "time_limit: given without accuracy, allowed is it with accuracy")
         if self.cells is None and self.accuracy is None and not self.methods <= {"deterministic", "auto"}:
