@@ -220,7 +220,7 @@ class TestCase:
             case(accuracy=wrong)
 
     def test_an_accuracy_is_judged_by_the_budget(self):
-        with pytest.raises(fs.InputError, match="output.budget: given false with accuracy, allowed is true"):
+        with pytest.raises(fs.InputError, match=r"output\.budget: given false with accuracy, allowed is true"):
             case(output={"budget": False})
 
     def test_a_time_limit_is_for_an_accuracy(self):
