@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
-from math import ldexp
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,7 +43,3 @@ class DarcyFlow:
     solver: str = "none"
     lower: float = field(default=np.nan, metadata={"unit": "m^3", "long_name": "lower bound of the conductance"})
     upper: float = field(default=np.nan, metadata={"unit": "m^3", "long_name": "upper bound of the conductance"})
-
-    def times(self, exponent: int) -> DarcyFlow:
-        """The flow of couples 2^exponent times as large."""
-        return replace(self, conductance=ldexp(self.conductance, exponent))

@@ -13,6 +13,7 @@ from ..base.files import read_plain
 from ..base.quantities import to_text
 from ..results.summary import solvers_text
 from ..results.tables import amount, error_band, in_several_units, leak_scale
+from ..results.wanted_accuracy import as_chosen
 from ..studies.compare import FLOOR, leakage_factor
 from .load_words import load_sentences
 
@@ -259,10 +260,9 @@ def _comparison(results: Results, one: str, leakage: Array, other: str, referenc
 
 def check_lines(results: Results) -> Lines:
     """Residuals and resolution: quantity, value, meaning."""
-    data, case = results.dataset, results.case
+    data, case = results.dataset, as_chosen(results.case, results.attempts)
     lines: Lines = []
-    chosen = results.attempts["attempts"][-1]["settings"] if results.attempts else case.get("contact", {})
-    if (rtol := chosen.get("rtol")) is not None:
+    if (rtol := case.get("contact", {}).get("rtol")) is not None:
         lines.append(("contact residual", f"≤ {rtol:.0e}", "reached by every contact that is not among the failures"))
     if "window_pressure" in data:
         nominal = data["nominal_pressure"].values

@@ -131,7 +131,8 @@ def solve_ready(
         potential[0], potential[-1] = 1.0, 0.0
         total = stencil.energy(np.nan_to_num(potential)) if percolates else 0.0
         return DarcyFlow(total, potential, 1 - potential, percolates)
-    return _solve(stencil, reached == 3, rtol, solver, field_rtol).times(exponent)
+    flow = _solve(stencil, reached == 3, rtol, solver, field_rtol)
+    return replace(flow, conductance=ldexp(flow.conductance, exponent))
 
 
 def check_solver(solver: str) -> None:
