@@ -16,7 +16,7 @@ from ..base.errors import NotConverged
 from . import forms
 from .assembly import Sample, assemble_on_elements, elemental, gauss
 from .balance import balanced_link_fluxes
-from .coefficient import cubic_law
+from .law import cubic_law
 from .grid import Grid
 from .percolation import nodes_reached, restricted
 from .solution import FIELD_RTOL

@@ -15,7 +15,7 @@ from skfem import Basis, ElementQuad1, ElementQuadRT0, ElementTriP1, Mesh, MeshQ
 from skfem.mesh import MeshQuad1DG, MeshTri1DG
 
 from ..base.errors import InputError, NotConverged
-from .coefficient import cubic_law
+from .law import cubic_law
 from .discretisation import DISCRETISATIONS, Discretisation
 from .grid import Grid
 from .mesh import conforming_flow
