@@ -37,7 +37,11 @@ if TYPE_CHECKING:
     from .designs.answer import Design, design
     from .flow import (
         Constriction,
+        CubicLaw,
+        FlowLaw,
+        FukuiKaneko,
         Permeability,
+        SlipLength,
         cell_permeabilities,
         cell_permeability,
         critical_constriction,
@@ -76,7 +80,11 @@ _MODULES = {
     "base.errors": ("FemsealError", "InputError", "NotConverged"),
     "flow": (
         "Constriction",
+        "CubicLaw",
+        "FlowLaw",
+        "FukuiKaneko",
         "Permeability",
+        "SlipLength",
         "cell_permeabilities",
         "cell_permeability",
         "critical_constriction",

@@ -20,13 +20,13 @@ ROOMS = (
     "base",
     "materials",
     "rarefied",
-    "fluids",
-    "named_fluids",
     "loads",
     "analytic",
     "topography",
     "contact",
     "flow",
+    "fluids",
+    "named_fluids",
     "seal",
     "windows",
     "elements",
@@ -60,7 +60,6 @@ KNOWN_DOWNWARDS: set[tuple[str, str]] = {
 KNOWN_CIRCLES: tuple[set[str], ...] = (
     {"femseal.accuracy.plot", "femseal.accuracy.table"},
     {"femseal.designs.answer", "femseal.designs.data_sheet", "femseal.designs.design_picture"},
-    {"femseal.flow.gas_drop", "femseal.flow.permeability_table"},
     {
         "femseal.results.export",
         "femseal.results.fields",

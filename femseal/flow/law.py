@@ -31,10 +31,15 @@ class FlowLaw(ABC):
     Gaps h >= 0 [m] and pressures p >= 0 [Pa], absolute for a gas, are numbers or arrays that are broadcast.
     """
 
-    #: Whether K(s h) = s³ K(h): a law without a length of its own.
-    homogeneous: ClassVar[bool] = False
+    #: Parameter of law and fluid with which the law's own length goes, such as a slip length; "" where it has none.
+    length: ClassVar[str] = "length"
     #: Whether K depends on the pressure, so that a flow is a fixed point of pressures and permeabilities.
     depends_on_pressure: ClassVar[bool] = False
+
+    @property
+    def homogeneous(self) -> bool:
+        """Whether K(s h) = s³ K(h): a law without a length of its own, whose flow holds for the scaled gap."""
+        return not self.length
 
     @abstractmethod
     def factor(self, gap: ArrayLike, pressure: ArrayLike = 0.0) -> Array:
@@ -86,7 +91,7 @@ class CubicLaw(FlowLaw):
     Source: Reynolds, Phil. Trans. R. Soc. 177, 1886, 157.
     """
 
-    homogeneous: ClassVar[bool] = True
+    length: ClassVar[str] = ""
 
     def factor(self, gap: ArrayLike, pressure: ArrayLike = 0.0) -> Array:
         """Ones."""
@@ -109,6 +114,7 @@ class SlipLength(FlowLaw):
     Source: Navier's condition; Lauga, Brenner & Stone, Springer Handbook of Experimental Fluid Mechanics, 2007, 1219.
     """
 
+    length: ClassVar[str] = "slip_length"
     slip_length: float
 
     def factor(self, gap: ArrayLike, pressure: ArrayLike = 0.0) -> Array:
@@ -129,6 +135,7 @@ class FukuiKaneko(FlowLaw):
     viscosity : η [Pa s]. speed : √(2R_sT) of the molecules [m/s].
     """
 
+    length: ClassVar[str] = "viscosity"
     depends_on_pressure: ClassVar[bool] = True
     viscosity: float
     speed: float

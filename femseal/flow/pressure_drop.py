@@ -1,8 +1,8 @@
 """A fluid between two pressures, and its flow where the permeability depends on the pressure: −K(h, p) (ρ/η) ∇p.
 
 In the potential ψ with dψ = F(h₀, p) (ρ/η) dp, where K = (h³/12) F, the permeability is (h³/12) F(h, p)/F(h₀, p). Where
-h₀ is the gap of the constrictions that control the flow, the ratio is nearly 1 there at every pressure: each solution of
-the fixed point, with the ratio at the pressures of the one before, then gains about two digits of the flow of a gas.
+h₀ is the gap of the constrictions that control the flow, the ratio is nearly 1 there at every pressure: each solution
+of the fixed point, with the ratio at the pressures of the one before, then gains about two digits of the flow of a gas.
 """
 
 from __future__ import annotations
@@ -97,7 +97,7 @@ class PressureDrop:
         return [] if self.law == CUBIC_LAW else [repr(self.law), pressures]
 
     def table(self, values: Sequence[Any]) -> Any:
-        """Table of the permeabilities at each of the `pressures`; the only one of a law that does not depend on them."""
+        """Table of the permeabilities at each of the `pressures`; the only one where there is one."""
         if len(values) == 1:
             return values[0]
         pair = isinstance(values[0], (tuple, list))
@@ -212,3 +212,7 @@ class PressureDrop:
         p = self.pressure(np.nan_to_num(np.asarray(fraction, dtype=float), nan=0.5))
         p = np.maximum(p, self.least_pressure)
         return widened(gap, self.law.factor(np.where(gap > 0, gap, self.gap), p) / self._factor(p))
+
+
+#: A viscous fluid between a unit drop of its potential.
+VISCOUS = PressureDrop()
