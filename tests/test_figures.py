@@ -14,8 +14,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 import femseal as fs
 from femseal.base.errors import InputError
 from femseal.plots.maps import window_flux
-from femseal.scales import window_dissipation
 from femseal.seal import largest_shares
+from femseal.windows import window_dissipation
 
 SCRIPT = Path(__file__).parents[1] / "examples" / "figures.py"
 SPEC = importlib.util.spec_from_file_location("figures", SCRIPT)

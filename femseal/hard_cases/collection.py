@@ -35,13 +35,13 @@ def chosen(stage: str | None = None, name: str | None = None) -> tuple[HardCase,
     InputError : there is no such stage or name.
     """
     if stage is not None and stage not in STAGES:
-        raise InputError.of("stage", f"'{stage}'", f"one of {', '.join(STAGES)}")
+        raise InputError("stage", f"'{stage}'", f"one of {', '.join(STAGES)}")
     found = tuple(case for case in CASES if stage in (None, case.stage))
     if name is not None:
         named = tuple(case for case in found if name == case.name)
         named = named or tuple(case for case in found if name in case.name)
         if not named:
-            raise InputError.of("name", f"'{name}'", f"all or a part of one of: {'; '.join(c.name for c in found)}")
+            raise InputError("name", f"'{name}'", f"all or a part of one of: {'; '.join(c.name for c in found)}")
         found = named
     return found
 

@@ -32,7 +32,7 @@ def hard_cases(
 
     cases = chosen(stage, name)
     if output is not None and output.suffix not in ENDINGS:
-        raise InputError.of("output", f"'{output}'", f"a file ending in one of {', '.join(ENDINGS)}")
+        raise InputError("output", f"'{output}'", f"a file ending in one of {', '.join(ENDINGS)}")
     outcomes = [case.outcome() for case in cases]
     print_table(table(outcomes))
     if output is not None:

@@ -23,7 +23,7 @@ from ..studies.lifted import lifted_leakage, lifting_effect
 if TYPE_CHECKING:
     import xarray
 
-    from ..scales import LibraryTable
+    from ..library import LibraryTable
     from ..studies import DeterministicResult, Scene, StochasticResult, TwoScaleResult
 
 _SUFFIXES = {

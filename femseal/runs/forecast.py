@@ -13,11 +13,11 @@ from ..base.machine import free_memory
 from ..base.quantities import to_text
 from ..base.text import duration
 from ..results.fields import fields_size
-from ..scales import Partition
 from ..studies import FluidState, Sampling, Scene, drop_ratio, laid_out, placed_windows
 from ..studies.costs import Effort, usual_efforts
 from ..studies.deterministic import STEP_BYTES
 from ..studies.local_pressure import map_text
+from ..windows import Partition
 from .budgeted import coarser_grids, filtered_input
 from .case import Case
 from .pilot import efforts, pace
@@ -184,7 +184,7 @@ def refuse_too_large(case: Case, prepared: Prepared) -> None:
         f"at most the {most / 1e9:.3g} GB {which}: {advice}; "
         f"or memory = '{np.ceil(needed / 1e8) / 10:g} GB' in the case, to run all the same"
     )
-    raise InputError.of("memory", given, allowed)
+    raise InputError("memory", given, allowed)
 
 
 def _accuracy_lines(case: Case, prepared: Prepared) -> list[str]:

@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from ..base.errors import FemsealError, InputError, shortened
+from ..base.errors import FemsealError, InputError
 from ..base.files import made_folder
 from ..results.results import Results
 from ..results.run_comparison import RunComparison, compared
@@ -17,7 +17,7 @@ from ..runs import checkpoint, job
 from ..runs.case import Case, read_case
 from ..runs.forecast import refuse_too_large
 from ..runs.lock import alone_in
-from .variations import Variation, short_names, variations
+from .variations import Variation, short_names, variations, with_setting
 
 log = logging.getLogger("femseal.sweeps")
 #: Subfolders of what the cases share: stages while the sweep is under way, and libraries of windows.
@@ -67,7 +67,7 @@ def sweep(
     cases = variations(data, base, keys)
     folder = Path(output)
     if folder.exists() and not folder.is_dir():
-        raise InputError.of("output", f"'{folder}', which is a file", "a folder, or one that does not exist")
+        raise InputError("output", f"'{folder}', which is a file", "a folder, or one that does not exist")
     told = progress or (lambda stage, done, total: None)
     for n, variation in enumerate(cases):
         told("checked cases", n, len(cases))
@@ -121,7 +121,7 @@ def _check(variation: Variation) -> None:
     try:
         refuse_too_large(variation.case, variation.case.prepare())
     except InputError as error:
-        raise InputError(f"{error} (with {shortened(variation.setting)})") from error
+        raise with_setting(error, variation.setting) from error
 
 
 def _with_library(case: Case, folder: Path) -> Case:
