@@ -16,7 +16,6 @@ The flow of data, top to bottom::
     sweeps       a case with several values of its keys                  sweep
     accuracy     speed against error of the studies for a case           measure_accuracy
     designs      results -> pressures that a leakage class needs         design
-    hard_cases   hard scenes of every stage, with what must come out
 
 Everything is SI. Names are loaded when first used, so that importing the package is quick.
 """

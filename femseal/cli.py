@@ -18,7 +18,6 @@ import typer
 
 from .base.errors import FemsealError, InputError, shortened
 from .designs.design_command import design
-from .hard_cases.hard_command import hard_cases
 from .runs.terminal import ProgressBars, log_lines, print_table
 from .sweeps.commands import compare, sweep
 
@@ -148,7 +147,6 @@ def run(
 app.command()(sweep)
 app.command()(compare)
 app.command()(design)
-app.command("hard-cases")(hard_cases)
 
 
 @app.command()

@@ -45,7 +45,6 @@ ROOMS = (
     "accuracy",
     "designs",
     "calibration",
-    "hard_cases",
     "cli",
     "__main__",
 )
