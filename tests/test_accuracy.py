@@ -295,9 +295,16 @@ class TestReport:
     def test_leakages_are_those_of_a_run(self):
         case = small(compare=["deterministic", "two-scale"])
         report, results = fs.measure_accuracy(case, workers=1), fs.run(case, workers=1)
-        own = {s.variant.method: s.leakage for s in reversed(report.solutions)
-               if s.variant in (Variant("deterministic", (64, 64)), Variant("two-scale", (64, 64), (2, 2)),
-                                Variant("stochastic", (64, 64), (2, 2), 4))}  # fmt: skip
+        own = {
+            s.variant.method: s.leakage
+            for s in reversed(report.solutions)
+            if s.variant
+            in (
+                Variant("deterministic", (64, 64)),
+                Variant("two-scale", (64, 64), (2, 2)),
+                Variant("stochastic", (64, 64), (2, 2), 4),
+            )
+        }
         for method, name in (("deterministic", "deterministic"), ("two-scale", "two_scale"), ("stochastic", "median")):
             assert_array_equal(own[method], results.dataset[f"leakage_{name}"].values)
 
@@ -394,8 +401,10 @@ class TestCommand:
     def case(self, tmp_path):
         path = tmp_path / "small.toml"
         lines = CASE.replace('kind = "file"\npath = "wave.npy"', 'kind = "self-affine"\npoints = [64, 64]')
-        lines = lines.replace('spacing = ["1 um", "1 um"]\nheight_unit = "m"\nperiodic = [true, true]',
-                              'size = ["60 um", "60 um"]\nrms_slope = 0.2\nroll_off = "40 um"')  # fmt: skip
+        lines = lines.replace(
+            'spacing = ["1 um", "1 um"]\nheight_unit = "m"\nperiodic = [true, true]',
+            'size = ["60 um", "60 um"]\nrms_slope = 0.2\nroll_off = "40 um"',
+        )
         path.write_text(lines)
         return path
 

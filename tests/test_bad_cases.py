@@ -86,9 +86,28 @@ def test_tables_and_values_in_place_of_one_another_are_told(data):
 
 @pytest.mark.parametrize(
     "unit",
-    ["(", "'''", "m\\", "m (", "m * ", "[m]", "m; m", "m\x00", "**", "m**999999999", "m^m", "((m))", "millimeter kilo",
-     "lambda: m", "None", "a b c d e f g", "m" * 1000, "(" * 1000, "m*" * 500 + "m"],
-)  # fmt: skip
+    [
+        "(",
+        "'''",
+        "m\\",
+        "m (",
+        "m * ",
+        "[m]",
+        "m; m",
+        "m\x00",
+        "**",
+        "m**999999999",
+        "m^m",
+        "((m))",
+        "millimeter kilo",
+        "lambda: m",
+        "None",
+        "a b c d e f g",
+        "m" * 1000,
+        "(" * 1000,
+        "m*" * 500 + "m",
+    ],
+)
 def test_text_that_is_no_unit_is_refused(unit):
     refusal(to_si, f"1 {unit}", "m")
 
@@ -169,10 +188,19 @@ def test_only_files_of_a_usual_size_are_read(tmp_path):
 
 @pytest.mark.parametrize(
     "text",
-    ["a = " + "[" * 50_000, "a = " + "[" * 400 + "]" * 400, "a = " + "{b=" * 20_000, "seed = " + "9" * 5000,
-     "seed = 0x" + "f" * 20_000, "a." * 20_000 + "a = 1", "a" * 5000, "[" + "a." * 400 + "a]", "a = '\x00'"],
+    [
+        "a = " + "[" * 50_000,
+        "a = " + "[" * 400 + "]" * 400,
+        "a = " + "{b=" * 20_000,
+        "seed = " + "9" * 5000,
+        "seed = 0x" + "f" * 20_000,
+        "a." * 20_000 + "a = 1",
+        "a" * 5000,
+        "[" + "a." * 400 + "a]",
+        "a = '\x00'",
+    ],
     ids=range(9),
-)  # fmt: skip
+)
 def test_text_that_is_no_case_is_refused(tmp_path, text):
     (tmp_path / "case.toml").write_text(text)
     refusal(fs.load_case, tmp_path / "case.toml")
@@ -428,9 +456,14 @@ def test_attributes_of_results_of_another_kind_are_refused(folder, value):
 
 @pytest.mark.parametrize(
     ("name", "value"),
-    [("nominal_pressure", np.array(["a"], h5py.string_dtype())), ("leakage_deterministic", np.zeros((2, 3))),
-     ("leakage_deterministic", np.zeros(1, [("a", float)])), ("step", np.zeros(0)), ("nominal_pressure", None)],
-)  # fmt: skip
+    [
+        ("nominal_pressure", np.array(["a"], h5py.string_dtype())),
+        ("leakage_deterministic", np.zeros((2, 3))),
+        ("leakage_deterministic", np.zeros(1, [("a", float)])),
+        ("step", np.zeros(0)),
+        ("nominal_pressure", None),
+    ],
+)
 def test_fields_of_results_of_another_kind_are_refused(folder, name, value):
     with h5py.File(folder / "results.nc", "r+") as file:
         del file[name]

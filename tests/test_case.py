@@ -155,8 +155,13 @@ def test_a_registered_class_has_a_table_without_another_line():
 
 
 def test_slip_of_a_gas_is_a_switch(data):
-    data["fluid"] = {"kind": "ideal-gas", "viscosity": "18 uPa*s", "molar_mass": "29 g/mol", "temperature": "20 °C",
-                     "inlet_pressure": "5 bar"}  # fmt: skip
+    data["fluid"] = {
+        "kind": "ideal-gas",
+        "viscosity": "18 uPa*s",
+        "molar_mass": "29 g/mol",
+        "temperature": "20 °C",
+        "inlet_pressure": "5 bar",
+    }
     assert parse_case(data).fluid.fluid.slip is True
     data["fluid"]["slip"] = False
     assert parse_case(data).fluid.fluid.slip is False
@@ -278,8 +283,13 @@ class TestPrepare:
         assert (scene.modulus, scene.hardness) == (parse_case(small).modulus, 2.8e9)
 
     def test_gas(self, small):
-        small["fluid"] = {"kind": "ideal-gas", "viscosity": "18 uPa*s", "molar_mass": "29 g/mol",
-                          "temperature": "20 °C", "inlet_pressure": "5 bar"}  # fmt: skip
+        small["fluid"] = {
+            "kind": "ideal-gas",
+            "viscosity": "18 uPa*s",
+            "molar_mass": "29 g/mol",
+            "temperature": "20 °C",
+            "inlet_pressure": "5 bar",
+        }
         scene = parse_case(small).prepare().scene
         assert scene.fluid == fs.IdealGas(viscosity=18e-6, molar_mass=0.029, temperature=293.15)
         assert (scene.inlet_pressure, scene.outlet_pressure) == (5e5, 101_325)
@@ -308,8 +318,13 @@ class TestPrepare:
 
     def test_sampling(self, small):
         small["seed"] = 9
-        small["stochastic"] = {"length": "3 mm", "realisations": 7, "library_cells": 5,
-                               "sampler": "derivative", "pressure": "uniform"}  # fmt: skip
+        small["stochastic"] = {
+            "length": "3 mm",
+            "realisations": 7,
+            "library_cells": 5,
+            "sampler": "derivative",
+            "pressure": "uniform",
+        }
         expected = Sampling(
             length=3e-3, realisations=7, library_cells=5, seed=9, sampler="derivative", pressure="uniform"
         )
@@ -323,8 +338,17 @@ class TestPrepare:
         """As made by hand with the streams of the seed, and flat; another seed, another face."""
         small["seed"] = 9
         small["face"] |= {"waviness": "0.3 um", "waviness_length": "20 um", "nose_radius": "0.1 mm"}
-        given = {"pitch": 30e-6, "depth": 1.5e-6, "feed_error": 0.03, "depth_error": 0.1, "roughness": 1.1e-6,
-                 "roughness_roll_off": 36e-6, "waviness": 0.3e-6, "waviness_length": 20e-6, "nose_radius": 1e-4}  # fmt: skip
+        given = {
+            "pitch": 30e-6,
+            "depth": 1.5e-6,
+            "feed_error": 0.03,
+            "depth_error": 0.1,
+            "roughness": 1.1e-6,
+            "roughness_roll_off": 36e-6,
+            "waviness": 0.3e-6,
+            "waviness_length": 20e-6,
+            "nose_radius": 1e-4,
+        }
         (stream,) = np.random.SeedSequence(9).spawn(1)
         face = fs.turned((64, 96), (60e-6, 120e-6), rng=np.random.default_rng(stream), **given)
         expected = face.detrend(1).low_pass(8 * 1.25e-6).heights
@@ -333,8 +357,13 @@ class TestPrepare:
         assert not np.allclose(parse_case(small).prepare().scene.surface.heights, expected, atol=1e-8)
 
     def test_two_faces_are_summed_and_drawn_apart(self, small):
-        face = {"kind": "self-affine", "points": [64, 96], "size": ["60 um", "120 um"], "rms_height": "0.1 um",
-                "roll_off": "20 um"}  # fmt: skip
+        face = {
+            "kind": "self-affine",
+            "points": [64, 96],
+            "size": ["60 um", "120 um"],
+            "rms_height": "0.1 um",
+            "roll_off": "20 um",
+        }
         small["face"] = [face, face]
         small["surface"] = {"detrend": 0}
         both = parse_case(small).prepare().scene.surface
@@ -411,8 +440,14 @@ def test_a_file_is_read_as_the_case_says(tmp_path, data):
     heights = fs.self_affine((96, 64), (96e-6, 64e-6), hurst=0.8, rms_slope=0.1, cut_off=16e-6, rng=0).heights * 1e6
     heights[:2] = np.nan
     np.savez(tmp_path / "face.npz", z=heights, other=np.zeros((2, 2)))
-    data["face"] = {"kind": "file", "path": "face.npz", "array": "z", "spacing": ["1 um", "1 um"],
-                    "height_unit": "um", "transpose": True}  # fmt: skip
+    data["face"] = {
+        "kind": "file",
+        "path": "face.npz",
+        "array": "z",
+        "spacing": ["1 um", "1 um"],
+        "height_unit": "um",
+        "transpose": True,
+    }
     data["cells"] = {"count": [2, 3]}
     data["surface"] = {"max_undefined": 0.03, "detrend": 0}
     prepared = parse_case(data, tmp_path).prepare()

@@ -274,16 +274,21 @@ class TestFieldOfACase:
         ({"loading": ["6.0 N"]}, ["It is loaded in 1 step, 50 MPa (a force of 6 N at most)."]),
         (
             {"loading": [5e7], "map": [{"kind": "uniform"}, {"kind": "angle", "repeat": 8}]},
-            ["It is loaded in 1 step, 50 MPa.", "The contact pressure over the seal follows one value everywhere and a "
-             "table around it, repeated 8 times, which changes with the load."],
+            [
+                "It is loaded in 1 step, 50 MPa.",
+                "The contact pressure over the seal follows one value everywhere and a "
+                "table around it, repeated 8 times, which changes with the load.",
+            ],
         ),
         (
             {"loading": [5e7], "map": [{"kind": "profile"}]},
-            ["It is loaded in 1 step, 50 MPa.", "The contact pressure over the seal follows a profile from inlet to "
-             "outlet."],
+            [
+                "It is loaded in 1 step, 50 MPa.",
+                "The contact pressure over the seal follows a profile from inlet to outlet.",
+            ],
         ),
     ],
-)  # fmt: skip
+)
 def test_loads_in_words(case, sentences):
     data = xarray.Dataset(step_coordinates("step", "", LoadProgramme.of([5e7])))
     assert load_sentences(data, {"load": case}) == sentences

@@ -99,7 +99,11 @@ def study(mapper, computed=None):
     """Calls of the map as a study makes them, with lazy arguments."""
     results = []
     for stage, size in enumerate(SIZES):
-        results += mapper(Stage(f"stage {stage}", partial(value, stage, computed=computed)), (n for n in range(size)), [str(n) for n in range(size)])  # fmt: skip
+        results += mapper(
+            Stage(f"stage {stage}", partial(value, stage, computed=computed)),
+            (n for n in range(size)),
+            [str(n) for n in range(size)],
+        )
     return results
 
 
@@ -463,9 +467,13 @@ def test_finished_results_of_another_face_file_are_not_taken(case, undrawn, tmp_
 
 @pytest.mark.parametrize(
     ("method", "choice", "other"),
-    [("stochastic", "chosen_sampler", "copula"), ("two-scale", "chosen_flow", "links"),
-     ("two-scale", "chosen_contact", "whole"), ("deterministic", "chosen_flow", None)],
-)  # fmt: skip
+    [
+        ("stochastic", "chosen_sampler", "copula"),
+        ("two-scale", "chosen_flow", "links"),
+        ("two-scale", "chosen_contact", "whole"),
+        ("deterministic", "chosen_flow", None),
+    ],
+)
 def test_finished_results_of_another_choice_are_not_taken(case, undrawn, tmp_path, monkeypatch, method, choice, other):
     """The case leaves open how it is solved, and another version of the program would choose otherwise."""
     text = case.read_text().replace('"stochastic"', f'"{method}"', 1).replace('flow = "links"', "")

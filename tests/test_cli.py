@@ -365,11 +365,28 @@ def faults(value, schema, root, place="case"):
             found.append(f"{place}: {value!r} against {word} {given}")
         else:
             assert word in {
-                "required", "additionalProperties", "pattern", "enum", "const", "minItems", "maxItems", "minimum",
-                "maximum", "maxLength",
-                "exclusiveMinimum", "exclusiveMaximum", "properties", "items", "description", "default", "format",
-                "$schema", "definitions", "title", "examples",
-            }, word  # fmt: skip
+                "required",
+                "additionalProperties",
+                "pattern",
+                "enum",
+                "const",
+                "minItems",
+                "maxItems",
+                "minimum",
+                "maximum",
+                "maxLength",
+                "exclusiveMinimum",
+                "exclusiveMaximum",
+                "properties",
+                "items",
+                "description",
+                "default",
+                "format",
+                "$schema",
+                "definitions",
+                "title",
+                "examples",
+            }, word
     return found
 
 

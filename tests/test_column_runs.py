@@ -133,8 +133,17 @@ class TestRuns:
 @pytest.fixture(scope="module")
 def scene():
     surface = self_affine((64, 128), (64e-6, 128e-6), hurst=0.8, rms_slope=0.2, roll_off=32e-6, cut_off=8e-6, rng=1)
-    return Scene(surface=surface, modulus=115e9, hardness=4e9, fluid=Liquid(1e-3), inlet_pressure=1e6,
-                 outlet_pressure=0.0, loading=(1e8, 6e8), unload_from=(6e8,), unloading=(1e8,))  # fmt: skip
+    return Scene(
+        surface=surface,
+        modulus=115e9,
+        hardness=4e9,
+        fluid=Liquid(1e-3),
+        inlet_pressure=1e6,
+        outlet_pressure=0.0,
+        loading=(1e8, 6e8),
+        unload_from=(6e8,),
+        unloading=(1e8,),
+    )
 
 
 SAMPLING = Sampling(length=512e-6, realisations=60, library_cells=32, seed=1, sampler="runs")

@@ -154,9 +154,14 @@ class TestPartsOfABudget:
     def scene(self):
         face = self_affine((64, 64), (64e-6, 64e-6), hurst=0.8, rms_slope=0.2, roll_off=16e-6, cut_off=8e-6, rng=3)
         return Scene(
-            surface=face, modulus=115e9, hardness=3e9, fluid=Liquid(1e-3), inlet_pressure=1e7, outlet_pressure=0.0,
+            surface=face,
+            modulus=115e9,
+            hardness=3e9,
+            fluid=Liquid(1e-3),
+            inlet_pressure=1e7,
+            outlet_pressure=0.0,
             loading=(1e8, 4e8),
-        )  # fmt: skip
+        )
 
     def test_two_scales_have_the_parts_of_what_they_leave_out(self, scene):
         names = {}

@@ -60,8 +60,11 @@ def results(request):
 
 def _leakages(results):
     """Of all methods, without the ends of bands that are about the errors of a library or of pixels only."""
-    return [v.values for n, v in results.dataset.data_vars.items()
-            if n.startswith("leakage_") and not n.endswith("together") and "budget" not in n and v.dims == ("step",)]  # fmt: skip
+    return [
+        v.values
+        for n, v in results.dataset.data_vars.items()
+        if n.startswith("leakage_") and not n.endswith("together") and "budget" not in n and v.dims == ("step",)
+    ]
 
 
 def test_every_example_is_run_here():
@@ -89,8 +92,11 @@ class TestExamples:
 
     def test_methods_agree_on_the_open_seal(self, results):
         """At the lowest load, where no constriction decides, all methods see the same mean gap."""
-        first = [results.dataset[n].values[0] for n in results.dataset.data_vars
-                 if n in ("leakage_median", "leakage_two_scale", "leakage_deterministic")]  # fmt: skip
+        first = [
+            results.dataset[n].values[0]
+            for n in results.dataset.data_vars
+            if n in ("leakage_median", "leakage_two_scale", "leakage_deterministic")
+        ]
         assert len(first) >= 2
         assert max(first) < 1.5 * min(first)
 
@@ -187,9 +193,12 @@ class TestReadme:
         contact = [float(re.search(r"contact ([\d.]+)%", line)[1]) for line in lines]
         leakage = [float(re.search(r"([\d.e+-]+) m²/s", line)[1]) for line in lines]
         assert [line.split(" contact")[0] for line in lines] == [
-            "loading 100 MPa", "loading 300 MPa", "loading 900 MPa",
-            "unloading 450 MPa from 900 MPa", "unloading 100 MPa from 900 MPa",
-        ]  # fmt: skip
+            "loading 100 MPa",
+            "loading 300 MPa",
+            "loading 900 MPa",
+            "unloading 450 MPa from 900 MPa",
+            "unloading 100 MPa from 900 MPa",
+        ]
         assert contact[0] < contact[1] < contact[2] > contact[3] > contact[4]
         assert leakage[0] > leakage[1] > leakage[2] < leakage[3] < leakage[4] < leakage[0]
         (path,) = re.findall(r'load_case\("(.*?)"\)', whole_run)

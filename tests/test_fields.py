@@ -36,9 +36,16 @@ M1, M2 = 3, 4
 def scene():
     surface = turned((48, 96), (60e-6, 120e-6), pitch=27e-6, depth=1e-6, roughness=0.3e-6, rng=2)
     return Scene(
-        surface, 115e9, 2.8e9, Liquid(1e-3, pressure_viscosity=5e-8), 3e7, 1e6,
-        loading=(50e6, 200e6, 700e6), unload_from=(200e6, 700e6), unloading=(300e6, 50e6),
-    )  # fmt: skip
+        surface,
+        115e9,
+        2.8e9,
+        Liquid(1e-3, pressure_viscosity=5e-8),
+        3e7,
+        1e6,
+        loading=(50e6, 200e6, 700e6),
+        unload_from=(200e6, 700e6),
+        unloading=(300e6, 50e6),
+    )
 
 
 @pytest.fixture(scope="module")

@@ -163,9 +163,12 @@ def test_a_closed_gap_stays_closed():
 def test_network_of_one_link(inlet, outlet):
     for gap in (1e-8, 3e-7, 1e-5):
         found = fs.seal_leakage(
-            fs.RectangularSeal((1e-3, 2e-3), (1, 1)), table(gap, inlet, outlet), HELIUM,
-            inlet_pressure=inlet, outlet_pressure=outlet,
-        )  # fmt: skip
+            fs.RectangularSeal((1e-3, 2e-3), (1, 1)),
+            table(gap, inlet, outlet),
+            HELIUM,
+            inlet_pressure=inlet,
+            outlet_pressure=outlet,
+        )
         assert_allclose(found.conductance, 2 * gap**3 / 12 * mean_factor(gap, inlet, outlet), rtol=5e-3)
 
 
@@ -234,12 +237,21 @@ def test_meshes_tensors_and_links_agree():
     rates = [
         fs.seal_leakage(seals[name], k, HELIUM, inlet_pressure=inlet, outlet_pressure=outlet).mass_rate
         for name, k in (
-            ("mesh", numbers), ("mesh", of_elements), ("mesh", tensors), ("mesh", PermeabilityTable(numbers.pressures,
-             np.repeat(of_elements.values[..., None], 2, axis=2))), ("strip", numbers), ("strip", PermeabilityTable(numbers.pressures,
-             np.broadcast_to(numbers.values[:, None, None, None, None] * np.eye(2), (4, 8, 6, 2, 2)))),
+            ("mesh", numbers),
+            ("mesh", of_elements),
+            ("mesh", tensors),
+            ("mesh", PermeabilityTable(numbers.pressures, np.repeat(of_elements.values[..., None], 2, axis=2))),
+            ("strip", numbers),
+            (
+                "strip",
+                PermeabilityTable(
+                    numbers.pressures,
+                    np.broadcast_to(numbers.values[:, None, None, None, None] * np.eye(2), (4, 8, 6, 2, 2)),
+                ),
+            ),
             ("strip", table((np.full((8, 6), 1e-7), np.full((7, 6), 1e-7)), inlet, outlet)),
         )
-    ]  # fmt: skip
+    ]
     assert_allclose(rates, rates[-1], rtol=5e-3)
 
 
@@ -269,9 +281,15 @@ def test_tables_of_other_shapes_than_the_seal(shape):
 
 @pytest.mark.parametrize(
     ("pressures", "values", "word"),
-    [((1e5,), np.ones(1), "pressures"), ((1e5, 1e5), np.ones(2), "pressures"), ((0.0, 1e5), np.ones(2), "pressures"),
-     ((1.0, 2.0), np.ones(3), "values"), ((1.0, 2.0), -np.ones(2), "values"), ((1.0, 2.0), [np.nan, 1], "values")],
-)  # fmt: skip
+    [
+        ((1e5,), np.ones(1), "pressures"),
+        ((1e5, 1e5), np.ones(2), "pressures"),
+        ((0.0, 1e5), np.ones(2), "pressures"),
+        ((1.0, 2.0), np.ones(3), "values"),
+        ((1.0, 2.0), -np.ones(2), "values"),
+        ((1.0, 2.0), [np.nan, 1], "values"),
+    ],
+)
 def test_tables_that_are_none(pressures, values, word):
     with pytest.raises(fs.InputError, match=f"^{word}: given"):
         PermeabilityTable(pressures, values)
@@ -312,11 +330,15 @@ def test_all_studies_of_a_gas(scene):
 
 @pytest.mark.parametrize(
     "options",
-    [{"sampler": "block"}, {"sampler": "runs"}, {"pressure": "uniform", "sampler": "copula"},
-     pytest.param({"pressure": "global", "sampler": "derivative"}, marks=pytest.mark.slow),
-     pytest.param({"pressure": "uniform", "bounds": True}, marks=pytest.mark.slow)],
+    [
+        {"sampler": "block"},
+        {"sampler": "runs"},
+        {"pressure": "uniform", "sampler": "copula"},
+        pytest.param({"pressure": "global", "sampler": "derivative"}, marks=pytest.mark.slow),
+        pytest.param({"pressure": "uniform", "bounds": True}, marks=pytest.mark.slow),
+    ],
     ids=str,
-)  # fmt: skip
+)
 def test_drawn_seals_of_a_gas_leak_more_by_the_flow_factor(scene, options):
     sampling = fs.Sampling(length=0.5e-3, realisations=3, library_cells=6, seed=1, **options)
     viscous = replace(scene, fluid=replace(HELIUM, slip=False))
@@ -374,9 +396,12 @@ def test_one_pressure_in_a_window_is_near_to_its_own(inlet, outlet):
         for q in p
     ]
     found = fs.seal_leakage(
-        fs.RectangularSeal((1.0, 1.0), (1, 1)), PermeabilityTable(tuple(p), np.array(k)), HELIUM,
-        inlet_pressure=inlet, outlet_pressure=outlet,
-    )  # fmt: skip
+        fs.RectangularSeal((1.0, 1.0), (1, 1)),
+        PermeabilityTable(tuple(p), np.array(k)),
+        HELIUM,
+        inlet_pressure=inlet,
+        outlet_pressure=outlet,
+    )
     assert_allclose(found.conductance, whole, rtol=0.05)
     assert abs(found.conductance / whole - 1) > 1e-5
 

@@ -81,9 +81,19 @@ KNOWN_CIRCLES: tuple[set[str], ...] = (
     },
 )
 HEAVY = {
-    "matplotlib", "jinja2", "vtk", "vtkmodules", "pyvista", "meshio", "SurfaceTopography", "distributed", "dask",
-    "pyamg", "CoolProp", "gmsh",
-}  # fmt: skip
+    "matplotlib",
+    "jinja2",
+    "vtk",
+    "vtkmodules",
+    "pyvista",
+    "meshio",
+    "SurfaceTopography",
+    "distributed",
+    "dask",
+    "pyamg",
+    "CoolProp",
+    "gmsh",
+}
 BY_STRING = {"import_module", "__import__"}
 #: Rooms that draw.
 PICTURES = {"plots", "report", "accuracy", "refinement", "designs"}

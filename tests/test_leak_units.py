@@ -30,10 +30,21 @@ def test_values_are_those_of_a_library_of_units(unit):
 
 @pytest.mark.parametrize(
     ("written", "name"),
-    [("mL/(min*m)", "mL/(m·min)"), ("ml/min/m", "mL/(m·min)"), ("Pa*m^3/s", "Pa·m³/s"), ("m3/s", "m³/s"),
-     ("mbar*l/s", "mbar·L/s"), ("mg/(s*m)", "mg/(m·s)"), ("ug/s", "µg/s"), (" L / h ", "L/h"),
-     ("sccm", "std cm³/min"), ("std cm3/s", "std cm³/s"), ("std cm^3/(s*m)", "std cm³/(m·s)"), ("drop/min", "drops/min")],
-)  # fmt: skip
+    [
+        ("mL/(min*m)", "mL/(m·min)"),
+        ("ml/min/m", "mL/(m·min)"),
+        ("Pa*m^3/s", "Pa·m³/s"),
+        ("m3/s", "m³/s"),
+        ("mbar*l/s", "mbar·L/s"),
+        ("mg/(s*m)", "mg/(m·s)"),
+        ("ug/s", "µg/s"),
+        (" L / h ", "L/h"),
+        ("sccm", "std cm³/min"),
+        ("std cm3/s", "std cm³/s"),
+        ("std cm^3/(s*m)", "std cm³/(m·s)"),
+        ("drop/min", "drops/min"),
+    ],
+)
 def test_spellings(written, name):
     assert leak_unit(written).name == name
 

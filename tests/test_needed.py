@@ -107,9 +107,16 @@ def solved_again(scene):
 def elastic():
     surface = fs.self_affine((48, 64), (45e-6, 60e-6), hurst=0.8, rms_slope=0.2, roll_off=30e-6, rng=2)
     return fs.Scene(
-        surface, 115e9, np.inf, fs.Liquid(1e-3), 1e6, 0.0,
-        loading=(1e8, 4e8, 1.2e9), unload_from=(4e8, 1.2e9), unloading=(4e8, 2e8, 1e8, 0.0),
-    )  # fmt: skip
+        surface,
+        115e9,
+        np.inf,
+        fs.Liquid(1e-3),
+        1e6,
+        0.0,
+        loading=(1e8, 4e8, 1.2e9),
+        unload_from=(4e8, 1.2e9),
+        unloading=(4e8, 2e8, 1e8, 0.0),
+    )
 
 
 STUDIES = {
@@ -166,7 +173,7 @@ MANY = CASE.replace("[100 MPa", "[").replace(
     f"loading = {[f'{p} MPa' for p in range(50, 1250, 100)]}\n"
     'unload_from = ["950 MPa"]\n'
     f"unloading = {[f'{p} MPa' for p in range(850, 0, -100)]}",
-)  # fmt: skip
+)
 
 
 def test_loads_that_are_interpolated_are_within_the_tolerance(case, undrawn, tmp_path):

@@ -30,8 +30,11 @@ ROUTES = (
     ("two-scale", "resolved"),
     ("stochastic", None),
 )
-LOADS = {"loading": ["5 MPa", "10 MPa", "20 MPa", "40 MPa", "80 MPa"], "unload_from": ["80 MPa"],
-         "unloading": ["40 MPa", "20 MPa", "5 MPa"]}  # fmt: skip
+LOADS = {
+    "loading": ["5 MPa", "10 MPa", "20 MPa", "40 MPa", "80 MPa"],
+    "unload_from": ["80 MPa"],
+    "unloading": ["40 MPa", "20 MPa", "5 MPa"],
+}
 
 
 def case_of(task):
@@ -61,8 +64,11 @@ def measure(task):
     environment = os.environ | {"OMP_NUM_THREADS": "1"}
     done = subprocess.run(
         [sys.executable, __file__, "--task", json.dumps(task)],
-        env=environment, stdout=subprocess.PIPE, text=True, check=True,
-    )  # fmt: skip
+        env=environment,
+        stdout=subprocess.PIPE,
+        text=True,
+        check=True,
+    )
     return task | json.loads(done.stdout.splitlines()[-1])
 
 
@@ -92,8 +98,13 @@ def tasks(files, scales):
     for file in files:
         for scale in scales:
             for method, flow in ROUTES:
-                yield {"file": str(Path(file).resolve()), "scale": scale, "method": method, "flow": flow,
-                       "cells": [6, 8]}  # fmt: skip
+                yield {
+                    "file": str(Path(file).resolve()),
+                    "scale": scale,
+                    "method": method,
+                    "flow": flow,
+                    "cells": [6, 8],
+                }
 
 
 def main():
@@ -122,10 +133,15 @@ def main():
             ratios[name].append(said / true)
         points = " × ".join(map(str, found["points"]))
         route = " ".join(filter(None, (task["method"], task["flow"])))
-        cells.append([Path(task["file"]).name, points, route]
-                     + [f"{scale * x:.{digits}f}" for pair, scale, digits in zip(pairs, (1, 1e-9), (0, 2), strict=True)
-                        for x in pair]
-                     + [f"{a / b:.2f}" for a, b in pairs])  # fmt: skip
+        cells.append(
+            [Path(task["file"]).name, points, route]
+            + [
+                f"{scale * x:.{digits}f}"
+                for pair, scale, digits in zip(pairs, (1, 1e-9), (0, 2), strict=True)
+                for x in pair
+            ]
+            + [f"{a / b:.2f}" for a, b in pairs]
+        )
     head = ["face", "points", "route", "expected [s]", "CPU time [s]", "expected [GB]", "peak [GB]", "time", "memory"]
     summary = "; ".join(f"{name}: median {median(r):.2f}, {min(r):.2f} to {max(r):.2f}" for name, r in ratios.items())
     text = f"{machine({})}\n\n{rows(head, cells)}\n\nExpected over measured, {summary}."
