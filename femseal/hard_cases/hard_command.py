@@ -9,7 +9,7 @@ import typer
 
 from ..base.errors import InputError
 from ..base.files import write_text
-from ..runs.terminal import print_table
+from ..execution.terminal import print_table
 
 
 def hard_cases(
