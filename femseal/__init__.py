@@ -19,7 +19,6 @@ The flow of data, top to bottom::
     runs         a case, run: everything above                           run
     sweeps       a case with several values of its keys                  sweep
     designs      results -> pressures that a leakage class needs         design
-    hard_cases   hard scenes of every stage, with what must come out
 
 Everything is SI. Names are loaded when first used, so that importing the package is quick.
 """

@@ -19,8 +19,6 @@ import typer
 from .base.errors import FemsealError, InputError, shortened
 from .designs.design_command import design
 from .execution.terminal import ProgressBars, log_lines, print_table
-from .hard_cases.hard_command import hard_cases
-from .preparation.preparation import prepare
 from .sweeps.commands import compare, sweep
 
 app = typer.Typer(
@@ -79,6 +77,7 @@ def new(path: Annotated[Path, typer.Argument(help="Case file to write.")] = Path
 def check(path: Annotated[Path, typer.Argument(metavar="CASE", help="Case file.")]) -> None:
     """Validate a case and say what a run will compute; nothing is written."""
     from .case.case import load_case
+    from .preparation.preparation import prepare
     from .runs.forecast import describe, refuse_too_large
 
     case = load_case(path)
@@ -149,7 +148,6 @@ def run(
 app.command()(sweep)
 app.command()(compare)
 app.command()(design)
-app.command("hard-cases")(hard_cases)
 
 
 @app.command()

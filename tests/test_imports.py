@@ -45,7 +45,6 @@ ROOMS = (
     "sweeps",
     "designs",
     "calibration",
-    "hard_cases",
     "cli",
     "__main__",
 )

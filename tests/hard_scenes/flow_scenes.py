@@ -7,17 +7,17 @@ from math import pi
 from typing import Any
 
 import numpy as np
+from hard_scene import HardScene
+from judges import Between, Exactly, Falling, Near, NotSolved, Refused, ZeroAndPositive, at_most
 
-from ..analytic import large_gap, parallel_plates, stripes_across, stripes_along, wavy_gap_across, wavy_gap_along
-from ..flow import cell_permeability, critical_constriction, permeability_tensor
-from ..topography import self_affine
-from .hard_case import HardCase
-from .judges import Between, Exactly, Falling, Near, NotSolved, Refused, ZeroAndPositive, at_most
+from femseal.analytic import large_gap, parallel_plates, stripes_across, stripes_along, wavy_gap_across, wavy_gap_along
+from femseal.flow import cell_permeability, critical_constriction, permeability_tensor
+from femseal.topography import self_affine
 
 D, H = 1e-6, 1e-6
 PLATES = float(parallel_plates(H))
 
-case = partial(HardCase, stage="flow")
+scene = partial(HardScene, stage="flow")
 
 
 def _k(gap: np.ndarray, spacing: tuple[float, float] = (D, D), **given: Any) -> float:
@@ -169,206 +169,206 @@ def _lone_row() -> float:
     return _k(np.array([[1.0], [0.5], [2.0]]) * H, discretisation="RT0")
 
 
-CASES: tuple[HardCase, ...] = (
-    case(
+SCENES: tuple[HardScene, ...] = (
+    scene(
         "plates",
         what="a flat gap, no roughness: permeability [m³]",
         must=Near(PLATES, 1e-12, "h³/12"),
         run=lambda: _k(np.full((64, 64), H)),
     ),
-    case(
+    scene(
         "all in contact",
         what="no gap at all: permeability [m³]",
         must=Exactly(0.0),
         run=lambda: _k(np.zeros((64, 64))),
     ),
-    case(
+    scene(
         "both sides of a pass",
         what="a saddle between two hills, filled to 1e-12 of its depth below the pass and above it [m³]",
         must=ZeroAndPositive("closed and open"),
         run=_saddle,
     ),
-    case(
+    scene(
         "both sides of closing",
         what="a rough face, the last two planes of a bisection of its closing to 12 digits [m³]",
         must=ZeroAndPositive("closed and open"),
         run=_closing,
     ),
-    case(
+    scene(
         "one critical constriction",
         what="a wall with one channel, whose neck has a thousandth of the gap: permeability [m³]",
         must=Near(PLATES * 1e-9 * 64 / 20 / 48, 1e-3, "the neck in series with what is next to nothing"),
         run=lambda: _k(_neck(), discretisation="RT0"),
     ),
-    case(
+    scene(
         "place of the constriction",
         what="the same: gap and x2 of the critical constriction [m]",
         must=Near((1e-3 * H, 17.5 * D), 1e-12, "the gap of the neck"),
         run=_place,
     ),
-    case(
+    scene(
         "contrast 1e15 in series",
         what="half of the gap 1e-5 of the other, across the flow [m³]",
         must=Near(stripes_across((PLATES, 1e-15 * PLATES)), 1e-5, "harmonic mean; rounding grows with the contrast"),
         run=_contrast_across,
     ),
-    case(
+    scene(
         "contrast 1e15 in a smooth gap",
         what="sinusoidal ridges that leave 1e-5 of the widest gap, on 32768 × 1 pixels [m³]",
         must=Near(wavy_gap_across(H, 1 - 2e-5), 0.01, "harmonic mean of h³"),
         run=lambda: _k(_ridges(1 - 2e-5, 2**15)[:, None]),
     ),
-    case(
+    scene(
         "contrast 1e15 in parallel",
         what="the same along the flow [m³]",
         must=Near(stripes_along((PLATES, 1e-15 * PLATES)), 1e-6, "arithmetic mean"),
         run=_contrast_along,
     ),
-    case(
+    scene(
         "contrast 1e15 at random",
         what="log-normal gap of contrast 1e15 and more: the solver chosen and elimination against pyamg",
         must=at_most(1e-6, "the tolerance"),
         run=lambda: _against_pyamg(H * np.exp(2.2 * _heights())),
     ),
-    case(
+    scene(
         "grooves along the flow",
         what="sinusoidal ridges of 0.9 of the gap [m³]",
         must=Near(wavy_gap_along(H, 0.9), 1e-9, "mean of h³"),
         run=lambda: _k(np.repeat(_ridges(0.9)[None], 8, axis=0), sides="periodic"),
     ),
-    case(
+    scene(
         "grooves across the flow",
         what="the same ridges turned by 90° [m³]",
         must=Near(wavy_gap_across(H, 0.9), 1e-3, "harmonic mean of h³"),
         run=lambda: _k(np.repeat(_ridges(0.9)[:, None], 8, axis=1)),
     ),
-    case(
+    scene(
         "grooves at 45°",
         what="ridges of 0.6 of the gap at 45°: principal permeabilities [m³]",
         must=Near((wavy_gap_across(H, 0.6), wavy_gap_along(H, 0.6)), 1e-3, "those across and along"),
         run=_turned_ridges,
     ),
-    case(
+    scene(
         "large gap",
         what="an isotropic face of rms height h/20: permeability over that of the mean gap",
         must=Near(float(large_gap(1.0, 0.05)) * 12, 1e-3, "Elrod"),
         run=lambda: np.trace(permeability_tensor(H * (1 + 0.05 * _heights()), (D, D))) / 2 / PLATES,
     ),
-    case(
+    scene(
         "one round island",
         what="a disc of contact in a periodic cell: permeability over Maxwell's (1 − f)/(1 + f)",
         must=Near(1.0, 0.01, "islands far apart"),
         run=_islands,
     ),
-    case(
+    scene(
         "spikes everywhere",
         what="1 % of the pixels are spikes of contact: permeability over that of the plates",
         must=Between(0.9, 0.99 / 1.01, "the bound of Hashin & Shtrikman above"),
         run=_spiked,
     ),
-    case(
+    scene(
         "one scratch",
         what="a closed face with one scratch along the flow, one pixel wide [m³]",
         must=Near(PLATES / 67, 1e-12, "a channel in parallel with contact"),
         run=lambda: _scratch(closed=False),
     ),
-    case(
+    scene(
         "one scratch with one closed pixel",
         what="the same scratch, interrupted [m³]",
         must=Exactly(0.0),
         run=lambda: _scratch(closed=True),
     ),
-    case(
+    scene(
         "99.9 % in contact, islands of gap",
         what="a rough face of which 0.1 % is left open [m³]",
         must=Exactly(0.0, "far beyond the threshold"),
         run=lambda: _k(_cut(0.999)),
     ),
-    case(
+    scene(
         "99.9 % in contact, one channel",
         what="64 × 1000 pixels, one column open [m³]",
         must=Near(PLATES / 1000, 1e-9, "a channel in parallel with contact"),
         run=lambda: _k(_one_channel_in(1000)),
     ),
-    case(
+    scene(
         "mixed elements at a contrast of 1e15",
         what="a wavy gap of contrast 1e15 in its cube, by RT0 elements",
         must=NotSolved(("energies of flux and pressure", "'edge'")),
         run=_too_steep,
     ),
-    case(
+    scene(
         "pixels that meet at corners",
         what="a checkerboard of gap and contact [m³]",
         must=Exactly(0.0, "corners let nothing through"),
         run=_diagonal,
     ),
-    case(
+    scene(
         "prime numbers of pixels in a cell",
         what="97 × 89 pixels, two fifths in contact: the solver chosen and elimination against pyamg",
         must=at_most(1e-6, "the tolerance"),
         run=lambda: _against_pyamg(_cut(0.4, 97)[:, :89]),
     ),
-    case(
+    scene(
         "gap of integers",
         what="gaps of 0, 1 and 2: the solver chosen and elimination against pyamg",
         must=at_most(1e-6, "the tolerance"),
         run=lambda: _against_pyamg(H * np.random.default_rng(3).choice(3, (64, 64), p=(0.2, 0.4, 0.4))),
     ),
-    case(
+    scene(
         "needles of 1 : 1000",
         what="oblong pixels on a rough gap: the solver chosen and elimination against pyamg",
         must=at_most(1e-6, "the tolerance"),
         run=lambda: _against_pyamg(_cut(0.2), (D, 1000 * D)),
     ),
-    case(
+    scene(
         "one column of three pixels",
         what="3 × 1 pixels: permeability [m³]",
         must=Near(stripes_across(parallel_plates([H, 0.5 * H, 2 * H])), 1e-9, "harmonic mean"),
         run=_lone_row,
     ),
-    case(
+    scene(
         "one pixel of gap",
         what="1 × 1 pixels: permeability [m³]",
         must=Near(PLATES, 1e-12, "h³/12"),
         run=lambda: _k(np.full((1, 1), H)),
     ),
-    case(
+    scene(
         "gaps in 1e-36 m and 1e36 m",
         what="gap 2⁻¹⁰⁰ and 2¹⁰⁰ times as large, pixels 2³⁰⁰ and 2⁻³⁰⁰ times: relative change",
         must=Exactly((0.0, 0.0), "the cube of the unit"),
         run=lambda: (_units(2.0**-100, 2.0**300), _units(2.0**100, 2.0**-300)),
     ),
-    case(
+    scene(
         "gap beyond double precision",
         what="a gap of 1e-70 m, whose cube is no number",
         must=Refused(("gap", "1e-70")),
         run=lambda: _k(np.full((4, 4), 1e-70)),
     ),
-    case(
+    scene(
         "flow there and back",
         what="the cell turned end for end: relative change",
         must=at_most(1e-6, "reciprocity"),
         run=_mirrored,
     ),
-    case(
+    scene(
         "planes from far above to far below",
         what="a rough face cut by lower and lower planes, the last one below all of it [m³]",
         must=Falling("less gap, no more flow; 0 at the end", steeply=False),
         run=_levels,
     ),
-    case(
+    scene(
         "bounds of noise",
         what="white noise with 30 % in contact: lower bound over the flow of mixed elements, that over the upper bound",
         must=Between(0.3, 1 + 1e-9, "bounds in order, and not far"),
         run=_bounded,
     ),
-    case(
+    scene(
         "undefined points in a gap",
         what="a gap with one point that is not a number",
         must=Refused(("gap",)),
         run=lambda: _undefined(np.nan),
     ),
-    case(
+    scene(
         "gap below zero",
         what="a gap with one point below 0",
         must=Refused(("gap",)),

@@ -6,14 +6,14 @@ from functools import partial
 from math import log, pi
 
 import numpy as np
+from hard_scene import HardScene
+from judges import Between, Near
 from skfem import MeshTri
 
-from ..analytic import annulus_rate, eccentric_annulus_rate, elliptic_annulus_rate, spiral_annulus_rate
-from ..seal import AnnularSeal, MeshSeal
-from .hard_case import HardCase
-from .judges import Between, Near
+from femseal.analytic import annulus_rate, eccentric_annulus_rate, elliptic_annulus_rate, spiral_annulus_rate
+from femseal.seal import AnnularSeal, MeshSeal
 
-case = partial(HardCase, stage="seal")
+scene = partial(HardScene, stage="seal")
 
 
 def _ring(n: int, *, shift: float = 0.0, stretch: tuple[float, float] = (1.0, 1.0)) -> MeshSeal:
@@ -57,44 +57,44 @@ def _sectors() -> float:
     return AnnularSeal(1.0, 1.5, (6, 48)).flow((k1, np.zeros((5, 48)))).conductance
 
 
-CASES: tuple[HardCase, ...] = (
-    case(
+SCENES: tuple[HardScene, ...] = (
+    scene(
         "ring",
         what="a ring of 6 × 48 windows: flow for k = 1, Δp/η = 1",
         must=Near(annulus_rate(1, 1, 1, 1, 1.5), 1e-9, "2πk/ln(r_o/r_i)"),
         run=lambda: AnnularSeal(1.0, 1.5, (6, 48)).flow(1.0).conductance,
     ),
-    case(
+    scene(
         "ring of hair and mile",
         what="radii of 1 µm and 1 km, all in one row of windows",
         must=Near(2 * pi / log(1e9), 1e-9, "2πk/ln(r_o/r_i)"),
         run=lambda: AnnularSeal(1e-6, 1e3, (1, 7)).flow(1.0).conductance,
     ),
-    case(
+    scene(
         "ring of sectors",
         what="every second radial row of a ring closed",
         must=Near(annulus_rate(0.5, 1, 1, 1, 1.5), 1e-9, "parallel"),
         run=_sectors,
     ),
-    case(
+    scene(
         "ring of triangles",
         what="exact flow over the lower bound, upper bound over it, of a ring meshed by 8 × 64",
         must=Between(0.999, 1.01, "bounds, but for the chords of the circles"),
         run=_enclosed_ring,
     ),
-    case(
+    scene(
         "ring off its centre",
         what="an inner circle moved by 0.3 of its radius, meshed",
         must=Near(eccentric_annulus_rate(1, 1, 1, 1, 1.5, 0.3), 0.003, "bipolar coordinates"),
         run=lambda: _ring(24, shift=0.3).flow(1.0).conductance,
     ),
-    case(
+    scene(
         "grooves along on a ring of ellipses",
         what="permeabilities of 3 and 0.5 along x and y between similar ellipses, meshed",
         must=Near(elliptic_annulus_rate(3, 0.5, 1, 1, 1, 1.5), 0.003, "stretched coordinates"),
         run=_ellipses,
     ),
-    case(
+    scene(
         "spiral grooves",
         what="grooves at 63° to the radius, 5 along and 0.4 across, meshed",
         must=Near(spiral_annulus_rate(5, 0.4, 1.1, 1, 1, 1, 1.5), 0.003, "k_rr"),

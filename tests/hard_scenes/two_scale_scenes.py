@@ -7,16 +7,16 @@ from functools import partial
 from math import pi
 
 import numpy as np
+from chain_scenes import DROP, ETA, D, chain_face, chain_scene
+from hard_scene import HardScene
+from judges import Between, Exactly, Near
 
-from ..analytic import annulus_rate
-from ..seal.layouts import AnnularLayout
-from ..studies import Sampling, Scene, deterministic, stochastic, two_scale
-from ..topography import Topography
-from .chain_cases import DROP, ETA, D, chain_face, chain_scene
-from .hard_case import HardCase
-from .judges import Between, Exactly, Near
+from femseal.analytic import annulus_rate
+from femseal.seal.layouts import AnnularLayout
+from femseal.studies import Sampling, Scene, deterministic, stochastic, two_scale
+from femseal.topography import Topography
 
-case = partial(HardCase, stage="chain")
+scene = partial(HardScene, stage="chain")
 
 
 def _scales(cells: tuple[int, int], heights: np.ndarray, load: float = 1e8) -> float:
@@ -73,45 +73,45 @@ def _ring_over_strip(scene: Scene, lay: str, axis: int = 0) -> float:
     return _drawn_ring(scene, lay) / ring
 
 
-CASES: tuple[HardCase, ...] = (
-    case(
+SCENES: tuple[HardScene, ...] = (
+    scene(
         "one window in two scales",
         what="a face that is one window: two scales over deterministic",
         must=Near(1.0, 0.05, "the same problem but for mirrored sides"),
         run=lambda: _scales((1, 1), _symmetric()),
     ),
-    case(
+    scene(
         "closed face in two scales",
         what="a face closed by 2.9 GPa: leakage by resolved flow, links and elements [m²/s]",
         must=Exactly((0.0, 0.0, 0.0)),
         run=_closed_in_two_scales,
     ),
-    case(
+    scene(
         "windows all alike",
         what="a face of twelve equal windows: scatter of drawn seals over their mean",
         must=Between(0.0, 1e-4, "no chance is left"),
         run=_drawn_of_one_kind,
     ),
-    case(
+    scene(
         "seal of 1 : 1e5, drawn",
         what="96 µm × 9.6 m of 900 000 equal windows: leakage over that of the face",
         must=Near(1.0, 1e-5, "no chance is left"),
         run=_long_seal,
         slow=True,
     ),
-    case(
+    scene(
         "ring of windows all alike",
         what="a drawn ring of equal windows: leakage over that of their permeability",
         must=Near(1.0, 1e-5, "2πkΔp/(η ln(r_o/r_i))"),
         run=lambda: _ring_over_strip(_tiles(1e-7, 1e-7), "circumferential"),
     ),
-    case(
+    scene(
         "grooves round a ring",
         what="a drawn ring whose windows have ridges along its circumference: leakage [m²/s]",
         must=Exactly(0.0, "one ridge is enough"),
         run=lambda: _drawn_ring(_tiles(1e-7, 0.0), "circumferential"),
     ),
-    case(
+    scene(
         "grooves along the radius of a ring",
         what="the same with its lay turned: leakage over that of the permeability along the grooves",
         must=Near(1.0, 1e-5, "2πkΔp/(η ln(r_o/r_i))"),

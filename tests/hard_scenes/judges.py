@@ -7,7 +7,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from ..base.errors import InputError, NotConverged
+from femseal.base.errors import InputError, NotConverged
 
 
 class Judge(Protocol):
@@ -26,8 +26,8 @@ class Judge(Protocol):
 def numbers(came: Any) -> str:
     """A number, several numbers or an error as text.
 
-    >>> numbers((1.0, 0.33333333)), numbers(InputError("gap: given -1, allowed is more"))
-    ('1, 0.333333', 'InputError: gap: given -1, allowed is more')
+    >>> numbers((1.0, 0.33333333)), numbers(ValueError("gap"))
+    ('1, 0.333333', 'ValueError: gap')
     """
     if isinstance(came, BaseException):
         return f"{type(came).__name__}: {came}"

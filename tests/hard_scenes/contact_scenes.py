@@ -7,8 +7,10 @@ from math import inf, pi
 from typing import Any
 
 import numpy as np
+from hard_scene import HardScene
+from judges import Between, Exactly, Falling, Near, Refused, at_most
 
-from ..analytic import (
+from femseal.analytic import (
     hertz_approach,
     hertz_peak_pressure,
     hertz_radius,
@@ -18,17 +20,15 @@ from ..analytic import (
     wavy_contact_fraction_light,
     wavy_full_contact_pressure,
 )
-from ..contact import Contact, HalfSpace, load_cycle, solve_contact
-from ..topography import self_affine
-from .hard_case import HardCase
-from .judges import Between, Exactly, Falling, Near, Refused, at_most
+from femseal.contact import Contact, HalfSpace, load_cycle, solve_contact
+from femseal.topography import self_affine
 
 E, D, LOAD = 115e9, 1e-6, 1e8
 SLOPE = 0.1
 RADIUS, WEIGHT = 1e-3, 0.5
 _hertz = hertz_radius(WEIGHT, RADIUS, E)
 
-case = partial(HardCase, stage="contact")
+scene = partial(HardScene, stage="contact")
 
 
 def _rough(n: int = 96, rng: int = 1) -> np.ndarray:
@@ -196,170 +196,170 @@ def _undefined() -> Contact:
     return _solved(gap0)
 
 
-CASES: tuple[HardCase, ...] = (
-    case(
+SCENES: tuple[HardScene, ...] = (
+    scene(
         "one asperity",
         what="a ball of 1 mm on a plane: radius [m], peak pressure [Pa] and approach [m]",
         must=Near((_hertz, hertz_peak_pressure(WEIGHT, RADIUS, E), hertz_approach(WEIGHT, RADIUS, E)), 0.003, "Hertz"),
         run=_asperity,
     ),
-    case(
+    scene(
         "wave on one row of pixels",
         what="a wave on 1 × 512 pixels at half the pressure of full contact: share in contact",
         must=Near(float(wave_contact_fraction(0.5)), 0.005, "Westergaard"),
         run=lambda: _wave(0.5),
     ),
-    case(
+    scene(
         "wave that is all but closed",
         what="the same at 0.999 of full contact: share in contact",
         must=Near(float(wave_contact_fraction(0.999)), 0.004, "Westergaard"),
         run=lambda: _wave(0.999),
     ),
-    case(
+    scene(
         "99.9 % in contact",
         what="an egg box just before its last spots close: open share",
         must=Near(1 - float(wavy_contact_fraction_full(0.9979056)), 0.2, "Johnson, Greenwood & Higginson"),
         run=lambda: 1 - _egg_box(0.9979056).area_fraction,
     ),
-    case(
+    scene(
         "full contact",
         what="an egg box just after its last spots closed: share in contact, mean gap [m]",
         must=Exactly((1.0, 0.0)),
         run=_over_full,
     ),
-    case(
+    scene(
         "light contact",
         what="an egg box at 1e-3 of full contact, its two crests as balls: share in contact",
         must=Near(float(wavy_contact_fraction_light(1e-3)), 0.03, "two Hertz contacts"),
         run=lambda: _egg_box(1e-3).area_fraction_corrected,
     ),
-    case(
+    scene(
         "H/(E*h′) = 0.01",
         what="a face as soft as clay at a tenth of its hardness: share in contact",
         must=Between(0.1, 0.103, "all of it at the hardness, p̄/H"),
         run=_soft,
     ),
-    case(
+    scene(
         "H/(E*h′) = 100",
         what="a hardness that is never reached: difference to the elastic pressure over its largest",
         must=Exactly(0.0, "the elastic contact"),
         run=_hard,
     ),
-    case(
+    scene(
         "H/(E*h′) from 0.01 to 10",
         what="one face and load, rising hardness: share in contact",
         must=Falling("a harder face touches no more", steeply=False),
         run=_hardnesses,
     ),
-    case(
+    scene(
         "real area of an elastic face",
         what="share in contact over p̄/(E*h′) at 2 %",
         must=Between(1.5, 2.51, "about √(8/π) of Persson to √(2π) of Bush, Gibson & Thomas"),
         run=_proportional,
     ),
-    case(
+    scene(
         "no roughness",
         what="a flat face: scatter of the pressure over the load, largest gap [m]",
         must=Between(0.0, 1e-12, "flat"),
         run=_flat,
     ),
-    case(
+    scene(
         "lengths in 1e-18 m",
         what="heights and pixels 2⁻⁶⁰ times as large: largest relative change",
         must=Exactly(0.0, "no length of its own"),
         run=lambda: _units(2.0**-60, 1.0),
     ),
-    case(
+    scene(
         "lengths in 1e18 m",
         what="heights and pixels 2⁶⁰ times as large: largest relative change",
         must=Exactly(0.0, "no length of its own"),
         run=lambda: _units(2.0**60, 1.0),
     ),
-    case(
+    scene(
         "moduli of 1e-7 and 1e29 Pa",
         what="modulus, hardness and load 2⁻⁶⁰ and 2⁶⁰ times as large: largest relative change",
         must=Exactly((0.0, 0.0), "no pressure of its own"),
         run=lambda: (_units(1.0, 2.0**-60), _units(1.0, 2.0**60)),
     ),
-    case(
+    scene(
         "step of a metre",
         what="a ledge of 1 m on pixels of 1 µm: share in contact, largest pressure on the low half [Pa]",
         must=Exactly((0.5, 0.0), "the upper half carries all"),
         run=_step,
     ),
-    case(
+    scene(
         "spike of a millimetre",
         what="one pixel stands out by 1 mm: pixels in contact, its pressure over the load",
         must=Near((1.0, 64.0**2), 1e-9, "one pixel carries all"),
         run=_spike,
     ),
-    case(
+    scene(
         "spike that is crushed",
         what="the same with a hardness of 10 GPa: its pressure and the mean [Pa]",
         must=Near((1e10, LOAD), 1e-9, "the hardness, and the rest carries on"),
         run=_crushed_spike,
     ),
-    case(
+    scene(
         "heights of integers",
         what="five heights and no other: relative error of load and signs, a thousandth of that of complementarity",
         must=at_most(1e-9, "equilibrium, signs and complementarity"),
         run=_integers,
     ),
-    case(
+    scene(
         "prime numbers of pixels",
         what="white noise on 97 × 101 oblong pixels, mirrored and free: the same errors",
         must=at_most(1e-9, "equilibrium, signs and complementarity"),
         run=_primes,
     ),
-    case(
+    scene(
         "pixels of 1 : 100",
         what="white noise on needles, free and periodic: the same errors",
         must=at_most(1e-9, "equilibrium, signs and complementarity"),
         run=_needles,
     ),
-    case(
+    scene(
         "load of a feather",
         what="a load of 1 mPa on steel: the same errors",
         must=at_most(1e-9, "equilibrium, signs and complementarity"),
         run=_feather,
     ),
-    case(
+    scene(
         "one pixel",
         what="1 × 1 pixels: the pressure [Pa]",
         must=Near(LOAD, 1e-15),
         run=lambda: float(_solved(np.zeros((1, 1))).pressure[0, 0]),
     ),
-    case(
+    scene(
         "peak met again",
         what="an unloading that stops 1e-9 below its peak: change of the gap over the largest",
         must=at_most(1e-4, "the state of the peak"),
         run=lambda: _again()[0],
     ),
-    case(
+    scene(
         "gap after unloading",
         what="mean gap on unloading over that on loading, at one load",
         must=Between(0.5, 0.99, "a face keeps the print of its peak"),
         run=lambda: _again()[1],
     ),
-    case(
+    scene(
         "load of the hardness",
         what="p̄ = H: share in contact, least pressure [Pa]",
         must=Near((1.0, 1e9), 1e-12, "all at the hardness"),
         run=_all_at_hardness,
     ),
-    case(
+    scene(
         "no load",
         what="p̄ = 0: largest pressure [Pa], least gap [m]",
         must=Exactly((0.0, 0.0), "first touch"),
         run=_touch,
     ),
-    case(
+    scene(
         "load beyond the hardness",
         what="p̄ = 2 GPa with H = 1 GPa",
         must=Refused(("pressure", "2e+09 Pa", "mean hardness")),
         run=lambda: _solved(_rough(48), pressure=2e9, hardness=1e9),
     ),
-    case(
+    scene(
         "undefined points in a contact",
         what="a gap with one point that is not a number",
         must=Refused(("gap0",)),

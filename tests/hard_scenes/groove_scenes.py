@@ -6,14 +6,14 @@ from functools import partial
 from math import pi, sin
 
 import numpy as np
+from chain_scenes import DROP, ETA, D, E, chain_scene
+from hard_scene import HardScene
+from judges import Exactly, Near
 
-from ..analytic import wave_full_contact_pressure, wave_groove_flow
-from ..studies import deterministic
-from .chain_cases import DROP, ETA, D, E, chain_scene
-from .hard_case import HardCase
-from .judges import Exactly, Near
+from femseal.analytic import wave_full_contact_pressure, wave_groove_flow
+from femseal.studies import deterministic
 
-case = partial(HardCase, stage="chain")
+scene = partial(HardScene, stage="chain")
 
 #: A wave of 1 µm and 256 pixels, and the pressure that flattens it.
 _WAVE = 0.5e-6 * np.cos(2 * pi * (np.arange(256) + 0.5) / 256)
@@ -49,45 +49,45 @@ def _ridges() -> float:
     return _leakage(heights, (D, D), 1e-3)
 
 
-CASES: tuple[HardCase, ...] = (
-    case(
+SCENES: tuple[HardScene, ...] = (
+    scene(
         "grooves along, light load",
         what="an elastic wave whose grooves run from inlet to outlet, at 0.01 of full contact [m²/s]",
         must=Near(_grooves_exactly(0.01), 0.005, "gap of Westergaard's wave"),
         run=lambda: _grooves(0.01),
     ),
-    case(
+    scene(
         "grooves along, half closed",
         what="the same at half of full contact [m²/s]",
         must=Near(_grooves_exactly(0.5), 0.005, "gap of Westergaard's wave"),
         run=lambda: _grooves(0.5),
     ),
-    case(
+    scene(
         "grooves along, nearly closed",
         what="the same at 0.9 of full contact [m²/s]",
         must=Near(_grooves_exactly(0.9), 0.03, "gap of Westergaard's wave"),
         run=lambda: _grooves(0.9),
     ),
-    case(
+    scene(
         "99.9 % in contact, grooves along",
         what="a wave of which 33 of 32768 pixels are open: leakage [m²/s]",
         must=Near(_grooves_exactly(_NEARLY_ALL, 1), 0.02, "gap of Westergaard's wave"),
         run=_last_groove,
         slow=True,
     ),
-    case(
+    scene(
         "grooves along, closed",
         what="the same at 1.001 of full contact [m²/s]",
         must=Exactly(0.0),
         run=lambda: _grooves(1.001),
     ),
-    case(
+    scene(
         "grooves along on one row of pixels",
         what="an elastic wave on 1 × 256 pixels at half of full contact: leakage [m²/s]",
         must=Near(_grooves_exactly(0.5, 1), 0.005, "gap of Westergaard's wave"),
         run=lambda: _grooves(0.5, 1),
     ),
-    case(
+    scene(
         "grooves across",
         what="ridges across the leakage, at 1e-3 of full contact [m²/s]",
         must=Exactly(0.0, "one ridge is enough"),

@@ -7,18 +7,18 @@ from math import inf
 from typing import Any
 
 import numpy as np
+from hard_scene import HardScene
+from judges import Between, Exactly, Near, Refused, ZeroAndPositive, at_most
 
-from ..analytic import (
+from femseal.analytic import (
     log_symmetric_links,
     parallel_plates,
     stripes_across,
     stripes_along,
 )
-from ..fluids import IdealGas, Liquid, RoelandsLiquid
-from ..seal import PermeabilityTable, RectangularSeal, seal_leakage, table_pressures
-from ..seal.pressure_map import AngleTable, Frame, PressedSeal, Profile
-from .hard_case import HardCase
-from .judges import Between, Exactly, Near, Refused, ZeroAndPositive, at_most
+from femseal.fluids import IdealGas, Liquid, RoelandsLiquid
+from femseal.seal import PermeabilityTable, RectangularSeal, seal_leakage, table_pressures
+from femseal.seal.pressure_map import AngleTable, Frame, PressedSeal, Profile
 
 K, ETA, DROP = 1e-20, 1e-3, 1e6
 WATER = Liquid(viscosity=ETA)
@@ -26,7 +26,7 @@ HELIUM = IdealGas(viscosity=19.6e-6, molar_mass=4.0026e-3, temperature=293.15)
 STRIP = RectangularSeal((2e-3, 8e-3), (10, 40))
 ONE = RectangularSeal((1e-3, 1e-3), (1, 1))
 
-case = partial(HardCase, stage="seal")
+scene = partial(HardScene, stage="seal")
 
 
 def _rate(seal: Any, k: Any, fluid: Any = WATER, *, inlet: float = DROP, outlet: float = 0.0) -> float:
@@ -161,147 +161,147 @@ _turn = np.linspace(0, 360, 40, endpoint=False) + 4.5
 _bolts = 1 + 0.5 * (np.abs((_turn % 90) / 45 - 1) * 2 - 1)  # mean 1, four peaks of 1.5
 _series_map = Profile((0.5, 1.5))
 
-CASES: tuple[HardCase, ...] = (
-    case(
+SCENES: tuple[HardScene, ...] = (
+    scene(
         "one window",
         what="a seal of one window: leakage [m³/s]",
         must=Near(K * DROP / ETA, 1e-12, "kΔp/η"),
         run=lambda: _rate(ONE, K),
     ),
-    case(
+    scene(
         "a million windows",
         what="1000 × 1000 log-normal links: permeability over exp⟨ln k⟩",
         must=Near(1.0, 0.01, "self-duality"),
         run=_million,
         slow=True,
     ),
-    case(
+    scene(
         "seal of 1 : 1e5",
         what="1 mm × 100 m of 200 000 windows in separate columns: rate over the sum of harmonic means",
         must=Near(1.0, 1e-7, "series and parallel"),
         run=_columns,
     ),
-    case(
+    scene(
         "windows of contrast 1e15 in series",
         what="half of the rows have 1e-15 of the permeability [m³]",
         must=Near(stripes_across((K, 1e-15 * K)), 1e-6, "harmonic mean"),
         run=_series,
     ),
-    case(
+    scene(
         "windows of contrast 1e15 in parallel",
         what="half of the columns have 1e-15 of the permeability [m³]",
         must=Near(stripes_along((K, 1e-15 * K)), 1e-6, "arithmetic mean"),
         run=_parallel,
     ),
-    case(
+    scene(
         "closed row of windows",
         what="a row of closed links, then one of its 40 opened to 1e-15",
         must=ZeroAndPositive("closed and open"),
         run=_wall,
     ),
-    case(
+    scene(
         "last open window",
         what="the only open link of a row has 1e-12 of the others",
         must=Near(1e-12, 1e-6, "its own conductance"),
         run=_last_link,
     ),
-    case(
+    scene(
         "lattice at its threshold",
         what="half of 80 000 links closed at random, yet open: flow over lower bound, upper bound over flow",
         must=Between(1.0, 1 + 1e-6, "the flow of the network is enclosed"),
         run=_critical,
     ),
-    case(
+    scene(
         "prime numbers of windows",
         what="97 × 101 log-normal links: flow over lower bound, upper bound over flow",
         must=Between(1.0, 1 + 1e-6, "the flow of the network is enclosed"),
         run=_primes,
     ),
-    case(
+    scene(
         "permeabilities of 1e-90",
         what="all permeabilities 2⁻³⁰⁰ times as large: relative change",
         must=Exactly(0.0, "no permeability of its own"),
         run=_permeabilities_apart,
     ),
-    case(
+    scene(
         "oil at 2 GPa",
         what="Barus's law with αp = 40 exceeds what can be told from no flow",
         must=Refused(("inlet_pressure", "αp below 20")),
         run=lambda: _barus(2e9),
     ),
-    case(
+    scene(
         "oil at 0.5 GPa",
         what="Barus's law with αp = 10 [m³/s]",
         must=Near(K / ETA * (1 - np.exp(-10.0)) / 20e-9, 1e-9, "(1 − exp(−αp))/α"),
         run=lambda: _barus(0.5e9),
     ),
-    case(
+    scene(
         "Roelands' oil from 1 Pa to 1 GPa",
         what="pressure to potential and back: largest relative error",
         must=at_most(1e-10, "inverse"),
         run=_roelands,
     ),
-    case(
+    scene(
         "gas from 100 MPa to 1 mPa",
         what="an ideal gas without slip: mass rate [kg/s]",
         must=Near(4 * K * 0.029 * 1e16 / (2 * 8.31446261815324 * 293.15 * 2e-5), 1e-9, "p² law"),
         run=_gas,
     ),
-    case(
+    scene(
         "helium with slip",
         what="plates of 100 nm between 1 MPa and 0.1 MPa: mass rate [kg/s]",
         must=Near(_slip_integral(1e-7, 1e6, 1e5), 1e-3, "∫ F dφ"),
         run=lambda: _slip(1e-7, 1e6, 1e5),
     ),
-    case(
+    scene(
         "helium of free molecules",
         what="plates of 1 nm between 10 Pa and 1 Pa: mass rate [kg/s]",
         must=Near(_slip_integral(1e-9, 10.0, 1.0), 1e-3, "∫ F dφ"),
         run=lambda: _slip(1e-9, 10.0, 1.0),
     ),
-    case(
+    scene(
         "no drop",
         what="equal pressures at both ends [m³/s]",
         must=Exactly(0.0),
         run=lambda: _rate(STRIP, K, outlet=DROP),
     ),
-    case(
+    scene(
         "inlet and outlet exchanged",
         what="sum of the rates there and back [m³/s]",
         must=Exactly(0.0, "reciprocity"),
         run=_reversed,
     ),
-    case(
+    scene(
         "map of pressure in series",
         what="half and one and a half of the pressure on two strips from inlet to outlet [m³]",
         must=Near(stripes_across(_local(np.array([0.5e8, 1.5e8]))), 1e-6, "harmonic mean"),
         run=lambda: _mapped(_series_map),
     ),
-    case(
+    scene(
         "map of pressure in parallel",
         what="four bolts, the pressure between them a third of that below [m³]",
         must=Near(stripes_along(_local(1e8 * _bolts)), 1e-6, "arithmetic mean"),
         run=lambda: _mapped(AngleTable((1.5, 0.5), repeat=4)),
     ),
-    case(
+    scene(
         "map of one pressure",
         what="two equal strips [m³]",
         must=Near(float(_local(np.array(1e8))), 1e-9, "k(p̄)"),
         run=lambda: _mapped(Profile((0.7, 0.7))),
     ),
-    case(
+    scene(
         "undefined permeability",
         what="a link that is not a number",
         must=Refused(("permeability",)),
         run=lambda: _rate(STRIP, (np.full((10, 40), np.nan), K)),
     ),
-    case(
+    scene(
         "infinite permeability",
         what="a link without resistance",
         must=Refused(("permeability",)),
         run=lambda: _rate(STRIP, (np.full((10, 40), inf), K)),
     ),
-    case(
+    scene(
         "gas below vacuum",
         what="a gas at −1 Pa",
         must=Refused(("outlet_pressure", "-1 Pa")),

@@ -8,18 +8,18 @@ from math import pi
 from typing import Any
 
 import numpy as np
+from hard_scene import HardScene
+from judges import Between, Exactly, Falling, Near, Refused, ZeroAndPositive, at_most
 
-from ..analytic import wavy_full_contact_pressure
-from ..fluids import IdealGas, Liquid
-from ..studies import Scene, deterministic
-from ..topography import Topography, self_affine
-from .hard_case import HardCase
-from .judges import Between, Exactly, Falling, Near, Refused, ZeroAndPositive, at_most
+from femseal.analytic import wavy_full_contact_pressure
+from femseal.fluids import IdealGas, Liquid
+from femseal.studies import Scene, deterministic
+from femseal.topography import Topography, self_affine
 
 E, HARDNESS, D, ETA, DROP = 115e9, 3e9, 1e-6, 1e-3, 1e6
 WATER = Liquid(viscosity=ETA)
 
-case = partial(HardCase, stage="chain")
+scene = partial(HardScene, stage="chain")
 
 
 def chain_scene(heights: np.ndarray, spacing: tuple[float, float] = (D, D), **given: Any) -> Scene:
@@ -198,146 +198,146 @@ def _twice() -> float:
     return abs(first - second)
 
 
-CASES: tuple[HardCase, ...] = (
-    case(
+SCENES: tuple[HardScene, ...] = (
+    scene(
         "99.9 % in contact, pools",
         what="an egg box at 99.9 % in contact: leakage [m²/s]",
         must=Exactly(0.0, "pools are joined to nothing"),
         run=_last_pools,
     ),
-    case(
+    scene(
         "both sides of closing under load",
         what="a rough face at the load that closes it, found to a millionth, and just below: leakage [m²/s]",
         must=ZeroAndPositive("closed and open"),
         run=_closing,
     ),
-    case(
+    scene(
         "leakage at H/(E*h′) = 100",
         what="a hardness that is never reached: relative change of leakage",
         must=Exactly(0.0, "the elastic face"),
         run=_never_plastic,
     ),
-    case(
+    scene(
         "leakage at H/(E*h′) from 1 to 0.01",
         what="one face and load, falling hardness: leakage [m²/s]",
         must=Falling("a softer face seals better"),
         run=_hardnesses,
     ),
-    case(
+    scene(
         "one asperity, leakage along and across",
         what="a ball on pixels of 1 : 2: leakage along one axis over that along the other",
         must=Near(1.0, 0.01, "a ball has no direction"),
         run=_asperity,
     ),
-    case(
+    scene(
         "face held open by a spike",
         what="one pixel stands out by 1 mm: leakage [m²/s]",
         must=Near(1e-9 / 12 * DROP / (ETA * 48 * D), 0.003, "plates 1 mm apart"),
         run=_held_open,
     ),
-    case(
+    scene(
         "ledge of a metre along the leakage",
         what="half of a face lies 1 m below the other: leakage [m²/s]",
         must=Near(0.5 / 12 * DROP / (ETA * 16 * D), 1e-6, "plates 1 m apart"),
         run=_ledge,
     ),
-    case(
+    scene(
         "higher and higher peaks",
         what="leakage at 100 MPa: on first loading, after 300 MPa and after 900 MPa [m²/s]",
         must=Falling("a higher peak leaves less"),
         run=_peaks,
     ),
-    case(
+    scene(
         "stresses of 1e12 times the size",
         what="modulus, hardness, load, pressure and viscosity 2⁴⁰ times as large: relative change of leakage",
         must=Exactly(0.0, "no stress of its own"),
         run=_stresses,
     ),
-    case(
+    scene(
         "no roughness at all",
         what="two flat faces under load: leakage [m²/s]",
         must=Exactly(0.0),
         run=lambda: _leakage(np.zeros((32, 32)))[0],
     ),
-    case(
+    scene(
         "huge steps of load",
         what="loads of 0, 1 MPa … 2.9 GPa with H = 3 GPa: leakage [m²/s]",
         must=Falling("more load, no more leakage", steeply=False),
         run=_loads,
     ),
-    case(
+    scene(
         "leakage after unloading",
         what="leakage at 100 MPa after 600 MPa over that before",
         must=Between(0.05, 0.9, "a face keeps the print of its peak"),
         run=_unloaded,
     ),
-    case(
+    scene(
         "peak repeated",
         what="an unloading that stops 1e-9 below its peak: relative change of leakage",
         must=at_most(0.01, "the state of the peak"),
         run=_peak_again,
     ),
-    case(
+    scene(
         "loads repeated",
         what="the same load twice on the loading curve",
         must=Refused(("loading", "rising")),
         run=lambda: _leakage(chain_face(), loading=(1e8, 1e8)),
     ),
-    case(
+    scene(
         "face of 1e12 times the size",
         what="all lengths 2⁴⁰ times as large: relative change of leakage over length squared",
         must=Exactly(0.0, "no length of its own"),
         run=_units,
     ),
-    case(
+    scene(
         "scratch with a bridge",
         what="a flat face with a scratch from end to end is bridged by three pixels: leakage [m²/s]",
         must=Falling("the bridge seals"),
         run=_scratched,
     ),
-    case(
+    scene(
         "scratch with a bridge, sealed",
         what="the same: leakage with the bridge [m²/s]",
         must=Exactly(0.0),
         run=lambda: _scratched()[1],
     ),
-    case(
+    scene(
         "holes in a face",
         what="2 % of the points are undefined and filled: leakage over that of the whole face",
         must=Between(0.8, 1.25, "a fill is a small change"),
         run=_holes,
     ),
-    case(
+    scene(
         "holes left in a face",
         what="one point is undefined and not filled",
         must=Refused(("surface", "1 of 6144 points undefined", "fill")),
         run=_undefined,
     ),
-    case(
+    scene(
         "face of prime numbers of pixels",
         what="61 × 97 white pixels at 1 GPa: leakage of the mirror image over its own",
         must=Near(1.0, 1e-4, "symmetry"),
         run=_primes,
     ),
-    case(
+    scene(
         "face of integers",
         what="heights of 0 to 4 steps of 0.1 µm: leakage [m²/s], twice",
         must=at_most(0.0, "one input, one answer"),
         run=_twice,
     ),
-    case(
+    scene(
         "gas without slip",
         what="leakage of air over that of water over the ratio of their drops of potential",
         must=Near(1.0, 1e-9, "one permeability"),
         run=_gas,
     ),
-    case(
+    scene(
         "gas with slip at high pressure",
         what="helium at 1e12 Pa: leakage over that without slip",
         must=Near(1.0, 1e-3, "continuum"),
         run=lambda: _slipping(2e12, 1e12),
     ),
-    case(
+    scene(
         "gas with slip near vacuum",
         what="helium at 0.01 Pa: leakage over that without slip",
         must=Between(1e3, 1e12, "free molecules"),
