@@ -9,8 +9,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from femseal import Liquid, Sampling, Scene, self_affine, stochastic, two_scale
 from femseal.base.errors import InputError
+from femseal.case.case import parse_case
 from femseal.results.dataset import assemble
-from femseal.runs.case import parse_case
 from femseal.scales import ColumnRuns, Partition, RunFlows, SolverCounts, element_flow
 from femseal.studies import chosen_sampler, placed
 from femseal.studies.chained import StateRuns, chained_seals

@@ -30,9 +30,10 @@ from femseal.budget.conformal import (
     model_error,
 )
 from femseal.budget.model_parts import form_share
+from femseal.case.case import parse_case
 from femseal.loads import LoadProgramme
-from femseal.runs.budgeted import budgets_of
-from femseal.runs.case import parse_case
+from femseal.preparation.preparation import prepare
+from femseal.refinement.budgeted import budgets_of
 
 
 class TestQuantile:
@@ -218,7 +219,7 @@ class TestPartsOfABudget:
             fluid = {kind = "liquid", viscosity = "1 mPa*s", inlet_pressure = "1 MPa"}
             cells = {count = [4, 4], flow = "links"}
         """
-        prepared = parse_case(tomllib.loads(text)).prepare()
+        prepared = prepare(parse_case(tomllib.loads(text)))
         asked = []
 
         def solve(method, prepared, known):

@@ -11,6 +11,7 @@ from numpy.testing import assert_allclose
 
 import femseal as fs
 from femseal.base.errors import InputError
+from femseal.case.case import parse_case
 from femseal.cli import main
 from femseal.designs.requirements import requirement, sealing_load
 from femseal.designs.seals import DRAWS, Seals, crossings, share_of
@@ -18,7 +19,6 @@ from femseal.designs.sensitivities import Variants, level_at, ratio_of, sensitiv
 from femseal.loads import LoadProgramme
 from femseal.report.page import report_html
 from femseal.results import assemble
-from femseal.runs.case import parse_case
 
 STEPS = LoadProgramme.of([1e7, 3e7, 1e8, 4e8, 9e8], unload_from=[4e8, 9e8], unloading=[3e8, 1e8, 3e7, 1e7])
 #: On loading L = A p^−3, on unloading from Q_A it grows with p^−½ from there.

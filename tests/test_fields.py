@@ -16,6 +16,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from femseal.base.errors import FemsealError, InputError
 from femseal.base.machine import machine, peak_memory
+from femseal.case.case import parse_case
 from femseal.flow import cell_permeability
 from femseal.fluids import Liquid
 from femseal.plots import seal_figure
@@ -24,7 +25,6 @@ from femseal.results import assemble, open_results, write_vtk
 from femseal.results.fields import plan_fields
 from femseal.results.views import chosen_windows
 from femseal.runs import job
-from femseal.runs.case import parse_case
 from femseal.studies import Sampling, Scene, deterministic, stochastic, two_scale
 from femseal.topography import read_topography, turned
 

@@ -14,6 +14,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 import femseal as fs
 from femseal.base.errors import InputError
 from femseal.plots.maps import window_flux
+from femseal.preparation.preparation import prepare
 from femseal.scales import window_dissipation
 from femseal.seal import largest_shares
 
@@ -187,7 +188,7 @@ def test_resolved(case_file, ran, deterministic):
     """Windows are those of the two-scale run, and dissipate the leakage in all."""
     rate, windows = deterministic
     assert ran[0].two_scale.partition.lines != (0, 16, 32, 48, 64)
-    scene = fs.load_case(case_file).prepare().scene
+    scene = prepare(fs.load_case(case_file)).scene
     study = fs.deterministic(scene)
     assert_array_equal(rate, study.leakage)
     expected = window_dissipation(study.gap[1], ran[0].two_scale.partition)

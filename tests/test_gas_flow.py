@@ -15,6 +15,7 @@ import femseal as fs
 from femseal.flow.coefficient import gap_on_links
 from femseal.flow.gas_drop import GasDrop, successive
 from femseal.flow.permeability_table import PermeabilityTable, pressure_curve, table_pressures
+from femseal.preparation.preparation import prepare
 from femseal.rarefied import flow_rate
 from femseal.report.words import case_sentences
 from femseal.results.dataset import assemble
@@ -375,11 +376,11 @@ def test_a_helium_test_from_case_to_report(tmp_path):
         path = tmp_path / f"case{len(slip)}.toml"
         path.write_text(text.replace("{slip}", slip), encoding="utf-8")
         case = fs.load_case(path)
-        told = "\n".join(describe(case, case.prepare()))
+        told = "\n".join(describe(case, prepare(case)))
         assert ("times the viscous flow in a gap of the rms height" in told) == (slip == "")
-        study = fs.deterministic(case.prepare().scene)
+        study = fs.deterministic(prepare(case).scene)
         leakage[slip] = study.leakage
-        words = " ".join(case_sentences(assemble(case.prepare().scene, deterministic=study, case=case.echo())))
+        words = " ".join(case_sentences(assemble(prepare(case).scene, deterministic=study, case=case.echo())))
         assert f"helium, an ideal gas of viscosity 19.62 µPa·s with{'out' if slip else ''} slip" in words
     assert (leakage[""] > 1.1 * leakage["slip = false\n"]).all()
 

@@ -10,11 +10,11 @@ import femseal as fs
 from femseal.base.errors import InputError
 from femseal.base.leak_classes import LEAK_CLASSES, leak_classes
 from femseal.base.leak_units import LEAK_UNITS
+from femseal.case.case import parse_case
 from femseal.fluids import leak_basis
 from femseal.report.page import report_html
 from femseal.results import assemble
 from femseal.results.tables import csv_text, texts
-from femseal.runs.case import parse_case
 from femseal.studies.other_fluid import FluidState, OtherLeakage, drop_ratio, limit_factors
 
 HELIUM = fs.IdealGas(viscosity=19.6e-6, molar_mass=4.0026e-3, temperature=293.15, slip=False)

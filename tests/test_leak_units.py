@@ -9,11 +9,11 @@ import femseal as fs
 from femseal.base.errors import InputError
 from femseal.base.leak_units import LEAK_UNITS, TOLD, LeakBasis, leak_unit
 from femseal.base.quantities import to_si
+from femseal.case.case import parse_case
 from femseal.fluids import leak_basis
 from femseal.report.page import report_html
 from femseal.results import assemble
 from femseal.results.tables import csv_text, rows, texts
-from femseal.runs.case import parse_case
 
 SI = {"volume": "m^3/s", "mass": "kg/s", "throughput": "Pa*m^3/s"}
 AIR = fs.IdealGas(viscosity=18e-6, molar_mass=29e-3, temperature=293.15)

@@ -12,9 +12,10 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 import femseal as fs
+from femseal.case.case import parse_case
 from femseal.loads import LoadProgramme
+from femseal.preparation.preparation import prepare
 from femseal.results import assemble
-from femseal.runs.case import parse_case
 from femseal.runs.chosen_loads import _needed
 
 CASE = """
@@ -259,5 +260,5 @@ def test_a_run_without_a_budget_resamples_no_seals(keys, resampled):
     drawn = '[cells]\ncount = [2, 3]\n[stochastic]\nlength = "90 um"\n'
     text = CASE.replace('"deterministic"', '"stochastic"').replace("[32, 48]", "[64, 96]") + drawn
     text = text.replace('["30 um", "45 um"]', '["60 um", "90 um"]')
-    assert parse_case(tomllib.loads(text + keys)).prepare().sampling.resampled is resampled
-    assert parse_case(tomllib.loads(text + "width = 0.1\n" + keys)).prepare().sampling.resampled
+    assert prepare(parse_case(tomllib.loads(text + keys))).sampling.resampled is resampled
+    assert prepare(parse_case(tomllib.loads(text + "width = 0.1\n" + keys))).sampling.resampled

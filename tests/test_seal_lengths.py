@@ -10,10 +10,11 @@ from numpy.testing import assert_allclose, assert_array_equal
 from small_cases import STRIP
 
 import femseal as fs
+from femseal.case.case import parse_case
+from femseal.case.schema import case_schema
+from femseal.preparation.preparation import prepare
 from femseal.results import assemble, open_results, seal_lengths
-from femseal.runs.case import parse_case
 from femseal.runs.forecast import describe, forecast
-from femseal.runs.schema import case_schema
 
 LENGTHS = (240e-6, 60e-6, 2e-3)
 CASE = STRIP | {
@@ -132,11 +133,11 @@ def test_picture_of_lengths(results):
 def test_a_case_with_a_list_of_lengths(tmp_path):
     case = parse_case(CASE)
     assert case.stochastic.lengths == pytest.approx(LENGTHS)
-    text = "\n".join(describe(case, case.prepare()))
+    text = "\n".join(describe(case, prepare(case)))
     assert "240 µm long; as many of 60 µm, 2 mm" in text
     one = parse_case(CASE | {"stochastic": CASE["stochastic"] | {"length": "240 um"}})
     assert one.stochastic.length == pytest.approx(240e-6)
-    assert forecast(one, one.prepare()).seconds < forecast(case, case.prepare()).seconds
+    assert forecast(one, prepare(one)).seconds < forecast(case, prepare(case)).seconds
     found = fs.run(case, tmp_path / "out", workers=1)
     assert {"lengths.csv", "lengths.png"} <= {path.name for path in (tmp_path / "out").iterdir()}
     back = open_results(tmp_path / "out")
@@ -159,7 +160,7 @@ def test_a_case_with_a_list_of_lengths(tmp_path):
 )
 def test_lengths_that_cannot_be(length, fault):
     with pytest.raises(fs.InputError, match=fault):
-        parse_case(CASE | {"stochastic": CASE["stochastic"] | {"length": length}}).prepare()
+        prepare(parse_case(CASE | {"stochastic": CASE["stochastic"] | {"length": length}}))
 
 
 def test_the_schema_knows_one_length_and_several():

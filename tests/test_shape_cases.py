@@ -10,8 +10,9 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 import femseal as fs
 from femseal import cli
-from femseal.accuracy import make_plan
-from femseal.runs.case import parse_case
+from femseal.case.case import parse_case
+from femseal.preparation.preparation import prepare
+from femseal.refinement.accuracy_plan import make_plan
 from femseal.runs.forecast import describe
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
@@ -100,7 +101,7 @@ def test_files_for_people_and_paraview(done):
 @pytest.mark.parametrize("name", sorted(REDUCED))
 def test_check_and_accuracy_know_the_shape(name):
     case = parse_case(reduced(name), EXAMPLES)
-    lines = "\n".join(describe(case, case.prepare()))
+    lines = "\n".join(describe(case, prepare(case)))
     assert re.search(r"^seal +(a ring between|the mesh bolted_ring)", lines, re.MULTILINE)
     assert re.search(
         {"annular_seal": r"3 seals of 10 × 1079 links", "gasket_seal": r"\d+ windows in 5940 elements"}[name], lines
@@ -114,7 +115,7 @@ def test_check_and_accuracy_know_the_shape(name):
 
 def refused(data, folder=EXAMPLES):
     with pytest.raises(fs.InputError) as error:
-        parse_case(data, folder).prepare()
+        prepare(parse_case(data, folder))
     assert "\n" not in str(error.value)
     return str(error.value)
 

@@ -13,11 +13,11 @@ from small_cases import TABLES
 
 import femseal as fs
 from femseal.base.stage import Stage
+from femseal.case.case import read_case
 from femseal.contact import cycle
+from femseal.execution.shared_stages import SharedStages, Unnamed, digest
 from femseal.plots.drawing import Drawn
 from femseal.results.run_comparison import named
-from femseal.runs.case import read_case
-from femseal.runs.shared_stages import SharedStages, Unnamed, digest
 from femseal.scales import SolveCounts, SolverCounts
 from femseal.sweeps.variations import parsed_keys, short_names, variations
 

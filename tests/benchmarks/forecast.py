@@ -22,6 +22,8 @@ from statistics import median
 
 from common import kept, machine, rows, save_report
 
+from femseal.preparation.preparation import prepare
+
 #: Method, flow of two scales.
 ROUTES = (
     ("deterministic", None),
@@ -39,7 +41,7 @@ LOADS = {
 
 def case_of(task):
     """The case of a run."""
-    from femseal.runs.case import parse_case
+    from femseal.case.case import parse_case
 
     data = {
         "title": Path(task["file"]).name,
@@ -50,7 +52,7 @@ def case_of(task):
         "fluid": {"kind": "liquid", "viscosity": "1 mPa*s", "inlet_pressure": "1 MPa", "outlet_pressure": "0.1 MPa"},
     }
     if task["scale"] != 1:
-        shape = parse_case({**data, "method": "deterministic"}).prepare().scene.surface.shape
+        shape = prepare(parse_case({**data, "method": "deterministic"})).scene.surface.shape
         data["surface"] = {"points": [max(64, round(n * task["scale"])) for n in shape]}
     if task["method"] != "deterministic":
         data["cells"] = {"count": task["cells"]} | ({"flow": task["flow"]} if task["flow"] else {})
@@ -125,7 +127,7 @@ def main():
     for task in tasks(options.files, options.scale):
         found = kept(task, task, options.records, lambda task=task: measure(task))
         case = case_of(task)
-        expected = forecast(case, case.prepare())
+        expected = forecast(case, prepare(case))
         # as fast as the machine was then
         seconds = expected.seconds * found["pace"] / pace()
         pairs = ((seconds, found["seconds"]), (expected.memory, found["memory"]))

@@ -277,7 +277,7 @@ def run_of(method, keys, folder):
     import tomllib
 
     import femseal as fs
-    from femseal.runs.case import parse_case
+    from femseal.case.case import parse_case
 
     text = FACE.format(**PLAIN | keys).replace("seed = 3", f'seed = 3\nmethod = "{method}"')
     case = parse_case(tomllib.loads(text))
