@@ -24,7 +24,7 @@ from ..runs.case import Case, load_case
 from ..runs.executor import ordered_map
 from ..runs.preparation import Prepared
 from ..studies import deterministic, stochastic, two_scale
-from ..studies.compare import closing_load, leakage_factor
+from ..studies.curve_distance import closing_load, leakage_factor
 from .plan import Plan, Variant, make_plan
 from .table import AccuracyReport, Comparison, Solution
 

@@ -14,7 +14,7 @@ from ..base.errors import FemsealError, NotKept
 from ..base.machine import free_memory
 from ..base.stage import Mapper, Stage
 from ..base.text import duration, share_text
-from ..budget import CoarserSolution, ErrorBudget, error_budget, judged
+from ..budget import CoarserSolution, ErrorBudget, error_budget, widest_band
 from ..studies import StochasticResult
 from ..studies.scene import Array
 from .budgeted import THIRD_GRID_PIXELS, against, budgets_of, filtered_input, leakage_of, removed_octaves, wave_pixels
@@ -271,7 +271,7 @@ def _judged(
     prepared: Prepared, budget: ErrorBudget, seconds: float, with_coarse: float, windows: int | None
 ) -> Attempt:
     assert prepared.settings is not None
-    found = judged(budget)
+    found = widest_band(budget)
     return Attempt(
         settings=prepared.settings,
         points=prepared.scene.surface.shape,

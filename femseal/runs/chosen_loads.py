@@ -12,7 +12,7 @@ import numpy as np
 
 from ..loads import LoadProgramme
 from ..studies import Scene
-from ..studies.between_loads import Array, Indices, branches, left_out_errors, numbers_of
+from ..studies.load_interpolation import Array, Indices, branches, left_out_errors, numbers_of
 from .attempts import Solve
 from .budgeted import leakage_of
 

@@ -15,7 +15,7 @@ from ..scales import Failed, Partition, RunFlows, SolverCounts, attempt
 from ..scales.window_fields import WindowFields
 from ..seal import RectangularSeal
 from .element_face import columns_of_face
-from .equal_states import first_equal, map_different
+from .repeated_steps import first_equal, map_different
 from .scene import Array, Scene
 
 #: Columns of a run as shares of those of the face, the first of which is taken by which the cuts matter less than the
