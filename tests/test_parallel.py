@@ -19,9 +19,9 @@ from test_checkpoint import CASE, HANG, assert_same, wait_until
 import femseal as fs
 from femseal.base.shared_array import shared_empty
 from femseal.base.stage import Stage
-from femseal.runs import cluster as cluster_map
-from femseal.runs import processes
-from femseal.runs.executor import ordered_map
+from femseal.execution import cluster as cluster_map
+from femseal.execution import processes
+from femseal.execution.mappers import ordered_map
 
 distributed = pytest.importorskip("distributed")
 

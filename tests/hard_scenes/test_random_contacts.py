@@ -7,9 +7,14 @@ from femseal.contact import HalfSpace, solve_contact, solve_deformed_contact
 
 E = 115e9
 BOUNDARIES = [
-    ("periodic", "periodic"), ("mirror", "mirror"), ("free", "periodic"), ("free", "free"), ("mirror", "periodic"),
-    ("periodic", "mirror"), ("free", "mirror"),
-]  # fmt: skip
+    ("periodic", "periodic"),
+    ("mirror", "mirror"),
+    ("free", "periodic"),
+    ("free", "free"),
+    ("mirror", "periodic"),
+    ("periodic", "mirror"),
+    ("free", "mirror"),
+]
 
 
 def surface(rng, shape, spacing, slope, kind):
@@ -50,9 +55,11 @@ def loading(seed):
     rng = np.random.default_rng(seed)
     mode = rng.integers(4)
     shape = [
-        tuple(int(n) for n in rng.integers(1, 60, 2)), (64, 64), tuple(int(n) for n in rng.integers(40, 140, 2)),
+        tuple(int(n) for n in rng.integers(1, 60, 2)),
+        (64, 64),
+        tuple(int(n) for n in rng.integers(40, 140, 2)),
         (128, 128),
-    ][mode]  # fmt: skip
+    ][mode]
     ratio = float(np.exp(rng.uniform(-1, 1) * np.log(20))) if rng.random() < 0.25 else 1.0
     half_space = HalfSpace(shape, (1e-6, 1e-6 * ratio), E, BOUNDARIES[rng.integers(7)])
     slope = float(np.exp(rng.uniform(np.log(0.02), 0)))

@@ -15,18 +15,18 @@ from ..base.machine import free_memory
 from ..base.stage import Mapper, Stage
 from ..base.text import duration, share_text
 from ..budget import CoarserSolution, ErrorBudget, error_budget, widest_band
+from ..preparation.check_memory import START_MEMORY
+from ..preparation.settings import Settings, expected_cost, has_windows, settled, time_limit
 from ..studies import StochasticResult
 from ..studies.scene import Array
 from .budgeted import THIRD_GRID_PIXELS, against, budgets_of, filtered_input, leakage_of, removed_octaves, wave_pixels
-from .forecast import START_MEMORY
 from .refining import refined
-from .settings import Settings, expected_cost, has_windows, settled, time_limit
 
 if TYPE_CHECKING:
-    from .case import Case
-    from .preparation import Prepared
+    from ..case.case import Case
+    from ..preparation.preparation import Prepared
 
-log = logging.getLogger("femseal.runs.attempts")
+log = logging.getLogger("femseal.refinement.attempts")
 #: Result of a study by a method, with the studies that are known by name: solve(method, prepared, known, told).
 Solve = Callable[[str, "Prepared", Mapping[str, Any], str], Any]
 

@@ -19,7 +19,7 @@ from ..base.provenance import numerical_versions
 from ..base.stage import Mapper, Stage
 from .processes import KEPT_MEMORY, starting_processes
 
-log = logging.getLogger("femseal.runs.cluster")
+log = logging.getLogger("femseal.execution.cluster")
 #: Time limit for a cluster to answer, and to accept a client [s].
 ANSWER_SECONDS = 5
 #: Time limit for a cluster without workers, at the start or after the last one has left [s].

@@ -18,7 +18,7 @@ from ..base.quantities import to_si, to_text
 from ..loads import LOAD_UNITS, nominal_pressure
 from ..seal.field_file import read_pressure_field
 from ..seal.pressure_map import AngleTable, AnyMap, MapsAtLoads, PressureField, PressureMap, Profile, Uniform
-from .case_values import Accuracy, Angle, Count, Place, Quantity, Table, quantity_schema
+from .values import Accuracy, Angle, Count, Place, Quantity, Table, quantity_schema
 
 #: No cycle is longer [load steps].
 _MOST_STEPS = 10_000

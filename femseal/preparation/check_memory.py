@@ -9,6 +9,8 @@ from math import prod
 from ..base.errors import InputError
 from ..base.machine import free_memory
 
+#: Memory of the libraries that a run imports [byte].
+START_MEMORY = 0.5e9
 #: Memory that a point of a face takes at least while faces are made, low-passed and resampled [byte].
 _POINT_BYTES = 64
 #: Memory of a link of a drawn seal: its permeabilities at one step and a row of the solver [byte].

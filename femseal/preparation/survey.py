@@ -13,6 +13,7 @@ from typing import Any
 from ..base import validate
 from ..base.errors import InputError
 from ..base.quantities import to_si, to_text
+from ..case.argument_names import in_words_of
 from ..plots import survey_figure
 from ..topography import (
     Conditioning,
@@ -25,7 +26,6 @@ from ..topography import (
     repair,
     smooth,
 )
-from .case_words import in_words_of
 from .preparation import default_grid
 
 #: Arguments of `topography` by their option.

@@ -1,7 +1,7 @@
 """A case: the whole input of a run, as a TOML file whose quantities carry their units.
 
 The file is checked as a whole before anything is computed; every fault is reported at once, with its key, what was
-given and what is allowed. `Case.prepare` turns it into the objects the studies take.
+given and what is allowed. `preparation.prepare` turns a case into the objects the studies take.
 """
 
 from __future__ import annotations
@@ -22,22 +22,13 @@ from ..materials import Solid, contact_modulus, softer_hardness
 from ..results.reached_classes import check_classes
 from ..seal.layouts import Layout
 from .case_accuracy import with_what_is_open
-from .case_faces import Face, FileFace, SurfaceTable
-from .case_faults import fault_lines
-from .case_fluid import with_named_fluids
-from .case_load import LoadTable
-from .case_seal import AnySeal, with_inlet_pressure
-from .case_tables import (
-    AnyFluid,
-    CellsTable,
-    ContactTable,
-    FlowTable,
-    OutputTable,
-    SolidTable,
-    StochasticTable,
-)
-from .case_values import Accuracy, Duration, FileSize, Number, Table
-from .preparation import Prepared, prepare
+from .case_tables import AnyFluid, CellsTable, ContactTable, FlowTable, OutputTable, SolidTable, StochasticTable
+from .faces import Face, FileFace, SurfaceTable
+from .faults import fault_lines
+from .fluid_by_name import with_named_fluids
+from .load import LoadTable
+from .seal import AnySeal, with_inlet_pressure
+from .values import Accuracy, Duration, FileSize, Number, Table
 
 #: No case is larger [byte].
 _LARGEST_FILE = 1_000_000
@@ -231,10 +222,6 @@ class Case(Table):
     def echo(self) -> dict[str, Any]:
         """The case in SI, as plain data."""
         return self.model_dump(mode="json", exclude_none=True)
-
-    def prepare(self) -> Prepared:
-        """Make or read the faces, condition their sum, divide it into windows; see `preparation.prepare`."""
-        return prepare(self)
 
 
 def load_case(path: str | PathLike[str]) -> Case:

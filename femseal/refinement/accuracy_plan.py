@@ -9,8 +9,8 @@ from math import ceil, log2
 from ..base.errors import InputError
 from ..base.quantities import to_text
 from ..base.text import duration
-from ..runs.case import Case
-from ..runs.preparation import Prepared
+from ..case.case import Case
+from ..preparation.preparation import Prepared, prepare
 from ..scales import Partition
 from ..seal.layouts import RectangularLayout
 from ..seal.pressure_map import Uniform
@@ -118,7 +118,7 @@ def make_plan(case: Case, *, limit: float, memory: float) -> Plan:
     InputError : a face or cells that cannot be used; no affordable reference.
     """
     others = (("two-scale",) if case.cells else ()) + (("stochastic",) if case.cells and case.stochastic else ())
-    prepared = case.model_copy(update={"compare": others}).prepare()
+    prepared = prepare(case.model_copy(update={"compare": others}))
     # not the coarse pixels of a first attempt at an accuracy
     prepared = _on_a_strip(prepared.made or prepared)
     variants: list[Variant] = []

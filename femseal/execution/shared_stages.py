@@ -27,7 +27,7 @@ from ..base.provenance import numerical_versions
 from ..base.stage import Mapper, Stage
 from .plain_data import packed, unpacked
 
-log = logging.getLogger("femseal.runs.shared_stages")
+log = logging.getLogger("femseal.execution.shared_stages")
 
 
 class Unnamed(TypeError):

@@ -16,7 +16,7 @@ from ..base.stage import Mapper
 def ordered_map(
     workers: int | None = None,
     scheduler: str | None = None,
-    progress: Callable[[str, int, int | None], None] = lambda stage, done, total: None,
+    before: Callable[[Mapper], None] | None = None,
 ) -> Iterator[Mapper]:
     """Context with a mapper whose results come in the order of the items.
 
@@ -25,8 +25,7 @@ def ordered_map(
     workers : processes on this machine; None: one for each core.
     scheduler : address of a Dask scheduler to compute on instead, whose first worker is awaited for
         `cluster.WORKER_SECONDS`; "local": a scheduler and `workers` single-threaded processes started here.
-    progress : called as progress(stage, done, total) while processes of this machine compile loops, which they do at
-        the first run after an installation.
+    before : called with the mapper over processes of this machine before it is used, such as `compile_ahead`.
 
     Raises
     ------
@@ -38,7 +37,6 @@ def ordered_map(
     from threadpoolctl import threadpool_limits
 
     from .cluster import over_cluster
-    from .compiling import compile_ahead
     from .processes import over_processes
 
     count = workers or joblib.cpu_count()
@@ -50,5 +48,6 @@ def ordered_map(
             yield map
         else:
             with over_processes(count) as mapper:
-                compile_ahead(mapper, progress)
+                if before is not None:
+                    before(mapper)
                 yield mapper

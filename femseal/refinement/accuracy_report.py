@@ -19,7 +19,7 @@ from ..base.quantities import to_text
 from ..base.text import comma_separated
 from ..budget import ErrorBudget, WidestBand, widest_band
 from ..studies.curve_distance import FLOOR, LeakageFactor
-from .plan import Plan, Variant, by
+from .accuracy_plan import Plan, Variant, by
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -205,7 +205,7 @@ class AccuracyReport:
 
     def plot(self) -> Figure:
         """Error over time, see `accuracy_figure`."""
-        from .plot import accuracy_figure
+        from .accuracy_picture import accuracy_figure
 
         return accuracy_figure(self)
 

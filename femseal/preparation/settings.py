@@ -13,7 +13,7 @@ from ..studies.tolerances import contact_tolerance
 from .study_costs import study_cost
 
 if TYPE_CHECKING:
-    from .case import Case
+    from ..case.case import Case
     from .preparation import Prepared
 
 Pair = tuple[int, int]

@@ -12,6 +12,9 @@ import numpy as np
 
 from ..base.errors import InputError
 from ..base.quantities import to_text
+from ..case.argument_names import FACE_KEYS, MAP_TABLES, SEAL_TABLES, SURFACE_KEYS, in_tables_of, in_words_of
+from ..case.case_tables import StochasticTable
+from ..case.faces import FileFace
 from ..scales import Partition
 from ..seal.layouts import SealWindows
 from ..studies import Sampling, Scene, check_sampling, chosen_contact, chosen_flow, chosen_sampler, laid_out
@@ -34,15 +37,12 @@ from ..topography import (
     spectrum,
     spike_effect,
 )
-from .case_faces import FileFace
-from .case_oddities import oddities
-from .case_tables import StochasticTable
-from .case_words import FACE_KEYS, MAP_TABLES, SEAL_TABLES, SURFACE_KEYS, in_tables_of, in_words_of
+from .case_plausibility import oddities
+from .check_memory import refused_if_too_large, weigh_draws, weigh_points
 from .settings import Settings, first_settings, settled
-from .sizes import refused_if_too_large, weigh_draws, weigh_points
 
 if TYPE_CHECKING:
-    from .case import Case
+    from ..case.case import Case
 
 #: Share of the measured rms slope that the pixels of a measured face must keep to be fine enough.
 KEPT_SLOPE = 0.99

@@ -17,8 +17,8 @@ from ..base.leak_units import STANDARD_PRESSURE
 from ..base.quantities import to_si
 from ..seal.lay import ALLOWED, NAMES, Lay
 from ..seal.layouts import LAYOUTS, Layout, MeshLayout
-from .case_registry import table_of_any
-from .case_values import Length, Pressure, Quantity, Shift, Table, quantity_schema
+from .registered_tables import table_of_any
+from .values import Length, Pressure, Quantity, Shift, Table, quantity_schema
 
 
 class SealTable(Table):

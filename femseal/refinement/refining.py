@@ -7,7 +7,7 @@ from math import prod
 from typing import TYPE_CHECKING
 
 from ..base.quantities import to_text
-from .settings import (
+from ..preparation.settings import (
     HALVING,
     LEAST_RTOL,
     MOST_GRID,
@@ -21,8 +21,8 @@ from .settings import (
 )
 
 if TYPE_CHECKING:
-    from .case import Case
-    from .preparation import Prepared
+    from ..case.case import Case
+    from ..preparation.preparation import Prepared
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal, get_type_hints
 
 from pydantic import Field, create_model
 
-from .case_values import Quantity, Table
+from .values import Quantity, Table
 
 
 def table_of_any(

@@ -32,7 +32,7 @@ from ..base.machine import free_memory
 from ..base.stage import Mapper, Stage
 from .plain_data import packed, unpacked
 
-log = logging.getLogger("femseal.runs.checkpoint")
+log = logging.getLogger("femseal.execution.checkpoint")
 #: Subfolder of the output folder.
 FOLDER = ".checkpoint"
 MANIFEST = "manifest.json"

@@ -11,7 +11,7 @@ from ..studies.plausibility import moduli_warnings, scene_warnings
 from ..topography import MOST_POINTS, Conditioning, resolving_shape
 
 if TYPE_CHECKING:
-    from .case import Case
+    from ..case.case import Case
 
 #: Share of the rms slope from which on it is told that the low-pass removes it: by itself, and where the grid of a
 #: measured face is limited for its cost. Measured: with 49 % of it gone a turned face leaks 10 to 700 times less.

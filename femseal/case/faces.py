@@ -12,7 +12,7 @@ import numpy as np
 from pydantic import Field
 
 from ..topography import SPIKES, Topography, read_topography, self_affine, turned
-from .case_values import Angle, Channel, Count, Height, Hurst, Length, Place, Ratio, Shift, Slope, Table, Threshold
+from .values import Angle, Channel, Count, Height, Hurst, Length, Place, Ratio, Shift, Slope, Table, Threshold
 
 
 class SelfAffineFace(Table):

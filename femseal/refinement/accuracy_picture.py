@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..plots.drawing import STYLES, new_figure
-from .plan import Variant, by
+from .accuracy_plan import Variant, by
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from .table import AccuracyReport, Comparison, Solution
+    from .accuracy_report import AccuracyReport, Comparison, Solution
 
 #: Colour and marker of each method.
 _METHODS = {name: (style[0], style[2]) for name, style in zip(

@@ -19,14 +19,15 @@ from ..base.errors import FemsealError, InputError
 from ..base.files import made_folder
 from ..base.stage import Mapper
 from ..budget import CoarserSolution, ErrorBudget, coarser_points, error_budget
-from ..runs.budgeted import THIRD_GRID_PIXELS, filtered_input, leakage_of, removed_octaves, wave_pixels
-from ..runs.case import Case, load_case
-from ..runs.executor import ordered_map
-from ..runs.preparation import Prepared
+from ..case.case import Case, load_case
+from ..execution.mappers import ordered_map
+from ..preparation.preparation import Prepared
 from ..studies import deterministic, stochastic, two_scale
+from ..studies.compiling import compile_ahead
 from ..studies.curve_distance import closing_load, leakage_factor
-from .plan import Plan, Variant, make_plan
-from .table import AccuracyReport, Comparison, Solution
+from .accuracy_plan import Plan, Variant, make_plan
+from .accuracy_report import AccuracyReport, Comparison, Solution
+from .budgeted import THIRD_GRID_PIXELS, filtered_input, leakage_of, removed_octaves, wave_pixels
 
 Array = NDArray[np.float64]
 Progress = Callable[[str, int, int | None], None]
@@ -80,7 +81,7 @@ def measure_accuracy(
         for line in plan.lines():
             announce(line)
     processes = workers or joblib.cpu_count()
-    with ordered_map(processes) as mapper:
+    with ordered_map(processes, before=compile_ahead) as mapper:
         report = _measure(plan, processes, mapper, progress or (lambda stage, done, total: None))
     if output is not None:
         report.write(output)

@@ -27,7 +27,9 @@ from ..scales.window import window_permeability
 log = logging.getLogger("femseal")
 
 
-def compile_ahead(mapper: Mapper, progress: Callable[[str, int, int | None], None]) -> None:
+def compile_ahead(
+    mapper: Mapper, progress: Callable[[str, int, int | None], None] = lambda stage, done, total: None
+) -> None:
     """Compile the loops of contact and flow by the processes of a mapper, unless that was done on this machine.
 
     progress : called as progress(stage, done, total).

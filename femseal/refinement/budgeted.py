@@ -20,9 +20,9 @@ from ..budget import (
     coarser_points,
     error_budget,
 )
+from ..preparation.preparation import Prepared, coarser
 from ..studies import Scene, StochasticResult
 from ..studies.scene import Array
-from .preparation import Prepared, coarser
 
 log = logging.getLogger("femseal")
 #: One of so many steps is solved on a coarser grid, and one of so many without the shortest waves.

@@ -22,8 +22,8 @@ from ..materials import Solid
 from ..results.fields import LIMIT
 from ..results.vtk import FORMATS
 from ..studies import CONTACTS, DRAWS, FLOWS, PRESSURES, FluidState
-from .case_registry import table_of_any
-from .case_values import Count, FileSize, Length, Lengths, Modulus, Poisson, Pressure, Ratio, Table, Temperature, one_of
+from .registered_tables import table_of_any
+from .values import Count, FileSize, Length, Lengths, Modulus, Poisson, Pressure, Ratio, Table, Temperature, one_of
 
 Boundary = Literal["periodic", "mirror", "free"]
 
