@@ -25,6 +25,7 @@ Everything is SI. Names are loaded when first used, so that importing the packag
 
 from importlib import import_module
 from pathlib import Path
+from pkgutil import iter_modules
 from typing import TYPE_CHECKING, Any
 
 from .base.loop_files import find_place
@@ -132,12 +133,20 @@ __all__ = sorted(_HOME)
 
 
 def __getattr__(name: str) -> Any:
-    if name not in _HOME:
+    """A public name, or a module of the package, loaded when it is first used."""
+    if name in _HOME:
+        value = getattr(import_module(f".{_HOME[name]}", __name__), name)
+    elif name in _module_names():
+        value = import_module(f".{name}", __name__)
+    else:
         raise AttributeError(f"module 'femseal' has no attribute {name!r}")
-    value = getattr(import_module(f".{_HOME[name]}", __name__), name)
     globals()[name] = value
     return value
 
 
 def __dir__() -> list[str]:
-    return [*__all__, "__version__"]
+    return [*__all__, *_module_names(), "__version__"]
+
+
+def _module_names() -> set[str]:
+    return {module.name for module in iter_modules(__path__) if not module.name.startswith("_")}

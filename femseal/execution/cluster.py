@@ -56,8 +56,9 @@ def over_cluster(scheduler: str, count: int) -> Iterator[Mapper]:
         with starting_processes(), config.set({**environment, "distributed.worker.profile.enabled": False}):
             one_each: dict[str, Any] = {"n_workers": count, "threads_per_worker": 1, "processes": True}
             cluster = LocalCluster(**one_each, dashboard_address="127.0.0.1:0", silence_logs=logging.ERROR)
-            # results that bypass the scheduler take half the time
-            client = stack.enter_context(Client(stack.enter_context(cluster), direct_to_workers=True))
+            # results that bypass the scheduler take half the time; libraries send their own work to a default client
+            options: dict[str, Any] = {"direct_to_workers": True, "set_as_default": False}
+            client = stack.enter_context(Client(stack.enter_context(cluster), **options))
         yield partial(_map, client)
 
 
@@ -76,7 +77,7 @@ def _connected(scheduler: str) -> Any:
             # in a thread, because the caller may run an event loop
             with ThreadPoolExecutor(1) as thread:
                 thread.submit(lambda: asyncio.run(asyncio.wait_for(greet(), 1.1 * ANSWER_SECONDS))).result()
-            client = Client(scheduler, timeout=ANSWER_SECONDS)
+            client = Client(scheduler, timeout=ANSWER_SECONDS, set_as_default=False)
             stack.callback(client.close)
             _await_worker(client)
             there = client.run(numerical_versions)
