@@ -21,8 +21,7 @@ from femseal.runs.forecast import describe
 from femseal.runs.job import _face_files
 from femseal.seal.pressure_map import AngleTable, Frame, MapsAtLoads, Profile, Uniform, is_uniform
 from femseal.studies import laid_out
-from femseal.studies.local_pressure import pressed_seal, shares_of_links
-from femseal.windows import Partition
+from femseal.studies.window_pressures import pressed_seal, shares_of_links
 
 ROOT = Path(__file__).parents[1]
 

@@ -18,7 +18,7 @@ from ..case.faces import FileFace
 from ..seal.layouts import SealWindows
 from ..studies import Sampling, Scene, check_sampling, chosen_contact, chosen_flow, chosen_sampler, laid_out
 from ..studies.costs import choose_method
-from ..studies.local_pressure import check_map, most_paths
+from ..studies.window_pressures import check_map, most_paths
 from ..topography import (
     MOST_POINTS,
     Conditioning,

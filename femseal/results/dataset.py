@@ -16,8 +16,8 @@ from ..base.machine import machine, peak_memory
 from ..base.provenance import versions
 from ..budget import at_interpolated_steps
 from ..fluids import leak_basis
-from ..studies.between_loads import numbers_of
-from ..studies.compare import leakage_factor
+from ..studies.curve_distance import leakage_factor
+from ..studies.load_interpolation import numbers_of
 from ..studies.other_fluid import FluidState
 from . import drawn_seal, error_bands, face_maps, reached_classes, variables
 from .interpolated import with_all_steps

@@ -17,7 +17,7 @@ from ..base.leak_units import LEAK_UNITS, LeakUnit, leak_unit, leakage_unit
 from ..base.quantities import to_text
 from ..base.text import Plotted, comma_separated, room
 from ..loads import LoadStep
-from ..studies.compare import closing_load
+from ..studies.curve_distance import closing_load
 from .netcdf import open_results
 from .results import Results
 from .tables import amount, ascii_unit

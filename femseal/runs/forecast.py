@@ -19,10 +19,10 @@ from ..preparation.settings import fixed, time_limit
 from ..preparation.study_costs import study_cost
 from ..refinement.budgeted import coarser_grids, filtered_input
 from ..results.fields import fields_size
-from ..studies import FluidState, Sampling, Scene, drop_ratio, laid_out, placed_windows
+from ..studies import FluidState, Sampling, Scene, count_face_windows, drop_ratio, laid_out
 from ..studies.costs import Effort, usual_efforts
 from ..studies.deterministic import STEP_BYTES
-from ..studies.local_pressure import map_text
+from ..studies.window_pressures import map_text
 from ..windows import Partition
 from .pilot import efforts, pace
 
@@ -303,7 +303,7 @@ def _library(prepared: Prepared, sampling: Sampling, partition: Partition) -> st
     """The windows of a library that are used, and how many of them do not overlap."""
     if sampling.pressure != "place":
         return f"{sampling.library_cells} library windows"
-    used, of_face = placed_windows(sampling, partition), partition.cells[0] * partition.cells[1]
+    used, of_face = count_face_windows(sampling, partition), partition.cells[0] * partition.cells[1]
     asked = f", not {sampling.library_cells}" if sampling.library_cells != used else ""
     again = f", the {of_face} of the face cut {used // of_face} times" if used > of_face else " of the face"
     return f"{used} library windows{again}{asked}, contact {_contact(prepared)}"

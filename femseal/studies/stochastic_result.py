@@ -17,7 +17,7 @@ from ..seal.layouts import SizedSeal
 from ..windows import SolverCounts
 from .median_seal import MedianSeal
 from .scene import Array, labels
-from .sources import PlacedLibrary
+from .window_supply import FaceLibrary
 
 
 @dataclass(frozen=True, repr=False)
@@ -47,7 +47,7 @@ class StochasticResult(Shown):
 
     steps: LoadProgramme
     seal: SizedSeal
-    library: LadderLibrary | PlacedLibrary = field(repr=False)
+    library: LadderLibrary | FaceLibrary = field(repr=False)
     leakage: Array = field(
         metadata=labels("m^2/s", "leakage per unit seal length, realisations", "realisation", "step")
     )

@@ -21,9 +21,9 @@ from ..windows import Failed, Partition, SolveCounts, SolverCounts, attempt
 from ..windows.window_fields import ContactPressure, WindowFields
 from .deterministic import state_memory
 from .element_face import flow_through_elements
-from .equal_states import first_equal, map_different, repeated
 from .face_contact import solve_windows
-from .plausibility import odd_in_scene
+from .plausibility import scene_warnings
+from .repeated_steps import first_equal, map_different, repeated
 from .scene import Array, FaceFlow, FaceLeakage, Scene, labels, resolved_flow
 from .windows import LinkFlows, WindowContacts, solve_links
 
@@ -174,7 +174,7 @@ def two_scale(
         raise InputError("solved", f"a contact of {given.cells} cells", f"one of {tuple(cells)} cells of this face")
     partition = solved.fields.partition
     first = first_equal(solved.fields.gap, scene.steps)
-    failures, warnings = solved.failures, odd_in_scene(scene) + solved.warnings
+    failures, warnings = solved.failures, scene_warnings(scene) + solved.warnings
     counts, solvers, links, element_error, drop_share, inside = SolveCounts(), SolverCounts(), None, None, None, None
     if flow == "resolved":
         found, inside = _resolved(scene, solved.fields, first, mapper)

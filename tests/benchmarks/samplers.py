@@ -41,7 +41,7 @@ def library_table(windows):
     from femseal.contact import HalfSpace
     from femseal.library import Ladder, WindowSource, build_ladder_library
     from femseal.loads import LoadProgramme
-    from femseal.studies.followed import LOADING_SHARES, STOPS
+    from femseal.studies.ladder_windows import LOADING_SHARES, STOPS
 
     n = 16 * WINDOW
     face = self_affine((n, n), (n * PIXEL,) * 2, hurst=0.8, rms_slope=SLOPE, roll_off=40e-6, cut_off=8 * PIXEL, rng=1)

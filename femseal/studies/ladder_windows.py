@@ -11,9 +11,9 @@ from ..contact import HalfSpace
 from ..library import Ladder, LadderLibrary, LinkTable, WindowSource, build_ladder_library, on_ladder
 from ..library.sampling import Index
 from ..windows import GlobalState, Partition
-from .local_pressure import peaks_to_follow, shared_paths, shares_of_links
 from .scene import Array, Scene
-from .sources import Tables, Wanted, WindowSupply
+from .window_pressures import peaks_to_follow, shared_paths, shares_of_links
+from .window_supply import Tables, WindowRequest, WindowSupply
 
 #: Loading steps of a library in shares of the pressure at which everything is in contact, about: the hardness, or half
 #: of E* × rms slope where that is less.
@@ -26,7 +26,7 @@ SEPARATIONS = (-1.0, 0.0, 1.0, 2.0, 3.0, 5.0, 8.0)
 CUT_OFF_WINDOWS = 1.0
 
 
-def windows_under_global_contact(wanted: Wanted) -> WindowSupply:
+def windows_under_global_contact(wanted: WindowRequest) -> WindowSupply:
     """Follow windows up to the highest window pressure; each link has the pressure of its place in the global contact.
 
     The global contact of the face repeats along the seal.
@@ -60,7 +60,7 @@ def _link_means(state: GlobalState, partition: Partition) -> tuple[Array, Array,
     return state.pressure, state.pressure_across, gap, across
 
 
-def windows_under_uniform_pressure(wanted: Wanted) -> WindowSupply:
+def windows_under_uniform_pressure(wanted: WindowRequest) -> WindowSupply:
     """Follow windows with the full heights; each has the nominal pressure, or its share of it in the map."""
     scene, laid = wanted.scene, wanted.laid
     nominal = scene.steps.pressures[:, None]
@@ -105,7 +105,7 @@ def _tables(library: LadderLibrary, links: list[_LinkPaths], scene: Scene, axes:
 
 
 def _library(
-    wanted: Wanted,
+    wanted: WindowRequest,
     highest: float,
     *,
     apart: bool = False,

@@ -9,8 +9,7 @@ from ..base.stage import Mapper
 from ..base.text import Shown
 from ..library import LadderLibrary, LibraryTable, LinkTable
 from ..seal.layouts import SealWindows
-from ..windows import Failed, Partition, SolveCounts
-from .chained import StateRuns
+from .run_chains import StateRuns
 from .sampling_options import Sampling
 from .scene import Array, Scene
 from .two_scale import TwoScaleResult
@@ -20,7 +19,7 @@ Tables = tuple[LinkTable, LinkTable]
 
 
 @dataclass(frozen=True)
-class Wanted:
+class WindowRequest:
     """Request for windows, which a source answers with a `WindowSupply`.
 
     scene, partition : the face and its windows. sampling : how the seal is drawn. laid : the windows of the seal.
@@ -49,7 +48,7 @@ class WindowSupply:
     runs : of columns of the face at every step, for the sampler "runs".
     """
 
-    library: LadderLibrary | PlacedLibrary
+    library: LadderLibrary | FaceLibrary
     tables: tuple[Tables, ...]
     node_rows: tuple[float, ...] = ()
     warnings: tuple[str, ...] = ()
@@ -57,11 +56,11 @@ class WindowSupply:
 
 
 #: A source of windows: takes a request and returns the windows.
-Source = Callable[[Wanted], WindowSupply]
+Source = Callable[[WindowRequest], WindowSupply]
 
 
 @dataclass(frozen=True, repr=False)
-class PlacedLibrary(Shown):
+class FaceLibrary(Shown):
     """Windows of a face at their places.
 
     k1, k2 : permeability of links along x1 (steps, rows, columns) and x2 (steps, rows − 1, columns) [m³]. Columns come

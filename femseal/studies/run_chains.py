@@ -16,7 +16,7 @@ from ..seal import RectangularSeal
 from ..windows import Failed, Partition, SolverCounts, attempt
 from ..windows.window_fields import WindowFields
 from .element_face import columns_of_face
-from .equal_states import first_equal, map_different
+from .repeated_steps import first_equal, map_different
 from .scene import Array, Scene
 
 #: Columns of a run as shares of those of the face, the first of which is taken by which the cuts matter less than the
