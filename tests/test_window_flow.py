@@ -10,7 +10,7 @@ from femseal.flow.assembly import assemble_on_links
 from femseal.flow.coefficient import permeability_on_links
 from femseal.flow.grid import Grid
 from femseal.flow.law import cubic_law
-from femseal.scales.window import FlowSettings, flow_history
+from femseal.windows.window import FlowSettings, flow_history
 
 UM = 1e-6
 

@@ -175,15 +175,15 @@ def gap_by_law(gap: Array, law: FlowLaw, pressure: ArrayLike | None) -> Array:
     InputError : no law, or no pressure, one of another shape, negative or undefined, where the law depends on it.
     """
     if not isinstance(law, FlowLaw):
-        raise InputError.of("law", repr(law), "a law of flow, such as femseal.CubicLaw() or the law of a fluid")
+        raise InputError("law", repr(law), "a law of flow, such as femseal.CubicLaw() or the law of a fluid")
     if not law.depends_on_pressure:
         return law.equivalent_gap(gap)
     p = np.asarray(np.nan if pressure is None else pressure, dtype=float)
     if p.shape not in ((), gap.shape):
-        raise InputError.of("pressure", f"shape {p.shape}", f"a number or shape {gap.shape} [Pa]")
+        raise InputError("pressure", f"shape {p.shape}", f"a number or shape {gap.shape} [Pa]")
     if not (np.isfinite(p).all() and p.min(initial=0.0) >= 0):
         given = "none" if pressure is None else "negative or undefined values"
-        raise InputError.of("pressure", given, f"finite numbers >= 0 [Pa], on which the law {law} depends")
+        raise InputError("pressure", given, f"finite numbers >= 0 [Pa], on which the law {law} depends")
     return law.equivalent_gap(gap, p)
 
 
@@ -196,5 +196,5 @@ def widened(gap: Array, factor: ArrayLike) -> Array:
     """
     factor = np.broadcast_to(np.asarray(factor, dtype=float), gap.shape)
     if not ((factor > 0) & np.isfinite(factor)).all(where=gap > 0):
-        raise InputError.of("law", "a factor <= 0 or undefined", "finite factors > 0 where the gap is open")
+        raise InputError("law", "a factor <= 0 or undefined", "finite factors > 0 where the gap is open")
     return np.multiply(gap, np.cbrt(factor), out=np.zeros(gap.shape), where=gap > 0)

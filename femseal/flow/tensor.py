@@ -50,7 +50,7 @@ def permeability_tensor(
     h, (d1, d2) = validated_gap(gap, spacing)
     h = gap_by_law(h, law, pressure)
     if solver not in ("auto", "amg"):
-        raise InputError.of("solver", repr(solver), "'auto' or 'amg'")
+        raise InputError("solver", repr(solver), "'auto' or 'amg'")
     n1, n2 = h.shape
     scale = float(h.max()) or 1.0
     d1, d2 = unit_spacing((d1, d2))

@@ -7,7 +7,7 @@
 from .deterministic import DeterministicResult, deterministic
 from .face_contact import CONTACTS, chosen_contact
 from .other_fluid import FluidState, OtherLeakage, drop_ratio
-from .sampling_options import DRAWS, PRESSURES, Sampling, check_sampling, chosen_sampler, laid_out, placed_windows
+from .sampling_options import DRAWS, PRESSURES, Sampling, check_sampling, chosen_sampler, count_face_windows, laid_out
 from .scene import Scene
 from .stochastic import stochastic
 from .stochastic_result import StochasticResult
@@ -37,7 +37,7 @@ __all__ = [
     "deterministic",
     "drop_ratio",
     "laid_out",
-    "placed_windows",
+    "count_face_windows",
     "stochastic",
     "study_of_result",
     "two_scale",

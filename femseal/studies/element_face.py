@@ -7,8 +7,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ..elements import ElementFlow, element_flow, face_potential
 from ..flow.pressure_drop import PressureDrop
-from ..scales import ColumnRuns, ElementFlow, Partition, element_flow, face_potential
+from ..library import ColumnRuns
+from ..windows import Partition
 from .scene import PRESSURE_RTOL, Array
 
 
@@ -31,7 +33,7 @@ def flow_through_elements(gap: NDArray[np.floating], partition: Partition, drop:
 
     Raises
     ------
-    NotConverged : see `scales.element_flow` and `PressureDrop.solve_face`.
+    NotConverged : see `elements.element_flow` and `PressureDrop.solve_face`.
     """
 
     def solve(gap: Array) -> tuple[float, Array, tuple[ElementFlow, Array]]:
@@ -54,7 +56,7 @@ def flow_through_elements(gap: NDArray[np.floating], partition: Partition, drop:
 def columns_of_face(
     gap: NDArray[np.floating], partition: Partition, drop: PressureDrop
 ) -> tuple[ColumnRuns, PressureDrop]:
-    """Columns of a face, see `scales.ColumnRuns`, and the drop whose fractions their potential is.
+    """Columns of a face, see `library.ColumnRuns`, and the drop whose fractions their potential is.
 
     A law that depends on the pressure has the pressures in the whole face. The `mean_factor` of the drop multiplies the
     conductances.
