@@ -11,10 +11,10 @@ from femseal.base.errors import InputError
 from femseal.flow import cell_permeability
 from femseal.fluids import IdealGas, Liquid
 from femseal.results import assemble, open_results, save
-from femseal.scales import Partition, window_dissipation
 from femseal.seal import AnnularSeal, RectangularSeal, drop_shares, largest_shares, seal_leakage
 from femseal.studies import Scene, two_scale
 from femseal.topography import self_affine
+from femseal.windows import Partition, window_dissipation
 
 WATER = Liquid(1e-3)
 
@@ -60,8 +60,13 @@ class TestNetwork:
         k2 = np.full((1, 2), 0.1e-18)
         assert_allclose(shares(seal, k1, k2, (1, 2, 3)), [2.5 / 7, 5 / 7, (7 - first) / 7], rtol=1e-12)
 
-    @pytest.mark.parametrize("seal", [RectangularSeal((3e-3, 8e-3), (6, 10), (0, 2e-4, 1e-3, 1.1e-3, 2e-3, 2.9e-3, 3e-3)),
-                                      AnnularSeal(10e-3, 15e-3, (6, 10))])  # fmt: skip
+    @pytest.mark.parametrize(
+        "seal",
+        [
+            RectangularSeal((3e-3, 8e-3), (6, 10), (0, 2e-4, 1e-3, 1.1e-3, 2e-3, 2.9e-3, 3e-3)),
+            AnnularSeal(10e-3, 15e-3, (6, 10)),
+        ],
+    )
     def test_all_links_dissipate_the_whole_flow(self, seal):
         rng = np.random.default_rng(3)
         k = [1e-18 * np.exp(2 * rng.standard_normal(s)) * (rng.random(s) > 0.2) for s in ((6, 10), (5, 10))]
@@ -92,11 +97,11 @@ class TestNetwork:
 
     def test_bad_input(self):
         seal = RectangularSeal((3e-3, 2e-3), (3, 2))
-        with pytest.raises(InputError, match=r"potential: given shape \(3, 2\), allowed is shape \(4, 2\)"):
+        with pytest.raises(InputError, match=r"potential: given shape \(3, 2\), expected shape \(4, 2\)"):
             drop_shares(1e-18, 1e-18, seal, np.ones((3, 2)))
         with pytest.raises(InputError, match="k1"):
             drop_shares(-1e-18, 1e-18, seal, np.ones((4, 2)))
-        with pytest.raises(InputError, match="counts: given 0, allowed is a whole number >= 1"):
+        with pytest.raises(InputError, match="counts: given 0, expected a whole number >= 1"):
             largest_shares([1.0], counts=(0,))
 
 
@@ -156,7 +161,7 @@ class TestWindows:
 
     def test_bad_input(self):
         partition = Partition((32, 48), self.SPACING, (4, 3))
-        with pytest.raises(InputError, match=r"gap: given shape \(32, 32\), allowed is shape \(32, 48\)"):
+        with pytest.raises(InputError, match=r"gap: given shape \(32, 32\), expected shape \(32, 48\)"):
             window_dissipation(np.ones((32, 32)), partition)
         with pytest.raises(InputError, match="gap"):
             window_dissipation(-np.ones((32, 48)), partition)
@@ -166,9 +171,16 @@ class TestWindows:
 def study():
     face = self_affine((64, 96), (64e-6, 96e-6), hurst=0.8, rms_slope=0.2, roll_off=30e-6, rng=5)
     scene = Scene(
-        face, 115e9, 3e9, IdealGas(18e-6, 0.029, 293.0), 1e6, 1e5,
-        loading=(1e8, 6e8, 1.5e9), unload_from=(1.5e9,), unloading=(1e8,),
-    )  # fmt: skip
+        face,
+        115e9,
+        3e9,
+        IdealGas(18e-6, 0.029, 293.0),
+        1e6,
+        1e5,
+        loading=(1e8, 6e8, 1.5e9),
+        unload_from=(1.5e9,),
+        unloading=(1e8,),
+    )
     return scene, two_scale(scene, (4, 6), flow="links")
 
 

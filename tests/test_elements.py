@@ -9,11 +9,12 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from femseal import Liquid, Scene, cell_permeability, condition, read_topography, self_affine, two_scale
 from femseal.base.errors import InputError, NotConverged
+from femseal.elements import element_flow, element_mesh, face_potential, window_flow
+from femseal.elements.side_nodes import side_nodes
+from femseal.elements.superelement import WindowElement, WindowLinks, window_links
 from femseal.flow.solvers.condensation import condense
 from femseal.results.dataset import assemble
-from femseal.scales import Partition, element_flow, element_mesh, face_potential, window_flow
-from femseal.scales.side_nodes import side_nodes
-from femseal.scales.superelement import WindowElement, WindowLinks, window_links
+from femseal.windows import Partition
 
 PIXEL = (1e-6, 1e-6)
 
@@ -285,8 +286,17 @@ class TestInside:
 @pytest.fixture(scope="module")
 def scene():
     surface = self_affine((64, 96), (64e-6, 96e-6), hurst=0.8, rms_slope=0.2, roll_off=32e-6, cut_off=8e-6, rng=1)
-    return Scene(surface=surface, modulus=115e9, hardness=4e9, fluid=Liquid(1e-3), inlet_pressure=1e6,
-                 outlet_pressure=0.0, loading=(1e8, 1e9), unload_from=(1e9,), unloading=(1e8,))  # fmt: skip
+    return Scene(
+        surface=surface,
+        modulus=115e9,
+        hardness=4e9,
+        fluid=Liquid(1e-3),
+        inlet_pressure=1e6,
+        outlet_pressure=0.0,
+        loading=(1e8, 1e9),
+        unload_from=(1e9,),
+        unloading=(1e8,),
+    )
 
 
 class TestStudy:
@@ -315,8 +325,15 @@ def test_measured_face(instrument_file):
     """Where links are off by hundreds, elements are the flow on all pixels."""
     surface, _ = condition(read_topography(instrument_file("plu-1.plu")), shape=(768, 576))
     hardness = 0.14 * 115e9 * surface.rms_slope
-    scene = Scene(surface=surface, modulus=115e9, hardness=hardness, fluid=Liquid(1e-3), inlet_pressure=1e7,
-                  outlet_pressure=0.0, loading=tuple(hardness * p for p in (0.004, 0.01, 0.04)))  # fmt: skip
+    scene = Scene(
+        surface=surface,
+        modulus=115e9,
+        hardness=hardness,
+        fluid=Liquid(1e-3),
+        inlet_pressure=1e7,
+        outlet_pressure=0.0,
+        loading=tuple(hardness * p for p in (0.004, 0.01, 0.04)),
+    )
     result, exact = (two_scale(scene, (16, 16), flow=flow) for flow in ("elements", "resolved"))
     ratio = result.leakage / exact.leakage
     assert np.all(np.abs(ratio - 1) < 1e-4)

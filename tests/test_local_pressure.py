@@ -7,13 +7,13 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from femseal import InputError, Liquid, Topography, self_affine
+from femseal.library import Ladder, on_ladder
+from femseal.library.library import local_peaks
 from femseal.loads import LoadProgramme
-from femseal.scales import Ladder, on_ladder
-from femseal.scales.library import local_peaks
 from femseal.seal.layouts import AnnularLayout
 from femseal.seal.pressure_map import AngleTable, MapsAtLoads, PressureField, Profile, Uniform
 from femseal.studies import Sampling, Scene, stochastic
-from femseal.studies.local_pressure import MOST_OF_SEVERAL, MOST_PATHS, MOST_PEAKS, peaks_to_follow, shared_paths
+from femseal.studies.window_pressures import MOST_OF_SEVERAL, MOST_PATHS, MOST_PEAKS, peaks_to_follow, shared_paths
 
 LOADS = {"loading": (5e7, 1e8, 2e8), "unload_from": (2e8,), "unloading": (1e8, 5e7)}
 STRIP = Sampling(length=64 * 32e-6, breadth=4 * 32e-6, realisations=4, library_cells=6, seed=3, pressure="uniform")
@@ -88,8 +88,12 @@ def test_a_window_has_its_own_peak(equal, kept):
     result = drawn(equal, STRIP, kept, AngleTable((1.3, 1.3, 0.7, 0.7), tuple(np.radians((0.1, 179.9, 180.1, 359.9)))))
     library, steps = result.library, equal.steps
     p = np.array([[1.3e8, 0.7e8]])
-    own = [library.along(np.r_[peak[None], p[0][None]], np.zeros((2, 2)), LoadProgramme.of([2e8], [2e8], [1e8]), 0)[1, :, 0]
-           for peak in (np.array([2.6e8, 1.4e8]), np.array([2e8, 2e8]))]  # fmt: skip
+    own = [
+        library.along(np.r_[peak[None], p[0][None]], np.zeros((2, 2)), LoadProgramme.of([2e8], [2e8], [1e8]), 0)[
+            1, :, 0
+        ]
+        for peak in (np.array([2.6e8, 1.4e8]), np.array([2e8, 2e8]))
+    ]
     at = [s.name for s in steps].index("unloading 100 MPa from 200 MPa")
     assert_allclose(result.leakage[0, at], own[0].mean() * 1e6 / (1e-3 * 128e-6), rtol=1e-6)
     assert abs(np.log(own[0].mean() / own[1].mean())) > 0.1
@@ -176,19 +180,19 @@ class TestPaths:
     def test_rounding_moves_no_leakage(self, random, kept, monkeypatch):
         wave = AngleTable(tuple(1 + 0.5 * np.cos(np.linspace(0, 6, 50))), tuple(np.linspace(0, 6, 50)))
         exact = drawn(random, STRIP, kept, wave).leakage
-        monkeypatch.setattr("femseal.studies.local_pressure.MOST_PATHS", 48)
+        monkeypatch.setattr("femseal.studies.window_pressures.MOST_PATHS", 48)
         rounded = drawn(random, STRIP, kept, wave).leakage
         assert not np.array_equal(exact, rounded)
         assert_allclose(rounded, exact, rtol=0.02)
 
 
 def test_what_is_refused(random, kept):
-    with pytest.raises(InputError, match=r"positions: given 0 m to 100 µm, allowed is a range that holds the windows"):
+    with pytest.raises(InputError, match=r"positions: given 0 m to 100 µm, expected a range that holds the windows"):
         drawn(random, STRIP, kept, Profile((1.0, 2.0), (0.0, 1e-4)))
     series = MapsAtLoads((1e8,), (Uniform(),))
-    with pytest.raises(InputError, match="sampler: given copula, allowed is history with several maps"):
+    with pytest.raises(InputError, match="sampler: given copula, expected history with several maps"):
         drawn(random, replace(STRIP, sampler="copula"), kept, series)
-    with pytest.raises(InputError, match=r"field: given .* allowed is one that covers the seal"):
+    with pytest.raises(InputError, match=r"field: given .* expected one that covers the seal"):
         drawn(random, STRIP, kept, PressureField.of([[0, 0], [1e-4, 0], [0, 2e-3]], [1e8, 1e8, 1e8]))
 
 

@@ -9,26 +9,27 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-import femseal.scales.ladder
-import femseal.scales.window
-import femseal.studies.placed
+import femseal.library.ladder
+import femseal.studies.face_windows
 import femseal.studies.scene
 import femseal.studies.windows as windows_module
+import femseal.windows.window
 from femseal import analytic
 from femseal.base.errors import FemsealError, InputError, NotConverged
 from femseal.contact import HalfSpace, load_states
 from femseal.flow import cell_permeability
 from femseal.fluids import IdealGas, Liquid
+from femseal.library import LinkTable, draw_links
 from femseal.loads import LoadProgramme
 from femseal.report import write_folder
 from femseal.results import assemble, open_results
-from femseal.scales import LinkTable, draw_links, gap_error
 from femseal.seal import RectangularSeal
 from femseal.seal.linked import LinkWindows
 from femseal.seal.pressure_map import AngleTable, Profile
 from femseal.studies import Sampling, Scene, StochasticResult, deterministic, stochastic, two_scale
-from femseal.studies.followed import LOADING_SHARES
+from femseal.studies.ladder_windows import LOADING_SHARES
 from femseal.topography import Topography, condition, read_topography, self_affine, turned
+from femseal.windows import gap_error
 
 # the package has functions of these names
 TWO_SCALE, STOCHASTIC = (import_module(f"femseal.studies.{name}") for name in ("two_scale", "stochastic"))
@@ -39,8 +40,18 @@ PIXEL = 1e-6
 
 def make_scene(heights, spacing=(PIXEL, PIXEL), **given):
     surface = Topography(heights, spacing, (False, True))
-    return Scene(**{"surface": surface, "modulus": MODULUS, "hardness": HARDNESS, "fluid": WATER,
-                    "inlet_pressure": DROP, "outlet_pressure": 0.0, "loading": (0.0,)} | given)  # fmt: skip
+    return Scene(
+        **{
+            "surface": surface,
+            "modulus": MODULUS,
+            "hardness": HARDNESS,
+            "fluid": WATER,
+            "inlet_pressure": DROP,
+            "outlet_pressure": 0.0,
+            "loading": (0.0,),
+        }
+        | given
+    )
 
 
 def leakage_of(permeability, scene):
@@ -127,16 +138,24 @@ class TestClosedForms:
     def test_windows_without_pressure_stand_off_as_in_the_deterministic_solution(self):
         """Asperities on the ridges hold the body off: without them its gap in the valleys is too narrow by a sixth."""
         n = 256
-        face = turned((n, n), (n * PIXEL, n * PIXEL), pitch=n * PIXEL / 7, depth=2.5 * PIXEL, roughness=0.35 * PIXEL,
-                      roughness_roll_off=16 * PIXEL, cut_off=8 * PIXEL, rng=1)  # fmt: skip
+        face = turned(
+            (n, n),
+            (n * PIXEL, n * PIXEL),
+            pitch=n * PIXEL / 7,
+            depth=2.5 * PIXEL,
+            roughness=0.35 * PIXEL,
+            roughness_roll_off=16 * PIXEL,
+            cut_off=8 * PIXEL,
+            rng=1,
+        )
         low, high = 0.004 * HARDNESS, 0.1 * HARDNESS
         scene = make_scene(face.heights, loading=(low, high), unload_from=(high,), unloading=(low,), rtol=1e-5)
         result, exact = two_scale(scene, (8, 8), contact="windows", flow="links"), deterministic(scene)
         mean_gap = exact.gap.reshape(-1, 8, 32, 8, 32).mean(axis=(2, 4))
-        for s, allowed in ((0, 0.1), (2, 0.03)):
+        for s, expected in ((0, 0.1), (2, 0.03)):
             unloaded = result.pressure[s] <= 0
             error = np.median((result.mean_gap[s] / mean_gap[s] - 1)[unloaded])
-            assert abs(error) < allowed, scene.steps[s].name
+            assert abs(error) < expected, scene.steps[s].name
         assert (result.pressure[0] <= 0).sum() > 16
 
     @pytest.mark.parametrize("waves", [0, 8])
@@ -394,7 +413,7 @@ class TestRareTallPoints:
         assert stochastic(rough, (4, 6), SAMPLING).library.contact == contact
 
     def test_unknown_contact(self, rough):
-        with pytest.raises(InputError, match="contact: given magic, allowed is one of whole, windows"):
+        with pytest.raises(InputError, match="contact: given magic, expected one of whole, windows"):
             two_scale(rough, (4, 6), contact="magic")
 
     @pytest.mark.slow
@@ -552,16 +571,26 @@ class TestSymmetries:
 
     def test_windows_under_a_global_contact_are_unloaded_from_their_own_peaks(self, monkeypatch):
         """Against peaks 10 % apart: those of the standard ladder missed this by 8 %."""
-        face = turned((144, 144), (144e-6, 144e-6), pitch=48e-6, depth=0.8e-6, roughness=0.5e-6, feed_error=0.03,
-                      depth_error=0.1, roughness_roll_off=30e-6, cut_off=8e-6, rng=3)  # fmt: skip
+        face = turned(
+            (144, 144),
+            (144e-6, 144e-6),
+            pitch=48e-6,
+            depth=0.8e-6,
+            roughness=0.5e-6,
+            feed_error=0.03,
+            depth_error=0.1,
+            roughness_roll_off=30e-6,
+            cut_off=8e-6,
+            rng=3,
+        )
         scene = make_scene(face.heights, loading=(2e8,), unload_from=(2e8,), unloading=(5e7,))
         scene = replace(scene, surface=face)
         sampling = replace(SAMPLING, pressure="global", library_cells=4, length=576e-6)
         found = stochastic(scene, (6, 6), sampling)
         dense = tuple(np.geomspace(0.01, 0.9, 25))
-        monkeypatch.setattr("femseal.studies.followed.LOADING_SHARES", tuple(sorted({*LOADING_SHARES, *dense})))
-        monkeypatch.setattr("femseal.studies.local_pressure.PEAK_RATIO", 1.1)
-        monkeypatch.setattr("femseal.studies.local_pressure.MOST_PEAKS", 1000)
+        monkeypatch.setattr("femseal.studies.ladder_windows.LOADING_SHARES", tuple(sorted({*LOADING_SHARES, *dense})))
+        monkeypatch.setattr("femseal.studies.window_pressures.PEAK_RATIO", 1.1)
+        monkeypatch.setattr("femseal.studies.window_pressures.MOST_PEAKS", 1000)
         exact = stochastic(scene, (6, 6), sampling)
         assert_allclose(np.median(found.leakage, axis=0), np.median(exact.leakage, axis=0), rtol=0.02)
 
@@ -602,10 +631,16 @@ class TestDraws:
         window = self_affine((32, 32), (32e-6, 32e-6), hurst=0.8, rms_slope=0.15, roll_off=15e-6, cut_off=8e-6, rng=1)
         high = window.high_pass(15e-6).heights
         scene = replace(
-            make_scene(np.tile(high, (2, 3)), boundary=("periodic", "periodic"), loading=(1.32e8, 2.4e8, 4e8),
-                       unload_from=(2.4e8, 4e8), unloading=(2e8, 1e8, 6e7), rtol=1e-8),
+            make_scene(
+                np.tile(high, (2, 3)),
+                boundary=("periodic", "periodic"),
+                loading=(1.32e8, 2.4e8, 4e8),
+                unload_from=(2.4e8, 4e8),
+                unloading=(2e8, 1e8, 6e7),
+                rtol=1e-8,
+            ),
             surface=Topography(np.tile(high, (2, 3)), (PIXEL, PIXEL)),
-        )  # fmt: skip
+        )
         result = stochastic(scene, (2, 3), replace(SAMPLING, pressure="global", library_cells=6, length=2e-4))
         assert {*scene.loading} & {*result.library.ladder.loading} == {2.4e8, 4e8} == {*result.library.ladder.peaks}
         # of a single window k falls in small jumps, as constrictions close; over many of them the ladder is exacter
@@ -655,7 +690,7 @@ class TestDraws:
         sampling = replace(SAMPLING, library_cells=60, sampler="block")
         own = stochastic(rough, (4, 6), sampling)
         two = two_scale(rough, (4, 6), flow="links")
-        monkeypatch.setattr(femseal.studies.placed, "solve_windows", None)
+        monkeypatch.setattr(femseal.studies.face_windows, "solve_windows", None)
         given = stochastic(rough, (4, 6), sampling, two_scale=two)
         assert_array_equal(given.leakage, own.leakage)
         assert_array_equal(given.leakage_resampled, own.leakage_resampled)
@@ -682,8 +717,8 @@ class TestDraws:
 
     def test_whole_runs_of_columns_are_the_surface(self, rough, rough_two_scale, monkeypatch):
         """A run that goes all round the face, from wherever it begins, is its two-scale solution."""
-        monkeypatch.setattr(femseal.studies.placed, "correlation_length", lambda k: 1e6)
-        monkeypatch.setattr(femseal.studies.placed, "RUN_LENGTHS", 1e9)
+        monkeypatch.setattr(femseal.studies.face_windows, "correlation_length", lambda k: 1e6)
+        monkeypatch.setattr(femseal.studies.face_windows, "RUN_LENGTHS", 1e9)
         result = stochastic(rough, (4, 6), replace(SAMPLING, sampler="block"))
         assert result.library.correlation_length == 1e6
         whole = np.isclose(result.leakage, rough_two_scale.leakage, rtol=1e-6).all(axis=1)
@@ -743,8 +778,10 @@ class TestDraws:
         length = result.library.correlation_length
         run = min(10 * length, 6)
         rows = [np.repeat(np.arange(n)[:, None], 6, axis=1) for n in (4, 3)]
-        tables = [LinkTable(k, path, rough.steps, run)
-                  for k, path in zip((result.library.k1, result.library.k2), rows, strict=True)]  # fmt: skip
+        tables = [
+            LinkTable(k, path, rough.steps, run)
+            for k, path in zip((result.library.k1, result.library.k2), rows, strict=True)
+        ]
         for realisation in range(2):
             draws = [
                 draw_links(t, sampler=sampler, seed=8, realisation=realisation, axis=a) for a, t in enumerate(tables)
@@ -805,10 +842,20 @@ class TestErrorOfTheLibrary:
         none = LinkTable(np.empty(k.shape), np.zeros((0, links), int), self.steps)
         scene = make_scene(np.zeros((8, 8)), loading=(1e8,))
         seal = RectangularSeal((1e-3, links * 1e-3), (1, links))
-        task = [STOCHASTIC._realise(r, again, scene=scene, laid=LinkWindows(seal), kinds=((table, none),),
-                                               sampling=replace(SAMPLING, sampler="history"), independent=1 / copies,
-                                               first=np.arange(1)).leakage
-                for again in (False, True) for r in range(realisations)]  # fmt: skip
+        task = [
+            STOCHASTIC._realise(
+                r,
+                again,
+                scene=scene,
+                laid=LinkWindows(seal),
+                kinds=((table, none),),
+                sampling=replace(SAMPLING, sampler="history"),
+                independent=1 / copies,
+                first=np.arange(1),
+            ).leakage
+            for again in (False, True)
+            for r in range(realisations)
+        ]
         leakage = np.array(task).reshape(2, realisations, 1)
         return StochasticResult(self.steps, seal, None, leakage[0], leakage[1])
 
@@ -960,7 +1007,7 @@ class TestFailures:
     def test_contact_of_a_window(self, rough, by_windows, monkeypatch):
         """Itself and the links across that reach into it."""
         pressure = by_windows.pressure[1, 0, 4]
-        self.fail(monkeypatch, femseal.scales.window, "solve_contact", pressure=pressure)
+        self.fail(monkeypatch, femseal.windows.window, "solve_contact", pressure=pressure)
         result = two_scale(rough, (4, 6), contact="windows", flow="links")
         assert result.failures == ("cell (0, 4), loading 300 MPa: did not converge",)
         assert_array_equal(np.isnan(result.leakage), [False, True, False, False, False])
@@ -975,7 +1022,7 @@ class TestFailures:
     def test_contact_of_a_window_at_the_peak_takes_its_unloading_along(self, rough, by_windows, monkeypatch):
         window = np.unravel_index(by_windows.pressure[4].argmax(), (4, 6))
         pressure = by_windows.pressure[2][window]
-        self.fail(monkeypatch, femseal.scales.window, "solve_contact", pressure=pressure)
+        self.fail(monkeypatch, femseal.windows.window, "solve_contact", pressure=pressure)
         result = two_scale(rough, (4, 6), contact="windows", flow="links")
         assert [f.split(", ", 2)[2] for f in result.failures] == [
             "loading 600 MPa: did not converge",
@@ -986,7 +1033,7 @@ class TestFailures:
 
     def test_flow_of_a_link_across(self, rough, monkeypatch):
         """Of the 24 windows along come 5 steps each, then those across: the third step of the second one."""
-        self.fail(monkeypatch, femseal.scales.window, "cell_flow", calls={24 * 5 + 5 + 2})
+        self.fail(monkeypatch, femseal.windows.window, "cell_flow", calls={24 * 5 + 5 + 2})
         result = two_scale(rough, (4, 6), flow="links")
         assert result.failures == ("x2-link (0, 1), step 2: did not converge",)
         assert_array_equal(np.argwhere(np.isnan(result.k2)), [[2, 0, 1]])
@@ -1002,7 +1049,7 @@ class TestFailures:
     def test_a_column_with_a_failed_cell_gives_way_to_the_next(self, rough, by_windows, monkeypatch):
         """Of the links across it takes the column before along."""
         pressure = by_windows.pressure[1, 0, 4]
-        self.fail(monkeypatch, femseal.scales.window, "solve_contact", pressure=pressure)
+        self.fail(monkeypatch, femseal.windows.window, "solve_contact", pressure=pressure)
         result = stochastic(rough, (4, 6), SAMPLING, contact="windows")
         assert result.failures == ("cell (0, 4), loading 300 MPa: did not converge",)
         assert np.isfinite(result.leakage).all()
@@ -1016,7 +1063,7 @@ class TestFailures:
         sampling = replace(SAMPLING, pressure="uniform", library_cells=8)
         whole = stochastic(rough, (4, 6), sampling).library
         counted = []
-        solve = femseal.scales.ladder.solve_contact
+        solve = femseal.library.ladder.solve_contact
 
         def failing(gap0, *args, **given):
             if not counted or not np.array_equal(counted[-1], gap0):
@@ -1025,7 +1072,7 @@ class TestFailures:
                 raise NotConverged("did not converge", 1.0)
             return solve(gap0, *args, **given)
 
-        monkeypatch.setattr(femseal.scales.ladder, "solve_contact", failing)
+        monkeypatch.setattr(femseal.library.ladder, "solve_contact", failing)
         result = stochastic(rough, (4, 6), sampling)
         assert result.failures == ("cell 2: did not converge",)
         assert_array_equal(result.library.curves.k, np.delete(whole.curves.k, 2, axis=0))
@@ -1046,7 +1093,7 @@ class TestFailures:
         assert_array_equal(np.argwhere(np.isnan(result.leakage)), [[1, 1]])
 
     def test_a_library_without_any_cell(self, rough, monkeypatch):
-        for module in (femseal.scales.window, femseal.scales.ladder):
+        for module in (femseal.windows.window, femseal.library.ladder):
             self.fail(monkeypatch, module, "solve_contact", calls=range(10**6))
         for pressure in ("place", "uniform"):
             with pytest.raises(FemsealError, match="every c"):

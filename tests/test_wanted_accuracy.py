@@ -11,18 +11,20 @@ import pytest
 from numpy.testing import assert_array_equal
 
 import femseal as fs
-from femseal.budget import ErrorBudget, ErrorPart, counting_steps, judged
+from femseal.budget import ErrorBudget, ErrorPart, counting_steps, widest_band
+from femseal.case.case import parse_case
 from femseal.loads import LoadProgramme
+from femseal.refinement.attempts import settled_as
+from femseal.refinement.refining import refined
 from femseal.report.words import check_lines, key_numbers
 from femseal.results import wanted_accuracy
 from femseal.results.tables import error_band, leak_scale
-from femseal.runs.attempts import settled_as
-from femseal.runs.case import parse_case
 from femseal.runs.forecast import describe
-from femseal.runs.refining import refined
 
 sys.path.append(str(Path(__file__).parent / "benchmarks"))
 import wanted_accuracy as benchmark
+
+from femseal.preparation.preparation import prepare
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 
@@ -76,12 +78,12 @@ def test_attempts_end_when_the_budget_is_within_the_accuracy(reached):
 def test_the_answer_is_that_of_the_last_settings(reached):
     assert_array_equal(reached.leakage.values, fs.deterministic(reached.scene).leakage)
     assert reached.attempts["settings"]["grid"] == len(reached.attempts["attempts"]) - 2
-    again = settled_as(case(), case().prepare(), reached.attempts)
+    again = settled_as(case(), prepare(case()), reached.attempts)
     assert_array_equal(again.scene.surface.heights, reached.scene.surface.heights)
 
 
 def test_every_attempt_is_of_the_same_face(reached):
-    first = case().prepare()
+    first = prepare(case())
     assert first.scene.surface.shape == (32, 32)
     assert first.made.scene.surface.shape == (64, 64)
     fine = reached.scene.surface
@@ -171,7 +173,7 @@ class TestRefining:
 
     def change(self, data, part, memory=1e9):
         wanted = parse_case(data)
-        prepared = wanted.prepare()
+        prepared = prepare(wanted)
         return prepared.settings, refined(wanted, prepared.made, prepared.settings, part, memory)
 
     def test_pixels_are_halved(self):
@@ -185,7 +187,7 @@ class TestRefining:
         assert (change.settings.method, change.settings.flow) == ("two-scale", "elements")
         _, change = self.change(SMALL, "pixels", memory=1e5)
         assert change.settings is None
-        assert "of memory, allowed are 100 kB" in change.text
+        assert "of memory, expected 100 kB" in change.text
 
     def test_seals_and_windows_are_four_times_as_many(self):
         drawn = DRAWN | {"stochastic": {"length": "300 um", "sampler": "history", "pressure": "uniform"}}
@@ -216,11 +218,11 @@ class TestRefining:
 class TestCase:
     @pytest.mark.parametrize("wrong", ["0 %", "100 %", -0.1, "ten", True, "3 m"])
     def test_accuracies_that_are_none(self, wrong):
-        with pytest.raises(fs.InputError, match=r"accuracy: given .* allowed is a share above 0 and below 1"):
+        with pytest.raises(fs.InputError, match=r"accuracy: given .* expected a share above 0 and below 1"):
             case(accuracy=wrong)
 
     def test_an_accuracy_is_judged_by_the_budget(self):
-        with pytest.raises(fs.InputError, match=r"output\.budget: given false with accuracy, allowed is true"):
+        with pytest.raises(fs.InputError, match=r"output\.budget: given false with accuracy, expected true"):
             case(output={"budget": False})
 
     def test_a_time_limit_is_for_an_accuracy(self):
@@ -235,11 +237,11 @@ class TestCase:
         ring = {"kind": "annular", "inner_radius": "1 mm", "outer_radius": "2 mm", "inlet": "inner"}
         shaped = case(seal=ring)
         assert (shaped.method, shaped.stochastic.pressure) == ("stochastic", "uniform")
-        assert shaped.prepare().sampling.realisations == 20
+        assert prepare(shaped).sampling.realisations == 20
 
     def test_check_says_what_is_tried_first(self):
         wanted = case(contact={"rtol": 1e-5}, time_limit="20 min")
-        text = "\n".join(describe(wanted, wanted.prepare()))
+        text = "\n".join(describe(wanted, prepare(wanted)))
         assert (
             "3 %, first with 32 × 32 points, contact.rtol 1e-05; then what limits is refined, for at most 20 min"
             in text
@@ -256,7 +258,7 @@ def test_loads_that_count():
     assert counting_steps(ErrorBudget("deterministic", q, (part,))).tolist() == [0, 1]
     sealed = ErrorPart("pixels", 0 * q, np.array([0.0, 0.0, 0.0, 1e-5, 0.0]), "")
     assert counting_steps(ErrorBudget("deterministic", 0 * q, (sealed,))).tolist() == [3]
-    assert judged(ErrorBudget("deterministic", 0 * q, (sealed,))).half_width == np.inf
+    assert widest_band(ErrorBudget("deterministic", 0 * q, (sealed,))).half_width == np.inf
 
 
 @pytest.mark.slow

@@ -6,10 +6,10 @@ combines them to one band (`error_parts.py`). All distances are of ln(leakage): 
 
 from .all_steps import at_interpolated_steps
 from .coarse import LEAST_LOADS, CoarserSolution, at_some_steps, change_of_windows, coarser_points
-from .error_budget import error_budget, method_of
+from .error_budget import error_budget
 from .error_parts import ErrorBudget, ErrorPart
 from .grid_convergence import GridConvergence, grid_convergence
-from .judged import Judged, counting_steps, judged
+from .widest_band import WidestBand, counting_steps, widest_band
 
 __all__ = [
     "LEAST_LOADS",
@@ -17,7 +17,7 @@ __all__ = [
     "ErrorBudget",
     "ErrorPart",
     "GridConvergence",
-    "Judged",
+    "WidestBand",
     "at_interpolated_steps",
     "at_some_steps",
     "change_of_windows",
@@ -25,6 +25,5 @@ __all__ = [
     "counting_steps",
     "error_budget",
     "grid_convergence",
-    "judged",
-    "method_of",
+    "widest_band",
 ]

@@ -1,12 +1,12 @@
 """Contact on one grid: projected active sets, and preconditioned conjugate gradients on the free points.
 
-The minimum of the energy ½⟨p, Kp⟩ + ⟨p, h₁⟩ + ψ(p), ψ that of the law, under a given load is where p = y(δ) for any c > 0:
-y is the projection of p − c (v − δ) on the law, with v = Kp + h₁ and the δ that keeps Σ y = load. For perfect plasticity
-y = clip(p − c (v − δ), 0, H). One iteration computes y. Where y moves points out of contact, to the hardness or back, the
-sets change: p becomes y, and a product with K gives the new v. Then conjugate gradients on the free points (0 < p < H,
-and those that yield on a slope) lower the energy for a few steps, with a product with K each. This is an inexact semismooth
-Newton method. There is no proof of convergence: after 60 iterations `Descent` takes over, and `ActiveSets.residual` is
-the residual reached.
+The energy is ½⟨p, Kp⟩ + ⟨p, h₁⟩ + ψ(p), ψ that of the law. Its minimum under a load is where p = y(δ) for any c > 0: y
+is the projection of p − c (v − δ) on the law, with v = Kp + h₁ and the δ that keeps Σ y = load; for perfect plasticity
+y = clip(p − c (v − δ), 0, H). One iteration computes y. Where y moves points out of contact, to the hardness or back,
+the sets change: p becomes y, and a product with K gives the new v. Then conjugate gradients on the free points
+(elastic, or yielding on a slope) lower the energy for a few steps, with a product with K each. This is an inexact
+semismooth Newton method. There is no proof of convergence: after 60 iterations `Descent` takes over, and
+`ActiveSets.residual` is the residual reached.
 Sources: Moré & Toraldo, SIAM J. Optim. 1, 1991, 93; Polonsky & Keer, Wear 231, 1999, 206.
 """
 
@@ -17,7 +17,7 @@ from math import inf
 import numpy as np
 from numpy.typing import NDArray
 
-from . import kernels
+from . import gradient_kernels, kernels
 from .descent import Descent
 from .law import YieldLine
 from .workspace import Workspace
@@ -165,14 +165,14 @@ class ActiveSets:
         """Make a few steps on the free points; their Rayleigh quotients d·Kd/d·d give the step c of the next look."""
         grid, longest, first = self._grid, self._c0, inf
         if self._new_sets:
-            self._ones = kernels.restart(
+            self._ones = gradient_kernels.restart(
                 self._n_free, self.delta, self._loaded, self._hardens, *self._law,
                 grid.state, grid.lists, grid.near, grid.on_free, grid.dense, *grid.stencil,
             )  # fmt: skip
             self._former, self._turned, self._new_sets = inf, False, False
         for steps in range(_STEPS_AFTER_CHANGE if self._changed else _STEPS):
             if not self._turned:
-                self._wr = kernels.turn(
+                self._wr = gradient_kernels.turn(
                     self._n_free, self._former, self._ones, self._loaded, self._hardens,
                     grid.lists, grid.on_free, grid.dense, *grid.stencil,
                 )  # fmt: skip
@@ -186,7 +186,7 @@ class ActiveSets:
                 break
             grid.search.apply()
             self.pairs += 1
-            curvature, length, made = kernels.step(
+            curvature, length, made = gradient_kernels.step(
                 self._n_near, self._n_free, self._wr, self._loaded, self._hardens,
                 grid.kd, grid.lists, grid.near, grid.on_free, grid.dense,
             )  # fmt: skip
@@ -202,9 +202,7 @@ class ActiveSets:
         """Go on by steps that never raise the energy."""
         grid = self._grid
         self._change_sets()
-        descent = Descent(
-            grid, self._gap0 - self._offset, self._line, self._load if self._loaded else None, self.delta
-        )
+        descent = Descent(grid, self._gap0 - self._offset, self._line, self._load if self._loaded else None, self.delta)
         descent.solve(rtol, limit - self.iterations)
         self.delta, self.residual = descent.delta, descent.residual
         self.iterations += descent.iterations

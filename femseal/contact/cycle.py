@@ -1,8 +1,8 @@
 """Contact along a load programme, with the plastic deformation that every peak leaves behind.
 
 First loading is path independent. On unloading from a peak p_u, the plastic deformation u_p of the peak is added to the
-gap once, and the contact is solved with the law that the points have after it: the same one, or a harder one. At p_u this
-returns the state of the peak; reloading follows the unloading curve, and beyond p_u it follows the first loading.
+gap once, and the contact is solved with the law that the points have after it, the same one or a harder one. At p_u
+this returns the state of the peak; reloading follows the unloading curve, and beyond p_u it follows the first loading.
 Source: Sahlin et al., Proc. IMechE J 224, 2010, 335; Pérez-Ràfols et al., 2018.
 """
 
@@ -178,9 +178,7 @@ def _state(
     take: Callable[[LoadState], Any] | None,
 ) -> tuple[Any, np.ndarray | None, bool]:
     """Solve a state; return the value of `take`, of a peak the plastic deformation, and whether there is any."""
-    contact = solve_contact(
-        gap0, half_space, pressure=step.pressure, hardness=law, deformation=deformation, rtol=rtol
-    )
+    contact = solve_contact(gap0, half_space, pressure=step.pressure, hardness=law, deformation=deformation, rtol=rtol)
     again = 0.0 if deformation is None else _yielded_again(contact, deformation, rtol)
     state = LoadState(step.pressure, step.unloaded_from, contact=contact, yielded_again=again)
     left = contact.plastic_deformation

@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from . import kernels
+from . import gradient_kernels, kernels
 from .law import YieldLine
 from .workspace import Workspace
 
@@ -156,5 +156,5 @@ class Descent:
         dense = self._grid.dense
         dense[:] = 0
         dense[free] = values * scale
-        kernels.apply_stencil(free.size, free, dense, out, *self._grid.stencil)
+        gradient_kernels.apply_stencil(free.size, free, dense, out, *self._grid.stencil)
         return out * scale

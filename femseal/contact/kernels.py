@@ -1,4 +1,6 @@
-"""Compiled loops of the contact solver on flat arrays; `active_sets` calls them between two products with K.
+"""Compiled loops of the contact solver on flat arrays: lists of points near contact, projection on the law, new sets.
+
+`active_sets` calls them, and those in `gradient_kernels`, between two products with K.
 
 State of a point: 0 out of contact (p = 0), 1 elastic (0 < p < H), 2 perfectly plastic (p = H), 3 yielding on a slope
 h > 0 (p = H + h u). Odd ones are free. `hardness` H and `slope` h have one value or one per point, see `law.YieldLine`.
@@ -22,13 +24,13 @@ import numpy as np
 from numba import njit
 
 #: Every function is inlined: a called one may be compiled differently in another process and change last digits.
-_exact: dict[str, Any] = {"cache": True, "nogil": True, "forceinline": True}
-_fast: dict[str, Any] = {**_exact, "fastmath": {"reassoc", "nsz", "arcp", "contract", "nnan"}}
+EXACT: dict[str, Any] = {"cache": True, "nogil": True, "forceinline": True}
+FAST: dict[str, Any] = {**EXACT, "fastmath": {"reassoc", "nsz", "arcp", "contract", "nnan"}}
 #: Sets stay while points that would leave them have at most this share of the squared residual, and it halves.
 _SHARE = 0.1
 
 
-@njit(**_exact)
+@njit(**EXACT)
 def add_gap(p, v, gap0, offset, reach, hardness, slope, state, lists, near):
     """v = Kp + h₁ from Kp; lists the points in contact or with v below `reach`.
 
@@ -62,7 +64,7 @@ def add_gap(p, v, gap0, offset, reach, hardness, slope, state, lists, near):
     return n, k, energy, load, total
 
 
-@njit(**_exact)
+@njit(**EXACT)
 def list_near(p, v, reach, state, lists, near):
     """Lists the points in contact or with v below `reach`; returns how many they are, and how many are free."""
     n = 0
@@ -80,12 +82,13 @@ def list_near(p, v, reach, state, lists, near):
     return n, k
 
 
-@njit(**_exact)
+@njit(**EXACT)
 def look(n, c, load, loaded, delta, hardness, slope, state, lists, near):
     """Approach δ and residual of the complementarity on the points near contact.
 
-    With x = p − c v and y(δ) the projection of x + cδ on the law, δ from Σ y = load. Returns δ, whether these points can carry the
-    load, ‖p − y‖/‖p‖, the number of points whose state y changes, and the share of ‖p − y‖² that they have.
+    With x = p − c v and y(δ) the projection of x + cδ on the law, δ from Σ y = load. Returns δ, whether these points
+    can carry the load, ‖p − y‖/‖p‖, the number of points whose state y changes, and whether they have much of ‖p −
+    y‖².
     """
     listed, x, p, v = lists[0], near[0], near[1], near[2]
     for j in range(n):
@@ -115,16 +118,16 @@ def look(n, c, load, loaded, delta, hardness, slope, state, lists, near):
     return delta, carried, residual, changed, c2 > _SHARE * r2
 
 
-@njit(**_exact)
+@njit(**EXACT)
 def _line(i, hardness, slope, c):
     """Hardness of a point, and the share t = h/(h + c) by which its pressure follows a trial pressure above it."""
     h = slope[i if slope.size > 1 else 0]
     return hardness[i if hardness.size > 1 else 0], h / (h + c) if h > 0.0 else 0.0
 
 
-@njit(**_exact)
+@njit(**EXACT)
 def _projected(z, h, t):
-    """Projection of a trial pressure on the law: z between 0 and H, above it H + t (z − H); and the state of the point."""
+    """Projection of a trial pressure on the law, z between 0 and H and above H + t (z − H), and the point's state."""
     y = min(max(z, 0.0), h)
     s = (y > 0.0) + (y >= h)
     if t > 0.0 and s == 2:
@@ -132,7 +135,7 @@ def _projected(z, h, t):
     return y, s
 
 
-@njit(**_exact)
+@njit(**EXACT)
 def root(x, n, hardness, slope, kept, listed, c, load, start):
     """Find δ with Σ y(x + cδ) = load on a list of points; tells whether they can carry the load.
 
@@ -178,7 +181,7 @@ def root(x, n, hardness, slope, kept, listed, c, load, start):
     return d, True
 
 
-@njit(**_fast)
+@njit(**FAST)
 def _total(x, n, shift, hardness, slope, kept, listed):
     """Return Σ y(x + shift) and its derivative, the number of points between the bounds where nothing hardens."""
     total = 0.0
@@ -203,7 +206,7 @@ def _total(x, n, shift, hardness, slope, kept, listed):
     return total, slopes
 
 
-@njit(**_exact)
+@njit(**EXACT)
 def project(n, free, c, delta, load, loaded, keep, p, hardness, slope, state, lists, near, dense):
     """Give every point near contact the state and value of the projection of x + cδ on the law; the load is then exact.
 
@@ -244,172 +247,7 @@ def project(n, free, c, delta, load, loaded, keep, p, hardness, slope, state, li
     return k
 
 
-@njit(**_fast)
-def restart(free, delta, loaded, hardens, hardness, slope, state, lists, near, on_free, dense, stencil, rows, columns):
-    """Residual r = δ − v − a (p − H) and M1 on the free points, with which conjugate gradients begin; returns Σ M1."""
-    listed, place, p, v = lists[1], lists[2], near[1], near[2]
-    r, ones, soft, scale = on_free[0], on_free[3], on_free[4], on_free[5]
-    for k in range(free):
-        dense[listed[k]] = 1.0
-    if hardens:
-        largest = stencil[stencil.shape[0] // 2, stencil.shape[1] // 2]
-        for k in range(free):
-            soft[k] = 1.0 / slope[listed[k] if slope.size > 1 else 0] if state[listed[k]] == 3 else 0.0
-            scale[k] = 1.0 / np.sqrt(1.0 + soft[k] * largest)
-            dense[listed[k]] = scale[k]
-    ones_total = apply_stencil(free, listed, dense, ones, stencil, rows, columns)
-    total = 0.0
-    for k in range(free):
-        r[k] = delta - v[place[k]]
-        total += r[k]
-    if hardens:
-        ones_total = _scaled(free, ones, scale)
-        for k in range(free):
-            if state[listed[k]] == 3:
-                away = soft[k] * (p[place[k]] - hardness[listed[k] if hardness.size > 1 else 0])
-                r[k] -= away
-                total -= away
-    _spread_residual(free, listed, r, total, loaded, hardens, scale, dense)
-    return ones_total
-
-
-@njit(**_fast)
-def _scaled(free, values, scale):
-    """Multiply values by the scale of their points; returns their sum."""
-    total = 0.0
-    for k in range(free):
-        values[k] *= scale[k]
-        total += values[k]
-    return total
-
-
-@njit(**_fast)
-def turn(free, former, ones_total, loaded, hardens, lists, on_free, dense, stencil, rows, columns):
-    """Next direction d = w + (w·r / former) d, where w = M r less a multiple of M1 that keeps Σ w = 0 under a load.
-
-    Returns w·r. Where that is not > 0, there is no direction.
-    """
-    listed, r, w, d, ones = lists[1], on_free[0], on_free[1], on_free[2], on_free[3]
-    total = apply_stencil(free, listed, dense, w, stencil, rows, columns)
-    if hardens:
-        total = _scaled(free, w, on_free[5])
-    wr = 0.0
-    if loaded:
-        factor = total / ones_total
-        for k in range(free):
-            w[k] -= factor * ones[k]
-            wr += w[k] * r[k]
-    else:
-        for k in range(free):
-            wr += w[k] * r[k]
-    if wr > 0.0:
-        beta = wr / former
-        if beta == 0.0:
-            for k in range(free):
-                d[k] = w[k]
-                dense[listed[k]] = w[k]
-        else:
-            for k in range(free):
-                d[k] = w[k] + beta * d[k]
-                dense[listed[k]] = d[k]
-    return wr
-
-
-@njit(**_fast)
-def step(n, free, wr, loaded, hardens, kd, lists, near, on_free, dense):
-    """One step of conjugate gradients, p += α d, v += α Kd and r −= α (Kd + a d), with α = w·r / d·(Kd + a d).
-
-    Returns d·Kd, d·d and whether the step was made: not where d·(Kd + a d) is not > 0.
-    """
-    listed_near, listed, place = lists[0], lists[1], lists[2]
-    p, v, kn, r, d, soft = near[1], near[2], near[3], on_free[0], on_free[2], on_free[4]
-    for j in range(n):
-        kn[j] = kd[listed_near[j]]
-    curvature = 0.0
-    length = 0.0
-    for k in range(free):
-        curvature += kn[place[k]] * d[k]
-        length += d[k] * d[k]
-    stiff = curvature
-    if hardens:
-        for k in range(free):
-            stiff += soft[k] * d[k] * d[k]
-    total = 0.0
-    if stiff > 0.0:
-        alpha = wr / stiff
-        if hardens:
-            for k in range(free):
-                r[k] -= alpha * soft[k] * d[k]
-        for k in range(free):
-            p[place[k]] += alpha * d[k]
-            r[k] -= alpha * kn[place[k]]
-            total += r[k]
-        for j in range(n):
-            v[j] += alpha * kn[j]
-    _spread_residual(free, listed, r, total, loaded, hardens, on_free[5], dense)
-    return curvature, length, stiff > 0.0
-
-
-@njit(**_fast)
-def _spread_residual(free, listed, r, total, loaded, hardens, scale, dense):
-    """Write residuals to the points of the grid, less their mean under a load, which only rounding would leave over."""
-    mean = total / free if loaded and free > 0 else 0.0
-    if hardens:
-        for k in range(free):
-            r[k] -= mean
-            dense[listed[k]] = r[k] * scale[k]
-    else:
-        for k in range(free):
-            r[k] -= mean
-            dense[listed[k]] = r[k]
-
-
-@njit(**_fast)
-def apply_stencil(n, listed, dense, out, stencil, rows, columns):
-    """Write stencil ∗ dense at the listed points to `out` and return its sum.
-
-    rows, columns : index on the grid for each index of the padded grid, −1 outside.
-    """
-    r1 = stencil.shape[0] // 2
-    r2 = stencil.shape[1] // 2
-    n1 = rows.size - 2 * r1
-    n2 = columns.size - 2 * r2
-    total = 0.0
-    nine = (r1 == 1) & (r2 == 1)
-    s00, s01, s02 = stencil[0, 0], stencil[0, r2], stencil[0, -1]
-    s10, s11, s12 = stencil[r1, 0], stencil[r1, r2], stencil[r1, -1]
-    s20, s21, s22 = stencil[-1, 0], stencil[-1, r2], stencil[-1, -1]
-    for k in range(n):
-        f = listed[k]
-        i = f // n2
-        j = f - i * n2
-        s = 0.0
-        if nine and 1 <= i < n1 - 1 and 1 <= j < n2 - 1:
-            s = (
-                s00 * dense[f - n2 - 1]
-                + s01 * dense[f - n2]
-                + s02 * dense[f - n2 + 1]
-                + s10 * dense[f - 1]
-                + s11 * dense[f]
-                + s12 * dense[f + 1]
-                + s20 * dense[f + n2 - 1]
-                + s21 * dense[f + n2]
-                + s22 * dense[f + n2 + 1]
-            )
-        else:
-            for a in range(2 * r1 + 1):
-                row = rows[i + a]
-                if row >= 0:
-                    for b in range(2 * r2 + 1):
-                        column = columns[j + b]
-                        if column >= 0:
-                            s += stencil[a, b] * dense[row * n2 + column]
-        out[k] = s
-        total += s
-    return total
-
-
-@njit(**_exact)
+@njit(**EXACT)
 def gap_and_deformation(p, v, delta, c, hardness, slope, gap, deformation, plastic):
     """Deformed gap and plastic deformation u = (p − H − c g)/(h + c), −g on a law without slope; contact is closed.
 

@@ -3,9 +3,9 @@
 Symbols: p contact pressure, u plastic deformation, H(u) pressure at which a point with u yields, h = dH/du hardening
 modulus, g raw gap (negative where faces overlap), c a stiffness [Pa/m].
 
-Where 0 < p < H(u), contact is elastic. Where a point yields, p = H(u) and u grows. A law is the curve H(u), and a new one
-is a class with this curve; the solver sees straight lines, its tangents. A law whose curve rises is a convex term of the
-energy, ½⟨(p − H)₊, (p − H)₊⟩/h for a straight line.
+Where 0 < p < H(u), contact is elastic. Where a point yields, p = H(u) and u grows. A law is the curve H(u), and a new
+one is a class with this curve; the solver sees straight lines, its tangents. A law whose curve rises is a convex term
+of the energy, ½⟨(p − H)₊, (p − H)₊⟩/h for a straight line.
 Source: Sahlin et al., Proc. IMechE J 224, 2010, 335 (perfectly plastic).
 """
 
@@ -37,7 +37,7 @@ class ContactLaw:
 
     @property
     def linear(self) -> bool:
-        """Whether H(u) is a straight line at every point: one solution is enough then, else successive ones are made."""
+        """Whether H(u) is a straight line at every point: then one solution is enough, else there are several."""
         return False
 
     def yield_pressure(self, deformation: Any = 0.0) -> Any:
@@ -70,7 +70,7 @@ class ContactLaw:
         return np.size(self.yield_pressure()) == 1 and np.size(self.hardening_modulus()) == 1
 
     def after(self, deformation: ArrayLike) -> ContactLaw:
-        """The law of points that an earlier load has left with a plastic deformation (n1, n2) [m]: H(u + deformation)."""
+        """The law of points that an earlier load left with a plastic deformation (n1, n2) [m]: H(u + deformation)."""
         return _Changed(self, np.asarray(deformation, dtype=float), 0.0)
 
     def less(self, fluid_pressure: ArrayLike) -> ContactLaw:
@@ -87,7 +87,7 @@ class ContactLaw:
         return np.where(yields, self._deformation(pressure - stiffness * gap, stiffness), 0.0)
 
     def project(self, trial: Array, stiffness: float) -> Array:
-        """The admissible pressure y >= 0 [Pa] nearest to a trial pressure z, with z = y + c u and y = H(u) where y yields.
+        """The admissible pressure y >= 0 [Pa] of a trial pressure z, with z = y + c u and y = H(u) where y yields.
 
         It minimises ½(y − z)² + c ψ(y), ψ the energy of the law: for perfect plasticity, z between 0 and H.
         """

@@ -18,12 +18,12 @@ from ..flow import critical_constriction
 from ..fluids import capillary_entry_pressure
 from ..loads import LoadStep
 from ..seal import NARROWEST, RectangularSeal, drop_shares
-from ..studies.lifted import lifted_leakage, lifting_effect
+from ..studies.fluid_load import relief_warning, relieved_leakage
 
 if TYPE_CHECKING:
     import xarray
 
-    from ..scales import LibraryTable
+    from ..library import LibraryTable
     from ..studies import DeterministicResult, Scene, StochasticResult, TwoScaleResult
 
 _SUFFIXES = {
@@ -159,10 +159,10 @@ def add_filtered(data: xarray.Dataset, leakage: np.ndarray) -> None:
 
 def add_lifted(data: xarray.Dataset, scene: Scene, leakage: xarray.DataArray) -> str:
     """Add an estimate of the leakage with the part of the load that the fluid carries, where that is much; see it."""
-    told = lifting_effect(scene, leakage.values)
+    told = relief_warning(scene, leakage.values)
     if told:
         text = "leakage per unit seal length, estimate if the fluid carries its part of the load, NaN below all steps"
-        data["leakage_lifted"] = ("step", lifted_leakage(scene, leakage.values), _labels("m^2/s", text))
+        data["leakage_lifted"] = ("step", relieved_leakage(scene, leakage.values), _labels("m^2/s", text))
     return told
 
 

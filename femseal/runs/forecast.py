@@ -12,18 +12,19 @@ from ..base.errors import InputError
 from ..base.machine import free_memory
 from ..base.quantities import to_text
 from ..base.text import duration
+from ..case.case import Case
+from ..preparation.check_memory import START_MEMORY
+from ..preparation.preparation import Prepared, shares_contact
+from ..preparation.settings import fixed, time_limit
+from ..preparation.study_costs import study_cost
+from ..refinement.budgeted import coarser_grids, filtered_input
 from ..results.fields import fields_size
-from ..scales import Partition
-from ..studies import FluidState, Sampling, Scene, drop_ratio, laid_out, placed_windows
+from ..studies import FluidState, Sampling, Scene, count_face_windows, drop_ratio, laid_out
 from ..studies.costs import Effort, usual_efforts
 from ..studies.deterministic import STEP_BYTES
-from ..studies.local_pressure import map_text
-from .budgeted import coarser_grids, filtered_input
-from .case import Case
+from ..studies.window_pressures import map_text
+from ..windows import Partition
 from .pilot import efforts, pace
-from .preparation import Prepared, shares_contact
-from .settings import fixed, time_limit
-from .study_costs import study_cost
 
 #: Shortest waves that a window should hold along each side.
 ADVISED_WAVES = 8
@@ -33,8 +34,8 @@ ADVISED_WAVES = 8
 _START_SECONDS = 2.6
 #: Seconds of pictures, report and tables, and of a byte of fields.
 _PICTURES_SECONDS, _FIELD_BYTE_SECONDS = 1.4, 5e-8
-#: Memory of the libraries that a run imports, and of another process [byte].
-START_MEMORY, _WORKER_MEMORY = 0.5e9, 0.25e9
+#: Memory of another process [byte].
+_WORKER_MEMORY = 0.25e9
 
 
 @dataclass(frozen=True)
@@ -184,7 +185,7 @@ def refuse_too_large(case: Case, prepared: Prepared) -> None:
         f"at most the {most / 1e9:.3g} GB {which}: {advice}; "
         f"or memory = '{np.ceil(needed / 1e8) / 10:g} GB' in the case, to run all the same"
     )
-    raise InputError.of("memory", given, allowed)
+    raise InputError("memory", given, allowed)
 
 
 def _accuracy_lines(case: Case, prepared: Prepared) -> list[str]:
@@ -302,7 +303,7 @@ def _library(prepared: Prepared, sampling: Sampling, partition: Partition) -> st
     """The windows of a library that are used, and how many of them do not overlap."""
     if sampling.pressure != "place":
         return f"{sampling.library_cells} library windows"
-    used, of_face = placed_windows(sampling, partition), partition.cells[0] * partition.cells[1]
+    used, of_face = count_face_windows(sampling, partition), partition.cells[0] * partition.cells[1]
     asked = f", not {sampling.library_cells}" if sampling.library_cells != used else ""
     again = f", the {of_face} of the face cut {used // of_face} times" if used > of_face else " of the face"
     return f"{used} library windows{again}{asked}, contact {_contact(prepared)}"

@@ -9,6 +9,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sized
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import replace
+from functools import partial
 from os import PathLike
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -19,6 +20,17 @@ from ..base.files import made_folder, remove_foreign
 from ..base.provenance import numerical_versions
 from ..base.stage import Mapper, Stage
 from ..budget import ErrorBudget
+from ..case.case import Case, load_case
+from ..case.faces import FileFace
+from ..execution import checkpoint
+from ..execution.checkpoint import Checkpoint
+from ..execution.lock import alone_in
+from ..execution.log_file import LogFile
+from ..execution.mappers import ordered_map
+from ..execution.shared_stages import SharedStages
+from ..preparation.preparation import Prepared, prepare, shares_contact
+from ..refinement.attempts import Reached, Solve, reach
+from ..refinement.budgeted import budgets_of
 from ..report import write_folder
 from ..results import Results, assemble
 from ..studies import (
@@ -30,20 +42,10 @@ from ..studies import (
     stochastic,
     two_scale,
 )
-from . import checkpoint
-from .attempts import Reached, Solve, reach
-from .budgeted import budgets_of
-from .case import Case, load_case
-from .case_faces import FileFace
-from .checkpoint import Checkpoint
+from ..studies.compiling import compile_ahead
 from .chosen_loads import solve_chosen
-from .executor import ordered_map
 from .finished import finished_results
 from .forecast import refuse_too_large
-from .lock import alone_in
-from .log_file import LogFile
-from .preparation import Prepared, shares_contact
-from .shared_stages import SharedStages
 
 log = logging.getLogger("femseal")
 #: Called as progress(stage, done, total); total is None if it is unknown.
@@ -88,12 +90,12 @@ def run(
     if not isinstance(case, Case):
         case = load_case(case)
     if workers is not None and (not isinstance(workers, int) or workers < 1):
-        raise InputError.of("workers", workers, "a whole number >= 1, or None for all cores")
+        raise InputError("workers", workers, "a whole number >= 1, or None for all cores")
     folder = None if output is None else Path(output)
     if folder is not None and folder.exists() and not folder.is_dir():
-        raise InputError.of("output", f"'{folder}', which is a file", "a folder, or one that does not exist")
+        raise InputError("output", f"'{folder}', which is a file", "a folder, or one that does not exist")
     if resume and folder is None:
-        raise InputError.of("resume", True, "True only with an output folder")
+        raise InputError("resume", True, "True only with an output folder")
     faces = _face_files(case)
     # options of the output may change before a run is resumed
     echo = case.echo()
@@ -120,14 +122,14 @@ def run(
 
         if folder is None:
             prepared = _prepared(case, scheduler)
-            mapper = stack.enter_context(ordered_map(workers, scheduler, progress))
+            mapper = stack.enter_context(ordered_map(workers, scheduler, partial(compile_ahead, progress=progress)))
             return _run(case, prepared, faces, found_or_computed(mapper, prepared), progress)
         # a folder is made once the case has been found good
         if there := folder.is_dir():
             stack.enter_context(alone_in(folder))
             going_on = _goes_on(folder, identity, resume)
         prepared = _prepared(case, scheduler)
-        mapper = stack.enter_context(ordered_map(workers, scheduler, progress))
+        mapper = stack.enter_context(ordered_map(workers, scheduler, partial(compile_ahead, progress=progress)))
         if not there:
             stack.enter_context(alone_in(made_folder(folder)))
             going_on = _goes_on(folder, identity, resume)
@@ -156,7 +158,7 @@ def _goes_on(folder: Path, identity: dict[str, Any], resume: bool) -> bool:
 
 def _prepared(case: Case, scheduler: str | None) -> Prepared:
     """Input of the studies; a run that this machine cannot hold is refused, unless others compute."""
-    prepared = case.prepare()
+    prepared = prepare(case)
     if scheduler is None:
         refuse_too_large(case, prepared)
     return prepared
@@ -332,7 +334,7 @@ def _face_files(case: Case) -> dict[str, str]:
                 digests[str(path)] = hashlib.file_digest(file, "sha256").hexdigest()
         except OSError as error:
             allowed = f"a file that can be read ({error.strerror})"
-            raise InputError.of(key, f"'{path}'", allowed) from None
+            raise InputError(key, f"'{path}'", allowed) from None
     return digests
 
 
@@ -344,7 +346,7 @@ def _log_file(folder: Path, append: bool) -> Iterator[None]:
         remove_foreign(folder / "run.log")
         handler = LogFile(folder / "run.log", mode="a" if append else "w")
     except OSError as error:
-        raise InputError.of("output", f"'{folder}'", f"a folder that can be written ({error.strerror})") from None
+        raise InputError("output", f"'{folder}'", f"a folder that can be written ({error.strerror})") from None
     level = log.level
     log.addHandler(handler)
     log.setLevel(logging.INFO)

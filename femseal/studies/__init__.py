@@ -7,10 +7,11 @@
 from .deterministic import DeterministicResult, deterministic
 from .face_contact import CONTACTS, chosen_contact
 from .other_fluid import FluidState, OtherLeakage, drop_ratio
-from .sampling_options import DRAWS, PRESSURES, Sampling, check_sampling, chosen_sampler, laid_out, placed_windows
+from .sampling_options import DRAWS, PRESSURES, Sampling, check_sampling, chosen_sampler, count_face_windows, laid_out
 from .scene import Scene
 from .stochastic import stochastic
 from .stochastic_result import StochasticResult
+from .study_registry import STUDIES, Study, StudyOptions, StudyResult, study_of_result
 from .two_scale import FLOWS, TwoScaleResult, chosen_flow, two_scale
 
 __all__ = [
@@ -18,12 +19,16 @@ __all__ = [
     "DRAWS",
     "FLOWS",
     "PRESSURES",
+    "STUDIES",
     "DeterministicResult",
     "FluidState",
     "OtherLeakage",
     "Sampling",
     "Scene",
     "StochasticResult",
+    "Study",
+    "StudyOptions",
+    "StudyResult",
     "TwoScaleResult",
     "check_sampling",
     "chosen_contact",
@@ -32,7 +37,8 @@ __all__ = [
     "deterministic",
     "drop_ratio",
     "laid_out",
-    "placed_windows",
+    "count_face_windows",
     "stochastic",
+    "study_of_result",
     "two_scale",
 ]

@@ -13,11 +13,11 @@ from ..base.stage import Mapper
 from ..base.text import Shown
 from ..contact import HalfSpace, LoadState, load_states
 from ..loads import LoadProgramme
-from ..scales import Failed, FlowSettings, Partition, SolverCounts, attempt
-from ..scales.window_fields import ContactPressure
-from .equal_states import first_equal, repeated
+from ..windows import Failed, FlowSettings, Partition, SolverCounts, attempt
+from ..windows.window_fields import ContactPressure
 from .face_contact import CutState, from_whole
-from .plausibility import odd_in_scene
+from .plausibility import scene_warnings
+from .repeated_steps import first_equal, repeated
 from .scene import Array, FaceFlow, Scene, labels, resolved_flow
 from .windows import WindowContacts, face_partition
 
@@ -123,7 +123,7 @@ def deterministic(scene: Scene, *, cells: tuple[int, int] | None = None, mapper:
         fluid_pressure=fluid_pressure,
         residual=float(residual.max()),
         failures=through.failures,
-        warnings=odd_in_scene(scene),
+        warnings=scene_warnings(scene),
         solvers=through.solvers,
         windows=None if cells is None else windows,
         equal_steps=repeated(first),

@@ -11,14 +11,15 @@ import numpy as np
 from ..base.text import Shown
 from ..flow.gas_drop import GasDrop
 from ..flow.permeability_table import PermeabilityTable
-from ..scales import Failed, Partition, attempt, draw_links, draw_pressures
+from ..library import draw_links, draw_pressures
 from ..seal import Leakage, RectangularSeal
 from ..seal.layouts import SealWindows
 from ..seal.linked import LinkWindows
-from .chained import ChainedSeals, StateRuns
+from ..windows import Failed, Partition, attempt
+from .run_chains import ChainedSeals, StateRuns
 from .sampling_options import Sampling
 from .scene import Array, Scene, labels
-from .sources import Tables
+from .window_supply import Tables
 
 #: Values of one field, parts times load steps, above which no fields are kept.
 MOST_VALUES = 4_000_000

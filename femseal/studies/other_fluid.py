@@ -9,7 +9,7 @@ import numpy as np
 
 from ..fluids import Fluid
 from ..loads import LoadProgramme
-from .between_loads import Indices, at_all_steps
+from .load_interpolation import Indices, at_all_steps
 from .scene import Array, Scene
 
 
@@ -66,7 +66,7 @@ class OtherLeakage:
         return cls(state, ratio * study.leakage)
 
     def at_all_steps(self, solved: Indices, steps: LoadProgramme) -> OtherLeakage:
-        """From those at the solved steps, see `between_loads.at_all_steps`."""
+        """From those at the solved steps, see `load_interpolation.at_all_steps`."""
         given = (self.leakage, self.realisations, self.resampled)
         every = (None if q is None else at_all_steps(q, solved, steps, logarithmic=True) for q in given)
         leakage, realisations, resampled = every

@@ -11,12 +11,13 @@ from typing import Any
 import numpy as np
 
 from ..base.text import Shown
+from ..library import LadderLibrary
 from ..loads import LoadProgramme
-from ..scales import LadderLibrary, SolverCounts
 from ..seal.layouts import SizedSeal
+from ..windows import SolverCounts
 from .median_seal import MedianSeal
 from .scene import Array, labels
-from .sources import PlacedLibrary
+from .window_supply import FaceLibrary
 
 
 @dataclass(frozen=True, repr=False)
@@ -46,7 +47,7 @@ class StochasticResult(Shown):
 
     steps: LoadProgramme
     seal: SizedSeal
-    library: LadderLibrary | PlacedLibrary = field(repr=False)
+    library: LadderLibrary | FaceLibrary = field(repr=False)
     leakage: Array = field(
         metadata=labels("m^2/s", "leakage per unit seal length, realisations", "realisation", "step")
     )

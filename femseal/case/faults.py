@@ -1,0 +1,99 @@
+"""Faults that pydantic finds in a case, one line for each: the key, what was given, what is allowed."""
+
+from __future__ import annotations
+
+from typing import Any, get_args
+
+from pydantic import BaseModel, ValidationError
+from pydantic_core import PydanticCustomError
+
+from ..base.errors import InputError, shortened, shown
+
+#: Longest key of a user in a message, in characters.
+_LONGEST_KEY = 40
+#: Longest message about keys together; of a longer one the end is left out, such as that of a list of what is allowed.
+_LONGEST_FAULT = 400
+#: What took the place of keys that are gone.
+_REPLACED = {"stochastic.profile": 'map = { kind = "profile", shares = [...] } in the table load, in its place'}
+#: What pydantic's words for values of another type are in those of the file.
+_IN_WORDS_OF_TOML = {
+    "tuple_type": "a list in square brackets",
+    "list_type": "a list in square brackets",
+    "model_type": "a table",
+    "model_attributes_type": "a table",
+    "dict_type": "a table",
+    "string_type": "text in quotes",
+    "path_type": "text in quotes",
+    "float_type": "a number",
+    "float_parsing": "a number",
+    "bool_type": "true or false",
+    "bool_parsing": "true or false",
+}
+
+
+def fault(what: str, given: object, expected: str) -> PydanticCustomError:
+    """Fault of a case that involves several keys, for validators to raise."""
+    context = {"what": what, "given": shortened(given), "expected": expected}
+    return PydanticCustomError("input", "{what}: given {given}, expected {expected}", context)
+
+
+def case_faults(case: type[BaseModel], error: ValidationError) -> list[InputError]:
+    """The faults in a case that was given to the model."""
+    # pydantic also reports a list with faulty items as too short
+    faults = [dict(e) for e in error.errors() if e["type"] != "too_short" or not e["input"]]
+    return list({str(found): found for found in (_fault(case, each) for each in faults)}.values())
+
+
+def _fault(case: type[BaseModel], error: dict[str, Any]) -> InputError:
+    place, tables = _place(case, error["loc"])
+    key = ".".join(place) or "case"
+    kind, given = error["type"], error["input"]
+    if kind == "extra_forbidden" and key in _REPLACED:
+        return InputError(key, shown(given), _REPLACED[key])
+    if kind == "extra_forbidden":
+        return InputError(key, "an unknown key", ", ".join(n for n in tables[0].model_fields if n != "folder"))
+    if kind == "missing":
+        return InputError(key, "nothing", "a value for this key")
+    if kind == "too_short":
+        return InputError(key, shown(given), "a list of at least one")
+    if kind.startswith("int_"):
+        return InputError(key, shown(given), "a whole number")
+    if kind in ("union_tag_invalid", "union_tag_not_found"):
+        given = given.get("kind") if isinstance(given, dict) else given
+        return InputError(f"{key}.kind", shown(given), f"one of {', '.join(map(repr, map(_kind, tables)))}")
+    if kind in _IN_WORDS_OF_TOML:
+        return InputError(key, shown(given), _IN_WORDS_OF_TOML[kind])
+    if kind == "input":  # a fault between keys names them
+        what, given, expected = (error["ctx"][name] for name in ("what", "given", "expected"))
+        longest = _LONGEST_FAULT - len(what) - len(given)
+        return InputError(what, given, expected if len(expected) <= longest else f"{expected[: longest - 1]}…")
+    text = str(error["msg"]).removeprefix("Input should be ").removeprefix("Value error, ")
+    if isinstance(given, (dict, BaseModel)):
+        return InputError(key, "", text)
+    return InputError(key, shown(given), text)
+
+
+def _place(case: type[BaseModel], loc: tuple[Any, ...]) -> tuple[list[str], list[Any]]:
+    """Key of a fault as it is in the file, and the table that holds it, or the tables that its value may be."""
+    place: list[str] = []
+    inside: list[Any] = [case]
+    for part in loc:
+        if isinstance(part, str) and part in map(_kind, inside):  # this part of the key is not in the file
+            inside = [table for table in inside if _kind(table) == part]
+            continue
+        place.append(shortened(part, _LONGEST_KEY))
+        if isinstance(part, str) and part in inside[0].model_fields:
+            inside = _tables(inside[0].model_fields[part].annotation) or inside
+    return place, inside
+
+
+def _tables(annotation: Any) -> list[Any]:
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return [annotation]
+    return [table for inner in get_args(annotation) for table in _tables(inner)]
+
+
+def _kind(table: Any) -> str | None:
+    """Kind of a table that has one."""
+    field = table.model_fields.get("kind")
+    return None if field is None else get_args(field.annotation)[0]

@@ -1,0 +1,170 @@
+"""Values in a case file: quantities with their unit, numbers in a range, and known names."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from functools import partial
+from typing import Annotated, Any
+
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    GetCoreSchemaHandler,
+    GetJsonSchemaHandler,
+    WithJsonSchema,
+)
+from pydantic_core import PydanticCustomError, core_schema
+
+from ..base.errors import InputError
+from ..base.quantities import to_si
+
+#: Largest value in SI of a quantity, one over it the smallest: products of several stay finite.
+_LARGEST = 1e30
+#: Largest number of a count: no array is as long.
+_MOST = 10**12
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """Text with a unit, or a plain number where `unit` is "", as a float in SI."""
+
+    unit: str
+    test: Callable[[float], bool]
+    allowed: str
+
+    def read(self, value: Any) -> float:
+        """The value in SI; PydanticCustomError where it cannot be used."""
+        try:
+            number = to_si(value, self.unit)
+        except InputError as error:
+            context = {"allowed": error.expected}
+            raise PydanticCustomError("quantity", "{allowed}", context) from None
+        if not self.test(number):
+            raise PydanticCustomError("quantity", "{allowed}", {"allowed": self.allowed})
+        if number and not 1 / _LARGEST <= abs(number) <= _LARGEST:
+            allowed = f"{self.allowed}, from {1 / _LARGEST:g} to {_LARGEST:g} {self.unit}".rstrip()
+            raise PydanticCustomError("quantity", "{allowed}", {"allowed": allowed})
+        return number
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> Any:
+        return core_schema.no_info_before_validator_function(self.read, handler(source))
+
+    def __get_pydantic_json_schema__(self, core: Any, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        if self.unit:
+            return quantity_schema(self.allowed)
+        return {"type": ["number", "string"], "description": self.allowed}
+
+
+def quantity_schema(described: str) -> dict[str, Any]:
+    """JSON schema of a number with a unit, as text."""
+    pattern = r"^\s*[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?[^,]*[^\s\d.,]"
+    return {"type": "string", "pattern": pattern, "description": described}
+
+
+@dataclass(frozen=True)
+class OneOrMore(Quantity):
+    """A quantity, or a list of several that differ, as a float or a tuple of floats in SI."""
+
+    def read(self, value: Any) -> Any:
+        """The value or values in SI; PydanticCustomError where they cannot be used."""
+        if not isinstance(value, (list, tuple)):
+            return super().read(value)
+        numbers = tuple(super(OneOrMore, self).read(each) for each in value)
+        if not numbers or len({*numbers}) < len(numbers):
+            raise PydanticCustomError(
+                "quantity", "{allowed}", {"allowed": f"{self.allowed}, or a list of some that differ"}
+            )
+        return numbers
+
+    def __get_pydantic_json_schema__(self, core: Any, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        one = super().__get_pydantic_json_schema__(core, handler)
+        return {"anyOf": [one, {"type": "array", "items": one, "minItems": 1}], "description": self.allowed}
+
+
+def _known(value: Any, names: tuple[str, ...]) -> str:
+    if value not in names:
+        raise PydanticCustomError("name", "{allowed}", {"allowed": f"one of {', '.join(names)}"})
+    return str(value)
+
+
+def one_of(names: Iterable[str]) -> tuple[BeforeValidator, WithJsonSchema]:
+    """Annotations of a text that must be one of these names."""
+    known = tuple(names)
+    return BeforeValidator(partial(_known, names=known)), WithJsonSchema({"type": "string", "enum": list(known)})
+
+
+def _threshold(value: Any) -> float:
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not value > 0:
+        raise PydanticCustomError("threshold", "{allowed}", {"allowed": "a number > 0; inf leaves all points"})
+    return float(value)
+
+
+def _channel(value: Any) -> int | str:
+    if isinstance(value, str) and value:
+        return value
+    if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value <= _MOST:
+        raise PydanticCustomError("channel", "{allowed}", {"allowed": "the number of a channel, from 0, or its name"})
+    return value
+
+
+_ACCURACY_ALLOWED = "a share above 0 and below 1, such as '10 %'"
+
+
+def _accuracy(value: Any) -> float:
+    try:
+        share = to_si(value, "", "value")
+    except InputError:
+        share = -1.0
+    if isinstance(value, bool) or not 0 < share < 1:
+        raise PydanticCustomError("accuracy", "{allowed}", {"allowed": _ACCURACY_ALLOWED})
+    return share
+
+
+def _positive(x: float) -> bool:
+    return x > 0
+
+
+def _not_negative(x: float) -> bool:
+    return x >= 0
+
+
+Length = Annotated[float, Quantity("m", _positive, "a length > 0, such as '1.5 mm'")]
+#: A length, or several.
+Lengths = Annotated[float | tuple[float, ...], OneOrMore("m", _positive, "a length > 0, such as '1.5 mm'")]
+Height = Annotated[float, Quantity("m", _not_negative, "a height >= 0, such as '0.2 um'")]
+Pressure = Annotated[float, Quantity("Pa", _not_negative, "a pressure >= 0, such as '300 MPa'")]
+Temperature = Annotated[float, Quantity("K", _positive, "a temperature above absolute zero, such as '20 °C'")]
+Modulus = Annotated[float, Quantity("Pa", _positive, "a stress > 0, such as '210 GPa'")]
+FileSize = Annotated[float, Quantity("byte", _not_negative, "a size >= 0, such as '500 MB'")]
+Ratio = Annotated[float, Quantity("", lambda x: 0 <= x <= 1, "a number from 0 to 1")]
+Hurst = Annotated[float, Quantity("", lambda x: 0 < x <= 1, "a Hurst exponent above 0, at most 1")]
+Slope = Annotated[float, Quantity("", _positive, "a slope > 0")]
+Poisson = Annotated[float, Quantity("", lambda x: -1 < x <= 0.5, "a Poisson's ratio above -1, at most 0.5")]
+Angle = Annotated[float, Quantity("rad", lambda x: True, "an angle, such as '90 deg'")]
+Duration = Annotated[float, Quantity("s", _positive, "a time > 0, such as '30 min'")]
+Accuracy = Annotated[
+    float,
+    BeforeValidator(_accuracy),
+    WithJsonSchema({"type": ["number", "string"], "description": _ACCURACY_ALLOWED}),
+]
+Shift = Annotated[float, Quantity("m", lambda x: True, "a length, such as '-20 um'")]
+Place = Annotated[float, Quantity("m", _not_negative, "a length >= 0, such as '0.1 mm'")]
+#: A channel of a file, by its number or its name.
+Channel = Annotated[
+    int | str,
+    BeforeValidator(_channel),
+    WithJsonSchema({"anyOf": [{"type": "integer", "minimum": 0}, {"type": "string"}]}),
+]
+Threshold = Annotated[float, BeforeValidator(_threshold), WithJsonSchema({"type": "number", "exclusiveMinimum": 0})]
+Count = Annotated[int, Field(strict=True, ge=1, le=_MOST)]
+#: A whole number that is told apart and not counted, such as a seed.
+Number = Annotated[int, Field(strict=True, ge=0, lt=2**63)]
+
+
+class Table(BaseModel):
+    """A table of a case file: its keys are the fields, any other key is a fault."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)

@@ -1,0 +1,149 @@
+"""Window elements assembled to one system, and its solution for a unit drop between inlet and outlet."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+from scipy.sparse.csgraph import connected_components
+
+from ..base.errors import NotConverged
+from ..flow.solution import MAX_IMBALANCE
+from .element_elimination import Factors, factored
+from .superelement import WindowElement
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+#: Numbers of the nodes of the ends.
+INLET, OUTLET = 0, 1
+
+
+@dataclass(frozen=True, eq=False)
+class ElementSolution:
+    """Potential of the nodes of an `ElementMesh` for a unit drop.
+
+    conductance : the energy [m³]. potential : NaN in pockets, which open pixels join to no held node.
+    energy : of each element; empty if nothing flows. unknowns : number of nodes that were solved for.
+    flow : into each element through its four sides (elements, 4) [m³]; empty if nothing flows.
+    imbalance, solver : see `flow.DarcyFlow`. factors : of the system; None if nothing flows.
+    """
+
+    conductance: float
+    potential: Array
+    energy: Array = field(default_factory=lambda: np.zeros(0))
+    flow: Array = field(default_factory=lambda: np.zeros((0, 4)))
+    unknowns: int = 0
+    imbalance: float = 0.0
+    solver: str = "none"
+    factors: Factors | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class ElementMesh:
+    """Window elements, and the number of each of their nodes among all nodes.
+
+    elements : the elements. numbers : for each element the numbers of its nodes (n,); 0 is the inlet, 1 the outlet.
+    nodes : number of all nodes. cells : rows and columns of elements.
+    """
+
+    elements: list[WindowElement]
+    numbers: list[Indices]
+    nodes: int
+    cells: tuple[int, int]
+
+    @classmethod
+    def of_face(cls, elements: list[WindowElement], cells: tuple[int, int], *, ring: bool = True) -> ElementMesh:
+        """Elements of windows, row after row; their columns form a ring, or the outer sides are closed."""
+        m1, m2 = cells
+        counts = np.array([e.counts for e in elements]).reshape(m1, m2, 4)
+        # nodes of the sides before each row but the first, before each column, and without a ring after the last
+        last = counts[: 0 if ring else m1, -1, 3]
+        first = np.cumsum(np.concatenate([[2], counts[1:, :, 0].ravel(), counts[:, :, 2].ravel(), last]))
+        before_rows, before_columns, after = np.split(first[:-1], [(m1 - 1) * m2, (2 * m1 - 1) * m2])
+        ends = np.full(m2, INLET), np.full(m2, OUTLET)
+        rows = np.concatenate([ends[0], before_rows, ends[1]]).reshape(m1 + 1, m2)
+        columns = before_columns.reshape(m1, m2)
+        columns = np.column_stack([columns, columns[:, 0] if ring else after])
+        numbers = []
+        for i, j in np.ndindex(m1, m2):
+            starts = rows[i, j], rows[i + 1, j], columns[i, j], columns[i, j + 1]
+            parts = [start + np.arange(n) for start, n in zip(starts, counts[i, j], strict=True)]
+            numbers.append(np.concatenate(parts))
+        return cls(elements, numbers, int(first[-1]), cells)
+
+    @cached_property
+    def component(self) -> Indices:
+        """Component of every node (nodes,): nodes with the same number are joined by open pixels."""
+        start, end, count = [], [], self.nodes
+        for element, number in zip(self.elements, self.numbers, strict=True):
+            point, which = np.nonzero(element.weight)
+            start.append(number[element.node[point, which]])
+            end.append(count + element.component[point])
+            count += int(element.component.max()) + 1
+        i, j = np.concatenate(start), np.concatenate(end)
+        graph = sp.coo_array((np.ones(i.size, np.int8), (i, j)), shape=(count, count))
+        return np.asarray(connected_components(graph, directed=False)[1][: self.nodes])
+
+    @property
+    def percolates(self) -> bool:
+        """Whether a path of open pixels joins inlet and outlet."""
+        return bool(self.component[INLET] == self.component[OUTLET])
+
+    def solve(self) -> ElementSolution:
+        """Solve the mass balance of every node that joins both ends.
+
+        Raises
+        ------
+        NotConverged : inlet and outlet flow differ by more than 1e-5.
+        """
+        if not self.percolates:
+            at = self.component
+            beside = [at == at[INLET], at == at[OUTLET]]
+            return ElementSolution(0.0, np.select(beside, [1.0, 0.0], np.nan))
+        solution = self._solved(np.array([INLET, OUTLET]), np.array([1.0, 0.0]))
+        if not solution.imbalance <= MAX_IMBALANCE:
+            raise NotConverged(
+                f"flow: inlet and outlet of the elements differ by {solution.imbalance:.1e} of the flow, expected "
+                f"{MAX_IMBALANCE:.0e}",
+                solution.imbalance,
+            )
+        return solution
+
+    def solve_held(self, nodes: Indices, potential: Array) -> ElementSolution:
+        """Solve with more nodes held at potentials between 0 and 1, besides inlet and outlet.
+
+        The energy of any potential is an upper bound, so that rounding can make this one wider, not wrong.
+        """
+        held = np.concatenate([[INLET, OUTLET], nodes])
+        return self._solved(held, np.concatenate([[1.0, 0.0], potential]))
+
+    def _solved(self, held: Indices, values: Array) -> ElementSolution:
+        """Solution with `values` at the nodes `held`."""
+        couples = [e.couples for e in self.elements]
+        # potential and complement are solved for on their own, so that each keeps its relative accuracy
+        both = np.column_stack([values, 1 - values])
+        factors = factored(couples, self.numbers, self.cells, held, self.nodes)
+        x, y = factors.with_held(held, both).T
+        reached = np.isin(self.component, self.component[held])
+        energy, through, out = np.zeros(len(couples)), np.zeros((len(couples), 4)), np.zeros(self.nodes)
+        for n, (c, number) in enumerate(zip(couples, self.numbers, strict=True)):
+            chosen = reached[number]
+            i = number[chosen]
+            p, q = x[i], y[i]
+            drop = np.where(p[:, None] + p < 1, p[:, None] - p, q - q[:, None])
+            flow = c[np.ix_(chosen, chosen)] * drop
+            energy[n] = 0.5 * float((flow * drop).sum())
+            inwards = flow.sum(axis=1)
+            np.add.at(out, i, inwards)
+            through[n] = np.bincount(self.elements[n].side[chosen], inwards, minlength=4)
+        rate = float(energy.sum())
+        imbalance = max(abs(float(out[held].sum())), abs(float(values @ out[held]) - rate))
+        imbalance = imbalance / rate if rate > 0 else 0.0
+        unknowns = int(np.count_nonzero(reached)) - held.size
+        solver = "elimination" if unknowns else "none"
+        return ElementSolution(
+            rate, np.where(reached, x, np.nan), energy, through, unknowns, imbalance, solver, factors
+        )

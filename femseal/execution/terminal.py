@@ -1,0 +1,105 @@
+"""Progress of a command: bars on a terminal, log lines elsewhere and in a file."""
+
+from __future__ import annotations
+
+import logging
+import os
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import typer
+
+from ..base.errors import InputError
+from .log_file import LogFile
+
+
+def print_table(table: Any) -> None:
+    """Print a table of rich, in files and pipes with room for long lines."""
+    from rich.console import Console
+
+    Console(width=None if sys.stdout.isatty() else 160).print(table)
+
+
+@contextmanager
+def log_lines(path: Path | None, quiet: bool, terminal: bool) -> Iterator[None]:
+    """Log lines to the end of a file and, unless quiet, to stderr."""
+    log = logging.getLogger("femseal")
+    handlers: list[logging.Handler] = []
+    if path is not None:
+        if path.is_dir() or not os.access(path if path.exists() else path.parent, os.W_OK):
+            raise InputError("log-file", f"'{path}'", "a file that can be written")
+        handlers.append(LogFile(path, delay=True))
+    if not quiet:
+        handlers.append(_Echo(logging.WARNING if terminal else logging.INFO))
+        handlers[-1].setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(message)s"))
+        # failures of studies are shown with the results, and the end of a run by the command
+        handlers[-1].addFilter(lambda record: record.exc_info is None and (not terminal or record.name != log.name))
+    level = log.level
+    log.setLevel(logging.INFO)
+    for handler in handlers:
+        log.addHandler(handler)
+    try:
+        yield
+    finally:
+        log.setLevel(level)
+        for handler in handlers:
+            log.removeHandler(handler)
+            handler.close()
+            if isinstance(handler, LogFile) and handler.failure is not None:
+                typer.echo(f"log-file: lines are missing in '{path}' ({handler.failure.strerror})", err=True)
+
+
+class _Echo(logging.Handler):
+    """Lines on stderr, above the bars if there are any."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        typer.echo(self.format(record), err=True)
+
+
+class ProgressBars:
+    """A bar for each stage on a terminal, with items done, their rate and the time left; nothing elsewhere."""
+
+    def __init__(self, show: bool) -> None:
+        self._bars: Any = None
+        self._tasks: dict[str, Any] = {}
+        if show:
+            from rich.console import Console
+            from rich.progress import BarColumn, MofNCompleteColumn, Progress, ProgressColumn, Task, TextColumn
+            from rich.progress import TimeRemainingColumn as TimeLeft
+            from rich.text import Text
+
+            class Rate(ProgressColumn):
+                """Items per second."""
+
+                def render(self, task: Task) -> Text:
+                    rate = task.finished_speed or task.speed
+                    return Text("" if rate is None else f"{rate:.3g}/s")
+
+            self._bars = Progress(
+                TextColumn("{task.description}"),
+                BarColumn(),
+                MofNCompleteColumn(),
+                Rate(),
+                TimeLeft(),
+                console=Console(stderr=True),
+            )
+
+    def __enter__(self) -> ProgressBars:
+        if self._bars is not None:
+            self._bars.start()
+        return self
+
+    def __exit__(self, *details: object) -> None:
+        if self._bars is not None:
+            self._bars.stop()
+
+    def __call__(self, stage: str, done: int, total: int | None) -> None:
+        """Show that `done` items of a stage are computed, of `total` if known."""
+        if self._bars is None:
+            return
+        if stage not in self._tasks:
+            self._tasks[stage] = self._bars.add_task(stage, total=total)
+        self._bars.update(self._tasks[stage], completed=done, total=total)

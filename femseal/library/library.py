@@ -1,0 +1,383 @@
+"""Libraries of real windows, each followed along a ladder; one library serves seals of any size under any load.
+
+A library belongs to one kind of face and material. It can be kept in a folder, in a file whose name is a digest of all
+its inputs. A later run reads the file and computes only the missing windows and steps.
+Source: Pérez-Ràfols et al., 2018.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass, field, fields, replace
+from functools import partial
+from math import prod
+from pathlib import Path
+from typing import Any, ClassVar
+from zipfile import BadZipFile
+from zlib import error as ZlibError
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..base.errors import FemsealError, InputError
+from ..base.files import made_folder, replacing
+from ..base.machine import within_free_memory
+from ..base.stage import Mapper, Stage
+from ..base.text import Shown
+from ..contact import HalfSpace
+from ..loads import LoadProgramme, LoadStep
+from ..windows.outcome import Failed, SolveCounts, attempt
+from ..windows.window import FlowSettings
+from .curves import CellCurves
+from .ladder import Cell, Ladder, follow, part, united
+
+Array = NDArray[np.float64]
+#: Written into every file; a file of another format is computed again.
+FORMAT = 2
+#: Relative distance of two pressures that are the same but for rounding.
+_EQUAL = 1e-6
+#: No file says that it holds more cells.
+_MOST_CELLS = 10**6
+#: Errors of reading a file of arrays that is damaged or was changed.
+_DAMAGES = (OSError, EOFError, ValueError, LookupError, TypeError, AttributeError, ArithmeticError, MemoryError,
+            RuntimeError, BadZipFile, ZlibError)  # fmt: skip
+#: Key of the random stream of windows, far from those of the realisations.
+WINDOW_STREAM = 2**32 - 1
+
+
+@dataclass(frozen=True, repr=False)
+class LibraryTable(Shown):
+    """Cells of a library on common load steps, for tables and pictures; all arrays are (cells, steps)."""
+
+    steps: LoadProgramme
+    pressure: Array = field(metadata={"unit": "Pa", "long_name": "mean contact pressure of library cells"})
+    k: Array = field(metadata={"unit": "m^3", "long_name": "permeability along x1 of library cells"})
+    mean_gap: Array = field(metadata={"unit": "m", "long_name": "mean gap of library cells"})
+    contact_fraction: Array = field(metadata={"unit": "1", "long_name": "contact share of library cells"})
+
+
+@dataclass(frozen=True)
+class WindowSource:
+    """Where library windows are cut, and how they are solved. Window n is the same however many windows are wanted.
+
+    topographies : undeformed gaps of whole faces (n1, n2) [m], all with the same pixels. Window n is cut from face n
+        modulo the number of faces; its mean plane is put at 0.
+    half_space, hardness, rtol : elastic body, hardness and residual of the contact of a window.
+    seed : of the random places of windows.
+    flow : how the flow through windows is discretised and solved.
+    """
+
+    topographies: tuple[Array, ...]
+    half_space: HalfSpace
+    hardness: float
+    seed: int
+    rtol: float = 1e-6
+    flow: FlowSettings = field(default_factory=FlowSettings)
+
+    @property
+    def rms_height(self) -> float:
+        """Root mean square height of the windows that tile the faces [m]."""
+        w1, w2 = self.half_space.shape
+        variances = [
+            t[: t.shape[0] // w1 * w1, : t.shape[1] // w2 * w2].reshape(t.shape[0] // w1, w1, -1, w2).var(axis=(1, 3))
+            for t in self.topographies
+        ]
+        return float(np.sqrt(np.mean(np.concatenate([v.ravel() for v in variances]))))
+
+    @property
+    def tiles(self) -> int:
+        """Number of windows that tile the faces without overlap."""
+        w1, w2 = self.half_space.shape
+        return sum((n1 // w1) * (n2 // w2) for n1, n2 in (t.shape for t in self.topographies))
+
+    def window(self, n: int) -> Array:
+        """Undeformed gap of window n (w1, w2) [m].
+
+        The first windows of each face tile it without overlap, in random order; later ones lie anywhere.
+        """
+        face = n % len(self.topographies)
+        topography, number = self.topographies[face], n // len(self.topographies)
+        (n1, n2), (w1, w2) = topography.shape, self.half_space.shape
+        tiles = (n1 // w1, n2 // w2)
+        if number < tiles[0] * tiles[1]:
+            order = np.random.default_rng([self.seed, WINDOW_STREAM, face]).permutation(tiles[0] * tiles[1])
+            i, j = divmod(int(order[number]), tiles[1])
+            a, b = i * w1, j * w2
+        else:
+            rng = np.random.default_rng([self.seed, WINDOW_STREAM, face, number])
+            a, b = int(rng.integers(n1 - w1 + 1)), int(rng.integers(n2 - w2 + 1))
+        window = topography[a : a + w1, b : b + w2]
+        return np.ascontiguousarray(window - window.mean())
+
+    def key(self, ladder: Ladder) -> str:
+        """Digest of all that the response of window n depends on, except the loading pressures and the peaks."""
+        body = self.half_space
+        settings = [FORMAT, body.shape, body.spacing, body.modulus, body.boundary, self.hardness]
+        settings += [
+            self.flow.solver,
+            self.flow.discretisation,
+            self.seed,
+            self.rtol,
+            ladder.stops,
+            ladder.separations,
+            ladder.closing_rtol,
+            ladder.bounds,
+        ]
+        if ladder.drop is not None:
+            settings += [repr(ladder.drop.gas), ladder.drop.pressures.tolist()]
+        digest = hashlib.sha256(json.dumps(settings).encode())
+        for topography in self.topographies:
+            digest.update(np.ascontiguousarray(topography).tobytes())
+        return digest.hexdigest()[:32]
+
+
+@dataclass(frozen=True, repr=False)
+class LadderLibrary(Shown):
+    """Windows followed along a ladder.
+
+    cells : the windows that did not fail.
+    rms_height : root mean square height of the windows [m].
+    tiles : number of windows that tile the faces without overlap.
+    counts : flows of windows in this run, solved or known without solving.
+    reused : number of cells that were read and complete.
+    failures : windows that failed and are left out, one line each.
+    """
+
+    ladder: Ladder
+    cells: tuple[Cell, ...] = field(repr=False)
+    rms_height: float = field(metadata={"unit": "m"})
+    tiles: int
+    counts: SolveCounts = field(default_factory=SolveCounts)
+    reused: int = 0
+    failures: tuple[str, ...] = ()
+
+    _derived: ClassVar = {"size": "1", "independent": "1"}
+
+    @property
+    def size(self) -> int:
+        """Number of cells."""
+        return len(self.cells)
+
+    @property
+    def independent(self) -> int:
+        """Number of cells that do not overlap: the error of the library is that of so many."""
+        return min(self.size, self.tiles)
+
+    @property
+    def curves(self) -> LibraryTable:
+        """All cells at the loading steps, the peaks and the stops of the ladder."""
+        ladder = self.ladder
+        steps = [LoadStep(p) for p in ladder.loading]
+        steps += [LoadStep(share * peak, peak) for peak in ladder.peaks for share in ladder.stops]
+        columns: dict[str, list[Array]] = {"k": [], "mean_gap": [], "contact_fraction": []}
+        for cell in self.cells:
+            on_ladder = np.searchsorted(cell.pressure, ladder.loading)
+            peaks = np.searchsorted(cell.peaks, ladder.peaks)
+            columns["k"].append(np.r_[cell.k[0, 0, on_ladder], cell.k_unloading[0, 0, peaks].ravel()])
+            for name in ("mean_gap", "contact_fraction"):
+                unloading = getattr(cell, f"{name}_unloading")[peaks].ravel()
+                columns[name].append(np.r_[getattr(cell, name)[on_ladder], unloading])
+        programme = LoadProgramme(steps)
+        pressure = np.broadcast_to(programme.pressures, (self.size, len(steps)))
+        return LibraryTable(
+            LoadProgramme(steps), pressure, **{name: np.array(values) for name, values in columns.items()}
+        )
+
+    def loaded(self, name: str, pressure: Array) -> Array:
+        """Mean over the cells of "standoff" or "plastic_deformation" at mean pressures on loading [m]."""
+        x = np.cbrt(pressure)
+        return np.mean([np.interp(x, np.cbrt(c.pressure), getattr(c, name)) for c in self.cells], axis=0)
+
+    def flattening(self, pressure: Array, peak: Array) -> Array:
+        """Decrease of the standoff from loading to unloading from a peak, mean over the cells [m]."""
+        return np.mean([self._flattening(cell, pressure, peak) for cell in self.cells], axis=0)
+
+    def _flattening(self, cell: Cell, pressure: Array, peak: Array) -> Array:
+        """`flattening` of one cell, interpolated between peaks at equal shares of them; 0 without peaks."""
+        if not cell.peaks.size:
+            return np.zeros_like(pressure)
+        share = np.divide(pressure, peak, out=np.ones_like(pressure), where=peak > 0)
+        stops = np.array([1.0, *self.ladder.stops])[::-1]
+        taken = [np.zeros_like(pressure)]
+        for m, top in enumerate(cell.peaks):
+            virgin = np.interp(np.cbrt(top * stops), np.cbrt(cell.pressure), cell.standoff)
+            left = np.array([virgin[-1], *cell.standoff_unloading[m]])[::-1]
+            taken.append(np.interp(share, stops, virgin - left))
+        knots = np.r_[0.0, cell.peaks]
+        upper = np.clip(np.searchsorted(knots, peak), 1, knots.size - 1)
+        weight = np.clip((peak - knots[upper - 1]) / (knots[upper] - knots[upper - 1]), 0, 1)
+        stack = np.array(taken)
+        low, high = (np.take_along_axis(stack, n[None], axis=0)[0] for n in (upper - 1, upper))
+        return (1 - weight) * low + weight * high
+
+    def along(self, paths: Array, gaps: Array, steps: LoadProgramme, axis: int, kind: int = 0) -> Array:
+        """Permeability of every cell along every path: (steps, paths, cells) [m³].
+
+        Parameters
+        ----------
+        paths : mean pressure of a window at each step of the seal's programme (steps, paths) [Pa].
+        gaps : distance between mean planes (steps, paths) [m], used where the pressure is 0.
+        steps : the seal's programme.
+        axis : direction of the links.
+        kind : 0 for the permeability; with bounds also 1 for its lower and 2 for its upper bound. Bounds hold at the
+            steps of the ladder; between them they are interpolated as the permeability is.
+        """
+        p_peak = local_peaks(paths, steps)
+        # at its own peak a window is on the loading curve, also where the seal is unloaded
+        down = (paths > 0) & (paths < p_peak)
+        up = (paths > 0) & ~down
+        apart = paths <= 0
+        table = np.zeros((*paths.shape, self.size))
+        for c, cell in enumerate(self.cells):
+            curves = CellCurves(cell, self.ladder, axis, self.rms_height, kind)
+            values = table[:, :, c]
+            values[up] = curves.loaded(paths[up])
+            values[down] = curves.unloaded(paths[down], p_peak[down])
+            values[apart] = curves.separated(gaps[apart])
+        return table
+
+
+def local_peaks(paths: Array, steps: LoadProgramme) -> Array:
+    """Highest pressure that each window has had up to each step on its way there (steps, paths) [Pa].
+
+    The way to an unloading step is the loading up to its peak and the unloading from there. Where the pressure of a
+    window falls while that of the seal rises, or the other way round, its own peak is not at the peak of the seal.
+    """
+    loading = steps.on_loading
+    highest = paths.copy()
+    highest[loading] = np.maximum.accumulate(paths[loading], axis=0)
+    last: dict[int, int] = {}
+    for s, peak in enumerate(steps.peak_indices.tolist()):
+        if not loading[s]:
+            highest[s] = np.maximum(paths[s], highest[last.get(peak, peak)])
+            last[peak] = s
+    return highest
+
+
+def build_ladder_library(
+    source: WindowSource, ladder: Ladder, count: int, *, folder: Path | None = None, mapper: Mapper = map
+) -> LadderLibrary:
+    """Follow windows along a ladder; read what a folder holds of them already.
+
+    The library is the same whatever the folder holds: it has no states of other ladders.
+
+    Parameters
+    ----------
+    source, ladder : the windows, and the states in which they are solved.
+    count : number of windows.
+    folder : where libraries are kept; with None nothing is read or written.
+    mapper : computes a stage for all windows, see `base.stage.Mapper`.
+
+    Raises
+    ------
+    InputError : `count` is below 1, or the folder cannot be written.
+    FemsealError : every window failed.
+    """
+    if count < 1:
+        raise InputError("library", f"{count} windows", "at least one")
+    path = None if folder is None else made_folder(folder) / f"{source.key(ladder)}.npz"
+    held = [] if path is None else _read(path, ladder)
+    known = [*held[:count], *[None] * (count - len(held))]
+    # cells that are complete go there too: what a run asks for does not depend on what is kept
+    stage = Stage("library windows", partial(_cell, source=source, ladder=ladder))
+    outcomes = list(mapper(stage, range(count), known))
+    cells = [None if isinstance(cell, Failed) else cell for cell in outcomes]
+    failures = tuple(f"cell {n}: {cell.reason}" for n, cell in enumerate(outcomes) if isinstance(cell, Failed))
+    complete = [cell is not None and part(cell, ladder) is not None for cell in known]
+    if path is not None and not all(complete):
+        both = [c if k is None else k if c is None else united(c, k, ladder) for c, k in zip(cells, known, strict=True)]
+        _write(path, both + held[count:])
+    good = tuple(c for c in cells if c is not None)
+    if not good:
+        raise FemsealError(f"library: every cell failed; the first: {failures[0]}")
+    return LadderLibrary(
+        ladder=ladder,
+        cells=good,
+        rms_height=source.rms_height,
+        tiles=source.tiles,
+        counts=SolveCounts.total(cell.counts for cell in good),
+        reused=sum(complete),
+        failures=failures,
+    )
+
+
+def _cell(n: int, known: Cell | None, *, source: WindowSource, ladder: Ladder) -> Cell | Failed:
+    if known is not None and (cell := part(known, ladder)) is not None:
+        return cell
+    return attempt(
+        follow,
+        source.window(n),
+        ladder=ladder,
+        half_space=source.half_space,
+        hardness=source.hardness,
+        rtol=source.rtol,
+        flow=source.flow,
+        known=known,
+    )
+
+
+_ARRAYS = tuple(f.name for f in fields(Cell) if f.name != "counts")
+
+
+def _write(path: Path, cells: Sequence[Cell | None]) -> None:
+    """Write all cells into one file, each of their arrays end to end with its shapes; failed cells have none."""
+    good = [n for n, c in enumerate(cells) if c is not None]
+    content: dict[str, Any] = {"format": FORMAT, "count": len(cells), "good": good}
+    for name in _ARRAYS:
+        arrays = [getattr(cells[n], name) for n in good]
+        content[name] = np.concatenate([a.ravel() for a in arrays]) if arrays else np.empty(0)
+        content[f"{name}_shapes"] = np.array([a.shape for a in arrays])
+    with replacing(path) as temporary:
+        np.savez_compressed(temporary, **content)
+
+
+def _read(path: Path, ladder: Ladder) -> list[Cell | None]:
+    """Read the cells of a file; an empty list if there is no file, or it is damaged, changed or of another format."""
+    if not path.is_file():
+        return []
+    try:
+        with within_free_memory(), np.load(path, allow_pickle=False) as data:
+            count, good = int(data["count"]), data["good"]
+            if data["format"] != FORMAT or not 0 <= count <= _MOST_CELLS or np.unique(good).size != good.size:
+                return []
+            cells: list[Cell | None] = [None] * count
+            columns: dict[str, Any] = {}
+            for name in _ARRAYS:
+                if (table := data[f"{name}_shapes"]).dtype.kind not in "iu":
+                    return []
+                shapes = table.tolist()
+                ends = np.cumsum([prod(s) for s in shapes], dtype=int)[:-1]
+                columns[name] = [a.reshape(s) for a, s in zip(np.split(data[name], ends), shapes, strict=True)]
+            for row, n in enumerate(good.tolist()):
+                cells[n] = Cell(**{name: columns[name][row] for name in _ARRAYS})
+            return cells if all(cell is None or _is_sound(cell, ladder) for cell in cells) else []
+    except _DAMAGES:
+        return []
+
+
+def _is_sound(cell: Cell, ladder: Ladder) -> bool:
+    """Whether a cell that was read has the arrays of one that was computed."""
+    n, m, kinds, stops = cell.pressure.size, cell.peaks.size, ladder.kinds, len(ladder.stops)
+    shapes = {"pressure": (n,), "k": (kinds, 2, n), "peaks": (m,), "k_unloading": (kinds, 2, m, stops)}
+    shapes["rigid"] = (kinds, 2, len(ladder.separations))
+    for name in _ARRAYS:
+        values = getattr(cell, name)
+        expected = shapes.get(name, (m, stops) if name.endswith("_unloading") else (n,))
+        if values.shape != expected or values.dtype != float or not np.isfinite(values).all():
+            return False
+    rising = (np.diff(cell.pressure) > 0).all() and (np.diff(cell.peaks) > 0).all()
+    return bool(rising and n and cell.pressure[0] == 0 and min(cell.k.min(), cell.k_unloading.min(initial=0)) >= 0)
+
+
+def on_ladder(ladder: Ladder, extra: Sequence[float], highest: float) -> Ladder:
+    """The ladder cut after its first step at or above `highest`, with the `extra` loading steps added.
+
+    Where it has peaks and all of them are cut off, its highest step is one.
+    """
+    reach = next((p for p in ladder.loading if p >= highest * (1 - 1e-12)), highest)
+    kept = (p for p in ladder.loading if p <= reach and not any(abs(p - other) < _EQUAL * other for other in extra))
+    loading = tuple(sorted({*kept, *extra}))
+    peaks = tuple(p for p in ladder.peaks if p in loading)
+    return replace(ladder, loading=loading, peaks=peaks or (loading[-1:] if ladder.peaks else ()))

@@ -1,0 +1,181 @@
+"""Seals drawn as chains of runs of columns of a face, see `library.column_runs`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..base.stage import Mapper, Stage
+from ..flow.gas_drop import GasDrop
+from ..library import RunFlows
+from ..seal import RectangularSeal
+from ..windows import Failed, Partition, SolverCounts, attempt
+from ..windows.window_fields import WindowFields
+from .element_face import columns_of_face
+from .repeated_steps import first_equal, map_different
+from .scene import Array, Scene
+
+#: Columns of a run as shares of those of the face, the first of which is taken by which the cuts matter less than the
+#: finite library. The shorter the runs, the more of them tell how realisations scatter.
+RUN_SHARES = (8, 4, 2)
+#: Half the distance of the bounds of ln(leakage) from which on a run warns: bounds a factor of ten apart say little.
+WIDE = 1.15
+#: Share of the first step's flow from which on a step counts for that.
+_COUNTS = 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class StateRuns:
+    """Runs of a face at one state.
+
+    flows : of the runs, for each length in columns. k : permeability of every window (m1, m2) [m³].
+    share, flux : in every window of the uncut face the share of the drop of the viscous potential (m1, m2), NaN where
+        contact or pockets fill it, and the flow per width for a unit drop (m1, m2, 2) [m²].
+    """
+
+    flows: tuple[RunFlows, ...]
+    k: Array
+    share: Array
+    flux: Array
+    solvers: SolverCounts
+
+    @classmethod
+    def of(
+        cls, gap: NDArray[np.floating], partition: Partition, lengths: tuple[int, ...], drop: GasDrop | None
+    ) -> StateRuns:
+        """Solve the runs of a gap (n1, n2) [m]."""
+        columns, of_gas = columns_of_face(gap, partition, drop)
+        # rounding may give the potential an extreme inside
+        factor, share = 1.0, np.clip(columns.window_potential(), 0.0, 1.0)
+        if of_gas is not None:
+            factor, share = of_gas.mean_factor, of_gas.viscous_share(share)
+        flows = tuple(
+            replace(f, closed=factor * f.closed, held=factor * f.held, whole=factor * f.whole)
+            for f in (columns.flows(length) for length in lengths)
+        )
+        solvers = SolverCounts.total([SolverCounts.of(columns.face), *(f.solvers for f in flows)])
+        return cls(flows, factor * columns.window_permeability(), share, factor * columns.window_flux(), solvers)
+
+
+@dataclass(frozen=True, eq=False)
+class ChainedSeals:
+    """Realisations of a seal as a chain of runs: leakage per length (realisations, steps) [m²/s], NaN at failed steps.
+
+    leakage : between both bounds, where the mean over the runs of the face is the leakage of the face itself.
+    closed, held : with closed cuts between runs, and with all cuts held at one profile of the fluid pressure.
+    resampled : as many more realisations, each from runs that are drawn with repetition from those of the face.
+    columns : columns of windows of the seal. length : those of a run.
+    of_face : leakage per length of the face itself, uncut (steps,) [m²/s].
+    starts : first columns of the runs on the face. seed : of the random numbers.
+    warnings : reasons to doubt the result.
+    """
+
+    leakage: Array
+    closed: Array
+    held: Array
+    resampled: Array
+    of_face: Array
+    columns: int
+    length: int
+    starts: NDArray[np.int64]
+    seed: int
+    warnings: tuple[str, ...]
+
+    def windows(self, realisation: int, face_columns: int) -> NDArray[np.int64]:
+        """Columns of a face, of so many, whose windows the columns of a realisation are (columns,)."""
+        first = self.starts[_drawn_runs(self.seed, realisation, self.columns // self.length, self.starts.size)]
+        return np.asarray((first[:, None] + np.arange(self.length)).ravel() % face_columns)
+
+
+def runs_of_face(
+    fields: WindowFields, columns: int, drop: GasDrop | None, *, mapper: Mapper = map
+) -> list[StateRuns | Failed]:
+    """Solve the runs of a face at every step, of every length that a seal of so many columns may be made of."""
+    m2 = fields.partition.cells[1]
+    lengths = tuple(sorted({max(1, min(m2 // share, columns)) for share in RUN_SHARES}))
+    solve = partial(attempt, StateRuns.of, partition=fields.partition, lengths=lengths, drop=drop)
+    stage = Stage("runs of columns", solve)
+    return list(map_different(mapper, stage, fields.gap, first_equal(fields.gap, fields.steps)))
+
+
+def chained_seals(
+    scene: Scene, partition: Partition, found: Sequence[StateRuns | Failed], columns: int, realisations: int, seed: int
+) -> ChainedSeals:
+    """Draw seals of about so many columns of windows as chains of runs of the face, and add their leakages up.
+
+    Random numbers depend on (seed, realisation, run) only: run n of a longer seal is what run n of a shorter one is.
+    """
+    flows, warnings = _long_enough(scene, found, columns)
+    solved = [flow for flow in flows if flow is not None]
+    length, independent = (solved[0].length, solved[0].independent) if solved else (1, 1)
+    runs = max(1, round(columns / length))
+    starts = solved[0].starts if solved else np.zeros(1, np.int64)
+    value, closed, held = np.full((3, starts.size, len(flows)), np.nan)
+    whole = np.full(len(flows), np.nan)
+    for s, flow in enumerate(flows):
+        if flow is not None:
+            value[:, s], closed[:, s], held[:, s] = flow.value, flow.closed, flow.held
+            whole[s] = flow.whole
+    size = partition.shape[0] * partition.spacing[0], length * partition.window_size[1]
+    # leakage per length of a run of conductance 1 m³, and so of a seal whose runs have the mean conductance 1 m³
+    unit = scene.leakage(RectangularSeal(size, (1, 1)), size[0] / size[1]).per_length
+    drawn, again = np.zeros((2, realisations, starts.size))
+    # a face scatters less about its own mean than seals about theirs: one run less makes up for that
+    fewer = max(1, independent - 1)
+    for n in range(realisations):
+        drawn[n] = np.bincount(_drawn_runs(seed, n, runs, starts.size), minlength=starts.size)
+        rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(n, 2)))
+        library = rng.integers(starts.size, size=fewer)
+        again[n] = np.bincount(library[rng.integers(fewer, size=runs)], minlength=starts.size)
+    per_length = unit / runs
+    return ChainedSeals(
+        leakage=per_length * drawn @ value,
+        closed=per_length * drawn @ closed,
+        held=per_length * drawn @ held,
+        resampled=per_length * again @ value,
+        of_face=unit * whole,
+        columns=runs * length,
+        length=length,
+        starts=starts,
+        seed=seed,
+        warnings=warnings,
+    )
+
+
+def _drawn_runs(seed: int, realisation: int, runs: int, different: int) -> NDArray[np.int64]:
+    """Numbers of the runs that a realisation is a chain of (runs,), out of so many different ones."""
+    place = np.random.Generator(np.random.Philox(np.random.SeedSequence(seed, spawn_key=(realisation,)))).random(runs)
+    return (place * different).astype(np.int64)
+
+
+def _long_enough(
+    scene: Scene, found: Sequence[StateRuns | Failed], columns: int
+) -> tuple[list[RunFlows | None], tuple[str, ...]]:
+    """Runs of the least length at which cuts matter less than the finite face, else of the largest; None if failed."""
+    solved = {
+        step.name: state.flows for step, state in zip(scene.steps, found, strict=True) if isinstance(state, StateRuns)
+    }
+    if not solved:
+        return [None] * len(found), ()
+    first = next(iter(solved.values()))
+    counting = {name: flows for name, flows in solved.items() if flows[0].whole > _COUNTS * first[0].whole}
+    # no longer than the seal
+    lengths = range(max(1, sum(flow.length <= columns for flow in first)))
+    long_enough = (n for n in lengths if all(f[n].cut_error <= f[n].scatter for f in counting.values()))
+    chosen = next(long_enough, lengths[-1])
+    wide = {
+        name: f[chosen].cut_error for name, f in counting.items() if f[chosen].cut_error > max(f[chosen].scatter, WIDE)
+    }
+    warnings: tuple[str, ...] = ()
+    if wide:
+        worst = max(wide, key=wide.__getitem__)
+        text = (
+            f"sampler 'runs': closed and held cuts between runs of {first[chosen].length} columns bound the leakage "
+            f"within a factor of {np.exp(2 * wide[worst]):.2g} at {worst}: its channels need a longer face"
+        )
+        warnings = (text,)
+    return [state.flows[chosen] if isinstance(state, StateRuns) else None for state in found], warnings
