@@ -17,13 +17,14 @@ from .scene import GAS_RTOL, Array
 class FaceElements:
     """Flow through the elements of a face.
 
-    flow : its permeabilities see the drop of the viscous potential. share : of that drop at every pixel (n1, n2).
+    flow : its permeabilities see the drop of the viscous potential. potential : between 1 at the inlet and 0 at the
+    outlet, at every pixel (n1, n2).
     gap : (n1, n2) [m] whose elements were solved; of a gas with slip that of the same permeability by the cubic law.
     drop : of a gas with slip the drop whose shares the potential of that gap is; None of other fluids.
     """
 
     flow: ElementFlow
-    share: NDArray[np.float32]
+    potential: NDArray[np.float32]
     gap: NDArray[np.floating]
     drop: GasDrop | None = None
 
@@ -55,7 +56,7 @@ def flow_through_elements(gap: NDArray[np.floating], partition: Partition, drop:
         node_permeability=factor * found.flow.node_permeability,
         dissipation=factor * found.flow.dissipation,
     )
-    share = of_gas.viscous_share(np.clip(found.share, 0.0, 1.0)).astype(np.float32)
+    share = of_gas.viscous_share(np.clip(found.potential, 0.0, 1.0)).astype(np.float32)
     return FaceElements(flow, share, found.gap, of_gas)
 
 
