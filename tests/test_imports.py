@@ -32,7 +32,6 @@ ROOMS = (
     "windows",
     "elements",
     "library",
-    "scales",
     "studies",
     "budget",
     "results",
@@ -302,6 +301,6 @@ def test_a_warning_of_numbers_in_a_module_of_the_package_fails_its_test():
     """The rule of pyproject.toml goes by the name of the module, wherever the package lies."""
     code = compile("import numpy as np\nnp.array(0.0) * np.inf", "anywhere.py", "exec")
     with pytest.raises(RuntimeWarning, match="invalid value"):
-        exec(code, {"__name__": "femseal.scales.curves"})
+        exec(code, {"__name__": "femseal.library.curves"})
     with pytest.warns(RuntimeWarning, match="invalid value"):
         exec(code, {"__name__": "another.module"})

@@ -11,9 +11,10 @@ from typing import Any
 import numpy as np
 
 from ..base.text import Shown
+from ..library import LadderLibrary
 from ..loads import LoadProgramme
-from ..scales import LadderLibrary, SolverCounts
 from ..seal.layouts import SizedSeal
+from ..windows import SolverCounts
 from .median_seal import MedianSeal
 from .scene import Array, labels
 from .window_supply import FaceLibrary
@@ -68,7 +69,11 @@ class StochasticResult(Shown):
     leakage_dirichlet_cuts: Array | None = field(
         default=None,
         metadata=labels(
-            "m^2/s", "leakage per unit seal length, Dirichlet cuts", "realisation", "step", name="leakage_held_cuts"
+            "m^2/s",
+            "leakage per unit seal length, Dirichlet cuts",
+            "realisation",
+            "step",
+            name="leakage_held_cuts",
         ),
     )
     leakage_of_face: Array | None = field(
