@@ -75,12 +75,12 @@ def test_forecast_adds_up_the_methods_and_the_second_run(data):
     one = forecast(parse_case(data), prepare(parse_case(data)), known)
     data["compare"] = ["two-scale"]
     two = forecast(parse_case(data), prepare(parse_case(data)), known)
-    assert two.shared > one.contact_fractiond
+    assert two.shared > one.shared
     assert two.alone >= one.alone
     data["surface"] = {"filter_sensitivity": True}
     three = forecast(parse_case(data), prepare(parse_case(data)), known)
     assert two.shared < three.shared < 2 * two.shared
-    assert_allclose(one.seconds, one.alone + one.contact_fractiond)
+    assert_allclose(one.seconds, one.alone + one.shared)
     del data["surface"]
     data["cells"]["flow"] = "resolved"
     resolved = forecast(parse_case(data), prepare(parse_case(data)), known)

@@ -86,7 +86,7 @@ def describe(case: Case, prepared: Prepared) -> list[str]:
         highest += f"; at most: those that {100 * case.load.interpolate:.3g} % allows are interpolated"
     lines.append(_line("load", f"{steps} states: {steps - down} loading{unloading}, up to {highest}"))
     lines.append(_line("flow", f"discretisation {scene.discretisation}, solver {scene.solver}"))
-    lines += _gas_lines(scene)
+    lines += _law_lines(scene)
     lines += _accuracy_lines(case, prepared)
     if prepared.choice:
         lines.append(_line("method", f"{prepared.method}: {prepared.choice}"))
@@ -203,12 +203,15 @@ def _accuracy_lines(case: Case, prepared: Prepared) -> list[str]:
     return lines
 
 
-def _gas_lines(scene: Scene) -> list[str]:
-    """What slip does to the flow of a gas in a gap of the rms height."""
-    if (drop := scene.flow.drop) is None:
+def _law_lines(scene: Scene) -> list[str]:
+    """What the law of the fluid does to the flow in a gap of the rms height, where it is not the cubic one."""
+    drop = scene.flow.drop
+    if drop.law.homogeneous:
         return []
     ends = [max(p, drop.least_pressure) for p in (drop.inlet, drop.outlet)]
-    at_inlet, at_outlet = drop.gas.flow_factor(scene.surface.rms_height, ends)
+    at_inlet, at_outlet = drop.law.factor(scene.surface.rms_height, ends)
+    if not drop.law.depends_on_pressure:
+        return [_line("slip", f"{at_inlet:.3g} times the viscous flow in a gap of the rms height")]
     text = (
         f"slips: {at_inlet:.3g} (inlet) to {at_outlet:.3g} (outlet) times the viscous flow in a gap of the rms height; "
         f"permeability of windows at {drop.pressures.size} pressures, other flow solved 3 to 5 times"

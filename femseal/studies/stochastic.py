@@ -147,7 +147,7 @@ def _of_windows(
     leakage, *bounds = np.array([r.leakage for r in drawn[:count]]).transpose(1, 0, 2)
     lower, upper = bounds or (None, None)
     chosen = nearest_to_median(leakage) if len(laid.outlines) * len(scene.steps) <= MOST_VALUES else None
-    pressures = 1 if scene.flow.drop is None else scene.flow.drop.pressures.size
+    pressures = scene.flow.drop.pressures.size
     again = Stage("median seal", partial(median_seal, **shared, kinds=kinds[:pressures]))
     medians = [] if chosen is None else list(mapper(again, [chosen]))
     return StochasticResult(
@@ -234,11 +234,11 @@ def _realise(
     """Draw one seal and solve its flow at every step.
 
     The same random numbers draw the same windows from each kind of tables. `resampled` draws a new library from the
-    library, and takes the values without their bounds. Of a gas with slip each kind has a table for every pressure.
+    library, and takes the values without their bounds. Each kind has a table for every pressure of the drop.
     first : number of the first step with the same windows.
     """
     steps, drop = scene.steps, scene.flow.drop
-    pressures = 1 if drop is None else drop.pressures.size
+    pressures = drop.pressures.size
     if resampled:
         kinds = tuple(_resample(tables, sampling.seed, realisation, independent) for tables in kinds[:pressures])
     leakage = np.full((len(kinds) // pressures, len(steps)), np.nan)

@@ -14,7 +14,6 @@ from ..base.stage import Mapper, Stage
 from ..base.text import Shown
 from ..elements.elements import ELEMENT_BYTES
 from ..flow.percolation import percolates
-from ..flow.permeability_table import PermeabilityTable
 from ..loads import LoadProgramme
 from ..seal import RectangularSeal
 from ..windows import Failed, Partition, SolveCounts, SolverCounts, attempt
@@ -60,7 +59,7 @@ class TwoScaleResult(Shown):
         small, inf where the corrected gap is closed.
     element_error, drop_fraction : of the flow "elements", None with others. The leakage is then an upper bound of that
         resolved on the same gap, and the error is at most about 1e-3, see `elements.ElementFlow`.
-    k1, k2, fluid_pressure : of the links and their nodes; None without "links". Of a gas with slip, k1 and k2 are those
+    k1, k2, fluid_pressure : of the links and their nodes; None without "links". Of a rarefied gas, k1 and k2 are those
         at the pressures of the nodes, with which the flow is that of a viscous gas. link_flows : of the windows.
     face_fluid_pressure : at every pixel and step; None with "links".
     fields : deformed gap and contact pressure at every pixel.
@@ -259,7 +258,7 @@ def _through_elements(
 class _LinkFlow:
     """Flow of every step through links: the permeabilities, the leakage and the pressure of nodes, NaN where failed.
 
-    k1, k2 : of a gas with slip those at the pressures of their nodes. flows : of the windows, at all pressures.
+    k1, k2 : of a rarefied gas those at the pressures of their nodes. flows : of the windows, at all pressures.
     """
 
     k1: Array
@@ -289,7 +288,7 @@ def _through_links(scene: Scene, fields: WindowFields, first: NDArray[np.int64],
         if (t := first[s]) < s:
             leakage[s], fluid_pressure[s], k1[s], k2[s] = leakage[t], fluid_pressure[t], k1[t], k2[t]
             continue
-        links = PermeabilityTable.of(drop, list(zip(along.all[:, s], across.all[:, s], strict=True)))
+        links = drop.table(list(zip(along.at_pressures[:, s], across.at_pressures[:, s], strict=True)))
         through = attempt(scene.leakage, seal, links)
         if isinstance(through, Failed):
             failures += (f"{step.name}: {through.reason}",)
