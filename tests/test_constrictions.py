@@ -11,10 +11,10 @@ from femseal.base.errors import InputError
 from femseal.flow import cell_permeability
 from femseal.fluids import IdealGas, Liquid
 from femseal.results import assemble, open_results, save
-from femseal.scales import Partition, window_dissipation
 from femseal.seal import AnnularSeal, RectangularSeal, drop_shares, largest_shares, seal_leakage
 from femseal.studies import Scene, two_scale
 from femseal.topography import self_affine
+from femseal.windows import Partition, window_dissipation
 
 WATER = Liquid(1e-3)
 
@@ -97,11 +97,11 @@ class TestNetwork:
 
     def test_bad_input(self):
         seal = RectangularSeal((3e-3, 2e-3), (3, 2))
-        with pytest.raises(InputError, match=r"potential: given shape \(3, 2\), allowed is shape \(4, 2\)"):
+        with pytest.raises(InputError, match=r"potential: given shape \(3, 2\), expected shape \(4, 2\)"):
             drop_shares(1e-18, 1e-18, seal, np.ones((3, 2)))
         with pytest.raises(InputError, match="k1"):
             drop_shares(-1e-18, 1e-18, seal, np.ones((4, 2)))
-        with pytest.raises(InputError, match="counts: given 0, allowed is a whole number >= 1"):
+        with pytest.raises(InputError, match="counts: given 0, expected a whole number >= 1"):
             largest_shares([1.0], counts=(0,))
 
 
@@ -161,7 +161,7 @@ class TestWindows:
 
     def test_bad_input(self):
         partition = Partition((32, 48), self.SPACING, (4, 3))
-        with pytest.raises(InputError, match=r"gap: given shape \(32, 32\), allowed is shape \(32, 48\)"):
+        with pytest.raises(InputError, match=r"gap: given shape \(32, 32\), expected shape \(32, 48\)"):
             window_dissipation(np.ones((32, 32)), partition)
         with pytest.raises(InputError, match="gap"):
             window_dissipation(-np.ones((32, 48)), partition)
@@ -189,13 +189,13 @@ class TestDataset:
         scene, result = study
         save(assemble(scene, two_scale=result), tmp_path)
         data = open_results(tmp_path).dataset
-        assert data["drop_share"].dims == ("step", "narrowest")
+        assert data["drop_fraction"].dims == ("step", "narrowest")
         assert_array_equal(data["narrowest"], [1, 3, 10])
         seal = RectangularSeal(scene.surface.size, (4, 6), result.partition.node_rows)
         for s in range(4):
             expected = shares(seal, result.k1[s], result.k2[s], (1, 3, 10))
-            assert_allclose(data["drop_share"][s], expected, rtol=1e-6, equal_nan=True)
-        found = data["drop_share"].values[result.leakage > 0]
+            assert_allclose(data["drop_fraction"][s], expected, rtol=1e-6, equal_nan=True)
+        found = data["drop_fraction"].values[result.leakage > 0]
         assert len(found) >= 3
         assert (np.diff(found, axis=1) > 0).all()
 
@@ -207,4 +207,4 @@ class TestDataset:
         seal = RectangularSeal(scene.surface.size, (4, 6), result.partition.node_rows)
         pressure[1] = scene.leakage(seal, (k1[1], result.k2[1])).fluid_pressure
         broken = replace(result, k1=k1, leakage=leakage, fluid_pressure=pressure)
-        assert np.isnan(assemble(scene, two_scale=broken).dataset["drop_share"][:2]).all()
+        assert np.isnan(assemble(scene, two_scale=broken).dataset["drop_fraction"][:2]).all()

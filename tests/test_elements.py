@@ -9,11 +9,12 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from femseal import Liquid, Scene, cell_permeability, condition, read_topography, self_affine, two_scale
 from femseal.base.errors import InputError, NotConverged
+from femseal.elements import element_flow, element_mesh, face_potential, window_flow
+from femseal.elements.side_nodes import side_nodes
+from femseal.elements.superelement import WindowElement, WindowLinks, window_links
 from femseal.flow.solvers.condensation import condense
 from femseal.results.dataset import assemble
-from femseal.scales import Partition, element_flow, element_mesh, face_potential, window_flow
-from femseal.scales.side_nodes import side_nodes
-from femseal.scales.superelement import WindowElement, WindowLinks, window_links
+from femseal.windows import Partition
 
 PIXEL = (1e-6, 1e-6)
 
@@ -303,16 +304,16 @@ class TestStudy:
         result, exact = (two_scale(scene, (4, 6), flow=flow) for flow in ("elements", "resolved"))
         ratio = result.leakage / exact.leakage
         assert np.all(np.abs(ratio - 1) < 1e-5)
-        assert_allclose(result.drop_share.sum(axis=(1, 2)), 1.0)
+        assert_allclose(result.drop_fraction.sum(axis=(1, 2)), 1.0)
         assert np.all(result.element_error < 1e-3)
         assert result.solvers.by_solver()["elimination"] >= 3
-        assert exact.element_error is exact.drop_share is result.k1 is None
+        assert exact.element_error is exact.drop_fraction is result.k1 is None
         inside, expected = result.face_fluid_pressure, exact.face_fluid_pressure
         assert_array_equal(np.isnan(inside), np.isnan(expected))
         assert np.nanmean(np.abs(inside - expected)) < 1e-4 * scene.inlet_pressure
         data = assemble(scene, two_scale=result).dataset
         assert data["element_error"].dims == ("step",)
-        assert data["window_drop_share"].dims == ("step", "cell1", "cell2")
+        assert data["window_drop_fraction"].dims == ("step", "cell1", "cell2")
 
     def test_needs_links_between_pixels(self, scene):
         with pytest.raises(InputError, match="gauss"):

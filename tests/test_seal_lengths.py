@@ -66,7 +66,7 @@ def test_every_length_is_what_it_is_by_itself(scene, sampling, options):
         alone = replace(few, length=length, other_lengths=())
         own = fs.stochastic(scene, (2, 4), alone)
         assert seals.seal.size == own.seal.size
-        for name in ("leakage", "leakage_resampled", "leakage_lower_bound", "leakage_held_cuts"):
+        for name in ("leakage", "leakage_resampled", "leakage_lower_bound", "leakage_dirichlet_cuts"):
             if getattr(own, name) is not None:
                 assert_array_equal(getattr(seals, name), getattr(own, name), err_msg=name)
 
@@ -95,7 +95,7 @@ def test_the_dataset_has_median_and_band_of_every_length(results, seals):
             ("lower_together", own.quantile(0.05, resampled=True)),
         ):
             assert_array_equal(data[f"leakage_of_lengths_{name}"][n], values)
-        assert_array_equal(data["sealed_share_of_lengths"][n], own.sealed_share)
+        assert_array_equal(data["sealed_fraction_of_lengths"][n], own.sealed_fraction)
     assert_array_equal(data["leakage_median"], data["leakage_of_lengths_median"][0])
     # the leakage per length of longer seals scatters less
     width = np.log(data["leakage_of_lengths_upper"] / data["leakage_of_lengths_lower"])[:, 0]
@@ -151,11 +151,11 @@ def test_a_case_with_a_list_of_lengths(tmp_path):
 @pytest.mark.parametrize(
     ("length", "fault"),
     [
-        (["1 mm", "1 mm"], r"stochastic\.length: given .*, allowed is a length > 0, .* or a list of some that differ"),
-        ([], r"stochastic\.length: given \[\], allowed is a length"),
-        (["1 mm", "2"], r"stochastic\.length: given .*, allowed is text with a number and a unit"),
-        (["1 mm", "1 um"], r"stochastic\.length: given 1 µm, allowed is at least one cell, 15 µm"),
-        (["60 um", "61 um"], r"stochastic\.length: given 60 µm, 60 µm in whole cells, allowed is lengths that differ"),
+        (["1 mm", "1 mm"], r"stochastic\.length: given .*, expected a length > 0, .* or a list of some that differ"),
+        ([], r"stochastic\.length: given \[\], expected a length"),
+        (["1 mm", "2"], r"stochastic\.length: given .*, expected text with a number and a unit"),
+        (["1 mm", "1 um"], r"stochastic\.length: given 1 µm, expected at least one cell, 15 µm"),
+        (["60 um", "61 um"], r"stochastic\.length: given 60 µm, 60 µm in whole cells, expected lengths that differ"),
     ],
 )
 def test_lengths_that_cannot_be(length, fault):

@@ -9,26 +9,27 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-import femseal.scales.ladder
-import femseal.scales.window
-import femseal.studies.placed
+import femseal.library.ladder
+import femseal.studies.face_windows
 import femseal.studies.scene
 import femseal.studies.windows as windows_module
+import femseal.windows.window
 from femseal import analytic
 from femseal.base.errors import FemsealError, InputError, NotConverged
 from femseal.contact import HalfSpace, load_states
 from femseal.flow import cell_permeability
 from femseal.fluids import IdealGas, Liquid
+from femseal.library import LinkTable, draw_links
 from femseal.loads import LoadProgramme
 from femseal.report import write_folder
 from femseal.results import assemble, open_results
-from femseal.scales import LinkTable, draw_links, gap_error
 from femseal.seal import RectangularSeal
 from femseal.seal.linked import LinkWindows
 from femseal.seal.pressure_map import AngleTable, Profile
 from femseal.studies import Sampling, Scene, StochasticResult, deterministic, stochastic, two_scale
-from femseal.studies.followed import LOADING_SHARES
+from femseal.studies.ladder_windows import LOADING_FRACTIONS
 from femseal.topography import Topography, condition, read_topography, self_affine, turned
+from femseal.windows import gap_error
 
 # the package has functions of these names
 TWO_SCALE, STOCHASTIC = (import_module(f"femseal.studies.{name}") for name in ("two_scale", "stochastic"))
@@ -151,10 +152,10 @@ class TestClosedForms:
         scene = make_scene(face.heights, loading=(low, high), unload_from=(high,), unloading=(low,), rtol=1e-5)
         result, exact = two_scale(scene, (8, 8), contact="windows", flow="links"), deterministic(scene)
         mean_gap = exact.gap.reshape(-1, 8, 32, 8, 32).mean(axis=(2, 4))
-        for s, allowed in ((0, 0.1), (2, 0.03)):
+        for s, expected in ((0, 0.1), (2, 0.03)):
             unloaded = result.pressure[s] <= 0
             error = np.median((result.mean_gap[s] / mean_gap[s] - 1)[unloaded])
-            assert abs(error) < allowed, scene.steps[s].name
+            assert abs(error) < expected, scene.steps[s].name
         assert (result.pressure[0] <= 0).sum() > 16
 
     @pytest.mark.parametrize("waves", [0, 8])
@@ -412,7 +413,7 @@ class TestRareTallPoints:
         assert stochastic(rough, (4, 6), SAMPLING).library.contact == contact
 
     def test_unknown_contact(self, rough):
-        with pytest.raises(InputError, match="contact: given magic, allowed is one of whole, windows"):
+        with pytest.raises(InputError, match="contact: given magic, expected one of whole, windows"):
             two_scale(rough, (4, 6), contact="magic")
 
     @pytest.mark.slow
@@ -503,7 +504,7 @@ class TestResolvedFlow:
         study = two_scale(rough, (4, 6), flow="resolved")
         results = assemble(rough, two_scale=study)
         data, exact = results.dataset, assemble(rough, deterministic=deterministic(rough)).dataset
-        assert not {"k1", "flux1", "fluid_pressure", "drop_share"} & set(data)
+        assert not {"k1", "flux1", "fluid_pressure", "drop_fraction"} & set(data)
         for name, scale in (("gap", 1e-6), ("contact_pressure", 1e9), ("fluid_pressure", DROP)):
             assert_allclose(data[f"face_{name}"], exact[f"face_{name}"], atol=1e-4 * scale)
         assert_array_equal(results.cell(1, 2)["window_pressure"], study.pressure[:, 1, 2])
@@ -587,9 +588,11 @@ class TestSymmetries:
         sampling = replace(SAMPLING, pressure="global", library_cells=4, length=576e-6)
         found = stochastic(scene, (6, 6), sampling)
         dense = tuple(np.geomspace(0.01, 0.9, 25))
-        monkeypatch.setattr("femseal.studies.followed.LOADING_SHARES", tuple(sorted({*LOADING_SHARES, *dense})))
-        monkeypatch.setattr("femseal.studies.local_pressure.PEAK_RATIO", 1.1)
-        monkeypatch.setattr("femseal.studies.local_pressure.MOST_PEAKS", 1000)
+        monkeypatch.setattr(
+            "femseal.studies.ladder_windows.LOADING_FRACTIONS", tuple(sorted({*LOADING_FRACTIONS, *dense}))
+        )
+        monkeypatch.setattr("femseal.studies.window_pressures.PEAK_RATIO", 1.1)
+        monkeypatch.setattr("femseal.studies.window_pressures.MOST_PEAKS", 1000)
         exact = stochastic(scene, (6, 6), sampling)
         assert_allclose(np.median(found.leakage, axis=0), np.median(exact.leakage, axis=0), rtol=0.02)
 
@@ -689,7 +692,7 @@ class TestDraws:
         sampling = replace(SAMPLING, library_cells=60, sampler="block")
         own = stochastic(rough, (4, 6), sampling)
         two = two_scale(rough, (4, 6), flow="links")
-        monkeypatch.setattr(femseal.studies.placed, "solve_windows", None)
+        monkeypatch.setattr(femseal.studies.face_windows, "solve_windows", None)
         given = stochastic(rough, (4, 6), sampling, two_scale=two)
         assert_array_equal(given.leakage, own.leakage)
         assert_array_equal(given.leakage_resampled, own.leakage_resampled)
@@ -716,8 +719,8 @@ class TestDraws:
 
     def test_whole_runs_of_columns_are_the_surface(self, rough, rough_two_scale, monkeypatch):
         """A run that goes all round the face, from wherever it begins, is its two-scale solution."""
-        monkeypatch.setattr(femseal.studies.placed, "correlation_length", lambda k: 1e6)
-        monkeypatch.setattr(femseal.studies.placed, "RUN_LENGTHS", 1e9)
+        monkeypatch.setattr(femseal.studies.face_windows, "correlation_length", lambda k: 1e6)
+        monkeypatch.setattr(femseal.studies.face_windows, "RUN_LENGTHS", 1e9)
         result = stochastic(rough, (4, 6), replace(SAMPLING, sampler="block"))
         assert result.library.correlation_length == 1e6
         whole = np.isclose(result.leakage, rough_two_scale.leakage, rtol=1e-6).all(axis=1)
@@ -928,7 +931,7 @@ class TestStatistics:
 
     def test_sealed_ones(self):
         result = self.result([[0, 0], [0, 1], [4, 1], [0, 1]])
-        assert_allclose(result.sealed_share, [0.75, 0.25])
+        assert_allclose(result.sealed_fraction, [0.75, 0.25])
         assert_allclose(result.mean, [1, 0.75])
         assert_allclose(result.quantile(0.5), [0, 1])
         assert_allclose(result.quantile(0.9), [0, 1])  # between 0 and 4
@@ -937,7 +940,7 @@ class TestStatistics:
     def test_failed_ones_are_left_out(self):
         result = self.result([[np.nan, np.nan], [0, np.nan], [4, np.nan], [9, np.nan]])
         assert_allclose(result.mean, [13 / 3, np.nan])
-        assert_allclose(result.sealed_share, [1 / 3, np.nan])
+        assert_allclose(result.sealed_fraction, [1 / 3, np.nan])
         assert_allclose(result.quantile(0.75), [6, np.nan])
         assert_allclose(result.quantile(0.5), [4, np.nan])
 
@@ -1006,7 +1009,7 @@ class TestFailures:
     def test_contact_of_a_window(self, rough, by_windows, monkeypatch):
         """Itself and the links across that reach into it."""
         pressure = by_windows.pressure[1, 0, 4]
-        self.fail(monkeypatch, femseal.scales.window, "solve_deformed_contact", pressure=pressure)
+        self.fail(monkeypatch, femseal.windows.window, "solve_deformed_contact", pressure=pressure)
         result = two_scale(rough, (4, 6), contact="windows", flow="links")
         assert result.failures == ("cell (0, 4), loading 300 MPa: did not converge",)
         assert_array_equal(np.isnan(result.leakage), [False, True, False, False, False])
@@ -1021,7 +1024,7 @@ class TestFailures:
     def test_contact_of_a_window_at_the_peak_takes_its_unloading_along(self, rough, by_windows, monkeypatch):
         window = np.unravel_index(by_windows.pressure[4].argmax(), (4, 6))
         pressure = by_windows.pressure[2][window]
-        self.fail(monkeypatch, femseal.scales.window, "solve_deformed_contact", pressure=pressure)
+        self.fail(monkeypatch, femseal.windows.window, "solve_deformed_contact", pressure=pressure)
         result = two_scale(rough, (4, 6), contact="windows", flow="links")
         assert [f.split(", ", 2)[2] for f in result.failures] == [
             "loading 600 MPa: did not converge",
@@ -1032,7 +1035,7 @@ class TestFailures:
 
     def test_flow_of_a_link_across(self, rough, monkeypatch):
         """Of the 24 windows along come 5 steps each, then those across: the third step of the second one."""
-        self.fail(monkeypatch, femseal.scales.window, "cell_flow", calls={24 * 5 + 5 + 2})
+        self.fail(monkeypatch, femseal.windows.window, "cell_flow", calls={24 * 5 + 5 + 2})
         result = two_scale(rough, (4, 6), flow="links")
         assert result.failures == ("x2-link (0, 1), step 2: did not converge",)
         assert_array_equal(np.argwhere(np.isnan(result.k2)), [[2, 0, 1]])
@@ -1048,7 +1051,7 @@ class TestFailures:
     def test_a_column_with_a_failed_cell_gives_way_to_the_next(self, rough, by_windows, monkeypatch):
         """Of the links across it takes the column before along."""
         pressure = by_windows.pressure[1, 0, 4]
-        self.fail(monkeypatch, femseal.scales.window, "solve_deformed_contact", pressure=pressure)
+        self.fail(monkeypatch, femseal.windows.window, "solve_deformed_contact", pressure=pressure)
         result = stochastic(rough, (4, 6), SAMPLING, contact="windows")
         assert result.failures == ("cell (0, 4), loading 300 MPa: did not converge",)
         assert np.isfinite(result.leakage).all()
@@ -1062,7 +1065,7 @@ class TestFailures:
         sampling = replace(SAMPLING, pressure="uniform", library_cells=8)
         whole = stochastic(rough, (4, 6), sampling).library
         counted = []
-        solve = femseal.scales.ladder.solve_deformed_contact
+        solve = femseal.library.ladder.solve_deformed_contact
 
         def failing(gap0, *args, **given):
             if not counted or not np.array_equal(counted[-1], gap0):
@@ -1071,7 +1074,7 @@ class TestFailures:
                 raise NotConverged("did not converge", 1.0)
             return solve(gap0, *args, **given)
 
-        monkeypatch.setattr(femseal.scales.ladder, "solve_deformed_contact", failing)
+        monkeypatch.setattr(femseal.library.ladder, "solve_deformed_contact", failing)
         result = stochastic(rough, (4, 6), sampling)
         assert result.failures == ("cell 2: did not converge",)
         assert_array_equal(result.library.curves.k, np.delete(whole.curves.k, 2, axis=0))
@@ -1092,7 +1095,7 @@ class TestFailures:
         assert_array_equal(np.argwhere(np.isnan(result.leakage)), [[1, 1]])
 
     def test_a_library_without_any_cell(self, rough, monkeypatch):
-        for module in (femseal.scales.window, femseal.scales.ladder):
+        for module in (femseal.windows.window, femseal.library.ladder):
             self.fail(monkeypatch, module, "solve_deformed_contact", calls=range(10**6))
         for pressure in ("place", "uniform"):
             with pytest.raises(FemsealError, match="every c"):

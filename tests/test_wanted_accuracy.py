@@ -11,7 +11,7 @@ import pytest
 from numpy.testing import assert_array_equal
 
 import femseal as fs
-from femseal.budget import ErrorBudget, ErrorPart, counting_steps, judged
+from femseal.budget import ErrorBudget, ErrorPart, counting_steps, widest_band
 from femseal.case.case import parse_case
 from femseal.loads import LoadProgramme
 from femseal.refinement.refining import refined
@@ -188,7 +188,7 @@ class TestRefining:
         assert (change.settings.method, change.settings.flow) == ("two-scale", "elements")
         _, change = self.change(SMALL, "pixels", memory=1e5)
         assert change.settings is None
-        assert "of memory, allowed are 100 kB" in change.text
+        assert "of memory, expected 100 kB" in change.text
 
     def test_seals_and_windows_are_four_times_as_many(self):
         drawn = DRAWN | {"stochastic": {"length": "300 um", "sampler": "history", "pressure": "uniform"}}
@@ -219,11 +219,11 @@ class TestRefining:
 class TestCase:
     @pytest.mark.parametrize("wrong", ["0 %", "100 %", -0.1, "ten", True, "3 m"])
     def test_accuracies_that_are_none(self, wrong):
-        with pytest.raises(fs.InputError, match=r"accuracy: given .* allowed is a share above 0 and below 1"):
+        with pytest.raises(fs.InputError, match=r"accuracy: given .* expected a share above 0 and below 1"):
             case(accuracy=wrong)
 
     def test_an_accuracy_is_judged_by_the_budget(self):
-        with pytest.raises(fs.InputError, match=r"output\.budget: given false with accuracy, allowed is true"):
+        with pytest.raises(fs.InputError, match=r"output\.budget: given false with accuracy, expected true"):
             case(output={"budget": False})
 
     def test_a_time_limit_is_for_an_accuracy(self):
@@ -259,7 +259,7 @@ def test_loads_that_count():
     assert counting_steps(ErrorBudget("deterministic", q, (part,))).tolist() == [0, 1]
     sealed = ErrorPart("pixels", 0 * q, np.array([0.0, 0.0, 0.0, 1e-5, 0.0]), "")
     assert counting_steps(ErrorBudget("deterministic", 0 * q, (sealed,))).tolist() == [3]
-    assert judged(ErrorBudget("deterministic", 0 * q, (sealed,))).half_width == np.inf
+    assert widest_band(ErrorBudget("deterministic", 0 * q, (sealed,))).half_width == np.inf
 
 
 @pytest.mark.slow

@@ -9,18 +9,18 @@ from .coarse import CoarserSolution, change_of_windows
 from .error_budget import error_budget
 from .error_parts import ErrorBudget, ErrorPart
 from .grid_convergence import GridConvergence, grid_convergence
-from .judged import Judged, counting_steps, judged
+from .widest_band import WidestBand, counting_steps, widest_band
 
 __all__ = [
     "CoarserSolution",
     "ErrorBudget",
     "ErrorPart",
     "GridConvergence",
-    "Judged",
+    "WidestBand",
     "at_interpolated_steps",
     "change_of_windows",
     "counting_steps",
     "error_budget",
     "grid_convergence",
-    "judged",
+    "widest_band",
 ]

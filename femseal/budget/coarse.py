@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..library import LibraryTable
 from ..loads import LoadProgramme
-from ..scales import LibraryTable
 from ..studies.scene import Array
 
 

@@ -38,7 +38,7 @@ def check_memory(key: str, given: object, needed: int) -> None:
     """Raise InputError, which names a key and its value, if so many bytes are not free."""
     if needed > (free := free_memory()):
         expected = f"what fits into the {free / 1e9:.3g} GB of free memory; it takes about {needed / 1e9:.3g} GB"
-        raise InputError.of(key, given, expected)
+        raise InputError(key, given, expected)
 
 
 @contextmanager
@@ -48,4 +48,4 @@ def refused_if_too_large() -> Iterator[None]:
         yield
     except (MemoryError, OverflowError, RecursionError) as error:
         expected = f"sizes that fit into memory and numbers of usual size ({str(error) or type(error).__name__})"
-        raise InputError.of("case", "a size or number that is too large", expected) from error
+        raise InputError("case", "a size or number that is too large", expected) from error

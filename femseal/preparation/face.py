@@ -15,7 +15,6 @@ from ..base.quantities import to_text
 from ..case.argument_names import FACE_KEYS, SURFACE_KEYS, in_words_of
 from ..case.case import Case
 from ..case.faces import FileFace
-from ..scales import Partition
 from ..topography import (
     MOST_POINTS,
     Conditioning,
@@ -32,6 +31,7 @@ from ..topography import (
     spectrum,
     spike_effect,
 )
+from ..windows import Partition
 from .check_memory import check_memory_of_points
 from .prepared import Pair, next_multiple
 
@@ -191,7 +191,7 @@ def _cell_count(case: Case, face: tuple[float, float], wave: float) -> Pair | No
         size, shorter = case.cells.size, min(face)
         if size > shorter * (1 + 1e-9):
             allowed = f"at most the shorter side of the face, {to_text(shorter, 'm')}"
-            raise InputError.of("cells.size", to_text(size, "m"), allowed)
+            raise InputError("cells.size", to_text(size, "m"), allowed)
     else:  # eight shortest waves: shorter windows cut off more paths than two scales save
         size = 8 * wave
     m1, m2 = (max(1, round(length / size)) for length in face)

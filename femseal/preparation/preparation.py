@@ -9,12 +9,12 @@ from ..base.quantities import to_text
 from ..case.argument_names import MAP_TABLES, SEAL_TABLES, in_tables_of
 from ..case.case import Case
 from ..case.case_tables import StochasticTable
-from ..scales import Partition
 from ..seal.layouts import SealWindows
-from ..studies import Sampling, Scene, check_sampling, chosen_contact, chosen_flow, chosen_sampler, laid_out
+from ..studies import Sampling, Scene, check_sampling, chosen_contact, chosen_flow, chosen_sampler, lay_out_windows
 from ..studies.costs import choose_method
-from ..studies.local_pressure import check_map, most_paths
+from ..studies.window_pressures import check_map, most_paths
 from ..topography import Conditioning, SpikeEffect, Topography
+from ..windows import Partition
 from .case_plausibility import plausibility_warnings
 from .check_memory import check_memory_of_draws, refused_if_too_large
 from .face import conditioned_face
@@ -68,20 +68,20 @@ def _seals(
     window, least = partition.window_size, 2 * conditioning.shortest_wavelength
     if min(window) < least * (1 - 1e-9):
         given = f"windows of {' × '.join(to_text(w, 'm', 3) for w in window)}"
-        raise InputError.of("cells", given, f"windows of at least two shortest waves, {to_text(least, 'm', 3)}")
+        raise InputError("cells", given, f"windows of at least two shortest waves, {to_text(least, 'm', 3)}")
     if case.stochastic is None or "stochastic" not in case.methods:
         return None, ()
     sampling = _sampling(case, case.stochastic, window[1])
     with in_tables_of(SEAL_TABLES):
         check_sampling(sampling)
-        return sampling, laid_out(case.layout, partition, sampling)
+        return sampling, lay_out_windows(case.layout, partition, sampling)
 
 
 def _sampling(case: Case, table: StochasticTable, window_length: float) -> Sampling:
     """The sampling of a table, for windows of such a length [m]."""
     if table.lengths and min(table.lengths) < window_length * (1 - 1e-9):
         cell, given = to_text(window_length, "m", 3), to_text(min(table.lengths), "m", 3)
-        raise InputError.of("stochastic.length", given, f"at least one cell, {cell}")
+        raise InputError("stochastic.length", given, f"at least one cell, {cell}")
     return Sampling(
         length=table.lengths[0] if table.lengths else None,
         other_lengths=table.lengths[1:],
@@ -136,14 +136,14 @@ def _pressures(case: Case, seal: tuple[float, float], *, seals: int) -> dict[str
     """
     if case.load.unit == "N" and seals != 1:
         given = f"forces on a seal of {'several lengths' if seals else 'no length'}"
-        raise InputError.of("load.loading", given, "pressures, or forces per length")
+        raise InputError("load.loading", given, "pressures, or forces per length")
     area = seal[0] * seal[1]
     found = case.load.pressures(area, seal[1])
     highest = max((*found["loading"], *found["unload_from"]))
     if highest >= case.hardness:
         load = to_text(case.load.highest, case.load.unit)
         given = f"{load} on {1e6 * area:.4g} mm², {to_text(highest, 'Pa')}"
-        raise InputError.of("load", given, f"pressures below the hardness, {to_text(case.hardness, 'Pa')}")
+        raise InputError("load", given, f"pressures below the hardness, {to_text(case.hardness, 'Pa')}")
     return found
 
 

@@ -10,10 +10,10 @@ from typing import Any
 from ..base.errors import InputError
 from ..base.quantities import to_text
 from ..base.stage import Mapper
-from ..scales import Partition
 from ..studies import STUDIES, Sampling, Scene, Study, StudyOptions
 from ..studies.costs import Effort, usual_efforts
 from ..topography import Conditioning, Overlap
+from ..windows import Partition
 
 Pair = tuple[int, int]
 
@@ -105,7 +105,7 @@ def without_short_waves(prepared: Prepared) -> Scene:
     surface = scene.surface
     if wave >= max(surface.size):
         expected = f"true only where the larger side holds more than {to_text(wave, 'm', 3)}, twice the shortest wave"
-        raise InputError.of("surface.filter_sensitivity", True, expected)
+        raise InputError("surface.filter_sensitivity", True, expected)
     m1, m2 = prepared.cells or (1, 1)
     shape = next_multiple(ceil(surface.shape[0] / 2), m1), next_multiple(ceil(surface.shape[1] / 2), m2)
     if prepared.cells is not None:

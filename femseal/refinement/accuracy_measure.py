@@ -23,8 +23,8 @@ from ..case.case import Case, load_case
 from ..execution.mappers import ordered_map
 from ..execution.run import Progress, no_progress
 from ..preparation.prepared import Pair, Prepared
-from ..studies.compare import closing_load, leakage_factor
 from ..studies.compiling import compile_ahead
+from ..studies.curve_distance import closing_load, leakage_factor
 from .accuracy_plan import Plan, Variant, make_plan
 from .accuracy_report import AccuracyReport, Comparison, Solution
 from .budgets import budget_of, leakage_of
@@ -73,7 +73,7 @@ def measure_accuracy(
         validate.count("workers", workers)
     limit, memory = validate.number("limit", limit, unit="s"), validate.number("memory", memory, unit="byte")
     if output is not None and Path(output).exists() and not Path(output).is_dir():
-        raise InputError.of("output", f"'{output}', which is a file", "a folder, or one that does not exist")
+        raise InputError("output", f"'{output}', which is a file", "a folder, or one that does not exist")
     plan = make_plan(case, limit=limit, memory=memory)
     if output is not None:
         made_folder(output)

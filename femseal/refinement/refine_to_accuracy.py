@@ -15,7 +15,7 @@ from ..base.errors import FemsealError, NotKept
 from ..base.machine import free_memory
 from ..base.stage import Mapper
 from ..base.text import duration, share_text
-from ..budget import ErrorBudget, judged
+from ..budget import ErrorBudget, widest_band
 from ..case.case import Case
 from ..execution.run import Run
 from ..preparation.check_memory import START_MEMORY
@@ -187,7 +187,7 @@ class _Attempts:
             budget = self._budget(prepared, settings, result, mapper)
         times = {"study": seconds, "with coarse": time.perf_counter() - start}
         times = self.run.decided("time of the attempt", times)
-        found = judged(budget)
+        found = widest_band(budget)
         self.done.append(
             Attempt(
                 settings=settings,

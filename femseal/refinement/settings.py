@@ -11,8 +11,8 @@ import numpy as np
 from ..case.case import Case
 from ..preparation.check_memory import refused_if_too_large
 from ..preparation.prepared import Prepared, without_short_waves
-from ..scales import Partition
 from ..studies.tolerances import contact_tolerance
+from ..windows import Partition
 
 Pair = tuple[int, int]
 #: Longest time of a run whose case asks for an accuracy and gives no time [s].

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..budget import ErrorBudget
 from ..results.error_bands import half_width_text
-from ..studies.compare import FLOOR
+from ..studies.curve_distance import FLOOR
 
 if TYPE_CHECKING:
     from ..results.results import Results

@@ -14,7 +14,7 @@ from ..base.quantities import to_text
 from ..results.summary import solvers_text
 from ..results.tables import amount, error_band, in_several_units, leak_scale
 from ..results.wanted_accuracy import as_chosen
-from ..studies.compare import FLOOR, leakage_factor
+from ..studies.curve_distance import FLOOR, leakage_factor
 from .load_words import load_sentences
 
 if TYPE_CHECKING:

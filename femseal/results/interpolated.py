@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..studies.between_loads import at_all_steps
+from ..studies.load_interpolation import at_all_steps
 
 if TYPE_CHECKING:
     import xarray

@@ -18,11 +18,11 @@ from ..preparation.prepared import Prepared, without_short_waves
 from ..refinement.coarser import coarser_grids, without_filtered_waves
 from ..refinement.settings import first_settings, first_version, given_settings, grid_points, time_limit
 from ..results.fields import fields_size
-from ..scales import Partition
-from ..studies import FluidState, Sampling, Scene, drop_ratio, laid_out, placed_windows
+from ..studies import FluidState, Sampling, Scene, count_face_windows, drop_ratio, lay_out_windows
 from ..studies.costs import Effort, usual_efforts
 from ..studies.deterministic import STEP_BYTES
-from ..studies.local_pressure import map_text
+from ..studies.window_pressures import describe_map
+from ..windows import Partition
 from .pilot import efforts, pace
 
 #: Shortest waves that a window should hold along each side.
@@ -86,7 +86,7 @@ def describe(case: Case, made: Prepared) -> list[str]:
         highest += f"; at most: those that {100 * case.load.interpolate:.3g} % allows are interpolated"
     lines.append(_line("load", f"{steps} states: {steps - down} loading{unloading}, up to {highest}"))
     lines.append(_line("flow", f"discretisation {scene.discretisation}, solver {scene.solver}"))
-    lines += _gas_lines(scene)
+    lines += _law_lines(scene)
     lines += _accuracy_lines(case, made)
     if prepared.choice:
         lines.append(_line("method", prepared.choice))
@@ -108,7 +108,7 @@ def describe(case: Case, made: Prepared) -> list[str]:
             lines.append(_line("two-scale", text))
         if prepared.sampling is not None:
             sampling = prepared.sampling
-            laid, *others = laid_out(scene.layout, partition, sampling)
+            laid, *others = lay_out_windows(scene.layout, partition, sampling)
             length, *more = (to_text(one.seal.size[1], "m", 3) for one in (laid, *others))
             text = (
                 f"{_library(prepared, sampling, partition)} (pressure: {sampling.pressure}, "
@@ -118,7 +118,7 @@ def describe(case: Case, made: Prepared) -> list[str]:
             lines.append(_line("stochastic", text))
             if str(scene.layout) != "a strip":
                 lines.append(_line("seal", str(scene.layout)))
-            if uneven := map_text(scene, laid, sampling.pressure_map):
+            if uneven := describe_map(scene, laid, sampling.pressure_map):
                 lines.append(_line("pressure map", uneven))
     if case.surface.filter_sensitivity:
         points = " × ".join(map(str, without_short_waves(prepared).surface.shape))
@@ -185,7 +185,7 @@ def refuse_too_large(case: Case, made: Prepared) -> None:
         f"at most the {most / 1e9:.3g} GB {which}: {advice}; "
         f"or memory = '{np.ceil(needed / 1e8) / 10:g} GB' in the case, to run all the same"
     )
-    raise InputError.of("memory", given, allowed)
+    raise InputError("memory", given, allowed)
 
 
 def _accuracy_lines(case: Case, made: Prepared) -> list[str]:
@@ -204,12 +204,15 @@ def _accuracy_lines(case: Case, made: Prepared) -> list[str]:
     return lines
 
 
-def _gas_lines(scene: Scene) -> list[str]:
-    """What slip does to the flow of a gas in a gap of the rms height."""
-    if (drop := scene.flow.drop) is None:
+def _law_lines(scene: Scene) -> list[str]:
+    """What the law of the fluid does to the flow in a gap of the rms height, where it is not the cubic one."""
+    drop = scene.flow.drop
+    if drop.law.homogeneous:
         return []
     ends = [max(p, drop.least_pressure) for p in (drop.inlet, drop.outlet)]
-    at_inlet, at_outlet = drop.gas.flow_factor(scene.surface.rms_height, ends)
+    at_inlet, at_outlet = drop.law.factor(scene.surface.rms_height, ends)
+    if not drop.law.depends_on_pressure:
+        return [_line("slip", f"{at_inlet:.3g} times the viscous flow in a gap of the rms height")]
     text = (
         f"slips: {at_inlet:.3g} (inlet) to {at_outlet:.3g} (outlet) times the viscous flow in a gap of the rms height; "
         f"permeability of windows at {drop.pressures.size} pressures, other flow solved 3 to 5 times"
@@ -304,7 +307,7 @@ def _library(prepared: Prepared, sampling: Sampling, partition: Partition) -> st
     """The windows of a library that are used, and how many of them do not overlap."""
     if sampling.pressure != "place":
         return f"{sampling.library_cells} library windows"
-    used, of_face = placed_windows(sampling, partition), partition.cells[0] * partition.cells[1]
+    used, of_face = count_face_windows(sampling, partition), partition.cells[0] * partition.cells[1]
     asked = f", not {sampling.library_cells}" if sampling.library_cells != used else ""
     again = f", the {of_face} of the face cut {used // of_face} times" if used > of_face else " of the face"
     return f"{used} library windows{again}{asked}, contact {_contact(prepared)}"
