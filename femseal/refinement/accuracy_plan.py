@@ -13,7 +13,7 @@ from ..case.case import Case
 from ..preparation.preparation import Prepared, prepare
 from ..seal.layouts import RectangularLayout
 from ..seal.pressure_map import Uniform
-from ..studies import count_face_windows, laid_out
+from ..studies import count_face_windows, lay_out_windows
 from ..studies.costs import deterministic_cost, pressures_of_gas, stochastic_cost, two_scale_cost, usual_efforts
 from ..windows import Partition
 
@@ -246,7 +246,7 @@ def _cost(prepared: Prepared, variant: Variant) -> tuple[float, float]:
     sampling = replace(prepared.sampling, library_cells=variant.library_cells)
     surface = prepared.scene.surface
     partition = Partition(surface.shape, surface.spacing, variant.cells)
-    seal = laid_out(prepared.scene.layout, partition, sampling)[0].unknowns
+    seal = lay_out_windows(prepared.scene.layout, partition, sampling)[0].unknowns
     return stochastic_cost(efforts, variant.points, variant.cells, sampling, seal, prepared.contact, pressures)
 
 

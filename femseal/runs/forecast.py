@@ -19,10 +19,10 @@ from ..preparation.settings import fixed, time_limit
 from ..preparation.study_costs import study_cost
 from ..refinement.budgeted import coarser_grids, filtered_input
 from ..results.fields import fields_size
-from ..studies import FluidState, Sampling, Scene, count_face_windows, drop_ratio, laid_out
+from ..studies import FluidState, Sampling, Scene, count_face_windows, drop_ratio, lay_out_windows
 from ..studies.costs import Effort, usual_efforts
 from ..studies.deterministic import STEP_BYTES
-from ..studies.window_pressures import map_text
+from ..studies.window_pressures import describe_map
 from ..windows import Partition
 from .pilot import efforts, pace
 
@@ -108,7 +108,7 @@ def describe(case: Case, prepared: Prepared) -> list[str]:
             lines.append(_line("two-scale", text))
         if prepared.sampling is not None:
             sampling = prepared.sampling
-            laid, *others = laid_out(scene.layout, partition, sampling)
+            laid, *others = lay_out_windows(scene.layout, partition, sampling)
             length, *more = (to_text(one.seal.size[1], "m", 3) for one in (laid, *others))
             text = (
                 f"{_library(prepared, sampling, partition)} (pressure: {sampling.pressure}, "
@@ -118,7 +118,7 @@ def describe(case: Case, prepared: Prepared) -> list[str]:
             lines.append(_line("stochastic", text))
             if str(scene.layout) != "a strip":
                 lines.append(_line("seal", str(scene.layout)))
-            if uneven := map_text(scene, laid, sampling.pressure_map):
+            if uneven := describe_map(scene, laid, sampling.pressure_map):
                 lines.append(_line("pressure map", uneven))
     if prepared.filtered is not None:
         points = " × ".join(map(str, prepared.filtered.surface.shape))
