@@ -73,9 +73,7 @@ def case_sentences(results: Results) -> list[str]:
         sentences.append(f"{text[0].upper()}{text[1:]}{grid}.")
     if surface_text := _surface_text(json.loads(attrs["surface"])):
         sentences.append(surface_text)
-    modulus, hardness = float(attrs["contact_modulus_Pa"]), float(attrs["hardness_Pa"])
-    kind = "elastic" if np.isinf(hardness) else f"elastic-perfectly plastic with hardness {to_text(hardness, 'Pa')}"
-    sentences.append(f"Contact modulus {to_text(modulus, 'Pa')}, {kind}.")
+    sentences.append(f"Contact modulus {to_text(float(attrs['contact_modulus_Pa']), 'Pa')}, {attrs['contact_law']}.")
     sentences += load_sentences(data, case)
     inlet, outlet = (to_text(float(attrs[f"{end}_pressure_Pa"]), "Pa") for end in ("inlet", "outlet"))
     sentences.append(

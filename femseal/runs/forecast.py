@@ -280,7 +280,7 @@ def _surface_lines(prepared: Prepared) -> list[str]:
     lines = [
         _line("surface", f"{surface.shape[0]} × {surface.shape[1]} points, {size}, pixel {pixel}"),
         _line("", f"rms height {height}, rms slope {surface.rms_slope:.3g}, "
-                  f"H/(E*·slope) {scene.hardness / scene.modulus / surface.rms_slope:.3g}"),
+                  f"H/(E*·slope) {scene.law.mean_hardness / scene.modulus / surface.rms_slope:.3g}"),
     ]  # fmt: skip
     if report.undefined_share or report.spikes:
         lines.append(_line("", f"{report.undefined_share:.2%} undefined points and {report.spikes} in spikes filled"))

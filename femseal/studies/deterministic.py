@@ -94,7 +94,7 @@ def deterministic(scene: Scene, *, cells: tuple[int, int] | None = None, mapper:
         gap0,
         half_space,
         scene.steps,
-        hardness=scene.hardness,
+        law=scene.law,
         rtol=scene.rtol,
         take=partial(_resolved, settings=scene.flow, partition=partition),
         memory=state_memory(gap0.size),

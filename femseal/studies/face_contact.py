@@ -65,7 +65,7 @@ def _whole_contact(scene: Scene, cells: tuple[int, int], mapper: Mapper) -> Wind
         surface.heights.max() - surface.heights,
         half_space,
         steps,
-        hardness=scene.hardness,
+        law=scene.law,
         rtol=scene.rtol,
         take=partial(_whole_state, partition=partition),
         mapper=mapper,

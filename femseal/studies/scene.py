@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ..base.errors import InputError
 from ..base.quantities import to_text
 from ..base.stage import Mapper
+from ..contact import ContactLaw, contact_law
 from ..flow import Permeability, cell_permeability
 from ..flow.pressure_drop import PressureDrop
 from ..fluids import Fluid
@@ -32,7 +33,8 @@ class Scene:
     """A rough face under load, and the fluid that it seals.
 
     surface : heights of the combined faces; high points touch first.
-    modulus, hardness : contact modulus E* and hardness H [Pa].
+    modulus : contact modulus E* [Pa].
+    hardness : H [Pa] of perfect plasticity, inf is elastic; or a contact law, such as `LinearHardening`.
     fluid : the fluid that leaks. inlet_pressure, outlet_pressure : its pressures at both ends of x1 [Pa]; the highest
         inlet pressure where the layout gives each inlet its own.
     boundary : contact boundary of the whole face along x1 and x2, see `HalfSpace`.
@@ -44,7 +46,7 @@ class Scene:
 
     surface: Topography
     modulus: float
-    hardness: float
+    hardness: float | Array | ContactLaw
     fluid: Fluid
     inlet_pressure: float
     outlet_pressure: float
@@ -73,6 +75,11 @@ class Scene:
             raise InputError("surface", f"{undefined} of {self.surface.heights.size} points undefined", allowed)
 
     @property
+    def law(self) -> ContactLaw:
+        """What the points of the faces can carry."""
+        return contact_law(self.hardness)
+
+    @property
     def steps(self) -> LoadProgramme:
         """The load programme."""
         return LoadProgramme.of(self.loading, self.unload_from, self.unloading)
@@ -87,7 +94,7 @@ class Scene:
             cut_off,
             self.steps,
             modulus=self.modulus,
-            hardness=self.hardness,
+            law=uniform_law(self),
             boundary=self.boundary,
             rtol=self.rtol,
             take=take,
@@ -138,6 +145,18 @@ class Scene:
                 leakage.append(through.per_length)
                 solvers += flow.solvers + SolverCounts.of(through) if first[s] == s else SolverCounts()
         return FaceLeakage(np.array(leakage), tuple(failures), solvers)
+
+
+def uniform_law(scene: Scene) -> ContactLaw:
+    """The contact law of a scene whose windows are solved by themselves.
+
+    Raises
+    ------
+    InputError : the law differs from place to place.
+    """
+    if not scene.law.is_uniform:
+        raise InputError("hardness", "a law that differs from place to place", "the same everywhere for windows")
+    return scene.law
 
 
 @dataclass(frozen=True, eq=False)
