@@ -14,7 +14,7 @@ import femseal as fs
 from femseal.accuracy import make_plan
 from femseal.loads import LoadProgramme
 from femseal.report.load_words import load_sentences
-from femseal.results.variables import step_coordinates
+from femseal.results.fields import step_coordinates
 from femseal.runs.case import parse_case
 from femseal.runs.forecast import describe
 from femseal.runs.job import _face_files

@@ -21,8 +21,8 @@ from femseal.fluids import Liquid
 from femseal.plots import seal_figure
 from femseal.report import write_folder
 from femseal.results import assemble, open_results, write_vtk
-from femseal.results.fields import plan_fields
-from femseal.results.views import chosen_windows
+from femseal.results.pixel_fields import plan_fields
+from femseal.studies.link_flow import chosen_windows
 from femseal.runs import job
 from femseal.runs.case import parse_case
 from femseal.studies import Sampling, Scene, deterministic, stochastic, two_scale
@@ -122,7 +122,7 @@ def test_seal_is_a_mesh_in_time(results, folder):
             ("k1_m3", "k1", 1),
             ("nominal_contact_pressure_MPa", "window_pressure", 1e-6),
             ("mean_gap_um", "window_mean_gap", 1e6),
-            ("contact_share", "window_contact_fraction", 1),
+            ("contact_fraction", "window_contact_fraction", 1),
         ):
             for half in (0, 1):
                 assert_allclose(cells[name].reshape(M1, M2, 2)[..., half], data[variable][s] * factor, rtol=1e-12)
@@ -633,8 +633,8 @@ FULL = """
 import resource, signal, sys
 from pathlib import Path
 from types import SimpleNamespace
-from femseal.results.series import write
-from femseal.results.views import Heights
+from femseal.results.vtk_files import write_series as write
+from femseal.results.vtk_files import Heights
 from femseal.topography import self_affine
 view = Heights(self_affine((64, 64), (1e-4, 1e-4), hurst=0.8, rms_slope=0.1, rng=1))
 view.at(0)

@@ -22,9 +22,9 @@ from femseal.fluids import IdealGas, Liquid
 from femseal.plots import cells_figure, leakage_figure, seal_figure
 from femseal.report import write_folder
 from femseal.results import assemble, open_results, save, write_vtk
-from femseal.results.branches import branch_text
-from femseal.results.tables import amount
-from femseal.results.views import chosen_windows
+from femseal.results.selections import branch_text
+from femseal.results.tables import format_leakage
+from femseal.studies.link_flow import chosen_windows
 from femseal.scales import element_flow
 from femseal.seal import RectangularSeal
 from femseal.studies import Sampling, Scene, TwoScaleResult, deterministic, stochastic, two_scale
@@ -148,7 +148,7 @@ def test_flux_of_a_gas_is_its_volume_rate(scene, studies):
 
 def test_contact_share_comes_from_the_best_study(scene, studies):
     two, det, lib = (
-        assemble(scene, **{name: studies[name]}).dataset["contact_share"].values
+        assemble(scene, **{name: studies[name]}).dataset["contact_fraction"].values
         for name in ("two_scale", "deterministic", "stochastic")
     )
     assert_allclose(two, studies["two_scale"].contact_fraction.mean(axis=(1, 2)))
@@ -203,7 +203,7 @@ def test_statistics_are_those_of_the_realisations_that_did_not_fail(studies):
         means = (1e-3 + 1e-6 + 1e-9) / 3, 1e-6 / 2, (1e-4 + 1e-8) / 2
         mean = [means[0], -means[0], means[1], means[2], -means[2], -1, -5e-7, np.nan]
         assert_allclose(s.mean, mean, rtol=1e-12)
-        assert_allclose(s.sealed_share, [0, 0, 1 / 2, 0, 0, 0, 1 / 2, np.nan], rtol=1e-12)
+        assert_allclose(s.sealed_fraction, [0, 0, 1 / 2, 0, 0, 0, 1 / 2, np.nan], rtol=1e-12)
 
 
 def test_flow_towards_the_inlet_and_failed_steps_are_shown(scene, studies):
@@ -227,7 +227,7 @@ def test_flow_towards_the_inlet_and_failed_steps_are_shown(scene, studies):
     assert_allclose(shown, -r.leakage.values[:3] / factor)
     assert np.isnan(shown[1])
     assert "unknown: a window failed" in seal_figure(r, 1).axes[0].get_title()
-    low, high = (amount(r.dataset[n].values[0], factor) for n in ("leakage_lower", "leakage_upper"))
+    low, high = (format_leakage(r.dataset[n].values[0], factor) for n in ("leakage_lower", "leakage_upper"))
     assert f"<td>{low} to {high}</td>" in r._repr_html_()
     assert "at 700 MPa: failed" in repr(assemble(back, two_scale=replace(two, leakage=two.leakage * np.nan)))
 
@@ -237,7 +237,7 @@ def test_failures_are_nan_not_sealed(scene, studies):
     leakage[:, 1] = np.nan
     broken = replace(studies["stochastic"], leakage=leakage, failures=("realisation 0: bad",))
     r = assemble(scene, stochastic=broken)
-    for name in ("leakage_median", "leakage_lower", "leakage_upper", "leakage_mean", "sealed_share"):
+    for name in ("leakage_median", "leakage_lower", "leakage_upper", "leakage_mean", "sealed_fraction"):
         assert_array_equal(np.isnan(r.dataset[name]), [False, True, False, False, False])
     assert r.failures == ["realisation 0: bad"]
     assert "failures   1, the first: realisation 0: bad" in repr(r)
@@ -588,7 +588,7 @@ def test_seal_is_read_back_by_vtk(results, folder):
             ("k1_m3", "k1", 1),
             ("nominal_contact_pressure_MPa", "window_pressure", 1e-6),
             ("mean_gap_um", "window_mean_gap", 1e6),
-            ("contact_share", "window_contact_fraction", 1),
+            ("contact_fraction", "window_contact_fraction", 1),
         ):
             values = cells[name].reshape(M1, M2, 2)
             assert_allclose(values[..., 0], data[variable][s] * factor, rtol=1e-12)

@@ -16,7 +16,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 import femseal as fs
 from femseal.report import write_folder
 from femseal.results import assemble, series
-from femseal.results.views import Cells, LoadSteps
+from femseal.results.vtk_files import Cells, LoadSteps
 
 MACRO = Path(__file__).parents[1] / "examples" / "paraview_two_scale.py"
 M1, M2 = 3, 4
@@ -129,7 +129,7 @@ def test_paraview_opens_every_file(results, folder, tmp_path):
             ("k1_m3", "k1", 1),
             ("nominal_contact_pressure_MPa", "window_pressure", 1e-6),
             ("mean_gap_um", "window_mean_gap", 1e6),
-            ("contact_share", "window_contact_fraction", 1),
+            ("contact_fraction", "window_contact_fraction", 1),
             ("plastic_share", "window_plastic_fraction", 1),
             ("flux_m2_per_s", "flux1", 1),
         ):

@@ -81,7 +81,7 @@ def test_the_dataset_has_median_and_band_of_every_length(results, seals):
         for name, values in (("median", own.quantile(0.5)), ("upper", own.quantile(0.95)),
                              ("lower_together", own.quantile(0.05, resampled=True))):  # fmt: skip
             assert_array_equal(data[f"leakage_of_lengths_{name}"][n], values)
-        assert_array_equal(data["sealed_share_of_lengths"][n], own.sealed_share)
+        assert_array_equal(data["sealed_fraction_of_lengths"][n], own.sealed_fraction)
     assert_array_equal(data["leakage_median"], data["leakage_of_lengths_median"][0])
     # the leakage per length of longer seals scatters less
     width = np.log(data["leakage_of_lengths_upper"] / data["leakage_of_lengths_lower"])[:, 0]

@@ -485,7 +485,7 @@ class TestResolvedFlow:
         study = two_scale(rough, (4, 6), flow="resolved")
         results = assemble(rough, two_scale=study)
         data, exact = results.dataset, assemble(rough, deterministic=deterministic(rough)).dataset
-        assert not {"k1", "flux1", "fluid_pressure", "drop_share"} & set(data)
+        assert not {"k1", "flux1", "fluid_pressure", "drop_fraction"} & set(data)
         for name, scale in (("gap", 1e-6), ("contact_pressure", 1e9), ("fluid_pressure", DROP)):
             assert_allclose(data[f"face_{name}"], exact[f"face_{name}"], atol=1e-4 * scale)
         assert_array_equal(results.cell(1, 2)["window_pressure"], study.pressure[:, 1, 2])
@@ -882,7 +882,7 @@ class TestStatistics:
 
     def test_sealed_ones(self):
         result = self.result([[0, 0], [0, 1], [4, 1], [0, 1]])
-        assert_allclose(result.sealed_share, [0.75, 0.25])
+        assert_allclose(result.sealed_fraction, [0.75, 0.25])
         assert_allclose(result.mean, [1, 0.75])
         assert_allclose(result.quantile(0.5), [0, 1])
         assert_allclose(result.quantile(0.9), [0, 1])  # between 0 and 4
@@ -891,7 +891,7 @@ class TestStatistics:
     def test_failed_ones_are_left_out(self):
         result = self.result([[np.nan, np.nan], [0, np.nan], [4, np.nan], [9, np.nan]])
         assert_allclose(result.mean, [13 / 3, np.nan])
-        assert_allclose(result.sealed_share, [1 / 3, np.nan])
+        assert_allclose(result.sealed_fraction, [1 / 3, np.nan])
         assert_allclose(result.quantile(0.75), [6, np.nan])
         assert_allclose(result.quantile(0.5), [4, np.nan])
 

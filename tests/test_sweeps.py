@@ -242,7 +242,7 @@ def test_picture_of_a_sweep(swept):
     left, right = figure.axes
     assert found.labels[1] == "hardness 3 GPa, viscosity 2 mPa*s"
     assert left.get_xlabel() == "nominal pressure [MPa]"
-    assert left.get_ylabel() == found.told_as
+    assert left.get_ylabel() == found.label
     lines = [line for line in left.lines if len(line.get_xdata()) > 1]
     assert len(lines) == 8  # loading and unloading of four runs
     for n, run in enumerate(found.runs):

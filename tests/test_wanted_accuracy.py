@@ -15,7 +15,7 @@ from femseal.budget import ErrorBudget, ErrorPart, counting_steps, judged
 from femseal.loads import LoadProgramme
 from femseal.report.words import check_lines, key_numbers
 from femseal.results import wanted_accuracy
-from femseal.results.tables import error_band, leak_scale
+from femseal.results.tables import format_error_band, leak_scale
 from femseal.runs.attempts import settled_as
 from femseal.runs.case import parse_case
 from femseal.runs.forecast import describe
@@ -121,7 +121,7 @@ def test_the_page_tells_what_was_chosen_and_the_band_of_error(tmp_path):
     assert float(told["contact.rtol"]) == chosen["rtol"] != 1e-5
     assert int(told["stochastic.realisations"]) == chosen["realisations"] == 20
     assert told["stochastic.library_cells"] == "2"
-    band = error_band(results.budget.lower[0], results.budget.upper[0], leak_scale(results)[1])
+    band = format_error_band(results.budget.lower[0], results.budget.upper[0], leak_scale(results)[1])
     assert key_numbers(results)[0].note == f"95 % band of error {band}"
 
 

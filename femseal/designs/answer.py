@@ -16,7 +16,7 @@ from ..base.errors import InputError
 from ..base.leak_classes import USUAL, LeakClass, leak_classes
 from ..base.provenance import versions
 from ..base.quantities import to_si, to_text
-from ..base.text import fact_table
+from ..base.text_table import TextTable
 from ..results import open_results
 from ..results.results import Results
 from ..runs import job
@@ -74,10 +74,10 @@ class Design:
         from .data_sheet import sheet, slopes, slopes_title
 
         (heads, lines), (slope_heads, slope_lines) = sheet(self), slopes(self)
-        told = fact_table("Pressure in assembly and in service", map(tuple, lines), tuple(heads))
+        page = TextTable("Pressure in assembly and in service", tuple(heads), tuple(map(tuple, lines)))._repr_html_()
         if slope_lines:
-            told += fact_table(slopes_title(self), map(tuple, slope_lines), tuple(slope_heads))
-        return told
+            page += TextTable(slopes_title(self), tuple(slope_heads), tuple(map(tuple, slope_lines)))._repr_html_()
+        return page
 
     def write(self, folder: str | os.PathLike[str]) -> list[Path]:
         """Write `design.csv`, `design.json` and `design.png`; the report of results in the folder shows them."""
@@ -146,7 +146,7 @@ def design(
         raise InputError.of("results", "no seal whose leakage is known at every load", "results without such failures")
     wanted = wanted or _usual(results)
     diameter = diameter or results.dataset.attrs.get("nominal_diameter_m")
-    limits = [(one.name, one.limit(results.judged_basis, diameter)) for one in wanted]
+    limits = [(one.name, one.limit(results.class_basis, diameter)) for one in wanted]
     needs = tuple(requirement(seals, name, limit, probability) for name, limit in limits)
     place = _place(needs, seals, probability)
     variants, turned, notes = Variants(hardness_counts=_yields(results)), None, _notes(seals, probability, results)

@@ -18,7 +18,7 @@ from ..report import write_report
 from ..report.design_section import DESIGN_FILE, DESIGN_PICTURE
 from ..report.words import fluid_text
 from ..results.netcdf import FILE_NAME
-from ..results.tables import amount
+from ..results.tables import format_leakage
 
 if TYPE_CHECKING:
     from .answer import Design
@@ -33,7 +33,7 @@ def leak_scale(answer: Design) -> tuple[LeakUnit, float]:
     unit = answer.results.leak_unit
     if answer.requirements:
         unit = LEAK_UNITS[leak_classes([answer.requirements[0].name])[0].unit]
-    return unit, answer.results.judged_basis.factor(unit)
+    return unit, answer.results.class_basis.factor(unit)
 
 
 def sheet(answer: Design) -> tuple[list[str], list[list[str]]]:
@@ -43,7 +43,7 @@ def sheet(answer: Design) -> tuple[list[str], list[list[str]]]:
     heads = ["class L", f"limit [{unit.name}]", "Qmin(L)", *(f"QSmin(L), Q_A = {to_text(q, 'Pa')}" for q in peaks)]
     lines = []
     for need in answer.requirements:
-        line = [need.name, amount(need.limit, scale), need.assembly.text()]
+        line = [need.name, format_leakage(need.limit, scale), need.assembly.text()]
         lines.append(line + [_service_text(need.service[q]) for q in peaks])
     return heads, lines
 

@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 
 from ..base.leak_classes import within
 from ..loads import LoadProgramme
-from ..results.reached_classes import judged_leakage
 from ..results.results import Results
 
 Array = NDArray[np.float64]
@@ -40,7 +39,7 @@ class Seals:
     @classmethod
     def of_results(cls, results: Results) -> Seals:
         """The realisations of a run, or its one seal, with the fluid by which leakage classes are judged."""
-        _, several = judged_leakage(results.dataset, results)
+        _, several = results.class_leakage
         error = results.dataset["library_error"].values if "library_error" in results.dataset else None
         return cls.of(results.steps, several, error if results.method == "median" else None)
 

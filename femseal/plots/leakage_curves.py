@@ -12,12 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.leak_units import leakage_unit
-from ..results.branches import Steps, branches, pressures_and_peaks
 from ..results.results import Results
-from ..results.tables import leak_scale, leakage_of
+from ..results.selections import Steps, branches, pressures_and_peaks
+from ..results.tables import leakage_of
 from ..studies import DeterministicResult, StochasticResult, TwoScaleResult
-from .drawing import GREY, LEGEND_LINE, LINES, Sheet, branch_styles, legend_below, one_panel
-from .registry import shows
+from .drawing import GREY, LEGEND_LINE, LINES, Sheet, branch_styles, legend_below, one_panel, shows
 from .scales_of_axes import decades, load_axis
 
 if TYPE_CHECKING:
@@ -325,7 +324,7 @@ def _limits(results: Results) -> dict[str, float]:
 
 
 def _told(results: Results) -> tuple[float, str]:
-    unit, factor = leak_scale(results)
+    unit, factor = results.leak_scale
     return factor, f"{leakage_of(results).rstrip(',')} [{unit.name}]"
 
 

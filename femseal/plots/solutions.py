@@ -11,10 +11,9 @@ from numpy.typing import NDArray
 from ..base.errors import InputError
 from ..contact import Contact, LoadCycle, LoadState
 from ..flow import Permeability
-from ..results.branches import branches, pressures_and_peaks
+from ..results.selections import branches, pressures_and_peaks
 from ..seal import Leakage
-from .drawing import POCKET, branch_styles, map_height, map_panel, new_figure, one_panel, with_closed
-from .registry import shows
+from .drawing import POCKET, branch_styles, map_height, map_panel, new_figure, one_panel, shows, with_closed
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -82,7 +81,7 @@ def seal_leakage_figure(leakage: Leakage, ax: Axes | None = None) -> Figure:
     """
     if leakage.fluid_pressure.ndim != 2:
         given = f"the leakage of a mesh, with {leakage.fluid_pressure.size} nodes"
-        raise InputError.of("plot", given, "that of a seal with rows of nodes, rectangular or annular")
+        raise InputError("plot", given, "that of a seal with rows of nodes, rectangular or annular")
     n1, n2 = leakage.fluid_pressure.shape
     figure, axes = one_panel(ax, 6.4, map_height((n1, n2), 4.8) + 0.9)
     title = "fluid pressure [MPa]; white: pockets"

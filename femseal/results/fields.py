@@ -1,186 +1,287 @@
-"""Fields over all pixels of the face: gap, contact and fluid pressure, an image for each load step.
+"""Variables of the dataset: the declared fields of the studies' results, and those that are computed from several.
 
-They are large, so they are not part of `results.nc`: `fields.pvd` and the images in the folder `fields` hold them once,
-in single precision and compressed, for `Results.gap`, `Results.contact_pressure` and `Results.fluid_pressure` as for
-ParaView.
+A field over the load steps is a column of the tables, with a heading also of the table for people; one over windows, or
+over parts of the drawn seal, is an array in ParaView.
 """
 
 from __future__ import annotations
 
-from collections.abc import Container
-from dataclasses import dataclass
-from pathlib import Path
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import fields
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base.errors import InputError
-from ..base.quantities import to_text
-from . import series
-from .interpolated import solved_steps
-from .select import window
-from .views import Field, Image, LoadSteps
+from ..base.fields import (
+    BLOCK,
+    ERROR_SOURCE,
+    FACE,
+    LENGTH,
+    LIBRARY_CELL,
+    PIXEL,
+    STEP,
+    Field,
+    Place,
+    fields_of,
+)
+from ..base.leak_units import LEAK_UNITS, LeakBasis
+from ..budget import ErrorBudget, ErrorPart
+from ..loads import LoadProgramme, LoadStep
+from ..scales import LibraryTable
+from ..seal import NARROWEST
+from ..studies import DeterministicResult, Scene, StochasticResult, TwoScaleResult
+from ..studies.between_loads import at_all_steps
+from ..studies.link_flow import link_flow
+from .selections import INTERPOLATED
 
 if TYPE_CHECKING:
     import xarray
 
-    from .results import Results
-
 Array = NDArray[np.float64]
-NAME = "fields"
-#: Default size above which steps are left out [byte], before compression.
-LIMIT = 1e9
-#: Field, its study, its name in the file, the value of the file's unit in SI, unit and long name.
-_FIELDS = (
-    ("gap", "two_scale", "gap_um", 1e-6, "m", "gap"),
-    ("contact_pressure", "two_scale", "contact_pressure_MPa", 1e6, "Pa", "contact pressure"),
-    ("fluid_pressure", "two_scale", "fluid_pressure_Pa", 1.0, "Pa", "fluid pressure"),
-    ("gap", "deterministic", "gap_deterministic_um", 1e-6, "m", "gap, deterministic"),
-    (
-        "contact_pressure",
-        "deterministic",
-        "contact_pressure_deterministic_MPa",
-        1e6,
-        "Pa",
-        "contact pressure, deterministic",
-    ),
-    ("fluid_pressure", "deterministic", "fluid_pressure_deterministic_Pa", 1.0, "Pa", "fluid pressure, deterministic"),
-)
-#: The field of two scales that links do not have.
-_RESOLVED_ONLY = ("fluid_pressure", "two_scale")
-_BYTES = np.dtype(np.float32).itemsize
+#: Most blocks along a side of the maps, of the heights and of a field at every step.
+HEIGHT_BLOCKS, FIELD_BLOCKS = 256, 128
+#: Sources of error in the order in which they are shown.
+SOURCES = ("solver", "pixels", "filter", "windows", "two scales", "sampler", "library", "realisations", "loads")
+#: Dimensions beside the steps whose every entry is a number of its own; variables with others are fields.
+_OF_NUMBERS = {"step", "realisation", "seal_length"}
 
 
-@dataclass(frozen=True)
-class FieldPlan:
-    """Steps of the fields that are written, and a text on those left out for their size; "" if there are none."""
-
-    steps: NDArray[np.int64]
-    left_out: str = ""
+def add(data: xarray.Dataset, made: Field, values: Any, **attrs: Any) -> None:
+    """Add a field; one of this name that is there stays."""
+    if made.name not in data:
+        data[made.name] = (made.place.dims, values, made.attrs | attrs)
 
 
-def plan_fields(results: Results, limit: float) -> FieldPlan:
-    """Steps whose fields together are not larger than `limit` [byte] before compression.
+def add_step(data: xarray.Dataset, name: str, unit: str, long_name: str, values: Any, **attrs: Any) -> None:
+    """Add a field over the load steps."""
+    add(data, Field(name, unit, long_name, STEP), values, **attrs)
 
-    Where not all of them fit: evenly over the programme, with the highest load.
+
+def add_coordinate(data: xarray.Dataset, dim: str, unit: str, long_name: str, values: Any) -> None:
+    """Add the coordinate of a dimension."""
+    data.coords[dim] = (dim, values, Field(dim, unit, long_name, Place("", (dim,))).attrs)
+
+
+def add_declared(data: xarray.Dataset, result: Any) -> None:
+    """Add every declared field of a result, except the large ones over all pixels."""
+    for made, values in fields_of(result):
+        if made.place != PIXEL and np.size(values):
+            add(data, made, values)
+
+
+def step_coordinates(dim: str, prefix: str, steps: Sequence[LoadStep]) -> dict[str, Any]:
+    """Coordinates that describe the load steps along a dimension; `prefix` is prepended to their names."""
+    peaks = [np.nan if s.unloaded_from is None else s.unloaded_from for s in steps]
+    columns = {
+        dim: (np.arange(len(steps)), "1", "index of the load step"),
+        f"{prefix}branch": ([s.branch for s in steps], "1", "branch of the load cycle"),
+        f"{prefix}nominal_pressure": ([float(s.pressure) for s in steps], "Pa", "nominal pressure"),
+        f"{prefix}unloaded_from": (peaks, "Pa", "nominal pressure from which the step is unloaded"),
+        f"{prefix}name": ([s.name for s in steps], "1", "name of the load step"),
+    }
+    return {name: (dim, values, {"units": unit, "long_name": text}) for name, (values, unit, text) in columns.items()}
+
+
+def add_windows(data: xarray.Dataset, scene: Scene, result: TwoScaleResult) -> None:
+    """Add fields of the windows and of the nodes, and what flows through the links."""
+    (m1, m2), (d1, d2) = result.partition.cells, result.partition.window_size
+    rows = np.array(result.partition.node_rows)
+    add_coordinate(data, "cell1", "m", "x1 of window centres, from the inlet", (np.arange(m1) + 0.5) * d1)
+    add_coordinate(data, "cell2", "m", "x2 of window centres, along the seal", (np.arange(m2) + 0.5) * d2)
+    add_coordinate(data, "node1", "m", "x1 of the global nodes", rows)
+    if m1 > 1:
+        add_coordinate(data, "corner1", "m", "x1 of links along x2", rows[1:-1])
+    add_declared(data, result)
+    if (flow := link_flow(scene, result)) is not None:
+        add_declared(data, flow)
+        add_coordinate(data, "narrowest", "1", "number of links that dissipate most", list(NARROWEST))
+
+
+def add_realisations(data: xarray.Dataset, result: StochasticResult, quantiles: tuple[float, float]) -> None:
+    """Add the leakage of every realisation, and its quantiles, mean and spread; those of all lengths if several."""
+    add_declared(data, result)
+    add_coordinate(data, "realisation", "1", "realisation", np.arange(len(result.leakage)))
+    ends = {"median": (0.5, False)} | {
+        f"{name}{end}": (q, resampled)
+        for name, q in zip(("lower", "upper"), quantiles, strict=True)
+        for end, resampled in (("", False), ("_together", True))
+        if not resampled or result.leakage_resampled is not None
+    }
+    text = "leakage per unit seal length, {}"
+    for name, (q, resampled) in ends.items():
+        of = "median" if name == "median" else f"{name.partition('_')[0]} quantile {q:g}"
+        more = " with the error of the finite library" if resampled else ""
+        values = result.quantile(q, resampled=resampled)
+        add_step(data, f"leakage_{name}", "m^2/s", text.format(f"{of} of the realisations{more}"), values, quantile=q)
+    if result.leakage_resampled is not None:
+        error = result.library_error
+        add_step(data, "library_error", "1", "standard deviation of ln(leakage), finite library", error)
+    if not result.other_lengths:
+        return
+    every = (result, *result.other_lengths)
+    sizes = np.array([seals.seal.size[1] for seals in every])
+    add_coordinate(data, "seal_length", "m", "length of drawn seals", sizes)
+    for name, (q, resampled) in ends.items():
+        values = np.array([seals.quantile(q, resampled=resampled) for seals in every])
+        of = f"{'median' if name == 'median' else f'quantile {q:g}'} by length"
+        more = " with the error of the finite library" if resampled else ""
+        add(data, Field(f"leakage_of_lengths_{name}", "m^2/s", text.format(of + more), LENGTH), values, quantile=q)
+    sealed = np.array([seals.sealed_fraction for seals in every])
+    of = "fraction of the realisations without leakage by length"
+    add(data, Field("sealed_fraction_of_lengths", "1", of, LENGTH), sealed)
+
+
+def add_library(data: xarray.Dataset, curves: LibraryTable) -> None:
+    """Add the curves of the cells of the library over the steps of the library."""
+    for name, entry in step_coordinates("library_step", "library_", curves.steps).items():
+        data.coords[name] = entry
+    add_coordinate(data, "library_cell", "1", "number of the library cell", np.arange(len(curves.k)))
+    for f in fields(curves):
+        if f.name != "steps":
+            made = Field(f"library_{f.name}", f.metadata["unit"], f.metadata["long_name"], LIBRARY_CELL)
+            add(data, made, getattr(curves, f.name))
+
+
+def add_heights(data: xarray.Dataset, scene: Scene) -> None:
+    """Add the heights of the face, as means over blocks."""
+    add_blocks(data, ("face1", "face2"), scene, HEIGHT_BLOCKS)
+    made = Field("face_height", "m", "height of the face, mean of each block", FACE)
+    add(data, made, block_means(scene.surface.heights, HEIGHT_BLOCKS))
+
+
+def add_block_means(data: xarray.Dataset, scene: Scene, study: DeterministicResult | TwoScaleResult) -> None:
+    """Add the fields over all pixels of a study that resolves the flow, as means over blocks at every step.
+
+    The fields themselves are too large for the dataset. Blocks without a number are NaN.
     """
-    kept = [_array(results, study, field) for field, study, *_ in _FIELDS if _array(results, study, field) is not None]
-    solved = solved_steps(results.dataset)
-    count = solved.size
-    if not kept:
-        return FieldPlan(np.arange(0))
-    each = sum(_BYTES * array[0].size for array in kept)
-    fitting = int(min(limit // each, count))
-    if fitting == count:
-        return FieldPlan(solved)
-    # the middles of equal parts of the programme
-    chosen = ((np.arange(fitting) + 0.5) * count / max(fitting, 1)).astype(int)
-    highest = int(np.argmax(results.dataset["nominal_pressure"].values[solved]))
-    if fitting and highest not in chosen:
-        chosen[np.argmin(np.abs(chosen - highest))] = highest
-    missing = np.setdiff1d(np.arange(count), chosen)
-    numbers = ", ".join(str(n) for n in solved[missing])
-    sizes = f"{to_text(each * count, 'B', 3)} of all steps are above the limit of {to_text(limit, 'B', 3)}"
-    return FieldPlan(solved[np.sort(chosen)], f"fields over all pixels at steps {numbers}: {sizes} (fields_limit)")
+    add_blocks(data, ("block1", "block2"), scene, FIELD_BLOCKS)
+    for made, at_pixels in fields_of(study):
+        if made.place == PIXEL:
+            text, name = f"{made.long_name}, mean of each block", f"face_{made.name.removesuffix('_deterministic')}"
+            values = np.array([block_means(values, FIELD_BLOCKS) for values in at_pixels])
+            add(data, Field(name, made.unit, text, BLOCK), values)
 
 
-def fields_size(shape: tuple[int, int], studies: Container[str], links: bool) -> int:
-    """Size of one step of the fields of the named studies, before compression [byte].
+def add_blocks(data: xarray.Dataset, dims: tuple[str, str], scene: Scene, most: int) -> None:
+    """Add the coordinates of blocks of the face, at most so many along a side."""
+    for n, (dim, count, length) in enumerate(zip(dims, scene.surface.shape, scene.surface.size, strict=True), start=1):
+        blocks = min(count, most)
+        add_coordinate(data, dim, "m", f"x{n} of block centres", (np.arange(blocks) + 0.5) * length / blocks)
 
-    links : whether the flow of two scales goes through links, which have no fluid pressure at the pixels.
+
+def block_means(values: NDArray[Any], most: int) -> NDArray[np.float32]:
+    """Means of the values (n1, n2) over at most `most` blocks along each side, without NaN; NaN where all are.
+
+    Where the sides are no multiples of the blocks, blocks differ by a pixel.
     """
-    kept = [study for field, study, *_ in _FIELDS if not (links and (field, study) == _RESOLVED_ONLY)]
-    return sum(_BYTES * shape[0] * shape[1] for study in kept if study in studies)
+    starts = [np.arange(min(n, most)) * n // min(n, most) for n in values.shape]
+
+    def sums(of: NDArray[Any]) -> Array:
+        return np.add.reduceat(np.add.reduceat(of, starts[0], axis=0, dtype=float), starts[1], axis=1)
+
+    known = ~np.isnan(values)
+    total, count = sums(np.where(known, values, 0.0)) if not known.all() else sums(values), sums(known)
+    return np.divide(total, count, out=np.full(total.shape, np.nan), where=count > 0).astype(np.float32)
 
 
-def write_fields(results: Results, plan: FieldPlan, folder: Path) -> list[Path]:
-    """Write the fields of the studies in memory at the steps of a plan."""
-    cells: dict[str, Field] = {}
-    shape, spacing = (0, 0), (1.0, 1.0)
-    for field, study, name, unit, *_ in _FIELDS:
-        if (array := _array(results, study, field)) is not None:
-            assert results.scene is not None
-            shape, spacing = array.shape[1:], results.scene.surface.spacing
-            cells[name] = _scaled(array, np.searchsorted(solved_steps(results.dataset), plan.steps), 1 / unit)
-    steps = LoadSteps.of(results.dataset, plan.steps)
-    return series.write(Image(NAME, spacing, (0.0, 0.0), shape, steps, cells), folder)
+def add_contact_fraction(
+    data: xarray.Dataset,
+    scene: Scene,
+    deterministic: DeterministicResult | None,
+    two_scale: TwoScaleResult | None,
+    stochastic: StochasticResult | None,
+) -> None:
+    """Add the fraction of the face in contact at every step, from the windows, the whole face, or the library."""
+    if two_scale is not None:
+        fraction, origin = two_scale.contact_fraction.mean(axis=(1, 2)), "windows"
+    elif deterministic is not None:
+        fraction, origin = deterministic.contact_fraction, "deterministic"
+    elif stochastic is not None and set(scene.steps) <= set(stochastic.library.curves.steps):
+        curves = stochastic.library.curves
+        fraction = np.nanmean(curves.contact_fraction[:, [curves.steps.index(s) for s in scene.steps]], axis=0)
+        origin = "library"
+    else:
+        return
+    text = f"fraction of the face in contact, {origin}"
+    add(data, Field("contact_fraction", "1", text, STEP, "contact [%]"), fraction)
 
 
-def _scaled(array: NDArray[Any], steps: NDArray[np.int64], factor: float) -> Field:
-    return lambda n: array[steps[n]] * np.float32(factor)
+def add_totals(data: xarray.Dataset, leakage: xarray.DataArray, basis: LeakBasis) -> None:
+    """Add the best leakage of the whole seal by volume, mass and, for a gas, pressure × volume; and in more units."""
+    whole = f"leakage of the whole seal, {leakage.attrs['long_name'].rpartition(', ')[2]}"
+    at = "" if basis.temperature is None else f" at {basis.temperature:g} K"
+    stated = "" if basis.stated_temperature is None else f" at {basis.stated_temperature:g} K"
+    for name, unit, si, text in (
+        ("leakage_total", "m³/s", "m^3/s", f"{whole}, by volume{at and f'{at} and {basis.pressure:g} Pa'}"),
+        ("leakage_total_mass", "kg/s", "kg/s", f"{whole}, by mass"),
+        ("leakage_total_throughput", "Pa·m³/s", "Pa*m^3/s", f"{whole}, pressure × volume{stated}"),
+    ):
+        if basis.has(LEAK_UNITS[unit]):
+            add_step(data, name, si, text, leakage.values / basis.factor(LEAK_UNITS[unit]))
+    units = basis.units()
+    add_coordinate(data, "leak_unit", "1", "unit of leakage", [unit.name for unit in units])
+    values = np.array([leakage.values / basis.factor(unit) for unit in units])
+    place = Place("units of leakage", ("leak_unit", "step"))
+    add(data, Field("leakage_in_units", "1", f"leakage in units of leak_unit{stated}", place), values)
 
 
-def _array(results: Results, study: str, field: str) -> Any:
-    # `fluid_pressure` of two scales is that of the nodes of links
-    at_pixels = "face_fluid_pressure" if (field, study) == _RESOLVED_ONLY else field
-    return getattr(getattr(results, study), at_pixels, None)
+def add_budgets(data: xarray.Dataset, budgets: Mapping[str, ErrorBudget]) -> None:
+    """Add the band of error of every leakage, and that of each source, by the name of the method in variables."""
+    if not budgets:
+        return
+    present = {part.name for budget in budgets.values() for part in budget.parts}
+    names = [name for name in SOURCES if name in present]
+    add_coordinate(data, "budget_part", "1", "source of error of the leakage", names)
+    notes = {}
+    for method, budget in budgets.items():
+        parts = {part.name: part for part in budget.parts}
+        for end in ("lower", "upper"):
+            text = f"{end} end of the band of error of the leakage, {method.replace('_', '-')}"
+            add_step(data, f"leakage_{method}_budget_{end}", "m^2/s", text, getattr(budget, end))
+            # a source that the method does not have moves nothing
+            ends = [getattr(parts[name], end) if name in parts else budget.leakage for name in names]
+            made = Field(f"leakage_{method}_budget_part_{end}", "m^2/s", f"{text}, of each source", ERROR_SOURCE)
+            add(data, made, np.array(ends))
+        notes[method] = {name: parts[name].note for name in names if name in parts}
+    data.attrs["error_budget"] = json.dumps(notes, ensure_ascii=False)
 
 
-def read_field(results: Results, field: str, step: int, cell: tuple[int, int] | None) -> xarray.DataArray:
-    """A field over the pixels of the face, or of a window, at one step, see `Results.gap`.
+def budgets_in(data: xarray.Dataset, steps: LoadProgramme) -> dict[str, ErrorBudget]:
+    """The budgets of a dataset by the name of their method in variables; empty if there are none."""
+    notes: dict[str, dict[str, str]] = json.loads(data.attrs.get("error_budget", "{}"))
+    found = {}
+    for method, parts in notes.items():
+        lower, upper = (data[f"leakage_{method}_budget_part_{end}"] for end in ("lower", "upper"))
+        made = tuple(
+            ErrorPart(name, lower.sel(budget_part=name).values, upper.sel(budget_part=name).values, note)
+            for name, note in parts.items()
+        )
+        leakage = data["leakage_median" if method == "stochastic" else f"leakage_{method}"].values
+        found[method] = ErrorBudget(method.replace("_", "-"), leakage, made, steps)
+    return found
 
-    It is taken from the two-scale study, or else from the deterministic one; from memory, or else from the folder.
-    """
+
+def with_all_steps(data: xarray.Dataset, solved: NDArray[np.int64], steps: LoadProgramme) -> xarray.Dataset:
+    """A dataset of all steps from one of the solved ones: numbers are interpolated, fields are NaN at the others."""
     import xarray
 
-    data = results.dataset
-    if step not in range(data.sizes["step"]):
-        raise InputError.of("step", step, f"0 to {data.sizes['step'] - 1}")
-    for entry in _FIELDS:
-        if entry[0] == field and (found := _at_step(results, entry, step, cell)) is not None:
-            values, starts, spacing = found
-            break
-    else:
-        at_hand = stored_steps(results)
-        allowed = f"one of {', '.join(map(str, at_hand))}" if at_hand else f"a folder with {NAME}.pvd"
-        raise InputError.of("step", f"{step}, which has no {field.replace('_', ' ')}", allowed)
-    coordinates = {}
-    for n, (start, count, d) in enumerate(zip(starts, values.shape, spacing, strict=True), start=1):
-        labels = {"units": "m", "long_name": f"x{n} of pixel centres"}
-        coordinates[f"x{n}"] = (f"x{n}", (start + np.arange(count) + 0.5) * d, labels)
-    labels = {"units": entry[4], "long_name": f"{entry[5]}, {data['name'].values[step]}"}
-    return xarray.DataArray(values, coordinates, ("x1", "x2"), field, labels)
-
-
-def stored_steps(results: Results) -> list[int]:
-    """Steps whose fields are in memory, or else in the results folder."""
-    if any(_array(results, study, field) is not None for field, study, *_ in _FIELDS):
-        return solved_steps(results.dataset).tolist()
-    return [] if results.folder is None else list(series.stored(results.folder, NAME))
-
-
-def _at_step(
-    results: Results, entry: tuple[str, str, str, float, str, str], step: int, cell: tuple[int, int] | None
-) -> tuple[Array, tuple[int, int], tuple[float, float]] | None:
-    """Values in SI, the pixel with which they begin, and the pixel's size; None where there are none."""
-    field, study, name, unit, *_ = entry
-    if (array := _array(results, study, field)) is not None:
-        assert results.scene is not None
-        d1, d2 = results.scene.surface.spacing
-        rows, columns = _pixels(results.dataset, cell, array.shape[1:], (d1, d2))
-        solved = solved_steps(results.dataset)
-        if step not in solved:
-            return None
-        values = array[int(np.searchsorted(solved, step)), rows, columns]
-        return np.asarray(values, np.float64), (rows.start, columns.start), (d1, d2)
-    path = None if results.folder is None else series.stored(results.folder, NAME).get(step)
-    if path is None or (image := series.read_image(path, name)) is None:
-        return None
-    n1, n2 = (count - 1 for count in image.dimensions[:2])
-    d1, d2 = image.spacing[:2]
-    rows, columns = _pixels(results.dataset, cell, (n1, n2), (d1, d2))
-    values = np.asarray(image.cell_data[name].reshape((n1, n2), order="F")[rows, columns], np.float64) * unit
-    return values, (rows.start, columns.start), (d1, d2)
-
-
-def _pixels(
-    data: xarray.Dataset, cell: tuple[int, int] | None, shape: tuple[int, ...], spacing: tuple[float, float]
-) -> tuple[slice, slice]:
-    """Pixels of a window along x1, between its rows of nodes, and along x2; all of them without a window."""
-    if cell is None:
-        return slice(0, shape[0]), slice(0, shape[1])
-    i, j = window(data, *cell)
-    first, last = (round(float(data["node1"][n]) / spacing[0]) for n in (i, i + 1))
-    width = shape[1] // data.sizes["cell2"]
-    return slice(first, last), slice(j * width, (j + 1) * width)
+    others = {name: c for name, c in data.coords.items() if "step" not in c.dims}
+    found = xarray.Dataset(coords=others | step_coordinates("step", "", steps))
+    for name, variable in data.data_vars.items():
+        if "step" not in variable.dims:
+            found[name] = variable
+            continue
+        last = np.moveaxis(variable.values, variable.dims.index("step"), -1).astype(float)
+        if set(variable.dims) <= _OF_NUMBERS:
+            values = at_all_steps(last, solved, steps, logarithmic=variable.attrs["units"] == "m^2/s")
+        else:
+            kind = variable.dtype if variable.dtype.kind == "f" else float
+            values = np.full((*last.shape[:-1], len(steps)), np.nan, kind)
+            values[..., solved] = last
+        found[name] = (variable.dims, np.moveaxis(values, -1, variable.dims.index("step")), variable.attrs)
+    flags = np.ones(len(steps), np.int8)
+    flags[solved] = 0
+    add_step(found, INTERPOLATED, "1", "1 at load steps that are interpolated between solved ones, else 0", flags)
+    return found

@@ -13,7 +13,7 @@ import numpy as np
 from ..base.errors import FemsealError, NotKept
 from ..base.machine import free_memory
 from ..base.stage import Mapper, Stage
-from ..base.text import duration, share_text
+from ..base.text import duration, format_deviation
 from ..budget import CoarserSolution, ErrorBudget, error_budget, judged
 from ..studies import StochasticResult
 from ..studies.scene import Array
@@ -75,8 +75,8 @@ class Reached:
         """That the accuracy is not reached, and what limits it."""
         if not self.why:
             return ()
-        last, wanted = self.attempts[-1], share_text(np.log1p(self.wanted))
-        error = f"{share_text(last.half_width)} at {last.load}"
+        last, wanted = self.attempts[-1], format_deviation(np.log1p(self.wanted))
+        error = f"{format_deviation(last.half_width)} at {last.load}"
         return (f"accuracy {wanted} is not reached: the error may be {error}; {self.why}",)
 
     def told(self) -> dict[str, Any]:
@@ -297,7 +297,7 @@ def _or_none(value: float) -> float | None:
 
 def said(attempt: Attempt) -> str:
     """An attempt as a line of the log."""
-    width = f"within {share_text(attempt.half_width)}"
+    width = f"within {format_deviation(attempt.half_width)}"
     points = " × ".join(map(str, attempt.points))
     return (
         f"{attempt.settings.method} on {points} points in {attempt.with_coarse:.3g} s, {width} at {attempt.load}, "

@@ -12,7 +12,7 @@ from ..base.errors import InputError
 from ..base.machine import free_memory
 from ..base.quantities import to_text
 from ..base.text import duration
-from ..results.fields import fields_size
+from ..results.pixel_fields import fields_size
 from ..scales import Partition
 from ..studies import FluidState, Sampling, Scene, drop_ratio, laid_out, placed_windows
 from ..studies.costs import Effort, usual_efforts

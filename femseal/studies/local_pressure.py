@@ -14,7 +14,7 @@ from ..scales.library import local_peaks
 from ..scales.sampling import Index
 from ..seal.layouts import Layout, SealWindows
 from ..seal.pressure_map import AnyMap, MapsAtLoads, PressedSeal, PressureField, is_uniform
-from .plausibility import LIFTING_SHARE
+from .plausibility import LIFTING_FRACTION
 from .scene import Array, Scene
 
 #: Most paths of pressure for which every library window has its own curve, under one map and under several at different
@@ -136,7 +136,9 @@ def _odd_pressures(scene: Scene, pressure: Array) -> Iterator[str]:
         )
     least = float(pressure[pressure > 0].min())
     lowest = min(p for p in scene.steps.pressures if p > 0)
-    if LIFTING_SHARE * least < scene.inlet_pressure <= LIFTING_SHARE * lowest:  # where it is more, the scene tells it
+    if (
+        LIFTING_FRACTION * least < scene.inlet_pressure <= LIFTING_FRACTION * lowest
+    ):  # where it is more, the scene tells it
         yield (
             f"the fluid's {to_text(scene.inlet_pressure, 'Pa')} at the inlet is {scene.inlet_pressure / least:.2g} "
             f"times the contact pressure of {to_text(least, 'Pa', 3)} where the map presses least: the model leaves "

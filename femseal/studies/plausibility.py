@@ -7,7 +7,7 @@ from math import isfinite
 
 from ..base.quantities import to_text
 from ..fluids import IdealGas
-from .lifted import LIFTING_SHARE, carried_pressure
+from .fluid_load import LIFTING_FRACTION, carried_pressure
 from .scene import Scene
 
 #: Young's moduli of metals, and of hard coatings, lie between these [Pa]; contact moduli between half of the lower one
@@ -42,7 +42,7 @@ def _odd_modulus(scene: Scene) -> Iterator[str]:
 
 def _odd_pressures(scene: Scene) -> Iterator[str]:
     inlet, steps = scene.inlet_pressure, scene.steps
-    lifted = [step for step in steps if step.pressure > 0 and inlet > LIFTING_SHARE * step.pressure]
+    lifted = [step for step in steps if step.pressure > 0 and inlet > LIFTING_FRACTION * step.pressure]
     if lifted:
         least, carried = min(step.pressure for step in lifted), carried_pressure(scene)
         like = (
@@ -52,7 +52,7 @@ def _odd_pressures(scene: Scene) -> Iterator[str]:
         )
         yield (
             f"the fluid's {to_text(inlet, 'Pa')} at the inlet is {inlet / least:.2g} times the contact pressure of "
-            f"{to_text(least, 'Pa')}, and more than {LIFTING_SHARE:.0%} of it at {len(lifted)} of {len(steps)} load "
+            f"{to_text(least, 'Pa')}, and more than {LIFTING_FRACTION:.0%} of it at {len(lifted)} of {len(steps)} load "
             f"steps: the model leaves out that the fluid lifts the faces ({like}), so that leakage is too small there"
         )
     if isinstance(scene.fluid, IdealGas) and scene.outlet_pressure == 0:

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from ..base.errors import InputError
 from ..base.quantities import to_text
 from ..base.stage import Mapper
-from ..flow import Permeability, cell_permeability
+from ..flow import Permeability, cell_permeability, critical_constriction
 from ..flow.gas_drop import GasDrop, successive
-from ..fluids import Fluid
+from ..fluids import Fluid, capillary_entry_pressure
 from ..loads import LoadProgramme
 from ..scales import Failed, FlowSettings, GlobalState, Partition, SolverCounts, global_states
 from ..seal import Leakage, RectangularSeal, seal_leakage
@@ -99,6 +99,16 @@ class Scene:
         """How the flow through windows and faces is discretised and solved."""
         drop = GasDrop.of(self.fluid, self.inlet_pressure, self.outlet_pressure)
         return FlowSettings(self.solver, self.discretisation, drop)
+
+    def entry_pressures(self, gaps: Iterable[NDArray[np.floating]]) -> Array | None:
+        """Capillary entry pressure of the critical constriction of the gaps (n1, n2) [m] at every step [Pa].
+
+        Below it the liquid does not enter; inf where the gap is closed. None for fluids that wet the faces.
+        """
+        if np.isnan(capillary_entry_pressure(self.fluid, 1.0)):
+            return None
+        found = (critical_constriction(np.maximum(gap, 0.0), self.surface.spacing, sides="periodic") for gap in gaps)
+        return np.array([capillary_entry_pressure(self.fluid, 0.0 if c is None else c.gap) for c in found])
 
     def leakage(self, seal: Seal, permeability: Any) -> Leakage:
         """Solve the leakage of a seal between the scene's fluid pressures.
@@ -206,12 +216,3 @@ def resolved_flow(
     # the potential has no extremes inside; the solver's error, about 1e-3 in the norm of the energy, may give it some
     share = np.clip(potential, 0.0, 1.0).astype(np.float32) if with_share else None
     return FaceFlow(value, counts, share)
-
-
-def labels(unit: str, long_name: str, *dims: str, name: str = "", heading: str = "") -> dict[str, Any]:
-    """Metadata of a field of a result, which label it in files, tables and plots.
-
-    name : in the dataset, where fields of several studies stand beside each other; that of the field unless given.
-    heading : of the column in the table for people, for a field over the steps; "" for no column there.
-    """
-    return {"unit": unit, "long_name": long_name, "dims": dims, "name": name, "heading": heading}

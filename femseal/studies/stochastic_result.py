@@ -6,16 +6,17 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
 from math import ceil
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
+from ..base.fields import REALISATION, STEP, Field, declared
 from ..base.text import Shown
 from ..loads import LoadProgramme
 from ..scales import LadderLibrary, SolverCounts
 from ..seal.layouts import SizedSeal
 from .median_seal import MedianSeal
-from .scene import Array, labels
+from .scene import Array
 from .sources import PlacedLibrary
 
 
@@ -47,27 +48,28 @@ class StochasticResult(Shown):
     steps: LoadProgramme
     seal: SizedSeal
     library: LadderLibrary | PlacedLibrary = field(repr=False)
-    leakage: Array = field(
-        metadata=labels("m^2/s", "leakage per unit seal length, realisations", "realisation", "step")
+    leakage: Array = declared("leakage", "m^2/s", "leakage per unit seal length, realisations", REALISATION)
+    leakage_resampled: Array | None = declared(
+        "leakage_resampled", "m^2/s", "leakage per unit seal length, resampled library", REALISATION
     )
-    leakage_resampled: Array | None = field(
-        metadata=labels("m^2/s", "leakage per unit seal length, resampled library", "realisation", "step")
+    leakage_lower_bound: Array | None = declared(
+        "leakage_lower_bound", "m^2/s", "lower bound of leakage per unit seal length", REALISATION, default=None
     )
-    leakage_lower_bound: Array | None = field(
-        default=None, metadata=labels("m^2/s", "lower bound of leakage per unit seal length", "realisation", "step")
+    leakage_upper_bound: Array | None = declared(
+        "leakage_upper_bound", "m^2/s", "upper bound of leakage per unit seal length", REALISATION, default=None
     )
-    leakage_upper_bound: Array | None = field(
-        default=None, metadata=labels("m^2/s", "upper bound of leakage per unit seal length", "realisation", "step")
+    leakage_closed_cuts: Array | None = declared(
+        "leakage_closed_cuts", "m^2/s", "leakage per unit seal length, cuts closed", REALISATION, default=None
     )
-    leakage_closed_cuts: Array | None = field(
-        default=None, metadata=labels("m^2/s", "leakage per unit seal length, cuts closed", "realisation", "step")
+    leakage_held_cuts: Array | None = declared(
+        "leakage_held_cuts", "m^2/s", "leakage per unit seal length, cuts held", REALISATION, default=None
     )
-    leakage_held_cuts: Array | None = field(
-        default=None, metadata=labels("m^2/s", "leakage per unit seal length, cuts held", "realisation", "step")
-    )
-    leakage_of_face: Array | None = field(
+    leakage_of_face: Array | None = declared(
+        "leakage_of_face",
+        "m^2/s",
+        "leakage per unit seal length, of the face that the runs are of",
+        STEP,
         default=None,
-        metadata=labels("m^2/s", "leakage per unit seal length, of the face that the runs are of", "step"),
     )
     other_lengths: tuple[StochasticResult, ...] = field(default=(), repr=False)
     sampler: str = "history"
@@ -78,6 +80,18 @@ class StochasticResult(Shown):
     warnings: tuple[str, ...] = ()
     solvers: SolverCounts = field(default_factory=SolverCounts)
     equal_steps: int = 0
+
+    computed_fields: ClassVar[dict[str, Field]] = {
+        "mean": Field("leakage_mean", "m^2/s", "leakage per unit seal length, mean of the realisations", STEP),
+        "realisation_spread": Field("realisation_spread", "1", "standard deviation of ln(leakage), realisations", STEP),
+        "library_error": Field("library_error", "1", "standard deviation of ln(leakage), finite library", STEP),
+        "cut_error": Field(
+            "cut_error", "1", "half the distance of ln(leakage) with held and with closed cuts between runs", STEP
+        ),
+        "sealed_fraction": Field(
+            "sealed_fraction", "1", "fraction of the realisations without leakage", STEP, "sealed [%]"
+        ),
+    }
 
     def quantile(self, q: float, *, resampled: bool = False) -> Array:
         """Quantile over the realisations that did not fail, at every step [m²/s]; NaN where all failed.
@@ -96,8 +110,8 @@ class StochasticResult(Shown):
         return self._at_every_step(np.mean)
 
     @property
-    def sealed_share(self) -> Array:
-        """Share of realisations without leakage among those that did not fail, at every step; NaN where all failed."""
+    def sealed_fraction(self) -> Array:
+        """Fraction without leakage of the realisations that did not fail, at every step; NaN where all failed."""
         return self._at_every_step(lambda leakage: np.mean(leakage == 0))
 
     @property

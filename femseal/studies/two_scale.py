@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from functools import partial
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..base.errors import InputError
+from ..base.fields import LINK1, LINK2, NODE, PIXEL, STEP, WINDOW, Field, declared
 from ..base.stage import Mapper, Stage
 from ..base.text import Shown
 from ..flow.percolation import percolates
@@ -24,7 +26,7 @@ from .element_face import flow_through_elements
 from .equal_states import first_equal, map_different, repeated
 from .face_contact import solve_windows
 from .plausibility import odd_in_scene
-from .scene import Array, FaceFlow, FaceLeakage, Scene, labels, resolved_flow
+from .scene import Array, FaceFlow, FaceLeakage, Scene, resolved_flow
 from .windows import LinkFlows, WindowContacts, solve_links
 
 FLOWS = ("links", "resolved", "elements")
@@ -58,7 +60,7 @@ class TwoScaleResult(Shown):
     partition : the windows. contact, flow : how they were solved, see `two_scale`. gap_error : estimate of the error of
         the contact, see `scales.gap_error`. gap_effect : the factor by which it changes the leakage: 1 where it is
         small, inf where the corrected gap is closed.
-    element_error, drop_share : of the flow "elements", None with others. The leakage is then an upper bound of that
+    element_error, drop_fraction : of the flow "elements", None with others. The leakage is then an upper bound of that
         resolved on the same gap, and the error is at most about 1e-3, see `scales.ElementFlow`.
     k1, k2, fluid_pressure : of the links and their nodes; None without "links". Of a gas with slip, k1 and k2 are those
         at the pressures of the nodes, with which the flow is that of a viscous gas. link_flows : of the windows.
@@ -73,48 +75,40 @@ class TwoScaleResult(Shown):
     partition: Partition = field(repr=False)
     flow: str
     contact: str
-    leakage: Array = field(
-        metadata=labels(
-            "m^2/s", "leakage per unit seal length, two-scale", "step", name="leakage_two_scale", heading="two-scale"
-        )
+    leakage: Array = declared(
+        "leakage_two_scale", "m^2/s", "leakage per unit seal length, two-scale", STEP, heading="two-scale"
     )
-    k1: Array | None = field(metadata=labels("m^3", "permeability of links along x1", "step", "cell1", "cell2"))
-    k2: Array | None = field(metadata=labels("m^3", "permeability of links along x2", "step", "corner1", "cell2"))
-    pressure: Array = field(
-        metadata=labels("Pa", "contact pressure of windows", "step", "cell1", "cell2", name="window_pressure")
+    k1: Array | None = declared("k1", "m^3", "permeability of links along x1", LINK1)
+    k2: Array | None = declared("k2", "m^3", "permeability of links along x2", LINK2)
+    pressure: Array = declared("window_pressure", "Pa", "contact pressure of windows", WINDOW)
+    mean_gap: Array = declared("window_mean_gap", "m", "mean gap of windows", WINDOW)
+    contact_fraction: Array = declared("window_contact_fraction", "1", "fraction of windows in contact", WINDOW)
+    plastic_fraction: Array = declared("window_plastic_fraction", "1", "fraction of windows at the hardness", WINDOW)
+    fluid_pressure: Array | None = declared(
+        "fluid_pressure", "Pa", "fluid pressure at the global nodes, NaN in pockets", NODE, in_si=True
     )
-    mean_gap: Array = field(
-        metadata=labels("m", "mean gap of windows", "step", "cell1", "cell2", name="window_mean_gap")
-    )
-    contact_fraction: Array = field(
-        metadata=labels("1", "share of windows in contact", "step", "cell1", "cell2", name="window_contact_fraction")
-    )
-    plastic_fraction: Array = field(
-        metadata=labels(
-            "1", "share of windows at the hardness", "step", "cell1", "cell2", name="window_plastic_fraction"
-        )
-    )
-    fluid_pressure: Array | None = field(
-        metadata=labels("Pa", "fluid pressure at the global nodes, NaN in pockets", "step", "node1", "cell2")
-    )
-    face_fluid_pressure: NDArray[np.float32] | None = field(
-        metadata=labels("Pa", "fluid pressure, NaN in contact and in pockets", "step", "x1", "x2")
+    face_fluid_pressure: NDArray[np.float32] | None = declared(
+        "fluid_pressure", "Pa", "fluid pressure, NaN in contact and in pockets", PIXEL, in_si=True
     )
     fields: WindowFields
-    gap_error: Array = field(
-        metadata=labels("1", "error of the gap of windows, estimated by the half-space of the whole face", "step")
+    gap_error: Array = declared(
+        "gap_error", "1", "error of the gap of windows, estimated by the half-space of the whole face", STEP
     )
-    gap_effect: Array = field(
-        metadata=labels("1", "leakage over that with the gap corrected by the half-space of the whole face", "step")
+    gap_effect: Array = declared(
+        "gap_effect", "1", "leakage over that with the gap corrected by the half-space of the whole face", STEP
     )
-    element_error: Array | None = field(
-        default=None, metadata=labels("1", "estimated relative error of the leakage through elements", "step")
+    element_error: Array | None = declared(
+        "element_error", "1", "estimated relative error of the leakage through elements", STEP, default=None
     )
-    drop_share: Array | None = field(
+    drop_fraction: Array | None = declared(
+        "window_drop_fraction", "1", "fraction of the pressure drop in windows", WINDOW, default=None
+    )
+    entry_pressure: Array | None = declared(
+        "capillary_entry_pressure",
+        "Pa",
+        "pressure below which the liquid does not enter the critical constriction, inf where it is closed",
+        STEP,
         default=None,
-        metadata=labels(
-            "1", "share of windows in the pressure drop", "step", "cell1", "cell2", name="window_drop_share"
-        ),
     )
     counts: SolveCounts = field(default_factory=SolveCounts)
     failures: tuple[str, ...] = ()
@@ -122,6 +116,12 @@ class TwoScaleResult(Shown):
     solvers: SolverCounts = field(default_factory=SolverCounts)
     link_flows: tuple[LinkFlows, LinkFlows] | None = field(default=None, repr=False)
     equal_steps: int = 0
+
+    #: Pixels of the windows, stitched.
+    computed_fields: ClassVar[dict[str, Field]] = {
+        "gap": Field("gap", "m", "deformed gap", PIXEL),
+        "contact_pressure": Field("contact_pressure", "Pa", "contact pressure", PIXEL),
+    }
 
     @property
     def gap(self) -> NDArray[np.float32]:
@@ -175,11 +175,11 @@ def two_scale(
     partition = solved.fields.partition
     first = first_equal(solved.fields.gap, scene.steps)
     failures, warnings = solved.failures, odd_in_scene(scene) + solved.warnings
-    counts, solvers, links, element_error, drop_share, inside = SolveCounts(), SolverCounts(), None, None, None, None
+    counts, solvers, links, element_error, drop_fraction, inside = SolveCounts(), SolverCounts(), None, None, None, None
     if flow == "resolved":
         found, inside = _resolved(scene, solved.fields, first, mapper)
     elif flow == "elements":
-        found, inside, element_error, drop_share = _through_elements(scene, solved.fields, first, mapper)
+        found, inside, element_error, drop_fraction = _through_elements(scene, solved.fields, first, mapper)
     else:
         links = _through_links(scene, solved.fields, first, mapper)
         failures += links.failures
@@ -205,7 +205,8 @@ def two_scale(
         face_fluid_pressure=inside,
         fields=solved.fields,
         element_error=element_error,
-        drop_share=drop_share,
+        drop_fraction=drop_fraction,
+        entry_pressure=scene.entry_pressures(solved.fields.gap),
         counts=counts,
         failures=failures + found.failures,
         warnings=warnings,
