@@ -251,7 +251,7 @@ def drawn_seals(case: fs.Case, lengths=LENGTHS, library: Path | None = None) -> 
 
     All are drawn from one library of windows, which is kept in the folder `library`.
     """
-    prepared, table = case.prepare(), case.stochastic
+    prepared, table = fs.prepare(case), case.stochastic
     scene, top = prepared.scene, prepared.scene.loading[-1]
     peaks = tuple(share * top for share in PEAKS)
     stops = tuple(sorted({share * peak for share in STOPS for peak in peaks}))
@@ -311,7 +311,7 @@ def _open(values):
 
 def resolved(case: fs.Case, results: fs.Results) -> tuple[np.ndarray, np.ndarray]:
     """Deterministic leakage (steps,) [m²/s] and dissipation (steps, m1, m2) in the windows of the two-scale run."""
-    prepared = case.prepare()
+    prepared = fs.prepare(case)
     surface, rows = prepared.scene.surface, results.dataset["node1"].values
     lines = tuple(round(x / surface.spacing[0]) for x in rows)
     partition = Partition(surface.shape, surface.spacing, prepared.cells, lines)

@@ -2,6 +2,7 @@
 
 The flow of data, top to bottom::
 
+    execution    how the items of a stage are computed and kept
     topography   heights of a face: read, generate, condition            Topography, self_affine, turned, ...
     contact      heights + load -> contact pressure, gap                 HalfSpace, solve_contact, load_cycle
     flow         gap -> permeability of a cell                           cell_permeability, permeability_tensor
@@ -12,11 +13,12 @@ The flow of data, top to bottom::
     results      one dataset: netCDF, tables, files for ParaView         open_results
     plots        pictures of every result
     report       the folder and the page of a run                        write_report
-    runs         TOML case -> everything above                           load_case, run
+    case         a TOML file, checked                                    load_case
+    preparation  a case -> the input of the studies
+    refinement   coarser and finer versions of a case                    measure_accuracy
+    runs         a case, run: everything above                           run
     sweeps       a case with several values of its keys                  sweep
-    accuracy     speed against error of the studies for a case           measure_accuracy
     designs      results -> pressures that a leakage class needs         design
-    hard_cases   hard scenes of every stage, with what must come out
 
 Everything is SI. Names are loaded when first used, so that importing the package is quick.
 """
@@ -24,6 +26,7 @@ Everything is SI. Names are loaded when first used, so that importing the packag
 from functools import partial
 from importlib import import_module
 from pathlib import Path
+from pkgutil import iter_modules
 from typing import TYPE_CHECKING, Any
 
 from .base import displays
@@ -32,9 +35,9 @@ from .base.loop_files import find_place
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
-    from .accuracy import AccuracyReport, measure_accuracy
     from .base.errors import FemsealError, InputError, NotConverged
     from .budget import CoarserSolution, ErrorBudget, ErrorPart, GridConvergence, error_budget, grid_convergence
+    from .case.case import Case, load_case
     from .contact import Contact, HalfSpace, LoadCycle, LoadState, load_cycle, solve_contact
     from .designs.answer import Design, design
     from .flow import (
@@ -47,9 +50,11 @@ if TYPE_CHECKING:
     )
     from .fluids import IdealGas, Liquid, RoelandsLiquid
     from .materials import Solid, contact_modulus
+    from .preparation.preparation import prepare
+    from .refinement.accuracy_measure import measure_accuracy
+    from .refinement.accuracy_report import AccuracyReport
     from .report import write_report
     from .results import Results, RunComparison, compare, open_results
-    from .runs.case import Case, load_case
     from .runs.job import run
     from .seal import AnnularSeal, Leakage, MeshSeal, PermeabilityTable, RectangularSeal, seal_leakage, table_pressures
     from .studies.deterministic import DeterministicResult, deterministic
@@ -71,9 +76,11 @@ if TYPE_CHECKING:
     )
 
 _MODULES = {
-    "accuracy": ("AccuracyReport", "measure_accuracy"),
+    "refinement.accuracy_report": ("AccuracyReport",),
+    "preparation.preparation": ("prepare",),
+    "refinement.accuracy_measure": ("measure_accuracy",),
     "budget": ("CoarserSolution", "ErrorBudget", "ErrorPart", "GridConvergence", "error_budget", "grid_convergence"),
-    "runs.case": ("Case", "load_case"),
+    "case.case": ("Case", "load_case"),
     "contact": ("Contact", "HalfSpace", "LoadCycle", "LoadState", "load_cycle", "solve_contact"),
     "base.errors": ("FemsealError", "InputError", "NotConverged"),
     "flow": (
@@ -130,12 +137,20 @@ __all__ = sorted(_HOME)
 
 
 def __getattr__(name: str) -> Any:
-    if name not in _HOME:
+    """A public name, or a module of the package, loaded when it is first used."""
+    if name in _HOME:
+        value = getattr(import_module(f".{_HOME[name]}", __name__), name)
+    elif name in _module_names():
+        value = import_module(f".{name}", __name__)
+    else:
         raise AttributeError(f"module 'femseal' has no attribute {name!r}")
-    value = getattr(import_module(f".{_HOME[name]}", __name__), name)
     globals()[name] = value
     return value
 
 
 def __dir__() -> list[str]:
-    return [*__all__, "__version__"]
+    return [*__all__, *_module_names(), "__version__"]
+
+
+def _module_names() -> set[str]:
+    return {module.name for module in iter_modules(__path__) if not module.name.startswith("_")}

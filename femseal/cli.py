@@ -18,8 +18,7 @@ import typer
 
 from .base.errors import FemsealError, InputError, shortened
 from .designs.design_command import design
-from .hard_cases.hard_command import hard_cases
-from .runs.terminal import ProgressBars, log_lines, print_table
+from .execution.terminal import ProgressBars, log_lines, print_table
 from .sweeps.commands import compare, sweep
 
 app = typer.Typer(
@@ -68,7 +67,7 @@ def new(path: Annotated[Path, typer.Argument(help="Case file to write.")] = Path
     if path.exists():
         raise InputError.of("path", f"'{path}', which exists", "a new file")
     try:
-        path.write_text(files("femseal.runs").joinpath("template.toml").read_text(encoding="utf-8"), encoding="utf-8")
+        path.write_text(files("femseal.case").joinpath("template.toml").read_text(encoding="utf-8"), encoding="utf-8")
     except OSError as error:
         raise InputError.of("path", f"'{path}'", f"a file that can be written ({error.strerror})") from None
     typer.echo(f"{path} written; edit it, then: femseal run {path}")
@@ -77,11 +76,12 @@ def new(path: Annotated[Path, typer.Argument(help="Case file to write.")] = Path
 @app.command()
 def check(path: Annotated[Path, typer.Argument(metavar="CASE", help="Case file.")]) -> None:
     """Validate a case and say what a run will compute; nothing is written."""
-    from .runs.case import load_case
+    from .case.case import load_case
+    from .preparation.preparation import prepare
     from .runs.forecast import describe, refuse_too_large
 
     case = load_case(path)
-    prepared = case.prepare()
+    prepared = prepare(case)
     for line in describe(case, prepared):
         typer.echo(line)
     refuse_too_large(case, prepared)
@@ -119,8 +119,8 @@ def run(
 
     A terminal shows progress, anything else gets log lines. With --resume a run that was stopped goes on.
     """
+    from .case.case import load_case
     from .runs import job
-    from .runs.case import load_case
 
     folder = output or Path("results") / path.stem
     case = load_case(path)
@@ -148,7 +148,6 @@ def run(
 app.command()(sweep)
 app.command()(compare)
 app.command()(design)
-app.command("hard-cases")(hard_cases)
 
 
 @app.command()
@@ -197,8 +196,8 @@ def accuracy(
     quiet: Annotated[bool, typer.Option("--quiet", help="No plan, no progress, no table.", show_default="off")] = False,
 ) -> None:
     """Report speed against error for a case: coarser pixels, other windows, smaller libraries."""
-    from .accuracy import measure_accuracy
     from .base.quantities import to_si
+    from .refinement.accuracy_measure import measure_accuracy
 
     limits = {"limit": to_si(limit, "s", "limit"), "memory": to_si(memory, "byte", "memory")}
     announce = None if quiet else typer.echo
@@ -259,7 +258,7 @@ def surface(
 
     A face that a run refuses is described and drawn too, with the reason.
     """
-    from .runs.survey import survey
+    from .preparation.survey import survey
 
     for line in survey(
         path,
@@ -287,7 +286,7 @@ def schema() -> None:
     """Print the JSON schema of the case file, for editors."""
     import json
 
-    from .runs.schema import case_schema
+    from .case.schema import case_schema
 
     typer.echo(json.dumps(case_schema(), indent=1, ensure_ascii=False))
 

@@ -9,13 +9,14 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 import femseal as fs
-from femseal import accuracy
-from femseal.accuracy import Comparison, Solution, closing_load, leakage_factor, make_plan
-from femseal.accuracy.plan import Variant
 from femseal.budget import ErrorBudget, ErrorPart
+from femseal.case.case import parse_case
 from femseal.cli import main
 from femseal.loads import LoadStep
-from femseal.runs.case import parse_case
+from femseal.refinement import accuracy_measure
+from femseal.refinement.accuracy_plan import Variant, make_plan
+from femseal.refinement.accuracy_report import AccuracyReport, Comparison, Solution
+from femseal.studies.compare import LeakageFactor, closing_load, leakage_factor
 
 STEPS = (LoadStep(1e8), LoadStep(2e8), LoadStep(3e8), LoadStep(2e8, 3e8), LoadStep(1e8, 3e8))
 
@@ -295,9 +296,16 @@ class TestReport:
     def test_leakages_are_those_of_a_run(self):
         case = small(compare=["deterministic", "two-scale"])
         report, results = fs.measure_accuracy(case, workers=1), fs.run(case, workers=1)
-        own = {s.variant.method: s.leakage for s in reversed(report.solutions)
-               if s.variant in (Variant("deterministic", (64, 64)), Variant("two-scale", (64, 64), (2, 2)),
-                                Variant("stochastic", (64, 64), (2, 2), 4))}  # fmt: skip
+        own = {
+            s.variant.method: s.leakage
+            for s in reversed(report.solutions)
+            if s.variant
+            in (
+                Variant("deterministic", (64, 64)),
+                Variant("two-scale", (64, 64), (2, 2)),
+                Variant("stochastic", (64, 64), (2, 2), 4),
+            )
+        }
         for method, name in (("deterministic", "deterministic"), ("two-scale", "two_scale"), ("stochastic", "median")):
             assert_array_equal(own[method], results.dataset[f"leakage_{name}"].values)
 
@@ -332,7 +340,7 @@ class TestReport:
 
         case = small(method="deterministic", cells=None, stochastic=None)
         (tmp_path / "accuracy.png").write_text("of another case")
-        monkeypatch.setattr("femseal.accuracy.plot.accuracy_figure", fail)
+        monkeypatch.setattr("femseal.refinement.accuracy_picture.accuracy_figure", fail)
         with pytest.raises(ValueError, match="no such colour"):
             fs.measure_accuracy(case, tmp_path, workers=1)
         assert {p.name for p in tmp_path.iterdir()} == {"accuracy.csv", "accuracy.json"}
@@ -346,7 +354,7 @@ class TestReport:
 
     def test_a_solution_that_fails_is_reported_and_a_reference_that_fails_raises(self, monkeypatch):
         case = small(method="deterministic", cells=None, stochastic=None)
-        solve = accuracy.measure.deterministic
+        solve = accuracy_measure.deterministic
 
         def failing(points):
             def deterministic(scene, **options):
@@ -356,14 +364,14 @@ class TestReport:
 
             return deterministic
 
-        monkeypatch.setattr("femseal.accuracy.measure.deterministic", failing((32, 32)))
+        monkeypatch.setattr("femseal.refinement.accuracy_measure.deterministic", failing((32, 32)))
         report = fs.measure_accuracy(case, workers=1)
         assert report.warnings == ["deterministic, 32×32 points: stalled"]
         (failed,) = (s for s in report.solutions if s.variant.points == (32, 32))
         assert failed.comparisons[0].loading.failed == 2
         assert failed.comparisons[0].loading.loads == 0
         json.loads(report.json_text())
-        monkeypatch.setattr("femseal.accuracy.measure.deterministic", failing((64, 64)))
+        monkeypatch.setattr("femseal.refinement.accuracy_measure.deterministic", failing((64, 64)))
         with pytest.raises(fs.NotConverged, match="stalled"):
             fs.measure_accuracy(case, workers=1)
 
@@ -379,7 +387,7 @@ class TestReport:
     )
     def test_nothing_starts_before_the_input_is_checked(self, tmp_path, monkeypatch, arguments, name):
         lines = []
-        monkeypatch.setattr("femseal.accuracy.measure._measure", lambda *_: pytest.fail("started"))
+        monkeypatch.setattr("femseal.refinement.accuracy_measure._measure", lambda *_: pytest.fail("started"))
         with pytest.raises(fs.InputError, match=name):
             fs.measure_accuracy(small(), tmp_path / "out", **({"workers": 1} | arguments), announce=lines.append)
         assert lines == []
@@ -394,8 +402,10 @@ class TestCommand:
     def case(self, tmp_path):
         path = tmp_path / "small.toml"
         lines = CASE.replace('kind = "file"\npath = "wave.npy"', 'kind = "self-affine"\npoints = [64, 64]')
-        lines = lines.replace('spacing = ["1 um", "1 um"]\nheight_unit = "m"\nperiodic = [true, true]',
-                              'size = ["60 um", "60 um"]\nrms_slope = 0.2\nroll_off = "40 um"')  # fmt: skip
+        lines = lines.replace(
+            'spacing = ["1 um", "1 um"]\nheight_unit = "m"\nperiodic = [true, true]',
+            'size = ["60 um", "60 um"]\nrms_slope = 0.2\nroll_off = "40 um"',
+        )
         path.write_text(lines)
         return path
 
@@ -453,7 +463,7 @@ class TestRecommended:
             q = np.array([1.0, 0.1])
             part = ErrorPart("pixels", q * np.exp(-width), q * np.exp(width), "")
             variant = Variant(method, (32, 32 + n), None if method == "deterministic" else (2, 2))
-            distance = accuracy.LeakageFactor(factor, 2, closed, 0)
+            distance = LeakageFactor(factor, 2, closed, 0)
             made.append(
                 Solution(
                     variant=variant,
@@ -467,7 +477,7 @@ class TestRecommended:
                     budget=ErrorBudget(method, q, (part,)),
                 )
             )
-        return accuracy.AccuracyReport(plan=plan, solutions=tuple(made), workers=1)
+        return AccuracyReport(plan=plan, solutions=tuple(made), workers=1)
 
     def test_of_those_within_error_and_budget_the_cheapest(self):
         found = self.report(

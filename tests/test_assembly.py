@@ -67,8 +67,10 @@ def whole_mesh(grid, points, weights, coefficients):
     i, j = (np.searchsorted(lines, x) for lines, x in zip((grid.lines1, grid.lines2), corner, strict=True))
     # where each quadrature point lies in its element, whatever scikit-fem's local axes are
     at = np.asarray(basis.global_coordinates())
-    local = [(at[a] - corner[a][:, None]) / np.diff(lines)[n][:, None]
-             for a, (lines, n) in enumerate(((grid.lines1, i), (grid.lines2, j)))]  # fmt: skip
+    local = [
+        (at[a] - corner[a][:, None]) / np.diff(lines)[n][:, None]
+        for a, (lines, n) in enumerate(((grid.lines1, i), (grid.lines2, j)))
+    ]
     k11, k12, k22 = coefficients(local[0], local[1], i[:, None], j[:, None])
     matrix = energy_of_tensor.assemble(basis, k11=k11, k12=k12, k22=k22)
     row, column = (np.searchsorted(lines, x) for lines, x in zip((grid.lines1, grid.lines2), mesh.p, strict=True))
@@ -139,8 +141,12 @@ def test_tensors_equal_the_assembly_of_the_whole_mesh(name):
     k11, k22, c = np.random.default_rng(5).lognormal(0, 1, (3, *grid.elements))
     k12 = np.sqrt(k11 * k22) * np.tanh(c - 1)
     stencil = assemble_on_elements(grid, [k11, k12, k22], gauss((0, 0), (0, 1), (1, 1)), [0, 1, 2] * 4)
-    expected = whole_mesh(grid, np.array(GAUSS_POINTS).T, np.full(4, 0.25),
-                          lambda x, y, i, j: tuple(k[i, j] + 0 * x for k in (k11, k12, k22)))  # fmt: skip
+    expected = whole_mesh(
+        grid,
+        np.array(GAUSS_POINTS).T,
+        np.full(4, 0.25),
+        lambda x, y, i, j: tuple(k[i, j] + 0 * x for k in (k11, k12, k22)),
+    )
     assert_same(grid, stencil, expected)
 
 

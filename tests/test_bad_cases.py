@@ -17,10 +17,11 @@ from femseal import cli
 from femseal.base.errors import shortened, shown
 from femseal.base.machine import within_free_memory
 from femseal.base.quantities import to_si
+from femseal.case.case import parse_case
+from femseal.preparation import check_memory as sizes
+from femseal.preparation.preparation import prepare
 from femseal.results import assemble
 from femseal.results.netcdf import save
-from femseal.runs import sizes
-from femseal.runs.case import parse_case
 from femseal.runs.forecast import describe
 
 ROOT = Path(__file__).parents[1]
@@ -86,9 +87,28 @@ def test_tables_and_values_in_place_of_one_another_are_told(data):
 
 @pytest.mark.parametrize(
     "unit",
-    ["(", "'''", "m\\", "m (", "m * ", "[m]", "m; m", "m\x00", "**", "m**999999999", "m^m", "((m))", "millimeter kilo",
-     "lambda: m", "None", "a b c d e f g", "m" * 1000, "(" * 1000, "m*" * 500 + "m"],
-)  # fmt: skip
+    [
+        "(",
+        "'''",
+        "m\\",
+        "m (",
+        "m * ",
+        "[m]",
+        "m; m",
+        "m\x00",
+        "**",
+        "m**999999999",
+        "m^m",
+        "((m))",
+        "millimeter kilo",
+        "lambda: m",
+        "None",
+        "a b c d e f g",
+        "m" * 1000,
+        "(" * 1000,
+        "m*" * 500 + "m",
+    ],
+)
 def test_text_that_is_no_unit_is_refused(unit):
     refusal(to_si, f"1 {unit}", "m")
 
@@ -169,10 +189,19 @@ def test_only_files_of_a_usual_size_are_read(tmp_path):
 
 @pytest.mark.parametrize(
     "text",
-    ["a = " + "[" * 50_000, "a = " + "[" * 400 + "]" * 400, "a = " + "{b=" * 20_000, "seed = " + "9" * 5000,
-     "seed = 0x" + "f" * 20_000, "a." * 20_000 + "a = 1", "a" * 5000, "[" + "a." * 400 + "a]", "a = '\x00'"],
+    [
+        "a = " + "[" * 50_000,
+        "a = " + "[" * 400 + "]" * 400,
+        "a = " + "{b=" * 20_000,
+        "seed = " + "9" * 5000,
+        "seed = 0x" + "f" * 20_000,
+        "a." * 20_000 + "a = 1",
+        "a" * 5000,
+        "[" + "a." * 400 + "a]",
+        "a = '\x00'",
+    ],
     ids=range(9),
-)  # fmt: skip
+)
 def test_text_that_is_no_case_is_refused(tmp_path, text):
     (tmp_path / "case.toml").write_text(text)
     refusal(fs.load_case, tmp_path / "case.toml")
@@ -263,9 +292,9 @@ def test_sizes_are_weighed_before_anything_is_made(monkeypatch, data, table, key
         raise AssertionError("made")
 
     if table == "face":
-        monkeypatch.setattr("femseal.runs.case_faces.turned", made)
+        monkeypatch.setattr("femseal.case.faces.turned", made)
     given = {key: value} if table == "cells" else data.get(table, {}) | {key: value}
-    message = refusal(lambda: parse_case(data | {table: given}).prepare())
+    message = refusal(lambda: prepare(parse_case(data | {table: given})))
     assert all(word in message for word in words), message
 
 
@@ -276,7 +305,7 @@ def test_what_is_too_large_all_the_same_is_bad_input(monkeypatch, data, error):
     def fail(*_, **__):
         raise error
 
-    monkeypatch.setattr("femseal.runs.case_faces.turned", fail)
+    monkeypatch.setattr("femseal.case.faces.turned", fail)
     assert "case: given a size or number that is too large" in refusal(parse_case(data).prepare)
 
 
@@ -340,20 +369,20 @@ def test_odd_cases_are_warned_of_with_their_numbers(data, table, given, words):
         data["fluid"] = {"inlet_pressure": "10 MPa"}
     data[table] |= given
     case = parse_case(data)
-    prepared = case.prepare()
+    prepared = prepare(case)
     found = [text for text in prepared.warnings if all(word in text for word in words)]
     assert len(found) == 1, prepared.warnings
     assert f"warning        {found[0]}" in describe(case, prepared)
 
 
 def test_usual_cases_are_not_warned_of(data):
-    assert parse_case(data).prepare().warnings == ()
+    assert prepare(parse_case(data)).warnings == ()
     for path in sorted((ROOT / "examples").glob("*.toml")):
-        assert fs.load_case(path).prepare().warnings == ()
+        assert prepare(fs.load_case(path)).warnings == ()
     # a vacuum is odd for a gas alone, and contact without pressure cannot be compared
     data["fluid"]["outlet_pressure"] = "0 bar"
     data["load"]["loading"] = ["0 MPa", *data["load"]["loading"]]
-    assert parse_case(data).prepare().warnings == ()
+    assert prepare(parse_case(data)).warnings == ()
 
 
 def test_a_run_warns_of_odd_cases(data):
@@ -428,9 +457,14 @@ def test_attributes_of_results_of_another_kind_are_refused(folder, value):
 
 @pytest.mark.parametrize(
     ("name", "value"),
-    [("nominal_pressure", np.array(["a"], h5py.string_dtype())), ("leakage_deterministic", np.zeros((2, 3))),
-     ("leakage_deterministic", np.zeros(1, [("a", float)])), ("step", np.zeros(0)), ("nominal_pressure", None)],
-)  # fmt: skip
+    [
+        ("nominal_pressure", np.array(["a"], h5py.string_dtype())),
+        ("leakage_deterministic", np.zeros((2, 3))),
+        ("leakage_deterministic", np.zeros(1, [("a", float)])),
+        ("step", np.zeros(0)),
+        ("nominal_pressure", None),
+    ],
+)
 def test_fields_of_results_of_another_kind_are_refused(folder, name, value):
     with h5py.File(folder / "results.nc", "r+") as file:
         del file[name]
@@ -501,7 +535,7 @@ def test_a_full_standard_output_is_one_line():
 def test_a_full_log_file_is_one_line(capsys):
     import logging
 
-    from femseal.runs.terminal import log_lines
+    from femseal.execution.terminal import log_lines
 
     with log_lines(Path("/dev/full"), quiet=True, terminal=False):
         for n in range(3):
@@ -511,7 +545,7 @@ def test_a_full_log_file_is_one_line(capsys):
 
 
 def test_names_of_files_are_no_formulas(tmp_path):
-    from femseal.runs.survey import survey
+    from femseal.preparation.survey import survey
 
     heights = fs.self_affine((64, 64), (64e-6, 64e-6), hurst=0.8, rms_slope=0.1, rng=1)
     path = tmp_path / r"a$\frac{$b.npz"
@@ -550,7 +584,7 @@ def test_out_of_memory_is_one_line(monkeypatch, capsys):
     def fail(path):
         raise MemoryError
 
-    monkeypatch.setattr("femseal.runs.case.load_case", fail)
+    monkeypatch.setattr("femseal.case.case.load_case", fail)
     monkeypatch.setattr(sys, "argv", ["femseal", "check", "case.toml"])
     with pytest.raises(SystemExit) as stop:
         cli.main()
@@ -562,7 +596,7 @@ def test_long_lists_of_what_is_allowed_lose_their_end(data, monkeypatch):
     def refused(name, temperature, pressures):
         raise fs.InputError.of("name", "x" * 1000, "one of " + ", ".join(map(str, range(500))))
 
-    monkeypatch.setattr("femseal.runs.case_fluid.named_fluid", refused)
+    monkeypatch.setattr("femseal.case.fluid_by_name.named_fluid", refused)
     data["fluid"] = {"name": "x" * 1000, "inlet_pressure": "1 MPa"}
     message = refusal(parse_case, data)
     assert ", allowed is one of 0, 1, 2" in message
@@ -571,6 +605,6 @@ def test_long_lists_of_what_is_allowed_lose_their_end(data, monkeypatch):
 
 @pytest.mark.usefixtures("memory")
 def test_long_seals_are_weighed_before_their_pressures_are_looked_at(monkeypatch, data):
-    monkeypatch.setattr("femseal.runs.preparation.check_map", lambda *_: pytest.fail("looked at"))
+    monkeypatch.setattr("femseal.preparation.preparation.check_map", lambda *_: pytest.fail("looked at"))
     data["stochastic"] |= {"pressure": "uniform", "length": "1000 km"}
     assert "stochastic.length: given a seal of 2 × " in refusal(parse_case(data).prepare)

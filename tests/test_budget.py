@@ -14,6 +14,7 @@ from femseal.budget.estimates import median_interval
 from femseal.budget.pixels import pixels_part
 from femseal.budget.removed_waves import filter_part
 from femseal.loads import LoadProgramme
+from femseal.preparation.preparation import prepare
 from femseal.runs.forecast import describe, forecast
 
 Q = np.array([4.0, 1.0, 0.0])
@@ -273,12 +274,12 @@ def test_the_budget_can_be_switched_off(case):
     assert results.budgets == {}
     assert not [name for name in results.dataset.variables if "budget" in name]
     loaded = fs.load_case(case)
-    assert not any("error budget" in line for line in describe(loaded, loaded.prepare()))
+    assert not any("error budget" in line for line in describe(loaded, prepare(loaded)))
 
 
 def test_check_says_what_the_budget_solves_besides(case):
     loaded = fs.load_case(case)
-    prepared = loaded.prepare()
+    prepared = prepare(loaded)
     (line,) = (line for line in describe(loaded, prepared) if line.startswith("error budget"))
     assert "24 × 24 points" in line
     off = loaded.model_copy(update={"output": loaded.output.model_copy(update={"budget": False})})

@@ -13,18 +13,19 @@ from pydantic import TypeAdapter, ValidationError
 import femseal as fs
 from femseal.base.parameters import parameter
 from femseal.base.quantities import to_si
+from femseal.case.case import parse_case
+from femseal.case.registered_tables import table_of_any
+from femseal.case.schema import case_schema
+from femseal.case.values import Table
 from femseal.fluids import FLUIDS
-from femseal.runs.case import parse_case
-from femseal.runs.case_registry import table_of_any
-from femseal.runs.case_values import Table
+from femseal.preparation.preparation import prepare
 from femseal.runs.forecast import describe
-from femseal.runs.schema import case_schema
 from femseal.seal.layouts import Windows
 from femseal.studies import Sampling
 from femseal.topography import repair
 
 ROOT = Path(__file__).parents[1]
-CASES = [*sorted((ROOT / "examples").glob("*.toml")), ROOT / "femseal" / "runs" / "template.toml"]
+CASES = [*sorted((ROOT / "examples").glob("*.toml")), ROOT / "femseal" / "case" / "template.toml"]
 
 
 @pytest.fixture
@@ -35,7 +36,7 @@ def data():
 @pytest.mark.parametrize("path", CASES, ids=lambda p: p.name)
 def test_shipped_cases_are_valid_and_forecast(path):
     case = fs.load_case(path)
-    prepared = case.prepare()
+    prepared = prepare(case)
     assert prepared.scene.surface.rms_height > 0
     words = [line.split()[0] for line in describe(case, prepared)]
     divided = "accuracy" if case.accuracy else "windows"  # the first attempt is deterministic, which has no windows
@@ -155,8 +156,13 @@ def test_a_registered_class_has_a_table_without_another_line():
 
 
 def test_slip_of_a_gas_is_a_switch(data):
-    data["fluid"] = {"kind": "ideal-gas", "viscosity": "18 uPa*s", "molar_mass": "29 g/mol", "temperature": "20 °C",
-                     "inlet_pressure": "5 bar"}  # fmt: skip
+    data["fluid"] = {
+        "kind": "ideal-gas",
+        "viscosity": "18 uPa*s",
+        "molar_mass": "29 g/mol",
+        "temperature": "20 °C",
+        "inlet_pressure": "5 bar",
+    }
     assert parse_case(data).fluid.fluid.slip is True
     data["fluid"]["slip"] = False
     assert parse_case(data).fluid.fluid.slip is False
@@ -251,7 +257,7 @@ def test_all_faults_are_reported_at_once(data):
 def test_cells_and_seals_that_do_not_suit_the_surface(data, table, value, words):
     data[table] = value
     with pytest.raises(fs.InputError) as caught:
-        parse_case(data).prepare()
+        prepare(parse_case(data))
     assert all(word in str(caught.value) for word in words), str(caught.value)
 
 
@@ -267,7 +273,7 @@ class TestPrepare:
     def test_scene(self, small):
         small["contact"] = {"boundary": ["mirror", "periodic"], "rtol": 1e-7}
         small["fluid"] |= {"pressure_viscosity": "20 1/GPa", "density": "870 kg/m^3"}
-        scene = parse_case(small).prepare().scene
+        scene = prepare(parse_case(small)).scene
         assert scene.boundary == ("mirror", "periodic")
         assert scene.rtol == 1e-7
         assert scene.fluid == fs.Liquid(viscosity=1e-3, density=870, pressure_viscosity=2e-8)
@@ -278,15 +284,20 @@ class TestPrepare:
         assert (scene.modulus, scene.hardness) == (parse_case(small).modulus, 2.8e9)
 
     def test_gas(self, small):
-        small["fluid"] = {"kind": "ideal-gas", "viscosity": "18 uPa*s", "molar_mass": "29 g/mol",
-                          "temperature": "20 °C", "inlet_pressure": "5 bar"}  # fmt: skip
-        scene = parse_case(small).prepare().scene
+        small["fluid"] = {
+            "kind": "ideal-gas",
+            "viscosity": "18 uPa*s",
+            "molar_mass": "29 g/mol",
+            "temperature": "20 °C",
+            "inlet_pressure": "5 bar",
+        }
+        scene = prepare(parse_case(small)).scene
         assert scene.fluid == fs.IdealGas(viscosity=18e-6, molar_mass=0.029, temperature=293.15)
         assert (scene.inlet_pressure, scene.outlet_pressure) == (5e5, 101_325)
 
     def test_flow_and_shape(self, small):
         case = parse_case(small)
-        scene = case.prepare().scene
+        scene = prepare(case).scene
         assert (scene.solver, scene.discretisation) == ("auto", "edge")
         assert scene.layout.lay_out(Windows((0.5e-3, 1e-3), 2, length=3e-3)).seal == fs.RectangularSeal(
             (1e-3, 3e-3), (2, 3)
@@ -294,52 +305,71 @@ class TestPrepare:
         small["flow"] = {"solver": "amg", "discretisation": "gauss"}
         small["seal"] = {"kind": "rectangular"}
         other = parse_case(small)
-        prepared = other.prepare()
+        prepared = prepare(other)
         assert (prepared.scene.solver, prepared.scene.discretisation) == ("amg", "gauss")
         assert prepared.scene.layout == scene.layout
         assert any(
             line.split() == ["flow", "discretisation", "gauss,", "solver", "amg"] for line in describe(other, prepared)
         )
         small["flow"] = {"solver": "amg", "discretisation": "RT0"}
-        assert parse_case(small).prepare().scene.discretisation == "RT0"
+        assert prepare(parse_case(small)).scene.discretisation == "RT0"
         # results of other equations, or from another solver, are not those of this case
         assert case.echo()["flow"] != other.echo()["flow"]
         assert case.echo()["seal"] == other.echo()["seal"] == {"kind": "rectangular", "lay": "x2"}
 
     def test_sampling(self, small):
         small["seed"] = 9
-        small["stochastic"] = {"length": "3 mm", "realisations": 7, "library_cells": 5,
-                               "sampler": "derivative", "pressure": "uniform"}  # fmt: skip
+        small["stochastic"] = {
+            "length": "3 mm",
+            "realisations": 7,
+            "library_cells": 5,
+            "sampler": "derivative",
+            "pressure": "uniform",
+        }
         expected = Sampling(
             length=3e-3, realisations=7, library_cells=5, seed=9, sampler="derivative", pressure="uniform"
         )
-        assert parse_case(small).prepare().sampling == expected
+        assert prepare(parse_case(small)).sampling == expected
         small |= {"method": "two-scale", "compare": []}
-        assert parse_case(small).prepare().sampling is None
+        assert prepare(parse_case(small)).sampling is None
         small |= {"method": "deterministic"}
-        assert parse_case(small).prepare().cells is None
+        assert prepare(parse_case(small)).cells is None
 
     def test_face_and_seed(self, small):
         """As made by hand with the streams of the seed, and flat; another seed, another face."""
         small["seed"] = 9
         small["face"] |= {"waviness": "0.3 um", "waviness_length": "20 um", "nose_radius": "0.1 mm"}
-        given = {"pitch": 30e-6, "depth": 1.5e-6, "feed_error": 0.03, "depth_error": 0.1, "roughness": 1.1e-6,
-                 "roughness_roll_off": 36e-6, "waviness": 0.3e-6, "waviness_length": 20e-6, "nose_radius": 1e-4}  # fmt: skip
+        given = {
+            "pitch": 30e-6,
+            "depth": 1.5e-6,
+            "feed_error": 0.03,
+            "depth_error": 0.1,
+            "roughness": 1.1e-6,
+            "roughness_roll_off": 36e-6,
+            "waviness": 0.3e-6,
+            "waviness_length": 20e-6,
+            "nose_radius": 1e-4,
+        }
         (stream,) = np.random.SeedSequence(9).spawn(1)
         face = fs.turned((64, 96), (60e-6, 120e-6), rng=np.random.default_rng(stream), **given)
         expected = face.detrend(1).low_pass(8 * 1.25e-6).heights
-        assert_allclose(parse_case(small).prepare().scene.surface.heights, expected, atol=1e-12)
+        assert_allclose(prepare(parse_case(small)).scene.surface.heights, expected, atol=1e-12)
         small["seed"] = 10
-        assert not np.allclose(parse_case(small).prepare().scene.surface.heights, expected, atol=1e-8)
+        assert not np.allclose(prepare(parse_case(small)).scene.surface.heights, expected, atol=1e-8)
 
     def test_two_faces_are_summed_and_drawn_apart(self, small):
-        face = {"kind": "self-affine", "points": [64, 96], "size": ["60 um", "120 um"], "rms_height": "0.1 um",
-                "roll_off": "20 um"}  # fmt: skip
+        face = {
+            "kind": "self-affine",
+            "points": [64, 96],
+            "size": ["60 um", "120 um"],
+            "rms_height": "0.1 um",
+            "roll_off": "20 um",
+        }
         small["face"] = [face, face]
         small["surface"] = {"detrend": 0}
-        both = parse_case(small).prepare().scene.surface
+        both = prepare(parse_case(small)).scene.surface
         small["face"] = face
-        one = parse_case(small).prepare().scene.surface
+        one = prepare(parse_case(small)).scene.surface
         assert_allclose(one.rms_height, 0.1e-6, rtol=1e-6)
         # the other one is as rough, and not the same
         rest = both.heights - one.heights
@@ -348,43 +378,43 @@ class TestPrepare:
 
     def test_surface(self, small):
         small["surface"] = {"detrend": 2, "shortest_wave": "15 um", "points": [48, 90]}
-        prepared = parse_case(small).prepare()
+        prepared = prepare(parse_case(small))
         assert prepared.scene.surface.shape == (48, 92)  # the next numbers that the cells divide
         assert prepared.conditioning.shortest_wavelength == 15e-6
         small["surface"]["detrend"] = 0
-        assert prepared.conditioning.removed_curvature != parse_case(small).prepare().conditioning.removed_curvature
+        assert prepared.conditioning.removed_curvature != prepare(parse_case(small)).conditioning.removed_curvature
         assert prepared.surface_report["shape"] == (48, 92)
 
     def test_cells_by_their_size(self, small):
         small["cells"] = {"size": "25 um"}
-        assert parse_case(small).prepare().cells == (2, 5)  # 60 and 120 µm: 2.4 and 4.8
+        assert prepare(parse_case(small)).cells == (2, 5)  # 60 and 120 µm: 2.4 and 4.8
         small["cells"] = {"size": "60 um"}
-        assert parse_case(small).prepare().cells == (1, 2)
+        assert prepare(parse_case(small)).cells == (1, 2)
         small["cells"] = {"size": "61 um"}
         with pytest.raises(fs.InputError, match=r"cells\.size: given 61 µm, allowed is at most the shorter side"):
-            parse_case(small).prepare()
+            prepare(parse_case(small))
 
     def test_windows_hold_two_shortest_waves_both_ways(self, small):
         """10 µm is the shortest: windows of 20 × 20 µm pass, narrower ones do not."""
         small["cells"] = {"count": [3, 6]}
-        assert parse_case(small).prepare().cells == (3, 6)
+        assert prepare(parse_case(small)).cells == (3, 6)
         for count in ([4, 6], [3, 7]):
             small["cells"] = {"count": count}
             with pytest.raises(fs.InputError, match="two shortest waves, 20 µm"):
-                parse_case(small).prepare()
+                prepare(parse_case(small))
 
     def test_a_seal_has_at_least_one_cell(self, small):
         """Along the seal: windows are 60 µm across and 30 µm along it."""
         small["cells"] = {"count": [1, 4]}
         small["stochastic"]["length"] = "30 um"
-        assert parse_case(small).prepare().sampling.length == 30e-6
+        assert prepare(parse_case(small)).sampling.length == 30e-6
         small["stochastic"]["length"] = "29.9 um"
         with pytest.raises(fs.InputError, match="at least one cell, 30 µm"):
-            parse_case(small).prepare()
+            prepare(parse_case(small))
 
 
 def test_the_template_shows_every_key():
-    text = (ROOT / "femseal" / "runs" / "template.toml").read_text(encoding="utf-8")
+    text = (ROOT / "femseal" / "case" / "template.toml").read_text(encoding="utf-8")
     shown = {*re.findall(r"\b(\w+) = ", text), *re.findall(r"^(?:# )?\[(\w+)\]", text, re.MULTILINE)}
     keys = {name for table in case_schema()["definitions"].values() for name in table.get("properties", {})}
     keys |= set(case_schema()["properties"])
@@ -393,7 +423,7 @@ def test_the_template_shows_every_key():
 
 def test_lines_of_the_template_that_are_commented_out_are_valid(tmp_path):
     (tmp_path / "face.plu").touch()
-    blocks = (ROOT / "femseal" / "runs" / "template.toml").read_text(encoding="utf-8").split("\n\n")
+    blocks = (ROOT / "femseal" / "case" / "template.toml").read_text(encoding="utf-8").split("\n\n")
     live = {name: b for b in blocks for name in ("face", "fluid") if f"\n[{name}]" in f"\n{b}"}
     assert len(live) == 2
     assert sum("\n# " in b for b in blocks) > 5
@@ -411,16 +441,22 @@ def test_a_file_is_read_as_the_case_says(tmp_path, data):
     heights = fs.self_affine((96, 64), (96e-6, 64e-6), hurst=0.8, rms_slope=0.1, cut_off=16e-6, rng=0).heights * 1e6
     heights[:2] = np.nan
     np.savez(tmp_path / "face.npz", z=heights, other=np.zeros((2, 2)))
-    data["face"] = {"kind": "file", "path": "face.npz", "array": "z", "spacing": ["1 um", "1 um"],
-                    "height_unit": "um", "transpose": True}  # fmt: skip
+    data["face"] = {
+        "kind": "file",
+        "path": "face.npz",
+        "array": "z",
+        "spacing": ["1 um", "1 um"],
+        "height_unit": "um",
+        "transpose": True,
+    }
     data["cells"] = {"count": [2, 3]}
     data["surface"] = {"max_undefined": 0.03, "detrend": 0}
-    prepared = parse_case(data, tmp_path).prepare()
+    prepared = prepare(parse_case(data, tmp_path))
     assert prepared.scene.surface.shape == (64, 96)
     assert_allclose(prepared.scene.surface.rms_height, np.nanstd(heights) * 1e-6, rtol=0.1)
     data["surface"] = {"max_undefined": 0.02, "detrend": 0}
     with pytest.raises(fs.InputError, match="undefined"):
-        parse_case(data, tmp_path).prepare()
+        prepare(parse_case(data, tmp_path))
 
 
 def test_a_face_is_masked_and_cropped_as_the_case_says(tmp_path, data):
@@ -435,16 +471,16 @@ def test_a_face_is_masked_and_cropped_as_the_case_says(tmp_path, data):
     for crop in (None, ["10 um", "120 um", "0 um", "130 um"]):
         data["face"] |= {} if crop is None else {"crop": crop}
         with pytest.raises(fs.InputError, match="undefined points: given") as error:
-            parse_case(data, tmp_path).prepare()
+            prepare(parse_case(data, tmp_path))
         key = re.search(r"crop = (\[.*?\])", str(error.value))[1]
         offered = tomllib.loads(f"crop = {key}")["crop"]
-        prepared = parse_case(data | {"face": data["face"] | {"crop": offered}}, tmp_path).prepare()
+        prepared = prepare(parse_case(data | {"face": data["face"] | {"crop": offered}}, tmp_path))
         assert_allclose(prepared.scene.surface.size, (100e-6 if crop is None else 90e-6, 120e-6), rtol=0.03)
     for key, value in (("crop", ["0 um", "1 mm", "0 um", "9 um"]), ("mask", "none.png"), ("file_mask", False)):
         wrong = {"path": "mask.txt", "spacing": ["1 um", "1 um"]} if key == "file_mask" else {}
         case = parse_case(data | {"face": data["face"] | wrong | {key: value}}, tmp_path)
         with pytest.raises(fs.InputError, match=rf"^face\.{key}: given"):
-            case.prepare()
+            prepare(case)
     for key, value in (
         ("crop", ["0 um", "10 um"]),
         ("crop", ["-1 um", "10 um", "0 um", "9 um"]),
@@ -482,7 +518,7 @@ def test_a_second_face_with_holes_is_named(tmp_path, two_faces):
         z[80:] = np.nan
         np.savez(tmp_path / "upper.npz", z=z, spacing=stored["spacing"])
     with pytest.raises(fs.InputError, match=r"^face\.1\.undefined points: given 33.3 %.*crop = "):
-        parse_case(two_faces, tmp_path).prepare()
+        prepare(parse_case(two_faces, tmp_path))
 
 
 def test_spikes_along_the_lay_are_a_warning_of_the_case(tmp_path, data):
@@ -493,13 +529,13 @@ def test_spikes_along_the_lay_are_a_warning_of_the_case(tmp_path, data):
     np.savez(tmp_path / "face.npz", z=z, spacing=(1e-6, 1e-6))
     data["face"] = {"kind": "file", "path": "face.npz"}
     data["cells"] = {"count": [1, 1]}
-    warnings = parse_case(data, tmp_path).prepare().warnings
+    warnings = prepare(parse_case(data, tmp_path)).warnings
     assert any("follow the lay" in text and "surface.spikes = inf" in text for text in warnings)
     data["surface"] = {"spikes": np.inf}
-    assert not any("follow the lay" in text for text in parse_case(data, tmp_path).prepare().warnings)
+    assert not any("follow the lay" in text for text in prepare(parse_case(data, tmp_path)).warnings)
     # as one of two faces, too
     data |= {"surface": {}, "face": [data["face"], data["face"]]}
-    assert any("follow the lay" in text for text in parse_case(data, tmp_path).prepare().warnings)
+    assert any("follow the lay" in text for text in prepare(parse_case(data, tmp_path)).warnings)
 
 
 @pytest.fixture
@@ -517,7 +553,7 @@ def two_faces(tmp_path, data):
 
 def test_a_second_face_is_laid_on_the_first(tmp_path, two_faces):
     two_faces["face"][1] |= {"mirror": "x2", "rotate": "90 deg", "shift": ["10 um", "-5 um"]}
-    prepared = parse_case(two_faces, tmp_path).prepare()
+    prepared = prepare(parse_case(two_faces, tmp_path))
     lower, upper = (repair(fs.read_topography(tmp_path / f"{n}.npz"))[0] for n in ("lower", "upper"))
     both, overlap = fs.combine(lower, upper, mirror="x2", rotate=np.pi / 2, shift=(10e-6, -5e-6))
     shape = tuple(-(-n // c) * c for n, c in zip(both.shape, (2, 3), strict=True))
@@ -545,14 +581,14 @@ def test_only_the_second_face_is_placed(tmp_path, two_faces):
             parse_case(two_faces, tmp_path)
     two_faces["face"][1] = {"kind": "file", "path": "upper.npz", "shift": ["1 mm", "0 um"]}
     with pytest.raises(fs.InputError, match="shift: given 1 mm"):
-        parse_case(two_faces, tmp_path).prepare()
+        prepare(parse_case(two_faces, tmp_path))
 
 
 def test_spikes_of_files_are_filled_unless_left_alone(tmp_path, two_faces):
     two_faces["face"] = two_faces["face"][:1]
-    assert parse_case(two_faces, tmp_path).prepare().conditioning.spikes == 1
+    assert prepare(parse_case(two_faces, tmp_path)).conditioning.spikes == 1
     two_faces["surface"] = {"spikes": np.inf}
-    left = parse_case(two_faces, tmp_path).prepare()
+    left = prepare(parse_case(two_faces, tmp_path))
     assert left.conditioning.spikes == 0
     assert left.conditioning.rms_slope_before > 1
     for wrong in (0, -6, "six", True):
@@ -568,7 +604,7 @@ def test_paths_are_relative_to_the_case_file(tmp_path, monkeypatch):
     with pytest.raises(fs.InputError, match=r"measured_face\.x3p"):
         fs.load_case(tmp_path / "case.toml")
     monkeypatch.chdir(tmp_path)
-    assert fs.load_case(ROOT / "examples" / "measured_seal.toml").prepare().conditioning.shape_before == (300, 600)
+    assert prepare(fs.load_case(ROOT / "examples" / "measured_seal.toml")).conditioning.shape_before == (300, 600)
 
 
 def test_files(tmp_path, data):
@@ -580,11 +616,11 @@ def test_files(tmp_path, data):
     heights[:100] = np.nan
     np.save(tmp_path / "face.npy", heights)
     with pytest.raises(fs.InputError, match="undefined"):
-        parse_case(data, tmp_path).prepare()
+        prepare(parse_case(data, tmp_path))
     heights[:100] = 0
     heights[5, 7] = np.nan
     np.save(tmp_path / "face.npy", heights)
-    prepared = parse_case(data, tmp_path).prepare()
+    prepared = prepare(parse_case(data, tmp_path))
     assert_allclose(prepared.conditioning.undefined_share, 1 / heights.size)
 
 

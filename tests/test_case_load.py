@@ -11,11 +11,12 @@ import xarray
 from numpy.testing import assert_allclose, assert_array_equal
 
 import femseal as fs
-from femseal.accuracy import make_plan
+from femseal.case.case import parse_case
 from femseal.loads import LoadProgramme
+from femseal.preparation.preparation import prepare
+from femseal.refinement.accuracy_plan import make_plan
 from femseal.report.load_words import load_sentences
-from femseal.results.fields import step_coordinates
-from femseal.runs.case import parse_case
+from femseal.results.variables import step_coordinates
 from femseal.runs.forecast import describe
 from femseal.runs.job import _face_files
 from femseal.scales import Partition
@@ -61,7 +62,7 @@ class TestForces:
         """A strip 1 mm long and as broad as its face, 60 µm, or 0.5 mm; a ring by its own radii."""
 
         def pressures(loading, **tables):
-            return parse_case(data | {"load": {"loading": loading}} | tables).prepare().scene.loading
+            return prepare(parse_case(data | {"load": {"loading": loading}} | tables)).scene.loading
 
         assert_allclose(pressures(["3 N", "6 N"]), (5e7, 1e8))
         assert_allclose(pressures(["3 N/mm", "6 N/mm"]), (5e7, 1e8))
@@ -160,10 +161,10 @@ class TestMaps:
             with pytest.raises(fs.InputError, match=r"load.map: given with the method .*, allowed is stochastic alone"):
                 parse_case(data | uneven | other)
         lengths = {"stochastic": data["stochastic"] | {"length": ["1 mm", "2 mm"]}}
-        assert parse_case(data | uneven | lengths).prepare().sampling.pressure_map == Profile((1, 3))
+        assert prepare(parse_case(data | uneven | lengths)).sampling.pressure_map == Profile((1, 3))
         turning = {"load": data["load"] | {"map": {"kind": "angle", "shares": [1, 3]}}}
         with pytest.raises(fs.InputError, match=r"load.map: given one that may vary along seals of several lengths"):
-            parse_case(data | turning | lengths).prepare()
+            prepare(parse_case(data | turning | lengths))
 
 
 class TestFieldOfACase:
@@ -181,7 +182,7 @@ class TestFieldOfACase:
         return make
 
     def test_it_is_told_and_belongs_to_the_run(self, case):
-        prepared = case().prepare()
+        prepared = prepare(case())
         lines = dict(line.split(maxsplit=1) for line in describe(case(), prepared) if line.startswith("pressure"))
         assert lines["pressure"].startswith(
             "map   0.69 to 1.31 of the nominal pressure over the seal; mean of the field 60 MPa"
@@ -191,16 +192,16 @@ class TestFieldOfACase:
         assert kept != _face_files(case("x,y,pressure\n0,0,1"))["flange.csv"]
 
     def test_its_mean_is_compared_with_the_load(self, case):
-        assert case(at="60 MPa").prepare().warnings == ()
-        (off,) = case(at="100 MPa").prepare().warnings
+        assert prepare(case(at="60 MPa")).warnings == ()
+        (off,) = prepare(case(at="100 MPa")).warnings
         assert off.startswith("the field of pressure at 100 MPa has the mean 60 MPa over the seal: it is scaled")
-        (far,) = case(pressure_unit="kPa").prepare().warnings
+        (far,) = prepare(case(pressure_unit="kPa")).warnings
         assert far == "the field of pressure has the mean 60 kPa over the seal, far from all loads: is its unit right?"
 
     def test_windows_that_hardly_touch_are_told(self, data):
         def warnings(shares, inlet):
             case = data | {"load": data["load"] | {"map": {"kind": "profile", "shares": shares}}}
-            return parse_case(case | {"fluid": data["fluid"] | {"inlet_pressure": inlet}}).prepare().warnings
+            return prepare(parse_case(case | {"fluid": data["fluid"] | {"inlet_pressure": inlet}})).warnings
 
         assert warnings([1, 2], "1 MPa") == ()
         (open_,) = warnings([0, 2], "1 MPa")
@@ -233,12 +234,12 @@ class TestFieldOfACase:
                 + "\n".join(f"{x},{y},{int(y < 0.02)}" for x in (0, 1) for y in (0, 0.01, 0.02, 2))
             }
         with pytest.raises(fs.InputError, match=words) as caught:
-            case(**given).prepare()
+            prepare(case(**given))
         assert "\n" not in str(caught.value)
 
     def test_accuracy_is_that_of_the_face(self, case):
         """Drawn seals are compared with the face, which has one pressure."""
-        assert not is_uniform(case().prepare().sampling.pressure_map)
+        assert not is_uniform(prepare(case()).sampling.pressure_map)
         assert make_plan(case(), limit=1e9, memory=1e15).prepared.sampling.pressure_map == Uniform()
 
     def test_a_missing_file(self, case):
@@ -258,7 +259,7 @@ class TestFieldOfACase:
         assert "The contact pressure over the seal follows the field in flange.csv: 69 MPa to 131 MPa at" in page
         assert (tmp_path / "out" / "seal.png").is_file()
         assert fs.run(found, tmp_path / "out", resume=True).warnings == results.warnings
-        sampling = found.prepare().sampling  # as workers get it
+        sampling = prepare(found).sampling  # as workers get it
         places, frame = np.array([[3e-5, 2e-4]]), Frame.of_strip((6e-5, 9.6e-4))
         assert_array_equal(
             pickle.loads(pickle.dumps(sampling)).pressure_map.at(places, frame), sampling.pressure_map.at(places, frame)
@@ -274,16 +275,21 @@ class TestFieldOfACase:
         ({"loading": ["6.0 N"]}, ["It is loaded in 1 step, 50 MPa (a force of 6 N at most)."]),
         (
             {"loading": [5e7], "map": [{"kind": "uniform"}, {"kind": "angle", "repeat": 8}]},
-            ["It is loaded in 1 step, 50 MPa.", "The contact pressure over the seal follows one value everywhere and a "
-             "table around it, repeated 8 times, which changes with the load."],
+            [
+                "It is loaded in 1 step, 50 MPa.",
+                "The contact pressure over the seal follows one value everywhere and a "
+                "table around it, repeated 8 times, which changes with the load.",
+            ],
         ),
         (
             {"loading": [5e7], "map": [{"kind": "profile"}]},
-            ["It is loaded in 1 step, 50 MPa.", "The contact pressure over the seal follows a profile from inlet to "
-             "outlet."],
+            [
+                "It is loaded in 1 step, 50 MPa.",
+                "The contact pressure over the seal follows a profile from inlet to outlet.",
+            ],
         ),
     ],
-)  # fmt: skip
+)
 def test_loads_in_words(case, sentences):
     data = xarray.Dataset(step_coordinates("step", "", LoadProgramme.of([5e7])))
     assert load_sentences(data, {"load": case}) == sentences
@@ -297,7 +303,7 @@ class TestMesh:
         return tomllib.loads((ROOT / "examples" / "gasket_seal.toml").read_text(encoding="utf-8"))
 
     def prepared(self, gasket, **load):
-        return parse_case(gasket | {"load": gasket["load"] | load}, ROOT / "examples").prepare()
+        return prepare(parse_case(gasket | {"load": gasket["load"] | load}, ROOT / "examples"))
 
     def test_a_map_round_its_centre(self, gasket):
         under_bolts = {"kind": "angle", "shares": [2, 1], "repeat": 4}

@@ -23,8 +23,8 @@ from small_cases import TABLES
 import femseal as fs
 from femseal.base.provenance import numerical_versions
 from femseal.base.stage import Stage
-from femseal.runs import checkpoint
-from femseal.runs.checkpoint import Checkpoint
+from femseal.execution import checkpoint
+from femseal.execution.checkpoint import Checkpoint
 
 #: A process that has not answered by then never will [s]: no measure of how quick it is.
 HANG = 600
@@ -99,7 +99,11 @@ def study(mapper, computed=None):
     """Calls of the map as a study makes them, with lazy arguments."""
     results = []
     for stage, size in enumerate(SIZES):
-        results += mapper(Stage(f"stage {stage}", partial(value, stage, computed=computed)), (n for n in range(size)), [str(n) for n in range(size)])  # fmt: skip
+        results += mapper(
+            Stage(f"stage {stage}", partial(value, stage, computed=computed)),
+            (n for n in range(size)),
+            [str(n) for n in range(size)],
+        )
     return results
 
 
@@ -300,7 +304,7 @@ KILLED = """
 import os, signal, sys
 from pathlib import Path
 import femseal as fs
-import femseal.runs.checkpoint as checkpoint
+import femseal.execution.checkpoint as checkpoint
 case, out, moment = sys.argv[1:]
 checkpoint.SHARD_ITEMS = 1
 moved = os.replace
@@ -463,9 +467,13 @@ def test_finished_results_of_another_face_file_are_not_taken(case, undrawn, tmp_
 
 @pytest.mark.parametrize(
     ("method", "choice", "other"),
-    [("stochastic", "chosen_sampler", "copula"), ("two-scale", "chosen_flow", "links"),
-     ("two-scale", "chosen_contact", "whole"), ("deterministic", "chosen_flow", None)],
-)  # fmt: skip
+    [
+        ("stochastic", "chosen_sampler", "copula"),
+        ("two-scale", "chosen_flow", "links"),
+        ("two-scale", "chosen_contact", "whole"),
+        ("deterministic", "chosen_flow", None),
+    ],
+)
 def test_finished_results_of_another_choice_are_not_taken(case, undrawn, tmp_path, monkeypatch, method, choice, other):
     """The case leaves open how it is solved, and another version of the program would choose otherwise."""
     text = case.read_text().replace('"stochastic"', f'"{method}"', 1).replace('flow = "links"', "")
@@ -476,7 +484,7 @@ def test_finished_results_of_another_choice_are_not_taken(case, undrawn, tmp_pat
         done.dataset
     )
     assert not calls
-    monkeypatch.setattr(f"femseal.runs.preparation.{choice}", lambda *a: other)
+    monkeypatch.setattr(f"femseal.preparation.preparation.{choice}", lambda *a: other)
     fs.run(case, tmp_path / "out", resume=True, workers=1, progress=lambda *a: calls.append(a))
     assert bool(calls) == (method != "deterministic")  # which has no windows
 
@@ -493,7 +501,7 @@ def start():
         # a shell starts what runs in its background so that Ctrl-C is ignored, which is inherited
         code = (
             "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)\n"
-            f"import femseal.runs.checkpoint as c; c.SHARD_ITEMS = {shard_items}; from femseal.cli import main; main()"
+            f"import femseal.execution.checkpoint as c; c.SHARD_ITEMS = {shard_items}; from femseal.cli import main; main()"
         )
         command = [sys.executable, "-c", code, "run", case, "-o", out, *arguments]
         process = subprocess.Popen([*map(str, command)], stderr=subprocess.PIPE, text=True, start_new_session=True)

@@ -17,12 +17,12 @@ from typer.testing import CliRunner
 import femseal as fs
 from femseal import cli
 from femseal.base.provenance import versions
-from femseal.runs.case import parse_case
-from femseal.runs.case_faces import SurfaceTable
-from femseal.runs.schema import case_schema
+from femseal.case.case import parse_case
+from femseal.case.faces import SurfaceTable
+from femseal.case.schema import case_schema
 
 ROOT = Path(__file__).parents[1]
-CASES = [*sorted((ROOT / "examples").glob("*.toml")), ROOT / "femseal" / "runs" / "template.toml"]
+CASES = [*sorted((ROOT / "examples").glob("*.toml")), ROOT / "femseal" / "case" / "template.toml"]
 #: Sq, undefined share and points as they are printed.
 MEASURED = {
     "plu-1.plu": ("18.28 nm", "0 %", "768 × 576"),
@@ -37,7 +37,7 @@ def test_a_stop_before_the_work_is_told_and_no_success(femseal, monkeypatch, com
     def stopped(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("femseal.runs.case.read_case", stopped)
+    monkeypatch.setattr("femseal.case.case.read_case", stopped)
     code, _, errors = femseal(command, ROOT / "examples" / "turned_seal.toml")
     assert code == 1
     assert "stopped" in errors
@@ -156,7 +156,7 @@ def test_errors_are_a_line_and_after_debug_a_traceback(femseal, monkeypatch, tmp
     def fail(path):
         raise ZeroDivisionError("nothing to divide by")
 
-    monkeypatch.setattr("femseal.runs.case.load_case", fail)
+    monkeypatch.setattr("femseal.case.case.load_case", fail)
     assert femseal("check", path) == (1, "", "femseal: ZeroDivisionError: nothing to divide by\n")
     assert "in fail" in femseal("--debug", "check", path)[2]
     assert femseal("check")[0] == 2
@@ -365,11 +365,28 @@ def faults(value, schema, root, place="case"):
             found.append(f"{place}: {value!r} against {word} {given}")
         else:
             assert word in {
-                "required", "additionalProperties", "pattern", "enum", "const", "minItems", "maxItems", "minimum",
-                "maximum", "maxLength",
-                "exclusiveMinimum", "exclusiveMaximum", "properties", "items", "description", "default", "format",
-                "$schema", "definitions", "title", "examples",
-            }, word  # fmt: skip
+                "required",
+                "additionalProperties",
+                "pattern",
+                "enum",
+                "const",
+                "minItems",
+                "maxItems",
+                "minimum",
+                "maximum",
+                "maxLength",
+                "exclusiveMinimum",
+                "exclusiveMaximum",
+                "properties",
+                "items",
+                "description",
+                "default",
+                "format",
+                "$schema",
+                "definitions",
+                "title",
+                "examples",
+            }, word
     return found
 
 
@@ -390,7 +407,7 @@ def test_shipped_cases_fit_the_schema(schema, path):
 
 
 def test_all_that_the_template_comments_out_fits_the_schema(schema):
-    text = (ROOT / "femseal" / "runs" / "template.toml").read_text(encoding="utf-8")
+    text = (ROOT / "femseal" / "case" / "template.toml").read_text(encoding="utf-8")
     lines = re.sub(r"^# (?=\[|\w+ = )", "", text, flags=re.MULTILINE)
     data = tomllib.loads(re.sub(r"^\[(face|fluid)\]", r"[[\1]]", lines, flags=re.MULTILINE))
     assert (len(data["face"]), len(data["fluid"])) == (3, 2)

@@ -9,8 +9,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from femseal import Liquid, Sampling, Scene, self_affine, stochastic, two_scale
 from femseal.base.errors import InputError
+from femseal.case.case import parse_case
 from femseal.results.dataset import assemble
-from femseal.runs.case import parse_case
 from femseal.scales import ColumnRuns, Partition, RunFlows, SolverCounts, element_flow
 from femseal.studies import chosen_sampler, placed
 from femseal.studies.chained import StateRuns, chained_seals
@@ -133,8 +133,17 @@ class TestRuns:
 @pytest.fixture(scope="module")
 def scene():
     surface = self_affine((64, 128), (64e-6, 128e-6), hurst=0.8, rms_slope=0.2, roll_off=32e-6, cut_off=8e-6, rng=1)
-    return Scene(surface=surface, modulus=115e9, hardness=4e9, fluid=Liquid(1e-3), inlet_pressure=1e6,
-                 outlet_pressure=0.0, loading=(1e8, 6e8), unload_from=(6e8,), unloading=(1e8,))  # fmt: skip
+    return Scene(
+        surface=surface,
+        modulus=115e9,
+        hardness=4e9,
+        fluid=Liquid(1e-3),
+        inlet_pressure=1e6,
+        outlet_pressure=0.0,
+        loading=(1e8, 6e8),
+        unload_from=(6e8,),
+        unloading=(1e8,),
+    )
 
 
 SAMPLING = Sampling(length=512e-6, realisations=60, library_cells=32, seed=1, sampler="runs")

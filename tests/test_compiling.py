@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from femseal.runs import compiling
+from femseal.studies import compiling
 
 CASE = """
 method = "stochastic"
@@ -51,7 +51,7 @@ class Listener(event.Listener):
             spent += time.process_time() - start
 event.register("numba:compile", Listener())
 import femseal
-from femseal.runs import compiling
+from femseal.studies import compiling
 for part in compiling._PARTS:
     compiling._compile(part)
 ahead, spent = spent, 0.0

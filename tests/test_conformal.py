@@ -30,9 +30,10 @@ from femseal.budget.conformal import (
     model_error,
 )
 from femseal.budget.model_parts import form_share
+from femseal.case.case import parse_case
 from femseal.loads import LoadProgramme
-from femseal.runs.budgeted import budgets_of
-from femseal.runs.case import parse_case
+from femseal.preparation.preparation import prepare
+from femseal.refinement.budgeted import budgets_of
 
 
 class TestQuantile:
@@ -154,9 +155,14 @@ class TestPartsOfABudget:
     def scene(self):
         face = self_affine((64, 64), (64e-6, 64e-6), hurst=0.8, rms_slope=0.2, roll_off=16e-6, cut_off=8e-6, rng=3)
         return Scene(
-            surface=face, modulus=115e9, hardness=3e9, fluid=Liquid(1e-3), inlet_pressure=1e7, outlet_pressure=0.0,
+            surface=face,
+            modulus=115e9,
+            hardness=3e9,
+            fluid=Liquid(1e-3),
+            inlet_pressure=1e7,
+            outlet_pressure=0.0,
             loading=(1e8, 4e8),
-        )  # fmt: skip
+        )
 
     def test_two_scales_have_the_parts_of_what_they_leave_out(self, scene):
         names = {}
@@ -213,7 +219,7 @@ class TestPartsOfABudget:
             fluid = {kind = "liquid", viscosity = "1 mPa*s", inlet_pressure = "1 MPa"}
             cells = {count = [4, 4], flow = "links"}
         """
-        prepared = parse_case(tomllib.loads(text)).prepare()
+        prepared = prepare(parse_case(tomllib.loads(text)))
         asked = []
 
         def solve(method, prepared, known):

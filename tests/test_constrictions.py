@@ -60,8 +60,13 @@ class TestNetwork:
         k2 = np.full((1, 2), 0.1e-18)
         assert_allclose(shares(seal, k1, k2, (1, 2, 3)), [2.5 / 7, 5 / 7, (7 - first) / 7], rtol=1e-12)
 
-    @pytest.mark.parametrize("seal", [RectangularSeal((3e-3, 8e-3), (6, 10), (0, 2e-4, 1e-3, 1.1e-3, 2e-3, 2.9e-3, 3e-3)),
-                                      AnnularSeal(10e-3, 15e-3, (6, 10))])  # fmt: skip
+    @pytest.mark.parametrize(
+        "seal",
+        [
+            RectangularSeal((3e-3, 8e-3), (6, 10), (0, 2e-4, 1e-3, 1.1e-3, 2e-3, 2.9e-3, 3e-3)),
+            AnnularSeal(10e-3, 15e-3, (6, 10)),
+        ],
+    )
     def test_all_links_dissipate_the_whole_flow(self, seal):
         rng = np.random.default_rng(3)
         k = [1e-18 * np.exp(2 * rng.standard_normal(s)) * (rng.random(s) > 0.2) for s in ((6, 10), (5, 10))]
@@ -166,9 +171,16 @@ class TestWindows:
 def study():
     face = self_affine((64, 96), (64e-6, 96e-6), hurst=0.8, rms_slope=0.2, roll_off=30e-6, rng=5)
     scene = Scene(
-        face, 115e9, 3e9, IdealGas(18e-6, 0.029, 293.0), 1e6, 1e5,
-        loading=(1e8, 6e8, 1.5e9), unload_from=(1.5e9,), unloading=(1e8,),
-    )  # fmt: skip
+        face,
+        115e9,
+        3e9,
+        IdealGas(18e-6, 0.029, 293.0),
+        1e6,
+        1e5,
+        loading=(1e8, 6e8, 1.5e9),
+        unload_from=(1.5e9,),
+        unloading=(1e8,),
+    )
     return scene, two_scale(scene, (4, 6), flow="links")
 
 

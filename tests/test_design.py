@@ -11,6 +11,7 @@ from numpy.testing import assert_allclose
 
 import femseal as fs
 from femseal.base.errors import InputError
+from femseal.case.case import parse_case
 from femseal.cli import main
 from femseal.designs.requirements import requirement, sealing_load
 from femseal.designs.seals import DRAWS, Seals, crossings, share_of
@@ -18,7 +19,6 @@ from femseal.designs.sensitivities import Variants, level_at, ratio_of, sensitiv
 from femseal.loads import LoadProgramme
 from femseal.report.page import report_html
 from femseal.results import assemble
-from femseal.runs.case import parse_case
 
 STEPS = LoadProgramme.of([1e7, 3e7, 1e8, 4e8, 9e8], unload_from=[4e8, 9e8], unloading=[3e8, 1e8, 3e7, 1e7])
 #: On loading L = A p^−3, on unloading from Q_A it grows with p^−½ from there.
@@ -107,8 +107,16 @@ def test_slopes_of_power_laws_are_exact():
     seals = Seals.of(STEPS, power_law(AMPLITUDES))
     harder = Seals.of(STEPS, power_law(AMPLITUDES) * 1.1**2)
     found = {s.quantity: s for s in sensitivities(seals, Variants(harder, inlet_slope=1.0), 2e8, 0.9)}
-    exact = {"nominal pressure": -3, "hardness": 2, "roughness amplitude": 4, "contact modulus": 1, "viscosity": -1,
-             "breadth, same pressure": -1, "breadth, same force": 2, "inlet pressure": 1}  # fmt: skip
+    exact = {
+        "nominal pressure": -3,
+        "hardness": 2,
+        "roughness amplitude": 4,
+        "contact modulus": 1,
+        "viscosity": -1,
+        "breadth, same pressure": -1,
+        "breadth, same force": 2,
+        "inlet pressure": 1,
+    }
     for name, slope in exact.items():
         assert_allclose(found[name].leakage.value, slope, rtol=1e-9)
         if name != "nominal pressure":
@@ -143,8 +151,9 @@ def face():
 
 def test_scaling_laws_hold_for_contact_and_flow(face):
     """L(αa, E, αH, αp) = α³ L(a, E, H, p) and L(a, βE, βH, βp) = L(a, E, H, p), which the slopes are made of."""
-    scene = fs.Scene(face, 115e9, 2e9, fs.Liquid(1e-3), 1e6, 0.0, loading=(1e8, 4e8), unload_from=(4e8,), unloading=(1e8,),
-                     rtol=1e-8)  # fmt: skip
+    scene = fs.Scene(
+        face, 115e9, 2e9, fs.Liquid(1e-3), 1e6, 0.0, loading=(1e8, 4e8), unload_from=(4e8,), unloading=(1e8,), rtol=1e-8
+    )
 
     def scaled(factor, modulus, heights):
         loads = {
@@ -189,27 +198,50 @@ def test_the_picture_marks_limits_and_pressures(face):
     assert need.service[4e8].relation == "="
     assert {need.name, need.assembly.text(), need.service[4e8].text()} <= named
     assert any(text.startswith("↑") for text in named)  # a limit above the picture
-    places = {(float(x), float(y)) for line in axes.lines if len(line.get_xdata()) == 1
-              for x, y in zip(line.get_xdata(), line.get_ydata(), strict=True)}  # fmt: skip
+    places = {
+        (float(x), float(y))
+        for line in axes.lines
+        if len(line.get_xdata()) == 1
+        for x, y in zip(line.get_xdata(), line.get_ydata(), strict=True)
+    }
     assert any(np.allclose(place, (need.assembly.value / 1e6, limit), rtol=1e-3) for place in places)
 
 
 def case(**more):
-    return parse_case({
-        "method": "stochastic",
-        "face": {"kind": "self-affine", "points": [32, 32], "size": ["60 um", "60 um"], "hurst": 0.8, "rms_slope": 0.2},
-        "material": {"young": "210 GPa", "yield_stress": "1 GPa"},
-        "load": {"loading": ["20 MPa", "100 MPa", "400 MPa"], "unload_from": ["400 MPa"], "unloading": ["100 MPa", "20 MPa"]},
-        "fluid": {"kind": "liquid", "viscosity": "1 mPa*s", "inlet_pressure": "10 bar"},
-        "cells": {"count": [2, 2]},
-        "stochastic": {"length": "300 um", "realisations": 8, "library_cells": 4},
-        **more,
-    })  # fmt: skip
+    return parse_case(
+        {
+            "method": "stochastic",
+            "face": {
+                "kind": "self-affine",
+                "points": [32, 32],
+                "size": ["60 um", "60 um"],
+                "hurst": 0.8,
+                "rms_slope": 0.2,
+            },
+            "material": {"young": "210 GPa", "yield_stress": "1 GPa"},
+            "load": {
+                "loading": ["20 MPa", "100 MPa", "400 MPa"],
+                "unload_from": ["400 MPa"],
+                "unloading": ["100 MPa", "20 MPa"],
+            },
+            "fluid": {"kind": "liquid", "viscosity": "1 mPa*s", "inlet_pressure": "10 bar"},
+            "cells": {"count": [2, 2]},
+            "stochastic": {"length": "300 um", "realisations": 8, "library_cells": 4},
+            **more,
+        }
+    )
 
 
 #: Grooves along the seal, across the leakage.
-GROOVED = {"kind": "turned", "points": [32, 32], "size": ["60 um", "60 um"], "pitch": "30 um", "depth": "1.5 um",
-           "roughness": "0.3 um", "roughness_roll_off": "20 um"}  # fmt: skip
+GROOVED = {
+    "kind": "turned",
+    "points": [32, 32],
+    "size": ["60 um", "60 um"],
+    "pitch": "30 um",
+    "depth": "1.5 um",
+    "roughness": "0.3 um",
+    "roughness_roll_off": "20 um",
+}
 
 
 def test_a_case_gives_files_and_a_section_of_the_report(tmp_path, undrawn):
@@ -287,8 +319,14 @@ def test_arguments_are_checked_before_anything_is_solved(tmp_path):
 
 
 def test_classes_of_the_test_fluid_decide(tmp_path):
-    helium = {"kind": "ideal-gas", "viscosity": "19.6 uPa*s", "molar_mass": "4.0026 g/mol", "temperature": "20 °C",
-              "slip": False, "inlet_pressure": "40 bar"}  # fmt: skip
+    helium = {
+        "kind": "ideal-gas",
+        "viscosity": "19.6 uPa*s",
+        "molar_mass": "4.0026 g/mol",
+        "temperature": "20 °C",
+        "slip": False,
+        "inlet_pressure": "40 bar",
+    }
     results = fs.run(case(output={"test_fluid": helium}), workers=1)
     answer = fs.design(results, classes=["TA Luft"])
     assert_allclose(answer.seals.leakage, results.dataset["test_leakage_realisations"])

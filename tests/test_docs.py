@@ -1,6 +1,8 @@
 """The documentation names what there is, and all of it; `.ci/run` builds it."""
 
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -18,6 +20,31 @@ PAGES = [page for page in PAGES if not {"_build", "gallery", "_examples"} & set(
 def test_every_public_name_is_in_the_reference_once():
     text = "".join(page.read_text(encoding="utf-8") for page in (DOCS / "api").glob("*.md"))
     assert sorted(re.findall(r"auto(?:class|function):: femseal\.(\w+)", text)) == femseal.__all__
+
+
+#: Looks every dotted name up as where nothing but the package itself has been imported.
+LOOKED_UP = """
+import sys
+from functools import reduce
+import femseal
+for names in sys.argv[1:]:
+    vars(femseal).pop(names.split(".")[0], None)
+    try:
+        reduce(getattr, names.split("."), femseal)
+    except AttributeError as error:
+        print(error)
+"""
+
+
+def test_every_documented_name_is_there_after_the_import_of_the_package():
+    files = [*PAGES, *(ROOT / "examples").glob("*.py")]
+    dotted = r"(?<![\w/.-])(?:fs|femseal)\.((?:\w+\.)*\w+)(?![\w/-])"
+    names = {name for file in files for name in re.findall(dotted, file.read_text(encoding="utf-8"))}
+    names = {name for name in names if not re.search(r"(^|\.)(css|json)$", name)}
+    assert {"run", "analytic", "flow.forms", "load_case"} <= names
+    names |= {"seal", "flow", "named_fluids"}
+    done = subprocess.run([sys.executable, "-c", LOOKED_UP, *names], capture_output=True, text=True, check=True)
+    assert not done.stdout, done.stdout
 
 
 def test_every_benchmark_has_its_page():

@@ -12,10 +12,10 @@ from small_cases import STRIP
 from vtkmodules.vtkIOHDF import vtkHDFReader
 
 import femseal as fs
+from femseal.case.case import parse_case
 from femseal.loads import LoadProgramme
 from femseal.plots import seal_figure
 from femseal.results import assemble, open_results, write_vtk
-from femseal.runs.case import parse_case
 from femseal.scales import ColumnRuns, LinkTable, draw_links, draw_pressures, element_flow
 from femseal.seal.elemented import ElementSeal, ElementWindows
 from femseal.seal.linked import LinkWindows
@@ -273,8 +273,13 @@ def test_fields_of_a_ring_flow_outwards(ring):
 def test_pressures_of_a_map_are_those_of_their_places():
     scene = fs.Scene(
         fs.self_affine((32, 32), (30e-6, 30e-6), hurst=0.8, rms_slope=0.2, roll_off=20e-6, rng=2),
-        115e9, 3e9, FLUID, 1e6, 0.0, loading=(5e7, 3e8),
-    )  # fmt: skip
+        115e9,
+        3e9,
+        FLUID,
+        1e6,
+        0.0,
+        loading=(5e7, 3e8),
+    )
     profile = Profile((0.5, 1.5))
     sampling = fs.Sampling(240e-6, 4, 4, 1, pressure="uniform", pressure_map=profile)
     seal = fs.stochastic(scene, (4, 4), sampling).median_seal
@@ -286,8 +291,13 @@ def test_pressures_of_a_map_are_those_of_their_places():
 def test_pictures_of_drawn_seals(strip, ring):
     titles = [axes.get_title() for axes in seal_figure(strip, 1).axes if axes.get_title()]
     assert [title.split(" [")[0].split(";")[0] for title in titles] == [
-        "fluid pressure", "permeability", "fluid pressure", "flux", "contact pressure of windows", "permeability",
-    ]  # fmt: skip
+        "fluid pressure",
+        "permeability",
+        "fluid pressure",
+        "flux",
+        "contact pressure of windows",
+        "permeability",
+    ]
     first = seal_figure(strip, 1).axes[0]
     assert first.get_xlabel() == "x2 along the seal [mm]"
     assert_allclose(first.get_xlim(), (0, 0.24))
@@ -322,8 +332,14 @@ def test_files_of_drawn_seals_are_read_by_vtk_and_meshio(strip):
 
 
 def test_gases_with_slip_have_fields_too(tmp_path):
-    gas = {"kind": "ideal-gas", "viscosity": "0.02 mPa*s", "molar_mass": "4 g/mol", "temperature": "20 °C",
-           "inlet_pressure": "1 MPa", "outlet_pressure": "0.1 MPa"}  # fmt: skip
+    gas = {
+        "kind": "ideal-gas",
+        "viscosity": "0.02 mPa*s",
+        "molar_mass": "4 g/mol",
+        "temperature": "20 °C",
+        "inlet_pressure": "1 MPa",
+        "outlet_pressure": "0.1 MPa",
+    }
     found = fs.run(parse_case(CASE | {"fluid": gas, "method": "stochastic"}), workers=1)
     data = found.dataset
     own = data["leakage"].values[data["drawn_corners"].attrs["realisation"]]

@@ -285,8 +285,17 @@ class TestInside:
 @pytest.fixture(scope="module")
 def scene():
     surface = self_affine((64, 96), (64e-6, 96e-6), hurst=0.8, rms_slope=0.2, roll_off=32e-6, cut_off=8e-6, rng=1)
-    return Scene(surface=surface, modulus=115e9, hardness=4e9, fluid=Liquid(1e-3), inlet_pressure=1e6,
-                 outlet_pressure=0.0, loading=(1e8, 1e9), unload_from=(1e9,), unloading=(1e8,))  # fmt: skip
+    return Scene(
+        surface=surface,
+        modulus=115e9,
+        hardness=4e9,
+        fluid=Liquid(1e-3),
+        inlet_pressure=1e6,
+        outlet_pressure=0.0,
+        loading=(1e8, 1e9),
+        unload_from=(1e9,),
+        unloading=(1e8,),
+    )
 
 
 class TestStudy:
@@ -315,8 +324,15 @@ def test_measured_face(instrument_file):
     """Where links are off by hundreds, elements are the flow on all pixels."""
     surface, _ = condition(read_topography(instrument_file("plu-1.plu")), shape=(768, 576))
     hardness = 0.14 * 115e9 * surface.rms_slope
-    scene = Scene(surface=surface, modulus=115e9, hardness=hardness, fluid=Liquid(1e-3), inlet_pressure=1e7,
-                  outlet_pressure=0.0, loading=tuple(hardness * p for p in (0.004, 0.01, 0.04)))  # fmt: skip
+    scene = Scene(
+        surface=surface,
+        modulus=115e9,
+        hardness=hardness,
+        fluid=Liquid(1e-3),
+        inlet_pressure=1e7,
+        outlet_pressure=0.0,
+        loading=tuple(hardness * p for p in (0.004, 0.01, 0.04)),
+    )
     result, exact = (two_scale(scene, (16, 16), flow=flow) for flow in ("elements", "resolved"))
     ratio = result.leakage / exact.leakage
     assert np.all(np.abs(ratio - 1) < 1e-4)

@@ -12,8 +12,9 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 import femseal as fs
+from femseal.case.case import parse_case
 from femseal.loads import LoadStep
-from femseal.runs.case import parse_case
+from femseal.preparation.preparation import prepare
 
 ROOT = Path(__file__).parents[1]
 EXAMPLES = ROOT / "examples"
@@ -60,8 +61,11 @@ def results(request):
 
 def _leakages(results):
     """Of all methods, without the ends of bands that are about the errors of a library or of pixels only."""
-    return [v.values for n, v in results.dataset.data_vars.items()
-            if n.startswith("leakage_") and not n.endswith("together") and "budget" not in n and v.dims == ("step",)]  # fmt: skip
+    return [
+        v.values
+        for n, v in results.dataset.data_vars.items()
+        if n.startswith("leakage_") and not n.endswith("together") and "budget" not in n and v.dims == ("step",)
+    ]
 
 
 def test_every_example_is_run_here():
@@ -89,8 +93,11 @@ class TestExamples:
 
     def test_methods_agree_on_the_open_seal(self, results):
         """At the lowest load, where no constriction decides, all methods see the same mean gap."""
-        first = [results.dataset[n].values[0] for n in results.dataset.data_vars
-                 if n in ("leakage_median", "leakage_two_scale", "leakage_deterministic")]  # fmt: skip
+        first = [
+            results.dataset[n].values[0]
+            for n in results.dataset.data_vars
+            if n in ("leakage_median", "leakage_two_scale", "leakage_deterministic")
+        ]
         assert len(first) >= 2
         assert max(first) < 1.5 * min(first)
 
@@ -121,7 +128,7 @@ class TestClaims:
         results = fs.run(EXAMPLES / "turned_seal.toml")
         curves = results.stochastic.library.curves
         assert_allclose((curves.k[:, _at(results, 900e6)] == 0).mean(), 1 / 3, atol=0.1)
-        surface = fs.load_case(EXAMPLES / "turned_seal.toml").prepare().scene.surface
+        surface = prepare(fs.load_case(EXAMPLES / "turned_seal.toml")).scene.surface
         assert_allclose(2.8e9 / (210e9 / (2 * (1 - 0.3**2)) * surface.rms_slope), 0.08, atol=0.005)
         leakage = results.leakage.values
         assert leakage[_at(results, 600e6, 900e6)] < 2 * leakage[_at(results, 900e6)]
@@ -148,7 +155,7 @@ class TestMeasuredFace:
         assert_allclose(made.heights, shipped.heights, atol=1.01e-9)  # stored in whole nanometres
 
     def test_it_is_what_it_is_said_to_be(self):
-        prepared = fs.load_case(EXAMPLES / "measured_seal.toml").prepare()
+        prepared = prepare(fs.load_case(EXAMPLES / "measured_seal.toml"))
         report = prepared.conditioning
         assert 0.015 < report.undefined_share < 0.025
         assert 0.4e-6 < report.rms_height < 1e-6
@@ -187,9 +194,12 @@ class TestReadme:
         contact = [float(re.search(r"contact ([\d.]+)%", line)[1]) for line in lines]
         leakage = [float(re.search(r"([\d.e+-]+) m²/s", line)[1]) for line in lines]
         assert [line.split(" contact")[0] for line in lines] == [
-            "loading 100 MPa", "loading 300 MPa", "loading 900 MPa",
-            "unloading 450 MPa from 900 MPa", "unloading 100 MPa from 900 MPa",
-        ]  # fmt: skip
+            "loading 100 MPa",
+            "loading 300 MPa",
+            "loading 900 MPa",
+            "unloading 450 MPa from 900 MPa",
+            "unloading 100 MPa from 900 MPa",
+        ]
         assert contact[0] < contact[1] < contact[2] > contact[3] > contact[4]
         assert leakage[0] > leakage[1] > leakage[2] < leakage[3] < leakage[4] < leakage[0]
         (path,) = re.findall(r'load_case\("(.*?)"\)', whole_run)
@@ -238,7 +248,7 @@ class TestMeasuredSurfaces:
             )
             return fs.load_case(path)
 
-        prepared = write([1e5, 2e5], 1e9).prepare()
+        prepared = prepare(write([1e5, 2e5], 1e9))
         assert_allclose(prepared.conditioning.rms_height_before, height, rtol=5e-3)
         assert_allclose(prepared.conditioning.undefined_share, undefined, atol=6e-5)
         # full contact of the slopes comes at about E*·slope, all-plastic contact at the hardness

@@ -16,7 +16,7 @@ from femseal.report import write_folder
 from femseal.report.page import report_html
 from femseal.report.pictures import draw_all
 from femseal.results import assemble
-from femseal.results.fields import block_means
+from femseal.results.variables import block_means
 
 LOADS = (2e7, 2e8, 1.6e9)
 
@@ -155,9 +155,16 @@ def test_pictures_can_be_drawn_by_processes_without_the_fields(scene, study):
 
 @pytest.mark.parametrize(
     ("loads", "scale"),
-    [((5, 20, 40, 80), "log"), ((1, 10, 100, 400), "log"), ((100, 200, 300, 400), "linear"), ((0, 5, 50), "symlog"),
-     ((0, 100, 200), "linear"), ((7,), "linear"), ((0,), "linear")],
-)  # fmt: skip
+    [
+        ((5, 20, 40, 80), "log"),
+        ((1, 10, 100, 400), "log"),
+        ((100, 200, 300, 400), "linear"),
+        ((0, 5, 50), "symlog"),
+        ((0, 100, 200), "linear"),
+        ((7,), "linear"),
+        ((0,), "linear"),
+    ],
+)
 def test_loads_are_spread_over_the_axis(loads, scale):
     from matplotlib.figure import Figure
 

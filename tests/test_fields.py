@@ -16,16 +16,16 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from femseal.base.errors import FemsealError, InputError
 from femseal.base.machine import machine, peak_memory
+from femseal.case.case import parse_case
 from femseal.flow import cell_permeability
 from femseal.fluids import Liquid
 from femseal.plots import seal_figure
 from femseal.report import write_folder
 from femseal.results import assemble, open_results, write_vtk
 from femseal.results.pixel_fields import plan_fields
-from femseal.studies.link_flow import chosen_windows
 from femseal.runs import job
-from femseal.runs.case import parse_case
 from femseal.studies import Sampling, Scene, deterministic, stochastic, two_scale
+from femseal.studies.link_flow import chosen_windows
 from femseal.topography import read_topography, turned
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
@@ -36,9 +36,16 @@ M1, M2 = 3, 4
 def scene():
     surface = turned((48, 96), (60e-6, 120e-6), pitch=27e-6, depth=1e-6, roughness=0.3e-6, rng=2)
     return Scene(
-        surface, 115e9, 2.8e9, Liquid(1e-3, pressure_viscosity=5e-8), 3e7, 1e6,
-        loading=(50e6, 200e6, 700e6), unload_from=(200e6, 700e6), unloading=(300e6, 50e6),
-    )  # fmt: skip
+        surface,
+        115e9,
+        2.8e9,
+        Liquid(1e-3, pressure_viscosity=5e-8),
+        3e7,
+        1e6,
+        loading=(50e6, 200e6, 700e6),
+        unload_from=(200e6, 700e6),
+        unloading=(300e6, 50e6),
+    )
 
 
 @pytest.fixture(scope="module")

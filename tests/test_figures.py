@@ -14,6 +14,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 import femseal as fs
 from femseal.base.errors import InputError
 from femseal.plots.maps import window_flux
+from femseal.preparation.preparation import prepare
 from femseal.scales import window_dissipation
 from femseal.seal import largest_shares
 
@@ -174,8 +175,11 @@ def test_leakage(seals):
         assert x[0] == peak
         assert (np.diff(x) < 0).all()
         assert len(x) >= 8
-        expected = {s.pressure / 1e6: q for s, q in zip(steps, seals[1].quantile(0.5), strict=True)
-                    if s.unloaded_from == peak * 1e6}  # fmt: skip
+        expected = {
+            s.pressure / 1e6: q
+            for s, q in zip(steps, seals[1].quantile(0.5), strict=True)
+            if s.unloaded_from == peak * 1e6
+        }
         assert_array_equal(np.nan_to_num(y)[1:], [expected[p] for p in x[1:]])
     assert_array_equal(curve(right, "loading")[0], [50, 200, 400, 600, 800])
 
@@ -184,7 +188,7 @@ def test_resolved(case_file, ran, deterministic):
     """Windows are those of the two-scale run, and dissipate the leakage in all."""
     rate, windows = deterministic
     assert ran[0].two_scale.partition.lines != (0, 16, 32, 48, 64)
-    scene = fs.load_case(case_file).prepare().scene
+    scene = prepare(fs.load_case(case_file)).scene
     study = fs.deterministic(scene)
     assert_array_equal(rate, study.leakage)
     expected = window_dissipation(study.gap[1], ran[0].two_scale.partition)
@@ -212,8 +216,10 @@ def test_constrictions(ran, deterministic):
     lines = iter(left.lines)
     rate, windows = deterministic
     for n, count in enumerate((1, 3, 10)):
-        networks = ((data["leakage_two_scale"].values, data["drop_fraction"].values[:, n]),
-                    (rate, [largest_shares(w, (count,))[0] for w in windows]))  # fmt: skip
+        networks = (
+            (data["leakage_two_scale"].values, data["drop_fraction"].values[:, n]),
+            (rate, [largest_shares(w, (count,))[0] for w in windows]),
+        )
         for q, shares in networks:
             for steps in (UP, [4, 5, 6, 7, 8]):
                 assert_allclose(next(lines).get_data(), [(q / q[0])[steps], np.array(shares)[steps]])
@@ -249,8 +255,11 @@ def test_every_figure_is_written(ran, case_file, seals, deterministic, tmp_path,
     folder = str(ran[1].folder)
     monkeypatch.setattr(sys, "argv", ["figures.py", folder, str(tmp_path / "out"), str(case_file)])
     figures.main()
-    names = [f"figure_{n}.{s}" for n in ("1_two_scales", "2_cycles", "3_permeability", "4_leakage", "5_constrictions")
-             for s in ("pdf", "png")]  # fmt: skip
+    names = [
+        f"figure_{n}.{s}"
+        for n in ("1_two_scales", "2_cycles", "3_permeability", "4_leakage", "5_constrictions")
+        for s in ("pdf", "png")
+    ]
     assert sorted(path.name for path in (tmp_path / "out").glob("figure*")) == names
     assert len(capsys.readouterr().out.splitlines()) == 5
     other = tmp_path / "other.toml"

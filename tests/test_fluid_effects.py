@@ -11,7 +11,7 @@ import femseal as fs
 from femseal.contact import HalfSpace, solve_contact
 from femseal.fluids import capillary_entry_pressure
 from femseal.results.dataset import assemble
-from femseal.studies.fluid_load import carried_pressure, leakage_with_fluid_load, fluid_load_warning
+from femseal.studies.fluid_load import carried_pressure, fluid_load_warning, leakage_with_fluid_load
 
 WATER = fs.Liquid(1e-3, surface_tension=0.073, contact_angle=radians(120))
 
@@ -19,8 +19,9 @@ WATER = fs.Liquid(1e-3, surface_tension=0.073, contact_angle=radians(120))
 @pytest.fixture(scope="module")
 def scene():
     face = fs.self_affine((32, 48), (32e-6, 48e-6), hurst=0.8, rms_slope=0.1, cut_off=8e-6, rng=2)
-    return fs.Scene(face, 115e9, 3e9, WATER, 40e6, 0.0, loading=(50e6, 100e6, 200e6), unload_from=(200e6,),
-                    unloading=(100e6, 50e6))  # fmt: skip
+    return fs.Scene(
+        face, 115e9, 3e9, WATER, 40e6, 0.0, loading=(50e6, 100e6, 200e6), unload_from=(200e6,), unloading=(100e6, 50e6)
+    )
 
 
 def test_mean_pressure_of_the_fluid(scene):

@@ -9,9 +9,10 @@ import pytest
 from numpy.testing import assert_allclose
 
 import femseal as fs
+from femseal.case.case import parse_case
+from femseal.preparation.preparation import prepare
 from femseal.runs import forecast as module
 from femseal.runs import pilot
-from femseal.runs.case import parse_case
 from femseal.runs.forecast import describe, forecast
 from femseal.studies.costs import (
     PILOT_PIXELS,
@@ -42,7 +43,7 @@ def memory(monkeypatch):
 
 def test_the_effort_of_a_small_face_is_that_of_its_contacts(data):
     """At the lowest and the highest load, which are among those that are solved; between them it lies between."""
-    scene = parse_case(data).prepare().scene
+    scene = prepare(parse_case(data)).scene
     found = pilot.efforts(scene)
     half_space = fs.HalfSpace((64, 96), scene.surface.spacing, scene.modulus, ("mirror", "mirror"))
     gap = scene.surface.detrend().gap()
@@ -57,7 +58,7 @@ def test_the_effort_of_a_small_face_is_that_of_its_contacts(data):
 
 def test_the_effort_does_not_depend_on_the_points_of_a_large_face(data):
     data["face"] |= {"points": [256, 512], "size": ["240 um", "480 um"], "roughness": "1 um"}
-    scene = parse_case(data).prepare().scene
+    scene = prepare(parse_case(data)).scene
     larger = replace(scene, surface=fs.Topography(np.tile(scene.surface.heights, (2, 2)), scene.surface.spacing))
     for one, other in zip(pilot.efforts(scene), pilot.efforts(larger), strict=True):
         assert 0.5 < one.pairs / other.pairs < 2
@@ -71,24 +72,24 @@ def test_a_contact_takes_longer_with_more_pixels_and_more_contact():
 
 def test_forecast_adds_up_the_methods_and_the_second_run(data):
     known = (Effort(),) * 30
-    one = forecast(parse_case(data), parse_case(data).prepare(), known)
+    one = forecast(parse_case(data), prepare(parse_case(data)), known)
     data["compare"] = ["two-scale"]
-    two = forecast(parse_case(data), parse_case(data).prepare(), known)
+    two = forecast(parse_case(data), prepare(parse_case(data)), known)
     assert two.shared > one.shared
     assert two.alone >= one.alone
     data["surface"] = {"filter_sensitivity": True}
-    three = forecast(parse_case(data), parse_case(data).prepare(), known)
+    three = forecast(parse_case(data), prepare(parse_case(data)), known)
     assert two.shared < three.shared < 2 * two.shared
     assert_allclose(one.seconds, one.alone + one.shared)
     del data["surface"]
     data["cells"]["flow"] = "resolved"
-    resolved = forecast(parse_case(data), parse_case(data).prepare(), known)
+    resolved = forecast(parse_case(data), prepare(parse_case(data)), known)
     assert resolved.memory >= two.memory
 
 
 def test_a_run_that_does_not_fit_is_refused_unless_the_case_says_so(data, memory, tmp_path):
     case = parse_case(data)
-    needed = forecast(case, case.prepare()).memory / 1e9
+    needed = forecast(case, prepare(case)).memory / 1e9
     least = 0.501e9
     assert needed > least / 1e9
     memory(least)
@@ -119,7 +120,7 @@ def test_check_tells_time_on_one_core_and_on_all(data, monkeypatch):
     monkeypatch.setattr(module, "pace", lambda: 1.0)
     data["face"]["points"] = [512, 768]
     case = parse_case(data)
-    (line,) = [line for line in describe(case, case.prepare()) if line.startswith("expected")]
+    (line,) = [line for line in describe(case, prepare(case)) if line.startswith("expected")]
     for words in (
         " on one core, ",
         "on the 4 of this machine",
@@ -133,12 +134,12 @@ def test_an_automatic_choice_of_two_scales_takes_elements(data, monkeypatch, dis
     """Resolved flow takes what was not affordable in the deterministic method."""
     data |= {"method": "auto", "flow": {"discretisation": discretisation}}
     monkeypatch.setattr("femseal.studies.costs.AFFORDABLE_SECONDS", 0.0)
-    prepared = parse_case(data).prepare()
+    prepared = prepare(parse_case(data))
     assert (prepared.method, prepared.flow, prepared.contact) == ("two-scale", flow, "whole")
     assert f"two scales with {flow} about" in prepared.choice
     assert any(f"flow {flow}: " in line for line in describe(parse_case(data), prepared))
     monkeypatch.undo()
-    prepared = parse_case(data | {"method": "two-scale"}).prepare()
+    prepared = prepare(parse_case(data | {"method": "two-scale"}))
     assert prepared.flow == "resolved"
     lines = [line for line in describe(parse_case(data | {"method": "two-scale"}), prepared) if "two-scale" in line]
     assert any("contact of the whole face, cut into windows, flow resolved" in line for line in lines)
@@ -153,11 +154,11 @@ def test_check_says_which_windows_a_library_takes(data):
     ):
         data["stochastic"] = {"length": "1 mm", "library_cells": count, "sampler": "block"}
         case = parse_case(data)
-        assert any(words in line for line in describe(case, case.prepare())), words
+        assert any(words in line for line in describe(case, prepare(case))), words
     del data["stochastic"]["sampler"]
     case = parse_case(data)
     words = "8 library windows of the face, not 20, contact of the whole face, cut into windows (pressure: place, sampler: runs)"
-    assert any(words in line for line in describe(case, case.prepare()))
+    assert any(words in line for line in describe(case, prepare(case)))
 
 
 def test_a_gas_with_slip_takes_longer():

@@ -12,7 +12,8 @@ import pytest
 from case_fuzz import CaseFuzz, spare_files
 
 import femseal as fs
-from femseal.runs import sizes
+from femseal.preparation import check_memory as sizes
+from femseal.preparation.preparation import prepare
 from femseal.runs.forecast import describe, refuse_too_large
 
 #: CPU time that checking a case may take [s], and memory that it may ask for [byte].
@@ -51,7 +52,7 @@ def limits():
 def told(path):
     """What `femseal check` says of a case; an InputError is raised as it is."""
     case = fs.load_case(path)
-    prepared = case.prepare()
+    prepared = prepare(case)
     lines = describe(case, prepared)
     refuse_too_large(case, prepared)
     case.echo()

@@ -15,6 +15,7 @@ import femseal as fs
 from femseal.flow.coefficient import gap_on_links
 from femseal.flow.gas_drop import GasDrop, successive
 from femseal.flow.permeability_table import PermeabilityTable, pressure_curve, table_pressures
+from femseal.preparation.preparation import prepare
 from femseal.rarefied import flow_rate
 from femseal.report.words import case_sentences
 from femseal.results.dataset import assemble
@@ -163,9 +164,12 @@ def test_a_closed_gap_stays_closed():
 def test_network_of_one_link(inlet, outlet):
     for gap in (1e-8, 3e-7, 1e-5):
         found = fs.seal_leakage(
-            fs.RectangularSeal((1e-3, 2e-3), (1, 1)), table(gap, inlet, outlet), HELIUM,
-            inlet_pressure=inlet, outlet_pressure=outlet,
-        )  # fmt: skip
+            fs.RectangularSeal((1e-3, 2e-3), (1, 1)),
+            table(gap, inlet, outlet),
+            HELIUM,
+            inlet_pressure=inlet,
+            outlet_pressure=outlet,
+        )
         assert_allclose(found.conductance, 2 * gap**3 / 12 * mean_factor(gap, inlet, outlet), rtol=5e-3)
 
 
@@ -234,12 +238,21 @@ def test_meshes_tensors_and_links_agree():
     rates = [
         fs.seal_leakage(seals[name], k, HELIUM, inlet_pressure=inlet, outlet_pressure=outlet).mass_rate
         for name, k in (
-            ("mesh", numbers), ("mesh", of_elements), ("mesh", tensors), ("mesh", PermeabilityTable(numbers.pressures,
-             np.repeat(of_elements.values[..., None], 2, axis=2))), ("strip", numbers), ("strip", PermeabilityTable(numbers.pressures,
-             np.broadcast_to(numbers.values[:, None, None, None, None] * np.eye(2), (4, 8, 6, 2, 2)))),
+            ("mesh", numbers),
+            ("mesh", of_elements),
+            ("mesh", tensors),
+            ("mesh", PermeabilityTable(numbers.pressures, np.repeat(of_elements.values[..., None], 2, axis=2))),
+            ("strip", numbers),
+            (
+                "strip",
+                PermeabilityTable(
+                    numbers.pressures,
+                    np.broadcast_to(numbers.values[:, None, None, None, None] * np.eye(2), (4, 8, 6, 2, 2)),
+                ),
+            ),
             ("strip", table((np.full((8, 6), 1e-7), np.full((7, 6), 1e-7)), inlet, outlet)),
         )
-    ]  # fmt: skip
+    ]
     assert_allclose(rates, rates[-1], rtol=5e-3)
 
 
@@ -269,9 +282,15 @@ def test_tables_of_other_shapes_than_the_seal(shape):
 
 @pytest.mark.parametrize(
     ("pressures", "values", "word"),
-    [((1e5,), np.ones(1), "pressures"), ((1e5, 1e5), np.ones(2), "pressures"), ((0.0, 1e5), np.ones(2), "pressures"),
-     ((1.0, 2.0), np.ones(3), "values"), ((1.0, 2.0), -np.ones(2), "values"), ((1.0, 2.0), [np.nan, 1], "values")],
-)  # fmt: skip
+    [
+        ((1e5,), np.ones(1), "pressures"),
+        ((1e5, 1e5), np.ones(2), "pressures"),
+        ((0.0, 1e5), np.ones(2), "pressures"),
+        ((1.0, 2.0), np.ones(3), "values"),
+        ((1.0, 2.0), -np.ones(2), "values"),
+        ((1.0, 2.0), [np.nan, 1], "values"),
+    ],
+)
 def test_tables_that_are_none(pressures, values, word):
     with pytest.raises(fs.InputError, match=f"^{word}: given"):
         PermeabilityTable(pressures, values)
@@ -312,11 +331,15 @@ def test_all_studies_of_a_gas(scene):
 
 @pytest.mark.parametrize(
     "options",
-    [{"sampler": "block"}, {"sampler": "runs"}, {"pressure": "uniform", "sampler": "copula"},
-     pytest.param({"pressure": "global", "sampler": "derivative"}, marks=pytest.mark.slow),
-     pytest.param({"pressure": "uniform", "bounds": True}, marks=pytest.mark.slow)],
+    [
+        {"sampler": "block"},
+        {"sampler": "runs"},
+        {"pressure": "uniform", "sampler": "copula"},
+        pytest.param({"pressure": "global", "sampler": "derivative"}, marks=pytest.mark.slow),
+        pytest.param({"pressure": "uniform", "bounds": True}, marks=pytest.mark.slow),
+    ],
     ids=str,
-)  # fmt: skip
+)
 def test_drawn_seals_of_a_gas_leak_more_by_the_flow_factor(scene, options):
     sampling = fs.Sampling(length=0.5e-3, realisations=3, library_cells=6, seed=1, **options)
     viscous = replace(scene, fluid=replace(HELIUM, slip=False))
@@ -353,11 +376,11 @@ def test_a_helium_test_from_case_to_report(tmp_path):
         path = tmp_path / f"case{len(slip)}.toml"
         path.write_text(text.replace("{slip}", slip), encoding="utf-8")
         case = fs.load_case(path)
-        told = "\n".join(describe(case, case.prepare()))
+        told = "\n".join(describe(case, prepare(case)))
         assert ("times the viscous flow in a gap of the rms height" in told) == (slip == "")
-        study = fs.deterministic(case.prepare().scene)
+        study = fs.deterministic(prepare(case).scene)
         leakage[slip] = study.leakage
-        words = " ".join(case_sentences(assemble(case.prepare().scene, deterministic=study, case=case.echo())))
+        words = " ".join(case_sentences(assemble(prepare(case).scene, deterministic=study, case=case.echo())))
         assert f"helium, an ideal gas of viscosity 19.62 µPa·s with{'out' if slip else ''} slip" in words
     assert (leakage[""] > 1.1 * leakage["slip = false\n"]).all()
 
@@ -374,9 +397,12 @@ def test_one_pressure_in_a_window_is_near_to_its_own(inlet, outlet):
         for q in p
     ]
     found = fs.seal_leakage(
-        fs.RectangularSeal((1.0, 1.0), (1, 1)), PermeabilityTable(tuple(p), np.array(k)), HELIUM,
-        inlet_pressure=inlet, outlet_pressure=outlet,
-    )  # fmt: skip
+        fs.RectangularSeal((1.0, 1.0), (1, 1)),
+        PermeabilityTable(tuple(p), np.array(k)),
+        HELIUM,
+        inlet_pressure=inlet,
+        outlet_pressure=outlet,
+    )
     assert_allclose(found.conductance, whole, rtol=0.05)
     assert abs(found.conductance / whole - 1) > 1e-5
 

@@ -1,11 +1,13 @@
-"""Imports run downwards only and in no circle; names of files say one thing; the package is quick to import."""
+"""Imports run upwards only and in no circle, however they are written; files are short and have names of their own.
+
+An import counts whether it is made at once, inside a function, for type checkers alone or by a string.
+"""
 
 import ast
 import subprocess
 import sys
-from collections import Counter
+from collections import Counter, defaultdict
 from functools import cache
-from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 import pytest
@@ -13,9 +15,10 @@ import pytest
 import femseal
 
 ROOT = Path(femseal.__file__).parent
-#: From the bottom to the top: a module imports modules of its own room and of rooms before it.
+#: From top to bottom: a module imports from its own room and from rooms above it. A room need not be there yet.
 ROOMS = (
     "base",
+    "execution",
     "materials",
     "rarefied",
     "fluids",
@@ -26,116 +29,260 @@ ROOMS = (
     "contact",
     "flow",
     "seal",
+    "windows",
+    "elements",
+    "library",
     "scales",
     "studies",
     "budget",
     "results",
     "plots",
     "report",
+    "case",
+    "preparation",
+    "refinement",
     "runs",
     "sweeps",
-    "accuracy",
     "designs",
-    "hard_cases",
+    "calibration",
     "cli",
     "__main__",
 )
-HEAVY = ("matplotlib", "jinja2", "vtk", "vtkmodules", "pyvista", "meshio", "SurfaceTopography", "distributed", "pyamg")
+#: Imports that run downwards still: (module, room). One that is gone has to be taken out of this list.
+KNOWN_DOWNWARDS: set[tuple[str, str]] = {
+    ("femseal.base.text", "plots"),
+    ("femseal.results.results", "plots"),
+    ("femseal.results.results", "report"),
+    ("femseal.results.run_comparison", "plots"),
+}
+#: Circles that stand still, as sets of modules. One that is gone has to be taken out of this list.
+KNOWN_CIRCLES: tuple[set[str], ...] = (
+    {"femseal.refinement.accuracy_picture", "femseal.refinement.accuracy_report"},
+    {"femseal.designs.answer", "femseal.designs.data_sheet", "femseal.designs.design_picture"},
+    {"femseal.flow.gas_drop", "femseal.flow.permeability_table"},
+    {
+        "femseal.results.export",
+        "femseal.results.variables",
+        "femseal.results.reached_classes",
+        "femseal.results.results",
+        "femseal.results.seal_lengths",
+        "femseal.results.series",
+        "femseal.results.summary",
+        "femseal.results.tables",
+        "femseal.results.views",
+        "femseal.results.wanted_accuracy",
+    },
+    {
+        "femseal.preparation.preparation",
+        "femseal.preparation.settings",
+        "femseal.preparation.study_costs",
+    },
+)
+HEAVY = {
+    "matplotlib",
+    "jinja2",
+    "vtk",
+    "vtkmodules",
+    "pyvista",
+    "meshio",
+    "SurfaceTopography",
+    "distributed",
+    "dask",
+    "pyamg",
+    "CoolProp",
+    "gmsh",
+}
+BY_STRING = {"import_module", "__import__"}
+#: Rooms that draw.
+PICTURES = {"plots", "report", "refinement", "designs"}
 #: A module of more lines has more than one reason to change.
 MOST_LINES = 400
-MODULES = sorted(p for p in ROOT.rglob("*.py") if p != ROOT / "__init__.py")
-each_module = pytest.mark.parametrize("path", MODULES, ids=lambda p: str(p.relative_to(ROOT)))
+#: The law of the contact and that of the flow are both called what they are.
+SHARED_NAMES = {"__init__.py", "law.py"}
 
 
-def _for_type_checkers(node):
-    return isinstance(node, ast.If) and isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING"
+def _module(path):
+    parts = path.relative_to(ROOT.parent).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+MODULES = {_module(path): path for path in sorted(ROOT.rglob("*.py"))}
+
+
+def _room(module):
+    return [*module.split("."), ""][1]
 
 
 @cache
-def _imports(path):
-    """(dotted module below femseal or outside package, when it is imported: "at once", "when used", "never")."""
-    parts = path.relative_to(ROOT).with_suffix("").parts
-    package = parts[:-1]  # for a package's __init__ this is the package itself
-    tree = ast.parse(path.read_text(encoding="utf-8"))
-    when = {}
-    for node in ast.walk(tree):
-        if isinstance(node, ast.FunctionDef) or _for_type_checkers(node):
-            kind = "never" if _for_type_checkers(node) else "when used"
-            when.update({id(n): kind for n in ast.walk(node)})
-    found = []
-    for node in ast.walk(tree):
-        time = when.get(id(node), "at once")
+def _tree(module):
+    return ast.parse(MODULES[module].read_text(encoding="utf-8"))
+
+
+@cache
+def _nodes(module):
+    return tuple(ast.walk(_tree(module)))
+
+
+def _called(node):
+    return getattr(node.func, "id", getattr(node.func, "attr", "")) if isinstance(node, ast.Call) else ""
+
+
+@cache
+def _importers():
+    """Names of functions that import what a string names: `import_module`, and those that hand a name on to it."""
+    functions = [n for module in MODULES for n in _nodes(module) if isinstance(n, ast.FunctionDef)]
+    return BY_STRING | {f.name for f in functions if any(_called(n) in BY_STRING for n in ast.walk(f))}
+
+
+@cache
+def _exported(package):
+    """Names that the __init__ of a package takes from elsewhere, and the module of each; of femseal the lazy ones."""
+    if package == "femseal":
+        return {name: f"femseal.{home}" for name, home in femseal._HOME.items()}
+    return {
+        alias.asname or alias.name: full
+        for node in _tree(package).body
+        if isinstance(node, ast.ImportFrom)
+        for alias in node.names
+        for full in [_from(package, node)]
+    }
+
+
+def _from(module, node):
+    """Dotted name of what `from … import` of a module names."""
+    if node.level == 0:
+        return node.module
+    package = module.split(".") if MODULES[module].name == "__init__.py" else module.split(".")[:-1]
+    return ".".join([*package[: len(package) - node.level + 1], *([node.module] if node.module else [])])
+
+
+def _home(full, name):
+    """Module that holds a name imported from another one, through what packages hand on."""
+    if f"{full}.{name}" in MODULES:
+        return f"{full}.{name}"
+    if full in MODULES and MODULES[full].name == "__init__.py" and name in _exported(full):
+        return _home(_exported(full)[name], name)
+    return full
+
+
+@cache
+def _imports(module):
+    """{(dotted name, how)}: "at once", "when used" or "for types"; by a string is "when used"."""
+    how = {}
+    for node in _nodes(module):
+        types_only = isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test)
+        if types_only or isinstance(node, ast.FunctionDef):
+            how |= {id(inner): "for types" if types_only else "when used" for inner in ast.walk(node)}
+    found = set()
+    by_string = any(_called(node) in BY_STRING for node in _nodes(module))
+    for node in _nodes(module):
+        time = how.get(id(node), "at once")
         if isinstance(node, ast.Import):
-            found += [(a.name, time) for a in node.names]
+            found |= {(alias.name, time) for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
-            base = () if node.level == 0 else ("femseal", *package[: len(package) - node.level + 1])
-            full = (*base, *(node.module or "").split(".")) if node.module else base
-            for a in node.names:
-                inner = (*full, a.name)
-                found.append((".".join(inner if _is_module(inner) else full), time))
+            full = _from(module, node)
+            found |= {(_home(full, alias.name), time) for alias in node.names}
+        elif by_string or _called(node) in _importers():  # of a file that imports by strings all its strings count
+            texts = [node] if by_string else [*node.args, *(k.value for k in node.keywords)]
+            texts = [t.value for t in texts if isinstance(t, ast.Constant) and isinstance(t.value, str)]
+            names = [f"femseal.{text.lstrip('.').removeprefix('femseal.').partition(':')[0]}" for text in texts]
+            found |= {(name, "when used") for name in names if name in MODULES}
+    return frozenset(found)
+
+
+@cache
+def _graph():
+    """Modules of the package that each module imports; femseal itself hands on names of all rooms and is left out."""
+    inside = {module: {name for name, _ in _imports(module) if name in MODULES} for module in MODULES}
+    # an __init__ that hands names on imports them; to import a name through it is to import the module of the name
+    return {module: names - {module, "femseal"} for module, names in inside.items() if module != "femseal"}
+
+
+def circles(graph):
+    """Sets of nodes each of which leads to every other one of its set. Tarjan 1972."""
+    index, low, stack, found = {}, {}, [], []
+
+    def visit(node):
+        index[node] = low[node] = len(index)
+        stack.append(node)
+        for other in sorted(graph.get(node, ())):
+            if other not in index:
+                visit(other)
+            if other in stack:
+                low[node] = min(low[node], low[other])
+        if low[node] == index[node]:
+            part = set(stack[stack.index(node) :])
+            del stack[stack.index(node) :]
+            if len(part) > 1:
+                found.append(part)
+
+    for node in sorted(graph):
+        if node not in index:
+            visit(node)
     return found
 
 
-def _is_module(parts):
-    if parts[0] != "femseal":
-        return False
-    place = ROOT.joinpath(*parts[1:])
-    return place.with_suffix(".py").is_file() or (place / "__init__.py").is_file()
+def test_every_room_has_its_place():
+    assert {_room(module) for module in MODULES} - {""} <= set(ROOMS)
 
 
-@each_module
-def test_imports_run_downwards(path):
-    own = path.relative_to(ROOT).parts[0].removesuffix(".py")
-    assert own in ROOMS, f"{own} has no place in the flow"
-    for name, _ in _imports(path):
-        parts = name.split(".")
-        if parts[0] == "femseal" and len(parts) > 1 and parts[1] in ROOMS:
-            assert ROOMS.index(parts[1]) <= ROOMS.index(own), f"{own} imports {parts[1]}"
+def test_imports_run_upwards():
+    places = {room: place for place, room in enumerate(ROOMS)}
+    downwards = {
+        (module, _room(other))
+        for module, others in _graph().items()
+        for other in others
+        if places[_room(other)] > places[_room(module)]
+    }
+    assert downwards - KNOWN_DOWNWARDS == set()
+    assert KNOWN_DOWNWARDS - downwards == set(), "gone: take it out of the list"
 
 
-def test_no_circles_inside_rooms():
-    graph = {}
-    for path in MODULES:
-        name = ".".join(("femseal", *path.relative_to(ROOT).with_suffix("").parts))
-        if path.name != "__init__.py":
-            graph[name] = {other for other, time in _imports(path) if time != "never" and other.startswith("femseal.")}
-    try:
-        TopologicalSorter(graph).prepare()
-    except CycleError as error:
-        pytest.fail(f"a circle of imports: {' -> '.join(error.args[1])}")
+def test_no_modules_import_each_other():
+    """Inside rooms: between rooms there is no circle without an import that runs downwards."""
+    found = circles({m: {other for other in others if _room(other) == _room(m)} for m, others in _graph().items()})
+    new = [sorted(circle) for circle in found if not any(circle <= known for known in KNOWN_CIRCLES)]
+    assert not new, f"a circle of imports: {new}"
+    gone = [sorted(known) for known in KNOWN_CIRCLES if not any(circle <= known for circle in found)]
+    assert not gone, f"no circle any more, take it out of the list: {gone}"
 
 
-def test_no_two_files_have_one_name():
-    names = Counter(p.name for p in MODULES if p.name != "__init__.py")
-    assert not [name for name, count in names.items() if count > 1]
+def test_circles_are_found():
+    graph = {"a": {"b", "c"}, "b": {"d"}, "c": set(), "d": {"a", "e"}, "e": {"f"}, "f": {"e"}}
+    assert sorted(map(sorted, circles(graph))) == [["a", "b", "d"], ["e", "f"]]
+    assert circles({"a": {"b", "c"}, "b": {"c"}, "c": set()}) == []
 
 
-@each_module
-def test_modules_are_short(path):
-    assert len(path.read_text(encoding="utf-8").splitlines()) <= MOST_LINES
+def test_files_have_names_of_their_own():
+    names = Counter(path.name for path in MODULES.values())
+    assert {name for name, count in names.items() if count > 1} <= SHARED_NAMES
+
+
+def test_files_are_short():
+    lines = {module: len(path.read_text(encoding="utf-8").splitlines()) for module, path in MODULES.items()}
+    assert {module: count for module, count in lines.items() if count > MOST_LINES} == {}
 
 
 def test_contact_and_flow_do_not_know_each_other():
-    for package, other in (("contact", "flow"), ("flow", "contact")):
-        for path in (ROOT / package).rglob("*.py"):
-            assert not [n for n, _ in _imports(path) if n.startswith(f"femseal.{other}")]
+    rooms = defaultdict(set)
+    for module, others in _graph().items():
+        rooms[_room(module)] |= {_room(other) for other in others}
+    assert "flow" not in rooms["contact"]
+    assert "contact" not in rooms["flow"]
 
 
-@each_module
-def test_heavy_libraries_are_imported_where_they_are_used(path):
-    heavy = [name for name, time in _imports(path) if time == "at once" and name.split(".")[0] in HEAVY]
-    assert not heavy
+def test_heavy_libraries_are_imported_where_they_are_used():
+    outside = {(m, name.split(".")[0]) for m in MODULES for name, how in _imports(m) if how == "at once"}
+    assert {(module, name) for module, name in outside if name in HEAVY} == set()
 
 
-@each_module
-def test_pictures_are_made_in_the_rooms_of_pictures(path):
-    room = path.relative_to(ROOT).parts[0]
-    if room not in ("plots", "report", "accuracy", "designs"):
-        assert not [name for name, _ in _imports(path) if name.split(".")[0] == "matplotlib"]
+def test_pictures_are_made_in_the_rooms_of_pictures():
+    drawing = {m for m in MODULES for name, _ in _imports(m) if name.split(".")[0] == "matplotlib"}
+    assert {module for module in drawing if _room(module) not in PICTURES} == set()
 
 
 def test_analytic_needs_numpy_only():
-    roots = {name.split(".")[0] for name, _ in _imports(ROOT / "analytic.py")}
+    roots = {name.split(".")[0] for name, _ in _imports("femseal.analytic")}
     assert roots <= {"__future__", "math", "collections", "typing", "numpy"}
 
 

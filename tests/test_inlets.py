@@ -9,10 +9,11 @@ from numpy.testing import assert_allclose
 from skfem import MeshQuad
 
 import femseal as fs
-from femseal.accuracy import make_plan
 from femseal.base.errors import InputError
+from femseal.case.case import parse_case
 from femseal.flow.permeability_table import PermeabilityTable
-from femseal.runs.case import parse_case
+from femseal.preparation.preparation import prepare
+from femseal.refinement.accuracy_plan import make_plan
 from femseal.seal.elemented import ElementSeal, ElementWindows
 from femseal.seal.inlets import HeldBoundaries
 from femseal.studies.median_seal import _rate_of_power
@@ -231,7 +232,7 @@ def test_a_case_with_pressures_of_the_inlets():
 )
 def test_faults_of_a_case_are_one_line(tables, message):
     with pytest.raises(InputError) as error:
-        parse_case(case(**tables)).prepare()
+        prepare(parse_case(case(**tables)))
     assert message in str(error.value)
     assert "\n" not in str(error.value)
 

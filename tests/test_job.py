@@ -18,9 +18,10 @@ from test_checkpoint import HANG
 
 import femseal as fs
 from femseal.base.stage import Stage
-from femseal.runs import cluster as cluster_map
-from femseal.runs.case import parse_case
-from femseal.runs.executor import ordered_map
+from femseal.case.case import parse_case
+from femseal.execution import cluster as cluster_map
+from femseal.execution.mappers import ordered_map
+from femseal.preparation.preparation import prepare
 from femseal.runs.forecast import disk
 
 CASE = f"""
@@ -258,7 +259,7 @@ def test_progress_knows_how_much_there_is_to_do(case):
 def test_size_of_the_folder_is_foreseen(case, tmp_path, limit):
     case.write_text(case.read_text() + f'[output]\nfields_limit = "{limit}"\n')
     loaded = fs.load_case(case)
-    foreseen = disk(loaded, loaded.prepare())
+    foreseen = disk(loaded, prepare(loaded))
     fs.run(loaded, tmp_path / "out", workers=1)
     written = sum(path.stat().st_size for path in (tmp_path / "out").rglob("*") if path.is_file())
     assert written < 1.2 * (foreseen.fields + foreseen.others) < 20 * written
@@ -276,7 +277,7 @@ def test_size_of_the_checkpoint_is_foreseen(case, undrawn, tmp_path):
             written.extend(path.stat().st_size for path in (tmp_path / "out/.checkpoint").glob("*.shard"))
 
     fs.run(loaded, tmp_path / "out", workers=1, progress=measure)
-    assert 0.6 < sum(written) / disk(loaded, loaded.prepare()).checkpoint < 1.2
+    assert 0.6 < sum(written) / disk(loaded, prepare(loaded)).checkpoint < 1.2
 
 
 def test_ctrl_c_within_compiled_code_stops_as_any_other(case, tmp_path):

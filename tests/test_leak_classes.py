@@ -10,11 +10,11 @@ import femseal as fs
 from femseal.base.errors import InputError
 from femseal.base.leak_classes import LEAK_CLASSES, leak_classes
 from femseal.base.leak_units import LEAK_UNITS
+from femseal.case.case import parse_case
 from femseal.fluids import leak_basis
 from femseal.report.page import report_html
 from femseal.results import assemble
 from femseal.results.tables import csv_text, texts
-from femseal.runs.case import parse_case
 from femseal.studies.other_fluid import FluidState, OtherLeakage, drop_ratio, limit_factors
 
 HELIUM = fs.IdealGas(viscosity=19.6e-6, molar_mass=4.0026e-3, temperature=293.15, slip=False)
@@ -50,10 +50,18 @@ def test_limits_are_those_published():
 
 @pytest.mark.parametrize(
     ("written", "names"),
-    [("l0.01", ["L0.01"]), ("L1.0", ["L1"]), ("L0,1", ["L0.1"]), ("ta-luft 2021", ["TA Luft"]), ("VDI2440", ["VDI 2440"]),
-     ("iso 5208 rate cc", ["ISO 5208 CC"]), ("EN 1591-1", ["L0.01", "L0.1", "L1"]), ("5 ml/min", ["5 mL/min"]),
-     ("1e-3 mbar*L/s", ["0.001 mbar·L/s"])],
-)  # fmt: skip
+    [
+        ("l0.01", ["L0.01"]),
+        ("L1.0", ["L1"]),
+        ("L0,1", ["L0.1"]),
+        ("ta-luft 2021", ["TA Luft"]),
+        ("VDI2440", ["VDI 2440"]),
+        ("iso 5208 rate cc", ["ISO 5208 CC"]),
+        ("EN 1591-1", ["L0.01", "L0.1", "L1"]),
+        ("5 ml/min", ["5 mL/min"]),
+        ("1e-3 mbar*L/s", ["0.001 mbar·L/s"]),
+    ],
+)
 def test_names(written, names):
     assert [one.name for one in leak_classes([written])] == names
 
@@ -177,8 +185,14 @@ def case(**output):
     }
 
 
-HELIUM_TABLE = {"kind": "ideal-gas", "viscosity": "19.6 uPa*s", "molar_mass": "4.0026 g/mol", "temperature": "20 °C",
-                "inlet_pressure": "40 bar", "slip": False}  # fmt: skip
+HELIUM_TABLE = {
+    "kind": "ideal-gas",
+    "viscosity": "19.6 uPa*s",
+    "molar_mass": "4.0026 g/mol",
+    "temperature": "20 °C",
+    "inlet_pressure": "40 bar",
+    "slip": False,
+}
 
 
 def test_a_case_asks_for_classes_and_a_test_fluid():

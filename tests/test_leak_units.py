@@ -7,13 +7,13 @@ from numpy.testing import assert_allclose
 
 import femseal as fs
 from femseal.base.errors import InputError
-from femseal.base.leak_units import LEAK_UNITS, USUAL_UNITS, LeakBasis, leak_unit
+from femseal.base.leak_units import LEAK_UNITS, LeakBasis, leak_unit
 from femseal.base.quantities import to_si
+from femseal.case.case import parse_case
 from femseal.fluids import leak_basis
 from femseal.report.page import report_html
 from femseal.results import assemble
 from femseal.results.tables import csv_text, rows, texts
-from femseal.runs.case import parse_case
 
 SI = {"volume": "m^3/s", "mass": "kg/s", "throughput": "Pa*m^3/s"}
 AIR = fs.IdealGas(viscosity=18e-6, molar_mass=29e-3, temperature=293.15)
@@ -30,10 +30,21 @@ def test_values_are_those_of_a_library_of_units(unit):
 
 @pytest.mark.parametrize(
     ("written", "name"),
-    [("mL/(min*m)", "mL/(m·min)"), ("ml/min/m", "mL/(m·min)"), ("Pa*m^3/s", "Pa·m³/s"), ("m3/s", "m³/s"),
-     ("mbar*l/s", "mbar·L/s"), ("mg/(s*m)", "mg/(m·s)"), ("ug/s", "µg/s"), (" L / h ", "L/h"),
-     ("sccm", "std cm³/min"), ("std cm3/s", "std cm³/s"), ("std cm^3/(s*m)", "std cm³/(m·s)"), ("drop/min", "drops/min")],
-)  # fmt: skip
+    [
+        ("mL/(min*m)", "mL/(m·min)"),
+        ("ml/min/m", "mL/(m·min)"),
+        ("Pa*m^3/s", "Pa·m³/s"),
+        ("m3/s", "m³/s"),
+        ("mbar*l/s", "mbar·L/s"),
+        ("mg/(s*m)", "mg/(m·s)"),
+        ("ug/s", "µg/s"),
+        (" L / h ", "L/h"),
+        ("sccm", "std cm³/min"),
+        ("std cm3/s", "std cm³/s"),
+        ("std cm^3/(s*m)", "std cm³/(m·s)"),
+        ("drop/min", "drops/min"),
+    ],
+)
 def test_spellings(written, name):
     assert leak_unit(written).name == name
 

@@ -42,8 +42,15 @@ class TestFollowing:
     def test_states_are_those_of_the_window_alone(self, source, cell):
         """Loading, unloading and rigid separation against the load cycle of the same gap."""
         gap0 = source.window(0)
-        states = load_cycle(gap0, BODY, loading=LOADING, unload_from=(2e8, 8e8), unloading=(4e8, 1e8, 8e7, 2e7, 0.0),
-                            hardness=H, rtol=1e-7)  # fmt: skip
+        states = load_cycle(
+            gap0,
+            BODY,
+            loading=LOADING,
+            unload_from=(2e8, 8e8),
+            unloading=(4e8, 1e8, 8e7, 2e7, 0.0),
+            hardness=H,
+            rtol=1e-7,
+        )
         of = {(s.pressure, s.unloaded_from): s.contact for s in states}
         for p in LOADING:
             at = np.searchsorted(cell.pressure, p)
@@ -166,8 +173,20 @@ def made_cell(k, p=LOADING, unloading=(), peaks=(), rigid=()):
     """A cell of given permeabilities, the same along both axes."""
     n, m = len(p), len(peaks)
     zeros, down = np.zeros(n), np.array(unloading, float).reshape(m, -1 if m else 3)
-    return Cell(np.array(p), np.array([[k, k]], float), zeros, zeros, zeros, zeros, np.array(peaks),
-                np.array([[down, down]]), 0 * down, 0 * down, 0 * down, np.array([[rigid, rigid]], float))  # fmt: skip
+    return Cell(
+        np.array(p),
+        np.array([[k, k]], float),
+        zeros,
+        zeros,
+        zeros,
+        zeros,
+        np.array(peaks),
+        np.array([[down, down]]),
+        0 * down,
+        0 * down,
+        0 * down,
+        np.array([[rigid, rigid]], float),
+    )
 
 
 def curves(cell, ladder=LADDER, rms=1e-7):
@@ -194,8 +213,11 @@ class TestCurves:
         end = ((np.cbrt(4e8) + np.cbrt(8e8)) / 2) ** 3
         assert_allclose(p[k > 0].max(), end, rtol=1e-3)
         # up to there with the last slope: half a step further by the square root of the last factor
-        assert_allclose(curve.loaded(np.array([end * (1 - 1e-9)])), 0.5 * 0.5 ** (
-            0.5 * (np.cbrt(8e8) - np.cbrt(4e8)) / (np.cbrt(4e8) - np.cbrt(2e8))), rtol=1e-6)  # fmt: skip
+        assert_allclose(
+            curve.loaded(np.array([end * (1 - 1e-9)])),
+            0.5 * 0.5 ** (0.5 * (np.cbrt(8e8) - np.cbrt(4e8)) / (np.cbrt(4e8) - np.cbrt(2e8))),
+            rtol=1e-6,
+        )
 
     def test_unloading_starts_from_loading_at_any_peak(self):
         cell = made_cell([16, 8, 4, 2, 1], unloading=[[4.2, 5, 6], [1.1, 2, 3]], peaks=(2e8, 8e8))
@@ -369,11 +391,21 @@ class TestLibrary:
 
     def test_another_name_for_anything_else(self, source, heights):
         names = {source.key(LADDER)}
-        names |= {replace(source, **change).key(LADDER) for change in (
-            {"hardness": 2 * H}, {"seed": 2}, {"rtol": 1e-6}, {"topographies": (heights,)},
-            {"half_space": replace(BODY, modulus=2 * E)}, {"half_space": replace(BODY, boundary=("periodic", "periodic"))})}  # fmt: skip
-        names |= {source.key(replace(LADDER, **change)) for change in (
-            {"stops": (0.4, 0.1, 0.0)}, {"separations": ()}, {"closing_rtol": 0.2})}  # fmt: skip
+        names |= {
+            replace(source, **change).key(LADDER)
+            for change in (
+                {"hardness": 2 * H},
+                {"seed": 2},
+                {"rtol": 1e-6},
+                {"topographies": (heights,)},
+                {"half_space": replace(BODY, modulus=2 * E)},
+                {"half_space": replace(BODY, boundary=("periodic", "periodic"))},
+            )
+        }
+        names |= {
+            source.key(replace(LADDER, **change))
+            for change in ({"stops": (0.4, 0.1, 0.0)}, {"separations": ()}, {"closing_rtol": 0.2})
+        }
         assert len(names) == 10
         assert source.key(replace(LADDER, loading=(0.0, 2e8), peaks=(2e8,))) in names
 

@@ -17,8 +17,12 @@ PROGRAMME = LoadProgramme.of((1e8, 2e8, 4e8), (2e8, 4e8), (3e8, 1e8))
 def test_peaks_are_put_on_the_loading_curve():
     steps = LoadProgramme.of([1e8, 3e8], unload_from=[2e8], unloading=[0.5e8, 1.5e8, 2.5e8])
     assert [(s.branch, s.pressure) for s in steps] == [
-        ("loading", 1e8), ("loading", 2e8), ("loading", 3e8), ("unloading", 1.5e8), ("unloading", 0.5e8),
-    ]  # fmt: skip
+        ("loading", 1e8),
+        ("loading", 2e8),
+        ("loading", 3e8),
+        ("unloading", 1.5e8),
+        ("unloading", 0.5e8),
+    ]
     assert {s.unloaded_from for s in steps[3:]} == {2e8}
 
 
@@ -46,8 +50,10 @@ def test_programme_is_ordered(loading, peaks, unloading):
 
 def test_a_programme_says_where_its_branches_are():
     assert [s.name for s in PROGRAMME[3:]] == [
-        "unloading 100 MPa from 200 MPa", "unloading 300 MPa from 400 MPa", "unloading 100 MPa from 400 MPa",
-    ]  # fmt: skip
+        "unloading 100 MPa from 200 MPa",
+        "unloading 300 MPa from 400 MPa",
+        "unloading 100 MPa from 400 MPa",
+    ]
     assert (PROGRAMME.loading, PROGRAMME.unload_from) == ((1e8, 2e8, 4e8), (2e8, 4e8))
     assert PROGRAMME.unloading == (3e8, 1e8)
     assert_array_equal(PROGRAMME.pressures, [1e8, 2e8, 4e8, 1e8, 3e8, 1e8])

@@ -88,8 +88,12 @@ def test_a_window_has_its_own_peak(equal, kept):
     result = drawn(equal, STRIP, kept, AngleTable((1.3, 1.3, 0.7, 0.7), tuple(np.radians((0.1, 179.9, 180.1, 359.9)))))
     library, steps = result.library, equal.steps
     p = np.array([[1.3e8, 0.7e8]])
-    own = [library.along(np.r_[peak[None], p[0][None]], np.zeros((2, 2)), LoadProgramme.of([2e8], [2e8], [1e8]), 0)[1, :, 0]
-           for peak in (np.array([2.6e8, 1.4e8]), np.array([2e8, 2e8]))]  # fmt: skip
+    own = [
+        library.along(np.r_[peak[None], p[0][None]], np.zeros((2, 2)), LoadProgramme.of([2e8], [2e8], [1e8]), 0)[
+            1, :, 0
+        ]
+        for peak in (np.array([2.6e8, 1.4e8]), np.array([2e8, 2e8]))
+    ]
     at = [s.name for s in steps].index("unloading 100 MPa from 200 MPa")
     assert_allclose(result.leakage[0, at], own[0].mean() * 1e6 / (1e-3 * 128e-6), rtol=1e-6)
     assert abs(np.log(own[0].mean() / own[1].mean())) > 0.1

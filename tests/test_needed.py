@@ -12,9 +12,10 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 import femseal as fs
+from femseal.case.case import parse_case
 from femseal.loads import LoadProgramme
+from femseal.preparation.preparation import prepare
 from femseal.results import assemble
-from femseal.runs.case import parse_case
 from femseal.runs.chosen_loads import _needed
 
 CASE = """
@@ -107,9 +108,16 @@ def solved_again(scene):
 def elastic():
     surface = fs.self_affine((48, 64), (45e-6, 60e-6), hurst=0.8, rms_slope=0.2, roll_off=30e-6, rng=2)
     return fs.Scene(
-        surface, 115e9, np.inf, fs.Liquid(1e-3), 1e6, 0.0,
-        loading=(1e8, 4e8, 1.2e9), unload_from=(4e8, 1.2e9), unloading=(4e8, 2e8, 1e8, 0.0),
-    )  # fmt: skip
+        surface,
+        115e9,
+        np.inf,
+        fs.Liquid(1e-3),
+        1e6,
+        0.0,
+        loading=(1e8, 4e8, 1.2e9),
+        unload_from=(4e8, 1.2e9),
+        unloading=(4e8, 2e8, 1e8, 0.0),
+    )
 
 
 STUDIES = {
@@ -166,7 +174,7 @@ MANY = CASE.replace("[100 MPa", "[").replace(
     f"loading = {[f'{p} MPa' for p in range(50, 1250, 100)]}\n"
     'unload_from = ["950 MPa"]\n'
     f"unloading = {[f'{p} MPa' for p in range(850, 0, -100)]}",
-)  # fmt: skip
+)
 
 
 def test_loads_that_are_interpolated_are_within_the_tolerance(case, undrawn, tmp_path):
@@ -252,5 +260,5 @@ def test_a_run_without_a_budget_resamples_no_seals(keys, resampled):
     drawn = '[cells]\ncount = [2, 3]\n[stochastic]\nlength = "90 um"\n'
     text = CASE.replace('"deterministic"', '"stochastic"').replace("[32, 48]", "[64, 96]") + drawn
     text = text.replace('["30 um", "45 um"]', '["60 um", "90 um"]')
-    assert parse_case(tomllib.loads(text + keys)).prepare().sampling.resampled is resampled
-    assert parse_case(tomllib.loads(text + "width = 0.1\n" + keys)).prepare().sampling.resampled
+    assert prepare(parse_case(tomllib.loads(text + keys))).sampling.resampled is resampled
+    assert prepare(parse_case(tomllib.loads(text + "width = 0.1\n" + keys))).sampling.resampled

@@ -445,8 +445,11 @@ def test_the_rate_is_as_right_as_asked(rtol, kind):
     """Also where the iteration starts slowly: behind a critical constriction, in bays and over films."""
     for seed in range(4):
         rng = np.random.default_rng([8, seed])
-        h = np.cos(2 * np.pi * rng.random((6, 1, 1)) + rng.uniform(-9, 9, (6, 1, 1)) * np.arange(66)[:, None] / 9
-                   + rng.uniform(-9, 9, (6, 1, 1)) * np.arange(61) / 9).sum(axis=0)  # fmt: skip
+        h = np.cos(
+            2 * np.pi * rng.random((6, 1, 1))
+            + rng.uniform(-9, 9, (6, 1, 1)) * np.arange(66)[:, None] / 9
+            + rng.uniform(-9, 9, (6, 1, 1)) * np.arange(61) / 9
+        ).sum(axis=0)
         h = np.maximum(h - np.quantile(h, {"rough": 0.3, "film": 0.5, "critical": 0.4, "noise": 0.1}[kind]), 0.0)
         if kind == "film":
             h = np.maximum(h, h.max() * 10.0 ** -rng.uniform(1, 4))

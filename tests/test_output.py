@@ -24,10 +24,10 @@ from femseal.report import write_folder
 from femseal.results import assemble, open_results, save, write_vtk
 from femseal.results.selections import branch_text
 from femseal.results.tables import format_leakage
-from femseal.studies.link_flow import chosen_windows
 from femseal.scales import element_flow
 from femseal.seal import RectangularSeal
 from femseal.studies import Sampling, Scene, TwoScaleResult, deterministic, stochastic, two_scale
+from femseal.studies.link_flow import chosen_windows
 from femseal.studies.scene import labels
 from femseal.topography import Topography, self_affine
 
@@ -39,9 +39,16 @@ M1, M2 = 4, 8
 def scene():
     surface = self_affine((64, 128), (60e-6, 120e-6), hurst=0.8, rms_slope=0.15, roll_off=40e-6, rng=2)
     return Scene(
-        surface, 115e9, 1.4e9, Liquid(1e-3), 1e6, 0.0,
-        loading=(50e6, 200e6, 700e6), unload_from=(700e6,), unloading=(300e6, 50e6),
-    )  # fmt: skip
+        surface,
+        115e9,
+        1.4e9,
+        Liquid(1e-3),
+        1e6,
+        0.0,
+        loading=(50e6, 200e6, 700e6),
+        unload_from=(700e6,),
+        unloading=(300e6, 50e6),
+    )
 
 
 @pytest.fixture(scope="module")
@@ -72,14 +79,20 @@ def folder(results, scene, tmp_path_factory):
 
 def test_values_are_those_of_the_studies(results, studies, scene):
     data, two = results.dataset, studies["two_scale"]
-    for name, values in (("leakage_two_scale", two.leakage), ("k1", two.k1), ("k2", two.k2),
-                         ("window_pressure", two.pressure), ("window_mean_gap", two.mean_gap),
-                         ("window_contact_fraction", two.contact_fraction), ("fluid_pressure", two.fluid_pressure),
-                         ("leakage_deterministic", studies["deterministic"].leakage),
-                         ("leakage", studies["stochastic"].leakage),
-                         ("leakage_median", studies["stochastic"].quantile(0.5)),
-                         ("leakage_lower", studies["stochastic"].quantile(0.05)),
-                         ("library_k", studies["stochastic"].library.curves.k)):  # fmt: skip
+    for name, values in (
+        ("leakage_two_scale", two.leakage),
+        ("k1", two.k1),
+        ("k2", two.k2),
+        ("window_pressure", two.pressure),
+        ("window_mean_gap", two.mean_gap),
+        ("window_contact_fraction", two.contact_fraction),
+        ("fluid_pressure", two.fluid_pressure),
+        ("leakage_deterministic", studies["deterministic"].leakage),
+        ("leakage", studies["stochastic"].leakage),
+        ("leakage_median", studies["stochastic"].quantile(0.5)),
+        ("leakage_lower", studies["stochastic"].quantile(0.05)),
+        ("library_k", studies["stochastic"].library.curves.k),
+    ):
         assert_array_equal(data[name].values, values, err_msg=name)
     assert not [n for n, v in data.variables.items() if {"x1", "x2"} & set(v.dims)]
     assert results.steps == scene.steps
@@ -296,9 +309,11 @@ def test_a_missing_or_foreign_folder_is_an_error_in_one_line(tmp_path):
         (lambda p: None, "no such folder"),
         (lambda p: p.mkdir(), "no results.nc in it"),
         (lambda p: (p.mkdir(), (p / "results.nc").write_bytes(b"nonsense")), "a readable netCDF file"),
-        (lambda p: (p.mkdir(), xarray.Dataset({"a": 1}).to_netcdf(p / "results.nc", engine="h5netcdf")),
-         "another program"),
-    ):  # fmt: skip
+        (
+            lambda p: (p.mkdir(), xarray.Dataset({"a": 1}).to_netcdf(p / "results.nc", engine="h5netcdf")),
+            "another program",
+        ),
+    ):
         path = tmp_path / text.replace(" ", "_")
         make(path)
         with pytest.raises(InputError, match=text) as caught:

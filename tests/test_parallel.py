@@ -14,14 +14,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
-from test_checkpoint import CASE, HANG, assert_same, wait_until
+from test_checkpoint import CASE, HANG, assert_same, start, stop_at, wait_until  # noqa: F401
 
 import femseal as fs
 from femseal.base.shared_array import shared_empty
 from femseal.base.stage import Stage
-from femseal.runs import cluster as cluster_map
-from femseal.runs import processes
-from femseal.runs.executor import ordered_map
+from femseal.execution import cluster as cluster_map
+from femseal.execution import processes
+from femseal.execution.mappers import ordered_map
 
 distributed = pytest.importorskip("distributed")
 
@@ -173,6 +173,48 @@ def test_a_late_worker_is_awaited(monkeypatch):
         with ordered_map(scheduler=late.scheduler_address) as mapping:
             assert said == ["no workers: waiting up to 600 s for one"]
             assert list(mapping(Stage("trial", abs), [-1, -2])) == [1, 2]
+
+
+@pytest.mark.parametrize("default", [False, True])
+def test_a_run_on_a_cluster_writes_its_folder_and_goes_on_there(case, tmp_path, monkeypatch, default):
+    """Also where the process has a default client of its own, as a notebook does."""
+    case.write_text(CASE + '[output]\npictures = false\nreport = false\nparaview = "none"\n')
+    one = fs.run(case, workers=1)
+    out = tmp_path / "out"
+    monkeypatch.setattr(cluster_map, "ANSWER_SECONDS", HANG)
+    monkeypatch.setattr("femseal.runs.checkpoint.SHARD_ITEMS", 1)
+    # what goes to its scheduler is pickled, unlike within a process
+    it = distributed.LocalCluster(n_workers=1, processes=False, protocol="tcp://", dashboard_address=None)
+    with it, distributed.Client(it, set_as_default=default):
+        with pytest.raises(KeyboardInterrupt):
+            fs.run(case, out, scheduler=it.scheduler_address, progress=stop_at("two-scale: contact of windows", 3))
+        assert (out / ".checkpoint").exists()
+        fs.run(case, out, resume=True, scheduler=it.scheduler_address)
+        assert_same(one.dataset, fs.open_results(out).dataset)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("scheduler", ["local", "address"])
+def test_the_command_writes_its_folder_on_a_cluster_also_after_a_kill(case, start, tmp_path, scheduler):  # noqa: F811
+    one = fs.run(case, workers=1)
+    out = tmp_path / "out"
+    with ExitStack() as stack:
+        if scheduler == "address":
+            scheduler, start_worker = stack.enter_context(real_cluster())
+            start_worker()
+        arguments = ["--workers", 1, "--scheduler", scheduler]
+        process = start(case, out, *arguments, shard_items=1)
+        wait_until(lambda: list(out.glob(".checkpoint/*.shard")) or process.poll() is not None)
+        assert process.poll() is None, process.stderr.read()
+        os.killpg(process.pid, signal.SIGKILL)
+        process.wait()
+        process = start(case, out, "--resume", *arguments)
+        assert process.wait() == 0, process.stderr.read()
+    assert_same(one.dataset, fs.open_results(out).dataset)
+    assert not (out / ".checkpoint").exists()
+    names = (out / "files.txt").read_text().split()
+    assert {"results.nc", "table.csv", "report.html", "leakage.png", "fields.pvd"} <= set(names)
+    assert all((out / name).stat().st_size for name in names)
 
 
 @pytest.mark.slow

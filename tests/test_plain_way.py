@@ -21,8 +21,9 @@ def cycle(pixels):
     z, spacing = chain.heights(N, pixels, 0.0), N * chain.PIXEL / pixels
     gap0 = z.max() - z
     body = fs.HalfSpace(gap0.shape, (spacing, spacing), chain.MODULUS)
-    states = fs.load_cycle(gap0, body, loading=LOADING, unload_from=PEAKS, unloading=UNLOADING,
-                           hardness=chain.HARDNESS, rtol=1e-8)  # fmt: skip
+    states = fs.load_cycle(
+        gap0, body, loading=LOADING, unload_from=PEAKS, unloading=UNLOADING, hardness=chain.HARDNESS, rtol=1e-8
+    )
     return gap0, spacing, states
 
 

@@ -268,7 +268,7 @@ class TestFiles:
         (lambda: shares(Profile((1, 2), (0, 1e-3)), strip()), "positions: given 0 m to 1 mm, allowed .* windows"),
         (lambda: shares(Profile((1, 2)), PressedSeal(Frame(), ring().outlines)), "none on a mesh"),
     ],
-)  # fmt: skip
+)
 def test_what_is_refused(make, message):
     with pytest.raises(InputError, match=message):
         make()

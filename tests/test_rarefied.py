@@ -30,9 +30,19 @@ def boltzmann_flow_rate(thickness, cells):
 
 @pytest.mark.parametrize(
     ("d", "known"),
-    [(0.001, None), (0.01, 3.0496), (0.0149, None), (0.1, 2.0327), (0.149, None), (0.5, 1.6019), (1.0, 1.5387),
-     (2.0, 1.5949), (5.0, 1.9908), (10.0, 2.7686)],
-)  # fmt: skip
+    [
+        (0.001, None),
+        (0.01, 3.0496),
+        (0.0149, None),
+        (0.1, 2.0327),
+        (0.149, None),
+        (0.5, 1.6019),
+        (1.0, 1.5387),
+        (2.0, 1.5949),
+        (5.0, 1.9908),
+        (10.0, 2.7686),
+    ],
+)
 def test_flow_rate_against_the_boltzmann_equation(d, known):
     coarse, fine = boltzmann_flow_rate(d, 50), boltzmann_flow_rate(d, 100)
     solved = fine + (fine - coarse) / 3

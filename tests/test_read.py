@@ -289,15 +289,25 @@ def test_unknown_format(tmp_path):
         (Z, (0.25, 0.2), None, {}),
         (Z, (80.0, 60.0), r"a size of 160 m × 180 m, .* pass size= \(--size\)", {"size": (4e-6, 9e-6)}),
         (Z, (1e-12, 1e-6), r"a size of 2 pm × 3 µm, .* pass size= \(--size\)", {"spacing": PIXEL}),
-        (Z, (0.0, 1e-6), r"a pixel of 0 m × 1e-06 m, .* pass spacing= or size= \(--spacing, --size\)", {"spacing": PIXEL}),
+        (
+            Z,
+            (0.0, 1e-6),
+            r"a pixel of 0 m × 1e-06 m, .* pass spacing= or size= \(--spacing, --size\)",
+            {"spacing": PIXEL},
+        ),
         (Z, (-1e-6, 1e-6), r"a pixel of -1e-06 m × 1e-06 m, .* two lengths > 0", {"size": (4e-6, 9e-6)}),
         (Z, (np.nan, 1e-6), r"a pixel of nan m", {"size": (4e-6, 9e-6)}),
-        (Z / 4e-6, (0.2, 0.2), r"Sq = 9\d+\.\d mm, .* pass height_unit= such as 'um' \(--height-unit\)", {"height_unit": "um"}),
+        (
+            Z / 4e-6,
+            (0.2, 0.2),
+            r"Sq = 9\d+\.\d mm, .* pass height_unit= such as 'um' \(--height-unit\)",
+            {"height_unit": "um"},
+        ),
         (Z * 100, PIXEL, r"a slope of \d+ on half of its points, .* \(--size, --height-unit\)", {"height_unit": "um"}),
         (Z * 100, PIXEL, "a slope of", {"spacing": (2e-4, 3e-4)}),
         (Z * 100, PIXEL, "a slope of", {"spacing": PIXEL, "height_unit": "m"}),
     ],
-)  # fmt: skip
+)
 def test_what_only_a_wrong_unit_explains_is_refused_with_the_way_to_correct_it(
     tmp_path, heights, spacing, message, correction
 ):

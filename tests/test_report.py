@@ -28,10 +28,23 @@ from femseal.studies import Sampling, Scene, deterministic, stochastic, two_scal
 from femseal.topography import self_affine
 
 SECTIONS = ["case", "leakage", "cells", "maps", "drop", "errors", "time", "warnings", "versions", "values"]
-CASE = {"title": "Trial <of> a seal & more", "seed": 7, "contact": {"rtol": 1e-5}, "cells": {"count": [3, 6]},
-        "face": [{"kind": "file", "path": "Face_A.x3p"}], "fluid": {"kind": "liquid", "viscosity": 1e-3}}  # fmt: skip
-SURFACE = {"shape": [48, 96], "spacing": [1e-6, 1e-6], "shortest_wavelength": 8e-6, "rms_height": 1e-6,
-           "rms_slope": 0.15, "rms_slope_before": 0.2, "undefined_share": 0.0}  # fmt: skip
+CASE = {
+    "title": "Trial <of> a seal & more",
+    "seed": 7,
+    "contact": {"rtol": 1e-5},
+    "cells": {"count": [3, 6]},
+    "face": [{"kind": "file", "path": "Face_A.x3p"}],
+    "fluid": {"kind": "liquid", "viscosity": 1e-3},
+}
+SURFACE = {
+    "shape": [48, 96],
+    "spacing": [1e-6, 1e-6],
+    "shortest_wavelength": 8e-6,
+    "rms_height": 1e-6,
+    "rms_slope": 0.15,
+    "rms_slope_before": 0.2,
+    "undefined_share": 0.0,
+}
 BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 
 
@@ -39,9 +52,16 @@ BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "
 def scene():
     surface = self_affine((48, 96), (60e-6, 120e-6), hurst=0.8, rms_slope=0.15, roll_off=40e-6, rng=2)
     return Scene(
-        surface, 115e9, 1.4e9, Liquid(1e-3), 1e6, 0.0,
-        loading=(50e6, 200e6, 700e6), unload_from=(700e6,), unloading=(300e6, 50e6),
-    )  # fmt: skip
+        surface,
+        115e9,
+        1.4e9,
+        Liquid(1e-3),
+        1e6,
+        0.0,
+        loading=(50e6, 200e6, 700e6),
+        unload_from=(700e6,),
+        unloading=(300e6, 50e6),
+    )
 
 
 @pytest.fixture(scope="module")
@@ -150,8 +170,11 @@ def test_table_has_the_numbers_of_the_dataset(results, page):
     assert unit in words(section(page, "leakage").find("p[@id='leakage-unit']"))
     data = results.dataset
     assert len(rows) == data.sizes["step"]
-    for head, name in (("median", "leakage_median"), ("two-scale", "leakage_two_scale"),
-                       ("deterministic", "leakage_deterministic")):  # fmt: skip
+    for head, name in (
+        ("median", "leakage_median"),
+        ("two-scale", "leakage_two_scale"),
+        ("deterministic", "leakage_deterministic"),
+    ):
         shown = [row[heads.index(head)] for row in rows]
         values = [0.0 if text == "sealed" else float(text) * factor for text in shown]
         assert_allclose(values, data[name].values, rtol=6e-3)
@@ -170,8 +193,11 @@ def test_first_numbers_are_those_of_first_and_highest_load(results, page):
         value = float(results.leakage[s])
         text = keys[results.steps[s].name]
         assert text == "sealed" if value == 0 else abs(float(text.removesuffix(f" {unit}")) * factor / value - 1) < 6e-3
-    assert_allclose(float(keys["in contact at the highest load"].rstrip(" %")), 100 * results.dataset["contact_fraction"][2],
-                    rtol=6e-3)  # fmt: skip
+    assert_allclose(
+        float(keys["in contact at the highest load"].rstrip(" %")),
+        100 * results.dataset["contact_fraction"][2],
+        rtol=6e-3,
+    )
 
 
 def test_error_budget_is_that_of_the_studies(results, studies, page):
@@ -238,8 +264,12 @@ def test_times_warnings_and_versions(quick):
 
 
 def test_parts_of_a_study_are_not_counted_twice(scene, studies):
-    timings = {"two-scale: contact of windows": 3.0, "two-scale: flow in windows": 1.0, "two-scale": 6.0,
-               "stochastic": 2.0}  # fmt: skip
+    timings = {
+        "two-scale: contact of windows": 3.0,
+        "two-scale: flow in windows": 1.0,
+        "two-scale": 6.0,
+        "stochastic": 2.0,
+    }
     told = assemble(scene, two_scale=studies["two_scale"], case=CASE, timings=timings)
     rows = body_rows(section(report_html(told), "time").find("table"))
     assert [(name, share) for name, _, share in rows] == [
@@ -287,9 +317,15 @@ def test_closed_and_failed_seals_are_told(results):
 def test_accuracy_of_the_same_case_is_shown(quick, tmp_path):
     save(quick, tmp_path)
     factors = {"loading": {"factor": 1.234}, "unloading": {"factor": None}}
-    solution = {"method": "two-scale", "points": [48, 96], "cells": [3, 6], "seconds": 2.0,
-                "comparisons": [{"against": "deterministic 48 × 96"} | factors],
-                "budget": {"factor": 1.3}, "recommended": True}  # fmt: skip
+    solution = {
+        "method": "two-scale",
+        "points": [48, 96],
+        "cells": [3, 6],
+        "seconds": 2.0,
+        "comparisons": [{"against": "deterministic 48 × 96"} | factors],
+        "budget": {"factor": 1.3},
+        "recommended": True,
+    }
     found = {"case": fs.open_results(tmp_path).case, "solutions": [solution]}
     (tmp_path / "accuracy.json").write_text(json.dumps(found))
     table = next(section(write_report(tmp_path).read_text(encoding="utf-8"), "errors").iter("table"))

@@ -10,10 +10,11 @@ import pytest
 from numpy.testing import assert_allclose
 
 import femseal as fs
+from femseal.case.case import parse_case
+from femseal.preparation import case_plausibility, preparation
+from femseal.preparation.preparation import prepare
 from femseal.report.words import scatter_lines
 from femseal.results import assemble
-from femseal.runs import case_oddities, preparation
-from femseal.runs.case import parse_case
 from femseal.runs.forecast import describe
 
 ROOT = Path(__file__).parents[1]
@@ -37,7 +38,7 @@ def case(tmp_path):
 
 
 def test_the_default_grid_resolves_the_shortest_measured_wave(case):
-    prepared = case().prepare()
+    prepared = prepare(case())
     conditioning = prepared.conditioning
     assert_allclose(conditioning.shortest_measured, 4e-6, rtol=0.05)
     assert conditioning.shortest_wavelength == conditioning.shortest_measured
@@ -48,9 +49,9 @@ def test_the_default_grid_resolves_the_shortest_measured_wave(case):
 
 
 def test_a_grid_limited_for_its_cost_is_told(case, monkeypatch):
-    for module in (preparation, case_oddities):
+    for module in (preparation, case_plausibility):
         monkeypatch.setattr(module, "MOST_POINTS", 20_000)
-    prepared = case().prepare()
+    prepared = prepare(case())
     lost = prepared.conditioning.lost_slope
     assert_allclose(np.prod(prepared.scene.surface.shape), 20_000, rtol=0.15)
     assert 0.1 < lost < 0.4
@@ -59,22 +60,22 @@ def test_a_grid_limited_for_its_cost_is_told(case, monkeypatch):
     for words in (f"removes {lost:.0%} of the rms slope", f"surface.points = {wanted}", "are taken"):
         assert words in warning
     # what it tells to set keeps the slope
-    assert case(points=wanted).prepare().conditioning.lost_slope < 0.001
-    assert case(points=wanted).prepare().warnings == ()
+    assert prepare(case(points=wanted)).conditioning.lost_slope < 0.001
+    assert prepare(case(points=wanted)).warnings == ()
 
 
 def test_settings_rule_and_their_loss_is_told(case):
     """A wave that needs a finer grid gets one; a longer one, or a coarse grid, is warned of."""
-    prepared = case(shortest_wave="5 um").prepare()
+    prepared = prepare(case(shortest_wave="5 um"))
     assert prepared.conditioning.shortest_wavelength == 5e-6
     assert 8 <= 5e-6 / max(prepared.scene.surface.spacing) < 9
-    (warning,) = case(shortest_wave="16 um").prepare().warnings
+    (warning,) = prepare(case(shortest_wave="16 um")).warnings
     assert "the low-pass at 16 µm removes" in warning
     assert warning.endswith("leave out surface.shortest_wave")
-    (warning,) = case(points=[96, 128]).prepare().warnings
+    (warning,) = prepare(case(points=[96, 128])).warnings
     assert "the low-pass at 8 µm removes" in warning
     assert "set surface.points = [" in warning
-    both = case(points=[200, 260], shortest_wave="16 um").prepare().warnings
+    both = prepare(case(points=[200, 260], shortest_wave="16 um")).warnings
     assert both[0].endswith("leave out surface.shortest_wave and surface.points")
 
 
@@ -83,12 +84,12 @@ def test_noise_that_is_kept_is_told(case, tmp_path):
         noise = np.random.default_rng(1).normal(0, 200e-9, file["z"].shape)
         np.savez(tmp_path / "noisy.npz", z=file["z"] + noise, spacing=file["spacing"])
     face = case().face[0].model_copy(update={"path": Path("noisy.npz")})
-    warnings = case(shortest_wave="3 um").model_copy(update={"face": (face,)}).prepare().warnings
+    warnings = prepare(case(shortest_wave="3 um").model_copy(update={"face": (face,)})).warnings
     assert any("are noise or beyond the instrument: surface.shortest_wave = '" in text for text in warnings)
 
 
 def test_check_and_results_tell_the_slope_that_is_lost(case):
-    prepared = (coarse := case(shortest_wave="24 um")).prepare()
+    prepared = prepare(coarse := case(shortest_wave="24 um"))
     lines = describe(coarse, prepared)
     lost = f"{prepared.conditioning.lost_slope:.0%} of the rms slope"
     assert any(line.startswith("warning") and lost in line for line in lines)
@@ -101,7 +102,7 @@ def test_check_and_results_tell_the_slope_that_is_lost(case):
 @pytest.mark.parametrize(("name", "wave"), [("mnt-1.mnt", 10.02e-6), ("opd-1.opd", 0.649e-6)])
 def test_measured_faces_keep_what_was_measured(case, instrument_file, name, wave):
     face = case().face[0].model_copy(update={"path": instrument_file(name), "periodic": (False, False)})
-    conditioning = case(spikes=6.0).model_copy(update={"face": (face,)}).prepare().conditioning
+    conditioning = prepare(case(spikes=6.0).model_copy(update={"face": (face,)})).conditioning
     assert_allclose(conditioning.shortest_wavelength, wave, rtol=1e-3)
     assert conditioning.lost_slope < 1e-6
 
@@ -109,10 +110,10 @@ def test_measured_faces_keep_what_was_measured(case, instrument_file, name, wave
 def test_a_second_run_shows_what_the_filter_decides(case):
     """It is the run of a case with twice the wave on half the points."""
     results = fs.run(one := case(filter_sensitivity=True), workers=1)
-    wave = 2 * one.prepare().conditioning.shortest_wavelength
-    surface = one.prepare().scene.surface
+    wave = 2 * prepare(one).conditioning.shortest_wavelength
+    surface = prepare(one).scene.surface
     filtered = fs.deterministic(
-        replace(one.prepare().scene, surface=surface.low_pass(wave).resample(tuple(n // 2 for n in surface.shape)))
+        replace(prepare(one).scene, surface=surface.low_pass(wave).resample(tuple(n // 2 for n in surface.shape)))
     )
     assert_allclose(results.dataset["leakage_filtered"].values, filtered.leakage, rtol=1e-9)
     assert filtered.leakage[0] != results.leakage.values[0]
@@ -132,7 +133,7 @@ def test_a_second_run_shows_what_the_filter_decides(case):
         assert len(found) == len(told)
         assert all(words in text for words, text in zip(told, found, strict=True))
     with pytest.raises(fs.InputError, match=r"surface\.filter_sensitivity: given True, .* twice the shortest wave"):
-        case(shortest_wave="80 um", filter_sensitivity=True).prepare()
+        prepare(case(shortest_wave="80 um", filter_sensitivity=True))
 
 
 def test_the_second_run_is_of_the_method_of_the_answer(case):

@@ -107,8 +107,15 @@ class TestGlobalScale:
 
     def test_gap_of_a_flat_face_is_zero_under_load(self):
         flat = Topography(np.zeros((32, 32)), (1e-6, 1e-6))
-        (world,) = global_states(flat, Partition(flat.shape, flat.spacing, (2, 2)), 8e-6, LoadProgramme.of((1e8,)),
-                                 modulus=E, hardness=H, boundary=("periodic", "periodic"))  # fmt: skip
+        (world,) = global_states(
+            flat,
+            Partition(flat.shape, flat.spacing, (2, 2)),
+            8e-6,
+            LoadProgramme.of((1e8,)),
+            modulus=E,
+            hardness=H,
+            boundary=("periodic", "periodic"),
+        )
         assert_allclose(world.raw_gap, 0, atol=1e-18)
         assert_allclose(world.pressure, 1e8)
 
@@ -116,8 +123,15 @@ class TestGlobalScale:
     def test_a_flat_face_is_a_punch(self, boundary):
         """A strip with free ends: p = 2p̄/(π √(1 − ξ²)), in parts of the width (arcsin ξ₂ − arcsin ξ₁)/π."""
         flat = Topography(np.zeros((128, 128)), (1e-6, 1e-6))
-        (world,) = global_states(flat, Partition(flat.shape, flat.spacing, (8, 8)), 8e-6, LoadProgramme.of((1e8,)),
-                                 modulus=E, hardness=np.inf, boundary=boundary)  # fmt: skip
+        (world,) = global_states(
+            flat,
+            Partition(flat.shape, flat.spacing, (8, 8)),
+            8e-6,
+            LoadProgramme.of((1e8,)),
+            modulus=E,
+            hardness=np.inf,
+            boundary=boundary,
+        )
         expected = 8e8 * np.diff(np.arcsin(np.linspace(-1, 1, 9))) / np.pi
         pressure = world.pressure if boundary[0] == "free" else world.pressure.T
         assert_allclose(pressure, np.tile(expected[:, None], (1, 8)), rtol=0.02)
@@ -133,8 +147,9 @@ class TestGlobalScale:
         partition = Partition(shape, smooth.spacing, cells)
         cut_off = 16 * min(smooth.spacing)
         surface = surface.low_pass(cut_off)
-        (world,) = global_states(surface, partition, cut_off, LoadProgramme.of((2e8,)), modulus=E, hardness=np.inf,
-                                 boundary=boundary)  # fmt: skip
+        (world,) = global_states(
+            surface, partition, cut_off, LoadProgramme.of((2e8,)), modulus=E, hardness=np.inf, boundary=boundary
+        )
         gap0 = surface.heights.max() - surface.heights
         whole = load_cycle(gap0, HalfSpace(shape, smooth.spacing, E, boundary), loading=(2e8,))[0].contact
         assert_allclose(world.pressure, partition.means(whole.pressure), atol=0.05 * 2e8)
@@ -189,9 +204,18 @@ class TestGlobalScale:
     def test_raw_gap_is_between_virgin_planes(self, face):
         """On unloading the permanent deformation stays negative in the raw gap where the face yielded."""
         partition = Partition(face.shape, face.spacing, (4, 8))
-        peak, lower, apart = (s.raw_gap for s in global_states(
-            face, partition, 7.5e-6, LoadProgramme.of((2e8,), (2e8,), (1e8, 0.0)), modulus=E, hardness=0.5e9,
-            boundary=("periodic", "periodic")))  # fmt: skip
+        peak, lower, apart = (
+            s.raw_gap
+            for s in global_states(
+                face,
+                partition,
+                7.5e-6,
+                LoadProgramme.of((2e8,), (2e8,), (1e8, 0.0)),
+                modulus=E,
+                hardness=0.5e9,
+                boundary=("periodic", "periodic"),
+            )
+        )
         yielded = peak < -1e-9
         assert yielded.any()
         # opened by elastic recovery, but still below the virgin plane in most places, and never closer

@@ -342,9 +342,11 @@ def test_cell_sets_of_another_format(tmp_path):
     plain = meshio.Mesh(
         whole.points,
         [(b.type, b.data) for b in whole.cells],
-        cell_sets={"in": [np.array([0, 1]), np.array([], int), np.array([], int)],
-                   "out": [np.array([], int), np.array([0, 1]), np.array([], int)]},
-    )  # fmt: skip
+        cell_sets={
+            "in": [np.array([0, 1]), np.array([], int), np.array([], int)],
+            "out": [np.array([], int), np.array([0, 1]), np.array([], int)],
+        },
+    )
     meshio.write(path, plain)
     assert_allclose(MeshSeal(path, "in", "out").flow(1.0).conductance, 1.0, rtol=1e-12)
 
@@ -542,8 +544,16 @@ def two_parts(kind, shift, turn=0.0, cells=6):
 @pytest.mark.parametrize("kind", [MeshTri, MeshQuad])
 @pytest.mark.parametrize(
     ("shift", "turn"),
-    [((0, 0), 0), ((0.5, 0.5), 0), ((1 / 3, 0), 0), ((0.43, 0.21), 0), ((0.3, 0.9), 0.4), ((0.95, 0.95), 0), ((0.5, -0.2), np.pi / 4)],
-)  # fmt: skip
+    [
+        ((0, 0), 0),
+        ((0.5, 0.5), 0),
+        ((1 / 3, 0), 0),
+        ((0.43, 0.21), 0),
+        ((0.3, 0.9), 0.4),
+        ((0.95, 0.95), 0),
+        ((0.5, -0.2), np.pi / 4),
+    ],
+)
 def test_parts_that_lie_on_each_other_are_refused(kind, shift, turn):
     """Nodes of the two parts that coincide, lie on edges, or lie anywhere."""
     with pytest.raises(InputError, match=r"^path: given a mesh whose element.* (overlap|lies on others)"):

@@ -10,10 +10,11 @@ from numpy.testing import assert_allclose, assert_array_equal
 from small_cases import STRIP
 
 import femseal as fs
+from femseal.case.case import parse_case
+from femseal.case.schema import case_schema
+from femseal.preparation.preparation import prepare
 from femseal.results import assemble, open_results, seal_lengths
-from femseal.runs.case import parse_case
 from femseal.runs.forecast import describe, forecast
-from femseal.runs.schema import case_schema
 
 LENGTHS = (240e-6, 60e-6, 2e-3)
 CASE = STRIP | {
@@ -26,9 +27,16 @@ CASE = STRIP | {
 def scene():
     surface = fs.self_affine((32, 64), (30e-6, 60e-6), hurst=0.8, rms_slope=0.2, roll_off=20e-6, rng=2)
     return fs.Scene(
-        surface, 115e9, 3e9, fs.Liquid(1e-3), 1e6, 0.0,
-        loading=(5e7, 3e8, 2.5e9), unload_from=(3e8,), unloading=(1e8,),
-    )  # fmt: skip
+        surface,
+        115e9,
+        3e9,
+        fs.Liquid(1e-3),
+        1e6,
+        0.0,
+        loading=(5e7, 3e8, 2.5e9),
+        unload_from=(3e8,),
+        unloading=(1e8,),
+    )
 
 
 @pytest.fixture(scope="module")
@@ -46,8 +54,11 @@ def results(scene, seals):
     return assemble(scene, stochastic=seals)
 
 
-@pytest.mark.parametrize("options", [{}, {"pressure": "uniform", "bounds": True}, {"pressure": "global"},
-                                     {"sampler": "runs"}, {"sampler": "copula"}], ids=str)  # fmt: skip
+@pytest.mark.parametrize(
+    "options",
+    [{}, {"pressure": "uniform", "bounds": True}, {"pressure": "global"}, {"sampler": "runs"}, {"sampler": "copula"}],
+    ids=str,
+)
 def test_every_length_is_what_it_is_by_itself(scene, sampling, options):
     few = replace(sampling, **options, library_cells=3, realisations=3)
     several = fs.stochastic(scene, (2, 4), few)
@@ -78,8 +89,11 @@ def test_the_dataset_has_median_and_band_of_every_length(results, seals):
     data = results.dataset
     assert_allclose(data["seal_length"], [240e-6, 60e-6, 1.995e-3], rtol=0.01)
     for n, own in enumerate((seals, *seals.other_lengths)):
-        for name, values in (("median", own.quantile(0.5)), ("upper", own.quantile(0.95)),
-                             ("lower_together", own.quantile(0.05, resampled=True))):  # fmt: skip
+        for name, values in (
+            ("median", own.quantile(0.5)),
+            ("upper", own.quantile(0.95)),
+            ("lower_together", own.quantile(0.05, resampled=True)),
+        ):
             assert_array_equal(data[f"leakage_of_lengths_{name}"][n], values)
         assert_array_equal(data["sealed_fraction_of_lengths"][n], own.sealed_fraction)
     assert_array_equal(data["leakage_median"], data["leakage_of_lengths_median"][0])
@@ -119,11 +133,11 @@ def test_picture_of_lengths(results):
 def test_a_case_with_a_list_of_lengths(tmp_path):
     case = parse_case(CASE)
     assert case.stochastic.lengths == pytest.approx(LENGTHS)
-    text = "\n".join(describe(case, case.prepare()))
+    text = "\n".join(describe(case, prepare(case)))
     assert "240 µm long; as many of 60 µm, 2 mm" in text
     one = parse_case(CASE | {"stochastic": CASE["stochastic"] | {"length": "240 um"}})
     assert one.stochastic.length == pytest.approx(240e-6)
-    assert forecast(one, one.prepare()).seconds < forecast(case, case.prepare()).seconds
+    assert forecast(one, prepare(one)).seconds < forecast(case, prepare(case)).seconds
     found = fs.run(case, tmp_path / "out", workers=1)
     assert {"lengths.csv", "lengths.png"} <= {path.name for path in (tmp_path / "out").iterdir()}
     back = open_results(tmp_path / "out")
@@ -146,7 +160,7 @@ def test_a_case_with_a_list_of_lengths(tmp_path):
 )
 def test_lengths_that_cannot_be(length, fault):
     with pytest.raises(fs.InputError, match=fault):
-        parse_case(CASE | {"stochastic": CASE["stochastic"] | {"length": length}}).prepare()
+        prepare(parse_case(CASE | {"stochastic": CASE["stochastic"] | {"length": length}}))
 
 
 def test_the_schema_knows_one_length_and_several():

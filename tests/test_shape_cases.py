@@ -10,17 +10,21 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 import femseal as fs
 from femseal import cli
-from femseal.accuracy import make_plan
-from femseal.runs.case import parse_case
+from femseal.case.case import parse_case
+from femseal.preparation.preparation import prepare
+from femseal.refinement.accuracy_plan import make_plan
 from femseal.runs.forecast import describe
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 #: Fewer loads and windows; the ring is narrower, and the gasket has larger windows.
 REDUCED = {
-    "annular_seal": {"seal": {"outer_radius": "10.6 mm"}, "face": {"points": [96, 96], "size": ["120 um", "120 um"]},
-                     "cells": {"count": [2, 2]}},
+    "annular_seal": {
+        "seal": {"outer_radius": "10.6 mm"},
+        "face": {"points": [96, 96], "size": ["120 um", "120 um"]},
+        "cells": {"count": [2, 2]},
+    },
     "gasket_seal": {"face": {"points": [64, 128]}},
-}  # fmt: skip
+}
 LOAD = {"loading": ["50 MPa", "200 MPa"], "unload_from": ["200 MPa"], "unloading": ["50 MPa"]}
 
 
@@ -97,7 +101,7 @@ def test_files_for_people_and_paraview(done):
 @pytest.mark.parametrize("name", sorted(REDUCED))
 def test_check_and_accuracy_know_the_shape(name):
     case = parse_case(reduced(name), EXAMPLES)
-    lines = "\n".join(describe(case, case.prepare()))
+    lines = "\n".join(describe(case, prepare(case)))
     assert re.search(r"^seal +(a ring between|the mesh bolted_ring)", lines, re.MULTILINE)
     assert re.search(
         {"annular_seal": r"3 seals of 10 × 1079 links", "gasket_seal": r"\d+ windows in 5940 elements"}[name], lines
@@ -111,7 +115,7 @@ def test_check_and_accuracy_know_the_shape(name):
 
 def refused(data, folder=EXAMPLES):
     with pytest.raises(fs.InputError) as error:
-        parse_case(data, folder).prepare()
+        prepare(parse_case(data, folder))
     assert "\n" not in str(error.value)
     return str(error.value)
 
@@ -119,22 +123,82 @@ def refused(data, folder=EXAMPLES):
 @pytest.mark.parametrize(
     ("name", "table", "keys", "words"),
     [
-        ("annular_seal", "stochastic", {"length": "1 mm"}, "stochastic.length: given 1 mm, allowed is none with a seal of"),
-        ("annular_seal", "stochastic", {"breadth": "1 mm"}, "stochastic.breadth: given 1 mm, allowed is none with a seal"),
-        ("annular_seal", "stochastic", {"pressure": "place"}, "stochastic.pressure: given 'place' of a face with 2 rows"),
+        (
+            "annular_seal",
+            "stochastic",
+            {"length": "1 mm"},
+            "stochastic.length: given 1 mm, allowed is none with a seal of",
+        ),
+        (
+            "annular_seal",
+            "stochastic",
+            {"breadth": "1 mm"},
+            "stochastic.breadth: given 1 mm, allowed is none with a seal",
+        ),
+        (
+            "annular_seal",
+            "stochastic",
+            {"pressure": "place"},
+            "stochastic.pressure: given 'place' of a face with 2 rows",
+        ),
         ("annular_seal", "seal", {"inlet": "left"}, "seal.inlet: given 'left', allowed is 'inner' or 'outer'"),
-        ("annular_seal", "seal", {"outer_radius": "9 mm"}, "seal.outer_radius: given 0.009 m, allowed is a number > the"),
-        ("annular_seal", "seal", {"inner_radius": "-1 mm"}, "seal.inner_radius: given '-1 mm', allowed is a length > 0"),
+        (
+            "annular_seal",
+            "seal",
+            {"outer_radius": "9 mm"},
+            "seal.outer_radius: given 0.009 m, allowed is a number > the",
+        ),
+        (
+            "annular_seal",
+            "seal",
+            {"inner_radius": "-1 mm"},
+            "seal.inner_radius: given '-1 mm', allowed is a length > 0",
+        ),
         ("annular_seal", "seal", {"lay": "around"}, "seal.lay: given 'around', allowed is one of x1, x2, radial"),
-        ("annular_seal", "seal", {"lay": {"angle": "3 mm"}}, "seal.lay: allowed is text with a number and a unit of the kind 'rad'"),
-        ("annular_seal", "seal", {"lay": {"field": "a.vtu:b"}}, "seal.lay: given 'along the field b of a.vtu' on a ring"),
-        ("annular_seal", "seal", {"path": "a.msh"}, "seal.path: unknown key, allowed are kind, inner_radius, outer_radius"),
-        ("annular_seal", "seal", {"kind": "square"}, "seal.kind: given 'square', allowed is one of 'rectangular', 'annular'"),
+        (
+            "annular_seal",
+            "seal",
+            {"lay": {"angle": "3 mm"}},
+            "seal.lay: allowed is text with a number and a unit of the kind 'rad'",
+        ),
+        (
+            "annular_seal",
+            "seal",
+            {"lay": {"field": "a.vtu:b"}},
+            "seal.lay: given 'along the field b of a.vtu' on a ring",
+        ),
+        (
+            "annular_seal",
+            "seal",
+            {"path": "a.msh"},
+            "seal.path: unknown key, allowed are kind, inner_radius, outer_radius",
+        ),
+        (
+            "annular_seal",
+            "seal",
+            {"kind": "square"},
+            "seal.kind: given 'square', allowed is one of 'rectangular', 'annular'",
+        ),
         ("gasket_seal", "seal", {"path": "none.msh"}, "seal.path: given 'none.msh', allowed is a file that exists"),
         ("gasket_seal", "seal", {"unit": "s"}, "seal.unit: given 's', allowed is a unit of length, such as 'mm'"),
-        ("gasket_seal", "seal", {"unit": "nm"}, "seal.path: given a seal 50 nm across with the unit 'nm', allowed is from"),
-        ("gasket_seal", "seal", {"unit": "um"}, "seal.path: given a seal 50 µm across with the unit 'um', allowed is from"),
-        ("gasket_seal", "seal", {"inlet": "door"}, "seal.inlet: given 'door', allowed is the name of a boundary of the mesh"),
+        (
+            "gasket_seal",
+            "seal",
+            {"unit": "nm"},
+            "seal.path: given a seal 50 nm across with the unit 'nm', allowed is from",
+        ),
+        (
+            "gasket_seal",
+            "seal",
+            {"unit": "um"},
+            "seal.path: given a seal 50 µm across with the unit 'um', allowed is from",
+        ),
+        (
+            "gasket_seal",
+            "seal",
+            {"inlet": "door"},
+            "seal.inlet: given 'door', allowed is the name of a boundary of the mesh",
+        ),
         ("gasket_seal", "seal", {"outlet": ["rim", "bore"]}, "seal.inlet and outlet: they touch"),
         ("gasket_seal", "seal", {"outlet": []}, "seal.outlet: given [], allowed is the name of a boundary, or a list"),
         ("gasket_seal", "seal", {"outlet": 3}, "seal.outlet: given 3, allowed is the name of a boundary, or a list"),
@@ -143,11 +207,26 @@ def refused(data, folder=EXAMPLES):
         ("gasket_seal", "seal", {"path": "gasket_seal.toml"}, "seal.path: given "),
         ("gasket_seal", "seal", {"centre": ["1 mm"]}, "seal.centre"),
         ("gasket_seal", "seal", {"length": "-1 mm"}, "seal.length: given '-1 mm', allowed is a length > 0"),
-        ("gasket_seal", "stochastic", {"sampler": "copula"}, "stochastic.sampler: given copula, allowed is history with the mesh"),
-        ("gasket_seal", "stochastic", {"bounds": True}, "stochastic.bounds: given true, allowed is false with the mesh"),
-        ("gasket_seal", "stochastic", {"pressure": "global"}, "stochastic.pressure: given 'global' of a face with 2 rows"),
+        (
+            "gasket_seal",
+            "stochastic",
+            {"sampler": "copula"},
+            "stochastic.sampler: given copula, allowed is history with the mesh",
+        ),
+        (
+            "gasket_seal",
+            "stochastic",
+            {"bounds": True},
+            "stochastic.bounds: given true, allowed is false with the mesh",
+        ),
+        (
+            "gasket_seal",
+            "stochastic",
+            {"pressure": "global"},
+            "stochastic.pressure: given 'global' of a face with 2 rows",
+        ),
     ],
-)  # fmt: skip
+)
 def test_faults_are_one_line_with_their_key(name, table, keys, words):
     assert refused(reduced(name, **{table: keys})).startswith(words)
 

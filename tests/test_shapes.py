@@ -142,8 +142,12 @@ def test_a_strip_of_elements_leaks_what_a_strip_of_links_does(kind, cells):
     size, sigma, draws = (10.0, 60.0), 1.0, 30
     rng = np.random.default_rng(5)
     links = RectangularSeal(size, (10, 60))
-    reference = np.median([links.flow(tuple(np.exp(sigma * rng.standard_normal(s)) for s in ((10, 60), (9, 60)))).conductance
-                           for _ in range(draws)])  # fmt: skip
+    reference = np.median(
+        [
+            links.flow(tuple(np.exp(sigma * rng.standard_normal(s)) for s in ((10, 60), (9, 60)))).conductance
+            for _ in range(draws)
+        ]
+    )
     seal = strip_of(
         kind.init_tensor(*(np.linspace(0, length, n + 1) for length, n in zip(size, cells, strict=True))), size
     )
@@ -323,24 +327,51 @@ def test_bad_lay(given):
     [
         (lambda: RectangularLayout("radial"), "^lay: given 'radial' on a strip"),
         (lambda: RectangularLayout().lay_out(WINDOWS), "^length: given none"),
-        (lambda: RectangularLayout({"angle": 1}).lay_out(Windows((1e-4, 1e-4), 4, length=2e-4)), "^length: given 2 windows"),
+        (
+            lambda: RectangularLayout({"angle": 1}).lay_out(Windows((1e-4, 1e-4), 4, length=2e-4)),
+            "^length: given 2 windows",
+        ),
         (lambda: AnnularLayout(1e-2, 1e-2), "^outer_radius: given 0.01 m, allowed is a number > the inner radius"),
         (lambda: AnnularLayout(10.0, 120.0), "^outer_radius: given a seal 240 m across, .* is its unit right"),
-        (lambda: AnnularLayout(1e-2, 1.1e-2).lay_out(Windows((1e-4, 1e-4), 4, length=1.0)), "^length: given 1 m, allowed is none"),
-        (lambda: AnnularLayout(1e-2, 1.1e-2).lay_out(Windows((1e-4, 1e-4), 4, breadth=1.0)), "^breadth: given 1 m, allowed"),
-        (lambda: AnnularLayout(1e-2, 1.1e-2).lay_out(Windows((2e-3, 1e-4), 4)), "^outer_radius: given a ring 1 mm broad"),
+        (
+            lambda: AnnularLayout(1e-2, 1.1e-2).lay_out(Windows((1e-4, 1e-4), 4, length=1.0)),
+            "^length: given 1 m, allowed is none",
+        ),
+        (
+            lambda: AnnularLayout(1e-2, 1.1e-2).lay_out(Windows((1e-4, 1e-4), 4, breadth=1.0)),
+            "^breadth: given 1 m, allowed",
+        ),
+        (
+            lambda: AnnularLayout(1e-2, 1.1e-2).lay_out(Windows((2e-3, 1e-4), 4)),
+            "^outer_radius: given a ring 1 mm broad",
+        ),
         (lambda: AnnularLayout(1e-3, 1e-2).lay_out(WINDOWS), "^inner_radius: given .*18% as wide as windows"),
         (lambda: MeshLayout(MESHES / "ring.msh", "kg", "inlet", "outlet"), "^unit"),
-        (lambda: MeshLayout(MESHES / "ring.msh", "um", "inlet", "outlet").lay_out(WINDOWS), "^path: given a seal 30 nm across with the unit 'um'"),
-        (lambda: MeshLayout(MESHES / "ring.msh", "cm", "inlet", "outlet").lay_out(Windows((1e-3, 1e-3), 1)), "^seal: given elements with sides"),
-        (lambda: MeshLayout(MESHES / "ring.msh", "m", "inlet", ("outlet", "rim")).lay_out(WINDOWS), "^outlet: given 'rim'"),
+        (
+            lambda: MeshLayout(MESHES / "ring.msh", "um", "inlet", "outlet").lay_out(WINDOWS),
+            "^path: given a seal 30 nm across with the unit 'um'",
+        ),
+        (
+            lambda: MeshLayout(MESHES / "ring.msh", "cm", "inlet", "outlet").lay_out(Windows((1e-3, 1e-3), 1)),
+            "^seal: given elements with sides",
+        ),
+        (
+            lambda: MeshLayout(MESHES / "ring.msh", "m", "inlet", ("outlet", "rim")).lay_out(WINDOWS),
+            "^outlet: given 'rim'",
+        ),
         (lambda: MeshLayout(MESHES / "ring.msh", "m", "inlet", ()).lay_out(WINDOWS), r"^outlet: given \(\)"),
-        (lambda: MeshLayout(MESHES / "ring.msh", "m", "inlet", "inlet").lay_out(WINDOWS), "^inlet and outlet: they touch"),
-        (lambda: MeshLayout(MESHES / "none.msh", "m", "inlet", "outlet").lay_out(WINDOWS), "^path: given .* an existing mesh"),
+        (
+            lambda: MeshLayout(MESHES / "ring.msh", "m", "inlet", "inlet").lay_out(WINDOWS),
+            "^inlet and outlet: they touch",
+        ),
+        (
+            lambda: MeshLayout(MESHES / "none.msh", "m", "inlet", "outlet").lay_out(WINDOWS),
+            "^path: given .* an existing mesh",
+        ),
         (lambda: MeshLayout(MESHES / "ring.msh", "m", "inlet", "outlet", length=-1.0), "^length: given -1"),
         (lambda: Lay("radial").directions(np.zeros((1, 2))), "^lay: given 'radial' at the centre"),
     ],
-)  # fmt: skip
+)
 def test_bad_shapes(make, message):
     with pytest.raises(InputError, match=message) as error:
         make()

@@ -36,9 +36,16 @@ def states(face):
 @pytest.fixture(scope="module")
 def shown(face, states):
     scene = fs.Scene(
-        face, MODULUS, HARDNESS, fs.Liquid(1e-3), 1e6, 0.0,
-        loading=(5e7, 4e8), unload_from=(4e8,), unloading=(1e8,),
-    )  # fmt: skip
+        face,
+        MODULUS,
+        HARDNESS,
+        fs.Liquid(1e-3),
+        1e6,
+        0.0,
+        loading=(5e7, 4e8),
+        unload_from=(4e8,),
+        unloading=(1e8,),
+    )
     k = fs.cell_permeability(states[0].contact.gap, face.spacing)
     seal = fs.RectangularSeal(face.size, (3, 4))
     return {
@@ -88,8 +95,16 @@ def test_maps_of_one_height_or_none_have_a_range():
 
 
 NAMES = [
-    "topography", "contact", "state", "cycle", "permeability", "leakage", "deterministic", "two_scale", "stochastic"
-]  # fmt: skip
+    "topography",
+    "contact",
+    "state",
+    "cycle",
+    "permeability",
+    "leakage",
+    "deterministic",
+    "two_scale",
+    "stochastic",
+]
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -39,8 +39,18 @@ PIXEL = 1e-6
 
 def make_scene(heights, spacing=(PIXEL, PIXEL), **given):
     surface = Topography(heights, spacing, (False, True))
-    return Scene(**{"surface": surface, "modulus": MODULUS, "hardness": HARDNESS, "fluid": WATER,
-                    "inlet_pressure": DROP, "outlet_pressure": 0.0, "loading": (0.0,)} | given)  # fmt: skip
+    return Scene(
+        **{
+            "surface": surface,
+            "modulus": MODULUS,
+            "hardness": HARDNESS,
+            "fluid": WATER,
+            "inlet_pressure": DROP,
+            "outlet_pressure": 0.0,
+            "loading": (0.0,),
+        }
+        | given
+    )
 
 
 def leakage_of(permeability, scene):
@@ -127,8 +137,16 @@ class TestClosedForms:
     def test_windows_without_pressure_stand_off_as_in_the_deterministic_solution(self):
         """Asperities on the ridges hold the body off: without them its gap in the valleys is too narrow by a sixth."""
         n = 256
-        face = turned((n, n), (n * PIXEL, n * PIXEL), pitch=n * PIXEL / 7, depth=2.5 * PIXEL, roughness=0.35 * PIXEL,
-                      roughness_roll_off=16 * PIXEL, cut_off=8 * PIXEL, rng=1)  # fmt: skip
+        face = turned(
+            (n, n),
+            (n * PIXEL, n * PIXEL),
+            pitch=n * PIXEL / 7,
+            depth=2.5 * PIXEL,
+            roughness=0.35 * PIXEL,
+            roughness_roll_off=16 * PIXEL,
+            cut_off=8 * PIXEL,
+            rng=1,
+        )
         low, high = 0.004 * HARDNESS, 0.1 * HARDNESS
         scene = make_scene(face.heights, loading=(low, high), unload_from=(high,), unloading=(low,), rtol=1e-5)
         result, exact = two_scale(scene, (8, 8), contact="windows", flow="links"), deterministic(scene)
@@ -552,8 +570,18 @@ class TestSymmetries:
 
     def test_windows_under_a_global_contact_are_unloaded_from_their_own_peaks(self, monkeypatch):
         """Against peaks 10 % apart: those of the standard ladder missed this by 8 %."""
-        face = turned((144, 144), (144e-6, 144e-6), pitch=48e-6, depth=0.8e-6, roughness=0.5e-6, feed_error=0.03,
-                      depth_error=0.1, roughness_roll_off=30e-6, cut_off=8e-6, rng=3)  # fmt: skip
+        face = turned(
+            (144, 144),
+            (144e-6, 144e-6),
+            pitch=48e-6,
+            depth=0.8e-6,
+            roughness=0.5e-6,
+            feed_error=0.03,
+            depth_error=0.1,
+            roughness_roll_off=30e-6,
+            cut_off=8e-6,
+            rng=3,
+        )
         scene = make_scene(face.heights, loading=(2e8,), unload_from=(2e8,), unloading=(5e7,))
         scene = replace(scene, surface=face)
         sampling = replace(SAMPLING, pressure="global", library_cells=4, length=576e-6)
@@ -602,10 +630,16 @@ class TestDraws:
         window = self_affine((32, 32), (32e-6, 32e-6), hurst=0.8, rms_slope=0.15, roll_off=15e-6, cut_off=8e-6, rng=1)
         high = window.high_pass(15e-6).heights
         scene = replace(
-            make_scene(np.tile(high, (2, 3)), boundary=("periodic", "periodic"), loading=(1.32e8, 2.4e8, 4e8),
-                       unload_from=(2.4e8, 4e8), unloading=(2e8, 1e8, 6e7), rtol=1e-8),
+            make_scene(
+                np.tile(high, (2, 3)),
+                boundary=("periodic", "periodic"),
+                loading=(1.32e8, 2.4e8, 4e8),
+                unload_from=(2.4e8, 4e8),
+                unloading=(2e8, 1e8, 6e7),
+                rtol=1e-8,
+            ),
             surface=Topography(np.tile(high, (2, 3)), (PIXEL, PIXEL)),
-        )  # fmt: skip
+        )
         result = stochastic(scene, (2, 3), replace(SAMPLING, pressure="global", library_cells=6, length=2e-4))
         assert {*scene.loading} & {*result.library.ladder.loading} == {2.4e8, 4e8} == {*result.library.ladder.peaks}
         # of a single window k falls in small jumps, as constrictions close; over many of them the ladder is exacter
@@ -743,8 +777,10 @@ class TestDraws:
         length = result.library.correlation_length
         run = min(10 * length, 6)
         rows = [np.repeat(np.arange(n)[:, None], 6, axis=1) for n in (4, 3)]
-        tables = [LinkTable(k, path, rough.steps, run)
-                  for k, path in zip((result.library.k1, result.library.k2), rows, strict=True)]  # fmt: skip
+        tables = [
+            LinkTable(k, path, rough.steps, run)
+            for k, path in zip((result.library.k1, result.library.k2), rows, strict=True)
+        ]
         for realisation in range(2):
             draws = [
                 draw_links(t, sampler=sampler, seed=8, realisation=realisation, axis=a) for a, t in enumerate(tables)
@@ -805,10 +841,20 @@ class TestErrorOfTheLibrary:
         none = LinkTable(np.empty(k.shape), np.zeros((0, links), int), self.steps)
         scene = make_scene(np.zeros((8, 8)), loading=(1e8,))
         seal = RectangularSeal((1e-3, links * 1e-3), (1, links))
-        task = [STOCHASTIC._realise(r, again, scene=scene, laid=LinkWindows(seal), kinds=((table, none),),
-                                               sampling=replace(SAMPLING, sampler="history"), independent=1 / copies,
-                                               first=np.arange(1)).leakage
-                for again in (False, True) for r in range(realisations)]  # fmt: skip
+        task = [
+            STOCHASTIC._realise(
+                r,
+                again,
+                scene=scene,
+                laid=LinkWindows(seal),
+                kinds=((table, none),),
+                sampling=replace(SAMPLING, sampler="history"),
+                independent=1 / copies,
+                first=np.arange(1),
+            ).leakage
+            for again in (False, True)
+            for r in range(realisations)
+        ]
         leakage = np.array(task).reshape(2, realisations, 1)
         return StochasticResult(self.steps, seal, None, leakage[0], leakage[1])
 

@@ -51,8 +51,14 @@ def test_isolated_points_are_found_and_nothing_else():
     z = rough().heights.copy()
     z[50:52, 60] = np.nan
     expected = np.zeros(z.shape, dtype=bool)
-    for place, height in (((0, 0), 8), ((30, 119), -8), ((50, 61), 9), (np.s_[80, 40:42], -9),
-                          (np.s_[100:102, 90:92], 8), ((120, 20), 300)):  # fmt: skip
+    for place, height in (
+        ((0, 0), 8),
+        ((30, 119), -8),
+        ((50, 61), 9),
+        (np.s_[80, 40:42], -9),
+        (np.s_[100:102, 90:92], 8),
+        ((120, 20), 300),
+    ):
         expected[place] = True
         z[place] += height * 1e-6
     assert_array_equal(find_spikes(z), expected)
@@ -202,8 +208,11 @@ def test_the_largest_part_is_that_of_a_search_over_all(seed, limit):
     price = 1 / max(0.8 * limit, 1 / undefined.size)
     best = max(
         (b - a) * (d - c) - price * undefined[a:b, c:d].sum()
-        for a in range(13) for b in range(a + 1, 14) for c in range(11) for d in range(c + 1, 12)
-    )  # fmt: skip
+        for a in range(13)
+        for b in range(a + 1, 14)
+        for c in range(11)
+        for d in range(c + 1, 12)
+    )
     a, b, c, d = map(round, part)
     assert_allclose((b - a) * (d - c) - price * undefined[a:b, c:d].sum(), best)
     assert undefined[a:b, c:d].mean() <= limit
@@ -300,8 +309,7 @@ def test_autocorrelation_is_the_mean_over_pairs():
     correlation = autocorrelation(face)
     assert correlation.shape == (13, 9)
     for i, j in ((0, 0), (3, 2), (6, -4), (-1, 4)):
-        pairs = [z[a, b] * z[a + i, b + j] for a in range(12) for b in range(9)
-                 if 0 <= a + i < 12 and 0 <= b + j < 9]  # fmt: skip
+        pairs = [z[a, b] * z[a + i, b + j] for a in range(12) for b in range(9) if 0 <= a + i < 12 and 0 <= b + j < 9]
         assert_allclose(correlation[6 + i, 4 + j], np.mean(pairs) / np.mean(z**2), rtol=1e-9)
 
 
@@ -503,17 +511,22 @@ def test_the_second_face_is_mirrored_then_turned_then_shifted(mirror, degrees, s
     shift, angle = (7e-6, -4e-6), np.deg2rad(degrees)
     both, overlap = combine(first, second, mirror=mirror, rotate=angle, shift=shift)
     # places of the first face, from its middle, of which the overlap is a part: found by the known heights
-    p1, p2 = np.meshgrid(*((np.arange(n) - (n - 1) / 2) * d for n, d in zip((60, 90), first.spacing, strict=True)),
-                         indexing="ij")  # fmt: skip
+    p1, p2 = np.meshgrid(
+        *((np.arange(n) - (n - 1) / 2) * d for n, d in zip((60, 90), first.spacing, strict=True)), indexing="ij"
+    )
     d1, d2 = p1 - shift[0], p2 - shift[1]
     u1, u2 = np.cos(angle) * d1 + np.sin(angle) * d2, -np.sin(angle) * d1 + np.cos(angle) * d2
     under = (np.abs(u1) <= second.size[0] / 2 + 1e-12) & (np.abs(u2) <= second.size[1] / 2 + 1e-12)
     expected = bump(-u1 if mirror == "x1" else u1, -u2 if mirror == "x2" else u2)
     n1, n2 = both.shape
-    fits = [(i, j) for i in range(61 - n1) for j in range(91 - n2)
-            if under[i : i + n1, j : j + n2].all()
-            and np.abs(both.heights - expected[i : i + n1, j : j + n2])[3:-3, 3:-3].max() < 3e-9
-            and np.abs(both.heights - expected[i : i + n1, j : j + n2]).max() < 5e-8]  # fmt: skip
+    fits = [
+        (i, j)
+        for i in range(61 - n1)
+        for j in range(91 - n2)
+        if under[i : i + n1, j : j + n2].all()
+        and np.abs(both.heights - expected[i : i + n1, j : j + n2])[3:-3, 3:-3].max() < 3e-9
+        and np.abs(both.heights - expected[i : i + n1, j : j + n2]).max() < 5e-8
+    ]
     assert fits
     assert overlap.shape == both.shape
     assert overlap.resampled
@@ -556,8 +569,14 @@ def test_largest_rectangle(degrees):
     inside = (np.abs(c * i + s * j) < 6.3) & (np.abs(c * j - s * i) < 4.6)
     (a, b), (c, d) = _largest_rectangle(inside)
     assert inside[a:b, c:d].all()
-    areas = [(q - p) * (t - r) for p in range(14) for q in range(p + 1, 15) for r in range(17) for t in range(r + 1, 18)
-             if inside[p:q, r:t].all()]  # fmt: skip
+    areas = [
+        (q - p) * (t - r)
+        for p in range(14)
+        for q in range(p + 1, 15)
+        for r in range(17)
+        for t in range(r + 1, 18)
+        if inside[p:q, r:t].all()
+    ]
     assert (b - a) * (d - c) == max(areas)
 
 

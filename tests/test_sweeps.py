@@ -13,11 +13,11 @@ from small_cases import TABLES
 
 import femseal as fs
 from femseal.base.stage import Stage
+from femseal.case.case import read_case
 from femseal.contact import cycle
+from femseal.execution.shared_stages import SharedStages, Unnamed, digest
 from femseal.plots.drawing import Drawn
 from femseal.results.run_comparison import named
-from femseal.runs.case import read_case
-from femseal.runs.shared_stages import SharedStages, Unnamed, digest
 from femseal.scales import SolveCounts, SolverCounts
 from femseal.sweeps.variations import parsed_keys, short_names, variations
 
@@ -87,8 +87,12 @@ def swept(tmp_path_factory, _without_pictures_of_runs):
 
 def test_values_are_those_of_toml_or_text():
     found = parsed_keys(["a.b=3GPa, 4 GPa", 'c="x,y",[1,2],[u, "v,w"]', "d=1,2.5,true", "e=two-scale"])
-    assert found == {"a.b": ["3GPa", "4 GPa"], "c": ["x,y", [1, 2], ["u", "v,w"]], "d": [1, 2.5, True],
-                     "e": ["two-scale"]}  # fmt: skip
+    assert found == {
+        "a.b": ["3GPa", "4 GPa"],
+        "c": ["x,y", [1, 2], ["u", "v,w"]],
+        "d": [1, 2.5, True],
+        "e": ["two-scale"],
+    }
 
 
 def test_every_combination_is_a_case_with_its_own_name(case):
@@ -129,10 +133,12 @@ def test_names_are_as_short_as_they_can_be():
         (["seed.x=1"], "sweep: given 'seed.x', allowed is a dotted key of the case"),
         (["load.loading=[2MPa,1MPa]"], "load: allowed is rising pressures"),
         (["cells.count=[2,4],[32,64]"], r"with count = [32, 64]"),
-        ([f"seed={','.join(map(str, range(40)))}", f"stochastic.realisations={','.join(map(str, range(2, 42)))}"],
-         "given 1600 cases, allowed is at most 1000"),
+        (
+            [f"seed={','.join(map(str, range(40)))}", f"stochastic.realisations={','.join(map(str, range(2, 42)))}"],
+            "given 1600 cases, allowed is at most 1000",
+        ),
     ],
-)  # fmt: skip
+)
 def test_bad_input_is_found_before_any_work(femseal, case, contacts, arguments, fault):
     output = case.parent / "out"
     code, _, errors = femseal("sweep", case, *arguments, "-o", output, "--workers", 1)

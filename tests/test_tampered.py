@@ -20,11 +20,13 @@ from hypothesis import strategies as st
 from test_checkpoint import CASE, assert_complete, resumed, stop_at
 
 import femseal as fs
+from femseal.execution import checkpoint, lock
+from femseal.execution.checkpoint import Checkpoint
+from femseal.execution.lock import alone_in
+from femseal.execution.plain_data import packed, unpacked
+from femseal.preparation.preparation import prepare
 from femseal.report import folder as report_folder
-from femseal.runs import checkpoint, job, lock
-from femseal.runs.checkpoint import Checkpoint
-from femseal.runs.lock import alone_in
-from femseal.runs.plain_data import packed, unpacked
+from femseal.runs import job
 from femseal.scales.outcome import Failed, SolveCounts, SolverCounts
 from femseal.scales.window import FlowHistory
 
@@ -100,7 +102,7 @@ def text_of(tree, content=b""):
         text_of(["subprocess.Popen", ["list", "true"]]),
         text_of(["femseal.runs.job.run", "case.toml"]),
         text_of(["femseal.runs.job.Path", "x"]),
-        text_of(["femseal.runs.case.Case"]),
+        text_of(["femseal.case.case.Case"]),
         text_of(["femseal.scales.outcome.Failed"]),
         text_of(["femseal.scales.outcome.Failed", "a", "b"]),
         text_of(["femseal.no_such_room.Failed", "a"]),
@@ -314,7 +316,7 @@ def test_a_run_writes_nothing_outside_its_folder(case, undrawn, tmp_path):
             logging.getLogger("femseal").info("a line")
         assert "a line" in (out / "run.log").read_text()
     case.write_text(case.read_text().replace('"stochastic"', '"deterministic"'))
-    results, surface = fs.run(case, workers=1), fs.load_case(case).prepare().scene.surface
+    results, surface = fs.run(case, workers=1), prepare(fs.load_case(case)).scene.surface
     report_folder.write_folder(results, out, surface)
     shutil.rmtree(out / "vtk")
     (out / "vtk").symlink_to(outside)
@@ -328,7 +330,7 @@ def test_a_run_writes_nothing_outside_its_folder(case, undrawn, tmp_path):
 HOLD = """
 import sys, time
 from pathlib import Path
-from femseal.runs.lock import alone_in
+from femseal.execution.lock import alone_in
 with alone_in(Path(sys.argv[1])):
     print("held", flush=True)
     time.sleep(600)

@@ -12,17 +12,19 @@ from numpy.testing import assert_array_equal
 
 import femseal as fs
 from femseal.budget import ErrorBudget, ErrorPart, counting_steps, judged
+from femseal.case.case import parse_case
 from femseal.loads import LoadProgramme
+from femseal.refinement.attempts import settled_as
+from femseal.refinement.refining import refined
 from femseal.report.words import check_lines, key_numbers
 from femseal.results import wanted_accuracy
 from femseal.results.tables import format_error_band, leak_scale
-from femseal.runs.attempts import settled_as
-from femseal.runs.case import parse_case
 from femseal.runs.forecast import describe
-from femseal.runs.refining import refined
 
 sys.path.append(str(Path(__file__).parent / "benchmarks"))
 import wanted_accuracy as benchmark
+
+from femseal.preparation.preparation import prepare
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 
@@ -76,12 +78,12 @@ def test_attempts_end_when_the_budget_is_within_the_accuracy(reached):
 def test_the_answer_is_that_of_the_last_settings(reached):
     assert_array_equal(reached.leakage.values, fs.deterministic(reached.scene).leakage)
     assert reached.attempts["settings"]["grid"] == len(reached.attempts["attempts"]) - 2
-    again = settled_as(case(), case().prepare(), reached.attempts)
+    again = settled_as(case(), prepare(case()), reached.attempts)
     assert_array_equal(again.scene.surface.heights, reached.scene.surface.heights)
 
 
 def test_every_attempt_is_of_the_same_face(reached):
-    first = case().prepare()
+    first = prepare(case())
     assert first.scene.surface.shape == (32, 32)
     assert first.made.scene.surface.shape == (64, 64)
     fine = reached.scene.surface
@@ -171,7 +173,7 @@ class TestRefining:
 
     def change(self, data, part, memory=1e9):
         wanted = parse_case(data)
-        prepared = wanted.prepare()
+        prepared = prepare(wanted)
         return prepared.settings, refined(wanted, prepared.made, prepared.settings, part, memory)
 
     def test_pixels_are_halved(self):
@@ -235,11 +237,11 @@ class TestCase:
         ring = {"kind": "annular", "inner_radius": "1 mm", "outer_radius": "2 mm", "inlet": "inner"}
         shaped = case(seal=ring)
         assert (shaped.method, shaped.stochastic.pressure) == ("stochastic", "uniform")
-        assert shaped.prepare().sampling.realisations == 20
+        assert prepare(shaped).sampling.realisations == 20
 
     def test_check_says_what_is_tried_first(self):
         wanted = case(contact={"rtol": 1e-5}, time_limit="20 min")
-        text = "\n".join(describe(wanted, wanted.prepare()))
+        text = "\n".join(describe(wanted, prepare(wanted)))
         assert (
             "3 %, first with 32 × 32 points, contact.rtol 1e-05; then what limits is refined, for at most 20 min"
             in text

@@ -48,10 +48,21 @@ def test_a_constant_keeps_one_number(value):
 
 @pytest.mark.parametrize(
     "key",
-    [0, -1, (2, slice(3, 9), 5), (0, slice(None), 1), (Ellipsis, slice(1), [1, 0]), slice(1, None), (slice(2), 3),
-     np.array([True, False, False, True]), (Ellipsis, 3), Ellipsis, (Ellipsis, slice(8, 16), np.arange(12, 20) % 16)],
+    [
+        0,
+        -1,
+        (2, slice(3, 9), 5),
+        (0, slice(None), 1),
+        (Ellipsis, slice(1), [1, 0]),
+        slice(1, None),
+        (slice(2), 3),
+        np.array([True, False, False, True]),
+        (Ellipsis, 3),
+        Ellipsis,
+        (Ellipsis, slice(8, 16), np.arange(12, 20) % 16),
+    ],
     ids=str,
-)  # fmt: skip
+)
 def test_pressure_is_indexed_like_an_array(key):
     assert_array_equal(PRESSURE[key], DENSE[key])
 

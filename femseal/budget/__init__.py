@@ -6,7 +6,7 @@ combines them to one band (`error_parts.py`). All distances are of ln(leakage): 
 
 from .all_steps import at_interpolated_steps
 from .coarse import LEAST_LOADS, CoarserSolution, at_some_steps, change_of_windows, coarser_points
-from .error_budget import error_budget, method_of
+from .error_budget import error_budget
 from .error_parts import ErrorBudget, ErrorPart
 from .grid_convergence import GridConvergence, grid_convergence
 from .judged import Judged, counting_steps, judged
@@ -26,5 +26,4 @@ __all__ = [
     "error_budget",
     "grid_convergence",
     "judged",
-    "method_of",
 ]

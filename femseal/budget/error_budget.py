@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..studies import DeterministicResult, Scene, StochasticResult, TwoScaleResult
+from ..studies import Scene, StochasticResult, StudyResult, TwoScaleResult, study_of_result
 from ..studies.compare import FLOOR
 from .coarse import CoarserSolution
 from .error_parts import ErrorBudget, ErrorPart
@@ -22,7 +22,7 @@ _NEAR_CLOSING = 3.0
 
 def error_budget(
     scene: Scene,
-    study: DeterministicResult | TwoScaleResult | StochasticResult,
+    study: StudyResult,
     *,
     coarse: Sequence[CoarserSolution] = (),
     filtered: CoarserSolution | None = None,
@@ -47,8 +47,8 @@ def error_budget(
     Bands that hold the truth in about 95 of 100 cases; that of the whole is the root of the sum of squares of the
     distances of ln(leakage).
     """
-    method = method_of(study)
-    leakage = study.quantile(0.5) if isinstance(study, StochasticResult) else study.leakage
+    own = study_of_result(study)
+    leakage = own.leakage(study)
     parts: list[ErrorPart] = [solver_part(scene, leakage)]
     if coarse:
         parts.append(pixels_part(scene, leakage, coarse, wave_pixels))
@@ -63,11 +63,4 @@ def error_budget(
     parts = [part.widened(leakage, steeper) for part in parts]
     if isinstance(study, StochasticResult):
         parts += [library_part(study), realisations_part(study), sampler_part(scene, study)]
-    return ErrorBudget(method, leakage, tuple(parts), scene.steps)
-
-
-def method_of(study: DeterministicResult | TwoScaleResult | StochasticResult) -> str:
-    """Name of the method of a study: "deterministic", "two-scale" or "stochastic"."""
-    if isinstance(study, StochasticResult):
-        return "stochastic"
-    return "two-scale" if isinstance(study, TwoScaleResult) else "deterministic"
+    return ErrorBudget(own.name, leakage, tuple(parts), scene.steps)

@@ -17,11 +17,11 @@ from ..base.leak_classes import USUAL, LeakClass, leak_classes
 from ..base.provenance import versions
 from ..base.quantities import to_si, to_text
 from ..base.text_table import TextTable
+from ..case.case import Case, load_case
+from ..case.load import Amount
 from ..results import open_results
 from ..results.results import Results
 from ..runs import job
-from ..runs.case import Case, load_case
-from ..runs.case_load import Amount
 from .requirements import Requirement, requirement, sealing_load
 from .seals import Seals
 from .sensitivities import Sensitivity, TurnedFace, Variants, ratio_of, sensitivities

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from ..base.errors import FemsealError
-from ..runs.terminal import ProgressBars, log_lines, print_table
+from ..execution.terminal import ProgressBars, log_lines, print_table
 
 
 def design(

@@ -9,14 +9,15 @@ from typing import Any
 
 import numpy as np
 
+from ..case.case import Case
+from ..execution.mappers import ordered_map
 from ..fluids import FLUIDS
+from ..preparation.preparation import Prepared, prepare
+from ..refinement.attempts import settled_as
 from ..results.results import Results
 from ..runs import job
-from ..runs.attempts import settled_as
-from ..runs.case import Case
-from ..runs.executor import ordered_map
-from ..runs.preparation import Prepared
 from ..studies import Scene
+from ..studies.compiling import compile_ahead
 from ..studies.other_fluid import FluidState
 from ..topography import Topography
 from .seals import Seals
@@ -40,7 +41,7 @@ class Solver:
 
     def __init__(self, case: Case, results: Results, workers: int | None, progress: job.Progress) -> None:
         self._case, self._workers, self._progress = case, workers, progress
-        prepared: Prepared = settled_as(case, case.prepare(), results.attempts)
+        prepared: Prepared = settled_as(case, prepare(case), results.attempts)
         if prepared.sampling is not None and prepared.sampling.width is not None:
             # as many seals and windows as the run took in the end
             size = int(results.dataset.attrs.get("library_windows", prepared.sampling.library_cells))
@@ -101,7 +102,7 @@ class Solver:
 
     @contextmanager
     def _mapper(self) -> Iterator[Any]:
-        with ordered_map(self._workers) as mapper:
+        with ordered_map(self._workers, before=compile_ahead) as mapper:
             yield mapper
 
 

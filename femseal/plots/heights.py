@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.quantities import to_text
-from ..results.fields import block_means
+from ..results.variables import block_means
 from ..topography import SPIKES, Conditioning, SurfaceReport, Topography
 from .drawing import GREY, HEIGHTS, LINES, STYLES, Sheet, colour_bar, map_row, new_figure, shows
 from .scales_of_axes import decades

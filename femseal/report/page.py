@@ -10,7 +10,7 @@ from typing import Any
 
 from ..base.errors import FemsealError, InputError
 from ..base.files import replacing
-from ..results import attempts, seal_lengths
+from ..results import attempts_table, seal_lengths
 from ..results.netcdf import FILE_NAME, open_results, unfit
 from ..results.results import Results
 from ..results.tables import leakage_table, totals_table
@@ -120,14 +120,14 @@ def _content(results: Results, drawings: pictures.Drawings) -> dict[str, Any]:
         },
         "scatter": words.scatter_lines(results),
         "checks": words.check_lines(results),
-        "attempts": None if results.attempts is None else attempts.attempts_table(results.attempts),
+        "attempts": None if results.attempts is None else attempts_table.attempts_table(results.attempts),
         "accuracy": words.accuracy_lines(results),
         "times": words.time_lines(results),
         "warnings": results.warnings,
         "failures": results.failures,
         "versions": words.flat(json.loads(data.attrs["versions"])),
         "machine": words.flat(json.loads(data.attrs["machine"])),
-        "case": words.flat(attempts.as_chosen(results.case, results.attempts)),
+        "case": words.flat(attempts_table.as_chosen(results.case, results.attempts)),
     }
     if "lengths" in drawings:
         content["lengths"] = pictures.lengths_picture(results, drawings)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ..base.files import read_plain
 from ..base.quantities import to_text
-from ..results.attempts import as_chosen
+from ..results.attempts_table import as_chosen
 from ..results.summary import solvers_text
 from ..results.tables import format_error_band, format_leakage, in_several_units
 from ..studies.compare import FLOOR, leakage_factor

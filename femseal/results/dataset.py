@@ -24,8 +24,8 @@ from ..studies.compare import leakage_factor
 from ..studies.fluid_load import fluid_load_warning, leakage_with_fluid_load
 from ..studies.link_flow import WindowPixels
 from ..studies.other_fluid import FluidState
-from . import fields
-from .leak_classes import add_classes, add_test_fluid, basis_attributes
+from . import variables
+from .class_results import add_classes, add_test_fluid, basis_attributes
 from .results import Results
 
 #: An attribute of an HDF5 file holds at most 64 kB.
@@ -104,31 +104,31 @@ def assemble(
         raise InputError("results", "a study of another load programme", "studies of the scene's own steps")
     if len(quantiles) != 2 or not 0 <= quantiles[0] < quantiles[1] <= 1:
         raise InputError("quantiles", quantiles, "two numbers, 0 <= lower < upper <= 1")
-    data = xarray.Dataset(coords=fields.step_coordinates("step", "", scene.steps))
+    data = xarray.Dataset(coords=variables.step_coordinates("step", "", scene.steps))
     if deterministic is not None:
-        fields.add_declared(data, deterministic)
-        fields.add_block_means(data, scene, deterministic)
+        variables.add_declared(data, deterministic)
+        variables.add_block_means(data, scene, deterministic)
     if two_scale is not None:
-        fields.add_windows(data, scene, two_scale)
+        variables.add_windows(data, scene, two_scale)
         if two_scale.face_fluid_pressure is not None and deterministic is None:
-            fields.add_block_means(data, scene, two_scale)
+            variables.add_block_means(data, scene, two_scale)
     if stochastic is not None:
-        fields.add_realisations(data, stochastic, quantiles)
-        fields.add_library(data, stochastic.library.curves)
+        variables.add_realisations(data, stochastic, quantiles)
+        variables.add_library(data, stochastic.library.curves)
         if (drawn := stochastic.median_seal) is not None:
-            fields.add_declared(data, drawn)
+            variables.add_declared(data, drawn)
             data["drawn_corners"].attrs["realisation"] = drawn.realisation
-    fields.add_heights(data, scene)
-    fields.add_contact_fraction(data, scene, deterministic, two_scale, stochastic)
+    variables.add_heights(data, scene)
+    variables.add_contact_fraction(data, scene, deterministic, two_scale, stochastic)
     doubts = []
     if leakage_filtered is not None:
         text = "leakage per unit seal length, of the face without waves up to twice the shortest"
-        fields.add(data, Field("leakage_filtered", "m^2/s", text, STEP, "twice the wave"), leakage_filtered)
+        variables.add(data, Field("leakage_filtered", "m^2/s", text, STEP, "twice the wave"), leakage_filtered)
         doubts = _filter_doubts(leakage_filtered, Results(data), scene)
     every = scene if whole is None else whole
     if len(every.steps) > len(scene.steps):
         solved = numbers_of(scene.steps, every.steps)
-        data = fields.with_all_steps(data, solved, every.steps)
+        data = variables.with_all_steps(data, solved, every.steps)
         test = None if test is None else test.at_all_steps(solved, every.steps)
         budgets = {
             name: at_interpolated_steps(budget, solved, every.steps, interpolated_within)
@@ -182,17 +182,17 @@ def assemble(
         **basis_attributes(basis),
     }
     data.attrs |= _windows(two_scale, stochastic)
-    fields.add_budgets(data, budgets or {})
+    variables.add_budgets(data, budgets or {})
     if case and case.get("seed") is not None:
         data.attrs["seed"] = case["seed"]
     results = Results(data, None, scene, deterministic, two_scale, stochastic, windows)
-    fields.add_totals(data, results.leakage, results.leak_basis)
+    variables.add_totals(data, results.leakage, results.leak_basis)
     later = []
     if doubt := fluid_load_warning(every, results.leakage.values):
         later.append(doubt)
         text = "leakage per unit seal length, estimate if the fluid carries its part of the load, NaN below all steps"
         values = leakage_with_fluid_load(every, results.leakage.values)
-        fields.add_step(data, "leakage_lifted", "m^2/s", text, values)
+        variables.add_step(data, "leakage_lifted", "m^2/s", text, values)
     if test is not None:
         add_test_fluid(data, test, FluidState.of(scene), throughput_temperature)
     wanted = leak_classes(classes)

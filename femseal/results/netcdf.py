@@ -28,6 +28,8 @@ def save(results: Results, folder: str | os.PathLike[str]) -> Path:
     ------
     InputError : the folder cannot be made.
     """
+    from xarray.backends import H5NetCDFStore
+
     path = made_folder(folder) / FILE_NAME
     data = results.dataset
     packed = {"zlib": True, "complevel": 4, "shuffle": True}
@@ -36,7 +38,12 @@ def save(results: Results, folder: str | os.PathLike[str]) -> Path:
     }
     encoding |= {name: {"_FillValue": None} for name, v in data.coords.items() if v.dtype.kind == "f"}
     with replacing_hdf5(path) as target:
-        data.to_netcdf(target, engine="h5netcdf", encoding=encoding)
+        # `to_netcdf` would take a lock from a Dask client where there is one, and send it the open file as its name
+        store = H5NetCDFStore.open(target, mode="w", lock=False)
+        try:
+            data.dump_to_store(store, encoding=encoding)
+        finally:
+            store.close()
     return path
 
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from ..base.errors import InputError
 from ..base.text import Plotted, room
 from ..base.text_table import TextTable
-from . import attempts, pixel_fields, seal_lengths, selections, summary, tables
+from . import attempts_table, pixel_fields, seal_lengths, selections, summary, tables
 from .export import export_field
 from .run_data import RunData
 
@@ -150,7 +150,7 @@ class Results(RunData, Plotted):
         """
         if self.attempts is None:
             raise InputError("attempts", "a case that asks for no accuracy", "one with the key accuracy")
-        return attempts.attempts_table(self.attempts)
+        return attempts_table.attempts_table(self.attempts)
 
     def plot_lengths(self) -> Any:
         """Leakage against the length of the seal, see `lengths_figure`."""

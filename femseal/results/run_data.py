@@ -15,8 +15,8 @@ from ..budget import ErrorBudget
 from ..loads import LoadProgramme, LoadStep
 from ..studies import DeterministicResult, Scene, StochasticResult, TwoScaleResult
 from ..studies.link_flow import WindowPixels
-from .fields import budgets_in
-from .leak_classes import basis_of, tightest_classes
+from .class_results import basis_of, tightest_classes
+from .variables import budgets_in
 
 if TYPE_CHECKING:
     import xarray

@@ -1,1 +1,1 @@
-"""A run of a case: reading and checking, forecast, mapping over processes or a cluster, checkpoint."""
+"""A case, run: its forecast, its studies, the results folder."""

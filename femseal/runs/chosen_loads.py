@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..loads import LoadProgramme
+from ..refinement.attempts import Solve
+from ..refinement.budgeted import leakage_of
 from ..studies import Scene
 from ..studies.between_loads import Array, Indices, branches, left_out_errors, numbers_of
-from .attempts import Solve
-from .budgeted import leakage_of
 
 if TYPE_CHECKING:
-    from .preparation import Prepared
+    from ..preparation.preparation import Prepared
 
 log = logging.getLogger("femseal.runs.chosen_loads")
 #: Most steps in a row that are left out at first.

@@ -8,12 +8,13 @@ from pathlib import Path
 from typing import Any
 
 from ..base.errors import FemsealError
+from ..case.case import Case
+from ..case.case_tables import FILE_KEYS
+from ..execution.lock import alone_in
+from ..preparation.preparation import prepare
+from ..refinement.attempts import settled_as
 from ..report import write_again
 from ..results import Results, open_results
-from .attempts import settled_as
-from .case import Case
-from .case_tables import FILE_KEYS
-from .lock import alone_in
 
 log = logging.getLogger("femseal.runs.finished")
 
@@ -42,7 +43,7 @@ def finished_results(case: Case, faces: dict[str, str], folder: Path) -> Results
     echo = case.echo()
     if _numbers(results.case) != _numbers(echo) or face_files != faces:
         return None
-    prepared = case.prepare()
+    prepared = prepare(case)
     if chosen != (now := prepared.chosen):
         changed = ", ".join(key for key in now if chosen.get(key) != now[key])
         log.info("the results in %s are computed again: other choices now (%s)", folder, changed)

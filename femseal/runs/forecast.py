@@ -12,18 +12,19 @@ from ..base.errors import InputError
 from ..base.machine import free_memory
 from ..base.quantities import to_text
 from ..base.text import duration
+from ..case.case import Case
+from ..preparation.check_memory import START_MEMORY
+from ..preparation.preparation import Prepared, shares_contact
+from ..preparation.settings import fixed, time_limit
+from ..preparation.study_costs import study_cost
+from ..refinement.budgeted import coarser_grids, filtered_input
 from ..results.pixel_fields import fields_size
 from ..scales import Partition
 from ..studies import FluidState, Sampling, Scene, drop_ratio, laid_out, placed_windows
 from ..studies.costs import Effort, usual_efforts
 from ..studies.deterministic import STEP_BYTES
 from ..studies.local_pressure import map_text
-from .budgeted import coarser_grids, filtered_input
-from .case import Case
 from .pilot import efforts, pace
-from .preparation import Prepared, shares_contact
-from .settings import fixed, time_limit
-from .study_costs import study_cost
 
 #: Shortest waves that a window should hold along each side.
 ADVISED_WAVES = 8
@@ -33,8 +34,8 @@ ADVISED_WAVES = 8
 _START_SECONDS = 2.6
 #: Seconds of pictures, report and tables, and of a byte of fields.
 _PICTURES_SECONDS, _FIELD_BYTE_SECONDS = 1.4, 5e-8
-#: Memory of the libraries that a run imports, and of another process [byte].
-START_MEMORY, _WORKER_MEMORY = 0.5e9, 0.25e9
+#: Memory of another process [byte].
+_WORKER_MEMORY = 0.25e9
 
 
 @dataclass(frozen=True)

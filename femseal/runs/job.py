@@ -9,6 +9,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sized
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import replace
+from functools import partial
 from os import PathLike
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -19,6 +20,17 @@ from ..base.files import made_folder, remove_foreign
 from ..base.provenance import numerical_versions
 from ..base.stage import Mapper, Stage
 from ..budget import ErrorBudget
+from ..case.case import Case, load_case
+from ..case.faces import FileFace
+from ..execution import checkpoint
+from ..execution.checkpoint import Checkpoint
+from ..execution.lock import alone_in
+from ..execution.log_file import LogFile
+from ..execution.mappers import ordered_map
+from ..execution.shared_stages import SharedStages
+from ..preparation.preparation import Prepared, prepare, shares_contact
+from ..refinement.attempts import Reached, Solve, reach
+from ..refinement.budgeted import budgets_of
 from ..report import write_folder
 from ..results import Results, assemble
 from ..studies import (
@@ -30,20 +42,10 @@ from ..studies import (
     stochastic,
     two_scale,
 )
-from . import checkpoint
-from .attempts import Reached, Solve, reach
-from .budgeted import budgets_of
-from .case import Case, load_case
-from .case_faces import FileFace
-from .checkpoint import Checkpoint
+from ..studies.compiling import compile_ahead
 from .chosen_loads import solve_chosen
-from .executor import ordered_map
 from .finished import finished_results
 from .forecast import refuse_too_large
-from .lock import alone_in
-from .log_file import LogFile
-from .preparation import Prepared, shares_contact
-from .shared_stages import SharedStages
 
 log = logging.getLogger("femseal")
 #: Called as progress(stage, done, total); total is None if it is unknown.
@@ -120,14 +122,14 @@ def run(
 
         if folder is None:
             prepared = _prepared(case, scheduler)
-            mapper = stack.enter_context(ordered_map(workers, scheduler, progress))
+            mapper = stack.enter_context(ordered_map(workers, scheduler, partial(compile_ahead, progress=progress)))
             return _run(case, prepared, faces, found_or_computed(mapper, prepared), progress)
         # a folder is made once the case has been found good
         if there := folder.is_dir():
             stack.enter_context(alone_in(folder))
             going_on = _goes_on(folder, identity, resume)
         prepared = _prepared(case, scheduler)
-        mapper = stack.enter_context(ordered_map(workers, scheduler, progress))
+        mapper = stack.enter_context(ordered_map(workers, scheduler, partial(compile_ahead, progress=progress)))
         if not there:
             stack.enter_context(alone_in(made_folder(folder)))
             going_on = _goes_on(folder, identity, resume)
@@ -156,7 +158,7 @@ def _goes_on(folder: Path, identity: dict[str, Any], resume: bool) -> bool:
 
 def _prepared(case: Case, scheduler: str | None) -> Prepared:
     """Input of the studies; a run that this machine cannot hold is refused, unless others compute."""
-    prepared = case.prepare()
+    prepared = prepare(case)
     if scheduler is None:
         refuse_too_large(case, prepared)
     return prepared

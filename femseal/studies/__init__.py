@@ -11,6 +11,7 @@ from .sampling_options import DRAWS, PRESSURES, Sampling, check_sampling, chosen
 from .scene import Scene
 from .stochastic import stochastic
 from .stochastic_result import StochasticResult
+from .study_registry import STUDIES, Study, StudyOptions, StudyResult, study_of_result
 from .two_scale import FLOWS, TwoScaleResult, chosen_flow, two_scale
 
 __all__ = [
@@ -18,12 +19,16 @@ __all__ = [
     "DRAWS",
     "FLOWS",
     "PRESSURES",
+    "STUDIES",
     "DeterministicResult",
     "FluidState",
     "OtherLeakage",
     "Sampling",
     "Scene",
     "StochasticResult",
+    "Study",
+    "StudyOptions",
+    "StudyResult",
     "TwoScaleResult",
     "check_sampling",
     "chosen_contact",
@@ -34,5 +39,6 @@ __all__ = [
     "laid_out",
     "placed_windows",
     "stochastic",
+    "study_of_result",
     "two_scale",
 ]

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from ..runs.terminal import ProgressBars, log_lines, print_table
+from ..execution.terminal import ProgressBars, log_lines, print_table
 
 
 def sweep(

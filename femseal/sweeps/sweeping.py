@@ -11,12 +11,14 @@ from typing import Any
 
 from ..base.errors import FemsealError, InputError, shortened
 from ..base.files import made_folder
+from ..case.case import Case, read_case
+from ..execution import checkpoint
+from ..execution.lock import alone_in
+from ..preparation.preparation import prepare
 from ..results.results import Results
 from ..results.run_comparison import RunComparison, compared
-from ..runs import checkpoint, job
-from ..runs.case import Case, read_case
+from ..runs import job
 from ..runs.forecast import refuse_too_large
-from ..runs.lock import alone_in
 from .variations import Variation, short_names, variations
 
 log = logging.getLogger("femseal.sweeps")
@@ -119,7 +121,7 @@ def sweep(
 def _check(variation: Variation) -> None:
     """Raise InputError, which names the case, for one that cannot be run."""
     try:
-        refuse_too_large(variation.case, variation.case.prepare())
+        refuse_too_large(variation.case, prepare(variation.case))
     except InputError as error:
         raise InputError(f"{error} (with {shortened(variation.setting)})") from error
 

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from ..base.errors import FemsealError, InputError, shortened, shown
-from ..runs.case import Case, parse_case
+from ..case.case import Case, parse_case
 
 #: No sweep has more cases.
 MOST_CASES = 1000

@@ -68,8 +68,11 @@ def strip(kind, seed):
     # a budget needs no fields
     bare = {"gap": None, "contact_pressure": None, "fluid_pressure": None, "windows": None}
     few = {"fields": None, "face_fluid_pressure": None, "link_flows": None}
-    studies = {"deterministic": replace(whole, **bare), "two scales, links": replace(links, **few),
-               "two scales, windows": replace(windows, **few)}  # fmt: skip
+    studies = {
+        "deterministic": replace(whole, **bare),
+        "two scales, links": replace(links, **few),
+        "two scales, windows": replace(windows, **few),
+    }
     solutions = found["solutions"] | {"compared": compared_links(drawn, scene, links.leakage)}
     return found | {"studies": studies, "solutions": solutions}
 
@@ -117,9 +120,17 @@ def judged(kind, seed, found):
         picked = next((s for s in order if leaks[s]), None)
         for s in range(len(q)):
             if np.isfinite(q[s]) and np.isfinite(truth[s]):
-                yield {"method": method, "kind": kind, "seed": seed, "error": abs(error[s]), "width": (below[s] + above[s]) / 2,
-                       "holds": bool(holds[s]), "state": "sealed" if q[s] == 0 else "leaks" if leaks[s] else "near closing",
-                       "picked": s == picked, "limiting": budget.limiting(s)}  # fmt: skip
+                yield {
+                    "method": method,
+                    "kind": kind,
+                    "seed": seed,
+                    "error": abs(error[s]),
+                    "width": (below[s] + above[s]) / 2,
+                    "holds": bool(holds[s]),
+                    "state": "sealed" if q[s] == 0 else "leaks" if leaks[s] else "near closing",
+                    "picked": s == picked,
+                    "limiting": budget.limiting(s),
+                }
 
 
 def interval(count, of):
@@ -148,13 +159,30 @@ def line(name, states):
         key = s["method"], s["kind"], s["seed"]
         worst[key] = max(worst.get(key, s), s, key=lambda state: state["error"])
     at_worst = [float(np.median([s[k] for s in worst.values()])) for k in ("error", "width")]
-    return [name, f"{held} of {len(picked)}", interval(held, len(picked)), f"{np.mean([s['holds'] for s in leaks]):.1%}",
-            f"{np.mean(list(whole.values())):.0%}", f"{error:.2%}", f"{width:.2%}", f"{width / error:.1f}",
-            f"{at_worst[1] / at_worst[0]:.1f}"]  # fmt: skip
+    return [
+        name,
+        f"{held} of {len(picked)}",
+        interval(held, len(picked)),
+        f"{np.mean([s['holds'] for s in leaks]):.1%}",
+        f"{np.mean(list(whole.values())):.0%}",
+        f"{error:.2%}",
+        f"{width:.2%}",
+        f"{width / error:.1f}",
+        f"{at_worst[1] / at_worst[0]:.1f}",
+    ]
 
 
-HEAD = ["", "held, one load of each scene", "95 % interval", "held, all loads", "scenes held at all loads", "median error",
-        "median half-width", "ratio", "ratio at the largest error of each scene"]  # fmt: skip
+HEAD = [
+    "",
+    "held, one load of each scene",
+    "95 % interval",
+    "held, all loads",
+    "scenes held at all loads",
+    "median error",
+    "median half-width",
+    "ratio",
+    "ratio at the largest error of each scene",
+]
 
 
 def tables(states):
@@ -232,9 +260,13 @@ def main():
         if s["picked"]:
             limits.setdefault(s["method"], []).append(s["limiting"])
     told = {m: {part: of.count(part) for part in dict.fromkeys(of)} for m, of in limits.items()}
-    text += "\n\nWidest part at the drawn loads: " + "; ".join(
-        f"{m}: " + ", ".join(f"{part} {count}" for part, count in counts.items()) for m, counts in told.items()
-    ) + ".\n\n![Errors over half-widths](budget_coverage.png)"  # fmt: skip
+    text += (
+        "\n\nWidest part at the drawn loads: "
+        + "; ".join(
+            f"{m}: " + ", ".join(f"{part} {count}" for part, count in counts.items()) for m, counts in told.items()
+        )
+        + ".\n\n![Errors over half-widths](budget_coverage.png)"
+    )
     print(text)
     if options.write:
         picture(states, Path(__file__).with_suffix(".png"))

@@ -33,8 +33,22 @@ SAMPLERS = {
     "global": (None, "global"),
     "uniform": (None, "uniform"),
 }
-COLUMNS = ("method", "surface", "scene", "step", "log_ratio", "own", "decades", "contact", "gap_error", "effect",
-           "difference", "slope", "scatter", "form")  # fmt: skip
+COLUMNS = (
+    "method",
+    "surface",
+    "scene",
+    "step",
+    "log_ratio",
+    "own",
+    "decades",
+    "contact",
+    "gap_error",
+    "effect",
+    "difference",
+    "slope",
+    "scatter",
+    "form",
+)
 
 
 def log_ratio(leakage, truth):
@@ -81,11 +95,25 @@ def compared(task):
     links = two_scale(scene, drawn.cells, flow="links", solved=whole.windows)
     compared = compared_links(drawn, scene, links.leakage)
     rows = list(rows_of("links", drawn, steps, links.leakage, q, contact=links.contact_fraction.mean(axis=(1, 2))))
-    rows += rows_of("compared links", drawn, steps, links.leakage, q, slope=load_sensitivity(steps, links.leakage),
-                    difference=np.abs(on_all_steps(steps, compared, links.leakage)))  # fmt: skip
+    rows += rows_of(
+        "compared links",
+        drawn,
+        steps,
+        links.leakage,
+        q,
+        slope=load_sensitivity(steps, links.leakage),
+        difference=np.abs(on_all_steps(steps, compared, links.leakage)),
+    )
     windows = two_scale(scene, drawn.cells, flow="resolved", solved=solve_windows(scene, drawn.cells, "windows"))
-    rows += rows_of("windows", drawn, steps, windows.leakage, q, gap_error=windows.gap_error,
-                    effect=np.abs(np.log(windows.gap_effect)))  # fmt: skip
+    rows += rows_of(
+        "windows",
+        drawn,
+        steps,
+        windows.leakage,
+        q,
+        gap_error=windows.gap_error,
+        effect=np.abs(np.log(windows.gap_effect)),
+    )
     return task | {"rows": rows}
 
 
@@ -115,8 +143,16 @@ def drawn_from_a_piece(task):
             continue
         # the long face is one realisation of the seals, and scatters as they do
         scatter, form = scatter_of(seals), form_share(piece.surface.heights, seals.window)
-        rows += rows_of(method, drawn, piece.steps, seals.quantile(0.5), truth, own=1.96 * scatter, scatter=scatter,
-                        form=np.full(truth.shape, form))  # fmt: skip
+        rows += rows_of(
+            method,
+            drawn,
+            piece.steps,
+            seals.quantile(0.5),
+            truth,
+            own=1.96 * scatter,
+            scatter=scatter,
+            form=np.full(truth.shape, form),
+        )
     return task | {"rows": rows}
 
 

@@ -29,8 +29,13 @@ from chain_tasks import LOADING, UNLOADING, worker
 from common import call, kept, machine, rows, save_report
 
 HERE = Path(__file__).parent
-PACKAGES = {"Tamaas": "tamaas", "ContactMechanics": "ContactMechanics", "scikit-fem": "scikit-fem", "pyamg": "pyamg",
-            "pypardiso": "pypardiso"}  # fmt: skip
+PACKAGES = {
+    "Tamaas": "tamaas",
+    "ContactMechanics": "ContactMechanics",
+    "scikit-fem": "scikit-fem",
+    "pyamg": "pyamg",
+    "pypardiso": "pypardiso",
+}
 STUDIES = ("deterministic", "two-scale", "stochastic")
 #: Solvers of the flow of the plain way, and the modules that they need.
 FLOWS = {"pyamg": "pyamg", "PARDISO": "pypardiso"}
@@ -87,20 +92,38 @@ def curve_points(options, n):
     for pixels in (n // 2, n, 2 * n, 4 * n):
         studies = ("deterministic", "elements", "two-scale") if pixels <= 2 * n else ("deterministic",)
         for record in run(options, *({"does": "femseal", "study": s, "n": n, "pixels": pixels} for s in studies)):
-            points.append({"label": f"femseal, {record['task']['study']}", "pixels": pixels, "tolerance": None,
-                           "seconds": record["seconds"], "k": record["k"], "error": error(record["k"], exact)})  # fmt: skip
+            points.append(
+                {
+                    "label": f"femseal, {record['task']['study']}",
+                    "pixels": pixels,
+                    "tolerance": None,
+                    "seconds": record["seconds"],
+                    "k": record["k"],
+                    "error": error(record["k"], exact),
+                }
+            )
     contacts, flows = present()
     for name in contacts:
         for pixels in (n, 2 * n):
             at_first = of(points, f"{name}, {flows[0]}", n)
             tolerances = TOLERANCES[name] if pixels == n else [loosest(at_first)["tolerance"]]
-            tasks = [{"does": "plain", "contact": name, "tolerance": t, "flows": flows, "n": n, "pixels": pixels}
-                     for t in tolerances]  # fmt: skip
+            tasks = [
+                {"does": "plain", "contact": name, "tolerance": t, "flows": flows, "n": n, "pixels": pixels}
+                for t in tolerances
+            ]
             for record in run(options, *tasks):
                 for flow in flows if "k" in record else ():
                     seconds, k = record["seconds"]["contact"] + record["seconds"][flow], record["k"][flow]
-                    points.append({"label": f"{name}, {flow}", "pixels": pixels, "tolerance": record["task"]["tolerance"],
-                                   "seconds": seconds, "k": k, "error": error(k, exact)})  # fmt: skip
+                    points.append(
+                        {
+                            "label": f"{name}, {flow}",
+                            "pixels": pixels,
+                            "tolerance": record["task"]["tolerance"],
+                            "seconds": seconds,
+                            "k": k,
+                            "error": error(k, exact),
+                        }
+                    )
     return points
 
 
@@ -126,17 +149,30 @@ def studies_of(options, n, tolerances):
         for name, tolerance in tolerances.items():
             # a peer's turn of minutes is not repeated
             if turn == 0 or sum(turns[name][0]["seconds"].values()) < PATIENCE:
-                task = {"does": "plain", "contact": name, "tolerance": tolerance, "flows": flows, "windows": True,
-                        "n": n, "pixels": n, "turn": turn}  # fmt: skip
+                task = {
+                    "does": "plain",
+                    "contact": name,
+                    "tolerance": tolerance,
+                    "flows": flows,
+                    "windows": True,
+                    "n": n,
+                    "pixels": n,
+                    "turn": turn,
+                }
                 turns.setdefault(name, []).extend(run(options, task))
     curve = [
         (r["seconds"], error(r["k"], exact))
         for pixels in (n // 2, n, 2 * n)
         for r in run(options, {"does": "femseal", "study": "deterministic", "n": n, "pixels": pixels})
     ]
-    own = {study: {"seconds": float(np.median([r["seconds"] for r in turns[study]])),
-                   "megabytes": turns[study][0]["megabytes"], "error": error(turns[study][0]["k"], exact)}
-           for study in (*STUDIES, "contact")}  # fmt: skip
+    own = {
+        study: {
+            "seconds": float(np.median([r["seconds"] for r in turns[study]])),
+            "megabytes": turns[study][0]["megabytes"],
+            "error": error(turns[study][0]["k"], exact),
+        }
+        for study in (*STUDIES, "contact")
+    }
     plain = {}
     for name in tolerances:
         first = turns[name][0]
@@ -180,24 +216,50 @@ def ratios(found):
                 for part in (p for p in plain["seconds"] if p == study or (study == "deterministic" and p in FLOWS)):
                     own, contact, flow = size["own"], plain["seconds"]["contact"], plain["seconds"][part]
                     at = seconds_at(plain["error"][part], size["curve"]) if part in FLOWS else own[study]["seconds"]
-                    records.append({"n": size["n"], "study": study, "contact": name,
-                                    "flow": part if part in FLOWS else "SuperLU", "own": own[study]["seconds"],
-                                    "own contact": own["contact"]["seconds"], "own error": own[study]["error"],
-                                    "seconds": (contact, flow), "error": plain["error"][part],
-                                    "ratio": (contact + flow) / own[study]["seconds"],
-                                    "ratio at error": (contact + flow) / at})  # fmt: skip
+                    records.append(
+                        {
+                            "n": size["n"],
+                            "study": study,
+                            "contact": name,
+                            "flow": part if part in FLOWS else "SuperLU",
+                            "own": own[study]["seconds"],
+                            "own contact": own["contact"]["seconds"],
+                            "own error": own[study]["error"],
+                            "seconds": (contact, flow),
+                            "error": plain["error"][part],
+                            "ratio": (contact + flow) / own[study]["seconds"],
+                            "ratio at error": (contact + flow) / at,
+                        }
+                    )
     return records
 
 
 def study_table(records):
-    head = ["pixels", "study", "femseal [s] (contact)", "error", "plain way: contact, flow", "contact + flow [s]", "error",
-            "ratio, same pixels", "ratio, same error"]  # fmt: skip
+    head = [
+        "pixels",
+        "study",
+        "femseal [s] (contact)",
+        "error",
+        "plain way: contact, flow",
+        "contact + flow [s]",
+        "error",
+        "ratio, same pixels",
+        "ratio, same error",
+    ]
     cells = [
-        [f"{r['n']}²", r["study"], f"{r['own']:.3g} ({r['own contact']:.3g})", f"{r['own error']:.2%}",
-         f"{r['contact']}, {r['flow']}", f"{r['seconds'][0]:.3g} + {r['seconds'][1]:.3g}", f"{r['error']:.2%}",
-         f"{r['ratio']:.3g}×", f"{r['ratio at error']:.3g}×".replace("nan×", "–")]
+        [
+            f"{r['n']}²",
+            r["study"],
+            f"{r['own']:.3g} ({r['own contact']:.3g})",
+            f"{r['own error']:.2%}",
+            f"{r['contact']}, {r['flow']}",
+            f"{r['seconds'][0]:.3g} + {r['seconds'][1]:.3g}",
+            f"{r['error']:.2%}",
+            f"{r['ratio']:.3g}×",
+            f"{r['ratio at error']:.3g}×".replace("nan×", "–"),
+        ]
         for r in records
-    ]  # fmt: skip
+    ]
     return rows(head, cells)
 
 
@@ -227,10 +289,26 @@ def same_error_table(points):
         for pixels in sorted({p["pixels"] for p in of(points, label)}):
             peer = loosest(of(points, label, pixels))
             own = seconds_at(peer["error"], curve)
-            cells.append([label, f"{pixels}²", f"{peer['tolerance']:g}", f"{peer['error']:.2%}", f"{peer['seconds']:.3g}",
-                          f"{own:.3g}", f"{peer['seconds'] / own:.3g}×"])  # fmt: skip
-    head = ["plain way: contact, flow", "pixels", "tolerance of the contact", "error", "time [s]", "femseal to that error [s]",
-            "ratio"]  # fmt: skip
+            cells.append(
+                [
+                    label,
+                    f"{pixels}²",
+                    f"{peer['tolerance']:g}",
+                    f"{peer['error']:.2%}",
+                    f"{peer['seconds']:.3g}",
+                    f"{own:.3g}",
+                    f"{peer['seconds'] / own:.3g}×",
+                ]
+            )
+    head = [
+        "plain way: contact, flow",
+        "pixels",
+        "tolerance of the contact",
+        "error",
+        "time [s]",
+        "femseal to that error [s]",
+        "ratio",
+    ]
     return rows(head, cells)
 
 
@@ -254,13 +332,26 @@ def draw_points(points, n, path):
         who, how = label.split(", ")
         for pixels in [None] if who == "femseal" else sorted({p["pixels"] for p in of(points, label)}):
             line = of(points, label, pixels)
-            ax.loglog([p["seconds"] for p in line], [p["error"] for p in line], styles[how], color=colours[who], ms=5,
-                      lw=1.2, mfc="none" if pixels == 2 * n else None,
-                      label=label if pixels in (None, n) else None)  # fmt: skip
+            ax.loglog(
+                [p["seconds"] for p in line],
+                [p["error"] for p in line],
+                styles[how],
+                color=colours[who],
+                ms=5,
+                lw=1.2,
+                mfc="none" if pixels == 2 * n else None,
+                label=label if pixels in (None, n) else None,
+            )
             if who == "femseal" and how != "elements":
                 for p in line:
-                    ax.annotate(f"{p['pixels']}²", (p["seconds"], p["error"]), xytext=(4, 5), textcoords="offset points",
-                                fontsize=7, color=colours[who])  # fmt: skip
+                    ax.annotate(
+                        f"{p['pixels']}²",
+                        (p["seconds"], p["error"]),
+                        xytext=(4, 5),
+                        textcoords="offset points",
+                        fontsize=7,
+                        color=colours[who],
+                    )
     ax.set(
         xlabel=f"CPU time of the study, {len(LOADING) + len(UNLOADING)} load states [s]", ylabel="error of the leakage"
     )

@@ -61,8 +61,13 @@ def own_study(task, n, pixels):
     from femseal.contact import load_states
 
     scene, cells, size = scene_of(n, pixels), cells_of(n), n * PIXEL
-    sampling = Sampling(length=size * COLUMNS / cells[1], realisations=REALISATIONS, library_cells=cells[0] ** 2,
-                        seed=0, sampler="block")  # fmt: skip
+    sampling = Sampling(
+        length=size * COLUMNS / cells[1],
+        realisations=REALISATIONS,
+        library_cells=cells[0] ** 2,
+        seed=0,
+        sampler="block",
+    )
 
     def contact():
         body = HalfSpace(scene.surface.shape, scene.surface.spacing, MODULUS, scene.boundary)

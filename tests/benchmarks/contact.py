@@ -196,8 +196,11 @@ def table(records):
     lines = []
     keys = sorted({(r["threads"], r["n"], r["hardness"], r["pressure"]) for r in records})
     for threads, n, hardness, pressure in keys:
-        chosen = [r for r in records if (r["threads"], r["n"], r["hardness"], r["pressure"]) ==
-                  (threads, n, hardness, pressure)]  # fmt: skip
+        chosen = [
+            r
+            for r in records
+            if (r["threads"], r["n"], r["hardness"], r["pressure"]) == (threads, n, hardness, pressure)
+        ]
         for target in TARGETS:
             best = {name: first_below([r for r in chosen if r["solver"] == name], target) for name in SOLVERS}
             own = best["femseal"]
@@ -223,8 +226,15 @@ def picture(records, path):
     style = {"femseal": "C0o-", "tamaas": "C1s--", "ContactMechanics": "C2^:"}
     for ax, hardness in zip(axes, (float("inf"), HARDNESS), strict=True):
         for name in SOLVERS:
-            chosen = [r for r in records if r["solver"] == name and r["hardness"] == hardness and r["n"] == n
-                      and r["pressure"] == 200e6 and r["threads"] == 1]  # fmt: skip
+            chosen = [
+                r
+                for r in records
+                if r["solver"] == name
+                and r["hardness"] == hardness
+                and r["n"] == n
+                and r["pressure"] == 200e6
+                and r["threads"] == 1
+            ]
             if chosen:
                 ax.loglog([r["time"] for r in chosen], [r["residual"] for r in chosen], style[name], label=name)
         bound = "elastic" if hardness == float("inf") else f"H = {hardness / 1e9:g} GPa"
@@ -240,8 +250,12 @@ def main():
     parser.add_argument("--sizes", type=int, nargs="+", default=[256, 512, 1024])
     parser.add_argument("--threads", type=int, nargs="+", default=[1])
     parser.add_argument("--repeats", type=int, default=5)
-    parser.add_argument("--patience", type=float, default=60.0,
-                        help="no solver is run on sizes or at tolerances that would take longer [s]")  # fmt: skip
+    parser.add_argument(
+        "--patience",
+        type=float,
+        default=60.0,
+        help="no solver is run on sizes or at tolerances that would take longer [s]",
+    )
     parser.add_argument("--memory", type=int, default=2048, help="size for the peak memory; 0 leaves it out")
     parser.add_argument("--write", action="store_true", help="write table and picture")
     parser.add_argument("--worker", type=int, nargs=2, help=argparse.SUPPRESS)
@@ -260,8 +274,17 @@ def main():
         for n in sorted(options.sizes):
             if not solvers:
                 break
-            arguments = ["--worker", str(n), str(threads), "--repeats", str(options.repeats),
-                         "--patience", str(options.patience), "--solvers", *solvers]  # fmt: skip
+            arguments = [
+                "--worker",
+                str(n),
+                str(threads),
+                "--repeats",
+                str(options.repeats),
+                "--patience",
+                str(options.patience),
+                "--solvers",
+                *solvers,
+            ]
             new = call(__file__, arguments, threads)
             records += new
             slowest = {name: max(r["time"] for r in new if r["solver"] == name) for name in solvers}

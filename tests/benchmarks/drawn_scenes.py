@@ -51,14 +51,22 @@ class Drawn:
             points, window = self.side, 16
         loads = np.exp(np.sort(rng.uniform(np.log(0.02), 0.0, steps - 1)))
         return {
-            "points": points, "window": window, "hurst": hurst, "slope": slope,
+            "points": points,
+            "window": window,
+            "hurst": hurst,
+            "slope": slope,
             "hardness": np.inf if elastic else hardness,
-            "loading": [*loads, 1.0], "highest": min(highest, 0.4 * hardness) if not elastic else highest,
+            "loading": [*loads, 1.0],
+            "highest": min(highest, 0.4 * hardness) if not elastic else highest,
             "unloading": np.sort(np.exp(rng.uniform(np.log(0.03), np.log(0.8), 2)))[::-1],
-            "roll_off": rng.uniform(0.15, 0.6), "marks": min(int(rng.integers(5, 11)), points // 9), "fine": rng.uniform(0.05, 0.3),
-            "stretch": int(rng.choice([3, 6])), "across": bool(rng.random() < 0.5), "count": int(rng.integers(20, 80)),
+            "roll_off": rng.uniform(0.15, 0.6),
+            "marks": min(int(rng.integers(5, 11)), points // 9),
+            "fine": rng.uniform(0.05, 0.3),
+            "stretch": int(rng.choice([3, 6])),
+            "across": bool(rng.random() < 0.5),
+            "count": int(rng.integers(20, 80)),
             "face": int(rng.integers(2**32)),
-        }  # fmt: skip
+        }
 
     @property
     def points(self) -> tuple[int, int]:
@@ -107,8 +115,18 @@ class Drawn:
         elif self.kind == "turned":
             pitch = breadth / n["marks"]
             radius_depth = pitch / 10
-            face = turned(shape, size, pitch=pitch, depth=radius_depth, roughness=n["fine"] * radius_depth, depth_error=0.1,
-                          hurst=n["hurst"], roughness_roll_off=breadth / 6, cut_off=8 * PIXEL, rng=rng)  # fmt: skip
+            face = turned(
+                shape,
+                size,
+                pitch=pitch,
+                depth=radius_depth,
+                roughness=n["fine"] * radius_depth,
+                depth_error=0.1,
+                hurst=n["hurst"],
+                roughness_roll_off=breadth / 6,
+                cut_off=8 * PIXEL,
+                rng=rng,
+            )
         elif self.kind == "milling arcs":
             x1, x2 = ((np.arange(count) + 0.5) * pixel for count in shape)
             marks = max(5, n["marks"] - 2) / breadth
@@ -135,10 +153,17 @@ class Drawn:
         highest = unit * n["highest"]
         loading = tuple(highest * x for x in n["loading"])
         return Scene(
-            surface=self.surface(times, filtered=filtered), modulus=MODULUS, hardness=unit * n["hardness"],
-            fluid=Liquid(1e-3), inlet_pressure=1e7, outlet_pressure=0.0, loading=loading, unload_from=loading[-1:],
-            unloading=tuple(highest * x for x in n["unloading"]), **changes,
-        )  # fmt: skip
+            surface=self.surface(times, filtered=filtered),
+            modulus=MODULUS,
+            hardness=unit * n["hardness"],
+            fluid=Liquid(1e-3),
+            inlet_pressure=1e7,
+            outlet_pressure=0.0,
+            loading=loading,
+            unload_from=loading[-1:],
+            unloading=tuple(highest * x for x in n["unloading"]),
+            **changes,
+        )
 
 
 def _bumps(shape, size, count, widest, rng):

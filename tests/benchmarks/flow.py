@@ -99,8 +99,9 @@ def skfem_solver(gap):
     flat = MeshQuad.init_tensor(np.arange(n + 1.0), np.arange(n + 1.0))
     nodal = h[flat.p[0].astype(int), flat.p[1].astype(int)]
     open_elements = np.flatnonzero((nodal[flat.t] > 0).any(axis=0))
-    ring = MeshQuad1DG.periodic(flat, flat.nodes_satisfying(lambda x: x[1] == n),
-                                flat.nodes_satisfying(lambda x: x[1] == 0))  # fmt: skip
+    ring = MeshQuad1DG.periodic(
+        flat, flat.nodes_satisfying(lambda x: x[1] == n), flat.nodes_satisfying(lambda x: x[1] == 0)
+    )
     basis = Basis(ring, ElementQuad1(), elements=open_elements)
     coefficient = Basis(flat, ElementQuad1(), elements=open_elements).interpolate(nodal)
     matrix = reynolds.assemble(basis, h=coefficient)
@@ -225,8 +226,14 @@ def error_table(records, names):
         for refinement in sorted({r["refinement"] for r in records})[:-1]:
             line = [str(share), str(8 * refinement)]
             for name in names:
-                r = next((r for r in records if r["solver"] == name and r["share"] == share
-                          and r["refinement"] == refinement), None)  # fmt: skip
+                r = next(
+                    (
+                        r
+                        for r in records
+                        if r["solver"] == name and r["share"] == share and r["refinement"] == refinement
+                    ),
+                    None,
+                )
                 if r is None or "failure" in r:
                     line.append("–" if r is None else "failed")
                 else:
@@ -243,9 +250,14 @@ def picture(records, names, path):
     styles = dict(zip(names, ("C0o-", "C1s--", "C2^:", "C3v-.", "C4d--"), strict=True))
     for ax, share in zip(axes, ERROR_SHARES, strict=True):
         for name in names:
-            points = [(r["time"], abs(r["k"] / limit[share] - 1)) for r in records
-                      if r["solver"] == name and r["share"] == share and "k" in r
-                      and r["refinement"] < max(r["refinement"] for r in records)]  # fmt: skip
+            points = [
+                (r["time"], abs(r["k"] / limit[share] - 1))
+                for r in records
+                if r["solver"] == name
+                and r["share"] == share
+                and "k" in r
+                and r["refinement"] < max(r["refinement"] for r in records)
+            ]
             if points:
                 ax.loglog(*zip(*points, strict=True), styles[name], label=name)
         ax.set(xlabel="time [s]", title=f"contact {share:g}, {BASE}² pixels and refinements")

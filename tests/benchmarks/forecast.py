@@ -22,6 +22,8 @@ from statistics import median
 
 from common import kept, machine, rows, save_report
 
+from femseal.preparation.preparation import prepare
+
 #: Method, flow of two scales.
 ROUTES = (
     ("deterministic", None),
@@ -30,13 +32,16 @@ ROUTES = (
     ("two-scale", "resolved"),
     ("stochastic", None),
 )
-LOADS = {"loading": ["5 MPa", "10 MPa", "20 MPa", "40 MPa", "80 MPa"], "unload_from": ["80 MPa"],
-         "unloading": ["40 MPa", "20 MPa", "5 MPa"]}  # fmt: skip
+LOADS = {
+    "loading": ["5 MPa", "10 MPa", "20 MPa", "40 MPa", "80 MPa"],
+    "unload_from": ["80 MPa"],
+    "unloading": ["40 MPa", "20 MPa", "5 MPa"],
+}
 
 
 def case_of(task):
     """The case of a run."""
-    from femseal.runs.case import parse_case
+    from femseal.case.case import parse_case
 
     data = {
         "title": Path(task["file"]).name,
@@ -47,7 +52,7 @@ def case_of(task):
         "fluid": {"kind": "liquid", "viscosity": "1 mPa*s", "inlet_pressure": "1 MPa", "outlet_pressure": "0.1 MPa"},
     }
     if task["scale"] != 1:
-        shape = parse_case({**data, "method": "deterministic"}).prepare().scene.surface.shape
+        shape = prepare(parse_case({**data, "method": "deterministic"})).scene.surface.shape
         data["surface"] = {"points": [max(64, round(n * task["scale"])) for n in shape]}
     if task["method"] != "deterministic":
         data["cells"] = {"count": task["cells"]} | ({"flow": task["flow"]} if task["flow"] else {})
@@ -61,8 +66,11 @@ def measure(task):
     environment = os.environ | {"OMP_NUM_THREADS": "1"}
     done = subprocess.run(
         [sys.executable, __file__, "--task", json.dumps(task)],
-        env=environment, stdout=subprocess.PIPE, text=True, check=True,
-    )  # fmt: skip
+        env=environment,
+        stdout=subprocess.PIPE,
+        text=True,
+        check=True,
+    )
     return task | json.loads(done.stdout.splitlines()[-1])
 
 
@@ -92,8 +100,13 @@ def tasks(files, scales):
     for file in files:
         for scale in scales:
             for method, flow in ROUTES:
-                yield {"file": str(Path(file).resolve()), "scale": scale, "method": method, "flow": flow,
-                       "cells": [6, 8]}  # fmt: skip
+                yield {
+                    "file": str(Path(file).resolve()),
+                    "scale": scale,
+                    "method": method,
+                    "flow": flow,
+                    "cells": [6, 8],
+                }
 
 
 def main():
@@ -114,7 +127,7 @@ def main():
     for task in tasks(options.files, options.scale):
         found = kept(task, task, options.records, lambda task=task: measure(task))
         case = case_of(task)
-        expected = forecast(case, case.prepare())
+        expected = forecast(case, prepare(case))
         # as fast as the machine was then
         seconds = expected.seconds * found["pace"] / pace()
         pairs = ((seconds, found["seconds"]), (expected.memory, found["memory"]))
@@ -122,10 +135,15 @@ def main():
             ratios[name].append(said / true)
         points = " × ".join(map(str, found["points"]))
         route = " ".join(filter(None, (task["method"], task["flow"])))
-        cells.append([Path(task["file"]).name, points, route]
-                     + [f"{scale * x:.{digits}f}" for pair, scale, digits in zip(pairs, (1, 1e-9), (0, 2), strict=True)
-                        for x in pair]
-                     + [f"{a / b:.2f}" for a, b in pairs])  # fmt: skip
+        cells.append(
+            [Path(task["file"]).name, points, route]
+            + [
+                f"{scale * x:.{digits}f}"
+                for pair, scale, digits in zip(pairs, (1, 1e-9), (0, 2), strict=True)
+                for x in pair
+            ]
+            + [f"{a / b:.2f}" for a, b in pairs]
+        )
     head = ["face", "points", "route", "expected [s]", "CPU time [s]", "expected [GB]", "peak [GB]", "time", "memory"]
     summary = "; ".join(f"{name}: median {median(r):.2f}, {min(r):.2f} to {max(r):.2f}" for name, r in ratios.items())
     text = f"{machine({})}\n\n{rows(head, cells)}\n\nExpected over measured, {summary}."

@@ -44,8 +44,16 @@ def surface_of(kind, n, seed=1):
         whole = read_topography(Path(os.environ["FEMSEAL_SURFACES"]) / "plu-1.plu")
         face, _ = condition(whole, shape=(n, n))
         return face, 0.14 * MODULUS * face.rms_slope
-    face = turned((n, n), size, pitch=size[0] / 7, depth=2e-6, roughness=0.3e-6, roughness_roll_off=size[0] / 8,
-                  cut_off=8 * PIXEL, rng=seed)  # fmt: skip
+    face = turned(
+        (n, n),
+        size,
+        pitch=size[0] / 7,
+        depth=2e-6,
+        roughness=0.3e-6,
+        roughness_roll_off=size[0] / 8,
+        cut_off=8 * PIXEL,
+        rng=seed,
+    )
     face = Topography(np.ascontiguousarray(face.heights.T), face.spacing) if kind == "turned along" else face
     return face, 4e9
 
@@ -123,14 +131,20 @@ def tolerance_tables(records):
         cells = []
         for n, rtol in enumerate(tolerances):
             errors, seconds = values[:, :, n, 0], values[:, :, n, 1]
-            cells.append([
-                f"{rtol:.0e}",
-                *(f"{np.nanmax(errors[:, load]):.1e}" for load in range(len(LOADS))),
-                f"{np.nanmedian(errors):.1e}",
-                f"{np.median(seconds / values[:, :, tolerances.index(1e-5), 1]):.2f}",
-            ])  # fmt: skip
-        head = [f"rtol of {part}", *(f"largest error at {share:g} of the load" for share in LOADS), "median error",
-                "CPU time, of that with 1e-5"]  # fmt: skip
+            cells.append(
+                [
+                    f"{rtol:.0e}",
+                    *(f"{np.nanmax(errors[:, load]):.1e}" for load in range(len(LOADS))),
+                    f"{np.nanmedian(errors):.1e}",
+                    f"{np.median(seconds / values[:, :, tolerances.index(1e-5), 1]):.2f}",
+                ]
+            )
+        head = [
+            f"rtol of {part}",
+            *(f"largest error at {share:g} of the load" for share in LOADS),
+            "median error",
+            "CPU time, of that with 1e-5",
+        ]
         tables.append(rows(head, cells))
     return tables
 
@@ -171,33 +185,81 @@ pictures = {files}
 fields = {files}
 paraview = "{paraview}"
 """
-PLAIN = {"n": 256, "strength": 'hardness = "4 GPa"', "loading": [], "peaks": [], "stops": [], "interpolate": "",
-         "cells": "", "drawn": "", "budget": "false", "files": "false", "paraview": "none"}  # fmt: skip
-CYCLE = {"loading": ["50 MPa", "150 MPa", "300 MPa", "600 MPa"], "peaks": ["600 MPa"],
-         "stops": ["300 MPa", "150 MPa", "50 MPa"]}  # fmt: skip
-MANY = {"loading": [f"{p} MPa" for p in range(50, 850, 50)], "peaks": ["800 MPa"],
-        "stops": [f"{p} MPa" for p in range(700, 0, -90)]}  # fmt: skip
+PLAIN = {
+    "n": 256,
+    "strength": 'hardness = "4 GPa"',
+    "loading": [],
+    "peaks": [],
+    "stops": [],
+    "interpolate": "",
+    "cells": "",
+    "drawn": "",
+    "budget": "false",
+    "files": "false",
+    "paraview": "none",
+}
+CYCLE = {
+    "loading": ["50 MPa", "150 MPa", "300 MPa", "600 MPa"],
+    "peaks": ["600 MPa"],
+    "stops": ["300 MPa", "150 MPa", "50 MPa"],
+}
+MANY = {
+    "loading": [f"{p} MPa" for p in range(50, 850, 50)],
+    "peaks": ["800 MPa"],
+    "stops": [f"{p} MPa" for p in range(700, 0, -90)],
+}
 #: Rule: method, keys of the case without it, keys with it, further keys of both; the switch, and what is compared.
 RULES = {
     "nothing is drawn, no fields": (
-        "two-scale", {"files": "true", "paraview": "vtu"}, {}, CYCLE,
-        "`pictures`, `report`, `fields`, `paraview` in `[output]`"),
+        "two-scale",
+        {"files": "true", "paraview": "vtu"},
+        {},
+        CYCLE,
+        "`pictures`, `report`, `fields`, `paraview` in `[output]`",
+    ),
     "equal load states once, deterministic": (
-        "deterministic", {"stops": ["300.0000001 MPa", "150.0000001 MPa", "50.0000001 MPa"]}, {},
-        CYCLE | {"n": 512, "strength": ""}, "none: the bits are the same"),
+        "deterministic",
+        {"stops": ["300.0000001 MPa", "150.0000001 MPa", "50.0000001 MPa"]},
+        {},
+        CYCLE | {"n": 512, "strength": ""},
+        "none: the bits are the same",
+    ),
     "equal load states once, two scales by windows": (
-        "two-scale", {"stops": ["300.0000001 MPa", "150.0000001 MPa", "50.0000001 MPa"]}, {},
-        CYCLE | {"strength": "", "cells": 'contact = "windows"\nflow = "links"'}, "none: the bits are the same"),
+        "two-scale",
+        {"stops": ["300.0000001 MPa", "150.0000001 MPa", "50.0000001 MPa"]},
+        {},
+        CYCLE | {"strength": "", "cells": 'contact = "windows"\nflow = "links"'},
+        "none: the bits are the same",
+    ),
     "elastic libraries are not unloaded": (
-        "stochastic", {"strength": 'hardness = "1000 GPa"'}, {"strength": ""},
-        CYCLE | {"drawn": 'pressure = "uniform"'}, "none: elastic windows unload as they were loaded"),
+        "stochastic",
+        {"strength": 'hardness = "1000 GPa"'},
+        {"strength": ""},
+        CYCLE | {"drawn": 'pressure = "uniform"'},
+        "none: elastic windows unload as they were loaded",
+    ),
     "loads interpolated within 1 %": (
-        "deterministic", {}, {"interpolate": 'interpolate = "1 %"'}, MANY | {"n": 512}, "`interpolate` in `[load]`"),
+        "deterministic",
+        {},
+        {"interpolate": 'interpolate = "1 %"'},
+        MANY | {"n": 512},
+        "`interpolate` in `[load]`",
+    ),
     "loads interpolated within 5 %": (
-        "deterministic", {}, {"interpolate": 'interpolate = "5 %"'}, MANY | {"n": 512}, "`interpolate` in `[load]`"),
+        "deterministic",
+        {},
+        {"interpolate": 'interpolate = "5 %"'},
+        MANY | {"n": 512},
+        "`interpolate` in `[load]`",
+    ),
     "loads interpolated within 5 %, drawn seals": (
-        "stochastic", {}, {"interpolate": 'interpolate = "5 %"'}, MANY, "`interpolate` in `[load]`"),
-}  # fmt: skip
+        "stochastic",
+        {},
+        {"interpolate": 'interpolate = "5 %"'},
+        MANY,
+        "`interpolate` in `[load]`",
+    ),
+}
 #: Switches of the rules about drawn seals, by how they are drawn.
 RESAMPLED = {
     "no resampled seals, drawn by links": {"pressure": "uniform"},
@@ -215,7 +277,7 @@ def run_of(method, keys, folder):
     import tomllib
 
     import femseal as fs
-    from femseal.runs.case import parse_case
+    from femseal.case.case import parse_case
 
     text = FACE.format(**PLAIN | keys).replace("seed = 3", f'seed = 3\nmethod = "{method}"')
     case = parse_case(tomllib.loads(text))
@@ -303,8 +365,17 @@ def interpolated_of(task):
     face, hardness = surface_of(task["scene"], POINTS[0], task["seed"])
     full = min(hardness, 0.5 * MODULUS * face.rms_slope)
     loads = full * np.linspace(0.02, 0.5, 24)
-    scene = Scene(face, MODULUS, hardness, Liquid(1e-3), 1e6, 0.0, loading=tuple(loads), unload_from=(loads[-1],),
-                  unloading=tuple(full * np.linspace(0.01, 0.45, 14)))  # fmt: skip
+    scene = Scene(
+        face,
+        MODULUS,
+        hardness,
+        Liquid(1e-3),
+        1e6,
+        0.0,
+        loading=tuple(loads),
+        unload_from=(loads[-1],),
+        unloading=tuple(full * np.linspace(0.01, 0.45, 14)),
+    )
     steps, leakage = scene.steps, deterministic(scene).leakage
     found = []
     for tolerance in TOLERANCES:
@@ -321,8 +392,14 @@ def interpolated_table(records):
         solved, steps, errors = np.array([record["found"][n] for record in records]).T
         shares = solved / steps
         off = errors / np.log1p(tolerance)
-        cells.append([f"{tolerance:.0%}", f"{shares.min():.0%} / {np.median(shares):.0%} / {shares.max():.0%}",
-                      f"{np.median(off):.2f} / {off.max():.2f}", f"{np.sum(off <= 1.0)} of {off.size}"])  # fmt: skip
+        cells.append(
+            [
+                f"{tolerance:.0%}",
+                f"{shares.min():.0%} / {np.median(shares):.0%} / {shares.max():.0%}",
+                f"{np.median(off):.2f} / {off.max():.2f}",
+                f"{np.sum(off <= 1.0)} of {off.size}",
+            ]
+        )
     head = [
         "tolerance",
         "loads solved: least / median / most",
@@ -337,11 +414,17 @@ def rules_table(records):
     for record in records:
         found = record["found"]
         solved, steps = found["solved"]
-        cells.append([
-            record["rule"], RULES[record["rule"]][-1] if record["rule"] in RULES else "`budget` in `[output]`, `width`",
-            f"{found['without']:.2f} s", f"{found['with']:.2f} s", f"{found['without'] / found['with']:.2f}",
-            f"{found['error']:.1e}" if found["error"] else "0", f"{solved} of {steps}",
-        ])  # fmt: skip
+        cells.append(
+            [
+                record["rule"],
+                RULES[record["rule"]][-1] if record["rule"] in RULES else "`budget` in `[output]`, `width`",
+                f"{found['without']:.2f} s",
+                f"{found['with']:.2f} s",
+                f"{found['without'] / found['with']:.2f}",
+                f"{found['error']:.1e}" if found["error"] else "0",
+                f"{solved} of {steps}",
+            ]
+        )
     head = ["rule", "switch", "without", "with it", "gain", "largest error of ln(leakage)", "load steps solved"]
     return rows(head, cells)
 
@@ -352,10 +435,24 @@ def coarse_table(records):
         found = record["found"]
         after = found["fine"] * (1 - found["share"]) + found["coarse"]
         loads = ", ".join(f"{share:g}" for share in record["loads"])
-        cells.append([loads, f"{record['left out']:g}", f"{found['share']:.0%}", f"{found['fine']:.2f} s",
-                      f"{after:.2f} s", f"{found['error']:.1e}"])  # fmt: skip
-    head = ["loads in shares of the hardness", "share of the drop in the windows left coarse", "windows left coarse",
-            "contact of all windows", "with coarse ones, at best", "error of ln(leakage)"]  # fmt: skip
+        cells.append(
+            [
+                loads,
+                f"{record['left out']:g}",
+                f"{found['share']:.0%}",
+                f"{found['fine']:.2f} s",
+                f"{after:.2f} s",
+                f"{found['error']:.1e}",
+            ]
+        )
+    head = [
+        "loads in shares of the hardness",
+        "share of the drop in the windows left coarse",
+        "windows left coarse",
+        "contact of all windows",
+        "with coarse ones, at best",
+        "error of ln(leakage)",
+    ]
     return rows(head, cells)
 
 
@@ -386,11 +483,16 @@ def main():
         if scene != "measured" or (seed == 1 and "FEMSEAL_SURFACES" in os.environ)
     ]
     parts = [
-        machine({"numpy": "numpy"}), "## Rules", rules_table(rules),
-        "## Tolerances", *tolerance_tables(measured),
-        "## Loads interpolated, 24 on loading and 14 on unloading", interpolated_table(chosen),
-        "## Coarse windows: tried and not kept", coarse_table(coarse),
-    ]  # fmt: skip
+        machine({"numpy": "numpy"}),
+        "## Rules",
+        rules_table(rules),
+        "## Tolerances",
+        *tolerance_tables(measured),
+        "## Loads interpolated, 24 on loading and 14 on unloading",
+        interpolated_table(chosen),
+        "## Coarse windows: tried and not kept",
+        coarse_table(coarse),
+    ]
     text = "\n\n".join(parts)
     print(text)
     if options.write:

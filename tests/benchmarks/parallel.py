@@ -64,7 +64,7 @@ def timed(mapping, seconds):
 def measure(task):
     """Elapsed times of a study and of its parts."""
     from femseal.base.stage import Stage
-    from femseal.runs.executor import ordered_map
+    from femseal.execution.mappers import ordered_map
 
     with ordered_map(**BACKENDS[task["backend"]]) as mapping:
         if task["study"] is None:

@@ -96,8 +96,12 @@ def leakages(draw, steps):
         seal, found = RectangularSeal((n1 * 1e-4, n2 * 1e-4), (n1, n2)), []
         for m in range(MAPS):
             k1, k2 = draw(0, n1 * n2, m), draw(1, (n1 - 1) * n2, m)
-            found.append([seal.flow((k1[:, s].reshape(n1, n2), k2[:, s].reshape(n1 - 1, n2))).conductance
-                          for s in range(len(steps))])  # fmt: skip
+            found.append(
+                [
+                    seal.flow((k1[:, s].reshape(n1, n2), k2[:, s].reshape(n1 - 1, n2))).conductance
+                    for s in range(len(steps))
+                ]
+            )
         out.append(np.median(found, axis=0))
     return out
 
@@ -110,8 +114,15 @@ def long_scene(kind, n, seed):
     size = n * PIXEL, PIECES * n * PIXEL
     hardness, rough = 4e9, {"cut_off": 8 * PIXEL, "rng": seed}
     if kind == "turned":
-        face = turned(shape, size, pitch=size[0] / 8, depth=5e-6 * n / 512, roughness=0.7e-6 * n / 512,
-                      roughness_roll_off=size[0] / 16, **rough)  # fmt: skip
+        face = turned(
+            shape,
+            size,
+            pitch=size[0] / 8,
+            depth=5e-6 * n / 512,
+            roughness=0.7e-6 * n / 512,
+            roughness_roll_off=size[0] / 16,
+            **rough,
+        )
     elif kind == "self-affine":
         face = self_affine(shape, size, hurst=0.8, rms_slope=SLOPE, roll_off=size[0] / 4, **rough)
         hardness = 0.14 * MODULUS * SLOPE
@@ -122,9 +133,17 @@ def long_scene(kind, n, seed):
         marks = 0.625e-6 * np.cos(2 * np.pi * along / (size[0] / 8))
         face = Topography(marks + face.heights, (PIXEL, PIXEL), (False, True))
     shares = LONG[kind]
-    return Scene(surface=face, modulus=MODULUS, hardness=hardness, fluid=Liquid(1e-3), inlet_pressure=1e7,
-                 outlet_pressure=0.0, loading=tuple(hardness * s for s in shares), unload_from=(hardness * shares[2],),
-                 unloading=(hardness * shares[1] / 2,))  # fmt: skip
+    return Scene(
+        surface=face,
+        modulus=MODULUS,
+        hardness=hardness,
+        fluid=Liquid(1e-3),
+        inlet_pressure=1e7,
+        outlet_pressure=0.0,
+        loading=tuple(hardness * s for s in shares),
+        unload_from=(hardness * shares[2],),
+        unloading=(hardness * shares[1] / 2,),
+    )
 
 
 def long_faces(n, seeds):

@@ -109,8 +109,13 @@ def study(task):
     before, start = resident("VmRSS"), time.process_time()
     if task["contact"] == "deterministic":
         result = deterministic(scene)
-        found = {"deterministic": {"leakage": result.leakage.tolist(), "seconds": time.process_time() - start,
-                                   "megabytes": peak(before)}}  # fmt: skip
+        found = {
+            "deterministic": {
+                "leakage": result.leakage.tolist(),
+                "seconds": time.process_time() - start,
+                "megabytes": peak(before),
+            }
+        }
         return found
     contact = solve_windows(scene, cells, task["contact"])
     seconds, megabytes = time.process_time() - start, peak(before)
@@ -119,16 +124,19 @@ def study(task):
         forget_peak()
         start = time.process_time()
         result = two_scale(scene, cells, flow=flow, solved=contact)
-        found[flow] = {"leakage": result.leakage.tolist(), "seconds": seconds + time.process_time() - start,
-                       "megabytes": max(megabytes, peak(before))}  # fmt: skip
+        found[flow] = {
+            "leakage": result.leakage.tolist(),
+            "seconds": seconds + time.process_time() - start,
+            "megabytes": max(megabytes, peak(before)),
+        }
         del result
     return found
 
 
 def compare(task, exact, contacts):
     """Factors of one surface: a record for each kind of contact."""
-    from femseal.accuracy import closing_load, leakage_factor
     from femseal.loads import LoadProgramme
+    from femseal.studies.compare import closing_load, leakage_factor
 
     steps, true = LoadProgramme.of(*cycle(task)), exact["deterministic"]
     record = {name: value for name, value in task.items() if name != "file"}
@@ -150,10 +158,15 @@ def compare(task, exact, contacts):
 
 
 def table(records):
-    head = ["surface", "contact", "estimated error of the gap",
-            *(f"{flow}: loading, unloading" for flow in FLOWS), "closing load p̄/H, deterministic : " + " : ".join(FLOWS),
-            "CPU time [s], deterministic : " + " : ".join(FLOWS),
-            "memory [MB], deterministic : " + " : ".join(FLOWS)]  # fmt: skip
+    head = [
+        "surface",
+        "contact",
+        "estimated error of the gap",
+        *(f"{flow}: loading, unloading" for flow in FLOWS),
+        "closing load p̄/H, deterministic : " + " : ".join(FLOWS),
+        "CPU time [s], deterministic : " + " : ".join(FLOWS),
+        "memory [MB], deterministic : " + " : ".join(FLOWS),
+    ]
     cells = []
     for r in records:
         for contact in ("whole", "windows"):
@@ -163,16 +176,22 @@ def table(records):
                 lost = found[flow]["closed"]
                 text = ", ".join(f"{f:.3g}" for f in found[flow]["factors"]).replace("nan", "–")
                 factors.append(text + (f" ({lost} loads closed)" if lost else ""))
-            seconds, memory, closing = ([r["deterministic"][k]] + [found[flow][name] for flow in FLOWS]
-                                        for k, name in enumerate(("seconds", "megabytes", "closing")))  # fmt: skip
+            seconds, memory, closing = (
+                [r["deterministic"][k]] + [found[flow][name] for flow in FLOWS]
+                for k, name in enumerate(("seconds", "megabytes", "closing"))
+            )
             label = f"{r['kind']} {r['label']}" if r["kind"] != "measured" else r["label"]
-            cells.append([
-                f"{label}, {r['windows']}² windows", contact,
-                f"{found['gap error']:.3g}" + (", warned" if found["warned"] else ""), *factors,
-                " : ".join(f"{c:.3g}" for c in closing).replace("inf", "–"),
-                " : ".join(f"{s:.3g}" for s in seconds),
-                " : ".join(f"{m:.0f}" for m in memory),
-            ])  # fmt: skip
+            cells.append(
+                [
+                    f"{label}, {r['windows']}² windows",
+                    contact,
+                    f"{found['gap error']:.3g}" + (", warned" if found["warned"] else ""),
+                    *factors,
+                    " : ".join(f"{c:.3g}" for c in closing).replace("inf", "–"),
+                    " : ".join(f"{s:.3g}" for s in seconds),
+                    " : ".join(f"{m:.0f}" for m in memory),
+                ]
+            )
     return rows(head, cells)
 
 
@@ -195,8 +214,14 @@ def tasks_of(size, seeds):
     folder = Path(os.environ.get("FEMSEAL_SURFACES", "."))
     for name in MEASURED if measured else ():
         if (folder / name).exists():
-            yield {"kind": "measured", "label": Path(name).stem, "n": 0, "seed": 0, "windows": 16,
-                   "file": str(folder / name)}  # fmt: skip
+            yield {
+                "kind": "measured",
+                "label": Path(name).stem,
+                "n": 0,
+                "seed": 0,
+                "windows": 16,
+                "file": str(folder / name),
+            }
         else:
             print(f"{name} is not in FEMSEAL_SURFACES: left out", file=sys.stderr)
 

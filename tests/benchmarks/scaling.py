@@ -114,8 +114,11 @@ def records_of(what, solver, sizes, tolerances, path):
 def all_records(tolerances, flows, path, most_pixels, most_links):
     """Records up to so many pixels a side and links; tolerances are those of the contacts of the plain way at hand."""
     pixels, links = [n for n in PIXELS if n <= most_pixels], [n for n in LINKS if n <= most_links]
-    asked = [("contact", ["femseal", *tolerances], pixels), ("flow", ["femseal", *flows], pixels),
-             ("network", ["femseal", "SuperLU", *(f for f in flows if f == "pyamg")], links)]  # fmt: skip
+    asked = [
+        ("contact", ["femseal", *tolerances], pixels),
+        ("flow", ["femseal", *flows], pixels),
+        ("network", ["femseal", "SuperLU", *(f for f in flows if f == "pyamg")], links),
+    ]
     return [
         r for what, names, sizes in asked for name in names for r in records_of(what, name, sizes, tolerances, path)
     ]

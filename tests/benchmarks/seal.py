@@ -197,10 +197,13 @@ def main():
     for sigma in (1.0, 2.0, 3.0):
         leakages = call(__file__, ["--worker", json.dumps({"sigma": sigma, "answers": ANSWERS})], 1)
         known.append(f"σ {sigma:g}: {np.mean(leakages):.4f} ± {np.std(leakages):.4f}")
-    failures = sorted({
-        f"{r['solver']}, {r['cells']:.0e} links, σ {r['sigma']:g}, closed {r['closed']:g}: {r['failure']}"
-        for r in records if "failure" in r
-    })  # fmt: skip
+    failures = sorted(
+        {
+            f"{r['solver']}, {r['cells']:.0e} links, σ {r['sigma']:g}, closed {r['closed']:g}: {r['failure']}"
+            for r in records
+            if "failure" in r
+        }
+    )
     text = f"""{machine(PACKAGES)}.
 Times of the peers as multiples of femseal's; "–": would have taken more than {PATIENCE:g} s or {MEMORY / 1e9:g} GB.
 

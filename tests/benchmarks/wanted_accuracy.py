@@ -19,6 +19,8 @@ from typing import Any
 import numpy as np
 from common import machine, rows, save_report
 
+from femseal.preparation.preparation import prepare
+
 #: Seeds of the scenes, of which no other test or benchmark knows.
 SEEDS = range(917_001, 917_021)
 LOADS = (40, 80, 150, 250, 400, 600, 850)
@@ -71,14 +73,14 @@ def scene(seed: int) -> dict[str, Any]:
 def tried(seed: int, accuracy: float) -> dict[str, Any]:
     """A run of a scene, and its truth."""
     import femseal as fs
-    from femseal.runs.case import parse_case
+    from femseal.case.case import parse_case
 
     case = parse_case(scene(seed) | {"accuracy": accuracy, "time_limit": "2 min"})
     start = time.process_time()
     results = fs.run(case, workers=1)
     seconds = time.process_time() - start
     run_scene, told = results.scene, results.attempts
-    face = case.prepare().made.scene.surface
+    face = prepare(case).made.scene.surface
     fine = face.resample(tuple(2 * max(pair) for pair in zip(face.shape, run_scene.surface.shape, strict=True)))
     start = time.process_time()
     truth = fs.deterministic(replace(run_scene, surface=fine, rtol=1e-8)).leakage

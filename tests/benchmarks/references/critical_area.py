@@ -26,7 +26,9 @@ class Face:
 
         n, side = waves * range_ * pixels, 1e-3
         cut_off = side / waves / range_
-        face = self_affine((n, n), (side, side), hurst=hurst, rms_slope=SLOPE, roll_off=side / waves, cut_off=cut_off, rng=rng)  # fmt: skip
+        face = self_affine(
+            (n, n), (side, side), hurst=hurst, rms_slope=SLOPE, roll_off=side / waves, cut_off=cut_off, rng=rng
+        )
         self.gap0, self.spacing = -face.heights, face.spacing
         self.body = HalfSpace((n, n), face.spacing, MODULUS)
         self.known = {}

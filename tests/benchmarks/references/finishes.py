@@ -31,7 +31,16 @@ def heights(kind, rms, n):
     side = n * SPACING
     rough = self_affine((n, n), (side, side), hurst=0.8, rms_height=1.0, roll_off=side / 8, cut_off=8 * SPACING, rng=1)
     if kind == KINDS[1]:
-        lay = turned((n, n), (side, side), pitch=side / 8, depth=4e-6, depth_error=0.2, feed_error=0.1, cut_off=8 * SPACING, rng=2)  # fmt: skip
+        lay = turned(
+            (n, n),
+            (side, side),
+            pitch=side / 8,
+            depth=4e-6,
+            depth_error=0.2,
+            feed_error=0.1,
+            cut_off=8 * SPACING,
+            rng=2,
+        )
         return rms * ((lay.heights.T - lay.heights.mean()) / lay.heights.std() + 0.1 * rough.heights)
     x = (np.arange(n) + 0.5 - n / 2) * SPACING
     scratch = 5 * np.exp(-((x / (8 * SPACING)) ** 2)) if kind == KINDS[2] else 0.0

@@ -19,7 +19,11 @@ LOADS = (0.5, 1.0, 1.25, 1.5)
 
 def full_contact_pressure(gap0, spacing):
     """Deviation from p̄ of the pressure that flattens a periodic gap (n1, n2) [m]: of each wave E*|q|/2 its height."""
-    q = 2 * np.pi * np.hypot(np.fft.fftfreq(gap0.shape[0], spacing[0])[:, None], np.fft.fftfreq(gap0.shape[1], spacing[1]))  # fmt: skip
+    q = (
+        2
+        * np.pi
+        * np.hypot(np.fft.fftfreq(gap0.shape[0], spacing[0])[:, None], np.fft.fftfreq(gap0.shape[1], spacing[1]))
+    )
     return np.fft.ifft2(-MODULUS / 2 * q * np.fft.fft2(gap0)).real
 
 

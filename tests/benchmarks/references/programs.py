@@ -92,8 +92,9 @@ def flow_fields(n=128, refinements=(1, 2, 4), pressure=200e6, hardness=4e9):
         record = {"hardness": hardness, "pixels": 8 * refinement}
         for elements in ("edge", "RT0"):
             field_rtol = 1e-8 if elements == "edge" else None
-            own = cell_permeability(gap, face.spacing, sides="periodic", rtol=1e-10, discretisation=elements,
-                                    field_rtol=field_rtol)  # fmt: skip
+            own = cell_permeability(
+                gap, face.spacing, sides="periodic", rtol=1e-10, discretisation=elements, field_rtol=field_rtol
+            )
             # the inlet is at pressure 1 here, at 0 there
             difference = (1 - own.fluid_pressure) - theirs
             if np.nanmean(np.abs(difference)) > np.nanmean(np.abs(own.fluid_pressure - theirs)):

@@ -1,0 +1,1 @@
+"""A case: the TOML file of a run, its tables, and the checks of its values."""

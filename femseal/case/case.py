@@ -1,0 +1,292 @@
+"""A case: the whole input of a run, as a TOML file whose quantities carry their units.
+
+The file is checked as a whole before anything is computed; every fault is reported at once, with its key, what was
+given and what is allowed. `preparation.prepare` turns a case into the objects the studies take.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from os import PathLike
+from os.path import isfile
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, ValidationError, model_validator
+from pydantic_core import PydanticCustomError
+
+from ..base.errors import InputError, shortened
+from ..base.quantities import to_text
+from ..fluids import leak_basis, potential_of
+from ..materials import Solid, contact_modulus, softer_hardness
+from ..results.class_results import check_classes
+from ..seal.layouts import Layout
+from .case_accuracy import with_what_is_open
+from .case_tables import AnyFluid, CellsTable, ContactTable, FlowTable, OutputTable, SolidTable, StochasticTable
+from .faces import Face, FileFace, SurfaceTable
+from .faults import fault_lines
+from .fluid_by_name import with_named_fluids
+from .load import LoadTable
+from .seal import AnySeal, with_inlet_pressure
+from .values import Accuracy, Duration, FileSize, Number, Table
+
+#: No case is larger [byte].
+_LARGEST_FILE = 1_000_000
+
+Method = Literal["auto", "deterministic", "two-scale", "stochastic"]
+
+
+class Case(Table):
+    """A validated case, all values in SI.
+
+    accuracy : wanted of the leakage, as a share: the run then chooses what the case leaves open, see `runs.attempts`.
+    time_limit : of its attempts together [s]. memory : that a run may take [byte]; what is free on the machine unless
+    given. It changes no results without `accuracy`.
+    """
+
+    title: Annotated[str, Field(max_length=200)] = ""
+    method: Method = "stochastic"
+    compare: tuple[Literal["deterministic", "two-scale", "stochastic"], ...] = ()
+    accuracy: Accuracy | None = None
+    time_limit: Duration | None = None
+    seed: Number = 0
+    memory: FileSize | None = Field(default=None, exclude=True)
+    face: tuple[Face, ...] = Field(min_length=1, max_length=2)
+    surface: SurfaceTable = SurfaceTable()
+    material: SolidTable
+    counter_material: SolidTable | None = None
+    load: LoadTable
+    contact: ContactTable = ContactTable()
+    flow: FlowTable = FlowTable()
+    fluid: AnyFluid
+    seal: AnySeal = Field(default={"kind": "rectangular"}, validate_default=True)
+    cells: CellsTable | None = None
+    stochastic: StochasticTable | None = None
+    output: OutputTable = OutputTable()
+    folder: Path = Field(default=Path(), exclude=True)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _one_face(cls, data: Any) -> Any:
+        if isinstance(data, dict) and isinstance(data.get("face"), dict):
+            return {**data, "face": [data["face"]]}
+        return data
+
+    @model_validator(mode="before")
+    @classmethod
+    def _named_fluid(cls, data: Any) -> Any:
+        return with_named_fluids(with_inlet_pressure(data))
+
+    @model_validator(mode="before")
+    @classmethod
+    def _open(cls, data: Any) -> Any:
+        return with_what_is_open(data)
+
+    @model_validator(mode="after")
+    def _complete(self) -> Case:
+        if self.load.interpolate is not None and self.accuracy is not None:
+            text = "load.interpolate: given with accuracy, allowed is one of them: attempts solve all loads"
+            raise PydanticCustomError("interpolate", text)
+        if self.accuracy is not None and not self.output.budget:
+            text = "output.budget: given false with accuracy, allowed is true: attempts end by their error budget"
+            raise PydanticCustomError("budget", text)
+        if self.time_limit is not None and self.accuracy is None:
+            raise PydanticCustomError("time_limit", "time_limit: given without accuracy, allowed is it with accuracy")
+        if self.cells is None and self.accuracy is None and not self.methods <= {"deterministic", "auto"}:
+            raise PydanticCustomError("cells", "a table `cells` with the method {m}", {"m": self.method})
+        if self.cells is not None and self.cells.flow == "elements" and self.flow.discretisation != "edge":
+            text = "cells.flow: given elements with the discretisation {d}, allowed is edge with them"
+            raise PydanticCustomError("cells", text, {"d": self.flow.discretisation})
+        if self.stochastic is not None and self.stochastic.sampler == "runs" and self.flow.discretisation != "edge":
+            text = "stochastic.sampler: given runs with the discretisation {d}, allowed is edge with them"
+            raise PydanticCustomError("sampler", text, {"d": self.flow.discretisation})
+        if self.stochastic is None and "stochastic" in self.methods:
+            raise PydanticCustomError("stochastic", "a table `stochastic` with the method stochastic")
+        if self.load.unit == "Pa" and self.load.highest >= self.hardness:
+            given = {"p": to_text(self.load.highest, "Pa"), "h": to_text(self.hardness, "Pa")}
+            raise PydanticCustomError("load", "load: given {p}, allowed are pressures below the hardness, {h}", given)
+        for key, fluid in (("fluid", self.fluid), ("output.test_fluid", self.output.test_fluid)):
+            if fluid is None:
+                continue
+            if not (inlet := fluid.inlet_pressure) > (outlet := fluid.outlet_pressure):
+                given = {"key": key, "p": to_text(inlet, "Pa"), "q": to_text(outlet, "Pa")}
+                text = "{key}.inlet_pressure: given {p}, allowed is a pressure above that of the outlet, {q}"
+                raise PydanticCustomError("fluid", text, given)
+            try:
+                potential_of(fluid.fluid, f"{key}.inlet_pressure", fluid.inlet_pressure)
+            except InputError as error:
+                raise PydanticCustomError("fluid", "{fault}", {"fault": str(error)}) from None
+        self._check_output()
+        for face in self.face:
+            if isinstance(face, FileFace) and not isfile(self.folder / face.path):
+                path = {"path": shortened(face.path)}
+                raise PydanticCustomError("file", "face.path: given '{path}', allowed is a file that exists", path)
+        if isinstance(first := self.face[0], FileFace) and first.placement:
+            keys = {"keys": ", ".join(sorted(first.placement))}
+            raise PydanticCustomError("placement", "face.0: given {keys}, allowed is that in the second face", keys)
+        self._check_seal()
+        self._check_map()
+        return self
+
+    def _check_output(self) -> None:
+        """Raise a fault if the unit or a class of leakage is not for the fluid by which it is told."""
+        output = self.output
+        basis = leak_basis(self.fluid.fluid, 1.0)
+        if output.unit is not None and (lack := basis.lacks(output.unit)):
+            text = "output.leakage_unit: given {unit} for a {kind}, allowed is {lack}"
+            kind = "gas" if basis.is_gas else "liquid"
+            raise PydanticCustomError("unit", text, {"unit": output.unit.name, "kind": kind, "lack": lack})
+        try:
+            check_classes(output.classes, output.nominal_diameter, (output.test_fluid or self.fluid).fluid)
+        except InputError as error:
+            raise PydanticCustomError("classes", "output.{fault}", {"fault": str(error)}) from None
+
+    def _check_seal(self) -> None:
+        layout, table = self.layout, self.stochastic
+        if not layout.has_length and "stochastic" not in self.methods:
+            text = "seal.kind: given {kind} with the method {m}, allowed is it with stochastic, which draws its windows"
+            raise PydanticCustomError("seal", text, {"kind": layout.kind, "m": self.method})
+        if table is not None and layout.has_length and table.length is None:
+            raise PydanticCustomError("length", "stochastic.length: given none, allowed is the length of the seal")
+        for name in ("length", "breadth") if table is not None and not layout.has_length else ():
+            if (value := getattr(table, name)) is not None:
+                text = "stochastic.{name}: given {value}, allowed is none with a seal of kind {kind}: it has its own"
+                given = {
+                    "name": name,
+                    "value": to_text(value[0] if isinstance(value, tuple) else value, "m"),
+                    "kind": layout.kind,
+                }
+                raise PydanticCustomError("length", text, given)
+        self._check_inlets()
+        for key, path in self.seal.files():
+            if not isfile(self.folder / path):
+                given = {"key": key, "path": shortened(path)}
+                raise PydanticCustomError("file", "seal.{key}: given '{path}', allowed is a file that exists", given)
+
+    def _check_inlets(self) -> None:
+        """Raise a fault if pressures of the inlets do not go with the outlet, the methods or a test fluid."""
+        own, outlet = getattr(self.layout, "inlet_pressures", {}), self.fluid.outlet_pressure
+        for name, pressure in own.items():
+            if not pressure > outlet:
+                given = {"name": name, "p": to_text(pressure, "Pa"), "q": to_text(outlet, "Pa")}
+                text = "seal.inlet.{name}: given {p}, allowed is a pressure above that of the outlet, {q}"
+                raise PydanticCustomError("seal", text, given)
+        if own and self.methods != {"stochastic"}:
+            text = "seal.inlet: given pressures with the method {m}, allowed is stochastic alone: a face has one inlet"
+            raise PydanticCustomError("seal", text, {"m": ", ".join(sorted(self.methods - {"stochastic"}))})
+        if own and self.output.test_fluid is not None:
+            text = "output.test_fluid: given one with pressures of the inlets in seal.inlet, allowed is none with them"
+            raise PydanticCustomError("seal", text)
+
+    def _check_map(self) -> None:
+        if self.load.map is None:
+            return
+        if self.methods != {"stochastic"} or self.stochastic is None:
+            given = ", ".join(sorted(self.methods - {"stochastic"}))
+            text = "load.map: given with the method {m}, allowed is stochastic alone: a face has one nominal pressure"
+            raise PydanticCustomError("map", text, {"m": given})
+        if self.stochastic.pressure != "uniform":
+            text = "stochastic.pressure: given {p} with load.map, allowed is uniform, whose windows follow any pressure"
+            raise PydanticCustomError("map", text, {"p": self.stochastic.pressure})
+        for path in self.load.files:
+            if not isfile(self.folder / path):
+                text = "load.map.path: given '{path}', allowed is a file that exists"
+                raise PydanticCustomError("file", text, {"path": shortened(path)})
+
+    @property
+    def layout(self) -> Layout:
+        """The shape of the seal."""
+        return self.seal.layout(self.folder)
+
+    @property
+    def methods(self) -> set[str]:
+        """The method and the methods to compare it with, as given."""
+        return {self.method, *self.compare}
+
+    @property
+    def solids(self) -> tuple[Solid, Solid | None]:
+        """The two bodies; None is rigid."""
+        counter = self.counter_material
+        return self.material.solid, None if counter is None else counter.solid
+
+    @property
+    def hardness(self) -> float:
+        """Hardness of the softer solid [Pa]; inf where none is given."""
+        return softer_hardness(*self.solids)
+
+    @property
+    def modulus(self) -> float:
+        """Contact modulus [Pa]."""
+        return contact_modulus(*self.solids)
+
+    def echo(self) -> dict[str, Any]:
+        """The case in SI, as plain data."""
+        return self.model_dump(mode="json", exclude_none=True)
+
+
+def load_case(path: str | PathLike[str]) -> Case:
+    """Read and validate a case file.
+
+    Parameters
+    ----------
+    path : a TOML file; paths in it are relative to its folder.
+
+    Raises
+    ------
+    InputError : the file is missing or is not TOML, or any of its values cannot be used; one line for each fault.
+    """
+    return parse_case(*read_case(path))
+
+
+def read_case(path: str | PathLike[str]) -> tuple[dict[str, Any], Path]:
+    """Tables of a case file, not yet validated, and its folder.
+
+    Raises
+    ------
+    InputError : the file is missing or is not TOML.
+    """
+    path = Path(path)
+    try:
+        # a pipe or a device may have no end
+        if path.exists() and not path.is_file():
+            raise InputError.of("case", f"'{path}', which is no file", "a TOML file")
+        with path.open("rb") as file:
+            content = file.read(_LARGEST_FILE + 1)
+        if len(content) > _LARGEST_FILE:
+            raise InputError.of("case", f"'{path}' of more than {_LARGEST_FILE:.0e} bytes", "a TOML file of a case")
+        data = tomllib.loads(content.decode("utf-8").replace("\r\n", "\n"))
+    except OSError as error:
+        raise InputError.of("case", f"'{path}'", f"a file that can be read ({error.strerror})") from None
+    except UnicodeDecodeError:
+        raise InputError.of("case", f"'{path}', which is not text", "a TOML file in UTF-8") from None
+    except RecursionError:
+        raise InputError.of("case", f"'{path}' with lists or tables too deep in each other", "a TOML file") from None
+    except ValueError as error:  # of TOML, or of a number with thousands of digits
+        if isinstance(error, InputError):
+            raise
+        reason = shortened(error, 120)
+        raise InputError.of("case", f"'{path}', which is not TOML", f"a TOML file ({reason})") from None
+    return data, path.parent
+
+
+def parse_case(data: dict[str, Any], folder: Path = Path()) -> Case:
+    """Validate a case given as a dictionary; paths in it are relative to `folder`.
+
+    Raises
+    ------
+    InputError : one line for each fault.
+    """
+    if "folder" in data:
+        raise InputError.of("folder", "a value", "no such key")
+    try:
+        return Case.model_validate({**data, "folder": folder})
+    except RecursionError:
+        raise InputError.of("case", "lists or tables too deep in each other", "the tables of a case") from None
+    except ValidationError as error:
+        lines = fault_lines(Case, error)
+        # a single table has no number in the file
+        if isinstance(data.get("face"), dict):
+            lines = [line.replace("face.0", "face", 1) if line.startswith("face.0") else line for line in lines]
+        if isinstance(data.get("load"), dict) and isinstance(data["load"].get("map"), dict):
+            lines = [line.replace("load.map.0", "load.map", 1) for line in lines]
+        raise InputError("\n".join(lines)) from None

@@ -1,0 +1,228 @@
+"""Tables of a case file except those of faces, load and seal: solids, contact, flow, fluid, windows, draws, output.
+
+Fluids are not named here: whatever is registered in `fluids.FLUIDS` has a table, with a key for each of its parameters.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from pydantic import BeforeValidator, Field, WithJsonSchema, model_validator
+from pydantic_core import PydanticCustomError
+
+from ..base.errors import InputError
+from ..base.leak_classes import KNOWN, leak_classes
+from ..base.leak_units import LEAK_UNITS, LeakUnit, leak_unit
+from ..base.quantities import to_text
+from ..flow import DISCRETISATIONS, SOLVERS
+from ..flow.discretisation import check_discretisation
+from ..fluids import FLUIDS, Fluid
+from ..materials import Solid
+from ..results.paraview import FORMATS
+from ..results.pixel_fields import LIMIT
+from ..studies import CONTACTS, DRAWS, FLOWS, PRESSURES, FluidState
+from .registered_tables import table_of_any
+from .values import Count, FileSize, Length, Lengths, Modulus, Poisson, Pressure, Ratio, Table, Temperature, one_of
+
+Boundary = Literal["periodic", "mirror", "free"]
+
+
+class SolidTable(Table):
+    """A solid, see `materials.Solid`."""
+
+    young: Modulus
+    poisson: Poisson = 0.3
+    yield_stress: Modulus | None = None
+    hardness: Modulus | None = None
+
+    @model_validator(mode="after")
+    def _one_strength(self) -> SolidTable:
+        if self.yield_stress is not None and self.hardness is not None:
+            raise PydanticCustomError("strength", "yield_stress or hardness, not both")
+        return self
+
+    @property
+    def solid(self) -> Solid:
+        """The solid."""
+        return Solid(**self.model_dump())
+
+
+class ContactTable(Table):
+    """How contact is solved."""
+
+    boundary: tuple[Boundary, Boundary] = ("free", "periodic")
+    rtol: Annotated[float, Field(gt=0, lt=0.1)] = 1e-5
+
+
+class FlowTable(Table):
+    """How flow is discretised and solved, in windows, in whole faces and over the seal."""
+
+    solver: Annotated[str, *one_of(SOLVERS)] = "auto"
+    discretisation: Annotated[str, *one_of(DISCRETISATIONS)] = "edge"
+
+    @model_validator(mode="after")
+    def _together(self) -> FlowTable:
+        try:
+            check_discretisation(self.discretisation, self.solver)
+        except InputError as error:
+            raise PydanticCustomError("flow", "flow.{fault}", {"fault": str(error)}) from None
+        return self
+
+
+class FluidTable(Table):
+    """A fluid, with a key for each of its parameters, and its pressures at both ends."""
+
+    if TYPE_CHECKING:
+        kind: str
+        inlet_pressure: float
+        outlet_pressure: float
+        name: str | None
+
+    @property
+    def fluid(self) -> Fluid:
+        """The fluid."""
+        return FLUIDS[self.kind](**self.model_dump(exclude={"kind", "inlet_pressure", "outlet_pressure", "name"}))
+
+    @property
+    def state(self) -> FluidState:
+        """The fluid with its pressures."""
+        return FluidState(self.fluid, self.inlet_pressure, self.outlet_pressure)
+
+
+def _state(fluid: Any) -> dict[str, Any]:
+    pressures = {"inlet_pressure": (Pressure, ...), "outlet_pressure": (Pressure, fluid.outlet_pressure)}
+    return {**pressures, "name": (Annotated[str | None, Field(max_length=60)], None)}
+
+
+if TYPE_CHECKING:
+    AnyFluid = FluidTable
+else:
+    AnyFluid = table_of_any(FLUIDS, FluidTable, _state)
+
+
+class CellsTable(Table):
+    """Windows of the two-scale and stochastic methods: their number, or about their size; their contact and flow.
+
+    flow, contact : see `studies.two_scale`.
+    """
+
+    count: tuple[Count, Count] | None = None
+    size: Length | None = None
+    flow: Annotated[str, *one_of(FLOWS)] | None = None
+    contact: Annotated[str, *one_of(CONTACTS)] | None = None
+
+    @model_validator(mode="after")
+    def _one_of(self) -> CellsTable:
+        if (self.count is None) == (self.size is None):
+            raise PydanticCustomError("cells", "one of `count` and `size`")
+        return self
+
+
+class StochasticTable(Table):
+    """How a seal is drawn, see `studies.Sampling`."""
+
+    length: Lengths | None = None
+    breadth: Length | None = None
+    realisations: Annotated[int, Field(strict=True, ge=2)] = 50
+    library_cells: Count = 128
+    sampler: Annotated[str, *one_of(DRAWS)] | None = None
+    pressure: Annotated[str, *one_of(PRESSURES)] = "place"
+    library: Path | None = None
+    width: Annotated[float, Field(gt=0)] | None = None
+    bounds: bool = False
+    quantiles: tuple[Ratio, Ratio] = (0.05, 0.95)
+
+    @property
+    def lengths(self) -> tuple[float, ...]:
+        """All lengths of seal that are given."""
+        given = self.length
+        return () if given is None else given if isinstance(given, tuple) else (given,)
+
+    @model_validator(mode="after")
+    def _ordered(self) -> StochasticTable:
+        if not self.quantiles[0] < self.quantiles[1]:
+            raise PydanticCustomError("quantiles", "two rising `quantiles`")
+        return self
+
+
+#: Keys of [output] that say which files are written, and change no number.
+FILE_KEYS = ("pictures", "report", "fields", "paraview", "fields_limit")
+#: What the schema says of units.
+_UNITS_TOLD = f"a unit of leakage: {', '.join(LEAK_UNITS)}"
+
+
+def _leak_unit_name(value: Any) -> str:
+    try:
+        return leak_unit(value).name
+    except InputError as error:
+        raise PydanticCustomError("name", "{allowed}", {"allowed": str(error).split("allowed is ")[-1]}) from None
+
+
+def _class_name(value: Any) -> str:
+    try:
+        leak_classes([value])
+    except InputError as error:
+        raise PydanticCustomError("name", "{allowed}", {"allowed": str(error).split("allowed is ")[-1]}) from None
+    return str(value)
+
+
+class OutputTable(Table):
+    """Optional contents of the results folder, see `report.write_folder`, and how leakage is told.
+
+    pictures, report, fields : whether they are written; a run without pictures has no report either, unless told so.
+    leakage_unit : of tables, pictures and report. throughput_temperature : at which pressure × volume of gases is told.
+    classes : leakage classes judged at every step, see `base.leak_classes`. nominal_diameter : which some need.
+    test_fluid : of a leak test, whose leakage stands beside; classes are judged by it.
+    budget : the error of every leakage, source by source, see `budget.error_budget`.
+    """
+
+    pictures: bool = True
+    report: bool = True
+    fields: bool = True
+    paraview: Annotated[str, *one_of(FORMATS)] = "vtu"
+    fields_limit: FileSize = LIMIT
+    leakage_unit: Annotated[
+        str | None, BeforeValidator(_leak_unit_name), WithJsonSchema({"type": "string", "description": _UNITS_TOLD})
+    ] = None
+
+    throughput_temperature: Temperature | None = None
+    classes: tuple[
+        Annotated[str, BeforeValidator(_class_name), WithJsonSchema({"type": "string", "description": KNOWN})], ...
+    ] = ()
+    nominal_diameter: Length | None = None
+    test_fluid: AnyFluid | None = None
+    budget: bool = True
+
+    @model_validator(mode="before")
+    @classmethod
+    def _no_report(cls, data: Any) -> Any:
+        return {"report": False, **data} if isinstance(data, dict) and data.get("pictures") is False else data
+
+    @model_validator(mode="after")
+    def _together(self) -> OutputTable:
+        if self.report and not self.pictures:
+            text = "output.report: given true with pictures = false, allowed is false: the page is made of pictures"
+            raise PydanticCustomError("report", text)
+        return self
+
+    @property
+    def files(self) -> dict[str, Any]:
+        """Which files are written, as arguments of `report.write_folder`."""
+        return self.model_dump(include=set(FILE_KEYS))
+
+    @property
+    def told(self) -> str:
+        """How leakage is told, in words; "" where nothing is asked for."""
+        words = [] if self.leakage_unit is None else [f"in {self.leakage_unit}"]
+        if classes := ", ".join(c.name for c in leak_classes(self.classes)):
+            words.append(f"classes {classes}{'' if self.test_fluid is None else ' judged by the test fluid'}")
+        if self.test_fluid is not None:
+            ends = (to_text(p, "Pa") for p in (self.test_fluid.inlet_pressure, self.test_fluid.outlet_pressure))
+            words.append(f"test fluid {self.test_fluid.kind} from {' to '.join(ends)}")
+        return "; ".join(words)
+
+    @property
+    def unit(self) -> LeakUnit | None:
+        """The unit, or None for a readable one per length of seal."""
+        return None if self.leakage_unit is None else LEAK_UNITS[self.leakage_unit]

@@ -1,0 +1,110 @@
+"""Tables of the rough faces in a case file, and of the conditioning of their sum.
+
+To add a kind of face, write a table with `make` and put it into `Face`.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import Field
+
+from ..topography import SPIKES, Topography, read_topography, self_affine, turned
+from .values import Angle, Channel, Count, Height, Hurst, Length, Place, Ratio, Shift, Slope, Table, Threshold
+
+
+class SelfAffineFace(Table):
+    """A self-affine face, see `topography.self_affine`."""
+
+    kind: Literal["self-affine"]
+    points: tuple[Count, Count]
+    size: tuple[Length, Length]
+    hurst: Hurst = 0.8
+    rms_slope: Slope | None = None
+    rms_height: Length | None = None
+    roll_off: Length | None = None
+    cut_off: Length | None = None
+
+    def make(self, folder: Path, rng: np.random.Generator) -> Topography:
+        """The face."""
+        given = self.model_dump(exclude={"kind", "points", "size"})
+        return self_affine(self.points, self.size, rng=rng, **given)
+
+
+class TurnedFace(Table):
+    """A turned face, see `topography.turned`."""
+
+    kind: Literal["turned"]
+    points: tuple[Count, Count]
+    size: tuple[Length, Length]
+    pitch: Length
+    depth: Length
+    nose_radius: Length | None = None
+    feed_error: Ratio = 0.0
+    depth_error: Ratio = 0.0
+    waviness: Height = 0.0
+    waviness_length: Length | None = None
+    roughness: Height = 0.0
+    hurst: Hurst = 0.8
+    roughness_roll_off: Length | None = None
+    cut_off: Length | None = None
+
+    def make(self, folder: Path, rng: np.random.Generator) -> Topography:
+        """The face."""
+        given = self.model_dump(exclude={"kind", "points", "size"})
+        return turned(self.points, self.size, rng=rng, **given)
+
+
+class FileFace(Table):
+    """A measured face, see `topography.read_topography`; paths are relative to the case file.
+
+    `mirror`, `rotate` and `shift` place the second of two faces on the first, see `topography.combine`.
+    """
+
+    kind: Literal["file"]
+    path: Path
+    size: tuple[Length, Length] | None = None
+    spacing: tuple[Length, Length] | None = None
+    height_unit: str | None = None
+    delimiter: str | None = None
+    array: str | None = None
+    channel: Channel = 0
+    transpose: bool = False
+    mask: Path | None = None
+    file_mask: bool = True
+    crop: tuple[Place, Place, Place, Place] | None = None
+    periodic: tuple[bool, bool] = (False, False)
+    mirror: Literal["x1", "x2"] | None = None
+    rotate: Angle | None = None
+    shift: tuple[Shift, Shift] | None = None
+
+    @property
+    def placement(self) -> dict[str, Any]:
+        """Placement on the first face, as `topography.combine` takes it."""
+        return self.model_dump(include=_PLACEMENT, exclude_none=True)
+
+    def make(self, folder: Path, rng: np.random.Generator) -> Topography:
+        """The face."""
+        given = self.model_dump(exclude={"kind", "path", "mask", *_PLACEMENT})
+        mask = None if self.mask is None else folder / self.mask
+        return read_topography(folder / self.path, mask=mask, **given)
+
+
+_PLACEMENT = {"mirror", "rotate", "shift"}
+Face = Annotated[SelfAffineFace | TurnedFace | FileFace, Field(discriminator="kind")]
+
+
+class SurfaceTable(Table):
+    """Repair of measured faces (`topography.repair`) and conditioning of their sum (`topography.condition`).
+
+    filter_sensitivity : the answer is computed once more, of the face without waves up to twice the shortest one.
+    """
+
+    spikes: Threshold = SPIKES
+    detrend: Literal[0, 1, 2] = 1
+    shortest_wave: Length | None = None
+    max_undefined: Ratio = 0.05
+    points: tuple[Count, Count] | None = None
+    filter_sensitivity: bool = False

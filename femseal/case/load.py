@@ -1,0 +1,223 @@
+"""The table [load] of a case: pressures or forces of the cycle, and maps of the pressure over the seal.
+
+To add a kind of map, write a table with `make` and put it into `AnyMapTable`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import pairwise
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import BeforeValidator, Field, PlainSerializer, PlainValidator, WithJsonSchema, model_validator
+from pydantic_core import PydanticCustomError
+
+from ..base.errors import InputError
+from ..base.quantities import to_si, to_text
+from ..loads import LOAD_UNITS, nominal_pressure
+from ..seal.field_file import read_pressure_field
+from ..seal.pressure_map import AngleTable, AnyMap, MapsAtLoads, PressureField, PressureMap, Profile, Uniform
+from .values import Accuracy, Angle, Count, Place, Quantity, Table, quantity_schema
+
+#: No cycle is longer [load steps].
+_MOST_STEPS = 10_000
+_ALLOWED = "a pressure >= 0, such as '300 MPa', or a force on the seal, '10 kN', or on its length, '200 N/mm'"
+_UNITS_OF_LOADS = {unit: Quantity(unit, lambda x: x >= 0, _ALLOWED) for unit in LOAD_UNITS}
+
+
+class Amount(float):
+    """A load in SI, with its unit: "Pa", "N" or "N/m"."""
+
+    unit: str
+
+    def __new__(cls, value: float, unit: str) -> Amount:
+        """A number with a unit."""
+        amount = super().__new__(cls, value)
+        amount.unit = unit
+        return amount
+
+    def __getnewargs__(self) -> tuple[Any, ...]:
+        return float(self), self.unit
+
+
+def _load(value: Any) -> Amount:
+    if isinstance(value, Amount):
+        return value
+    for unit, quantity in _UNITS_OF_LOADS.items():
+        try:
+            to_si(value, unit)
+        except InputError:
+            continue
+        return Amount(quantity.read(value), unit)
+    try:
+        return Amount(_UNITS_OF_LOADS["Pa"].read(value), "Pa")
+    except (
+        PydanticCustomError
+    ) as error:  # as of a pressure, such as with a decimal comma, but where the unit is unknown
+        known = not str(error).startswith("text with a number and a unit of the kind")
+        raise error if known else PydanticCustomError("quantity", "{allowed}", {"allowed": _ALLOWED}) from None
+
+
+#: A pressure or force; in the echo of a case a number of pressure or a text of force.
+Load = Annotated[
+    float,
+    PlainValidator(_load),
+    PlainSerializer(lambda load: float(load) if load.unit == "Pa" else f"{float(load)!r} {load.unit}"),
+    WithJsonSchema(quantity_schema(_ALLOWED)),
+]
+Share = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+
+
+class MapTable(Table):
+    """A map of the contact pressure over the seal, see `seal.pressure_map`.
+
+    at : nominal load for which it holds, where there are several.
+    """
+
+    kind: str
+    at: Load | None = None
+
+    def make(self, folder: Path) -> PressureMap:
+        """The map."""
+        raise NotImplementedError
+
+    @model_validator(mode="after")
+    def _possible(self) -> MapTable:
+        if not isinstance(self, FieldMap):  # a file is read once the case is prepared
+            try:
+                self.make(Path())
+            except InputError as error:
+                raise PydanticCustomError("map", "load.map.{fault}", {"fault": str(error)}) from None
+        return self
+
+
+class UniformMap(MapTable):
+    """The nominal pressure everywhere."""
+
+    kind: Literal["uniform"]
+
+    def make(self, folder: Path) -> PressureMap:
+        """The map."""
+        return Uniform()
+
+
+class ProfileMap(MapTable):
+    """Pressure from the inlet to the outlet, see `seal.pressure_map.Profile`."""
+
+    kind: Literal["profile"]
+    shares: tuple[Share, ...]
+    positions: tuple[Place, ...] = ()
+
+    def make(self, folder: Path) -> PressureMap:
+        """The map."""
+        return Profile(self.shares, self.positions)
+
+
+class AngleMap(MapTable):
+    """Pressure around the seal, see `seal.pressure_map.AngleTable`."""
+
+    kind: Literal["angle"]
+    shares: tuple[Share, ...]
+    angles: tuple[Angle, ...] = ()
+    repeat: Count = 1
+
+    def make(self, folder: Path) -> PressureMap:
+        """The map."""
+        return AngleTable(self.shares, self.angles, self.repeat)
+
+
+class FieldMap(MapTable):
+    """Pressure from a file, see `seal.field_file.read_pressure_field`."""
+
+    kind: Literal["field"]
+    path: Path
+    name: str = "pressure"
+    length_unit: str
+    pressure_unit: str
+
+    def make(self, folder: Path) -> PressureField:
+        """The map."""
+        units = {"length_unit": self.length_unit, "pressure_unit": self.pressure_unit}
+        return read_pressure_field(folder / self.path, name=self.name, **units)
+
+
+AnyMapTable = Annotated[UniformMap | ProfileMap | AngleMap | FieldMap, Field(discriminator="kind")]
+
+
+class LoadTable(Table):
+    """Loads of the cycle, see `loads.LoadProgramme`: nominal pressures, or forces that the seal's size makes pressures.
+
+    map : of the pressure over the seal; several hold at the loads `at`. interpolate : relative error of the leakage
+        within which steps may be interpolated instead of solved; unless given all are solved.
+    """
+
+    loading: Annotated[tuple[Load, ...], Field(min_length=1)]
+    unload_from: tuple[Load, ...] = ()
+    unloading: tuple[Load, ...] = ()
+    interpolate: Accuracy | None = None
+    map: Annotated[
+        tuple[AnyMapTable, ...] | None, BeforeValidator(lambda given: [given] if isinstance(given, dict) else given)
+    ] = None
+
+    @model_validator(mode="after")
+    def _one_kind(self) -> LoadTable:
+        loads = [*self.loading, *self.unload_from, *self.unloading]
+        at = [one.at for one in self.map or () if one.at is not None]
+        units = dict.fromkeys(getattr(load, "unit", "Pa") for load in [*loads, *at])
+        if len(units) > 1:
+            raise PydanticCustomError("load", "loads of one kind, not {units}", {"units": " and ".join(units)})
+        if self.map is not None and len(self.map) != 1:
+            if not self.map or len(at) < len(self.map):
+                raise PydanticCustomError("map", "one table `map`, or several that all have `at`")
+            if any(b <= a for a, b in pairwise(at)):
+                raise PydanticCustomError("map", "several tables `map` whose `at` rise")
+        return self
+
+    @model_validator(mode="after")
+    def _programme(self) -> LoadTable:
+        if any(b <= a for a, b in pairwise(self.loading)):
+            raise PydanticCustomError("load", "rising pressures in `loading`")
+        if bool(self.unload_from) != bool(self.unloading):
+            raise PydanticCustomError("load", "`unload_from` and `unloading` both, or neither")
+        steps = len(self.loading) + len(self.unload_from) * (1 + len(self.unloading))
+        if steps > _MOST_STEPS:
+            raise PydanticCustomError("load", "at most {most} steps, not {n}", {"most": _MOST_STEPS, "n": steps})
+        for peak in self.unload_from:
+            if not any(p < peak for p in self.unloading):
+                low = to_text(peak, self.unit)
+                raise PydanticCustomError("load", "a pressure in `unloading` below the peak {low}", {"low": low})
+        return self
+
+    @property
+    def unit(self) -> str:
+        """ "Pa", "N" or "N/m", of all loads."""
+        return str(getattr(self.loading[0], "unit", "Pa"))
+
+    @property
+    def highest(self) -> float:
+        """The highest load, in its unit."""
+        return max((*self.loading, *self.unload_from))
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """Files of maps."""
+        return tuple(one.path for one in self.map or () if isinstance(one, FieldMap))
+
+    def pressures(self, area: float, length: float) -> dict[str, tuple[float, ...]]:
+        """Nominal pressures [Pa] of a seal of an area [m²] and a length [m]: `loading`, `unload_from`, `unloading`."""
+        pressure = self._pressure(area, length)
+        return {name: tuple(map(pressure, getattr(self, name))) for name in ("loading", "unload_from", "unloading")}
+
+    def pressure_map(self, folder: Path, area: float, length: float) -> AnyMap:
+        """The map of the pressure over such a seal; files are relative to the folder."""
+        if not self.map:
+            return Uniform()
+        maps = tuple(one.make(folder) for one in self.map)
+        if len(maps) == 1 and self.map[0].at is None:
+            return maps[0]
+        pressure = self._pressure(area, length)
+        return MapsAtLoads(tuple(pressure(one.at) for one in self.map if one.at is not None), maps)
+
+    def _pressure(self, area: float, length: float) -> Callable[[float], float]:
+        return lambda load: nominal_pressure(float(load), self.unit, area=area, length=length)

@@ -1,0 +1,129 @@
+"""Table of the seal in a case file: its shape, and how the lay of the face runs on it.
+
+Shapes are not named here: whatever is registered in `seal.layouts.LAYOUTS` has a table, with a key for each parameter.
+"""
+
+from __future__ import annotations
+
+from dataclasses import MISSING, fields
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, get_args
+
+from pydantic import BeforeValidator, WithJsonSchema, model_validator
+from pydantic_core import PydanticCustomError
+
+from ..base.errors import InputError, shortened
+from ..base.leak_units import STANDARD_PRESSURE
+from ..base.quantities import to_si
+from ..seal.lay import ALLOWED, NAMES, Lay
+from ..seal.layouts import LAYOUTS, Layout, MeshLayout
+from .registered_tables import table_of_any
+from .values import Length, Pressure, Quantity, Shift, Table, quantity_schema
+
+
+class SealTable(Table):
+    """The shape of the seal, with a key for each of its parameters."""
+
+    if TYPE_CHECKING:
+        kind: str
+
+    def layout(self, folder: Path) -> Layout:
+        """The shape; paths are relative to a folder."""
+        given = {name: getattr(self, name) for name in type(self).model_fields if name != "kind"}
+        paths = {name: folder / value for name, value in given.items() if isinstance(value, Path)}
+        lay = {"lay": Lay.of(given["lay"], folder)} if "lay" in given else {}
+        return LAYOUTS[self.kind](**given | paths | lay)
+
+    def files(self) -> list[tuple[str, Path]]:
+        """Key and path of every file that shapes the seal."""
+        found = [(name, value) for name in type(self).model_fields if isinstance(value := getattr(self, name), Path)]
+        lay = Lay.of(getattr(self, "lay", "x2"))
+        return found + ([("lay", lay.file)] if lay.file is not None else [])
+
+    @model_validator(mode="after")
+    def _possible(self) -> SealTable:
+        try:
+            self.layout(Path())
+        except InputError as error:
+            raise PydanticCustomError("seal", "seal.{fault}", {"fault": str(error)}) from None
+        return self
+
+
+def _lay(value: Any) -> Any:
+    try:
+        lay = Lay.of(value)
+    except InputError as error:
+        raise PydanticCustomError("lay", "{allowed}", {"allowed": str(error).split("allowed is ")[-1]}) from None
+    return {"angle": lay.angle} if lay.angle is not None else value
+
+
+def _names(value: Any) -> Any:
+    given = [value] if isinstance(value, str) else value
+    if not isinstance(given, (list, tuple)) or not given or not all(isinstance(n, str) and n for n in given):
+        allowed = "the name of a boundary, or a list of names"
+        raise PydanticCustomError("names", "{allowed}", {"allowed": allowed})
+    return value if isinstance(value, str) else tuple(value)
+
+
+def _inlets(value: Any) -> Any:
+    return {name: _PRESSURE.read(p) for name, p in value.items()} if isinstance(value, dict) else _names(value)
+
+
+def with_inlet_pressure(data: Any) -> Any:
+    """The data of a case, in which inlets with pressures of their own give the highest one to the fluid."""
+    seal, fluid = (data.get(name) for name in ("seal", "fluid")) if isinstance(data, dict) else (None, None)
+    if not isinstance(seal, dict) or seal.get("kind") != MeshLayout.kind or not isinstance(fluid, dict):
+        return data
+    if not isinstance(inlets := seal.get("inlet"), dict):
+        return data
+    if "inlet_pressure" in fluid:
+        text = "fluid.inlet_pressure: given {p} beside the pressures of the inlets in seal.inlet, allowed is none there"
+        raise PydanticCustomError("fluid", text, {"p": shortened(repr(fluid["inlet_pressure"]), 60)})
+    try:
+        highest = max(to_si(p, "Pa") for p in inlets.values())
+    except (InputError, ValueError):
+        highest = STANDARD_PRESSURE  # that fault is told with its key
+    return {**data, "fluid": {**fluid, "inlet_pressure": f"{highest!r} Pa"}}
+
+
+def _length_unit(value: Any) -> str:
+    try:
+        if not isinstance(value, str) or not to_si(f"1 {value}", "m") > 0:
+            raise InputError
+    except InputError:
+        allowed = "a unit of length, such as 'mm'"
+        raise PydanticCustomError("unit", "{allowed}", {"allowed": allowed}) from None
+    return value
+
+
+_LAY_SCHEMA = {"anyOf": [{"type": "string", "enum": list(NAMES)}, {"type": "object"}], "description": ALLOWED}
+_NAMES_SCHEMA = {"anyOf": [{"type": "string"}, {"type": "array", "items": {"type": "string"}}]}
+_Names = Annotated[str | tuple[str, ...], BeforeValidator(_names), WithJsonSchema(_NAMES_SCHEMA)]
+_PRESSURE: Quantity = get_args(Pressure)[1]
+_PRESSURES_SCHEMA = {"type": "object", "additionalProperties": quantity_schema("a pressure >= 0, such as '10 MPa'")}
+_Inlets = Annotated[
+    str | tuple[str, ...] | dict[str, float],
+    BeforeValidator(_inlets),
+    WithJsonSchema({"anyOf": [*_NAMES_SCHEMA["anyOf"], _PRESSURES_SCHEMA]}),
+]
+#: Keys whose values are not what the fields of the shapes say, or need a unit.
+_KEYS: dict[str, Any] = {
+    "lay": Annotated[Any, BeforeValidator(_lay), WithJsonSchema(_LAY_SCHEMA)],
+    "unit": Annotated[str, BeforeValidator(_length_unit)],
+    "centre": tuple[Shift, Shift],
+    "length": Length | None,
+}
+_KEYS_OF_MESHES: dict[str, Any] = {"inlet": _Inlets, "outlet": _Names}
+
+
+def _keys(layout: Any) -> dict[str, Any]:
+    known = _KEYS | (_KEYS_OF_MESHES if layout is MeshLayout else {})
+    return {
+        f.name: (known[f.name], ... if f.default is MISSING else f.default) for f in fields(layout) if f.name in known
+    }
+
+
+if TYPE_CHECKING:
+    AnySeal = SealTable
+else:
+    AnySeal = table_of_any(LAYOUTS, SealTable, _keys)

@@ -1,0 +1,1 @@
+"""How the items of a stage are computed and kept: processes, a cluster, checkpoints, locks, progress. No physics."""

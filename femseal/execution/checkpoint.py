@@ -1,0 +1,321 @@
+"""Results of an unfinished run on disk, so that it can be resumed after a kill at any moment.
+
+Every call of the mapper in a study is a stage; the order of the calls depends on the case alone. Results of
+consecutive items are kept in shards, each a file that is complete or not there, with a checksum. A resumed run makes
+the same calls, takes the items of intact shards from their files and computes the others.
+
+Shards hold data alone, see `plain_data`: a folder that somebody has changed can give wrong results, but runs no code
+and reaches no other folder. Only the versions that wrote them read them back; they are no exchange format, `results.nc`
+is one.
+"""
+
+from __future__ import annotations
+
+import errno
+import hashlib
+import json
+import logging
+import os
+import re
+import shutil
+import time
+from collections import deque
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+from ..base.errors import FemsealError, InputError, NotKept, shortened
+from ..base.files import read_plain, replacing
+from ..base.machine import free_memory
+from ..base.stage import Mapper, Stage
+from .plain_data import packed, unpacked
+
+log = logging.getLogger("femseal.execution.checkpoint")
+#: Subfolder of the output folder.
+FOLDER = ".checkpoint"
+MANIFEST = "manifest.json"
+#: A shard is written when it has this number of items or bytes, or when this time has passed since the last one [s].
+SHARD_ITEMS = 1000
+SHARD_BYTES = 64_000_000
+SHARD_SECONDS = 10.0
+#: No manifest is larger [byte].
+_LARGEST_MANIFEST = 1e8
+#: Changed keys that a message names.
+_MOST_CHANGES = 20
+_NAME = re.compile(r"(\d{3,9})-(\d{9,15})-(\d{9,15})")
+
+
+def resumable(output: Path, identity: dict[str, Any]) -> bool:
+    """Check whether the output folder has a checkpoint of this identity; nothing is written.
+
+    Parameters
+    ----------
+    output : the output folder.
+    identity : everything on which the bits of the results depend, as nested plain data.
+
+    Raises
+    ------
+    InputError : the checkpoint is unreadable or of another identity; every changed key is named with both values.
+    """
+    path = _folder(output) / MANIFEST
+    try:
+        former = json.loads(read_plain(path, _LARGEST_MANIFEST).decode())
+    except FileNotFoundError:
+        return False
+    except (OSError, ValueError, RecursionError) as error:
+        given = f"'{path}', which cannot be read ({error})"
+        allowed = f"an intact checkpoint; remove '{path.parent}' to start anew"
+        raise InputError.of("resume", given, allowed) from None
+    old, new = _flat(former), _flat(_plain(identity))
+    changed = [key for key in {**old, **new} if old.get(key) != new.get(key)]
+    if changed:
+        lines = [
+            f"{shortened(key)}: was {shortened(old.get(key, 'not given'))}, is {shortened(new.get(key, 'not given'))}"
+            for key in changed[:_MOST_CHANGES]
+        ]
+        lines += [f"{len(changed) - _MOST_CHANGES} more keys"] if len(changed) > _MOST_CHANGES else []
+        allowed = f"that of the same case, files and versions; remove '{path.parent}' to start anew"
+        raise InputError("\n".join([f"resume: given a checkpoint of another run, allowed is {allowed}", *lines]))
+    return True
+
+
+def refuse_unfinished(output: Path) -> None:
+    """Raise InputError if the output folder has an unfinished run, whose results a new run would remove."""
+    kept = len(list(_folder(output).glob("*.shard")))
+    if kept:
+        given = f"'{output}', which holds {kept} parts of an unfinished run"
+        allowed = f"--resume to go on; another folder, or none of '{output / FOLDER}', to start anew"
+        raise InputError.of("output", given, allowed)
+
+
+def remove(output: Path) -> None:
+    """Remove the checkpoint from the output folder, if there is one.
+
+    Raises
+    ------
+    FemsealError : the checkpoint could not be removed.
+    """
+    folder = _folder(output)
+    try:
+        # without its manifest the checkpoint is never resumed, even if other files remain
+        (folder / MANIFEST).unlink(missing_ok=True)
+        if folder.exists():
+            shutil.rmtree(folder)
+    except OSError as error:
+        raise FemsealError(f"checkpoint: '{folder}' could not be removed ({error.strerror})") from error
+
+
+def _folder(output: Path) -> Path:
+    """The folder of the checkpoint, which need not exist; one that lies elsewhere is not touched."""
+    folder = output / FOLDER
+    if folder.is_symlink() or (folder.exists() and not folder.is_dir()):
+        raise InputError.of("output", f"'{folder}', which is a link or a file", "a folder, or none")
+    return folder
+
+
+class Checkpoint:
+    """The checkpoint of one run; a context that writes the items still in memory on leaving.
+
+    Parameters
+    ----------
+    output : the output folder, which exists.
+    identity : what the bits of the results depend on, as nested plain data.
+    resume : go on with what is there, found `resumable`; else it is removed.
+
+    Raises
+    ------
+    FemsealError : the folder cannot be written, also from the mappers made by `over`: what is kept stays.
+    """
+
+    def __init__(self, output: Path, identity: dict[str, Any], resume: bool) -> None:
+        text = json.dumps(_plain(identity), indent=1, ensure_ascii=False)
+        self._key = hashlib.sha256(text.encode()).hexdigest()
+        self._folder = _folder(output)
+        self._stages = 0
+        self._taken = 0
+        self._stage = ""
+        self._pending: list[bytes] = []
+        self._start = 0
+        self._since = time.monotonic()
+        if not resume:
+            remove(output)
+        try:
+            self._folder.mkdir(exist_ok=True)
+            for leftover in self._folder.glob(".unfinished-*"):
+                leftover.unlink()
+            _write(self._folder / MANIFEST, text.encode())
+        except OSError as error:
+            raise self._failure(error) from error
+        if resume:
+            log.info("resumed: %d shards in %s", len(list(self._folder.glob("*.shard"))), self._folder)
+
+    def __enter__(self) -> Checkpoint:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, *details: object) -> None:
+        try:
+            self._flush()
+        except FemsealError as failure:
+            if error is None:
+                raise
+            log.warning("%s", failure)
+        if self._taken and isinstance(error, Exception) and not isinstance(error, FemsealError):
+            reason = f"{type(error).__name__}: {shortened(error)}"
+            text = f"a run with {self._taken} items from '{self._folder}' stopped ({reason})"
+            raise FemsealError(f"resume: {text}; if they were changed, remove that folder to start anew") from error
+
+    def over(self, mapper: Mapper) -> Mapper:
+        """The same mapper, but items in shards are read from them, and computed items are written to shards."""
+
+        def mapping(stage: Stage, *iterables: Iterable[Any]) -> Iterator[Any]:
+            self._stages += 1
+            self._stage = stage.name
+            shards = deque(self._intact())
+            left = (_left(iterable, list(shards)) for iterable in iterables)
+            computed = iter(mapper(stage, *left))
+            self._start, self._since = 0, time.monotonic()
+            while True:
+                if shards and shards[0].start == self._start + len(self._pending):
+                    self._flush()
+                    shard = shards.popleft()
+                    self._start = shard.stop
+                    self._taken += shard.stop - shard.start
+                    yield from shard.items()
+                    continue
+                try:
+                    item = next(computed)
+                except StopIteration:
+                    break
+                self._keep(item)
+                yield item
+            self._flush()
+
+        return mapping
+
+    def _keep(self, item: Any) -> None:
+        self._pending.append(packed(item))
+        full = len(self._pending) >= SHARD_ITEMS or sum(map(len, self._pending)) >= SHARD_BYTES
+        if full or time.monotonic() - self._since >= SHARD_SECONDS:
+            self._flush()
+
+    def _flush(self) -> None:
+        """Write the pending items as a shard."""
+        if not self._pending:
+            return
+        items, self._pending = self._pending, []
+        shard = _Shard.of(self._folder, self._stages, self._start, self._start + len(items))
+        try:
+            _write(shard.path, _sealed(packed((self._key, self._stage, items))))
+        except OSError as error:
+            raise self._failure(error) from error
+        self._start, self._since = shard.stop, time.monotonic()
+
+    def _intact(self) -> Iterator[_Shard]:
+        """Shards of this stage in order; damaged ones are removed and reported."""
+        position = 0
+        for path in sorted(self._folder.glob(f"{self._stages:03d}-*.shard")):
+            shard = _Shard.at(path)
+            if shard is not None and shard.start >= position and shard.is_intact(self._key, self._stage):
+                position = shard.stop
+                yield shard
+                continue
+            log.warning("checkpoint: %s is damaged; its items are computed again (%s)", path, self._stage)
+            try:
+                path.unlink(missing_ok=True)
+            except OSError as error:
+                raise self._failure(error) from error
+
+    def _failure(self, error: OSError) -> NotKept:
+        if not self._folder.is_dir():
+            text = f"checkpoint: '{self._folder}' was removed while the run went on, with the results in it"
+            return NotKept(f"{text}; start the run again")
+        shards = map(_Shard.at, self._folder.glob("*.shard"))
+        kept = sum(s.stop - s.start for s in shards if s is not None)
+        todo = "make room" if error.errno in (errno.ENOSPC, errno.EDQUOT) else "mend that"
+        return NotKept(
+            f"checkpoint: {error}; the results of {kept} items are kept in '{self._folder}': "
+            f"{todo}, then a run with --resume goes on from there"
+        )
+
+
+@dataclass(frozen=True)
+class _Shard:
+    """Items `start` to `stop` of a stage."""
+
+    path: Path
+    start: int
+    stop: int
+
+    @classmethod
+    def of(cls, folder: Path, stage: int, start: int, stop: int) -> _Shard:
+        return cls(folder / f"{stage:03d}-{start:09d}-{stop:09d}.shard", start, stop)
+
+    @classmethod
+    def at(cls, path: Path) -> _Shard | None:
+        """The shard of a file; None if it has the name of none."""
+        match = _NAME.fullmatch(path.stem)
+        if match is None or not int(match[2]) < int(match[3]):
+            return None
+        return cls(path, int(match[2]), int(match[3]))
+
+    def content(self) -> list[bytes]:
+        """The packed items; OSError or ValueError where the file is damaged."""
+        return unpacked(_unsealed(read_plain(self.path, free_memory())))[2]
+
+    def is_intact(self, key: str, stage: str) -> bool:
+        """Whether the file holds items of this run and this stage, all of which can be read."""
+        try:
+            found, name, items = unpacked(_unsealed(read_plain(self.path, free_memory())))
+            for item in items:
+                unpacked(item)
+            return (found, name, len(items)) == (key, stage, self.stop - self.start)
+        except (OSError, ValueError, TypeError):
+            return False
+
+    def items(self) -> Iterator[Any]:
+        """The items."""
+        return map(unpacked, self.content())
+
+
+def _left(iterable: Iterable[Any], shards: list[_Shard]) -> Iterator[Any]:
+    """The items that are in no shard."""
+    iterator, position = iter(iterable), 0
+    for shard in shards:
+        yield from islice(iterator, shard.start - position)
+        deque(islice(iterator, shard.stop - shard.start), maxlen=0)
+        position = shard.stop
+    yield from iterator
+
+
+def _sealed(content: bytes) -> bytes:
+    return hashlib.sha256(content).digest() + content
+
+
+def _unsealed(data: bytes) -> bytes:
+    size = hashlib.sha256().digest_size
+    if hashlib.sha256(data[size:]).digest() != data[:size]:
+        raise ValueError("checksum")
+    return data[size:]
+
+
+def _write(path: Path, data: bytes) -> None:
+    """Write a file completely to disk before it gets its name."""
+    with replacing(path) as temporary, temporary.open("wb") as file:
+        file.write(data)
+        file.flush()
+        os.fsync(file.fileno())
+
+
+def _plain(identity: dict[str, Any]) -> Any:
+    """Data as JSON returns it, with lists in place of tuples."""
+    return json.loads(json.dumps(identity))
+
+
+def _flat(value: Any, key: str = "") -> dict[str, Any]:
+    """Nested tables as dotted keys; lists of plain values stay whole."""
+    if isinstance(value, dict) or (isinstance(value, list) and any(isinstance(v, dict) for v in value)):
+        pairs = value.items() if isinstance(value, dict) else enumerate(value)
+        return {k: v for name, part in pairs for k, v in _flat(part, f"{key}.{name}" if key else str(name)).items()}
+    return {key: value}

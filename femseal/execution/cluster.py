@@ -1,0 +1,174 @@
+"""The mapper over the workers of a Dask cluster."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import time
+import warnings
+from collections import deque
+from collections.abc import Iterable, Iterator
+from concurrent.futures import CancelledError, ThreadPoolExecutor
+from contextlib import ExitStack, contextmanager
+from functools import partial
+from itertools import islice
+from typing import Any
+
+from ..base.errors import FemsealError, InputError
+from ..base.provenance import numerical_versions
+from ..base.stage import Mapper, Stage
+from .processes import KEPT_MEMORY, starting_processes
+
+log = logging.getLogger("femseal.execution.cluster")
+#: Time limit for a cluster to answer, and to accept a client [s].
+ANSWER_SECONDS = 5
+#: Time limit for a cluster without workers, at the start or after the last one has left [s].
+WORKER_SECONDS = 600
+#: Duration of a batch of items that is sent to a worker [s].
+TASK_SECONDS = 0.25
+#: Tasks sent for each thread of the cluster: one is computed while the next one waits.
+UNDER_WAY = 2
+#: How often a task is sent again after the cluster has lost its data.
+RETRIES = 10
+
+
+@contextmanager
+def over_cluster(scheduler: str, count: int) -> Iterator[Mapper]:
+    """A mapper over the cluster of a scheduler; "local" starts one with `count` processes, which end with the context.
+
+    Raises
+    ------
+    InputError : as `executor.ordered_map`.
+    """
+    try:
+        from dask import config
+        from distributed import Client, LocalCluster
+    except ImportError:
+        raise InputError.of("scheduler", f"'{scheduler}'", "none without femseal[cluster]") from None
+
+    if scheduler != "local":
+        with _connected(scheduler) as client:
+            yield partial(_map, client)
+        return
+    with ExitStack() as stack:
+        # by default, workers of Dask return memory at once and profile themselves continuously
+        environment = {f"distributed.nanny.pre-spawn-environ.{name}": value for name, value in KEPT_MEMORY.items()}
+        with starting_processes(), config.set({**environment, "distributed.worker.profile.enabled": False}):
+            one_each: dict[str, Any] = {"n_workers": count, "threads_per_worker": 1, "processes": True}
+            cluster = LocalCluster(**one_each, dashboard_address="127.0.0.1:0", silence_logs=logging.ERROR)
+            # results that bypass the scheduler take half the time; libraries send their own work to a default client
+            options: dict[str, Any] = {"direct_to_workers": True, "set_as_default": False}
+            client = stack.enter_context(Client(stack.enter_context(cluster), **options))
+        yield partial(_map, client)
+
+
+def _connected(scheduler: str) -> Any:
+    """A client of a cluster that has a worker, with the versions of this process on all workers."""
+    from distributed import Client, Security
+    from distributed.comm import connect
+
+    async def greet() -> None:
+        arguments = Security().get_connection_args("client")
+        await (await connect(scheduler, timeout=ANSWER_SECONDS, **arguments)).close()
+
+    with ExitStack() as stack:
+        try:
+            # a client would wait forever for a service of another kind
+            # in a thread, because the caller may run an event loop
+            with ThreadPoolExecutor(1) as thread:
+                thread.submit(lambda: asyncio.run(asyncio.wait_for(greet(), 1.1 * ANSWER_SECONDS))).result()
+            client = Client(scheduler, timeout=ANSWER_SECONDS, set_as_default=False)
+            stack.callback(client.close)
+            _await_worker(client)
+            there = client.run(numerical_versions)
+        except Exception as error:  # any error is possible if another service answers
+            allowed = f"the address of a running scheduler with workers that have femseal ({str(error) or 'no answer'})"
+            raise InputError.of("scheduler", f"'{scheduler}'", allowed) from None
+        here = numerical_versions()
+        for worker, found in there.items():
+            if found != here:
+                other = ", ".join(f"{n} {found.get(n)} instead of {v}" for n, v in here.items() if found.get(n) != v)
+                allowed = "workers with the versions of this process: else results would depend on who computes them"
+                raise InputError.of("scheduler", f"'{scheduler}' whose worker {worker} has {other}", allowed)
+        stack.pop_all()
+    return client
+
+
+def _map(client: Any, stage: Stage, *iterables: Iterable[Any]) -> Iterator[Any]:
+    """Results of the stage, which goes to the workers once; a few batches of items for each thread are under way."""
+    items = zip(*iterables, strict=False)
+    stage_there = _scattered(client, stage)
+    under_way: deque[tuple[list[Any], Any]] = deque()
+    size = 1
+    while True:
+        wanted = UNDER_WAY * max(1, _threads(client))
+        while len(under_way) < wanted and (batch := list(islice(items, size))):
+            under_way.append((batch, _submit(client, stage_there, batch)))
+        if not under_way:
+            return
+        batch, task = under_way.popleft()
+        for _ in range(RETRIES):
+            try:
+                results, seconds = _outcome(client, task)
+                break
+            except CancelledError:
+                # all workers that had the stage are gone
+                if stage_there.status != "finished":
+                    stage_there = _scattered(client, stage)
+                task = _submit(client, stage_there, batch)
+        else:
+            raise FemsealError(f"scheduler: the workers of a task died {RETRIES} times, as when memory runs out")
+        size = min(2 * size, max(1, round(TASK_SECONDS * len(batch) / max(seconds, 1e-6))))
+        yield from results
+
+
+def _scattered(client: Any, stage: Stage) -> Any:
+    _await_worker(client)
+    return client.scatter(stage, broadcast=True, hash=False)
+
+
+def _submit(client: Any, stage: Any, batch: list[Any]) -> Any:
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "Sending large graph")  # each window brings its own gaps
+        return client.submit(_call_batch, stage, batch, pure=False)
+
+
+def _outcome(client: Any, task: Any) -> tuple[list[Any], float]:
+    """Results of a batch and the time that it took [s]; workers are awaited where none is left."""
+    from distributed import KilledWorker
+
+    while True:
+        try:
+            return task.result(timeout=ANSWER_SECONDS)
+        except KilledWorker as error:
+            reason = "several workers died with the same task, as when memory runs out"
+            raise FemsealError(f"scheduler: {reason} ({error})") from error
+        except TimeoutError:
+            if task.done():  # the error is the function's own
+                raise
+            _await_worker(client)
+
+
+def _threads(client: Any) -> int:
+    try:
+        return sum(client.nthreads().values())
+    except OSError as error:
+        raise FemsealError(f"scheduler: the connection is lost ({error})") from error
+
+
+def _await_worker(client: Any) -> None:
+    if not _threads(client):
+        log.warning("no workers: waiting up to %g s for one", WORKER_SECONDS)
+        try:
+            client.wait_for_workers(1, timeout=WORKER_SECONDS)
+        except TimeoutError:
+            raise FemsealError(f"scheduler: no workers for {WORKER_SECONDS:g} s") from None
+
+
+def _call_batch(stage: Stage, batch: list[Any]) -> tuple[list[Any], float]:
+    from threadpoolctl import threadpool_limits
+
+    start = time.perf_counter()
+    with threadpool_limits(1):
+        results = [stage(*item) for item in batch]
+    return results, time.perf_counter() - start

@@ -1,0 +1,156 @@
+"""What a run computes with where its case asks for an accuracy: the first choice, and what is refined after it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from math import ceil, prod
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..scales import Partition
+from ..studies.tolerances import contact_tolerance
+from .study_costs import study_cost
+
+if TYPE_CHECKING:
+    from ..case.case import Case
+    from .preparation import Prepared
+
+Pair = tuple[int, int]
+#: Longest time of a run whose case asks for an accuracy and gives no time [s].
+TIME_LIMIT = 3600.0
+#: Doublings of the points of a face by which the first attempt and the finest are coarser or finer. The shortest wave
+#: has 8 pixels on the points of a face: 4 in the first attempt, and 2 on the coarser grid that tells its error.
+#: Measured: with 2 pixels the budget may be half of the error.
+FIRST_GRID, MOST_GRID = -1, 4
+#: Windows have at least this many pixels a side on the coarser grid that tells the error of an attempt.
+_WINDOW_PIXELS = 8
+#: Least residual of contact.
+LEAST_RTOL = 1e-8
+#: Seals that are drawn at first and at most. Windows of a library at first, of a face that has as few without overlap
+#: and of others, and at most.
+FIRST_SEALS, MOST_SEALS = 20, 20480
+FIRST_WINDOWS, MOST_WINDOWS = (16, 32), 8192
+#: Factor of the number of seals, and of library windows, that halves their error.
+HALVING = 4
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What a run computes with where its case leaves it open.
+
+    method : of the answer. grid : doublings of the points of the face a side, negative: halvings. rtol : residual of
+    contact. cells, flow, contact : of windows, see `studies.two_scale`; cells None without windows. library_cells,
+    realisations : of drawn seals, None without.
+    """
+
+    method: str
+    grid: int
+    rtol: float
+    cells: Pair | None
+    flow: str
+    contact: str
+    library_cells: int | None
+    realisations: int | None
+
+
+def fixed(case: Case) -> dict[str, str]:
+    """Settings that the case gives, by the key that gives them."""
+    found: dict[str, str] = {}
+    if case.method in ("deterministic", "two-scale"):
+        found["method"] = "method"
+    if case.surface.points is not None:
+        found["grid"] = "surface.points"
+    if "rtol" in case.contact.model_fields_set:
+        found["rtol"] = "contact.rtol"
+    if (cells := case.cells) is not None:
+        found["cells"] = "cells.count" if cells.size is None else "cells.size"
+        found |= {key: f"cells.{key}" for key in ("flow", "contact") if getattr(cells, key) is not None}
+    if (drawn := case.stochastic) is not None:
+        for key in ("library_cells", "realisations"):
+            if key in drawn.model_fields_set:
+                found[key] = f"stochastic.{key}"
+            elif drawn.width is not None:
+                found[key] = "stochastic.width"
+    return found
+
+
+def first_settings(case: Case, made: Prepared) -> Settings:
+    """The settings of the first attempt: coarse pixels, and few seals.
+
+    made : the case on the points of its face.
+    """
+    assert case.accuracy is not None
+    given, sampling = fixed(case), made.sampling
+    settings = Settings(
+        method=made.answer,
+        grid=0,
+        rtol=case.contact.rtol if "rtol" in given else contact_tolerance(case.accuracy),
+        cells=made.cells,
+        flow=made.flow,
+        contact=made.contact,
+        library_cells=None if sampling is None else sampling.library_cells,
+        realisations=None if sampling is None else sampling.realisations,
+    )
+    if sampling is not None and "realisations" not in given:
+        settings = replace(settings, realisations=FIRST_SEALS)
+    if sampling is not None and sampling.pressure != "place" and "library_cells" not in given:
+        settings = replace(settings, library_cells=int(np.clip(prod(made.cells or ()), *FIRST_WINDOWS)))
+    coarse = replace(settings, grid=FIRST_GRID)
+    # the coarser grid that tells the error needs windows too
+    fits = has_windows(made, replace(coarse, grid=FIRST_GRID - 1))
+    return coarse if fits and "grid" not in given else settings
+
+
+def time_limit(case: Case) -> float:
+    """Longest time of all attempts together [s]."""
+    return TIME_LIMIT if case.time_limit is None else case.time_limit
+
+
+def grid_points(shape: Pair, grid: int, cells: Pair | None) -> Pair:
+    """Points of a face that is `grid` doublings finer, in whole pixels of its windows.
+
+    >>> grid_points((64, 96), -1, None), grid_points((60, 96), -1, (4, 8)), grid_points((64, 96), 1, (4, 8))
+    ((32, 48), (32, 48), (128, 192))
+    """
+    n1, n2 = (ceil(n * 2.0**grid / m) * m for n, m in zip(shape, cells or (1, 1), strict=True))
+    return n1, n2
+
+
+def has_windows(made: Prepared, settings: Settings) -> bool:
+    """Whether the windows have enough pixels on a grid, and the face a few of them."""
+    points = grid_points(made.scene.surface.shape, settings.grid, settings.cells)
+    return min(n // m for n, m in zip(points, settings.cells or (1, 1), strict=True)) >= _WINDOW_PIXELS
+
+
+def settled(case: Case, made: Prepared, settings: Settings) -> Prepared:
+    """The case with these settings: the same face on other points, and the rest as chosen.
+
+    made : the case on the points of its face.
+    """
+    surface = made.scene.surface
+    points = grid_points(surface.shape, settings.grid, settings.cells)
+    face = surface if points == surface.shape else surface.resample(points)
+    if settings.cells is not None:
+        Partition(points, face.spacing, settings.cells)  # refuses windows of too few pixels
+    sampling = made.sampling
+    if sampling is not None and settings.library_cells is not None and settings.realisations is not None:
+        sampling = replace(sampling, library_cells=settings.library_cells, realisations=settings.realisations)
+    return replace(
+        made,
+        scene=replace(made.scene, surface=face, rtol=settings.rtol),
+        cells=settings.cells,
+        sampling=sampling,
+        conditioning=replace(made.conditioning, shape=face.shape, spacing=face.spacing),
+        method=made.method if case.method != "auto" else settings.method,
+        methods=frozenset({settings.method, *case.compare} if case.method == "auto" else made.methods),
+        flow=settings.flow,
+        contact=settings.contact,
+        settings=settings,
+        made=made,
+    )
+
+
+def expected_cost(prepared: Prepared) -> tuple[float, float]:
+    """Expected time on one core [s] and memory [byte] of the answer of a prepared case."""
+    return study_cost(prepared.answer, prepared, prepared.scene)

@@ -1,0 +1,187 @@
+"""Survey of a measured face before a run: its description, and the effect of its conditioning.
+
+No face is refused: one that a run refuses is described with the reason, as far as it can be.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import degrees, isnan, pi
+from pathlib import Path
+from typing import Any
+
+from ..base import validate
+from ..base.errors import InputError
+from ..base.quantities import to_si, to_text
+from ..case.argument_names import in_words_of
+from ..plots import survey_figure
+from ..topography import (
+    Conditioning,
+    SpikeEffect,
+    SurfaceReport,
+    TooManyUndefined,
+    Topography,
+    describe_surface,
+    read_for_a_look,
+    repair,
+    smooth,
+)
+from .preparation import default_grid
+
+#: Arguments of `topography` by their option.
+SURFACE_OPTIONS = {
+    "shortest_wavelength": "--shortest-wave",
+    "max_share": "--max-undefined",
+    "max_undefined": "--max-undefined",
+    "order": "--detrend",
+    "spikes": "--spikes",
+    "crop": "--crop",
+    "mask": "--mask",
+    "file_mask": "--no-file-mask",
+    "shape": "surface.points",
+}
+_PICTURES = (".png", ".pdf", ".svg")
+Part = tuple[float, float, float, float]
+
+
+@dataclass(frozen=True)
+class _Look:
+    """What is known of a face: of the `part` of it that a run can take, if not of the whole; None is not known."""
+
+    part: Part | None = None
+    report: SurfaceReport | None = None
+    conditioning: Conditioning | None = None
+    reasons: tuple[str, ...] = ()
+
+
+def survey(
+    path: Path,
+    picture: Path | None,
+    *,
+    size: tuple[str, str] | None,
+    spacing: tuple[str, str] | None,
+    spikes: float,
+    detrend: int,
+    shortest_wave: str | None,
+    max_undefined: float,
+    crop: tuple[str, str, str, str] | None = None,
+    channel: str = "0",
+    **reading: Any,
+) -> list[str]:
+    """Lines on the face in a file; `picture` also writes its picture.
+
+    Parameters
+    ----------
+    path, size, spacing, crop, channel, reading : as `read_topography` takes them, lengths as text with their unit.
+    picture : file to write, .png, .pdf or .svg.
+    spikes, detrend, shortest_wave, max_undefined : keys of the table [surface] of a case.
+
+    Raises
+    ------
+    InputError : an argument cannot be used, or a file without heights; no picture is written.
+    """
+    if picture is not None and (picture.suffix.lower() not in _PICTURES or not picture.absolute().parent.is_dir()):
+        raise InputError.of("output", f"'{picture}'", f"a file {', '.join(_PICTURES)} in a folder that exists")
+    lengths: dict[str, Any] = {
+        name: tuple(to_si(side, "m", f"--{name}") for side in sides)
+        for name, sides in (("size", size), ("spacing", spacing), ("crop", crop))
+        if sides is not None
+    }
+    wave = None if shortest_wave is None else to_si(shortest_wave, "m", "--shortest-wave")
+    treatment: dict[str, Any] = {"detrend": detrend, "spikes": spikes, "max_undefined": max_undefined}
+    with in_words_of(SURFACE_OPTIONS):
+        validate.number("max_undefined", max_undefined, inclusive=True)
+        number = int(channel) if channel.isdecimal() else channel
+        seen = read_for_a_look(path, channel=number, **lengths, **reading)
+        face = seen.topography
+        look = _look(face, wave, treatment)
+    reasons = [*map(str, seen.doubts), *look.reasons]
+    lines = [str(path), *_description(face, look)]
+    lines += [f"note: a run refuses this face: {reason}" for reason in reasons]
+    if seen.masked_share:
+        share = f"{100 * seen.masked_share:.3g} %"
+        lines.append(f"note: {share} of the points in the file are masked in it: --no-file-mask takes their heights")
+    if look.part is not None:
+        origin = (0.0, 0.0) if crop is None else (lengths["crop"][0], lengths["crop"][2])
+        lines += _offer(look.part, origin)
+    if look.report is not None and look.conditioning is not None:
+        lines += _notes(look.report, look.conditioning)
+    if picture is not None:
+        figure = survey_figure(face, look.report, look.conditioning, part=look.part, detrend=detrend, spikes=spikes)
+        figure.suptitle(path.name, fontsize=11, parse_math=False)
+        try:
+            figure.savefig(picture)
+        except OSError as error:
+            raise InputError.of("output", f"'{picture}'", f"a file that can be written ({error.strerror})") from None
+        lines.append(f"picture in {picture}")
+    return lines
+
+
+def _look(face: Topography, wave: float | None, treatment: dict[str, Any]) -> _Look:
+    """Describe and condition the face, or else its largest part with few undefined points."""
+    if face.undefined_share == 1:
+        return _Look(reasons=("none of its points is defined",))
+    part: Part | None = None
+    reasons: list[str] = []
+    try:
+        report = describe_surface(face, **treatment)
+    except TooManyUndefined as error:
+        spikes = f", {error.spikes} points in spikes with them" if error.spikes else ""
+        given, most = (f"{100 * share:.3g} %" for share in (error.share, error.limit))
+        reasons.append(f"{given} of its points are undefined{spikes}, and at most {most} are filled (--max-undefined)")
+        if (part := error.part) is not None:
+            face = face.crop_to(part)
+        report = describe_surface(face, **treatment | {"max_undefined": 1.0})
+    try:
+        with in_words_of(SURFACE_OPTIONS):
+            flat, repaired = repair(face, **treatment)
+            _, conditioning = smooth(flat, repaired, shortest_wavelength=wave, shape=default_grid(flat, wave))
+    except InputError as error:
+        if wave is not None and not isinstance(error.__cause__, TooManyUndefined):  # the caller's wave, not the face
+            raise
+        return _Look(part, report, None, (*reasons, *([] if reasons else [str(error)])))
+    return _Look(part, report, conditioning, tuple(reasons))
+
+
+def _description(face: Topography, look: _Look) -> list[str]:
+    """Numbers of the face and of what a run does to it, as far as they are known."""
+    lines = []
+    if look.report is None or look.part is not None:
+        sides, pixel = (" × ".join(to_text(x, "m") for x in pair) for pair in (face.size, face.spacing))
+        facts = {"points": f"{face.shape[0]} × {face.shape[1]}", "size": sides, "pixel": pixel}
+        facts["undefined points"] = f"{100 * face.undefined_share:.3g} %"
+        lines += [f"  {name:16}  {text}" for name, text in facts.items()]
+    if look.part is not None:
+        lines.append("its largest part with few undefined points")
+    if look.report is not None:
+        lines += _indented(look.report)
+    if look.conditioning is not None:
+        lines += [f"what a run does to it{'' if look.part is None else ', cropped'}", *_indented(look.conditioning)]
+    return lines
+
+
+def _offer(part: Part, origin: tuple[float, float]) -> list[str]:
+    """The part as a key of a case and as an option, in the whole map from whose `origin` on the face was cropped."""
+    (x1, x2), (from1, to1, from2, to2) = origin, part
+    ends = [to_text(end, "m", 6) for end in (from1 + x1, to1 + x1, from2 + x2, to2 + x2)]
+    key, option = (mark.join(ends) for mark in ('", "', "' '"))
+    return [f"note: its largest part with few undefined points is crop = [\"{key}\"] in [face], here --crop '{option}'"]
+
+
+def _indented(report: SurfaceReport | Conditioning) -> list[str]:
+    return [f"  {line}" for line in str(report).splitlines()]
+
+
+def _notes(report: SurfaceReport, conditioning: Conditioning) -> list[str]:
+    """Advice that follows from the numbers."""
+    effect = SpikeEffect(conditioning.spikes_along_lay, conditioning.spikes_extreme)
+    notes = [f"note: {text}" for text in effect.doubts(conditioning.spikes)]
+    if report.shortest_wave > conditioning.shortest_wavelength * (1 + 1e-9):
+        wave = to_text(report.shortest_wave, "m", 3)
+        notes.append(
+            f"note: waves below {wave} are noise or beyond the instrument: shortest_wave = '{wave}' removes them"
+        )
+    if not isnan(report.lay_direction) and abs(report.lay_direction) > pi / 4:
+        angle = degrees(abs(report.lay_direction))
+        notes.append(f"note: the lay runs {angle:.0f}° off x2, along the leakage: transpose exchanges the axes")
+    return notes

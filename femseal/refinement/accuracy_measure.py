@@ -1,0 +1,215 @@
+"""The planned solutions of a case, each timed and compared with the reference."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import replace
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import joblib
+import numpy as np
+from numpy.typing import NDArray
+
+from ..base import validate
+from ..base.errors import FemsealError, InputError
+from ..base.files import made_folder
+from ..base.stage import Mapper
+from ..budget import CoarserSolution, ErrorBudget, coarser_points, error_budget
+from ..case.case import Case, load_case
+from ..execution.mappers import ordered_map
+from ..preparation.preparation import Prepared
+from ..studies import deterministic, stochastic, two_scale
+from ..studies.compare import closing_load, leakage_factor
+from ..studies.compiling import compile_ahead
+from .accuracy_plan import Plan, Variant, make_plan
+from .accuracy_report import AccuracyReport, Comparison, Solution
+from .budgeted import THIRD_GRID_PIXELS, filtered_input, leakage_of, removed_octaves, wave_pixels
+
+Array = NDArray[np.float64]
+Progress = Callable[[str, int, int | None], None]
+
+
+def measure_accuracy(
+    case: Case | str | PathLike[str],
+    output: str | PathLike[str] | None = None,
+    workers: int | None = None,
+    *,
+    limit: float = 600.0,
+    memory: float = 4e9,
+    announce: Callable[[str], None] | None = None,
+    progress: Progress | None = None,
+) -> AccuracyReport:
+    """Speed against error for a case: time and error with coarser pixels, other windows and smaller libraries.
+
+    The scene is solved on its own grid and on two coarser ones of the same surface, with about half and double the
+    windows, and with libraries of a half and a quarter, one thing varied at a time. Errors are factors of leakage, see
+    `leakage_factor`, against the deterministic solution on the scene's own grid; if that is not affordable, against two
+    scales with the smallest windows. Medians of drawn seals are compared with two scales of the same windows besides.
+    Every solution has its error budget, from itself on half the points a side; the cheapest whose measured error and
+    budget are within the accuracy of the case, 10 % unless given, is recommended.
+
+    Parameters
+    ----------
+    case : a `Case`, or the path of a case file.
+    output : folder for `accuracy.json`, `accuracy.csv` and `accuracy.png`; None writes nothing.
+    workers : processes; all cores unless given.
+    limit, memory : a solution expected to take more seconds on one core, or more bytes, is skipped.
+    announce : called with each line of the plan, before the first solution.
+    progress : called as progress("solutions", done, total).
+
+    Raises
+    ------
+    InputError : the case or an argument cannot be used, or no affordable solution can be the reference; nothing has
+        been computed or written then.
+    FemsealError : the reference could not be computed. Other solutions that fail are reported as failed.
+    """
+    if not isinstance(case, Case):
+        case = load_case(case)
+    if workers is not None:
+        validate.count("workers", workers)
+    limit, memory = validate.number("limit", limit, unit="s"), validate.number("memory", memory, unit="byte")
+    if output is not None and Path(output).exists() and not Path(output).is_dir():
+        raise InputError.of("output", f"'{output}', which is a file", "a folder, or one that does not exist")
+    plan = make_plan(case, limit=limit, memory=memory)
+    if output is not None:
+        made_folder(output)
+    if announce is not None:
+        for line in plan.lines():
+            announce(line)
+    processes = workers or joblib.cpu_count()
+    with ordered_map(processes, before=compile_ahead) as mapper:
+        report = _measure(plan, processes, mapper, progress or (lambda stage, done, total: None))
+    if output is not None:
+        report.write(output)
+    return report
+
+
+def _measure(plan: Plan, workers: int, mapper: Mapper, progress: Progress) -> AccuracyReport:
+    leakages: dict[Variant, Array] = {}
+    seconds: dict[Variant, float] = {}
+    failures: dict[Variant, tuple[str, ...]] = {}
+    budgets: dict[Variant, ErrorBudget] = {}
+    progress("solutions", 0, len(plan.variants))
+    filtered = _filtered(plan.prepared, mapper)
+    # coarser pixels first: they tell the error of finer ones
+    order = sorted(plan.variants, key=lambda v: (v.points[0] * v.points[1], v != plan.reference))
+    for done, variant in enumerate(order, start=1):
+        prepared = _at_resolution(plan.prepared, variant)
+        _warm_up(prepared, variant, workers, mapper)
+        start = time.perf_counter()
+        study = None
+        try:
+            study = _solve(prepared, variant, mapper)
+            leakages[variant], failures[variant] = leakage_of(study), study.failures
+        except FemsealError as error:
+            if variant == plan.reference:
+                raise
+            leakages[variant], failures[variant] = np.full(len(prepared.scene.steps), np.nan), (str(error),)
+        seconds[variant] = time.perf_counter() - start
+        if study is not None:
+            coarse = _coarser(plan.prepared, variant, leakages, mapper)
+            budgets[variant] = error_budget(
+                prepared.scene,
+                study,
+                coarse=coarse,
+                filtered=filtered,
+                octaves=removed_octaves(plan.prepared),
+                wave_pixels=wave_pixels(prepared),
+            )
+        progress("solutions", done, len(plan.variants))
+    steps = plan.prepared.scene.steps
+
+    def compare(variant: Variant, reference: Variant) -> Comparison:
+        pair = leakages[variant], leakages[reference]
+        return Comparison(reference, *(leakage_factor(*pair, steps, branch) for branch in ("loading", "unloading")))
+
+    solutions = [
+        Solution(
+            variant=variant,
+            seconds=seconds[variant],
+            expected_seconds=cost[0],
+            expected_memory=cost[1],
+            leakage=leakages[variant],
+            closing_load=closing_load(leakages[variant], steps),
+            comparisons=tuple(compare(variant, reference) for reference in _references(plan, variant)),
+            failures=failures[variant],
+            budget=budgets.get(variant),
+        )
+        for variant, cost in zip(plan.variants, plan.costs, strict=True)
+    ]
+    return AccuracyReport(plan=plan, solutions=tuple(solutions), workers=workers)
+
+
+def _coarser(
+    prepared: Prepared, variant: Variant, leakages: dict[Variant, Array], mapper: Mapper
+) -> list[CoarserSolution]:
+    """The same solution on half the points a side, and on a fourth where that carries the waves and is known."""
+    found: list[CoarserSolution] = []
+    fine = wave_pixels(_at_resolution(prepared, variant)) >= THIRD_GRID_PIXELS * (1 - 1e-9)
+    points = coarser_points(variant.points, variant.cells)
+    while points is not None and len(found) < 1 + fine:
+        coarse = replace(variant, points=points)
+        if coarse not in leakages:
+            if found:
+                break
+            try:
+                leakages[coarse] = leakage_of(_solve(_at_resolution(prepared, coarse), coarse, mapper))
+            except FemsealError:  # the budget then says nothing of the pixels
+                break
+        found.append(CoarserSolution(points, prepared.scene.steps, leakages[coarse]))
+        points = coarser_points(points, variant.cells)
+    return found
+
+
+def _filtered(prepared: Prepared, mapper: Mapper) -> CoarserSolution | None:
+    """The deterministic solution without the shortest waves, beside that with them; None where none were removed.
+
+    Both are on half the points a side: what removed waves would change is the same for all solutions.
+    """
+    whole = replace(prepared, cells=None, sampling=None, methods=frozenset({"deterministic"}))
+    smooth = filtered_input(whole)
+    if smooth is None:
+        return None
+    shape = smooth.scene.surface.shape
+    with_them = replace(smooth.scene, surface=prepared.scene.surface.resample(shape))
+    own, other = (deterministic(scene, mapper=mapper).leakage for scene in (with_them, smooth.scene))
+    return CoarserSolution(shape, smooth.scene.steps, other, own)
+
+
+def _references(plan: Plan, variant: Variant) -> list[Variant]:
+    """The reference, and for drawn seals the two-scale solution of the surface they are drawn from."""
+    if variant.method == "stochastic" and plan.companion is not None:
+        return [plan.reference, plan.companion]
+    return [plan.reference]
+
+
+def _at_resolution(prepared: Prepared, variant: Variant) -> Prepared:
+    """The same surface on the variant's grid."""
+    scene = prepared.scene
+    if variant.points == scene.surface.shape:
+        return prepared
+    return replace(prepared, scene=replace(scene, surface=scene.surface.resample(variant.points)))
+
+
+def _solve(prepared: Prepared, variant: Variant, mapper: Mapper) -> Any:
+    """Result of the study."""
+    scene = prepared.scene
+    if variant.cells is None:
+        return deterministic(scene, mapper=mapper)
+    if variant.library_cells is None:
+        return two_scale(scene, variant.cells, flow=prepared.flow, contact=prepared.contact, mapper=mapper)
+    assert prepared.sampling is not None
+    sampling = replace(prepared.sampling, library_cells=variant.library_cells, other_lengths=())
+    return stochastic(scene, variant.cells, sampling, contact=prepared.contact, mapper=mapper)
+
+
+def _warm_up(prepared: Prepared, variant: Variant, workers: int, mapper: Mapper) -> None:
+    """Run a load in each process untimed, so that no time includes loading of libraries and planning of FFTs."""
+    first = replace(prepared.scene, loading=prepared.scene.loading[:workers], unload_from=(), unloading=())
+    sampling = prepared.sampling and replace(prepared.sampling, realisations=workers)
+    with suppress(FemsealError):
+        _solve(replace(prepared, scene=first, sampling=sampling), variant, mapper)

@@ -1,0 +1,295 @@
+"""Results of an accuracy comparison: for the terminal, for a spreadsheet, for other programs."""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+from dataclasses import asdict, dataclass
+from math import isfinite, isnan
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..base.files import made_folder, replacing, write_text
+from ..base.provenance import versions
+from ..base.quantities import to_text
+from ..base.text import comma_separated
+from ..budget import ErrorBudget, Judged, judged
+from ..studies.compare import FLOOR, LeakageFactor
+from .accuracy_plan import Plan, Variant, by
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from rich.table import Table
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Distance of a solution from another one, on loading and on unloading."""
+
+    against: Variant
+    loading: LeakageFactor
+    unloading: LeakageFactor
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """One solution of the scene.
+
+    seconds : wall time. expected_seconds, expected_memory : expected before the run, on one core [s], [byte].
+    leakage : per length of seal at every step [m²/s]; the median of drawn seals; NaN: failed.
+    closing_load : lowest loading step that is closed [Pa]; inf if none is.
+    comparisons : with the reference first. failures : one line each. budget : its error budget; None: failed.
+    """
+
+    variant: Variant
+    seconds: float
+    expected_seconds: float
+    expected_memory: float
+    leakage: NDArray[np.float64]
+    closing_load: float
+    comparisons: tuple[Comparison, ...]
+    failures: tuple[str, ...]
+    budget: ErrorBudget | None = None
+
+    @property
+    def judged(self) -> Judged | None:
+        """The widest band of the budget at loads that leak more than 1e-3 of the first; None: failed."""
+        return None if self.budget is None else judged(self.budget)
+
+    def is_within(self, accuracy: float) -> bool:
+        """Whether measured error and budget are within an accuracy, a share, and nothing is closed or failed."""
+        found, first = self.judged, self.comparisons[0]
+        if found is None or not found.half_width <= np.log1p(accuracy):
+            return False
+        branches = [branch for branch in (first.loading, first.unloading) if branch.loads or branch.closed]
+        errors = [abs(np.log(branch.value)) for branch in branches if branch.loads]
+        clean = not any(branch.closed or branch.failed for branch in (first.loading, first.unloading))
+        return clean and bool(errors) and max(errors) <= np.log1p(accuracy)
+
+
+@dataclass(frozen=True, eq=False)
+class AccuracyReport:
+    """Times and errors of the solutions of a scene, the reference first.
+
+    plan : the case, planned and skipped solutions. workers : processes.
+    """
+
+    plan: Plan
+    solutions: tuple[Solution, ...]
+    workers: int
+
+    @property
+    def recommended(self) -> Solution | None:
+        """The cheapest solution whose measured error and budget are within the accuracy wanted; None if none is.
+
+        It is one of the case's own method if there is such a one. The accuracy is that of the case, else 10 %.
+        """
+        good = [s for s in self.solutions if s.is_within(self.plan.accuracy)]
+        own = [s for s in good if s.variant.method == self.plan.prepared.answer]
+        return min(own or good, key=lambda s: s.seconds, default=None)
+
+    @property
+    def advice(self) -> str:
+        """The recommended solution in words, and how it was found."""
+        wanted = f"{100 * self.plan.accuracy:.3g} %"
+        if (best := self.recommended) is None:
+            return f"no solution has both its measured error and its budget within {wanted}"
+        return f"recommended: {best.variant.label}, the cheapest with measured error and budget within {wanted}"
+
+    @property
+    def warnings(self) -> list[str]:
+        """Failures, one line each; empty if there are none."""
+        return [f"{s.variant.label}: {text}" for s in self.solutions for text in s.failures]
+
+    def rows(self) -> list[dict[str, Any]]:
+        """One dictionary for each comparison, in SI; keys carry the units."""
+        rows = []
+        for solution in self.solutions:
+            variant = solution.variant
+            for comparison in solution.comparisons:
+                row: dict[str, Any] = {
+                    "method": variant.method,
+                    "points_1": variant.points[0],
+                    "points_2": variant.points[1],
+                    "cells_1": None if variant.cells is None else variant.cells[0],
+                    "cells_2": None if variant.cells is None else variant.cells[1],
+                    "library_cells": variant.library_cells,
+                    "seconds": solution.seconds,
+                    "against": comparison.against.label,
+                }
+                if (budget := solution.judged) is not None:
+                    row |= {"budget_factor": _or_none(np.exp(budget.half_width)), "budget_limit": budget.limit}
+                else:
+                    row |= {"budget_factor": None, "budget_limit": None}
+                row["recommended"] = solution is self.recommended
+                for branch in ("loading", "unloading"):
+                    row |= {f"{branch}_{name}": v for name, v in _plain(getattr(comparison, branch)).items()}
+                rows.append(row | {"closing_load_Pa": _or_none(solution.closing_load)})
+        return rows
+
+    def csv_text(self) -> str:
+        """The rows as comma-separated values with one line of column names; empty where there is no number."""
+        return comma_separated(self.rows())
+
+    def json_text(self) -> str:
+        """All data, with the case in SI, versions and machine; null in place of NaN."""
+        plan = self.plan
+        found = {
+            "source": f"femseal {versions()['femseal']}",
+            "versions": versions(),
+            "platform": f"{platform.system()} {platform.machine()}",
+            "cores": os.cpu_count(),
+            "workers": self.workers,
+            "seed": plan.case.seed,
+            "case": plan.case.echo(),
+            "surface": plan.prepared.surface_report,
+            "reference": plan.reference.label,
+            "against": plan.against,
+            "accuracy": plan.accuracy,
+            "recommended": None if self.recommended is None else self.recommended.variant.label,
+            "compared_above_share_of_first_load": FLOOR,
+            "steps": [
+                {"name": s.name, "nominal_pressure_Pa": s.pressure, "unloaded_from_Pa": s.unloaded_from}
+                for s in plan.prepared.scene.steps
+            ],
+            "solutions": [
+                _as_dictionary(solution) | {"recommended": solution is self.recommended} for solution in self.solutions
+            ],
+            "skipped": [{"solution": what, "reason": reason} for what, reason in plan.skipped],
+            "warnings": self.warnings,
+        }
+        return json.dumps(found, ensure_ascii=False, indent=1, allow_nan=False) + "\n"
+
+    def table(self) -> Table:
+        """The table for a terminal of 80 columns, for `rich.print`; each method has a line of its own."""
+        from rich.box import SIMPLE_HEAD
+        from rich.table import Table
+
+        table = Table(box=SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
+        table.title = "factors of leakage, exp(rms ln ratio); stochastic: of the median"
+        table.caption = (
+            f"{self.plan.against}\n+1: and one load at which only one of the two is closed\n"
+            f"budget: widest 95 % band of error at a load that leaks, as a factor\n→ {self.advice}"
+        )
+        table.title_justify = table.caption_justify = "left"
+        table.add_column("points")
+        for head in (
+            "cells",
+            "lib-\nrary",
+            "time\n[s]",
+            "against",
+            "loading",
+            "unload-\ning",
+            "bud-\nget",
+            "closes\nat",
+        ):
+            table.add_column(head, justify="left" if head == "against" else "right", no_wrap=True)
+        methods = dict.fromkeys(s.variant.method for s in self.solutions)
+        for method in methods:
+            table.add_row(method, style="bold")
+            for solution in (s for s in self.solutions if s.variant.method == method):
+                for n, comparison in enumerate(solution.comparisons):
+                    own, last = ([""] * 4, ["", ""])
+                    if n == 0:
+                        own = _own_cells(solution, "→" if solution is self.recommended else " ")
+                        last = [_budget_text(solution), _closing_text(solution)]
+                    itself = comparison.against == solution.variant
+                    against = "(reference)" if itself else comparison.against.short
+                    factors = (_factor_text(f) for f in (comparison.loading, comparison.unloading))
+                    table.add_row(*own, against, *factors, *last)
+        return table
+
+    def plot(self) -> Figure:
+        """Error over time, see `accuracy_figure`."""
+        from .accuracy_picture import accuracy_figure
+
+        return accuracy_figure(self)
+
+    def write(self, folder: str | os.PathLike[str]) -> list[Path]:
+        """Write `accuracy.json`, `accuracy.csv` and `accuracy.png`; a file is complete, or not there.
+
+        Raises
+        ------
+        InputError : the folder cannot be made.
+        """
+        path = made_folder(folder)
+        picture = path / "accuracy.png"
+        # remove the picture of an earlier comparison, which would stay if drawing failed
+        picture.unlink(missing_ok=True)
+        written = [
+            write_text(path / "accuracy.json", self.json_text()),
+            write_text(path / "accuracy.csv", self.csv_text()),
+        ]
+        figure = self.plot()
+        with replacing(picture) as temporary:
+            figure.savefig(temporary)
+        return [*written, picture]
+
+
+def _own_cells(solution: Solution, mark: str) -> list[str]:
+    variant = solution.variant
+    return [
+        f"{mark}{by(variant.points)}",
+        "" if variant.cells is None else by(variant.cells),
+        "" if variant.library_cells is None else str(variant.library_cells),
+        f"{solution.seconds:.2f}" if solution.seconds < 10 else f"{solution.seconds:.3g}",
+    ]
+
+
+def _factor_text(factor: LeakageFactor) -> str:
+    more = f" +{factor.closed}" if factor.closed else ""
+    if isnan(factor.value):
+        return ("failed" if factor.failed else "–") + more
+    return (f"{factor.value:.3g}" if factor.value < 1e4 else f"{factor.value:.0e}") + more
+
+
+def _budget_text(solution: Solution) -> str:
+    if (found := solution.judged) is None:
+        return "failed"
+    factor = float(np.exp(found.half_width))
+    return "–" if not isfinite(factor) else f"{factor:.3g}" if factor < 1e4 else f"{factor:.0e}"
+
+
+def _closing_text(solution: Solution) -> str:
+    return to_text(solution.closing_load, "Pa", 3) if isfinite(solution.closing_load) else "–"
+
+
+def _as_dictionary(solution: Solution) -> dict[str, Any]:
+    return {
+        **asdict(solution.variant),
+        "seconds": solution.seconds,
+        "expected_seconds_one_core": solution.expected_seconds,
+        "expected_memory_bytes": solution.expected_memory,
+        "leakage_m2_per_s": [_or_none(float(q)) for q in solution.leakage],
+        "closing_load_Pa": _or_none(solution.closing_load),
+        "budget": None if solution.budget is None else _budget(solution.budget),
+        "comparisons": [
+            {"against": c.against.label, "loading": _plain(c.loading), "unloading": _plain(c.unloading)}
+            for c in solution.comparisons
+        ],
+        "failures": list(solution.failures),
+    }
+
+
+def _budget(budget: ErrorBudget) -> dict[str, Any]:
+    found = judged(budget)
+    return {
+        "factor": _or_none(np.exp(found.half_width)),
+        "limit": found.limit,
+        "parts": {name: _or_none(np.exp(width)) for name, width in found.parts.items()},
+        "lower_m2_per_s": [_or_none(float(q)) for q in budget.lower],
+        "upper_m2_per_s": [_or_none(float(q)) for q in budget.upper],
+    }
+
+
+def _plain(factor: LeakageFactor) -> dict[str, Any]:
+    values = asdict(factor)
+    return {"factor": _or_none(values.pop("value")), **values}
+
+
+def _or_none(value: float) -> float | None:
+    return float(value) if isfinite(value) else None

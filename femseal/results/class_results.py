@@ -1,0 +1,157 @@
+"""Leakage classes that a seal meets at each load step, and the leakage of a test fluid by which they are decided."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..base.errors import InputError
+from ..base.fields import LEAK_CLASS, REALISATION, Field, Place
+from ..base.leak_classes import LeakClass, leak_classes, within
+from ..base.leak_units import LeakBasis
+from ..base.quantities import to_text
+from ..fluids import leak_basis
+from ..studies.other_fluid import FluidState, OtherLeakage, limit_factors
+from .variables import add, add_coordinate, add_step
+
+if TYPE_CHECKING:
+    import xarray
+
+Array = NDArray[np.float64]
+#: Ratio of the length of a seal to the circumference of its nominal diameter beyond which a warning says so.
+_ODD_LENGTH = 1.5
+
+
+def add_test_fluid(data: xarray.Dataset, test: OtherLeakage, service: FluidState, stated: float | None) -> None:
+    """Add the leakage of the test fluid, and attributes with its state and what both limits of flow would give."""
+    text = "leakage per unit seal length, test fluid"
+    add_step(data, "test_leakage", "m^2/s", text, test.leakage)
+    for name, values in (("realisations", test.realisations), ("resampled", test.resampled)):
+        if values is not None:
+            add(data, Field(f"test_leakage_{name}", "m^2/s", text, REALISATION), values)
+    basis, factors = leak_basis(test.state.fluid, 1.0, stated), limit_factors(test.state, service)
+    data.attrs |= {
+        "test_fluid": repr(test.state.fluid),
+        "test_inlet_pressure_Pa": float(test.state.inlet_pressure),
+        "test_outlet_pressure_Pa": float(test.state.outlet_pressure),
+        "test_viscous_factor": factors.viscous,
+        "test_molecular_factor": factors.molecular,
+        **basis_attributes(basis, "test_"),
+    }
+
+
+def basis_attributes(basis: LeakBasis, prefix: str = "") -> dict[str, float]:
+    """What `basis_of` reads back, without the length."""
+    known = {
+        "reference_density_kg_per_m3": basis.density,
+        "reference_pressure_Pa": basis.pressure,
+        "reference_temperature_K": basis.temperature,
+        "molar_mass_kg_per_mol": basis.molar_mass,
+        "stated_temperature_K": basis.stated,
+    }
+    return {prefix + name: float(value) for name, value in known.items() if value is not None}
+
+
+def basis_of(attrs: dict[str, Any], prefix: str = "") -> LeakBasis:
+    """Length of the seal and reference state of a fluid, from the attributes of a dataset."""
+
+    def number(name: str) -> float | None:
+        value = attrs.get(prefix + name)
+        return None if value is None else float(value)
+
+    return LeakBasis(
+        length=float(attrs["seal_size_m"][1]),
+        density=float(attrs.get(f"{prefix}reference_density_kg_per_m3", np.nan)),
+        pressure=number("reference_pressure_Pa"),
+        temperature=number("reference_temperature_K"),
+        molar_mass=number("molar_mass_kg_per_mol"),
+        stated=number("stated_temperature_K"),
+    )
+
+
+def add_classes(
+    data: xarray.Dataset,
+    classes: Sequence[LeakClass],
+    basis: LeakBasis,
+    diameter: float | None,
+    leakage: Array,
+    realisations: Array,
+) -> list[str]:
+    """Add which classes are met at each step, and by which fraction of the realisations; returns warnings.
+
+    Parameters
+    ----------
+    basis, leakage, realisations : of the fluid that decides [m²/s]: (steps,) and (realisations, steps).
+    diameter : nominal diameter [m], which some classes need.
+
+    Raises
+    ------
+    InputError : a class that needs a diameter without one, or one that is not for the fluid.
+    """
+    if diameter is not None:
+        data.attrs["nominal_diameter_m"] = float(diameter)
+    if not classes:
+        return []
+    limits = np.array([c.limit(basis, diameter) for c in classes])
+    known = np.isfinite(realisations)
+    count = np.maximum(known.sum(axis=0), 1)
+    fraction = np.array([(within(realisations, limit) & known).sum(axis=0) / count for limit in limits])
+    fraction[:, ~known.any(axis=0)] = np.nan
+    add_coordinate(data, "leak_class", "1", "leakage class", [c.name for c in classes])
+    text = "largest leakage per unit seal length in the class, of the fluid that decides on it"
+    add(data, Field("class_limit", "m^2/s", text, Place("leakage classes", ("leak_class",))), limits)
+    met = np.array([within(leakage, limit) for limit in limits]).astype(float)
+    add(data, Field("class_met", "1", "1 where the leakage given meets the class, else 0", LEAK_CLASS), met)
+    add(data, Field("class_fraction", "1", "fraction of the realisations that meet the class", LEAK_CLASS), fraction)
+    return _doubts(classes, basis.length, diameter)
+
+
+def _doubts(classes: Sequence[LeakClass], length: float, diameter: float | None) -> list[str]:
+    """A warning of a nominal diameter that does not go with the length of the seal."""
+    if diameter is None or not any(c.per_diameter for c in classes):
+        return []
+    round_ = np.pi * diameter
+    if 1 / _ODD_LENGTH <= length / round_ <= _ODD_LENGTH:
+        return []
+    sizes = to_text(length, "m", 3), to_text(diameter, "m", 3), to_text(round_, "m", 3)
+    return [
+        f"leakage classes by nominal diameter are of the whole seal: it is {sizes[0]} long, but a seat of {sizes[1]} "
+        f"is about {sizes[2]} long"
+    ]
+
+
+def tightest_classes(data: xarray.Dataset) -> list[str]:
+    """The tightest class of each family that is met, at every step; "–" where none is; empty without classes."""
+    if "leak_class" not in data.coords:
+        return []
+    classes = leak_classes(str(name) for name in data["leak_class"].values)
+    limits, met = data["class_limit"].values, data["class_met"].values
+    lines = []
+    for s in range(data.sizes["step"]):
+        best: dict[str, tuple[float, str]] = {}
+        for one, limit, there in zip(classes, limits, met[:, s], strict=True):
+            family = one.family or one.name
+            if there and (family not in best or limit < best[family][0]):
+                best[family] = (float(limit), one.name)
+        lines.append(", ".join(name for _, name in best.values()) or "–")
+    return lines
+
+
+def check_classes(
+    names: Sequence[str], diameter: float | None, fluid: Any, stated: float | None = None
+) -> tuple[LeakClass, ...]:
+    """The classes of names, checked for the fluid that decides on them.
+
+    Raises
+    ------
+    InputError : an unknown class, or as `add_classes`.
+    """
+    basis = leak_basis(fluid, 1.0, stated)
+    classes = leak_classes(names)
+    for one in classes:
+        if not np.isfinite(one.limit(basis, diameter)):
+            raise InputError("classes", one.name, "a class with a limit")
+    return classes

@@ -1,0 +1,116 @@
+"""Loops compiled before a run with several processes, once after an installation, each loop by one process for all.
+
+Numba compiles a loop where it is first called and keeps it in a file. Processes that come to it at the same time would
+all compile it; here each gets a part of the loops, on a problem of a few nodes, and then finds the others' in files.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import logging
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+
+import numba
+import numpy as np
+from llvmlite.binding import get_host_cpu_features, get_host_cpu_name
+from numpy.typing import NDArray
+
+from .. import contact, flow, scales
+from ..base.stage import Mapper, Stage
+from ..flow.solvers.choice import solve_flow
+from ..flow.solvers.hierarchy import bordered, hierarchy
+from ..flow.solvers.islands import island_potentials
+from ..scales.window import window_permeability
+
+log = logging.getLogger("femseal")
+
+
+def compile_ahead(
+    mapper: Mapper, progress: Callable[[str, int, int | None], None] = lambda stage, done, total: None
+) -> None:
+    """Compile the loops of contact and flow by the processes of a mapper, unless that was done on this machine.
+
+    progress : called as progress(stage, done, total).
+    """
+    done = _record()
+    if done is None or done.exists():
+        return
+    stage = Stage("compiling, once after an installation", _compile)
+    log.info("%s", stage.name)
+    progress(stage.name, 0, len(_PARTS))
+    for count, _ in enumerate(mapper(stage, list(_PARTS)), start=1):
+        progress(stage.name, count, len(_PARTS))
+    with suppress(OSError):  # the loops were compiled, which is what counts
+        done.touch()
+
+
+def _record() -> Path | None:
+    """File beside the compiled loops that says that they are there, for this code, machine and numba; None without."""
+    if not hasattr(hierarchy, "stats"):  # a plain function, as NUMBA_DISABLE_JIT leaves it
+        return None
+    package = Path(flow.__file__).parents[1]
+    seen = hashlib.sha256(
+        repr((numba.__version__, np.__version__, get_host_cpu_name(), get_host_cpu_features().flatten())).encode()
+    )
+    for path in sorted(p for room in ("contact", "flow", "scales") for p in (package / room).rglob("*.py")):
+        found = path.stat()
+        seen.update(f"{path} {found.st_mtime_ns} {found.st_size}".encode())
+    return Path(hierarchy.stats.cache_path) / f"compiled-{seen.hexdigest()[:16]}"
+
+
+def _compile(part: str) -> None:
+    _PARTS[part]()
+
+
+def _network() -> flow.Stencil:
+    rng = np.random.default_rng(0)
+    return flow.Stencil.network(np.exp(rng.normal(size=(17, 16))), np.exp(rng.normal(size=(16, 15))), ring=False)
+
+
+def _gap(n: int) -> NDArray[np.float64]:
+    waves = 1 + np.cos(2 * np.pi * np.arange(n) / n)
+    return np.maximum(waves[:, None] + 0.5 * waves - 0.4, 0.0)
+
+
+def _elimination() -> None:
+    solve_flow(_network(), solver="elimination")
+
+
+def _levels() -> None:
+    s = _network()
+    operator, _, _ = bordered(s.along, s.across, s.falling, s.rising, s.ring2)
+    hierarchy(*operator, s.ring2)
+
+
+def _multigrid() -> None:
+    for solver in ("multigrid", "auto"):
+        solve_flow(_network(), solver=solver)
+
+
+def _contact() -> None:
+    for n in (16, 160):  # from 160² points on, directions are in single precision
+        body = contact.HalfSpace((n, n), (1.0, 1.0), 1.0)
+        contact.solve_contact(_gap(n), body, pressure=0.01, hardness=0.05)
+
+
+def _windows() -> None:
+    gap = _gap(32)
+    window_permeability(gap, (1.0, 1.0), 0, settings=scales.FlowSettings(solver="elimination"))
+    scales.element_flow(gap, scales.Partition(gap.shape, (1.0, 1.0), (2, 2)))
+    s = _network()
+    hidden = np.zeros((16, 16), np.bool_)
+    hidden[8, 8] = True
+    island_potentials(s, hidden, np.full((16, 16), 0.5))
+
+
+#: Parts of 6 to 15 s, in the order in which they start. Where two processes take them, the loops that "multigrid" and
+#: "windows" call are there by then.
+_PARTS: dict[str, Callable[[], None]] = {
+    "elimination": _elimination,
+    "levels": _levels,
+    "contact": _contact,
+    "multigrid": _multigrid,
+    "windows": _windows,
+}

@@ -1,0 +1,160 @@
+"""The studies that a case can choose, each registered once: how it is solved, what it costs, and what it answers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from ..base.stage import Mapper
+from ..scales import Partition
+from .costs import Effort, deterministic_cost, pressures_of_gas, stochastic_cost, two_scale_cost
+from .deterministic import DeterministicResult, deterministic
+from .sampling_options import Sampling, laid_out
+from .scene import Array, Scene
+from .stochastic import stochastic
+from .stochastic_result import StochasticResult
+from .two_scale import TwoScaleResult, two_scale
+
+StudyResult = DeterministicResult | TwoScaleResult | StochasticResult
+
+
+@dataclass(frozen=True)
+class StudyOptions:
+    """Options of all studies; each takes those that it needs.
+
+    cells : number of windows along x1 and x2. flow, contact : see `two_scale`. sampling : see `stochastic`.
+    shares_contact : the deterministic study leaves its contact, cut into windows, to two scales.
+    """
+
+    cells: tuple[int, int] | None = None
+    flow: str | None = None
+    contact: str | None = None
+    sampling: Sampling | None = None
+    shares_contact: bool = False
+
+
+@dataclass(frozen=True)
+class Study:
+    """A study that a case can choose.
+
+    name : in case files, messages and timings. key : in the names of variables and of results by study.
+    label : of its leakage in legends and tables. result : class of its results.
+    solve : solve(scene, options, known, mapper) gives its result; known : results of other studies of the scene by key.
+    cost : cost(scene, options, efforts) gives the expected time on one core [s] and memory [byte].
+    leakage : leakage(result) at every step (steps,) [m²/s], the one that answers.
+    needs : options without which it cannot be solved.
+    """
+
+    name: str
+    key: str
+    label: str
+    result: type[StudyResult]
+    solve: Callable[[Scene, StudyOptions, Mapping[str, Any], Mapper], Any]
+    cost: Callable[[Scene, StudyOptions, Sequence[Effort]], tuple[float, float]]
+    leakage: Callable[[Any], Array]
+    needs: tuple[str, ...] = ()
+
+    @property
+    def leakage_variable(self) -> str:
+        """Name in a dataset of the leakage that answers."""
+        return "leakage_" + self.label.replace("-", "_")
+
+
+def study_of_result(result: StudyResult) -> Study:
+    """The study that a result is of."""
+    return next(study for study in STUDIES.values() if isinstance(result, study.result))
+
+
+def _solve_deterministic(
+    scene: Scene, options: StudyOptions, known: Mapping[str, Any], mapper: Mapper
+) -> DeterministicResult:
+    return deterministic(scene, cells=options.cells if options.shares_contact else None, mapper=mapper)
+
+
+def _solve_two_scale(scene: Scene, options: StudyOptions, known: Mapping[str, Any], mapper: Mapper) -> TwoScaleResult:
+    assert options.cells is not None
+    solved = known["deterministic"].windows if "deterministic" in known else None
+    return two_scale(scene, options.cells, flow=options.flow, contact=options.contact, solved=solved, mapper=mapper)
+
+
+def _solve_stochastic(
+    scene: Scene, options: StudyOptions, known: Mapping[str, Any], mapper: Mapper
+) -> StochasticResult:
+    assert options.cells is not None
+    assert options.sampling is not None
+    two = known.get("two_scale")
+    return stochastic(scene, options.cells, options.sampling, contact=options.contact, two_scale=two, mapper=mapper)
+
+
+def _cost_deterministic(scene: Scene, options: StudyOptions, efforts: Sequence[Effort]) -> tuple[float, float]:
+    return deterministic_cost(efforts, scene.surface.shape, pressures_of_gas(scene))
+
+
+def _cost_two_scale(scene: Scene, options: StudyOptions, efforts: Sequence[Effort]) -> tuple[float, float]:
+    assert options.cells is not None
+    return two_scale_cost(
+        efforts,
+        scene.surface.shape,
+        options.cells,
+        options.flow,
+        options.contact,
+        solved=options.shares_contact,
+        pressures=pressures_of_gas(scene),
+    )
+
+
+def _cost_stochastic(scene: Scene, options: StudyOptions, efforts: Sequence[Effort]) -> tuple[float, float]:
+    cells, sampling, points = options.cells, options.sampling, scene.surface.shape
+    assert cells is not None
+    assert sampling is not None
+    every = laid_out(scene.layout, Partition(points, scene.surface.spacing, cells), sampling)
+    # seals of all lengths take the work of one as long as all of them together
+    seal = every[0].unknowns[0], sum(laid.unknowns[1] for laid in every)
+    return stochastic_cost(efforts, points, cells, sampling, seal, options.contact, pressures_of_gas(scene))
+
+
+def _own_leakage(result: DeterministicResult | TwoScaleResult) -> Array:
+    return result.leakage
+
+
+def _median_leakage(result: StochasticResult) -> Array:
+    return result.quantile(0.5)
+
+
+#: All studies by name, in the order in which they are solved: each may use the results of those before it. Of several
+#: studies of a case the last one answers.
+STUDIES: dict[str, Study] = {
+    study.name: study
+    for study in (
+        Study(
+            name="deterministic",
+            key="deterministic",
+            label="deterministic",
+            result=DeterministicResult,
+            solve=_solve_deterministic,
+            cost=_cost_deterministic,
+            leakage=_own_leakage,
+        ),
+        Study(
+            name="two-scale",
+            key="two_scale",
+            label="two-scale",
+            result=TwoScaleResult,
+            solve=_solve_two_scale,
+            cost=_cost_two_scale,
+            leakage=_own_leakage,
+            needs=("cells",),
+        ),
+        Study(
+            name="stochastic",
+            key="stochastic",
+            label="median",
+            result=StochasticResult,
+            solve=_solve_stochastic,
+            cost=_cost_stochastic,
+            leakage=_median_leakage,
+            needs=("cells", "sampling"),
+        ),
+    )
+}

@@ -1,0 +1,120 @@
+"""Hard scenes of two scales and of seals that are drawn, from heights to leakage."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import partial
+from math import pi
+
+import numpy as np
+from chain_scenes import DROP, ETA, D, chain_face, chain_scene
+from hard_scene import HardScene
+from judges import Between, Exactly, Near
+
+from femseal.analytic import annulus_rate
+from femseal.seal.layouts import AnnularLayout
+from femseal.studies import Sampling, Scene, deterministic, stochastic, two_scale
+from femseal.topography import Topography
+
+scene = partial(HardScene, stage="chain")
+
+
+def _scales(cells: tuple[int, int], heights: np.ndarray, load: float = 1e8) -> float:
+    """Leakage of two scales over the deterministic one."""
+    scene = chain_scene(heights, loading=(load,))
+    return float(two_scale(scene, cells, flow="resolved").leakage[0] / deterministic(scene).leakage[0])
+
+
+def _symmetric() -> np.ndarray:
+    """A face that is its own mirror image in both axes, so that periodic and mirrored sides are one."""
+    quarter = chain_face((48, 48))
+    half = np.concatenate([quarter, quarter[::-1]])
+    return np.concatenate([half, half[:, ::-1]], axis=1)
+
+
+def _closed_in_two_scales() -> list[float]:
+    """A face that is closed, by every way to solve the flow of two scales."""
+    scene = chain_scene(chain_face(), loading=(2.9e9,))
+    return [float(two_scale(scene, (2, 3), flow=flow).leakage[0]) for flow in ("resolved", "links", "elements")]
+
+
+def _tiles(along: float, across: float) -> Scene:
+    """A face of 3 × 4 tiles with a mirror in both axes, waves of an amplitude along and across [m]."""
+    c = np.cos(2 * pi * (np.arange(32) + 0.5) / 32)
+    tile = along * c[:, None] + across * c if along * across == 0 else along * c[:, None] * c
+    return chain_scene(np.tile(tile, (3, 4)), hardness=np.inf, loading=(1e7,))
+
+
+def _drawn_of_one_kind() -> float:
+    """A seal drawn from windows that are all alike: scatter over the mean."""
+    drawn = stochastic(_tiles(1e-7, 1e-7), (3, 4), Sampling(1e-3, 3, 12, 1, sampler="block"))
+    return float(np.ptp(drawn.leakage) / drawn.leakage.mean())
+
+
+def _long_seal() -> float:
+    """A seal of 0.1 mm × 10 m drawn from windows that are all alike, over their own leakage."""
+    scene = _tiles(1e-7, 1e-7)
+    drawn = stochastic(scene, (3, 4), Sampling(96e-6 * 1e5, 2, 12, 1, sampler="block"))
+    return float(drawn.leakage.max() / deterministic(scene).leakage[0])
+
+
+def _drawn_ring(scene: Scene, lay: str) -> float:
+    """A ring drawn from windows that are all alike: leakage per length of its middle line [m²/s]."""
+    ring = replace(scene, layout=AnnularLayout(1e-3, 1.2e-3, lay=lay))
+    return float(stochastic(ring, (3, 4), Sampling(None, 2, 12, 1, pressure="uniform")).leakage.max())
+
+
+def _ring_over_strip(scene: Scene, lay: str, axis: int = 0) -> float:
+    """The same over that of a ring of the permeability of the face, along x1 or x2."""
+    turned = scene.surface.heights if axis == 0 else scene.surface.heights.T
+    strip = replace(scene, surface=Topography(turned, (D, D)))
+    permeability = float(deterministic(strip).leakage[0]) * ETA * turned.shape[0] * D / DROP
+    ring = annulus_rate(permeability, DROP, ETA, 1e-3, 1.2e-3) / (2 * pi * 1.1e-3)
+    return _drawn_ring(scene, lay) / ring
+
+
+SCENES: tuple[HardScene, ...] = (
+    scene(
+        "one window in two scales",
+        what="a face that is one window: two scales over deterministic",
+        must=Near(1.0, 0.05, "the same problem but for mirrored sides"),
+        run=lambda: _scales((1, 1), _symmetric()),
+    ),
+    scene(
+        "closed face in two scales",
+        what="a face closed by 2.9 GPa: leakage by resolved flow, links and elements [m²/s]",
+        must=Exactly((0.0, 0.0, 0.0)),
+        run=_closed_in_two_scales,
+    ),
+    scene(
+        "windows all alike",
+        what="a face of twelve equal windows: scatter of drawn seals over their mean",
+        must=Between(0.0, 1e-4, "no chance is left"),
+        run=_drawn_of_one_kind,
+    ),
+    scene(
+        "seal of 1 : 1e5, drawn",
+        what="96 µm × 9.6 m of 900 000 equal windows: leakage over that of the face",
+        must=Near(1.0, 1e-5, "no chance is left"),
+        run=_long_seal,
+        slow=True,
+    ),
+    scene(
+        "ring of windows all alike",
+        what="a drawn ring of equal windows: leakage over that of their permeability",
+        must=Near(1.0, 1e-5, "2πkΔp/(η ln(r_o/r_i))"),
+        run=lambda: _ring_over_strip(_tiles(1e-7, 1e-7), "circumferential"),
+    ),
+    scene(
+        "grooves round a ring",
+        what="a drawn ring whose windows have ridges along its circumference: leakage [m²/s]",
+        must=Exactly(0.0, "one ridge is enough"),
+        run=lambda: _drawn_ring(_tiles(1e-7, 0.0), "circumferential"),
+    ),
+    scene(
+        "grooves along the radius of a ring",
+        what="the same with its lay turned: leakage over that of the permeability along the grooves",
+        must=Near(1.0, 1e-5, "2πkΔp/(η ln(r_o/r_i))"),
+        run=lambda: _ring_over_strip(_tiles(1e-7, 0.0), "radial", axis=1),
+    ),
+)
