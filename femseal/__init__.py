@@ -7,7 +7,9 @@ The flow of data, top to bottom::
     contact      heights + load -> contact pressure, gap                 HalfSpace, solve_contact, load_cycle
     flow         gap -> permeability of a cell                           cell_permeability, permeability_tensor
     seal         permeability -> leakage of a seal of some shape         RectangularSeal, ..., seal_leakage
-    scales       windows, their response, libraries, draws
+    windows      windows of a face: contact and flow of each
+    elements     windows condensed to their sides
+    library      windows along a ladder of pressures, and draws from them
     studies      the chains: deterministic, two-scale, stochastic
     budget       error of every leakage, source by source             error_budget
     results      one dataset: netCDF, tables, files for ParaView         open_results

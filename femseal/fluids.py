@@ -192,7 +192,7 @@ class IdealGas:
     def __post_init__(self) -> None:
         check_parameters(self)
         if not isinstance(self.slip, bool):
-            raise InputError.of("slip", repr(self.slip), "True or False")
+            raise InputError("slip", repr(self.slip), "True or False")
 
     @property
     def reference_density(self) -> float:
@@ -244,7 +244,7 @@ class IdealGas:
         h, p = np.broadcast_arrays(*(np.asarray(value, dtype=float) for value in (gap, pressure)))
         for name, values, unit in (("gap", h, "m"), ("pressure", p, "Pa, absolute")):
             if not (np.isfinite(values).all() and values.min(initial=0.0) >= 0):
-                raise InputError.of(name, "negative or undefined values", f"finite numbers >= 0 [{unit}]")
+                raise InputError(name, "negative or undefined values", f"finite numbers >= 0 [{unit}]")
         if not self.slip:
             return np.ones(h.shape)
         d = self.inverse_knudsen(h, p)
@@ -264,12 +264,12 @@ def potential_of(fluid: Fluid, name: str, pressure: Any) -> float:
     except (TypeError, ValueError):
         p = np.nan
     if not np.isfinite(p):
-        raise InputError.of(name, repr(pressure), "a finite number [Pa]")
+        raise InputError(name, repr(pressure), "a finite number [Pa]")
     with np.errstate(all="ignore"):
         potential = float(fluid.potential(p))
         back = float(fluid.pressure(potential))
     if not abs(back - p) <= 1e-6 * abs(p):
-        raise InputError.of(
+        raise InputError(
             name,
             f"{p:g} Pa",
             f"a pressure that {fluid} can have (of a gas absolute, >= 0; of a liquid αp below 20)",

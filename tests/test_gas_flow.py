@@ -20,9 +20,9 @@ from femseal.rarefied import flow_rate
 from femseal.report.words import case_sentences
 from femseal.results.dataset import assemble
 from femseal.runs.forecast import describe
-from femseal.scales import FlowSettings
-from femseal.scales.window import window_permeability
 from femseal.studies.scene import resolved_flow
+from femseal.windows import FlowSettings
+from femseal.windows.window import window_permeability
 
 HELIUM = fs.IdealGas(viscosity=19.6e-6, molar_mass=4.0026e-3, temperature=293.15)
 ENDS = [(1e6, 1e5), (1e5, 0.0), (1e7, 1e5)]

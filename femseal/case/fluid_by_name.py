@@ -5,12 +5,11 @@ from __future__ import annotations
 from dataclasses import fields
 from typing import Any
 
-from pydantic_core import PydanticCustomError
-
 from ..base.errors import InputError
 from ..base.quantities import to_si
 from ..fluids import FLUIDS
 from ..named_fluids import TABLE_TEMPERATURE, named_fluid
+from .faults import fault
 
 
 def with_named_fluids(data: Any) -> Any:
@@ -36,7 +35,7 @@ def _filled(table: Any, place: str) -> Any:
     try:
         found = named_fluid(table["name"], temperature, (inlet, outlet))
     except InputError as error:
-        raise PydanticCustomError("fluid", "{place}.{fault}", {"place": place, "fault": str(error)}) from None
+        raise fault(f"{place}.{error.what}", error.given, error.expected) from None
     kind = table.get("kind", found.kind)
     if not isinstance(kind, str) or kind not in FLUIDS:
         return table

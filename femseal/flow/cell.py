@@ -221,12 +221,12 @@ def cell_permeabilities(
     try:
         stack = np.asarray(gaps, dtype=float)
     except (TypeError, ValueError):
-        raise InputError.of("gaps", f"a {type(gaps).__name__}", "an array (n, n1, n2) of real numbers [m]") from None
+        raise InputError("gaps", f"a {type(gaps).__name__}", "an array (n, n1, n2) of real numbers [m]") from None
     if stack.ndim != 3:
-        raise InputError.of("gaps", f"shape {stack.shape}", "a shape (n, n1, n2)")
+        raise InputError("gaps", f"shape {stack.shape}", "a shape (n, n1, n2)")
     threads = validate.count("threads", threads)
     if not np.iterable(axes):
-        raise InputError.of("axes", repr(axes), "a list of 0 (x1) and 1 (x2)")
+        raise InputError("axes", repr(axes), "a list of 0 (x1) and 1 (x2)")
     axes = [validate.axis_number(axis) for axis in axes]
     for gap in stack:
         validated_cell(gap, spacing, 0, sides)

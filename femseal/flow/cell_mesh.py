@@ -40,7 +40,7 @@ def mesh_flow(
     NotConverged : the linear solver failed, or the contrast of the gap is too high for mixed elements.
     """
     if sides == "periodic" and gap.shape[1] < 3:
-        raise InputError.of("gap", f"{gap.shape[1]} columns", f"at least 3 with periodic sides and '{discretisation}'")
+        raise InputError("gap", f"{gap.shape[1]} columns", f"at least 3 with periodic sides and '{discretisation}'")
     kind = DISCRETISATIONS[discretisation]
     assert kind.element is not None
     if discretisation == "RT0":

@@ -51,10 +51,10 @@ def equivalent_gap(gap: Array, factor: ArrayLike) -> Array:
     """
     factor = np.asarray(factor, dtype=float)
     if factor.shape not in ((), gap.shape):
-        raise InputError.of("flow_factor", f"shape {factor.shape}", f"a number or shape {gap.shape}")
+        raise InputError("flow_factor", f"shape {factor.shape}", f"a number or shape {gap.shape}")
     factor = np.broadcast_to(factor, gap.shape)
     if not ((factor > 0) & np.isfinite(factor)).all(where=gap > 0):
-        raise InputError.of("flow_factor", "values <= 0 or undefined", "finite numbers > 0 where the gap is open")
+        raise InputError("flow_factor", "values <= 0 or undefined", "finite numbers > 0 where the gap is open")
     return np.multiply(gap, np.cbrt(factor), out=np.zeros(gap.shape), where=gap > 0)
 
 
@@ -71,15 +71,15 @@ def validated_gap(gap: ArrayLike, spacing: tuple[float, float]) -> tuple[Array, 
     h = validate.field("gap", gap, unit="m")
     lowest, smallest, largest = _extent(h)
     if lowest < 0:
-        raise InputError.of("gap", f"{lowest:g} m", "numbers >= 0 [m]")
+        raise InputError("gap", f"{lowest:g} m", "numbers >= 0 [m]")
     if largest > 0 and not 1 / _EXTREME <= largest <= _EXTREME:
-        raise InputError.of("gap", f"a largest gap of {largest:g} m", f"one from {1 / _EXTREME:g} to {_EXTREME:g} m")
+        raise InputError("gap", f"a largest gap of {largest:g} m", f"one from {1 / _EXTREME:g} to {_EXTREME:g} m")
     if smallest < largest / _CONTRAST:
         given = f"{smallest:g} m beside {largest:g} m"
-        raise InputError.of("gap", given, f"0, or numbers >= {1 / _CONTRAST:g} of the largest")
+        raise InputError("gap", given, f"0, or numbers >= {1 / _CONTRAST:g} of the largest")
     d1, d2 = validate.lengths("spacing", spacing)
     if not 1 / _EXTREME <= d1 / d2 <= _EXTREME:
-        raise InputError.of("spacing", (d1, d2), f"two lengths whose ratio is from {1 / _EXTREME:g} to {_EXTREME:g}")
+        raise InputError("spacing", (d1, d2), f"two lengths whose ratio is from {1 / _EXTREME:g} to {_EXTREME:g}")
     return h, (d1, d2)
 
 
@@ -100,7 +100,7 @@ def validated_cell(
     h, (d1, d2) = validated_gap(gap, spacing)
     axis = validate.axis_number(axis)
     if sides not in SIDES:
-        raise InputError.of("sides", sides, f"one of {', '.join(SIDES)}")
+        raise InputError("sides", sides, f"one of {', '.join(SIDES)}")
     return (h, (d1, d2)) if axis == 0 else (np.ascontiguousarray(h.T), (d2, d1))
 
 

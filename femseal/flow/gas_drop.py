@@ -179,4 +179,4 @@ def successive(solve: Callable[[Any], tuple[float, Any, Found]], rtol: float, fi
         error = change * ratio / (1 - ratio) if ratio < 0.5 else change
         if error <= rtol:
             return found
-    raise NotConverged(f"flow of a rarefied gas: it still changes by {error:.1e}, allowed is {rtol:.0e}", error)
+    raise NotConverged(f"flow of a rarefied gas: it still changes by {error:.1e}, expected {rtol:.0e}", error)

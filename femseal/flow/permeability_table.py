@@ -43,7 +43,7 @@ def table_pressures(inlet: float, outlet: float) -> Array:
     high = max(inlet, outlet)
     low = max(min(inlet, outlet), _LEAST_SHARE * high)
     if not low > 0:
-        raise InputError.of("pressure", f"{inlet:g} and {outlet:g} Pa", "one of them > 0")
+        raise InputError("pressure", f"{inlet:g} and {outlet:g} Pa", "one of them > 0")
     if high == low:
         low = high / 1.01
     count = _FEW if high / low <= _ONE_DECADE else _MANY
@@ -87,14 +87,14 @@ class PermeabilityTable:
     def __post_init__(self) -> None:
         p = np.array(self.pressures, dtype=float).ravel()
         if p.size < 2 or not (np.isfinite(p).all() and p.min() > 0 and np.unique(p).size == p.size):
-            raise InputError.of("pressures", str(self.pressures), "two or more different pressures > 0 [Pa]")
+            raise InputError("pressures", str(self.pressures), "two or more different pressures > 0 [Pa]")
         pair = isinstance(self.values, tuple) and all(np.ndim(v) > 0 for v in self.values)
         arrays = tuple(np.asarray(v, dtype=float) for v in (self.values if pair else (self.values,)))
         for k in arrays:
             if k.ndim < 1 or len(k) != p.size:
-                raise InputError.of("values", f"shape {k.shape}", f"a first axis of {p.size}, one for each pressure")
+                raise InputError("values", f"shape {k.shape}", f"a first axis of {p.size}, one for each pressure")
             if not np.isfinite(k).all() or (not _are_tensors(k) and k.min(initial=0.0) < 0):
-                raise InputError.of("values", "negative or undefined permeabilities", "finite numbers >= 0 [m³]")
+                raise InputError("values", "negative or undefined permeabilities", "finite numbers >= 0 [m³]")
         object.__setattr__(self, "pressures", tuple(p.tolist()))
         object.__setattr__(self, "values", arrays if pair else arrays[0])
 

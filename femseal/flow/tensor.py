@@ -40,7 +40,7 @@ def permeability_tensor(gap: ArrayLike, spacing: tuple[float, float], *, solver:
     """
     h, (d1, d2) = validated_gap(gap, spacing)
     if solver not in ("auto", "amg"):
-        raise InputError.of("solver", repr(solver), "'auto' or 'amg'")
+        raise InputError("solver", repr(solver), "'auto' or 'amg'")
     n1, n2 = h.shape
     scale = float(h.max()) or 1.0
     d1, d2 = unit_spacing((d1, d2))

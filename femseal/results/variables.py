@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import fields
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,7 +18,6 @@ from ..base.fields import (
     ERROR_SOURCE,
     FACE,
     LENGTH,
-    LIBRARY_CELL,
     PIXEL,
     STEP,
     Field,
@@ -28,8 +26,8 @@ from ..base.fields import (
 )
 from ..base.leak_units import LEAK_UNITS, LeakBasis
 from ..budget import ErrorBudget, ErrorPart
+from ..library import LibraryTable
 from ..loads import LoadProgramme, LoadStep
-from ..scales import LibraryTable
 from ..seal import NARROWEST
 from ..studies import DeterministicResult, Scene, StochasticResult, TwoScaleResult
 from ..studies.between_loads import at_all_steps
@@ -138,10 +136,7 @@ def add_library(data: xarray.Dataset, curves: LibraryTable) -> None:
     for name, entry in step_coordinates("library_step", "library_", curves.steps).items():
         data.coords[name] = entry
     add_coordinate(data, "library_cell", "1", "number of the library cell", np.arange(len(curves.k)))
-    for f in fields(curves):
-        if f.name != "steps":
-            made = Field(f"library_{f.name}", f.metadata["unit"], f.metadata["long_name"], LIBRARY_CELL)
-            add(data, made, getattr(curves, f.name))
+    add_declared(data, curves)
 
 
 def add_heights(data: xarray.Dataset, scene: Scene) -> None:

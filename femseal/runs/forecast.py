@@ -19,11 +19,11 @@ from ..preparation.settings import fixed, time_limit
 from ..preparation.study_costs import study_cost
 from ..refinement.budgeted import coarser_grids, filtered_input
 from ..results.pixel_fields import fields_size
-from ..scales import Partition
 from ..studies import FluidState, Sampling, Scene, drop_ratio, laid_out, placed_windows
 from ..studies.costs import Effort, usual_efforts
 from ..studies.deterministic import STEP_BYTES
 from ..studies.local_pressure import map_text
+from ..windows import Partition
 from .pilot import efforts, pace
 
 #: Shortest waves that a window should hold along each side.
@@ -185,7 +185,7 @@ def refuse_too_large(case: Case, prepared: Prepared) -> None:
         f"at most the {most / 1e9:.3g} GB {which}: {advice}; "
         f"or memory = '{np.ceil(needed / 1e8) / 10:g} GB' in the case, to run all the same"
     )
-    raise InputError.of("memory", given, allowed)
+    raise InputError("memory", given, allowed)
 
 
 def _accuracy_lines(case: Case, prepared: Prepared) -> list[str]:

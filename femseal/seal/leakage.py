@@ -99,7 +99,7 @@ def seal_leakage(
         }
         for name, given in refused.items():
             if given:
-                raise InputError.of(name, _REFUSED[name], "none on a seal whose inlets have pressures of their own")
+                raise InputError(name, _REFUSED[name], "none on a seal whose inlets have pressures of their own")
         return _between_boundaries(seal, held, permeability, fluid, outlet_pressure, solver)
     φ_in = potential_of(fluid, "inlet_pressure", inlet_pressure)
     φ_out = potential_of(fluid, "outlet_pressure", outlet_pressure)

@@ -100,7 +100,7 @@ def _on_parts(seal: Any, values: Any, pressures: int) -> Any:
         k = np.repeat(values[:, None], n, axis=1) if np.ndim(values) == 1 else values
         if isinstance(k, tuple) or k.shape[1:] not in ((n,), (n, 2), (n, 2, 2)):
             given = "two arrays" if isinstance(k, tuple) else f"shape {k.shape}"
-            raise InputError.of("permeability", given, f"{pressures} values for each of {n} elements")
+            raise InputError("permeability", given, f"{pressures} values for each of {n} elements")
         return k
     n1, n2 = seal.cells
     if not isinstance(values, tuple) and values.shape[1:] == (n1, n2, 2, 2):
@@ -109,7 +109,7 @@ def _on_parts(seal: Any, values: Any, pressures: int) -> Any:
     shapes = (pressures, n1, n2), (pressures, n1 - 1, n2)
     for k, shape in zip(pair, shapes, strict=True):
         if k.shape not in ((pressures,), shape):
-            raise InputError.of("permeability", f"shape {k.shape}", f"{pressures} values, or shape {shape}")
+            raise InputError("permeability", f"shape {k.shape}", f"{pressures} values, or shape {shape}")
     return tuple(
         np.broadcast_to(k[:, None, None] if k.ndim == 1 else k, shape) for k, shape in zip(pair, shapes, strict=True)
     )

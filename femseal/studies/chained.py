@@ -1,4 +1,4 @@
-"""Seals drawn as chains of runs of columns of a face, see `scales.column_runs`."""
+"""Seals drawn as chains of runs of columns of a face, see `library.column_runs`."""
 
 from __future__ import annotations
 
@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 
 from ..base.stage import Mapper, Stage
 from ..flow.gas_drop import GasDrop
-from ..scales import Failed, Partition, RunFlows, SolverCounts, attempt
-from ..scales.window_fields import WindowFields
+from ..library import RunFlows
 from ..seal import RectangularSeal
+from ..windows import Failed, Partition, SolverCounts, attempt
+from ..windows.window_fields import WindowFields
 from .element_face import columns_of_face
 from .equal_states import first_equal, map_different
 from .scene import Array, Scene

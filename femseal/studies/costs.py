@@ -13,9 +13,9 @@ import numpy as np
 
 from ..base.machine import free_memory
 from ..contact.cycle import STATE_FIELDS
-from ..scales.elements import ELEMENT_BYTES
-from ..scales.global_contact import PIXELS_PER_CUT_OFF
+from ..elements.elements import ELEMENT_BYTES
 from ..seal.pressure_map import is_uniform
+from ..windows.global_contact import PIXELS_PER_CUT_OFF
 from .deterministic import STEP_BYTES, state_memory
 from .face_contact import chosen_contact
 from .sampling_options import Sampling

@@ -8,8 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..elements import ElementFlow, element_flow, face_potential
 from ..flow.gas_drop import GasDrop, successive
-from ..scales import ColumnRuns, ElementFlow, Partition, element_flow, face_potential
+from ..library import ColumnRuns
+from ..windows import Partition
 from .scene import GAS_RTOL, Array
 
 
@@ -33,7 +35,7 @@ def flow_through_elements(gap: NDArray[np.floating], partition: Partition, drop:
 
     Raises
     ------
-    NotConverged : see `scales.element_flow`; the flow of a gas still changes after many solutions.
+    NotConverged : see `elements.element_flow`; the flow of a gas still changes after many solutions.
     """
     of_gas = None if drop is None else drop.through(np.asarray(gap, float), partition.spacing)
     if of_gas is None:
@@ -62,7 +64,7 @@ def flow_through_elements(gap: NDArray[np.floating], partition: Partition, drop:
 def columns_of_face(
     gap: NDArray[np.floating], partition: Partition, drop: GasDrop | None
 ) -> tuple[ColumnRuns, GasDrop | None]:
-    """Columns of a face, see `scales.ColumnRuns`; of a gas with slip also the drop whose shares their potential is.
+    """Columns of a face, see `library.ColumnRuns`; of a gas with slip also the drop whose shares their potential is.
 
     A gas with slip has the pressures in the whole face. Its `mean_factor` multiplies the conductances.
     """

@@ -12,8 +12,8 @@ from ..base.fields import LINK1, LINK2, NARROWEST_LINKS, PIXEL, declared
 from ..base.stage import Mapper, Stage
 from ..flow import cell_permeability
 from ..flow.solution import FIELD_RTOL
-from ..scales import Failed, attempt
 from ..seal import NARROWEST, RectangularSeal, drop_shares
+from ..windows import Failed, attempt
 from .scene import Array, Scene
 from .two_scale import TwoScaleResult
 

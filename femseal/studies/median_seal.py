@@ -12,10 +12,11 @@ from ..base.fields import CORNER, PART, PART_VECTOR, declared
 from ..base.text import Shown
 from ..flow.gas_drop import GasDrop
 from ..flow.permeability_table import PermeabilityTable
-from ..scales import Failed, Partition, attempt, draw_links, draw_pressures
+from ..library import draw_links, draw_pressures
 from ..seal import Leakage, RectangularSeal
 from ..seal.layouts import SealWindows
 from ..seal.linked import LinkWindows
+from ..windows import Failed, Partition, attempt
 from .chained import ChainedSeals, StateRuns
 from .sampling_options import Sampling
 from .scene import Array, Scene

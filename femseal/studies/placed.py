@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from ..base.errors import FemsealError
-from ..scales import LibraryTable, LinkTable, SolveCounts, correlation_length
+from ..library import LibraryTable, LinkTable, correlation_length
+from ..windows import SolveCounts
 from .chained import StateRuns, runs_of_face
 from .face_contact import solve_windows
 from .sampling_options import placed_windows

@@ -16,11 +16,11 @@ from ..flow import Permeability, cell_permeability, critical_constriction
 from ..flow.gas_drop import GasDrop, successive
 from ..fluids import Fluid, capillary_entry_pressure
 from ..loads import LoadProgramme
-from ..scales import Failed, FlowSettings, GlobalState, Partition, SolverCounts, global_states
 from ..seal import Leakage, RectangularSeal, seal_leakage
 from ..seal.layouts import Layout, RectangularLayout
 from ..seal.shapes import Seal
 from ..topography import Topography
+from ..windows import Failed, FlowSettings, GlobalState, Partition, SolverCounts, global_states
 
 Array = NDArray[np.float64]
 #: Relative error at which successive solutions of the flow of a gas end; the flow factor itself is within 0.9 %.
@@ -62,15 +62,15 @@ class Scene:
         if own := getattr(self.layout, "inlet_pressures", {}):
             if flow.drop is not None:
                 given = f"{self.fluid} with pressures of the inlets"
-                raise InputError.of("fluid", given, "a liquid, or a gas without slip (slip = false)")
+                raise InputError("fluid", given, "a liquid, or a gas without slip (slip = false)")
             if self.inlet_pressure != max(own.values()):
                 highest = to_text(max(own.values()), "Pa")
                 given = to_text(self.inlet_pressure, "Pa")
-                raise InputError.of("inlet_pressure", given, f"the highest pressure of the inlets, {highest}")
+                raise InputError("inlet_pressure", given, f"the highest pressure of the inlets, {highest}")
         undefined = int(np.isnan(self.surface.heights).sum())
         if undefined:
             allowed = "a face without undefined points: fill them first, see Topography.fill_undefined"
-            raise InputError.of("surface", f"{undefined} of {self.surface.heights.size} points undefined", allowed)
+            raise InputError("surface", f"{undefined} of {self.surface.heights.size} points undefined", allowed)
 
     @property
     def steps(self) -> LoadProgramme:
@@ -80,7 +80,7 @@ class Scene:
     def global_states(
         self, partition: Partition, cut_off: float, *, take: Callable[[GlobalState], Any], mapper: Mapper
     ) -> Iterator[Any]:
-        """Solve the global contact of the scene at every step, see `scales.global_states`."""
+        """Solve the global contact of the scene at every step, see `windows.global_states`."""
         return global_states(
             self.surface,
             partition,

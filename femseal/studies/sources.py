@@ -7,8 +7,9 @@ from dataclasses import dataclass, field
 
 from ..base.stage import Mapper
 from ..base.text import Shown
-from ..scales import Failed, LadderLibrary, LibraryTable, LinkTable, Partition, SolveCounts
+from ..library import LadderLibrary, LibraryTable, LinkTable
 from ..seal.layouts import SealWindows
+from ..windows import Failed, Partition, SolveCounts
 from .chained import StateRuns
 from .sampling_options import Sampling
 from .scene import Array, Scene

@@ -14,10 +14,11 @@ from numpy.typing import NDArray
 from ..base.errors import InputError
 from ..base.quantities import to_text
 from ..base.stage import Mapper, Stage
-from ..scales import Failed, LadderLibrary, Partition, SolverCounts, attempt
+from ..library import LadderLibrary
 from ..seal import RectangularSeal
 from ..seal.layouts import SealWindows
 from ..seal.linked import LinkWindows
+from ..windows import Failed, Partition, SolverCounts, attempt
 from .chained import StateRuns, chained_seals
 from .equal_states import first_equal_draws, repeated
 from .followed import windows_under_global_contact, windows_under_uniform_pressure
@@ -67,10 +68,10 @@ def stochastic(
     """
     check_sampling(sampling)
     if sampling.width is not None and not sampling.resampled:
-        raise InputError.of("resampled", "False with a width", "True with it: the error of the library has to be known")
+        raise InputError("resampled", "False with a width", "True with it: the error of the library has to be known")
     sampling = replace(sampling, sampler=chosen_sampler(sampling, scene, two_scale.contact if two_scale else contact))
     if sampling.sampler == "runs" and scene.discretisation != "edge":
-        raise InputError.of("sampler", f"'runs' with the discretisation '{scene.discretisation}'", "'edge' with it")
+        raise InputError("sampler", f"'runs' with the discretisation '{scene.discretisation}'", "'edge' with it")
     if sampling.width is None:
         return _draw(scene, cells, sampling, contact, two_scale, mapper)
     with TemporaryDirectory() as folder:

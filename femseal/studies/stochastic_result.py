@@ -12,9 +12,10 @@ import numpy as np
 
 from ..base.fields import REALISATION, STEP, Field, declared
 from ..base.text import Shown
+from ..library import LadderLibrary
 from ..loads import LoadProgramme
-from ..scales import LadderLibrary, SolverCounts
 from ..seal.layouts import SizedSeal
+from ..windows import SolverCounts
 from .median_seal import MedianSeal
 from .scene import Array
 from .sources import PlacedLibrary

@@ -13,11 +13,11 @@ from ..base.shared_array import shared_empty
 from ..base.stage import Mapper, Stage
 from ..contact import HalfSpace
 from ..loads import LoadProgramme
-from ..scales import Failed, FlowSettings, GlobalState, Partition, SolveCounts, attempt, respond
-from ..scales.gap_error import corrected_gap, relative_difference
-from ..scales.window import WindowHistory, body_standoff, flow_history, set_down
-from ..scales.window_fields import ContactPressure, WindowFields
 from ..topography import Topography
+from ..windows import Failed, FlowSettings, GlobalState, Partition, SolveCounts, attempt, respond
+from ..windows.gap_error import corrected_gap, relative_difference
+from ..windows.window import WindowHistory, body_standoff, flow_history, set_down
+from ..windows.window_fields import ContactPressure, WindowFields
 from .scene import Array, Scene, resolved_flow
 
 #: Wavelength that divides the scales, in window sides: longer ones lose the pressure of features within windows.
@@ -40,7 +40,7 @@ class WindowContacts:
     """Contact of all cells of a face along a cycle; arrays (steps, m1, m2) as in `TwoScaleResult`.
 
     contact : how it was solved, see `face_contact.CONTACTS`. gap_error : at every step (steps,), see
-    `scales.gap_error`; 0 for the contact of the whole face. gap_effect : flow through the gap over that through the
+    `windows.gap_error`; 0 for the contact of the whole face. gap_effect : flow through the gap over that through the
     corrected one (steps,): 1 where the error is small, inf where the corrected gap is closed.
     """
 

@@ -22,16 +22,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.errors import FemsealError, InputError
+from ..base.fields import LIBRARY_CELL, declared
 from ..base.files import made_folder, replacing
 from ..base.machine import within_free_memory
 from ..base.stage import Mapper, Stage
 from ..base.text import Shown
 from ..contact import HalfSpace
 from ..loads import LoadProgramme, LoadStep
+from ..windows.outcome import Failed, SolveCounts, attempt
+from ..windows.window import FlowSettings
 from .curves import CellCurves
 from .ladder import Cell, Ladder, follow, part, united
-from .outcome import Failed, SolveCounts, attempt
-from .window import FlowSettings
 
 Array = NDArray[np.float64]
 #: Written into every file; a file of another format is computed again.
@@ -52,10 +53,12 @@ class LibraryTable(Shown):
     """Cells of a library on common load steps, for tables and pictures; all arrays are (cells, steps)."""
 
     steps: LoadProgramme
-    pressure: Array = field(metadata={"unit": "Pa", "long_name": "mean contact pressure of library cells"})
-    k: Array = field(metadata={"unit": "m^3", "long_name": "permeability along x1 of library cells"})
-    mean_gap: Array = field(metadata={"unit": "m", "long_name": "mean gap of library cells"})
-    contact_fraction: Array = field(metadata={"unit": "1", "long_name": "contact share of library cells"})
+    pressure: Array = declared("library_pressure", "Pa", "mean contact pressure of library cells", LIBRARY_CELL)
+    k: Array = declared("library_k", "m^3", "permeability along x1 of library cells", LIBRARY_CELL)
+    mean_gap: Array = declared("library_mean_gap", "m", "mean gap of library cells", LIBRARY_CELL)
+    contact_fraction: Array = declared(
+        "library_contact_fraction", "1", "fraction in contact of library cells", LIBRARY_CELL
+    )
 
 
 @dataclass(frozen=True)
@@ -276,7 +279,7 @@ def build_ladder_library(
     FemsealError : every window failed.
     """
     if count < 1:
-        raise InputError.of("library", f"{count} windows", "at least one")
+        raise InputError("library", f"{count} windows", "at least one")
     path = None if folder is None else made_folder(folder) / f"{source.key(ladder)}.npz"
     held = [] if path is None else _read(path, ladder)
     known = [*held[:count], *[None] * (count - len(held))]

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from ..base.errors import InputError
 from ..contact import Contact, HalfSpace, solve_deformed_contact
 from ..flow.gas_drop import GasDrop
-from .outcome import SolveCounts
-from .window import FlowSettings, window_permeability
+from ..windows.outcome import SolveCounts
+from ..windows.window import FlowSettings, window_permeability
 
 Array = NDArray[np.float64]
 
@@ -49,14 +49,14 @@ class Ladder:
 
     def __post_init__(self) -> None:
         if not self.loading or self.loading[0] != 0 or np.any(np.diff(self.loading) <= 0):
-            raise InputError.of("loading", self.loading, "pressures that rise from 0, first touch")
+            raise InputError("loading", self.loading, "pressures that rise from 0, first touch")
         if not {*self.peaks} <= {*self.loading[1:]} or np.any(np.diff(self.peaks) <= 0):
-            raise InputError.of("peaks", self.peaks, "rising pressures > 0 of `loading`")
+            raise InputError("peaks", self.peaks, "rising pressures > 0 of `loading`")
         falling = np.all(np.diff(self.stops) < 0) and (not self.stops or (self.stops[0] < 1 and self.stops[-1] == 0))
         if not falling or bool(self.peaks) != bool(self.stops):
-            raise InputError.of("stops", self.stops, "shares that fall from below 1 to 0, where there are peaks")
+            raise InputError("stops", self.stops, "shares that fall from below 1 to 0, where there are peaks")
         if np.any(np.diff(self.separations) <= 0):
-            raise InputError.of("separations", self.separations, "rising distances [m]")
+            raise InputError("separations", self.separations, "rising distances [m]")
 
     @property
     def kinds(self) -> int:
