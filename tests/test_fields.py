@@ -25,7 +25,7 @@ from femseal.results import assemble, open_results, write_vtk
 from femseal.results.pixel_fields import plan_fields
 from femseal.runs import job
 from femseal.studies import Sampling, Scene, deterministic, stochastic, two_scale
-from femseal.studies.link_flow import chosen_windows
+from femseal.studies.link_flow import chosen_windows, window_pixels
 from femseal.topography import read_topography, turned
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
@@ -184,7 +184,7 @@ def test_chosen_windows_carry_gap_contact_and_fluid_pressure(results, studies, s
     fluid, (d1, d2) = scene.fluid, scene.surface.spacing
     # the rows of nodes lie in valleys, not at equal distances
     assert len(set(np.diff(two.partition.lines))) > 1
-    places = chosen_windows(data)
+    places = chosen_windows(two.k1, scene.steps.pressures)
     assert len(places) == 3
     for i, j in places:
         rows, columns = slice(*two.partition.lines[i : i + 2]), slice(24 * j, 24 * (j + 1))
@@ -218,10 +218,8 @@ def test_fluid_that_stands_at_one_end_of_a_closed_window_keeps_its_pressure(scen
     k1[:] = 0
     k1[:, 1, 2] = 1e-30
     fluid_pressure[:, 1, 2], fluid_pressure[:, 2, 2] = 2e7, np.nan
-    r = assemble(
-        scene, two_scale=replace(two, fields=replace(two.fields, gap=gap), k1=k1, fluid_pressure=fluid_pressure)
-    )
-    write_vtk(r, None, tmp_path)
+    closed = replace(two, fields=replace(two.fields, gap=gap), k1=k1, fluid_pressure=fluid_pressure)
+    write_vtk(assemble(scene, two_scale=closed, windows=window_pixels(scene, closed)), None, tmp_path)
     _, cells, *_ = next(in_time(tmp_path / "window_001_002.pvd"))
     shown = cells["fluid_pressure_Pa"].reshape((last - first, 24), order="F")
     assert_allclose(shown[:5], 2e7, rtol=1e-6)

@@ -43,6 +43,7 @@ from ..studies import (
     two_scale,
 )
 from ..studies.compiling import compile_ahead
+from ..studies.link_flow import WindowPixels, window_pixels
 from .chosen_loads import solve_chosen
 from .finished import finished_results
 from .forecast import refuse_too_large
@@ -224,9 +225,13 @@ def _run(case: Case, prepared: Prepared, faces: dict[str, str], mapper: Mapper, 
             # the attempts have judged the answer
             known = {} if reached is None else {prepared.answer.replace("-", "_"): reached.budget}
             budgets = budgets_of(prepared, studies, solve, leakage_filtered=filtered, known=known)
+    windows: tuple[WindowPixels, ...] = ()
+    if case.output.paraview != "none" and "two_scale" in studies:
+        windows = window_pixels(scene, studies["two_scale"], mapper)
     results = assemble(
         scene,
         **studies,
+        windows=windows,
         budgets=budgets,
         case=case.echo(),
         surface_report=prepared.surface_report,
