@@ -75,8 +75,8 @@ def design(
 ) -> Design:
     """Pressures that a seal needs in assembly and in service, and what changes its leakage most.
 
-    Qmin(L) is the nominal pressure in assembly from which on a fraction of the seals leaks no more than a class L allows,
-    QSmin(L; Q_A) that to which it may fall after an assembly at Q_A, as EN 13555 and EN 1591-1 use them: along the
+    Qmin(L) is the nominal pressure in assembly from which on a fraction of the seals leaks no more than a class L
+    allows, QSmin(L; Q_A) that to which it may fall after an assembly at Q_A, as EN 13555 and EN 1591-1 use them: along the
     loading, and along the unloading from Q_A. Between load steps ln(leakage) is straight in ln(pressure); nothing is
     extrapolated.
 
@@ -238,9 +238,7 @@ def _notes(seals: Seals, fraction: float, results: Results) -> list[str]:
     if seals.count == 1:
         notes.append("one seal: its figures have no probability and no uncertainty; a stochastic run draws many")
     elif seals.count * tail < 1 - 1e-9:
-        notes.append(
-            f"{seals.count} seals are few for the fraction {fraction:g}: at least {round(1 / tail)} tell it from all of them"
-        )
+        notes.append(f"{seals.count} seals are few for the fraction {fraction:g}: it takes at least {round(1 / tail)}")
     if not seals.steps.unload_from:
         notes.append("the case is not unloaded: QSmin takes `unload_from`, or --assembly with a case")
     if doubts := len(results.warnings):

@@ -153,7 +153,7 @@ def _slopes(seals: Seals, variants: Variants, pressure: float, fraction: float) 
 
 
 def level_at(seals: Seals, pressure: float, fraction: float) -> float:
-    """ln of the leakage that a fraction of the seals does not exceed, on loading; NaN beyond the loads or without leak."""
+    """ln of the leakage that a fraction of the seals does not exceed, on loading; NaN where it is unknown or 0."""
     low, high, way = _segment(seals, pressure)
     curve = seals.curve_of(fraction)
     if low < 0 or not (curve[low] > 0 and curve[high] > 0):

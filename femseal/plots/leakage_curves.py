@@ -42,8 +42,8 @@ class LeakageCurves:
     error : lower and upper end of the band of error.
     quantiles : lower and upper one of the bands. mean : thin and dotted. others : single markers, by method.
     notes : added to the axis. limits : of leakage classes, by their name.
-    scale : the leakage that is 1 on the axis, and the axis's name with its unit; a readable unit for all curves that are
-    drawn together, unless all of them ask for the same.
+    scale : the leakage that is 1 on the axis, and the axis's name with its unit; a readable unit for all curves that
+    are drawn together, unless all of them ask for the same.
     """
 
     pressure: Array
