@@ -76,8 +76,8 @@ def design(
     """Pressures that a seal needs in assembly and in service, and what changes its leakage most.
 
     Qmin(L) is the nominal pressure in assembly from which on a fraction of the seals leaks no more than a class L
-    allows, QSmin(L; Q_A) that to which it may fall after an assembly at Q_A, as EN 13555 and EN 1591-1 use them: along the
-    loading, and along the unloading from Q_A. Between load steps ln(leakage) is straight in ln(pressure); nothing is
+    allows, QSmin(L; Q_A) that to which it may fall after an assembly at Q_A, as EN 13555 and EN 1591-1 use them: along
+    the loading, and along the unloading from Q_A. Between load steps ln(leakage) is straight in ln(pressure); nothing is
     extrapolated.
 
     Parameters
