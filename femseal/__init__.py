@@ -44,7 +44,11 @@ if TYPE_CHECKING:
     from .designs.answer import Design, design
     from .flow import (
         Constriction,
+        CubicLaw,
+        FlowLaw,
+        FukuiKaneko,
         Permeability,
+        SlipLength,
         cell_permeabilities,
         cell_permeability,
         critical_constriction,
@@ -87,7 +91,11 @@ _MODULES = {
     "base.errors": ("FemsealError", "InputError", "NotConverged"),
     "flow": (
         "Constriction",
+        "CubicLaw",
+        "FlowLaw",
+        "FukuiKaneko",
         "Permeability",
+        "SlipLength",
         "cell_permeabilities",
         "cell_permeability",
         "critical_constriction",

@@ -16,7 +16,7 @@ from femseal.loads import LoadStep
 from femseal.refinement import accuracy_measure
 from femseal.refinement.accuracy_plan import Variant, make_plan
 from femseal.refinement.accuracy_report import AccuracyReport, Comparison, Solution
-from femseal.studies.compare import LeakageFactor, closing_load, leakage_factor
+from femseal.studies.curve_distance import LeakageFactor, closing_load, leakage_factor
 
 STEPS = (LoadStep(1e8), LoadStep(2e8), LoadStep(3e8), LoadStep(2e8, 3e8), LoadStep(1e8, 3e8))
 

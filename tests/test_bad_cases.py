@@ -57,7 +57,7 @@ def refusal(call, *arguments):
 
 
 @pytest.mark.parametrize(
-    ("table", "key", "given", "allowed"),
+    ("table", "key", "given", "expected"),
     [
         ("output", "classes", "L0.01", "a list in square brackets"),
         ("load", "loading", "50 MPa", "a list in square brackets"),

@@ -13,8 +13,8 @@ from femseal.case.case import parse_case
 from femseal.elements import element_flow
 from femseal.library import ColumnRuns, RunFlows
 from femseal.results.dataset import assemble
-from femseal.studies import chosen_sampler, placed
-from femseal.studies.chained import StateRuns, chained_seals
+from femseal.studies import chosen_sampler, face_windows
+from femseal.studies.run_chains import StateRuns, chained_seals
 from femseal.windows import Partition, SolverCounts
 
 PIXEL = (1e-6, 1e-6)
@@ -165,8 +165,8 @@ class TestSeals:
     def test_they_leak_as_the_face_on_the_mean_and_lie_between_their_bounds(self, seals, face):
         error = seals.leakage.std(axis=0) / np.sqrt(len(seals.leakage))
         assert np.all(np.abs(seals.mean - face.leakage) < 4 * error + 1e-9 * face.leakage)
-        assert np.all(seals.leakage_closed_cuts <= seals.leakage * (1 + 1e-12))
-        assert np.all(seals.leakage <= seals.leakage_held_cuts * (1 + 1e-12))
+        assert np.all(seals.leakage_neumann_cuts <= seals.leakage * (1 + 1e-12))
+        assert np.all(seals.leakage <= seals.leakage_dirichlet_cuts * (1 + 1e-12))
         assert np.all((seals.cut_error > 0) & (seals.cut_error < 1.5))
         assert np.all(seals.library_error > 0)
         assert seals.seal.cells == (4, 32)
@@ -192,7 +192,7 @@ class TestSeals:
         assert data["leakage_closed_cuts"].dims == ("realisation", "step")
 
     def test_they_are_the_default_and_need_no_links(self, scene, face, seals, monkeypatch):
-        monkeypatch.setattr(placed, "solve_links", None)
+        monkeypatch.setattr(face_windows, "solve_links", None)
         drawn = stochastic(scene, (4, 8), replace(SAMPLING, sampler=None), two_scale=face)
         assert drawn.sampler == "runs"
         assert_array_equal(drawn.leakage, seals.leakage)

@@ -11,7 +11,7 @@ import femseal as fs
 from femseal.contact import HalfSpace, solve_contact
 from femseal.fluids import capillary_entry_pressure
 from femseal.results.dataset import assemble
-from femseal.studies.fluid_load import carried_pressure, fluid_load_warning, leakage_with_fluid_load
+from femseal.studies.fluid_load import carried_pressure, relief_warning, relieved_leakage
 
 WATER = fs.Liquid(1e-3, surface_tension=0.073, contact_angle=radians(120))
 
@@ -35,14 +35,14 @@ def test_mean_pressure_of_the_fluid(scene):
 def test_leakage_is_interpolated_on_its_own_branch(scene):
     leakage = np.exp(-np.array([50.0, 100.0, 200.0, 100.0, 50.0]) / [30, 30, 30, 60, 60])
     leakage[3:] *= leakage[2] / np.exp(-200 / 60)
-    found = leakage_with_fluid_load(scene, leakage)
+    found = relieved_leakage(scene, leakage)
     assert np.isnan(found[[0, 4]]).all()  # 30 MPa is below the lowest step
     assert_allclose(found[[1, 2, 3]] / leakage[[1, 2, 3]], np.exp([20 / 30, 20 / 30, 20 / 60]), rtol=1e-9)
     leakage[2:] = 0
-    assert leakage_with_fluid_load(scene, leakage)[2] == leakage[1]  # closed above, open below: the open one
-    assert fluid_load_warning(replace(scene, inlet_pressure=5e6), leakage) == ""
+    assert relieved_leakage(scene, leakage)[2] == leakage[1]  # closed above, open below: the open one
+    assert relief_warning(replace(scene, inlet_pressure=5e6), leakage) == ""
     steep = np.exp(-scene.steps.pressures / 46e6)
-    assert "about 1.9 times" in fluid_load_warning(replace(scene, inlet_pressure=60e6), steep)
+    assert "about 1.9 times" in relief_warning(replace(scene, inlet_pressure=60e6), steep)
 
 
 def test_a_uniform_fluid_pressure_does_what_a_lower_load_does():

@@ -66,7 +66,7 @@ def test_every_length_is_what_it_is_by_itself(scene, sampling, options):
         alone = replace(few, length=length, other_lengths=())
         own = fs.stochastic(scene, (2, 4), alone)
         assert seals.seal.size == own.seal.size
-        for name in ("leakage", "leakage_resampled", "leakage_lower_bound", "leakage_held_cuts"):
+        for name in ("leakage", "leakage_resampled", "leakage_lower_bound", "leakage_dirichlet_cuts"):
             if getattr(own, name) is not None:
                 assert_array_equal(getattr(seals, name), getattr(own, name), err_msg=name)
 

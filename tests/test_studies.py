@@ -10,7 +10,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 import femseal.library.ladder
-import femseal.studies.placed
+import femseal.studies.face_windows
 import femseal.studies.scene
 import femseal.studies.windows as windows_module
 import femseal.windows.window
@@ -27,7 +27,7 @@ from femseal.seal import RectangularSeal
 from femseal.seal.linked import LinkWindows
 from femseal.seal.pressure_map import AngleTable, Profile
 from femseal.studies import Sampling, Scene, StochasticResult, deterministic, stochastic, two_scale
-from femseal.studies.followed import LOADING_SHARES
+from femseal.studies.ladder_windows import LOADING_FRACTIONS
 from femseal.topography import Topography, condition, read_topography, self_affine, turned
 from femseal.windows import gap_error
 
@@ -588,9 +588,11 @@ class TestSymmetries:
         sampling = replace(SAMPLING, pressure="global", library_cells=4, length=576e-6)
         found = stochastic(scene, (6, 6), sampling)
         dense = tuple(np.geomspace(0.01, 0.9, 25))
-        monkeypatch.setattr("femseal.studies.followed.LOADING_SHARES", tuple(sorted({*LOADING_SHARES, *dense})))
-        monkeypatch.setattr("femseal.studies.local_pressure.PEAK_RATIO", 1.1)
-        monkeypatch.setattr("femseal.studies.local_pressure.MOST_PEAKS", 1000)
+        monkeypatch.setattr(
+            "femseal.studies.ladder_windows.LOADING_FRACTIONS", tuple(sorted({*LOADING_FRACTIONS, *dense}))
+        )
+        monkeypatch.setattr("femseal.studies.window_pressures.PEAK_RATIO", 1.1)
+        monkeypatch.setattr("femseal.studies.window_pressures.MOST_PEAKS", 1000)
         exact = stochastic(scene, (6, 6), sampling)
         assert_allclose(np.median(found.leakage, axis=0), np.median(exact.leakage, axis=0), rtol=0.02)
 
@@ -690,7 +692,7 @@ class TestDraws:
         sampling = replace(SAMPLING, library_cells=60, sampler="block")
         own = stochastic(rough, (4, 6), sampling)
         two = two_scale(rough, (4, 6), flow="links")
-        monkeypatch.setattr(femseal.studies.placed, "solve_windows", None)
+        monkeypatch.setattr(femseal.studies.face_windows, "solve_windows", None)
         given = stochastic(rough, (4, 6), sampling, two_scale=two)
         assert_array_equal(given.leakage, own.leakage)
         assert_array_equal(given.leakage_resampled, own.leakage_resampled)
@@ -717,8 +719,8 @@ class TestDraws:
 
     def test_whole_runs_of_columns_are_the_surface(self, rough, rough_two_scale, monkeypatch):
         """A run that goes all round the face, from wherever it begins, is its two-scale solution."""
-        monkeypatch.setattr(femseal.studies.placed, "correlation_length", lambda k: 1e6)
-        monkeypatch.setattr(femseal.studies.placed, "RUN_LENGTHS", 1e9)
+        monkeypatch.setattr(femseal.studies.face_windows, "correlation_length", lambda k: 1e6)
+        monkeypatch.setattr(femseal.studies.face_windows, "RUN_LENGTHS", 1e9)
         result = stochastic(rough, (4, 6), replace(SAMPLING, sampler="block"))
         assert result.library.correlation_length == 1e6
         whole = np.isclose(result.leakage, rough_two_scale.leakage, rtol=1e-6).all(axis=1)

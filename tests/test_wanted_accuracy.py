@@ -11,7 +11,7 @@ import pytest
 from numpy.testing import assert_array_equal
 
 import femseal as fs
-from femseal.budget import ErrorBudget, ErrorPart, counting_steps, judged
+from femseal.budget import ErrorBudget, ErrorPart, counting_steps, widest_band
 from femseal.case.case import parse_case
 from femseal.loads import LoadProgramme
 from femseal.refinement.attempts import settled_as
@@ -259,7 +259,7 @@ def test_loads_that_count():
     assert counting_steps(ErrorBudget("deterministic", q, (part,))).tolist() == [0, 1]
     sealed = ErrorPart("pixels", 0 * q, np.array([0.0, 0.0, 0.0, 1e-5, 0.0]), "")
     assert counting_steps(ErrorBudget("deterministic", 0 * q, (sealed,))).tolist() == [3]
-    assert judged(ErrorBudget("deterministic", 0 * q, (sealed,))).half_width == np.inf
+    assert widest_band(ErrorBudget("deterministic", 0 * q, (sealed,))).half_width == np.inf
 
 
 @pytest.mark.slow

@@ -9,7 +9,7 @@ from .coarse import LEAST_LOADS, CoarserSolution, at_some_steps, change_of_windo
 from .error_budget import error_budget
 from .error_parts import ErrorBudget, ErrorPart
 from .grid_convergence import GridConvergence, grid_convergence
-from .judged import Judged, counting_steps, judged
+from .widest_band import WidestBand, counting_steps, widest_band
 
 __all__ = [
     "LEAST_LOADS",
@@ -17,7 +17,7 @@ __all__ = [
     "ErrorBudget",
     "ErrorPart",
     "GridConvergence",
-    "Judged",
+    "WidestBand",
     "at_interpolated_steps",
     "at_some_steps",
     "change_of_windows",
@@ -25,5 +25,5 @@ __all__ = [
     "counting_steps",
     "error_budget",
     "grid_convergence",
-    "judged",
+    "widest_band",
 ]

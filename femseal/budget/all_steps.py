@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..loads import LoadProgramme
-from ..studies.between_loads import Indices, at_all_steps, neighbours
+from ..studies.load_interpolation import Indices, at_all_steps, neighbours
 from ..studies.scene import Array
 from .error_parts import ErrorBudget, ErrorPart
 

@@ -14,7 +14,7 @@ from ..studies.scene import Array, Scene
 #: Points a side of the coarser grid over those of the scene.
 COARSENING = 0.5
 #: A coarser grid of more than this share of the points tells nothing.
-MOST_POINTS_SHARE = 0.6
+MOST_POINTS_FRACTION = 0.6
 #: Loading steps that tell the error of pixels well. Measured on 160 faces with 3 to 5 of them, for the same coverage:
 #: all of them give bands of 4.2 times the error in the median, every other 5.2 times.
 LEAST_LOADS = 5
@@ -41,7 +41,7 @@ def coarser_points(points: tuple[int, int], cells: tuple[int, int] | None = None
     wanted = [ceil(COARSENING * n) for n in points]
     if cells is not None:
         wanted = [max(ceil(n / m), WINDOW_PIXELS) * m for n, m in zip(wanted, cells, strict=True)]
-    if wanted[0] * wanted[1] > MOST_POINTS_SHARE * points[0] * points[1]:
+    if wanted[0] * wanted[1] > MOST_POINTS_FRACTION * points[0] * points[1]:
         return None
     return wanted[0], wanted[1]
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..studies import Scene, StochasticResult, StudyResult, TwoScaleResult, study_of_result
-from ..studies.compare import FLOOR
+from ..studies.curve_distance import FLOOR
 from .coarse import CoarserSolution
 from .error_parts import ErrorBudget, ErrorPart
 from .estimates import elements_part, library_part, realisations_part, solver_part

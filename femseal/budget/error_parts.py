@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..loads import LoadProgramme
-from ..studies.compare import FLOOR
+from ..studies.curve_distance import FLOOR
 from ..studies.scene import Array
 
 Indices = NDArray[np.int64]

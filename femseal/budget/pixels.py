@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..studies import Scene
-from ..studies.compare import FLOOR
+from ..studies.curve_distance import FLOOR
 from ..studies.scene import Array
 from .changes import load_sensitivity, scale_of_changes, sealed_upper
 from .coarse import CoarserSolution, on_all_steps

@@ -76,9 +76,9 @@ def design(
     """Pressures that a seal needs in assembly and in service, and what changes its leakage most.
 
     Qmin(L) is the nominal pressure in assembly from which on a fraction of the seals leaks no more than a class L
-    allows, QSmin(L; Q_A) that to which it may fall after an assembly at Q_A, as EN 13555 and EN 1591-1 use them: along
-    the loading, and along the unloading from Q_A. Between load steps ln(leakage) is straight in ln(pressure); nothing is
-    extrapolated.
+    allows, QSmin(L; Q_A) that to which it may fall after an assembly at Q_A, as EN 13555 and EN 1591-1 use them:
+    along the loading, and along the unloading from Q_A. Between load steps ln(leakage) is straight in ln(pressure);
+    nothing is extrapolated.
 
     Parameters
     ----------
@@ -138,7 +138,7 @@ def design(
     if (state := state_of_classes(results)) is not None:
         several = isinstance(results.case.get("seal", {}).get("inlet"), dict)
         slope = np.nan if several else inlet_slope(state)
-        variants = replace(variants, rarefied=state.slips, inlet_slope=slope)
+        variants = replace(variants, law_length=state.law.length, inlet_slope=slope)
     answer = Design(
         results=results,
         seals=seals,

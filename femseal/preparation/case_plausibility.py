@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from ..base.quantities import to_text
 from ..studies import Scene
-from ..studies.plausibility import odd_in_scene, odd_moduli
+from ..studies.plausibility import moduli_warnings, scene_warnings
 from ..topography import MOST_POINTS, Conditioning, resolving_shape
 
 if TYPE_CHECKING:
@@ -23,8 +23,8 @@ _NOISE_SLOPE = 0.25
 def oddities(case: Case, scene: Scene, surface: Conditioning) -> tuple[str, ...]:
     """One sentence for each odd thing in a case and the scene made of it."""
     solids = zip(("material", "counter_material"), case.solids, strict=True)
-    odd = odd_moduli((f"{name}.young", solid.young) for name, solid in solids if solid is not None)
-    return (*odd, *odd_in_scene(scene), *_odd_filter(case, scene, surface))
+    odd = moduli_warnings((f"{name}.young", solid.young) for name, solid in solids if solid is not None)
+    return (*odd, *scene_warnings(scene), *_odd_filter(case, scene, surface))
 
 
 def _odd_filter(case: Case, scene: Scene, surface: Conditioning) -> Iterator[str]:

@@ -16,9 +16,9 @@ from ..case.argument_names import FACE_KEYS, MAP_TABLES, SEAL_TABLES, SURFACE_KE
 from ..case.case_tables import StochasticTable
 from ..case.faces import FileFace
 from ..seal.layouts import SealWindows
-from ..studies import Sampling, Scene, check_sampling, chosen_contact, chosen_flow, chosen_sampler, laid_out
+from ..studies import Sampling, Scene, check_sampling, chosen_contact, chosen_flow, chosen_sampler, lay_out_windows
 from ..studies.costs import choose_method
-from ..studies.local_pressure import check_map, most_paths
+from ..studies.window_pressures import check_map, most_paths
 from ..topography import (
     MOST_POINTS,
     Conditioning,
@@ -183,7 +183,7 @@ def _prepare(case: Case) -> Prepared:
     seal = surface.size
     if sampling is not None and cells is not None:
         with in_tables_of(SEAL_TABLES):
-            every = laid_out(case.layout, Partition(surface.shape, surface.spacing, cells), sampling)
+            every = lay_out_windows(case.layout, Partition(surface.shape, surface.spacing, cells), sampling)
         seal = _seal_size(sampling, surface, every[0])
     scene = Scene(
         surface=surface,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from ..studies import Scene, laid_out
+from ..studies import Scene, lay_out_windows
 from ..studies.costs import (
     Effort,
     deterministic_cost,
@@ -36,7 +36,7 @@ def study_cost(
     if method == "two-scale":
         return two_scale_cost(known, points, cells, prepared.flow, prepared.contact, solved=solved, pressures=pressures)
     assert prepared.sampling is not None
-    every = laid_out(scene.layout, Partition(points, scene.surface.spacing, cells), prepared.sampling)
+    every = lay_out_windows(scene.layout, Partition(points, scene.surface.spacing, cells), prepared.sampling)
     # seals of all lengths take the work of one as long as all of them together
     seal = every[0].unknowns[0], sum(laid.unknowns[1] for laid in every)
     return stochastic_cost(known, points, cells, prepared.sampling, seal, prepared.contact, pressures)

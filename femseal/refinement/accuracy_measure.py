@@ -23,8 +23,8 @@ from ..case.case import Case, load_case
 from ..execution.mappers import ordered_map
 from ..preparation.preparation import Prepared
 from ..studies import deterministic, stochastic, two_scale
-from ..studies.compare import closing_load, leakage_factor
 from ..studies.compiling import compile_ahead
+from ..studies.curve_distance import closing_load, leakage_factor
 from .accuracy_plan import Plan, Variant, make_plan
 from .accuracy_report import AccuracyReport, Comparison, Solution
 from .budgeted import THIRD_GRID_PIXELS, filtered_input, leakage_of, removed_octaves, wave_pixels

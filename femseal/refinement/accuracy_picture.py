@@ -68,7 +68,7 @@ def _mark(axes: Axes, report: AccuracyReport, solution: Solution, comparison: Co
 def _mark_budgets(axes: Axes, report: AccuracyReport) -> None:
     """The budget of every solution as a bar over its time, and a ring about the recommended one."""
     for solution in report.solutions:
-        if (found := solution.judged) is None or not np.isfinite(found.half_width):
+        if (found := solution.widest_band) is None or not np.isfinite(found.half_width):
             continue
         colour, _ = _METHODS[solution.variant.method]
         width = max(float(np.expm1(found.half_width)), _LEAST)

@@ -13,7 +13,7 @@ from ..case.case import Case
 from ..preparation.preparation import Prepared, prepare
 from ..seal.layouts import RectangularLayout
 from ..seal.pressure_map import Uniform
-from ..studies import laid_out, placed_windows
+from ..studies import count_face_windows, lay_out_windows
 from ..studies.costs import deterministic_cost, pressures_of_gas, stochastic_cost, two_scale_cost, usual_efforts
 from ..windows import Partition
 
@@ -198,7 +198,7 @@ def _candidates(prepared: Prepared) -> Iterator[tuple[Variant | str, str]]:
     sizes = [sampling.library_cells // n for n in COARSENINGS]
     if sampling.pressure == "place":  # all windows of the face, however few are asked for
         partition = Partition(points, scene.surface.spacing, cells)
-        sizes = [placed_windows(replace(sampling, library_cells=size), partition) for size in sizes]
+        sizes = [count_face_windows(replace(sampling, library_cells=size), partition) for size in sizes]
     for size in dict.fromkeys(sizes):
         yield Variant("stochastic", points, cells, size), "" if size else "a library of at least 1 is needed"
 
@@ -246,7 +246,7 @@ def _cost(prepared: Prepared, variant: Variant) -> tuple[float, float]:
     sampling = replace(prepared.sampling, library_cells=variant.library_cells)
     surface = prepared.scene.surface
     partition = Partition(surface.shape, surface.spacing, variant.cells)
-    seal = laid_out(prepared.scene.layout, partition, sampling)[0].unknowns
+    seal = lay_out_windows(prepared.scene.layout, partition, sampling)[0].unknowns
     return stochastic_cost(efforts, variant.points, variant.cells, sampling, seal, prepared.contact, pressures)
 
 

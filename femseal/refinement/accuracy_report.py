@@ -17,8 +17,8 @@ from ..base.files import made_folder, replacing, write_text
 from ..base.provenance import versions
 from ..base.quantities import to_text
 from ..base.text import comma_separated
-from ..budget import ErrorBudget, Judged, judged
-from ..studies.compare import FLOOR, LeakageFactor
+from ..budget import ErrorBudget, WidestBand, widest_band
+from ..studies.curve_distance import FLOOR, LeakageFactor
 from .accuracy_plan import Plan, Variant, by
 
 if TYPE_CHECKING:
@@ -56,13 +56,13 @@ class Solution:
     budget: ErrorBudget | None = None
 
     @property
-    def judged(self) -> Judged | None:
+    def widest_band(self) -> WidestBand | None:
         """The widest band of the budget at loads that leak more than 1e-3 of the first; None: failed."""
-        return None if self.budget is None else judged(self.budget)
+        return None if self.budget is None else widest_band(self.budget)
 
     def is_within(self, accuracy: float) -> bool:
         """Whether measured error and budget are within an accuracy, a share, and nothing is closed or failed."""
-        found, first = self.judged, self.comparisons[0]
+        found, first = self.widest_band, self.comparisons[0]
         if found is None or not found.half_width <= np.log1p(accuracy):
             return False
         branches = [branch for branch in (first.loading, first.unloading) if branch.loads or branch.closed]
@@ -121,7 +121,7 @@ class AccuracyReport:
                     "seconds": solution.seconds,
                     "against": comparison.against.label,
                 }
-                if (budget := solution.judged) is not None:
+                if (budget := solution.widest_band) is not None:
                     row |= {"budget_factor": _or_none(np.exp(budget.half_width)), "budget_limit": budget.limit}
                 else:
                     row |= {"budget_factor": None, "budget_limit": None}
@@ -248,7 +248,7 @@ def _factor_text(factor: LeakageFactor) -> str:
 
 
 def _budget_text(solution: Solution) -> str:
-    if (found := solution.judged) is None:
+    if (found := solution.widest_band) is None:
         return "failed"
     factor = float(np.exp(found.half_width))
     return "–" if not isfinite(factor) else f"{factor:.3g}" if factor < 1e4 else f"{factor:.0e}"
@@ -276,7 +276,7 @@ def _as_dictionary(solution: Solution) -> dict[str, Any]:
 
 
 def _budget(budget: ErrorBudget) -> dict[str, Any]:
-    found = judged(budget)
+    found = widest_band(budget)
     return {
         "factor": _or_none(np.exp(found.half_width)),
         "limit": found.limit,

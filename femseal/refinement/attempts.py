@@ -14,7 +14,7 @@ from ..base.errors import FemsealError, NotKept
 from ..base.machine import free_memory
 from ..base.stage import Mapper, Stage
 from ..base.text import duration, format_deviation
-from ..budget import CoarserSolution, ErrorBudget, error_budget, judged
+from ..budget import CoarserSolution, ErrorBudget, error_budget, widest_band
 from ..preparation.check_memory import START_MEMORY
 from ..preparation.settings import Settings, expected_cost, has_windows, settled, time_limit
 from ..studies import StochasticResult
@@ -271,7 +271,7 @@ def _judged(
     prepared: Prepared, budget: ErrorBudget, seconds: float, with_coarse: float, windows: int | None
 ) -> Attempt:
     assert prepared.settings is not None
-    found = judged(budget)
+    found = widest_band(budget)
     return Attempt(
         settings=prepared.settings,
         points=prepared.scene.surface.shape,

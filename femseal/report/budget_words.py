@@ -8,7 +8,7 @@ import numpy as np
 
 from ..base.text import format_deviation
 from ..budget import ErrorBudget
-from ..studies.compare import FLOOR
+from ..studies.curve_distance import FLOOR
 
 if TYPE_CHECKING:
     from ..results.results import Results

@@ -14,7 +14,7 @@ from ..base.quantities import to_text
 from ..results.attempts_table import as_chosen
 from ..results.summary import solvers_text
 from ..results.tables import format_error_band, format_leakage, in_several_units
-from ..studies.compare import FLOOR, leakage_factor
+from ..studies.curve_distance import FLOOR, leakage_factor
 from .load_words import load_sentences
 
 if TYPE_CHECKING:

@@ -19,7 +19,7 @@ from ..base.quantities import to_text
 from ..base.text import Plotted, comma_separated, room
 from ..base.text_table import TextTable
 from ..loads import LoadStep
-from ..studies.compare import closing_load
+from ..studies.curve_distance import closing_load
 from .netcdf import open_results
 from .results import Results
 from .tables import format_leakage

@@ -30,8 +30,8 @@ from ..library import LibraryTable
 from ..loads import LoadProgramme, LoadStep
 from ..seal import NARROWEST
 from ..studies import DeterministicResult, Scene, StochasticResult, TwoScaleResult
-from ..studies.between_loads import at_all_steps
 from ..studies.link_flow import link_flow
+from ..studies.load_interpolation import at_all_steps
 from .selections import INTERPOLATED
 
 if TYPE_CHECKING:

@@ -14,7 +14,7 @@ from ..loads import LoadProgramme
 from ..refinement.attempts import Solve
 from ..refinement.budgeted import leakage_of
 from ..studies import Scene
-from ..studies.between_loads import Array, Indices, branches, left_out_errors, numbers_of
+from ..studies.load_interpolation import Array, Indices, branches, left_out_errors, numbers_of
 
 if TYPE_CHECKING:
     from ..preparation.preparation import Prepared

@@ -19,10 +19,10 @@ from ..preparation.settings import fixed, time_limit
 from ..preparation.study_costs import study_cost
 from ..refinement.budgeted import coarser_grids, filtered_input
 from ..results.pixel_fields import fields_size
-from ..studies import FluidState, Sampling, Scene, drop_ratio, laid_out, placed_windows
+from ..studies import FluidState, Sampling, Scene, count_face_windows, drop_ratio, lay_out_windows
 from ..studies.costs import Effort, usual_efforts
 from ..studies.deterministic import STEP_BYTES
-from ..studies.local_pressure import map_text
+from ..studies.window_pressures import describe_map
 from ..windows import Partition
 from .pilot import efforts, pace
 
@@ -86,7 +86,7 @@ def describe(case: Case, prepared: Prepared) -> list[str]:
         highest += f"; at most: those that {100 * case.load.interpolate:.3g} % allows are interpolated"
     lines.append(_line("load", f"{steps} states: {steps - down} loading{unloading}, up to {highest}"))
     lines.append(_line("flow", f"discretisation {scene.discretisation}, solver {scene.solver}"))
-    lines += _gas_lines(scene)
+    lines += _law_lines(scene)
     lines += _accuracy_lines(case, prepared)
     if prepared.choice:
         lines.append(_line("method", f"{prepared.method}: {prepared.choice}"))
@@ -108,7 +108,7 @@ def describe(case: Case, prepared: Prepared) -> list[str]:
             lines.append(_line("two-scale", text))
         if prepared.sampling is not None:
             sampling = prepared.sampling
-            laid, *others = laid_out(scene.layout, partition, sampling)
+            laid, *others = lay_out_windows(scene.layout, partition, sampling)
             length, *more = (to_text(one.seal.size[1], "m", 3) for one in (laid, *others))
             text = (
                 f"{_library(prepared, sampling, partition)} (pressure: {sampling.pressure}, "
@@ -118,7 +118,7 @@ def describe(case: Case, prepared: Prepared) -> list[str]:
             lines.append(_line("stochastic", text))
             if str(scene.layout) != "a strip":
                 lines.append(_line("seal", str(scene.layout)))
-            if uneven := map_text(scene, laid, sampling.pressure_map):
+            if uneven := describe_map(scene, laid, sampling.pressure_map):
                 lines.append(_line("pressure map", uneven))
     if prepared.filtered is not None:
         points = " × ".join(map(str, prepared.filtered.surface.shape))
@@ -203,12 +203,15 @@ def _accuracy_lines(case: Case, prepared: Prepared) -> list[str]:
     return lines
 
 
-def _gas_lines(scene: Scene) -> list[str]:
-    """What slip does to the flow of a gas in a gap of the rms height."""
-    if (drop := scene.flow.drop) is None:
+def _law_lines(scene: Scene) -> list[str]:
+    """What the law of the fluid does to the flow in a gap of the rms height, where it is not the cubic one."""
+    drop = scene.flow.drop
+    if drop.law.homogeneous:
         return []
     ends = [max(p, drop.least_pressure) for p in (drop.inlet, drop.outlet)]
-    at_inlet, at_outlet = drop.gas.flow_factor(scene.surface.rms_height, ends)
+    at_inlet, at_outlet = drop.law.factor(scene.surface.rms_height, ends)
+    if not drop.law.depends_on_pressure:
+        return [_line("slip", f"{at_inlet:.3g} times the viscous flow in a gap of the rms height")]
     text = (
         f"slips: {at_inlet:.3g} (inlet) to {at_outlet:.3g} (outlet) times the viscous flow in a gap of the rms height; "
         f"permeability of windows at {drop.pressures.size} pressures, other flow solved 3 to 5 times"
@@ -303,7 +306,7 @@ def _library(prepared: Prepared, sampling: Sampling, partition: Partition) -> st
     """The windows of a library that are used, and how many of them do not overlap."""
     if sampling.pressure != "place":
         return f"{sampling.library_cells} library windows"
-    used, of_face = placed_windows(sampling, partition), partition.cells[0] * partition.cells[1]
+    used, of_face = count_face_windows(sampling, partition), partition.cells[0] * partition.cells[1]
     asked = f", not {sampling.library_cells}" if sampling.library_cells != used else ""
     again = f", the {of_face} of the face cut {used // of_face} times" if used > of_face else " of the face"
     return f"{used} library windows{again}{asked}, contact {_contact(prepared)}"

@@ -11,10 +11,10 @@ import numpy as np
 
 from .scene import Array, Scene
 
-#: Fraction of the contact pressure from which on the pressure at the inlet lifts the faces noticeably.
-LIFTING_FRACTION = 0.5
-#: Ratio of leakage with and without it above which the effect is stated.
-_LARGE = 1.2
+#: Share of the contact pressure from which on the pressure at the inlet lifts the faces noticeably.
+RELIEF_FRACTION = 0.5
+#: Ratio of leakage with and without it above which the effect is told.
+_TOLD = 1.2
 _POINTS = 201
 
 
@@ -24,7 +24,7 @@ def carried_pressure(scene: Scene) -> float:
     return max(float(scene.pressure_at((np.arange(_POINTS) + 0.5) / _POINTS).mean()) - around, 0.0)
 
 
-def leakage_with_fluid_load(scene: Scene, leakage: Array) -> Array:
+def relieved_leakage(scene: Scene, leakage: Array) -> Array:
     """Leakage at every step if the fluid carries its part of the load, interpolated between the steps (steps,).
 
     ln of the leakage is straight in the nominal pressure between steps of one branch, a peak being the first of its
@@ -52,15 +52,15 @@ def leakage_with_fluid_load(scene: Scene, leakage: Array) -> Array:
     return found
 
 
-def fluid_load_warning(scene: Scene, leakage: Array) -> str:
+def relief_warning(scene: Scene, leakage: Array) -> str:
     """A sentence on the largest effect of the fluid pressure on leakage; "" where it is small, or no step tells."""
     given = np.asarray(leakage, dtype=float)
     with np.errstate(divide="ignore", invalid="ignore"):
-        ratio = leakage_with_fluid_load(scene, given) / given
-    large = np.flatnonzero(np.isfinite(ratio) & (ratio > _LARGE))
-    if not large.size:
+        ratio = relieved_leakage(scene, given) / given
+    told = np.flatnonzero(np.isfinite(ratio) & (ratio > _TOLD))
+    if not told.size:
         return ""
-    worst = large[int(np.argmax(ratio[large]))]
+    worst = told[int(np.argmax(ratio[told]))]
     return (
         f"the fluid lifts the faces, which is left out: with the part of the load that it carries, leakage at "
         f"{scene.steps[worst].name} would be about {ratio[worst]:.2g} times that given"

@@ -6,8 +6,8 @@ from collections.abc import Iterable, Iterator
 from math import isfinite
 
 from ..base.quantities import to_text
-from ..fluids import IdealGas
-from .fluid_load import LIFTING_FRACTION, carried_pressure
+from ..fluids import leak_basis
+from .fluid_load import RELIEF_FRACTION, carried_pressure
 from .scene import Scene
 
 #: Young's moduli of metals, and of hard coatings, lie between these [Pa]; contact moduli between half of the lower one
@@ -19,12 +19,12 @@ _FLATTENING_SHARE = 0.5
 _STEEP = 1.0
 
 
-def odd_in_scene(scene: Scene) -> tuple[str, ...]:
+def scene_warnings(scene: Scene) -> tuple[str, ...]:
     """One sentence for each odd thing in a scene."""
     return (*_odd_modulus(scene), *_odd_pressures(scene), *_odd_surface(scene))
 
 
-def odd_moduli(young: Iterable[tuple[str, float]]) -> Iterator[str]:
+def moduli_warnings(young: Iterable[tuple[str, float]]) -> Iterator[str]:
     """One sentence for each Young's modulus [Pa], given with its name, that is not that of a metal."""
     low, high = YOUNG_LIMITS
     for name, value in young:
@@ -42,7 +42,7 @@ def _odd_modulus(scene: Scene) -> Iterator[str]:
 
 def _odd_pressures(scene: Scene) -> Iterator[str]:
     inlet, steps = scene.inlet_pressure, scene.steps
-    lifted = [step for step in steps if step.pressure > 0 and inlet > LIFTING_FRACTION * step.pressure]
+    lifted = [step for step in steps if step.pressure > 0 and inlet > RELIEF_FRACTION * step.pressure]
     if lifted:
         least, carried = min(step.pressure for step in lifted), carried_pressure(scene)
         like = (
@@ -52,10 +52,10 @@ def _odd_pressures(scene: Scene) -> Iterator[str]:
         )
         yield (
             f"the fluid's {to_text(inlet, 'Pa')} at the inlet is {inlet / least:.2g} times the contact pressure of "
-            f"{to_text(least, 'Pa')}, and more than {LIFTING_FRACTION:.0%} of it at {len(lifted)} of {len(steps)} load "
+            f"{to_text(least, 'Pa')}, and more than {RELIEF_FRACTION:.0%} of it at {len(lifted)} of {len(steps)} load "
             f"steps: the model leaves out that the fluid lifts the faces ({like}), so that leakage is too small there"
         )
-    if isinstance(scene.fluid, IdealGas) and scene.outlet_pressure == 0:
+    if leak_basis(scene.fluid, 1.0).is_gas and scene.outlet_pressure == 0:
         yield (
             "fluid.outlet_pressure 0 Pa of a gas is absolute, a vacuum: into the surroundings it is 101.3 kPa, and "
             "pressures above those of the surroundings need as much added"

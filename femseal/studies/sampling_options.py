@@ -91,7 +91,7 @@ def chosen_sampler(sampling: Sampling, scene: Scene, contact: str | None = None)
     return sampling.sampler_of_links
 
 
-def laid_out(layout: Layout, partition: Partition, sampling: Sampling) -> tuple[SealWindows, ...]:
+def lay_out_windows(layout: Layout, partition: Partition, sampling: Sampling) -> tuple[SealWindows, ...]:
     """Windows of a face laid out over the seal that is drawn, and over those of the other lengths.
 
     Raises
@@ -125,7 +125,7 @@ def _laid_out(layout: Layout, partition: Partition, sampling: Sampling) -> SealW
     return laid
 
 
-def placed_windows(sampling: Sampling, partition: Partition) -> int:
+def count_face_windows(sampling: Sampling, partition: Partition) -> int:
     """Number of windows that the pressure "place" takes from a face: all of its windows, once for every shift."""
     of_face = partition.cells[0] * partition.cells[1]
     if sampling.sampler == "runs":

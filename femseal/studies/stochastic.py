@@ -19,17 +19,17 @@ from ..seal import RectangularSeal
 from ..seal.layouts import SealWindows
 from ..seal.linked import LinkWindows
 from ..windows import Failed, Partition, SolverCounts, attempt
-from .chained import StateRuns, chained_seals
-from .equal_states import first_equal_draws, repeated
-from .followed import windows_under_global_contact, windows_under_uniform_pressure
+from .face_windows import windows_in_place
+from .ladder_windows import windows_under_global_contact, windows_under_uniform_pressure
 from .median_seal import MOST_VALUES, drawn_permeability, median_chain, median_seal, nearest_to_median
-from .placed import windows_in_place
-from .plausibility import odd_in_scene
-from .sampling_options import Sampling, check_sampling, chosen_sampler, laid_out
+from .plausibility import scene_warnings
+from .repeated_steps import first_equal_draws, repeated
+from .run_chains import StateRuns, chained_seals
+from .sampling_options import Sampling, check_sampling, chosen_sampler, lay_out_windows
 from .scene import Array, Scene
-from .sources import PlacedLibrary, Source, Tables, Wanted, WindowSupply
 from .stochastic_result import StochasticResult
 from .two_scale import TwoScaleResult
+from .window_supply import FaceLibrary, Source, Tables, WindowRequest, WindowSupply
 
 #: For a given `width`: how often realisations and windows are added, and up to what multiple of the given numbers.
 ROUNDS, GROWTH = 4, 8
@@ -108,9 +108,9 @@ def _draw(
     mapper: Mapper,
 ) -> StochasticResult:
     partition = Partition(scene.surface.shape, scene.surface.spacing, cells)
-    every = laid_out(scene.layout, partition, sampling)
+    every = lay_out_windows(scene.layout, partition, sampling)
     longest = max(every, key=lambda laid: laid.draws[0][1])
-    supply = SOURCES[sampling.pressure](Wanted(scene, partition, sampling, longest, two_scale, contact, mapper))
+    supply = SOURCES[sampling.pressure](WindowRequest(scene, partition, sampling, longest, two_scale, contact, mapper))
     of = _of_runs if sampling.sampler == "runs" else _of_windows
     first, *others = (of(scene, partition, sampling, supply, laid, mapper) for laid in every)
     library = supply.library
@@ -121,7 +121,7 @@ def _draw(
         window=partition.window,
         other_lengths=tuple(others),
         failures=library.failures + first.failures + tuple(failures),
-        warnings=odd_in_scene(scene) + first.warnings + supply.warnings,
+        warnings=scene_warnings(scene) + first.warnings + supply.warnings,
         solvers=library.counts.solvers
         + SolverCounts.total(state.solvers for state in supply.runs if isinstance(state, StateRuns))
         + SolverCounts.total(seals.solvers for seals in (first, *others)),
@@ -147,7 +147,7 @@ def _of_windows(
     leakage, *bounds = np.array([r.leakage for r in drawn[:count]]).transpose(1, 0, 2)
     lower, upper = bounds or (None, None)
     chosen = nearest_to_median(leakage) if len(laid.outlines) * len(scene.steps) <= MOST_VALUES else None
-    pressures = 1 if scene.flow.drop is None else scene.flow.drop.pressures.size
+    pressures = scene.flow.drop.pressures.size
     again = Stage("median seal", partial(median_seal, **shared, kinds=kinds[:pressures]))
     medians = [] if chosen is None else list(mapper(again, [chosen]))
     return StochasticResult(
@@ -194,8 +194,8 @@ def _of_runs(
         library=supply.library,
         leakage=drawn.leakage,
         leakage_resampled=drawn.resampled if sampling.resampled else None,
-        leakage_closed_cuts=drawn.closed,
-        leakage_held_cuts=drawn.held,
+        leakage_neumann_cuts=drawn.closed,
+        leakage_dirichlet_cuts=drawn.held,
         leakage_of_face=drawn.of_face,
         median_seal=None if chosen is None else median_chain(chosen, **shown, pressure=pressure),
         failures=tuple(
@@ -234,11 +234,11 @@ def _realise(
     """Draw one seal and solve its flow at every step.
 
     The same random numbers draw the same windows from each kind of tables. `resampled` draws a new library from the
-    library, and takes the values without their bounds. Of a gas with slip each kind has a table for every pressure.
+    library, and takes the values without their bounds. Each kind has a table for every pressure of the drop.
     first : number of the first step with the same windows.
     """
     steps, drop = scene.steps, scene.flow.drop
-    pressures = 1 if drop is None else drop.pressures.size
+    pressures = drop.pressures.size
     if resampled:
         kinds = tuple(_resample(tables, sampling.seed, realisation, independent) for tables in kinds[:pressures])
     leakage = np.full((len(kinds) // pressures, len(steps)), np.nan)
@@ -260,9 +260,9 @@ def _realise(
     return Realisation(leakage, tuple(failures), solvers)
 
 
-def _grown(windows: int, sampling: Sampling, library: LadderLibrary | PlacedLibrary, most: int) -> int:
+def _grown(windows: int, sampling: Sampling, library: LadderLibrary | FaceLibrary, most: int) -> int:
     """Size of the next library: windows that overlap others lessen no error."""
-    if isinstance(library, PlacedLibrary):
+    if isinstance(library, FaceLibrary):
         return sampling.library_cells
     return max(sampling.library_cells, min(windows, most, library.tiles))
 

@@ -18,7 +18,7 @@ from ..seal.layouts import SizedSeal
 from ..windows import SolverCounts
 from .median_seal import MedianSeal
 from .scene import Array
-from .sources import PlacedLibrary
+from .window_supply import FaceLibrary
 
 
 @dataclass(frozen=True, repr=False)
@@ -32,9 +32,9 @@ class StochasticResult(Shown):
     leakage_lower_bound, leakage_upper_bound : of the realisations in `leakage`, with the bounds of every window's
         permeability; None without bounds. They enclose the flow through gaps constant on each pixel: their distance
         says how well the pixels resolve the gaps.
-    leakage_closed_cuts, leakage_held_cuts : of the realisations in `leakage`, with the cuts between runs of columns
-        closed, and held at one profile of the fluid pressure; None unless the sampler is "runs". The leakage of a chain
-        of these runs lies between them.
+    leakage_neumann_cuts, leakage_dirichlet_cuts : of the realisations in `leakage`, if nothing flows through the cuts
+        between runs of columns, and if the fluid pressure has one profile along all of them; None unless the sampler is
+        "runs". The leakage of a chain of these runs lies between them.
     leakage_of_face : of the face itself, whose runs they are; None unless the sampler is "runs".
     other_lengths : seals of the other lengths that were asked for, drawn from the same library; the same realisation of
         a longer seal begins with that of a shorter one.
@@ -48,7 +48,7 @@ class StochasticResult(Shown):
 
     steps: LoadProgramme
     seal: SizedSeal
-    library: LadderLibrary | PlacedLibrary = field(repr=False)
+    library: LadderLibrary | FaceLibrary = field(repr=False)
     leakage: Array = declared("leakage", "m^2/s", "leakage per unit seal length, realisations", REALISATION)
     leakage_resampled: Array | None = declared(
         "leakage_resampled", "m^2/s", "leakage per unit seal length, resampled library", REALISATION
@@ -59,11 +59,11 @@ class StochasticResult(Shown):
     leakage_upper_bound: Array | None = declared(
         "leakage_upper_bound", "m^2/s", "upper bound of leakage per unit seal length", REALISATION, default=None
     )
-    leakage_closed_cuts: Array | None = declared(
-        "leakage_closed_cuts", "m^2/s", "leakage per unit seal length, cuts closed", REALISATION, default=None
+    leakage_neumann_cuts: Array | None = declared(
+        "leakage_closed_cuts", "m^2/s", "leakage per unit seal length, Neumann cuts", REALISATION, default=None
     )
-    leakage_held_cuts: Array | None = declared(
-        "leakage_held_cuts", "m^2/s", "leakage per unit seal length, cuts held", REALISATION, default=None
+    leakage_dirichlet_cuts: Array | None = declared(
+        "leakage_held_cuts", "m^2/s", "leakage per unit seal length, Dirichlet cuts", REALISATION, default=None
     )
     leakage_of_face: Array | None = declared(
         "leakage_of_face",
@@ -87,7 +87,7 @@ class StochasticResult(Shown):
         "realisation_spread": Field("realisation_spread", "1", "standard deviation of ln(leakage), realisations", STEP),
         "library_error": Field("library_error", "1", "standard deviation of ln(leakage), finite library", STEP),
         "cut_error": Field(
-            "cut_error", "1", "half the distance of ln(leakage) with held and with closed cuts between runs", STEP
+            "cut_error", "1", "half the distance of ln(leakage) with Dirichlet and with Neumann cuts between runs", STEP
         ),
         "sealed_fraction": Field(
             "sealed_fraction", "1", "fraction of the realisations without leakage", STEP, "sealed [%]"
@@ -146,15 +146,16 @@ class StochasticResult(Shown):
 
     @property
     def cut_error(self) -> Array | None:
-        """Half the distance of ln(leakage) with held and with closed cuts, at every step; None unless of runs.
+        """Half the distance of ln(leakage) with Dirichlet and with Neumann cuts, at every step; None unless of runs.
 
         It is inf where no run leaks by itself, NaN without leakage.
         """
-        if self.leakage_closed_cuts is None or self.leakage_held_cuts is None:
+        if self.leakage_neumann_cuts is None or self.leakage_dirichlet_cuts is None:
             return None
-        closed, held = (self._at_every_step(np.mean, q) for q in (self.leakage_closed_cuts, self.leakage_held_cuts))
+        cuts = self.leakage_neumann_cuts, self.leakage_dirichlet_cuts
+        neumann, dirichlet = (self._at_every_step(np.mean, leakage) for leakage in cuts)
         with np.errstate(divide="ignore", invalid="ignore"):
-            return np.asarray(0.5 * np.log(held / closed))
+            return np.asarray(0.5 * np.log(dirichlet / neumann))
 
     def too_few(self, *quantiles: float) -> str:
         """A warning with the number of realisations that the quantiles need, if there are fewer; otherwise ""."""

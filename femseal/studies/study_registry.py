@@ -10,7 +10,7 @@ from ..base.stage import Mapper
 from ..windows import Partition
 from .costs import Effort, deterministic_cost, pressures_of_gas, stochastic_cost, two_scale_cost
 from .deterministic import DeterministicResult, deterministic
-from .sampling_options import Sampling, laid_out
+from .sampling_options import Sampling, lay_out_windows
 from .scene import Array, Scene
 from .stochastic import stochastic
 from .stochastic_result import StochasticResult
@@ -108,7 +108,7 @@ def _cost_stochastic(scene: Scene, options: StudyOptions, efforts: Sequence[Effo
     cells, sampling, points = options.cells, options.sampling, scene.surface.shape
     assert cells is not None
     assert sampling is not None
-    every = laid_out(scene.layout, Partition(points, scene.surface.spacing, cells), sampling)
+    every = lay_out_windows(scene.layout, Partition(points, scene.surface.spacing, cells), sampling)
     # seals of all lengths take the work of one as long as all of them together
     seal = every[0].unknowns[0], sum(laid.unknowns[1] for laid in every)
     return stochastic_cost(efforts, points, cells, sampling, seal, options.contact, pressures_of_gas(scene))

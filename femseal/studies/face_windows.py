@@ -9,12 +9,12 @@ import numpy as np
 from ..base.errors import FemsealError
 from ..library import LibraryTable, LinkTable, correlation_length
 from ..windows import SolveCounts
-from .chained import StateRuns, runs_of_face
 from .face_contact import solve_windows
-from .sampling_options import placed_windows
+from .run_chains import StateRuns, runs_of_face
+from .sampling_options import count_face_windows
 from .scene import Array
-from .sources import PlacedLibrary, Wanted, WindowSupply
 from .two_scale import TwoScaleResult
+from .window_supply import FaceLibrary, WindowRequest, WindowSupply
 from .windows import LinkFlows, WindowContacts, solve_links
 
 #: Length of runs of columns in correlation lengths; a run has at most all columns of the face. Where runs meet, the
@@ -23,7 +23,7 @@ from .windows import LinkFlows, WindowContacts, solve_links
 RUN_LENGTHS = 10
 
 
-def windows_in_place(wanted: Wanted) -> WindowSupply:
+def windows_in_place(wanted: WindowRequest) -> WindowSupply:
     """Take all windows of the face at their places; if more are wanted, move them along it by fractions of a window.
 
     The sampler "runs" takes runs of their columns instead of links.
@@ -37,23 +37,23 @@ def windows_in_place(wanted: Wanted) -> WindowSupply:
     contact = two_scale or solve_windows(scene, partition.cells, wanted.contact, mapper=mapper)
     if wanted.sampling.sampler == "runs":
         return _runs_in_place(wanted, contact)
-    shifts = placed_windows(wanted.sampling, partition) // (m1 * m2)
+    shifts = count_face_windows(wanted.sampling, partition) // (m1 * m2)
     moved = [n * w2 // shifts for n in range(shifts)]
     known = {}
     if two_scale is not None and two_scale.link_flows is not None:
         # counts and failures of the two-scale study are in its own result
         flows_before = enumerate(two_scale.link_flows)
-        known = {(axis, 0): LinkFlows(flow.k, at_pressures=flow.at_pressures) for axis, flow in flows_before}
+        known = {(axis, 0): LinkFlows(flow.at_pressures) for axis, flow in flows_before}
     flows = [
         [known.get((axis, s)) or solve_links(contact.fields, axis, scene.flow, shift=s, mapper=mapper) for s in moved]
         for axis in (0, 1)
     ]
-    # (pressures, steps, rows, columns), of which there is one pressure without slip
-    every_k1, every_k2 = _without_failed(*(np.concatenate([f.all for f in along], axis=3) for along in flows))
+    # (pressures, steps, rows, columns)
+    every_k1, every_k2 = _without_failed(*(np.concatenate([f.at_pressures for f in along], axis=3) for along in flows))
     k1, k2 = every_k1[0], every_k2[0]
     length = float(np.mean([correlation_length(k1[:, :, n * m2 : (n + 1) * m2]) for n in range(shifts)]))
     every = flows[0] + flows[1]
-    library = PlacedLibrary(
+    library = FaceLibrary(
         k1=k1,
         k2=k2,
         curves=_curves(contact, flows[0][0].k),
@@ -76,13 +76,13 @@ def windows_in_place(wanted: Wanted) -> WindowSupply:
     return WindowSupply(library, tables, node_rows, () if two_scale else contact.warnings)
 
 
-def _runs_in_place(wanted: Wanted, contact: TwoScaleResult | WindowContacts) -> WindowSupply:
+def _runs_in_place(wanted: WindowRequest, contact: TwoScaleResult | WindowContacts) -> WindowSupply:
     known = contact is wanted.two_scale
     runs = runs_of_face(contact.fields, wanted.laid.draws[0][1], wanted.scene.flow.drop, mapper=wanted.mapper)
     missing = np.full(wanted.partition.cells, np.nan)
     k = np.array([state.k if isinstance(state, StateRuns) else missing for state in runs])
     solved = k[np.isfinite(k[:, 0, 0])]
-    library = PlacedLibrary(
+    library = FaceLibrary(
         k1=None,
         k2=None,
         curves=_curves(contact, k),

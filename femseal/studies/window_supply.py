@@ -10,7 +10,7 @@ from ..base.text import Shown
 from ..library import LadderLibrary, LibraryTable, LinkTable
 from ..seal.layouts import SealWindows
 from ..windows import Failed, Partition, SolveCounts
-from .chained import StateRuns
+from .run_chains import StateRuns
 from .sampling_options import Sampling
 from .scene import Array, Scene
 from .two_scale import TwoScaleResult
@@ -20,7 +20,7 @@ Tables = tuple[LinkTable, LinkTable]
 
 
 @dataclass(frozen=True)
-class Wanted:
+class WindowRequest:
     """Request for windows, which a source answers with a `WindowSupply`.
 
     scene, partition : the face and its windows. sampling : how the seal is drawn. laid : the windows of the seal.
@@ -43,13 +43,13 @@ class WindowSupply:
 
     library : the windows.
     tables : the tables from which links along x1 and along x2 are drawn; with bounds also those of the lower and of the
-        upper bounds. Of a gas with slip there are as many of each as it has pressures. None with runs.
+        upper bounds. There are as many of each as the drop has pressures. None with runs.
     node_rows : x1 of the rows of nodes [m]; empty if they are equidistant.
     warnings : reasons to doubt the result.
     runs : of columns of the face at every step, for the sampler "runs".
     """
 
-    library: LadderLibrary | PlacedLibrary
+    library: LadderLibrary | FaceLibrary
     tables: tuple[Tables, ...]
     node_rows: tuple[float, ...] = ()
     warnings: tuple[str, ...] = ()
@@ -57,11 +57,11 @@ class WindowSupply:
 
 
 #: A source of windows: takes a request and returns the windows.
-Source = Callable[[Wanted], WindowSupply]
+Source = Callable[[WindowRequest], WindowSupply]
 
 
 @dataclass(frozen=True, repr=False)
-class PlacedLibrary(Shown):
+class FaceLibrary(Shown):
     """Windows of a face at their places.
 
     k1, k2 : permeability of links along x1 (steps, rows, columns) and x2 (steps, rows − 1, columns) [m³]. Columns come

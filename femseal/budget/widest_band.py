@@ -7,13 +7,13 @@ from math import inf
 
 import numpy as np
 
-from ..studies.compare import FLOOR
+from ..studies.curve_distance import FLOOR
 from ..studies.scene import Array
 from .error_parts import ErrorBudget
 
 
 @dataclass(frozen=True)
-class Judged:
+class WidestBand:
     """The widest band of a budget at the loads that count, see `counting_steps`.
 
     half_width : of ln(leakage), see `ErrorBudget.half_width`; inf where it is unknown or has no end. step : index of
@@ -39,12 +39,12 @@ def counting_steps(budget: ErrorBudget) -> np.ndarray:
     return np.flatnonzero((q > FLOOR * (q[0] if np.isfinite(q[0]) else 0.0)) | np.isnan(q))
 
 
-def judged(budget: ErrorBudget) -> Judged:
+def widest_band(budget: ErrorBudget) -> WidestBand:
     """Judge a budget. Pixels of which nothing is known have no end."""
     steps = counting_steps(budget)
     widths = np.nan_to_num(np.asarray(budget.half_width())[steps], nan=inf, posinf=inf)
     parts = {"pixels": inf} | {name: _largest(width[steps]) for name, width in budget.widths().items()}
-    return Judged(
+    return WidestBand(
         half_width=max(_largest(widths), inf if np.isinf(parts["pixels"]) else 0.0),
         step=int(steps[np.argmax(widths)]) if steps.size else 0,
         limit=max(parts, key=lambda name: parts[name]),
