@@ -133,7 +133,7 @@ def test_results_tell_the_classes_that_every_step_reaches(studied):
             assert tightest[:1] == [name for name in told.split(", ") if name.startswith(family)]
     assert any("a seat of 50 mm is about 157 mm long" in text for text in results.warnings)
     assert results.table().heads[-1] == "class"
-    assert "share_in_ISO_5208_A" in csv_text(results).splitlines()[0]
+    assert "fraction_in_ISO_5208_A" in csv_text(results).splitlines()[0]
     page = report_html(results)
     assert "reached on loading" in page
     assert "kept on unloading from 400 MPa" in page

@@ -23,6 +23,7 @@ from ..windows.window_fields import ContactPressure, WindowFields
 from .deterministic import state_memory
 from .element_face import flow_through_elements
 from .face_contact import solve_windows
+from .plausibility import scene_warnings
 from .repeated_steps import first_equal, map_different, repeated
 from .scene import Array, FaceFlow, FaceLeakage, Scene, resolved_flow
 from .windows import LinkFlows, WindowContacts, solve_links
