@@ -55,8 +55,8 @@ class TextTable:
         first = 1 if self.grouped else 0
         for n, head in list(enumerate(self.heads or self.lines[0]))[first:]:
             text = fill(head, self.wrap, break_long_words=False) if self.wrap else head
-            side = "left" if n < self.names else "right"
-            table.add_column(plain(text) if self.heads else "", justify=side, overflow="fold")
+            name = plain(text) if self.heads else ""
+            table.add_column(name, justify="left" if n < self.names else "right", overflow="fold")
         former = None
         for line in self.lines:
             if self.grouped and line[0] != former:

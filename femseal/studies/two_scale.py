@@ -74,6 +74,7 @@ class TwoScaleResult(Shown):
     partition: Partition = field(repr=False)
     flow: str
     contact: str
+    fields: WindowFields
     leakage: Array = declared(
         "leakage_two_scale", "m^2/s", "leakage per unit seal length, two-scale", STEP, heading="two-scale"
     )
@@ -89,7 +90,6 @@ class TwoScaleResult(Shown):
     face_fluid_pressure: NDArray[np.float32] | None = declared(
         "fluid_pressure", "Pa", "fluid pressure, NaN in contact and in pockets", PIXEL, in_si=True
     )
-    fields: WindowFields
     gap_error: Array = declared(
         "gap_error", "1", "error of the gap of windows, estimated by the half-space of the whole face", STEP
     )
