@@ -13,6 +13,8 @@ _MOST_FAULTS = 20
 _LONGEST_KEY = 40
 #: Longest message about keys together; of a longer one the end is left out, such as that of a list of what is allowed.
 _LONGEST_FAULT = 400
+#: Fields of a case that are no keys of its file.
+INTERNAL = ("folder", "fluid_warnings")
 #: What took the place of keys that are gone.
 _REPLACED = {"stochastic.profile": 'map = { kind = "profile", shares = [...] } in the table load, in its place'}
 #: What pydantic's words for values of another type are in those of the file.
@@ -47,7 +49,7 @@ def _line(case: type[BaseModel], error: dict[str, Any]) -> str:
     if kind == "extra_forbidden" and key in _REPLACED:
         return f"{key}: given {shown(given)}, allowed is {_REPLACED[key]}"
     if kind == "extra_forbidden":
-        return f"{key}: unknown key, allowed are {', '.join(n for n in tables[0].model_fields if n != 'folder')}"
+        return f"{key}: unknown key, allowed are {', '.join(n for n in tables[0].model_fields if n not in INTERNAL)}"
     if kind == "missing":
         return f"{key}: missing"
     if kind == "too_short":

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -18,6 +19,7 @@ from ..preparation.preparation import Prepared, shares_contact
 from ..preparation.settings import fixed, time_limit
 from ..preparation.study_costs import study_cost
 from ..refinement.budgeted import coarser_grids, filtered_input
+from ..report.case_text import contact_text, fluid_text, solids_text
 from ..results.fields import fields_size
 from ..scales import Partition
 from ..studies import FluidState, Sampling, Scene, count_face_windows, drop_ratio, laid_out
@@ -85,6 +87,9 @@ def describe(case: Case, prepared: Prepared) -> list[str]:
     if case.load.interpolate is not None:
         highest += f"; at most: those that {100 * case.load.interpolate:.3g} % allows are interpolated"
     lines.append(_line("load", f"{steps} states: {steps - down} loading{unloading}, up to {highest}"))
+    lines.append(_line("material", solids_text(case.echo())))
+    lines.append(_line("", contact_text(scene.modulus, scene.hardness)))
+    lines += [_line("fluid", text) for text in _fluid_texts(case)]
     lines.append(_line("flow", f"discretisation {scene.discretisation}, solver {scene.solver}"))
     lines += _gas_lines(scene)
     lines += _accuracy_lines(case, prepared)
@@ -137,6 +142,15 @@ def describe(case: Case, prepared: Prepared) -> list[str]:
     lines.append(_line("disk", _disk_text(disk(case, prepared), steps)))
     lines += [_line("warning", text) for text in prepared.warnings]
     return lines
+
+
+def _fluid_texts(case: Case) -> Iterator[str]:
+    """The fluid with its pressures, and a test fluid with its own."""
+    for table, what in ((case.fluid, ""), (case.output.test_fluid, "test fluid: ")):
+        if table is not None:
+            inlet, outlet = (to_text(p, "Pa") for p in (table.inlet_pressure, table.outlet_pressure))
+            text = fluid_text(table.model_dump(exclude_none=True), str(table.fluid))
+            yield f"{what}{text}, from {inlet} to {outlet}"
 
 
 def forecast(case: Case, prepared: Prepared, known: tuple[Effort, ...] | None = None) -> Forecast:
