@@ -37,8 +37,8 @@ from femseal.plots.drawing import STYLES, new_figure
 from femseal.plots.maps import default_step, window_flux
 from femseal.results.branches import branches
 from femseal.results.views import chosen_windows
-from femseal.scales import Partition, window_dissipation
 from femseal.seal import largest_shares
+from femseal.windows import Partition, window_dissipation
 
 WIDTH = 7.2  # 183 mm, two columns of a journal
 CLOSED, RED = "#B0B0B0", "#D7191C"
@@ -161,13 +161,13 @@ def up_and_down(results: fs.Results, prefix: str) -> list[np.ndarray]:
         )
     ]
     if len(paths) == 1:
-        raise InputError.of("results", "loading alone", "a run with unloading")
+        raise InputError("results", "loading alone", "a run with unloading")
     return paths[:2]
 
 
 def _with(results, name, allowed):
     if name not in results.dataset:
-        raise InputError.of("results", f"those of the study {results.method}", allowed)
+        raise InputError("results", f"those of the study {results.method}", allowed)
     return results.dataset
 
 
@@ -344,7 +344,7 @@ def constrictions(results: fs.Results, deterministic: tuple[np.ndarray, np.ndarr
     rate, windows = deterministic if deterministic is not None else (q, None)
     leaking = np.flatnonzero(np.nan_to_num(q * rate) != 0)
     if leaking.size == 0:
-        raise InputError.of("results", "a seal that never leaks", "one that does")
+        raise InputError("results", "a seal that never leaks", "one that does")
     least = int(leaking[np.argmin(np.abs(q[leaking]))])
     figure = new_figure(WIDTH, 3.1)
     left, right = figure.subplots(1, 2)
@@ -392,7 +392,7 @@ def main() -> None:
     results = fs.open_results(given.results)
     case = fs.load_case(given.case) if given.case else None
     if case is not None and results.case != case.echo():
-        raise InputError.of("case", f"'{given.case}'", "the case of the results")
+        raise InputError("case", f"'{given.case}'", "the case of the results")
     given.out.mkdir(parents=True, exist_ok=True)
     drawings = {
         "1_two_scales": lambda: two_scales(results),

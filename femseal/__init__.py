@@ -7,7 +7,9 @@ The flow of data, top to bottom::
     contact      heights + load -> contact pressure, gap                 HalfSpace, solve_contact, load_cycle
     flow         gap -> permeability of a cell                           cell_permeability, permeability_tensor
     seal         permeability -> leakage of a seal of some shape         RectangularSeal, ..., seal_leakage
-    scales       windows, their response, libraries, draws
+    windows      windows of a face: contact and flow of each
+    elements     windows condensed to their sides
+    library      windows along a ladder of pressures, and draws from them
     studies      the chains: deterministic, two-scale, stochastic
     budget       error of every leakage, source by source             error_budget
     results      one dataset: netCDF, tables, files for ParaView         open_results
@@ -40,7 +42,11 @@ if TYPE_CHECKING:
     from .designs.answer import Design, design
     from .flow import (
         Constriction,
+        CubicLaw,
+        FlowLaw,
+        FukuiKaneko,
         Permeability,
+        SlipLength,
         cell_permeabilities,
         cell_permeability,
         critical_constriction,
@@ -83,7 +89,11 @@ _MODULES = {
     "base.errors": ("FemsealError", "InputError", "NotConverged"),
     "flow": (
         "Constriction",
+        "CubicLaw",
+        "FlowLaw",
+        "FukuiKaneko",
         "Permeability",
+        "SlipLength",
         "cell_permeabilities",
         "cell_permeability",
         "critical_constriction",

@@ -65,11 +65,11 @@ def new(path: Annotated[Path, typer.Argument(help="Case file to write.")] = Path
     from importlib.resources import files
 
     if path.exists():
-        raise InputError.of("path", f"'{path}', which exists", "a new file")
+        raise InputError("path", f"'{path}', which exists", "a new file")
     try:
         path.write_text(files("femseal.case").joinpath("template.toml").read_text(encoding="utf-8"), encoding="utf-8")
     except OSError as error:
-        raise InputError.of("path", f"'{path}'", f"a file that can be written ({error.strerror})") from None
+        raise InputError("path", f"'{path}'", f"a file that can be written ({error.strerror})") from None
     typer.echo(f"{path} written; edit it, then: femseal run {path}")
 
 
@@ -320,7 +320,7 @@ def main() -> None:
             _stop(error, f"standard output: cannot be written ({error.strerror})", 1)
         if isinstance(error, OSError) and error.errno == errno.ENAMETOOLONG:
             given = f"'{shortened(str(error.filename))}'"
-            _stop(error, str(InputError.of("path", given, "names as short as the file system takes")), 2)
+            _stop(error, str(InputError("path", given, "names as short as the file system takes")), 2)
         # usage errors of the parser have their own message and exit code
         if hasattr(error, "show") and hasattr(error, "exit_code"):
             error.show()

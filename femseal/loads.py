@@ -68,10 +68,10 @@ class LoadProgramme(tuple[LoadStep, ...]):
             b <= a for a, b in pairwise(loading)
         ):
             given = ", ".join(step.name for step in programme)
-            raise InputError.of("load programme", given, "all loading steps first, with rising pressures")
+            raise InputError("load programme", given, "all loading steps first, with rising pressures")
         for step in programme[len(loading) :]:
             if step.unloaded_from not in loading:
-                raise InputError.of("load programme", step.name, "an unloading step from one of the loading steps")
+                raise InputError("load programme", step.name, "an unloading step from one of the loading steps")
         return programme
 
     @classmethod
@@ -95,16 +95,16 @@ class LoadProgramme(tuple[LoadStep, ...]):
             for name, values in (("loading", loading), ("unload_from", unload_from), ("unloading", unloading))
         )
         if len(loading) == 0:
-            raise InputError.of("loading", "an empty list", "at least one pressure [Pa]")
+            raise InputError("loading", "an empty list", "at least one pressure [Pa]")
         if any(b <= a for a, b in pairwise(loading)):
-            raise InputError.of("loading", loading, "rising pressures")
+            raise InputError("loading", loading, "rising pressures")
         if len(unloading) and not len(unload_from):
-            raise InputError.of("unload_from", "an empty list", "at least one pressure where `unloading` is given")
+            raise InputError("unload_from", "an empty list", "at least one pressure where `unloading` is given")
         steps = [LoadStep(p) for p in sorted({*loading, *unload_from})]
         for peak in sorted(set(unload_from)):
             below = sorted({p for p in unloading if p < peak}, reverse=True)
             if not below:
-                raise InputError.of("unloading", unloading, f"at least one pressure below the peak {peak:g} Pa")
+                raise InputError("unloading", unloading, f"at least one pressure below the peak {peak:g} Pa")
             steps += [LoadStep(p, peak) for p in below]
         return cls(steps)
 
@@ -162,7 +162,7 @@ def nominal_pressure(load: float, unit: str, *, area: float, length: float) -> f
     (100000000.0, 200000000.0)
     """
     if unit not in LOAD_UNITS:
-        raise InputError.of("unit", unit, f"one of {', '.join(LOAD_UNITS)}")
+        raise InputError("unit", unit, f"one of {', '.join(LOAD_UNITS)}")
     pressure = {"Pa": load, "N": load / area, "N/m": load * (length / area)}[unit]
     return float(f"{pressure:.12g}")  # the same as other loads of the same pressure
 
@@ -172,4 +172,4 @@ def _pressures(name: str, values: Sequence[float]) -> list[float]:
         return [validate.number(name, p, unit="Pa", inclusive=True) for p in values]
     except (TypeError, InputError):
         given = values if isinstance(values, str) or not np.iterable(values) else list(values)
-        raise InputError.of(name, given, "a list of finite pressures >= 0 [Pa]") from None
+        raise InputError(name, given, "a list of finite pressures >= 0 [Pa]") from None

@@ -42,20 +42,20 @@ class Solid:
 
     def __post_init__(self) -> None:
         if not (isfinite(self.young) and self.young > 0):
-            raise InputError.of("young", self.young, "a finite number > 0 [Pa]")
+            raise InputError("young", self.young, "a finite number > 0 [Pa]")
         if not -1 < self.poisson <= 0.5:
-            raise InputError.of("poisson", self.poisson, "a number in (-1, 0.5]")
+            raise InputError("poisson", self.poisson, "a number in (-1, 0.5]")
         if self.yield_stress is not None and self.hardness is not None:
             if self.hardness != HARDNESS_FACTOR * self.yield_stress:
-                raise InputError.of("hardness", self.hardness, "yield_stress or hardness, not both")
+                raise InputError("hardness", self.hardness, "yield_stress or hardness, not both")
         elif self.yield_stress is not None:
             if not (isfinite(self.yield_stress) and self.yield_stress > 0):
-                raise InputError.of("yield_stress", self.yield_stress, "a finite number > 0 [Pa]")
+                raise InputError("yield_stress", self.yield_stress, "a finite number > 0 [Pa]")
             object.__setattr__(self, "hardness", HARDNESS_FACTOR * self.yield_stress)
         elif self.hardness is None:
             object.__setattr__(self, "hardness", inf)
         if self.hardness is None or not self.hardness > 0:
-            raise InputError.of("hardness", self.hardness, "a number > 0 [Pa]")
+            raise InputError("hardness", self.hardness, "a number > 0 [Pa]")
 
 
 def contact_modulus(a: Solid, b: Solid | None = None) -> float:

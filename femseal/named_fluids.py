@@ -106,7 +106,7 @@ def _coolprop(name: Any, temperature: float) -> Any:
     if not isinstance(name, str) or name.casefold() not in aliases:
         if isinstance(name, str) and name.casefold() in {key.casefold() for key in TABLE}:
             _refuse(name, temperature, "20 °C for a fluid that CoolProp does not know; or its viscosity and density")
-        raise InputError.of("name", shown(name), f"one of {table}, or a fluid of CoolProp: {', '.join(sorted(fluids))}")
+        raise InputError("name", shown(name), f"one of {table}, or a fluid of CoolProp: {', '.join(sorted(fluids))}")
     return CoolProp
 
 
@@ -120,4 +120,4 @@ def _known_to_coolprop() -> tuple[list[str], set[str]]:
 
 
 def _refuse(name: Any, temperature: float, allowed: str) -> Any:
-    raise InputError.of("name", f"{shown(name)} at {temperature - 273.15:.4g} °C", allowed)
+    raise InputError("name", f"{shown(name)} at {temperature - 273.15:.4g} °C", allowed)

@@ -239,7 +239,7 @@ def test_meshes_take_the_faster_one_and_the_factorisation_where_it_fails(monkeyp
     assert solve_spd(matrix, rhs, 1e-8, "amg").solver == "direct"
     with pytest.raises(NotConverged, match="did not converge within 1 iterations"):
         solve_amg(matrix, rhs, rtol=1e-8)
-    with pytest.raises(InputError, match=r"^solver: given 'fast', allowed is one of auto, direct, amg"):
+    with pytest.raises(InputError, match=r"^solver: given 'fast', expected one of auto, direct, amg"):
         solve_spd(matrix, rhs, 1e-8, "fast")
 
 

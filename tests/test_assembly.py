@@ -367,8 +367,8 @@ def test_a_large_periodic_mesh_warns_of_nothing(caplog):
 def test_discretisations_that_are_refused():
     h = np.ones((4, 4))
     for options, words in (
-        ({"discretisation": "Q3"}, "discretisation: given 'Q3', allowed is one of edge, gauss, P1, Q2, RT0"),
-        ({"solver": "cholesky"}, "solver: given 'cholesky', allowed is one of auto, multigrid, elimination, amg"),
+        ({"discretisation": "Q3"}, "discretisation: given 'Q3', expected one of edge, gauss, P1, Q2, RT0"),
+        ({"solver": "cholesky"}, "solver: given 'cholesky', expected one of auto, multigrid, elimination, amg"),
         ({"discretisation": "P1", "solver": "multigrid"}, "general mesh"),
         ({"discretisation": "gauss", "solver": "elimination"}, "nine points"),
         ({"discretisation": "Q2", "estimate": True}, "estimate"),

@@ -57,7 +57,7 @@ def refusal(call, *arguments):
 
 
 @pytest.mark.parametrize(
-    ("table", "key", "given", "allowed"),
+    ("table", "key", "given", "expected"),
     [
         ("output", "classes", "L0.01", "a list in square brackets"),
         ("load", "loading", "50 MPa", "a list in square brackets"),
@@ -66,9 +66,9 @@ def refusal(call, *arguments):
         ("stochastic", "bounds", "maybe", "true or false"),
     ],
 )
-def test_values_of_another_type_are_told_in_words_of_the_file(data, table, key, given, allowed):
+def test_values_of_another_type_are_told_in_words_of_the_file(data, table, key, given, expected):
     data.setdefault(table, {})[key] = given
-    assert f"{table}.{key}: given {shown(given)}, allowed is {allowed}" in refusal(parse_case, data).splitlines()
+    assert f"{table}.{key}: given {shown(given)}, expected {expected}" in refusal(parse_case, data).splitlines()
 
 
 def test_samplers_that_do_not_suit_are_told_by_their_key(data):
@@ -79,7 +79,7 @@ def test_samplers_that_do_not_suit_are_told_by_their_key(data):
 def test_tables_and_values_in_place_of_one_another_are_told(data):
     data |= {"cells": True, "seal": {"kind": "annular", "inner_radius": "5 mm", "outer_radius": "6 mm", "inlet": {}}}
     lines = refusal(parse_case, data).splitlines()
-    assert {"cells: given True, allowed is a table", "seal.inlet: allowed is 'inner' or 'outer'"} <= {*lines}
+    assert {"cells: given True, expected a table", "seal.inlet: expected 'inner' or 'outer'"} <= {*lines}
 
 
 # --- units ------------------------------------------------------------------------------------------------
@@ -217,7 +217,7 @@ def test_faces_larger_than_the_memory_are_refused_before_they_are_read(monkeypat
             file.truncate(3_000_000_000)  # takes no space on the disk
         monkeypatch.setattr("femseal.topography.formats.free_memory", lambda: 4e9)
         monkeypatch.setattr("femseal.topography.read.READERS", {suffix: read})
-        assert "a file of 3 GB, allowed is one that can be read in the 4 GB" in refusal(fs.read_topography, path)
+        assert "a file of 3 GB, expected one that can be read in the 4 GB" in refusal(fs.read_topography, path)
 
 
 def test_zips_that_unpack_to_more_than_the_memory_are_refused_before_they_are_read(monkeypatch, tmp_path):
@@ -252,7 +252,7 @@ def test_meshes_larger_than_the_memory_are_refused_before_they_are_read(monkeypa
         file.truncate(3_000_000_000)
     monkeypatch.setattr("femseal.seal.mesh_file.free_memory", lambda: 4e9)
     monkeypatch.setattr("femseal.seal.mesh_file._meshio_read", lambda file: pytest.fail("read"))
-    assert "of 3 GB, allowed is a mesh that can be read" in refusal(fs.MeshSeal, path, "inlet", "outlet")
+    assert "of 3 GB, expected a mesh that can be read" in refusal(fs.MeshSeal, path, "inlet", "outlet")
 
 
 def test_files_that_claim_more_heights_than_fit_into_memory_are_refused(monkeypatch, tmp_path):
@@ -346,7 +346,7 @@ def test_pressures_at_which_a_liquid_is_solid_are_refused_before_the_run(data, p
         "pressure_viscosity": "20 1/GPa",
         "inlet_pressure": "2 GPa",
     }
-    assert refusal(parse_case, data).startswith(f"{place}.inlet_pressure: given 2e+09 Pa, allowed is a pressure that")
+    assert refusal(parse_case, data).startswith(f"{place}.inlet_pressure: given 2e+09 Pa, expected a pressure that")
 
 
 @pytest.mark.parametrize(
@@ -594,12 +594,12 @@ def test_out_of_memory_is_one_line(monkeypatch, capsys):
 
 def test_long_lists_of_what_is_allowed_lose_their_end(data, monkeypatch):
     def refused(name, temperature, pressures):
-        raise fs.InputError.of("name", "x" * 1000, "one of " + ", ".join(map(str, range(500))))
+        raise fs.InputError("name", "x" * 1000, "one of " + ", ".join(map(str, range(500))))
 
     monkeypatch.setattr("femseal.case.fluid_by_name.named_fluid", refused)
     data["fluid"] = {"name": "x" * 1000, "inlet_pressure": "1 MPa"}
     message = refusal(parse_case, data)
-    assert ", allowed is one of 0, 1, 2" in message
+    assert ", expected one of 0, 1, 2" in message
     assert message.endswith("…")
 
 

@@ -19,10 +19,10 @@ from femseal.report.load_words import load_sentences
 from femseal.results.variables import step_coordinates
 from femseal.runs.forecast import describe
 from femseal.runs.job import _face_files
-from femseal.scales import Partition
 from femseal.seal.pressure_map import AngleTable, Frame, MapsAtLoads, Profile, Uniform, is_uniform
 from femseal.studies import laid_out
 from femseal.studies.window_pressures import pressed_seal, shares_of_links
+from femseal.windows import Partition
 
 ROOT = Path(__file__).parents[1]
 
@@ -74,12 +74,12 @@ class TestForces:
         face = {"method": "deterministic"}
         assert_allclose(pressures(["3 N/mm"], **face), (5e7,))
         with pytest.raises(
-            fs.InputError, match=r"load.loading: given forces on a seal of no length, allowed .* per length"
+            fs.InputError, match=r"load.loading: given forces on a seal of no length, expected .* per length"
         ):
             pressures(["3 N"], **face)
         with pytest.raises(fs.InputError, match=r"of several lengths"):
             pressures(["3 N"], stochastic=data["stochastic"] | {"length": ["1 mm", "2 mm"]})
-        with pytest.raises(fs.InputError, match=r"load: given 1 kN on 0.06 mm², 16.67 GPa, allowed is .* 2.8 GPa"):
+        with pytest.raises(fs.InputError, match=r"load: given 1 kN on 0.06 mm², 16.67 GPa, expected .* 2.8 GPa"):
             pressures(["1 kN"])
 
     @pytest.mark.parametrize(
@@ -87,8 +87,8 @@ class TestForces:
         [
             (["50 MPa", "100 N"], "loads of one kind, not Pa and N"),
             (["50 N/mm", "100 N"], "loads of one kind, not N/m and N"),
-            (["-5 N"], "load.loading.0: given '-5 N', allowed is a pressure >= 0.* or a force"),
-            (["5 m"], "load.loading.0: given '5 m', allowed is a pressure >= 0.* or a force"),
+            (["-5 N"], "load.loading.0: given '-5 N', expected a pressure >= 0.* or a force"),
+            (["5 m"], "load.loading.0: given '5 m', expected a pressure >= 0.* or a force"),
             ([5.0], "load.loading.0: given 5.0"),
             (["1,5 MPa"], "comma"),
         ],
@@ -121,16 +121,16 @@ class TestMaps:
     @pytest.mark.parametrize(
         ("given", "words"),
         [
-            ({"kind": "magic"}, "load.map.kind: given 'magic', allowed is one of 'uniform', 'profile'"),
+            ({"kind": "magic"}, "load.map.kind: given 'magic', expected one of 'uniform', 'profile'"),
             ({"kind": "profile", "shares": [1, -1]}, r"load.map.shares.1: given -1"),
             ({"kind": "profile", "shares": [1, float("nan")]}, r"load.map.shares.1"),
             ({"kind": "profile", "shares": []}, r"load.map: shares: given \[\]|load.map.shares"),
             ({"kind": "profile", "shares": [0, 0]}, "not all of them 0"),
-            ({"kind": "profile", "shares": [1, 2], "positions": ["0 mm"]}, "positions: given 1 numbers, allowed is 2"),
-            ({"kind": "profile", "share": [1]}, "load.map.share: unknown key"),
+            ({"kind": "profile", "shares": [1, 2], "positions": ["0 mm"]}, "positions: given 1 numbers, expected 2"),
+            ({"kind": "profile", "share": [1]}, "load.map.share: given an unknown key"),
             ({"kind": "angle", "shares": [1, 2], "repeat": 0}, "load.map.repeat"),
             ({"kind": "angle", "shares": [1, 2], "angles": ["0 deg", "50 deg"], "repeat": 8}, "below one period, 45°"),
-            ({"kind": "field", "path": "none.csv"}, "load.map.length_unit: missing"),
+            ({"kind": "field", "path": "none.csv"}, "load.map.length_unit: given nothing"),
             ([{"kind": "uniform"}, {"kind": "uniform"}], "that all have `at`"),
             ([{"kind": "uniform", "at": "2 MPa"}, {"kind": "uniform", "at": "1 MPa"}], "whose `at` rise"),
             ([{"kind": "uniform", "at": "2 N"}, {"kind": "uniform", "at": "3 N"}], "of one kind, not Pa and N"),
@@ -145,7 +145,7 @@ class TestMaps:
     def test_the_former_profile_is_told_its_place(self, data):
         former = {"stochastic": data["stochastic"] | {"profile": [1, 3]}}
         words = (
-            r'^stochastic\.profile: given \[1, 3\], allowed is map = { kind = "profile", shares = .* in the table load'
+            r'^stochastic\.profile: given \[1, 3\], expected map = { kind = "profile", shares = .* in the table load'
         )
         with pytest.raises(fs.InputError, match=words) as error:
             parse_case(data | former)
@@ -155,10 +155,12 @@ class TestMaps:
         """Nor faces that are solved as a whole."""
         uneven = {"load": data["load"] | {"map": {"kind": "profile", "shares": [1, 3]}}}
         place = {"stochastic": data["stochastic"] | {"pressure": "place"}}
-        with pytest.raises(fs.InputError, match=r"stochastic.pressure: given place with load.map, allowed is uniform"):
+        with pytest.raises(fs.InputError, match=r"stochastic.pressure: given place with load.map, expected uniform"):
             parse_case(data | uneven | place)
         for other in ({"method": "two-scale"}, {"compare": ["deterministic"]}):
-            with pytest.raises(fs.InputError, match=r"load.map: given with the method .*, allowed is stochastic alone"):
+            with pytest.raises(
+                fs.InputError, match=r"load.map: given a map with the method .*, expected stochastic alone"
+            ):
                 parse_case(data | uneven | other)
         lengths = {"stochastic": data["stochastic"] | {"length": ["1 mm", "2 mm"]}}
         assert prepare(parse_case(data | uneven | lengths)).sampling.pressure_map == Profile((1, 3))
@@ -216,10 +218,10 @@ class TestFieldOfACase:
     @pytest.mark.parametrize(
         ("given", "words"),
         [
-            ({"length_unit": "um"}, r"load.map.field: given x 0 to 6e-08 m.* allowed is one that covers the seal"),
+            ({"length_unit": "um"}, r"load.map.field: given x 0 to 6e-08 m.* expected one that covers the seal"),
             ({"length_unit": "kg"}, "load.map.length_unit: given '1 kg'"),
             ({"pressure_unit": "mm"}, "load.map.pressure_unit: given '1 mm'"),
-            ({"name": "CPRESS"}, "load.map.path: .* allowed is one column each of x, y, CPRESS"),
+            ({"name": "CPRESS"}, "load.map.path: .* expected one column each of x, y, CPRESS"),
             ({"text": "x,y,pressure\n0,0,nan\n1,0,1\n0,2,1"}, "load.map.pressure: given 1 of 3 values not finite"),
             ({"text": "x,y,pressure\n0,0,-1\n1,0,1\n0,2,1"}, "load.map.pressure: given 1 of 3 values negative"),
             ({"text": "x,y,pressure\n0,0,0\n1,0,0\n0,2,0"}, "load.map: given a pressure that is 0 all over the seal"),
@@ -243,7 +245,7 @@ class TestFieldOfACase:
         assert make_plan(case(), limit=1e9, memory=1e15).prepared.sampling.pressure_map == Uniform()
 
     def test_a_missing_file(self, case):
-        with pytest.raises(fs.InputError, match=r"load.map.path: given 'none.csv', allowed is a file that exists"):
+        with pytest.raises(fs.InputError, match=r"load.map.path: given 'none.csv', expected a file that exists"):
             case(path="none.csv")
 
     def test_results_and_report_show_it(self, case, tmp_path):
@@ -327,5 +329,5 @@ class TestMesh:
         (lengthwise,) = self.prepared(gasket, **forces | {"loading": [f"{200 / 110} kN/mm"]}).scene.loading
         assert_allclose(lengthwise, pressure, rtol=1e-9)
         assert 1e7 < pressure < 1e9
-        with pytest.raises(fs.InputError, match=r"load.map.positions: given none on a mesh, allowed is radii"):
+        with pytest.raises(fs.InputError, match=r"load.map.positions: given none on a mesh, expected radii"):
             self.prepared(gasket, map={"kind": "profile", "shares": [1, 2]})

@@ -271,7 +271,7 @@ def test_a_stopped_run_goes_on_with_the_same_bits_and_leaves_no_checkpoint(case,
     monkeypatch.setattr(import_module("femseal.studies.stochastic"), "_realise", _realise)
     monkeypatch.setattr("femseal.studies.scene.cell_permeability", _realise)
     monkeypatch.setattr("femseal.contact.cycle.solve_contact", _realise)
-    monkeypatch.setattr("femseal.scales.window.cell_permeability", _realise)
+    monkeypatch.setattr("femseal.windows.window.cell_permeability", _realise)
     again = fs.run(case, out, resume=True, workers=1, progress=lambda *a: stages.append(a))
     assert_same(whole.dataset, again.dataset)
     assert not (out / ".checkpoint").exists()
@@ -412,7 +412,7 @@ def test_an_unfinished_run_is_not_lost_to_one_without_resume(case, undrawn, tmp_
     with pytest.raises(KeyboardInterrupt):
         fs.run(case, out, workers=1, progress=stop_at("two-scale: contact of windows", 1))
     before = {p: p.stat().st_mtime_ns for p in out.rglob("*")}
-    with pytest.raises(fs.InputError, match=r"parts of an unfinished run, allowed is --resume"):
+    with pytest.raises(fs.InputError, match=r"parts of an unfinished run, expected --resume"):
         fs.run(case, out, workers=1)
     assert {p: p.stat().st_mtime_ns for p in out.rglob("*")} == before
     shutil.rmtree(out / ".checkpoint")

@@ -224,17 +224,17 @@ def test_noise_below_the_low_pass_is_pointed_out(femseal, tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["--size", "1", "2 mm"], "--size: given '1', allowed is text with a number and a unit"),
+        (["--size", "1", "2 mm"], "--size: given '1', expected text with a number and a unit"),
         (["--shortest-wave", "1 s"], "--shortest-wave: given '1 s'"),
         (["--spikes", "0"], "--spikes: given 0"),
         (["--detrend", "3"], "--detrend: given 3"),
         (["--max-undefined", "-1"], "--max-undefined: given -1"),
-        (["--crop", "0 m", "1 mm", "0 m", "10 um"], "--crop: given 0 m, 1 mm, 0 m, 10 µm, allowed is x1 from, x1 to"),
+        (["--crop", "0 m", "1 mm", "0 m", "10 um"], "--crop: given 0 m, 1 mm, 0 m, 10 µm, expected x1 from, x1 to"),
         (["--crop", "0 m", "10 um", "8 um", "8 um"], "--crop: given"),
         (["--mask", "none.png"], "--mask: given 'none.png', no such file"),
         (["--shortest-wave", "1 mm"], "--shortest-wave: given 1 mm"),
         (["-o", "no such folder/a.png"], "output: given 'no such folder/a.png'"),
-        (["-o", "a.xyz"], "output: given 'a.xyz', allowed is a file .png, .pdf, .svg"),
+        (["-o", "a.xyz"], "output: given 'a.xyz', expected a file .png, .pdf, .svg"),
         (["--channel", "1"], "channel: given 1"),
     ],
 )
@@ -254,7 +254,7 @@ def test_bad_options_of_surface(femseal, face, tmp_path, monkeypatch, arguments,
         (lambda z: z[:, 90:].fill(np.nan), "29.7 % of its points are undefined, and at most 5 % are filled"),
         (lambda z: z[::2].fill(np.nan), "50 % of its points are undefined"),
         (lambda z: z.fill(np.nan), "none of its points is defined"),
-        (lambda z: z.__imul__(1e6), r"allowed is at most 10 mm; .* \(--height-unit\)"),
+        (lambda z: z.__imul__(1e6), r"expected at most 10 mm; .* \(--height-unit\)"),
     ],
 )
 def test_surface_describes_what_a_run_refuses(femseal, tmp_path, change, reason):

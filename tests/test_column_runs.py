@@ -10,10 +10,12 @@ from numpy.testing import assert_allclose, assert_array_equal
 from femseal import Liquid, Sampling, Scene, self_affine, stochastic, two_scale
 from femseal.base.errors import InputError
 from femseal.case.case import parse_case
+from femseal.elements import element_flow
+from femseal.library import ColumnRuns, RunFlows
 from femseal.results.dataset import assemble
-from femseal.scales import ColumnRuns, Partition, RunFlows, SolverCounts, element_flow
 from femseal.studies import chosen_sampler, face_windows
 from femseal.studies.run_chains import StateRuns, chained_seals
+from femseal.windows import Partition, SolverCounts
 
 PIXEL = (1e-6, 1e-6)
 

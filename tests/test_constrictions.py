@@ -11,10 +11,10 @@ from femseal.base.errors import InputError
 from femseal.flow import cell_permeability
 from femseal.fluids import IdealGas, Liquid
 from femseal.results import assemble, open_results, save
-from femseal.scales import Partition, window_dissipation
 from femseal.seal import AnnularSeal, RectangularSeal, drop_shares, largest_shares, seal_leakage
 from femseal.studies import Scene, two_scale
 from femseal.topography import self_affine
+from femseal.windows import Partition, window_dissipation
 
 WATER = Liquid(1e-3)
 
@@ -97,11 +97,11 @@ class TestNetwork:
 
     def test_bad_input(self):
         seal = RectangularSeal((3e-3, 2e-3), (3, 2))
-        with pytest.raises(InputError, match=r"potential: given shape \(3, 2\), allowed is shape \(4, 2\)"):
+        with pytest.raises(InputError, match=r"potential: given shape \(3, 2\), expected shape \(4, 2\)"):
             drop_shares(1e-18, 1e-18, seal, np.ones((3, 2)))
         with pytest.raises(InputError, match="k1"):
             drop_shares(-1e-18, 1e-18, seal, np.ones((4, 2)))
-        with pytest.raises(InputError, match="counts: given 0, allowed is a whole number >= 1"):
+        with pytest.raises(InputError, match="counts: given 0, expected a whole number >= 1"):
             largest_shares([1.0], counts=(0,))
 
 
@@ -161,7 +161,7 @@ class TestWindows:
 
     def test_bad_input(self):
         partition = Partition((32, 48), self.SPACING, (4, 3))
-        with pytest.raises(InputError, match=r"gap: given shape \(32, 32\), allowed is shape \(32, 48\)"):
+        with pytest.raises(InputError, match=r"gap: given shape \(32, 32\), expected shape \(32, 48\)"):
             window_dissipation(np.ones((32, 32)), partition)
         with pytest.raises(InputError, match="gap"):
             window_dissipation(-np.ones((32, 48)), partition)

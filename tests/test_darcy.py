@@ -255,15 +255,15 @@ def test_elements_closed_along_one_axis():
 @pytest.mark.parametrize(
     ("k", "message"),
     [
-        (np.nan, "^permeability: given 1 values not finite, allowed is numbers >= 0"),
+        (np.nan, "^permeability: given 1 values not finite, expected numbers >= 0"),
         (np.inf, "^permeability: given 1 values not finite"),
-        (-1e-18, "^permeability: given -1e-18, allowed is numbers >= 0"),
+        (-1e-18, "^permeability: given -1e-18, expected numbers >= 0"),
         (
             np.ones(5),
-            r"^permeability: given shape \(5,\), allowed is a number, or shape \(4,\), \(4, 2\) or \(4, 2",
+            r"^permeability: given shape \(5,\), expected a number, or shape \(4,\), \(4, 2\) or \(4, 2",
         ),
         (np.ones((4, 3)), r"^permeability: given shape \(4, 3\)"),
-        ("much", "^permeability: given str, allowed is numbers"),
+        ("much", "^permeability: given str, expected numbers"),
         (
             np.tile([[1.0, 0.5], [0.0, 1.0]], (4, 1, 1)),
             "^permeability: given a tensor that is not symmetric in element 0",
@@ -287,23 +287,23 @@ def test_flows_that_do_not_balance_are_refused(monkeypatch):
         return replace(solution, x=solution.x * 1.001)
 
     monkeypatch.setattr(darcy, "solve_spd", careless)
-    with pytest.raises(NotConverged, match=r"^flow: inlet and outlet differ by .* of the flow, allowed is 1e-05"):
+    with pytest.raises(NotConverged, match=r"^flow: inlet and outlet differ by .* of the flow, expected 1e-05"):
         flow(rectangle(MeshTri, 3, 3), 1.0)
 
 
 def test_bad_meshes_and_ends():
     mesh = rectangle(MeshQuad, 2, 2)
     ends = mesh.boundaries["in"], mesh.boundaries["out"]
-    with pytest.raises(InputError, match=r"^mesh: given a MeshTet1, allowed is one of MeshTri1, MeshQuad1, MeshTri2"):
+    with pytest.raises(InputError, match=r"^mesh: given a MeshTet1, expected one of MeshTri1, MeshQuad1, MeshTri2"):
         darcy_conductance(MeshTet(), 1.0, [0], [1])
     with pytest.raises(InputError, match=r"^mesh: given a MeshLine1"):
         darcy_conductance(MeshLine(), 1.0, [0], [1])
-    with pytest.raises(InputError, match=r"^bounds: given a curved mesh, MeshQuad2, allowed is a straight mesh"):
+    with pytest.raises(InputError, match=r"^bounds: given a curved mesh, MeshQuad2, expected a straight mesh"):
         flow(quarter_ring(MeshQuad, 2, curved=True), 1.0, bounds=True)
     with pytest.raises(InputError, match=r"^inlet: given no facets"):
         darcy_conductance(mesh, 1.0, [], ends[1])
     inside = np.setdiff1d(np.arange(mesh.nfacets), mesh.boundary_facets())[:1]
-    with pytest.raises(InputError, match=r"^outlet: given facets inside the mesh, allowed is facets of its boundary"):
+    with pytest.raises(InputError, match=r"^outlet: given facets inside the mesh, expected facets of its boundary"):
         darcy_conductance(mesh, 1.0, ends[0], inside)
-    with pytest.raises(InputError, match=r"^inlet and outlet: they touch"):
+    with pytest.raises(InputError, match=r"^inlet and outlet: given boundaries that touch"):
         darcy_conductance(mesh, 1.0, ends[0], np.setdiff1d(mesh.boundary_facets(), ends[0]))

@@ -13,10 +13,11 @@ from vtkmodules.vtkIOHDF import vtkHDFReader
 
 import femseal as fs
 from femseal.case.case import parse_case
+from femseal.elements import element_flow
+from femseal.library import ColumnRuns, LinkTable, draw_links, draw_pressures
 from femseal.loads import LoadProgramme
 from femseal.plots import seal_figure
 from femseal.results import assemble, open_results, write_vtk
-from femseal.scales import ColumnRuns, LinkTable, draw_links, draw_pressures, element_flow
 from femseal.seal.elemented import ElementSeal, ElementWindows
 from femseal.seal.linked import LinkWindows
 from femseal.seal.pressure_map import Profile

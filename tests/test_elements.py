@@ -9,11 +9,12 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from femseal import Liquid, Scene, cell_permeability, condition, read_topography, self_affine, two_scale
 from femseal.base.errors import InputError, NotConverged
+from femseal.elements import element_flow, element_mesh, face_potential, window_flow
+from femseal.elements.side_nodes import side_nodes
+from femseal.elements.superelement import WindowElement, WindowLinks, window_links
 from femseal.flow.solvers.condensation import condense
 from femseal.results.dataset import assemble
-from femseal.scales import Partition, element_flow, element_mesh, face_potential, window_flow
-from femseal.scales.side_nodes import side_nodes
-from femseal.scales.superelement import WindowElement, WindowLinks, window_links
+from femseal.windows import Partition
 
 PIXEL = (1e-6, 1e-6)
 

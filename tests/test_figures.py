@@ -15,8 +15,8 @@ import femseal as fs
 from femseal.base.errors import InputError
 from femseal.plots.maps import window_flux
 from femseal.preparation.preparation import prepare
-from femseal.scales import window_dissipation
 from femseal.seal import largest_shares
+from femseal.windows import window_dissipation
 
 SCRIPT = Path(__file__).parents[1] / "examples" / "figures.py"
 SPEC = importlib.util.spec_from_file_location("figures", SCRIPT)

@@ -19,9 +19,7 @@ from femseal.runs.forecast import describe, refuse_too_large
 #: CPU time that checking a case may take [s], and memory that it may ask for [byte].
 LONGEST, MOST = 2.0, 2e9
 #: A line of a refusal: key, what was given, what is allowed.
-LINE = re.compile(
-    r"\d+ more faults|.+: missing|.+: unknown key, allowed are .+|.+: allowed (is|are) .+|.+: given .*, allowed (is|are) .+"
-)
+LINE = re.compile(r"\d+ more faults|.+: (given .+, )?expected .+")
 #: What only a programmer understands.
 INSIDE = re.compile(r"pydantic|Traceback|object at 0x|Error\b|numpy|<class|NoneType|Unable to allocate|\bValue error\b")
 

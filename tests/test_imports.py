@@ -21,18 +21,17 @@ ROOMS = (
     "execution",
     "materials",
     "rarefied",
-    "fluids",
-    "named_fluids",
     "loads",
     "analytic",
     "topography",
     "contact",
     "flow",
+    "fluids",
+    "named_fluids",
     "seal",
     "windows",
     "elements",
     "library",
-    "scales",
     "studies",
     "budget",
     "results",
@@ -59,7 +58,6 @@ KNOWN_DOWNWARDS: set[tuple[str, str]] = {
 KNOWN_CIRCLES: tuple[set[str], ...] = (
     {"femseal.refinement.accuracy_picture", "femseal.refinement.accuracy_report"},
     {"femseal.designs.answer", "femseal.designs.data_sheet", "femseal.designs.design_picture"},
-    {"femseal.flow.gas_drop", "femseal.flow.permeability_table"},
     {
         "femseal.results.export",
         "femseal.results.fields",
@@ -302,6 +300,6 @@ def test_a_warning_of_numbers_in_a_module_of_the_package_fails_its_test():
     """The rule of pyproject.toml goes by the name of the module, wherever the package lies."""
     code = compile("import numpy as np\nnp.array(0.0) * np.inf", "anywhere.py", "exec")
     with pytest.raises(RuntimeWarning, match="invalid value"):
-        exec(code, {"__name__": "femseal.scales.curves"})
+        exec(code, {"__name__": "femseal.library.curves"})
     with pytest.warns(RuntimeWarning, match="invalid value"):
         exec(code, {"__name__": "another.module"})

@@ -152,13 +152,13 @@ def test_the_flux_of_a_drawn_seal_dissipates_what_flows_between_all_boundaries()
 @pytest.mark.parametrize(
     ("inlet", "outlet", "fluid", "more", "message"),
     [
-        ({"bore": 1e6, "port": 1e6}, "rim", WATER, {}, "inlet: given 'port', allowed is the name of a boundary"),
+        ({"bore": 1e6, "port": 1e6}, "rim", WATER, {}, "inlet: given 'port', expected the name of a boundary"),
         ({"bore": 1e6, "rim": 1e6}, "rim", WATER, {}, "outlet: given 'rim', which is an inlet too"),
         ({"bore": "high"}, "rim", WATER, {}, "inlet 'bore': given 'high'"),
         ({}, "rim", WATER, {}, "inlet: given no boundaries"),
         ({"bore": 1e6, "bolts": -1e5}, "rim", GAS, {}, "inlet 'bolts': given -100000 Pa"),
         ({"bore": 1e6, "bolts": 1e5}, "rim", WATER, {"inlet_pressure": 1e6}, "inlet_pressure: given a pressure"),
-        ({"bore": 1e6, "bolts": 1e5}, "rim", WATER, {"bounds": True}, "bounds: given true, allowed is none"),
+        ({"bore": 1e6, "bolts": 1e5}, "rim", WATER, {"bounds": True}, "bounds: given true, expected none"),
     ],
 )
 def test_faults(inlet, outlet, fluid, more, message):
@@ -219,10 +219,10 @@ def test_a_case_with_pressures_of_the_inlets():
         ({"seal": {"inlet": {}}}, "seal.inlet: given no boundaries"),
         (
             {"seal": {"inlet": {"bore": "4 MPa", "bolts": "0 Pa"}}},
-            "seal.inlet.bolts: given 0 Pa, allowed is a pressure",
+            "seal.inlet.bolts: given 0 Pa, expected a pressure",
         ),
         ({"seal": {"outlet": ["rim", "bolts"]}}, "outlet: given 'bolts', which is an inlet too"),
-        ({"seal": {"inlet": {"bore": "4 MPa", "port": "1 MPa"}}}, "inlet: given 'port', allowed is the name"),
+        ({"seal": {"inlet": {"bore": "4 MPa", "port": "1 MPa"}}}, "inlet: given 'port', expected the name"),
         (
             {"fluid": {"kind": "ideal-gas", "molar_mass": "4 g/mol", "temperature": "20 °C"}},
             "a liquid, or a gas without slip",

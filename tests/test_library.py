@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-import femseal.scales.library
+import femseal.library.library
 from femseal.base.errors import FemsealError, InputError, NotConverged
 from femseal.contact import HalfSpace, load_cycle
 from femseal.flow import cell_permeability
+from femseal.library import Cell, CellCurves, Ladder, WindowSource, build_ladder_library, follow, on_ladder
 from femseal.loads import LoadProgramme
-from femseal.scales import Cell, CellCurves, Ladder, SolveCounts, WindowSource, build_ladder_library, follow, on_ladder
 from femseal.topography import self_affine
+from femseal.windows import SolveCounts
 
 E, H = 115e9, 3e9
 LOADING = (0.0, 1e8, 2e8, 4e8, 8e8)
@@ -86,14 +87,14 @@ class TestFollowing:
 
     def test_every_state_is_counted_and_closed_ones_are_not_solved(self, source, monkeypatch):
         solved = []
-        permeability = femseal.scales.ladder.window_permeability
+        permeability = femseal.library.ladder.window_permeability
 
         def counted(*args, **settings):
             result = permeability(*args, **settings)
             solved.append(result.counts)
             return result
 
-        monkeypatch.setattr(femseal.scales.ladder, "window_permeability", counted)
+        monkeypatch.setattr(femseal.library.ladder, "window_permeability", counted)
         tight = replace(LADDER, loading=(*LOADING, 1.2e9, 1.6e9, 2.4e9), closing_rtol=0.5)
         cell = follow(source.window(0), ladder=tight, half_space=BODY, hardness=H)
         assert cell.counts.flows == 2 * (cell.pressure.size + 2 * 3 + 2)
@@ -130,14 +131,14 @@ class TestFollowing:
                 k = cell_permeability(contact.gap, (1e-6, 1e-6), axis=axis, bounds=True)
                 assert_allclose([lower[axis, n], upper[axis, n]], [k.lower, k.upper], rtol=1e-5)
         open_window = WindowSource((0.003 * -source.topographies[0],), BODY, H, seed=1).window(0) + 1e-6
-        flow = femseal.scales.window.window_permeability(open_window, (1e-6, 1e-6), 0, bounds=True)
+        flow = femseal.windows.window.window_permeability(open_window, (1e-6, 1e-6), 0, bounds=True)
         k, low, high = flow.k
         exact = cell_permeability(open_window, (1e-6, 1e-6)).value
         assert flow.counts == SolveCounts(open=1)
         assert low <= exact <= high
         assert_allclose(k, exact, rtol=2e-4)
         # pixels that touch at a corner count in the upper bound only
-        flow = femseal.scales.window.window_permeability(np.eye(8), (1.0, 1.0), 0, bounds=True)
+        flow = femseal.windows.window.window_permeability(np.eye(8), (1.0, 1.0), 0, bounds=True)
         k, low, high = flow.k
         assert (k, low, flow.counts) == (0, 0, SolveCounts(closed=1))
         assert high > 0
@@ -334,14 +335,14 @@ class TestLibrary:
         built = build_ladder_library(source, LADDER, 3, folder=tmp_path)
         fresh = build_ladder_library(source, LADDER, 5)
         followed = []
-        original = femseal.scales.library.follow
+        original = femseal.library.library.follow
 
         def counted(window, *, known, **given):
             cell = original(window, known=known, **given)
             followed.append(cell.counts.flows)
             return cell
 
-        monkeypatch.setattr(femseal.scales.library, "follow", counted)
+        monkeypatch.setattr(femseal.library.library, "follow", counted)
         again = build_ladder_library(source, LADDER, 3, folder=tmp_path)
         assert (again.reused, followed) == (3, [])
         assert again.counts.flows == 0
@@ -424,7 +425,7 @@ class TestLibrary:
     def test_a_changed_file_is_computed_anew(self, source, tmp_path, monkeypatch):
         whole = build_ladder_library(source, LADDER, 2, folder=tmp_path)
         (file,) = tmp_path.glob("*.npz")
-        monkeypatch.setattr(femseal.scales.library, "follow", None)
+        monkeypatch.setattr(femseal.library.library, "follow", None)
         assert build_ladder_library(source, LADDER, 2, folder=tmp_path).reused == 2
         with np.load(file) as data:
             content = dict(data)
@@ -450,7 +451,7 @@ class TestLibrary:
             {"good": np.array([0, 0])},
             {"good": np.array([0, 10**9])},
             {"good": np.array(0)},
-            {"format": np.array(femseal.scales.library.FORMAT + 1)},
+            {"format": np.array(femseal.library.library.FORMAT + 1)},
             {"k": None},
             {"k": giant.getvalue()},
         ]
@@ -464,31 +465,31 @@ class TestLibrary:
                         else:
                             np.save(text, array, allow_pickle=True)
                         archive.writestr(f"{name}.npy", text.getvalue())
-            assert femseal.scales.library._read(file, LADDER) == [], change
+            assert femseal.library.library._read(file, LADDER) == [], change
         np.save(file.with_suffix(".npy"), content["k"])
         file.with_suffix(".npy").replace(file)
-        assert femseal.scales.library._read(file, LADDER) == []
+        assert femseal.library.library._read(file, LADDER) == []
         file.unlink()
         os.mkfifo(file)
-        assert femseal.scales.library._read(file, LADDER) == []
+        assert femseal.library.library._read(file, LADDER) == []
         assert whole.size == 2
 
     def test_cells_that_fail_are_named_and_tried_again(self, source, tmp_path, monkeypatch):
-        original = femseal.scales.library.follow
+        original = femseal.library.library.follow
 
         def failing(window, **given):
             if np.array_equal(window, source.window(1)):
                 raise NotConverged("did not converge", 1.0)
             return original(window, **given)
 
-        monkeypatch.setattr(femseal.scales.library, "follow", failing)
+        monkeypatch.setattr(femseal.library.library, "follow", failing)
         ladder = Ladder((0.0, 1e8))
         library = build_ladder_library(source, ladder, 3, folder=tmp_path)
         assert (library.size, library.failures) == (2, ("cell 1: did not converge",))
-        monkeypatch.setattr(femseal.scales.library, "follow", original)
+        monkeypatch.setattr(femseal.library.library, "follow", original)
         assert build_ladder_library(source, ladder, 3, folder=tmp_path).size == 3
-        monkeypatch.setattr(femseal.scales.library, "follow", failing)
-        monkeypatch.setattr(femseal.scales.library, "follow", lambda *a, **k: failing(source.window(1)))
+        monkeypatch.setattr(femseal.library.library, "follow", failing)
+        monkeypatch.setattr(femseal.library.library, "follow", lambda *a, **k: failing(source.window(1)))
         with pytest.raises(FemsealError, match="every cell failed; the first: cell 0: did not"):
             build_ladder_library(source, ladder, 2)
 

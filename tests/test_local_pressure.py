@@ -7,9 +7,9 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from femseal import InputError, Liquid, Topography, self_affine
+from femseal.library import Ladder, on_ladder
+from femseal.library.library import local_peaks
 from femseal.loads import LoadProgramme
-from femseal.scales import Ladder, on_ladder
-from femseal.scales.library import local_peaks
 from femseal.seal.layouts import AnnularLayout
 from femseal.seal.pressure_map import AngleTable, MapsAtLoads, PressureField, Profile, Uniform
 from femseal.studies import Sampling, Scene, stochastic
@@ -187,12 +187,12 @@ class TestPaths:
 
 
 def test_what_is_refused(random, kept):
-    with pytest.raises(InputError, match=r"positions: given 0 m to 100 µm, allowed is a range that holds the windows"):
+    with pytest.raises(InputError, match=r"positions: given 0 m to 100 µm, expected a range that holds the windows"):
         drawn(random, STRIP, kept, Profile((1.0, 2.0), (0.0, 1e-4)))
     series = MapsAtLoads((1e8,), (Uniform(),))
-    with pytest.raises(InputError, match="sampler: given copula, allowed is history with several maps"):
+    with pytest.raises(InputError, match="sampler: given copula, expected history with several maps"):
         drawn(random, replace(STRIP, sampler="copula"), kept, series)
-    with pytest.raises(InputError, match=r"field: given .* allowed is one that covers the seal"):
+    with pytest.raises(InputError, match=r"field: given .* expected one that covers the seal"):
         drawn(random, STRIP, kept, PressureField.of([[0, 0], [1e-4, 0], [0, 2e-3]], [1e8, 1e8, 1e8]))
 
 

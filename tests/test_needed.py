@@ -203,7 +203,7 @@ def test_loads_that_are_interpolated_are_within_the_tolerance(case, undrawn, tmp
         if solved[s]:
             assert_allclose(back.gap(s), every.gap(s), rtol=1e-6)
         else:
-            with pytest.raises(fs.InputError, match=f"step: given {s}, which has no gap, allowed is one of"):
+            with pytest.raises(fs.InputError, match=f"step: given {s}, which has no gap, expected one of"):
                 back.gap(s)
             with pytest.raises(fs.InputError, match=f"step: given {s}, which is interpolated"):
                 found.plot_seal(s)

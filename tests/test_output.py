@@ -17,6 +17,7 @@ from scipy import stats
 
 from femseal.base.errors import FemsealError, InputError
 from femseal.base.leak_units import leakage_unit
+from femseal.elements import element_flow
 from femseal.flow import cell_permeability
 from femseal.fluids import IdealGas, Liquid
 from femseal.plots import cells_figure, leakage_figure, seal_figure
@@ -25,7 +26,6 @@ from femseal.results import assemble, open_results, save, write_vtk
 from femseal.results.branches import branch_text
 from femseal.results.tables import amount
 from femseal.results.views import chosen_windows
-from femseal.scales import element_flow
 from femseal.seal import RectangularSeal
 from femseal.studies import Sampling, Scene, TwoScaleResult, deterministic, stochastic, two_scale
 from femseal.studies.scene import labels

@@ -155,7 +155,7 @@ def test_workers_of_other_versions_are_refused(cluster, monkeypatch):
     monkeypatch.setattr(
         cluster_map, "numerical_versions", lambda: {"numpy": threading.current_thread().name, "scipy": "1"}
     )
-    with pytest.raises(fs.InputError, match=r"has numpy .* instead of MainThread, allowed is"):
+    with pytest.raises(fs.InputError, match=r"has numpy .* instead of MainThread, expected"):
         cluster_map._connected(cluster.scheduler_address)
 
 

@@ -122,7 +122,7 @@ class TestFields:
         field = PressureField.of(points, np.ones(len(points)))
         for inner, outer in ((5e-3, 15e-3), (10e-3, 16e-3)):
             with pytest.raises(
-                InputError, match=r"field: given x -0.015 to 0.015 m.* allowed is one that covers the seal"
+                InputError, match=r"field: given x -0.015 to 0.015 m.* expected one that covers the seal"
             ):
                 field.at(ring(inner, outer).centres, Frame())
 
@@ -210,9 +210,9 @@ class TestFiles:
         ("text", "message"),
         [
             ("", "which is empty"),
-            ("x,y\n0,0\n", "with the columns x, y, allowed is one column each of x, y, pressure"),
+            ("x,y\n0,0\n", "with the columns x, y, expected one column each of x, y, pressure"),
             ("x,y,pressure,x\n0,0,1,0\n", "named in the first line: x"),
-            ("x;y;pressure\n0;0;1,5\n", "with the line '0;0;1,5', allowed is numbers with decimal points"),
+            ("x;y;pressure\n0;0;1,5\n", "with the line '0;0;1,5', expected numbers with decimal points"),
             ("x,y,pressure\n0,0\n", "with the line '0,0'"),
             ("x,y,pressure\n0,0,nan\n1,0,1\n0,1,1\n", "1 of 3 values not finite"),
             ("x,y,pressure\n0,0,1\n1,0,1\n0,1,-1\n", "1 of 3 values negative"),
@@ -243,7 +243,7 @@ class TestFiles:
         with pytest.raises(InputError, match="varying z"):
             read_pressure_field(path, **units)
         meshio.Mesh(points, [("line", [[0, 1]])]).write(path)
-        with pytest.raises(InputError, match="with line, allowed is a mesh with cells of triangle"):
+        with pytest.raises(InputError, match="with line, expected a mesh with cells of triangle"):
             read_pressure_field(path, **units)
         with pytest.raises(InputError, match="length_unit"):
             read_pressure_field(path, length_unit="MPa", pressure_unit="MPa")
@@ -257,7 +257,7 @@ class TestFiles:
         (lambda: Profile((1.0, -1.0)), "shares: given -1.0"),
         (lambda: Profile((1.0, np.nan)), "shares: given nan"),
         (lambda: Profile(3.0), "a list of numbers"),
-        (lambda: Profile((1.0, 2.0), (0.0,)), "positions: given 1 numbers, allowed is 2"),
+        (lambda: Profile((1.0, 2.0), (0.0,)), "positions: given 1 numbers, expected 2"),
         (lambda: Profile((1.0, 2.0), (1.0, 0.0)), "rising numbers"),
         (lambda: AngleTable((1.0, 2.0), (0.0, 2 * np.pi)), "below one period, 360°"),
         (lambda: AngleTable((1.0, 2.0), (0.0, 1.0), 8), "below one period, 45°"),
@@ -265,7 +265,7 @@ class TestFiles:
         (lambda: MapsAtLoads((), ()), "maps: given none"),
         (lambda: MapsAtLoads((1.0,), (Uniform(), Uniform())), "2, one for each map"),
         (lambda: MapsAtLoads((2.0, 1.0), (Uniform(), Uniform())), "rising"),
-        (lambda: shares(Profile((1, 2), (0, 1e-3)), strip()), "positions: given 0 m to 1 mm, allowed .* windows"),
+        (lambda: shares(Profile((1, 2), (0, 1e-3)), strip()), "positions: given 0 m to 1 mm, expected .* windows"),
         (lambda: shares(Profile((1, 2)), PressedSeal(Frame(), ring().outlines)), "none on a mesh"),
     ],
 )

@@ -37,7 +37,7 @@ def test_units(text, unit, value):
 
 @pytest.mark.parametrize("text", ["1,5 mm", "1,500 mm", "0,3"])
 def test_decimal_comma_is_refused(text):
-    with pytest.raises(InputError, match="allowed is a number with a decimal point, not a comma"):
+    with pytest.raises(InputError, match="expected a number with a decimal point, not a comma"):
         to_si(text, "m")
 
 
@@ -64,7 +64,7 @@ def test_decimal_comma_is_refused(text):
     ],
 )
 def test_refused(given, unit):
-    with pytest.raises(InputError, match=r"^width: given .*, allowed is "):
+    with pytest.raises(InputError, match=r"^width: given .*, expected "):
         to_si(given, unit, "width")
 
 
@@ -72,7 +72,7 @@ def test_the_message_shows_what_would_do():
     with pytest.raises(InputError) as error:
         to_si("5 mm", "Pa", "solid.young")
     assert str(error.value) == (
-        "solid.young: given '5 mm', allowed is text with a number and a unit of the kind 'Pa', such as '210 GPa'"
+        "solid.young: given '5 mm', expected text with a number and a unit of the kind 'Pa', such as '210 GPa'"
     )
 
 
@@ -111,5 +111,5 @@ def test_long_lists_ask_the_parser_of_units_once(monkeypatch):
 
 
 def test_a_plain_number_is_asked_for_as_such():
-    with pytest.raises(InputError, match=r"width: given '\.', allowed is a finite number$"):
+    with pytest.raises(InputError, match=r"width: given '\.', expected a finite number$"):
         to_si(".", "", "width")

@@ -86,7 +86,7 @@ def test_more_passes_through_wider_gaps_and_at_higher_pressure():
 def test_without_slip_the_factor_is_one():
     gas = IdealGas(1e-5, 0.029, 293.0, slip=False)
     assert gas.flow_factor(1e-9, 1.0) == 1
-    with pytest.raises(InputError, match="slip: given 'no', allowed is True or False"):
+    with pytest.raises(InputError, match="slip: given 'no', expected True or False"):
         IdealGas(1e-5, 0.029, 293.0, slip="no")
 
 

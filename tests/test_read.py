@@ -58,7 +58,7 @@ def test_height_unit(tmp_path):
 def test_implausible_heights_are_read_when_the_caller_confirms_the_unit(tmp_path):
     path = tmp_path / "face.npy"
     np.save(path, Z * 1e6)
-    with pytest.raises(InputError, match="allowed is at most 10 mm"):
+    with pytest.raises(InputError, match="expected at most 10 mm"):
         read_topography(path, spacing=PIXEL)
     same(read_topography(path, spacing=PIXEL, height_unit="m"), Z * 1e6)
 
@@ -70,9 +70,9 @@ def test_npz(tmp_path):
     np.savez(path, a=Z, b=2 * Z, spacing=PIXEL)
     same(read_topography(path, array="b"), 2 * Z)
     same(read_topography(path, array="a", spacing=(1e-6, 1e-6)), spacing=(1e-6, 1e-6))
-    with pytest.raises(InputError, match="given the arrays a, b, allowed is one array, or array="):
+    with pytest.raises(InputError, match="given the arrays a, b, expected one array, or array="):
         read_topography(path)
-    with pytest.raises(InputError, match="given array='c', allowed is one of its arrays: a, b"):
+    with pytest.raises(InputError, match="given array='c', expected one of its arrays: a, b"):
         read_topography(path, array="c")
     np.savez(path, a=Z, spacing=1e-6)
     with pytest.raises(InputError, match=r"a spacing of shape \(\)"):
@@ -170,7 +170,7 @@ def test_esri_raster(tmp_path):
     same(read_topography(write(tmp_path, "face.asc", text)), Z.T, spacing=(2e-6, 2e-6))
     oblong = text.replace("cellsize 2e-6", "dx 3e-6\ndy 2e-6")
     same(read_topography(write(tmp_path, "face.asc", oblong)), Z.T, spacing=(3e-6, 2e-6))
-    with pytest.raises(InputError, match=r"given 6 numbers, allowed is nrows × ncols = 3 × 3"):
+    with pytest.raises(InputError, match=r"given 6 numbers, expected nrows × ncols = 3 × 3"):
         read_topography(write(tmp_path, "face.asc", text.replace("NROWS 2", "NROWS 3")))
     with pytest.raises(InputError, match=r"given a header with ncols, nrows, .* cellsize"):
         read_topography(write(tmp_path, "face.asc", text.replace("cellsize 2e-6\n", "")))
@@ -180,7 +180,7 @@ def test_esri_raster(tmp_path):
     ("text", "message"),
     [
         ("1,2\n3\n", "given 1 numbers in line 2 after 2 in line 1"),
-        ("1;2\n3;x4\n", "given 'x4' in line 2, allowed is numbers with a decimal point"),
+        ("1;2\n3;x4\n", "given 'x4' in line 2, expected numbers with a decimal point"),
         ("1.5;2,5\n", "given '2,5' in line 1"),
         ("1,5;2,5,1\n", "given '2,5,1' in line 1"),
         ("# nothing\n", "given no line with numbers"),
@@ -205,7 +205,7 @@ def test_x3p(tmp_path):
     same(read_topography(path))
     x3pio.write(path, np.stack([Z.T, 2 * Z.T]), x_scale=PIXEL[0], y_scale=PIXEL[1])
     same(read_topography(path, channel=1), 2 * Z)
-    with pytest.raises(InputError, match="given channel=2, allowed is 0 to 1, it has 2 layers"):
+    with pytest.raises(InputError, match="given channel=2, expected 0 to 1, it has 2 layers"):
         read_topography(path, channel=2)
     x3pio.write(path, Z[1], x_scale=1e-6)
     with pytest.raises(InputError, match="given a Profile on no regular grid"):
@@ -242,9 +242,9 @@ def test_sdf_written_by_hand_in_micrometres_is_refused_and_corrected(tmp_path):
         "Compression = 0\r\nDataType = 7\r\nCheckType = 0\r\n*\r\n1.0 2.0 3.0\r\n4.0 5.0 7.0\r\n*\r\n*\r\n"
     )
     path = write(tmp_path, "face.sdf", text)
-    with pytest.raises(InputError, match=r"given a size of 6 m × 6 m, allowed is 1 nm to 1 m; .* pass size="):
+    with pytest.raises(InputError, match=r"given a size of 6 m × 6 m, expected 1 nm to 1 m; .* pass size="):
         read_topography(path)
-    with pytest.raises(InputError, match=r"given Sq = 1\.972 m, allowed is at most 10 mm; .* pass height_unit="):
+    with pytest.raises(InputError, match=r"given Sq = 1\.972 m, expected at most 10 mm; .* pass height_unit="):
         read_topography(path, spacing=PIXEL)
     corrected = read_topography(path, spacing=PIXEL, height_unit="um")
     same(corrected, np.array([[1.0, 4.0], [2.0, 5.0], [3.0, 7.0]]) * 1e-6)
@@ -254,7 +254,7 @@ def test_sdf_written_by_hand_in_micrometres_is_refused_and_corrected(tmp_path):
 @pytest.mark.parametrize("content", [b"", b"not what the suffix says " * 9])
 def test_damaged_files(tmp_path, suffix, content):
     path = write(tmp_path, f"face{suffix}", content)
-    with pytest.raises(InputError, match=rf"face\{suffix}: given .*, allowed is ") as error:
+    with pytest.raises(InputError, match=rf"face\{suffix}: given .*, expected ") as error:
         read_topography(path, spacing=PIXEL)
     assert "\n" not in str(error.value)
 
@@ -279,7 +279,7 @@ def test_other_formats_need_the_extra(tmp_path, monkeypatch):
 
 def test_unknown_format(tmp_path):
     pytest.importorskip("SurfaceTopography", reason="the extra femseal[surface] is not installed")
-    with pytest.raises(InputError, match=r"face\.xyw: given .*, allowed is a file of one of the formats"):
+    with pytest.raises(InputError, match=r"face\.xyw: given .*, expected a file of one of the formats"):
         read_topography(write(tmp_path, "face.xyw", b"\x00\x01no such format"))
 
 
@@ -370,10 +370,10 @@ def test_masks_that_do_not_fit(tmp_path):
     np.savez(tmp_path / "face.npz", z=Z, spacing=PIXEL)
     np.save(tmp_path / "mask.npy", MASK.T)
     cases = {
-        "mask.npy": r"mask: given 3 × 2 points in 'mask.npy', allowed is 2 × 3, .*; turned by its diagonal it would fit",
+        "mask.npy": r"mask: given 3 × 2 points in 'mask.npy', expected 2 × 3, .*; turned by its diagonal it would fit",
         "none.png": r"mask: given '.*none.png', no such file",
-        "mask.jpg": r"mask: given 'mask.jpg', allowed is a file \.png, ",
-        "bad.png": r"bad.png: given .*, allowed is an image of the map's size",
+        "mask.jpg": r"mask: given 'mask.jpg', expected a file \.png, ",
+        "bad.png": r"bad.png: given .*, expected an image of the map's size",
         "bad.npy": r"bad.npy: given .* numpy\.save",
     }
     for name in ("mask.jpg", "bad.png", "bad.npy"):
@@ -393,7 +393,7 @@ def test_the_mask_of_a_gwyddion_file(tmp_path):
     # the writer puts 0 under the mask
     same(read_topography(path, file_mask=False), np.where(MASK, 0, z * 1e-6))
     np.save(tmp_path / "mask.npy", ~MASK)
-    with pytest.raises(InputError, match=r"file_mask: given False, allowed is for \.gwy, \.npz files only"):
+    with pytest.raises(InputError, match=r"file_mask: given False, expected for \.gwy, \.npz files only"):
         read_topography(tmp_path / "mask.npy", file_mask=False)
     assert read_topography(path, mask=tmp_path / "mask.npy").undefined_share == 1
 
@@ -461,7 +461,7 @@ def test_channels_by_name(tmp_path, monkeypatch):
     same(read_topography(path, channel=2), 2 * np.nan_to_num(Z))
     listed = r"0 to 3, it has 4 channels: 0 \(Height\), 1 \(Phase\), 2 \(Back\), 3 \(Back\)"
     for wrong in (4, -1, "Front", "Back"):
-        with pytest.raises(InputError, match=f"channel={wrong!r}, allowed is {listed}"):
+        with pytest.raises(InputError, match=f"channel={wrong!r}, expected {listed}"):
             read_topography(path, channel=wrong)
     with pytest.raises(InputError, match=r"channel=Phase \(Phase\), .* a map of heights: 0 \(Height\), 2 \(Back\)"):
         read_topography(path, channel="Phase")
@@ -486,7 +486,7 @@ def test_text_exports_lie_as_the_file_of_the_instrument(instrument_file, tmp_pat
 
 
 def test_no_file(tmp_path):
-    with pytest.raises(InputError, match=r"none\.npy: given no such file, allowed is a file with heights"):
+    with pytest.raises(InputError, match=r"none\.npy: given no such file, expected a file with heights"):
         read_topography(tmp_path / "none.npy")
     with pytest.raises(InputError, match="given a folder"):
         read_topography(tmp_path)
@@ -496,10 +496,10 @@ def test_missing_or_doubled_size(tmp_path):
     path = tmp_path / "face.npy"
     np.save(path, Z)
     with pytest.raises(
-        InputError, match=r"no pixel size in the file \(2 × 3 points\), allowed is two lengths in size= or spacing="
+        InputError, match=r"no pixel size in the file \(2 × 3 points\), expected two lengths in size= or spacing="
     ):
         read_topography(path)
-    with pytest.raises(InputError, match="size, spacing: given both, allowed is one of the two"):
+    with pytest.raises(InputError, match="size, spacing: given both, expected one of the two"):
         read_topography(path, size=(1, 1), spacing=PIXEL)
     with pytest.raises(InputError, match="spacing: given"):
         read_topography(path, spacing=(0.0, 1.0))
@@ -535,5 +535,5 @@ def test_measured_surfaces(instrument_file, name, shape, size, sq, undefined):
 
 
 def test_measured_surface_in_a_wrong_channel(instrument_file):
-    with pytest.raises(InputError, match="given channel=1, allowed is 0 to 0, it has 1 channels"):
+    with pytest.raises(InputError, match="given channel=1, expected 0 to 0, it has 1 channels"):
         read_topography(instrument_file("plu-1.plu"), channel=1)

@@ -6,8 +6,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scipy.stats import spearmanr
 
 from femseal.base.errors import InputError
+from femseal.library import SAMPLERS, LinkTable, correlation_length, draw_links
 from femseal.loads import LoadProgramme
-from femseal.scales import SAMPLERS, LinkTable, correlation_length, draw_links
 
 STEPS = LoadProgramme.of((1e8, 2e8, 3e8), (3e8,), (2e8, 1e8))
 SMOOTH = ("history", "derivative", "copula")

@@ -11,10 +11,10 @@ from femseal.base.errors import InputError
 from femseal.contact import HalfSpace, load_cycle, solve_contact
 from femseal.flow import cell_permeability
 from femseal.loads import LoadProgramme, LoadStep
-from femseal.scales import GlobalState, Partition, global_states, respond
-from femseal.scales.global_contact import Refinement
-from femseal.scales.window import body_standoff, flow_history, set_down
 from femseal.topography import Topography, self_affine
+from femseal.windows import GlobalState, Partition, global_states, respond
+from femseal.windows.global_contact import Refinement
+from femseal.windows.window import body_standoff, flow_history, set_down
 
 E, H = 115e9, 3e9
 

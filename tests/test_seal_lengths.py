@@ -151,11 +151,11 @@ def test_a_case_with_a_list_of_lengths(tmp_path):
 @pytest.mark.parametrize(
     ("length", "fault"),
     [
-        (["1 mm", "1 mm"], r"stochastic\.length: given .*, allowed is a length > 0, .* or a list of some that differ"),
-        ([], r"stochastic\.length: given \[\], allowed is a length"),
-        (["1 mm", "2"], r"stochastic\.length: given .*, allowed is text with a number and a unit"),
-        (["1 mm", "1 um"], r"stochastic\.length: given 1 µm, allowed is at least one cell, 15 µm"),
-        (["60 um", "61 um"], r"stochastic\.length: given 60 µm, 60 µm in whole cells, allowed is lengths that differ"),
+        (["1 mm", "1 mm"], r"stochastic\.length: given .*, expected a length > 0, .* or a list of some that differ"),
+        ([], r"stochastic\.length: given \[\], expected a length"),
+        (["1 mm", "2"], r"stochastic\.length: given .*, expected text with a number and a unit"),
+        (["1 mm", "1 um"], r"stochastic\.length: given 1 µm, expected at least one cell, 15 µm"),
+        (["60 um", "61 um"], r"stochastic\.length: given 60 µm, 60 µm in whole cells, expected lengths that differ"),
     ],
 )
 def test_lengths_that_cannot_be(length, fault):

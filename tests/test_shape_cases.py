@@ -127,13 +127,13 @@ def refused(data, folder=EXAMPLES):
             "annular_seal",
             "stochastic",
             {"length": "1 mm"},
-            "stochastic.length: given 1 mm, allowed is none with a seal of",
+            "stochastic.length: given 1 mm, expected none with a seal of",
         ),
         (
             "annular_seal",
             "stochastic",
             {"breadth": "1 mm"},
-            "stochastic.breadth: given 1 mm, allowed is none with a seal",
+            "stochastic.breadth: given 1 mm, expected none with a seal",
         ),
         (
             "annular_seal",
@@ -141,25 +141,25 @@ def refused(data, folder=EXAMPLES):
             {"pressure": "place"},
             "stochastic.pressure: given 'place' of a face with 2 rows",
         ),
-        ("annular_seal", "seal", {"inlet": "left"}, "seal.inlet: given 'left', allowed is 'inner' or 'outer'"),
+        ("annular_seal", "seal", {"inlet": "left"}, "seal.inlet: given 'left', expected 'inner' or 'outer'"),
         (
             "annular_seal",
             "seal",
             {"outer_radius": "9 mm"},
-            "seal.outer_radius: given 0.009 m, allowed is a number > the",
+            "seal.outer_radius: given 0.009 m, expected a number > the",
         ),
         (
             "annular_seal",
             "seal",
             {"inner_radius": "-1 mm"},
-            "seal.inner_radius: given '-1 mm', allowed is a length > 0",
+            "seal.inner_radius: given '-1 mm', expected a length > 0",
         ),
-        ("annular_seal", "seal", {"lay": "around"}, "seal.lay: given 'around', allowed is one of x1, x2, radial"),
+        ("annular_seal", "seal", {"lay": "around"}, "seal.lay: given 'around', expected one of x1, x2, radial"),
         (
             "annular_seal",
             "seal",
             {"lay": {"angle": "3 mm"}},
-            "seal.lay: allowed is text with a number and a unit of the kind 'rad'",
+            "seal.lay: expected text with a number and a unit of the kind 'rad'",
         ),
         (
             "annular_seal",
@@ -171,53 +171,53 @@ def refused(data, folder=EXAMPLES):
             "annular_seal",
             "seal",
             {"path": "a.msh"},
-            "seal.path: unknown key, allowed are kind, inner_radius, outer_radius",
+            "seal.path: given an unknown key, expected kind, inner_radius, outer_radius",
         ),
         (
             "annular_seal",
             "seal",
             {"kind": "square"},
-            "seal.kind: given 'square', allowed is one of 'rectangular', 'annular'",
+            "seal.kind: given 'square', expected one of 'rectangular', 'annular'",
         ),
-        ("gasket_seal", "seal", {"path": "none.msh"}, "seal.path: given 'none.msh', allowed is a file that exists"),
-        ("gasket_seal", "seal", {"unit": "s"}, "seal.unit: given 's', allowed is a unit of length, such as 'mm'"),
+        ("gasket_seal", "seal", {"path": "none.msh"}, "seal.path: given 'none.msh', expected a file that exists"),
+        ("gasket_seal", "seal", {"unit": "s"}, "seal.unit: given 's', expected a unit of length, such as 'mm'"),
         (
             "gasket_seal",
             "seal",
             {"unit": "nm"},
-            "seal.path: given a seal 50 nm across with the unit 'nm', allowed is from",
+            "seal.path: given a seal 50 nm across with the unit 'nm', expected from",
         ),
         (
             "gasket_seal",
             "seal",
             {"unit": "um"},
-            "seal.path: given a seal 50 µm across with the unit 'um', allowed is from",
+            "seal.path: given a seal 50 µm across with the unit 'um', expected from",
         ),
         (
             "gasket_seal",
             "seal",
             {"inlet": "door"},
-            "seal.inlet: given 'door', allowed is the name of a boundary of the mesh",
+            "seal.inlet: given 'door', expected the name of a boundary of the mesh",
         ),
-        ("gasket_seal", "seal", {"outlet": ["rim", "bore"]}, "seal.inlet and outlet: they touch"),
-        ("gasket_seal", "seal", {"outlet": []}, "seal.outlet: given [], allowed is the name of a boundary, or a list"),
-        ("gasket_seal", "seal", {"outlet": 3}, "seal.outlet: given 3, allowed is the name of a boundary, or a list"),
-        ("gasket_seal", "seal", {"lay": {"field": "none.vtu:t"}}, "seal.lay: given 'none.vtu', allowed is a file that"),
+        ("gasket_seal", "seal", {"outlet": ["rim", "bore"]}, "seal.inlet and outlet: given boundaries that touch"),
+        ("gasket_seal", "seal", {"outlet": []}, "seal.outlet: given [], expected the name of a boundary, or a list"),
+        ("gasket_seal", "seal", {"outlet": 3}, "seal.outlet: given 3, expected the name of a boundary, or a list"),
+        ("gasket_seal", "seal", {"lay": {"field": "none.vtu:t"}}, "seal.lay: given 'none.vtu', expected a file that"),
         ("gasket_seal", "seal", {"lay": {"field": "annular_seal.toml:t"}}, "seal.path: given "),
         ("gasket_seal", "seal", {"path": "gasket_seal.toml"}, "seal.path: given "),
         ("gasket_seal", "seal", {"centre": ["1 mm"]}, "seal.centre"),
-        ("gasket_seal", "seal", {"length": "-1 mm"}, "seal.length: given '-1 mm', allowed is a length > 0"),
+        ("gasket_seal", "seal", {"length": "-1 mm"}, "seal.length: given '-1 mm', expected a length > 0"),
         (
             "gasket_seal",
             "stochastic",
             {"sampler": "copula"},
-            "stochastic.sampler: given copula, allowed is history with the mesh",
+            "stochastic.sampler: given copula, expected history with the mesh",
         ),
         (
             "gasket_seal",
             "stochastic",
             {"bounds": True},
-            "stochastic.bounds: given true, allowed is false with the mesh",
+            "stochastic.bounds: given true, expected false with the mesh",
         ),
         (
             "gasket_seal",
@@ -233,9 +233,9 @@ def test_faults_are_one_line_with_their_key(name, table, keys, words):
 
 def test_a_shape_needs_the_method_that_draws_it_and_a_strip_its_length():
     data = reduced("annular_seal") | {"method": "two-scale"}
-    assert refused(data).startswith("seal.kind: given annular with the method two-scale, allowed is it with stochastic")
+    assert refused(data).startswith("seal.kind: given annular with the method two-scale, expected it with stochastic")
     data = reduced("annular_seal") | {"seal": {"kind": "rectangular"}}
-    assert refused(data) == "stochastic.length: given none, allowed is the length of the seal"
+    assert refused(data) == "stochastic.length: given none, expected the length of the seal"
 
 
 def test_bad_seals_end_with_code_2_and_write_nothing(tmp_path, monkeypatch, capsys):
@@ -247,7 +247,7 @@ def test_bad_seals_end_with_code_2_and_write_nothing(tmp_path, monkeypatch, caps
         cli.main()
     out, told = capsys.readouterr()
     assert (stop.value.code, out) == (2, "")
-    assert told.startswith("femseal: seal.inlet: given 'door', allowed is the name of a boundary of the mesh: 'bore'")
+    assert told.startswith("femseal: seal.inlet: given 'door', expected the name of a boundary of the mesh: 'bore'")
     assert told.count("\n") == 1
     assert not (tmp_path / "out").exists()
 

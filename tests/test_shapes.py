@@ -306,7 +306,7 @@ def test_lay_from_a_field(tmp_path):
     for key, words in (("lay.vtu:s", "'s' of .*one of its fields: 't'"), ("no.vtu:t", "an existing mesh file")):
         with pytest.raises(InputError, match=words):
             Lay.of({"field": key}, tmp_path).directions(at)
-    with pytest.raises(InputError, match="which leaves out 864 elements, allowed is a field that covers the seal"):
+    with pytest.raises(InputError, match="which leaves out 864 elements, expected a field that covers the seal"):
         Lay.of({"field": "lay.vtu:t"}, tmp_path).directions(at + 1.0, unit=1e-3)
     turned[0, 3] = np.nan
     meshio.write(tmp_path / "nan.vtu", meshio.Mesh(points, [("quad", quads)], point_data={"t": turned.T}))
@@ -331,15 +331,15 @@ def test_bad_lay(given):
             lambda: RectangularLayout({"angle": 1}).lay_out(Windows((1e-4, 1e-4), 4, length=2e-4)),
             "^length: given 2 windows",
         ),
-        (lambda: AnnularLayout(1e-2, 1e-2), "^outer_radius: given 0.01 m, allowed is a number > the inner radius"),
+        (lambda: AnnularLayout(1e-2, 1e-2), "^outer_radius: given 0.01 m, expected a number > the inner radius"),
         (lambda: AnnularLayout(10.0, 120.0), "^outer_radius: given a seal 240 m across, .* is its unit right"),
         (
             lambda: AnnularLayout(1e-2, 1.1e-2).lay_out(Windows((1e-4, 1e-4), 4, length=1.0)),
-            "^length: given 1 m, allowed is none",
+            "^length: given 1 m, expected none",
         ),
         (
             lambda: AnnularLayout(1e-2, 1.1e-2).lay_out(Windows((1e-4, 1e-4), 4, breadth=1.0)),
-            "^breadth: given 1 m, allowed",
+            "^breadth: given 1 m, expected",
         ),
         (
             lambda: AnnularLayout(1e-2, 1.1e-2).lay_out(Windows((2e-3, 1e-4), 4)),
@@ -362,7 +362,7 @@ def test_bad_lay(given):
         (lambda: MeshLayout(MESHES / "ring.msh", "m", "inlet", ()).lay_out(WINDOWS), r"^outlet: given \(\)"),
         (
             lambda: MeshLayout(MESHES / "ring.msh", "m", "inlet", "inlet").lay_out(WINDOWS),
-            "^inlet and outlet: they touch",
+            "^inlet and outlet: given boundaries that touch",
         ),
         (
             lambda: MeshLayout(MESHES / "none.msh", "m", "inlet", "outlet").lay_out(WINDOWS),

@@ -9,26 +9,27 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-import femseal.scales.ladder
-import femseal.scales.window
+import femseal.library.ladder
 import femseal.studies.face_windows
 import femseal.studies.scene
 import femseal.studies.windows as windows_module
+import femseal.windows.window
 from femseal import analytic
 from femseal.base.errors import FemsealError, InputError, NotConverged
 from femseal.contact import HalfSpace, load_states
 from femseal.flow import cell_permeability
 from femseal.fluids import IdealGas, Liquid
+from femseal.library import LinkTable, draw_links
 from femseal.loads import LoadProgramme
 from femseal.report import write_folder
 from femseal.results import assemble, open_results
-from femseal.scales import LinkTable, draw_links, gap_error
 from femseal.seal import RectangularSeal
 from femseal.seal.linked import LinkWindows
 from femseal.seal.pressure_map import AngleTable, Profile
 from femseal.studies import Sampling, Scene, StochasticResult, deterministic, stochastic, two_scale
 from femseal.studies.ladder_windows import LOADING_SHARES
 from femseal.topography import Topography, condition, read_topography, self_affine, turned
+from femseal.windows import gap_error
 
 # the package has functions of these names
 TWO_SCALE, STOCHASTIC = (import_module(f"femseal.studies.{name}") for name in ("two_scale", "stochastic"))
@@ -151,10 +152,10 @@ class TestClosedForms:
         scene = make_scene(face.heights, loading=(low, high), unload_from=(high,), unloading=(low,), rtol=1e-5)
         result, exact = two_scale(scene, (8, 8), contact="windows", flow="links"), deterministic(scene)
         mean_gap = exact.gap.reshape(-1, 8, 32, 8, 32).mean(axis=(2, 4))
-        for s, allowed in ((0, 0.1), (2, 0.03)):
+        for s, expected in ((0, 0.1), (2, 0.03)):
             unloaded = result.pressure[s] <= 0
             error = np.median((result.mean_gap[s] / mean_gap[s] - 1)[unloaded])
-            assert abs(error) < allowed, scene.steps[s].name
+            assert abs(error) < expected, scene.steps[s].name
         assert (result.pressure[0] <= 0).sum() > 16
 
     @pytest.mark.parametrize("waves", [0, 8])
@@ -412,7 +413,7 @@ class TestRareTallPoints:
         assert stochastic(rough, (4, 6), SAMPLING).library.contact == contact
 
     def test_unknown_contact(self, rough):
-        with pytest.raises(InputError, match="contact: given magic, allowed is one of whole, windows"):
+        with pytest.raises(InputError, match="contact: given magic, expected one of whole, windows"):
             two_scale(rough, (4, 6), contact="magic")
 
     @pytest.mark.slow
@@ -1006,7 +1007,7 @@ class TestFailures:
     def test_contact_of_a_window(self, rough, by_windows, monkeypatch):
         """Itself and the links across that reach into it."""
         pressure = by_windows.pressure[1, 0, 4]
-        self.fail(monkeypatch, femseal.scales.window, "solve_deformed_contact", pressure=pressure)
+        self.fail(monkeypatch, femseal.windows.window, "solve_deformed_contact", pressure=pressure)
         result = two_scale(rough, (4, 6), contact="windows", flow="links")
         assert result.failures == ("cell (0, 4), loading 300 MPa: did not converge",)
         assert_array_equal(np.isnan(result.leakage), [False, True, False, False, False])
@@ -1021,7 +1022,7 @@ class TestFailures:
     def test_contact_of_a_window_at_the_peak_takes_its_unloading_along(self, rough, by_windows, monkeypatch):
         window = np.unravel_index(by_windows.pressure[4].argmax(), (4, 6))
         pressure = by_windows.pressure[2][window]
-        self.fail(monkeypatch, femseal.scales.window, "solve_deformed_contact", pressure=pressure)
+        self.fail(monkeypatch, femseal.windows.window, "solve_deformed_contact", pressure=pressure)
         result = two_scale(rough, (4, 6), contact="windows", flow="links")
         assert [f.split(", ", 2)[2] for f in result.failures] == [
             "loading 600 MPa: did not converge",
@@ -1032,7 +1033,7 @@ class TestFailures:
 
     def test_flow_of_a_link_across(self, rough, monkeypatch):
         """Of the 24 windows along come 5 steps each, then those across: the third step of the second one."""
-        self.fail(monkeypatch, femseal.scales.window, "cell_flow", calls={24 * 5 + 5 + 2})
+        self.fail(monkeypatch, femseal.windows.window, "cell_flow", calls={24 * 5 + 5 + 2})
         result = two_scale(rough, (4, 6), flow="links")
         assert result.failures == ("x2-link (0, 1), step 2: did not converge",)
         assert_array_equal(np.argwhere(np.isnan(result.k2)), [[2, 0, 1]])
@@ -1048,7 +1049,7 @@ class TestFailures:
     def test_a_column_with_a_failed_cell_gives_way_to_the_next(self, rough, by_windows, monkeypatch):
         """Of the links across it takes the column before along."""
         pressure = by_windows.pressure[1, 0, 4]
-        self.fail(monkeypatch, femseal.scales.window, "solve_deformed_contact", pressure=pressure)
+        self.fail(monkeypatch, femseal.windows.window, "solve_deformed_contact", pressure=pressure)
         result = stochastic(rough, (4, 6), SAMPLING, contact="windows")
         assert result.failures == ("cell (0, 4), loading 300 MPa: did not converge",)
         assert np.isfinite(result.leakage).all()
@@ -1062,7 +1063,7 @@ class TestFailures:
         sampling = replace(SAMPLING, pressure="uniform", library_cells=8)
         whole = stochastic(rough, (4, 6), sampling).library
         counted = []
-        solve = femseal.scales.ladder.solve_deformed_contact
+        solve = femseal.library.ladder.solve_deformed_contact
 
         def failing(gap0, *args, **given):
             if not counted or not np.array_equal(counted[-1], gap0):
@@ -1071,7 +1072,7 @@ class TestFailures:
                 raise NotConverged("did not converge", 1.0)
             return solve(gap0, *args, **given)
 
-        monkeypatch.setattr(femseal.scales.ladder, "solve_deformed_contact", failing)
+        monkeypatch.setattr(femseal.library.ladder, "solve_deformed_contact", failing)
         result = stochastic(rough, (4, 6), sampling)
         assert result.failures == ("cell 2: did not converge",)
         assert_array_equal(result.library.curves.k, np.delete(whole.curves.k, 2, axis=0))
@@ -1092,7 +1093,7 @@ class TestFailures:
         assert_array_equal(np.argwhere(np.isnan(result.leakage)), [[1, 1]])
 
     def test_a_library_without_any_cell(self, rough, monkeypatch):
-        for module in (femseal.scales.window, femseal.scales.ladder):
+        for module in (femseal.windows.window, femseal.library.ladder):
             self.fail(monkeypatch, module, "solve_deformed_contact", calls=range(10**6))
         for pressure in ("place", "uniform"):
             with pytest.raises(FemsealError, match="every c"):

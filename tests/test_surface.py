@@ -584,7 +584,7 @@ def test_faces_that_cannot_be_combined():
     face = rough()
     with pytest.raises(
         InputError,
-        match=r"shift: given 200 µm × 0 m, allowed is a shift after which the second face, 160 µm × 120 µm, still overlaps the first",
+        match=r"shift: given 200 µm × 0 m, expected a shift after which the second face, 160 µm × 120 µm, still overlaps the first",
     ):
         combine(face, face, shift=(200e-6, 0))
     with pytest.raises(InputError, match="mirror: given 'x3'"):

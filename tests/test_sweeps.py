@@ -18,8 +18,8 @@ from femseal.contact import cycle
 from femseal.execution.shared_stages import SharedStages, Unnamed, digest
 from femseal.plots.drawing import Drawn
 from femseal.results.run_comparison import named
-from femseal.scales import SolveCounts, SolverCounts
 from femseal.sweeps.variations import parsed_keys, short_names, variations
+from femseal.windows import SolveCounts, SolverCounts
 
 LOADED = TABLES.replace('["100 MPa", ', '["50 MPa", ')
 CASE = f"""
@@ -113,7 +113,7 @@ def test_a_key_of_one_of_two_faces(case):
     data["face"] = [data["face"], dict(data["face"])]
     second = variations(data, folder, {"face.1.rms_slope": [0.1, 0.3]})
     assert [[face.rms_slope for face in v.case.face] for v in second] == [[0.2, 0.1], [0.2, 0.3]]
-    with pytest.raises(fs.InputError, match=r"face\.2\.hurst: given '2', allowed is the number of one of the 2 tables"):
+    with pytest.raises(fs.InputError, match=r"face\.2\.hurst: given '2', expected the number of one of the 2 tables"):
         variations(data, folder, {"face.2.hurst": [0.5]})
 
 
@@ -125,17 +125,17 @@ def test_names_are_as_short_as_they_can_be():
 @pytest.mark.parametrize(
     ("arguments", "fault"),
     [
-        (["material.hardnes=1GPa"], "material.hardnes: unknown key"),
-        (["material.hardness=3"], "material.hardness: given 3, allowed is text with a number and a unit"),
-        (["seed"], "sweep: given 'seed', allowed is a key of the case and its values"),
+        (["material.hardnes=1GPa"], "material.hardnes: given an unknown key"),
+        (["material.hardness=3"], "material.hardness: given 3, expected text with a number and a unit"),
+        (["seed"], "sweep: given 'seed', expected a key of the case and its values"),
         (["seed=1,2", "seed=3"], "sweep: given the key seed twice"),
         (["seed=1,1"], "allowed is values that differ"),
-        (["seed.x=1"], "sweep: given 'seed.x', allowed is a dotted key of the case"),
+        (["seed.x=1"], "sweep: given 'seed.x', expected a dotted key of the case"),
         (["load.loading=[2MPa,1MPa]"], "load: allowed is rising pressures"),
         (["cells.count=[2,4],[32,64]"], r"with count = [32, 64]"),
         (
             [f"seed={','.join(map(str, range(40)))}", f"stochastic.realisations={','.join(map(str, range(2, 42)))}"],
-            "given 1600 cases, allowed is at most 1000",
+            "given 1600 cases, expected at most 1000",
         ),
     ],
 )
@@ -309,7 +309,7 @@ def test_compare_on_the_command_line(femseal, swept, tmp_path):
     assert all(name[:12] in text for name in found.names[:3])
     assert sorted(p.name for p in (tmp_path / "out").iterdir()) == ["comparison.csv", "comparison.png"]
     for wrong, fault in (
-        ([runs[0]], "given 1 runs, allowed is two or more"),
+        ([runs[0]], "given 1 runs, expected two or more"),
         ([runs[0], tmp_path / "none"], "no such folder"),
         ([*runs, "--unit", "miles"], "leakage_unit: given 'miles'"),
     ):

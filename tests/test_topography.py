@@ -61,12 +61,12 @@ def test_masked_points_are_undefined():
 @pytest.mark.parametrize(
     ("heights", "spacing", "message"),
     [
-        (np.zeros(3), (1, 1), r"heights: given an array of shape \(3,\), allowed is a non-empty"),
+        (np.zeros(3), (1, 1), r"heights: given an array of shape \(3,\), expected a non-empty"),
         (np.zeros((0, 3)), (1, 1), "non-empty"),
         ([[1.0, np.inf]], (1, 1), "heights: given 1 infinite points"),
         ([["a", "b"]], (1, 1), "real numbers"),
         (np.array([[1j, 2.0]]), (1, 1), "real numbers"),
-        ([[1.0, 2.0]], (1, 0), r"spacing: given \(1, 0\), allowed is two finite numbers > 0"),
+        ([[1.0, 2.0]], (1, 0), r"spacing: given \(1, 0\), expected two finite numbers > 0"),
         ([[1.0, 2.0]], (1, np.nan), "spacing"),
         ([[1.0, 2.0]], 1.0, "spacing"),
         ([[1.0, 2.0]], (1, 1, 1), "spacing"),
@@ -200,7 +200,7 @@ def test_detrend_is_the_least_squares_plane_of_the_defined_points():
 def test_detrend_of_a_single_line_and_bad_order():
     line = Topography(np.arange(5.0)[None, :], (1.0, 1.0))
     assert_allclose(line.detrend().heights, 0, atol=1e-12)
-    with pytest.raises(InputError, match="order: given 3, allowed is 0"):
+    with pytest.raises(InputError, match="order: given 3, expected 0"):
         line.detrend(3)
     with pytest.raises(InputError, match="100 % undefined"):
         Topography(np.full((3, 3), np.nan), (1, 1)).detrend()
@@ -325,7 +325,7 @@ def test_filled_points_stay_between_their_rims():
 def test_too_many_undefined_points_are_refused():
     z = np.zeros((10, 10))
     z[0] = np.nan
-    with pytest.raises(InputError, match="undefined points: given 10 %, allowed is at most 5 %"):
+    with pytest.raises(InputError, match="undefined points: given 10 %, expected at most 5 %"):
         Topography(z, (1, 1)).fill_undefined()
     assert Topography(z, (1, 1)).fill_undefined(0.1).undefined_share == 0
     with pytest.raises(InputError, match="given 100 %"):

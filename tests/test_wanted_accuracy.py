@@ -187,7 +187,7 @@ class TestRefining:
         assert (change.settings.method, change.settings.flow) == ("two-scale", "elements")
         _, change = self.change(SMALL, "pixels", memory=1e5)
         assert change.settings is None
-        assert "of memory, allowed are 100 kB" in change.text
+        assert "of memory, expected 100 kB" in change.text
 
     def test_seals_and_windows_are_four_times_as_many(self):
         drawn = DRAWN | {"stochastic": {"length": "300 um", "sampler": "history", "pressure": "uniform"}}
@@ -218,11 +218,11 @@ class TestRefining:
 class TestCase:
     @pytest.mark.parametrize("wrong", ["0 %", "100 %", -0.1, "ten", True, "3 m"])
     def test_accuracies_that_are_none(self, wrong):
-        with pytest.raises(fs.InputError, match=r"accuracy: given .* allowed is a share above 0 and below 1"):
+        with pytest.raises(fs.InputError, match=r"accuracy: given .* expected a share above 0 and below 1"):
             case(accuracy=wrong)
 
     def test_an_accuracy_is_judged_by_the_budget(self):
-        with pytest.raises(fs.InputError, match=r"output\.budget: given false with accuracy, allowed is true"):
+        with pytest.raises(fs.InputError, match=r"output\.budget: given false with accuracy, expected true"):
             case(output={"budget": False})
 
     def test_a_time_limit_is_for_an_accuracy(self):

@@ -8,8 +8,8 @@ import pytest
 from numpy.testing import assert_array_equal
 
 from femseal.loads import LoadProgramme
-from femseal.scales import ContactPressure, Partition, WindowFields
-from femseal.scales.window_fields import ContactValues
+from femseal.windows import ContactPressure, Partition, WindowFields
+from femseal.windows.window_fields import ContactValues
 
 PARTITION = Partition((24, 16), (1e-6, 1e-6), (3, 2))
 rng = np.random.default_rng(0)

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from reprlib import Repr
+from typing import Any
 
 #: Longest text of a user in a message, in characters; longer ones lose their middle.
 _LONGEST = 160
+#: Faults in a message.
+_MOST_FAULTS = 20
 _REPR = Repr()
 _REPR.maxstring = _REPR.maxother = _REPR.maxlong = 80
 
@@ -19,16 +23,42 @@ class NotKept(FemsealError):
 
 
 class InputError(FemsealError, ValueError):
-    """An input cannot be used: the message names it, what was given and what is allowed."""
+    """An input cannot be used: `what` it is, what was `given` ("" where that says nothing), and what is `expected`.
 
-    @classmethod
-    def of(cls, name: str, given: object, allowed: str) -> InputError:
-        """Build the one-line message ``name: given …, allowed …``.
+    >>> str(InputError("pressure", -1.0, "a number >= 0 [Pa]"))
+    'pressure: given -1.0, expected a number >= 0 [Pa]'
+    """
 
-        >>> str(InputError.of("pressure", -1.0, "a number >= 0 [Pa]"))
-        'pressure: given -1.0, allowed is a number >= 0 [Pa]'
-        """
-        return cls(f"{shortened(name)}: given {shortened(given)}, allowed is {allowed}")
+    def __init__(self, what: str, given: object, expected: str) -> None:
+        self.what, self.given, self.expected = what, given, expected
+        super().__init__(what, given, expected)
+
+    def __str__(self) -> str:
+        given = shortened(self.given)
+        return f"{shortened(self.what)}: {f'given {given}, ' if given else ''}expected {self.expected}"
+
+    def inside(self, place: str) -> InputError:
+        """The same error about the input as it is named in a table, such as "load" for "load.map"."""
+        return InputError(f"{place}.{self.what}", self.given, self.expected)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return InputError, (self.what, shortened(self.given), self.expected)  # whatever was given, its text can be sent
+
+
+class InputErrors(InputError):
+    """Several inputs cannot be used, `faults`; `what`, `given` and `expected` are those of the first."""
+
+    def __init__(self, faults: Sequence[InputError]) -> None:
+        self.faults = tuple(faults)
+        super().__init__(faults[0].what, faults[0].given, faults[0].expected)
+
+    def __str__(self) -> str:
+        lines = [str(fault) for fault in self.faults[:_MOST_FAULTS]]
+        more = len(self.faults) - len(lines)
+        return "\n".join([*lines, f"{more} more faults"] if more else lines)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return InputErrors, (self.faults,)
 
 
 def shortened(given: object, longest: int = _LONGEST) -> str:

@@ -26,7 +26,7 @@ def made_folder(folder: str | os.PathLike[str]) -> Path:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         reason = error.strerror or type(error).__name__
-        raise InputError.of("output folder", f"{path} ({reason})", "a folder that can be written") from None
+        raise InputError("output folder", f"{path} ({reason})", "a folder that can be written") from None
     return path
 
 
@@ -81,7 +81,7 @@ def replacing(path: Path) -> Iterator[Path]:
     InputError : `path` is a device, a pipe or a folder, whose place no file may take.
     """
     if path.exists() and not path.is_file():
-        raise InputError.of("file", f"'{path}', which is a device, a pipe or a folder", "a file, or a new one")
+        raise InputError("file", f"'{path}', which is a device, a pipe or a folder", "a file, or a new one")
     handle, name = tempfile.mkstemp(suffix=path.suffix, prefix=".unfinished-", dir=path.parent)
     os.close(handle)
     temporary = Path(name)

@@ -60,14 +60,14 @@ class LeakClass:
             it, or a unit that is not for the fluid.
         """
         if self.per_diameter and diameter is None:
-            raise InputError.of("nominal_diameter", f"none for the class {self.name}", "a length > 0, such as '50 mm'")
+            raise InputError("nominal_diameter", f"none for the class {self.name}", "a length > 0, such as '50 mm'")
         if self.helium and not is_helium(basis):
             allowed = "a class for the fluid, or helium as the fluid or the test fluid"
-            raise InputError.of("classes", f"{self.name}, which is defined for helium", allowed)
+            raise InputError("classes", f"{self.name}, which is defined for helium", allowed)
         unit = LEAK_UNITS[self.unit]
         if lack := basis.lacks(unit):
             fluid = "gas" if basis.is_gas else "liquid"
-            raise InputError.of("classes", f"{self.name}, a limit in {self.unit}, for a {fluid}", lack)
+            raise InputError("classes", f"{self.name}, a limit in {self.unit}, for a {fluid}", lack)
         amount = self.gas_amount if basis.is_gas and self.gas_amount is not None else self.amount
         return amount * basis.factor(unit) * (1e3 * diameter if self.per_diameter and diameter is not None else 1.0)
 
@@ -134,10 +134,10 @@ def _named(name: str) -> list[LeakClass]:
             try:
                 unit = leak_unit(match[2])
             except InputError:
-                raise InputError.of("classes", shown(name), KNOWN) from None
+                raise InputError("classes", shown(name), KNOWN) from None
             if 0 < (amount := float(match[1])) < inf:
                 return [LeakClass(f"{amount:g} {unit.name}", "", amount, unit.name)]
-    raise InputError.of("classes", shown(name), KNOWN)
+    raise InputError("classes", shown(name), KNOWN)
 
 
 def _key(name: str) -> str:

@@ -89,7 +89,7 @@ def leak_unit(text: str) -> LeakUnit:
         for written, name in (*((unit, unit) for unit in LEAK_UNITS), *_ALIASES.items()):
             if wanted == _key(written):
                 return LEAK_UNITS[name]
-    raise InputError.of("leakage_unit", shown(text), f"one of {', '.join(LEAK_UNITS)}")
+    raise InputError("leakage_unit", shown(text), f"one of {', '.join(LEAK_UNITS)}")
 
 
 def _key(name: str) -> tuple[str, tuple[str, ...]]:
@@ -150,7 +150,7 @@ class LeakBasis:
         InputError : a unit of gases for a liquid, or of liquids for a gas.
         """
         if lack := self.lacks(unit):
-            raise InputError.of("leakage_unit", f"{unit.name} for a {'gas' if self.is_gas else 'liquid'}", lack)
+            raise InputError("leakage_unit", f"{unit.name} for a {'gas' if self.is_gas else 'liquid'}", lack)
         per_volume = 1.0
         if unit.kind == "mass":
             per_volume = self.density

@@ -55,7 +55,7 @@ def to_si(text: object, unit: str, name: str = "quantity") -> float:
     293.15
     >>> to_si("1,5 mm", "m")
     Traceback (most recent call last):
-    femseal.base.errors.InputError: quantity: given '1,5 mm', allowed is a number with a decimal point, not a comma
+    femseal.base.errors.InputError: quantity: given '1,5 mm', expected a number with a decimal point, not a comma
     """
     example = (
         f"text with a number and a unit of the kind {unit!r}, such as {_example(unit)!r}" if unit else "a finite number"
@@ -63,21 +63,21 @@ def to_si(text: object, unit: str, name: str = "quantity") -> float:
     if unit == "" and isinstance(text, (int, float)) and not isinstance(text, bool):
         return _finite(float(text), text, name, example)
     if not isinstance(text, str):
-        raise InputError.of(name, shown(text), example)
+        raise InputError(name, shown(text), example)
     if len(text) > _LONGEST:
-        raise InputError.of(name, shown(text), f"{example}, not longer than {_LONGEST} characters")
+        raise InputError(name, shown(text), f"{example}, not longer than {_LONGEST} characters")
     if _DECIMAL_COMMA.search(text):
-        raise InputError.of(name, shown(text), "a number with a decimal point, not a comma")
+        raise InputError(name, shown(text), "a number with a decimal point, not a comma")
     if unit == "K" and (match := _TEMPERATURE.match(text)):
         return _finite(float(match[1]) + 273.15, text, name, example)
     match = _NUMBER_AND_UNIT.match(text)
     if match is None or (match[2] is None and unit):
-        raise InputError.of(name, shown(text), example)
+        raise InputError(name, shown(text), example)
     written = (match[2] or "").strip()
     if written and not _UNIT.fullmatch(written):
-        raise InputError.of(name, shown(text), example)
+        raise InputError(name, shown(text), example)
     if (factor := _factor(written, unit)) is None:
-        raise InputError.of(name, shown(text), example)
+        raise InputError(name, shown(text), example)
     # 15 digits restore the decimal number as written, although the factor of a prefix is not exact in binary
     return _finite(float(f"{float(match[1]) * factor:.15g}"), text, name, example)
 
@@ -103,7 +103,7 @@ def _example(unit: str) -> str:
 
 def _finite(value: float, given: object, name: str, allowed: str) -> float:
     if not isfinite(value):
-        raise InputError.of(name, shown(given), allowed)
+        raise InputError(name, shown(given), allowed)
     return value
 
 

@@ -17,13 +17,13 @@ def number(name: str, value: Any, *, unit: str = "", above: float = 0.0, inclusi
     relation = ">=" if inclusive else ">"
     allowed = "a finite number" + (f" {relation} {above:g}" if isfinite(above) else "") + (f" [{unit}]" if unit else "")
     if isinstance(value, (str, bytes, bool)):
-        raise InputError.of(name, repr(value), allowed)
+        raise InputError(name, repr(value), allowed)
     try:
         given = float(value)
     except (TypeError, ValueError):
-        raise InputError.of(name, repr(value), allowed) from None
+        raise InputError(name, repr(value), allowed) from None
     if not isfinite(given) or given < above or (given == above and not inclusive):
-        raise InputError.of(name, value, allowed)
+        raise InputError(name, value, allowed)
     return given
 
 
@@ -31,7 +31,7 @@ def tolerance(name: str, value: Any) -> float:
     """A number between 0 and 1."""
     given = number(name, value)
     if given >= 1:
-        raise InputError.of(name, value, "a number between 0 and 1")
+        raise InputError(name, value, "a number between 0 and 1")
     return given
 
 
@@ -46,12 +46,12 @@ def field(
         # the last digits of results depend on the alignment in memory, which differs for arrays sent by a cluster
         array = np.require(array, requirements=("C", "ALIGNED"))
     except (TypeError, ValueError):
-        raise InputError.of(name, f"a {type(value).__name__}", f"an array (n1, n2) of real numbers [{unit}]") from None
+        raise InputError(name, f"a {type(value).__name__}", f"an array (n1, n2) of real numbers [{unit}]") from None
     if array.ndim != 2 or array.size == 0 or (shape is not None and array.shape != shape):
-        raise InputError.of(name, f"shape {array.shape}", "a shape (n1, n2)" if shape is None else f"shape {shape}")
+        raise InputError(name, f"shape {array.shape}", "a shape (n1, n2)" if shape is None else f"shape {shape}")
     if not np.isfinite(array).all():
         count = np.count_nonzero(~np.isfinite(array))
-        raise InputError.of(name, f"{count} points not finite", f"finite numbers [{unit}]")
+        raise InputError(name, f"{count} points not finite", f"finite numbers [{unit}]")
     return array
 
 
@@ -62,7 +62,7 @@ def count(name: str, value: Any) -> int:
     except TypeError:
         given = 0
     if given < 1 or isinstance(value, bool):
-        raise InputError.of(name, repr(value), "a whole number >= 1")
+        raise InputError(name, repr(value), "a whole number >= 1")
     return given
 
 
@@ -72,9 +72,9 @@ def lengths(name: str, value: Any) -> tuple[float, float]:
     try:
         first, second = (float(v) for v in value)
     except (TypeError, ValueError):
-        raise InputError.of(name, repr(value), allowed) from None
+        raise InputError(name, repr(value), allowed) from None
     if not (isfinite(first) and isfinite(second) and first > 0 and second > 0):
-        raise InputError.of(name, value, allowed)
+        raise InputError(name, value, allowed)
     return first, second
 
 
@@ -84,9 +84,9 @@ def grid(name: str, value: Any, *, minimum: int = 1) -> tuple[int, int]:
     try:
         first, second = (index(v) for v in value)
     except (TypeError, ValueError):
-        raise InputError.of(name, repr(value), allowed) from None
+        raise InputError(name, repr(value), allowed) from None
     if first < minimum or second < minimum:
-        raise InputError.of(name, value, allowed)
+        raise InputError(name, value, allowed)
     return first, second
 
 
@@ -97,12 +97,12 @@ def flags(name: str, value: Any) -> tuple[bool, bool]:
         if first not in (True, False) or second not in (True, False):
             raise ValueError
     except (TypeError, ValueError):
-        raise InputError.of(name, repr(value), "two of True and False, along x1 and x2") from None
+        raise InputError(name, repr(value), "two of True and False, along x1 and x2") from None
     return bool(first), bool(second)
 
 
 def axis_number(axis: Any) -> int:
     """0 (x1) or 1 (x2)."""
     if axis not in (0, 1):
-        raise InputError.of("axis", repr(axis), "0 (x1) or 1 (x2)")
+        raise InputError("axis", repr(axis), "0 (x1) or 1 (x2)")
     return int(axis)

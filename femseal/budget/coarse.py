@@ -7,8 +7,8 @@ from math import ceil
 
 import numpy as np
 
+from ..library import LibraryTable
 from ..loads import LoadProgramme
-from ..scales import LibraryTable
 from ..studies.scene import Array, Scene
 
 #: Points a side of the coarser grid over those of the scene.

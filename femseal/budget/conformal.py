@@ -104,7 +104,7 @@ class Scores:
         """
         n = self.scenes
         if 1 - coverage < 1 / (n + 1) - 1e-12:
-            raise InputError.of("coverage", coverage, f"at most {n / (n + 1):.3g} by a calibration of {n} scenes")
+            raise InputError("coverage", coverage, f"at most {n / (n + 1):.3g} by a calibration of {n} scenes")
         of_scene = np.unique(self.scene, return_inverse=True)[1]
         weight = 1.0 / (np.bincount(of_scene)[of_scene] * (n + 1))
         order = np.argsort(self.value, kind="stable")
@@ -127,8 +127,8 @@ def model_error(kind: str, *, coverage: float = 0.95, **features: Array) -> Arra
     validate.number("coverage", coverage)
     if not coverage < 1 or kind not in DIFFICULTIES:
         if kind in DIFFICULTIES:
-            raise InputError.of("coverage", coverage, "a share below 1")
-        raise InputError.of("kind", kind, f"one of {', '.join(DIFFICULTIES)}")
+            raise InputError("coverage", coverage, "a share below 1")
+        raise InputError("kind", kind, f"one of {', '.join(DIFFICULTIES)}")
     difficulty = _difficulty(kind, features)
     return calibration()[kind].quantile(coverage) * difficulty
 
@@ -166,4 +166,4 @@ def _difficulty(kind: str, features: Features) -> Array:
         return np.asarray(DIFFICULTIES[kind](features), dtype=float)
     except KeyError as missing:
         given = ", ".join(sorted(features)) or "none"
-        raise InputError.of(f"features of {kind}", given, f"also {missing.args[0]}") from None
+        raise InputError(f"features of {kind}", given, f"also {missing.args[0]}") from None

@@ -85,9 +85,9 @@ def grid_convergence(values: Sequence[float], sizes: Sequence[float], *, order: 
     """
     v, h = [float(x) for x in values], [float(x) for x in sizes]
     if len(v) not in (2, 3) or len(h) != len(v):
-        raise InputError.of("values", f"{len(v)} values on {len(h)} grids", "two or three, each on its own grid")
+        raise InputError("values", f"{len(v)} values on {len(h)} grids", "two or three, each on its own grid")
     if not all(0 < a < b for a, b in pairwise(h)) or not all(map(isfinite, (*v, *h))):
-        raise InputError.of("sizes", h, "rising sizes > 0, the finest grid first, with finite values")
+        raise InputError("sizes", h, "rising sizes > 0, the finest grid first, with finite values")
     change, ratio = v[1] - v[0], h[1] / h[0]
     if all(x == v[0] for x in v):
         return GridConvergence("equal", float("nan"), order, v[0], 0.0, 0.0, v[0], v[1], SAFETY)

@@ -37,8 +37,8 @@ def in_tables_of(tables: dict[str, str]) -> Iterator[None]:
     try:
         yield
     except InputError as error:
-        table = tables.get(re.split(r"\W", str(error), maxsplit=1)[0])
-        raise (error if table is None else InputError(f"{table}.{error}")) from None
+        table = tables.get(re.split(r"\W", error.what, maxsplit=1)[0])
+        raise (error if table is None else error.inside(table)) from None
 
 
 @contextmanager
@@ -47,6 +47,7 @@ def in_words_of(keys: dict[str, str], place: str = "") -> Iterator[None]:
     try:
         yield
     except InputError as error:
-        # a name before ":", or before "=" where another value is proposed
-        words = re.sub(r"\b(\w+)(?=[:=])", lambda name: keys.get(name[1], name[1]), str(error))
-        raise InputError(f"{place}.{words}" if place else words) from error
+        # a name before "=" is that of another value which is proposed
+        expected = re.sub(r"\b(\w+)(?==)", lambda name: keys.get(name[1], name[1]), error.expected)
+        found = InputError(keys.get(error.what, error.what), error.given, expected)
+        raise (found.inside(place) if place else found) from error

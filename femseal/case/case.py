@@ -15,7 +15,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, ValidationError, model_validator
 from pydantic_core import PydanticCustomError
 
-from ..base.errors import InputError, shortened
+from ..base.errors import InputError, InputErrors, shortened
 from ..base.quantities import to_text
 from ..fluids import leak_basis, potential_of
 from ..materials import Solid, contact_modulus, softer_hardness
@@ -24,7 +24,7 @@ from ..seal.layouts import Layout
 from .case_accuracy import with_what_is_open
 from .case_tables import AnyFluid, CellsTable, ContactTable, FlowTable, OutputTable, SolidTable, StochasticTable
 from .faces import Face, FileFace, SurfaceTable
-from .faults import INTERNAL, fault_lines
+from .faults import INTERNAL, case_faults, fault
 from .fluid_by_name import with_named_fluids
 from .load import LoadTable
 from .seal import AnySeal, with_inlet_pressure
@@ -86,45 +86,39 @@ class Case(Table):
     @model_validator(mode="after")
     def _complete(self) -> Case:
         if self.load.interpolate is not None and self.accuracy is not None:
-            text = "load.interpolate: given with accuracy, allowed is one of them: attempts solve all loads"
-            raise PydanticCustomError("interpolate", text)
+            raise fault("load.interpolate", "it with accuracy", "one of them: attempts solve all loads")
         if self.accuracy is not None and not self.output.budget:
-            text = "output.budget: given false with accuracy, allowed is true: attempts end by their error budget"
-            raise PydanticCustomError("budget", text)
+            raise fault("output.budget", "false with accuracy", "true: attempts end by their error budget")
         if self.time_limit is not None and self.accuracy is None:
-            raise PydanticCustomError("time_limit", "time_limit: given without accuracy, allowed is it with accuracy")
+            raise fault("time_limit", "it without accuracy", "it with accuracy")
         if self.cells is None and self.accuracy is None and not self.methods <= {"deterministic", "auto"}:
             raise PydanticCustomError("cells", "a table `cells` with the method {m}", {"m": self.method})
         if self.cells is not None and self.cells.flow == "elements" and self.flow.discretisation != "edge":
-            text = "cells.flow: given elements with the discretisation {d}, allowed is edge with them"
-            raise PydanticCustomError("cells", text, {"d": self.flow.discretisation})
+            raise fault("cells.flow", f"elements with the discretisation {self.flow.discretisation}", "edge with them")
         if self.stochastic is not None and self.stochastic.sampler == "runs" and self.flow.discretisation != "edge":
-            text = "stochastic.sampler: given runs with the discretisation {d}, allowed is edge with them"
-            raise PydanticCustomError("sampler", text, {"d": self.flow.discretisation})
+            given = f"runs with the discretisation {self.flow.discretisation}"
+            raise fault("stochastic.sampler", given, "edge with them")
         if self.stochastic is None and "stochastic" in self.methods:
             raise PydanticCustomError("stochastic", "a table `stochastic` with the method stochastic")
         if self.load.unit == "Pa" and self.load.highest >= self.hardness:
-            given = {"p": to_text(self.load.highest, "Pa"), "h": to_text(self.hardness, "Pa")}
-            raise PydanticCustomError("load", "load: given {p}, allowed are pressures below the hardness, {h}", given)
+            expected = f"pressures below the hardness, {to_text(self.hardness, 'Pa')}"
+            raise fault("load", to_text(self.load.highest, "Pa"), expected)
         for key, fluid in (("fluid", self.fluid), ("output.test_fluid", self.output.test_fluid)):
             if fluid is None:
                 continue
             if not (inlet := fluid.inlet_pressure) > (outlet := fluid.outlet_pressure):
-                given = {"key": key, "p": to_text(inlet, "Pa"), "q": to_text(outlet, "Pa")}
-                text = "{key}.inlet_pressure: given {p}, allowed is a pressure above that of the outlet, {q}"
-                raise PydanticCustomError("fluid", text, given)
+                expected = f"a pressure above that of the outlet, {to_text(outlet, 'Pa')}"
+                raise fault(f"{key}.inlet_pressure", to_text(inlet, "Pa"), expected)
             try:
                 potential_of(fluid.fluid, f"{key}.inlet_pressure", fluid.inlet_pressure)
             except InputError as error:
-                raise PydanticCustomError("fluid", "{fault}", {"fault": str(error)}) from None
+                raise fault(error.what, error.given, error.expected) from None
         self._check_output()
         for face in self.face:
             if isinstance(face, FileFace) and not isfile(self.folder / face.path):
-                path = {"path": shortened(face.path)}
-                raise PydanticCustomError("file", "face.path: given '{path}', allowed is a file that exists", path)
+                raise fault("face.path", f"'{shortened(face.path)}'", "a file that exists")
         if isinstance(first := self.face[0], FileFace) and first.placement:
-            keys = {"keys": ", ".join(sorted(first.placement))}
-            raise PydanticCustomError("placement", "face.0: given {keys}, allowed is that in the second face", keys)
+            raise fault("face.0", ", ".join(sorted(first.placement)), "that in the second face")
         self._check_seal()
         self._check_map()
         return self
@@ -134,65 +128,54 @@ class Case(Table):
         output = self.output
         basis = leak_basis(self.fluid.fluid, 1.0)
         if output.unit is not None and (lack := basis.lacks(output.unit)):
-            text = "output.leakage_unit: given {unit} for a {kind}, allowed is {lack}"
             kind = "gas" if basis.is_gas else "liquid"
-            raise PydanticCustomError("unit", text, {"unit": output.unit.name, "kind": kind, "lack": lack})
+            raise fault("output.leakage_unit", f"{output.unit.name} for a {kind}", lack)
         try:
             check_classes(output.classes, output.nominal_diameter, (output.test_fluid or self.fluid).fluid)
         except InputError as error:
-            raise PydanticCustomError("classes", "output.{fault}", {"fault": str(error)}) from None
+            raise fault(f"output.{error.what}", error.given, error.expected) from None
 
     def _check_seal(self) -> None:
         layout, table = self.layout, self.stochastic
         if not layout.has_length and "stochastic" not in self.methods:
-            text = "seal.kind: given {kind} with the method {m}, allowed is it with stochastic, which draws its windows"
-            raise PydanticCustomError("seal", text, {"kind": layout.kind, "m": self.method})
+            given = f"{layout.kind} with the method {self.method}"
+            raise fault("seal.kind", given, "it with stochastic, which draws its windows")
         if table is not None and layout.has_length and table.length is None:
-            raise PydanticCustomError("length", "stochastic.length: given none, allowed is the length of the seal")
+            raise fault("stochastic.length", "none", "the length of the seal")
         for name in ("length", "breadth") if table is not None and not layout.has_length else ():
             if (value := getattr(table, name)) is not None:
-                text = "stochastic.{name}: given {value}, allowed is none with a seal of kind {kind}: it has its own"
-                given = {
-                    "name": name,
-                    "value": to_text(value[0] if isinstance(value, tuple) else value, "m"),
-                    "kind": layout.kind,
-                }
-                raise PydanticCustomError("length", text, given)
+                given = to_text(value[0] if isinstance(value, tuple) else value, "m")
+                raise fault(f"stochastic.{name}", given, f"none with a seal of kind {layout.kind}: it has its own")
         self._check_inlets()
         for key, path in self.seal.files():
             if not isfile(self.folder / path):
-                given = {"key": key, "path": shortened(path)}
-                raise PydanticCustomError("file", "seal.{key}: given '{path}', allowed is a file that exists", given)
+                raise fault(f"seal.{key}", f"'{shortened(path)}'", "a file that exists")
 
     def _check_inlets(self) -> None:
         """Raise a fault if pressures of the inlets do not go with the outlet, the methods or a test fluid."""
         own, outlet = getattr(self.layout, "inlet_pressures", {}), self.fluid.outlet_pressure
         for name, pressure in own.items():
             if not pressure > outlet:
-                given = {"name": name, "p": to_text(pressure, "Pa"), "q": to_text(outlet, "Pa")}
-                text = "seal.inlet.{name}: given {p}, allowed is a pressure above that of the outlet, {q}"
-                raise PydanticCustomError("seal", text, given)
+                expected = f"a pressure above that of the outlet, {to_text(outlet, 'Pa')}"
+                raise fault(f"seal.inlet.{name}", to_text(pressure, "Pa"), expected)
         if own and self.methods != {"stochastic"}:
-            text = "seal.inlet: given pressures with the method {m}, allowed is stochastic alone: a face has one inlet"
-            raise PydanticCustomError("seal", text, {"m": ", ".join(sorted(self.methods - {"stochastic"}))})
+            given = f"pressures with the method {', '.join(sorted(self.methods - {'stochastic'}))}"
+            raise fault("seal.inlet", given, "stochastic alone: a face has one inlet")
         if own and self.output.test_fluid is not None:
-            text = "output.test_fluid: given one with pressures of the inlets in seal.inlet, allowed is none with them"
-            raise PydanticCustomError("seal", text)
+            raise fault("output.test_fluid", "one with pressures of the inlets in seal.inlet", "none with them")
 
     def _check_map(self) -> None:
         if self.load.map is None:
             return
         if self.methods != {"stochastic"} or self.stochastic is None:
-            given = ", ".join(sorted(self.methods - {"stochastic"}))
-            text = "load.map: given with the method {m}, allowed is stochastic alone: a face has one nominal pressure"
-            raise PydanticCustomError("map", text, {"m": given})
+            given = f"a map with the method {', '.join(sorted(self.methods - {'stochastic'}))}"
+            raise fault("load.map", given, "stochastic alone: a face has one nominal pressure")
         if self.stochastic.pressure != "uniform":
-            text = "stochastic.pressure: given {p} with load.map, allowed is uniform, whose windows follow any pressure"
-            raise PydanticCustomError("map", text, {"p": self.stochastic.pressure})
+            given = f"{self.stochastic.pressure} with load.map"
+            raise fault("stochastic.pressure", given, "uniform, whose windows follow any pressure")
         for path in self.load.files:
             if not isfile(self.folder / path):
-                text = "load.map.path: given '{path}', allowed is a file that exists"
-                raise PydanticCustomError("file", text, {"path": shortened(path)})
+                raise fault("load.map.path", f"'{shortened(path)}'", "a file that exists")
 
     @property
     def layout(self) -> Layout:
@@ -250,23 +233,23 @@ def read_case(path: str | PathLike[str]) -> tuple[dict[str, Any], Path]:
     try:
         # a pipe or a device may have no end
         if path.exists() and not path.is_file():
-            raise InputError.of("case", f"'{path}', which is no file", "a TOML file")
+            raise InputError("case", f"'{path}', which is no file", "a TOML file")
         with path.open("rb") as file:
             content = file.read(_LARGEST_FILE + 1)
         if len(content) > _LARGEST_FILE:
-            raise InputError.of("case", f"'{path}' of more than {_LARGEST_FILE:.0e} bytes", "a TOML file of a case")
+            raise InputError("case", f"'{path}' of more than {_LARGEST_FILE:.0e} bytes", "a TOML file of a case")
         data = tomllib.loads(content.decode("utf-8").replace("\r\n", "\n"))
     except OSError as error:
-        raise InputError.of("case", f"'{path}'", f"a file that can be read ({error.strerror})") from None
+        raise InputError("case", f"'{path}'", f"a file that can be read ({error.strerror})") from None
     except UnicodeDecodeError:
-        raise InputError.of("case", f"'{path}', which is not text", "a TOML file in UTF-8") from None
+        raise InputError("case", f"'{path}', which is not text", "a TOML file in UTF-8") from None
     except RecursionError:
-        raise InputError.of("case", f"'{path}' with lists or tables too deep in each other", "a TOML file") from None
+        raise InputError("case", f"'{path}' with lists or tables too deep in each other", "a TOML file") from None
     except ValueError as error:  # of TOML, or of a number with thousands of digits
         if isinstance(error, InputError):
             raise
         reason = shortened(error, 120)
-        raise InputError.of("case", f"'{path}', which is not TOML", f"a TOML file ({reason})") from None
+        raise InputError("case", f"'{path}', which is not TOML", f"a TOML file ({reason})") from None
     return data, path.parent
 
 
@@ -279,16 +262,20 @@ def parse_case(data: dict[str, Any], folder: Path = Path()) -> Case:
     """
     for name in INTERNAL:
         if name in data:
-            raise InputError.of(name, "a value", "no such key")
+            raise InputError(name, "a value", "no such key")
     try:
         return Case.model_validate({**data, "folder": folder})
     except RecursionError:
-        raise InputError.of("case", "lists or tables too deep in each other", "the tables of a case") from None
+        raise InputError("case", "lists or tables too deep in each other", "the tables of a case") from None
     except ValidationError as error:
-        lines = fault_lines(Case, error)
-        # a single table has no number in the file
-        if isinstance(data.get("face"), dict):
-            lines = [line.replace("face.0", "face", 1) if line.startswith("face.0") else line for line in lines]
-        if isinstance(data.get("load"), dict) and isinstance(data["load"].get("map"), dict):
-            lines = [line.replace("load.map.0", "load.map", 1) for line in lines]
-        raise InputError("\n".join(lines)) from None
+        raise InputErrors([_named(found, data) for found in case_faults(Case, error)]) from None
+
+
+def _named(found: InputError, data: dict[str, Any]) -> InputError:
+    """A fault by the key of the file, where a single table of several possible ones has no number."""
+    what = found.what
+    if isinstance(data.get("face"), dict) and what.startswith("face.0"):
+        what = what.replace("face.0", "face", 1)
+    if isinstance(data.get("load"), dict) and isinstance(data["load"].get("map"), dict):
+        what = what.replace("load.map.0", "load.map", 1)
+    return InputError(what, found.given, found.expected)

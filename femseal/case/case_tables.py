@@ -22,6 +22,7 @@ from ..materials import Solid
 from ..results.fields import LIMIT
 from ..results.vtk import FORMATS
 from ..studies import CONTACTS, DRAWS, FLOWS, PRESSURES, FluidState
+from .faults import fault
 from .registered_tables import table_of_any
 from .values import Count, FileSize, Length, Lengths, Modulus, Poisson, Pressure, Ratio, Table, Temperature, one_of
 
@@ -66,7 +67,7 @@ class FlowTable(Table):
         try:
             check_discretisation(self.discretisation, self.solver)
         except InputError as error:
-            raise PydanticCustomError("flow", "flow.{fault}", {"fault": str(error)}) from None
+            raise fault(f"flow.{error.what}", error.given, error.expected) from None
         return self
 
 
@@ -156,14 +157,14 @@ def _leak_unit_name(value: Any) -> str:
     try:
         return leak_unit(value).name
     except InputError as error:
-        raise PydanticCustomError("name", "{allowed}", {"allowed": str(error).split("allowed is ")[-1]}) from None
+        raise PydanticCustomError("name", "{allowed}", {"allowed": error.expected}) from None
 
 
 def _class_name(value: Any) -> str:
     try:
         leak_classes([value])
     except InputError as error:
-        raise PydanticCustomError("name", "{allowed}", {"allowed": str(error).split("allowed is ")[-1]}) from None
+        raise PydanticCustomError("name", "{allowed}", {"allowed": error.expected}) from None
     return str(value)
 
 
@@ -202,8 +203,7 @@ class OutputTable(Table):
     @model_validator(mode="after")
     def _together(self) -> OutputTable:
         if self.report and not self.pictures:
-            text = "output.report: given true with pictures = false, allowed is false: the page is made of pictures"
-            raise PydanticCustomError("report", text)
+            raise fault("output.report", "true with pictures = false", "false: the page is made of pictures")
         return self
 
     @property

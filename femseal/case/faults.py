@@ -5,11 +5,11 @@ from __future__ import annotations
 from typing import Any, get_args
 
 from pydantic import BaseModel, ValidationError
+from pydantic_core import PydanticCustomError
 
-from ..base.errors import shortened, shown
+from ..base.errors import InputError, shortened, shown
 
-#: Faults told at once; longest key of a user in a message, in characters.
-_MOST_FAULTS = 20
+#: Longest key of a user in a message, in characters.
 _LONGEST_KEY = 40
 #: Longest message about keys together; of a longer one the end is left out, such as that of a list of what is allowed.
 _LONGEST_FAULT = 400
@@ -33,42 +33,46 @@ _IN_WORDS_OF_TOML = {
 }
 
 
-def fault_lines(case: type[BaseModel], error: ValidationError) -> list[str]:
-    """One line for each fault in a case given to the model."""
+def fault(what: str, given: object, expected: str) -> PydanticCustomError:
+    """Fault of a case that involves several keys, for validators to raise."""
+    context = {"what": what, "given": shortened(given), "expected": expected}
+    return PydanticCustomError("input", "{what}: given {given}, expected {expected}", context)
+
+
+def case_faults(case: type[BaseModel], error: ValidationError) -> list[InputError]:
+    """The faults in a case that was given to the model."""
     # pydantic also reports a list with faulty items as too short
     faults = [dict(e) for e in error.errors() if e["type"] != "too_short" or not e["input"]]
-    lines = list(dict.fromkeys(_line(case, fault) for fault in faults))
-    more = [f"{len(lines) - _MOST_FAULTS} more faults"] if len(lines) > _MOST_FAULTS else []
-    return lines[:_MOST_FAULTS] + more
+    return list({str(found): found for found in (_fault(case, each) for each in faults)}.values())
 
 
-def _line(case: type[BaseModel], error: dict[str, Any]) -> str:
+def _fault(case: type[BaseModel], error: dict[str, Any]) -> InputError:
     place, tables = _place(case, error["loc"])
     key = ".".join(place) or "case"
     kind, given = error["type"], error["input"]
     if kind == "extra_forbidden" and key in _REPLACED:
-        return f"{key}: given {shown(given)}, allowed is {_REPLACED[key]}"
+        return InputError(key, shown(given), _REPLACED[key])
     if kind == "extra_forbidden":
-        return f"{key}: unknown key, allowed are {', '.join(n for n in tables[0].model_fields if n not in INTERNAL)}"
+        return InputError(key, "an unknown key", ", ".join(n for n in tables[0].model_fields if n not in INTERNAL))
     if kind == "missing":
-        return f"{key}: missing"
+        return InputError(key, "nothing", "a value for this key")
     if kind == "too_short":
-        return f"{key}: given {shown(given)}, allowed is a list of at least one"
+        return InputError(key, shown(given), "a list of at least one")
     if kind.startswith("int_"):
-        return f"{key}: given {shown(given)}, allowed is a whole number"
+        return InputError(key, shown(given), "a whole number")
     if kind in ("union_tag_invalid", "union_tag_not_found"):
         given = given.get("kind") if isinstance(given, dict) else given
-        return f"{key}.kind: given {shown(given)}, allowed is one of {', '.join(map(repr, map(_kind, tables)))}"
+        return InputError(f"{key}.kind", shown(given), f"one of {', '.join(map(repr, map(_kind, tables)))}")
     if kind in _IN_WORDS_OF_TOML:
-        return f"{key}: given {shown(given)}, allowed is {_IN_WORDS_OF_TOML[kind]}"
-    message = str(error["msg"])
-    if ": given " in message:  # the message of a fault between keys names them
-        told = shortened(message, 10 * len(message))  # as it is, but printable
-        return told if len(told) <= _LONGEST_FAULT else f"{told[: _LONGEST_FAULT - 1]}…"
-    text = message.removeprefix("Input should be ").removeprefix("Value error, ")
+        return InputError(key, shown(given), _IN_WORDS_OF_TOML[kind])
+    if kind == "input":  # a fault between keys names them
+        what, given, expected = (error["ctx"][name] for name in ("what", "given", "expected"))
+        longest = _LONGEST_FAULT - len(what) - len(given)
+        return InputError(what, given, expected if len(expected) <= longest else f"{expected[: longest - 1]}…")
+    text = str(error["msg"]).removeprefix("Input should be ").removeprefix("Value error, ")
     if isinstance(given, (dict, BaseModel)):
-        return f"{key}: allowed is {text}"
-    return f"{key}: given {shown(given)}, allowed is {text}"
+        return InputError(key, "", text)
+    return InputError(key, shown(given), text)
 
 
 def _place(case: type[BaseModel], loc: tuple[Any, ...]) -> tuple[list[str], list[Any]]:

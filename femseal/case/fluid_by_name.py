@@ -6,12 +6,11 @@ from collections.abc import Iterator
 from dataclasses import fields
 from typing import Any
 
-from pydantic_core import PydanticCustomError
-
 from ..base.errors import InputError
 from ..base.quantities import to_si, to_text
 from ..fluids import FLUIDS
 from ..named_fluids import TABLE_TEMPERATURE, named_fluid
+from .faults import fault
 
 #: Ratio of a given property to that of the named fluid from which on a warning says so.
 _ODD_RATIO = 2.0
@@ -44,7 +43,7 @@ def _filled(table: Any, place: str, odd: list[str]) -> Any:
     try:
         found = named_fluid(table["name"], temperature, (inlet, outlet))
     except InputError as error:
-        raise PydanticCustomError("fluid", "{place}.{fault}", {"place": place, "fault": str(error)}) from None
+        raise fault(f"{place}.{error.what}", error.given, error.expected) from None
     kind = table.get("kind", found.kind)
     if not isinstance(kind, str) or kind not in FLUIDS:
         return table

@@ -18,6 +18,7 @@ from ..base.quantities import to_si, to_text
 from ..loads import LOAD_UNITS, nominal_pressure
 from ..seal.field_file import read_pressure_field
 from ..seal.pressure_map import AngleTable, AnyMap, MapsAtLoads, PressureField, PressureMap, Profile, Uniform
+from .faults import fault
 from .values import Accuracy, Angle, Count, Place, Quantity, Table, quantity_schema
 
 #: No cycle is longer [load steps].
@@ -88,7 +89,7 @@ class MapTable(Table):
             try:
                 self.make(Path())
             except InputError as error:
-                raise PydanticCustomError("map", "load.map.{fault}", {"fault": str(error)}) from None
+                raise fault(f"load.map.{error.what}", error.given, error.expected) from None
         return self
 
 

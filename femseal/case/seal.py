@@ -17,6 +17,7 @@ from ..base.leak_units import STANDARD_PRESSURE
 from ..base.quantities import to_si
 from ..seal.lay import ALLOWED, NAMES, Lay
 from ..seal.layouts import LAYOUTS, Layout, MeshLayout
+from .faults import fault
 from .registered_tables import table_of_any
 from .values import Length, Pressure, Quantity, Shift, Table, quantity_schema
 
@@ -45,7 +46,7 @@ class SealTable(Table):
         try:
             self.layout(Path())
         except InputError as error:
-            raise PydanticCustomError("seal", "seal.{fault}", {"fault": str(error)}) from None
+            raise fault(f"seal.{error.what}", error.given, error.expected) from None
         return self
 
 
@@ -53,7 +54,7 @@ def _lay(value: Any) -> Any:
     try:
         lay = Lay.of(value)
     except InputError as error:
-        raise PydanticCustomError("lay", "{allowed}", {"allowed": str(error).split("allowed is ")[-1]}) from None
+        raise PydanticCustomError("lay", "{allowed}", {"allowed": error.expected}) from None
     return {"angle": lay.angle} if lay.angle is not None else value
 
 
@@ -77,8 +78,8 @@ def with_inlet_pressure(data: Any) -> Any:
     if not isinstance(inlets := seal.get("inlet"), dict):
         return data
     if "inlet_pressure" in fluid:
-        text = "fluid.inlet_pressure: given {p} beside the pressures of the inlets in seal.inlet, allowed is none there"
-        raise PydanticCustomError("fluid", text, {"p": shortened(repr(fluid["inlet_pressure"]), 60)})
+        given = f"{shortened(repr(fluid['inlet_pressure']), 60)} beside the pressures of the inlets in seal.inlet"
+        raise fault("fluid.inlet_pressure", given, "none there")
     try:
         highest = max(to_si(p, "Pa") for p in inlets.values())
     except (InputError, ValueError):
@@ -89,8 +90,8 @@ def with_inlet_pressure(data: Any) -> Any:
 def _length_unit(value: Any) -> str:
     try:
         if not isinstance(value, str) or not to_si(f"1 {value}", "m") > 0:
-            raise InputError
-    except InputError:
+            raise ValueError
+    except ValueError:
         allowed = "a unit of length, such as 'mm'"
         raise PydanticCustomError("unit", "{allowed}", {"allowed": allowed}) from None
     return value

@@ -40,7 +40,7 @@ class Quantity:
         try:
             number = to_si(value, self.unit)
         except InputError as error:
-            context = {"allowed": str(error).split("allowed is ")[-1]}
+            context = {"allowed": error.expected}
             raise PydanticCustomError("quantity", "{allowed}", context) from None
         if not self.test(number):
             raise PydanticCustomError("quantity", "{allowed}", {"allowed": self.allowed})

@@ -126,7 +126,7 @@ def load_states(
     """
     highest = float(programme.pressures.max())
     if highest > (limit := float(hardness_bounds(hardness, half_space.shape).mean())) * (1 + 1e-12):
-        raise InputError.of("loading", f"{highest:g} Pa", f"at most the mean hardness, {limit:g} Pa")
+        raise InputError("loading", f"{highest:g} Pa", f"at most the mean hardness, {limit:g} Pa")
     gap0 = validate.field("gap0", gap0, unit="m", shape=half_space.shape, copy=False)
     solve = partial(_state, gap0=gap0, half_space=half_space, hardness=hardness, rtol=rtol, take=take)
     if memory is None:

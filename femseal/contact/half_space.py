@@ -59,9 +59,9 @@ class HalfSpace:
         try:
             first, second = self.boundary
         except (TypeError, ValueError):
-            raise InputError.of("boundary", self.boundary, kinds) from None
+            raise InputError("boundary", self.boundary, kinds) from None
         if first not in BOUNDARIES or second not in BOUNDARIES:
-            raise InputError.of("boundary", self.boundary, kinds)
+            raise InputError("boundary", self.boundary, kinds)
         object.__setattr__(self, "boundary", (first, second))
 
     def symbol(self) -> Array:

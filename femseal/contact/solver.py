@@ -146,15 +146,15 @@ def _validated(
     limit = _mean(bounds)
     validate.tolerance("rtol", rtol)
     if (pressure is None) == (approach is None):
-        raise InputError.of("pressure and approach", f"{pressure} and {approach}", "one of them, the other None")
+        raise InputError("pressure and approach", f"{pressure} and {approach}", "one of them, the other None")
     if pressure is not None:
         pressure = validate.number("pressure", pressure, unit="Pa", inclusive=True)
         if pressure > limit * (1 + 1e-12):
-            raise InputError.of("pressure", f"{pressure:g} Pa", f"at most the mean hardness, {limit:g} Pa")
+            raise InputError("pressure", f"{pressure:g} Pa", f"at most the mean hardness, {limit:g} Pa")
     if approach is not None:
         approach = validate.number("approach", approach, unit="m", above=-inf)
         if "free" not in half_space.boundary and np.isinf(limit) and approach >= gap.mean():
-            raise InputError.of("approach", f"{approach:g} m", f"less than the mean of gap0, {gap.mean():g} m")
+            raise InputError("approach", f"{approach:g} m", f"less than the mean of gap0, {gap.mean():g} m")
     return gap, bounds, pressure, approach
 
 
@@ -168,12 +168,12 @@ def hardness_bounds(hardness: float | ArrayLike, shape: tuple[int, int]) -> Arra
     try:
         bounds = np.atleast_1d(np.asarray(hardness, dtype=float))
     except (TypeError, ValueError):
-        raise InputError.of("hardness", repr(hardness), f"a number or an array {shape} [Pa]") from None
+        raise InputError("hardness", repr(hardness), f"a number or an array {shape} [Pa]") from None
     if isinstance(hardness, (str, bytes)) or (bounds.size != 1 and bounds.shape != shape):
         given = repr(hardness) if bounds.size == 1 else f"shape {bounds.shape}"
-        raise InputError.of("hardness", given, f"a number or an array {shape} [Pa]")
+        raise InputError("hardness", given, f"a number or an array {shape} [Pa]")
     if not np.all(bounds > 0):
-        raise InputError.of("hardness", f"{bounds.min():g} Pa", "numbers > 0 [Pa]")
+        raise InputError("hardness", f"{bounds.min():g} Pa", "numbers > 0 [Pa]")
     return bounds
 
 

@@ -133,7 +133,7 @@ def design(
     if diameter is not None:
         validate.number("nominal_diameter", diameter, unit="m")
     if results is not None and extra:
-        raise InputError.of("assembly", ", ".join(to_text(q, "Pa") for q in extra), "none with results: give the case")
+        raise InputError("assembly", ", ".join(to_text(q, "Pa") for q in extra), "none with results: give the case")
     told = progress or (lambda stage, done, total: None)
     if results is None:
         assert case is not None
@@ -143,7 +143,7 @@ def design(
         results = job.run(case, output, output is not None, workers, progress=told)
     seals = Seals.of_results(results)
     if not seals.count:
-        raise InputError.of("results", "no seal whose leakage is known at every load", "results without such failures")
+        raise InputError("results", "no seal whose leakage is known at every load", "results without such failures")
     wanted = wanted or _usual(results)
     diameter = diameter or results.dataset.attrs.get("nominal_diameter_m")
     limits = [(one.name, one.limit(results.judged_basis, diameter)) for one in wanted]
@@ -163,7 +163,7 @@ def design(
     if (state := judged_state(results)) is not None:
         several = isinstance(results.case.get("seal", {}).get("inlet"), dict)
         slope = np.nan if several else inlet_slope(state)
-        variants = replace(variants, rarefied=state.slips, inlet_slope=slope)
+        variants = replace(variants, law_length=state.law.length, inlet_slope=slope)
     answer = Design(
         results=results,
         seals=seals,
@@ -195,11 +195,11 @@ def _assembled(case: Case, extra: list[float]) -> Case:
         return case
     load, least = case.load, min(case.load.unloading or case.load.loading)
     if load.unit != "Pa":
-        raise InputError.of("assembly", to_text(extra[0], "Pa"), "none where the loads of the case are forces")
+        raise InputError("assembly", to_text(extra[0], "Pa"), "none where the loads of the case are forces")
     for q in extra:
         if not least < q < case.hardness:
             allowed = f"pressures above the lowest of the case, {to_text(least, 'Pa')}, and below the hardness"
-            raise InputError.of("assembly", to_text(q, "Pa"), allowed)
+            raise InputError("assembly", to_text(q, "Pa"), allowed)
     stops = load.unloading or tuple(reversed(load.loading))
     peaks = tuple(Amount(q, "Pa") for q in sorted({*load.unload_from, *extra}))
     return case.model_copy(update={"load": load.model_copy(update={"unload_from": peaks, "unloading": stops})})

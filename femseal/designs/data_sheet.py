@@ -186,7 +186,7 @@ def write(answer: Design, folder: str | os.PathLike[str]) -> list[Path]:
         write_text(target / TABLE_FILE, comma_separated(table))
         write_text(target / DESIGN_FILE, json.dumps(content, indent=1, ensure_ascii=False))
     except OSError as error:
-        raise InputError.of("output", f"'{target}'", f"a folder that can be written ({error.strerror})") from None
+        raise InputError("output", f"'{target}'", f"a folder that can be written ({error.strerror})") from None
     written = [target / name for name in (TABLE_FILE, DESIGN_FILE, DESIGN_PICTURE)]
     if (target / FILE_NAME).is_file():
         written.append(write_report(target))

@@ -67,7 +67,7 @@ def resumable(output: Path, identity: dict[str, Any]) -> bool:
     except (OSError, ValueError, RecursionError) as error:
         given = f"'{path}', which cannot be read ({error})"
         allowed = f"an intact checkpoint; remove '{path.parent}' to start anew"
-        raise InputError.of("resume", given, allowed) from None
+        raise InputError("resume", given, allowed) from None
     old, new = _flat(former), _flat(_plain(identity))
     changed = [key for key in {**old, **new} if old.get(key) != new.get(key)]
     if changed:
@@ -76,8 +76,8 @@ def resumable(output: Path, identity: dict[str, Any]) -> bool:
             for key in changed[:_MOST_CHANGES]
         ]
         lines += [f"{len(changed) - _MOST_CHANGES} more keys"] if len(changed) > _MOST_CHANGES else []
-        allowed = f"that of the same case, files and versions; remove '{path.parent}' to start anew"
-        raise InputError("\n".join([f"resume: given a checkpoint of another run, allowed is {allowed}", *lines]))
+        expected = f"that of the same case, files and versions; remove '{path.parent}' to start anew"
+        raise InputError("resume", "a checkpoint of another run", "\n".join([expected, *lines]))
     return True
 
 
@@ -87,7 +87,7 @@ def refuse_unfinished(output: Path) -> None:
     if kept:
         given = f"'{output}', which holds {kept} parts of an unfinished run"
         allowed = f"--resume to go on; another folder, or none of '{output / FOLDER}', to start anew"
-        raise InputError.of("output", given, allowed)
+        raise InputError("output", given, allowed)
 
 
 def remove(output: Path) -> None:
@@ -111,7 +111,7 @@ def _folder(output: Path) -> Path:
     """The folder of the checkpoint, which need not exist; one that lies elsewhere is not touched."""
     folder = output / FOLDER
     if folder.is_symlink() or (folder.exists() and not folder.is_dir()):
-        raise InputError.of("output", f"'{folder}', which is a link or a file", "a folder, or none")
+        raise InputError("output", f"'{folder}', which is a link or a file", "a folder, or none")
     return folder
 
 

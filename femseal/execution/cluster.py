@@ -44,7 +44,7 @@ def over_cluster(scheduler: str, count: int) -> Iterator[Mapper]:
         from dask import config
         from distributed import Client, LocalCluster
     except ImportError:
-        raise InputError.of("scheduler", f"'{scheduler}'", "none without femseal[cluster]") from None
+        raise InputError("scheduler", f"'{scheduler}'", "none without femseal[cluster]") from None
 
     if scheduler != "local":
         with _connected(scheduler) as client:
@@ -83,13 +83,13 @@ def _connected(scheduler: str) -> Any:
             there = client.run(numerical_versions)
         except Exception as error:  # any error is possible if another service answers
             allowed = f"the address of a running scheduler with workers that have femseal ({str(error) or 'no answer'})"
-            raise InputError.of("scheduler", f"'{scheduler}'", allowed) from None
+            raise InputError("scheduler", f"'{scheduler}'", allowed) from None
         here = numerical_versions()
         for worker, found in there.items():
             if found != here:
                 other = ", ".join(f"{n} {found.get(n)} instead of {v}" for n, v in here.items() if found.get(n) != v)
                 allowed = "workers with the versions of this process: else results would depend on who computes them"
-                raise InputError.of("scheduler", f"'{scheduler}' whose worker {worker} has {other}", allowed)
+                raise InputError("scheduler", f"'{scheduler}' whose worker {worker} has {other}", allowed)
         stack.pop_all()
     return client
 

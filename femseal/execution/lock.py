@@ -48,7 +48,7 @@ def alone_in(folder: Path) -> Iterator[None]:
     try:
         handle = _locked(path, folder)
     except OSError as error:
-        raise InputError.of("output", f"'{folder}'", f"a folder that can be written ({error.strerror})") from None
+        raise InputError("output", f"'{folder}'", f"a folder that can be written ({error.strerror})") from None
     try:
         with suppress(OSError):  # on a full disk the lock holds all the same
             os.ftruncate(handle, 0)
@@ -70,7 +70,7 @@ def _locked(path: Path, folder: Path) -> int:
         try:
             if not _take(handle, path):
                 given = f"'{folder}', where {_named(_owner(path))} is under way"
-                raise InputError.of("output", given, "another folder, or this one when that run has ended")
+                raise InputError("output", given, "another folder, or this one when that run has ended")
             # the run that held the lock may have removed its file meanwhile
             with suppress(FileNotFoundError):
                 if os.path.samestat(path.stat(), os.fstat(handle)):
@@ -79,7 +79,7 @@ def _locked(path: Path, folder: Path) -> int:
             os.close(handle)
             raise
         os.close(handle)
-    raise InputError.of("output", f"'{folder}', whose '{LOCK}' comes and goes", "a folder without other runs")
+    raise InputError("output", f"'{folder}', whose '{LOCK}' comes and goes", "a folder without other runs")
 
 
 def _take(handle: int, path: Path) -> bool:

@@ -30,7 +30,7 @@ def log_lines(path: Path | None, quiet: bool, terminal: bool) -> Iterator[None]:
     handlers: list[logging.Handler] = []
     if path is not None:
         if path.is_dir() or not os.access(path if path.exists() else path.parent, os.W_OK):
-            raise InputError.of("log-file", f"'{path}'", "a file that can be written")
+            raise InputError("log-file", f"'{path}'", "a file that can be written")
         handlers.append(LogFile(path, delay=True))
     if not quiet:
         handlers.append(_Echo(logging.WARNING if terminal else logging.INFO))

@@ -15,9 +15,9 @@ from skfem import Basis, ElementQuad1, ElementQuadRT0, ElementTriP1, Mesh, MeshQ
 from skfem.mesh import MeshQuad1DG, MeshTri1DG
 
 from ..base.errors import InputError, NotConverged
-from .coefficient import cubic_law
 from .discretisation import DISCRETISATIONS, Discretisation
 from .grid import Grid
+from .law import cubic_law
 from .mesh import conforming_flow
 from .mixed import flux_conductance
 from .reach import elements_reached
@@ -40,7 +40,7 @@ def mesh_flow(
     NotConverged : the linear solver failed, or the contrast of the gap is too high for mixed elements.
     """
     if sides == "periodic" and gap.shape[1] < 3:
-        raise InputError.of("gap", f"{gap.shape[1]} columns", f"at least 3 with periodic sides and '{discretisation}'")
+        raise InputError("gap", f"{gap.shape[1]} columns", f"at least 3 with periodic sides and '{discretisation}'")
     kind = DISCRETISATIONS[discretisation]
     assert kind.element is not None
     if discretisation == "RT0":

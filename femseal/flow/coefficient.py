@@ -1,10 +1,9 @@
-"""Permeability at the quadrature points from a gap: the only module that knows the cubic law, K = h³/12.
+"""Permeability at the quadrature points from a gap, by the cubic law.
 
 The gap is given at pixel centres. On the links between pixels, the midpoints of the edges of the elements, it is
 interpolated by a four-point cubic, at least a tenth of the smaller of the two pixels and 0 next to contact: a link is
 open exactly where both its pixels are, and the interpolation closes no pixel off. Where the cubic would dip because the
 gap jumps beyond one of the two pixels, that pixel's outer neighbour is left out. At Gauss points the gap is bilinear.
-Source of the cubic law: Reynolds, Phil. Trans. R. Soc. 177, 1886, 157, for parallel plates.
 """
 
 from __future__ import annotations
@@ -19,6 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..base import validate
 from ..base.errors import InputError
 from .grid import Grid
+from .law import cubic_law
 
 Array = NDArray[np.float64]
 SIDES = ("mirror", "periodic")
@@ -35,34 +35,6 @@ _DOUBTED, _JUMP = 0.8, 8.0
 _compiled: dict[str, Any] = {"cache": True, "nogil": True}
 
 
-def cubic_law(gap: Any) -> Any:
-    """Permeability h³/12 [m³] of a gap h [m] between parallel plates."""
-    return gap * gap * gap / 12.0
-
-
-def equivalent_gap(gap: Array, factor: ArrayLike) -> Array:
-    """Gap [m] whose permeability by the cubic law is (h³/12) F, with the flow factor F > 0 of a gas; 0 in contact.
-
-    It is taken at the pixels, and interpolated between them as any gap is.
-
-    Raises
-    ------
-    InputError : a factor of another shape than the gap, or not > 0 and finite where the gap is open.
-    """
-    factor = np.asarray(factor, dtype=float)
-    if factor.shape not in ((), gap.shape):
-        raise InputError.of("flow_factor", f"shape {factor.shape}", f"a number or shape {gap.shape}")
-    factor = np.broadcast_to(factor, gap.shape)
-    if not ((factor > 0) & np.isfinite(factor)).all(where=gap > 0):
-        raise InputError.of("flow_factor", "values <= 0 or undefined", "finite numbers > 0 where the gap is open")
-    return np.multiply(gap, np.cbrt(factor), out=np.zeros(gap.shape), where=gap > 0)
-
-
-def rough_plates(mean_gap: Any, rms_height: float) -> Any:
-    """Permeability [m³] of widely separated isotropic rough faces, (h̄³/12)(1 − 3σ²/2h̄²), in the next order of σ/h̄."""
-    return cubic_law(mean_gap) - mean_gap * rms_height**2 / 8
-
-
 def validated_gap(gap: ArrayLike, spacing: tuple[float, float]) -> tuple[Array, tuple[float, float]]:
     """Gap as a 2-D array of finite numbers >= 0 and spacing as two numbers > 0, or an InputError.
 
@@ -71,15 +43,15 @@ def validated_gap(gap: ArrayLike, spacing: tuple[float, float]) -> tuple[Array, 
     h = validate.field("gap", gap, unit="m")
     lowest, smallest, largest = _extent(h)
     if lowest < 0:
-        raise InputError.of("gap", f"{lowest:g} m", "numbers >= 0 [m]")
+        raise InputError("gap", f"{lowest:g} m", "numbers >= 0 [m]")
     if largest > 0 and not 1 / _EXTREME <= largest <= _EXTREME:
-        raise InputError.of("gap", f"a largest gap of {largest:g} m", f"one from {1 / _EXTREME:g} to {_EXTREME:g} m")
+        raise InputError("gap", f"a largest gap of {largest:g} m", f"one from {1 / _EXTREME:g} to {_EXTREME:g} m")
     if smallest < largest / _CONTRAST:
         given = f"{smallest:g} m beside {largest:g} m"
-        raise InputError.of("gap", given, f"0, or numbers >= {1 / _CONTRAST:g} of the largest")
+        raise InputError("gap", given, f"0, or numbers >= {1 / _CONTRAST:g} of the largest")
     d1, d2 = validate.lengths("spacing", spacing)
     if not 1 / _EXTREME <= d1 / d2 <= _EXTREME:
-        raise InputError.of("spacing", (d1, d2), f"two lengths whose ratio is from {1 / _EXTREME:g} to {_EXTREME:g}")
+        raise InputError("spacing", (d1, d2), f"two lengths whose ratio is from {1 / _EXTREME:g} to {_EXTREME:g}")
     return h, (d1, d2)
 
 
@@ -100,7 +72,7 @@ def validated_cell(
     h, (d1, d2) = validated_gap(gap, spacing)
     axis = validate.axis_number(axis)
     if sides not in SIDES:
-        raise InputError.of("sides", sides, f"one of {', '.join(SIDES)}")
+        raise InputError("sides", sides, f"one of {', '.join(SIDES)}")
     return (h, (d1, d2)) if axis == 0 else (np.ascontiguousarray(h.T), (d2, d1))
 
 

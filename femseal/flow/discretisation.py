@@ -54,14 +54,14 @@ def on_grid(discretisation: str) -> bool:
 def check_discretisation(discretisation: str, solver: str, estimate: bool = False) -> None:
     """Raise InputError for an unknown discretisation or solver, or for two that do not go together."""
     if discretisation not in DISCRETISATIONS:
-        raise InputError.of("discretisation", repr(discretisation), f"one of {', '.join(DISCRETISATIONS)}")
+        raise InputError("discretisation", repr(discretisation), f"one of {', '.join(DISCRETISATIONS)}")
     check_solver(solver)
     if not on_grid(discretisation) and solver not in ("auto", "amg"):
-        raise InputError.of("solver", f"'{solver}' of a general mesh ('{discretisation}')", "'auto' or 'amg'")
+        raise InputError("solver", f"'{solver}' of a general mesh ('{discretisation}')", "'auto' or 'amg'")
     if discretisation == "gauss" and solver == "elimination":
-        raise InputError.of("solver", "'elimination' of nine points ('gauss')", "'auto', 'multigrid' or 'amg'")
+        raise InputError("solver", "'elimination' of nine points ('gauss')", "'auto', 'multigrid' or 'amg'")
     if estimate and not on_grid(discretisation):
-        raise InputError.of("estimate", f"true with '{discretisation}'", "true with 'edge' or 'gauss'")
+        raise InputError("estimate", f"true with '{discretisation}'", "true with 'edge' or 'gauss'")
 
 
 def cell_stencil(gap: Array, grid: Grid, discretisation: str = "edge") -> Stencil:

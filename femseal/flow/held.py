@@ -105,7 +105,7 @@ def held_flow(
     imbalance = abs(float(rates.sum())) / into if into > 0 else 0.0
     if not imbalance <= MAX_IMBALANCE:
         raise NotConverged(
-            f"flow: inflow and outflow differ by {imbalance:.1e} of the flow, allowed is {MAX_IMBALANCE:.0e}; "
+            f"flow: inflow and outflow differ by {imbalance:.1e} of the flow, expected {MAX_IMBALANCE:.0e}; "
             "try a smaller contrast of the permeability",
             imbalance,
         )

@@ -105,9 +105,9 @@ def darcy_conductance(
     kind = KINDS.get(type(mesh))
     if kind is None:
         names = ", ".join(t.__name__ for t in KINDS)
-        raise InputError.of("mesh", f"a {type(mesh).__name__}", f"one of {names}")
+        raise InputError("mesh", f"a {type(mesh).__name__}", f"one of {names}")
     if bounds and kind.flux_element is None:
-        raise InputError.of("bounds", f"a curved mesh, {type(mesh).__name__}", "a straight mesh (first-order elements)")
+        raise InputError("bounds", f"a curved mesh, {type(mesh).__name__}", "a straight mesh (first-order elements)")
     ends = _ends(mesh, inlet, outlet)
     tensor = permeability_tensors(permeability, mesh.nelements)
     scale = float(np.abs(tensor).max()) or 1.0
@@ -179,7 +179,7 @@ def conforming_flow(
     allowed = max(MAX_IMBALANCE, 0.01 * potential_rtol(rtol))
     if not imbalance <= allowed:
         raise NotConverged(
-            f"flow: inlet and outlet differ by {imbalance:.1e} of the flow, allowed is {allowed:.0e}; "
+            f"flow: inlet and outlet differ by {imbalance:.1e} of the flow, expected {allowed:.0e}; "
             "try a smaller contrast of the permeability",
             imbalance,
         )
@@ -191,31 +191,29 @@ def permeability_tensors(permeability: ArrayLike, elements: int) -> Array:
     try:
         k = np.asarray(permeability, dtype=float)
     except (TypeError, ValueError):
-        raise InputError.of("permeability", type(permeability).__name__, "numbers [m³]") from None
+        raise InputError("permeability", type(permeability).__name__, "numbers [m³]") from None
     n = elements
     if k.shape not in ((), (n,), (n, 2), (n, 2, 2)):
-        raise InputError.of(
+        raise InputError(
             "permeability",
             f"shape {k.shape}",
             f"a number, or shape ({n},), ({n}, 2) or ({n}, 2, 2) for {n} elements",
         )
     if not np.all(np.isfinite(k)):
-        raise InputError.of(
-            "permeability", f"{np.count_nonzero(~np.isfinite(k))} values not finite", "numbers >= 0 [m³]"
-        )
+        raise InputError("permeability", f"{np.count_nonzero(~np.isfinite(k))} values not finite", "numbers >= 0 [m³]")
     if k.ndim < 3:
         if k.min(initial=0.0) < 0:
-            raise InputError.of("permeability", f"{k.min():g}", "numbers >= 0 [m³]")
+            raise InputError("permeability", f"{k.min():g}", "numbers >= 0 [m³]")
         principal = np.broadcast_to(k if k.ndim == 2 else k.reshape(-1, 1), (n, 2))
         return principal[:, :, None] * np.eye(2)
     size = np.abs(k).max(axis=(1, 2))
     skew = np.flatnonzero(np.abs(k[:, 0, 1] - k[:, 1, 0]) > 1e-9 * size)
     if skew.size:
-        raise InputError.of("permeability", f"a tensor that is not symmetric in element {skew[0]}", "symmetric tensors")
+        raise InputError("permeability", f"a tensor that is not symmetric in element {skew[0]}", "symmetric tensors")
     k = (k + k.transpose(0, 2, 1)) / 2
     negative = np.flatnonzero(np.linalg.eigvalsh(k)[:, 0] < -1e-12 * size)
     if negative.size:
-        raise InputError.of(
+        raise InputError(
             "permeability",
             f"a negative principal value in element {negative[0]}",
             "principal values >= 0 [m³]",
@@ -232,16 +230,16 @@ def is_connected(mesh: Mesh, inlet: ArrayLike, outlet: ArrayLike) -> bool:
 def _ends(mesh: Mesh, inlet: ArrayLike, outlet: ArrayLike) -> tuple[Indices, Indices]:
     ends = _facets(mesh, inlet, "inlet"), _facets(mesh, outlet, "outlet")
     if np.intersect1d(mesh.facets[:, ends[0]], mesh.facets[:, ends[1]]).size:
-        raise InputError("inlet and outlet: they touch, allowed are boundaries with no vertex in common")
+        raise InputError("inlet and outlet", "boundaries that touch", "boundaries with no vertex in common")
     return ends
 
 
 def _facets(mesh: Mesh, facets: ArrayLike, name: str) -> Indices:
     chosen = np.unique(np.asarray(facets).astype(np.int64))
     if chosen.size == 0:
-        raise InputError.of(name, "no facets", "at least one facet of the boundary")
+        raise InputError(name, "no facets", "at least one facet of the boundary")
     if not np.all(np.isin(chosen, mesh.boundary_facets())):
-        raise InputError.of(name, "facets inside the mesh", "facets of its boundary")
+        raise InputError(name, "facets inside the mesh", "facets of its boundary")
     return chosen
 
 

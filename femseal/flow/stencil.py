@@ -57,16 +57,16 @@ class Stencil:
             c1, c2 = (np.ascontiguousarray(c, dtype=float) for c in (along, across))
         except (TypeError, ValueError):
             raise InputError(
-                "along, across: given no arrays of real numbers, allowed are (n1, n2) and (n1 - 1, n2)"
+                "along, across", "no arrays of real numbers", "arrays of shapes (n1, n2) and (n1 - 1, n2)"
             ) from None
         if c1.ndim != 2 or c1.size == 0:
-            raise InputError.of("along", f"shape {c1.shape}", "a shape (n1, n2)")
+            raise InputError("along", f"shape {c1.shape}", "a shape (n1, n2)")
         expected = (c1.shape[0] - 1, c1.shape[1] - (not ring))
         if c2.shape != expected:
-            raise InputError.of("across", f"shape {c2.shape}", f"shape {expected}")
+            raise InputError("across", f"shape {c2.shape}", f"shape {expected}")
         for name, c in (("along", c1), ("across", c2)):
             if not (np.isfinite(c).all() and c.min(initial=0.0) >= 0):
-                raise InputError.of(name, "negative or undefined values", "finite conductances >= 0")
+                raise InputError(name, "negative or undefined values", "finite conductances >= 0")
         if ring and c1.shape[1] == 1:  # the only node of a row is not its own neighbour
             c2 = np.zeros_like(c2)
         return cls(c1, c2, ring2=ring)

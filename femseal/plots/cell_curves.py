@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.errors import InputError
-from ..flow.coefficient import cubic_law
+from ..flow.law import cubic_law
 from ..results.branches import Steps, branches
 from ..results.interpolated import solved_steps
 from .drawing import GREY, LINES, STYLES, Sheet
@@ -89,7 +89,7 @@ def cells_of(results: Results) -> Cells:
         names = "window_pressure", "k1", "window_mean_gap"
         arrays = [data[name].values.reshape(data.sizes["step"], -1).T for name in names]
     else:
-        raise InputError.of("cells figure", "results without cells", "those of a two-scale or a stochastic study")
+        raise InputError("cells figure", "results without cells", "those of a two-scale or a stochastic study")
     nominal, peaks = (data[f"{prefix}{name}"].values for name in ("nominal_pressure", "unloaded_from"))
     return Cells(nominal, peaks, arrays[0], arrays[1], arrays[2], origin, columns)
 

@@ -75,12 +75,12 @@ def seal_figure(results: Results, step: int | None = None, gaps: Sequence[Array]
     data = results.dataset
     if not has_maps(data) and "drawn_corners" not in data:
         allowed = "those of a two-scale or a deterministic study, or with a drawn seal"
-        raise InputError.of("seal figure", "results without maps", allowed)
+        raise InputError("seal figure", "results without maps", allowed)
     s = default_step(data) if step is None else step
     if not 0 <= s < data.sizes["step"]:
-        raise InputError.of("step", step, f"0 to {data.sizes['step'] - 1}")
+        raise InputError("step", step, f"0 to {data.sizes['step'] - 1}")
     if s not in (solved := solved_steps(data)):
-        raise InputError.of("step", f"{step}, which is interpolated", f"one of {', '.join(map(str, solved))}")
+        raise InputError("step", f"{step}, which is interpolated", f"one of {', '.join(map(str, solved))}")
     if not has_maps(data):
         return drawn_figure(data, s)
     windows = "k1" in data

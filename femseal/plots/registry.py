@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 @singledispatch
 def _draw(result: Any) -> Figure:
-    raise InputError.of("plot", f"a {type(result).__name__}", "a result that has a picture")
+    raise InputError("plot", f"a {type(result).__name__}", "a result that has a picture")
 
 
 def shows(kind: type) -> Callable[[Callable[..., Figure]], Callable[..., Figure]]:
@@ -36,5 +36,5 @@ def picture(result: Any, **options: Any) -> Figure:
     for name in options:
         if name not in allowed:
             given = f"option '{name}' for the picture of a {type(result).__name__}"
-            raise InputError.of("plot", given, f"one of {', '.join(allowed)}" if allowed else "none: it has no options")
+            raise InputError("plot", given, f"one of {', '.join(allowed)}" if allowed else "none: it has no options")
     return draw(result, **options)

@@ -82,7 +82,7 @@ def seal_leakage_figure(leakage: Leakage, ax: Axes | None = None) -> Figure:
     """
     if leakage.fluid_pressure.ndim != 2:
         given = f"the leakage of a mesh, with {leakage.fluid_pressure.size} nodes"
-        raise InputError.of("plot", given, "that of a seal with rows of nodes, rectangular or annular")
+        raise InputError("plot", given, "that of a seal with rows of nodes, rectangular or annular")
     n1, n2 = leakage.fluid_pressure.shape
     figure, axes = one_panel(ax, 6.4, map_height((n1, n2), 4.8) + 0.9)
     title = "fluid pressure [MPa]; white: pockets"

@@ -35,7 +35,7 @@ def weigh_draws(steps: int, seal: tuple[int, int], realisations: int, library_ce
 def _weigh(key: str, given: object, needed: int) -> None:
     if needed > (free := free_memory()):
         allowed = f"what fits into the {free / 1e9:.3g} GB of free memory; it takes about {needed / 1e9:.3g} GB"
-        raise InputError.of(key, given, allowed)
+        raise InputError(key, given, allowed)
 
 
 @contextmanager
@@ -45,4 +45,4 @@ def refused_if_too_large() -> Iterator[None]:
         yield
     except (MemoryError, OverflowError, RecursionError) as error:
         allowed = f"sizes that fit into memory and numbers of usual size ({str(error) or type(error).__name__})"
-        raise InputError.of("case", "a size or number that is too large", allowed) from error
+        raise InputError("case", "a size or number that is too large", allowed) from error

@@ -15,7 +15,6 @@ from ..base.quantities import to_text
 from ..case.argument_names import FACE_KEYS, MAP_TABLES, SEAL_TABLES, SURFACE_KEYS, in_tables_of, in_words_of
 from ..case.case_tables import StochasticTable
 from ..case.faces import FileFace
-from ..scales import Partition
 from ..seal.layouts import SealWindows
 from ..studies import Sampling, Scene, check_sampling, chosen_contact, chosen_flow, chosen_sampler, laid_out
 from ..studies.costs import choose_method
@@ -37,6 +36,7 @@ from ..topography import (
     spectrum,
     spike_effect,
 )
+from ..windows import Partition
 from .case_plausibility import oddities
 from .check_memory import refused_if_too_large, weigh_draws, weigh_points
 from .settings import Settings, first_settings, settled
@@ -122,7 +122,7 @@ def coarser(prepared: Prepared) -> Scene:
     surface = scene.surface
     if wave >= max(surface.size):
         allowed = f"true only where the larger side holds more than {to_text(wave, 'm', 3)}, twice the shortest wave"
-        raise InputError.of("surface.filter_sensitivity", True, allowed)
+        raise InputError("surface.filter_sensitivity", True, allowed)
     m1, m2 = prepared.cells or (1, 1)
     shape = _multiple(ceil(surface.shape[0] / 2), m1), _multiple(ceil(surface.shape[1] / 2), m2)
     if prepared.cells is not None:
@@ -174,7 +174,7 @@ def _prepare(case: Case) -> Prepared:
         if min(window) < 2 * report.shortest_wavelength * (1 - 1e-9):
             sizes = " × ".join(to_text(w, "m", 3) for w in window)
             least = to_text(2 * report.shortest_wavelength, "m", 3)
-            raise InputError.of("cells", f"windows of {sizes}", f"windows of at least two shortest waves, {least}")
+            raise InputError("cells", f"windows of {sizes}", f"windows of at least two shortest waves, {least}")
         if case.stochastic is not None and "stochastic" in case.methods:
             sampling = _sampling(case, case.stochastic, window[1])
             with in_tables_of(SEAL_TABLES):
@@ -238,7 +238,7 @@ def face_places(case: Case) -> list[str]:
 def _sampling(case: Case, table: StochasticTable, window_length: float) -> Sampling:
     if table.lengths and min(table.lengths) < window_length * (1 - 1e-9):
         cell, given = to_text(window_length, "m", 3), to_text(min(table.lengths), "m", 3)
-        raise InputError.of("stochastic.length", given, f"at least one cell, {cell}")
+        raise InputError("stochastic.length", given, f"at least one cell, {cell}")
     return Sampling(
         length=table.lengths[0] if table.lengths else None,
         other_lengths=table.lengths[1:],
@@ -272,14 +272,14 @@ def _pressures(case: Case, seal: tuple[float, float], *, seals: int) -> dict[str
     """
     if case.load.unit == "N" and seals != 1:
         given = f"forces on a seal of {'several lengths' if seals else 'no length'}"
-        raise InputError.of("load.loading", given, "pressures, or forces per length")
+        raise InputError("load.loading", given, "pressures, or forces per length")
     area = seal[0] * seal[1]
     found = case.load.pressures(area, seal[1])
     highest = max((*found["loading"], *found["unload_from"]))
     if highest >= case.hardness:
         load = to_text(case.load.highest, case.load.unit)
         given = f"{load} on {1e6 * area:.4g} mm², {to_text(highest, 'Pa')}"
-        raise InputError.of("load", given, f"pressures below the hardness, {to_text(case.hardness, 'Pa')}")
+        raise InputError("load", given, f"pressures below the hardness, {to_text(case.hardness, 'Pa')}")
     return found
 
 
@@ -389,7 +389,7 @@ def _cell_count(case: Case, face: tuple[float, float], wave: float) -> tuple[int
         size, shorter = case.cells.size, min(face)
         if size > shorter * (1 + 1e-9):
             allowed = f"at most the shorter side of the face, {to_text(shorter, 'm')}"
-            raise InputError.of("cells.size", to_text(size, "m"), allowed)
+            raise InputError("cells.size", to_text(size, "m"), allowed)
     else:  # eight shortest waves: shorter windows cut off more paths than two scales save
         size = 8 * wave
     m1, m2 = (max(1, round(length / size)) for length in face)

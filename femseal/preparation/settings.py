@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..scales import Partition
 from ..studies.tolerances import contact_tolerance
+from ..windows import Partition
 from .study_costs import study_cost
 
 if TYPE_CHECKING:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from ..scales import Partition
 from ..studies import Scene, laid_out
 from ..studies.costs import (
     Effort,
@@ -15,6 +14,7 @@ from ..studies.costs import (
     two_scale_cost,
     usual_efforts,
 )
+from ..windows import Partition
 
 if TYPE_CHECKING:
     from .preparation import Prepared

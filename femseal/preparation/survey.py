@@ -81,7 +81,7 @@ def survey(
     InputError : an argument cannot be used, or a file without heights; no picture is written.
     """
     if picture is not None and (picture.suffix.lower() not in _PICTURES or not picture.absolute().parent.is_dir()):
-        raise InputError.of("output", f"'{picture}'", f"a file {', '.join(_PICTURES)} in a folder that exists")
+        raise InputError("output", f"'{picture}'", f"a file {', '.join(_PICTURES)} in a folder that exists")
     lengths: dict[str, Any] = {
         name: tuple(to_si(side, "m", f"--{name}") for side in sides)
         for name, sides in (("size", size), ("spacing", spacing), ("crop", crop))
@@ -112,7 +112,7 @@ def survey(
         try:
             figure.savefig(picture)
         except OSError as error:
-            raise InputError.of("output", f"'{picture}'", f"a file that can be written ({error.strerror})") from None
+            raise InputError("output", f"'{picture}'", f"a file that can be written ({error.strerror})") from None
         lines.append(f"picture in {picture}")
     return lines
 

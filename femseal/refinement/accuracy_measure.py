@@ -73,7 +73,7 @@ def measure_accuracy(
         validate.count("workers", workers)
     limit, memory = validate.number("limit", limit, unit="s"), validate.number("memory", memory, unit="byte")
     if output is not None and Path(output).exists() and not Path(output).is_dir():
-        raise InputError.of("output", f"'{output}', which is a file", "a folder, or one that does not exist")
+        raise InputError("output", f"'{output}', which is a file", "a folder, or one that does not exist")
     plan = make_plan(case, limit=limit, memory=memory)
     if output is not None:
         made_folder(output)

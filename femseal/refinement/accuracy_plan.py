@@ -11,11 +11,11 @@ from ..base.quantities import to_text
 from ..base.text import duration
 from ..case.case import Case
 from ..preparation.preparation import Prepared, prepare
-from ..scales import Partition
 from ..seal.layouts import RectangularLayout
 from ..seal.pressure_map import Uniform
 from ..studies import count_face_windows, laid_out
 from ..studies.costs import deterministic_cost, pressures_of_gas, stochastic_cost, two_scale_cost, usual_efforts
+from ..windows import Partition
 
 Pair = tuple[int, int]
 #: Points along a side, and cells in the library, are divided by these. The shortest wave of a scene has at least 8
@@ -133,7 +133,7 @@ def make_plan(case: Case, *, limit: float, memory: float) -> Plan:
         if cost[0] > limit or cost[1] > memory:
             expected = f"expected to take {duration(cost[0])} and {to_text(cost[1], 'B', 3)}"
             unaffordable.append((variant, expected))
-            skipped.append((variant.label, f"{expected}, allowed are {duration(limit)} and {to_text(memory, 'B', 3)}"))
+            skipped.append((variant.label, f"{expected}, expected {duration(limit)} and {to_text(memory, 'B', 3)}"))
             continue
         variants.append(variant)
         costs.append(cost)
@@ -141,7 +141,7 @@ def make_plan(case: Case, *, limit: float, memory: float) -> Plan:
     if not references:
         given = f"{duration(limit)} and {to_text(memory, 'B', 3)}"
         allowed = "; ".join(f"enough for {v.label}, {e}" for v, e in unaffordable if _may_be_reference(prepared, v))
-        raise InputError.of("limit, memory", given, allowed)
+        raise InputError("limit, memory", given, allowed)
     first = min(references, key=lambda v: (v.cells is not None, -_count(v.cells)))
     order = sorted(range(len(variants)), key=lambda n: variants[n] != first)
     base = [v for v in references if v.cells is not None and v.cells == prepared.cells]

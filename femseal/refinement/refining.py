@@ -67,7 +67,7 @@ def refined(case: Case, made: Prepared, settings: Settings, part: str, memory: f
             found, needed = Refinement(cheaper, f"{found.text}, two scales with {flow}"), less
     if needed > memory:
         needs, allowed = (to_text(size, "B", 3) for size in (needed, memory))
-        text = f"{found.text} would take about {needs} of memory, allowed are {allowed}"
+        text = f"{found.text} would take about {needs} of memory, expected {allowed}"
         return Refinement(None, text)
     return found
 

@@ -146,7 +146,7 @@ def _replaced(
             _list_files(target, listed)
         for name in names:
             if not is_inside(target, name):
-                raise FemsealError(f"'{target / name.parent}' is a link to another folder, allowed is a folder")
+                raise FemsealError(f"'{target / name.parent}' is a link to another folder, expected a folder")
             made_folder((target / name).parent)
             os.replace(unfinished / name, target / name)
         if same_numbers:

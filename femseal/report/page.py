@@ -52,10 +52,10 @@ def write_report(
     if not isinstance(results, Results):
         folder, results = results, open_results(results)
     if path is None and results.folder is None:
-        raise InputError.of("path", "none, for results without a folder", "the path of a file to write")
+        raise InputError("path", "none, for results without a folder", "the path of a file to write")
     target = Path(path) if path is not None else Path(results.folder or "") / REPORT_NAME
     if target.is_dir() or not os.access(target.parent, os.W_OK):
-        raise InputError.of("path", f"'{target}'", "a file in a folder that can be written")
+        raise InputError("path", f"'{target}'", "a file in a folder that can be written")
     try:
         page = report_html(results, drawings)
     except FemsealError:
@@ -69,7 +69,7 @@ def write_report(
             temporary.write_text(page, encoding="utf-8", newline="")
     except OSError as error:
         allowed = f"a file in a folder that can be written ({error.strerror})"
-        raise InputError.of("path", f"'{target}'", allowed) from None
+        raise InputError("path", f"'{target}'", allowed) from None
     return target
 
 

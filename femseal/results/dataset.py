@@ -96,11 +96,11 @@ def assemble(
 
     studies = [s for s in (deterministic, two_scale, stochastic) if s is not None]
     if not studies:
-        raise InputError.of("results", "no study", "at least one of deterministic, two_scale, stochastic")
+        raise InputError("results", "no study", "at least one of deterministic, two_scale, stochastic")
     if any(s.steps != scene.steps for s in studies):
-        raise InputError.of("results", "a study of another load programme", "studies of the scene's own steps")
+        raise InputError("results", "a study of another load programme", "studies of the scene's own steps")
     if len(quantiles) != 2 or not 0 <= quantiles[0] < quantiles[1] <= 1:
-        raise InputError.of("quantiles", quantiles, "two numbers, 0 <= lower < upper <= 1")
+        raise InputError("quantiles", quantiles, "two numbers, 0 <= lower < upper <= 1")
     data = xarray.Dataset(coords=variables.step_coordinates("step", "", scene.steps))
     if deterministic is not None:
         variables.add_fields(data, deterministic)

@@ -38,15 +38,15 @@ def export_field(
     """Write a field over the pixels of the face; see `Results.export`."""
     path = Path(path)
     if field not in FIELDS:
-        raise InputError.of("field", repr(field), f"one of {', '.join(FIELDS)}")
+        raise InputError("field", repr(field), f"one of {', '.join(FIELDS)}")
     write = _FORMATS.get(path.suffix.lower())
     if write is None:
-        raise InputError.of("output", f"'{path.name}'", f"a file {', '.join(_FORMATS)}")
+        raise InputError("output", f"'{path.name}'", f"a file {', '.join(_FORMATS)}")
     if field != "gap" and path.suffix.lower() == ".x3p":
-        raise InputError.of("output", f"'{path.name}' for {field}", "a file .npz, .tif: an .x3p holds heights only")
+        raise InputError("output", f"'{path.name}' for {field}", "a file .npz, .tif: an .x3p holds heights only")
     steps = results.stored_steps if step is None else [step]
     if not steps:
-        raise InputError.of("results", "no gap over all pixels", "results with files in `fields` (fields_limit)")
+        raise InputError("results", "no gap over all pixels", "results with files in `fields` (fields_limit)")
     written = []
     for s in steps:
         values = getattr(results, field)(s, cell)
@@ -55,7 +55,7 @@ def export_field(
             with replacing(target) as temporary:
                 write(temporary, values, results, s)
         except OSError as error:
-            raise InputError.of("output", f"'{target}'", f"a file that can be written ({error.strerror})") from None
+            raise InputError("output", f"'{target}'", f"a file that can be written ({error.strerror})") from None
         written.append(target)
     return written
 

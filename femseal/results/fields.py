@@ -126,7 +126,7 @@ def read_field(results: Results, field: str, step: int, cell: tuple[int, int] | 
 
     data = results.dataset
     if step not in range(data.sizes["step"]):
-        raise InputError.of("step", step, f"0 to {data.sizes['step'] - 1}")
+        raise InputError("step", step, f"0 to {data.sizes['step'] - 1}")
     for entry in _FIELDS:
         if entry[0] == field and (found := _at_step(results, entry, step, cell)) is not None:
             values, starts, spacing = found
@@ -134,7 +134,7 @@ def read_field(results: Results, field: str, step: int, cell: tuple[int, int] | 
     else:
         at_hand = stored_steps(results)
         allowed = f"one of {', '.join(map(str, at_hand))}" if at_hand else f"a folder with {NAME}.pvd"
-        raise InputError.of("step", f"{step}, which has no {field.replace('_', ' ')}", allowed)
+        raise InputError("step", f"{step}, which has no {field.replace('_', ' ')}", allowed)
     coordinates = {}
     for n, (start, count, d) in enumerate(zip(starts, values.shape, spacing, strict=True), start=1):
         labels = {"units": "m", "long_name": f"x{n} of pixel centres"}

@@ -55,14 +55,14 @@ def _refuse_foreign(path: Path) -> None:
     with h5py.File(path, "r") as file:
         for name in file:
             if not isinstance(file.get(name, getlink=True), h5py.HardLink):
-                raise InputError.of("results file", f"{path}, whose '{name}' is a link", allowed)
+                raise InputError("results file", f"{path}, whose '{name}' is a link", allowed)
             item = file[name]
             if not isinstance(item, h5py.Dataset) or item.external or item.is_virtual:
-                raise InputError.of("results file", f"{path}, whose '{name}' is not held in the file itself", allowed)
+                raise InputError("results file", f"{path}, whose '{name}' is not held in the file itself", allowed)
             size += item.size * item.dtype.itemsize if item.size else 0
     if size > (free := free_memory()):
         given = f"{path}, which unpacks to {size / 1e9:.3g} GB"
-        raise InputError.of("results file", given, f"what fits into the {free / 1e9:.3g} GB of free memory")
+        raise InputError("results file", given, f"what fits into the {free / 1e9:.3g} GB of free memory")
 
 
 def _is_json(text: Any, kind: type) -> bool:
@@ -84,7 +84,7 @@ def open_results(folder: str | os.PathLike[str]) -> Results:
     path = Path(folder) / FILE_NAME
     if not path.is_file():
         given = f"{folder} (no such folder)" if not Path(folder).is_dir() else f"{folder} (no {FILE_NAME} in it)"
-        raise InputError.of("results folder", given, f"a folder with the {FILE_NAME} of a finished run")
+        raise InputError("results folder", given, f"a folder with the {FILE_NAME} of a finished run")
     try:
         _refuse_foreign(path)
         with xarray.open_dataset(path, engine="h5netcdf") as data:
@@ -93,13 +93,13 @@ def open_results(folder: str | os.PathLike[str]) -> Results:
         raise
     except Exception as error:  # libraries raise whatever a damaged file leads them to
         reason = (str(error).splitlines() or [type(error).__name__])[0]
-        raise InputError.of("results file", f"{path} ({reason})", "a readable netCDF file") from None
+        raise InputError("results file", f"{path} ({reason})", "a readable netCDF file") from None
     if not str(data.attrs.get("source", "")).startswith("femseal") or not any(name in data for _, name in METHODS):
-        raise InputError.of("results file", f"{path}, written by another program", "a file that femseal wrote")
+        raise InputError("results file", f"{path}, written by another program", "a file that femseal wrote")
     for name, kind in _ATTRIBUTES.items():
         if not _is_json(data.attrs.get(name), kind):
             given = f"{path} with the attribute '{name}' missing or of another kind"
-            raise InputError.of("results file", given, "a file that femseal wrote")
+            raise InputError("results file", given, "a file that femseal wrote")
     results = Results(data, Path(folder))
     try:
         results.table()
@@ -111,4 +111,4 @@ def open_results(folder: str | os.PathLike[str]) -> Results:
 def unfit(path: Path, error: Exception) -> InputError:
     """The error of results that can be read, but whose values do not go together."""
     reason = f"{type(error).__name__}: {shortened(error, 80)}"
-    return InputError.of("results file", f"{path} ({reason})", "a file that femseal wrote")
+    return InputError("results file", f"{path} ({reason})", "a file that femseal wrote")

@@ -155,5 +155,5 @@ def check_classes(
     classes = leak_classes(names)
     for one in classes:
         if not np.isfinite(one.limit(basis, diameter)):
-            raise InputError.of("classes", one.name, "a class with a limit")
+            raise InputError("classes", one.name, "a class with a limit")
     return classes

@@ -260,7 +260,7 @@ class Results(Plotted):
         InputError : a case that asks for no accuracy.
         """
         if self.attempts is None:
-            raise InputError.of("attempts", "a case that asks for no accuracy", "one with the key accuracy")
+            raise InputError("attempts", "a case that asks for no accuracy", "one with the key accuracy")
         return wanted_accuracy.rich_table(self.attempts)
 
     def plot_lengths(self) -> Any:

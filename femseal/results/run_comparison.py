@@ -221,7 +221,7 @@ def compare(runs: Mapping[str, Run] | Sequence[Run], *, unit: str | None = None)
     """
     given = list(runs.values()) if isinstance(runs, Mapping) else list(runs)
     if len(given) < 2:
-        raise InputError.of("compare", f"{len(given)} runs", "two or more")
+        raise InputError("compare", f"{len(given)} runs", "two or more")
     opened = tuple(run if isinstance(run, Results) else open_results(run) for run in given)
     names = tuple(runs) if isinstance(runs, Mapping) else _names(opened)
     return compared(names, opened, unit=unit)
@@ -235,7 +235,7 @@ def named(arguments: Sequence[str]) -> Mapping[str, Run] | Sequence[Run]:
         return [path for _, path in pairs]
     names = [name or Path(path).name for name, path in pairs]
     if len({*names}) < len(names):
-        raise InputError.of("compare", ", ".join(names), "a name of its own for each run")
+        raise InputError("compare", ", ".join(names), "a name of its own for each run")
     return dict(zip(names, (path for _, path in pairs), strict=True))
 
 
@@ -249,7 +249,7 @@ def compared(
 ) -> RunComparison:
     """The comparison of opened runs, see `compare` and `RunComparison`."""
     if twice := sorted({name for name in names if list(names).count(name) > 1}):
-        raise InputError.of("compare", f"two runs named {shown(twice[0])}", "a name of its own for each run")
+        raise InputError("compare", f"two runs named {shown(twice[0])}", "a name of its own for each run")
     chosen = _unit(runs) if unit is None else leak_unit(unit)
     for results in runs:
         results.leak_basis.factor(chosen)  # raises if the unit is not for the fluid

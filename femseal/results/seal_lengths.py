@@ -36,7 +36,7 @@ def has_lengths(results: Results) -> bool:
 def require_lengths(results: Results) -> None:
     """Raise InputError for results of one length."""
     if not has_lengths(results):
-        raise InputError.of("lengths", "results of one length of seal", "those of a run with a list of lengths")
+        raise InputError("lengths", "results of one length of seal", "those of a run with a list of lengths")
 
 
 def told_steps(results: Results) -> list[int]:

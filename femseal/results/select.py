@@ -32,13 +32,13 @@ def unloading(data: xarray.Dataset, from_: float | str | None) -> xarray.Dataset
     """The same on unloading from a peak, with which it begins; from the highest unless `from_` says which."""
     parts = _branches(data)[1:]
     if not parts:
-        raise InputError.of("from_", from_, "nothing: the cycle has no unloading")
+        raise InputError("from_", from_, "nothing: the cycle has no unloading")
     peaks = [float(data["nominal_pressure"][steps[0]]) for _, steps in parts]
     wanted = max(peaks) if from_ is None else to_si(from_, "Pa", "from_") if isinstance(from_, str) else from_
     for peak, (_, steps) in zip(peaks, parts, strict=True):
         if np.isclose(peak, wanted, rtol=1e-9, atol=0):
             return _over_pressure(data, steps)
-    raise InputError.of("from_", from_, f"one of {', '.join(to_text(p, 'Pa') for p in sorted(peaks))}")
+    raise InputError("from_", from_, f"one of {', '.join(to_text(p, 'Pa') for p in sorted(peaks))}")
 
 
 def _branches(data: xarray.Dataset) -> list[tuple[str, Any]]:
@@ -59,18 +59,18 @@ def cell(data: xarray.Dataset, i: int, j: int) -> xarray.Dataset:
 def window(data: xarray.Dataset, i: int, j: int) -> tuple[int, int]:
     """Index of a window, checked."""
     if "window_pressure" not in data:
-        raise InputError.of("cell", (i, j), "none: the results have no windows, which a two-scale study has")
+        raise InputError("cell", (i, j), "none: the results have no windows, which a two-scale study has")
     m1, m2 = data.sizes["cell1"], data.sizes["cell2"]
     if i not in range(m1) or j not in range(m2):
-        raise InputError.of("cell", (i, j), f"0 to {m1 - 1} along x1 and 0 to {m2 - 1} along x2")
+        raise InputError("cell", (i, j), f"0 to {m1 - 1} along x1 and 0 to {m2 - 1} along x2")
     return int(i), int(j)
 
 
 def library_cell(data: xarray.Dataset, number: int) -> xarray.Dataset:
     """Curves of a cell of the library over the steps of the library."""
     if "library_k" not in data:
-        raise InputError.of("cell", number, "none: the results have no library, which a stochastic study has")
+        raise InputError("cell", number, "none: the results have no library, which a stochastic study has")
     if number not in range(data.sizes["library_cell"]):
-        raise InputError.of("cell", number, f"0 to {data.sizes['library_cell'] - 1}")
+        raise InputError("cell", number, f"0 to {data.sizes['library_cell'] - 1}")
     names = [name for name, variable in data.data_vars.items() if "library_cell" in variable.dims]
     return data[names].isel(library_cell=number)

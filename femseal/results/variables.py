@@ -23,7 +23,7 @@ from ..studies.fluid_load import relief_warning, relieved_leakage
 if TYPE_CHECKING:
     import xarray
 
-    from ..scales import LibraryTable
+    from ..library import LibraryTable
     from ..studies import DeterministicResult, Scene, StochasticResult, TwoScaleResult
 
 _SUFFIXES = {

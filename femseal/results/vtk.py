@@ -46,7 +46,7 @@ def write_vtk(
     InputError : the folder cannot be made, or another format.
     """
     if file_format not in FORMATS:
-        raise InputError.of("file_format", file_format, f"one of {', '.join(FORMATS)}")
+        raise InputError("file_format", file_format, f"one of {', '.join(FORMATS)}")
     if file_format == "none":
         return []
     if (solved := solved_steps(results.dataset)).size < results.dataset.sizes["step"]:

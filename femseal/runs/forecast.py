@@ -21,11 +21,11 @@ from ..preparation.study_costs import study_cost
 from ..refinement.budgeted import coarser_grids, filtered_input
 from ..report.case_text import contact_text, fluid_text, solids_text
 from ..results.fields import fields_size
-from ..scales import Partition
 from ..studies import FluidState, Sampling, Scene, count_face_windows, drop_ratio, laid_out
 from ..studies.costs import Effort, usual_efforts
 from ..studies.deterministic import STEP_BYTES
 from ..studies.window_pressures import map_text
+from ..windows import Partition
 from .pilot import efforts, pace
 
 #: Shortest waves that a window should hold along each side.
@@ -91,7 +91,7 @@ def describe(case: Case, prepared: Prepared) -> list[str]:
     lines.append(_line("", contact_text(scene.modulus, scene.hardness)))
     lines += [_line("fluid", text) for text in _fluid_texts(case)]
     lines.append(_line("flow", f"discretisation {scene.discretisation}, solver {scene.solver}"))
-    lines += _gas_lines(scene)
+    lines += _law_lines(scene)
     lines += _accuracy_lines(case, prepared)
     if prepared.choice:
         lines.append(_line("method", f"{prepared.method}: {prepared.choice}"))
@@ -199,7 +199,7 @@ def refuse_too_large(case: Case, prepared: Prepared) -> None:
         f"at most the {most / 1e9:.3g} GB {which}: {advice}; "
         f"or memory = '{np.ceil(needed / 1e8) / 10:g} GB' in the case, to run all the same"
     )
-    raise InputError.of("memory", given, allowed)
+    raise InputError("memory", given, allowed)
 
 
 def _accuracy_lines(case: Case, prepared: Prepared) -> list[str]:
@@ -217,12 +217,15 @@ def _accuracy_lines(case: Case, prepared: Prepared) -> list[str]:
     return lines
 
 
-def _gas_lines(scene: Scene) -> list[str]:
-    """What slip does to the flow of a gas in a gap of the rms height."""
-    if (drop := scene.flow.drop) is None:
+def _law_lines(scene: Scene) -> list[str]:
+    """What the law of the fluid does to the flow in a gap of the rms height, where it is not the cubic one."""
+    drop = scene.flow.drop
+    if drop.law.homogeneous:
         return []
     ends = [max(p, drop.least_pressure) for p in (drop.inlet, drop.outlet)]
-    at_inlet, at_outlet = drop.gas.flow_factor(scene.surface.rms_height, ends)
+    at_inlet, at_outlet = drop.law.factor(scene.surface.rms_height, ends)
+    if not drop.law.depends_on_pressure:
+        return [_line("slip", f"{at_inlet:.3g} times the viscous flow in a gap of the rms height")]
     text = (
         f"slips: {at_inlet:.3g} (inlet) to {at_outlet:.3g} (outlet) times the viscous flow in a gap of the rms height; "
         f"permeability of windows at {drop.pressures.size} pressures, other flow solved 3 to 5 times"

@@ -90,12 +90,12 @@ def run(
     if not isinstance(case, Case):
         case = load_case(case)
     if workers is not None and (not isinstance(workers, int) or workers < 1):
-        raise InputError.of("workers", workers, "a whole number >= 1, or None for all cores")
+        raise InputError("workers", workers, "a whole number >= 1, or None for all cores")
     folder = None if output is None else Path(output)
     if folder is not None and folder.exists() and not folder.is_dir():
-        raise InputError.of("output", f"'{folder}', which is a file", "a folder, or one that does not exist")
+        raise InputError("output", f"'{folder}', which is a file", "a folder, or one that does not exist")
     if resume and folder is None:
-        raise InputError.of("resume", True, "True only with an output folder")
+        raise InputError("resume", True, "True only with an output folder")
     faces = _face_files(case)
     # options of the output may change before a run is resumed
     echo = case.echo()
@@ -334,7 +334,7 @@ def _face_files(case: Case) -> dict[str, str]:
                 digests[str(path)] = hashlib.file_digest(file, "sha256").hexdigest()
         except OSError as error:
             allowed = f"a file that can be read ({error.strerror})"
-            raise InputError.of(key, f"'{path}'", allowed) from None
+            raise InputError(key, f"'{path}'", allowed) from None
     return digests
 
 
@@ -346,7 +346,7 @@ def _log_file(folder: Path, append: bool) -> Iterator[None]:
         remove_foreign(folder / "run.log")
         handler = LogFile(folder / "run.log", mode="a" if append else "w")
     except OSError as error:
-        raise InputError.of("output", f"'{folder}'", f"a folder that can be written ({error.strerror})") from None
+        raise InputError("output", f"'{folder}'", f"a folder that can be written ({error.strerror})") from None
     level = log.level
     log.addHandler(handler)
     log.setLevel(logging.INFO)

@@ -50,7 +50,7 @@ def drop_shares(
     n1, n2 = seal.cells
     φ = np.asarray(potential, float)
     if φ.shape != (n1 + 1, n2):
-        raise InputError.of("potential", f"shape {φ.shape}", f"shape {(n1 + 1, n2)}")
+        raise InputError("potential", f"shape {φ.shape}", f"shape {(n1 + 1, n2)}")
     along, across = seal.stencil((k1, k2)).dissipation(φ)
     return largest_shares(np.concatenate([along.ravel(), across.ravel()]), counts)
 

@@ -98,7 +98,7 @@ class ElementSeal:
         InputError : inlets on both sides of the outlet.
         """
         if min(levels) < 0:
-            raise InputError.of("inlet", "pressures above and below that of the outlet", "all on one side of it")
+            raise InputError("inlet", "pressures above and below that of the outlet", "all on one side of it")
         solver = solver if solver in _SOLVERS else "auto"
         flow = held_flow(self.mesh, permeability, boundaries.facets, levels, fluxes=True, solver=solver)
         outlets = slice(len(boundaries.pressures), None)
@@ -262,5 +262,5 @@ class ElementWindows:
         given = f"elements with sides of {small:.2g} windows, which are {sides}"
         if small < _LEAST:
             allowed = "elements of at least one window: a coarser mesh, smaller cells, or another unit of length"
-            raise InputError.of("seal", given, allowed)
+            raise InputError("seal", given, allowed)
         return replace(self, warnings=(f"{given}: each takes a window of its own, so that seals scatter too little",))

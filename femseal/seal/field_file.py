@@ -51,10 +51,10 @@ def read_pressure_field(
     """
     file = Path(fspath(path))
     if not file.is_file():
-        raise InputError.of("path", f"'{file}'", "an existing file with a field of pressure")
+        raise InputError("path", f"'{file}'", "an existing file with a field of pressure")
     if _READING_FACTOR * (size := file.stat().st_size) > (free := free_memory()):
         allowed = f"a file that can be read in the {free / 1e9:.3g} GB of free memory"
-        raise InputError.of("path", f"'{file}' of {size / 1e9:.3g} GB", allowed)
+        raise InputError("path", f"'{file}' of {size / 1e9:.3g} GB", allowed)
     length, unit = to_si(f"1 {length_unit}", "m", "length_unit"), to_si(f"1 {pressure_unit}", "Pa", "pressure_unit")
     points, values, triangles = (_of_text if file.suffix.lower() in _TEXTS else _of_mesh)(file, name)
     return PressureField.of(length * points, unit * values, triangles)
@@ -66,10 +66,10 @@ def _of_text(file: Path, name: str) -> tuple[Any, Any, None]:
         with within_free_memory():
             text = file.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError, MemoryError) as error:
-        raise InputError.of("path", f"'{file}' ({shortened(error)})", "a text with columns") from None
+        raise InputError("path", f"'{file}' ({shortened(error)})", "a text with columns") from None
     lines = [line for line in text.splitlines() if line.strip() and not line.lstrip().startswith("#")]
     if not lines:
-        raise InputError.of("path", f"'{file}', which is empty", "a text with columns")
+        raise InputError("path", f"'{file}', which is empty", "a text with columns")
     delimiter = max(_DELIMITERS, key=lines[0].count)
     if delimiter in lines[0]:
         head, *rows = csv.reader(io.StringIO("\n".join(lines)), delimiter=delimiter)
@@ -79,7 +79,7 @@ def _of_text(file: Path, name: str) -> tuple[Any, Any, None]:
     wanted = (*_COORDINATES, name)
     if missing := [column for column in wanted if names.count(column) != 1]:
         given = f"'{file}' with the columns {', '.join(names)}"
-        raise InputError.of(
+        raise InputError(
             "path", given, f"one column each of {', '.join(wanted)}, named in the first line: {missing[0]}"
         )
     places = [names.index(column) for column in wanted]
@@ -89,7 +89,7 @@ def _of_text(file: Path, name: str) -> tuple[Any, Any, None]:
             numbers[n] = [float(row[place]) for place in places]
         except (ValueError, IndexError):
             allowed = f"numbers with decimal points in the columns {', '.join(wanted)}"
-            raise InputError.of(
+            raise InputError(
                 "path", f"'{file}' with the line '{shortened(delimiter.join(row), 60)}'", allowed
             ) from None
     return numbers[:, :2], numbers[:, 2], None
@@ -101,7 +101,7 @@ def _of_mesh(file: Path, name: str) -> tuple[Any, Any, Any]:
     blocks = [n for n, block in enumerate(data.cells) if block.type in _TRIANGLES]
     if not blocks:
         found = ", ".join(dict.fromkeys(block.type for block in data.cells)) or "nothing"
-        raise InputError.of("path", f"'{file}' with {found}", f"a mesh with cells of {', '.join(_TRIANGLES)}")
+        raise InputError("path", f"'{file}' with {found}", f"a mesh with cells of {', '.join(_TRIANGLES)}")
     corners = [
         np.concatenate([np.asarray(data.cells[n].data)[:, list(part)] for part in _TRIANGLES[data.cells[n].type]])
         for n in blocks
@@ -109,7 +109,7 @@ def _of_mesh(file: Path, name: str) -> tuple[Any, Any, Any]:
     points = np.asarray(data.points, float)
     used = np.unique(np.concatenate(corners))
     if points.shape[1] > 2 and np.ptp(points[used, 2]) > 1e-6 * np.ptp(points[used], axis=0).max():
-        raise InputError.of("path", f"'{file}' with varying z", "a plane mesh, z constant")
+        raise InputError("path", f"'{file}' with varying z", "a plane mesh, z constant")
     points = points[:, :2]
     if name in data.point_data:
         values = _numbers(data.point_data[name], file, name)
@@ -123,7 +123,7 @@ def _of_mesh(file: Path, name: str) -> tuple[Any, Any, Any]:
         own = np.concatenate(corners)
         return points[own.ravel()], np.repeat(values, 3), np.arange(own.size).reshape(-1, 3)
     there = ", ".join(map(repr, (*data.point_data, *data.cell_data))) or "none"
-    raise InputError.of("name", repr(name), f"the name of data of points or cells in '{file}': {there}")
+    raise InputError("name", repr(name), f"the name of data of points or cells in '{file}': {there}")
 
 
 def _numbers(values: Any, file: Path, name: str) -> Any:
@@ -131,7 +131,5 @@ def _numbers(values: Any, file: Path, name: str) -> Any:
     if array.ndim == 2 and array.shape[1] == 1:
         array = array[:, 0]
     if array.ndim != 1 or array.dtype.kind not in "iuf":
-        raise InputError.of(
-            "name", f"'{name}' in '{file}' with shape {array.shape}", "one number for each point or cell"
-        )
+        raise InputError("name", f"'{name}' in '{file}' with shape {array.shape}", "one number for each point or cell")
     return array.astype(float)

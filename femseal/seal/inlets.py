@@ -40,20 +40,20 @@ class HeldBoundaries:
         InputError : one is both inlet and outlet, or two of them touch.
         """
         if both := [name for name in outlet if name in inlet]:
-            raise InputError.of("outlet", f"{both[0]!r}, which is an inlet too", "other boundaries than the inlets")
+            raise InputError("outlet", f"{both[0]!r}, which is an inlet too", "other boundaries than the inlets")
         names = (*inlet, *dict.fromkeys(outlet))
         facets = tuple(np.unique(mesh.boundaries[name]).astype(np.int64) for name in names)
         for (first, one), (second, other) in itertools.combinations(zip(names, facets, strict=True), 2):
             if np.intersect1d(mesh.facets[:, one], mesh.facets[:, other]).size:
                 given = f"boundaries {first!r} and {second!r} that touch, with pressures of inlets"
-                raise InputError.of("inlet and outlet", given, "boundaries with no vertex in common")
+                raise InputError("inlet and outlet", given, "boundaries with no vertex in common")
         return cls(names, facets, tuple(inlet.values()))
 
 
 def checked_pressures(inlet: Mapping[str, Any]) -> dict[str, float]:
     """Pressures of inlets by their names; InputError where one is not a number, or without any."""
     if not inlet:
-        raise InputError.of("inlet", "no boundaries", "names of boundaries with their pressures")
+        raise InputError("inlet", "no boundaries", "names of boundaries with their pressures")
     found = {}
     for name, value in inlet.items():
         try:
@@ -61,5 +61,5 @@ def checked_pressures(inlet: Mapping[str, Any]) -> dict[str, float]:
         except (TypeError, ValueError):
             found[name] = np.nan
         if not np.isfinite(found[name]):
-            raise InputError.of(f"inlet {name!r}", repr(value), "a finite pressure [Pa]")
+            raise InputError(f"inlet {name!r}", repr(value), "a finite pressure [Pa]")
     return found

@@ -54,7 +54,7 @@ class Lay:
             path, _, array = given["field"].rpartition(":")
             if path and array:
                 return cls(file=folder / path, array=array)
-        raise InputError.of("lay", shown(given), ALLOWED)
+        raise InputError("lay", shown(given), ALLOWED)
 
     def directions(self, places: Array, centre: tuple[float, float] = (0.0, 0.0), unit: float = 1.0) -> Array:
         """Unit vectors (n, 2) along the lay at places (n, 2) [m].
@@ -74,7 +74,7 @@ class Lay:
             away = places - np.asarray(centre)
             distance = np.hypot(away[:, 0], away[:, 1])
             if not distance.min(initial=1.0) > 0:
-                raise InputError.of("lay", f"'{self.name}' at the centre itself", "a centre outside of all elements")
+                raise InputError("lay", f"'{self.name}' at the centre itself", "a centre outside of all elements")
             radial = away / distance[:, None]
             return radial if self.name == "radial" else np.stack([-radial[:, 1], radial[:, 0]], axis=1)
         angle = {"x1": 0.0, "x2": np.pi / 2}.get(self.name, self.angle or 0.0)
@@ -95,10 +95,10 @@ def _of_field(file: Path, array: str, places: Array, unit: float) -> Array:
     points = points * unit
     size = np.linalg.norm(values[:, :2], axis=1) if values.ndim == 2 and values.shape[1] in (2, 3) else np.zeros(1)
     if values.ndim != 2 or not np.isfinite(values).all() or not size.min() > 0:
-        raise InputError.of("lay.field", f"'{array}' of '{file}'", "vectors along the lay, finite and not 0")
+        raise InputError("lay.field", f"'{array}' of '{file}'", "vectors along the lay, finite and not 0")
     tree = cKDTree(points)
     spacing = tree.query(points, k=2)[0][:, 1].max() if len(points) > 1 else np.inf
     distance, nearest = tree.query(places)
     if (far := int(np.count_nonzero(distance > _REACH * spacing))) > 0:
-        raise InputError.of("lay.field", f"'{file}', which leaves out {far} elements", "a field that covers the seal")
+        raise InputError("lay.field", f"'{file}', which leaves out {far} elements", "a field that covers the seal")
     return values[nearest, :2] / size[nearest, None]

@@ -150,14 +150,14 @@ class RectangularLayout:
     def __post_init__(self) -> None:
         lay = Lay.of(self.lay)
         if lay.name in ("radial", "circumferential") or lay.file is not None:
-            raise InputError.of("lay", f"'{lay}' on a strip", "x1, x2, or {angle = '30 deg'}")
+            raise InputError("lay", f"'{lay}' on a strip", "x1, x2, or {angle = '30 deg'}")
         object.__setattr__(self, "lay", lay)
 
     def lay_out(self, windows: Windows) -> SealWindows:
         """Links along the axes of the strip; quadrilaterals where the lay runs between them."""
         (d1, d2), turned = windows.size, self.lay.name == "x1"
         if windows.length is None:
-            raise InputError.of("length", "none", "the length of a rectangular seal")
+            raise InputError("length", "none", "the length of a rectangular seal")
         if self.lay.name == "":
             d1 = d2 = (d1 * d2) ** 0.5
         elif turned:
@@ -196,7 +196,7 @@ class AnnularLayout:
         check_parameters(self)
         object.__setattr__(self, "lay", Lay.of(self.lay))
         if self.lay.file is not None:
-            raise InputError.of("lay", f"'{self.lay}' on a ring", "a field on a mesh only")
+            raise InputError("lay", f"'{self.lay}' on a ring", "a field on a mesh only")
         AnnularSeal(self.inner_radius, self.outer_radius, (1, 1), self.inlet)
         _plausible("outer_radius", 2 * self.outer_radius)
 
@@ -212,7 +212,7 @@ class AnnularLayout:
         breadth, middle = self.outer_radius - self.inner_radius, (self.inner_radius + self.outer_radius) / 2
         if breadth < _NARROW * d1:
             sides = " × ".join(to_text(side, "m", 3) for side in windows.size)
-            raise InputError.of("outer_radius", f"a ring {to_text(breadth, 'm', 3)} broad",
+            raise InputError("outer_radius", f"a ring {to_text(breadth, 'm', 3)} broad",
                                 f"a ring at least as broad as a window, {sides}")  # fmt: skip
         cells = max(1, round(breadth / d1)), max(3, round(2 * pi * middle / d2))
         seal = AnnularSeal(self.inner_radius, self.outer_radius, cells, self.inlet)
@@ -221,7 +221,7 @@ class AnnularLayout:
         narrow = 2 * pi * self.inner_radius / (cells[1] * d2)
         given = f"a ring whose {cells[1]} columns of windows are {narrow:.0%} as wide as windows at its inner radius"
         if narrow < _NARROWEST:
-            raise InputError.of("inner_radius", given, f"at least {_NARROWEST:.0%}; a mesh has none of them")
+            raise InputError("inner_radius", given, f"at least {_NARROWEST:.0%}; a mesh has none of them")
         told = (f"{given}: windows there are drawn too close together; a mesh has equal ones",)
         return LinkWindows(seal, self.lay.name == "radial", told if narrow < _NARROW else ())
 
@@ -260,7 +260,7 @@ class MeshLayout:
     def __post_init__(self) -> None:
         to_si(f"1 {self.unit}", "m", "unit")
         if self.length is not None and not (isfinite(self.length) and self.length > 0):
-            raise InputError.of("length", self.length, "a length > 0 [m]")
+            raise InputError("length", self.length, "a length > 0 [m]")
         object.__setattr__(self, "lay", Lay.of(self.lay, Path(self.path).parent))
         for name in ("inlet", "outlet"):
             names = getattr(self, name)
@@ -316,7 +316,7 @@ def _elements(
 def _strip(size: tuple[float, float], cells: tuple[int, int]) -> ElementSeal:
     """A strip of quadrilaterals, periodic along x2."""
     if cells[1] < 3:
-        raise InputError.of("length", f"{cells[1]} windows", "at least 3 where the lay runs between the axes")
+        raise InputError("length", f"{cells[1]} windows", "at least 3 where the lay runs between the axes")
     plain = MeshQuad.init_tensor(*(np.linspace(0.0, side, n + 1) for side, n in zip(size, cells, strict=True)))
     x1, x2 = plain.p
     ring = MeshQuad1DG.periodic(plain, np.flatnonzero(x2 == x2.max()), np.flatnonzero(x2 == 0.0))
@@ -342,14 +342,14 @@ def _ring(seal: AnnularSeal) -> ElementSeal:
 def _refuse_sizes(kind: str, windows: Windows) -> None:
     for name, value in (("length", windows.length), ("breadth", windows.breadth)):
         if value is not None:
-            raise InputError.of(name, to_text(value, "m"), f"none with a seal of kind {kind}: it has its own")
+            raise InputError(name, to_text(value, "m"), f"none with a seal of kind {kind}: it has its own")
 
 
 def _plausible(name: str, size: float, unit: str = "") -> None:
     low, high = _SIZES
     if not low <= size <= high:
         given = f"a seal {to_text(size, 'm', 3)} across" + (f" with the unit '{unit}'" if unit else "")
-        raise InputError.of(name, given, f"from {to_text(low, 'm')} to {to_text(high, 'm')}: is its unit right?")
+        raise InputError(name, given, f"from {to_text(low, 'm')} to {to_text(high, 'm')}: is its unit right?")
 
 
 #: Shapes that a case can choose, by their kind.

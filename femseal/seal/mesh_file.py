@@ -56,14 +56,14 @@ def read_mesh(path: str | PathLike[str], unit: float = 1.0) -> Mesh:
     present = [kind for kind in _KINDS if kind in data.cells_dict]
     if not present:
         found = ", ".join(data.cells_dict) or "nothing"
-        raise InputError.of("path", f"'{file}' with {found}", f"a mesh with cells of one kind of {', '.join(_KINDS)}")
+        raise InputError("path", f"'{file}' with {found}", f"a mesh with cells of one kind of {', '.join(_KINDS)}")
     if len(present) > 1:
-        raise InputError.of("path", f"'{file}' with {' and '.join(present)}", "a mesh with cells of one kind")
+        raise InputError("path", f"'{file}' with {' and '.join(present)}", "a mesh with cells of one kind")
     kind = present[0]
     points = np.asarray(data.points, dtype=float)
     cells = np.asarray(data.cells_dict[kind])
     if points.shape[1] > 2 and np.ptp(points[cells, 2]) > 1e-9 * np.ptp(points[cells.ravel()], axis=0).max():
-        raise InputError.of("path", f"'{file}' with varying z", "a plane mesh, z constant")
+        raise InputError("path", f"'{file}' with varying z", "a plane mesh, z constant")
     points = points[:, :2] * unit
     if kind == "quad8":
         centre = points[cells[:, 4:]].sum(axis=1) / 2 - points[cells[:, :4]].sum(axis=1) / 4
@@ -98,16 +98,16 @@ def read_field(path: str | PathLike[str], name: str) -> tuple[NDArray[np.float64
         centres = [points[block.data].mean(axis=1) for block in data.cells]
         return np.vstack(centres), np.concatenate([np.asarray(v, dtype=float) for v in data.cell_data[name]])
     there = ", ".join(repr(n) for n in (*data.point_data, *data.cell_data)) or "none"
-    raise InputError.of("field", f"'{name}' of '{file}'", f"one of its fields: {there}")
+    raise InputError("field", f"'{name}' of '{file}'", f"one of its fields: {there}")
 
 
 def read_data(file: Path) -> Any:
     """Contents of a mesh file, if it is there and fits into memory."""
     if not file.is_file():
-        raise InputError.of("path", f"'{file}'", "an existing mesh file")
+        raise InputError("path", f"'{file}'", "an existing mesh file")
     if _READING_FACTOR * (length := file.stat().st_size) > (free := free_memory()):
         allowed = f"a mesh that can be read in the {free / 1e9:.3g} GB of free memory"
-        raise InputError.of("path", f"'{file}' of {length / 1e9:.3g} GB", allowed)
+        raise InputError("path", f"'{file}' of {length / 1e9:.3g} GB", allowed)
     return _meshio_read(file)
 
 
@@ -121,7 +121,7 @@ def _meshio_read(file: Path) -> Any:
             return meshio.read(file)
     except (Exception, SystemExit) as error:
         reason = (str(error) if not isinstance(error, SystemExit) else "") or "unknown or damaged format"
-        raise InputError.of(
+        raise InputError(
             "path", f"'{file}' ({' '.join(reason.split())})", "a mesh in a format that meshio reads"
         ) from None
 

@@ -107,10 +107,10 @@ class Profile:
             least, most = float(across.min()), float(across.max())
             if least < low - _ROUNDING * high or most > high * (1 + _ROUNDING):
                 given, needed = (f"{to_text(a, 'm')} to {to_text(b, 'm')}" for a, b in ((low, high), (least, most)))
-                raise InputError.of("positions", given, f"a range that holds the windows of the seal, {needed}")
+                raise InputError("positions", given, f"a range that holds the windows of the seal, {needed}")
             return np.interp(across, self.positions, values)
         if frame.ends is None:
-            raise InputError.of("positions", "none on a mesh", "radii [m]")
+            raise InputError("positions", "none on a mesh", "radii [m]")
         first, last = frame.ends
         strip = (across - first) / (last - first) * values.size
         lower, upper = (np.clip(np.floor(strip + e).astype(int), 0, values.size - 1) for e in (-_ROUNDING, _ROUNDING))
@@ -144,7 +144,7 @@ class AngleTable:
         object.__setattr__(self, "angles", _rising("angles", self.angles, len(self.shares), "[rad]"))
         if self.angles and not 0 <= self.angles[0] <= self.angles[-1] < period * (1 - 1e-12):
             given = f"{np.degrees(self.angles[0]):g}° to {np.degrees(self.angles[-1]):g}°"
-            raise InputError.of("angles", given, f"angles from 0° to below one period, {np.degrees(period):g}°")
+            raise InputError("angles", given, f"angles from 0° to below one period, {np.degrees(period):g}°")
 
     def at(self, points: Array, frame: Frame) -> Array:
         """Linear and periodic."""
@@ -201,9 +201,9 @@ class MapsAtLoads:
 
     def __post_init__(self) -> None:
         if not self.maps:
-            raise InputError.of("maps", "none", "at least one")
+            raise InputError("maps", "none", "at least one")
         if len(self.pressures) != len(self.maps):
-            raise InputError.of("pressures", f"{len(self.pressures)} numbers", f"{len(self.maps)}, one for each map")
+            raise InputError("pressures", f"{len(self.pressures)} numbers", f"{len(self.maps)}, one for each map")
         object.__setattr__(self, "pressures", _rising("pressures", self.pressures, len(self.maps), "[Pa]"))
 
 
@@ -263,7 +263,7 @@ class PressedSeal:
     def _mean_one(self, pressure_map: PressureMap, points: Array) -> Array:
         over_area, values = (pressure_map.at(where, self.frame) for where in (self.centres, points))
         if not over_area.max() > 0:
-            raise InputError("map: given a pressure that is 0 all over the seal, allowed is one > 0 somewhere")
+            raise InputError("map", "a pressure that is 0 all over the seal", "one > 0 somewhere")
         if np.all(over_area == over_area[0]) and np.all(values == over_area[0]):  # without the rounding of a mean
             return np.ones_like(values)
         return np.asarray(values / np.average(over_area, weights=self.areas))
@@ -273,9 +273,9 @@ def _shares(values: Any) -> tuple[float, ...]:
     try:
         shares = tuple(validate.number("shares", v, inclusive=True) for v in values)
     except TypeError:
-        raise InputError.of("shares", repr(values), "a list of numbers >= 0") from None
+        raise InputError("shares", repr(values), "a list of numbers >= 0") from None
     if not shares or not max(shares) > 0:
-        raise InputError.of("shares", values, "a list of numbers >= 0, not all of them 0")
+        raise InputError("shares", values, "a list of numbers >= 0, not all of them 0")
     return shares
 
 
@@ -285,22 +285,22 @@ def _rising(name: str, values: Any, count: int, unit: str) -> tuple[float, ...]:
     try:
         numbers = tuple(validate.number(name, v, above=-np.inf) for v in values)
     except TypeError:
-        raise InputError.of(name, repr(values), f"a list of numbers {unit}") from None
+        raise InputError(name, repr(values), f"a list of numbers {unit}") from None
     if len(numbers) != count:
-        raise InputError.of(name, f"{len(numbers)} numbers", f"{count}, one for each value")
+        raise InputError(name, f"{len(numbers)} numbers", f"{count}, one for each value")
     if any(b <= a for a, b in pairwise(numbers)):
-        raise InputError.of(name, list(numbers), f"rising numbers {unit}")
+        raise InputError(name, list(numbers), f"rising numbers {unit}")
     return numbers
 
 
 def _pressures(values: ArrayLike, count: int) -> Array:
     pressure = np.array(values, dtype=float)
     if pressure.shape != (count,):
-        raise InputError.of("pressure", f"shape {pressure.shape}", f"shape {(count,)}, one for each point [Pa]")
+        raise InputError("pressure", f"shape {pressure.shape}", f"shape {(count,)}, one for each point [Pa]")
     if bad := np.count_nonzero(~np.isfinite(pressure)):
-        raise InputError.of("pressure", f"{bad} of {count} values not finite", "finite numbers >= 0 [Pa]")
+        raise InputError("pressure", f"{bad} of {count} values not finite", "finite numbers >= 0 [Pa]")
     if pressure.min() < 0:
         bad = np.count_nonzero(pressure < 0)
         given = f"{bad} of {count} values negative, the least {to_text(float(pressure.min()), 'Pa')}"
-        raise InputError.of("pressure", given, "contact pressures >= 0 [Pa]")
+        raise InputError("pressure", given, "contact pressures >= 0 [Pa]")
     return pressure

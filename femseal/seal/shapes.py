@@ -134,12 +134,12 @@ class AnnularSeal(StructuredSeal):
     def __post_init__(self) -> None:
         inner, outer = _length("inner_radius", self.inner_radius), _length("outer_radius", self.outer_radius)
         if not outer > inner:
-            raise InputError.of("outer_radius", f"{outer:g} m", f"a number > the inner radius, {inner:g} m")
+            raise InputError("outer_radius", f"{outer:g} m", f"a number > the inner radius, {inner:g} m")
         object.__setattr__(self, "inner_radius", inner)
         object.__setattr__(self, "outer_radius", outer)
         object.__setattr__(self, "cells", _cells(self.cells))
         if self.inlet not in ("inner", "outer"):
-            raise InputError.of("inlet", repr(self.inlet), "'inner' or 'outer'")
+            raise InputError("inlet", repr(self.inlet), "'inner' or 'outer'")
         breadth = outer - inner
         rows = self.rows or np.linspace(0.0, breadth, self.cells[0] + 1)
         object.__setattr__(self, "rows", _rows(rows, breadth, self.cells[0]))
@@ -211,17 +211,17 @@ class MeshSeal:
         mesh = self.path if isinstance(self.path, Mesh) else read_mesh(self.path, to_si(f"1 {self.unit}", "m", "unit"))
         object.__setattr__(self, "mesh", mesh)
         if type(mesh) not in (MeshTri1, MeshQuad1, MeshTri2, MeshQuad2):
-            raise InputError.of("path", f"a {type(mesh).__name__}", "a plane mesh of triangles or quadrilaterals")
+            raise InputError("path", f"a {type(mesh).__name__}", "a plane mesh of triangles or quadrilaterals")
         there = ", ".join(repr(str(name)) for name in mesh.boundaries or {}) or "none"
         for role, names in (("inlet", self.inlet), ("outlet", self.outlet)):
             for name in _names(names) or (names,):
                 if name not in (mesh.boundaries or {}):
-                    raise InputError.of(role, repr(name), f"the name of a boundary of the mesh: {there}")
+                    raise InputError(role, repr(name), f"the name of a boundary of the mesh: {there}")
         _check_elements(mesh)
         held = self.boundaries  # raises if one is both inlet and outlet
         inlets = [self.ends[0]] if held is None else held.facets[: len(held.pressures)]
         if not all(is_connected(mesh, inlet, self.ends[1]) for inlet in inlets):
-            raise InputError("inlet and outlet: not connected by the mesh, allowed is a mesh in one piece")
+            raise InputError("inlet and outlet", "boundaries that the mesh does not connect", "a mesh in one piece")
 
     @property
     def ends(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -275,7 +275,7 @@ def _one(w: Any) -> Any:
 def _check_elements(mesh: Mesh) -> None:
     undefined = np.flatnonzero(~np.isfinite(mesh.doflocs).all(axis=0))
     if undefined.size:
-        raise InputError.of("path", f"a mesh whose node {undefined[0]} is not finite", "finite coordinates")
+        raise InputError("path", f"a mesh whose node {undefined[0]} is not finite", "finite coordinates")
     nodes, element = mesh.dofs.element_dofs, mesh.elem()
     # the Jacobian of a bilinear element is extreme at its corners
     points = np.hstack([get_quadrature(mesh.elem.refdom, 4)[0], mesh.elem.refdom.p])
@@ -285,7 +285,7 @@ def _check_elements(mesh: Mesh) -> None:
     size = np.ptp(mesh.doflocs[:, nodes], axis=1).max(axis=0) ** 2
     bad = np.flatnonzero((np.abs(det).min(axis=1) <= 1e-12 * size) | (det.min(axis=1) * det.max(axis=1) <= 0))
     if bad.size:
-        raise InputError.of("path", f"a mesh whose element {bad[0]} is degenerate or tangled", "a valid mesh")
+        raise InputError("path", f"a mesh whose element {bad[0]} is degenerate or tangled", "a valid mesh")
     _check_sides(mesh)
 
 
@@ -306,7 +306,7 @@ def _check_sides(mesh: Mesh) -> None:
     bad = np.flatnonzero(overlapping[edge].any(axis=1))
     if bad.size:
         given = f"a mesh whose elements {' and '.join(map(str, bad[:2]))} overlap"
-        raise InputError.of("path", given, "elements that lie beside each other")
+        raise InputError("path", given, "elements that lie beside each other")
     if found := first_overlap(mesh):
         named = " and ".join(map(str, found))
         given = (
@@ -314,7 +314,7 @@ def _check_sides(mesh: Mesh) -> None:
             if len(found) > 1
             else f"a mesh whose element {named} lies on others"
         )
-        raise InputError.of("path", given, "elements that lie beside each other")
+        raise InputError("path", given, "elements that lie beside each other")
 
 
 def _names(given: Inlet) -> tuple[str, ...]:
@@ -325,7 +325,7 @@ def _pair(name: str, value: Any, allowed: str) -> tuple[Any, Any]:
     try:
         first, second = value
     except (TypeError, ValueError):
-        raise InputError.of(name, repr(value), allowed) from None
+        raise InputError(name, repr(value), allowed) from None
     return first, second
 
 
@@ -335,7 +335,7 @@ def _length(name: str, value: Any) -> float:
     except (TypeError, ValueError):
         number = np.nan
     if not (np.isfinite(number) and number > 0):
-        raise InputError.of(name, repr(value), "a finite number > 0 [m]")
+        raise InputError(name, repr(value), "a finite number > 0 [m]")
     return number
 
 
@@ -343,7 +343,7 @@ def _rows(value: Any, length: float, n: int) -> tuple[float, ...]:
     rows = tuple(float(x) for x in value)
     ends = len(rows) == n + 1 and rows[0] == 0 and abs(rows[-1] - length) <= 1e-9 * length
     if not ends or not all(b > a for a, b in itertools.pairwise(rows)):
-        raise InputError.of("rows", f"{len(rows)} values", f"{n + 1} rising numbers from 0 to {length:g} m")
+        raise InputError("rows", f"{len(rows)} values", f"{n + 1} rising numbers from 0 to {length:g} m")
     return rows
 
 
@@ -353,7 +353,7 @@ def _cells(value: Any) -> tuple[int, int]:
     try:
         n1, n2 = (index(n) for n in pair)
     except TypeError:
-        raise InputError.of("cells", repr(value), allowed) from None
+        raise InputError("cells", repr(value), allowed) from None
     if n1 < 1 or n2 < 1:
-        raise InputError.of("cells", repr(value), allowed)
+        raise InputError("cells", repr(value), allowed)
     return n1, n2

@@ -69,7 +69,7 @@ class StructuredSeal(ABC):
         """
         stencil = self.stencil(permeability)
         if bounds and stencil.nine:
-            raise InputError.of("bounds", "true with tensors on a structured seal", "true with links, or on a mesh")
+            raise InputError("bounds", "true with tensors on a structured seal", "true with links, or on a mesh")
         return structured_flow(stencil, bounds=bounds, solver=solver)
 
 
@@ -82,7 +82,7 @@ def link_permeabilities(permeability: Any, cells: tuple[int, int]) -> tuple[Arra
         pair = (permeability, permeability)
     if pair is None or len(pair) != 2:
         given = f"{len(pair)} items" if pair is not None else f"one array of shape {np.shape(permeability)}"
-        raise InputError.of(
+        raise InputError(
             "permeability",
             given,
             f"a number, or the links (k1, k2), numbers or arrays {shapes[0]} and {shapes[1]}, or tensors "
@@ -96,17 +96,17 @@ def _checked(name: str, value: ArrayLike, shape: tuple[int, int]) -> Array:
     try:
         k = np.asarray(value, dtype=float)
     except (TypeError, ValueError):
-        raise InputError.of(f"permeability {name}", repr(value), "numbers [m³]") from None
+        raise InputError(f"permeability {name}", repr(value), "numbers [m³]") from None
     if k.shape not in ((), shape):
-        raise InputError.of(f"permeability {name}", f"shape {k.shape}", f"a number or shape {shape}")
+        raise InputError(f"permeability {name}", f"shape {k.shape}", f"a number or shape {shape}")
     if not np.all(np.isfinite(k)):
-        raise InputError.of(
+        raise InputError(
             f"permeability {name}",
             f"{np.count_nonzero(~np.isfinite(k))} values not finite",
             "numbers >= 0 [m³]",
         )
     if k.min(initial=0.0) < 0:
-        raise InputError.of(f"permeability {name}", f"{k.min():g}", "numbers >= 0 [m³]")
+        raise InputError(f"permeability {name}", f"{k.min():g}", "numbers >= 0 [m³]")
     return np.broadcast_to(k, shape)
 
 

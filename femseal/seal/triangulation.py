@@ -39,15 +39,15 @@ class Triangulation:
         """
         found = np.array(points, dtype=float)
         if found.ndim != 2 or found.shape[1:] != (2,) or len(found) < 3:
-            raise InputError.of("points", f"shape {found.shape}", "at least three points (m, 2) [m]")
+            raise InputError("points", f"shape {found.shape}", "at least three points (m, 2) [m]")
         if not np.isfinite(found).all():
             bad = np.count_nonzero(~np.isfinite(found).all(axis=1))
-            raise InputError.of("points", f"{bad} of {len(found)} points not finite", "finite coordinates [m]")
+            raise InputError("points", f"{bad} of {len(found)} points not finite", "finite coordinates [m]")
         corners = _delaunay(found) if triangles is None else np.array(triangles, dtype=np.int64)
         size = np.ptp(found, axis=0).max()
         corners = corners[np.abs(_areas(found, corners)) > 1e-12 * size**2]
         if not len(corners):
-            raise InputError.of("points", f"{len(found)} points on a line", "points of a plane field")
+            raise InputError("points", f"{len(found)} points on a line", "points of a plane field")
         return cls(found, corners)
 
     def interpolate(self, values: Array, places: Array) -> Array:
@@ -66,7 +66,7 @@ class Triangulation:
                 f"x {x0:.4g} to {x1:.4g} m, y {y0:.4g} to {y1:.4g} m, without places on the seal such as "
                 f"({x:.4g}, {y:.4g}) m"
             )
-            raise InputError.of("field", given, "one that covers the seal")
+            raise InputError("field", given, "one that covers the seal")
         inside = np.maximum(weights, 0)
         inside /= inside.sum(axis=1, keepdims=True)
         return (inside * values[self.triangles[triangle]]).sum(axis=1)
@@ -123,7 +123,7 @@ def _delaunay(points: Array) -> NDArray[np.int64]:
         # the size of the whole does not matter to what lies on a line
         corners = Delaunay((points - points.mean(axis=0)) / (np.ptp(points, axis=0).max() or 1.0)).simplices
     except QhullError:
-        raise InputError.of("points", f"{len(points)} points on a line", "points of a plane field") from None
+        raise InputError("points", f"{len(points)} points on a line", "points of a plane field") from None
     sides = np.linalg.norm(points[corners] - np.roll(points[corners], 1, axis=1), axis=2).max(axis=1)
     return np.asarray(corners[sides <= GAP * np.median(sides)], np.int64)
 

@@ -17,12 +17,12 @@ import numpy as np
 from llvmlite.binding import get_host_cpu_features, get_host_cpu_name
 from numpy.typing import NDArray
 
-from .. import contact, flow, scales
+from .. import contact, elements, flow, windows
 from ..base.stage import Mapper, Stage
 from ..flow.solvers.choice import solve_flow
 from ..flow.solvers.hierarchy import bordered, hierarchy
 from ..flow.solvers.islands import island_potentials
-from ..scales.window import window_permeability
+from ..windows.window import window_permeability
 
 log = logging.getLogger("femseal")
 
@@ -54,7 +54,9 @@ def _record() -> Path | None:
     seen = hashlib.sha256(
         repr((numba.__version__, np.__version__, get_host_cpu_name(), get_host_cpu_features().flatten())).encode()
     )
-    for path in sorted(p for room in ("contact", "flow", "scales") for p in (package / room).rglob("*.py")):
+    for path in sorted(
+        p for room in ("contact", "flow", "windows", "elements", "library") for p in (package / room).rglob("*.py")
+    ):
         found = path.stat()
         seen.update(f"{path} {found.st_mtime_ns} {found.st_size}".encode())
     return Path(hierarchy.stats.cache_path) / f"compiled-{seen.hexdigest()[:16]}"
@@ -97,8 +99,8 @@ def _contact() -> None:
 
 def _windows() -> None:
     gap = _gap(32)
-    window_permeability(gap, (1.0, 1.0), 0, settings=scales.FlowSettings(solver="elimination"))
-    scales.element_flow(gap, scales.Partition(gap.shape, (1.0, 1.0), (2, 2)))
+    window_permeability(gap, (1.0, 1.0), 0, settings=windows.FlowSettings(solver="elimination"))
+    elements.element_flow(gap, windows.Partition(gap.shape, (1.0, 1.0), (2, 2)))
     s = _network()
     hidden = np.zeros((16, 16), np.bool_)
     hidden[8, 8] = True

@@ -13,9 +13,9 @@ import numpy as np
 
 from ..base.machine import free_memory
 from ..contact.cycle import STATE_FIELDS
-from ..scales.elements import ELEMENT_BYTES
-from ..scales.global_contact import PIXELS_PER_CUT_OFF
+from ..elements.elements import ELEMENT_BYTES
 from ..seal.pressure_map import is_uniform
+from ..windows.global_contact import PIXELS_PER_CUT_OFF
 from .deterministic import STEP_BYTES, state_memory
 from .face_contact import chosen_contact
 from .sampling_options import Sampling
@@ -44,7 +44,7 @@ _RUN_SECONDS, _RUN_PIXEL_SECONDS = 1.2e-3, 6e-7
 _DRAW_SECONDS, _DRAW_COLUMN_SECONDS = 1e-4, 2e-8
 #: Seconds of a link of a drawn seal at a load step, for each doubling of its rows.
 _LINK_SECONDS = 1.1e-7
-#: Flow solutions, and what they need besides, that the flow of a gas with slip takes.
+#: Flow solutions, and what they need besides, that the flow of a rarefied gas takes.
 _SUCCESSIVE = 4.5
 #: Transforms that the estimate of the error of a gap takes.
 _ERROR_PAIRS = 3
@@ -190,9 +190,8 @@ def stochastic_cost(
 
 
 def pressures_of_gas(scene: Scene) -> int:
-    """Number of pressures at which permeabilities are needed: 1, of a gas with slip more."""
-    drop = scene.flow.drop
-    return 1 if drop is None else drop.pressures.size
+    """Number of pressures at which permeabilities are needed: 1 unless the law of the fluid depends on it."""
+    return scene.flow.drop.pressures.size
 
 
 #: Limits of the deterministic solution in an automatic choice: time on one core [s], and share of the free memory.

@@ -13,8 +13,8 @@ from ..base.stage import Mapper
 from ..base.text import Shown
 from ..contact import HalfSpace, LoadState, load_states
 from ..loads import LoadProgramme
-from ..scales import Failed, FlowSettings, Partition, SolverCounts, attempt
-from ..scales.window_fields import ContactPressure
+from ..windows import Failed, FlowSettings, Partition, SolverCounts, attempt
+from ..windows.window_fields import ContactPressure
 from .face_contact import CutState, from_whole
 from .plausibility import scene_warnings
 from .repeated_steps import first_equal, repeated

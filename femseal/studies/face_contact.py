@@ -13,8 +13,8 @@ from ..base.errors import InputError
 from ..base.shared_array import shared_empty
 from ..base.stage import Mapper
 from ..contact import Contact, HalfSpace, LoadState, load_states
-from ..scales import Partition
-from ..scales.window_fields import ContactPressure, ContactValues, WindowFields
+from ..windows import Partition
+from ..windows.window_fields import ContactPressure, ContactValues, WindowFields
 from .scene import Array, Scene
 from .windows import WindowContacts, face_partition, windows_contact
 
@@ -35,7 +35,7 @@ def chosen_contact(contact: str | None, shape: tuple[int, int]) -> str:
     if contact is None:
         return "whole" if shape[0] * shape[1] <= WHOLE_PIXELS else "windows"
     if contact not in CONTACTS:
-        raise InputError.of("contact", contact, f"one of {', '.join(CONTACTS)}")
+        raise InputError("contact", contact, f"one of {', '.join(CONTACTS)}")
     return contact
 
 
@@ -48,7 +48,7 @@ def solve_windows(
     ----------
     contact : "whole": the contact of the whole face at full resolution, as in the deterministic study, cut into
         windows. "windows": the contact of each window, under the mean pressure that the contact of the low-pass face
-        gives it (Pérez-Ràfols et al., 2018); its error is estimated, see `scales.gap_error`. Unless given, "whole" up
+        gives it (Pérez-Ràfols et al., 2018); its error is estimated, see `windows.gap_error`. Unless given, "whole" up
         to `WHOLE_PIXELS`.
     """
     if chosen_contact(contact, scene.surface.shape) == "windows":

@@ -8,17 +8,9 @@ from functools import partial
 import numpy as np
 
 from ..contact import HalfSpace
-from ..scales import (
-    GlobalState,
-    Ladder,
-    LadderLibrary,
-    LinkTable,
-    Partition,
-    WindowSource,
-    build_ladder_library,
-    on_ladder,
-)
-from ..scales.sampling import Index
+from ..library import Ladder, LadderLibrary, LinkTable, WindowSource, build_ladder_library, on_ladder
+from ..library.sampling import Index
+from ..windows import GlobalState, Partition
 from .scene import Array, Scene
 from .window_pressures import peaks_to_follow, shared_paths, shares_of_links
 from .window_supply import Tables, WindowRequest, WindowSupply

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.stage import Mapper, Stage
+from ..library import LinkTable
 from ..loads import LoadProgramme
-from ..scales import LinkTable
 
 
 def first_equal(values: Sequence[Any] | NDArray[Any], steps: LoadProgramme) -> NDArray[np.int64]:

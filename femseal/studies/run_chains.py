@@ -1,4 +1,4 @@
-"""Seals drawn as chains of runs of columns of a face, see `scales.column_runs`."""
+"""Seals drawn as chains of runs of columns of a face, see `library.column_runs`."""
 
 from __future__ import annotations
 
@@ -10,10 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.stage import Mapper, Stage
-from ..flow.gas_drop import GasDrop
-from ..scales import Failed, Partition, RunFlows, SolverCounts, attempt
-from ..scales.window_fields import WindowFields
+from ..flow.pressure_drop import PressureDrop
+from ..library import RunFlows
 from ..seal import RectangularSeal
+from ..windows import Failed, Partition, SolverCounts, attempt
+from ..windows.window_fields import WindowFields
 from .element_face import columns_of_face
 from .repeated_steps import first_equal, map_different
 from .scene import Array, Scene
@@ -44,14 +45,12 @@ class StateRuns:
 
     @classmethod
     def of(
-        cls, gap: NDArray[np.floating], partition: Partition, lengths: tuple[int, ...], drop: GasDrop | None
+        cls, gap: NDArray[np.floating], partition: Partition, lengths: tuple[int, ...], drop: PressureDrop
     ) -> StateRuns:
         """Solve the runs of a gap (n1, n2) [m]."""
-        columns, of_gas = columns_of_face(gap, partition, drop)
+        columns, own = columns_of_face(gap, partition, drop)
         # rounding may give the potential an extreme inside
-        factor, share = 1.0, np.clip(columns.window_potential(), 0.0, 1.0)
-        if of_gas is not None:
-            factor, share = of_gas.mean_factor, of_gas.viscous_share(share)
+        factor, share = own.mean_factor, own.viscous_fraction(np.clip(columns.window_potential(), 0.0, 1.0))
         flows = tuple(
             replace(f, closed=factor * f.closed, held=factor * f.held, whole=factor * f.whole)
             for f in (columns.flows(length) for length in lengths)
@@ -91,7 +90,7 @@ class ChainedSeals:
 
 
 def runs_of_face(
-    fields: WindowFields, columns: int, drop: GasDrop | None, *, mapper: Mapper = map
+    fields: WindowFields, columns: int, drop: PressureDrop, *, mapper: Mapper = map
 ) -> list[StateRuns | Failed]:
     """Solve the runs of a face at every step, of every length that a seal of so many columns may be made of."""
     m2 = fields.partition.cells[1]

@@ -10,9 +10,10 @@ import numpy as np
 from ..base import validate
 from ..base.errors import InputError
 from ..base.quantities import to_text
-from ..scales import SAMPLERS, Partition
+from ..library import SAMPLERS
 from ..seal.layouts import Layout, SealWindows, Windows
 from ..seal.pressure_map import AnyMap, MapsAtLoads, Profile, Uniform, is_uniform
+from ..windows import Partition
 from .face_contact import chosen_contact
 from .scene import Scene
 
@@ -33,9 +34,9 @@ class Sampling:
     realisations : number of seals that are drawn.
     library_cells : number of windows in the library.
     seed : of all random numbers.
-    sampler : "history", "derivative", "copula" or "block", see `scales.sampling`, or "runs", see `chosen_sampler`.
+    sampler : "history", "derivative", "copula" or "block", see `library.sampling`, or "runs", see `chosen_sampler`.
         "runs", with the pressure "place" and the discretisation "edge", makes straight seals of runs of an eighth to a
-        half of the face's columns, whose flow is solved by finite elements, see `scales.column_runs`; `length` is
+        half of the face's columns, whose flow is solved by finite elements, see `library.column_runs`; `length` is
         rounded to whole runs.
     pressure : the source of the windows and of their pressures.
         "place": all windows of the face at their places. A link draws from the windows of its row. If `library_cells`
@@ -104,7 +105,7 @@ def laid_out(layout: Layout, partition: Partition, sampling: Sampling) -> tuple[
     )
     lengths = [to_text(laid.seal.size[1], "m") for laid in every]
     if len({*lengths}) < len(lengths):
-        raise InputError.of("length", ", ".join(lengths) + " in whole cells", "lengths that differ")
+        raise InputError("length", ", ".join(lengths) + " in whole cells", "lengths that differ")
     return every
 
 
@@ -112,15 +113,15 @@ def _laid_out(layout: Layout, partition: Partition, sampling: Sampling) -> SealW
     windows = Windows(partition.window_size, partition.cells[0], sampling.length, sampling.breadth)
     laid = layout.lay_out(windows)
     if laid.together and sampling.sampler_of_links != "history":
-        raise InputError.of("sampler", sampling.sampler_of_links, f"history with {layout}, whose elements take windows")
+        raise InputError("sampler", sampling.sampler_of_links, f"history with {layout}, whose elements take windows")
     if laid.together and sampling.bounds:
-        raise InputError.of("bounds", "true", f"false with {layout}")
+        raise InputError("bounds", "true", f"false with {layout}")
     if sampling.sampler_of_links == "runs" and layout.kind != "rectangular":
-        raise InputError.of("sampler", "runs", f"another one with {layout}")
+        raise InputError("sampler", "runs", f"another one with {layout}")
     if sampling.pressure != "uniform" and laid.rows != partition.cells[0]:
         face = f"a face with {partition.cells[0]} rows of windows"
         given = f"'{sampling.pressure}' of {face} for {layout}, which has {laid.rows or 'none'}"
-        raise InputError.of("pressure", given, "'uniform', or as many rows from inlet to outlet on both")
+        raise InputError("pressure", given, "'uniform', or as many rows from inlet to outlet on both")
     return laid
 
 
@@ -135,27 +136,27 @@ def count_face_windows(sampling: Sampling, partition: Partition) -> int:
 def check_sampling(sampling: Sampling) -> None:
     """Raise InputError for an unknown option, or for two that do not go together."""
     if sampling.sampler_of_links not in DRAWS:
-        raise InputError.of("sampler", sampling.sampler, f"one of {', '.join(DRAWS)}")
+        raise InputError("sampler", sampling.sampler, f"one of {', '.join(DRAWS)}")
     if sampling.pressure not in PRESSURES:
-        raise InputError.of("pressure", sampling.pressure, f"one of {', '.join(PRESSURES)}")
+        raise InputError("pressure", sampling.pressure, f"one of {', '.join(PRESSURES)}")
     if sampling.sampler_of_links == "block" and sampling.pressure != "place":
-        raise InputError.of("sampler", "block", "another one, or the pressure 'place', whose windows are neighbours")
+        raise InputError("sampler", "block", "another one, or the pressure 'place', whose windows are neighbours")
     if sampling.sampler_of_links == "runs" and sampling.pressure != "place":
-        raise InputError.of("sampler", "runs", "another one, or the pressure 'place', whose windows are neighbours")
+        raise InputError("sampler", "runs", "another one, or the pressure 'place', whose windows are neighbours")
     if sampling.breadth is not None and (sampling.pressure != "uniform" or not sampling.breadth > 0):
-        raise InputError.of("breadth", sampling.breadth, "a length > 0 with the pressure 'uniform', none with others")
+        raise InputError("breadth", sampling.breadth, "a length > 0 with the pressure 'uniform', none with others")
     if sampling.pressure != "uniform" and not is_uniform(sampling.pressure_map):
         allowed = "a uniform one, or another with the pressure 'uniform', whose windows follow any pressure"
-        raise InputError.of("map", f"an uneven one with the pressure '{sampling.pressure}'", allowed)
+        raise InputError("map", f"an uneven one with the pressure '{sampling.pressure}'", allowed)
     if sampling.other_lengths and not isinstance(sampling.pressure_map, (Uniform, Profile)):
-        raise InputError.of("map", "one that may vary along seals of several lengths", "a profile, or one length")
+        raise InputError("map", "one that may vary along seals of several lengths", "a profile, or one length")
     if isinstance(sampling.pressure_map, MapsAtLoads) and sampling.sampler_of_links != "history":
         allowed = "history with several maps, under which windows may be unloaded while the seal is loaded"
-        raise InputError.of("sampler", sampling.sampler_of_links, allowed)
+        raise InputError("sampler", sampling.sampler_of_links, allowed)
     if sampling.library is not None and sampling.pressure == "place":
-        raise InputError.of("library", f"'{sampling.library}'", "none with the pressure 'place', which has no ladder")
+        raise InputError("library", f"'{sampling.library}'", "none with the pressure 'place', which has no ladder")
     if sampling.width is not None:
         validate.number("width", sampling.width, unit="1")
     if sampling.bounds and (sampling.pressure == "place" or sampling.sampler_of_links != "history"):
         given = f"true with the pressure '{sampling.pressure}' and the sampler '{sampling.sampler_of_links}'"
-        raise InputError.of("bounds", given, "true with 'global' or 'uniform' and 'history'")
+        raise InputError("bounds", given, "true with 'global' or 'uniform' and 'history'")

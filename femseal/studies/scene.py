@@ -13,18 +13,18 @@ from ..base.errors import InputError
 from ..base.quantities import to_text
 from ..base.stage import Mapper
 from ..flow import Permeability, cell_permeability
-from ..flow.gas_drop import GasDrop, successive
+from ..flow.pressure_drop import PressureDrop
 from ..fluids import Fluid
 from ..loads import LoadProgramme
-from ..scales import Failed, FlowSettings, GlobalState, Partition, SolverCounts, global_states
 from ..seal import Leakage, RectangularSeal, seal_leakage
 from ..seal.layouts import Layout, RectangularLayout
 from ..seal.shapes import Seal
 from ..topography import Topography
+from ..windows import Failed, FlowSettings, GlobalState, Partition, SolverCounts, global_states
 
 Array = NDArray[np.float64]
-#: Relative error at which successive solutions of the flow of a gas end; the flow factor itself is within 0.9 %.
-GAS_RTOL = 1e-4
+#: Relative error at which flows end that depend on the pressure; the factor of a gas itself is within 0.9 %.
+PRESSURE_RTOL = 1e-4
 
 
 @dataclass(frozen=True)
@@ -60,17 +60,17 @@ class Scene:
     def __post_init__(self) -> None:
         flow = self.flow  # raises if solver and discretisation do not go together
         if own := getattr(self.layout, "inlet_pressures", {}):
-            if flow.drop is not None:
+            if flow.drop.law.depends_on_pressure:
                 given = f"{self.fluid} with pressures of the inlets"
-                raise InputError.of("fluid", given, "a liquid, or a gas without slip (slip = false)")
+                raise InputError("fluid", given, "a liquid, or a gas without slip (slip = false)")
             if self.inlet_pressure != max(own.values()):
                 highest = to_text(max(own.values()), "Pa")
                 given = to_text(self.inlet_pressure, "Pa")
-                raise InputError.of("inlet_pressure", given, f"the highest pressure of the inlets, {highest}")
+                raise InputError("inlet_pressure", given, f"the highest pressure of the inlets, {highest}")
         undefined = int(np.isnan(self.surface.heights).sum())
         if undefined:
             allowed = "a face without undefined points: fill them first, see Topography.fill_undefined"
-            raise InputError.of("surface", f"{undefined} of {self.surface.heights.size} points undefined", allowed)
+            raise InputError("surface", f"{undefined} of {self.surface.heights.size} points undefined", allowed)
 
     @property
     def steps(self) -> LoadProgramme:
@@ -80,7 +80,7 @@ class Scene:
     def global_states(
         self, partition: Partition, cut_off: float, *, take: Callable[[GlobalState], Any], mapper: Mapper
     ) -> Iterator[Any]:
-        """Solve the global contact of the scene at every step, see `scales.global_states`."""
+        """Solve the global contact of the scene at every step, see `windows.global_states`."""
         return global_states(
             self.surface,
             partition,
@@ -97,7 +97,7 @@ class Scene:
     @property
     def flow(self) -> FlowSettings:
         """How the flow through windows and faces is discretised and solved."""
-        drop = GasDrop.of(self.fluid, self.inlet_pressure, self.outlet_pressure)
+        drop = PressureDrop(self.fluid, float(self.inlet_pressure), float(self.outlet_pressure))
         return FlowSettings(self.solver, self.discretisation, drop)
 
     def leakage(self, seal: Seal, permeability: Any) -> Leakage:
@@ -172,37 +172,26 @@ def resolved_flow(
 ) -> FaceFlow:
     """Solve the flow along x1 through the gap (n1, n2) [m] of a whole face, which is periodic along x2.
 
-    The flow of a gas with slip is solved again and again, each time with the flow factors at its own pressures.
     `with_share` keeps the share of the drop at every pixel.
 
     Raises
     ------
-    NotConverged : the linear solver failed.
+    NotConverged : see `cell_permeability` and `PressureDrop.solve_face`.
     """
     settings = settings or FlowSettings()
-    h = np.asarray(gap, float)
     counts = SolverCounts()
 
-    def through(gap: Array) -> Permeability:
+    def solve(gap: Array) -> tuple[float, Array, Permeability]:
         nonlocal counts
         flow = cell_permeability(
             gap, spacing, sides="periodic", discretisation=settings.discretisation, solver=settings.solver
         )
         counts += SolverCounts.of(flow)
-        return flow
+        return flow.value, flow.fluid_pressure, flow
 
-    drop = None if settings.drop is None else settings.drop.through(h, spacing)
-    if drop is None:
-        flow = through(h)
-        value, potential = flow.value, flow.fluid_pressure
-    else:
-
-        def again(share: Any) -> tuple[float, Any, Permeability]:
-            flow = through(drop.equivalent_gap(h, share))
-            return flow.value, flow.fluid_pressure, flow
-
-        flow = successive(again, GAS_RTOL)
-        value, potential = flow.value * drop.mean_factor, drop.viscous_share(flow.fluid_pressure)
+    solved = settings.drop.solve_face(np.asarray(gap, float), spacing, solve, PRESSURE_RTOL)
+    flow, drop = solved.found, solved.drop
+    value, potential = flow.value * drop.mean_factor, drop.viscous_fraction(flow.fluid_pressure)
     # the potential has no extremes inside; the solver's error, about 1e-3 in the norm of the energy, may give it some
     share = np.clip(potential, 0.0, 1.0).astype(np.float32) if with_share else None
     return FaceFlow(value, counts, share)

@@ -14,10 +14,11 @@ from numpy.typing import NDArray
 from ..base.errors import InputError
 from ..base.quantities import to_text
 from ..base.stage import Mapper, Stage
-from ..scales import Failed, LadderLibrary, Partition, SolverCounts, attempt
+from ..library import LadderLibrary
 from ..seal import RectangularSeal
 from ..seal.layouts import SealWindows
 from ..seal.linked import LinkWindows
+from ..windows import Failed, Partition, SolverCounts, attempt
 from .face_windows import windows_in_place
 from .ladder_windows import windows_under_global_contact, windows_under_uniform_pressure
 from .median_seal import MOST_VALUES, drawn_permeability, median_chain, median_seal, nearest_to_median
@@ -67,10 +68,10 @@ def stochastic(
     """
     check_sampling(sampling)
     if sampling.width is not None and not sampling.resampled:
-        raise InputError.of("resampled", "False with a width", "True with it: the error of the library has to be known")
+        raise InputError("resampled", "False with a width", "True with it: the error of the library has to be known")
     sampling = replace(sampling, sampler=chosen_sampler(sampling, scene, two_scale.contact if two_scale else contact))
     if sampling.sampler == "runs" and scene.discretisation != "edge":
-        raise InputError.of("sampler", f"'runs' with the discretisation '{scene.discretisation}'", "'edge' with it")
+        raise InputError("sampler", f"'runs' with the discretisation '{scene.discretisation}'", "'edge' with it")
     if sampling.width is None:
         return _draw(scene, cells, sampling, contact, two_scale, mapper)
     with TemporaryDirectory() as folder:
@@ -146,7 +147,7 @@ def _of_windows(
     leakage, *bounds = np.array([r.leakage for r in drawn[:count]]).transpose(1, 0, 2)
     lower, upper = bounds or (None, None)
     chosen = nearest_to_median(leakage) if len(laid.outlines) * len(scene.steps) <= MOST_VALUES else None
-    pressures = 1 if scene.flow.drop is None else scene.flow.drop.pressures.size
+    pressures = scene.flow.drop.pressures.size
     again = Stage("median seal", partial(median_seal, **shared, kinds=kinds[:pressures]))
     medians = [] if chosen is None else list(mapper(again, [chosen]))
     return StochasticResult(
@@ -233,11 +234,11 @@ def _realise(
     """Draw one seal and solve its flow at every step.
 
     The same random numbers draw the same windows from each kind of tables. `resampled` draws a new library from the
-    library, and takes the values without their bounds. Of a gas with slip each kind has a table for every pressure.
+    library, and takes the values without their bounds. Each kind has a table for every pressure of the drop.
     first : number of the first step with the same windows.
     """
     steps, drop = scene.steps, scene.flow.drop
-    pressures = 1 if drop is None else drop.pressures.size
+    pressures = drop.pressures.size
     if resampled:
         kinds = tuple(_resample(tables, sampling.seed, realisation, independent) for tables in kinds[:pressures])
     leakage = np.full((len(kinds) // pressures, len(steps)), np.nan)

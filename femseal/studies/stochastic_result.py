@@ -11,9 +11,10 @@ from typing import Any
 import numpy as np
 
 from ..base.text import Shown
+from ..library import LadderLibrary
 from ..loads import LoadProgramme
-from ..scales import LadderLibrary, SolverCounts
 from ..seal.layouts import SizedSeal
+from ..windows import SolverCounts
 from .median_seal import MedianSeal
 from .scene import Array, labels
 from .window_supply import FaceLibrary

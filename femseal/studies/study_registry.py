@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from ..base.stage import Mapper
-from ..scales import Partition
+from ..windows import Partition
 from .costs import Effort, deterministic_cost, pressures_of_gas, stochastic_cost, two_scale_cost
 from .deterministic import DeterministicResult, deterministic
 from .sampling_options import Sampling, laid_out

@@ -12,13 +12,12 @@ from numpy.typing import NDArray
 from ..base.errors import InputError
 from ..base.stage import Mapper, Stage
 from ..base.text import Shown
+from ..elements.elements import ELEMENT_BYTES
 from ..flow.percolation import percolates
-from ..flow.permeability_table import PermeabilityTable
 from ..loads import LoadProgramme
-from ..scales import Failed, Partition, SolveCounts, SolverCounts, attempt
-from ..scales.elements import ELEMENT_BYTES
-from ..scales.window_fields import ContactPressure, WindowFields
 from ..seal import RectangularSeal
+from ..windows import Failed, Partition, SolveCounts, SolverCounts, attempt
+from ..windows.window_fields import ContactPressure, WindowFields
 from .deterministic import state_memory
 from .element_face import flow_through_elements
 from .face_contact import solve_windows
@@ -47,7 +46,7 @@ def chosen_flow(flow: str | None, shape: tuple[int, int], discretisation: str = 
             return "resolved"
         return "elements" if discretisation == "edge" else "links"
     if flow not in FLOWS:
-        raise InputError.of("flow", flow, f"one of {', '.join(FLOWS)}")
+        raise InputError("flow", flow, f"one of {', '.join(FLOWS)}")
     return flow
 
 
@@ -56,11 +55,11 @@ class TwoScaleResult(Shown):
     """Contact and flow at two scales; arrays over steps, rows and columns of windows.
 
     partition : the windows. contact, flow : how they were solved, see `two_scale`. gap_error : estimate of the error of
-        the contact, see `scales.gap_error`. gap_effect : the factor by which it changes the leakage: 1 where it is
+        the contact, see `windows.gap_error`. gap_effect : the factor by which it changes the leakage: 1 where it is
         small, inf where the corrected gap is closed.
     element_error, drop_share : of the flow "elements", None with others. The leakage is then an upper bound of that
-        resolved on the same gap, and the error is at most about 1e-3, see `scales.ElementFlow`.
-    k1, k2, fluid_pressure : of the links and their nodes; None without "links". Of a gas with slip, k1 and k2 are those
+        resolved on the same gap, and the error is at most about 1e-3, see `elements.ElementFlow`.
+    k1, k2, fluid_pressure : of the links and their nodes; None without "links". Of a rarefied gas, k1 and k2 are those
         at the pressures of the nodes, with which the flow is that of a viscous gas. link_flows : of the windows.
     face_fluid_pressure : at every pixel and step; None with "links".
     fields : deformed gap and contact pressure at every pixel.
@@ -152,7 +151,7 @@ def two_scale(
     flow : "links": solve the permeability of each window between global nodes, then the flow through these links.
         "resolved": solve the flow through the stitched gap at full resolution, without links.
         "elements": condense the stitched gap of every window to an element with nodes on its sides, see
-        `scales.element_flow`, without links: the same leakage within 1e-3 in a third of the memory. The
+        `elements.element_flow`, without links: the same leakage within 1e-3 in a third of the memory. The
         discretisation has to be "edge".
         Unless given, "resolved" up to 2²² pixels, and "elements" beyond, or "links" with another discretisation.
     contact : "whole": cut the cells from the contact of the whole face. "windows": solve the contact of each cell
@@ -167,11 +166,11 @@ def two_scale(
     """
     flow = chosen_flow(flow, scene.surface.shape, scene.discretisation)
     if flow == "elements" and scene.discretisation != "edge":
-        raise InputError.of("flow", f"'elements' with the discretisation '{scene.discretisation}'", "'edge' with it")
+        raise InputError("flow", f"'elements' with the discretisation '{scene.discretisation}'", "'edge' with it")
     if solved is None:
         solved = solve_windows(scene, cells, contact, mapper=mapper)
     elif (given := solved.fields.partition).cells != tuple(cells) or given.shape != scene.surface.shape:
-        raise InputError.of("solved", f"a contact of {given.cells} cells", f"one of {tuple(cells)} cells of this face")
+        raise InputError("solved", f"a contact of {given.cells} cells", f"one of {tuple(cells)} cells of this face")
     partition = solved.fields.partition
     first = first_equal(solved.fields.gap, scene.steps)
     failures, warnings = solved.failures, scene_warnings(scene) + solved.warnings
@@ -259,7 +258,7 @@ def _through_elements(
 class _LinkFlow:
     """Flow of every step through links: the permeabilities, the leakage and the pressure of nodes, NaN where failed.
 
-    k1, k2 : of a gas with slip those at the pressures of their nodes. flows : of the windows, at all pressures.
+    k1, k2 : of a rarefied gas those at the pressures of their nodes. flows : of the windows, at all pressures.
     """
 
     k1: Array
@@ -289,7 +288,7 @@ def _through_links(scene: Scene, fields: WindowFields, first: NDArray[np.int64],
         if (t := first[s]) < s:
             leakage[s], fluid_pressure[s], k1[s], k2[s] = leakage[t], fluid_pressure[t], k1[t], k2[t]
             continue
-        links = PermeabilityTable.of(drop, list(zip(along.all[:, s], across.all[:, s], strict=True)))
+        links = drop.table(list(zip(along.at_pressures[:, s], across.at_pressures[:, s], strict=True)))
         through = attempt(scene.leakage, seal, links)
         if isinstance(through, Failed):
             failures += (f"{step.name}: {through.reason}",)

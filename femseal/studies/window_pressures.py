@@ -9,9 +9,9 @@ import numpy as np
 
 from ..base.errors import InputError
 from ..base.quantities import to_text
+from ..library.library import local_peaks
+from ..library.sampling import Index
 from ..loads import LoadProgramme
-from ..scales.library import local_peaks
-from ..scales.sampling import Index
 from ..seal.layouts import Layout, SealWindows
 from ..seal.pressure_map import AnyMap, MapsAtLoads, PressedSeal, PressureField, is_uniform
 from .plausibility import RELIEF_FRACTION
@@ -121,7 +121,7 @@ def check_map(scene: Scene, laid: SealWindows, pressure_map: AnyMap) -> tuple[st
         if pressure.size and pressure.max() >= scene.hardness:
             step = int(pressure.max(axis=1).argmax())
             given = f"{to_text(float(pressure.max()), 'Pa')} in a window at {scene.steps[step].name}"
-            raise InputError.of("map", given, f"pressures below the hardness, {to_text(scene.hardness, 'Pa')}")
+            raise InputError("map", given, f"pressures below the hardness, {to_text(scene.hardness, 'Pa')}")
     return (*_odd_pressures(scene, pressures[0][nominal > 0]), *_odd_fields(scene, laid, pressure_map))
 
 

@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from ..base.errors import FemsealError, InputError, shortened
+from ..base.errors import FemsealError, InputError
 from ..base.files import made_folder
 from ..case.case import Case, read_case
 from ..execution import checkpoint
@@ -19,7 +19,7 @@ from ..results.results import Results
 from ..results.run_comparison import RunComparison, compared
 from ..runs import job
 from ..runs.forecast import refuse_too_large
-from .variations import Variation, short_names, variations
+from .variations import Variation, short_names, variations, with_setting
 
 log = logging.getLogger("femseal.sweeps")
 #: Subfolders of what the cases share: stages while the sweep is under way, and libraries of windows.
@@ -69,7 +69,7 @@ def sweep(
     cases = variations(data, base, keys)
     folder = Path(output)
     if folder.exists() and not folder.is_dir():
-        raise InputError.of("output", f"'{folder}', which is a file", "a folder, or one that does not exist")
+        raise InputError("output", f"'{folder}', which is a file", "a folder, or one that does not exist")
     told = progress or (lambda stage, done, total: None)
     for n, variation in enumerate(cases):
         told("checked cases", n, len(cases))
@@ -123,7 +123,7 @@ def _check(variation: Variation) -> None:
     try:
         refuse_too_large(variation.case, prepare(variation.case))
     except InputError as error:
-        raise InputError(f"{error} (with {shortened(variation.setting)})") from error
+        raise with_setting(error, variation.setting) from error
 
 
 def _with_library(case: Case, folder: Path) -> Case:

@@ -12,13 +12,12 @@ from math import prod
 from pathlib import Path
 from typing import Any
 
-from ..base.errors import FemsealError, InputError, shortened, shown
+from ..base.errors import InputError, InputErrors, shortened, shown
 from ..case.case import Case, parse_case
 
 #: No sweep has more cases.
 MOST_CASES = 1000
 #: Faults told at once.
-_MOST_FAULTS = 10
 #: Longest name of a folder, in characters.
 _LONGEST_NAME = 100
 _OPENING, _CLOSING, _QUOTES = "[{(", "]})", "\"'"
@@ -54,9 +53,9 @@ def parsed_keys(arguments: Sequence[str]) -> dict[str, list[Any]]:
     for text in arguments:
         key, sign, values = text.partition("=")
         if not sign or not key.strip() or not values.strip():
-            raise InputError.of("sweep", shown(text), "a key of the case and its values, such as seed=1,2,3")
+            raise InputError("sweep", shown(text), "a key of the case and its values, such as seed=1,2,3")
         if (key := key.strip()) in keys:
-            raise InputError.of("sweep", f"the key {key} twice", "each key once, with all its values")
+            raise InputError("sweep", f"the key {key} twice", "each key once, with all its values")
         keys[key] = [_value(part) for part in _parts(values)]
     return keys
 
@@ -100,18 +99,18 @@ def variations(data: dict[str, Any], folder: Path, keys: Mapping[str, Sequence[A
         cases, or a case that cannot be used; one line for each fault.
     """
     if not keys:
-        raise InputError.of("sweep", "no key", "at least one key of the case with its values, such as seed=1,2,3")
+        raise InputError("sweep", "no key", "at least one key of the case with its values, such as seed=1,2,3")
     for key, values in keys.items():
         if isinstance(values, (str, bytes)) or not isinstance(values, Sequence) or not len(values):
-            raise InputError.of(f"sweep: {shortened(key)}", shown(values), "a list of values")
+            raise InputError(f"sweep: {shortened(key)}", shown(values), "a list of values")
         texts = [value_text(value) for value in values]
         if len({*texts}) < len(texts):
-            raise InputError.of(f"sweep: {shortened(key)}", shown(values), "values that differ")
+            raise InputError(f"sweep: {shortened(key)}", shown(values), "values that differ")
     if (count := prod(map(len, keys.values()))) > MOST_CASES:
-        raise InputError.of("sweep", f"{count} cases", f"at most {MOST_CASES}")
+        raise InputError("sweep", f"{count} cases", f"at most {MOST_CASES}")
     shorts = short_names(list(keys))
     found: list[Variation] = []
-    faults: list[str] = []
+    faults: list[InputError] = []
     for values in product(*keys.values()):
         texts = [value_text(value) for value in values]
         setting = ", ".join(f"{short} = {text}" for short, text in zip(shorts, texts, strict=True))
@@ -120,15 +119,19 @@ def variations(data: dict[str, Any], folder: Path, keys: Mapping[str, Sequence[A
             _put(changed, key, copy.deepcopy(value))
         try:
             case = parse_case(changed, folder)
-        except FemsealError as error:
-            faults += [f"{line} (with {shortened(setting)})" for line in str(error).splitlines()]
+        except InputError as error:
+            faults += [with_setting(fault, setting) for fault in getattr(error, "faults", (error,))]
             continue
         name = _file_name("_".join(f"{short}={text}" for short, text in zip(shorts, texts, strict=True)))
         found.append(Variation(name, setting, tuple(texts), case))
     if faults:
-        more = [f"{len(faults) - _MOST_FAULTS} more faults"] if len(faults) > _MOST_FAULTS else []
-        raise InputError("\n".join([*faults[:_MOST_FAULTS], *more]))
+        raise InputErrors(faults)
     return _told_apart(found)
+
+
+def with_setting(error: InputError, setting: str) -> InputError:
+    """The error of a case of a sweep, with the settings of the case."""
+    return InputError(error.what, error.given, f"{error.expected} (with {shortened(setting)})")
 
 
 def short_names(keys: Sequence[str]) -> tuple[str, ...]:
@@ -173,10 +176,10 @@ def _put(data: dict[str, Any], key: str, value: Any) -> None:
         if isinstance(inside, list):
             if not part.isdecimal() or int(part) >= len(inside):
                 allowed = f"the number of one of the {len(inside)} tables '{'.'.join(parts[:n])}', from 0"
-                raise InputError.of(f"sweep: {shortened(key)}", shown(part), allowed)
+                raise InputError(f"sweep: {shortened(key)}", shown(part), allowed)
             where = int(part)
         elif not isinstance(inside, dict) or not part:
-            raise InputError.of("sweep", shown(key), "a dotted key of the case, such as material.hardness")
+            raise InputError("sweep", shown(key), "a dotted key of the case, such as material.hardness")
         if last:
             inside[where] = value
         else:

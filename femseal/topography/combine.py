@@ -58,7 +58,7 @@ def combine(
     InputError : undefined points, an unknown mirror, a number that is not finite, or no overlap.
     """
     if mirror not in (None, "x1", "x2"):
-        raise InputError.of("mirror", repr(mirror), "None, 'x1' or 'x2'")
+        raise InputError("mirror", repr(mirror), "None, 'x1' or 'x2'")
     angle = validate.number("rotate", rotate, unit="rad", above=-np.inf)
     move = np.array([validate.number("shift", s, unit="m", above=-np.inf) for s in shift])
     if mirror is not None:
@@ -69,14 +69,14 @@ def combine(
         return both, Overlap(both.shape, both.size, 1.0, first.shape != second.shape)
     index = _places(first, second, angle, move)
     if second.undefined_share:
-        raise InputError.of("second face", "undefined points", "a map without them: use fill_undefined() first")
+        raise InputError("second face", "undefined points", "a map without them: use fill_undefined() first")
     edge = 0.5 + 1e-9 * max(second.shape)
     inside = np.all([(i >= -edge) & (i <= n - 1 + edge) for i, n in zip(index, second.shape, strict=True)], axis=0)
     (begin1, end1), (begin2, end2) = _largest_rectangle(inside)
     if end1 <= begin1:
         size = " × ".join(to_text(length, "m") for length in second.size)
         given = " × ".join(to_text(s, "m") for s in move)
-        raise InputError.of("shift", given, f"a shift after which the second face, {size}, still overlaps the first")
+        raise InputError("shift", given, f"a shift after which the second face, {size}, still overlaps the first")
     if min(second.spacing) < max(first.spacing):
         second = second.low_pass(2 * max(first.spacing))
     part = np.s_[:, begin1:end1, begin2:end2]

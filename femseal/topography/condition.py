@@ -151,8 +151,8 @@ def _check_wave(wave: float, size: tuple[float, float], shape: tuple[int, int]) 
     if shortest < resolved * (1 - SLACK):
         finer = tuple(int(np.ceil(PIXELS_PER_WAVE * length / shortest - SLACK)) for length in size)
         allowed = f"at least {PIXELS_PER_WAVE} pixels = {to_text(resolved, 'm')}, or shape={finer} for a finer grid"
-        raise InputError.of("shortest_wavelength", to_text(shortest, "m"), allowed)
+        raise InputError("shortest_wavelength", to_text(shortest, "m"), allowed)
     if shortest >= max(size):
         allowed = f"less than the larger side, {to_text(max(size), 'm')}"
-        raise InputError.of("shortest_wavelength", to_text(shortest, "m"), allowed)
+        raise InputError("shortest_wavelength", to_text(shortest, "m"), allowed)
     return shortest

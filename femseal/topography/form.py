@@ -67,10 +67,10 @@ def fit_form(heights: NDArray, size: tuple[float, float], order: int) -> Form:
     InputError : order not 0, 1 or 2; no defined point.
     """
     if order not in (0, 1, 2):
-        raise InputError.of("order", repr(order), ORDERS)
+        raise InputError("order", repr(order), ORDERS)
     defined = ~np.isnan(heights)
     if not defined.any():
-        raise InputError.of("heights", "100 % undefined points", "at least one defined point")
+        raise InputError("heights", "100 % undefined points", "at least one defined point")
     mean = float(heights[defined].mean())
     u, v = (np.vander(scaled_centres(n), 2 * order + 1, increasing=True) for n in heights.shape)
     moments = u.T @ defined.astype(float) @ v

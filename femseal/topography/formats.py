@@ -62,7 +62,7 @@ class Options:
 
 def bad_file(path: Path, given: object, allowed: str) -> InputError:
     """InputError about the content of a file."""
-    return InputError.of(str(path), " ".join(str(given).split())[:200], allowed)
+    return InputError(str(path), " ".join(str(given).split())[:200], allowed)
 
 
 @contextmanager

@@ -62,10 +62,10 @@ def self_affine(
     shape, size = validate.grid("shape", shape), validate.lengths("size", size)
     spacing = (size[0] / shape[0], size[1] / shape[1])
     if not 0 < validate.number("hurst", hurst) <= 1:
-        raise InputError.of("hurst", hurst, "a number in (0, 1]")
+        raise InputError("hurst", hurst, "a number in (0, 1]")
     if (rms_slope is None) == (rms_height is None):
         given = "neither" if rms_slope is None else "both"
-        raise InputError.of("rms_slope, rms_height", given, "exactly one of the two")
+        raise InputError("rms_slope, rms_height", given, "exactly one of the two")
     target = (
         validate.number("rms_height", rms_height, unit="m", inclusive=True)
         if rms_slope is None
@@ -74,7 +74,7 @@ def self_affine(
     cut_off = _cut_off(cut_off, spacing, size)
     roll_off = max(size) if roll_off is None else validate.number("roll_off", roll_off, unit="m")
     if roll_off <= cut_off:
-        raise InputError.of("roll_off", roll_off, f"a wavelength > cut_off = {cut_off:g} [m]")
+        raise InputError("roll_off", roll_off, f"a wavelength > cut_off = {cut_off:g} [m]")
 
     k1, k2 = _waves(size, cut_off)
     q = 2 * np.pi * np.hypot(k1 / size[0], k2 / size[1])
@@ -148,13 +148,13 @@ def turned(
     cut_off = _cut_off(cut_off, spacing, size)
     if not cut_off < pitch <= size[0] * (1 + SLACK):
         allowed = f"more than cut_off = {cut_off:g} and at most size[0] = {size[0]:g} [m]"
-        raise InputError.of("pitch", pitch, allowed)
+        raise InputError("pitch", pitch, allowed)
     radius = pitch**2 / (8 * depth)
     if nose_radius is not None:
         radius = validate.number("nose_radius", nose_radius, unit="m")
     for name, error, limit in (("feed_error", feed_error, 0.5), ("depth_error", depth_error, 1.0)):
         if validate.number(name, error, inclusive=True) > limit:
-            raise InputError.of(name, error, f"a number in [0, {limit:g}]")
+            raise InputError(name, error, f"a number in [0, {limit:g}]")
     waviness = validate.number("waviness", waviness, unit="m", inclusive=True)
     wave = size[0] / 2 if waviness_length is None else waviness_length
     wave = validate.number("waviness_length", wave, unit="m")
@@ -238,10 +238,10 @@ def _cut_off(cut_off: float | None, spacing: tuple[float, float], size: tuple[fl
     shortest = 2 * max(spacing)
     given = PIXELS_PER_WAVE * max(spacing) if cut_off is None else validate.number("cut_off", cut_off, unit="m")
     if given < shortest * (1 - SLACK):
-        raise InputError.of("cut_off", cut_off, f"a wavelength >= 2 pixels = {shortest:g} [m]")
+        raise InputError("cut_off", cut_off, f"a wavelength >= 2 pixels = {shortest:g} [m]")
     if given >= max(size) * (1 - SLACK):
         told = f"{given:g}" if cut_off is not None else f"none, which is {PIXELS_PER_WAVE} pixels = {given:g}"
-        raise InputError.of("cut_off", told, f"a wavelength < the larger side = {max(size):g} [m]")
+        raise InputError("cut_off", told, f"a wavelength < the larger side = {max(size):g} [m]")
     return given
 
 
@@ -251,8 +251,8 @@ def _whole(ratio: float) -> bool:
 
 def _generator(rng: Any) -> np.random.Generator:
     if rng is None:
-        raise InputError.of("rng", None, "a numpy Generator or a seed, so that the face can be made again")
+        raise InputError("rng", None, "a numpy Generator or a seed, so that the face can be made again")
     try:
         return np.random.default_rng(rng)
     except (TypeError, ValueError):
-        raise InputError.of("rng", repr(rng), "a numpy Generator or a seed") from None
+        raise InputError("rng", repr(rng), "a numpy Generator or a seed") from None

@@ -35,9 +35,9 @@ def read_mask(path: str | os.PathLike[str], shape: tuple[int, int]) -> NDArray[n
     path = Path(path)
     suffix = path.suffix.lower()
     if not path.is_file():
-        raise InputError.of("mask", f"'{path}', {'a folder' if path.is_dir() else 'no such file'}", "a file")
+        raise InputError("mask", f"'{path}', {'a folder' if path.is_dir() else 'no such file'}", "a file")
     if suffix not in (*_IMAGES, *_ARRAYS):
-        raise InputError.of("mask", f"'{path.name}'", f"a file {', '.join((*_IMAGES, *_ARRAYS))}")
+        raise InputError("mask", f"'{path.name}'", f"a file {', '.join((*_IMAGES, *_ARRAYS))}")
     try:
         with weighed(path):
             found = _read_image(path) if suffix in _IMAGES else _read_array(path)
@@ -48,7 +48,7 @@ def read_mask(path: str | os.PathLike[str], shape: tuple[int, int]) -> NDArray[n
     if found.shape != shape:
         turned = "; turned by its diagonal it would fit" if found.shape == shape[::-1] else ""
         given = f"{found.shape[0]} × {found.shape[1]} points in '{path.name}'"
-        raise InputError.of("mask", given, f"{shape[0]} × {shape[1]}, as in the file of the heights, x first{turned}")
+        raise InputError("mask", given, f"{shape[0]} × {shape[1]}, as in the file of the heights, x first{turned}")
     return found
 
 

@@ -113,18 +113,18 @@ def read_for_a_look(
     """
     path = Path(path)
     if not path.is_file():
-        raise InputError.of(str(path), "a folder" if path.is_dir() else "no such file", "a file with heights")
+        raise InputError(str(path), "a folder" if path.is_dir() else "no such file", "a file with heights")
     suffix = path.suffix.lower()
     if array is not None and suffix != ".npz":
-        raise InputError.of("array", repr(array), f"for .npz files only, not {path.name}")
+        raise InputError("array", repr(array), f"for .npz files only, not {path.name}")
     if delimiter is not None and suffix not in TEXT:
-        raise InputError.of("delimiter", repr(delimiter), f"for {', '.join(TEXT)} files only, not {path.name}")
+        raise InputError("delimiter", repr(delimiter), f"for {', '.join(TEXT)} files only, not {path.name}")
     if channel != 0 and suffix in (".npy", ".npz", *TEXT):
-        raise InputError.of("channel", channel, f"for files of instruments only, not {path.name}")
+        raise InputError("channel", channel, f"for files of instruments only, not {path.name}")
     if not file_mask and suffix not in _MASKED:
-        raise InputError.of("file_mask", file_mask, f"for {', '.join(_MASKED)} files only, not {path.name}")
+        raise InputError("file_mask", file_mask, f"for {', '.join(_MASKED)} files only, not {path.name}")
     if size is not None and spacing is not None:
-        raise InputError.of("size, spacing", "both", "one of the two")
+        raise InputError("size, spacing", "both", "one of the two")
     raw = _raw(path, Options(delimiter, array, channel))
     heights, pixel, doubts = _masked(raw, mask, file_mask), raw.spacing, []
     if transpose:
@@ -176,7 +176,7 @@ def _checked(path: Path, heights: np.ndarray, pixel: tuple[float, float], period
     try:
         return Topography(heights, pixel, periodic)
     except InputError as error:
-        raise InputError(f"{path}: {error}") from None
+        raise InputError(f"{path}: {error.what}", error.given, error.expected) from None
 
 
 def _implausible(path: Path, topography: Topography, check_size: bool, check_heights: bool) -> list[InputError]:

@@ -162,7 +162,7 @@ class Topography(Plotted):
         share = self.undefined_share
         limit = validate.number("max_share", max_share, inclusive=True)
         if share == 1:
-            raise InputError.of("undefined points", "100 %", "a map with defined points")
+            raise InputError("undefined points", "100 %", "a map with defined points")
         if share > limit:
             raise TooManyUndefined(share, limit, largest_part(np.isnan(self.heights), self.spacing, limit))
         return self._with(fill_holes(self.heights, self.spacing, self.periodic))
@@ -176,9 +176,7 @@ class Topography(Plotted):
         """
         (m1, m2), (i, j) = validate.grid("shape", shape), validate.grid("start", start, minimum=0)
         if i + m1 > self.shape[0] or j + m2 > self.shape[1]:
-            raise InputError.of(
-                "crop", f"shape {(m1, m2)} from {(i, j)}", f"a part of the {self.shape} points of the map"
-            )
+            raise InputError("crop", f"shape {(m1, m2)} from {(i, j)}", f"a part of the {self.shape} points of the map")
         whole = (m1 == self.shape[0], m2 == self.shape[1])
         periodic = (self.periodic[0] and whole[0], self.periodic[1] and whole[1])
         return Topography(self.heights[i : i + m1, j : j + m2], self.spacing, periodic)
@@ -195,14 +193,14 @@ class Topography(Plotted):
         try:
             from1, to1, from2, to2 = (validate.number("crop", length, inclusive=True) for length in part)
         except (TypeError, ValueError):
-            raise InputError.of("crop", repr(part), allowed) from None
+            raise InputError("crop", repr(part), allowed) from None
         begin, end = (
             tuple(round(x / d) for x, d in zip(ends, self.spacing, strict=True))
             for ends in ((from1, from2), (to1, to2))
         )
         if not all(0 <= b < e <= n for b, e, n in zip(begin, end, self.shape, strict=True)):
             given = ", ".join(to_text(length, "m") for length in (from1, to1, from2, to2))
-            raise InputError.of("crop", given, allowed)
+            raise InputError("crop", given, allowed)
         return self.crop((end[0] - begin[0], end[1] - begin[1]), (begin[0], begin[1]))
 
     def mask(self, undefined: NDArray) -> Topography:
@@ -214,7 +212,7 @@ class Topography(Plotted):
         """
         marked = np.asarray(undefined)
         if marked.shape != self.shape or marked.dtype.kind not in "bfiu":
-            raise InputError.of("mask", f"an array of {marked.dtype} of shape {marked.shape}", f"numbers {self.shape}")
+            raise InputError("mask", f"an array of {marked.dtype} of shape {marked.shape}", f"numbers {self.shape}")
         return self._with(np.where(marked != 0, np.nan, self.heights))
 
     def transpose(self) -> Topography:
@@ -235,9 +233,9 @@ class Topography(Plotted):
         if not isinstance(other, Topography):
             return NotImplemented
         if self.shape != other.shape:
-            raise InputError.of("shape of the second face", other.shape, f"that of the first, {self.shape}")
+            raise InputError("shape of the second face", other.shape, f"that of the first, {self.shape}")
         if not np.allclose(self.spacing, other.spacing, rtol=1e-9, atol=0):
-            raise InputError.of("spacing of the second face", other.spacing, f"that of the first, {self.spacing}")
+            raise InputError("spacing of the second face", other.spacing, f"that of the first, {self.spacing}")
         periodic = (self.periodic[0] and other.periodic[0], self.periodic[1] and other.periodic[1])
         return Topography(self._defined("a sum") + other._defined("a sum"), self.spacing, periodic)
 
@@ -305,7 +303,7 @@ class Topography(Plotted):
 
     def _defined(self, purpose: str) -> NDArray[np.float64]:
         if share := self.undefined_share:
-            raise InputError.of(
+            raise InputError(
                 "heights",
                 f"{100 * share:.3g} % undefined points",
                 f"a map without them for {purpose}: use fill_undefined() first",
@@ -339,10 +337,10 @@ def _clean(heights: Any) -> NDArray[np.float64]:
             heights = np.ma.filled(heights.astype(np.float64), np.nan)
         z = np.array(heights, dtype=np.float64, order="C")
     except (TypeError, ValueError):
-        raise InputError.of("heights", f"a {type(heights).__name__} of another kind", "real numbers") from None
+        raise InputError("heights", f"a {type(heights).__name__} of another kind", "real numbers") from None
     if z.ndim != 2 or z.size == 0:
-        raise InputError.of("heights", f"an array of shape {z.shape}", "a non-empty array (n1, n2) [m]")
+        raise InputError("heights", f"an array of shape {z.shape}", "a non-empty array (n1, n2) [m]")
     if infinite := int(np.isinf(z).sum()):
-        raise InputError.of("heights", f"{infinite} infinite points", "finite numbers [m], NaN = undefined")
+        raise InputError("heights", f"{infinite} infinite points", "finite numbers [m], NaN = undefined")
     z.flags.writeable = False
     return z

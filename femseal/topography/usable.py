@@ -25,12 +25,12 @@ class TooManyUndefined(InputError):
 
     def __init__(self, share: float, limit: float, part: Part | None, spikes: int = 0) -> None:
         self.share, self.limit, self.part, self.spikes = share, limit, part, spikes
-        super().__init__(f"undefined points: given {100 * share:.3g} %, allowed is {self._allowed()}")
+        super().__init__("undefined points", f"{100 * share:.3g} %", self._expected())
 
     def __reduce__(self) -> tuple[Any, ...]:
         return type(self), (self.share, self.limit, self.part, self.spikes)
 
-    def _allowed(self) -> str:
+    def _expected(self) -> str:
         largest = "no part of the map has so few"
         if self.part is not None:
             largest = f"the largest part with so few is crop = {part_text(self.part)} in [face]"

@@ -39,8 +39,8 @@ def library_table(windows):
     """Permeabilities (cells, steps) along x1 and x2, and the steps."""
     from femseal import self_affine
     from femseal.contact import HalfSpace
+    from femseal.library import Ladder, WindowSource, build_ladder_library
     from femseal.loads import LoadProgramme
-    from femseal.scales import Ladder, WindowSource, build_ladder_library
     from femseal.studies.ladder_windows import LOADING_SHARES, STOPS
 
     n = 16 * WINDOW
@@ -187,7 +187,7 @@ def long_faces(n, seeds):
 
 
 def main():
-    from femseal.scales import SAMPLERS, LinkTable, draw_links
+    from femseal.library import SAMPLERS, LinkTable, draw_links
 
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--windows", type=int, default=300)

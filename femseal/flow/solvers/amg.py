@@ -85,7 +85,7 @@ def solve_spd(
     NotConverged : as `solve_direct`.
     """
     if solver not in SOLVERS:
-        raise InputError.of("solver", repr(solver), f"one of {', '.join(SOLVERS)}")
+        raise InputError("solver", repr(solver), f"one of {', '.join(SOLVERS)}")
     if solver == "amg" or (solver == "auto" and matrix.shape[0] > DIRECT_UNKNOWNS):
         try:
             return solve_amg(matrix, rhs, rtol=rtol, unit_drop=unit_drop)

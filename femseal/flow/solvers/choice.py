@@ -84,7 +84,7 @@ def solve_flow(
     """
     check_solver(solver)
     if solver == "elimination" and stencil.nine:
-        raise InputError.of("solver", "'elimination' of nine points", "'auto', 'multigrid' or 'amg'")
+        raise InputError("solver", "'elimination' of nine points", "'auto', 'multigrid' or 'amg'")
     validate.tolerance("rtol", rtol)
     if field_rtol is not None:
         validate.tolerance("field_rtol", field_rtol)
@@ -138,7 +138,7 @@ def solve_ready(
 def check_solver(solver: str) -> None:
     """Raise InputError unless this is the name of a solver."""
     if solver not in SOLVERS:
-        raise InputError.of("solver", repr(solver), f"one of {', '.join(SOLVERS)}")
+        raise InputError("solver", repr(solver), f"one of {', '.join(SOLVERS)}")
 
 
 def _solve(stencil: Stencil, keep: Flags, rtol: float, solver: str, field_rtol: float | None) -> DarcyFlow:
@@ -304,7 +304,7 @@ def _balanced(
     imbalance = max(abs(inlet - outlet), abs(inlet - rate)) / rate if rate > 0 else np.inf
     if not imbalance <= allowed:
         raise NotConverged(
-            f"flow: inlet and outlet differ by {imbalance:.1e} of the flow, allowed is {allowed:.0e}; "
+            f"flow: inlet and outlet differ by {imbalance:.1e} of the flow, expected {allowed:.0e}; "
             "try the solver 'elimination'",
             imbalance,
         )

@@ -18,8 +18,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from ..windows.partition import Partition
 from .element_elimination import Factors
-from .partition import Partition
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]

@@ -16,12 +16,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..base import validate
 from ..base.errors import InputError
-from .element_elimination import factored
-from .element_mesh import ElementMesh, ElementSolution
-from .elements import NODE_SPACING
-from .outcome import SolverCounts
-from .partition import Partition
-from .superelement import WindowElement, WindowLinks, validated_face, window_links
+from ..elements.element_elimination import factored
+from ..elements.element_mesh import ElementMesh, ElementSolution
+from ..elements.elements import NODE_SPACING
+from ..elements.superelement import WindowElement, WindowLinks, validated_face, window_links
+from ..windows.outcome import SolverCounts
+from ..windows.partition import Partition
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -119,7 +119,7 @@ class ColumnRuns:
         m1, m2 = self.partition.cells
         length = validate.count("length", length)
         if length > m2:
-            raise InputError.of("length", length, f"at most the {m2} columns of the face")
+            raise InputError("length", length, f"at most the {m2} columns of the face")
         independent = m2 // length
         starts = np.unique(np.linspace(0, m2, min(m2, STARTS * independent), endpoint=False).astype(int))
         closed, held = [], []

@@ -73,7 +73,7 @@ def draw_links(table: LinkTable, *, sampler: str, seed: int, realisation: int, a
     InputError : an unknown sampler, or "block" where the cells are not neighbours.
     """
     if sampler not in SAMPLERS:
-        raise InputError.of("sampler", sampler, f"one of {', '.join(SAMPLERS)}")
+        raise InputError("sampler", sampler, f"one of {', '.join(SAMPLERS)}")
     # runs of columns are common to the links along both axes
     key = (realisation,) if sampler == "block" else (realisation, axis)
     rng = np.random.Generator(np.random.Philox(np.random.SeedSequence(seed, spawn_key=key)))
@@ -123,7 +123,7 @@ def _history(table: LinkTable, rng: np.random.Generator) -> Draw:
 
 def _block(table: LinkTable, rng: np.random.Generator) -> Draw:
     if table.run_length < 1:
-        raise InputError.of("sampler", "block", "another sampler, because these cells are not neighbours on a face")
+        raise InputError("sampler", "block", "another sampler, because these cells are not neighbours on a face")
     cells, columns = table.k.shape[2], table.path.shape[1]
     fresh = rng.random((columns, 2))
     starts = fresh[:, 0] < 1 / table.run_length

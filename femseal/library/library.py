@@ -28,10 +28,10 @@ from ..base.stage import Mapper, Stage
 from ..base.text import Shown
 from ..contact import HalfSpace
 from ..loads import LoadProgramme, LoadStep
+from ..windows.outcome import Failed, SolveCounts, attempt
+from ..windows.window import FlowSettings
 from .curves import CellCurves
 from .ladder import Cell, Ladder, follow, part, united
-from .outcome import Failed, SolveCounts, attempt
-from .window import FlowSettings
 
 Array = NDArray[np.float64]
 #: Written into every file; a file of another format is computed again.
@@ -125,8 +125,7 @@ class WindowSource:
             ladder.closing_rtol,
             ladder.bounds,
         ]
-        if ladder.drop is not None:
-            settings += [repr(ladder.drop.gas), ladder.drop.pressures.tolist()]
+        settings += ladder.drop.key
         digest = hashlib.sha256(json.dumps(settings).encode())
         for topography in self.topographies:
             digest.update(np.ascontiguousarray(topography).tobytes())
@@ -276,7 +275,7 @@ def build_ladder_library(
     FemsealError : every window failed.
     """
     if count < 1:
-        raise InputError.of("library", f"{count} windows", "at least one")
+        raise InputError("library", f"{count} windows", "at least one")
     path = None if folder is None else made_folder(folder) / f"{source.key(ladder)}.npz"
     held = [] if path is None else _read(path, ladder)
     known = [*held[:count], *[None] * (count - len(held))]

@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from ..base.errors import InputError
 from ..contact import Contact, HalfSpace, solve_deformed_contact
-from ..flow.gas_drop import GasDrop
-from .outcome import SolveCounts
-from .window import FlowSettings, window_permeability
+from ..flow.pressure_drop import VISCOUS, PressureDrop
+from ..windows.outcome import SolveCounts
+from ..windows.window import FlowSettings, window_permeability
 
 Array = NDArray[np.float64]
 
@@ -31,7 +31,7 @@ class Ladder:
     separations : distances between the mean planes without contact pressure [m], rising.
     closing_rtol : relative tolerance of closing pressures.
     bounds : also compute a lower and an upper bound of every permeability, for a gap constant on each pixel.
-    drop : of a gas with slip, whose permeabilities are computed at each of its pressures.
+    drop : of the fluid, at whose pressures permeabilities are computed.
 
     Raises
     ------
@@ -45,26 +45,23 @@ class Ladder:
     separations: tuple[float, ...] = ()
     closing_rtol: float = 0.05
     bounds: bool = False
-    drop: GasDrop | None = None
+    drop: PressureDrop = VISCOUS
 
     def __post_init__(self) -> None:
         if not self.loading or self.loading[0] != 0 or np.any(np.diff(self.loading) <= 0):
-            raise InputError.of("loading", self.loading, "pressures that rise from 0, first touch")
+            raise InputError("loading", self.loading, "pressures that rise from 0, first touch")
         if not {*self.peaks} <= {*self.loading[1:]} or np.any(np.diff(self.peaks) <= 0):
-            raise InputError.of("peaks", self.peaks, "rising pressures > 0 of `loading`")
+            raise InputError("peaks", self.peaks, "rising pressures > 0 of `loading`")
         falling = np.all(np.diff(self.stops) < 0) and (not self.stops or (self.stops[0] < 1 and self.stops[-1] == 0))
         if not falling or bool(self.peaks) != bool(self.stops):
-            raise InputError.of("stops", self.stops, "shares that fall from below 1 to 0, where there are peaks")
+            raise InputError("stops", self.stops, "shares that fall from below 1 to 0, where there are peaks")
         if np.any(np.diff(self.separations) <= 0):
-            raise InputError.of("separations", self.separations, "rising distances [m]")
+            raise InputError("separations", self.separations, "rising distances [m]")
 
     @property
     def kinds(self) -> int:
-        """Number of permeabilities of each state: 1, the value, or with bounds 3, the value and its two bounds.
-
-        Of a gas with slip there are as many of each as it has pressures.
-        """
-        return (3 if self.bounds else 1) * (1 if self.drop is None else self.drop.pressures.size)
+        """Number of permeabilities of each state: the value, or with bounds the value and its two, at each pressure."""
+        return (3 if self.bounds else 1) * self.drop.pressures.size
 
 
 @dataclass(frozen=True)

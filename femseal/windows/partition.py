@@ -45,14 +45,14 @@ class Partition:
 
     def __post_init__(self) -> None:
         if any(m < 1 or n % m for n, m in zip(self.shape, self.cells, strict=True)):
-            raise InputError.of("cells", self.cells, f"divisors of the surface's {self.shape} pixels")
+            raise InputError("cells", self.cells, f"divisors of the surface's {self.shape} pixels")
         if min(self.window) < 8 and self.cells != (1, 1):
-            raise InputError.of("cells", self.cells, f"windows of at least 8 pixels, not {self.window}")
+            raise InputError("cells", self.cells, f"windows of at least 8 pixels, not {self.window}")
         m1, w1 = self.cells[0], self.window[0]
         lines = self.lines or tuple(i * w1 for i in range(m1 + 1))
         ends = len(lines) == m1 + 1 and (lines[0], lines[-1]) == (0, self.shape[0])
         if not ends or any(b <= a for a, b in itertools.pairwise(lines)):
-            raise InputError.of("lines", lines, f"{m1 + 1} rising pixel rows from 0 to {self.shape[0]}")
+            raise InputError("lines", lines, f"{m1 + 1} rising pixel rows from 0 to {self.shape[0]}")
         object.__setattr__(self, "lines", lines)
 
     @classmethod

@@ -20,7 +20,7 @@ from ..base.errors import InputError
 from ..flow.discretisation import cell_stencil
 from ..flow.grid import Grid
 from ..flow.solvers.condensation import condense
-from .partition import Partition
+from ..windows.partition import Partition
 from .side_nodes import side_nodes
 
 Array = NDArray[np.float64]
@@ -95,7 +95,7 @@ def validated_face(gap: ArrayLike, partition: Partition) -> Array:
     """Gap as an array of the partition's shape of finite numbers >= 0, or an InputError."""
     h = validate.field("gap", gap, unit="m", shape=partition.shape)
     if h.min() < 0:
-        raise InputError.of("gap", f"{h.min():g} m", "numbers >= 0 [m]")
+        raise InputError("gap", f"{h.min():g} m", "numbers >= 0 [m]")
     return h
 
 

@@ -106,7 +106,7 @@ class ElementMesh:
         solution = self._solved(np.array([INLET, OUTLET]), np.array([1.0, 0.0]))
         if not solution.imbalance <= MAX_IMBALANCE:
             raise NotConverged(
-                f"flow: inlet and outlet of the elements differ by {solution.imbalance:.1e} of the flow, allowed is "
+                f"flow: inlet and outlet of the elements differ by {solution.imbalance:.1e} of the flow, expected "
                 f"{MAX_IMBALANCE:.0e}",
                 solution.imbalance,
             )

@@ -19,8 +19,8 @@ from ..base.errors import InputError
 from ..base.text import Shown
 from ..flow.solvers.condensation import components
 from ..flow.solvers.elimination import eliminate
+from ..windows.partition import Partition
 from .element_mesh import ElementMesh
-from .partition import Partition
 from .side_points import SidePoints
 from .superelement import WindowElement, WindowLinks, validated_face, window_links
 
@@ -144,7 +144,7 @@ def window_flow(gap: ArrayLike, partition: Partition, flow: ElementFlow, i: int,
     h = validated_face(gap, partition)
     m1, m2 = partition.cells
     if not (0 <= i < m1 and 0 <= j < m2):
-        raise InputError.of("window", (i, j), f"(0 … {m1 - 1}, 0 … {m2 - 1})")
+        raise InputError("window", (i, j), f"(0 … {m1 - 1}, 0 … {m2 - 1})")
     return _inside(window_links(h, partition, i)[j], _at_sides(flow, partition, i, j))
 
 
