@@ -77,7 +77,7 @@ def test_waves_across_the_flow_against_an_ordinary_differential_equation(inlet, 
 
     x = (np.arange(n) + 0.5) / n
     flow = resolved_flow(
-        np.repeat(gap(x)[:, None], 3, axis=1), (length / n, 1e-6), settings(inlet, outlet), with_share=True
+        np.repeat(gap(x)[:, None], 3, axis=1), (length / n, 1e-6), settings(inlet, outlet), with_potential=True
     )
     rate = flow.permeability * (inlet**2 - outlet**2)
 
@@ -88,7 +88,7 @@ def test_waves_across_the_flow_against_an_ordinary_differential_equation(inlet, 
     along = solve_ivp(slope, (0, 1), [inlet**2], rtol=1e-8, atol=1e-2, max_step=0.02, t_eval=[*x, 1.0]).y[0]
     assert_allclose(along[-1], outlet**2, atol=3e-4 * inlet**2)
     share = (along[:-1] - outlet**2) / (inlet**2 - outlet**2)
-    assert_allclose(flow.share[:, 0], share, atol=1e-3)
+    assert_allclose(flow.potential[:, 0], share, atol=1e-3)
 
 
 def nonlinear_flow(gap, inlet, outlet):
@@ -166,7 +166,7 @@ def test_what_does_not_slip_is_solved_as_ever():
 def test_a_closed_gap_stays_closed():
     gap = np.full((8, 8), 1e-6)
     gap[3] = 0
-    flow = resolved_flow(gap, (1e-6, 1e-6), settings(1e6, 1e5), with_share=True)
+    flow = resolved_flow(gap, (1e-6, 1e-6), settings(1e6, 1e5), with_potential=True)
     assert flow.permeability == 0
     assert window_permeability(gap, (1e-6, 1e-6), 0, settings=settings(1e6, 1e5)).k.tolist() == [0.0] * 4
 

@@ -22,6 +22,8 @@ def fluid_text(fluid: Mapping[str, Any], fallback: str) -> str:
         text += f" at {fluid['temperature'] - 273.15:.4g} °C" if "temperature" in fluid else ""
     if fluid.get("kind") == "ideal-gas":
         text += ", with" + ("" if fluid.get("slip", True) else "out") + " slip and free molecular flow"
+    if fluid.get("slip_length"):
+        text += f", slip length {to_text(fluid['slip_length'], 'm')}"
     return text + (f" and density {fluid['density']:g} kg/m³" if "density" in fluid else "")
 
 

@@ -18,12 +18,13 @@ from .scene import PRESSURE_RTOL, Array
 class FaceElements:
     """Flow through the elements of a face.
 
-    flow : its permeabilities see the drop of the viscous potential. share : of that drop at every pixel (n1, n2).
+    flow : its permeabilities see the drop of the viscous potential. potential : between 1 at the
+        inlet and 0 at the outlet, at every pixel (n1, n2).
     gap : (n1, n2) [m] whose elements were solved, by the cubic law. drop : whose fractions its potential is.
     """
 
     flow: ElementFlow
-    share: NDArray[np.float32]
+    potential: NDArray[np.float32]
     gap: NDArray[np.floating]
     drop: PressureDrop
 
@@ -49,8 +50,8 @@ def flow_through_elements(gap: NDArray[np.floating], partition: Partition, drop:
         node_permeability=factor * flow.node_permeability,
         dissipation=factor * flow.dissipation,
     )
-    share = solved.drop.viscous_fraction(np.clip(potential, 0.0, 1.0)).astype(np.float32)
-    return FaceElements(flow, share, solved.gap, solved.drop)
+    viscous = solved.drop.viscous_fraction(np.clip(potential, 0.0, 1.0)).astype(np.float32)
+    return FaceElements(flow, viscous, solved.gap, solved.drop)
 
 
 def columns_of_face(

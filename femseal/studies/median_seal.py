@@ -144,7 +144,7 @@ def median_chain(
         if isinstance(state, Failed):
             continue
         k[s] = state.k[:, columns].ravel()
-        p[s] = scene.pressure_at(state.share[:, columns]).ravel()
+        p[s] = scene.pressure_at(state.potential[:, columns]).ravel()
         through = state.flux[:, columns]
         total = through[..., 0].mean(axis=1)
         scale = np.divide(drawn.leakage[realisation, s], total, out=np.zeros(m1), where=total > 0)

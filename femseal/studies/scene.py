@@ -117,10 +117,10 @@ class Scene:
             solver=self.solver,
         )
 
-    def pressure_at(self, share: NDArray[np.floating]) -> Array:
-        """Fluid pressure [Pa] where the potential has a share of its drop: 0 at the outlet, 1 at the inlet."""
+    def pressure_at(self, potential: NDArray[np.floating]) -> Array:
+        """Fluid pressure [Pa] of a potential that is 0 at the outlet and 1 at the inlet."""
         inlet, outlet = self.fluid.potential([self.inlet_pressure, self.outlet_pressure])
-        return self.fluid.pressure(outlet + (inlet - outlet) * np.asarray(share, float))
+        return self.fluid.pressure(outlet + (inlet - outlet) * np.asarray(potential, float))
 
     def resolved_leakage(self, flows: Iterable[FaceFlow | Failed], first: NDArray[np.int64]) -> FaceLeakage:
         """Leakage through the whole face at every step, from its flow at full resolution.
@@ -144,14 +144,14 @@ class Scene:
 class FaceFlow:
     """Flow along x1 through a whole face at full resolution.
 
-    permeability [m³], of a gas that which the drop of its viscous potential sees. solvers : of its systems. share : of
-    the drop of the potential (n1, n2), 1 at the inlet and 0 at the outlet, NaN in contact and in pockets; None where it
-    was not asked for.
+    permeability [m³], of a gas that which the drop of its viscous potential sees. solvers : of its systems.
+    potential : between 1 at the inlet and 0 at the outlet (n1, n2), NaN in contact and in pockets; None where it was
+    not asked for.
     """
 
     permeability: float
     solvers: SolverCounts
-    share: NDArray[np.float32] | None = None
+    potential: NDArray[np.float32] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,11 +168,11 @@ def resolved_flow(
     spacing: tuple[float, float],
     settings: FlowSettings | None = None,
     *,
-    with_share: bool = False,
+    with_potential: bool = False,
 ) -> FaceFlow:
     """Solve the flow along x1 through the gap (n1, n2) [m] of a whole face, which is periodic along x2.
 
-    `with_share` keeps the share of the drop at every pixel.
+    `with_potential` keeps the potential at every pixel.
 
     Raises
     ------
@@ -193,8 +193,8 @@ def resolved_flow(
     flow, drop = solved.found, solved.drop
     value, potential = flow.value * drop.mean_factor, drop.viscous_fraction(flow.fluid_pressure)
     # the potential has no extremes inside; the solver's error, about 1e-3 in the norm of the energy, may give it some
-    share = np.clip(potential, 0.0, 1.0).astype(np.float32) if with_share else None
-    return FaceFlow(value, counts, share)
+    kept = np.clip(potential, 0.0, 1.0).astype(np.float32) if with_potential else None
+    return FaceFlow(value, counts, kept)
 
 
 def labels(unit: str, long_name: str, *dims: str, name: str = "", heading: str = "") -> dict[str, Any]:

@@ -25,7 +25,7 @@ from .median_seal import MOST_VALUES, drawn_permeability, median_chain, median_s
 from .plausibility import scene_warnings
 from .repeated_steps import first_equal_draws, repeated
 from .run_chains import StateRuns, chained_seals
-from .sampling_options import Sampling, check_sampling, chosen_sampler, laid_out
+from .sampling_options import Sampling, check_sampling, chosen_sampler, lay_out_windows
 from .scene import Array, Scene
 from .stochastic_result import StochasticResult
 from .two_scale import TwoScaleResult
@@ -108,7 +108,7 @@ def _draw(
     mapper: Mapper,
 ) -> StochasticResult:
     partition = Partition(scene.surface.shape, scene.surface.spacing, cells)
-    every = laid_out(scene.layout, partition, sampling)
+    every = lay_out_windows(scene.layout, partition, sampling)
     longest = max(every, key=lambda laid: laid.draws[0][1])
     supply = SOURCES[sampling.pressure](WindowRequest(scene, partition, sampling, longest, two_scale, contact, mapper))
     of = _of_runs if sampling.sampler == "runs" else _of_windows
@@ -194,8 +194,8 @@ def _of_runs(
         library=supply.library,
         leakage=drawn.leakage,
         leakage_resampled=drawn.resampled if sampling.resampled else None,
-        leakage_closed_cuts=drawn.closed,
-        leakage_held_cuts=drawn.held,
+        leakage_neumann_cuts=drawn.closed,
+        leakage_dirichlet_cuts=drawn.held,
         leakage_of_face=drawn.of_face,
         median_seal=None if chosen is None else median_chain(chosen, **shown, pressure=pressure),
         failures=tuple(
