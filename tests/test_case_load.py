@@ -22,6 +22,7 @@ from femseal.runs.job import _face_files
 from femseal.seal.pressure_map import AngleTable, Frame, MapsAtLoads, Profile, Uniform, is_uniform
 from femseal.studies import laid_out
 from femseal.studies.window_pressures import pressed_seal, shares_of_links
+from femseal.windows import Partition
 
 ROOT = Path(__file__).parents[1]
 

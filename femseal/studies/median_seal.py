@@ -15,6 +15,7 @@ from ..library import draw_links, draw_pressures
 from ..seal import Leakage, RectangularSeal
 from ..seal.layouts import SealWindows
 from ..seal.linked import LinkWindows
+from ..windows import Failed, Partition, attempt
 from .run_chains import ChainedSeals, StateRuns
 from .sampling_options import Sampling
 from .scene import Array, Scene, labels

@@ -18,6 +18,7 @@ from ..library import LadderLibrary
 from ..seal import RectangularSeal
 from ..seal.layouts import SealWindows
 from ..seal.linked import LinkWindows
+from ..windows import Failed, Partition, SolverCounts, attempt
 from .face_windows import windows_in_place
 from .ladder_windows import windows_under_global_contact, windows_under_uniform_pressure
 from .median_seal import MOST_VALUES, drawn_permeability, median_chain, median_seal, nearest_to_median

@@ -9,6 +9,7 @@ from ..base.stage import Mapper
 from ..base.text import Shown
 from ..library import LadderLibrary, LibraryTable, LinkTable
 from ..seal.layouts import SealWindows
+from ..windows import Failed, Partition, SolveCounts
 from .run_chains import StateRuns
 from .sampling_options import Sampling
 from .scene import Array, Scene
