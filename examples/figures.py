@@ -339,7 +339,7 @@ def link_shares(data, step: int) -> tuple[np.ndarray, np.ndarray]:
 
 def constrictions(results: fs.Results, deterministic: tuple[np.ndarray, np.ndarray] | None = None) -> Figure:
     """Figure 5. Shares of the pressure drop over the leakage, and where it drops at the least; see `resolved`."""
-    data = _with(results, "drop_share", "a two-scale run")
+    data = _with(results, "drop_fraction", "a two-scale run")
     q = data["leakage_two_scale"].values
     rate, windows = deterministic if deterministic is not None else (q, None)
     leaking = np.flatnonzero(np.nan_to_num(q * rate) != 0)
@@ -349,7 +349,7 @@ def constrictions(results: fs.Results, deterministic: tuple[np.ndarray, np.ndarr
     figure = new_figure(WIDTH, 3.1)
     left, right = figure.subplots(1, 2)
     loading = np.isnan(data["unloaded_from"].values)
-    curves = [("links of the network", "-", "full", q / q[0], data["drop_share"].values)]
+    curves = [("links of the network", "-", "full", q / q[0], data["drop_fraction"].values)]
     if windows is not None:
         shares = np.array([largest_shares(w) for w in windows])
         curves.append(("windows, deterministic", "--", "none", rate / rate[0], shares))

@@ -42,7 +42,11 @@ if TYPE_CHECKING:
     from .designs.answer import Design, design
     from .flow import (
         Constriction,
+        CubicLaw,
+        FlowLaw,
+        FukuiKaneko,
         Permeability,
+        SlipLength,
         cell_permeabilities,
         cell_permeability,
         critical_constriction,
@@ -85,7 +89,11 @@ _MODULES = {
     "base.errors": ("FemsealError", "InputError", "NotConverged"),
     "flow": (
         "Constriction",
+        "CubicLaw",
+        "FlowLaw",
+        "FukuiKaneko",
         "Permeability",
+        "SlipLength",
         "cell_permeabilities",
         "cell_permeability",
         "critical_constriction",

@@ -2,7 +2,7 @@
 
 Every fluid whose density ρ and viscosity η depend on pressure alone solves the same linear equation in the
 pressure potential φ, dφ = (ρ/η) dp [kg/(m³ s) = Pa·(kg/m³)/(Pa s)]; the mass rate is then conductance × drop of φ.
-A fluid with a `flow_factor` and `slip`, as a gas has, lets more through narrow gaps, in dependence on its pressure.
+Its `law` is the permeability of a gap, the cubic one where it names none (see `femseal.flow.law`).
 To add a fluid, write a frozen dataclass with `potential`, `pressure` and `reference_density`. Case files know it by its
 `kind` once it is in `FLUIDS`, with a key for each of its parameters; fluids made in Python need neither.
 """
@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from .base.errors import InputError
 from .base.leak_units import STANDARD_PRESSURE, LeakBasis
 from .base.parameters import check_parameters, parameter
-from .rarefied import flow_rate
+from .flow.law import CUBIC_LAW, FlowLaw, FukuiKaneko, SlipLength
 
 #: Molar gas constant [J/(mol K)], CODATA (exact since 2019).
 GAS_CONSTANT = 8.31446261815324
@@ -50,6 +50,10 @@ def _viscosity() -> Any:
     return parameter("Pa*s", "a viscosity > 0, such as '1 mPa*s'")
 
 
+def _slip_length() -> Any:
+    return parameter("m", "a length >= 0, such as '20 nm'", inclusive=True, default=0.0)
+
+
 def _surface_tension() -> Any:
     return parameter("N/m", "a surface tension > 0, such as '73 mN/m'", default=None)
 
@@ -70,6 +74,7 @@ class Liquid:
     density : ρ [kg/m³]; only the mass rate depends on it. Default: water.
     pressure_viscosity : α [1/Pa], >= 0.
     surface_tension, contact_angle : γ [N/m] and θ [rad] on the faces, for `capillary_entry_pressure`.
+    slip_length : b [m], by which the liquid slips on both faces, see `femseal.flow.law.SlipLength`.
     """
 
     kind: ClassVar[str] = "liquid"
@@ -80,9 +85,15 @@ class Liquid:
     pressure_viscosity: float = parameter("1/Pa", "a coefficient >= 0, such as '20 1/GPa'", inclusive=True, default=0.0)
     surface_tension: float | None = _surface_tension()
     contact_angle: float | None = _contact_angle()
+    slip_length: float = _slip_length()
 
     def __post_init__(self) -> None:
         check_parameters(self)
+
+    @property
+    def law(self) -> FlowLaw:
+        """The cubic law, or that of the slip length."""
+        return SlipLength(self.slip_length) if self.slip_length else CUBIC_LAW
 
     @property
     def reference_density(self) -> float:
@@ -113,6 +124,7 @@ class RoelandsLiquid:
     pressure_viscosity : α = d ln η/dp at p = 0 [1/Pa], as that of Barus's law.
     density : ρ [kg/m³]; only the mass rate depends on it.
     surface_tension, contact_angle : γ [N/m] and θ [rad] on the faces, for `capillary_entry_pressure`.
+    slip_length : b [m], by which the liquid slips on both faces, see `femseal.flow.law.SlipLength`.
     """
 
     kind: ClassVar[str] = "roelands-liquid"
@@ -122,9 +134,15 @@ class RoelandsLiquid:
     density: float = parameter("kg/m^3", "a density > 0, such as '870 kg/m^3'", default=870.0)
     surface_tension: float | None = _surface_tension()
     contact_angle: float | None = _contact_angle()
+    slip_length: float = _slip_length()
 
     def __post_init__(self) -> None:
         check_parameters(self)
+
+    @property
+    def law(self) -> FlowLaw:
+        """The cubic law, or that of the slip length."""
+        return SlipLength(self.slip_length) if self.slip_length else CUBIC_LAW
 
     @property
     def reference_density(self) -> float:
@@ -195,6 +213,13 @@ class IdealGas:
             raise InputError("slip", repr(self.slip), "True or False")
 
     @property
+    def law(self) -> FlowLaw:
+        """Fukui & Kaneko's law, or the cubic one without slip."""
+        if not self.slip:
+            return CUBIC_LAW
+        return FukuiKaneko(self.viscosity, sqrt(2 * GAS_CONSTANT * self.temperature / self.molar_mass))
+
+    @property
     def reference_density(self) -> float:
         """Density at 101 325 Pa [kg/m³]."""
         return STANDARD_PRESSURE * self.molar_mass / (GAS_CONSTANT * self.temperature)
@@ -215,11 +240,6 @@ class IdealGas:
     def pressure(self, potential: ArrayLike) -> NDArray[np.float64]:
         """Inverse of `potential` [Pa], absolute."""
         return np.sqrt(np.asarray(potential, dtype=float) / self._factor)
-
-    def inverse_knudsen(self, gap: ArrayLike, pressure: ArrayLike) -> NDArray[np.float64]:
-        """D = p h/(η√(2R_sT)) of a gap [m] at an absolute pressure [Pa]; the mean free path is √π h/2D."""
-        speed = sqrt(2 * GAS_CONSTANT * self.temperature / self.molar_mass)
-        return np.asarray(pressure, dtype=float) * np.asarray(gap, dtype=float) / (self.viscosity * speed)
 
     def flow_factor(self, gap: ArrayLike, pressure: ArrayLike) -> NDArray[np.float64]:
         """F = Q(D)/(D/6), how many times more gas a gap [m] lets through than the cubic law says; 1 without `slip`.
@@ -245,10 +265,7 @@ class IdealGas:
         for name, values, unit in (("gap", h, "m"), ("pressure", p, "Pa, absolute")):
             if not (np.isfinite(values).all() and values.min(initial=0.0) >= 0):
                 raise InputError(name, "negative or undefined values", f"finite numbers >= 0 [{unit}]")
-        if not self.slip:
-            return np.ones(h.shape)
-        d = self.inverse_knudsen(h, p)
-        return np.divide(6 * flow_rate(d), d, out=np.full(d.shape, np.inf), where=d > 0)
+        return self.law.factor(h, p)
 
 
 def potential_of(fluid: Fluid, name: str, pressure: Any) -> float:

@@ -69,3 +69,19 @@ def flow_rate(inverse_knudsen: ArrayLike) -> Array:
     out = np.empty(d.size)
     _flow_rates(d.ravel(), out)
     return out.reshape(d.shape)
+
+
+def flow_rate_exponent(inverse_knudsen: ArrayLike) -> Array:
+    """d ln Q/d ln D of `flow_rate`, formula by formula: −0 at D = 0, 1 of a viscous gas."""
+    d = np.maximum(np.asarray(inverse_knudsen, dtype=float), _LEAST)
+    log_d = np.log(d)
+    slope = np.select(
+        [d >= SLIP, d >= TRANSITION, d >= FREE_MOLECULAR],
+        [
+            d / 6.0 - 1.0653 / d + 4.2708 / (d * d),
+            0.13852 * d - 0.15653 / d + 0.01938 / (d * d),
+            -2.22919 * d - 0.01653 / d + 0.0001388 / (d * d),
+        ],
+        -1 / sqrt(pi) + _EXCESS * d * (log_d + 2) * log_d,
+    )
+    return np.asarray(slope / flow_rate(d))

@@ -5,7 +5,6 @@ import pytest
 from numpy.testing import assert_allclose
 
 from femseal import analytic
-from femseal.flow.coefficient import rough_plates
 
 N = 20_001
 PHASE = (np.arange(N) + 0.5) / N  # midpoints of one period
@@ -94,8 +93,3 @@ def test_means():
 def test_annulus_tends_to_a_strip():
     q = analytic.annulus_rate(1e-18, 1e6, 1e-3, 1.0, 1.001)
     assert_allclose(q, 1e-18 * 1e6 / 1e-3 * 2 * np.pi * 1.0005 / 0.001, rtol=1e-6)
-
-
-def test_rough_plates_of_the_ladder_are_the_closed_form():
-    h, σ = np.array([2.0e-6, 5.0e-6]), 0.4e-6
-    assert_allclose(rough_plates(h, σ), analytic.large_gap(h, σ), rtol=1e-14)

@@ -20,8 +20,8 @@ from femseal.results.variables import step_coordinates
 from femseal.runs.forecast import describe
 from femseal.runs.job import _face_files
 from femseal.seal.pressure_map import AngleTable, Frame, MapsAtLoads, Profile, Uniform, is_uniform
-from femseal.studies import laid_out
-from femseal.studies.window_pressures import pressed_seal, shares_of_links
+from femseal.studies import lay_out_windows
+from femseal.studies.window_pressures import pressure_fractions, seal_for_maps
 from femseal.windows import Partition
 
 ROOT = Path(__file__).parents[1]
@@ -311,14 +311,14 @@ class TestMesh:
         under_bolts = {"kind": "angle", "shares": [2, 1], "repeat": 4}
         prepared = self.prepared(gasket, map=under_bolts)
         partition = Partition(prepared.scene.surface.shape, prepared.scene.surface.spacing, prepared.cells)
-        (laid,) = laid_out(prepared.scene.layout, partition, prepared.sampling)
-        pressed = pressed_seal(prepared.scene.layout, laid)
+        (laid,) = lay_out_windows(prepared.scene.layout, partition, prepared.sampling)
+        pressed = seal_for_maps(prepared.scene.layout, laid)
         shares = pressed.shares(prepared.sampling.pressure_map, pressed.centres, 1.0)[0]
         assert_allclose(np.average(shares, weights=pressed.areas), 1.0)
         angle = np.degrees(np.arctan2(*pressed.centres.T[::-1])) % 90
         expected = 2 - np.abs(np.abs(angle - 45) - 45) / 45
         assert_allclose(shares / shares.mean(), expected / expected.mean(), rtol=1e-6)
-        of_windows = shares_of_links(prepared.scene, laid, prepared.sampling.pressure_map, 1)
+        of_windows = pressure_fractions(prepared.scene, laid, prepared.sampling.pressure_map, 1)
         assert of_windows.shape == (len(prepared.scene.steps), laid.draws[1][1])
         assert_allclose((of_windows.min(), of_windows.max()), (shares.min(), shares.max()))
 

@@ -22,9 +22,10 @@ from femseal.flow import (
     percolation,
     permeability_tensor,
 )
-from femseal.flow.coefficient import cubic_law, gap_on_links
+from femseal.flow.coefficient import gap_on_links
 from femseal.flow.discretisation import cell_stencil
 from femseal.flow.grid import Grid
+from femseal.flow.law import cubic_law
 
 D = 1e-6
 SIDES = ("mirror", "periodic")

@@ -165,8 +165,8 @@ class TestSeals:
     def test_they_leak_as_the_face_on_the_mean_and_lie_between_their_bounds(self, seals, face):
         error = seals.leakage.std(axis=0) / np.sqrt(len(seals.leakage))
         assert np.all(np.abs(seals.mean - face.leakage) < 4 * error + 1e-9 * face.leakage)
-        assert np.all(seals.leakage_closed_cuts <= seals.leakage * (1 + 1e-12))
-        assert np.all(seals.leakage <= seals.leakage_held_cuts * (1 + 1e-12))
+        assert np.all(seals.leakage_neumann_cuts <= seals.leakage * (1 + 1e-12))
+        assert np.all(seals.leakage <= seals.leakage_dirichlet_cuts * (1 + 1e-12))
         assert np.all((seals.cut_error > 0) & (seals.cut_error < 1.5))
         assert np.all(seals.library_error > 0)
         assert seals.seal.cells == (4, 32)

@@ -29,11 +29,11 @@ from femseal.budget.conformal import (
     decades,
     model_error,
 )
-from femseal.budget.model_parts import form_share
+from femseal.budget.model_parts import form_fraction
 from femseal.case.case import parse_case
 from femseal.loads import LoadProgramme
 from femseal.preparation.preparation import prepare
-from femseal.refinement.budgeted import budgets_of
+from femseal.refinement.budgets import budgets_of
 
 
 class TestQuantile:
@@ -222,13 +222,13 @@ class TestPartsOfABudget:
         prepared = prepare(parse_case(tomllib.loads(text)))
         asked = []
 
-        def solve(method, prepared, known):
-            asked.append(method)
-            if method == "deterministic":
+        def solve(prepared, asked_study, known):
+            asked.append(asked_study.name)
+            if asked_study.name == "deterministic":
                 return deterministic(prepared.scene)
             return two_scale(prepared.scene, prepared.cells, flow=prepared.flow, contact=prepared.contact)
 
-        study = solve("two-scale", prepared, {})
+        study = solve(prepared, prepared.answer, {})
         (part,) = (
             p for p in budgets_of(prepared, {"two_scale": study}, solve)["two_scale"].parts if p.name == "two scales"
         )
@@ -239,7 +239,7 @@ class TestPartsOfABudget:
 def test_the_form_share_is_that_of_the_mean_heights_of_windows():
     steps = np.kron(np.array([[0.0, 1.0], [1.0, 0.0]]), np.ones((4, 4)))
     waves = np.tile([1.0, -1.0], (8, 4))
-    assert form_share(steps, (4, 4)) == 1
-    assert form_share(waves, (4, 4)) == 0
-    assert_allclose(form_share(2 * steps + waves, (4, 4)), np.sqrt(0.5))
-    assert form_share(np.ones((9, 8)), (4, 4)) == 0
+    assert form_fraction(steps, (4, 4)) == 1
+    assert form_fraction(waves, (4, 4)) == 0
+    assert_allclose(form_fraction(2 * steps + waves, (4, 4)), np.sqrt(0.5))
+    assert form_fraction(np.ones((9, 8)), (4, 4)) == 0

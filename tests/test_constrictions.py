@@ -189,13 +189,13 @@ class TestDataset:
         scene, result = study
         save(assemble(scene, two_scale=result), tmp_path)
         data = open_results(tmp_path).dataset
-        assert data["drop_share"].dims == ("step", "narrowest")
+        assert data["drop_fraction"].dims == ("step", "narrowest")
         assert_array_equal(data["narrowest"], [1, 3, 10])
         seal = RectangularSeal(scene.surface.size, (4, 6), result.partition.node_rows)
         for s in range(4):
             expected = shares(seal, result.k1[s], result.k2[s], (1, 3, 10))
-            assert_allclose(data["drop_share"][s], expected, rtol=1e-6, equal_nan=True)
-        found = data["drop_share"].values[result.leakage > 0]
+            assert_allclose(data["drop_fraction"][s], expected, rtol=1e-6, equal_nan=True)
+        found = data["drop_fraction"].values[result.leakage > 0]
         assert len(found) >= 3
         assert (np.diff(found, axis=1) > 0).all()
 
@@ -207,4 +207,4 @@ class TestDataset:
         seal = RectangularSeal(scene.surface.size, (4, 6), result.partition.node_rows)
         pressure[1] = scene.leakage(seal, (k1[1], result.k2[1])).fluid_pressure
         broken = replace(result, k1=k1, leakage=leakage, fluid_pressure=pressure)
-        assert np.isnan(assemble(scene, two_scale=broken).dataset["drop_share"][:2]).all()
+        assert np.isnan(assemble(scene, two_scale=broken).dataset["drop_fraction"][:2]).all()

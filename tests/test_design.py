@@ -132,7 +132,9 @@ def test_slopes_of_power_laws_are_exact():
     assert_allclose(elastic["roughness amplitude"], 6)
     unknown = {s.quantity: s.leakage.text() for s in sensitivities(seals, Variants(), 2e8, 0.9)}
     assert unknown["hardness"] == unknown["roughness amplitude"] == "–"
-    gas = Variants(hardness_counts=False, rarefied=True, thicker=Seals.of(STEPS, power_law(AMPLITUDES) * 1.1**-0.4))
+    gas = Variants(
+        hardness_counts=False, law_length="viscosity", longer=Seals.of(STEPS, power_law(AMPLITUDES) * 1.1**-0.4)
+    )
     rarefied = {s.quantity: s.leakage.value for s in sensitivities(seals, gas, 2e8, 0.9)}
     assert_allclose([rarefied["viscosity"], rarefied["roughness amplitude"]], [-0.4, 5.4], rtol=1e-9)
 

@@ -304,16 +304,16 @@ class TestStudy:
         result, exact = (two_scale(scene, (4, 6), flow=flow) for flow in ("elements", "resolved"))
         ratio = result.leakage / exact.leakage
         assert np.all(np.abs(ratio - 1) < 1e-5)
-        assert_allclose(result.drop_share.sum(axis=(1, 2)), 1.0)
+        assert_allclose(result.drop_fraction.sum(axis=(1, 2)), 1.0)
         assert np.all(result.element_error < 1e-3)
         assert result.solvers.by_solver()["elimination"] >= 3
-        assert exact.element_error is exact.drop_share is result.k1 is None
+        assert exact.element_error is exact.drop_fraction is result.k1 is None
         inside, expected = result.face_fluid_pressure, exact.face_fluid_pressure
         assert_array_equal(np.isnan(inside), np.isnan(expected))
         assert np.nanmean(np.abs(inside - expected)) < 1e-4 * scene.inlet_pressure
         data = assemble(scene, two_scale=result).dataset
         assert data["element_error"].dims == ("step",)
-        assert data["window_drop_share"].dims == ("step", "cell1", "cell2")
+        assert data["window_drop_fraction"].dims == ("step", "cell1", "cell2")
 
     def test_needs_links_between_pixels(self, scene):
         with pytest.raises(InputError, match="gauss"):

@@ -202,7 +202,7 @@ def test_links_dissipate_what_the_dataset_says(ran):
     for s in (0, 1, 3):
         segments, shares = figures.link_shares(data, s)
         assert len(segments) == len(shares) == 4 * 8 + 3 * 8
-        assert_allclose(np.sort(shares)[::-1].cumsum()[[0, 2, 9]], data["drop_share"].values[s], rtol=1e-6)
+        assert_allclose(np.sort(shares)[::-1].cumsum()[[0, 2, 9]], data["drop_fraction"].values[s], rtol=1e-6)
     # as (x2, x1): along the leakage from line to line, along the seal by one window
     lines = data["node1"].values * 1e3
     assert_allclose(segments[9], [[0.0225, lines[1]], [0.0225, lines[2]]])
@@ -217,7 +217,7 @@ def test_constrictions(ran, deterministic):
     rate, windows = deterministic
     for n, count in enumerate((1, 3, 10)):
         networks = (
-            (data["leakage_two_scale"].values, data["drop_share"].values[:, n]),
+            (data["leakage_two_scale"].values, data["drop_fraction"].values[:, n]),
             (rate, [largest_shares(w, (count,))[0] for w in windows]),
         )
         for q, shares in networks:
@@ -236,7 +236,7 @@ def test_constrictions(ran, deterministic):
 
 def test_results_that_do_not_do(ran):
     results = ran[1]
-    without = replace(results, dataset=results.dataset.drop_vars(["k1", "drop_share", "library_k"]))
+    without = replace(results, dataset=results.dataset.drop_vars(["k1", "drop_fraction", "library_k"]))
     for figure in (figures.two_scales, figures.cycles, figures.permeability, figures.constrictions):
         with pytest.raises(InputError, match="results: given those of the study median"):
             figure(without)

@@ -49,9 +49,9 @@ def test_the_effort_of_a_small_face_is_that_of_its_contacts(data):
     gap = scene.surface.detrend().gap()
     for k in (0, len(scene.loading) - 1):
         contact = fs.solve_contact(gap, half_space, pressure=scene.loading[k], hardness=scene.hardness, rtol=scene.rtol)
-        assert_allclose(found[k].share, contact.area_fraction)
+        assert_allclose(found[k].contact_fraction, contact.area_fraction)
         assert_allclose(found[k].pairs, contact.fft_pairs * (PILOT_PIXELS / gap.size) ** found[k].growth)
-    shares = [effort.share for effort in found[: len(scene.loading)]]
+    shares = [effort.contact_fraction for effort in found[: len(scene.loading)]]
     assert shares == sorted(shares)
     assert len(found) == len(scene.steps)
 
@@ -62,7 +62,7 @@ def test_the_effort_does_not_depend_on_the_points_of_a_large_face(data):
     larger = replace(scene, surface=fs.Topography(np.tile(scene.surface.heights, (2, 2)), scene.surface.spacing))
     for one, other in zip(pilot.efforts(scene), pilot.efforts(larger), strict=True):
         assert 0.5 < one.pairs / other.pairs < 2
-        assert abs(one.share - other.share) < 0.1
+        assert abs(one.contact_fraction - other.contact_fraction) < 0.1
 
 
 def test_a_contact_takes_longer_with_more_pixels_and_more_contact():
@@ -135,7 +135,7 @@ def test_an_automatic_choice_of_two_scales_takes_elements(data, monkeypatch, dis
     data |= {"method": "auto", "flow": {"discretisation": discretisation}}
     monkeypatch.setattr("femseal.studies.costs.AFFORDABLE_SECONDS", 0.0)
     prepared = prepare(parse_case(data))
-    assert (prepared.method, prepared.flow, prepared.contact) == ("two-scale", flow, "whole")
+    assert (prepared.answer.name, prepared.flow, prepared.contact) == ("two-scale", flow, "whole")
     assert f"two scales with {flow} about" in prepared.choice
     assert any(f"flow {flow}: " in line for line in describe(parse_case(data), prepared))
     monkeypatch.undo()

@@ -21,13 +21,13 @@ ROOMS = (
     "execution",
     "materials",
     "rarefied",
-    "fluids",
-    "named_fluids",
     "loads",
     "analytic",
     "topography",
     "contact",
     "flow",
+    "fluids",
+    "named_fluids",
     "seal",
     "windows",
     "elements",
@@ -58,7 +58,6 @@ KNOWN_DOWNWARDS: set[tuple[str, str]] = {
 KNOWN_CIRCLES: tuple[set[str], ...] = (
     {"femseal.refinement.accuracy_picture", "femseal.refinement.accuracy_report"},
     {"femseal.designs.answer", "femseal.designs.data_sheet", "femseal.designs.design_picture"},
-    {"femseal.flow.gas_drop", "femseal.flow.permeability_table"},
     {
         "femseal.results.export",
         "femseal.results.fields",
@@ -70,11 +69,6 @@ KNOWN_CIRCLES: tuple[set[str], ...] = (
         "femseal.results.tables",
         "femseal.results.views",
         "femseal.results.wanted_accuracy",
-    },
-    {
-        "femseal.preparation.preparation",
-        "femseal.preparation.settings",
-        "femseal.preparation.study_costs",
     },
 )
 HEAVY = {

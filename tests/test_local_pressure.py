@@ -13,7 +13,7 @@ from femseal.loads import LoadProgramme
 from femseal.seal.layouts import AnnularLayout
 from femseal.seal.pressure_map import AngleTable, MapsAtLoads, PressureField, Profile, Uniform
 from femseal.studies import Sampling, Scene, stochastic
-from femseal.studies.window_pressures import MOST_OF_SEVERAL, MOST_PATHS, MOST_PEAKS, peaks_to_follow, shared_paths
+from femseal.studies.window_pressures import MOST_OF_SEVERAL, MOST_PATHS, MOST_PEAKS, distinct_paths, library_peaks
 
 LOADS = {"loading": (5e7, 1e8, 2e8), "unload_from": (2e8,), "unloading": (1e8, 5e7)}
 STRIP = Sampling(length=64 * 32e-6, breadth=4 * 32e-6, realisations=4, library_cells=6, seed=3, pressure="uniform")
@@ -162,16 +162,16 @@ def test_local_peaks():
 class TestPaths:
     def test_few_are_exact(self):
         shares = np.array([[1.0, 2.0, 1.0, 0.5], [1.0, 2.0, 1.5, 0.5]])
-        paths, number = shared_paths(shares)
+        paths, number = distinct_paths(shares)
         assert paths.shape == (2, 4)
         assert_array_equal(paths[:, number], shares)
-        assert shared_paths(np.ones((3, 1000)))[0].shape == (3, 1)
-        assert shared_paths(np.ones((3, 0)))[0].shape[0] == 3
+        assert distinct_paths(np.ones((3, 1000)))[0].shape == (3, 1)
+        assert distinct_paths(np.ones((3, 0)))[0].shape[0] == 3
 
     @pytest.mark.parametrize("steps", [1, 2])
     def test_many_are_rounded_and_keep_their_mean(self, steps):
         shares = np.random.default_rng(1).gamma(2, 0.5, (steps, 20000))
-        paths, number = shared_paths(shares)
+        paths, number = distinct_paths(shares)
         assert paths.shape[1] <= (MOST_PATHS if steps == 1 else MOST_OF_SEVERAL)
         assert_allclose(paths[:, number].mean(axis=1), shares.mean(axis=1), rtol=1e-12)
         if steps == 1:
@@ -209,7 +209,7 @@ class TestPeaks:
     STEPS = LoadProgramme.of([1e8, 2e8, 4e8], [2e8, 4e8], [1e8])
 
     def followed(self, *shares):
-        return peaks_to_follow([self.STEPS.pressures[:, None] * np.array(shares)], self.STEPS)
+        return library_peaks([self.STEPS.pressures[:, None] * np.array(shares)], self.STEPS)
 
     def test_few_are_followed_themselves(self):
         assert self.followed(0.5, 1.5) == (1e8, 2e8, 3e8, 6e8)

@@ -216,7 +216,7 @@ def test_statistics_are_those_of_the_realisations_that_did_not_fail(studies):
         means = (1e-3 + 1e-6 + 1e-9) / 3, 1e-6 / 2, (1e-4 + 1e-8) / 2
         mean = [means[0], -means[0], means[1], means[2], -means[2], -1, -5e-7, np.nan]
         assert_allclose(s.mean, mean, rtol=1e-12)
-        assert_allclose(s.sealed_share, [0, 0, 1 / 2, 0, 0, 0, 1 / 2, np.nan], rtol=1e-12)
+        assert_allclose(s.sealed_fraction, [0, 0, 1 / 2, 0, 0, 0, 1 / 2, np.nan], rtol=1e-12)
 
 
 def test_flow_towards_the_inlet_and_failed_steps_are_shown(scene, studies):
@@ -250,7 +250,7 @@ def test_failures_are_nan_not_sealed(scene, studies):
     leakage[:, 1] = np.nan
     broken = replace(studies["stochastic"], leakage=leakage, failures=("realisation 0: bad",))
     r = assemble(scene, stochastic=broken)
-    for name in ("leakage_median", "leakage_lower", "leakage_upper", "leakage_mean", "sealed_share"):
+    for name in ("leakage_median", "leakage_lower", "leakage_upper", "leakage_mean", "sealed_fraction"):
         assert_array_equal(np.isnan(r.dataset[name]), [False, True, False, False, False])
     assert r.failures == ["realisation 0: bad"]
     assert "failures   1, the first: realisation 0: bad" in repr(r)

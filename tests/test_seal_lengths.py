@@ -66,7 +66,7 @@ def test_every_length_is_what_it_is_by_itself(scene, sampling, options):
         alone = replace(few, length=length, other_lengths=())
         own = fs.stochastic(scene, (2, 4), alone)
         assert seals.seal.size == own.seal.size
-        for name in ("leakage", "leakage_resampled", "leakage_lower_bound", "leakage_held_cuts"):
+        for name in ("leakage", "leakage_resampled", "leakage_lower_bound", "leakage_dirichlet_cuts"):
             if getattr(own, name) is not None:
                 assert_array_equal(getattr(seals, name), getattr(own, name), err_msg=name)
 
@@ -95,7 +95,7 @@ def test_the_dataset_has_median_and_band_of_every_length(results, seals):
             ("lower_together", own.quantile(0.05, resampled=True)),
         ):
             assert_array_equal(data[f"leakage_of_lengths_{name}"][n], values)
-        assert_array_equal(data["sealed_share_of_lengths"][n], own.sealed_share)
+        assert_array_equal(data["sealed_fraction_of_lengths"][n], own.sealed_fraction)
     assert_array_equal(data["leakage_median"], data["leakage_of_lengths_median"][0])
     # the leakage per length of longer seals scatters less
     width = np.log(data["leakage_of_lengths_upper"] / data["leakage_of_lengths_lower"])[:, 0]

@@ -27,7 +27,7 @@ from femseal.seal import RectangularSeal
 from femseal.seal.linked import LinkWindows
 from femseal.seal.pressure_map import AngleTable, Profile
 from femseal.studies import Sampling, Scene, StochasticResult, deterministic, stochastic, two_scale
-from femseal.studies.ladder_windows import LOADING_SHARES
+from femseal.studies.ladder_windows import LOADING_FRACTIONS
 from femseal.topography import Topography, condition, read_topography, self_affine, turned
 from femseal.windows import gap_error
 
@@ -504,7 +504,7 @@ class TestResolvedFlow:
         study = two_scale(rough, (4, 6), flow="resolved")
         results = assemble(rough, two_scale=study)
         data, exact = results.dataset, assemble(rough, deterministic=deterministic(rough)).dataset
-        assert not {"k1", "flux1", "fluid_pressure", "drop_share"} & set(data)
+        assert not {"k1", "flux1", "fluid_pressure", "drop_fraction"} & set(data)
         for name, scale in (("gap", 1e-6), ("contact_pressure", 1e9), ("fluid_pressure", DROP)):
             assert_allclose(data[f"face_{name}"], exact[f"face_{name}"], atol=1e-4 * scale)
         assert_array_equal(results.cell(1, 2)["window_pressure"], study.pressure[:, 1, 2])
@@ -588,7 +588,9 @@ class TestSymmetries:
         sampling = replace(SAMPLING, pressure="global", library_cells=4, length=576e-6)
         found = stochastic(scene, (6, 6), sampling)
         dense = tuple(np.geomspace(0.01, 0.9, 25))
-        monkeypatch.setattr("femseal.studies.ladder_windows.LOADING_SHARES", tuple(sorted({*LOADING_SHARES, *dense})))
+        monkeypatch.setattr(
+            "femseal.studies.ladder_windows.LOADING_FRACTIONS", tuple(sorted({*LOADING_FRACTIONS, *dense}))
+        )
         monkeypatch.setattr("femseal.studies.window_pressures.PEAK_RATIO", 1.1)
         monkeypatch.setattr("femseal.studies.window_pressures.MOST_PEAKS", 1000)
         exact = stochastic(scene, (6, 6), sampling)
@@ -929,7 +931,7 @@ class TestStatistics:
 
     def test_sealed_ones(self):
         result = self.result([[0, 0], [0, 1], [4, 1], [0, 1]])
-        assert_allclose(result.sealed_share, [0.75, 0.25])
+        assert_allclose(result.sealed_fraction, [0.75, 0.25])
         assert_allclose(result.mean, [1, 0.75])
         assert_allclose(result.quantile(0.5), [0, 1])
         assert_allclose(result.quantile(0.9), [0, 1])  # between 0 and 4
@@ -938,7 +940,7 @@ class TestStatistics:
     def test_failed_ones_are_left_out(self):
         result = self.result([[np.nan, np.nan], [0, np.nan], [4, np.nan], [9, np.nan]])
         assert_allclose(result.mean, [13 / 3, np.nan])
-        assert_allclose(result.sealed_share, [1 / 3, np.nan])
+        assert_allclose(result.sealed_fraction, [1 / 3, np.nan])
         assert_allclose(result.quantile(0.75), [6, np.nan])
         assert_allclose(result.quantile(0.5), [4, np.nan])
 
@@ -1007,7 +1009,7 @@ class TestFailures:
     def test_contact_of_a_window(self, rough, by_windows, monkeypatch):
         """Itself and the links across that reach into it."""
         pressure = by_windows.pressure[1, 0, 4]
-        self.fail(monkeypatch, femseal.windows.window, "solve_deformed_contact", pressure=pressure)
+        self.fail(monkeypatch, femseal.windows.window, "solve_contact", pressure=pressure)
         result = two_scale(rough, (4, 6), contact="windows", flow="links")
         assert result.failures == ("cell (0, 4), loading 300 MPa: did not converge",)
         assert_array_equal(np.isnan(result.leakage), [False, True, False, False, False])
@@ -1022,7 +1024,7 @@ class TestFailures:
     def test_contact_of_a_window_at_the_peak_takes_its_unloading_along(self, rough, by_windows, monkeypatch):
         window = np.unravel_index(by_windows.pressure[4].argmax(), (4, 6))
         pressure = by_windows.pressure[2][window]
-        self.fail(monkeypatch, femseal.windows.window, "solve_deformed_contact", pressure=pressure)
+        self.fail(monkeypatch, femseal.windows.window, "solve_contact", pressure=pressure)
         result = two_scale(rough, (4, 6), contact="windows", flow="links")
         assert [f.split(", ", 2)[2] for f in result.failures] == [
             "loading 600 MPa: did not converge",
@@ -1049,7 +1051,7 @@ class TestFailures:
     def test_a_column_with_a_failed_cell_gives_way_to_the_next(self, rough, by_windows, monkeypatch):
         """Of the links across it takes the column before along."""
         pressure = by_windows.pressure[1, 0, 4]
-        self.fail(monkeypatch, femseal.windows.window, "solve_deformed_contact", pressure=pressure)
+        self.fail(monkeypatch, femseal.windows.window, "solve_contact", pressure=pressure)
         result = stochastic(rough, (4, 6), SAMPLING, contact="windows")
         assert result.failures == ("cell (0, 4), loading 300 MPa: did not converge",)
         assert np.isfinite(result.leakage).all()
@@ -1063,7 +1065,7 @@ class TestFailures:
         sampling = replace(SAMPLING, pressure="uniform", library_cells=8)
         whole = stochastic(rough, (4, 6), sampling).library
         counted = []
-        solve = femseal.library.ladder.solve_deformed_contact
+        solve = femseal.library.ladder.solve_contact
 
         def failing(gap0, *args, **given):
             if not counted or not np.array_equal(counted[-1], gap0):
@@ -1072,7 +1074,7 @@ class TestFailures:
                 raise NotConverged("did not converge", 1.0)
             return solve(gap0, *args, **given)
 
-        monkeypatch.setattr(femseal.library.ladder, "solve_deformed_contact", failing)
+        monkeypatch.setattr(femseal.library.ladder, "solve_contact", failing)
         result = stochastic(rough, (4, 6), sampling)
         assert result.failures == ("cell 2: did not converge",)
         assert_array_equal(result.library.curves.k, np.delete(whole.curves.k, 2, axis=0))
@@ -1094,7 +1096,7 @@ class TestFailures:
 
     def test_a_library_without_any_cell(self, rough, monkeypatch):
         for module in (femseal.windows.window, femseal.library.ladder):
-            self.fail(monkeypatch, module, "solve_deformed_contact", calls=range(10**6))
+            self.fail(monkeypatch, module, "solve_contact", calls=range(10**6))
         for pressure in ("place", "uniform"):
             with pytest.raises(FemsealError, match="every c"):
                 stochastic(rough, (4, 6), replace(SAMPLING, pressure=pressure, library_cells=4), contact="windows")

@@ -7,8 +7,9 @@ from scipy.ndimage import gaussian_filter
 
 from femseal.flow import solve_flow
 from femseal.flow.assembly import assemble_on_links
-from femseal.flow.coefficient import cubic_law, permeability_on_links
+from femseal.flow.coefficient import permeability_on_links
 from femseal.flow.grid import Grid
+from femseal.flow.law import cubic_law
 from femseal.windows.window import FlowSettings, flow_history
 
 UM = 1e-6

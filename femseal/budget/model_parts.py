@@ -47,14 +47,14 @@ def sampler_part(scene: Scene, study: StochasticResult) -> ErrorPart:
     kind = study.pressure if study.pressure != "place" else "runs" if study.sampler == "runs" else "block"
     q = study.quantile(0.5)
     if kind == "uniform":
-        form = np.full(q.shape, form_share(scene.surface.heights, study.window))
+        form = np.full(q.shape, form_fraction(scene.surface.heights, study.window))
         distance = model_error(kind, form=form, decades=decades(q))
     else:
         distance = model_error(kind, scatter=scatter_of(study), decades=decades(q))
     return _part("sampler", study, q, distance, _told(f"seals drawn by '{kind}' against long faces", kind))
 
 
-def form_share(heights: Array, window: tuple[int, int]) -> float:
+def form_fraction(heights: Array, window: tuple[int, int]) -> float:
     """Standard deviation of the mean heights of windows of so many pixels over that of the heights, 0 of a plane face.
 
     Windows under one pressure do not know which of them lie high.

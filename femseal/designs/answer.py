@@ -163,7 +163,7 @@ def design(
     if (state := judged_state(results)) is not None:
         several = isinstance(results.case.get("seal", {}).get("inlet"), dict)
         slope = np.nan if several else inlet_slope(state)
-        variants = replace(variants, rarefied=state.slips, inlet_slope=slope)
+        variants = replace(variants, law_length=state.law.length, inlet_slope=slope)
     answer = Design(
         results=results,
         seals=seals,

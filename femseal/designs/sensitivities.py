@@ -1,20 +1,21 @@
 """What changes the leakage of a seal, and the pressure that it needs, most: logarithmic slopes at one load.
 
-Two slopes cannot be had without another solution: that against the hardness, and that of a rarefied gas against its
-viscosity. The others follow from them and from the slope against the load, because the problem has no scale of its own:
-heights, hardness and pressure multiplied by one number multiply every gap by it, so that leakage L goes with
+Two slopes cannot be had without another solution: that against the hardness, and that against the length of a flow law
+that has one: the mean free path of a rarefied gas, which goes with its viscosity, or a slip length. The others follow
+from them and from the slope against the load, because the problem has no scale of its own: heights, hardness and
+pressure multiplied by one number multiply every gap by it, so that leakage L goes with
 
-    L(αa, E, αH, αp, αη) = α² L(a, E, H, p, η)     L(a, βE, βH, βp, η) = L(a, E, H, p, η)
+    L(αa, E, αH, αp, αη, αb) = α² L(a, E, H, p, η, b)     L(a, βE, βH, βp, η, b) = L(a, E, H, p, η, b)
 
-with the amplitude a of the roughness, contact modulus E, hardness H, nominal pressure p, viscosity η (for a gas in the
-flow factor; as a continuum L goes with 1/η). The slopes s of ln L then obey s_a + s_H + s_p + s_η = 2 and
+with the amplitude a of the roughness, contact modulus E, hardness H, nominal pressure p, viscosity η (for a gas in its
+law; as a continuum L goes with 1/η), slip length b. The slopes s of ln L then obey s_a + s_H + s_p + s_η + s_b = 2 and
 s_E + s_H + s_p = 0. Leakage through a long seal goes with one over its breadth (Darcy's law). Where the leakage is to
 stay the same, the pressure goes with −s/s_p.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
@@ -55,17 +56,17 @@ class Sensitivity:
 class Variants:
     """The same seals solved again with one thing changed; None where that was not done.
 
-    harder : with the hardness multiplied by `hardness_factor`. thicker : with the viscosity multiplied by
-    `viscosity_factor`, for a rarefied gas. hardness_counts : whether the solids yield. rarefied : whether the fluid's
-    permeability depends on its viscosity. inlet_slope : d ln L/d ln p_in by the fluid's potential, NaN if unknown.
+    harder : with the hardness multiplied by `hardness_factor`. longer : with the length of the flow law multiplied by
+    `length_factor`. hardness_counts : whether the solids yield. law_length : parameter of the fluid with which that
+    length goes, "" of a law without one. inlet_slope : d ln L/d ln p_in by the fluid's potential, NaN if unknown.
     """
 
     harder: Seals | None = None
-    thicker: Seals | None = None
+    longer: Seals | None = None
     hardness_factor: float = 1.1
-    viscosity_factor: float = 1.1
+    length_factor: float = 1.1
     hardness_counts: bool = True
-    rarefied: bool = False
+    law_length: str = ""
     inlet_slope: float = np.nan
 
 
@@ -99,15 +100,7 @@ def _drawn(variants: Variants, chosen: Index, some: Seals, seals: Seals) -> Vari
             return variant
         return Seals(variant.steps, variant.leakage[chosen] * shift, variant.library_error)
 
-    return Variants(
-        again(variants.harder),
-        again(variants.thicker),
-        variants.hardness_factor,
-        variants.viscosity_factor,
-        variants.hardness_counts,
-        variants.rarefied,
-        variants.inlet_slope,
-    )
+    return replace(variants, harder=again(variants.harder), longer=again(variants.longer))
 
 
 def _values(seals: Seals, variants: Variants, pressure: float, share: float) -> list[tuple[float, float]]:
@@ -132,8 +125,13 @@ def _slopes(seals: Seals, variants: Variants, pressure: float, share: float) -> 
     if variants.hardness_counts:
         hard, how_hard = solved(variants.harder, variants.hardness_factor, "hardness")
     thick, how_thick = -1.0, "flow as a continuum"
-    if variants.rarefied:
-        thick, how_thick = solved(variants.thicker, variants.viscosity_factor, "viscosity")
+    slip: list[tuple[str, float, str]] = []
+    if variants.law_length == "viscosity":
+        thick, how_thick = solved(variants.longer, variants.length_factor, "viscosity")
+    elif variants.law_length:
+        name = variants.law_length.replace("_", " ")
+        slip = [(name, *solved(variants.longer, variants.length_factor, name))]
+    at_wall = sum(slope for _, slope, _ in slip)
     known = np.isfinite(variants.inlet_slope)
     how_inlet = (
         "potential of the fluid"
@@ -142,12 +140,17 @@ def _slopes(seals: Seals, variants: Variants, pressure: float, share: float) -> 
     )
     return [
         ("nominal pressure", load, "the loading curve"),
-        ("roughness amplitude", 2 - hard - load - thick, "scaling law of contact and flow, exact"),
+        (
+            "roughness amplitude",
+            2 - hard - load - thick - at_wall,
+            "scaling law of contact and flow, exact",
+        ),
         ("hardness", hard, how_hard),
         ("contact modulus", -hard - load, "scaling law of contact, exact"),
         ("breadth, same pressure", -1.0, "Darcy's law over many windows"),
         ("breadth, same force", -1.0 - load, "Darcy's law, with the pressure of the force; Qmin: the force"),
         ("viscosity", thick, how_thick),
+        *slip,
         ("inlet pressure", variants.inlet_slope, how_inlet),
     ]
 

@@ -1,21 +1,22 @@
-"""The case solved again with one thing changed: another hardness, a thicker gas, the face turned by 90°."""
+"""The case solved again with one thing changed: hardness, length of the flow law, or the face turned by 90°."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, fields, replace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
 from ..case.case import Case
 from ..execution.mappers import ordered_map
+from ..execution.run import Progress, Run
+from ..flow.law import law_of
 from ..fluids import FLUIDS
 from ..preparation.preparation import Prepared, prepare
-from ..refinement.attempts import settled_as
+from ..refinement.settings import last_version
 from ..results.results import Results
-from ..runs import job
 from ..studies import Scene
 from ..studies.compiling import compile_ahead
 from ..studies.other_fluid import FluidState
@@ -23,8 +24,8 @@ from ..topography import Topography
 from .seals import Seals
 from .sensitivities import Variants
 
-#: Factors of hardness and viscosity: small enough for a slope, large enough to stand above the residuals of contact.
-HARDER = THICKER = 1.03
+#: Factors of hardness and of the length of a flow law: small enough for a slope, and above the residuals of contact.
+HARDER = LONGER = 1.03
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,9 +40,9 @@ class TurnedSeals:
 class Solver:
     """Solves variants of a case for the fluid by which its classes are judged."""
 
-    def __init__(self, case: Case, results: Results, workers: int | None, progress: job.Progress) -> None:
+    def __init__(self, case: Case, results: Results, workers: int | None, progress: Progress) -> None:
         self._case, self._workers, self._progress = case, workers, progress
-        prepared: Prepared = settled_as(case, prepare(case), results.attempts)
+        prepared: Prepared = last_version(case, prepare(case), results.attempts)
         if prepared.sampling is not None and prepared.sampling.width is not None:
             # as many seals and windows as the run took in the end
             size = int(results.dataset.attrs.get("library_windows", prepared.sampling.library_cells))
@@ -53,17 +54,17 @@ class Solver:
         self._scene = state.in_scene(self._prepared.scene)
 
     def variants(self) -> Variants:
-        """The seals with another hardness, if the solids yield, and with another viscosity, if the gas is rarefied."""
+        """The seals with another hardness, if the solids yield, and another length of the flow law, if it has one."""
         scene = self._scene
-        harder = thicker = None
+        harder = longer = None
         yields = bool(np.isfinite(scene.hardness))
         if yields:
             harder = self._seals("another hardness", replace(scene, hardness=HARDER * scene.hardness))
-        if FluidState.of(scene).slips:
-            fluid: Any = scene.fluid
-            thick = replace(fluid, viscosity=THICKER * fluid.viscosity)
-            thicker = self._seals("another viscosity", replace(scene, fluid=thick))
-        return Variants(harder, thicker, HARDER, THICKER, hardness_counts=yields)
+        name, fluid = law_of(scene.fluid).length, cast(Any, scene.fluid)
+        if hasattr(fluid, name):
+            changed = replace(fluid, **{name: LONGER * getattr(fluid, name)})
+            longer = self._seals(f"another {name.replace('_', ' ')}", replace(scene, fluid=changed))
+        return Variants(harder, longer, HARDER, LONGER, hardness_counts=yields)
 
     def turned(self) -> TurnedSeals:
         """The seals of the face turned by 90°.
@@ -94,11 +95,9 @@ class Solver:
 
     def _solved(self, name: str, scene: Scene, prepared: Prepared) -> Any:
         with self._mapper() as mapper:
-            self._progress(name, 0, 1)
-            watched = job.watching(mapper, name, self._progress, {})
-            study = job.study_of(prepared.answer, self._case, prepared, scene, None, watched)
-            self._progress(name, 1, 1)
-        return study
+            version = replace(prepared, scene=scene)
+            with Run(mapper, self._progress).timed(name) as watched:
+                return version.solve(version.answer, watched)
 
     @contextmanager
     def _mapper(self) -> Iterator[Any]:
@@ -127,8 +126,8 @@ def judged_state(results: Results) -> FluidState | None:
 
 
 def inlet_slope(state: FluidState) -> float:
-    """d ln L/d ln p_in of a fluid that flows as a continuum; NaN for a rarefied gas."""
-    if state.slips:
+    """d ln L/d ln p_in of a fluid whose law does not depend on the pressure; NaN for a rarefied gas."""
+    if state.law.depends_on_pressure:
         return float("nan")
     step = 1e-4
     up, down = (replace(state, inlet_pressure=state.inlet_pressure * (1 + sign * step)) for sign in (1, -1))

@@ -3,6 +3,7 @@
 from .cell import Permeability, cell_permeabilities, cell_permeability
 from .constriction import Constriction, critical_constriction
 from .discretisation import DISCRETISATIONS
+from .law import CubicLaw, FlowLaw, FukuiKaneko, SlipLength
 from .solution import DarcyFlow
 from .solvers.choice import SOLVERS, solve_flow
 from .stencil import Stencil
@@ -12,8 +13,12 @@ __all__ = [
     "DISCRETISATIONS",
     "SOLVERS",
     "Constriction",
+    "CubicLaw",
     "DarcyFlow",
+    "FlowLaw",
+    "FukuiKaneko",
     "Permeability",
+    "SlipLength",
     "Stencil",
     "cell_permeabilities",
     "cell_permeability",

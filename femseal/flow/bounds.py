@@ -16,8 +16,8 @@ from ..base.errors import NotConverged
 from . import forms
 from .assembly import Sample, assemble_on_elements, elemental, gauss
 from .balance import balanced_link_fluxes
-from .coefficient import cubic_law
 from .grid import Grid
+from .law import cubic_law
 from .percolation import nodes_reached, restricted
 from .solution import FIELD_RTOL
 from .solvers.amg import solve_direct

@@ -1,4 +1,4 @@
-"""Permeability of a cell from its gap: ∇·(K ∇p) = 0 with the cubic law K = h³/12.
+"""Permeability of a cell from its gap: ∇·(K ∇p) = 0 with the cubic law K = h³/12, or another one.
 
 The unknowns are the pressures at the pixel centres; those of both ends are given. `DISCRETISATIONS` lists the choices;
 the default takes K at the midpoints of the elements' edges.
@@ -18,10 +18,11 @@ from ..base.errors import InputError
 from ..base.text import Shown
 from .bounds import pixel_bounds
 from .cell_mesh import mesh_flow
-from .coefficient import equivalent_gap, unit_spacing, validated_cell
+from .coefficient import unit_spacing, validated_cell
 from .discretisation import cell_stencil, check_discretisation, on_grid
 from .edge_flow import edge_flow
 from .grid import Grid
+from .law import CUBIC_LAW, FlowLaw, gap_by_law
 from .solution import FIELD_RTOL, DarcyFlow
 from .solvers.choice import solve_flow
 
@@ -63,7 +64,8 @@ def cell_permeability(
     discretisation: str = "edge",
     solver: str = "auto",
     field_rtol: float | None = None,
-    flow_factor: ArrayLike | None = None,
+    law: FlowLaw = CUBIC_LAW,
+    pressure: ArrayLike | None = None,
 ) -> Permeability:
     """Permeability [m³] of a cell whose gap h >= 0 is given at pixel centres; h = 0 is contact.
 
@@ -87,7 +89,8 @@ def cell_permeability(
     solver : of the linear system, see `femseal.flow.solve_flow`; a general mesh takes "auto" or "amg".
     field_rtol : where `fluid_pressure` is looked at, its error allowed to multigrid, in the norm of the energy; 1e-6 is
         right to the eye everywhere, also in bays that hardly anything flows through.
-    flow_factor : F > 0, a number or (n1, n2), that multiplies h³, as `IdealGas.flow_factor` of the gap at a pressure.
+    law, pressure : permeability of a gap, see `femseal.flow.law`, such as `fluid.law`, and the pressure of the fluid, a
+        number or (n1, n2) [Pa], which a law needs that depends on it.
 
     Raises
     ------
@@ -95,8 +98,8 @@ def cell_permeability(
         solver, an estimate with a general mesh.
     NotConverged : the linear solver failed.
     """
-    if flow_factor is not None:
-        gap = equivalent_gap(validated_cell(gap, spacing, 0, sides)[0], flow_factor)
+    if law != CUBIC_LAW:
+        gap = gap_by_law(validated_cell(gap, spacing, 0, sides)[0], law, pressure)
     check_discretisation(discretisation, solver, estimate)
     cell = cell_flow(
         gap,
@@ -108,10 +111,10 @@ def cell_permeability(
         solver=solver,
         field_rtol=field_rtol,
     )
-    h, unit, flow, pressure = cell.gap, cell.spacing, cell.flow, cell.flow.potential
+    h, unit, flow, potential = cell.gap, cell.spacing, cell.flow, cell.flow.potential
     if on_grid(discretisation):
         # nodes in contact have a pressure where a Q1 element reaches into contact
-        pressure = np.where(h > 0, pressure[1:-1], np.nan)
+        potential = np.where(h > 0, potential[1:-1], np.nan)
     lower, upper = np.nan, np.nan
     if bounds:
         lower, upper = (
@@ -126,12 +129,12 @@ def cell_permeability(
         upper=upper,
         resampling_error=estimated,
         percolates=flow.percolates,
-        percolating_share=float(np.isfinite(pressure).mean()) if flow.percolates else 0.0,
+        percolating_share=float(np.isfinite(potential).mean()) if flow.percolates else 0.0,
         iterations=flow.iterations,
         residual=flow.residual,
         imbalance=flow.imbalance,
         solver=flow.solver,
-        fluid_pressure=pressure.T if axis == 1 else pressure,
+        fluid_pressure=potential.T if axis == 1 else potential,
     )
 
 

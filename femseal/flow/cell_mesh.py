@@ -15,9 +15,9 @@ from skfem import Basis, ElementQuad1, ElementQuadRT0, ElementTriP1, Mesh, MeshQ
 from skfem.mesh import MeshQuad1DG, MeshTri1DG
 
 from ..base.errors import InputError, NotConverged
-from .coefficient import cubic_law
 from .discretisation import DISCRETISATIONS, Discretisation
 from .grid import Grid
+from .law import cubic_law
 from .mesh import conforming_flow
 from .mixed import flux_conductance
 from .reach import elements_reached

@@ -1,10 +1,9 @@
-"""Permeability at the quadrature points from a gap: the only module that knows the cubic law, K = h³/12.
+"""Permeability at the quadrature points from a gap, by the cubic law.
 
 The gap is given at pixel centres. On the links between pixels, the midpoints of the edges of the elements, it is
 interpolated by a four-point cubic, at least a tenth of the smaller of the two pixels and 0 next to contact: a link is
 open exactly where both its pixels are, and the interpolation closes no pixel off. Where the cubic would dip because the
 gap jumps beyond one of the two pixels, that pixel's outer neighbour is left out. At Gauss points the gap is bilinear.
-Source of the cubic law: Reynolds, Phil. Trans. R. Soc. 177, 1886, 157, for parallel plates.
 """
 
 from __future__ import annotations
@@ -19,6 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..base import validate
 from ..base.errors import InputError
 from .grid import Grid
+from .law import cubic_law
 
 Array = NDArray[np.float64]
 SIDES = ("mirror", "periodic")
@@ -33,34 +33,6 @@ _CONTRAST = 1e50
 _DOUBTED, _JUMP = 0.8, 8.0
 
 _compiled: dict[str, Any] = {"cache": True, "nogil": True}
-
-
-def cubic_law(gap: Any) -> Any:
-    """Permeability h³/12 [m³] of a gap h [m] between parallel plates."""
-    return gap * gap * gap / 12.0
-
-
-def equivalent_gap(gap: Array, factor: ArrayLike) -> Array:
-    """Gap [m] whose permeability by the cubic law is (h³/12) F, with the flow factor F > 0 of a gas; 0 in contact.
-
-    It is taken at the pixels, and interpolated between them as any gap is.
-
-    Raises
-    ------
-    InputError : a factor of another shape than the gap, or not > 0 and finite where the gap is open.
-    """
-    factor = np.asarray(factor, dtype=float)
-    if factor.shape not in ((), gap.shape):
-        raise InputError("flow_factor", f"shape {factor.shape}", f"a number or shape {gap.shape}")
-    factor = np.broadcast_to(factor, gap.shape)
-    if not ((factor > 0) & np.isfinite(factor)).all(where=gap > 0):
-        raise InputError("flow_factor", "values <= 0 or undefined", "finite numbers > 0 where the gap is open")
-    return np.multiply(gap, np.cbrt(factor), out=np.zeros(gap.shape), where=gap > 0)
-
-
-def rough_plates(mean_gap: Any, rms_height: float) -> Any:
-    """Permeability [m³] of widely separated isotropic rough faces, (h̄³/12)(1 − 3σ²/2h̄²), in the next order of σ/h̄."""
-    return cubic_law(mean_gap) - mean_gap * rms_height**2 / 8
 
 
 def validated_gap(gap: ArrayLike, spacing: tuple[float, float]) -> tuple[Array, tuple[float, float]]:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numba import njit
@@ -18,9 +18,6 @@ from numpy.polynomial import chebyshev
 from numpy.typing import ArrayLike, NDArray
 
 from ..base.errors import InputError
-
-if TYPE_CHECKING:
-    from .gas_drop import GasDrop
 
 Array = NDArray[np.float64]
 #: Pressures below this share of the inlet's are not looked at, since hardly anything of the drop lies there.
@@ -74,7 +71,7 @@ class PermeabilityTable:
     >>> gas = fs.IdealGas(19.6e-6, 4.0026e-3, 293.15)
     >>> gap, ends = np.full((4, 4), 100e-9), {"inlet_pressure": 10e5, "outlet_pressure": 1e5}
     >>> pressures = fs.table_pressures(10e5, 1e5)
-    >>> k = [fs.cell_permeability(gap, (1e-6, 1e-6), flow_factor=gas.flow_factor(gap, p)).value for p in pressures]
+    >>> k = [fs.cell_permeability(gap, (1e-6, 1e-6), law=gas.law, pressure=p).value for p in pressures]
     >>> seal = fs.RectangularSeal((1e-3, 0.1), (10, 100))
     >>> with_slip = fs.seal_leakage(seal, PermeabilityTable(pressures, k), gas, **ends)
     >>> round(with_slip.mass_rate / fs.seal_leakage(seal, (100e-9) ** 3 / 12, gas, **ends).mass_rate, 1)
@@ -97,15 +94,6 @@ class PermeabilityTable:
                 raise InputError("values", "negative or undefined permeabilities", "finite numbers >= 0 [m³]")
         object.__setattr__(self, "pressures", tuple(p.tolist()))
         object.__setattr__(self, "values", arrays if pair else arrays[0])
-
-    @classmethod
-    def of(cls, drop: GasDrop | None, values: Sequence[Any]) -> Any:
-        """Table of the values at each of the pressures of a drop; without a drop, the only value."""
-        if drop is None:
-            return values[0]
-        pair = isinstance(values[0], (tuple, list))
-        stacked = tuple(np.array(v) for v in zip(*values, strict=True)) if pair else np.array(values)
-        return cls(tuple(drop.pressures), stacked)
 
     @property
     def typical(self) -> tuple[float, float]:

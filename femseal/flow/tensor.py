@@ -9,6 +9,7 @@ from ..base.errors import InputError, NotConverged
 from .assembly import assemble_on_links
 from .coefficient import permeability_on_links, unit_spacing, validated_gap
 from .grid import Grid
+from .law import CUBIC_LAW, FlowLaw, gap_by_law
 from .percolation import winding_components
 from .solution import MAX_IMBALANCE
 from .solvers.amg import solve_spd
@@ -20,7 +21,14 @@ Array = NDArray[np.float64]
 _RTOL = 1e-9
 
 
-def permeability_tensor(gap: ArrayLike, spacing: tuple[float, float], *, solver: str = "auto") -> Array:
+def permeability_tensor(
+    gap: ArrayLike,
+    spacing: tuple[float, float],
+    *,
+    solver: str = "auto",
+    law: FlowLaw = CUBIC_LAW,
+    pressure: ArrayLike | None = None,
+) -> Array:
     """Permeability tensor (2, 2) [m³] of a doubly periodic cell: mean flux −K∇p for a mean pressure gradient.
 
     K_ab = (1/|Ω|) ∫ h³/12 (e_a + ∇χ_a)·(e_b + ∇χ_b), χ periodic; symmetric, and exactly 0 along an axis around which
@@ -31,6 +39,7 @@ def permeability_tensor(gap: ArrayLike, spacing: tuple[float, float], *, solver:
     gap : h (n1, n2) [m].
     spacing : pixel (Δ1, Δ2) [m].
     solver : of the linear system, "auto" (pyamg or a factorisation, whichever is expected to be faster) or "amg".
+    law, pressure : as in `cell_permeability`.
 
     Raises
     ------
@@ -39,6 +48,7 @@ def permeability_tensor(gap: ArrayLike, spacing: tuple[float, float], *, solver:
         large for elimination, more than 140 pixels along both axes.
     """
     h, (d1, d2) = validated_gap(gap, spacing)
+    h = gap_by_law(h, law, pressure)
     if solver not in ("auto", "amg"):
         raise InputError("solver", repr(solver), "'auto' or 'amg'")
     n1, n2 = h.shape

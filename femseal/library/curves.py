@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
-from ..flow.coefficient import rough_plates
+from ..analytic import large_gap
 from .ladder import Cell, Ladder
 
 Array = NDArray[np.float64]
@@ -100,9 +100,9 @@ class CellCurves:
             return self.loaded(np.zeros_like(gap))
         last = self.ladder.separations[-1]
         wide = np.maximum(gap, last)
-        beyond = rough_plates(wide, self.rms_height)
-        if (drop := self.ladder.drop) is not None:
-            beyond = beyond * drop.gas.flow_factor(wide, drop.pressures[self.kind % drop.pressures.size])
+        drop = self.ladder.drop
+        factor = drop.law.factor(wide, drop.pressures[self.kind % drop.pressures.size])
+        beyond = large_gap(wide, self.rms_height) * factor
         return np.where(gap <= last, np.exp(self._rigid(-np.maximum(gap, self.ladder.separations[0]))), beyond)
 
     def unloaded(self, pressure: Array, peak: Array) -> Array:

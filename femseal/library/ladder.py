@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.errors import InputError
-from ..contact import Contact, HalfSpace, solve_deformed_contact
-from ..flow.gas_drop import GasDrop
+from ..contact import Contact, HalfSpace, solve_contact
+from ..flow.pressure_drop import VISCOUS, PressureDrop
 from ..windows.outcome import SolveCounts
 from ..windows.window import FlowSettings, window_permeability
 
@@ -31,7 +31,7 @@ class Ladder:
     separations : distances between the mean planes without contact pressure [m], rising.
     closing_rtol : relative tolerance of closing pressures.
     bounds : also compute a lower and an upper bound of every permeability, for a gap constant on each pixel.
-    drop : of a gas with slip, whose permeabilities are computed at each of its pressures.
+    drop : of the fluid, at whose pressures permeabilities are computed.
 
     Raises
     ------
@@ -45,7 +45,7 @@ class Ladder:
     separations: tuple[float, ...] = ()
     closing_rtol: float = 0.05
     bounds: bool = False
-    drop: GasDrop | None = None
+    drop: PressureDrop = VISCOUS
 
     def __post_init__(self) -> None:
         if not self.loading or self.loading[0] != 0 or np.any(np.diff(self.loading) <= 0):
@@ -60,11 +60,8 @@ class Ladder:
 
     @property
     def kinds(self) -> int:
-        """Number of permeabilities of each state: 1, the value, or with bounds 3, the value and its two bounds.
-
-        Of a gas with slip there are as many of each as it has pressures.
-        """
-        return (3 if self.bounds else 1) * (1 if self.drop is None else self.drop.pressures.size)
+        """Number of permeabilities of each state: the value, or with bounds the value and its two, at each pressure."""
+        return (3 if self.bounds else 1) * self.drop.pressures.size
 
 
 @dataclass(frozen=True)
@@ -272,8 +269,13 @@ class _Window:
         return np.array(apart).reshape(len(separations), self.kinds, 2).transpose(1, 2, 0)
 
     def _contact(self, pressure: float, deformation: Array | None = None) -> Contact:
-        return solve_deformed_contact(
-            self.gap0, self.half_space, deformation, pressure=pressure, hardness=self.hardness, rtol=self.rtol
+        return solve_contact(
+            self.gap0,
+            self.half_space,
+            pressure=pressure,
+            hardness=self.hardness,
+            deformation=deformation,
+            rtol=self.rtol,
         )
 
     def _state(self, contact: Contact, closed: tuple[bool, bool]) -> _State:

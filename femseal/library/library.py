@@ -125,8 +125,7 @@ class WindowSource:
             ladder.closing_rtol,
             ladder.bounds,
         ]
-        if ladder.drop is not None:
-            settings += [repr(ladder.drop.gas), ladder.drop.pressures.tolist()]
+        settings += ladder.drop.key
         digest = hashlib.sha256(json.dumps(settings).encode())
         for topography in self.topographies:
             digest.update(np.ascontiguousarray(topography).tobytes())

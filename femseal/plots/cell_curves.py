@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.errors import InputError
-from ..flow.coefficient import cubic_law
+from ..flow.law import cubic_law
 from ..results.branches import Steps, branches
 from ..results.interpolated import solved_steps
 from .drawing import GREY, LINES, STYLES, Sheet

@@ -294,7 +294,7 @@ def leakage_curves(results: Results) -> LeakageCurves:
     """All leakages of a run, as they are drawn."""
     data = results.dataset
     share = [data[n].attrs["quantile"] for n in ("leakage_lower", "leakage_upper") if n in data] or [0.05, 0.95]
-    notes = ["gas at 101 325 Pa"] if "IdealGas" in str(data.attrs.get("fluid", "")) else []
+    notes = ["gas at 101 325 Pa"] if results.leak_basis.is_gas else []
     notes += ["from outlet to inlet"] if data.attrs["outlet_pressure_Pa"] > data.attrs["inlet_pressure_Pa"] else []
     others = {"two-scale": "leakage_two_scale", "deterministic": "leakage_deterministic"}
     return LeakageCurves(

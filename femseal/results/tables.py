@@ -108,7 +108,7 @@ def texts(results: Results) -> tuple[str, list[str], list[list[str]]]:
         columns.append((f"whole seal [{whole.name}]", [amount(q, basis.factor(whole)) for q in best.values]))
     for name, variable in data.data_vars.items():
         # no column for sealed realisations if there are none
-        if "heading" in variable.attrs and name != best.name and (name != "sealed_share" or variable.any()):
+        if "heading" in variable.attrs and name != best.name and (name != "sealed_fraction" or variable.any()):
             columns.append((variable.attrs["heading"], _cells(variable, factor)))
     if "test_leakage" in data:
         test = test_unit(results)

@@ -100,7 +100,7 @@ def add_windows(data: xarray.Dataset, scene: Scene, result: TwoScaleResult) -> N
         shares[s] = drop_shares(result.k1[s], result.k2[s], seal, potential[s])
     data.coords["narrowest"] = ("narrowest", list(NARROWEST), _labels("1", "number of links that dissipate most"))
     text = "share of the pressure drop over the links that dissipate most, NaN without flow"
-    data["drop_share"] = (("step", "narrowest"), shares, _labels("1", text))
+    data["drop_fraction"] = (("step", "narrowest"), shares, _labels("1", text))
 
 
 def add_realisations(data: xarray.Dataset, result: StochasticResult, quantiles: tuple[float, float]) -> None:
@@ -123,7 +123,7 @@ def add_realisations(data: xarray.Dataset, result: StochasticResult, quantiles: 
         text = "half the distance of ln(leakage) with held and with closed cuts between runs"
         data["cut_error"] = ("step", result.cut_error, _labels("1", text))
     text = "share of the realisations without leakage"
-    data["sealed_share"] = ("step", result.sealed_share, _labels("1", text, "sealed [%]"))
+    data["sealed_fraction"] = ("step", result.sealed_fraction, _labels("1", text, "sealed [%]"))
 
 
 def add_lengths(data: xarray.Dataset, result: StochasticResult, quantiles: tuple[float, float]) -> None:
@@ -146,9 +146,9 @@ def add_lengths(data: xarray.Dataset, result: StochasticResult, quantiles: tuple
         )
         text += " with the error of the finite library" if resampled else ""
         data[f"leakage_of_lengths_{name}"] = (("seal_length", "step"), values, _labels("m^2/s", text) | {"quantile": q})
-    sealed = np.array([seals.sealed_share for seals in every])
+    sealed = np.array([seals.sealed_fraction for seals in every])
     labels = _labels("1", "share of the realisations without leakage by length")
-    data["sealed_share_of_lengths"] = (("seal_length", "step"), sealed, labels)
+    data["sealed_fraction_of_lengths"] = (("seal_length", "step"), sealed, labels)
 
 
 def add_filtered(data: xarray.Dataset, leakage: np.ndarray) -> None:

@@ -68,5 +68,5 @@ def _between(found: dict[float, Effort], pressure: float) -> Effort:
         return Effort(0.0, 0.0)
     known = [log(p) for p in found]
     pairs, share = (np.interp(log(pressure), known, values) for values in
-                    ([e.pairs for e in found.values()], [e.share for e in found.values()]))  # fmt: skip
+                    ([e.pairs for e in found.values()], [e.contact_fraction for e in found.values()]))  # fmt: skip
     return Effort(float(pairs), float(share))

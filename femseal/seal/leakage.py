@@ -65,7 +65,7 @@ def seal_leakage(
     permeability : k >= 0 [m³]; a number; on structured seals of (n1, n2) cells the links (k1, k2), numbers or arrays
         (n1, n2) and (n1 − 1, n2), or symmetric tensors (n1, n2, 2, 2) of the elements between four nodes, in the
         directions of the two axes; on meshes (n_elements,), (n_elements, 2) along x and y, or (n_elements, 2, 2). A
-        `PermeabilityTable` of any of these gives it at several pressures, as a gas with slip needs; anything else is
+        `PermeabilityTable` of any of these gives it at several pressures, as a rarefied gas needs; anything else is
         taken for that of all pressures.
     fluid : a `Liquid`, an `IdealGas` or anything else with a pressure potential.
     inlet_pressure, outlet_pressure : [Pa]; absolute for a gas. A mesh whose inlets have pressures of their own takes no

@@ -1,9 +1,9 @@
 """Flow through a seal whose permeability depends on the pressure of the fluid: ∇·(k(p) ρ/η ∇p) = 0.
 
 The flow through a link is the difference of its own potential, ∫ k(p) (ρ/η) dp, between the pressures of its nodes: a
-network with a single solution, because each flow rises with its drop. It is solved by successive linear flows, in the
-potential ψ of a typical gap (see `flow.gas_drop`), with the mean permeability of each link between its pressures. On
-meshes, and with tensors, the permeability of an element is that at the mean of its nodes.
+network with a single solution, because each flow rises with its drop. It is solved as a fixed point of linear flows, in
+the potential ψ of a typical gap (see `flow.pressure_drop`), with the mean permeability of each link between its
+pressures. On meshes, and with tensors, the permeability of an element is that at the mean of its nodes.
 """
 
 from __future__ import annotations
@@ -15,15 +15,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.errors import InputError
-from ..flow.coefficient import cubic_law
-from ..flow.gas_drop import GasDrop, successive
+from ..base.fixed_point import fixed_point
+from ..flow.law import law_of
 from ..flow.permeability_table import PermeabilityTable, pressure_curve
+from ..flow.pressure_drop import PressureDrop
 from ..flow.solution import DarcyFlow
 from .shapes import Seal
 from .structured import StructuredSeal
 
 Array = NDArray[np.float64]
-#: Relative error at which successive solutions end.
+#: Relative error at which the fixed point ends.
 RTOL = 1e-5
 
 
@@ -46,19 +47,20 @@ def pressure_dependent_flow(
 
     Returns
     -------
-    The flow, its potential as share of the drop of φ, and the permeabilities with which φ has this flow [m³].
+    The flow, its potential as fraction of the drop of φ, and the permeabilities with which φ has this flow [m³].
 
     Raises
     ------
     NotConverged : the linear solver failed, or the flow still changes after many solutions.
     """
-    drop = GasDrop(fluid, inlet, outlet, _gap_of(table, fluid))
+    pressure, k = table.typical
+    drop = PressureDrop(fluid, inlet, outlet, law_of(fluid).gap(k, pressure) if k > 0 else 1e-6)
     values = _on_parts(seal, table.values, len(table.pressures))
     pair = isinstance(values, tuple)
     curves = [pressure_curve(table.pressures, k) for k in (values if pair else (values,))]
 
-    def permeability(share: Any) -> Any:
-        p = drop.pressure(np.nan_to_num(np.asarray(share, dtype=float), nan=0.5))
+    def permeability(fraction: Any) -> Any:
+        p = drop.pressure(np.nan_to_num(np.asarray(fraction, dtype=float), nan=0.5))
         p = np.maximum(p, drop.least_pressure)
         found = tuple(
             c.between(_beside(first, c.shape), _beside(second, c.shape), drop.mobility)
@@ -66,18 +68,18 @@ def pressure_dependent_flow(
         )
         return found if pair else found[0]
 
-    def solve(share: Any) -> tuple[float, Array, tuple[DarcyFlow, Any]]:
-        local = permeability(share)
+    def solve(local: Any) -> tuple[float, Array, DarcyFlow]:
         flow = seal.flow(local, solver=solver)
-        return flow.conductance, flow.potential, (flow, local)
+        return flow.conductance, flow.potential, flow
 
     # along a uniform seal the potential falls evenly
     first = np.linspace(1, 0, len(seal.grid.lines1))[:, None] if isinstance(seal, StructuredSeal) else 0.5
-    flow, local = successive(solve, RTOL, first)
+    solved = fixed_point(permeability, solve, first, rtol=RTOL, name="flow through a seal")
+    flow, local = solved.found, solved.coefficient
     if bounds:
         flow = seal.flow(local, bounds=True, solver=solver)
-    factor, share = drop.mean_factor, np.clip(flow.potential, 0.0, 1.0)
-    potential = drop.viscous_share(share)
+    factor, fraction = drop.mean_factor, np.clip(flow.potential, 0.0, 1.0)
+    potential = drop.viscous_fraction(fraction)
     scaled = replace(
         flow,
         conductance=factor * flow.conductance,
@@ -87,7 +89,7 @@ def pressure_dependent_flow(
         complement=1 - potential,
     )
     # what flows through each part is the same in both potentials
-    steeper = [drop.steepness(*ends) for ends in _ends(seal, np.nan_to_num(share, nan=0.5), pair)]
+    steeper = [drop.steepness(*ends) for ends in _ends(seal, np.nan_to_num(fraction, nan=0.5), pair)]
     if pair:
         return scaled, tuple(k * by for k, by in zip(local, steeper, strict=True))
     return scaled, local * steeper[0].reshape(steeper[0].shape + (1,) * (local.ndim - steeper[0].ndim))
@@ -133,21 +135,3 @@ def _ends(seal: Any, p: Array, links: bool) -> list[tuple[Array, Array]]:
         rows = 0.5 * (p[:-1] + p[1:])
         mean = 0.5 * (rows + np.roll(rows, -1, axis=1))
     return [(mean, mean)]
-
-
-def _gap_of(table: PermeabilityTable, fluid: Any) -> float:
-    """Gap between plates [m] with the median of the permeabilities in the middle of the pressures."""
-    pressure, k = table.typical
-    if k == 0:
-        return 1e-6
-    gap = np.cbrt(12 * k)
-    if hasattr(fluid, "flow_factor"):
-        # more passes through the gap than by the cubic law: halve the interval in which it lies
-        low, high = gap * 1e-6, gap
-        for _ in range(60):
-            gap = np.sqrt(low * high)
-            if cubic_law(gap) * fluid.flow_factor(gap, pressure) > k:
-                high = gap
-            else:
-                low = gap
-    return float(gap)

@@ -7,7 +7,15 @@
 from .deterministic import DeterministicResult, deterministic
 from .face_contact import CONTACTS, chosen_contact
 from .other_fluid import FluidState, OtherLeakage, drop_ratio
-from .sampling_options import DRAWS, PRESSURES, Sampling, check_sampling, chosen_sampler, count_face_windows, laid_out
+from .sampling_options import (
+    DRAWS,
+    PRESSURES,
+    Sampling,
+    check_sampling,
+    chosen_sampler,
+    count_face_windows,
+    lay_out_windows,
+)
 from .scene import Scene
 from .stochastic import stochastic
 from .stochastic_result import StochasticResult
@@ -36,7 +44,7 @@ __all__ = [
     "chosen_sampler",
     "deterministic",
     "drop_ratio",
-    "laid_out",
+    "lay_out_windows",
     "count_face_windows",
     "stochastic",
     "study_of_result",

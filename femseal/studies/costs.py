@@ -44,7 +44,7 @@ _RUN_SECONDS, _RUN_PIXEL_SECONDS = 1.2e-3, 6e-7
 _DRAW_SECONDS, _DRAW_COLUMN_SECONDS = 1e-4, 2e-8
 #: Seconds of a link of a drawn seal at a load step, for each doubling of its rows.
 _LINK_SECONDS = 1.1e-7
-#: Flow solutions, and what they need besides, that the flow of a gas with slip takes.
+#: Flow solutions, and what they need besides, that the flow of a rarefied gas takes.
 _SUCCESSIVE = 4.5
 #: Transforms that the estimate of the error of a gap takes.
 _ERROR_PAIRS = 3
@@ -56,16 +56,16 @@ _LADDER_STATES, _MAP_STATES = 60, 120
 class Effort:
     """What decides on the work of a load step.
 
-    pairs : transforms of a contact of `PILOT_PIXELS`. share : of the face in contact, 0 to 1.
+    pairs : transforms of a contact of `PILOT_PIXELS`. contact_fraction : of the face in contact, 0 to 1.
     """
 
     pairs: float = 22.0
-    share: float = 0.15
+    contact_fraction: float = 0.15
 
     @property
     def growth(self) -> float:
         """Power of the pixels with which the number of transforms grows."""
-        return _PAIR_GROWTH[0] + _PAIR_GROWTH[1] * self.share
+        return _PAIR_GROWTH[0] + _PAIR_GROWTH[1] * self.contact_fraction
 
 
 def usual_efforts(steps: int) -> tuple[Effort, ...]:
@@ -76,21 +76,21 @@ def usual_efforts(steps: int) -> tuple[Effort, ...]:
 def contact_seconds(pixels: float, effort: Effort) -> float:
     """Expected time of one contact solution [s]."""
     pairs = max(_LEAST_PAIRS, effort.pairs * (pixels / PILOT_PIXELS) ** effort.growth)
-    return pairs * (_PAIR_SECONDS[0] + _PAIR_SECONDS[1] * pixels * (1 + effort.share**4))
+    return pairs * (_PAIR_SECONDS[0] + _PAIR_SECONDS[1] * pixels * (1 + effort.contact_fraction**4))
 
 
 def flow_seconds(pixels: float, effort: Effort) -> float:
     """Expected time of one flow solution [s]."""
     low, high = _CLOSING
     far, closed = _FLOW_PIXEL_SECONDS
-    growth = max(1.0, pixels / 100**2) ** _FLOW_GROWTH[effort.share >= low]
-    return _FLOW_SECONDS + pixels * (far * growth if effort.share < high else closed)
+    growth = max(1.0, pixels / 100**2) ** _FLOW_GROWTH[effort.contact_fraction >= low]
+    return _FLOW_SECONDS + pixels * (far * growth if effort.contact_fraction < high else closed)
 
 
 def element_seconds(pixels: float, side: float, effort: Effort) -> float:
     """Expected time of one flow solution through elements, windows of `side` pixels along each side [s]."""
     each, small, large = _ELEMENT_SECONDS
-    return pixels * (1 - effort.share) * (each + small / side + large * side)
+    return pixels * (1 - effort.contact_fraction) * (each + small / side + large * side)
 
 
 def deterministic_cost(efforts: Sequence[Effort], points: tuple[int, int], pressures: int = 1) -> tuple[float, float]:
@@ -103,7 +103,7 @@ def deterministic_cost(efforts: Sequence[Effort], points: tuple[int, int], press
 def _state_memory(pixels: int, efforts: Sequence[Effort]) -> float:
     """Memory that contact and flow of a step need at most [byte]; elimination, near closing, takes most of it."""
     low, high = _CLOSING
-    near = any(low <= effort.share < high for effort in efforts)
+    near = any(low <= effort.contact_fraction < high for effort in efforts)
     return state_memory(pixels) if near else _EASY_BYTES * pixels
 
 
@@ -190,13 +190,12 @@ def stochastic_cost(
 
 
 def pressures_of_gas(scene: Scene) -> int:
-    """Number of pressures at which permeabilities are needed: 1, of a gas with slip more."""
-    drop = scene.flow.drop
-    return 1 if drop is None else drop.pressures.size
+    """Number of pressures at which permeabilities are needed: 1 unless the law of the fluid depends on it."""
+    return scene.flow.drop.pressures.size
 
 
 #: Limits of the deterministic solution in an automatic choice: time on one core [s], and share of the free memory.
-AFFORDABLE_SECONDS, AFFORDABLE_SHARE = 3600.0, 0.7
+AFFORDABLE_SECONDS, AFFORDABLE_FRACTION = 3600.0, 0.7
 
 
 def choose_method(
@@ -214,8 +213,8 @@ def choose_method(
     seconds, memory = deterministic_cost(efforts, points)
     free = free_memory()
     cost = f"deterministic about {seconds:.0f} s and {memory / 1e9:.2g} GB of {free / 1e9:.2g} GB free"
-    if seconds <= AFFORDABLE_SECONDS and memory <= AFFORDABLE_SHARE * free:
+    if seconds <= AFFORDABLE_SECONDS and memory <= AFFORDABLE_FRACTION * free:
         return "deterministic", f"{cost}: affordable, and nothing is more exact on these pixels"
     other, less = two_scale_cost(efforts, points, cells, flow)
-    reason = "too long" if memory <= AFFORDABLE_SHARE * free else "too much"
+    reason = "too long" if memory <= AFFORDABLE_FRACTION * free else "too much"
     return "two-scale", f"{cost}: {reason}; two scales with {flow} about {other:.0f} s and {less / 1e9:.2g} GB"

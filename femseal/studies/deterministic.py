@@ -103,9 +103,9 @@ def deterministic(scene: Scene, *, cells: tuple[int, int] | None = None, mapper:
     for s, state in enumerate(states):
         gap[s] = state.gap
         cuts.append(state.cut)
-        if isinstance(state.flow, FaceFlow) and state.flow.share is not None:
-            fluid_pressure[s] = scene.pressure_at(state.flow.share)
-            state = replace(state, flow=replace(state.flow, share=None))
+        if isinstance(state.flow, FaceFlow) and state.flow.potential is not None:
+            fluid_pressure[s] = scene.pressure_at(state.flow.potential)
+            state = replace(state, flow=replace(state.flow, potential=None))
         flows.append(state.flow)
         facts.append((state.contact_fraction, state.plastic_fraction, state.mean_gap, state.residual))
     contact_fraction, plastic_fraction, mean_gap, residual = np.array(facts).T
@@ -153,7 +153,7 @@ def _resolved(state: LoadState, settings: FlowSettings, partition: Partition) ->
     return _ResolvedState(
         gap=contact.gap.astype(np.float32),
         cut=CutState.of(contact, partition),
-        flow=attempt(resolved_flow, contact.gap, contact.half_space.spacing, settings, with_share=True),
+        flow=attempt(resolved_flow, contact.gap, contact.half_space.spacing, settings, with_potential=True),
         contact_fraction=contact.area_fraction,
         plastic_fraction=contact.plastic_fraction,
         mean_gap=contact.mean_gap,

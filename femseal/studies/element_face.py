@@ -1,74 +1,68 @@
-"""Flow through the elements of a whole face, also of a gas with slip, whose flow factors depend on its own pressure."""
+"""Flow through the elements of a whole face, at its own pressures where the law of the fluid depends on them."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..elements import ElementFlow, element_flow, face_potential
-from ..flow.gas_drop import GasDrop, successive
+from ..flow.pressure_drop import PressureDrop
 from ..library import ColumnRuns
 from ..windows import Partition
-from .scene import GAS_RTOL, Array
+from .scene import PRESSURE_RTOL, Array
 
 
 @dataclass(frozen=True, eq=False)
 class FaceElements:
     """Flow through the elements of a face.
 
-    flow : its permeabilities see the drop of the viscous potential. share : of that drop at every pixel (n1, n2).
-    gap : (n1, n2) [m] whose elements were solved; of a gas with slip that of the same permeability by the cubic law.
-    drop : of a gas with slip the drop whose shares the potential of that gap is; None of other fluids.
+    flow : its permeabilities see the drop of the viscous potential. potential : between 1 at the
+        inlet and 0 at the outlet, at every pixel (n1, n2).
+    gap : (n1, n2) [m] whose elements were solved, by the cubic law. drop : whose fractions its potential is.
     """
 
     flow: ElementFlow
-    share: NDArray[np.float32]
+    potential: NDArray[np.float32]
     gap: NDArray[np.floating]
-    drop: GasDrop | None = None
+    drop: PressureDrop
 
 
-def flow_through_elements(gap: NDArray[np.floating], partition: Partition, drop: GasDrop | None) -> FaceElements:
-    """Solve the flow through a face (n1, n2) [m], that of a gas with slip again and again at its own pressures.
+def flow_through_elements(gap: NDArray[np.floating], partition: Partition, drop: PressureDrop) -> FaceElements:
+    """Solve the flow through a face (n1, n2) [m].
 
     Raises
     ------
-    NotConverged : see `elements.element_flow`; the flow of a gas still changes after many solutions.
+    NotConverged : see `elements.element_flow` and `PressureDrop.solve_face`.
     """
-    of_gas = None if drop is None else drop.through(np.asarray(gap, float), partition.spacing)
-    if of_gas is None:
+
+    def solve(gap: Array) -> tuple[float, Array, tuple[ElementFlow, Array]]:
         flow = element_flow(gap, partition)
-        return FaceElements(flow, face_potential(gap, partition, flow).astype(np.float32), gap)
-    h = np.asarray(gap, float)
+        potential = face_potential(gap, partition, flow)
+        return flow.permeability, potential, (flow, potential)
 
-    def solve(share: Any) -> tuple[float, Array, FaceElements]:
-        widened = of_gas.equivalent_gap(h, share)
-        flow = element_flow(widened, partition)
-        potential = face_potential(widened, partition, flow)
-        return flow.permeability, potential, FaceElements(flow, potential.astype(np.float32), widened)
-
-    found = successive(solve, GAS_RTOL)
-    factor = of_gas.mean_factor
+    solved = drop.solve_face(np.asarray(gap, float), partition.spacing, solve, PRESSURE_RTOL)
+    (flow, potential), factor = solved.found, solved.drop.mean_factor
     flow = replace(
-        found.flow,
-        permeability=factor * found.flow.permeability,
-        node_permeability=factor * found.flow.node_permeability,
-        dissipation=factor * found.flow.dissipation,
+        flow,
+        permeability=factor * flow.permeability,
+        node_permeability=factor * flow.node_permeability,
+        dissipation=factor * flow.dissipation,
     )
-    share = of_gas.viscous_share(np.clip(found.share, 0.0, 1.0)).astype(np.float32)
-    return FaceElements(flow, share, found.gap, of_gas)
+    viscous = solved.drop.viscous_fraction(np.clip(potential, 0.0, 1.0)).astype(np.float32)
+    return FaceElements(flow, viscous, solved.gap, solved.drop)
 
 
 def columns_of_face(
-    gap: NDArray[np.floating], partition: Partition, drop: GasDrop | None
-) -> tuple[ColumnRuns, GasDrop | None]:
-    """Columns of a face, see `library.ColumnRuns`; of a gas with slip also the drop whose shares their potential is.
+    gap: NDArray[np.floating], partition: Partition, drop: PressureDrop
+) -> tuple[ColumnRuns, PressureDrop]:
+    """Columns of a face, see `library.ColumnRuns`, and the drop whose fractions their potential is.
 
-    A gas with slip has the pressures in the whole face. Its `mean_factor` multiplies the conductances.
+    A law that depends on the pressure has the pressures in the whole face. The `mean_factor` of the drop multiplies the
+    conductances.
     """
-    if drop is None:
-        return ColumnRuns.of(gap, partition), None
+    if not drop.law.depends_on_pressure:
+        return ColumnRuns.of(drop.law.equivalent_gap(gap), partition), drop
     face = flow_through_elements(gap, partition, drop)
     return ColumnRuns.of(face.gap, partition), face.drop

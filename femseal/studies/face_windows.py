@@ -43,13 +43,13 @@ def windows_in_place(wanted: WindowRequest) -> WindowSupply:
     if two_scale is not None and two_scale.link_flows is not None:
         # counts and failures of the two-scale study are in its own result
         flows_before = enumerate(two_scale.link_flows)
-        known = {(axis, 0): LinkFlows(flow.k, at_pressures=flow.at_pressures) for axis, flow in flows_before}
+        known = {(axis, 0): LinkFlows(flow.at_pressures) for axis, flow in flows_before}
     flows = [
         [known.get((axis, s)) or solve_links(contact.fields, axis, scene.flow, shift=s, mapper=mapper) for s in moved]
         for axis in (0, 1)
     ]
-    # (pressures, steps, rows, columns), of which there is one pressure without slip
-    every_k1, every_k2 = _without_failed(*(np.concatenate([f.all for f in along], axis=3) for along in flows))
+    # (pressures, steps, rows, columns)
+    every_k1, every_k2 = _without_failed(*(np.concatenate([f.at_pressures for f in along], axis=3) for along in flows))
     k1, k2 = every_k1[0], every_k2[0]
     length = float(np.mean([correlation_length(k1[:, :, n * m2 : (n + 1) * m2]) for n in range(shifts)]))
     every = flows[0] + flows[1]

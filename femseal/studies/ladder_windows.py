@@ -12,12 +12,12 @@ from ..library import Ladder, LadderLibrary, LinkTable, WindowSource, build_ladd
 from ..library.sampling import Index
 from ..windows import GlobalState, Partition
 from .scene import Array, Scene
-from .window_pressures import peaks_to_follow, shared_paths, shares_of_links
+from .window_pressures import distinct_paths, library_peaks, pressure_fractions
 from .window_supply import Tables, WindowRequest, WindowSupply
 
 #: Loading steps of a library in shares of the pressure at which everything is in contact, about: the hardness, or half
 #: of E* × rms slope where that is less.
-LOADING_SHARES = (0, 0.001, 0.004, 0.01, 0.02, 0.04, 0.07, 0.11, 0.16, 0.22, 0.29, 0.37, 0.46, 0.56, 0.67, 0.8, 0.95)
+LOADING_FRACTIONS = (0, 0.001, 0.004, 0.01, 0.02, 0.04, 0.07, 0.11, 0.16, 0.22, 0.29, 0.37, 0.46, 0.56, 0.67, 0.8, 0.95)
 #: Stops of library windows on the way down in shares of the peak.
 STOPS = (0.8, 0.6, 0.4, 0.25, 0.12, 0.04, 0.0)
 #: Rigid separations of library windows in rms heights; beyond them k is within 3 % of the asymptote, which takes over.
@@ -37,7 +37,7 @@ def windows_under_global_contact(wanted: WindowRequest) -> WindowSupply:
     means = partial(_link_means, partition=partition)
     states = scene.global_states(partition, cut_off, take=means, mapper=wanted.mapper)
     p, p_across, gap, gap_across = (np.array(values) for values in zip(*states, strict=True))
-    followed = peaks_to_follow([pressure.reshape(len(pressure), -1) for pressure in (p, p_across)], scene.steps)
+    followed = library_peaks([pressure.reshape(len(pressure), -1) for pressure in (p, p_across)], scene.steps)
     library = _library(wanted, float(p.max()), apart=True, peaks=followed)
     # the standoff of the whole body separates windows without pressure from the face
     peaks = scene.steps.peak_indices
@@ -64,17 +64,17 @@ def windows_under_uniform_pressure(wanted: WindowRequest) -> WindowSupply:
     """Follow windows with the full heights; each has the nominal pressure, or its share of it in the map."""
     scene, laid = wanted.scene, wanted.laid
     nominal = scene.steps.pressures[:, None]
-    shares = [shares_of_links(scene, laid, wanted.sampling.pressure_map, axis) for axis in (0, 1)]
+    shares = [pressure_fractions(scene, laid, wanted.sampling.pressure_map, axis) for axis in (0, 1)]
     links = []
     for axis in (0, 1):
-        paths, number = shared_paths(shares[axis])
+        paths, number = distinct_paths(shares[axis])
         pressure = nominal * paths
         links.append(_LinkPaths(pressure, np.full(pressure.shape, -np.inf), number.reshape(laid.draws[axis])))
     highest = float(max(link.pressure.max(initial=0) for link in links))
     if all(np.all(s == 1) for s in shares):
         library = _library(wanted, highest, exact=scene.steps.loading, peaks=scene.steps.unload_from)
     else:
-        library = _library(wanted, highest, peaks=peaks_to_follow([link.pressure for link in links], scene.steps))
+        library = _library(wanted, highest, peaks=library_peaks([link.pressure for link in links], scene.steps))
     return WindowSupply(library, _tables(library, links, scene, laid.axes))
 
 
@@ -121,7 +121,7 @@ def _library(
     full = min(scene.hardness, 0.5 * scene.modulus * scene.surface.rms_slope)
     half_space = HalfSpace(partition.window, partition.spacing, scene.modulus, ("mirror", "mirror"))
     source = WindowSource((-scene.surface.heights,), half_space, scene.hardness, sampling.seed, scene.rtol, scene.flow)
-    shares = LOADING_SHARES if highest <= LOADING_SHARES[-1] * full else (*LOADING_SHARES, highest / full)
+    shares = LOADING_FRACTIONS if highest <= LOADING_FRACTIONS[-1] * full else (*LOADING_FRACTIONS, highest / full)
     ladder = Ladder(
         loading=tuple(share * full for share in shares),
         separations=tuple(source.rms_height * s for s in SEPARATIONS) if apart else (),

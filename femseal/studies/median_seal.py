@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..base.text import Shown
-from ..flow.gas_drop import GasDrop
-from ..flow.permeability_table import PermeabilityTable
+from ..flow.pressure_drop import PressureDrop
 from ..library import draw_links, draw_pressures
 from ..seal import Leakage, RectangularSeal
 from ..seal.layouts import SealWindows
@@ -52,11 +51,11 @@ class MedianSeal(Shown):
 
 
 def drawn_permeability(
-    laid: SealWindows, kinds: tuple[Tables, ...], sampling: Sampling, realisation: int, drop: GasDrop | None
+    laid: SealWindows, kinds: tuple[Tables, ...], sampling: Sampling, realisation: int, drop: PressureDrop
 ) -> Callable[[int], Any]:
     """Permeability of a realisation at a step, as `seal_leakage` takes it.
 
-    kinds : tables of the windows; of a gas with slip one for each pressure of its `drop`.
+    kinds : tables of the windows, one for each pressure of the drop.
     """
     sampler, seed = sampling.sampler_of_links, sampling.seed
     draws = [
@@ -67,7 +66,7 @@ def drawn_permeability(
         ]
         for tables in kinds
     ]
-    return lambda s: PermeabilityTable.of(drop, [laid.permeability(along(s), across(s)) for along, across in draws])
+    return lambda s: drop.table([laid.permeability(along(s), across(s)) for along, across in draws])
 
 
 def nearest_to_median(leakage: Array) -> int | None:
@@ -145,7 +144,7 @@ def median_chain(
         if isinstance(state, Failed):
             continue
         k[s] = state.k[:, columns].ravel()
-        p[s] = scene.pressure_at(state.share[:, columns]).ravel()
+        p[s] = scene.pressure_at(state.potential[:, columns]).ravel()
         through = state.flux[:, columns]
         total = through[..., 0].mean(axis=1)
         scale = np.divide(drawn.leakage[realisation, s], total, out=np.zeros(m1), where=total > 0)

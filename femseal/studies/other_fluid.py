@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from ..flow.law import FlowLaw, law_of
 from ..fluids import Fluid
 from ..loads import LoadProgramme
 from .load_interpolation import Indices, at_all_steps
@@ -33,9 +34,9 @@ class FluidState:
         )
 
     @property
-    def slips(self) -> bool:
-        """Whether molecules slip on the walls, so that the permeability of a gap depends on fluid and pressure."""
-        return bool(getattr(self.fluid, "slip", False))
+    def law(self) -> FlowLaw:
+        """Permeability of a gap for the fluid."""
+        return law_of(self.fluid)
 
     @property
     def drop(self) -> float:
@@ -77,10 +78,10 @@ class OtherLeakage:
 def drop_ratio(state: FluidState, own: FluidState) -> float | None:
     """Ratio of the leakage of two fluids through any seal; None where their permeabilities differ.
 
-    The conductance of a seal [m³] does not depend on the fluid as long as both flow as a continuum: then the drops of
-    their potentials alone tell their leakages apart, exactly.
+    The conductance of a seal [m³] is the same for fluids of one law that does not depend on the pressure: the drops of
+    their potentials then have the ratio of their leakages, exactly.
     """
-    return None if state.slips or own.slips else state.drop / own.drop
+    return None if state.law != own.law or state.law.depends_on_pressure else state.drop / own.drop
 
 
 @dataclass(frozen=True)

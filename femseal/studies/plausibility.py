@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator
 from math import isfinite
 
 from ..base.quantities import to_text
-from ..fluids import IdealGas
+from ..fluids import leak_basis
 from .fluid_load import RELIEF_FRACTION, carried_pressure
 from .scene import Scene
 
@@ -55,7 +55,7 @@ def _odd_pressures(scene: Scene) -> Iterator[str]:
             f"{to_text(least, 'Pa')}, and more than {RELIEF_FRACTION:.0%} of it at {len(lifted)} of {len(steps)} load "
             f"steps: the model leaves out that the fluid lifts the faces ({like}), so that leakage is too small there"
         )
-    if isinstance(scene.fluid, IdealGas) and scene.outlet_pressure == 0:
+    if leak_basis(scene.fluid, 1.0).is_gas and scene.outlet_pressure == 0:
         yield (
             "fluid.outlet_pressure 0 Pa of a gas is absolute, a vacuum: into the surroundings it is 101.3 kPa, and "
             "pressures above those of the surroundings need as much added"

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.stage import Mapper, Stage
-from ..flow.gas_drop import GasDrop
+from ..flow.pressure_drop import PressureDrop
 from ..library import RunFlows
 from ..seal import RectangularSeal
 from ..windows import Failed, Partition, SolverCounts, attempt
@@ -21,7 +21,7 @@ from .scene import Array, Scene
 
 #: Columns of a run as shares of those of the face, the first of which is taken by which the cuts matter less than the
 #: finite library. The shorter the runs, the more of them tell how realisations scatter.
-RUN_SHARES = (8, 4, 2)
+RUN_FRACTIONS = (8, 4, 2)
 #: Half the distance of the bounds of ln(leakage) from which on a run warns: bounds a factor of ten apart say little.
 WIDE = 1.15
 #: Share of the first step's flow from which on a step counts for that.
@@ -33,26 +33,24 @@ class StateRuns:
     """Runs of a face at one state.
 
     flows : of the runs, for each length in columns. k : permeability of every window (m1, m2) [m³].
-    share, flux : in every window of the uncut face the share of the drop of the viscous potential (m1, m2), NaN where
-        contact or pockets fill it, and the flow per width for a unit drop (m1, m2, 2) [m²].
+    potential, flux : in every window of the uncut face the viscous potential between 1 at the inlet and 0 at the
+        outlet (m1, m2), NaN where contact or pockets fill it, and the flow per width for a unit drop (m1, m2, 2) [m²].
     """
 
     flows: tuple[RunFlows, ...]
     k: Array
-    share: Array
+    potential: Array
     flux: Array
     solvers: SolverCounts
 
     @classmethod
     def of(
-        cls, gap: NDArray[np.floating], partition: Partition, lengths: tuple[int, ...], drop: GasDrop | None
+        cls, gap: NDArray[np.floating], partition: Partition, lengths: tuple[int, ...], drop: PressureDrop
     ) -> StateRuns:
         """Solve the runs of a gap (n1, n2) [m]."""
-        columns, of_gas = columns_of_face(gap, partition, drop)
+        columns, own = columns_of_face(gap, partition, drop)
         # rounding may give the potential an extreme inside
-        factor, share = 1.0, np.clip(columns.window_potential(), 0.0, 1.0)
-        if of_gas is not None:
-            factor, share = of_gas.mean_factor, of_gas.viscous_share(share)
+        factor, share = own.mean_factor, own.viscous_fraction(np.clip(columns.window_potential(), 0.0, 1.0))
         flows = tuple(
             replace(f, closed=factor * f.closed, held=factor * f.held, whole=factor * f.whole)
             for f in (columns.flows(length) for length in lengths)
@@ -92,11 +90,11 @@ class ChainedSeals:
 
 
 def runs_of_face(
-    fields: WindowFields, columns: int, drop: GasDrop | None, *, mapper: Mapper = map
+    fields: WindowFields, columns: int, drop: PressureDrop, *, mapper: Mapper = map
 ) -> list[StateRuns | Failed]:
     """Solve the runs of a face at every step, of every length that a seal of so many columns may be made of."""
     m2 = fields.partition.cells[1]
-    lengths = tuple(sorted({max(1, min(m2 // share, columns)) for share in RUN_SHARES}))
+    lengths = tuple(sorted({max(1, min(m2 // share, columns)) for share in RUN_FRACTIONS}))
     solve = partial(attempt, StateRuns.of, partition=fields.partition, lengths=lengths, drop=drop)
     stage = Stage("runs of columns", solve)
     return list(map_different(mapper, stage, fields.gap, first_equal(fields.gap, fields.steps)))

@@ -91,7 +91,7 @@ def chosen_sampler(sampling: Sampling, scene: Scene, contact: str | None = None)
     return sampling.sampler_of_links
 
 
-def laid_out(layout: Layout, partition: Partition, sampling: Sampling) -> tuple[SealWindows, ...]:
+def lay_out_windows(layout: Layout, partition: Partition, sampling: Sampling) -> tuple[SealWindows, ...]:
     """Windows of a face laid out over the seal that is drawn, and over those of the other lengths.
 
     Raises

@@ -13,7 +13,7 @@ from ..base.errors import InputError
 from ..base.quantities import to_text
 from ..base.stage import Mapper
 from ..flow import Permeability, cell_permeability
-from ..flow.gas_drop import GasDrop, successive
+from ..flow.pressure_drop import PressureDrop
 from ..fluids import Fluid
 from ..loads import LoadProgramme
 from ..seal import Leakage, RectangularSeal, seal_leakage
@@ -23,8 +23,8 @@ from ..topography import Topography
 from ..windows import Failed, FlowSettings, GlobalState, Partition, SolverCounts, global_states
 
 Array = NDArray[np.float64]
-#: Relative error at which successive solutions of the flow of a gas end; the flow factor itself is within 0.9 %.
-GAS_RTOL = 1e-4
+#: Relative error at which flows end that depend on the pressure; the factor of a gas itself is within 0.9 %.
+PRESSURE_RTOL = 1e-4
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ class Scene:
     def __post_init__(self) -> None:
         flow = self.flow  # raises if solver and discretisation do not go together
         if own := getattr(self.layout, "inlet_pressures", {}):
-            if flow.drop is not None:
+            if flow.drop.law.depends_on_pressure:
                 given = f"{self.fluid} with pressures of the inlets"
                 raise InputError("fluid", given, "a liquid, or a gas without slip (slip = false)")
             if self.inlet_pressure != max(own.values()):
@@ -97,7 +97,7 @@ class Scene:
     @property
     def flow(self) -> FlowSettings:
         """How the flow through windows and faces is discretised and solved."""
-        drop = GasDrop.of(self.fluid, self.inlet_pressure, self.outlet_pressure)
+        drop = PressureDrop(self.fluid, float(self.inlet_pressure), float(self.outlet_pressure))
         return FlowSettings(self.solver, self.discretisation, drop)
 
     def leakage(self, seal: Seal, permeability: Any) -> Leakage:
@@ -117,10 +117,10 @@ class Scene:
             solver=self.solver,
         )
 
-    def pressure_at(self, share: NDArray[np.floating]) -> Array:
-        """Fluid pressure [Pa] where the potential has a share of its drop: 0 at the outlet, 1 at the inlet."""
+    def pressure_at(self, potential: NDArray[np.floating]) -> Array:
+        """Fluid pressure [Pa] of a potential that is 0 at the outlet and 1 at the inlet."""
         inlet, outlet = self.fluid.potential([self.inlet_pressure, self.outlet_pressure])
-        return self.fluid.pressure(outlet + (inlet - outlet) * np.asarray(share, float))
+        return self.fluid.pressure(outlet + (inlet - outlet) * np.asarray(potential, float))
 
     def resolved_leakage(self, flows: Iterable[FaceFlow | Failed], first: NDArray[np.int64]) -> FaceLeakage:
         """Leakage through the whole face at every step, from its flow at full resolution.
@@ -144,14 +144,14 @@ class Scene:
 class FaceFlow:
     """Flow along x1 through a whole face at full resolution.
 
-    permeability [m³], of a gas that which the drop of its viscous potential sees. solvers : of its systems. share : of
-    the drop of the potential (n1, n2), 1 at the inlet and 0 at the outlet, NaN in contact and in pockets; None where it
-    was not asked for.
+    permeability [m³], of a gas that which the drop of its viscous potential sees. solvers : of its systems.
+    potential : between 1 at the inlet and 0 at the outlet (n1, n2), NaN in contact and in pockets; None where it was
+    not asked for.
     """
 
     permeability: float
     solvers: SolverCounts
-    share: NDArray[np.float32] | None = None
+    potential: NDArray[np.float32] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,44 +168,33 @@ def resolved_flow(
     spacing: tuple[float, float],
     settings: FlowSettings | None = None,
     *,
-    with_share: bool = False,
+    with_potential: bool = False,
 ) -> FaceFlow:
     """Solve the flow along x1 through the gap (n1, n2) [m] of a whole face, which is periodic along x2.
 
-    The flow of a gas with slip is solved again and again, each time with the flow factors at its own pressures.
-    `with_share` keeps the share of the drop at every pixel.
+    `with_potential` keeps the potential at every pixel.
 
     Raises
     ------
-    NotConverged : the linear solver failed.
+    NotConverged : see `cell_permeability` and `PressureDrop.solve_face`.
     """
     settings = settings or FlowSettings()
-    h = np.asarray(gap, float)
     counts = SolverCounts()
 
-    def through(gap: Array) -> Permeability:
+    def solve(gap: Array) -> tuple[float, Array, Permeability]:
         nonlocal counts
         flow = cell_permeability(
             gap, spacing, sides="periodic", discretisation=settings.discretisation, solver=settings.solver
         )
         counts += SolverCounts.of(flow)
-        return flow
+        return flow.value, flow.fluid_pressure, flow
 
-    drop = None if settings.drop is None else settings.drop.through(h, spacing)
-    if drop is None:
-        flow = through(h)
-        value, potential = flow.value, flow.fluid_pressure
-    else:
-
-        def again(share: Any) -> tuple[float, Any, Permeability]:
-            flow = through(drop.equivalent_gap(h, share))
-            return flow.value, flow.fluid_pressure, flow
-
-        flow = successive(again, GAS_RTOL)
-        value, potential = flow.value * drop.mean_factor, drop.viscous_share(flow.fluid_pressure)
+    solved = settings.drop.solve_face(np.asarray(gap, float), spacing, solve, PRESSURE_RTOL)
+    flow, drop = solved.found, solved.drop
+    value, potential = flow.value * drop.mean_factor, drop.viscous_fraction(flow.fluid_pressure)
     # the potential has no extremes inside; the solver's error, about 1e-3 in the norm of the energy, may give it some
-    share = np.clip(potential, 0.0, 1.0).astype(np.float32) if with_share else None
-    return FaceFlow(value, counts, share)
+    kept = np.clip(potential, 0.0, 1.0).astype(np.float32) if with_potential else None
+    return FaceFlow(value, counts, kept)
 
 
 def labels(unit: str, long_name: str, *dims: str, name: str = "", heading: str = "") -> dict[str, Any]:

@@ -25,7 +25,7 @@ from .median_seal import MOST_VALUES, drawn_permeability, median_chain, median_s
 from .plausibility import scene_warnings
 from .repeated_steps import first_equal_draws, repeated
 from .run_chains import StateRuns, chained_seals
-from .sampling_options import Sampling, check_sampling, chosen_sampler, laid_out
+from .sampling_options import Sampling, check_sampling, chosen_sampler, lay_out_windows
 from .scene import Array, Scene
 from .stochastic_result import StochasticResult
 from .two_scale import TwoScaleResult
@@ -108,7 +108,7 @@ def _draw(
     mapper: Mapper,
 ) -> StochasticResult:
     partition = Partition(scene.surface.shape, scene.surface.spacing, cells)
-    every = laid_out(scene.layout, partition, sampling)
+    every = lay_out_windows(scene.layout, partition, sampling)
     longest = max(every, key=lambda laid: laid.draws[0][1])
     supply = SOURCES[sampling.pressure](WindowRequest(scene, partition, sampling, longest, two_scale, contact, mapper))
     of = _of_runs if sampling.sampler == "runs" else _of_windows
@@ -147,7 +147,7 @@ def _of_windows(
     leakage, *bounds = np.array([r.leakage for r in drawn[:count]]).transpose(1, 0, 2)
     lower, upper = bounds or (None, None)
     chosen = nearest_to_median(leakage) if len(laid.outlines) * len(scene.steps) <= MOST_VALUES else None
-    pressures = 1 if scene.flow.drop is None else scene.flow.drop.pressures.size
+    pressures = scene.flow.drop.pressures.size
     again = Stage("median seal", partial(median_seal, **shared, kinds=kinds[:pressures]))
     medians = [] if chosen is None else list(mapper(again, [chosen]))
     return StochasticResult(
@@ -194,8 +194,8 @@ def _of_runs(
         library=supply.library,
         leakage=drawn.leakage,
         leakage_resampled=drawn.resampled if sampling.resampled else None,
-        leakage_closed_cuts=drawn.closed,
-        leakage_held_cuts=drawn.held,
+        leakage_neumann_cuts=drawn.closed,
+        leakage_dirichlet_cuts=drawn.held,
         leakage_of_face=drawn.of_face,
         median_seal=None if chosen is None else median_chain(chosen, **shown, pressure=pressure),
         failures=tuple(
@@ -234,11 +234,11 @@ def _realise(
     """Draw one seal and solve its flow at every step.
 
     The same random numbers draw the same windows from each kind of tables. `resampled` draws a new library from the
-    library, and takes the values without their bounds. Of a gas with slip each kind has a table for every pressure.
+    library, and takes the values without their bounds. Each kind has a table for every pressure of the drop.
     first : number of the first step with the same windows.
     """
     steps, drop = scene.steps, scene.flow.drop
-    pressures = 1 if drop is None else drop.pressures.size
+    pressures = drop.pressures.size
     if resampled:
         kinds = tuple(_resample(tables, sampling.seed, realisation, independent) for tables in kinds[:pressures])
     leakage = np.full((len(kinds) // pressures, len(steps)), np.nan)

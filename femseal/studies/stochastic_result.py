@@ -31,9 +31,9 @@ class StochasticResult(Shown):
     leakage_lower_bound, leakage_upper_bound : of the realisations in `leakage`, with the bounds of every window's
         permeability; None without bounds. They enclose the flow through gaps constant on each pixel: their distance
         says how well the pixels resolve the gaps.
-    leakage_closed_cuts, leakage_held_cuts : of the realisations in `leakage`, with the cuts between runs of columns
-        closed, and held at one profile of the fluid pressure; None unless the sampler is "runs". The leakage of a chain
-        of these runs lies between them.
+    leakage_neumann_cuts, leakage_dirichlet_cuts : of the realisations in `leakage`, if nothing flows through the cuts
+        between runs of columns, and if the fluid pressure has one profile along all of them; None unless the sampler is
+        "runs". The leakage of a chain of these runs lies between them.
     leakage_of_face : of the face itself, whose runs they are; None unless the sampler is "runs".
     other_lengths : seals of the other lengths that were asked for, drawn from the same library; the same realisation of
         a longer seal begins with that of a shorter one.
@@ -60,11 +60,21 @@ class StochasticResult(Shown):
     leakage_upper_bound: Array | None = field(
         default=None, metadata=labels("m^2/s", "upper bound of leakage per unit seal length", "realisation", "step")
     )
-    leakage_closed_cuts: Array | None = field(
-        default=None, metadata=labels("m^2/s", "leakage per unit seal length, cuts closed", "realisation", "step")
+    leakage_neumann_cuts: Array | None = field(
+        default=None,
+        metadata=labels(
+            "m^2/s", "leakage per unit seal length, Neumann cuts", "realisation", "step", name="leakage_closed_cuts"
+        ),
     )
-    leakage_held_cuts: Array | None = field(
-        default=None, metadata=labels("m^2/s", "leakage per unit seal length, cuts held", "realisation", "step")
+    leakage_dirichlet_cuts: Array | None = field(
+        default=None,
+        metadata=labels(
+            "m^2/s",
+            "leakage per unit seal length, Dirichlet cuts",
+            "realisation",
+            "step",
+            name="leakage_held_cuts",
+        ),
     )
     leakage_of_face: Array | None = field(
         default=None,
@@ -97,7 +107,7 @@ class StochasticResult(Shown):
         return self._at_every_step(np.mean)
 
     @property
-    def sealed_share(self) -> Array:
+    def sealed_fraction(self) -> Array:
         """Share of realisations without leakage among those that did not fail, at every step; NaN where all failed."""
         return self._at_every_step(lambda leakage: np.mean(leakage == 0))
 
@@ -132,15 +142,16 @@ class StochasticResult(Shown):
 
     @property
     def cut_error(self) -> Array | None:
-        """Half the distance of ln(leakage) with held and with closed cuts, at every step; None unless of runs.
+        """Half the distance of ln(leakage) with Dirichlet and with Neumann cuts, at every step; None unless of runs.
 
         It is inf where no run leaks by itself, NaN without leakage.
         """
-        if self.leakage_closed_cuts is None or self.leakage_held_cuts is None:
+        if self.leakage_neumann_cuts is None or self.leakage_dirichlet_cuts is None:
             return None
-        closed, held = (self._at_every_step(np.mean, q) for q in (self.leakage_closed_cuts, self.leakage_held_cuts))
+        cuts = self.leakage_neumann_cuts, self.leakage_dirichlet_cuts
+        neumann, dirichlet = (self._at_every_step(np.mean, leakage) for leakage in cuts)
         with np.errstate(divide="ignore", invalid="ignore"):
-            return np.asarray(0.5 * np.log(held / closed))
+            return np.asarray(0.5 * np.log(dirichlet / neumann))
 
     def too_few(self, *quantiles: float) -> str:
         """A warning with the number of realisations that the quantiles need, if there are fewer; otherwise ""."""

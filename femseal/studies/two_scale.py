@@ -14,7 +14,6 @@ from ..base.stage import Mapper, Stage
 from ..base.text import Shown
 from ..elements.elements import ELEMENT_BYTES
 from ..flow.percolation import percolates
-from ..flow.permeability_table import PermeabilityTable
 from ..loads import LoadProgramme
 from ..seal import RectangularSeal
 from ..windows import Failed, Partition, SolveCounts, SolverCounts, attempt
@@ -58,9 +57,9 @@ class TwoScaleResult(Shown):
     partition : the windows. contact, flow : how they were solved, see `two_scale`. gap_error : estimate of the error of
         the contact, see `windows.gap_error`. gap_effect : the factor by which it changes the leakage: 1 where it is
         small, inf where the corrected gap is closed.
-    element_error, drop_share : of the flow "elements", None with others. The leakage is then an upper bound of that
+    element_error, drop_fraction : of the flow "elements", None with others. The leakage is then an upper bound of that
         resolved on the same gap, and the error is at most about 1e-3, see `elements.ElementFlow`.
-    k1, k2, fluid_pressure : of the links and their nodes; None without "links". Of a gas with slip, k1 and k2 are those
+    k1, k2, fluid_pressure : of the links and their nodes; None without "links". Of a rarefied gas, k1 and k2 are those
         at the pressures of the nodes, with which the flow is that of a viscous gas. link_flows : of the windows.
     face_fluid_pressure : at every pixel and step; None with "links".
     fields : deformed gap and contact pressure at every pixel.
@@ -110,10 +109,10 @@ class TwoScaleResult(Shown):
     element_error: Array | None = field(
         default=None, metadata=labels("1", "estimated relative error of the leakage through elements", "step")
     )
-    drop_share: Array | None = field(
+    drop_fraction: Array | None = field(
         default=None,
         metadata=labels(
-            "1", "share of windows in the pressure drop", "step", "cell1", "cell2", name="window_drop_share"
+            "1", "share of windows in the pressure drop", "step", "cell1", "cell2", name="window_drop_fraction"
         ),
     )
     counts: SolveCounts = field(default_factory=SolveCounts)
@@ -175,11 +174,11 @@ def two_scale(
     partition = solved.fields.partition
     first = first_equal(solved.fields.gap, scene.steps)
     failures, warnings = solved.failures, scene_warnings(scene) + solved.warnings
-    counts, solvers, links, element_error, drop_share, inside = SolveCounts(), SolverCounts(), None, None, None, None
+    counts, solvers, links, element_error, drop_fraction, inside = SolveCounts(), SolverCounts(), None, None, None, None
     if flow == "resolved":
         found, inside = _resolved(scene, solved.fields, first, mapper)
     elif flow == "elements":
-        found, inside, element_error, drop_share = _through_elements(scene, solved.fields, first, mapper)
+        found, inside, element_error, drop_fraction = _through_elements(scene, solved.fields, first, mapper)
     else:
         links = _through_links(scene, solved.fields, first, mapper)
         failures += links.failures
@@ -205,7 +204,7 @@ def two_scale(
         face_fluid_pressure=inside,
         fields=solved.fields,
         element_error=element_error,
-        drop_share=drop_share,
+        drop_fraction=drop_fraction,
         counts=counts,
         failures=failures + found.failures,
         warnings=warnings,
@@ -219,15 +218,15 @@ def _resolved(
 ) -> tuple[FaceLeakage, NDArray[np.float32]]:
     """Flow through the stitched gap of every step, and its pressure at every pixel (steps, n1, n2) [Pa]."""
     surface = scene.surface
-    solve = partial(attempt, resolved_flow, spacing=surface.spacing, settings=scene.flow, with_share=True)
+    solve = partial(attempt, resolved_flow, spacing=surface.spacing, settings=scene.flow, with_potential=True)
     stage = Stage("flow of the whole face", solve, state_memory(surface.heights.size))
     pressure = np.full(fields.gap.shape, np.nan, np.float32)
 
     def flows() -> Iterator[FaceFlow | Failed]:
         for s, flow in enumerate(map_different(mapper, stage, fields.gap, first)):
-            if isinstance(flow, FaceFlow) and flow.share is not None:
-                pressure[s] = scene.pressure_at(flow.share)
-                flow = replace(flow, share=None)
+            if isinstance(flow, FaceFlow) and flow.potential is not None:
+                pressure[s] = scene.pressure_at(flow.potential)
+                flow = replace(flow, potential=None)
             yield flow
 
     return scene.resolved_leakage(flows(), first), pressure
@@ -248,7 +247,7 @@ def _through_elements(
                 yield found
                 continue
             flow = found.flow
-            pressure[s] = scene.pressure_at(found.share)
+            pressure[s] = scene.pressure_at(found.potential)
             error[s], share[s] = flow.error, flow.dissipation / (flow.dissipation.sum() or 1.0)
             yield FaceFlow(flow.permeability, SolverCounts.of(flow))
 
@@ -259,7 +258,7 @@ def _through_elements(
 class _LinkFlow:
     """Flow of every step through links: the permeabilities, the leakage and the pressure of nodes, NaN where failed.
 
-    k1, k2 : of a gas with slip those at the pressures of their nodes. flows : of the windows, at all pressures.
+    k1, k2 : of a rarefied gas those at the pressures of their nodes. flows : of the windows, at all pressures.
     """
 
     k1: Array
@@ -289,7 +288,7 @@ def _through_links(scene: Scene, fields: WindowFields, first: NDArray[np.int64],
         if (t := first[s]) < s:
             leakage[s], fluid_pressure[s], k1[s], k2[s] = leakage[t], fluid_pressure[t], k1[t], k2[t]
             continue
-        links = PermeabilityTable.of(drop, list(zip(along.all[:, s], across.all[:, s], strict=True)))
+        links = drop.table(list(zip(along.at_pressures[:, s], across.at_pressures[:, s], strict=True)))
         through = attempt(scene.leakage, seal, links)
         if isinstance(through, Failed):
             failures += (f"{step.name}: {through.reason}",)

@@ -18,7 +18,7 @@ from .plausibility import RELIEF_FRACTION
 from .scene import Array, Scene
 
 #: Most paths of pressure for which every library window has its own curve, under one map and under several at different
-#: loads; more are rounded, see `shared_paths`.
+#: loads; more are rounded, see `distinct_paths`.
 MOST_PATHS, MOST_OF_SEVERAL = 512, 4096
 #: Ratio of neighbouring peaks that library windows follow, and most of them. Measured with 24 windows under a wave of
 #: ±40 %: leakage on unloading is within 2 % of that with peaks 1.02 apart on a self-affine face, 5 % on a turned one.
@@ -32,12 +32,12 @@ _OFF_LOAD = 0.1
 _FAR_LOAD = 10.0
 
 
-def pressed_seal(layout: Layout, laid: SealWindows) -> PressedSeal:
+def seal_for_maps(layout: Layout, laid: SealWindows) -> PressedSeal:
     """The seal in the coordinates of maps."""
     return PressedSeal(layout.frame(laid.seal.size), laid.outlines)
 
 
-def shares_of_links(scene: Scene, laid: SealWindows, pressure_map: AnyMap, axis: int) -> Array:
+def pressure_fractions(scene: Scene, laid: SealWindows, pressure_map: AnyMap, axis: int) -> Array:
     """Pressure of the windows along an axis in shares of the nominal one (steps, windows).
 
     Raises
@@ -48,10 +48,10 @@ def shares_of_links(scene: Scene, laid: SealWindows, pressure_map: AnyMap, axis:
     if is_uniform(pressure_map):
         return np.broadcast_to(1.0, (len(scene.steps), count))
     points = laid.places(axis).reshape(count, 2)
-    return pressed_seal(scene.layout, laid).shares(pressure_map, points, scene.steps.pressures)
+    return seal_for_maps(scene.layout, laid).shares(pressure_map, points, scene.steps.pressures)
 
 
-def shared_paths(shares: Array) -> tuple[Array, Index]:
+def distinct_paths(shares: Array) -> tuple[Array, Index]:
     """Distinct paths (steps, paths) of shares (steps, n), and the number of the path of each (n,).
 
     If there are more than `MOST_PATHS`, or `MOST_OF_SEVERAL`, shares are rounded in their cube root, in which ln k is
@@ -75,7 +75,7 @@ def most_paths(pressure_map: AnyMap) -> int:
     return MOST_OF_SEVERAL if isinstance(pressure_map, MapsAtLoads) else MOST_PATHS
 
 
-def peaks_to_follow(pressures: list[Array], steps: LoadProgramme) -> tuple[float, ...]:
+def library_peaks(pressures: list[Array], steps: LoadProgramme) -> tuple[float, ...]:
     """Pressures from which library windows are unloaded, so that those of paths (steps, paths) are among them or near.
 
     They are those of the paths' own peaks, the highest and the lowest among them, at least `PEAK_RATIO` apart, or more
@@ -116,7 +116,7 @@ def check_map(scene: Scene, laid: SealWindows, pressure_map: AnyMap) -> tuple[st
     if is_uniform(pressure_map):
         return ()
     nominal = scene.steps.pressures
-    pressures = [nominal[:, None] * shares_of_links(scene, laid, pressure_map, axis) for axis in (0, 1)]
+    pressures = [nominal[:, None] * pressure_fractions(scene, laid, pressure_map, axis) for axis in (0, 1)]
     for pressure in pressures:
         if pressure.size and pressure.max() >= scene.hardness:
             step = int(pressure.max(axis=1).argmax())
@@ -148,7 +148,7 @@ def _odd_pressures(scene: Scene, pressure: Array) -> Iterator[str]:
 
 def _odd_fields(scene: Scene, laid: SealWindows, pressure_map: AnyMap) -> tuple[str, ...]:
     """Fields whose mean is far from the loads."""
-    seal = pressed_seal(scene.layout, laid)
+    seal = seal_for_maps(scene.layout, laid)
     told: list[str] = []
     if isinstance(pressure_map, PressureField):
         mean, loads = seal.mean(pressure_map), scene.steps.pressures[scene.steps.pressures > 0]
@@ -167,13 +167,13 @@ def _odd_fields(scene: Scene, laid: SealWindows, pressure_map: AnyMap) -> tuple[
     return tuple(told)
 
 
-def map_text(scene: Scene, laid: SealWindows, pressure_map: AnyMap) -> str:
+def describe_map(scene: Scene, laid: SealWindows, pressure_map: AnyMap) -> str:
     """The map in words: its range in shares of the nominal pressure, and the mean of a field; "" if uniform."""
     if is_uniform(pressure_map):
         return ""
-    shares = shares_of_links(scene, laid, pressure_map, 0)
+    shares = pressure_fractions(scene, laid, pressure_map, 0)
     text = f"{shares.min():.3g} to {shares.max():.3g} of the nominal pressure over the seal"
-    seal = pressed_seal(scene.layout, laid)
+    seal = seal_for_maps(scene.layout, laid)
     maps = pressure_map.maps if isinstance(pressure_map, MapsAtLoads) else (pressure_map,)
     means = [to_text(seal.mean(one), "Pa", 3) for one in maps if isinstance(one, PressureField)]
     return text + (f"; mean of the field {' and '.join(means)}, scaled to every load" if means else "")

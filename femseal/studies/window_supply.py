@@ -43,7 +43,7 @@ class WindowSupply:
 
     library : the windows.
     tables : the tables from which links along x1 and along x2 are drawn; with bounds also those of the lower and of the
-        upper bounds. Of a gas with slip there are as many of each as it has pressures. None with runs.
+        upper bounds. There are as many of each as the drop has pressures. None with runs.
     node_rows : x1 of the rows of nodes [m]; empty if they are equidistant.
     warnings : reasons to doubt the result.
     runs : of columns of the face at every step, for the sampler "runs".

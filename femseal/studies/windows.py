@@ -189,20 +189,19 @@ def _respond(
 
 @dataclass(frozen=True, eq=False)
 class LinkFlows:
-    """Permeability of all links along one axis (steps, rows, columns) [m³], NaN where the window failed.
+    """Permeability of all links along one axis [m³], NaN where the window failed.
 
-    at_pressures : of a gas with slip at each of its pressures (pressures, steps, rows, columns); k is the first.
+    at_pressures : at each pressure of the drop (pressures, steps, rows, columns).
     """
 
-    k: Array
+    at_pressures: Array
     counts: SolveCounts = field(default_factory=SolveCounts)
     failures: tuple[str, ...] = ()
-    at_pressures: Array | None = None
 
     @property
-    def all(self) -> Array:
-        """Permeabilities at all pressures (pressures, steps, rows, columns); without slip there is one."""
-        return self.k[None] if self.at_pressures is None else self.at_pressures
+    def k(self) -> Array:
+        """At the first pressure (steps, rows, columns)."""
+        return self.at_pressures[0]
 
 
 def solve_links(
@@ -215,13 +214,11 @@ def solve_links(
     stage = Stage("flow in windows", partial(flow_history, axis=axis, settings=settings))
     # one argument is a list, so that the mapper knows the number of items
     flows = list(mapper(stage, windows, [partition.spacing] * len(places)))
-    count = 1 if settings.drop is None else settings.drop.pressures.size
-    k = np.empty((count, len(fields.steps), partition.cells[0] - axis, partition.cells[1]))
+    k = np.empty((settings.drop.pressures.size, len(fields.steps), partition.cells[0] - axis, partition.cells[1]))
     for (i, j), found in zip(places, flows, strict=True):
-        k[:, :, i, j] = found.permeability if found.at_pressures is None else found.at_pressures
+        k[:, :, i, j] = found.at_pressures
     return LinkFlows(
-        k=k[0],
-        at_pressures=None if settings.drop is None else k,
+        at_pressures=k,
         counts=SolveCounts.total(found.counts for found in flows),
         failures=tuple(f"x{axis + 1}-link {p}, {t}" for p, f in zip(places, flows, strict=True) for t in f.failures),
     )

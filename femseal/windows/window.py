@@ -9,12 +9,12 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from ..contact import HalfSpace, solve_deformed_contact
+from ..contact import HalfSpace, solve_contact
 from ..flow import DarcyFlow, Permeability, cell_permeability
 from ..flow.cell import cell_flow
-from ..flow.coefficient import cubic_law, equivalent_gap
 from ..flow.discretisation import check_discretisation
-from ..flow.gas_drop import GasDrop
+from ..flow.law import cubic_law
+from ..flow.pressure_drop import VISCOUS, PressureDrop
 from ..loads import LoadProgramme
 from .outcome import Failed, SolveCounts, SolverCounts, attempt
 from .window_fields import ContactValues
@@ -105,12 +105,12 @@ def respond(
                 continue
         pressure = min(pressures[s], hardness)
         contact = attempt(
-            solve_deformed_contact,
+            solve_contact,
             undeformed,
             half_space,
-            deformation,
             pressure=pressure,
             hardness=hardness,
+            deformation=deformation,
             rtol=rtol,
         )
         if isinstance(contact, Failed):
@@ -162,20 +162,24 @@ def set_down(gap: NDArray[np.float32], standoff: float) -> NDArray[np.float32]:
 
 @dataclass(frozen=True, eq=False)
 class FlowHistory:
-    """Permeability of one window at every step (steps,) [m³], NaN where there is no gap or the flow failed.
+    """Permeability of one window at the pressures of a drop and at every step (pressures, steps) [m³].
 
-    at_pressures : of a gas with slip that at each of its pressures (pressures, steps); the first is `permeability`.
+    NaN where there is no gap or the flow failed.
     """
 
-    permeability: Array
+    at_pressures: Array
     counts: SolveCounts
     failures: tuple[str, ...] = ()
-    at_pressures: Array | None = None
+
+    @property
+    def permeability(self) -> Array:
+        """At the first pressure (steps,) [m³]."""
+        return self.at_pressures[0]
 
 
 @dataclass(frozen=True)
 class FlowSettings:
-    """How the flow through windows is discretised and solved, see `cell_permeability`, and of what gas, if it slips.
+    """How the flow through windows is discretised and solved, see `cell_permeability`, and of what fluid.
 
     Raises
     ------
@@ -184,7 +188,7 @@ class FlowSettings:
 
     solver: str = "auto"
     discretisation: str = "edge"
-    drop: GasDrop | None = None
+    drop: PressureDrop = VISCOUS
 
     def __post_init__(self) -> None:
         check_discretisation(self.discretisation, self.solver)
@@ -194,8 +198,8 @@ def flow_history(
     gaps: NDArray[np.floating], spacing: tuple[float, float], axis: int, settings: FlowSettings | None = None
 ) -> FlowHistory:
     """Permeability along `axis` of a window with closed sides at every step, from its gaps (steps, n1, n2) [m]."""
-    drop = None if settings is None else settings.drop
-    k = np.full((1 if drop is None else drop.pressures.size, len(gaps)), np.nan)
+    settings = settings or FlowSettings()
+    k = np.full((settings.drop.pressures.size, len(gaps)), np.nan)
     counts, failures = [], []
     known: dict[bytes, Array] = {}
     for s in np.flatnonzero(np.isfinite(gaps).all(axis=(1, 2))):
@@ -210,15 +214,14 @@ def flow_history(
             continue
         k[:, s] = known[bits] = flow.k
         counts.append(flow.counts)
-    return FlowHistory(k[0], SolveCounts.total(counts), tuple(failures), None if drop is None else k)
+    return FlowHistory(k, SolveCounts.total(counts), tuple(failures))
 
 
 @dataclass(frozen=True, eq=False)
 class WindowPermeability:
     """Permeability of a window at one step.
 
-    k : the value (1,), or with bounds the value, its lower and its upper bound (3,) [m³]. Of a gas with slip each of
-        these at every pressure of its drop.
+    k : the value, or with bounds the value, its lower and its upper bound [m³], each at every pressure of the drop.
     counts : this one flow, counted as solved, closed or open.
     """
 
@@ -244,12 +247,9 @@ def window_permeability(
     NotConverged : the linear solver failed.
     """
     settings = settings or FlowSettings()
-    if settings.drop is None:
-        return _of_gap(gap, spacing, axis, bounds, settings)
     found = []
     for p in settings.drop.pressures:
-        widened = equivalent_gap(gap, settings.drop.gas.flow_factor(gap, p))
-        found.append(_of_gap(widened, spacing, axis, bounds, settings))
+        found.append(_of_gap(settings.drop.law.equivalent_gap(gap, p), spacing, axis, bounds, settings))
         if not found[0].k.any():  # closed at every pressure
             found *= settings.drop.pressures.size
             break

@@ -72,7 +72,7 @@ def rows_of(method, drawn, steps, leakage, truth, **features):
 def compared_links(drawn, scene, leakage):
     """The whole face on half the points against links on these, at the steps that a run takes."""
     from femseal import CoarserSolution, deterministic, two_scale
-    from femseal.budget import at_some_steps
+    from femseal.refinement.coarser import at_some_steps
 
     half = scene.surface.resample(tuple(n // 2 for n in drawn.points))
     some = replace(at_some_steps(scene, leakage), surface=half)
@@ -129,7 +129,7 @@ def piece_of(drawn):
 def drawn_from_a_piece(task):
     """Rows of seals drawn from one breadth of a long face, whose truth is the deterministic solution of all of it."""
     from femseal import FemsealError, Sampling, deterministic, stochastic
-    from femseal.budget.model_parts import form_share, scatter_of
+    from femseal.budget.model_parts import form_fraction, scatter_of
 
     drawn = Drawn(task["kind"], task["seed"], LENGTH)
     truth, piece, (n, _) = deterministic(drawn.scene()).leakage, piece_of(drawn), drawn.points
@@ -142,7 +142,7 @@ def drawn_from_a_piece(task):
         except FemsealError:  # no window of the face bears the load
             continue
         # the long face is one realisation of the seals, and scatters as they do
-        scatter, form = scatter_of(seals), form_share(piece.surface.heights, seals.window)
+        scatter, form = scatter_of(seals), form_fraction(piece.surface.heights, seals.window)
         rows += rows_of(
             method,
             drawn,

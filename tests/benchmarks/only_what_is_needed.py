@@ -342,7 +342,7 @@ def coarse_windows(task):
     middle = time.process_time()
     coarse = two_scale(half, (8, 8), contact="windows", flow="elements")
     seconds = middle - start, time.process_time() - middle
-    share = coarse.drop_share.max(axis=0)
+    share = coarse.drop_fraction.max(axis=0)
     order = np.sort(share.ravel())
     little = share <= order[max(np.searchsorted(np.cumsum(order), task["left out"]) - 1, 0)]
     worst = 0.0

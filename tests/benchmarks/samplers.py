@@ -41,14 +41,14 @@ def library_table(windows):
     from femseal.contact import HalfSpace
     from femseal.library import Ladder, WindowSource, build_ladder_library
     from femseal.loads import LoadProgramme
-    from femseal.studies.ladder_windows import LOADING_SHARES, STOPS
+    from femseal.studies.ladder_windows import LOADING_FRACTIONS, STOPS
 
     n = 16 * WINDOW
     face = self_affine((n, n), (n * PIXEL,) * 2, hurst=0.8, rms_slope=SLOPE, roll_off=40e-6, cut_off=8 * PIXEL, rng=1)
     hardness = 0.14 * MODULUS * SLOPE
     half_space = HalfSpace((WINDOW, WINDOW), (PIXEL, PIXEL), MODULUS, ("mirror", "mirror"))
     ladder = Ladder(
-        tuple(hardness * s for s in LOADING_SHARES[:13]),
+        tuple(hardness * s for s in LOADING_FRACTIONS[:13]),
         tuple(hardness * s for s in (0.02, 0.07, 0.16, 0.29, 0.46)),
         STOPS,
     )
@@ -170,7 +170,7 @@ def long_faces(n, seeds):
                     routes[name].append(seals.quantile(0.5) / truth)
                     errors.setdefault(name, []).append(seals.library_error)
                     if name == "runs":
-                        ends = seals.leakage_closed_cuts, seals.leakage_held_cuts
+                        ends = seals.leakage_neumann_cuts, seals.leakage_dirichlet_cuts
                         bounds.append([end.mean(axis=0) / truth for end in ends])
         low, high = np.mean(bounds, axis=0)
         for s, step in enumerate(scene.steps):

@@ -11,21 +11,24 @@ from judges import Between, Near, at_most
 
 from femseal.analytic import parallel_plates
 from femseal.flow import cell_permeability
+from femseal.flow.law import FukuiKaneko
 from femseal.fluids import IdealGas
 from femseal.rarefied import flow_rate
 
 D, H = 1e-6, 1e-6
 PLATES = float(parallel_plates(H))
 HELIUM = IdealGas(viscosity=19.6e-6, molar_mass=4.0026e-3, temperature=293.15)
+LAW = HELIUM.law
 
 scene = partial(HardScene, stage="flow")
 
 
 def _gas_cell(inverse_knudsen: float) -> float:
     """Permeability over that of the plates of a gas at a D."""
-    pressure = inverse_knudsen / float(HELIUM.inverse_knudsen(H, 1.0))
+    assert isinstance(LAW, FukuiKaneko)
+    pressure = inverse_knudsen / float(LAW.inverse_knudsen(H, 1.0))
     gap = np.full((8, 8), H)
-    return cell_permeability(gap, (D, D), flow_factor=HELIUM.flow_factor(gap, pressure)).value / PLATES
+    return cell_permeability(gap, (D, D), law=LAW, pressure=pressure).value / PLATES
 
 
 def _free(inverse_knudsen: float) -> float:

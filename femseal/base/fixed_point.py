@@ -1,0 +1,68 @@
+"""Fixed points of two functions of arrays, such as fluid pressures and the permeabilities that depend on them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Generic, TypeVar
+
+import numpy as np
+
+from .errors import NotConverged
+
+Found = TypeVar("Found")
+#: Most solutions of a fixed point.
+_MOST_SOLUTIONS = 40
+
+
+@dataclass(frozen=True, eq=False)
+class FixedPoint(Generic[Found]):
+    """A fixed point: what was solved last, and the coefficient with which it was.
+
+    solutions : number of solutions. error : estimated relative error of the rate; 0 where nothing flows.
+    """
+
+    found: Found
+    coefficient: Any
+    solutions: int
+    error: float
+
+
+def fixed_point(
+    coefficient: Callable[[Any], Any],
+    solve: Callable[[Any], tuple[float, Any, Found]],
+    state: Any,
+    *,
+    rtol: float,
+    name: str = "flow",
+) -> FixedPoint[Found]:
+    """Solve again and again, each time with the coefficient of the state before, until the rate settles.
+
+    Parameters
+    ----------
+    coefficient : of a state, such as permeabilities of pressures.
+    solve : from a coefficient to the rate, the state that has it, and whatever is to be kept.
+    state : the first one.
+    rtol : relative error of the rate, estimated from the last three rates, whose differences fall by a factor each.
+    name : of the problem, for the message.
+
+    Raises
+    ------
+    NotConverged : the rate still changes after 40 solutions.
+    """
+    last, change, error = np.nan, np.nan, np.inf
+    for n in range(1, _MOST_SOLUTIONS + 1):
+        given = coefficient(state)
+        rate, state, found = solve(given)
+        if rate == 0:
+            return FixedPoint(found, given, n, 0.0)
+        before, change, last = change, abs(rate / last - 1), rate
+        ratio = change / before if before > 0 else np.nan
+        error = change * ratio / (1 - ratio) if ratio < 0.5 else change
+        if error <= rtol:
+            return FixedPoint(found, given, n, error)
+    raise NotConverged(
+        f"{name}: after {_MOST_SOLUTIONS} solutions it still changes by {error:.1e}, expected is at most {rtol:.0e}; "
+        "try pressures at both ends that are nearer to each other",
+        error,
+    )

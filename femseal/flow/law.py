@@ -1,0 +1,200 @@
+"""Flow laws: the permeability K(h, p) of a gap h between parallel plates at a fluid pressure p.
+
+The mass flux per width is −K (ρ/η) ∇p. A fluid changes the variable (∫ρ/η dp, see `femseal.fluids`), its law changes K.
+Each law is a small frozen class, given by how many times more it lets through than h³/12. Faces and cells are solved at
+the gap that has the same permeability by the cubic law, taken at the pixels and interpolated between them as any gap.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..base.errors import InputError
+from ..rarefied import flow_rate, flow_rate_exponent
+
+Array = NDArray[np.float64]
+
+
+def cubic_law(gap: Any) -> Any:
+    """Permeability h³/12 [m³] of a gap h [m] between parallel plates."""
+    return gap * gap * gap / 12.0
+
+
+class FlowLaw(ABC):
+    """Permeability of a gap, as K = (h³/12) F(h, p) with a factor F > 0; a law defines `factor`.
+
+    Gaps h >= 0 [m] and pressures p >= 0 [Pa], absolute for a gas, are numbers or arrays that are broadcast.
+    """
+
+    #: Parameter of law and fluid with which the law's own length goes, such as a slip length; "" where it has none.
+    length: ClassVar[str] = "length"
+    #: Whether K depends on the pressure, so that a flow is a fixed point of pressures and permeabilities.
+    depends_on_pressure: ClassVar[bool] = False
+
+    @property
+    def homogeneous(self) -> bool:
+        """Whether K(s h) = s³ K(h): a law without a length of its own, whose flow holds for the scaled gap."""
+        return not self.length
+
+    @abstractmethod
+    def factor(self, gap: ArrayLike, pressure: ArrayLike = 0.0) -> Array:
+        """F(h, p), K over h³/12; it may be inf where h or p is 0."""
+
+    def permeability(self, gap: ArrayLike, pressure: ArrayLike = 0.0) -> Array:
+        """K(h, p) [m³], 0 where the gap is 0."""
+        return np.asarray(cubic_law(self.equivalent_gap(gap, pressure)))
+
+    def exponent(self, gap: ArrayLike, pressure: ArrayLike = 0.0) -> Array:
+        """d ln K/d ln h of gaps > 0; by central differences unless a law defines it."""
+        h, step = np.asarray(gap, dtype=float), 1e-4
+        above, below = (self.factor(h * np.exp(sign * step), pressure) for sign in (1, -1))
+        return 3 + np.log(above / below) / (2 * step)
+
+    def pressure_derivative(self, gap: ArrayLike, pressure: ArrayLike = 0.0) -> Array:
+        """dK/dp [m³/Pa] at pressures > 0; by central differences unless a law defines it."""
+        if not self.depends_on_pressure:
+            return np.zeros(np.broadcast_shapes(np.shape(gap), np.shape(pressure)))
+        p, step = np.asarray(pressure, dtype=float), 1e-4
+        above, below = (self.permeability(gap, p * (1 + sign * step)) for sign in (1, -1))
+        return (above - below) / (2 * step * p)
+
+    def equivalent_gap(self, gap: ArrayLike, pressure: ArrayLike = 0.0) -> Array:
+        """Gap [m] whose permeability by the cubic law is K(h, p); 0 where the gap is 0.
+
+        Raises
+        ------
+        InputError : a factor that is not > 0 and finite where the gap is open.
+        """
+        h, p = np.broadcast_arrays(np.asarray(gap, dtype=float), np.asarray(pressure, dtype=float))
+        return widened(h, self.factor(h, p))
+
+    def gap(self, permeability: float, pressure: float = 0.0) -> float:
+        """Gap [m] with a permeability > 0 [m³], by Newton's method in ln h."""
+        h = np.cbrt(12 * permeability)
+        for _ in range(100):
+            step = float(np.log(permeability / self.permeability(h, pressure)) / self.exponent(h, pressure))
+            h *= np.exp(step)
+            if abs(step) <= 1e-14:
+                break
+        return float(h)
+
+
+@dataclass(frozen=True)
+class CubicLaw(FlowLaw):
+    """A viscous fluid that sticks to both faces: K = h³/12.
+
+    Source: Reynolds, Phil. Trans. R. Soc. 177, 1886, 157.
+    """
+
+    length: ClassVar[str] = ""
+
+    def factor(self, gap: ArrayLike, pressure: ArrayLike = 0.0) -> Array:
+        """Ones."""
+        return np.ones(np.broadcast_shapes(np.shape(gap), np.shape(pressure)))
+
+    def exponent(self, gap: ArrayLike, pressure: ArrayLike = 0.0) -> Array:
+        """3."""
+        return 3 * self.factor(gap, pressure)
+
+    def equivalent_gap(self, gap: ArrayLike, pressure: ArrayLike = 0.0) -> Array:
+        """The gap as it is."""
+        return np.asarray(gap, dtype=float)
+
+
+@dataclass(frozen=True)
+class SlipLength(FlowLaw):
+    """A liquid that slips on both faces by a slip length b, u = b ∂u/∂n: K = (h³/12)(1 + 6b/h).
+
+    slip_length : b >= 0 [m].
+    Source: Navier's condition; Lauga, Brenner & Stone, Springer Handbook of Experimental Fluid Mechanics, 2007, 1219.
+    """
+
+    length: ClassVar[str] = "slip_length"
+    slip_length: float
+
+    def factor(self, gap: ArrayLike, pressure: ArrayLike = 0.0) -> Array:
+        """1 + 6b/h."""
+        h = np.broadcast_arrays(np.asarray(gap, dtype=float), pressure)[0]
+        return 1 + np.divide(6 * self.slip_length, h, out=np.full(h.shape, np.inf), where=h > 0)
+
+    def exponent(self, gap: ArrayLike, pressure: ArrayLike = 0.0) -> Array:
+        """3 − 6b/(h + 6b)."""
+        wide = np.asarray(gap, dtype=float) + 6 * self.slip_length
+        return 3 - 6 * self.slip_length / np.broadcast_arrays(wide, pressure)[0]
+
+
+@dataclass(frozen=True)
+class FukuiKaneko(FlowLaw):
+    """A rarefied gas from molecules to continuum: F = Q(D)/(D/6), see `femseal.rarefied` for Q and its source.
+
+    viscosity : η [Pa s]. speed : √(2R_sT) of the molecules [m/s].
+    """
+
+    length: ClassVar[str] = "viscosity"
+    depends_on_pressure: ClassVar[bool] = True
+    viscosity: float
+    speed: float
+
+    def inverse_knudsen(self, gap: ArrayLike, pressure: ArrayLike) -> Array:
+        """D = p h/(η√(2R_sT)); the mean free path is √π h/2D."""
+        return np.asarray(pressure, dtype=float) * np.asarray(gap, dtype=float) / (self.viscosity * self.speed)
+
+    def factor(self, gap: ArrayLike, pressure: ArrayLike = 0.0) -> Array:
+        """6 Q(D)/D; inf where gap or pressure is 0."""
+        d = self.inverse_knudsen(gap, pressure)
+        return np.divide(6 * flow_rate(d), d, out=np.full(d.shape, np.inf), where=d > 0)
+
+    def exponent(self, gap: ArrayLike, pressure: ArrayLike = 0.0) -> Array:
+        """2 + d ln Q/d ln D."""
+        return 2 + flow_rate_exponent(self.inverse_knudsen(gap, pressure))
+
+    def pressure_derivative(self, gap: ArrayLike, pressure: ArrayLike = 0.0) -> Array:
+        """(K/p)(d ln Q/d ln D − 1)."""
+        slope = flow_rate_exponent(self.inverse_knudsen(gap, pressure)) - 1
+        return self.permeability(gap, pressure) * slope / np.asarray(pressure, dtype=float)
+
+
+CUBIC_LAW = CubicLaw()
+
+
+def law_of(fluid: Any) -> FlowLaw:
+    """Law of a fluid, its `law`; the cubic one where it names none."""
+    return getattr(fluid, "law", CUBIC_LAW)
+
+
+def gap_by_law(gap: Array, law: FlowLaw, pressure: ArrayLike | None) -> Array:
+    """`FlowLaw.equivalent_gap` of a checked gap (n1, n2) [m] at a fluid pressure [Pa], a number or (n1, n2).
+
+    Raises
+    ------
+    InputError : no law, or no pressure, one of another shape, negative or undefined, where the law depends on it.
+    """
+    if not isinstance(law, FlowLaw):
+        raise InputError("law", repr(law), "a law of flow, such as femseal.CubicLaw() or the law of a fluid")
+    if not law.depends_on_pressure:
+        return law.equivalent_gap(gap)
+    p = np.asarray(np.nan if pressure is None else pressure, dtype=float)
+    if p.shape not in ((), gap.shape):
+        raise InputError("pressure", f"shape {p.shape}", f"a number or shape {gap.shape} [Pa]")
+    if not (np.isfinite(p).all() and p.min(initial=0.0) >= 0):
+        given = "none" if pressure is None else "negative or undefined values"
+        raise InputError("pressure", given, f"finite numbers >= 0 [Pa], on which the law {law} depends")
+    return law.equivalent_gap(gap, p)
+
+
+def widened(gap: Array, factor: ArrayLike) -> Array:
+    """Gap [m] whose permeability by the cubic law is (h³/12) F with a factor F > 0; 0 where the gap is 0.
+
+    Raises
+    ------
+    InputError : a factor that is not > 0 and finite where the gap is open.
+    """
+    factor = np.broadcast_to(np.asarray(factor, dtype=float), gap.shape)
+    if not ((factor > 0) & np.isfinite(factor)).all(where=gap > 0):
+        raise InputError("law", "a factor <= 0 or undefined", "finite factors > 0 where the gap is open")
+    return np.multiply(gap, np.cbrt(factor), out=np.zeros(gap.shape), where=gap > 0)

@@ -1,0 +1,218 @@
+"""A fluid between two pressures, and its flow where the permeability depends on the pressure: −K(h, p) (ρ/η) ∇p.
+
+In the potential ψ with dψ = F(h₀, p) (ρ/η) dp, where K = (h³/12) F, the permeability is (h³/12) F(h, p)/F(h₀, p). Where
+h₀ is the gap of the constrictions that control the flow, the ratio is nearly 1 there at every pressure: each solution
+of the fixed point, with the ratio at the pressures of the one before, then gains about two digits of the flow of a gas.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, Generic, Protocol, TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..base.fixed_point import fixed_point
+from .constriction import critical_constriction
+from .law import CUBIC_LAW, FlowLaw, law_of, widened
+from .permeability_table import Mobility, PermeabilityTable, table_pressures
+
+Array = NDArray[np.float64]
+Found = TypeVar("Found")
+#: Intervals of the table of pressures, and Gauss points in each of them.
+_INTERVALS, _POINTS = 2000, np.polynomial.legendre.leggauss(3)
+#: Least pressure at which a factor is taken, as a fraction of the higher end.
+_LEAST_PRESSURE = 1e-9
+#: A factor nearer to 1 does not count.
+_COUNTS = 1e-6
+
+
+class FlowingFluid(Protocol):
+    """The part of a fluid that flows through gaps: its potential, and its `law` where that is not the cubic one."""
+
+    def potential(self, pressure: ArrayLike) -> NDArray[np.float64]:
+        """Pressure potential of the viscous flow [kg/(m³ s)]."""
+        ...
+
+    def pressure(self, potential: ArrayLike) -> NDArray[np.float64]:
+        """Inverse of `potential` [Pa]."""
+        ...
+
+
+@dataclass(frozen=True)
+class _UnitFluid:
+    """A fluid whose potential is its pressure."""
+
+    def potential(self, pressure: ArrayLike) -> Array:
+        return np.asarray(pressure, dtype=float)
+
+    pressure = potential
+
+
+@dataclass(frozen=True, eq=False)
+class FaceSolution(Generic[Found]):
+    """Flow through a face at the pressures in it.
+
+    found : what the last solution gave. gap : (n1, n2) [m] that it was solved for, by the cubic law. drop : whose
+    fractions its potential is; its `mean_factor` multiplies the permeabilities.
+    """
+
+    found: Found
+    gap: Array
+    drop: PressureDrop
+
+
+@dataclass(frozen=True)
+class PressureDrop:
+    """A fluid between two pressures, in the potential ψ of a reference gap; fractions are of its drop, 1 at the inlet.
+
+    Where the law does not depend on the pressure, ψ is the viscous potential φ.
+    fluid : with a potential and a law. inlet, outlet : its pressures [Pa]. gap : h₀ [m], > 0, see `at_constriction`.
+    """
+
+    fluid: FlowingFluid = _UnitFluid()
+    inlet: float = 1.0
+    outlet: float = 0.0
+    gap: float = 1e-6
+
+    @cached_property
+    def law(self) -> FlowLaw:
+        """Law of the fluid."""
+        return law_of(self.fluid)
+
+    @cached_property
+    def pressures(self) -> Array:
+        """Pressures [Pa] at which permeabilities have to be known, the inlet's first; only that of other laws."""
+        if not self.law.depends_on_pressure:
+            return np.array([self.inlet])
+        return table_pressures(self.inlet, self.outlet)
+
+    @property
+    def key(self) -> list[Any]:
+        """What permeabilities of gaps depend on; empty with the cubic law."""
+        pressures = self.pressures.tolist() if self.law.depends_on_pressure else []
+        return [] if self.law == CUBIC_LAW else [repr(self.law), pressures]
+
+    def table(self, values: Sequence[Any]) -> Any:
+        """Table of the permeabilities at each of the `pressures`; the only one where there is one."""
+        if len(values) == 1:
+            return values[0]
+        pair = isinstance(values[0], (tuple, list))
+        stacked = tuple(np.array(v) for v in zip(*values, strict=True)) if pair else np.array(values)
+        return PermeabilityTable(tuple(self.pressures), stacked)
+
+    def solve_face(
+        self,
+        gap: Array,
+        spacing: tuple[float, float],
+        solve: Callable[[Array], tuple[float, Array, Found]],
+        rtol: float,
+    ) -> FaceSolution[Found]:
+        """Solve the flow through a face (n1, n2) [m], periodic along x2.
+
+        Parameters
+        ----------
+        solve : from a gap [m], by the cubic law, to the permeability, the potential at the pixels and what is kept.
+        rtol : relative error at which the fixed point ends, where the law depends on the pressure.
+
+        Raises
+        ------
+        NotConverged : the linear solver failed, or the flow still changes after many solutions.
+        """
+        drop = self.at_constriction(gap, spacing)
+        if not drop.law.depends_on_pressure:
+            equivalent = drop.law.equivalent_gap(gap)
+            return FaceSolution(solve(equivalent)[2], equivalent, drop)
+        solved = fixed_point(
+            lambda fraction: drop.equivalent_gap(gap, fraction), solve, 0.5, rtol=rtol, name="flow through a face"
+        )
+        return FaceSolution(solved.found, solved.coefficient, drop)
+
+    def at_constriction(self, gap: Array, spacing: tuple[float, float]) -> PressureDrop:
+        """The same drop in the potential of the critical constriction of a face (n1, n2) [m], periodic along x2.
+
+        That of a viscous fluid where the face is closed, or the factor of the law is within 1e-6 of 1 everywhere.
+        """
+        if not self.law.depends_on_pressure:
+            return self
+        viscous, is_open = PressureDrop(inlet=self.inlet, outlet=self.outlet), gap > 0
+        ends = np.min(gap, where=is_open, initial=np.inf), np.max(gap, where=is_open, initial=0.0)
+        pressures = [max(p, self.least_pressure) for p in (self.inlet, self.outlet)]
+        if not ends[1] > 0 or np.all(np.abs(self.law.factor(np.array(ends)[:, None], pressures) - 1) <= _COUNTS):
+            return viscous
+        constriction = critical_constriction(gap, spacing, sides="periodic")
+        return viscous if constriction is None else replace(self, gap=constriction.gap)
+
+    @cached_property
+    def _table(self) -> tuple[Array, Array, Array]:
+        """ψ and φ above those of the outlet [kg/(m³ s)], from outlet to inlet, and their pressures [Pa]."""
+        # dense at the outlet, where the pressure of a gas changes most
+        p = self.outlet + (self.inlet - self.outlet) * np.linspace(0, 1, _INTERVALS + 1) ** 2
+        φ = self.fluid.potential(p)
+        points, weights = _POINTS
+        step = 0.5 * np.diff(φ)
+        between = self.fluid.pressure((φ[:-1] + step)[:, None] + step[:, None] * points)
+        ψ = np.concatenate([[0.0], np.cumsum(self._factor(between) @ weights * step)])
+        return ψ, φ - φ[0], p
+
+    def _factor(self, pressure: ArrayLike) -> Array:
+        if not self.law.depends_on_pressure:
+            return np.ones(np.shape(pressure))
+        return self.law.factor(self.gap, np.maximum(pressure, self.least_pressure))
+
+    @cached_property
+    def mobility(self) -> Mobility:
+        """dφ/dp and dψ/dp [s/m²] between the ends, that of a pressure 0 taken at 1e-9 of the higher end."""
+        p = np.maximum(self._table[2], self.least_pressure)
+        step = 1e-3 * p
+        slope = (self.fluid.potential(p + step) - self.fluid.potential(p - step)) / (2 * step)
+        return Mobility(self.outlet, self.inlet, slope, slope * self._factor(p))
+
+    @property
+    def least_pressure(self) -> float:
+        """Pressure [Pa] for which lower ones are taken: ratios of factors tend to a limit."""
+        return _LEAST_PRESSURE * max(self.inlet, self.outlet)
+
+    @cached_property
+    def mean_factor(self) -> float:
+        """Δψ/Δφ, the mean of F(h₀, p) over the viscous potential between both ends."""
+        if not self.law.depends_on_pressure:
+            return 1.0
+        ψ, φ, _ = self._table
+        return float(ψ[-1] / φ[-1]) if φ[-1] != 0 else float(self._factor(self.inlet))
+
+    def pressure(self, fraction: ArrayLike) -> Array:
+        """Pressure [Pa] where ψ has a fraction of its drop."""
+        ψ, _, p = self._table
+        if ψ[-1] == 0:
+            return np.full(np.shape(fraction), self.inlet)
+        return np.interp(np.asarray(fraction, dtype=float), ψ / ψ[-1], p)
+
+    def viscous_fraction(self, fraction: ArrayLike) -> Array:
+        """Fraction of the drop of the viscous potential φ where ψ has a fraction of its own."""
+        if not self.law.depends_on_pressure:
+            return np.asarray(fraction)
+        ψ, φ, _ = self._table
+        if ψ[-1] == 0:
+            return np.asarray(fraction, dtype=float)
+        return np.interp(np.asarray(fraction, dtype=float), ψ / ψ[-1], φ / φ[-1])
+
+    def steepness(self, first: Array, second: Array) -> Array:
+        """Δψ/Δφ between two fractions of the drop, dψ/dφ where they are the same."""
+        drop, viscous = first - second, self.viscous_fraction(first) - self.viscous_fraction(second)
+        apart = np.abs(viscous) > 1e-9
+        at = self._factor(self.pressure(0.5 * (first + second)))
+        return np.where(apart, self.mean_factor * drop / np.where(apart, viscous, 1.0), at)
+
+    def equivalent_gap(self, gap: Array, fraction: ArrayLike) -> Array:
+        """Gap [m] with the permeability (h³/12) F(h, p)/F(h₀, p) by the cubic law; fractions of NaN count as ½."""
+        p = self.pressure(np.nan_to_num(np.asarray(fraction, dtype=float), nan=0.5))
+        p = np.maximum(p, self.least_pressure)
+        return widened(gap, self.law.factor(np.where(gap > 0, gap, self.gap), p) / self._factor(p))
+
+
+#: A viscous fluid between a unit drop of its potential.
+VISCOUS = PressureDrop()
