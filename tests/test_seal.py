@@ -377,7 +377,7 @@ def test_a_ready_mesh_has_bounds_unless_it_is_curved():
     curved.doflocs[1] += 0.1 * curved.doflocs[0] * (2 - curved.doflocs[0])  # its sides are parabolas
     curved = MeshSeal(curved.with_boundaries({"a": lambda x: x[0] == 0, "b": lambda x: x[0] == 2}), "a", "b")
     assert curved.flow(1.0).conductance > 0
-    with pytest.raises(InputError, match="^bounds: given a curved mesh, MeshTri2"):
+    with pytest.raises(InputError, match=r"^bounds: given a curved mesh, MeshTri2"):
         curved.flow(1.0, bounds=True)
 
 
