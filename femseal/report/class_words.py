@@ -9,7 +9,7 @@ import numpy as np
 from ..base.quantities import to_text
 from ..results.selections import branches
 from ..results.tables import class_unit, format_leakage
-from .words import fluid_text
+from .case_text import fluid_text
 
 if TYPE_CHECKING:
     from ..results.results import Results
