@@ -9,6 +9,10 @@ from textwrap import fill
 from typing import Any
 
 
+#: Width of the column under the names of groups in the terminal.
+_GROUP = 12
+
+
 @dataclass(frozen=True)
 class TextTable:
     """Headings and lines of texts.
@@ -55,14 +59,23 @@ class TextTable:
         first = 1 if self.grouped else 0
         for n, head in list(enumerate(self.heads or self.lines[0]))[first:]:
             text = fill(head, self.wrap, break_long_words=False) if self.wrap else head
-            name = plain(text) if self.heads else ""
-            table.add_column(name, justify="left" if n < self.names else "right", overflow="fold")
+            # names of groups are broken, which leaves the width to the numbers
+            grouped = self.grouped and n == first
+            table.add_column(
+                plain(text) if self.heads else "",
+                justify="left" if n < self.names or grouped else "right",
+                overflow="fold",
+                max_width=_GROUP if grouped else None,
+            )
         former = None
         for line in self.lines:
             if self.grouped and line[0] != former:
                 table.add_row(plain(line[0]), style="bold")
                 former = line[0]
-            table.add_row(*map(plain, line[first:]))
+            texts = [plain(text) for text in line[first:]]
+            if self.grouped:
+                texts[0] = f"{texts[0]:>{_GROUP - 3}}"
+            table.add_row(*texts)
         return table
 
     def __str__(self) -> str:
