@@ -146,7 +146,7 @@ def large_gap(mean_gap: ArrayLike, rms: float) -> Array:
     101, 1979, 8.
     """
     h = np.asarray(mean_gap, dtype=float)
-    return h**3 / 12 * (1 - 1.5 * (rms / h) ** 2)
+    return h**3 / 12 - h * rms**2 / 8
 
 
 def stripes_across(permeabilities: ArrayLike) -> float:

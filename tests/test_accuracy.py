@@ -13,9 +13,9 @@ from femseal.budget import ErrorBudget, ErrorPart
 from femseal.case.case import parse_case
 from femseal.cli import main
 from femseal.loads import LoadStep
-from femseal.refinement import accuracy_measure
 from femseal.refinement.accuracy_plan import Variant, make_plan
 from femseal.refinement.accuracy_report import AccuracyReport, Comparison, Solution
+from femseal.studies import study_registry
 from femseal.studies.curve_distance import LeakageFactor, closing_load, leakage_factor
 
 STEPS = (LoadStep(1e8), LoadStep(2e8), LoadStep(3e8), LoadStep(2e8, 3e8), LoadStep(1e8, 3e8))
@@ -354,7 +354,7 @@ class TestReport:
 
     def test_a_solution_that_fails_is_reported_and_a_reference_that_fails_raises(self, monkeypatch):
         case = small(method="deterministic", cells=None, stochastic=None)
-        solve = accuracy_measure.deterministic
+        solve = study_registry.deterministic
 
         def failing(points):
             def deterministic(scene, **options):
@@ -364,14 +364,14 @@ class TestReport:
 
             return deterministic
 
-        monkeypatch.setattr("femseal.refinement.accuracy_measure.deterministic", failing((32, 32)))
+        monkeypatch.setattr("femseal.studies.study_registry.deterministic", failing((32, 32)))
         report = fs.measure_accuracy(case, workers=1)
         assert report.warnings == ["deterministic, 32×32 points: stalled"]
         (failed,) = (s for s in report.solutions if s.variant.points == (32, 32))
         assert failed.comparisons[0].loading.failed == 2
         assert failed.comparisons[0].loading.loads == 0
         json.loads(report.json_text())
-        monkeypatch.setattr("femseal.refinement.accuracy_measure.deterministic", failing((64, 64)))
+        monkeypatch.setattr("femseal.studies.study_registry.deterministic", failing((64, 64)))
         with pytest.raises(fs.NotConverged, match="stalled"):
             fs.measure_accuracy(case, workers=1)
 

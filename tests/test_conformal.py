@@ -33,7 +33,7 @@ from femseal.budget.model_parts import form_fraction
 from femseal.case.case import parse_case
 from femseal.loads import LoadProgramme
 from femseal.preparation.preparation import prepare
-from femseal.refinement.budgeted import budgets_of
+from femseal.refinement.budgets import budgets_of
 
 
 class TestQuantile:
@@ -222,13 +222,13 @@ class TestPartsOfABudget:
         prepared = prepare(parse_case(tomllib.loads(text)))
         asked = []
 
-        def solve(method, prepared, known):
-            asked.append(method)
-            if method == "deterministic":
+        def solve(prepared, asked_study, known):
+            asked.append(asked_study.name)
+            if asked_study.name == "deterministic":
                 return deterministic(prepared.scene)
             return two_scale(prepared.scene, prepared.cells, flow=prepared.flow, contact=prepared.contact)
 
-        study = solve("two-scale", prepared, {})
+        study = solve(prepared, prepared.answer, {})
         (part,) = (
             p for p in budgets_of(prepared, {"two_scale": study}, solve)["two_scale"].parts if p.name == "two scales"
         )

@@ -135,7 +135,7 @@ def test_an_automatic_choice_of_two_scales_takes_elements(data, monkeypatch, dis
     data |= {"method": "auto", "flow": {"discretisation": discretisation}}
     monkeypatch.setattr("femseal.studies.costs.AFFORDABLE_SECONDS", 0.0)
     prepared = prepare(parse_case(data))
-    assert (prepared.method, prepared.flow, prepared.contact) == ("two-scale", flow, "whole")
+    assert (prepared.answer.name, prepared.flow, prepared.contact) == ("two-scale", flow, "whole")
     assert f"two scales with {flow} about" in prepared.choice
     assert any(f"flow {flow}: " in line for line in describe(parse_case(data), prepared))
     monkeypatch.undo()

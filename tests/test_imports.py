@@ -70,11 +70,6 @@ KNOWN_CIRCLES: tuple[set[str], ...] = (
         "femseal.results.views",
         "femseal.results.wanted_accuracy",
     },
-    {
-        "femseal.preparation.preparation",
-        "femseal.preparation.settings",
-        "femseal.preparation.study_costs",
-    },
 )
 HEAVY = {
     "matplotlib",

@@ -192,7 +192,7 @@ def test_only_a_complete_folder_is_resumed(case, tmp_path, monkeypatch):
     assert (out / "leakage.png").exists()
     assert "pictures, report and files in" in (out / "run.log").read_text()
     with monkeypatch.context() as patch:
-        patch.setattr("femseal.runs.job.deterministic", fail)
+        patch.setattr("femseal.studies.study_registry.deterministic", fail)
         again = fs.run(case, out, resume=True, workers=1)
         assert_array_equal(again.leakage, done.leakage)
         case.write_text(case.read_text().replace("seed = 2", "seed = 3"))

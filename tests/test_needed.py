@@ -76,7 +76,7 @@ def test_files_are_written_later_without_solving_again(case, undrawn, tmp_path, 
     def fail(*args, **kwargs):
         raise ValueError("solved again")
 
-    monkeypatch.setattr("femseal.runs.job.deterministic", fail)
+    monkeypatch.setattr("femseal.studies.study_registry.deterministic", fail)
     case.write_text(CASE + "[output]\npictures = false\n")
     fs.run(case, out, resume=True, workers=1)
     left = {name for name in every if not name.endswith(".png") and name != "report.html"}

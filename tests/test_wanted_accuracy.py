@@ -14,8 +14,8 @@ import femseal as fs
 from femseal.budget import ErrorBudget, ErrorPart, counting_steps, widest_band
 from femseal.case.case import parse_case
 from femseal.loads import LoadProgramme
-from femseal.refinement.attempts import settled_as
 from femseal.refinement.refining import refined
+from femseal.refinement.settings import first_settings, first_version, last_version
 from femseal.report.words import check_lines, key_numbers
 from femseal.results import wanted_accuracy
 from femseal.results.tables import error_band, leak_scale
@@ -78,16 +78,16 @@ def test_attempts_end_when_the_budget_is_within_the_accuracy(reached):
 def test_the_answer_is_that_of_the_last_settings(reached):
     assert_array_equal(reached.leakage.values, fs.deterministic(reached.scene).leakage)
     assert reached.attempts["settings"]["grid"] == len(reached.attempts["attempts"]) - 2
-    again = settled_as(case(), prepare(case()), reached.attempts)
+    again = last_version(case(), prepare(case()), reached.attempts)
     assert_array_equal(again.scene.surface.heights, reached.scene.surface.heights)
 
 
 def test_every_attempt_is_of_the_same_face(reached):
-    first = prepare(case())
-    assert first.scene.surface.shape == (32, 32)
-    assert first.made.scene.surface.shape == (64, 64)
+    made = prepare(case())
+    assert made.scene.surface.shape == (64, 64)
+    assert first_version(case(), made).scene.surface.shape == (32, 32)
     fine = reached.scene.surface
-    assert np.abs(first.made.scene.surface.resample(fine.shape).heights - fine.heights).max() < 1e-9 * fine.rms_height
+    assert np.abs(made.scene.surface.resample(fine.shape).heights - fine.heights).max() < 1e-9 * fine.rms_height
 
 
 def test_what_was_tried_is_told(reached):
@@ -173,8 +173,9 @@ class TestRefining:
 
     def change(self, data, part, memory=1e9):
         wanted = parse_case(data)
-        prepared = prepare(wanted)
-        return prepared.settings, refined(wanted, prepared.made, prepared.settings, part, memory)
+        made = prepare(wanted)
+        settings = first_settings(wanted, made)
+        return settings, refined(wanted, made, settings, part, memory)
 
     def test_pixels_are_halved(self):
         settings, change = self.change(SMALL, "pixels")
@@ -237,7 +238,7 @@ class TestCase:
         ring = {"kind": "annular", "inner_radius": "1 mm", "outer_radius": "2 mm", "inlet": "inner"}
         shaped = case(seal=ring)
         assert (shaped.method, shaped.stochastic.pressure) == ("stochastic", "uniform")
-        assert prepare(shaped).sampling.realisations == 20
+        assert first_version(shaped, prepare(shaped)).sampling.realisations == 20
 
     def test_check_says_what_is_tried_first(self):
         wanted = case(contact={"rtol": 1e-5}, time_limit="20 min")

@@ -5,23 +5,20 @@ combines them to one band (`error_parts.py`). All distances are of ln(leakage): 
 """
 
 from .all_steps import at_interpolated_steps
-from .coarse import LEAST_LOADS, CoarserSolution, at_some_steps, change_of_windows, coarser_points
+from .coarse import CoarserSolution, change_of_windows
 from .error_budget import error_budget
 from .error_parts import ErrorBudget, ErrorPart
 from .grid_convergence import GridConvergence, grid_convergence
 from .widest_band import WidestBand, counting_steps, widest_band
 
 __all__ = [
-    "LEAST_LOADS",
     "CoarserSolution",
     "ErrorBudget",
     "ErrorPart",
     "GridConvergence",
     "WidestBand",
     "at_interpolated_steps",
-    "at_some_steps",
     "change_of_windows",
-    "coarser_points",
     "counting_steps",
     "error_budget",
     "grid_convergence",

@@ -2,24 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from math import ceil
+from dataclasses import dataclass
 
 import numpy as np
 
 from ..library import LibraryTable
 from ..loads import LoadProgramme
-from ..studies.scene import Array, Scene
-
-#: Points a side of the coarser grid over those of the scene.
-COARSENING = 0.5
-#: A coarser grid of more than this share of the points tells nothing.
-MOST_POINTS_FRACTION = 0.6
-#: Loading steps that tell the error of pixels well. Measured on 160 faces with 3 to 5 of them, for the same coverage:
-#: all of them give bands of 4.2 times the error in the median, every other 5.2 times.
-LEAST_LOADS = 5
-#: Windows have at least this many pixels a side.
-WINDOW_PIXELS = 8
+from ..studies.scene import Array
 
 
 @dataclass(frozen=True)
@@ -34,40 +23,6 @@ class CoarserSolution:
     steps: LoadProgramme
     leakage: Array
     against: Array | None = None
-
-
-def coarser_points(points: tuple[int, int], cells: tuple[int, int] | None = None) -> tuple[int, int] | None:
-    """Half the points a side, or as few more as the windows ask for; None where windows have too few pixels."""
-    wanted = [ceil(COARSENING * n) for n in points]
-    if cells is not None:
-        wanted = [max(ceil(n / m), WINDOW_PIXELS) * m for n, m in zip(wanted, cells, strict=True)]
-    if wanted[0] * wanted[1] > MOST_POINTS_FRACTION * points[0] * points[1]:
-        return None
-    return wanted[0], wanted[1]
-
-
-def at_some_steps(scene: Scene, leakage: Array, stride: int = 2, *, least: int = LEAST_LOADS) -> Scene:
-    """The scene at some of its steps: ends, peaks, both sides of closing, and one of `stride` of the rest.
-
-    Parameters
-    ----------
-    leakage : of the scene at every step (steps,).
-    least : number of open loading steps below which the stride would not fall: it is shorter then.
-    """
-    q = np.abs(np.asarray(leakage, dtype=float))
-    loading = scene.steps.loading
-    shut = [n for n in range(len(loading)) if q[n] == 0]
-    first_shut = shut[0] if shut else len(loading)
-    if least:
-        stride = min(stride, max(1, first_shut // least))
-    kept = {0, first_shut - 1, first_shut, *range(0, first_shut, stride)}
-    peaks = set(scene.unload_from)
-    if not peaks:  # beyond closing there is nothing to compare
-        kept.add(len(loading) - 1 if not shut else first_shut)
-    chosen = tuple(p for n, p in enumerate(loading) if n in kept or p in peaks)
-    stops = scene.steps.unloading  # falling
-    ends = {0, len(stops) - 1, *range(0, len(stops), stride)}
-    return replace(scene, loading=chosen, unloading=tuple(p for n, p in enumerate(stops) if n in ends))
 
 
 def on_all_steps(steps: LoadProgramme, coarse: CoarserSolution, leakage: Array) -> Array:

@@ -212,7 +212,7 @@ class OutputTable(Table):
         return self.model_dump(include=set(FILE_KEYS))
 
     @property
-    def told(self) -> str:
+    def description(self) -> str:
         """How leakage is told, in words; "" where nothing is asked for."""
         words = [] if self.leakage_unit is None else [f"in {self.leakage_unit}"]
         if classes := ", ".join(c.name for c in leak_classes(self.classes)):

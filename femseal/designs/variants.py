@@ -11,12 +11,12 @@ import numpy as np
 
 from ..case.case import Case
 from ..execution.mappers import ordered_map
+from ..execution.run import Progress, Run
 from ..flow.law import law_of
 from ..fluids import FLUIDS
 from ..preparation.preparation import Prepared, prepare
-from ..refinement.attempts import settled_as
+from ..refinement.settings import last_version
 from ..results.results import Results
-from ..runs import job
 from ..studies import Scene
 from ..studies.compiling import compile_ahead
 from ..studies.other_fluid import FluidState
@@ -40,9 +40,9 @@ class TurnedSeals:
 class Solver:
     """Solves variants of a case for the fluid by which its classes are judged."""
 
-    def __init__(self, case: Case, results: Results, workers: int | None, progress: job.Progress) -> None:
+    def __init__(self, case: Case, results: Results, workers: int | None, progress: Progress) -> None:
         self._case, self._workers, self._progress = case, workers, progress
-        prepared: Prepared = settled_as(case, prepare(case), results.attempts)
+        prepared: Prepared = last_version(case, prepare(case), results.attempts)
         if prepared.sampling is not None and prepared.sampling.width is not None:
             # as many seals and windows as the run took in the end
             size = int(results.dataset.attrs.get("library_windows", prepared.sampling.library_cells))
@@ -95,11 +95,9 @@ class Solver:
 
     def _solved(self, name: str, scene: Scene, prepared: Prepared) -> Any:
         with self._mapper() as mapper:
-            self._progress(name, 0, 1)
-            watched = job.watching(mapper, name, self._progress, {})
-            study = job.study_of(prepared.answer, self._case, prepared, scene, None, watched)
-            self._progress(name, 1, 1)
-        return study
+            version = replace(prepared, scene=scene)
+            with Run(mapper, self._progress).timed(name) as watched:
+                return version.solve(version.answer, watched)
 
     @contextmanager
     def _mapper(self) -> Iterator[Any]:

@@ -20,8 +20,8 @@ _LOST_SLOPE, _LOST_TO_COST = 0.1, 0.02
 _NOISE_SLOPE = 0.25
 
 
-def oddities(case: Case, scene: Scene, surface: Conditioning) -> tuple[str, ...]:
-    """One sentence for each odd thing in a case and the scene made of it."""
+def plausibility_warnings(case: Case, scene: Scene, surface: Conditioning) -> tuple[str, ...]:
+    """One sentence for each thing in a case and its scene that is not plausible, but may be meant."""
     solids = zip(("material", "counter_material"), case.solids, strict=True)
     odd = moduli_warnings((f"{name}.young", solid.young) for name, solid in solids if solid is not None)
     return (*odd, *scene_warnings(scene), *_odd_filter(case, scene, surface))

@@ -1,4 +1,4 @@
-"""Sizes of a case weighed against the free memory before anything is made."""
+"""Sizes of a case checked against the free memory before anything is made."""
 
 from __future__ import annotations
 
@@ -17,25 +17,28 @@ _POINT_BYTES = 64
 _LINK_BYTES = 8 * 32
 
 
-def weigh_points(key: str, shape: tuple[int, int]) -> None:
+def check_memory_of_points(key: str, shape: tuple[int, int]) -> None:
     """Raise InputError if a face of so many points does not fit into the free memory."""
-    _weigh(key, f"{shape[0]} × {shape[1]} points", prod(shape) * _POINT_BYTES)
+    check_memory(key, f"{shape[0]} × {shape[1]} points", prod(shape) * _POINT_BYTES)
 
 
-def weigh_draws(steps: int, seal: tuple[int, int], realisations: int, library_cells: int, paths: int = 1) -> None:
+def check_memory_of_draws(
+    steps: int, seal: tuple[int, int], realisations: int, library_cells: int, paths: int = 1
+) -> None:
     """Raise InputError if drawn seals, their leakages, or the curves of a library do not fit into the free memory.
 
     paths : of pressure, for each of which every library window has its own curve.
     """
-    _weigh("stochastic.length", f"a seal of {seal[0]} × {seal[1]:.4g} windows", prod(seal) * _LINK_BYTES)
-    _weigh("stochastic.realisations", realisations, 16 * steps * realisations)
-    _weigh("stochastic.library_cells", library_cells, 48 * steps * library_cells * paths)
+    check_memory("stochastic.length", f"a seal of {seal[0]} × {seal[1]:.4g} windows", prod(seal) * _LINK_BYTES)
+    check_memory("stochastic.realisations", realisations, 16 * steps * realisations)
+    check_memory("stochastic.library_cells", library_cells, 48 * steps * library_cells * paths)
 
 
-def _weigh(key: str, given: object, needed: int) -> None:
+def check_memory(key: str, given: object, needed: int) -> None:
+    """Raise InputError, which names a key and its value, if so many bytes are not free."""
     if needed > (free := free_memory()):
-        allowed = f"what fits into the {free / 1e9:.3g} GB of free memory; it takes about {needed / 1e9:.3g} GB"
-        raise InputError(key, given, allowed)
+        expected = f"what fits into the {free / 1e9:.3g} GB of free memory; it takes about {needed / 1e9:.3g} GB"
+        raise InputError(key, given, expected)
 
 
 @contextmanager
@@ -44,5 +47,5 @@ def refused_if_too_large() -> Iterator[None]:
     try:
         yield
     except (MemoryError, OverflowError, RecursionError) as error:
-        allowed = f"sizes that fit into memory and numbers of usual size ({str(error) or type(error).__name__})"
-        raise InputError("case", "a size or number that is too large", allowed) from error
+        expected = f"sizes that fit into memory and numbers of usual size ({str(error) or type(error).__name__})"
+        raise InputError("case", "a size or number that is too large", expected) from error

@@ -26,7 +26,7 @@ from ..topography import (
     repair,
     smooth,
 )
-from .preparation import default_grid
+from .face import default_grid
 
 #: Arguments of `topography` by their option.
 SURFACE_OPTIONS = {

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from os import PathLike
 from pathlib import Path
-from typing import Any
 
 import joblib
 import numpy as np
@@ -18,19 +18,19 @@ from ..base import validate
 from ..base.errors import FemsealError, InputError
 from ..base.files import made_folder
 from ..base.stage import Mapper
-from ..budget import CoarserSolution, ErrorBudget, coarser_points, error_budget
+from ..budget import CoarserSolution, ErrorBudget
 from ..case.case import Case, load_case
 from ..execution.mappers import ordered_map
-from ..preparation.preparation import Prepared
-from ..studies import deterministic, stochastic, two_scale
+from ..execution.run import Progress, no_progress
+from ..preparation.prepared import Pair, Prepared
 from ..studies.compiling import compile_ahead
 from ..studies.curve_distance import closing_load, leakage_factor
 from .accuracy_plan import Plan, Variant, make_plan
 from .accuracy_report import AccuracyReport, Comparison, Solution
-from .budgeted import THIRD_GRID_PIXELS, filtered_input, leakage_of, removed_octaves, wave_pixels
+from .budgets import budget_of, leakage_of
+from .coarser import coarser_points, coarser_solutions, without_filtered_waves
 
 Array = NDArray[np.float64]
-Progress = Callable[[str, int, int | None], None]
 
 
 def measure_accuracy(
@@ -82,7 +82,7 @@ def measure_accuracy(
             announce(line)
     processes = workers or joblib.cpu_count()
     with ordered_map(processes, before=compile_ahead) as mapper:
-        report = _measure(plan, processes, mapper, progress or (lambda stage, done, total: None))
+        report = _measure(plan, processes, mapper, progress or no_progress)
     if output is not None:
         report.write(output)
     return report
@@ -98,28 +98,24 @@ def _measure(plan: Plan, workers: int, mapper: Mapper, progress: Progress) -> Ac
     # coarser pixels first: they tell the error of finer ones
     order = sorted(plan.variants, key=lambda v: (v.points[0] * v.points[1], v != plan.reference))
     for done, variant in enumerate(order, start=1):
-        prepared = _at_resolution(plan.prepared, variant)
-        _warm_up(prepared, variant, workers, mapper)
+        version = variant.applied(plan.prepared)
+        _warm_up(version, workers, mapper)
         start = time.perf_counter()
-        study = None
+        result = None
         try:
-            study = _solve(prepared, variant, mapper)
-            leakages[variant], failures[variant] = leakage_of(study), study.failures
+            result = version.solve(version.answer, mapper)
+            leakages[variant], failures[variant] = leakage_of(result), result.failures
         except FemsealError as error:
             if variant == plan.reference:
                 raise
-            leakages[variant], failures[variant] = np.full(len(prepared.scene.steps), np.nan), (str(error),)
+            leakages[variant], failures[variant] = np.full(len(version.scene.steps), np.nan), (str(error),)
         seconds[variant] = time.perf_counter() - start
-        if study is not None:
-            coarse = _coarser(plan.prepared, variant, leakages, mapper)
-            budgets[variant] = error_budget(
-                prepared.scene,
-                study,
-                coarse=coarse,
-                filtered=filtered,
-                octaves=removed_octaves(plan.prepared),
-                wave_pixels=wave_pixels(prepared),
-            )
+        if result is not None:
+            coarse: list[CoarserSolution] = []
+            with suppress(FemsealError):  # the budget then says nothing of the pixels
+                leakage = partial(_leakage, plan.prepared, mapper=mapper)
+                coarse = coarser_solutions(version, _coarser(variant), leakages, leakage)
+            budgets[variant] = budget_of(version, result, coarse, filtered)
         progress("solutions", done, len(plan.variants))
     steps = plan.prepared.scene.steps
 
@@ -144,25 +140,17 @@ def _measure(plan: Plan, workers: int, mapper: Mapper, progress: Progress) -> Ac
     return AccuracyReport(plan=plan, solutions=tuple(solutions), workers=workers)
 
 
-def _coarser(
-    prepared: Prepared, variant: Variant, leakages: dict[Variant, Array], mapper: Mapper
-) -> list[CoarserSolution]:
-    """The same solution on half the points a side, and on a fourth where that carries the waves and is known."""
-    found: list[CoarserSolution] = []
-    fine = wave_pixels(_at_resolution(prepared, variant)) >= THIRD_GRID_PIXELS * (1 - 1e-9)
+def _coarser(variant: Variant) -> Iterator[tuple[Variant, Pair]]:
+    """The variant on half and on a quarter of the points, as far as its windows allow."""
     points = coarser_points(variant.points, variant.cells)
-    while points is not None and len(found) < 1 + fine:
-        coarse = replace(variant, points=points)
-        if coarse not in leakages:
-            if found:
-                break
-            try:
-                leakages[coarse] = leakage_of(_solve(_at_resolution(prepared, coarse), coarse, mapper))
-            except FemsealError:  # the budget then says nothing of the pixels
-                break
-        found.append(CoarserSolution(points, prepared.scene.steps, leakages[coarse]))
+    while points is not None:
+        yield replace(variant, points=points), points
         points = coarser_points(points, variant.cells)
-    return found
+
+
+def _leakage(prepared: Prepared, variant: Variant, mapper: Mapper) -> Array:
+    version = variant.applied(prepared)
+    return leakage_of(version.solve(version.answer, mapper))
 
 
 def _filtered(prepared: Prepared, mapper: Mapper) -> CoarserSolution | None:
@@ -171,12 +159,12 @@ def _filtered(prepared: Prepared, mapper: Mapper) -> CoarserSolution | None:
     Both are on half the points a side: what removed waves would change is the same for all solutions.
     """
     whole = replace(prepared, cells=None, sampling=None, methods=frozenset({"deterministic"}))
-    smooth = filtered_input(whole)
+    smooth = without_filtered_waves(whole)
     if smooth is None:
         return None
     shape = smooth.scene.surface.shape
-    with_them = replace(smooth.scene, surface=prepared.scene.surface.resample(shape))
-    own, other = (deterministic(scene, mapper=mapper).leakage for scene in (with_them, smooth.scene))
+    with_them = replace(smooth, scene=replace(smooth.scene, surface=prepared.scene.surface.resample(shape)))
+    own, other = (leakage_of(version.solve(version.answer, mapper)) for version in (with_them, smooth))
     return CoarserSolution(shape, smooth.scene.steps, other, own)
 
 
@@ -187,29 +175,9 @@ def _references(plan: Plan, variant: Variant) -> list[Variant]:
     return [plan.reference]
 
 
-def _at_resolution(prepared: Prepared, variant: Variant) -> Prepared:
-    """The same surface on the variant's grid."""
-    scene = prepared.scene
-    if variant.points == scene.surface.shape:
-        return prepared
-    return replace(prepared, scene=replace(scene, surface=scene.surface.resample(variant.points)))
-
-
-def _solve(prepared: Prepared, variant: Variant, mapper: Mapper) -> Any:
-    """Result of the study."""
-    scene = prepared.scene
-    if variant.cells is None:
-        return deterministic(scene, mapper=mapper)
-    if variant.library_cells is None:
-        return two_scale(scene, variant.cells, flow=prepared.flow, contact=prepared.contact, mapper=mapper)
-    assert prepared.sampling is not None
-    sampling = replace(prepared.sampling, library_cells=variant.library_cells, other_lengths=())
-    return stochastic(scene, variant.cells, sampling, contact=prepared.contact, mapper=mapper)
-
-
-def _warm_up(prepared: Prepared, variant: Variant, workers: int, mapper: Mapper) -> None:
+def _warm_up(version: Prepared, workers: int, mapper: Mapper) -> None:
     """Run a load in each process untimed, so that no time includes loading of libraries and planning of FFTs."""
-    first = replace(prepared.scene, loading=prepared.scene.loading[:workers], unload_from=(), unloading=())
-    sampling = prepared.sampling and replace(prepared.sampling, realisations=workers)
+    first = replace(version.scene, loading=version.scene.loading[:workers], unload_from=(), unloading=())
+    sampling = version.sampling and replace(version.sampling, realisations=workers)
     with suppress(FemsealError):
-        _solve(replace(prepared, scene=first, sampling=sampling), variant, mapper)
+        replace(version, scene=first, sampling=sampling).solve(version.answer, mapper)

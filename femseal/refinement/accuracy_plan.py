@@ -10,14 +10,15 @@ from ..base.errors import InputError
 from ..base.quantities import to_text
 from ..base.text import duration
 from ..case.case import Case
-from ..preparation.preparation import Prepared, prepare
+from ..preparation.preparation import prepare
+from ..preparation.prepared import Pair, Prepared
 from ..seal.layouts import RectangularLayout
 from ..seal.pressure_map import Uniform
-from ..studies import count_face_windows, lay_out_windows
-from ..studies.costs import deterministic_cost, pressures_of_gas, stochastic_cost, two_scale_cost, usual_efforts
+from ..studies import count_face_windows
+from ..studies.costs import usual_efforts
 from ..windows import Partition
+from .coarser import with_points
 
-Pair = tuple[int, int]
 #: Points along a side, and cells in the library, are divided by these. The shortest wave of a scene has at least 8
 #: pixels, so 2 are left, which is what a grid can carry.
 COARSENINGS = (1, 2, 4)
@@ -51,6 +52,14 @@ class Variant:
     def short(self) -> str:
         """Short description that distinguishes it from other references."""
         return self.method if self.cells is None else f"{self.method} {by(self.cells)}"
+
+    def applied(self, prepared: Prepared, resampled: bool = True) -> Prepared:
+        """The version of a prepared case that this is the solution of; its face as it is, unless `resampled`."""
+        sampling = prepared.sampling
+        if sampling is not None and self.library_cells is not None:
+            sampling = replace(sampling, library_cells=self.library_cells, other_lengths=())
+        version = with_points(prepared, self.points) if resampled else prepared
+        return replace(version, cells=self.cells, sampling=sampling, methods=frozenset({self.method}))
 
 
 @dataclass(frozen=True)
@@ -119,8 +128,7 @@ def make_plan(case: Case, *, limit: float, memory: float) -> Plan:
     """
     others = (("two-scale",) if case.cells else ()) + (("stochastic",) if case.cells and case.stochastic else ())
     prepared = prepare(case.model_copy(update={"compare": others}))
-    # not the coarse pixels of a first attempt at an accuracy
-    prepared = _on_a_strip(prepared.made or prepared)
+    prepared = _on_a_strip(prepared)
     variants: list[Variant] = []
     costs: list[tuple[float, float]] = []
     skipped: list[tuple[str, str]] = []
@@ -235,19 +243,10 @@ def _near_divisor(n: int, m: int, wanted: float) -> int | None:
 
 
 def _cost(prepared: Prepared, variant: Variant) -> tuple[float, float]:
-    efforts, pressures = usual_efforts(len(prepared.scene.steps)), pressures_of_gas(prepared.scene)
-    if variant.cells is None:
-        return deterministic_cost(efforts, variant.points, pressures)
-    if variant.library_cells is None:
-        return two_scale_cost(
-            efforts, variant.points, variant.cells, prepared.flow, prepared.contact, pressures=pressures
-        )
-    assert prepared.sampling is not None
-    sampling = replace(prepared.sampling, library_cells=variant.library_cells)
-    surface = prepared.scene.surface
-    partition = Partition(surface.shape, surface.spacing, variant.cells)
-    seal = lay_out_windows(prepared.scene.layout, partition, sampling)[0].unknowns
-    return stochastic_cost(efforts, variant.points, variant.cells, sampling, seal, prepared.contact, pressures)
+    """Expected time on one core [s] and memory [byte] of a variant."""
+    version = variant.applied(prepared, resampled=False)
+    known = usual_efforts(len(prepared.scene.steps))
+    return version.answer.cost(version.scene, version.options, known, variant.points)
 
 
 def _may_be_reference(prepared: Prepared, variant: Variant) -> bool:

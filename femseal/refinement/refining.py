@@ -4,25 +4,22 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from math import prod
-from typing import TYPE_CHECKING
 
 from ..base.quantities import to_text
-from ..preparation.settings import (
+from ..case.case import Case
+from ..preparation.prepared import Prepared
+from .settings import (
     HALVING,
     LEAST_RTOL,
     MOST_GRID,
     MOST_SEALS,
     MOST_WINDOWS,
     Settings,
+    apply_settings,
     expected_cost,
-    fixed,
+    given_settings,
     grid_points,
-    settled,
 )
-
-if TYPE_CHECKING:
-    from ..case.case import Case
-    from ..preparation.preparation import Prepared
 
 
 @dataclass(frozen=True)
@@ -41,10 +38,10 @@ def refined(case: Case, made: Prepared, settings: Settings, part: str, memory: f
 
     Parameters
     ----------
-    made : the case on the points of its face. settings : of the last attempt. part : name of a part of its budget.
-    memory : that an attempt may take [byte].
+    made : the case as prepared, on the points of its face. settings : of the last attempt.
+    part : name of a part of its budget. memory : that an attempt may take [byte].
     """
-    given = fixed(case)
+    given = given_settings(case)
     refine = {
         "solver": _contact_residual,
         "pixels": _pixels,
@@ -58,11 +55,11 @@ def refined(case: Case, made: Prepared, settings: Settings, part: str, memory: f
     found = Refinement(None, "nothing refines it") if refine is None else refine(made, settings, given)
     if found.settings is None:
         return found
-    needed = expected_cost(settled(case, made, found.settings))[1]
+    needed = expected_cost(apply_settings(case, made, found.settings))[1]
     if needed > memory and found.settings.method == "deterministic" and "method" not in given and settings.cells:
         flow = "elements" if made.scene.discretisation == "edge" else "links"
         cheaper = replace(found.settings, method="two-scale", flow=flow)
-        less = expected_cost(settled(case, made, cheaper))[1]
+        less = expected_cost(apply_settings(case, made, cheaper))[1]
         if less < needed:
             found, needed = Refinement(cheaper, f"{found.text}, two scales with {flow}"), less
     if needed > memory:

@@ -137,6 +137,8 @@ def fluid_text(fluid: dict[str, Any], fallback: str) -> str:
     text = f"{name}{named} of viscosity {to_text(fluid['viscosity'], 'Pa·s')}"
     if fluid.get("kind") == "ideal-gas":
         text += " with" + ("" if fluid.get("slip", True) else "out") + " slip and free molecular flow"
+    if fluid.get("slip_length"):
+        text += f", slip length {to_text(fluid['slip_length'], 'm')}"
     return text + (f" and density {fluid['density']:g} kg/m³" if "density" in fluid else "")
 
 

@@ -6,18 +6,15 @@ import logging
 from collections.abc import Callable
 from dataclasses import replace
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from ..execution.run import Run
 from ..loads import LoadProgramme
-from ..refinement.attempts import Solve
-from ..refinement.budgeted import leakage_of
-from ..studies import Scene
+from ..preparation.prepared import Prepared
+from ..refinement.budgets import leakage_of
 from ..studies.load_interpolation import Array, Indices, branches, left_out_errors, numbers_of
-
-if TYPE_CHECKING:
-    from ..preparation.preparation import Prepared
 
 log = logging.getLogger("femseal.runs.chosen_loads")
 #: Most steps in a row that are left out at first.
@@ -27,13 +24,12 @@ FIRST_GAP = 3
 AT_ENDS = 2.0
 
 
-def solve_chosen(prepared: Prepared, tolerance: float, solve: Solve) -> tuple[Prepared, Any]:
+def solve_chosen(prepared: Prepared, tolerance: float, run: Run) -> tuple[Prepared, Any]:
     """Solve the answer at a part of the load steps, and at more until the others can be interpolated.
 
     Parameters
     ----------
     tolerance : relative error of the leakage between solved steps.
-    solve : called as solve(method, prepared, known, told), gives the result of a study.
 
     Returns
     -------
@@ -42,9 +38,10 @@ def solve_chosen(prepared: Prepared, tolerance: float, solve: Solve) -> tuple[Pr
     found: list[tuple[Prepared, Any]] = []
 
     def leakage_at(part: LoadProgramme) -> Array:
-        filtered = None if prepared.filtered is None else _with_loads(prepared.filtered, part)
-        chosen = replace(prepared, scene=_with_loads(prepared.scene, part), filtered=filtered)
-        found.append((chosen, solve(chosen.answer, chosen, {}, f"loads {len(found) + 1}")))
+        scene = replace(prepared.scene, loading=part.loading, unloading=part.unloading)
+        version = replace(prepared, scene=scene)
+        with run.timed(f"loads {len(found) + 1}") as mapper:
+            found.append((version, version.solve(version.answer, mapper)))
         return leakage_of(found[-1][1])
 
     steps = prepared.scene.steps
@@ -115,7 +112,3 @@ def _needed(leakage: Array, solved: Indices, steps: LoadProgramme, tolerance: fl
             step = steps[int(branch[(low + high) // 2])]
             found.add((step.pressure, step.unloaded_from is None))
     return found
-
-
-def _with_loads(scene: Scene, part: LoadProgramme) -> Scene:
-    return replace(scene, loading=part.loading, unloading=part.unloading)

@@ -12,7 +12,7 @@ from ..case.case import Case
 from ..case.case_tables import FILE_KEYS
 from ..execution.lock import alone_in
 from ..preparation.preparation import prepare
-from ..refinement.attempts import settled_as
+from ..refinement.settings import chosen, last_version
 from ..report import write_again
 from ..results import Results, open_results
 
@@ -37,15 +37,15 @@ def finished_results(case: Case, faces: dict[str, str], folder: Path) -> Results
     try:
         results = open_results(folder)
         face_files = json.loads(results.dataset.attrs.get("face_files", "{}"))
-        chosen = json.loads(results.dataset.attrs.get("chosen", "{}"))
+        then = json.loads(results.dataset.attrs.get("chosen", "{}"))
     except (FemsealError, ValueError, TypeError, RecursionError):
         return None
     echo = case.echo()
     if _numbers(results.case) != _numbers(echo) or face_files != faces:
         return None
     prepared = prepare(case)
-    if chosen != (now := prepared.chosen):
-        changed = ", ".join(key for key in now if chosen.get(key) != now[key])
+    if then != (now := chosen(case, prepared)):
+        changed = ", ".join(key for key in now if then.get(key) != now[key])
         log.info("the results in %s are computed again: other choices now (%s)", folder, changed)
         return None
     if results.case == echo:
@@ -56,7 +56,7 @@ def finished_results(case: Case, faces: dict[str, str], folder: Path) -> Results
     with alone_in(folder):
         results.dataset.attrs["case"] = json.dumps(echo, ensure_ascii=False)
         options = {key: value for key, value in case.output.files.items() if key != "fields_limit"}
-        write_again(results, settled_as(case, prepared, results.attempts).scene.surface, **options)
+        write_again(results, last_version(case, prepared, results.attempts).scene.surface, **options)
         log.info("other files written to %s", folder)
     return results
 

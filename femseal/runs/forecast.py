@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -14,10 +14,9 @@ from ..base.quantities import to_text
 from ..base.text import duration
 from ..case.case import Case
 from ..preparation.check_memory import START_MEMORY
-from ..preparation.preparation import Prepared, shares_contact
-from ..preparation.settings import fixed, time_limit
-from ..preparation.study_costs import study_cost
-from ..refinement.budgeted import coarser_grids, filtered_input
+from ..preparation.prepared import Prepared, without_short_waves
+from ..refinement.coarser import coarser_grids, without_filtered_waves
+from ..refinement.settings import first_settings, first_version, given_settings, grid_points, time_limit
 from ..results.fields import fields_size
 from ..studies import FluidState, Sampling, Scene, count_face_windows, drop_ratio, lay_out_windows
 from ..studies.costs import Effort, usual_efforts
@@ -70,8 +69,9 @@ class Disk:
     checkpoint: float
 
 
-def describe(case: Case, prepared: Prepared) -> list[str]:
-    """Lines that say what a run of the case computes: surface, steps, cells, unknowns, expected time and sizes."""
+def describe(case: Case, made: Prepared) -> list[str]:
+    """Lines that say what a run of a prepared case computes: surface, steps, cells, unknowns, time and sizes."""
+    prepared = first_version(case, made)
     scene = prepared.scene
     surface, steps = scene.surface, len(scene.steps)
     pixels = int(np.prod(surface.shape))
@@ -87,9 +87,9 @@ def describe(case: Case, prepared: Prepared) -> list[str]:
     lines.append(_line("load", f"{steps} states: {steps - down} loading{unloading}, up to {highest}"))
     lines.append(_line("flow", f"discretisation {scene.discretisation}, solver {scene.solver}"))
     lines += _law_lines(scene)
-    lines += _accuracy_lines(case, prepared)
+    lines += _accuracy_lines(case, made)
     if prepared.choice:
-        lines.append(_line("method", f"{prepared.method}: {prepared.choice}"))
+        lines.append(_line("method", prepared.choice))
     if "deterministic" in prepared.methods:
         lines.append(_line("deterministic", f"{steps} contact and {steps} flow solutions of {pixels} unknowns"))
     if prepared.cells is not None:
@@ -120,17 +120,17 @@ def describe(case: Case, prepared: Prepared) -> list[str]:
                 lines.append(_line("seal", str(scene.layout)))
             if uneven := describe_map(scene, laid, sampling.pressure_map):
                 lines.append(_line("pressure map", uneven))
-    if prepared.filtered is not None:
-        points = " × ".join(map(str, prepared.filtered.surface.shape))
+    if case.surface.filter_sensitivity:
+        points = " × ".join(map(str, without_short_waves(prepared).surface.shape))
         lines.append(
-            _line("second run", f"{prepared.answer}, on {points} points without waves up to twice the shortest")
+            _line("second run", f"{prepared.answer.name}, on {points} points without waves up to twice the shortest")
         )
     if budget := _budget_inputs(case, prepared):
         again = (f"{len(one.scene.steps)} on {' × '.join(map(str, one.scene.surface.shape))} points" for one in budget)
         lines.append(_line("error budget", f"states again, {' and '.join(again)}"))
-    if told := case.output.told:
-        lines.append(_line("leakage", told))
-    first = "" if prepared.settings is None else "first attempt: "
+    if leakage := case.output.description:
+        lines.append(_line("leakage", leakage))
+    first = "" if case.accuracy is None else "first attempt: "
     lines.append(_line("expected", first + _expected_text(forecast(case, prepared))))
     if not any(Path(__file__).parents[1].rglob("__pycache__/*.nbi")):
         lines.append(_line("", "the first run after an installation compiles besides, for a minute or two"))
@@ -147,28 +147,28 @@ def forecast(case: Case, prepared: Prepared, known: tuple[Effort, ...] | None = 
     known : effort of each load step; found by a few contacts of a small part of the face unless given.
     """
     known = efforts(prepared.scene) if known is None else known
-    shared_contact = shares_contact(prepared)
-    costs = [study_cost(m, prepared, prepared.scene, known, solved=shared_contact) for m in prepared.methods]
-    if prepared.filtered is not None:
-        costs.append(study_cost(prepared.answer, prepared, prepared.filtered, known))
+    costs = [prepared.cost(study, known) for study in prepared.studies]
+    alone = replace(prepared, methods=frozenset({prepared.answer.name}))
+    if case.surface.filter_sensitivity:
+        costs.append(replace(alone, scene=without_short_waves(prepared)).cost(alone.answer, known))
     for coarse in _budget_inputs(case, prepared):
         efforts_of = tuple(known[prepared.scene.steps.index(step)] for step in coarse.scene.steps)
-        both = shares_contact(coarse)
-        costs += [study_cost(m, coarse, coarse.scene, efforts_of, solved=both) for m in coarse.methods]
+        costs += [coarse.cost(study, efforts_of) for study in coarse.studies]
     if (test := case.output.test_fluid) is not None:
         state = test.state
         if drop_ratio(state, FluidState.of(prepared.scene)) is None:
-            costs.append(study_cost(prepared.answer, prepared, state.in_scene(prepared.scene), known))
+            costs.append(replace(alone, scene=state.in_scene(prepared.scene)).cost(alone.answer, known))
     drawn = case.output.pictures or case.output.report
-    alone = _START_SECONDS + drawn * _PICTURES_SECONDS + disk(case, prepared).fields * _FIELD_BYTE_SECONDS
+    own = _START_SECONDS + drawn * _PICTURES_SECONDS + disk(case, prepared).fields * _FIELD_BYTE_SECONDS
     shared = sum(seconds for seconds, _ in costs)
     # what a study holds stays until the results are written; what it works with does not
     memory = START_MEMORY + max(memory for _, memory in costs)
-    return Forecast(alone * pace(), shared * pace(), memory)
+    return Forecast(own * pace(), shared * pace(), memory)
 
 
-def refuse_too_large(case: Case, prepared: Prepared) -> None:
-    """Raise InputError if a run is expected to take more memory than the case allows, or than is free."""
+def refuse_too_large(case: Case, made: Prepared) -> None:
+    """Raise InputError if a run of a prepared case is expected to take more memory than it allows, or than is free."""
+    prepared = first_version(case, made)
     most, which = (free_memory(), "that are free") if case.memory is None else (case.memory, "of the key memory")
     # usual loads take no less than those of the case may; only where that is too much, its own are tried
     if forecast(case, prepared, usual_efforts(len(prepared.scene.steps))).memory <= most:
@@ -188,14 +188,15 @@ def refuse_too_large(case: Case, prepared: Prepared) -> None:
     raise InputError("memory", given, allowed)
 
 
-def _accuracy_lines(case: Case, prepared: Prepared) -> list[str]:
+def _accuracy_lines(case: Case, made: Prepared) -> list[str]:
     """What the first attempt at a wanted accuracy takes."""
-    if case.accuracy is None or prepared.settings is None or prepared.made is None:
+    if case.accuracy is None:
         return []
-    chosen, given = prepared.settings, fixed(case)
-    words = [f"{' × '.join(map(str, prepared.scene.surface.shape))} points", f"contact.rtol {chosen.rtol:.0e}"]
-    words += [] if chosen.realisations is None else [f"{chosen.realisations} seals"]
-    text = f"{100 * case.accuracy:.3g} %, first with {', '.join(words)}; then what limits is refined"
+    chosen, given = first_settings(case, made), given_settings(case)
+    points = grid_points(made.scene.surface.shape, chosen.grid, chosen.cells)
+    first = [f"{' × '.join(map(str, points))} points", f"contact.rtol {chosen.rtol:.0e}"]
+    first += [] if chosen.realisations is None else [f"{chosen.realisations} seals"]
+    text = f"{100 * case.accuracy:.3g} %, first with {', '.join(first)}; then what limits is refined"
     lines = [_line("accuracy", f"{text}, for at most {duration(time_limit(case))}")]
     if given:
         keys = ", ".join(dict.fromkeys(given.values()))
@@ -232,7 +233,7 @@ def disk(case: Case, prepared: Prepared) -> Disk:
     """Expected sizes of the files of a run."""
     scene = prepared.scene
     steps, pixels = len(scene.steps), int(np.prod(scene.surface.shape))
-    studies = {method.replace("-", "_") for method in prepared.methods}
+    studies = {study.key for study in prepared.studies}
     each = fields_size(scene.surface.shape, studies, links=prepared.flow == "links")
     fitting = int(min(case.output.fields_limit // each, steps)) if each and case.output.fields else 0
     formats = {"none": 0, "both": 2}.get(case.output.paraview, 1)
@@ -252,7 +253,7 @@ def _budget_inputs(case: Case, prepared: Prepared) -> list[Prepared]:
     """What the error budget solves besides."""
     if not case.output.budget:
         return []
-    smooth = filtered_input(prepared) if prepared.filtered is None else None
+    smooth = None if case.surface.filter_sensitivity else without_filtered_waves(prepared)
     return [*coarser_grids(prepared), *([] if smooth is None else [smooth])]
 
 
@@ -264,7 +265,7 @@ def _checkpoint(prepared: Prepared) -> float:
         found += pixels * (STEP_BYTES * steps + 8.0 * peaks)
     if prepared.cells is not None and prepared.methods != {"deterministic"}:
         # the gap that the global contact leaves, and gap and pressure of the windows
-        if not shares_contact(prepared):
+        if not prepared.shares_contact:
             found += pixels * (8.0 * steps + 8.0 * peaks)
         elif prepared.flow != "links":
             found += pixels * 4.0 * steps

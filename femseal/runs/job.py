@@ -6,7 +6,7 @@ import hashlib
 import json
 import logging
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sized
+from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import replace
 from functools import partial
@@ -18,7 +18,7 @@ from typing import Any
 from ..base.errors import FemsealError, InputError
 from ..base.files import made_folder, remove_foreign
 from ..base.provenance import numerical_versions
-from ..base.stage import Mapper, Stage
+from ..base.stage import Mapper
 from ..budget import ErrorBudget
 from ..case.case import Case, load_case
 from ..case.faces import FileFace
@@ -27,31 +27,23 @@ from ..execution.checkpoint import Checkpoint
 from ..execution.lock import alone_in
 from ..execution.log_file import LogFile
 from ..execution.mappers import ordered_map
+from ..execution.run import Progress, Run, no_progress
 from ..execution.shared_stages import SharedStages
-from ..preparation.preparation import Prepared, prepare, shares_contact
-from ..refinement.attempts import Reached, Solve, reach
-from ..refinement.budgeted import budgets_of
+from ..preparation.preparation import prepare
+from ..preparation.prepared import Prepared, without_short_waves
+from ..refinement.budgets import budgets_of, leakage_of
+from ..refinement.refine_to_accuracy import refine_to_accuracy
+from ..refinement.settings import chosen
 from ..report import write_folder
 from ..results import Results, assemble
-from ..studies import (
-    FluidState,
-    OtherLeakage,
-    Scene,
-    deterministic,
-    drop_ratio,
-    stochastic,
-    two_scale,
-)
+from ..studies import FluidState, OtherLeakage, Study, drop_ratio
 from ..studies.compiling import compile_ahead
+from ..studies.scene import Array
 from .chosen_loads import solve_chosen
 from .finished import finished_results
 from .forecast import refuse_too_large
 
 log = logging.getLogger("femseal")
-#: Called as progress(stage, done, total); total is None if it is unknown.
-Progress = Callable[[str, int, int | None], None]
-#: Time between two log lines on a running stage [s].
-LOG_SECONDS = 60.0
 
 
 def run(
@@ -108,14 +100,14 @@ def run(
             checkpoint.resumable(folder, identity)
             checkpoint.remove(folder)
         return finished
-    progress = progress or (lambda stage, done, total: None)
+    progress = progress or no_progress
 
     with ExitStack() as stack:
 
         def found_or_computed(mapper: Mapper, prepared: Prepared) -> Mapper:
             common = shared
             # attempts have windows in common, but no faces; loads that are added the states before
-            attempts = case.accuracy is not None and prepared.answer != "deterministic"
+            attempts = case.accuracy is not None and prepared.answer.name != "deterministic"
             if common is None and (attempts or case.load.interpolate is not None):
                 common = stack.enter_context(TemporaryDirectory())
             return mapper if common is None else SharedStages(Path(common)).over(mapper)
@@ -123,7 +115,7 @@ def run(
         if folder is None:
             prepared = _prepared(case, scheduler)
             mapper = stack.enter_context(ordered_map(workers, scheduler, partial(compile_ahead, progress=progress)))
-            return _run(case, prepared, faces, found_or_computed(mapper, prepared), progress)
+            return _results(case, prepared, faces, Run(found_or_computed(mapper, prepared), progress))
         # a folder is made once the case has been found good
         if there := folder.is_dir():
             stack.enter_context(alone_in(folder))
@@ -135,7 +127,7 @@ def run(
             going_on = _goes_on(folder, identity, resume)
         stack.enter_context(_log_file(folder, append=going_on))
         kept = stack.enter_context(Checkpoint(folder, identity, going_on))
-        results = _run(case, prepared, faces, kept.over(found_or_computed(mapper, prepared)), progress)
+        results = _results(case, prepared, faces, Run(kept.over(found_or_computed(mapper, prepared)), progress))
         progress("writing results", 0, None)
         start = time.perf_counter(), time.process_time()
         # the pictures are small, and drawn on this machine
@@ -179,60 +171,39 @@ def _interrupts() -> Iterator[None]:
 
 
 @_interrupts()
-def _run(case: Case, prepared: Prepared, faces: dict[str, str], mapper: Mapper, progress: Progress) -> Results:
-    log.info("case %s: surface %s", case.title or "without title", prepared.scene.surface)
-    if prepared.choice:
-        log.info("method %s: %s", prepared.method, prepared.choice)
-    timings: dict[str, float] = {}
-    studies: dict[str, Any] = {}
-    first, reached = prepared, None
+def _results(case: Case, made: Prepared, faces: dict[str, str], run: Run) -> Results:
+    """Solve the studies of a prepared case, and put their results together."""
+    log.info("case %s: surface %s", case.title or "without title", made.scene.surface)
+    if made.choice:
+        log.info("method %s", made.choice)
+    prepared, studies, refined = made, {}, None
     if case.accuracy is not None:
-        reached = _reached(case, prepared, mapper, progress, timings)
-        prepared, studies[prepared.answer.replace("-", "_")] = reached.prepared, reached.study
+        refined = refine_to_accuracy(case, made, run)
+        prepared, studies[made.answer.key] = refined.prepared, refined.result
     whole = prepared.scene
     if case.load.interpolate is not None:
-        answer = _solving(case, mapper, progress, timings)
-        prepared, study = solve_chosen(prepared, case.load.interpolate, answer)
-        studies[prepared.answer.replace("-", "_")] = study
-    scene = prepared.scene
-    # the cheapest route that the comparison needs comes first, the answer last
-    for method in ("deterministic", "two-scale", "stochastic"):
-        if method in prepared.methods and method.replace("-", "_") not in studies:
-            with _timed(method, progress, timings):
-                watched = watching(mapper, method, progress, timings)
-                name = method.replace("-", "_")
-                studies[name] = study_of(method, case, prepared, scene, studies, watched)
-    filtered = None
-    if prepared.filtered is not None:
-        name = "twice the wave"
-        with _timed(name, progress, timings):
-            watched = watching(mapper, name, progress, timings)
-            again = study_of(prepared.answer, case, prepared, prepared.filtered, None, watched)
-            filtered = again.quantile(0.5) if prepared.answer == "stochastic" else again.leakage
+        prepared, studies[made.answer.key] = solve_chosen(prepared, case.load.interpolate, run)
+    for study in prepared.studies:
+        if study.key not in studies:
+            with run.timed(study.name) as mapper:
+                studies[study.key] = prepared.solve(study, mapper, studies)
+    filtered = _without_short_waves(prepared, run) if case.surface.filter_sensitivity else None
     test = None
     if case.output.test_fluid is not None:
-        test = _of_test_fluid(case.output.test_fluid.state, case, prepared, studies, mapper, progress, timings)
+        test = _of_test_fluid(case.output.test_fluid.state, prepared, studies[prepared.answer.key], run)
     budgets: dict[str, ErrorBudget] = {}
     if case.output.budget:  # last, so that it can be switched before a run is resumed
-        name = "error budget"
-        with _timed(name, progress, timings):
-            watched = watching(mapper, name, progress, timings)
-
-            def solve(method: str, other: Prepared, known: Mapping[str, Any]) -> Any:
-                return study_of(method, case, other, other.scene, known, watched)
-
-            # the attempts have judged the answer
-            known = {} if reached is None else {prepared.answer.replace("-", "_"): reached.budget}
-            budgets = budgets_of(prepared, studies, solve, leakage_filtered=filtered, known=known)
+        known = {} if refined is None else {prepared.answer.key: refined.budget}
+        budgets = _budgets(prepared, studies, filtered, known, run)
     results = assemble(
-        scene,
+        prepared.scene,
         **studies,
         budgets=budgets,
         case=case.echo(),
         surface_report=prepared.surface_report,
-        timings=timings,
+        timings=run.timings,
         quantiles=case.stochastic.quantiles if case.stochastic else (0.05, 0.95),
-        warnings=prepared.warnings if reached is None else (*prepared.warnings, *reached.warnings),
+        warnings=prepared.warnings if refined is None else (*prepared.warnings, *refined.warnings),
         leakage_filtered=filtered,
         test=test,
         whole=whole,
@@ -240,76 +211,40 @@ def _run(case: Case, prepared: Prepared, faces: dict[str, str], mapper: Mapper, 
         **case.output.model_dump(include={"leakage_unit", "classes", "nominal_diameter", "throughput_temperature"}),
     )
     results.dataset.attrs["face_files"] = json.dumps(faces)
-    results.dataset.attrs["chosen"] = json.dumps(first.chosen)
-    if reached is not None:
-        results.dataset.attrs["accuracy"] = json.dumps(reached.told())
+    results.dataset.attrs["chosen"] = json.dumps(chosen(case, made))
+    if refined is not None:
+        results.dataset.attrs["accuracy"] = json.dumps(refined.as_data())
     for text in [*results.warnings, *results.failures]:
         log.warning("%s", text)
     return results
 
 
-def _reached(case: Case, prepared: Prepared, mapper: Mapper, progress: Progress, timings: dict[str, float]) -> Reached:
-    """Attempts at the accuracy that the case asks for; what they have in common is computed once."""
-    return reach(case, prepared, _solving(case, mapper, progress, timings), mapper)
+def _without_short_waves(prepared: Prepared, run: Run) -> Array:
+    """Leakage of the answer at every step (steps,) [m²/s] without waves up to twice the shortest one."""
+    with run.timed("twice the wave") as mapper:
+        smooth = replace(prepared, scene=without_short_waves(prepared), methods=frozenset({prepared.answer.name}))
+        return leakage_of(smooth.solve(smooth.answer, mapper))
 
 
-def _solving(case: Case, mapper: Mapper, progress: Progress, timings: dict[str, float]) -> Solve:
-    """Solve the study of the answer of a prepared case under a name."""
-
-    def solve(method: str, prepared: Prepared, known: Mapping[str, Any], name: str) -> Any:
-        with _timed(name, progress, timings):
-            watched = watching(mapper, name, progress, timings)
-            return study_of(method, case, prepared, prepared.scene, known, watched)
-
-    return solve
-
-
-def _of_test_fluid(
-    state: FluidState,
-    case: Case,
-    prepared: Prepared,
-    studies: dict[str, Any],
-    mapper: Mapper,
-    progress: Progress,
-    timings: dict[str, float],
-) -> OtherLeakage:
+def _of_test_fluid(state: FluidState, prepared: Prepared, own: Any, run: Run) -> OtherLeakage:
     """Leakage of the test fluid on the seals of the answer; they are solved again where their permeability differs."""
-    own = studies[prepared.answer.replace("-", "_")]
     if (ratio := drop_ratio(state, FluidState.of(prepared.scene))) is not None:
         return OtherLeakage.of_study(state, own, ratio)
-    name = "test fluid"
-    with _timed(name, progress, timings):
-        watched = watching(mapper, name, progress, timings)
-        again = study_of(prepared.answer, case, prepared, state.in_scene(prepared.scene), None, watched)
-    return OtherLeakage.of_study(state, again)
+    with run.timed("test fluid") as mapper:
+        other = replace(prepared, scene=state.in_scene(prepared.scene))
+        return OtherLeakage.of_study(state, other.solve(other.answer, mapper))
 
 
-@contextmanager
-def _timed(name: str, progress: Progress, timings: dict[str, float]) -> Iterator[None]:
-    """Context of a study, whose wall time is kept; its work outside of stages counts as one item."""
-    start = time.perf_counter()
-    progress(name, 0, 1)
-    yield
-    timings[name] = time.perf_counter() - start
-    progress(name, 1, 1)
-    log.info("%s: %.1f s", name, timings[name])
+def _budgets(
+    prepared: Prepared, studies: dict[str, Any], filtered: Array | None, known: dict[str, ErrorBudget], run: Run
+) -> dict[str, ErrorBudget]:
+    """Error budgets of the studies by key; `known` are those that are there already."""
+    with run.timed("error budget") as mapper:
 
+        def solve(version: Prepared, study: Study, solved: Mapping[str, Any]) -> Any:
+            return version.solve(study, mapper, solved)
 
-def study_of(
-    method: str, case: Case, prepared: Prepared, scene: Scene, known: Mapping[str, Any] | None, mapper: Mapper
-) -> Any:
-    """Result of a study of a scene; `known` are the results of earlier studies of that scene by name."""
-    known = known or {}
-    if method == "deterministic":
-        return deterministic(scene, cells=prepared.cells if shares_contact(prepared) else None, mapper=mapper)
-    assert prepared.cells is not None
-    flow, contact = prepared.flow, prepared.contact
-    if method == "two-scale":
-        solved = known["deterministic"].windows if "deterministic" in known else None
-        return two_scale(scene, prepared.cells, flow=flow, contact=contact, solved=solved, mapper=mapper)
-    assert prepared.sampling is not None
-    two = known.get("two_scale")
-    return stochastic(scene, prepared.cells, prepared.sampling, contact=contact, two_scale=two, mapper=mapper)
+        return budgets_of(prepared, studies, solve, leakage_filtered=filtered, known=known)
 
 
 def _write(results: Results, folder: Path, case: Case, mapper: Mapper) -> None:
@@ -362,27 +297,3 @@ def _log_file(folder: Path, append: bool) -> Iterator[None]:
         log.removeHandler(handler)
         log.setLevel(level)
         handler.close()
-
-
-def watching(mapper: Mapper, study: str, progress: Progress, timings: dict[str, float]) -> Mapper:
-    """The same mapper, but it reports the progress of each stage and sums their wall times [s]."""
-
-    def mapping(stage: Stage, *iterables: Iterable[Any]) -> Iterator[Any]:
-        total = min((len(i) for i in iterables if isinstance(i, Sized)), default=None)
-        name = f"{study}: {stage.name}"
-        progress(name, 0, total)
-        start = said = time.monotonic()
-        done = done_then = 0
-        for done, item in enumerate(mapper(stage, *iterables), start=1):
-            progress(name, done, total)
-            yield item
-            if (now := time.monotonic()) - said >= LOG_SECONDS:
-                rate = (done - done_then) / (now - said)
-                left = "" if total is None else f", {(total - done) / rate:.0f} s left"
-                log.info("%s %d of %s, %.3g/s%s", name, done, total or "?", rate, left)
-                said, done_then = now, done
-        seconds = time.monotonic() - start
-        timings[name] = timings.get(name, 0.0) + seconds
-        log.info("%s %d in %.1f s", name, done, seconds)
-
-    return mapping

@@ -16,6 +16,7 @@ from .stochastic import stochastic
 from .stochastic_result import StochasticResult
 from .two_scale import TwoScaleResult, two_scale
 
+Pair = tuple[int, int]
 StudyResult = DeterministicResult | TwoScaleResult | StochasticResult
 
 
@@ -41,7 +42,8 @@ class Study:
     name : in case files, messages and timings. key : in the names of variables and of results by study.
     label : of its leakage in legends and tables. result : class of its results.
     solve : solve(scene, options, known, mapper) gives its result; known : results of other studies of the scene by key.
-    cost : cost(scene, options, efforts) gives the expected time on one core [s] and memory [byte].
+    cost : cost(scene, options, efforts, points) gives the expected time on one core [s] and memory [byte], on other
+        points than those of the scene if they are given.
     leakage : leakage(result) at every step (steps,) [m²/s], the one that answers.
     needs : options without which it cannot be solved.
     """
@@ -51,7 +53,7 @@ class Study:
     label: str
     result: type[StudyResult]
     solve: Callable[[Scene, StudyOptions, Mapping[str, Any], Mapper], Any]
-    cost: Callable[[Scene, StudyOptions, Sequence[Effort]], tuple[float, float]]
+    cost: Callable[..., tuple[float, float]]
     leakage: Callable[[Any], Array]
     needs: tuple[str, ...] = ()
 
@@ -87,15 +89,19 @@ def _solve_stochastic(
     return stochastic(scene, options.cells, options.sampling, contact=options.contact, two_scale=two, mapper=mapper)
 
 
-def _cost_deterministic(scene: Scene, options: StudyOptions, efforts: Sequence[Effort]) -> tuple[float, float]:
-    return deterministic_cost(efforts, scene.surface.shape, pressures_of_gas(scene))
+def _cost_deterministic(
+    scene: Scene, options: StudyOptions, efforts: Sequence[Effort], points: Pair | None = None
+) -> tuple[float, float]:
+    return deterministic_cost(efforts, points or scene.surface.shape, pressures_of_gas(scene))
 
 
-def _cost_two_scale(scene: Scene, options: StudyOptions, efforts: Sequence[Effort]) -> tuple[float, float]:
+def _cost_two_scale(
+    scene: Scene, options: StudyOptions, efforts: Sequence[Effort], points: Pair | None = None
+) -> tuple[float, float]:
     assert options.cells is not None
     return two_scale_cost(
         efforts,
-        scene.surface.shape,
+        points or scene.surface.shape,
         options.cells,
         options.flow,
         options.contact,
@@ -104,11 +110,16 @@ def _cost_two_scale(scene: Scene, options: StudyOptions, efforts: Sequence[Effor
     )
 
 
-def _cost_stochastic(scene: Scene, options: StudyOptions, efforts: Sequence[Effort]) -> tuple[float, float]:
-    cells, sampling, points = options.cells, options.sampling, scene.surface.shape
+def _cost_stochastic(
+    scene: Scene, options: StudyOptions, efforts: Sequence[Effort], points: Pair | None = None
+) -> tuple[float, float]:
+    cells, sampling, surface = options.cells, options.sampling, scene.surface
+    n1, n2 = points = points or surface.shape
     assert cells is not None
     assert sampling is not None
-    every = lay_out_windows(scene.layout, Partition(points, scene.surface.spacing, cells), sampling)
+    every = lay_out_windows(
+        scene.layout, Partition(points, (surface.size[0] / n1, surface.size[1] / n2), cells), sampling
+    )
     # seals of all lengths take the work of one as long as all of them together
     seal = every[0].unknowns[0], sum(laid.unknowns[1] for laid in every)
     return stochastic_cost(efforts, points, cells, sampling, seal, options.contact, pressures_of_gas(scene))

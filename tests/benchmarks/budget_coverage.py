@@ -30,7 +30,8 @@ FLOOR = 1e-3
 
 def coarser(scene, surface, leakage, solve):
     """The solution of a scene on another surface at the steps that a run takes, beside its own leakage."""
-    from femseal.budget import CoarserSolution, at_some_steps
+    from femseal.budget import CoarserSolution
+    from femseal.refinement.coarser import at_some_steps
 
     some = at_some_steps(scene, leakage)
     found = solve(replace(some, surface=surface)).leakage

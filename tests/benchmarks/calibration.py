@@ -72,7 +72,7 @@ def rows_of(method, drawn, steps, leakage, truth, **features):
 def compared_links(drawn, scene, leakage):
     """The whole face on half the points against links on these, at the steps that a run takes."""
     from femseal import CoarserSolution, deterministic, two_scale
-    from femseal.budget import at_some_steps
+    from femseal.refinement.coarser import at_some_steps
 
     half = scene.surface.resample(tuple(n // 2 for n in drawn.points))
     some = replace(at_some_steps(scene, leakage), surface=half)

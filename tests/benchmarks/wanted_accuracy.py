@@ -80,7 +80,7 @@ def tried(seed: int, accuracy: float) -> dict[str, Any]:
     results = fs.run(case, workers=1)
     seconds = time.process_time() - start
     run_scene, told = results.scene, results.attempts
-    face = prepare(case).made.scene.surface
+    face = prepare(case).scene.surface
     fine = face.resample(tuple(2 * max(pair) for pair in zip(face.shape, run_scene.surface.shape, strict=True)))
     start = time.process_time()
     truth = fs.deterministic(replace(run_scene, surface=fine, rtol=1e-8)).leakage

@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from math import ceil, prod
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
+from ..case.case import Case
+from ..preparation.check_memory import refused_if_too_large
+from ..preparation.prepared import Prepared, without_short_waves
 from ..studies.tolerances import contact_tolerance
 from ..windows import Partition
-from .study_costs import study_cost
-
-if TYPE_CHECKING:
-    from ..case.case import Case
-    from .preparation import Prepared
 
 Pair = tuple[int, int]
 #: Longest time of a run whose case asks for an accuracy and gives no time [s].
@@ -54,7 +52,7 @@ class Settings:
     realisations: int | None
 
 
-def fixed(case: Case) -> dict[str, str]:
+def given_settings(case: Case) -> dict[str, str]:
     """Settings that the case gives, by the key that gives them."""
     found: dict[str, str] = {}
     if case.method in ("deterministic", "two-scale"):
@@ -78,12 +76,12 @@ def fixed(case: Case) -> dict[str, str]:
 def first_settings(case: Case, made: Prepared) -> Settings:
     """The settings of the first attempt: coarse pixels, and few seals.
 
-    made : the case on the points of its face.
+    made : the case as prepared, on the points of its face.
     """
     assert case.accuracy is not None
-    given, sampling = fixed(case), made.sampling
+    given, sampling = given_settings(case), made.sampling
     settings = Settings(
-        method=made.answer,
+        method=made.answer.name,
         grid=0,
         rtol=case.contact.rtol if "rtol" in given else contact_tolerance(case.accuracy),
         cells=made.cells,
@@ -123,10 +121,10 @@ def has_windows(made: Prepared, settings: Settings) -> bool:
     return min(n // m for n, m in zip(points, settings.cells or (1, 1), strict=True)) >= _WINDOW_PIXELS
 
 
-def settled(case: Case, made: Prepared, settings: Settings) -> Prepared:
+def apply_settings(case: Case, made: Prepared, settings: Settings) -> Prepared:
     """The case with these settings: the same face on other points, and the rest as chosen.
 
-    made : the case on the points of its face.
+    made : the case as prepared, on the points of its face.
     """
     surface = made.scene.surface
     points = grid_points(surface.shape, settings.grid, settings.cells)
@@ -142,15 +140,46 @@ def settled(case: Case, made: Prepared, settings: Settings) -> Prepared:
         cells=settings.cells,
         sampling=sampling,
         conditioning=replace(made.conditioning, shape=face.shape, spacing=face.spacing),
-        method=made.method if case.method != "auto" else settings.method,
-        methods=frozenset({settings.method, *case.compare} if case.method == "auto" else made.methods),
+        methods=frozenset({settings.method, *case.compare}) if case.method == "auto" else made.methods,
         flow=settings.flow,
         contact=settings.contact,
-        settings=settings,
-        made=made,
     )
 
 
+def first_version(case: Case, made: Prepared) -> Prepared:
+    """What a run of a prepared case solves first: the case itself, or the first attempt at its accuracy.
+
+    Raises
+    ------
+    InputError : a face too small for `surface.filter_sensitivity` on the points of the first attempt.
+    """
+    if case.accuracy is None:
+        return made
+    with refused_if_too_large():
+        first = apply_settings(case, made, first_settings(case, made))
+        if case.surface.filter_sensitivity:
+            without_short_waves(first)
+        return first
+
+
+def last_version(case: Case, made: Prepared, attempts: dict[str, Any] | None) -> Prepared:
+    """A prepared case with the settings of the last attempt of its results; the case itself without attempts."""
+    if attempts is None or case.accuracy is None:
+        return made
+    found: dict[str, Any] = attempts["settings"]
+    cells = None if found["cells"] is None else (found["cells"][0], found["cells"][1])
+    return apply_settings(case, made, Settings(**found | {"cells": cells}))
+
+
+def chosen(case: Case, made: Prepared) -> dict[str, Any]:
+    """What a run of a prepared case computes first, see `Prepared.chosen`, and the settings of an accuracy."""
+    if case.accuracy is None:
+        return made.chosen
+    settings = first_settings(case, made)
+    plain = {name: list(v) if isinstance(v, tuple) else v for name, v in asdict(settings).items()}
+    return first_version(case, made).chosen | {f"settings.{name}": value for name, value in plain.items()}
+
+
 def expected_cost(prepared: Prepared) -> tuple[float, float]:
-    """Expected time on one core [s] and memory [byte] of the answer of a prepared case."""
-    return study_cost(prepared.answer, prepared, prepared.scene)
+    """Expected time on one core [s] and memory [byte] of the answer of a prepared case, solved alone."""
+    return replace(prepared, methods=frozenset({prepared.answer.name})).cost(prepared.answer)

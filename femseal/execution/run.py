@@ -1,0 +1,81 @@
+"""One run under way: where its stages are computed, who is told of progress, and how long each took."""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections.abc import Callable, Iterable, Iterator, Sized
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import Any
+
+from ..base.stage import Mapper, Stage
+
+log = logging.getLogger("femseal")
+#: Called as progress(stage, done, total); total is None if it is unknown.
+Progress = Callable[[str, int, int | None], None]
+#: Time between two log lines on a running stage [s].
+LOG_SECONDS = 60.0
+
+
+def no_progress(stage: str, done: int, total: int | None) -> None:
+    """Progress that nobody is told of."""
+
+
+@dataclass(eq=False)
+class Run:
+    """A run under way.
+
+    mapper : computes its stages. progress : is told of them. timings : wall times by name [s]: of what `timed` names,
+    and of every stage in it.
+    """
+
+    mapper: Mapper = map
+    progress: Progress = no_progress
+    timings: dict[str, float] = field(default_factory=dict)
+
+    @contextmanager
+    def timed(self, name: str) -> Iterator[Mapper]:
+        """Context of a study or another part of the run; gives its mapper. Work outside of stages counts as one item.
+
+        The times of several parts of one name are summed.
+        """
+        start = time.perf_counter()
+        self.progress(name, 0, 1)
+        yield self._watching(name)
+        seconds = time.perf_counter() - start
+        self.timings[name] = self.timings.get(name, 0.0) + seconds
+        self.progress(name, 1, 1)
+        log.info("%s: %.1f s", name, seconds)
+
+    def decided(self, name: str, value: Any) -> Any:
+        """The value, or in a run that goes on the one that it had before: it has to decide as then."""
+        (found,) = self.mapper(Stage(name, _same), [value])
+        return found
+
+    def _watching(self, part: str) -> Mapper:
+        """The mapper, but it tells the progress of each stage and sums their wall times."""
+
+        def mapping(stage: Stage, *iterables: Iterable[Any]) -> Iterator[Any]:
+            total = min((len(i) for i in iterables if isinstance(i, Sized)), default=None)
+            name = f"{part}: {stage.name}"
+            self.progress(name, 0, total)
+            start = said = time.monotonic()
+            done = done_then = 0
+            for done, item in enumerate(self.mapper(stage, *iterables), start=1):
+                self.progress(name, done, total)
+                yield item
+                if (now := time.monotonic()) - said >= LOG_SECONDS:
+                    rate = (done - done_then) / (now - said)
+                    left = "" if total is None else f", {(total - done) / rate:.0f} s left"
+                    log.info("%s %d of %s, %.3g/s%s", name, done, total or "?", rate, left)
+                    said, done_then = now, done
+            seconds = time.monotonic() - start
+            self.timings[name] = self.timings.get(name, 0.0) + seconds
+            log.info("%s %d in %.1f s", name, done, seconds)
+
+        return mapping
+
+
+def _same(value: Any) -> Any:
+    return value

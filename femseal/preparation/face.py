@@ -1,0 +1,198 @@
+"""The face of a case: faces made or read, repaired, summed, and conditioned on a grid that its windows divide."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from math import inf
+from typing import Any
+
+import numpy as np
+
+from ..base.errors import InputError
+from ..base.quantities import to_text
+from ..case.argument_names import FACE_KEYS, SURFACE_KEYS, in_words_of
+from ..case.case import Case
+from ..case.faces import FileFace
+from ..topography import (
+    MOST_POINTS,
+    Conditioning,
+    Overlap,
+    Repair,
+    TooManyUndefined,
+    Topography,
+    combine,
+    default_wave,
+    repair,
+    resolved_wave,
+    resolving_shape,
+    smooth,
+    spectrum,
+    spike_effect,
+)
+from ..windows import Partition
+from .check_memory import check_memory_of_points
+from .prepared import Pair, next_multiple
+
+#: Fraction of the measured rms slope that the pixels of a measured face must keep to be fine enough.
+KEPT_SLOPE = 0.99
+
+
+@dataclass(frozen=True)
+class ConditionedFace:
+    """The face that is solved, how it was conditioned, the overlap of two faces, and the number of windows."""
+
+    surface: Topography
+    conditioning: Conditioning
+    overlap: Overlap | None
+    cells: Pair | None
+
+
+def conditioned_face(case: Case) -> ConditionedFace:
+    """Make or read the faces of a case, and condition their sum.
+
+    Raises
+    ------
+    InputError : a face that cannot be read or used, or windows that do not suit it.
+    """
+    for place, table in zip(face_places(case), case.face, strict=True):
+        if not isinstance(table, FileFace):
+            check_memory_of_points(f"{place}.points", table.points)
+    raw, separately, overlap, spikes = _combined_faces(case)
+    with in_words_of(SURFACE_KEYS), _in_the_whole_map(case.face[0]):
+        flat, repaired = repair(raw, spikes=spikes, **_treatment(case))
+    shape = _grid(case, flat)
+    wave = case.surface.shortest_wave or default_wave(flat, shape)
+    cells = _cell_count(case, flat.size, wave)
+    check_memory_of_points("surface.points", shape)
+    if cells is not None:
+        shape = (next_multiple(shape[0], cells[0]), next_multiple(shape[1], cells[1]))
+        check_memory_of_points("cells", shape)
+        Partition(shape, flat.spacing, cells)  # refuses windows of too few pixels
+    with in_words_of(SURFACE_KEYS):
+        surface, report = smooth(flat, repaired, shortest_wavelength=wave, shape=shape)
+    report = _of_generated(case, flat, replace(report, **_found(separately, wave)))
+    return ConditionedFace(surface, report, overlap, cells)
+
+
+def face_places(case: Case) -> list[str]:
+    """Where the faces are in the file: one table has no number there."""
+    return ["face"] if len(case.face) == 1 else [f"face.{n}" for n in range(len(case.face))]
+
+
+def _combined_faces(case: Case) -> tuple[Topography, list[tuple[Topography, Repair]], Overlap | None, float]:
+    """One face as it is, or the sum of two repaired ones.
+
+    Also returned: the repairs of the two, their overlap, and the threshold of the spikes that the sum still has.
+    """
+    # every face has its own random stream, independent of later draws of the method
+    seeds = np.random.SeedSequence(case.seed).spawn(len(case.face))
+    faces = []
+    for place, table, seed in zip(face_places(case), case.face, seeds, strict=True):
+        of_file = isinstance(table, FileFace)
+        words = {key: f"{place}.{key}" for key in ("crop", "mask", "file_mask")} if of_file else FACE_KEYS
+        with in_words_of(words, "" if of_file else place):
+            faces.append(table.make(case.folder, np.random.default_rng(seed)))
+    thresholds = [case.surface.spikes if isinstance(table, FileFace) else inf for table in case.face]
+    if len(faces) == 1:
+        return faces[0], [], None, thresholds[0]
+    repaired = []
+    for place, table, face, most in zip(face_places(case), case.face, faces, thresholds, strict=True):
+        with in_words_of(SURFACE_KEYS, place), _in_the_whole_map(table):
+            repaired.append(repair(face, spikes=most, **_treatment(case)))
+    first, second = (face for face, _ in repaired)
+    table = case.face[1]
+    surface, overlap = combine(first, second, **(table.placement if isinstance(table, FileFace) else {}))
+    return surface, repaired, overlap, inf
+
+
+def _of_generated(case: Case, flat: Topography, report: Conditioning) -> Conditioning:
+    """The report of a generated face says what the low-pass removes of the waves that were made."""
+    made = [
+        table.cut_off or resolved_wave(table.size, table.points)
+        for table in case.face
+        if not isinstance(table, FileFace)
+    ]
+    if len(made) < len(case.face) or min(made) <= report.shortest_measured:
+        return report
+    slope = flat.low_pass(min(made)).rms_slope
+    return replace(report, shortest_measured=min(made), rms_slope_measured=slope)
+
+
+def _found(repaired: list[tuple[Topography, Repair]], wavelength: float) -> dict[str, Any]:
+    """What the report says of two faces that were repaired before they were summed; nothing of a single one."""
+    if not repaired:
+        return {}
+    effects = [spike_effect(face, repair.removed, wavelength) for face, repair in repaired]
+    return {
+        "undefined_share": sum(r.undefined_share for _, r in repaired) / len(repaired),
+        "spikes": sum(r.spikes for _, r in repaired),
+        "spikes_along_lay": max((e.along_lay for e in effects if e.along_lay is not None), default=None),
+        "spikes_extreme": max((e.extreme for e in effects if e.extreme is not None), default=None),
+    }
+
+
+@contextmanager
+def _in_the_whole_map(table: Any) -> Iterator[None]:
+    """Name the part of a map that has few undefined points by its place in the whole map of the file."""
+    try:
+        yield
+    except TooManyUndefined as error:
+        crop = table.crop if isinstance(table, FileFace) else None
+        raise error if crop is None else error.from_origin(crop[0], crop[2]) from None
+
+
+def _grid(case: Case, flat: Topography) -> tuple[int, int]:
+    """Points of the grid: those of the case, or of a generated face, or what the shortest measured wave takes.
+
+    A measured face keeps its own pixels where waves of 8 of them have nearly all of its slope.
+    """
+    if case.surface.points is not None:
+        return case.surface.points
+    if not any(isinstance(face, FileFace) for face in case.face):
+        return flat.shape
+    return default_grid(flat, case.surface.shortest_wave)
+
+
+def default_grid(flat: Topography, shortest_wave: float | None) -> tuple[int, int]:
+    """Points on which a measured face is solved unless told otherwise, see `topography.resolving_shape`.
+
+    Parameters
+    ----------
+    flat : without undefined points.
+    shortest_wave : the low-pass, which decides if it is given [m].
+    """
+    own, few = resolved_wave(flat.size, flat.shape), flat.heights.size <= MOST_POINTS
+    if shortest_wave is None:
+        measured = spectrum(flat).shortest_wave
+        enough = flat.low_pass(own).rms_slope >= KEPT_SLOPE * flat.low_pass(measured).rms_slope
+        return (
+            flat.shape if enough and few else resolving_shape(flat.size, own if enough else measured, most=MOST_POINTS)
+        )
+    if shortest_wave >= own and few:
+        return flat.shape
+    shape = resolving_shape(flat.size, min(shortest_wave, own), most=MOST_POINTS)
+    wide = resolved_wave(flat.size, shape) > shortest_wave
+    return resolving_shape(flat.size, shortest_wave) if wide else shape
+
+
+def _treatment(case: Case) -> dict[str, Any]:
+    return {"max_undefined": case.surface.max_undefined, "detrend": case.surface.detrend}
+
+
+def _cell_count(case: Case, face: tuple[float, float], wave: float) -> Pair | None:
+    """Number of windows along both axes of a face of such sides [m]; None where none are needed."""
+    if case.methods == {"deterministic"} or (case.cells is None and case.method != "auto" and case.accuracy is None):
+        return None
+    if case.cells is not None and case.cells.count is not None:
+        return case.cells.count
+    if case.cells is not None and case.cells.size is not None:
+        size, shorter = case.cells.size, min(face)
+        if size > shorter * (1 + 1e-9):
+            allowed = f"at most the shorter side of the face, {to_text(shorter, 'm')}"
+            raise InputError("cells.size", to_text(size, "m"), allowed)
+    else:  # eight shortest waves: shorter windows cut off more paths than two scales save
+        size = 8 * wave
+    m1, m2 = (max(1, round(length / size)) for length in face)
+    return m1, m2

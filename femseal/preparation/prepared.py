@@ -1,0 +1,118 @@
+"""The input of the studies of a case, and what each of them gives and costs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from math import ceil
+from typing import Any
+
+from ..base.errors import InputError
+from ..base.quantities import to_text
+from ..base.stage import Mapper
+from ..studies import STUDIES, Sampling, Scene, Study, StudyOptions
+from ..studies.costs import Effort, usual_efforts
+from ..topography import Conditioning, Overlap
+from ..windows import Partition
+
+Pair = tuple[int, int]
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """Input of the studies: the scene, its windows, the sampling of seals; and the history of the surface.
+
+    methods : to be run, with "auto" resolved. choice : the method that "auto" is and why, "" without. contact, flow :
+    of windows, see `studies.two_scale`. warnings : what is not plausible in the case.
+    """
+
+    scene: Scene
+    cells: Pair | None
+    sampling: Sampling | None
+    conditioning: Conditioning
+    overlap: Overlap | None
+    methods: frozenset[str]
+    choice: str
+    contact: str
+    flow: str
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def studies(self) -> list[Study]:
+        """The studies to be run, in the order in which they are solved."""
+        return [study for study in STUDIES.values() if study.name in self.methods]
+
+    @property
+    def answer(self) -> Study:
+        """The study whose leakage is the answer: the one farthest from the face itself."""
+        return self.studies[-1]
+
+    @property
+    def shares_contact(self) -> bool:
+        """Whether two scales take the contact of the whole face from the deterministic solution of the same run."""
+        return self.methods >= {"deterministic", "two-scale"} and self.contact == "whole"
+
+    @property
+    def options(self) -> StudyOptions:
+        """The options of the studies."""
+        return StudyOptions(self.cells, self.flow, self.contact, self.sampling, self.shares_contact)
+
+    def solve(self, study: Study, mapper: Mapper, known: Mapping[str, Any] | None = None) -> Any:
+        """Result of a study; `known` are the results of earlier studies of the same scene by key."""
+        return study.solve(self.scene, self.options, known or {}, mapper)
+
+    def cost(self, study: Study, efforts: Sequence[Effort] | None = None) -> tuple[float, float]:
+        """Expected time on one core [s] and memory [byte] of a study.
+
+        efforts : of each load step; usual ones unless given.
+        """
+        known = usual_efforts(len(self.scene.steps)) if efforts is None else efforts
+        return study.cost(self.scene, self.options, known)
+
+    @property
+    def chosen(self) -> dict[str, Any]:
+        """What is computed, and how, whether the case says so or leaves it to the program, as plain data."""
+        scene = self.scene
+        found: dict[str, Any] = {
+            "methods": sorted(self.methods),
+            "points": list(scene.surface.shape),
+            "shortest wave": self.conditioning.shortest_wavelength,
+            "discretisation": scene.discretisation,
+            "solver": scene.solver,
+        }
+        if self.cells is not None and self.methods & {"two-scale", "stochastic"}:
+            found |= {"cells": list(self.cells), "contact of windows": self.contact}
+        if "two-scale" in self.methods:
+            found["flow of windows"] = self.flow
+        if self.sampling is not None:
+            found["sampler"] = self.sampling.sampler
+        return found
+
+    @property
+    def surface_report(self) -> dict[str, Any]:
+        """The repair and conditioning of the surface, as plain data."""
+        return asdict(self.conditioning) | ({} if self.overlap is None else {"overlap": asdict(self.overlap)})
+
+
+def without_short_waves(prepared: Prepared) -> Scene:
+    """The scene without waves shorter than twice the shortest one, on half the points a side.
+
+    Raises
+    ------
+    InputError : waves longer than the face would be left, or windows of fewer than 8 pixels.
+    """
+    scene, wave = prepared.scene, 2 * prepared.conditioning.shortest_wavelength
+    surface = scene.surface
+    if wave >= max(surface.size):
+        expected = f"true only where the larger side holds more than {to_text(wave, 'm', 3)}, twice the shortest wave"
+        raise InputError("surface.filter_sensitivity", True, expected)
+    m1, m2 = prepared.cells or (1, 1)
+    shape = next_multiple(ceil(surface.shape[0] / 2), m1), next_multiple(ceil(surface.shape[1] / 2), m2)
+    if prepared.cells is not None:
+        Partition(shape, surface.spacing, prepared.cells)
+    return replace(scene, surface=surface.low_pass(wave).resample(shape))
+
+
+def next_multiple(n: int, of: int) -> int:
+    """The smallest multiple of a whole number that is at least n."""
+    return ceil(n / of) * of

@@ -1,0 +1,119 @@
+"""The error budget of every study of a run, from coarser versions of it that are solved too."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+from ..base.errors import FemsealError, NotKept
+from ..budget import CoarserSolution, ErrorBudget, change_of_windows, error_budget
+from ..preparation.prepared import Prepared
+from ..studies import StochasticResult, Study, study_of_result
+from ..studies.scene import Array
+from .coarser import coarser_grids, compares_links, removed_octaves, route, wave_pixels, without_filtered_waves
+
+log = logging.getLogger("femseal")
+#: Solves a study of a version, with the studies of it that are known by key: solve(version, study, known).
+Solve = Callable[[Prepared, Study, Mapping[str, Any]], Any]
+
+
+def budgets_of(
+    prepared: Prepared,
+    studies: Mapping[str, Any],
+    solve: Solve,
+    *,
+    leakage_filtered: Array | None = None,
+    known: Mapping[str, ErrorBudget] | None = None,
+) -> dict[str, ErrorBudget]:
+    """Error budget of every study of a run, by its key.
+
+    Parameters
+    ----------
+    studies : results by key.
+    leakage_filtered : of the answer at every step without waves up to twice the shortest one, where that was solved.
+    known : budgets that are there already.
+    """
+    budgets = dict(known or {})
+    left = {key: result for key, result in studies.items() if key not in budgets}
+    if not left:
+        return budgets
+    answer = leakage_of(studies[prepared.answer.key])
+    grids = coarser_grids(prepared, answer)
+    solved = [_solved(grid, solve) for grid in grids]
+    smooth = without_filtered_waves(prepared, answer)
+    again = {} if smooth is None or leakage_filtered is not None else _solved(smooth, solve)
+    for key, result in left.items():
+        other = route(prepared, study_of_result(result)).key
+        coarse = [against(result, grid, found.get(other)) for grid, found in zip(grids, solved, strict=True)]
+        if not grids:  # windows of too few pixels to be halved: nothing is known
+            coarse = [against(result, prepared, None)]
+        filtered = None if smooth is None else against(result, smooth, again.get(other))
+        if smooth is not None and leakage_filtered is not None:
+            filtered = CoarserSolution(smooth.scene.surface.shape, result.steps, leakage_filtered, answer)
+        compared = _links_compared(grids[0], solved[0]) if grids and key == "two_scale" else None
+        budgets[key] = budget_of(prepared, result, coarse, filtered, compared)
+    return budgets
+
+
+def budget_of(
+    prepared: Prepared,
+    result: Any,
+    coarse: list[CoarserSolution],
+    filtered: CoarserSolution | None,
+    compared: CoarserSolution | None = None,
+) -> ErrorBudget:
+    """Error budget of a result of a prepared case, see `error_budget`."""
+    return error_budget(
+        prepared.scene,
+        result,
+        coarse=coarse,
+        filtered=filtered,
+        octaves=removed_octaves(prepared),
+        compared=compared,
+        wave_pixels=wave_pixels(prepared),
+    )
+
+
+def leakage_of(result: Any) -> Array:
+    """Leakage of a study at every step (steps,) [m²/s]: the one that answers."""
+    return study_of_result(result).leakage(result)
+
+
+def against(result: Any, coarse: Prepared, found: Any) -> CoarserSolution:
+    """A coarser solution beside the result of a study; unknown leakage where it failed."""
+    points, steps = coarse.scene.surface.shape, coarse.scene.steps
+    if found is None:
+        return CoarserSolution(points, steps, np.full(len(steps), np.nan))
+    if not isinstance(result, StochasticResult):
+        return CoarserSolution(points, steps, leakage_of(found))
+    places = [result.steps.index(step) for step in steps]
+    if not isinstance(found, StochasticResult):
+        assert result.leakage_of_face is not None
+        return CoarserSolution(points, steps, found.leakage, result.leakage_of_face[places])
+    own = leakage_of(result)[places]
+    change = change_of_windows(result.library.curves, found.library.curves, steps)
+    return CoarserSolution(points, steps, own * np.exp(change), own)
+
+
+def _links_compared(coarse: Prepared, found: Mapping[str, Any]) -> CoarserSolution | None:
+    """The whole face on fewer points against links there; None where they are not compared."""
+    if not compares_links(coarse) or not {"deterministic", "two_scale"} <= found.keys():
+        return None
+    whole, links = found["deterministic"], found["two_scale"]
+    return CoarserSolution(coarse.scene.surface.shape, coarse.scene.steps, whole.leakage, links.leakage)
+
+
+def _solved(coarse: Prepared, solve: Solve) -> dict[str, Any]:
+    """Results of a coarser version by key; studies that fail are left out."""
+    found: dict[str, Any] = {}
+    for study in coarse.studies:
+        try:
+            found[study.key] = solve(coarse, study, found)
+        except NotKept:
+            raise
+        except FemsealError as error:
+            log.warning("error budget: %s on a coarser grid failed: %s", study.name, error)
+    return found

@@ -1,0 +1,202 @@
+"""Coarser versions of a prepared case, which tell how much its pixels and its removed waves matter."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Hashable, Iterable
+from dataclasses import replace
+from itertools import islice
+from math import ceil, log2
+from typing import TypeVar
+
+import numpy as np
+
+from ..base.errors import InputError
+from ..budget import CoarserSolution
+from ..preparation.prepared import Pair, Prepared, without_short_waves
+from ..studies import STUDIES, Scene, Study
+from ..studies.scene import Array
+
+log = logging.getLogger("femseal")
+#: Points a side of the coarser grid over those of the scene.
+COARSENING = 0.5
+#: A coarser grid of more than this fraction of the points tells nothing.
+MOST_POINTS_FRACTION = 0.6
+#: Windows have at least this many pixels a side.
+WINDOW_PIXELS = 8
+#: Loading steps that tell the error of pixels well. Measured on 160 faces with 3 to 5 of them, for the same coverage:
+#: all of them give bands of 4.2 times the error in the median, every other 5.2 times.
+LEAST_LOADS = 5
+#: One of so many steps is solved on a coarser grid, and one of so many without the shortest waves.
+GRID_STRIDE, FILTER_STRIDE = 2, 4
+#: Fraction of the windows of a library that are solved again on the coarser grid, and the least number of them; they
+#: are compared window by window.
+COARSE_WINDOWS, LEAST_WINDOWS = 0.25, 4
+#: Pixels to the shortest wave from which on a grid of a quarter of the points a side carries the waves too.
+THIRD_GRID_PIXELS = 16.0
+#: Octaves of removed waves from which on they matter.
+LEAST_OCTAVES = 0.05
+#: What tells versions of a case apart.
+Version = TypeVar("Version", bound=Hashable)
+
+
+def coarser_points(points: Pair, cells: Pair | None = None) -> Pair | None:
+    """Half the points a side, or as few more as the windows ask for; None where windows have too few pixels."""
+    wanted = [ceil(COARSENING * n) for n in points]
+    if cells is not None:
+        wanted = [max(ceil(n / m), WINDOW_PIXELS) * m for n, m in zip(wanted, cells, strict=True)]
+    if wanted[0] * wanted[1] > MOST_POINTS_FRACTION * points[0] * points[1]:
+        return None
+    return wanted[0], wanted[1]
+
+
+def wave_pixels(prepared: Prepared) -> float:
+    """Pixels of the scene to its shortest wave."""
+    return prepared.conditioning.shortest_wavelength / max(prepared.scene.surface.spacing)
+
+
+def carries_quarter(prepared: Prepared) -> bool:
+    """Whether a quarter of the points a side carries the waves too."""
+    return wave_pixels(prepared) >= THIRD_GRID_PIXELS * (1 - 1e-9)
+
+
+def coarser_solutions(
+    prepared: Prepared,
+    versions: Iterable[tuple[Version, Pair]],
+    leakages: dict[Version, Array],
+    solve: Callable[[Version], Array],
+) -> list[CoarserSolution]:
+    """The same study on half the points a side, and on a quarter where that carries the waves and is known.
+
+    Parameters
+    ----------
+    versions : on half and on a quarter of the points of `prepared`, with their points.
+    leakages : of the versions that are known at every step; the first one is solved and entered if it is not there.
+    """
+    found: list[CoarserSolution] = []
+    for version, points in islice(versions, 1 + carries_quarter(prepared)):
+        if version not in leakages:
+            if found:
+                break
+            leakages[version] = solve(version)
+        found.append(CoarserSolution(points, prepared.scene.steps, leakages[version]))
+    return found
+
+
+def route(prepared: Prepared, study: Study) -> Study:
+    """The study that has the same contact and flow as another one on a coarser grid.
+
+    The deterministic one stands for two scales whose contact and flow are those of the whole face, and for seals drawn
+    as runs of it.
+    """
+    whole = prepared.contact == "whole"
+    runs = prepared.sampling is not None and prepared.sampling.sampler == "runs"
+    of_face = {"two-scale": prepared.flow != "links", "stochastic": runs}.get(study.name, False)
+    return STUDIES["deterministic"] if whole and of_face else study
+
+
+def coarser_grids(prepared: Prepared, leakage: Array | None = None) -> list[Prepared]:
+    """Versions on half of the points a side, and on a quarter where that carries the waves, at some of the steps.
+
+    leakage : of the answer, which tells what steps are near closing.
+    """
+    # where the filter or the comparison of links takes its part of the time too, no more steps than every other
+    least = 0 if removed_octaves(prepared) >= LEAST_OCTAVES or compares_links(prepared) else LEAST_LOADS
+    some = _at_some_steps(prepared, leakage, GRID_STRIDE, least)
+    points, found = prepared.scene.surface.shape, []
+    for _ in range(1 + carries_quarter(prepared)):
+        if (fewer := coarser_points(points, _cells(prepared))) is None:
+            break
+        points = fewer
+        found.append(_reduced(prepared, replace(some, surface=some.surface.resample(points))))
+    return found
+
+
+def without_filtered_waves(prepared: Prepared, leakage: Array | None = None) -> Prepared | None:
+    """The version without waves up to twice the shortest one, at some of the steps; None where none were removed."""
+    if removed_octaves(prepared) < LEAST_OCTAVES:
+        return None
+    try:
+        smooth = without_short_waves(replace(prepared, cells=_cells(prepared)))
+    except InputError as error:
+        log.warning("error budget: no solution without the shortest waves: %s", error)
+        return None
+    some = _at_some_steps(prepared, leakage, FILTER_STRIDE, 0)
+    return _reduced(prepared, replace(some, surface=smooth.surface))
+
+
+def removed_octaves(prepared: Prepared) -> float:
+    """Octaves of waves above noise that the low-pass removed from the face."""
+    found = prepared.conditioning
+    if not found.lost_slope > 0:
+        return 0.0
+    return max(0.0, log2(found.shortest_wavelength / found.shortest_measured))
+
+
+def compares_links(prepared: Prepared) -> bool:
+    """Whether two scales have the contact of the whole face and the flow of links, which cost little to compare."""
+    return "two-scale" in prepared.methods and prepared.contact == "whole" and prepared.flow == "links"
+
+
+def at_some_steps(scene: Scene, leakage: Array, stride: int = 2, *, least: int = LEAST_LOADS) -> Scene:
+    """The scene at some of its steps: ends, peaks, both sides of closing, and one of `stride` of the rest.
+
+    Parameters
+    ----------
+    leakage : of the scene at every step (steps,).
+    least : number of open loading steps below which the stride would not fall: it is shorter then.
+    """
+    q = np.abs(np.asarray(leakage, dtype=float))
+    loading = scene.steps.loading
+    shut = [n for n in range(len(loading)) if q[n] == 0]
+    first_shut = shut[0] if shut else len(loading)
+    if least:
+        stride = min(stride, max(1, first_shut // least))
+    kept = {0, first_shut - 1, first_shut, *range(0, first_shut, stride)}
+    peaks = set(scene.unload_from)
+    if not peaks:  # beyond closing there is nothing to compare
+        kept.add(len(loading) - 1 if not shut else first_shut)
+    chosen = tuple(p for n, p in enumerate(loading) if n in kept or p in peaks)
+    stops = scene.steps.unloading  # falling
+    ends = {0, len(stops) - 1, *range(0, len(stops), stride)}
+    return replace(scene, loading=chosen, unloading=tuple(p for n, p in enumerate(stops) if n in ends))
+
+
+def _at_some_steps(prepared: Prepared, leakage: Array | None, stride: int, least: int) -> Scene:
+    known = np.ones(len(prepared.scene.steps)) if leakage is None else leakage
+    return at_some_steps(prepared.scene, known, stride, least=least)
+
+
+def _cells(prepared: Prepared) -> Pair | None:
+    """Windows that coarser solutions need too."""
+    routes = {route(prepared, study).name for study in prepared.studies}
+    return prepared.cells if routes - {"deterministic"} else None
+
+
+def _reduced(prepared: Prepared, scene: Scene) -> Prepared:
+    """The version for a coarser scene: each study by its route, with few windows and realisations."""
+    sampling = prepared.sampling
+    if sampling is not None:
+        windows = min(sampling.library_cells, max(LEAST_WINDOWS, round(COARSE_WINDOWS * sampling.library_cells)))
+        sampling = replace(
+            sampling,
+            realisations=2,  # the windows are compared
+            library_cells=windows,
+            width=None,
+            resampled=False,
+            bounds=False,
+            other_lengths=(),
+            library=None,
+        )
+    methods = frozenset(route(prepared, study).name for study in prepared.studies)
+    if compares_links(prepared):
+        methods |= {"deterministic"}
+    return replace(prepared, scene=scene, sampling=sampling, methods=methods)
+
+
+def with_points(prepared: Prepared, points: Pair) -> Prepared:
+    """The version of the same surface on other points."""
+    surface = prepared.scene.surface
+    if points == surface.shape:
+        return prepared
+    return replace(prepared, scene=replace(prepared.scene, surface=surface.resample(points)))

@@ -1,0 +1,282 @@
+"""A run whose case asks for an accuracy: attempts, each of which refines what limits the one before."""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass, field, replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from ..base.errors import FemsealError, NotKept
+from ..base.machine import free_memory
+from ..base.stage import Mapper
+from ..base.text import duration, share_text
+from ..budget import ErrorBudget, widest_band
+from ..case.case import Case
+from ..execution.run import Run
+from ..preparation.check_memory import START_MEMORY
+from ..preparation.prepared import Pair, Prepared
+from ..studies import StochasticResult, Study
+from ..studies.scene import Array
+from .budgets import against, budget_of, budgets_of, leakage_of
+from .coarser import coarser_solutions, without_filtered_waves
+from .refining import refined
+from .settings import (
+    Settings,
+    apply_settings,
+    expected_cost,
+    first_settings,
+    grid_points,
+    has_windows,
+    time_limit,
+)
+
+log = logging.getLogger("femseal.refinement")
+
+
+@dataclass(frozen=True)
+class Attempt:
+    """One attempt at an accuracy.
+
+    settings : with which it was computed. points : of the face. seconds : wall time of its study;
+    with_coarse : with that of the coarser one that tells the error of its pixels, where no earlier attempt was that
+    one. half_width : largest half-width of ln(leakage) of the budget at the loads that count, inf where it has no end.
+    limit : the source of error that is widest there. parts : half-widths of the sources there. load : name of the load
+    where it is largest. windows : of the library, None without.
+    """
+
+    settings: Settings
+    points: tuple[int, int]
+    seconds: float
+    with_coarse: float
+    half_width: float
+    limit: str
+    load: str
+    parts: dict[str, float]
+    windows: int | None
+
+    def __str__(self) -> str:
+        """The attempt as a line of the log."""
+        points = " × ".join(map(str, self.points))
+        return (
+            f"{self.settings.method} on {points} points in {self.with_coarse:.3g} s, within "
+            f"{share_text(self.half_width)} at {self.load}, limited by {self.limit}"
+        )
+
+    def as_data(self) -> dict[str, Any]:
+        """The attempt as plain data; None for a width without end."""
+        parts = {name: _or_none(width) for name, width in self.parts.items()}
+        found = asdict(self) | {"points": list(self.points), "half_width": _or_none(self.half_width)}
+        return found | {"parts": parts}
+
+
+@dataclass(frozen=True, eq=False)
+class RefinedAnswer:
+    """Outcome of the attempts: the last of them, the finest in all, prepared and solved.
+
+    why : what hinders a further attempt; "" where the accuracy is reached. half : what half the error takes. wanted :
+    the accuracy. limit : of the time [s].
+    """
+
+    prepared: Prepared
+    result: Any
+    budget: ErrorBudget
+    attempts: tuple[Attempt, ...]
+    why: str
+    half: str
+    wanted: float
+    limit: float
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """That the accuracy is not reached, and what limits it."""
+        if not self.why:
+            return ()
+        last, wanted = self.attempts[-1], share_text(np.log1p(self.wanted))
+        error = f"{share_text(last.half_width)} at {last.load}"
+        return (f"accuracy {wanted} is not reached: the error may be {error}; {self.why}",)
+
+    def as_data(self) -> dict[str, Any]:
+        """What the results say of the attempts, as plain data; None for a width without end."""
+        last = self.attempts[-1]
+        return {
+            "wanted": self.wanted,
+            "reached": not self.why,
+            "half_width": _or_none(last.half_width),
+            "limit": last.limit,
+            "load": last.load,
+            "why": self.why,
+            "half_error": self.half,
+            "time_limit": self.limit,
+            "settings": asdict(last.settings),
+            "attempts": [attempt.as_data() for attempt in self.attempts],
+        }
+
+
+def refine_to_accuracy(case: Case, made: Prepared, run: Run) -> RefinedAnswer:
+    """Refine what limits the error of the answer until the accuracy of the case is reached, or cannot be.
+
+    Parameters
+    ----------
+    made : the case as prepared, on the points of its face.
+    run : solves the studies; a run that goes on takes the decisions that it took before.
+
+    Raises
+    ------
+    FemsealError : the first attempt failed. One that fails later ends the attempts.
+    """
+    assert case.accuracy is not None
+    goal, most = np.log1p(case.accuracy), time_limit(case)
+    # what is free now has the libraries in it already
+    memory = free_memory() if case.memory is None else case.memory - START_MEMORY
+    attempts = _Attempts(case, made, run, memory)
+    settings = first_settings(case, made)
+    solved: tuple[Prepared, Any, ErrorBudget] | None = None
+    why, text = "", ""
+    while True:
+        try:
+            found = attempts.attempt(settings)
+        except NotKept:
+            raise
+        except FemsealError as error:
+            if solved is None:
+                raise
+            why = f"{text} failed: {error}"
+            break
+        solved, last = found, attempts.done[-1]
+        log.info("attempt %d: %s", len(attempts.done), last)
+        if last.half_width <= goal:
+            break
+        settings, text, why = attempts.next_settings(goal, most)
+        if why:
+            break
+        log.info("next: %s", text)
+    prepared, result, budget = solved
+    half = attempts.half_error()
+    return RefinedAnswer(prepared, result, budget, tuple(attempts.done), why, half, case.accuracy, most)
+
+
+@dataclass(eq=False)
+class _Attempts:
+    """The attempts of a case so far; leakages by their settings.
+
+    memory : that an attempt may take [byte].
+    """
+
+    case: Case
+    made: Prepared
+    run: Run
+    memory: float
+    done: list[Attempt] = field(default_factory=list)
+    leakages: dict[Settings, Array] = field(default_factory=dict)
+
+    def attempt(self, settings: Settings) -> tuple[Prepared, Any, ErrorBudget]:
+        """Solve the case with these settings, and estimate its error."""
+        name = f"attempt {len(self.done) + 1}"
+        prepared = self._prepared(settings)
+        start = time.perf_counter()
+        with self.run.timed(name) as mapper:
+            result = prepared.solve(prepared.answer, mapper)
+        seconds = time.perf_counter() - start
+        self.leakages[settings] = leakage_of(result)
+        with self.run.timed(f"{name}, error budget") as mapper:
+            budget = self._budget(prepared, settings, result, mapper)
+        times = {"study": seconds, "with coarse": time.perf_counter() - start}
+        times = self.run.decided("time of the attempt", times)
+        found = widest_band(budget)
+        self.done.append(
+            Attempt(
+                settings=settings,
+                points=prepared.scene.surface.shape,
+                seconds=times["study"],
+                with_coarse=times["with coarse"],
+                half_width=found.half_width,
+                limit=found.limit,
+                load=prepared.scene.steps[found.step].name,
+                parts=found.parts,
+                windows=result.library.size if isinstance(result, StochasticResult) else None,
+            )
+        )
+        return prepared, result, budget
+
+    def next_settings(self, goal: float, most: float) -> tuple[Settings, str, str]:
+        """Settings of the next attempt, what they change, and "" or what hinders it.
+
+        goal : half-width of ln(leakage) that is wanted. most : time of all attempts [s].
+        """
+        last = self.done[-1]
+        change, part, text = None, "", ""
+        reasons: list[str] = []
+        for part in sorted(last.parts, key=lambda name: -last.parts[name]):
+            # the others of an accuracy that cannot be reached are refined until they are within it
+            if reasons and last.parts[part] <= goal and max(last.parts.values()) > goal:
+                break
+            found = refined(self.case, self.made, last.settings, part, self.memory)
+            if found.settings is not None:
+                change = found
+                break
+            reasons.append(f"{part}: {found.text}")
+        why = "; ".join(reasons) if change is None else ""
+        if change is not None and change.settings is not None:
+            expected = self._expected_seconds(change.settings)
+            spent = sum(attempt.with_coarse for attempt in self.done)
+            if spent + expected > most:
+                long = f"{change.text} would take about {duration(expected)}, after {duration(spent)}"
+                why = "; ".join([*reasons, f"{part}: {long}, and the time limit is {duration(most)}"])
+            text = f"{change.text}, for the error of {part}"
+        decided = self.run.decided("next attempt", (change and change.settings, text, why))
+        return decided[0] or last.settings, decided[1], decided[2]
+
+    def half_error(self) -> str:
+        """What half the error of the last attempt would take."""
+        last = self.done[-1]
+        change = refined(self.case, self.made, last.settings, last.limit, self.memory)
+        if change.settings is None:
+            return f"cannot be had: {change.text}"
+        return f"{change.text}, about {duration(self._expected_seconds(change.settings))}"
+
+    def _expected_seconds(self, settings: Settings) -> float:
+        """Expected wall time of other settings, as multiple of what the last attempt took [s]."""
+        last = self.done[-1]
+        seconds, before = (expected_cost(self._prepared(s))[0] for s in (settings, last.settings))
+        return last.seconds * seconds / before
+
+    def _prepared(self, settings: Settings) -> Prepared:
+        return apply_settings(self.case, self.made, settings)
+
+    def _budget(self, prepared: Prepared, settings: Settings, result: Any, mapper: Mapper) -> ErrorBudget:
+        """The budget of the answer; versions on coarser grids that are known already are not solved again."""
+        answer = prepared.answer
+        # these are compared with more than themselves
+        if answer.name == "stochastic" or (answer.name == "two-scale" and prepared.flow == "links"):
+
+            def solve(version: Prepared, study: Study, known: Mapping[str, Any]) -> Any:
+                return version.solve(study, mapper, known)
+
+            alone = replace(prepared, methods=frozenset({answer.name}))
+            return budgets_of(alone, {answer.key: result}, solve)[answer.key]
+        smooth = without_filtered_waves(prepared, leakage_of(result))
+        filtered = None if smooth is None else against(result, smooth, smooth.solve(smooth.answer, mapper))
+        leakage = partial(self._leakage, mapper=mapper)
+        coarse = coarser_solutions(prepared, self._coarser(settings), self.leakages, leakage)
+        return budget_of(prepared, result, coarse, filtered)
+
+    def _coarser(self, settings: Settings) -> Iterator[tuple[Settings, Pair]]:
+        """Settings with half and with a fourth of the points a side as far as windows allow, and their points."""
+        for halvings in (1, 2):
+            coarse = replace(settings, grid=settings.grid - halvings)
+            if coarse not in self.leakages and not has_windows(self.made, coarse):
+                return
+            yield coarse, grid_points(self.made.scene.surface.shape, coarse.grid, coarse.cells)
+
+    def _leakage(self, settings: Settings, mapper: Mapper) -> Array:
+        prepared = self._prepared(settings)
+        return leakage_of(prepared.solve(prepared.answer, mapper))
+
+
+def _or_none(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None
