@@ -389,7 +389,9 @@ def test_a_helium_test_from_case_to_report(tmp_path):
         study = fs.deterministic(prepare(case).scene)
         leakage[slip] = study.leakage
         words = " ".join(case_sentences(assemble(prepare(case).scene, deterministic=study, case=case.echo())))
-        assert f"helium, an ideal gas of viscosity 19.62 µPa·s with{'out' if slip else ''} slip" in words
+        assert "helium, an ideal gas of viscosity 19.62 µPa·s and molar mass 4.0026 g/mol at 20 °C" in words
+        assert f", with{'out' if slip else ''} slip" in words
+        assert "The solids: E = 210 GPa, ν = 0.3, hardness 3 GPa against a rigid flat." in words
     assert (leakage[""] > 1.1 * leakage["slip = false\n"]).all()
 
 
