@@ -8,7 +8,6 @@ from html import escape
 from textwrap import fill
 from typing import Any
 
-
 #: Width of the column under the names of groups in the terminal.
 _GROUP = 12
 
@@ -65,6 +64,7 @@ class TextTable:
                 plain(text) if self.heads else "",
                 justify="left" if n < self.names or grouped else "right",
                 overflow="fold",
+                min_width=_GROUP if grouped else None,
                 max_width=_GROUP if grouped else None,
             )
         former = None
