@@ -15,8 +15,8 @@ from ..base.leak_units import LEAK_UNITS, LeakUnit
 from ..base.quantities import to_text
 from ..base.text import comma_separated
 from ..report import write_report
+from ..report.case_text import fluid_text
 from ..report.design_section import DESIGN_FILE, DESIGN_PICTURE
-from ..report.words import fluid_text
 from ..results.netcdf import FILE_NAME
 from ..results.tables import amount
 

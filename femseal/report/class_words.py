@@ -10,7 +10,7 @@ from ..base.quantities import to_text
 from ..results.branches import branches
 from ..results.reached_classes import judged_leakage
 from ..results.tables import amount, test_unit
-from .words import fluid_text
+from .case_text import fluid_text
 
 if TYPE_CHECKING:
     from ..results.results import Results

@@ -15,6 +15,7 @@ from ..results.summary import solvers_text
 from ..results.tables import amount, error_band, in_several_units, leak_scale
 from ..results.wanted_accuracy import as_chosen
 from ..studies.curve_distance import FLOOR, leakage_factor
+from .case_text import contact_text, fluid_text, solids_text
 from .load_words import load_sentences
 
 if TYPE_CHECKING:
@@ -74,8 +75,9 @@ def case_sentences(results: Results) -> list[str]:
     if surface_text := _surface_text(json.loads(attrs["surface"])):
         sentences.append(surface_text)
     modulus, hardness = float(attrs["contact_modulus_Pa"]), float(attrs["hardness_Pa"])
-    kind = "elastic" if np.isinf(hardness) else f"elastic-perfectly plastic with hardness {to_text(hardness, 'Pa')}"
-    sentences.append(f"Contact modulus {to_text(modulus, 'Pa')}, {kind}.")
+    sentences += [f"The solids: {solids_text(case)}."] if "young" in case.get("material", {}) else []
+    text = contact_text(modulus, hardness)
+    sentences.append(f"{text[0].upper()}{text[1:]}.")
     sentences += load_sentences(data, case)
     inlet, outlet = (to_text(float(attrs[f"{end}_pressure_Pa"]), "Pa") for end in ("inlet", "outlet"))
     sentences.append(
@@ -125,21 +127,6 @@ def _surface_text(surface: dict[str, Any]) -> str:
     if filled:
         text += f"; {' and '.join(filled)} were filled"
     return text + "."
-
-
-def fluid_text(fluid: dict[str, Any], fallback: str) -> str:
-    """A fluid of a case, of its table in SI, in words."""
-    if "viscosity" not in fluid:
-        return fallback
-    name = f"{fluid['name']}, " if fluid.get("name") else ""
-    kind = {"ideal-gas": "an ideal gas", "roelands-liquid": "a liquid by Roelands' law"}
-    named = kind.get(fluid.get("kind", ""), f"a {fluid.get('kind', 'fluid')}")
-    text = f"{name}{named} of viscosity {to_text(fluid['viscosity'], 'Pa·s')}"
-    if fluid.get("kind") == "ideal-gas":
-        text += " with" + ("" if fluid.get("slip", True) else "out") + " slip and free molecular flow"
-    if fluid.get("slip_length"):
-        text += f", slip length {to_text(fluid['slip_length'], 'm')}"
-    return text + (f" and density {fluid['density']:g} kg/m³" if "density" in fluid else "")
 
 
 def _method_sentences(results: Results) -> list[str]:
