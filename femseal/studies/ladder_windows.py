@@ -11,7 +11,7 @@ from ..contact import HalfSpace
 from ..library import Ladder, LadderLibrary, LinkTable, WindowSource, build_ladder_library, on_ladder
 from ..library.sampling import Index
 from ..windows import GlobalState, Partition
-from .scene import Array, Scene, uniform_law
+from .scene import Array, Scene
 from .window_pressures import distinct_paths, library_peaks, pressure_fractions
 from .window_supply import Tables, WindowRequest, WindowSupply
 
@@ -118,7 +118,7 @@ def _library(
     elastic ones are not: they unload as they were loaded.
     """
     scene, partition, sampling = wanted.scene, wanted.partition, wanted.sampling
-    law = uniform_law(scene)
+    law = scene.uniform_law
     full = min(law.mean_hardness, 0.5 * scene.modulus * scene.surface.rms_slope)
     half_space = HalfSpace(partition.window, partition.spacing, scene.modulus, ("mirror", "mirror"))
     source = WindowSource((-scene.surface.heights,), half_space, law, sampling.seed, scene.rtol, scene.flow)
