@@ -160,25 +160,26 @@ def test_steps_that_never_raise_the_energy_reach_the_same_solution():
 # --- load cycles ---
 
 
+LAW = LinearHardening(0.5 * H, 0.05 * STIFF)
+PEAK = 0.3 * H
+
+
+@pytest.fixture(scope="module")
+def gap():
+    return rough((48, 40))
+
+
+@pytest.fixture(scope="module")
+def cycle(gap):
+    half_space = HalfSpace(gap.shape, (D, D), E, ("mirror", "periodic"))
+    loads = {"loading": (0.1 * H, 0.6 * H), "unload_from": (PEAK,), "unloading": (0.02 * H, 0.1 * H, 0.2 * H)}
+    states = load_cycle(gap, half_space, hardness=LAW, rtol=RTOL, **loads)
+    return {(s.pressure, s.unloaded_from): s.contact for s in states}
+
+
 class TestCycle:
-    LAW = LinearHardening(0.5 * H, 0.05 * STIFF)
-    PEAK = 0.3 * H
-
-    @pytest.fixture(scope="class")
-    def gap(self):
-        return rough((48, 40))
-
-    @pytest.fixture(scope="class")
-    def cycle(self, gap):
-        half_space = HalfSpace(gap.shape, (D, D), E, ("mirror", "periodic"))
-        states = load_cycle(
-            gap, half_space, loading=(0.1 * H, 0.6 * H), hardness=self.LAW, unload_from=(self.PEAK,),
-            unloading=(0.02 * H, 0.1 * H, 0.2 * H), rtol=RTOL,
-        )  # fmt: skip
-        return {(s.pressure, s.unloaded_from): s.contact for s in states}
-
     def alone(self, gap, pressure, deformation=None):
-        return solved(gap, self.LAW, pressure, ("mirror", "periodic"), deformation=deformation)
+        return solved(gap, LAW, pressure, ("mirror", "periodic"), deformation=deformation)
 
     def equal(self, one, two, gap):
         assert_allclose(one.pressure, two.pressure, rtol=0, atol=1e-6 * H)
@@ -186,30 +187,30 @@ class TestCycle:
             assert_allclose(getattr(one, name), getattr(two, name), rtol=0, atol=1e-6 * np.ptp(gap))
 
     def test_at_the_peak_it_is_as_before(self, gap, cycle):
-        peak = cycle[self.PEAK, None]
+        peak = cycle[PEAK, None]
         assert peak.plastic_fraction > 0.05
-        assert peak.pressure.max() > 1.1 * self.LAW.hardness
-        self.equal(self.alone(gap, self.PEAK, peak.plastic_deformation), peak, gap)
+        assert peak.pressure.max() > 1.1 * LAW.hardness
+        self.equal(self.alone(gap, PEAK, peak.plastic_deformation), peak, gap)
 
     def test_reloading_follows_the_unloading_curve(self, gap, cycle):
-        down = cycle[0.02 * H, self.PEAK]
+        down = cycle[0.02 * H, PEAK]
         for p in (0.1 * H, 0.2 * H):
-            self.equal(self.alone(gap, p, down.plastic_deformation), cycle[p, self.PEAK], gap)
+            self.equal(self.alone(gap, p, down.plastic_deformation), cycle[p, PEAK], gap)
 
     def test_nothing_yields_on_the_way_down(self, gap, cycle):
-        left = cycle[self.PEAK, None].plastic_deformation
+        left = cycle[PEAK, None].plastic_deformation
         for (_, peak), contact in cycle.items():
             if peak:
                 assert_allclose(contact.plastic_deformation, left, rtol=0, atol=1e-6 * np.ptp(gap))
 
     def test_beyond_the_peak_the_first_loading_goes_on(self, gap, cycle):
-        left = cycle[self.PEAK, None].plastic_deformation
+        left = cycle[PEAK, None].plastic_deformation
         self.equal(self.alone(gap, 0.6 * H, left), cycle[0.6 * H, None], gap)
 
     def test_hardness_that_is_not_kept_would_yield_again(self, gap, cycle):
         """Without what it has gained, the peak is not reached elastically: the invariants above can fail."""
-        left = cycle[self.PEAK, None].plastic_deformation
-        lost = solved(gap + left, self.LAW, self.PEAK, ("mirror", "periodic"))
+        left = cycle[PEAK, None].plastic_deformation
+        lost = solved(gap + left, LAW, PEAK, ("mirror", "periodic"))
         assert lost.plastic_deformation.max() > 0.1 * left.max()
 
 
