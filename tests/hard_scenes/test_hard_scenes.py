@@ -99,7 +99,7 @@ class TestOutcomes:
     def test_an_error_of_another_kind_is_no_refusal(self):
         assert not Refused(("gap",)).holds(ValueError("gap"))
         assert not Refused(("gap",)).holds(NotConverged("gap"))
-        assert not NotSolved(("gap",)).holds(InputError("gap"))
+        assert not NotSolved(("gap",)).holds(InputError("gap", "-1", "more"))
 
 
 class TestReport:
