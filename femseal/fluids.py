@@ -23,7 +23,7 @@ from .flow.law import CUBIC_LAW, FlowLaw, FukuiKaneko, SlipLength
 
 #: Molar gas constant [J/(mol K)], CODATA (exact since 2019).
 GAS_CONSTANT = 8.31446261815324
-#: Constants of Roelands' law: pressure [Pa], and the natural logarithm of the viscosity [Pa s] that all liquids share.
+#: Constants of Roelands' law: pressure [Pa], and the natural logarithm of the viscosity [Pa s] common to all liquids.
 _ROELANDS_PRESSURE, _ROELANDS_LOG = 1.962e8, -log(6.31e-5)
 #: Gauss points of the potential of Roelands' law: right to 1e-12 up to 5 GPa.
 _POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(48)
@@ -161,7 +161,7 @@ class RoelandsLiquid(_OnFaces):
         """Inverse of `potential` [Pa], by Newton's method; inf where no pressure has it."""
         φ = np.asarray(potential, dtype=float)
         p = φ * self.viscosity / self.density
-        with np.errstate(all="ignore"):  # a potential out of reach
+        with np.errstate(all="ignore"):  # a potential beyond the limit
             for _ in range(100):
                 # the logarithm of the distance to the limit is nearly straight; φ rises ever more slowly, so that p is
                 # always below the solution
@@ -305,7 +305,7 @@ def leak_basis(fluid: Fluid, length: float, stated: float | None = None) -> Leak
     """What turns the leakage of a fluid through a seal of a length [m] into any unit.
 
     A fluid that has a `reference_pressure`, at which its volumes are stated, and a `temperature` is a gas; its
-    pressure × volume is told at the temperature `stated` [K], its own unless given.
+    pressure × volume is stated at the temperature `stated` [K], its own unless given.
     """
     pressure = getattr(fluid, "reference_pressure", None)
     temperature, molar_mass = (

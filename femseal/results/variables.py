@@ -17,7 +17,7 @@ from ..base.leak_units import LEAK_UNITS, LeakBasis
 from ..flow import critical_constriction
 from ..fluids import capillary_entry_pressure
 from ..loads import LoadStep
-from ..seal import NARROWEST, RectangularSeal, drop_shares
+from ..seal import NARROWEST, RectangularSeal, drop_fractions
 from ..studies.fluid_load import relief_warning, relieved_leakage
 
 if TYPE_CHECKING:
@@ -97,7 +97,7 @@ def add_windows(data: xarray.Dataset, scene: Scene, result: TwoScaleResult) -> N
     seal = RectangularSeal(scene.surface.size, (m1, m2), result.partition.node_rows)
     shares = np.full((len(result.steps), len(NARROWEST)), np.nan)
     for s in np.flatnonzero(np.isfinite(result.fluid_pressure[:, 0]).all(axis=1)):  # NaN where a link failed
-        shares[s] = drop_shares(result.k1[s], result.k2[s], seal, potential[s])
+        shares[s] = drop_fractions(result.k1[s], result.k2[s], seal, potential[s])
     data.coords["narrowest"] = ("narrowest", list(NARROWEST), _labels("1", "number of links that dissipate most"))
     text = "share of the pressure drop over the links that dissipate most, NaN without flow"
     data["drop_fraction"] = (("step", "narrowest"), shares, _labels("1", text))

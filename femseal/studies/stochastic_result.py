@@ -13,7 +13,7 @@ import numpy as np
 from ..base.text import Shown
 from ..library import LadderLibrary
 from ..loads import LoadProgramme
-from ..seal.layouts import SizedSeal
+from ..seal.layouts import DrawnSeal
 from ..windows import SolverCounts
 from .median_seal import MedianSeal
 from .scene import Array, labels
@@ -46,7 +46,7 @@ class StochasticResult(Shown):
     """
 
     steps: LoadProgramme
-    seal: SizedSeal
+    seal: DrawnSeal
     library: LadderLibrary | FaceLibrary = field(repr=False)
     leakage: Array = field(
         metadata=labels("m^2/s", "leakage per unit seal length, realisations", "realisation", "step")
