@@ -100,6 +100,23 @@ def spectral_displacement():
     return spectral
 
 
+def pytest_configure(config):
+    """One thread of linear algebra in every process that is started from here, so that they do not compete for cores."""
+    os.environ.setdefault("OMP_NUM_THREADS", "1")
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_sessionstart(session):
+    """Before several processes run the tests, compile the loops once: each would compile all of them."""
+    processes = session.config.getoption("numprocesses", None)
+    if processes and not hasattr(session.config, "workerinput"):
+        from femseal.execution.mappers import ordered_map
+        from femseal.studies.compiling import compile_ahead
+
+        with ordered_map(processes, before=compile_ahead):
+            pass
+
+
 @pytest.fixture(autouse=True, scope="session")
 def _plain_terminal():
     """Texts for a terminal are plain and of a usual width, whatever the tests run in."""

@@ -14,7 +14,7 @@ from femseal.base.errors import InputError
 from femseal.case.case import parse_case
 from femseal.cli import main
 from femseal.designs.requirements import requirement, sealing_load
-from femseal.designs.seals import DRAWS, Seals, crossings, share_of
+from femseal.designs.seals import DRAWS, Seals, crossings, pressure_for
 from femseal.designs.sensitivities import Variants, level_at, ratio_of, sensitivities, slope_at
 from femseal.loads import LoadProgramme
 from femseal.report.page import report_html
@@ -58,7 +58,7 @@ def test_a_share_of_the_seals_keeps_the_class():
         assert np.mean(leak(needed.value * 0.999999) <= limit) < 0.9
         assert needed.relation == "="
         assert needed.low < needed.value < needed.high
-    assert_allclose(need.assembly.value, share_of((AMPLITUDES / limit) ** (1 / FALL), 0.9))
+    assert_allclose(need.assembly.value, pressure_for((AMPLITUDES / limit) ** (1 / FALL), 0.9))
 
 
 def test_uncertainty_is_that_of_seals_and_library():

@@ -11,7 +11,7 @@ from networks import cell_links, network, solve_links
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.sparse.linalg import spsolve
 
-from femseal import analytic
+from femseal import HalfSpace, analytic, self_affine, solve_contact
 from femseal.base.errors import FemsealError, InputError, NotConverged
 from femseal.flow import Stencil
 from femseal.flow.percolation import nodes_reached, restricted
@@ -466,6 +466,23 @@ def test_the_rate_is_as_right_as_asked(rtol, kind):
             flow = solve_links(c1, c2, rtol=rtol)
         assert_allclose(flow.conductance, exact.conductance, rtol=rtol)
         assert flow.imbalance <= max(1e-5, 10 * np.sqrt(rtol))
+
+
+@pytest.mark.parametrize(
+    ("n", "seed"),
+    [(256, 2), (256, 10), *(pytest.param(1024, seed, marks=pytest.mark.slow) for seed in range(4))],
+)
+def test_the_rate_of_a_gap_near_closing_is_as_right_as_asked(n, seed):
+    """At 32 % contact parts of the error are so slow that hundreds of iterations do not meet them."""
+    size = n * 1e-6
+    rough = self_affine((n, n), (size, size), hurst=0.8, rms_slope=0.1, roll_off=size / 8, cut_off=4e-6, rng=seed)
+    body = HalfSpace((n, n), (1e-6, 1e-6), 1e11)
+    gap = solve_contact(rough.heights.max() - rough.heights, body, pressure=1.5e9, rtol=1e-4).gap
+    links_of_gap = cell_links(gap, (1e-6, 1e-6), "mirror")
+    exact = solve_links(*links_of_gap, solver="elimination").conductance
+    flow = solve_links(*links_of_gap, solver="multigrid", rtol=1e-6)
+    assert_allclose(flow.conductance, exact, rtol=1e-6)
+    assert abs(flow.conductance / exact - 1) <= flow.residual**2 + 1e-12
 
 
 @pytest.mark.parametrize("ring", [True, False])

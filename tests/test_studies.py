@@ -10,6 +10,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 import femseal.library.ladder
+import femseal.studies.face_flow
 import femseal.studies.face_windows
 import femseal.studies.scene
 import femseal.studies.windows as windows_module
@@ -1009,7 +1010,7 @@ class TestFailures:
     def test_contact_of_a_window(self, rough, by_windows, monkeypatch):
         """Itself and the links across that reach into it."""
         pressure = by_windows.pressure[1, 0, 4]
-        self.fail(monkeypatch, femseal.windows.window, "solve_deformed_contact", pressure=pressure)
+        self.fail(monkeypatch, femseal.windows.window, "solve_contact", pressure=pressure)
         result = two_scale(rough, (4, 6), contact="windows", flow="links")
         assert result.failures == ("cell (0, 4), loading 300 MPa: did not converge",)
         assert_array_equal(np.isnan(result.leakage), [False, True, False, False, False])
@@ -1024,7 +1025,7 @@ class TestFailures:
     def test_contact_of_a_window_at_the_peak_takes_its_unloading_along(self, rough, by_windows, monkeypatch):
         window = np.unravel_index(by_windows.pressure[4].argmax(), (4, 6))
         pressure = by_windows.pressure[2][window]
-        self.fail(monkeypatch, femseal.windows.window, "solve_deformed_contact", pressure=pressure)
+        self.fail(monkeypatch, femseal.windows.window, "solve_contact", pressure=pressure)
         result = two_scale(rough, (4, 6), contact="windows", flow="links")
         assert [f.split(", ", 2)[2] for f in result.failures] == [
             "loading 600 MPa: did not converge",
@@ -1043,7 +1044,7 @@ class TestFailures:
         assert_array_equal(np.isnan(result.leakage), [False, False, True, False, False])
 
     def test_flow_of_the_whole_face(self, rough, monkeypatch):
-        self.fail(monkeypatch, femseal.studies.scene, "cell_permeability", calls={3})
+        self.fail(monkeypatch, femseal.studies.face_flow, "cell_permeability", calls={3})
         result = deterministic(rough)
         assert result.failures == ("unloading 300 MPa from 600 MPa: did not converge",)
         assert_array_equal(np.isnan(result.leakage), [False, False, False, True, False])
@@ -1051,7 +1052,7 @@ class TestFailures:
     def test_a_column_with_a_failed_cell_gives_way_to_the_next(self, rough, by_windows, monkeypatch):
         """Of the links across it takes the column before along."""
         pressure = by_windows.pressure[1, 0, 4]
-        self.fail(monkeypatch, femseal.windows.window, "solve_deformed_contact", pressure=pressure)
+        self.fail(monkeypatch, femseal.windows.window, "solve_contact", pressure=pressure)
         result = stochastic(rough, (4, 6), SAMPLING, contact="windows")
         assert result.failures == ("cell (0, 4), loading 300 MPa: did not converge",)
         assert np.isfinite(result.leakage).all()
@@ -1065,7 +1066,7 @@ class TestFailures:
         sampling = replace(SAMPLING, pressure="uniform", library_cells=8)
         whole = stochastic(rough, (4, 6), sampling).library
         counted = []
-        solve = femseal.library.ladder.solve_deformed_contact
+        solve = femseal.library.ladder.solve_contact
 
         def failing(gap0, *args, **given):
             if not counted or not np.array_equal(counted[-1], gap0):
@@ -1074,7 +1075,7 @@ class TestFailures:
                 raise NotConverged("did not converge", 1.0)
             return solve(gap0, *args, **given)
 
-        monkeypatch.setattr(femseal.library.ladder, "solve_deformed_contact", failing)
+        monkeypatch.setattr(femseal.library.ladder, "solve_contact", failing)
         result = stochastic(rough, (4, 6), sampling)
         assert result.failures == ("cell 2: did not converge",)
         assert_array_equal(result.library.curves.k, np.delete(whole.curves.k, 2, axis=0))
@@ -1096,7 +1097,7 @@ class TestFailures:
 
     def test_a_library_without_any_cell(self, rough, monkeypatch):
         for module in (femseal.windows.window, femseal.library.ladder):
-            self.fail(monkeypatch, module, "solve_deformed_contact", calls=range(10**6))
+            self.fail(monkeypatch, module, "solve_contact", calls=range(10**6))
         for pressure in ("place", "uniform"):
             with pytest.raises(FemsealError, match="every c"):
                 stochastic(rough, (4, 6), replace(SAMPLING, pressure=pressure, library_cells=4), contact="windows")

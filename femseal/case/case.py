@@ -19,12 +19,12 @@ from ..base.errors import InputError, InputErrors, shortened
 from ..base.quantities import to_text
 from ..fluids import leak_basis, potential_of
 from ..materials import Solid, contact_modulus, softer_hardness
-from ..results.reached_classes import check_classes
+from ..results.class_results import check_classes
 from ..seal.layouts import Layout
 from .case_accuracy import with_what_is_open
 from .case_tables import AnyFluid, CellsTable, ContactTable, FlowTable, OutputTable, SolidTable, StochasticTable
 from .faces import Face, FileFace, SurfaceTable
-from .faults import case_faults, fault
+from .faults import INTERNAL, case_faults, fault
 from .fluid_by_name import with_named_fluids
 from .load import LoadTable
 from .seal import AnySeal, with_inlet_pressure
@@ -64,6 +64,7 @@ class Case(Table):
     stochastic: StochasticTable | None = None
     output: OutputTable = OutputTable()
     folder: Path = Field(default=Path(), exclude=True)
+    fluid_warnings: tuple[str, ...] = Field(default=(), exclude=True)
 
     @model_validator(mode="before")
     @classmethod
@@ -259,8 +260,9 @@ def parse_case(data: dict[str, Any], folder: Path = Path()) -> Case:
     ------
     InputError : one line for each fault.
     """
-    if "folder" in data:
-        raise InputError("folder", "a value", "no such key")
+    for name in INTERNAL:
+        if name in data:
+            raise InputError(name, "a value", "no such key")
     try:
         return Case.model_validate({**data, "folder": folder})
     except RecursionError:

@@ -1,11 +1,12 @@
 """Contact on one grid: projected active sets, and preconditioned conjugate gradients on the free points.
 
-The minimum of ½⟨p, Kp⟩ + ⟨p, h₁⟩ under 0 ≤ p ≤ H and a given load is where p = y(δ) = clip(p − c (v − δ), 0, H) for any
-c > 0, with v = Kp + h₁ and the δ that keeps Σ y = load. One iteration computes y. Where y moves points out of contact,
-to the hardness or back, the sets change: p becomes y, and a product with K gives the new v. Then conjugate gradients on
-the free points (0 < p < H) lower the energy for a few steps, with a product with K each. This is an inexact semismooth
-Newton method. There is no proof of convergence: after 60 iterations `Descent` takes over, and `ActiveSets.residual` is
-the residual reached.
+The energy is ½⟨p, Kp⟩ + ⟨p, h₁⟩ + ψ(p), ψ that of the law. Its minimum under a load is where p = y(δ) for any c > 0: y
+is the projection of p − c (v − δ) on the law, with v = Kp + h₁ and the δ that keeps Σ y = load; for perfect plasticity
+y = clip(p − c (v − δ), 0, H). One iteration computes y. Where y moves points out of contact, to the hardness or back,
+the sets change: p becomes y, and a product with K gives the new v. Then conjugate gradients on the free points
+(elastic, or yielding on a slope) lower the energy for a few steps, with a product with K each. This is an inexact
+semismooth Newton method. There is no proof of convergence: after 60 iterations `Descent` takes over, and
+`ActiveSets.residual` is the residual reached.
 Sources: Moré & Toraldo, SIAM J. Optim. 1, 1991, 93; Polonsky & Keer, Wear 231, 1999, 206.
 """
 
@@ -16,8 +17,9 @@ from math import inf
 import numpy as np
 from numpy.typing import NDArray
 
-from . import kernels
+from . import gradient_kernels, kernels
 from .descent import Descent
+from .law import YieldLine
 from .workspace import Workspace
 
 Array = NDArray[np.float64]
@@ -37,7 +39,7 @@ class ActiveSets:
     grid : holds the initial pressure, and after `solve` the pressure and v of the solution.
     gap0 : undeformed gap h₁ [m].
     offset : height [m] that is subtracted from h₁ and δ, because large heights cost digits.
-    hardness : H [Pa], one value or one per point.
+    line : pressures at which the points yield.
     load : mean pressure [Pa]; None where the approach is given.
     approach : δ [m]; None where the load is given.
 
@@ -50,10 +52,11 @@ class ActiveSets:
     """
 
     def __init__(
-        self, grid: Workspace, gap0: Array, offset: float, hardness: Array, load: float | None, approach: float | None
+        self, grid: Workspace, gap0: Array, offset: float, line: YieldLine, load: float | None, approach: float | None
     ) -> None:
         self._grid = grid
-        self._gap0, self._offset, self._hardness = gap0.ravel(), offset, hardness.ravel()
+        self._gap0, self._offset, self._line = gap0.ravel(), offset, line
+        self._law, self._hardens = (line.hardness.ravel(), line.slope.ravel()), line.hardens
         self._loaded = load is not None
         self._load = 0.0 if load is None else load * gap0.size
         self.delta = 0.0 if approach is None else approach - offset
@@ -113,7 +116,7 @@ class ActiveSets:
         self.pairs += 1
         self._fresh = True
         self._n_near, self._n_free, energy, load, total = kernels.add_gap(
-            grid.p, grid.v, self._gap0, self._offset, self._reach, grid.state, grid.lists, grid.near
+            grid.p, grid.v, self._gap0, self._offset, self._reach, *self._law, grid.state, grid.lists, grid.near
         )
         return energy - (0.0 if self._loaded else self.delta * load), load, total
 
@@ -131,7 +134,7 @@ class ActiveSets:
         while True:
             self.delta, carried, residual, changed, leaving = kernels.look(
                 self._n_near, self._c, self._load, self._loaded, self.delta,
-                self._hardness, grid.state, grid.lists, grid.near,
+                *self._law, grid.state, grid.lists, grid.near,
             )  # fmt: skip
             if (carried and self.delta <= self._reach) or not self._fresh or self._reach == inf:
                 break
@@ -148,8 +151,8 @@ class ActiveSets:
         grid = self._grid
         keep = self.iterations > 1
         self._n_free = kernels.project(
-            self._n_near, self._n_free, self._c * self.delta, self._load, self._loaded, keep,
-            grid.p, self._hardness, grid.state, grid.lists, grid.near, grid.dense,
+            self._n_near, self._n_free, self._c, self.delta, self._load, self._loaded, keep,
+            grid.p, *self._law, grid.state, grid.lists, grid.near, grid.dense,
         )  # fmt: skip
         self._reach = self.delta + self._margin
         energy, _, _ = self._product()
@@ -162,14 +165,15 @@ class ActiveSets:
         """Make a few steps on the free points; their Rayleigh quotients d·Kd/d·d give the step c of the next look."""
         grid, longest, first = self._grid, self._c0, inf
         if self._new_sets:
-            self._ones = kernels.restart(
-                self._n_free, self.delta, self._loaded, grid.lists, grid.near, grid.on_free, grid.dense, *grid.stencil
-            )
+            self._ones = gradient_kernels.restart(
+                self._n_free, self.delta, self._loaded, self._hardens, *self._law,
+                grid.state, grid.lists, grid.near, grid.on_free, grid.dense, *grid.stencil,
+            )  # fmt: skip
             self._former, self._turned, self._new_sets = inf, False, False
         for steps in range(_STEPS_AFTER_CHANGE if self._changed else _STEPS):
             if not self._turned:
-                self._wr = kernels.turn(
-                    self._n_free, self._former, self._ones, self._loaded,
+                self._wr = gradient_kernels.turn(
+                    self._n_free, self._former, self._ones, self._loaded, self._hardens,
                     grid.lists, grid.on_free, grid.dense, *grid.stencil,
                 )  # fmt: skip
                 self._turned = True
@@ -182,32 +186,23 @@ class ActiveSets:
                 break
             grid.search.apply()
             self.pairs += 1
-            curvature, length = kernels.step(
-                self._n_near,
-                self._n_free,
-                self._wr,
-                self._loaded,
-                grid.kd,
-                grid.lists,
-                grid.near,
-                grid.on_free,
-                grid.dense,
-            )
+            curvature, length, made = gradient_kernels.step(
+                self._n_near, self._n_free, self._wr, self._loaded, self._hardens,
+                grid.kd, grid.lists, grid.near, grid.on_free, grid.dense,
+            )  # fmt: skip
             self._turned = False
-            if not curvature > 0.0:
+            if not made:
                 self._former = inf
                 break
             self._former, self._fresh = self._wr, False
-            longest = min(longest, length / curvature)
+            longest = min(longest, length / curvature) if curvature > 0.0 else longest
         self._c = max(self._least_c, min(self._c0, 2.0 * self._damping * longest))
 
     def _descend(self, rtol: float, limit: int) -> None:
         """Go on by steps that never raise the energy."""
         grid = self._grid
         self._change_sets()
-        descent = Descent(
-            grid, self._gap0 - self._offset, self._hardness, self._load if self._loaded else None, self.delta
-        )
+        descent = Descent(grid, self._gap0 - self._offset, self._line, self._load if self._loaded else None, self.delta)
         descent.solve(rtol, limit - self.iterations)
         self.delta, self.residual = descent.delta, descent.residual
         self.iterations += descent.iterations

@@ -1,8 +1,8 @@
 """Contact along a load programme, with the plastic deformation that every peak leaves behind.
 
 First loading is path independent. On unloading from a peak p_u, the plastic deformation u_p of the peak is added to the
-gap once, and the contact is solved with the same bounds. At p_u this returns the state of the peak; reloading follows
-the unloading curve, and beyond p_u it follows the first loading.
+gap once, and the contact is solved with the law that the points have after it, the same one or a harder one. At p_u
+this returns the state of the peak; reloading follows the unloading curve, and beyond p_u it follows the first loading.
 Source: Sahlin et al., Proc. IMechE J 224, 2010, 335; Pérez-Ràfols et al., 2018.
 """
 
@@ -18,13 +18,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..base import validate
-from ..base.errors import InputError
 from ..base.quantities import to_text
 from ..base.stage import Mapper, Stage
-from ..base.text import Plotted, fact_table
+from ..base.text import Plotted
+from ..base.text_table import TextTable
 from ..loads import LoadProgramme, LoadStep
 from .half_space import HalfSpace
-from .solver import Contact, hardness_bounds, solve_contact
+from .law import ContactLaw, contact_law
+from .solver import Contact, check_capacity, solve_contact
 
 #: Number of fields over all points that solving a state needs, with gap, plastic deformation and result.
 STATE_FIELDS = 20
@@ -61,9 +62,9 @@ class LoadCycle(tuple[LoadState, ...], Plotted):
         lines = []
         for state in self:
             c = state.contact
-            shares = (f"{share:.1%}" for share in (c.area_fraction, c.plastic_fraction))
-            lines.append((state.name, *shares, to_text(c.mean_gap, "m"), f"{c.residual:.1e}"))
-        return fact_table("load cycle", lines, head)
+            fractions = (f"{part:.1%}" for part in (c.area_fraction, c.plastic_fraction))
+            lines.append((state.name, *fractions, to_text(c.mean_gap, "m"), f"{c.residual:.1e}"))
+        return TextTable("load cycle", head, tuple(lines))._repr_html_()
 
 
 def load_cycle(
@@ -71,7 +72,7 @@ def load_cycle(
     half_space: HalfSpace,
     *,
     loading: Sequence[float],
-    hardness: float | ArrayLike = inf,
+    hardness: float | ArrayLike | ContactLaw = inf,
     unload_from: Sequence[float] = (),
     unloading: Sequence[float] = (),
     rtol: float = 1e-6,
@@ -83,7 +84,7 @@ def load_cycle(
     gap0 : undeformed gap (n1, n2) [m].
     half_space : elastic body and grid.
     loading, unload_from, unloading : nominal pressures [Pa], see `LoadProgramme.of`.
-    hardness : H [Pa], a number or one per point.
+    hardness : H [Pa], a number or one per point, or a law; see `solve_contact`.
     rtol : residual of each solution, see `solve_contact`.
 
     Returns
@@ -104,7 +105,7 @@ def load_states(
     half_space: HalfSpace,
     programme: LoadProgramme,
     *,
-    hardness: float | ArrayLike = inf,
+    hardness: float | ArrayLike | ContactLaw = inf,
     rtol: float = 1e-6,
     take: Callable[[LoadState], Any] | None = None,
     memory: float | None = None,
@@ -124,11 +125,11 @@ def load_states(
         solves no more states at once than fit.
     mapper : solves the states of a branch, which do not depend on each other: first loading, then unloading.
     """
-    highest = float(programme.pressures.max())
-    if highest > (limit := float(hardness_bounds(hardness, half_space.shape).mean())) * (1 + 1e-12):
-        raise InputError("loading", f"{highest:g} Pa", f"at most the mean hardness, {limit:g} Pa")
+    law = contact_law(hardness)
+    law.tangent(half_space.shape)  # checks its shape
+    check_capacity("loading", float(programme.pressures.max()), law)
     gap0 = validate.field("gap0", gap0, unit="m", shape=half_space.shape, copy=False)
-    solve = partial(_state, gap0=gap0, half_space=half_space, hardness=hardness, rtol=rtol, take=take)
+    solve = partial(_state, gap0=gap0, half_space=half_space, law=law, rtol=rtol, take=take)
     if memory is None:
         memory = 8.0 * STATE_FIELDS * gap0.size
     return _solved(Stage("contact of the whole face", solve, memory), programme, mapper)
@@ -173,14 +174,12 @@ def _state(
     *,
     gap0: np.ndarray,
     half_space: HalfSpace,
-    hardness: float | ArrayLike,
+    law: ContactLaw,
     rtol: float,
     take: Callable[[LoadState], Any] | None,
 ) -> tuple[Any, np.ndarray | None, bool]:
     """Solve a state; return the value of `take`, of a peak the plastic deformation, and whether there is any."""
-    contact = solve_deformed_contact(
-        gap0, half_space, deformation, pressure=step.pressure, hardness=hardness, rtol=rtol
-    )
+    contact = solve_contact(gap0, half_space, pressure=step.pressure, hardness=law, deformation=deformation, rtol=rtol)
     again = 0.0 if deformation is None else _yielded_again(contact, deformation, rtol)
     state = LoadState(step.pressure, step.unloaded_from, contact=contact, yielded_again=again)
     left = contact.plastic_deformation
@@ -194,29 +193,3 @@ def _yielded_again(contact: Contact, deformation: np.ndarray, rtol: float) -> fl
     depth = 4 * max(spacing) * float(contact.pressure.max()) / (np.pi * contact.half_space.modulus)
     grown = contact.plastic_deformation - deformation > 100 * rtol * depth
     return float(np.count_nonzero(grown) / grown.size)
-
-
-def solve_deformed_contact(
-    gap0: np.ndarray,
-    half_space: HalfSpace,
-    deformation: np.ndarray | None,
-    *,
-    pressure: float,
-    hardness: float | ArrayLike,
-    rtol: float,
-) -> Contact:
-    """`solve_contact` of faces that an earlier load has deformed for good.
-
-    Parameters
-    ----------
-    gap0 : gap (n1, n2) before any load [m].
-    deformation : plastic deformation (n1, n2) >= 0 left by the earlier load [m]; None without one.
-
-    Returns
-    -------
-    The contact; its `plastic_deformation` is the earlier one plus what this load adds.
-    """
-    if deformation is None:
-        return solve_contact(gap0, half_space, pressure=pressure, hardness=hardness, rtol=rtol)
-    contact = solve_contact(gap0 + deformation, half_space, pressure=pressure, hardness=hardness, rtol=rtol)
-    return replace(contact, plastic_deformation=contact.plastic_deformation + deformation)

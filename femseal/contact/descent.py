@@ -2,7 +2,8 @@
 
 Each iteration makes one step along the projected gradient, of the length of Barzilai and Borwein, which decides which
 points are free, and then conjugate gradients on the free points; a point that reaches a bound stays there, and the
-directions begin anew. The energy ½⟨p, Kp⟩ + ⟨p, h₁⟩ falls with every step and the load is kept.
+directions begin anew. The energy ½⟨p, Kp⟩ + ⟨p, h₁⟩ + ψ(p), ψ = ½ Σ (p − H)₊²/h where points harden, falls with every
+step and the load is kept.
 Sources: Moré & Toraldo, SIAM J. Optim. 1, 1991, 93; Birgin, Martínez & Raydan, SIAM J. Optim. 10, 2000, 1196.
 """
 
@@ -11,7 +12,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from . import kernels
+from . import gradient_kernels, kernels
+from .law import YieldLine
 from .workspace import Workspace
 
 Array = NDArray[np.float64]
@@ -26,7 +28,7 @@ class Descent:
     ----------
     grid : holds the pressure that it starts from, and after `solve` the pressure and v of the solution.
     gap : undeformed gap h₁ less its offset [m], flat.
-    hardness : H [Pa], flat, one value or one per point.
+    line : pressures at which the points yield.
     load : Σ p [Pa]; None where the approach is given.
     delta : approach δ less the offset [m].
 
@@ -35,8 +37,11 @@ class Descent:
     delta, residual, iterations, pairs : as in `ActiveSets`.
     """
 
-    def __init__(self, grid: Workspace, gap: Array, hardness: Array, load: float | None, delta: float) -> None:
-        self._grid, self._gap, self._hardness, self._load = grid, gap, hardness, load
+    def __init__(self, grid: Workspace, gap: Array, line: YieldLine, load: float | None, delta: float) -> None:
+        self._grid, self._gap, self._load = grid, gap, load
+        self._hardness, self._slope = line.hardness.ravel(), line.slope.ravel()
+        self._hardens = np.broadcast_to(self._slope > 0, gap.shape)
+        self._limit = np.broadcast_to(line.limit.ravel(), gap.shape)
         self._every = np.arange(gap.size, dtype=np.int32)
         self.delta, self.residual, self.iterations, self.pairs = delta, np.inf, 0, 0
 
@@ -59,11 +64,22 @@ class Descent:
             self._face_steps(p, v)
 
     def _projected(self, p: Array, v: Array, c: float) -> tuple[float, Array]:
-        """δ and y = clip(p − c (v − δ), 0, H)."""
-        x, delta = p - c * v, self.delta
+        """δ and y, the projection of p − c (v − δ) on the law."""
+        x, delta, line = p - c * v, self.delta, (self._hardness, self._slope)
         if self._load is not None:
-            delta = kernels.root(x, x.size, self._hardness, self._every, c, self._load, delta)[0]
-        return delta, np.clip(x + c * delta, 0.0, self._hardness)
+            delta = kernels.root(x, x.size, *line, c, self._every, c, self._load, delta)[0]
+        z = x + c * delta
+        y = np.clip(z, 0.0, self._hardness)
+        if self._hardens.any():
+            y += self._slope / (self._slope + c) * np.maximum(z - self._hardness, 0.0)
+        return delta, y
+
+    def _energy(self, p: Array) -> float:
+        """ψ(p), what the law adds to the energy."""
+        if not self._hardens.any():
+            return 0.0
+        over = np.where(self._hardens, np.maximum(p - self._hardness, 0.0), 0.0)
+        return float(np.sum(0.5 * over**2 / np.where(self._hardens, self._slope, 1.0)))
 
     def _product(self, d: Array) -> Array:
         self._grid.dense[:] = d
@@ -77,30 +93,40 @@ class Descent:
         d = y - p
         response = self._product(d)
         slope, curvature, length = float(d @ (v - delta)), float(d @ response), float(d @ d)
+        slope += self._energy(y) - self._energy(p)
         if not (slope < 0 and curvature > 0):
             return self._grid.stiffness
         share = min(1.0, -slope / curvature)
         p += share * d
-        np.clip(p, 0.0, self._hardness, out=p)
+        np.clip(p, 0.0, self._limit, out=p)
         v += share * response
         return length / curvature
 
     def _face_steps(self, p: Array, v: Array) -> None:
-        """Conjugate gradients on the free points, up to the first bound that is met, and on from there."""
+        """Conjugate gradients on the free points, up to the first bound that is met, and on from there.
+
+        The bounds of an elastic point are 0 and H, those of one that yields on a slope are H and inf.
+        """
         hardness, first = np.broadcast_to(self._hardness, p.shape), 0.0
         free = self._every[:0]
-        d, former = np.zeros(0), np.inf
+        d = soft = np.zeros(0)
+        former = np.inf
         for step in range(_STEPS):
             if former == np.inf:
-                free = self._every[(p > 0) & (p < hardness)]
+                yields = (p > hardness) & self._hardens
+                free = self._every[((p > 0) & (p < hardness)) | yields]
                 if free.size < 2:
                     return
-                ones = self._preconditioned(free, np.ones(free.size))
+                low, high = np.where(yields, hardness, 0.0)[free], np.where(yields, np.inf, hardness)[free]
+                slopes = np.broadcast_to(self._slope, p.shape)
+                soft = np.where(yields, 1.0 / np.where(yields, slopes, 1.0), 0.0)[free]
+                scale = 1.0 / np.sqrt(1.0 + soft * self._grid.stencil[0].max())
+                ones = self._preconditioned(free, np.ones(free.size), scale)
                 d = np.zeros(free.size)
-            r = self.delta - v[free]
+            r = self.delta - v[free] - soft * (p[free] - hardness[free]) if soft.any() else self.delta - v[free]
             if self._load is not None:
                 r -= r.mean()
-            w = self._preconditioned(free, r)
+            w = self._preconditioned(free, r, scale)
             if self._load is not None:
                 w -= w.sum() / ones.sum() * ones
             wr = float(w @ r)
@@ -111,24 +137,24 @@ class Descent:
             dense = np.zeros_like(p)
             dense[free] = d
             response = self._product(dense)
-            curvature = float(d @ response[free])
+            curvature = float(d @ response[free] + d @ (soft * d))
             if not curvature > 0:
                 return
             with np.errstate(divide="ignore", invalid="ignore"):
-                room = np.where(d > 0, (hardness[free] - p[free]) / d, np.where(d < 0, -p[free] / d, np.inf))
+                room = np.where(d > 0, (high - p[free]) / d, np.where(d < 0, (low - p[free]) / d, np.inf))
             nearest = int(room.argmin())
             share, former = min(wr / curvature, float(room[nearest])), wr
-            p[free] = np.clip(p[free] + share * d, 0.0, hardness[free])
+            p[free] = np.clip(p[free] + share * d, low, high)
             v += share * response
             if share == room[nearest]:
-                at = free[nearest]
-                p[at] = hardness[at] if d[nearest] > 0 else 0.0
+                p[free[nearest]] = high[nearest] if d[nearest] > 0 else low[nearest]
                 former = np.inf
 
-    def _preconditioned(self, free: NDArray[np.int32], values: Array) -> Array:
+    def _preconditioned(self, free: NDArray[np.int32], values: Array, scale: Array) -> Array:
+        """s M s of values on the free points, s = 1 where the law does not harden."""
         out = np.empty(free.size)
         dense = self._grid.dense
         dense[:] = 0
-        dense[free] = values
-        kernels.apply_stencil(free.size, free, dense, out, *self._grid.stencil)
-        return out
+        dense[free] = values * scale
+        gradient_kernels.apply_stencil(free.size, free, dense, out, *self._grid.stencil)
+        return out * scale

@@ -1,11 +1,16 @@
-"""Compiled loops of the contact solver on flat arrays; `active_sets` calls them between two products with K.
+"""Compiled loops of the contact solver on flat arrays: lists of points near contact, projection on the law, new sets.
 
-State of a point: 0 out of contact (p = 0), 1 free (0 < p < H), 2 plastic (p = H). `hardness` has one value or one per
-point. Lists hold a number of points that a kernel returns or is given:
+`active_sets` calls them, and those in `gradient_kernels`, between two products with K.
+
+State of a point: 0 out of contact (p = 0), 1 elastic (0 < p < H), 2 perfectly plastic (p = H), 3 yielding on a slope
+h > 0 (p = H + h u). Odd ones are free. `hardness` H and `slope` h have one value or one per point, see `law.YieldLine`.
+Lists hold a number of points that a kernel returns or is given:
 
 lists : indices of the points near contact, of the free points, and of the free points in the first list.
 near : x, p, v = Kp + h₁ and Kd of the points near contact, in the order of their list.
-on_free : residual r, preconditioned residual w, direction d and M1 of the free points, in the order of their list.
+on_free : residual r, preconditioned residual w, direction d and M1 of the free points, in the order of their list; of
+    a law that hardens also their compliance a (1/h in state 3, else 0) and the scale s = 1/√(1 + a m), m the largest
+    entry of the stencil: a point that yields is softer by a, and the preconditioner is s M s.
 dense : on all points of the grid, 0 where a point is not free: first what the stencil is applied to, then d.
 
 `loaded` : whether the load is given; otherwise the approach is.
@@ -19,17 +24,18 @@ import numpy as np
 from numba import njit
 
 #: Every function is inlined: a called one may be compiled differently in another process and change last digits.
-_exact: dict[str, Any] = {"cache": True, "nogil": True, "forceinline": True}
-_fast: dict[str, Any] = {**_exact, "fastmath": {"reassoc", "nsz", "arcp", "contract", "nnan"}}
+EXACT: dict[str, Any] = {"cache": True, "nogil": True, "forceinline": True}
+FAST: dict[str, Any] = {**EXACT, "fastmath": {"reassoc", "nsz", "arcp", "contract", "nnan"}}
 #: Sets stay while points that would leave them have at most this share of the squared residual, and it halves.
 _SHARE = 0.1
 
 
-@njit(**_exact)
-def add_gap(p, v, gap0, offset, reach, state, lists, near):
+@njit(**EXACT)
+def add_gap(p, v, gap0, offset, reach, hardness, slope, state, lists, near):
     """v = Kp + h₁ from Kp; lists the points in contact or with v below `reach`.
 
-    Returns the numbers of points near contact and of free points, ½⟨p, Kp⟩ + ⟨p, h₁⟩, Σ p, and Σ v on the first list.
+    Returns the numbers of points near contact and of free points, the energy ½⟨p, Kp⟩ + ⟨p, h₁⟩ + ½ Σ (p − H)²/h where
+    points yield on a slope, Σ p, and Σ v on the first list.
     """
     energy = 0.0
     load = 0.0
@@ -47,7 +53,10 @@ def add_gap(p, v, gap0, offset, reach, state, lists, near):
             lists[0, n] = i
             near[1, n] = p[i]
             near[2, n] = vi
-            if state[i] == 1:
+            if state[i] == 3:
+                over = p[i] - hardness[i if hardness.size > 1 else 0]
+                energy += 0.5 * over * over / slope[i if slope.size > 1 else 0]
+            if state[i] & 1:
                 lists[1, k] = i
                 lists[2, k] = n
                 k += 1
@@ -55,7 +64,7 @@ def add_gap(p, v, gap0, offset, reach, state, lists, near):
     return n, k, energy, load, total
 
 
-@njit(**_exact)
+@njit(**EXACT)
 def list_near(p, v, reach, state, lists, near):
     """Lists the points in contact or with v below `reach`; returns how many they are, and how many are free."""
     n = 0
@@ -65,7 +74,7 @@ def list_near(p, v, reach, state, lists, near):
             lists[0, n] = i
             near[1, n] = p[i]
             near[2, n] = v[i]
-            if state[i] == 1:
+            if state[i] & 1:
                 lists[1, k] = i
                 lists[2, k] = n
                 k += 1
@@ -73,31 +82,32 @@ def list_near(p, v, reach, state, lists, near):
     return n, k
 
 
-@njit(**_exact)
-def look(n, c, load, loaded, delta, hardness, state, lists, near):
+@njit(**EXACT)
+def look(n, c, load, loaded, delta, hardness, slope, state, lists, near):
     """Approach δ and residual of the complementarity on the points near contact.
 
-    With x = p − c v and y(δ) = clip(x + cδ, 0, H), δ from Σ y = load. Returns δ, whether these points can carry the
-    load, ‖p − y‖/‖p‖, the number of points whose state y changes, and the share of ‖p − y‖² that they have.
+    With x = p − c v and y(δ) the projection of x + cδ on the law, δ from Σ y = load. Returns δ, whether these points
+    can carry the load, ‖p − y‖/‖p‖, the number of points whose state y changes, and whether they have much of ‖p −
+    y‖².
     """
     listed, x, p, v = lists[0], near[0], near[1], near[2]
     for j in range(n):
         x[j] = p[j] - c * v[j]
     carried = True
     if loaded:
-        delta, carried = root(x, n, hardness, listed, c, load, delta)
+        delta, carried = root(x, n, hardness, slope, c, listed, c, load, delta)
     r2 = 0.0
     y2 = 0.0
     c2 = 0.0
     changed = 0
     shift = c * delta
-    one = hardness.size == 1
-    h = hardness[0]
+    one = hardness.size + slope.size == 2
+    h, t = _line(0, hardness, slope, c)
     for j in range(n):
         i = listed[j]
         if not one:
-            h = hardness[i]
-        y, s = _clip(x[j] + shift, h)
+            h, t = _line(i, hardness, slope, c)
+        y, s = _projected(x[j] + shift, h, t)
         e = y - p[j]
         r2 += e * e
         y2 += y * y
@@ -108,38 +118,53 @@ def look(n, c, load, loaded, delta, hardness, state, lists, near):
     return delta, carried, residual, changed, c2 > _SHARE * r2
 
 
-@njit(**_exact)
-def _clip(y, h):
-    """Clip y to the bounds 0 and h; the second value is the state of the point."""
-    y = min(max(y, 0.0), h)
-    return y, (y > 0.0) + (y >= h)
+@njit(**EXACT)
+def _line(i, hardness, slope, c):
+    """Hardness of a point, and the share t = h/(h + c) by which its pressure follows a trial pressure above it."""
+    h = slope[i if slope.size > 1 else 0]
+    return hardness[i if hardness.size > 1 else 0], h / (h + c) if h > 0.0 else 0.0
 
 
-@njit(**_exact)
-def root(x, n, hardness, listed, c, load, start):
-    """Find δ with Σ clip(x + cδ, 0, H) = load on a list of points; tells whether they can carry the load.
+@njit(**EXACT)
+def _projected(z, h, t):
+    """Projection of a trial pressure on the law, z between 0 and H and above H + t (z − H), and the point's state."""
+    y = min(max(z, 0.0), h)
+    s = (y > 0.0) + (y >= h)
+    if t > 0.0 and s == 2:
+        return h + t * (z - h), 3
+    return y, s
 
-    The sum is monotone and piecewise linear in δ: Newton's method within a bracket.
+
+@njit(**EXACT)
+def root(x, n, hardness, slope, kept, listed, c, load, start):
+    """Find δ with Σ y(x + cδ) = load on a list of points; tells whether they can carry the load.
+
+    y is the projection on the law with t = h/(h + kept). The sum is monotone and piecewise linear in δ: Newton's method
+    within a bracket.
     """
     highest = -np.inf
     full = -np.inf
     capacity = 0.0
-    h = hardness[0]
-    one = hardness.size == 1
+    rise = 0.0
+    one = hardness.size + slope.size == 2
+    h, t = _line(0, hardness, slope, kept)
     for j in range(n):
-        highest = max(highest, x[j])
         if not one:
-            h = hardness[listed[j]]
+            h, t = _line(listed[j], hardness, slope, kept)
+        highest = max(highest, x[j])
         full = max(full, min(h, load) - x[j])
         capacity += h
+        rise += t
     if capacity <= load:
-        return full / c, capacity >= load
+        if rise == 0.0:
+            return full / c, capacity >= load
+        full += (load - capacity) / rise
     low = -highest / c
     top = full / c
     top += 1e-12 * abs(top)
     d = min(max(start, low), top)
     for _ in range(200):
-        total, slope = _clipped(x, n, c * d, hardness, listed)
+        total, slopes = _total(x, n, c * d, hardness, slope, kept, listed)
         excess = total - load
         if excess > 0.0:
             top = min(top, d)
@@ -147,7 +172,7 @@ def root(x, n, hardness, listed, c, load, start):
             low = max(low, d)
         if abs(excess) <= 1e-14 * load:
             break
-        new = d - excess / (c * slope) if slope > 0.0 else low
+        new = d - excess / (c * slopes) if slopes > 0.0 else low
         if new <= low or new >= top:
             new = 0.5 * (low + top)
         if new == d:
@@ -156,52 +181,54 @@ def root(x, n, hardness, listed, c, load, start):
     return d, True
 
 
-@njit(**_fast)
-def _clipped(x, n, shift, hardness, listed):
-    """Return Σ clip(x + shift, 0, H) and the number of points between the bounds."""
+@njit(**FAST)
+def _total(x, n, shift, hardness, slope, kept, listed):
+    """Return Σ y(x + shift) and its derivative, the number of points between the bounds where nothing hardens."""
     total = 0.0
-    slope = 0.0
-    if hardness.size == 1:
+    slopes = 0.0
+    if hardness.size == 1 and slope.size == 1 and slope[0] == 0.0:
         h = hardness[0]
         for j in range(n):
             y = x[j] + shift
             inside = 1.0 if (y > 0.0) & (y < h) else 0.0
             y = y if y > 0.0 else 0.0
             total += y if y < h else h
-            slope += inside
+            slopes += inside
     else:
         for j in range(n):
-            h = hardness[listed[j]]
+            h, t = _line(listed[j], hardness, slope, kept)
             y = x[j] + shift
-            inside = 1.0 if (y > 0.0) & (y < h) else 0.0
+            above = 0.0 if y < h else t
+            inside = 1.0 if (y > 0.0) & (y < h) else above
             y = y if y > 0.0 else 0.0
-            total += y if y < h else h
-            slope += inside
-    return total, slope
+            total += y if y < h else h + above * (y - h)
+            slopes += inside
+    return total, slopes
 
 
-@njit(**_exact)
-def project(n, free, shift, load, loaded, keep, p, hardness, state, lists, near, dense):
-    """Give every point near contact the state of clip(x + shift, 0, H), and p that value; the load is then exact.
+@njit(**EXACT)
+def project(n, free, c, delta, load, loaded, keep, p, hardness, slope, state, lists, near, dense):
+    """Give every point near contact the state and value of the projection of x + cδ on the law; the load is then exact.
 
-    keep : points that stay free keep the pressure that conjugate gradients gave them. The load that all others leave
-    is put on the free points by a uniform shift within the bounds. Returns the number of free points.
+    keep : points that stay free in their state keep the pressure that conjugate gradients gave them. The load that all
+    others leave is put on the free points by a uniform shift within the bounds. Returns the number of free points.
     """
     listed, listed_free, x, pn = lists[0], lists[1], near[0], near[1]
     for k in range(free):
         dense[listed_free[k]] = 0.0
     left = load
+    shift = c * delta
     k = 0
-    one = hardness.size == 1
-    h = hardness[0]
+    one = hardness.size + slope.size == 2
+    h, t = _line(0, hardness, slope, c)
     for j in range(n):
         i = listed[j]
         if not one:
-            h = hardness[i]
-        y, s = _clip(x[j] + shift, h)
-        if s == 1:
-            if keep and state[i] == 1:
-                y = min(max(pn[j], 0.0), h)
+            h, t = _line(i, hardness, slope, c)
+        y, s = _projected(x[j] + shift, h, t)
+        if s & 1:
+            if keep and state[i] == s:
+                y = min(max(pn[j], 0.0), h) if s == 1 else max(pn[j], h)
             listed_free[k] = i
             x[k] = y
             k += 1
@@ -210,150 +237,29 @@ def project(n, free, shift, load, loaded, keep, p, hardness, state, lists, near,
         p[i] = y
         state[i] = s
     if k > 0 and left > 0.0 and loaded:
-        uniform = root(x, k, hardness, listed_free, 1.0, left, 0.0)[0]
+        uniform = root(x, k, hardness, slope, 0.0, listed_free, 1.0, left, 0.0)[0]
         for j in range(k):
             i = listed_free[j]
-            p[i] = min(max(x[j] + uniform, 0.0), h if one else hardness[i])
+            if not one:
+                h, t = _line(i, hardness, slope, c)
+            y = max(x[j] + uniform, 0.0)
+            p[i] = min(y, h) if t == 0.0 else y
     return k
 
 
-@njit(**_fast)
-def restart(free, delta, loaded, lists, near, on_free, dense, stencil, rows, columns):
-    """Residual r = δ − v and M1 on the free points, with which conjugate gradients begin; returns Σ M1."""
-    listed, place, v, r, ones = lists[1], lists[2], near[2], on_free[0], on_free[3]
-    for k in range(free):
-        dense[listed[k]] = 1.0
-    ones_total = apply_stencil(free, listed, dense, ones, stencil, rows, columns)
-    total = 0.0
-    for k in range(free):
-        r[k] = delta - v[place[k]]
-        total += r[k]
-    _spread_residual(free, listed, r, total, loaded, dense)
-    return ones_total
+@njit(**EXACT)
+def gap_and_deformation(p, v, delta, c, hardness, slope, gap, deformation, plastic):
+    """Deformed gap and plastic deformation u = (p − H − c g)/(h + c), −g on a law without slope; contact is closed.
 
-
-@njit(**_fast)
-def turn(free, former, ones_total, loaded, lists, on_free, dense, stencil, rows, columns):
-    """Next direction d = w + (w·r / former) d, where w = M r less a multiple of M1 that keeps Σ w = 0 under a load.
-
-    Returns w·r. Where that is not > 0, there is no direction.
+    u is that of the projection of p − c g: where h is large p tells it better, where h is small the raw gap g does.
     """
-    listed, r, w, d, ones = lists[1], on_free[0], on_free[1], on_free[2], on_free[3]
-    total = apply_stencil(free, listed, dense, w, stencil, rows, columns)
-    wr = 0.0
-    if loaded:
-        factor = total / ones_total
-        for k in range(free):
-            w[k] -= factor * ones[k]
-            wr += w[k] * r[k]
-    else:
-        for k in range(free):
-            wr += w[k] * r[k]
-    if wr > 0.0:
-        beta = wr / former
-        if beta == 0.0:
-            for k in range(free):
-                d[k] = w[k]
-                dense[listed[k]] = w[k]
-        else:
-            for k in range(free):
-                d[k] = w[k] + beta * d[k]
-                dense[listed[k]] = d[k]
-    return wr
-
-
-@njit(**_fast)
-def step(n, free, wr, loaded, kd, lists, near, on_free, dense):
-    """One step of conjugate gradients, p += α d, v += α Kd and r −= α Kd, with α = w·r / d·Kd.
-
-    Returns d·Kd and d·d. Where d·Kd is not > 0, no step is made.
-    """
-    listed_near, listed, place = lists[0], lists[1], lists[2]
-    p, v, kn, r, d = near[1], near[2], near[3], on_free[0], on_free[2]
-    for j in range(n):
-        kn[j] = kd[listed_near[j]]
-    curvature = 0.0
-    length = 0.0
-    for k in range(free):
-        curvature += kn[place[k]] * d[k]
-        length += d[k] * d[k]
-    total = 0.0
-    if curvature > 0.0:
-        alpha = wr / curvature
-        for k in range(free):
-            p[place[k]] += alpha * d[k]
-            r[k] -= alpha * kn[place[k]]
-            total += r[k]
-        for j in range(n):
-            v[j] += alpha * kn[j]
-    _spread_residual(free, listed, r, total, loaded, dense)
-    return curvature, length
-
-
-@njit(**_fast)
-def _spread_residual(free, listed, r, total, loaded, dense):
-    """Write residuals to the points of the grid, less their mean under a load, which only rounding would leave over."""
-    mean = total / free if loaded and free > 0 else 0.0
-    for k in range(free):
-        r[k] -= mean
-        dense[listed[k]] = r[k]
-
-
-@njit(**_fast)
-def apply_stencil(n, listed, dense, out, stencil, rows, columns):
-    """Write stencil ∗ dense at the listed points to `out` and return its sum.
-
-    rows, columns : index on the grid for each index of the padded grid, −1 outside.
-    """
-    r1 = stencil.shape[0] // 2
-    r2 = stencil.shape[1] // 2
-    n1 = rows.size - 2 * r1
-    n2 = columns.size - 2 * r2
-    total = 0.0
-    nine = (r1 == 1) & (r2 == 1)
-    s00, s01, s02 = stencil[0, 0], stencil[0, r2], stencil[0, -1]
-    s10, s11, s12 = stencil[r1, 0], stencil[r1, r2], stencil[r1, -1]
-    s20, s21, s22 = stencil[-1, 0], stencil[-1, r2], stencil[-1, -1]
-    for k in range(n):
-        f = listed[k]
-        i = f // n2
-        j = f - i * n2
-        s = 0.0
-        if nine and 1 <= i < n1 - 1 and 1 <= j < n2 - 1:
-            s = (
-                s00 * dense[f - n2 - 1]
-                + s01 * dense[f - n2]
-                + s02 * dense[f - n2 + 1]
-                + s10 * dense[f - 1]
-                + s11 * dense[f]
-                + s12 * dense[f + 1]
-                + s20 * dense[f + n2 - 1]
-                + s21 * dense[f + n2]
-                + s22 * dense[f + n2 + 1]
-            )
-        else:
-            for a in range(2 * r1 + 1):
-                row = rows[i + a]
-                if row >= 0:
-                    for b in range(2 * r2 + 1):
-                        column = columns[j + b]
-                        if column >= 0:
-                            s += stencil[a, b] * dense[row * n2 + column]
-        out[k] = s
-        total += s
-    return total
-
-
-@njit(**_exact)
-def gap_and_deformation(p, v, delta, hardness, gap, deformation, plastic):
-    """Deformed gap and permanent deformation; contact is exactly closed."""
-    one = hardness.size == 1
-    h = hardness[0]
     for i in range(p.size):
         g = v[i] - delta
-        if not one:
-            h = hardness[i]
+        h = hardness[i if hardness.size > 1 else 0]
         gap[i] = 0.0 if p[i] > 0.0 or g < 0.0 else g
         plastic[i] = p[i] >= h
-        if plastic[i] and g < 0.0:
-            deformation[i] = -g
+        if plastic[i]:
+            s = slope[i if slope.size > 1 else 0]
+            u = -g if s == 0.0 else (p[i] - h - c * g) / (s + c)
+            if u > 0.0:
+                deformation[i] = u

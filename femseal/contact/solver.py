@@ -1,13 +1,14 @@
 """Contact under a load or at an approach: nested start, then projected active sets on the given grid.
 
-Symbols: p pressure, H hardness, h₁ undeformed gap, v = Kp + h₁, δ approach, g = v − δ raw gap, E* contact modulus.
-The problem is the convex programme  min ½⟨p,Kp⟩ + ⟨p,h₁⟩,  0 ≤ p ≤ H,  mean p = p̄.
+Symbols: p pressure, H hardness, h₁ undeformed gap, v = Kp + h₁, δ approach, g = v − δ raw gap, E* contact modulus,
+u plastic deformation. The problem is the convex programme  min ½⟨p,Kp⟩ + ⟨p,h₁⟩,  0 ≤ p ≤ H,  mean p = p̄;  a law that
+hardens, p ≤ H + h u, adds ½⟨(p − H)₊,(p − H)₊⟩/h in place of the upper bound. Curved laws are solved by their tangents.
 """
 
 from __future__ import annotations
 
 import threading
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import inf
 from typing import ClassVar
 
@@ -20,20 +21,22 @@ from ..base.text import Shown
 from . import kernels
 from .active_sets import ActiveSets
 from .half_space import HalfSpace
-from .transfer import coarsen
-from .workspace import Workspace, nested_grids
+from .law import ContactLaw, YieldLine, contact_law
+from .workspace import Workspace, coarsen, nested_grids
 
 Array = NDArray[np.float64]
 _COARSE_RTOL = 1e-2
 _COARSE_ITERATIONS = 40
 _MAX_ITERATIONS = 400
+#: Solutions with tangents of a curved law after which it does not settle.
+_MOST_TANGENTS = 50
 
 
 @dataclass(frozen=True, repr=False)
 class Contact(Shown):
     """Solution of a contact problem; fields carry their unit in the dataclass metadata.
 
-    Out of contact p = 0 and g > 0; elastic contact has 0 < p < H and g = 0; at p = H the point is plastic and g ≤ 0.
+    Out of contact p = 0 and g > 0; elastic contact has 0 < p < H and g = 0; at p ≥ H the point is plastic and g ≤ 0.
     """
 
     pressure: Array = field(metadata={"unit": "Pa", "long_name": "contact pressure"})
@@ -98,29 +101,34 @@ def solve_contact(
     *,
     pressure: float | None = None,
     approach: float | None = None,
-    hardness: float | ArrayLike = inf,
+    hardness: float | ArrayLike | ContactLaw = inf,
+    deformation: ArrayLike | None = None,
     rtol: float = 1e-6,
     threads: int = 1,
 ) -> Contact:
-    """Pressure and gap of an elastic-perfectly plastic half-space pressed on a rough gap, by a load or to an approach.
+    """Pressure and gap of an elastic-plastic half-space pressed on a rough gap, by a load or to an approach.
 
     Parameters
     ----------
     gap0 : undeformed gap h₁ (n1, n2) [m], up to a constant.
     half_space : elastic body, boundary kinds, grid.
-    pressure : nominal pressure p̄ [Pa], 0 ≤ p̄ ≤ mean H; 0 is first touch, mean H all plastic.
+    pressure : nominal pressure p̄ [Pa], 0 ≤ p̄ ≤ mean H; 0 is first touch, mean H all plastic. A law that hardens carries
+        any.
     approach : rigid-body approach δ [m] instead, g = Kp + h₁ − δ. Where no axis is free, K leaves the mean displacement
         out, and δ has to stay below the mean of h₁, at which the load has no bound.
-    hardness : H [Pa], a number or one per point; inf is elastic.
+    hardness : H [Pa] of perfect plasticity, a number or one per point, inf is elastic; or a law, such as
+        `LinearHardening`.
+    deformation : plastic deformation (n1, n2) >= 0 [m] that an earlier load has left; that of the result is this and
+        what the load adds.
     rtol : complementarity residual ‖p − clip(p − c(v − δ), 0, H)‖/‖p‖ to reach, c = πE*/(4Δ) with the geometric mean Δ
-        of the spacings along which there are points.
+        of the spacings along which there are points; in place of clip stands the projection on the law.
     threads : of the transforms.
 
     Raises
     ------
-    InputError : wrong shape, undefined points, a pressure that the hardness cannot carry, or not just one of
-        `pressure` and `approach`.
-    NotConverged : the residual was not reached; the message says which was.
+    InputError : wrong shape, undefined points, a pressure that the law cannot carry, or not just one of `pressure` and
+        `approach`.
+    NotConverged : the residual was not reached; the message says which was. Or tangents of a curved law did not settle.
 
     Notes
     -----
@@ -128,57 +136,65 @@ def solve_contact(
     (Moré & Toraldo, SIAM J. Optim. 1, 1991, 93; Polonsky & Keer, Wear 231, 1999, 206), and where the sets do not settle
     within 60 iterations, steps that never raise the energy. The residual is that of the returned pressure.
     """
-    gap, bounds, pressure, approach = _validated(gap0, half_space, pressure, approach, hardness, rtol)
-    problem = _Problem(gap, half_space, bounds, pressure, approach, rtol)
-    return problem.solve(validate.count("threads", threads))
-
-
-def _validated(
-    gap0: ArrayLike,
-    half_space: HalfSpace,
-    pressure: float | None,
-    approach: float | None,
-    hardness: float | ArrayLike,
-    rtol: float,
-) -> tuple[Array, Array, float | None, float | None]:
     gap = validate.field("gap0", gap0, unit="m", shape=half_space.shape, copy=False)
-    bounds = hardness_bounds(hardness, half_space.shape)
-    limit = _mean(bounds)
+    law = contact_law(hardness)
+    if deformation is not None:
+        deformation = validate.field("deformation", deformation, unit="m", shape=half_space.shape, copy=False)
+        gap, law = gap + deformation, law.after(deformation)
+    line = law.tangent(half_space.shape)
+    pressure, approach = _checked_load(gap, half_space, law, pressure, approach)
     validate.tolerance("rtol", rtol)
+    threads = validate.count("threads", threads)
+    contact = _Problem(gap, half_space, line, pressure, approach, rtol).solve(threads)
+    if not law.linear:
+        contact = _by_tangents(law, contact, _Problem(gap, half_space, line, pressure, approach, rtol), threads)
+    if deformation is not None:
+        contact = replace(contact, plastic_deformation=contact.plastic_deformation + deformation)
+    return contact
+
+
+def _checked_load(
+    gap: Array, half_space: HalfSpace, law: ContactLaw, pressure: float | None, approach: float | None
+) -> tuple[float | None, float | None]:
+    """Pressure and approach as numbers that the law can carry, one of them None; raises InputError."""
     if (pressure is None) == (approach is None):
         raise InputError("pressure and approach", f"{pressure} and {approach}", "one of them, the other None")
     if pressure is not None:
         pressure = validate.number("pressure", pressure, unit="Pa", inclusive=True)
-        if pressure > limit * (1 + 1e-12):
-            raise InputError("pressure", f"{pressure:g} Pa", f"at most the mean hardness, {limit:g} Pa")
+        check_capacity("pressure", pressure, law)
     if approach is not None:
         approach = validate.number("approach", approach, unit="m", above=-inf)
-        if "free" not in half_space.boundary and np.isinf(limit) and approach >= gap.mean():
+        if "free" not in half_space.boundary and np.isinf(law.capacity) and approach >= gap.mean():
             raise InputError("approach", f"{approach:g} m", f"less than the mean of gap0, {gap.mean():g} m")
-    return gap, bounds, pressure, approach
+    return pressure, approach
 
 
-def hardness_bounds(hardness: float | ArrayLike, shape: tuple[int, int]) -> Array:
-    """Hardness as an array of one value or of one per point, inf where there is no bound.
+def check_capacity(name: str, pressure: float, law: ContactLaw) -> None:
+    """Raise InputError if the points cannot carry a mean pressure [Pa]."""
+    if pressure > law.capacity * (1 + 1e-12):
+        raise InputError(name, f"{pressure:g} Pa", f"at most the mean hardness, {law.capacity:g} Pa")
+
+
+def _by_tangents(law: ContactLaw, contact: Contact, problem: _Problem, threads: int) -> Contact:
+    """Go on from the first solution of a curved law, each time with the tangents at the deformation found last.
 
     Raises
     ------
-    InputError : not a number or an array of the grid's shape, or values not > 0.
+    NotConverged : pressures and deformations do not come to the law within `_MOST_TANGENTS` solutions.
     """
-    try:
-        bounds = np.atleast_1d(np.asarray(hardness, dtype=float))
-    except (TypeError, ValueError):
-        raise InputError("hardness", repr(hardness), f"a number or an array {shape} [Pa]") from None
-    if isinstance(hardness, (str, bytes)) or (bounds.size != 1 and bounds.shape != shape):
-        given = repr(hardness) if bounds.size == 1 else f"shape {bounds.shape}"
-        raise InputError("hardness", given, f"a number or an array {shape} [Pa]")
-    if not np.all(bounds > 0):
-        raise InputError("hardness", f"{bounds.min():g} Pa", "numbers > 0 [Pa]")
-    return bounds
-
-
-def _mean(hardness: Array) -> float:
-    return hardness.item() if hardness.size == 1 else float(hardness.mean())
+    iterations, pairs = contact.iterations, contact.fft_pairs
+    for _ in range(_MOST_TANGENTS):
+        mismatch = law.mismatch(contact.pressure, contact.plastic_deformation)
+        if mismatch <= problem.rtol:
+            return replace(contact, iterations=iterations, fft_pairs=pairs)
+        line = law.tangent(problem.half_space.shape, contact.plastic_deformation)
+        contact = replace(problem, line=line).solve(threads)
+        iterations, pairs = iterations + contact.iterations, pairs + contact.fft_pairs
+    raise NotConverged(
+        f"contact: pressures are off the law by {mismatch:.1e} after {_MOST_TANGENTS} tangents, wanted "
+        f"{problem.rtol:.1e}; try a law that softens less, or smaller steps of the load",
+        mismatch,
+    )
 
 
 @dataclass(frozen=True)
@@ -187,7 +203,7 @@ class _Problem:
 
     gap0: Array
     half_space: HalfSpace
-    hardness: Array
+    line: YieldLine
     load: float | None
     approach: float | None
     rtol: float
@@ -199,34 +215,35 @@ class _Problem:
         offset = float(self.gap0.min())
         if self.load == 0:
             return self._uniform(grids[0], offset, 0.0, float(self.gap0.min()))
-        if self.load is not None and self.load >= _mean(self.hardness) * (1 - 1e-12):
-            return self._uniform(grids[0], offset, self.hardness, None)
+        if self.load is not None and self.load >= self.line.capacity * (1 - 1e-12):
+            return self._uniform(grids[0], offset, self.line.hardness, None)
         sets = self._nested(grids, offset)
         self._check(sets, grids[0])
         return self._result(grids[0], offset, sets.delta, sets.residual, sets.iterations, sets.pairs)
 
     def _nested(self, grids: tuple[Workspace, ...], offset: float) -> ActiveSets:
         """Solve on the coarsest grid first; each solution is the start on the next finer grid."""
-        gaps, bounds = [self.gap0], [self.hardness]
+        gaps, lines = [self.gap0], [self.line]
         for _ in grids[1:]:
             gaps.append(coarsen(gaps[-1]))
-            bounds.append(coarsen(bounds[-1]) if bounds[-1].size > 1 else bounds[-1])
+            values = (coarsen(a) if a.size > 1 else a for a in (lines[-1].hardness, lines[-1].slope))
+            lines.append(YieldLine(*values))
         loads = [self.load] * len(grids)
-        if self.load is not None and self.hardness.size > 1:
-            # coarse means count an odd border twice: every grid carries the same share of its mean hardness
-            capacity = [float(b.mean()) for b in bounds]
+        if self.load is not None and self.line.hardness.size > 1:
+            # coarse means count an odd border twice: every grid carries the same share of its capacity
+            capacity = [line.capacity for line in lines]
             loads = [self.load * (c / capacity[0] if np.isfinite(c) else 1) for c in capacity]
-        start = self._first_guess(grids[-1], gaps[-1], bounds[-1], loads[-1])
+        start = self._first_guess(grids[-1], gaps[-1], lines[-1], loads[-1])
         for level in reversed(range(len(grids))):
-            grids[level].start(start, bounds[level])
-            sets = ActiveSets(grids[level], gaps[level], offset, bounds[level], loads[level], self.approach)
+            grids[level].start(start, lines[level].limit)
+            sets = ActiveSets(grids[level], gaps[level], offset, lines[level], loads[level], self.approach)
             if level > 0:
                 sets.solve(_COARSE_RTOL, _COARSE_ITERATIONS)
             start = grids[level].pressure
         sets.solve(self.rtol, _MAX_ITERATIONS)
         return sets
 
-    def _first_guess(self, grid: Workspace, gap0: Array, hardness: Array, load: float | None) -> Array:
+    def _first_guess(self, grid: Workspace, gap0: Array, line: YieldLine, load: float | None) -> Array:
         """Initial pressure on the coarsest grid.
 
         A load is spread over as many of the highest points as carry it at H, or at 0.1 E*. At an approach each point
@@ -237,7 +254,7 @@ class _Problem:
             assert self.approach is not None
             size = max(n * d for n, d in zip(grid.half_space.shape, grid.half_space.spacing, strict=True))
             return np.maximum(self.approach - gap0, 0.0) * np.pi * modulus / size
-        soft = min(_mean(hardness), 0.1 * modulus)
+        soft = min(float(line.hardness.mean()), 0.1 * modulus)
         n = max(min(4, gap0.size), min(gap0.size, int(load / soft * gap0.size)))
         touching = gap0 <= np.partition(gap0, n - 1, axis=None)[n - 1]
         return touching * (load * gap0.size / np.count_nonzero(touching))
@@ -269,8 +286,9 @@ class _Problem:
         p = grid.pressure.copy()
         gap, deformation, plastic = np.empty(p.shape), np.zeros(p.shape), np.empty(p.shape, np.bool_)
         kernels.gap_and_deformation(
-            grid.p, grid.v, delta, self.hardness.ravel(), gap.ravel(), deformation.ravel(), plastic.ravel()
-        )
+            grid.p, grid.v, delta, grid.stiffness, self.line.hardness.ravel(), self.line.slope.ravel(),
+            gap.ravel(), deformation.ravel(), plastic.ravel(),
+        )  # fmt: skip
         return Contact(
             pressure=p,
             gap=gap,

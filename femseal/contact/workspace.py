@@ -6,12 +6,12 @@ from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from .convolution import Convolution
 from .half_space import HalfSpace
 from .influence import stiffness_stencil
-from .transfer import prolong
 
 Array = NDArray[np.float64]
 #: Largest number of points along the shorter side of the coarsest grid.
@@ -58,7 +58,7 @@ class Workspace:
         self.state = np.zeros(n, np.int8)
         # pages of memory are used only as far as lists are long
         self.lists = np.empty((3, n), np.int32)
-        self.near, self.on_free = np.empty((4, n)), np.empty((4, n))
+        self.near, self.on_free = np.empty((4, n)), np.empty((6, n))
         stencil = stiffness_stencil(half_space.spacing, half_space.modulus)
         r1, r2 = min(1, (n1 - 1) // 2), min(1, (n2 - 1) // 2)  # on thin grids no point is its own neighbour
         self.stencil = (
@@ -71,13 +71,13 @@ class Workspace:
         ]
         self.stiffness = np.pi * half_space.modulus / (4 * float(np.prod(spacings) ** (1 / len(spacings))))
 
-    def start(self, pressure: Array, hardness: Array) -> None:
-        """Start from pressures on this grid, or on the next coarser one."""
+    def start(self, pressure: Array, limit: Array) -> None:
+        """Start from pressures on this grid, or on the next coarser one, nowhere above `limit` (1,) or (n1, n2)."""
         if pressure.shape == self.pressure.shape:
-            np.minimum(pressure, hardness, out=self.pressure)
+            np.minimum(pressure, limit, out=self.pressure)
             self.state[:] = self.p > 0
         else:
-            bounds = hardness.reshape(1, 1) if hardness.size == 1 else hardness
+            bounds = limit.reshape(1, 1) if limit.size == 1 else limit
             prolong(pressure, bounds, self.pressure, self.state.reshape(self.pressure.shape))
 
 
@@ -89,3 +89,29 @@ def _index_map(n: int, radius: int, boundary: str) -> NDArray[np.int64]:
     if boundary == "mirror":
         return np.where(i < 0, -1 - i, np.where(i >= n, 2 * n - 1 - i, i))
     return np.where((i < 0) | (i >= n), -1, i)
+
+
+@njit(cache=True, nogil=True)
+def prolong(coarse, limit, p, state):
+    """Values of a grid of half the points on the finer one, at most `limit`; state 1 where there is pressure."""
+    n1, n2 = p.shape
+    one = limit.size == 1
+    for i in range(n1):
+        for j in range(n2):
+            h = limit[0, 0] if one else limit[i, j]
+            y = min(coarse[i // 2, j // 2], h)
+            p[i, j] = y
+            state[i, j] = 1 if y > 0.0 else 0
+
+
+@njit(cache=True, nogil=True)
+def coarsen(a):
+    """Means over 2×2 points; an odd last row or column is averaged alone."""
+    n1, n2 = a.shape
+    out = np.empty(((n1 + 1) // 2, (n2 + 1) // 2))
+    for i in range(out.shape[0]):
+        a1 = min(2 * i + 1, n1 - 1)
+        for j in range(out.shape[1]):
+            b1 = min(2 * j + 1, n2 - 1)
+            out[i, j] = 0.25 * (a[2 * i, 2 * j] + a[a1, 2 * j] + a[2 * i, b1] + a[a1, b1])
+    return out

@@ -34,6 +34,23 @@ def balanced_link_fluxes(stencil: Stencil, potential: Array, complement: Array) 
     return q[: n1 * n2].reshape(n1, n2), q[n1 * n2 :].reshape(stencil.across.shape)
 
 
+def energy_gap(stencil: Stencil, potential: Array, complement: Array) -> float:
+    """Bound of the relative error of the energy of a potential, on five points.
+
+    It is the energy of the difference between the flux of the potential and one that balances: the least energy of all
+    potentials lies between that of both (principles of Dirichlet and Thomson). NaN where no flow is left.
+    """
+    φ, ψ = np.nan_to_num(potential), np.nan_to_num(complement)
+    gap = energy = 0.0
+    fluxes = balanced_link_fluxes(stencil, φ, ψ)
+    for (c, a, b, _), flux in zip(stencil.couples(), fluxes, strict=True):
+        drop = np.where(φ.ravel()[a] + φ.ravel()[b] < 1, φ.ravel()[a] - φ.ravel()[b], ψ.ravel()[b] - ψ.ravel()[a])
+        excess = flux - c * drop
+        gap += float(np.divide(excess**2, c, out=np.zeros(c.shape), where=c > 0).sum())
+        energy += float((c * drop**2).sum())
+    return gap / energy if energy > 0 else np.nan
+
+
 def balanced_flux(tail: Indices, head: Indices, width: Array, flux: Array, nodes: int) -> Array:
     """Flux near `flux` that balances at every node but node 0, where it enters and leaves.
 
@@ -47,7 +64,8 @@ def balanced_flux(tail: Indices, head: Indices, width: Array, flux: Array, nodes
     """
     excess = np.bincount(head, flux, nodes) - np.bincount(tail, flux, nodes)
     candidates = np.flatnonzero((width > 0) & (tail != head))
-    widest_first = candidates[np.argsort(-width[candidates], kind="stable")]
+    # within a factor of two: sorting small integers takes a tenth of the time
+    widest_first = candidates[np.argsort(-np.frexp(width[candidates])[1].astype(np.int16), kind="stable")]
     result = flux.copy()
     _send_out(tail, head, widest_first, excess, result)
     return result

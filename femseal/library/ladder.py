@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.errors import InputError
-from ..contact import Contact, HalfSpace, solve_deformed_contact
+from ..contact import Contact, HalfSpace, solve_contact
 from ..flow.pressure_drop import VISCOUS, PressureDrop
 from ..windows.outcome import SolveCounts
 from ..windows.window import FlowSettings, window_permeability
@@ -269,8 +269,13 @@ class _Window:
         return np.array(apart).reshape(len(separations), self.kinds, 2).transpose(1, 2, 0)
 
     def _contact(self, pressure: float, deformation: Array | None = None) -> Contact:
-        return solve_deformed_contact(
-            self.gap0, self.half_space, deformation, pressure=pressure, hardness=self.hardness, rtol=self.rtol
+        return solve_contact(
+            self.gap0,
+            self.half_space,
+            pressure=pressure,
+            hardness=self.hardness,
+            deformation=deformation,
+            rtol=self.rtol,
         )
 
     def _state(self, contact: Contact, closed: tuple[bool, bool]) -> _State:

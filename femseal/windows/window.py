@@ -9,7 +9,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from ..contact import HalfSpace, solve_deformed_contact
+from ..contact import HalfSpace, solve_contact
 from ..flow import DarcyFlow, Permeability, cell_permeability
 from ..flow.cell import cell_flow
 from ..flow.discretisation import check_discretisation
@@ -105,12 +105,12 @@ def respond(
                 continue
         pressure = min(pressures[s], hardness)
         contact = attempt(
-            solve_deformed_contact,
+            solve_contact,
             undeformed,
             half_space,
-            deformation,
             pressure=pressure,
             hardness=hardness,
+            deformation=deformation,
             rtol=rtol,
         )
         if isinstance(contact, Failed):

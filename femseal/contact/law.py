@@ -1,0 +1,333 @@
+"""Contact laws: what a point of the faces can carry, and what it keeps of a load.
+
+Symbols: p contact pressure, u plastic deformation, H(u) pressure at which a point with u yields, h = dH/du hardening
+modulus, g raw gap (negative where faces overlap), c a stiffness [Pa/m].
+
+Where 0 < p < H(u), contact is elastic. Where a point yields, p = H(u) and u grows. A law is the curve H(u), and a new
+one is a class with this curve; the solver sees straight lines, its tangents. A law whose curve rises is a convex term
+of the energy, ½⟨(p − H)₊, (p − H)₊⟩/h for a straight line.
+Source: Sahlin et al., Proc. IMechE J 224, 2010, 335 (perfectly plastic).
+"""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass, fields, is_dataclass
+from math import inf
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..base.errors import InputError
+
+Array = NDArray[np.float64]
+#: Relative distance from H within which a point counts as yielding, where pressures were kept in single precision.
+_AT_YIELD = 1e-6
+#: Newton steps of a projection onto a curved law; it is exact after one for a straight line.
+_NEWTON_STEPS = 30
+
+
+class ContactLaw:
+    """A law of contact: base of all; a new one defines `yield_pressure` and `hardening_modulus`.
+
+    A law is best a frozen dataclass (with `eq=False`) whose fields are its parameters: they make its key.
+
+    """
+
+    @property
+    def linear(self) -> bool:
+        """Whether H(u) is a straight line at every point: then one solution is enough, else there are several."""
+        return False
+
+    def yield_pressure(self, deformation: Any = 0.0) -> Any:
+        """H(u) [Pa] of a plastic deformation u [m]: one number, or one for each point (n1, n2)."""
+        raise NotImplementedError
+
+    def hardening_modulus(self, deformation: Any = 0.0) -> Any:
+        """dH/du [Pa/m] at a plastic deformation u [m]: one number, or one for each point (n1, n2)."""
+        raise NotImplementedError
+
+    @property
+    def capacity(self) -> float:
+        """Largest mean pressure [Pa] that the points carry; inf where any of them hardens."""
+        return inf if np.any(self.hardening_modulus() > 0) else self.mean_hardness
+
+    @property
+    def mean_hardness(self) -> float:
+        """Mean pressure at which points yield for the first time [Pa]; inf is elastic."""
+        hardness = np.asarray(self.yield_pressure(), dtype=float)
+        return float(hardness) if hardness.ndim == 0 else float(hardness.mean())
+
+    @property
+    def is_elastic(self) -> bool:
+        """Whether no point ever yields."""
+        return bool(np.all(np.isinf(self.yield_pressure())))
+
+    @property
+    def is_uniform(self) -> bool:
+        """Whether all points follow one curve."""
+        return np.size(self.yield_pressure()) == 1 and np.size(self.hardening_modulus()) == 1
+
+    def after(self, deformation: ArrayLike) -> ContactLaw:
+        """The law of points that an earlier load left with a plastic deformation (n1, n2) [m]: H(u + deformation)."""
+        return _Changed(self, np.asarray(deformation, dtype=float), 0.0)
+
+    def less(self, fluid_pressure: ArrayLike) -> ContactLaw:
+        """The law of the contact pressure where a fluid pressure [Pa] presses on the faces too: H(u) − p_f."""
+        return _Changed(self, 0.0, np.asarray(fluid_pressure, dtype=float))
+
+    def deformation(self, pressure: Array, gap: Array, stiffness: float) -> Array:
+        """Plastic deformation u >= 0 [m] where points are at their yield pressure, 0 elsewhere.
+
+        pressure, gap : p [Pa] and raw gap g [m] of a solution, or nearly so. stiffness : c [Pa/m]. u is that of the
+        projection of p − c g, whichever of p and g tells it better.
+        """
+        yields = pressure >= self.yield_pressure() * (1 - _AT_YIELD)
+        return np.where(yields, self._deformation(pressure - stiffness * gap, stiffness), 0.0)
+
+    def project(self, trial: Array, stiffness: float) -> Array:
+        """The admissible pressure y >= 0 [Pa] of a trial pressure z, with z = y + c u and y = H(u) where y yields.
+
+        It minimises ½(y − z)² + c ψ(y), ψ the energy of the law: for perfect plasticity, z between 0 and H.
+        """
+        return np.clip(trial, 0.0, self.yield_pressure(self._deformation(trial, stiffness)))
+
+    def _deformation(self, trial: Array, stiffness: float) -> Array:
+        """u >= 0 with H(u) + c u = z, 0 where z < H(0), by Newton's method."""
+        u = np.zeros(np.shape(trial))
+        for _ in range(1 if self.linear else _NEWTON_STEPS):
+            step = (trial - self.yield_pressure(u) - stiffness * u) / (self.hardening_modulus(u) + stiffness)
+            former, u = u, np.maximum(u + step, 0.0)
+            if np.array_equal(u, former):
+                break
+        return u
+
+    def tangent(self, shape: tuple[int, int], deformation: ArrayLike = 0.0) -> YieldLine:
+        """The straight line that touches the law at a plastic deformation [m]; where the law softens, a flat one.
+
+        Raises
+        ------
+        InputError : the law has arrays of another shape, or a yield pressure that is not > 0.
+        """
+        slope = np.maximum(self.hardening_modulus(deformation), 0.0)
+        hardness = self.yield_pressure(deformation) - slope * np.asarray(deformation, dtype=float)
+        hardness, slope = (np.atleast_1d(np.asarray(values, dtype=float)) for values in (hardness, slope))
+        for values in (hardness, slope):
+            if values.size != 1 and values.shape != shape:
+                raise InputError("hardness", f"shape {values.shape}", f"a number or an array {shape} [Pa]")
+        if not np.all(hardness > 0):
+            raise InputError("hardness", f"{hardness.min():g} Pa", "numbers > 0 [Pa]")
+        return YieldLine(hardness, slope)
+
+    def mismatch(self, pressure: Array, deformation: Array) -> float:
+        """How far pressures and deformations of a solution are from the law: ‖p − H(u)‖/‖p‖ over yielding points."""
+        excess = pressure - self.yield_pressure(deformation)
+        off = np.where(deformation > 0, excess, np.maximum(excess, 0.0))
+        scale = float(np.linalg.norm(pressure))
+        return float(np.linalg.norm(off)) / scale if scale > 0 else 0.0
+
+    def attributes(self) -> dict[str, float]:
+        """What results say of the law: names with units, and numbers, means where places differ."""
+        return {"hardness_Pa": self.mean_hardness}
+
+    def key(self) -> str:
+        """The law as text, the same for the same parameters: what was computed with one law serves no other."""
+        kind = type(self)
+        if not is_dataclass(self):
+            return f"{kind.__module__}.{kind.__qualname__}:{self!r}"
+        values = ", ".join(f"{f.name}={_key_of(getattr(self, f.name))}" for f in fields(self))
+        return f"{kind.__module__}.{kind.__qualname__}({values})"
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, ContactLaw) and self.key() == other.key()
+
+    def __hash__(self) -> int:
+        return hash(self.key())
+
+
+@dataclass(frozen=True, eq=False)
+class PerfectlyPlastic(ContactLaw):
+    """A point carries its hardness H at most: H(u) = H.
+
+    Parameters
+    ----------
+    hardness : H [Pa] > 0, a number or one for each point (n1, n2); inf is elastic.
+
+    Raises
+    ------
+    InputError : values that are not > 0.
+
+    Examples
+    --------
+    >>> PerfectlyPlastic(4e9).project(np.array([-1e9, 1e9, 6e9]), 1e15)
+    array([0.e+00, 1.e+09, 4.e+09])
+    """
+
+    hardness: float | Array = inf
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "hardness", _numbers("hardness", self.hardness, "Pa"))
+
+    @property
+    def linear(self) -> bool:
+        """True."""
+        return True
+
+    def yield_pressure(self, deformation: Any = 0.0) -> Any:
+        """H, whatever the deformation."""
+        return self.hardness
+
+    def hardening_modulus(self, deformation: Any = 0.0) -> Any:
+        """0: it does not harden."""
+        return 0.0
+
+    def after(self, deformation: ArrayLike) -> ContactLaw:
+        """The same law."""
+        return self
+
+    def deformation(self, pressure: Array, gap: Array, stiffness: float) -> Array:
+        """The overlap −g where points are at the hardness."""
+        return np.where(pressure >= self.hardness * (1 - _AT_YIELD), np.maximum(-gap, 0.0), 0.0)
+
+    def project(self, trial: Array, stiffness: float) -> Array:
+        """The trial pressure between 0 and H."""
+        return np.clip(trial, 0.0, self.hardness)
+
+
+@dataclass(frozen=True, eq=False)
+class LinearHardening(ContactLaw):
+    """A point hardens evenly as it yields: H(u) = H + h u.
+
+    After unloading, a point keeps H + h u as its hardness: reloading up to the peak is elastic where nothing yields
+    again, and beyond the peak the first loading goes on.
+
+    Parameters
+    ----------
+    hardness : H [Pa] > 0 where yield begins, a number or one for each point (n1, n2).
+    slope : h [Pa/m] >= 0, a number or one for each point; 0 is perfectly plastic.
+
+    Raises
+    ------
+    InputError : a hardness that is not > 0, or a slope that is not a finite number >= 0.
+
+    Examples
+    --------
+    >>> law = LinearHardening(4e9, 2e15)
+    >>> float(law.yield_pressure(1e-6))
+    6000000000.0
+    >>> law.capacity
+    inf
+    """
+
+    hardness: float | Array
+    slope: float | Array
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "hardness", _numbers("hardness", self.hardness, "Pa"))
+        object.__setattr__(self, "slope", _numbers("slope", self.slope, "Pa/m", zero=True))
+
+    @property
+    def linear(self) -> bool:
+        """True."""
+        return True
+
+    def yield_pressure(self, deformation: Any = 0.0) -> Any:
+        """H + h u."""
+        return self.hardness + self.slope * np.asarray(deformation, dtype=float)
+
+    def hardening_modulus(self, deformation: Any = 0.0) -> Any:
+        """h, whatever the deformation."""
+        return self.slope
+
+    def attributes(self) -> dict[str, float]:
+        """Hardness where yield begins, and slope."""
+        return {**super().attributes(), "hardening_Pa_per_m": float(np.mean(self.slope))}
+
+
+@dataclass(frozen=True, eq=False)
+class _Changed(ContactLaw):
+    """A law at points that carry a plastic deformation already, or part of whose pressure is a fluid's."""
+
+    law: ContactLaw
+    kept: float | Array
+    fluid_pressure: float | Array
+
+    @property
+    def linear(self) -> bool:
+        """As the law that is changed."""
+        return self.law.linear
+
+    def yield_pressure(self, deformation: Any = 0.0) -> Any:
+        """H(u + kept) − p_f."""
+        return self.law.yield_pressure(self.kept + np.asarray(deformation, dtype=float)) - self.fluid_pressure
+
+    def hardening_modulus(self, deformation: Any = 0.0) -> Any:
+        """h(u + kept)."""
+        return self.law.hardening_modulus(self.kept + np.asarray(deformation, dtype=float))
+
+    def after(self, deformation: ArrayLike) -> ContactLaw:
+        """The law with both deformations."""
+        return _Changed(self.law, self.kept + np.asarray(deformation, dtype=float), self.fluid_pressure)
+
+    def less(self, fluid_pressure: ArrayLike) -> ContactLaw:
+        """The law with both fluid pressures."""
+        return _Changed(self.law, self.kept, self.fluid_pressure + np.asarray(fluid_pressure, dtype=float))
+
+
+@dataclass(frozen=True, eq=False)
+class YieldLine:
+    """What the solver knows of a law: H(u) = hardness + slope u at every point.
+
+    hardness, slope : [Pa] and [Pa/m], each of one value (1,) or of one for each point (n1, n2).
+    """
+
+    hardness: Array
+    slope: Array
+
+    @property
+    def hardens(self) -> bool:
+        """Whether any point hardens."""
+        return bool(np.any(self.slope > 0))
+
+    @property
+    def capacity(self) -> float:
+        """Largest mean pressure that the points carry [Pa]."""
+        if self.hardens:
+            return inf
+        return self.hardness.item() if self.hardness.size == 1 else float(self.hardness.mean())
+
+    @property
+    def limit(self) -> Array:
+        """Largest pressure of each point [Pa], inf where it hardens: (1,) or (n1, n2)."""
+        return np.where(self.slope > 0, inf, self.hardness) if self.hardens else self.hardness
+
+
+def contact_law(hardness: float | ArrayLike | ContactLaw) -> ContactLaw:
+    """A law as given, or the perfectly plastic one of a hardness [Pa], a number or an array (n1, n2)."""
+    return hardness if isinstance(hardness, ContactLaw) else PerfectlyPlastic(hardness)  # type: ignore[arg-type]
+
+
+def _numbers(name: str, value: Any, unit: str, *, zero: bool = False) -> float | Array:
+    """A number, or an array of numbers, > 0 or with `zero` finite and >= 0."""
+    expected = f"a number or an array (n1, n2) [{unit}]"
+    try:
+        if isinstance(value, (str, bytes)):
+            raise TypeError
+        array = np.asarray(value, dtype=float)
+    except (TypeError, ValueError):
+        raise InputError(name, repr(value), expected) from None
+    good = (array >= 0) & np.isfinite(array) if zero else array > 0
+    if not np.all(good):
+        wanted = f"finite numbers >= 0 [{unit}]" if zero else f"numbers > 0 [{unit}]"
+        raise InputError(name, f"{array.min():g} {unit}" if array.size else "no numbers", wanted)
+    return float(array.item()) if array.size == 1 else array
+
+
+def _key_of(value: Any) -> str:
+    if isinstance(value, ContactLaw):
+        return value.key()
+    if isinstance(value, np.ndarray) and value.ndim:
+        content = np.ascontiguousarray(value)
+        return f"{content.dtype.str}{content.shape}:{hashlib.sha256(content.tobytes()).hexdigest()}"
+    return repr(value)
