@@ -22,7 +22,7 @@ from femseal.flow.assembly import (
     Sample,
     assemble_on_elements,
     assemble_on_links,
-    couples_of,
+    conductances_of,
     elemental,
     gauss,
 )
@@ -153,7 +153,7 @@ def test_tensors_equal_the_assembly_of_the_whole_mesh(name):
 def test_edge_midpoints_have_links_and_no_diagonals():
     """On a cell Δ1 × Δ2: exactly Δ2/2Δ1 along x1 and Δ1/2Δ2 along x2."""
     d1, d2 = 3.0, 0.7
-    couples = couples_of(elemental(forms.darcy_flow, ElementQuad1, EDGES))
+    couples = conductances_of(elemental(forms.darcy_flow, ElementQuad1, EDGES))
     stretch = np.array([d2 / d1, d2 / d1, d1 / d2, d1 / d2])[:, None]
     total = (couples * stretch).sum(axis=0)
     assert_allclose(total, [d2 / d1 / 2, d2 / d1 / 2, d1 / d2 / 2, d1 / d2 / 2, 0, 0], rtol=1e-15, atol=1e-17)
@@ -163,7 +163,7 @@ def test_edge_midpoints_have_links_and_no_diagonals():
 def test_a_form_that_is_no_flow_is_refused():
     mass = BilinearForm(lambda p, q, w: w.k[0, 0] * p * q)
     with pytest.raises(ValueError, match="do not add up to 0"):
-        couples_of(elemental(mass, ElementQuad1, EDGES))
+        conductances_of(elemental(mass, ElementQuad1, EDGES))
 
 
 def test_a_quadrature_that_couples_beyond_its_edges_is_refused(monkeypatch):

@@ -147,7 +147,7 @@ def _mapped(pressure_map: Any) -> float:
     corner = np.stack(np.meshgrid(x1, x2, indexing="ij"), axis=-1)
     outlines = np.stack([corner[:-1, :-1], corner[1:, :-1], corner[1:, 1:], corner[:-1, 1:]], axis=2)
     pressed = PressedSeal(Frame.of_strip(STRIP.size), outlines.reshape(-1, 4, 2))
-    k1 = _local(1e8 * pressed.shares(pressure_map, pressed.centres, 1e8)[0]).reshape(STRIP.cells)
+    k1 = _local(1e8 * pressed.fractions(pressure_map, pressed.centres, 1e8)[0]).reshape(STRIP.cells)
     return STRIP.flow((k1, np.sqrt(k1[1:] * k1[:-1]))).conductance / 4
 
 
