@@ -244,7 +244,7 @@ def test_a_full_disk_loses_nothing_that_is_written(tmp_path, monkeypatch):
 # --- runs ----------------------------------------------------------------------------------------------------------
 
 
-def test_a_stopped_run_goes_on_with_the_same_bits_and_leaves_no_checkpoint(case, undrawn, tmp_path, monkeypatch):
+def test_a_stopped_run_goes_on_with_the_same_bits_and_leaves_no_checkpoint(case, tmp_path, monkeypatch):
     whole = fs.run(case, workers=1)
     out = tmp_path / "out"
     stages = []
@@ -269,7 +269,7 @@ def test_a_stopped_run_goes_on_with_the_same_bits_and_leaves_no_checkpoint(case,
         raise AssertionError("computed again")
 
     monkeypatch.setattr(import_module("femseal.studies.stochastic"), "_realise", _realise)
-    monkeypatch.setattr("femseal.studies.scene.cell_permeability", _realise)
+    monkeypatch.setattr("femseal.studies.face_flow.cell_permeability", _realise)
     monkeypatch.setattr("femseal.contact.cycle.solve_contact", _realise)
     monkeypatch.setattr("femseal.windows.window.cell_permeability", _realise)
     again = fs.run(case, out, resume=True, workers=1, progress=lambda *a: stages.append(a))
@@ -299,51 +299,61 @@ def case_with(besides, path):
     return path
 
 
-#: A run that is killed where the first item of a stage is done, or where the table has been moved to its place.
+#: Runs that are killed where the first item of a stage is done, or where the table has been moved to its place: each is
+#: forked from this process, which has loaded all that a run needs, and what it left is printed.
 KILLED = """
-import os, signal, sys
+import json, os, signal, sys
 from pathlib import Path
 import femseal as fs
 import femseal.execution.checkpoint as checkpoint
-case, out, moment = sys.argv[1:]
 checkpoint.SHARD_ITEMS = 1
-moved = os.replace
-def moving(source, target):
-    moved(source, target)
-    if moment == "files" and Path(target) == Path(out) / "table.csv":
-        os.kill(os.getpid(), signal.SIGKILL)
-def progress(stage, done, total):
-    if stage.startswith(moment + ": ") and done:
-        os.kill(os.getpid(), signal.SIGKILL)
-os.replace = moving
-fs.run(case, out, resume=True, workers=1, progress=progress)
-"""
-
-
-@pytest.mark.parametrize(
-    ("besides", "moments"),
-    [
-        ("accuracy", ["attempt 1, error budget", "attempt 2", "files"]),
-        ("budget", ["error budget", "files"]),
-        ("interpolate", ["loads 2", "error budget", "files"]),
-    ],
-)
-def test_kills_besides_the_studies_leave_the_same_numbers(tmp_path, besides, moments):
-    file, out = case_with(besides, tmp_path / "small.toml"), tmp_path / "out"
-    whole = fs.run(file, workers=1).dataset
+def run(case, out, moment):
+    moved = os.replace
+    def moving(source, target):
+        moved(source, target)
+        if moment == "files" and Path(target) == Path(out) / "table.csv":
+            os.kill(os.getpid(), signal.SIGKILL)
+    def progress(stage, done, total):
+        if stage.startswith(moment + ": ") and done:
+            os.kill(os.getpid(), signal.SIGKILL)
+    os.replace = moving
+    fs.run(case, out, resume=True, workers=1, progress=progress)
+for case, out, moments in json.loads(sys.argv[1]):
+    fs.run(case, workers=1)
     for moment in moments:
-        done = subprocess.run([sys.executable, "-c", KILLED, file, out, moment], stderr=subprocess.PIPE, text=True)
-        assert done.returncode == -signal.SIGKILL, done.stderr
-        assert not (out / "results.nc").exists()
-    fs.run(file, out, resume=True, workers=1)
-    again = fs.open_results(out).dataset
-    if besides == "accuracy":
-        whole, again = without_times(whole), without_times(again)
-    assert {key: again.attrs.pop(key) for key in ("face_files", "left_out")}
-    for key in ("face_files", "left_out"):
-        whole.attrs.pop(key, None)
-    assert_same(whole, again)
-    assert not (out / ".checkpoint").exists()
+        child = os.fork()
+        if child == 0:
+            try:
+                run(case, out, moment)
+            finally:
+                os._exit(0)
+        print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]), (Path(out) / "results.nc").exists())
+"""
+MOMENTS = {
+    "accuracy": ["attempt 1, error budget", "attempt 2", "files"],
+    "budget": ["error budget", "files"],
+    "interpolate": ["loads 2", "error budget", "files"],
+}
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="no forks")
+def test_kills_besides_the_studies_leave_the_same_numbers(tmp_path):
+    files = {name: case_with(name, tmp_path / f"{name}.toml") for name in BESIDES}
+    kills = json.dumps([[str(file), str(tmp_path / name), MOMENTS[name]] for name, file in files.items()])
+    done = subprocess.run([sys.executable, "-c", KILLED, kills], capture_output=True, text=True, timeout=HANG)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.splitlines() == [f"{-signal.SIGKILL} False"] * sum(map(len, MOMENTS.values())), done.stderr
+    for name, file in files.items():
+        whole = fs.run(file, workers=1).dataset
+        fs.run(file, tmp_path / name, resume=True, workers=1)
+        again = fs.open_results(tmp_path / name).dataset
+        if name == "accuracy":
+            whole, again = without_times(whole), without_times(again)
+        assert {key: again.attrs.pop(key) for key in ("face_files", "left_out")}
+        for key in ("face_files", "left_out"):
+            whole.attrs.pop(key, None)
+        assert_same(whole, again)
+        assert not (tmp_path / name / ".checkpoint").exists()
 
 
 def without_times(dataset):
@@ -381,33 +391,35 @@ def test_a_full_disk_in_an_attempt_or_a_budget_stops_the_run(tmp_path, monkeypat
     np.testing.assert_array_equal(found.leakage.values, fs.run(file, workers=1).leakage.values)
 
 
-@pytest.mark.parametrize("moved", ["files.txt", "table.csv", "leakage.png"])
-def test_a_kill_while_other_files_are_written_again_leaves_the_results(tmp_path, monkeypatch, moved):
+def test_a_kill_while_other_files_are_written_again_leaves_the_results(tmp_path, monkeypatch):
     """There is no checkpoint of complete results, so that they would be lost."""
-    file, out = case_with("budget", tmp_path / "small.toml"), tmp_path / "out"
-    before = fs.run(file, out, workers=1)
+    file = case_with("budget", tmp_path / "small.toml")
+    before = fs.run(file, tmp_path / "before", workers=1)
     file.write_text(file.read_text().replace("pictures = false", "pictures = true"))
     replace = os.replace
+    for moved in ("files.txt", "table.csv", "leakage.png"):
+        out = tmp_path / moved.replace(".", "-")
+        shutil.copytree(tmp_path / "before", out)
 
-    def killed(source, target):
-        replace(source, target)
-        if Path(target) == out / moved:
-            raise Crash
+        def killed(source, target, last=out / moved):
+            replace(source, target)
+            if Path(target) == last:
+                raise Crash
 
-    with monkeypatch.context() as patch:
-        patch.setattr(os, "replace", killed)
-        with pytest.raises(Crash):
-            fs.run(file, out, resume=True, workers=1)
-    np.testing.assert_array_equal(fs.open_results(out).leakage.values, before.leakage.values)
-    calls = []
-    fs.run(file, out, resume=True, workers=1, progress=lambda *a: calls.append(a))
-    assert not calls
-    assert (out / "leakage.png").exists()
-    listed = {out / name for name in (out / "files.txt").read_text().split()}
-    assert listed == {p for p in out.rglob("*") if p.is_file()} - {out / "files.txt", out / "run.log"}
+        with monkeypatch.context() as patch:
+            patch.setattr(os, "replace", killed)
+            with pytest.raises(Crash):
+                fs.run(file, out, resume=True, workers=1)
+        np.testing.assert_array_equal(fs.open_results(out).leakage.values, before.leakage.values)
+        calls = []
+        fs.run(file, out, resume=True, workers=1, progress=lambda *a, c=calls: c.append(a))
+        assert not calls
+        assert (out / "leakage.png").exists()
+        listed = {out / name for name in (out / "files.txt").read_text().split()}
+        assert listed == {p for p in out.rglob("*") if p.is_file()} - {out / "files.txt", out / "run.log"}
 
 
-def test_an_unfinished_run_is_not_lost_to_one_without_resume(case, undrawn, tmp_path):
+def test_an_unfinished_run_is_not_lost_to_one_without_resume(case, tmp_path):
     out = tmp_path / "out"
     with pytest.raises(KeyboardInterrupt):
         fs.run(case, out, workers=1, progress=stop_at("two-scale: contact of windows", 1))
@@ -452,7 +464,7 @@ def test_a_changed_case_file_or_version_is_refused_by_name(case, tmp_path, monke
     refusal()
 
 
-def test_finished_results_of_another_face_file_are_not_taken(case, undrawn, tmp_path):
+def test_finished_results_of_another_face_file_are_not_taken(case, tmp_path):
     text = measured(case).replace('"stochastic"', '"deterministic"', 1)
     case.write_text(text.replace('compare = ["deterministic", "two-scale"]', ""))
     runs = []
@@ -474,7 +486,7 @@ def test_finished_results_of_another_face_file_are_not_taken(case, undrawn, tmp_
         ("deterministic", "chosen_flow", None),
     ],
 )
-def test_finished_results_of_another_choice_are_not_taken(case, undrawn, tmp_path, monkeypatch, method, choice, other):
+def test_finished_results_of_another_choice_are_not_taken(case, tmp_path, monkeypatch, method, choice, other):
     """The case leaves open how it is solved, and another version of the program would choose otherwise."""
     text = case.read_text().replace('"stochastic"', f'"{method}"', 1).replace('flow = "links"', "")
     case.write_text(text.replace('compare = ["deterministic", "two-scale"]', ""))
@@ -547,7 +559,8 @@ def alive(group):
     ],
 )
 def test_ctrl_c_ends_the_workers_and_says_how_to_go_on(case, start, tmp_path, arguments, sent):
-    case.write_text(CASE.replace("realisations = 24", "realisations = 100000"))
+    alone = CASE.replace('compare = ["deterministic", "two-scale"]\n', "")
+    case.write_text(alone.replace("realisations = 24", "realisations = 100000"))
     out = tmp_path / "out"
     process = start(case, out, "--log-file", tmp_path / "lines.log", *arguments)
     beyond_others = ".checkpoint/*-000000020-*.shard"  # no stage but that of the realisations has so many items

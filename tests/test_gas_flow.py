@@ -21,7 +21,7 @@ from femseal.rarefied import flow_rate
 from femseal.report.words import case_sentences
 from femseal.results.dataset import assemble
 from femseal.runs.forecast import describe
-from femseal.studies.scene import resolved_flow
+from femseal.studies.face_flow import resolved_flow
 from femseal.windows import FlowSettings
 from femseal.windows.window import window_permeability
 
@@ -389,7 +389,9 @@ def test_a_helium_test_from_case_to_report(tmp_path):
         study = fs.deterministic(prepare(case).scene)
         leakage[slip] = study.leakage
         words = " ".join(case_sentences(assemble(prepare(case).scene, deterministic=study, case=case.echo())))
-        assert f"helium, an ideal gas of viscosity 19.62 µPa·s with{'out' if slip else ''} slip" in words
+        assert "helium, an ideal gas of viscosity 19.62 µPa·s and molar mass 4.0026 g/mol at 20 °C" in words
+        assert f", with{'out' if slip else ''} slip" in words
+        assert "The solids: E = 210 GPa, ν = 0.3, hardness 3 GPa against a rigid flat." in words
     assert (leakage[""] > 1.1 * leakage["slip = false\n"]).all()
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from networks import network, solve_links
 from numpy.testing import assert_allclose
-from skfem import MeshLine, MeshQuad, MeshTri
+from skfem import MeshLine, MeshQuad, MeshTri, MeshTri2
 
 from femseal.analytic import annulus_rate, log_symmetric_links, stripes_across, stripes_along
 from femseal.base.errors import InputError
@@ -365,7 +365,7 @@ def test_gmsh_version_4(tmp_path):
     assert_allclose(seal.flow(2.0, bounds=True).lower, 2.0, rtol=1e-12)
 
 
-def test_a_ready_mesh_and_curved_bounds():
+def test_a_ready_mesh_has_bounds_unless_it_is_curved():
     mesh = MeshTri.init_tensor(np.linspace(0, 2, 4), np.linspace(0, 1, 3))
     mesh = mesh.with_boundaries({"a": lambda x: x[0] == 0, "b": lambda x: x[0] == 2})
     seal = MeshSeal(mesh, "a", "b")
@@ -373,6 +373,12 @@ def test_a_ready_mesh_and_curved_bounds():
     leak = seal_leakage(seal, 1e-18 * k, WATER, inlet_pressure=1e6, bounds=True)
     assert_allclose([leak.lower, leak.upper], 4e-18 / 2 * 1e6 / 1e-3, rtol=1e-12)
     assert repr(seal) == "MeshSeal(inlet='a', outlet='b')"
+    curved = MeshTri2.from_mesh(mesh)
+    curved.doflocs[1] += 0.1 * curved.doflocs[0] * (2 - curved.doflocs[0])  # its sides are parabolas
+    curved = MeshSeal(curved.with_boundaries({"a": lambda x: x[0] == 0, "b": lambda x: x[0] == 2}), "a", "b")
+    assert curved.flow(1.0).conductance > 0
+    with pytest.raises(InputError, match=r"^bounds: given a curved mesh, MeshTri2"):
+        curved.flow(1.0, bounds=True)
 
 
 # --- bad input ---

@@ -13,6 +13,8 @@ from ..base.errors import InputError, shortened, shown
 _LONGEST_KEY = 40
 #: Longest message about keys together; of a longer one the end is left out, such as that of a list of what is allowed.
 _LONGEST_FAULT = 400
+#: Fields of a case that are no keys of its file.
+INTERNAL = ("folder", "fluid_warnings")
 #: What took the place of keys that are gone.
 _REPLACED = {"stochastic.profile": 'map = { kind = "profile", shares = [...] } in the table load, in its place'}
 #: What pydantic's words for values of another type are in those of the file.
@@ -51,7 +53,7 @@ def _fault(case: type[BaseModel], error: dict[str, Any]) -> InputError:
     if kind == "extra_forbidden" and key in _REPLACED:
         return InputError(key, shown(given), _REPLACED[key])
     if kind == "extra_forbidden":
-        return InputError(key, "an unknown key", ", ".join(n for n in tables[0].model_fields if n != "folder"))
+        return InputError(key, "an unknown key", ", ".join(n for n in tables[0].model_fields if n not in INTERNAL))
     if kind == "missing":
         return InputError(key, "nothing", "a value for this key")
     if kind == "too_short":

@@ -2,28 +2,36 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import fields
 from typing import Any
 
 from ..base.errors import InputError
-from ..base.quantities import to_si
+from ..base.quantities import to_si, to_text
 from ..fluids import FLUIDS
 from ..named_fluids import TABLE_TEMPERATURE, named_fluid
 from .faults import fault
 
+#: Ratio of a given property to that of the named fluid from which on a warning says so.
+_ODD_RATIO = 2.0
+
 
 def with_named_fluids(data: Any) -> Any:
-    """The data of a case with the properties of fluids that are given by their name."""
+    """The data of a case with the properties of fluids that are given by their name.
+
+    `fluid_warnings` says which given keys differ much from what the name stands for.
+    """
     if not isinstance(data, dict):
         return data
-    found = {"fluid": _filled(data.get("fluid"), "fluid")} if "fluid" in data else {}
+    odd: list[str] = []
+    found: dict[str, Any] = {"fluid": _filled(data.get("fluid"), "fluid", odd)} if "fluid" in data else {}
     if isinstance(output := data.get("output"), dict) and "test_fluid" in output:
-        found["output"] = {**output, "test_fluid": _filled(output["test_fluid"], "output.test_fluid")}
-    return {**data, **found}
+        found["output"] = {**output, "test_fluid": _filled(output["test_fluid"], "output.test_fluid", odd)}
+    return {**data, **found, "fluid_warnings": tuple(odd)}
 
 
-def _filled(table: Any, place: str) -> Any:
-    """The table of a fluid; `place` is its key in the case."""
+def _filled(table: Any, place: str, odd: list[str]) -> Any:
+    """The table of a fluid; `place` is its key in the case; what is odd in it is added to `odd`."""
     if not isinstance(table, dict) or "name" not in table:
         return table
     try:
@@ -42,4 +50,23 @@ def _filled(table: Any, place: str) -> Any:
     units = {f.name: f.metadata["unit"] for f in fields(FLUIDS[kind]) if "unit" in f.metadata}
     filled = {key: f"{value!r} {units[key]}" for key, value in found.parameters.items() if key in units}
     given = {key: value for key, value in table.items() if key != "temperature" or key in units}
+    if kind != found.kind:
+        odd.append(f"{place}.kind {kind} stands for {table['name']}, which is of kind {found.kind} there: leave it out")
+    odd += _overriding(given, found.parameters, units, place)
     return {"kind": kind, **filled, **given}
+
+
+def _overriding(given: dict[str, Any], known: dict[str, float], units: dict[str, str], place: str) -> Iterator[str]:
+    """A sentence for each key that stands in place of a much larger or smaller value of the named fluid."""
+    for key in (key for key in known if key in given and key in units):
+        try:
+            value = to_si(given[key], units[key])
+        except InputError:  # that fault has its own line
+            continue
+        if value > 0 and not 1 / _ODD_RATIO <= (ratio := value / known[key]) <= _ODD_RATIO:
+            unit = units[key].replace("*", "·")
+            times = f"{ratio:.2g} times" if ratio > 1 else f"{1 / ratio:.2g} times less than"
+            yield (
+                f"{place}.{key} {to_text(value, unit)} is {times} that of {given['name']}, "
+                f"{to_text(known[key], unit)}: leave out the key, or the name"
+            )

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from .case import Case
+from .faults import INTERNAL
 
 
 def case_schema() -> dict[str, Any]:
@@ -14,7 +15,8 @@ def case_schema() -> dict[str, Any]:
     """
     schema = Case.model_json_schema(ref_template="#/definitions/{model}")
     schema["definitions"] = schema.pop("$defs")
-    del schema["properties"]["folder"]  # the folder of the file is no key
+    for name in INTERNAL:
+        del schema["properties"][name]
     faces = schema["properties"]["face"]
     schema["properties"]["face"] = {"anyOf": [faces["items"], faces]}
     kinds = [schema["definitions"][option["$ref"].split("/")[-1]] for option in schema["properties"]["fluid"]["oneOf"]]
