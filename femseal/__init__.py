@@ -25,11 +25,13 @@ The flow of data, top to bottom::
 Everything is SI. Names are loaded when first used, so that importing the package is quick.
 """
 
+from functools import partial
 from importlib import import_module
 from pathlib import Path
 from pkgutil import iter_modules
 from typing import TYPE_CHECKING, Any
 
+from .base import displays
 from .base.loop_files import find_place
 
 __version__ = "0.1.0"
@@ -39,6 +41,7 @@ if TYPE_CHECKING:
     from .budget import CoarserSolution, ErrorBudget, ErrorPart, GridConvergence, error_budget, grid_convergence
     from .case.case import Case, load_case
     from .contact import Contact, HalfSpace, LoadCycle, LoadState, load_cycle, solve_contact
+    from .contact.law import ContactLaw, LinearHardening, PerfectlyPlastic
     from .designs.answer import Design, design
     from .flow import (
         Constriction,
@@ -86,6 +89,7 @@ _MODULES = {
     "budget": ("CoarserSolution", "ErrorBudget", "ErrorPart", "GridConvergence", "error_budget", "grid_convergence"),
     "case.case": ("Case", "load_case"),
     "contact": ("Contact", "HalfSpace", "LoadCycle", "LoadState", "load_cycle", "solve_contact"),
+    "contact.law": ("ContactLaw", "LinearHardening", "PerfectlyPlastic"),
     "base.errors": ("FemsealError", "InputError", "NotConverged"),
     "flow": (
         "Constriction",
@@ -137,6 +141,8 @@ _MODULES = {
     ),
 }
 find_place(Path(__file__).parent)
+displays["plots"] = partial(import_module, ".plots", __name__)
+displays["report"] = partial(import_module, ".report", __name__)
 _HOME = {name: module for module, names in _MODULES.items() for name in names}
 
 __all__ = sorted(_HOME)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 from ..base.errors import InputError
 from ..base.quantities import to_text
 from ..base.stage import Mapper
-from ..contact import HalfSpace, LoadState, load_states
+from ..contact import ContactLaw, HalfSpace, LoadState, contact_law, load_states
+from ..flow import critical_constriction
 from ..flow.pressure_drop import PressureDrop
-from ..fluids import Fluid
+from ..fluids import Fluid, capillary_entry_pressure
 from ..loads import LoadProgramme
 from ..seal import Leakage, seal_leakage
 from ..seal.layouts import Layout, RectangularLayout
@@ -30,7 +31,8 @@ class Scene:
     """A rough face under load, and the fluid that it seals.
 
     surface : heights of the combined faces; high points touch first.
-    modulus, hardness : contact modulus E* and hardness H [Pa].
+    modulus : contact modulus E* [Pa].
+    hardness : H [Pa] of perfect plasticity, inf is elastic; or a contact law, such as `LinearHardening`.
     fluid : the fluid that leaks. inlet_pressure, outlet_pressure : its pressures at both ends of x1 [Pa]; the highest
         inlet pressure where the layout gives each inlet its own.
     boundary : contact boundary of the whole face along x1 and x2, see `HalfSpace`.
@@ -42,7 +44,7 @@ class Scene:
 
     surface: Topography
     modulus: float
-    hardness: float
+    hardness: float | Array | ContactLaw
     fluid: Fluid
     inlet_pressure: float
     outlet_pressure: float
@@ -71,6 +73,18 @@ class Scene:
             raise InputError("surface", f"{undefined} of {self.surface.heights.size} points undefined", allowed)
 
     @property
+    def law(self) -> ContactLaw:
+        """What the points of the faces can carry."""
+        return contact_law(self.hardness)
+
+    @property
+    def uniform_law(self) -> ContactLaw:
+        """The contact law, where windows are solved by themselves; InputError if it differs from place to place."""
+        if not self.law.is_uniform:
+            raise InputError("hardness", "a law that differs from place to place", "the same everywhere for windows")
+        return self.law
+
+    @property
     def steps(self) -> LoadProgramme:
         """The load programme."""
         return LoadProgramme.of(self.loading, self.unload_from, self.unloading)
@@ -86,9 +100,7 @@ class Scene:
         """Solve the contact of the whole face at every step, see `contact.load_states`."""
         gap0 = self.surface.heights.max() - self.surface.heights
         body, steps = self.half_space, self.steps
-        return load_states(
-            gap0, body, steps, hardness=self.hardness, rtol=self.rtol, take=take, memory=memory, mapper=mapper
-        )
+        return load_states(gap0, body, steps, law=self.law, rtol=self.rtol, take=take, memory=memory, mapper=mapper)
 
     def global_states(
         self, partition: Partition, cut_off: float, *, take: Callable[[GlobalState], Any], mapper: Mapper
@@ -100,7 +112,7 @@ class Scene:
             cut_off,
             self.steps,
             modulus=self.modulus,
-            hardness=self.hardness,
+            law=self.uniform_law,
             boundary=self.boundary,
             rtol=self.rtol,
             take=take,
@@ -112,6 +124,16 @@ class Scene:
         """How the flow through windows and faces is discretised and solved."""
         drop = PressureDrop(self.fluid, float(self.inlet_pressure), float(self.outlet_pressure))
         return FlowSettings(self.solver, self.discretisation, drop)
+
+    def entry_pressures(self, gaps: Iterable[NDArray[np.floating]]) -> Array | None:
+        """Capillary entry pressure of the critical constriction of the gaps (n1, n2) [m] at every step [Pa].
+
+        Below it the liquid does not enter; inf where the gap is closed. None for fluids that wet the faces.
+        """
+        if np.isnan(capillary_entry_pressure(self.fluid, 1.0)):
+            return None
+        found = (critical_constriction(np.maximum(gap, 0.0), self.surface.spacing, sides="periodic") for gap in gaps)
+        return np.array([capillary_entry_pressure(self.fluid, 0.0 if c is None else c.gap) for c in found])
 
     def leakage(self, seal: Seal, permeability: Any) -> Leakage:
         """Solve the leakage of a seal between the scene's fluid pressures.
@@ -134,12 +156,3 @@ class Scene:
         """Fluid pressure [Pa] of a potential that is 0 at the outlet and 1 at the inlet."""
         inlet, outlet = self.fluid.potential([self.inlet_pressure, self.outlet_pressure])
         return self.fluid.pressure(outlet + (inlet - outlet) * np.asarray(potential, float))
-
-
-def labels(unit: str, long_name: str, *dims: str, name: str = "", heading: str = "") -> dict[str, Any]:
-    """Metadata of a field of a result, which label it in files, tables and plots.
-
-    name : in the dataset, where fields of several studies stand beside each other; that of the field unless given.
-    heading : of the column in the table for people, for a field over the steps; "" for no column there.
-    """
-    return {"unit": unit, "long_name": long_name, "dims": dims, "name": name, "heading": heading}

@@ -48,7 +48,7 @@ def pressure_fractions(scene: Scene, laid: SealWindows, pressure_map: AnyMap, ax
     if is_uniform(pressure_map):
         return np.broadcast_to(1.0, (len(scene.steps), count))
     points = laid.places(axis).reshape(count, 2)
-    return seal_for_maps(scene.layout, laid).shares(pressure_map, points, scene.steps.pressures)
+    return seal_for_maps(scene.layout, laid).fractions(pressure_map, points, scene.steps.pressures)
 
 
 def distinct_paths(shares: Array) -> tuple[Array, Index]:
@@ -111,17 +111,17 @@ def check_map(scene: Scene, laid: SealWindows, pressure_map: AnyMap) -> tuple[st
 
     Raises
     ------
-    InputError : it does not cover the seal, or a window has the hardness or more.
+    InputError : it does not cover the seal, or a window has more than the faces can carry.
     """
     if is_uniform(pressure_map):
         return ()
     nominal = scene.steps.pressures
     pressures = [nominal[:, None] * pressure_fractions(scene, laid, pressure_map, axis) for axis in (0, 1)]
     for pressure in pressures:
-        if pressure.size and pressure.max() >= scene.hardness:
+        if pressure.size and pressure.max() >= scene.law.capacity:
             step = int(pressure.max(axis=1).argmax())
             given = f"{to_text(float(pressure.max()), 'Pa')} in a window at {scene.steps[step].name}"
-            raise InputError("map", given, f"pressures below the hardness, {to_text(scene.hardness, 'Pa')}")
+            raise InputError("map", given, f"pressures below the hardness, {to_text(scene.law.capacity, 'Pa')}")
     return (*_odd_pressures(scene, pressures[0][nominal > 0]), *_odd_fields(scene, laid, pressure_map))
 
 
