@@ -87,7 +87,8 @@ def add_classes(results: Results, names: Sequence[str], diameter: float | None) 
         return []
     limits = np.array([c.limit(results.judged_basis, diameter) for c in classes])
     best, several = judged_leakage(data, results)
-    reached = np.array([within(best, limit) for limit in limits])
+    reached = np.array([within(best, limit) for limit in limits], float)
+    reached[:, (best == 0) & _upper_end_unknown(results)] = np.nan
     known = np.isfinite(several)
     count = np.maximum(known.sum(axis=0), 1)
     share = np.array([(within(several, limit) & known).sum(axis=0) / count for limit in limits])
@@ -97,11 +98,21 @@ def add_classes(results: Results, names: Sequence[str], diameter: float | None) 
     text = "largest leakage per unit seal length in the class, of the fluid that it is judged by"
     data["class_limit"] = ("leak_class", limits, {"units": "m^2/s", "long_name": text})
     for name, values, text in (
-        ("class_reached", reached.astype(float), "1 where the leakage given reaches the class, else 0"),
+        (
+            "class_reached",
+            reached,
+            "1 where the leakage given reaches the class, else 0; NaN: open, it may leak any amount",
+        ),
         ("class_share", share, "share of the realisations that reach the class"),
     ):
         data[name] = (("leak_class", "step"), values, {"units": "1", "long_name": text})
     return _doubts(classes, results.judged_basis.length, diameter)
+
+
+def _upper_end_unknown(results: Results) -> np.ndarray:
+    """Whether the band of error has no known upper end at a step (steps,); False without a budget."""
+    budget = results.budget
+    return np.array(False) if budget is None else ~np.isfinite(np.asarray(budget.upper))
 
 
 def _doubts(classes: Sequence[LeakClass], length: float, diameter: float | None) -> list[str]:
@@ -127,12 +138,15 @@ def judged_leakage(data: xarray.Dataset, results: Results) -> tuple[np.ndarray, 
 
 
 def tightest(results: Results) -> list[str]:
-    """The tightest class of each family that is reached at every step, in words; "–" where none is."""
+    """The tightest class of each family that is reached at every step; "–": none, "open": unknown."""
     data = results.dataset
     classes = leak_classes(str(name) for name in data["leak_class"].values)
     limits, reached = data["class_limit"].values, data["class_reached"].values
     lines = []
     for s in range(data.sizes["step"]):
+        if np.isnan(reached[:, s]).any():
+            lines.append("open")
+            continue
         best: dict[str, tuple[float, str]] = {}
         for one, limit, there in zip(classes, limits, reached[:, s], strict=True):
             family = one.family or one.name
