@@ -21,7 +21,7 @@ from femseal.rarefied import flow_rate
 from femseal.report.words import case_sentences
 from femseal.results.dataset import assemble
 from femseal.runs.forecast import describe
-from femseal.studies.scene import resolved_flow
+from femseal.studies.face_flow import resolved_flow
 from femseal.windows import FlowSettings
 from femseal.windows.window import window_permeability
 

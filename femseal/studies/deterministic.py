@@ -2,23 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.fields import PIXEL, STEP, declared
 from ..base.shared_array import shared_empty
 from ..base.stage import Mapper
 from ..base.text import Shown
-from ..contact import HalfSpace, LoadState, load_states
 from ..loads import LoadProgramme
-from ..windows import Failed, FlowSettings, Partition, SolverCounts, attempt
+from ..windows import Partition, SolverCounts
 from ..windows.window_fields import ContactPressure
-from .face_contact import CutState, from_whole
+from .face_contact import FaceState, cut_contact
+from .face_flow import face_leakage
 from .plausibility import scene_warnings
 from .repeated_steps import first_equal, repeated
-from .scene import Array, FaceFlow, Scene, labels, resolved_flow
+from .scene import Array, Scene
 from .windows import WindowContacts, face_partition
 
 #: Memory that a pixel of a result takes at every step [byte]: gap and fluid pressure, and the contact pressure where
@@ -38,28 +41,33 @@ class DeterministicResult(Shown):
     """
 
     steps: LoadProgramme
-    leakage: Array = field(
-        metadata=labels(
-            "m^2/s",
-            "leakage per unit seal length, deterministic",
-            "step",
-            name="leakage_deterministic",
-            heading="deterministic",
-        )
+    leakage: Array = declared(
+        "leakage_deterministic", "m^2/s", "leakage per unit seal length, deterministic", STEP, heading="deterministic"
     )
-    contact_fraction: Array = field(
-        metadata=labels("1", "share in contact, deterministic", "step", name="contact_fraction_deterministic")
+    contact_fraction: Array = declared(
+        "contact_fraction_deterministic", "1", "fraction in contact, deterministic", STEP
     )
-    plastic_fraction: Array = field(
-        metadata=labels("1", "share at the hardness, deterministic", "step", name="plastic_fraction_deterministic")
+    plastic_fraction: Array = declared(
+        "plastic_fraction_deterministic", "1", "fraction at the hardness, deterministic", STEP
     )
-    mean_gap: Array = field(metadata=labels("m", "mean gap, deterministic", "step", name="mean_gap_deterministic"))
-    gap: NDArray[np.float32] = field(metadata=labels("m", "deformed gap, deterministic", "step", "x1", "x2"))
-    contact_pressure: ContactPressure = field(
-        metadata=labels("Pa", "contact pressure, deterministic", "step", "x1", "x2")
+    mean_gap: Array = declared("mean_gap_deterministic", "m", "mean gap, deterministic", STEP)
+    gap: NDArray[np.float32] = declared("gap_deterministic", "m", "deformed gap, deterministic", PIXEL)
+    contact_pressure: ContactPressure = declared(
+        "contact_pressure_deterministic", "Pa", "contact pressure, deterministic", PIXEL
     )
-    fluid_pressure: NDArray[np.float32] = field(
-        metadata=labels("Pa", "fluid pressure, deterministic, NaN in contact and in pockets", "step", "x1", "x2")
+    fluid_pressure: NDArray[np.float32] = declared(
+        "fluid_pressure_deterministic",
+        "Pa",
+        "fluid pressure, deterministic, NaN in contact and in pockets",
+        PIXEL,
+        in_si=True,
+    )
+    entry_pressure: Array | None = declared(
+        "capillary_entry_pressure",
+        "Pa",
+        "pressure below which the liquid does not enter the critical constriction, inf where it is closed",
+        STEP,
+        default=None,
     )
     residual: float = 0.0
     failures: tuple[str, ...] = ()
@@ -84,34 +92,22 @@ def deterministic(scene: Scene, *, cells: tuple[int, int] | None = None, mapper:
     NotConverged : a contact failed. A flow that fails is NaN, and listed in `failures`.
     """
     surface = scene.surface
-    half_space = HalfSpace(surface.shape, surface.spacing, scene.modulus, scene.boundary)
-    gap0 = surface.heights.max() - surface.heights
-    gap = shared_empty((len(scene.steps), *surface.shape), np.float32)
-    fluid_pressure = np.full(gap.shape, np.nan, np.float32)
     partition = Partition(surface.shape, surface.spacing, (1, 1)) if cells is None else face_partition(surface, cells)
-    facts, flows, cuts = [], [], []
-    states = load_states(
-        gap0,
-        half_space,
-        scene.steps,
-        hardness=scene.hardness,
-        rtol=scene.rtol,
-        take=partial(_resolved, settings=scene.flow, partition=partition),
-        memory=state_memory(gap0.size),
-        mapper=mapper,
-    )
-    for s, state in enumerate(states):
-        gap[s] = state.gap
-        cuts.append(state.cut)
-        if isinstance(state.flow, FaceFlow) and state.flow.potential is not None:
-            fluid_pressure[s] = scene.pressure_at(state.flow.potential)
-            state = replace(state, flow=replace(state.flow, potential=None))
-        flows.append(state.flow)
-        facts.append((state.contact_fraction, state.plastic_fraction, state.mean_gap, state.residual))
-    contact_fraction, plastic_fraction, mean_gap, residual = np.array(facts).T
+    gap = shared_empty((len(scene.steps), *surface.shape), np.float32)
+    take = partial(FaceState.of, partition=partition, flow=scene.flow)
+    states: list[FaceState] = []
+
+    def flows() -> Iterator[Any]:
+        memory = state_memory(surface.heights.size)
+        for s, state in enumerate(scene.contact_states(take, memory=memory, mapper=mapper)):
+            gap[s] = state.gap
+            states.append(replace(state, gap=gap[s], flow=None))
+            yield state.flow
+
+    through = face_leakage(scene, flows())
+    contact_fraction, plastic_fraction, mean_gap, residual = np.array([state.facts for state in states]).T
     first = first_equal(gap, scene.steps)
-    through = scene.resolved_leakage(flows, first)
-    windows = from_whole(scene, partition, gap, cuts)
+    windows = cut_contact(scene, partition, gap, states)
     return DeterministicResult(
         steps=scene.steps,
         leakage=through.leakage,
@@ -120,42 +116,17 @@ def deterministic(scene: Scene, *, cells: tuple[int, int] | None = None, mapper:
         mean_gap=mean_gap,
         gap=gap,
         contact_pressure=windows.fields.pressure,
-        fluid_pressure=fluid_pressure,
+        fluid_pressure=through.fluid_pressure,
+        entry_pressure=scene.entry_pressures(gap),
         residual=float(residual.max()),
         failures=through.failures,
         warnings=scene_warnings(scene),
-        solvers=through.solvers,
+        solvers=through.solvers(first),
         windows=None if cells is None else windows,
         equal_steps=repeated(first),
     )
 
 
-@dataclass(frozen=True, eq=False)
-class _ResolvedState:
-    """The parts of the contact and the flow of a step that are kept."""
-
-    gap: NDArray[np.float32]
-    cut: CutState
-    flow: FaceFlow | Failed
-    contact_fraction: float
-    plastic_fraction: float
-    mean_gap: float
-    residual: float
-
-
 def state_memory(pixels: int) -> float:
     """Memory that contact and flow of one step need [byte], measured on 256² to 2048² pixels."""
     return 8.0 * pixels * (40 + 2.5 * np.log2(pixels))
-
-
-def _resolved(state: LoadState, settings: FlowSettings, partition: Partition) -> _ResolvedState:
-    contact = state.contact
-    return _ResolvedState(
-        gap=contact.gap.astype(np.float32),
-        cut=CutState.of(contact, partition),
-        flow=attempt(resolved_flow, contact.gap, contact.half_space.spacing, settings, with_potential=True),
-        contact_fraction=contact.area_fraction,
-        plastic_fraction=contact.plastic_fraction,
-        mean_gap=contact.mean_gap,
-        residual=contact.residual,
-    )

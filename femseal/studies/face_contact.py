@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 from ..base.errors import InputError
 from ..base.shared_array import shared_empty
 from ..base.stage import Mapper
-from ..contact import Contact, HalfSpace, LoadState, load_states
-from ..windows import Partition
+from ..contact import LoadState
+from ..windows import Failed, FlowSettings, Partition, attempt
 from ..windows.window_fields import ContactPressure, ContactValues, WindowFields
+from .face_flow import FaceFlow, resolved_flow
 from .scene import Array, Scene
 from .windows import WindowContacts, face_partition, windows_contact
 
@@ -57,65 +58,58 @@ def solve_windows(
 
 
 def _whole_contact(scene: Scene, cells: tuple[int, int], mapper: Mapper) -> WindowContacts:
-    surface, steps = scene.surface, scene.steps
-    partition = face_partition(surface, cells)
-    gap = shared_empty((len(steps), *surface.shape), np.float32)
-    half_space = HalfSpace(surface.shape, surface.spacing, scene.modulus, scene.boundary)
-    states = load_states(
-        surface.heights.max() - surface.heights,
-        half_space,
-        steps,
-        hardness=scene.hardness,
-        rtol=scene.rtol,
-        take=partial(_whole_state, partition=partition),
-        mapper=mapper,
-    )
-    cuts = []
-    for s, (whole, cut) in enumerate(states):
-        gap[s] = whole
-        cuts.append(cut)
-    return from_whole(scene, partition, gap, cuts)
+    partition = face_partition(scene.surface, cells)
+    gap = shared_empty((len(scene.steps), *scene.surface.shape), np.float32)
+    states = []
+    for s, state in enumerate(scene.contact_states(partial(FaceState.of, partition=partition), mapper=mapper)):
+        gap[s] = state.gap
+        states.append(replace(state, gap=gap[s]))
+    return cut_contact(scene, partition, gap, states)
 
 
 @dataclass(frozen=True, eq=False)
-class CutState:
-    """The contact of the whole face at one step, cut into windows.
+class FaceState:
+    """The contact of the whole face at one step, cut into windows, and the flow through it.
 
-    in_contact : the pressure of every window. means : pressure [Pa], share in contact and share at the hardness of
-    every window (3, m1, m2).
+    gap : (n1, n2) [m]. in_contact : the pressure of every window. means : pressure [Pa], fraction in contact and
+    fraction at the hardness of every window (3, m1, m2). facts : fraction in contact, fraction at the hardness, mean
+    gap [m] and residual of the whole face. flow : None unless asked for.
     """
 
+    gap: NDArray[np.float32]
     in_contact: tuple[ContactValues, ...]
     means: Array
+    facts: tuple[float, float, float, float]
+    flow: FaceFlow | Failed | None
 
     @classmethod
-    def of(cls, contact: Contact, partition: Partition) -> CutState:
-        """Cut a contact."""
-        p = contact.pressure
+    def of(cls, state: LoadState, partition: Partition, flow: FlowSettings | None = None) -> FaceState:
+        """Cut the contact of a step into windows, and solve the flow through its gap where `flow` says how."""
+        contact = state.contact
+        p, spacing = contact.pressure, contact.half_space.spacing
         return cls(
+            gap=contact.gap.astype(np.float32),
             in_contact=tuple(ContactValues.of(partition.cell(p, *place)) for place in partition.places),
             means=np.array([partition.cell_means(values) for values in (p, p > 0, contact.plastic)]),
+            facts=(contact.area_fraction, contact.plastic_fraction, contact.mean_gap, contact.residual),
+            flow=None if flow is None else attempt(resolved_flow, contact.gap, spacing, flow, with_potential=True),
         )
 
 
-def from_whole(
-    scene: Scene, partition: Partition, gap: NDArray[np.float32], cuts: Sequence[CutState]
+def cut_contact(
+    scene: Scene, partition: Partition, gap: NDArray[np.float32], states: Sequence[FaceState]
 ) -> WindowContacts:
-    """The contact of windows from that of the whole face: gap (steps, n1, n2) [m], and what was cut at every step."""
-    pressure, contact_fraction, plastic_fraction = np.array([cut.means for cut in cuts]).swapaxes(0, 1)
+    """The contact of windows from that of the whole face: gap (steps, n1, n2) [m], and the state of every step."""
+    pressure, contact_fraction, plastic_fraction = np.array([state.means for state in states]).swapaxes(0, 1)
     # the fields of every window at all steps
-    in_contact = tuple(zip(*(cut.in_contact for cut in cuts), strict=True))
+    in_contact = tuple(zip(*(state.in_contact for state in states), strict=True))
     return WindowContacts(
         contact="whole",
         fields=WindowFields(scene.steps, partition, gap, ContactPressure(partition, in_contact)),
-        gap_error=np.zeros(len(cuts)),
-        gap_effect=np.ones(len(cuts)),
+        gap_error=np.zeros(len(states)),
+        gap_effect=np.ones(len(states)),
         pressure=pressure,
         mean_gap=np.array([partition.cell_means(g) for g in gap]),
         contact_fraction=contact_fraction,
         plastic_fraction=plastic_fraction,
     )
-
-
-def _whole_state(state: LoadState, partition: Partition) -> tuple[NDArray[np.float32], CutState]:
-    return state.contact.gap.astype(np.float32), CutState.of(state.contact, partition)

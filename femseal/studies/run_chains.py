@@ -15,7 +15,7 @@ from ..library import RunFlows
 from ..seal import RectangularSeal
 from ..windows import Failed, Partition, SolverCounts, attempt
 from ..windows.window_fields import WindowFields
-from .element_face import columns_of_face
+from .face_flow import columns_of_face
 from .repeated_steps import first_equal, map_different
 from .scene import Array, Scene
 

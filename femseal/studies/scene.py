@@ -12,19 +12,18 @@ from numpy.typing import NDArray
 from ..base.errors import InputError
 from ..base.quantities import to_text
 from ..base.stage import Mapper
-from ..flow import Permeability, cell_permeability
+from ..contact import HalfSpace, LoadState, load_states
+from ..flow import critical_constriction
 from ..flow.pressure_drop import PressureDrop
-from ..fluids import Fluid
+from ..fluids import Fluid, capillary_entry_pressure
 from ..loads import LoadProgramme
-from ..seal import Leakage, RectangularSeal, seal_leakage
+from ..seal import Leakage, seal_leakage
 from ..seal.layouts import Layout, RectangularLayout
 from ..seal.shapes import Seal
 from ..topography import Topography
-from ..windows import Failed, FlowSettings, GlobalState, Partition, SolverCounts, global_states
+from ..windows import FlowSettings, GlobalState, Partition, global_states
 
 Array = NDArray[np.float64]
-#: Relative error at which flows end that depend on the pressure; the factor of a gas itself is within 0.9 %.
-PRESSURE_RTOL = 1e-4
 
 
 @dataclass(frozen=True)
@@ -77,6 +76,21 @@ class Scene:
         """The load programme."""
         return LoadProgramme.of(self.loading, self.unload_from, self.unloading)
 
+    @property
+    def half_space(self) -> HalfSpace:
+        """Elastic body of the whole face."""
+        return HalfSpace(self.surface.shape, self.surface.spacing, self.modulus, self.boundary)
+
+    def contact_states(
+        self, take: Callable[[LoadState], Any], *, memory: float | None = None, mapper: Mapper
+    ) -> Iterator[Any]:
+        """Solve the contact of the whole face at every step, see `contact.load_states`."""
+        gap0 = self.surface.heights.max() - self.surface.heights
+        body, steps = self.half_space, self.steps
+        return load_states(
+            gap0, body, steps, hardness=self.hardness, rtol=self.rtol, take=take, memory=memory, mapper=mapper
+        )
+
     def global_states(
         self, partition: Partition, cut_off: float, *, take: Callable[[GlobalState], Any], mapper: Mapper
     ) -> Iterator[Any]:
@@ -100,6 +114,16 @@ class Scene:
         drop = PressureDrop(self.fluid, float(self.inlet_pressure), float(self.outlet_pressure))
         return FlowSettings(self.solver, self.discretisation, drop)
 
+    def entry_pressures(self, gaps: Iterable[NDArray[np.floating]]) -> Array | None:
+        """Capillary entry pressure of the critical constriction of the gaps (n1, n2) [m] at every step [Pa].
+
+        Below it the liquid does not enter; inf where the gap is closed. None for fluids that wet the faces.
+        """
+        if np.isnan(capillary_entry_pressure(self.fluid, 1.0)):
+            return None
+        found = (critical_constriction(np.maximum(gap, 0.0), self.surface.spacing, sides="periodic") for gap in gaps)
+        return np.array([capillary_entry_pressure(self.fluid, 0.0 if c is None else c.gap) for c in found])
+
     def leakage(self, seal: Seal, permeability: Any) -> Leakage:
         """Solve the leakage of a seal between the scene's fluid pressures.
 
@@ -121,86 +145,3 @@ class Scene:
         """Fluid pressure [Pa] of a potential that is 0 at the outlet and 1 at the inlet."""
         inlet, outlet = self.fluid.potential([self.inlet_pressure, self.outlet_pressure])
         return self.fluid.pressure(outlet + (inlet - outlet) * np.asarray(potential, float))
-
-    def resolved_leakage(self, flows: Iterable[FaceFlow | Failed], first: NDArray[np.int64]) -> FaceLeakage:
-        """Leakage through the whole face at every step, from its flow at full resolution.
-
-        first : number of the first step with the same flow, at which its systems were solved.
-        """
-        seal = RectangularSeal(self.surface.size, (1, 1))
-        leakage, failures, solvers = [], [], SolverCounts()
-        for s, (step, flow) in enumerate(zip(self.steps, flows, strict=True)):
-            if isinstance(flow, Failed):
-                leakage.append(np.nan)
-                failures.append(f"{step.name}: {flow.reason}")
-            else:
-                through = self.leakage(seal, flow.permeability)
-                leakage.append(through.per_length)
-                solvers += flow.solvers + SolverCounts.of(through) if first[s] == s else SolverCounts()
-        return FaceLeakage(np.array(leakage), tuple(failures), solvers)
-
-
-@dataclass(frozen=True, eq=False)
-class FaceFlow:
-    """Flow along x1 through a whole face at full resolution.
-
-    permeability [m³], of a gas that which the drop of its viscous potential sees. solvers : of its systems.
-    potential : between 1 at the inlet and 0 at the outlet (n1, n2), NaN in contact and in pockets; None where it was
-    not asked for.
-    """
-
-    permeability: float
-    solvers: SolverCounts
-    potential: NDArray[np.float32] | None = None
-
-
-@dataclass(frozen=True, eq=False)
-class FaceLeakage:
-    """Leakage per length of seal through a whole face at every step (steps,) [m²/s], NaN where the flow failed."""
-
-    leakage: Array
-    failures: tuple[str, ...]
-    solvers: SolverCounts
-
-
-def resolved_flow(
-    gap: NDArray[np.floating],
-    spacing: tuple[float, float],
-    settings: FlowSettings | None = None,
-    *,
-    with_potential: bool = False,
-) -> FaceFlow:
-    """Solve the flow along x1 through the gap (n1, n2) [m] of a whole face, which is periodic along x2.
-
-    `with_potential` keeps the potential at every pixel.
-
-    Raises
-    ------
-    NotConverged : see `cell_permeability` and `PressureDrop.solve_face`.
-    """
-    settings = settings or FlowSettings()
-    counts = SolverCounts()
-
-    def solve(gap: Array) -> tuple[float, Array, Permeability]:
-        nonlocal counts
-        flow = cell_permeability(
-            gap, spacing, sides="periodic", discretisation=settings.discretisation, solver=settings.solver
-        )
-        counts += SolverCounts.of(flow)
-        return flow.value, flow.fluid_pressure, flow
-
-    solved = settings.drop.solve_face(np.asarray(gap, float), spacing, solve, PRESSURE_RTOL)
-    flow, drop = solved.found, solved.drop
-    value, potential = flow.value * drop.mean_factor, drop.viscous_fraction(flow.fluid_pressure)
-    # the potential has no extremes inside; the solver's error, about 1e-3 in the norm of the energy, may give it some
-    kept = np.clip(potential, 0.0, 1.0).astype(np.float32) if with_potential else None
-    return FaceFlow(value, counts, kept)
-
-
-def labels(unit: str, long_name: str, *dims: str, name: str = "", heading: str = "") -> dict[str, Any]:
-    """Metadata of a field of a result, which label it in files, tables and plots.
-
-    name : in the dataset, where fields of several studies stand beside each other; that of the field unless given.
-    heading : of the column in the table for people, for a field over the steps; "" for no column there.
-    """
-    return {"unit": unit, "long_name": long_name, "dims": dims, "name": name, "heading": heading}

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import partial
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..base.errors import InputError
+from ..base.fields import LINK1, LINK2, NODE, PIXEL, STEP, WINDOW, Field, declared
 from ..base.stage import Mapper, Stage
 from ..base.text import Shown
 from ..elements.elements import ELEMENT_BYTES
@@ -19,11 +20,11 @@ from ..seal import RectangularSeal
 from ..windows import Failed, Partition, SolveCounts, SolverCounts, attempt
 from ..windows.window_fields import ContactPressure, WindowFields
 from .deterministic import state_memory
-from .element_face import flow_through_elements
 from .face_contact import solve_windows
+from .face_flow import element_face_flow, face_leakage, resolved_flow
 from .plausibility import scene_warnings
 from .repeated_steps import first_equal, map_different, repeated
-from .scene import Array, FaceFlow, FaceLeakage, Scene, labels, resolved_flow
+from .scene import Array, Scene
 from .windows import LinkFlows, WindowContacts, solve_links
 
 FLOWS = ("links", "resolved", "elements")
@@ -72,48 +73,40 @@ class TwoScaleResult(Shown):
     partition: Partition = field(repr=False)
     flow: str
     contact: str
-    leakage: Array = field(
-        metadata=labels(
-            "m^2/s", "leakage per unit seal length, two-scale", "step", name="leakage_two_scale", heading="two-scale"
-        )
-    )
-    k1: Array | None = field(metadata=labels("m^3", "permeability of links along x1", "step", "cell1", "cell2"))
-    k2: Array | None = field(metadata=labels("m^3", "permeability of links along x2", "step", "corner1", "cell2"))
-    pressure: Array = field(
-        metadata=labels("Pa", "contact pressure of windows", "step", "cell1", "cell2", name="window_pressure")
-    )
-    mean_gap: Array = field(
-        metadata=labels("m", "mean gap of windows", "step", "cell1", "cell2", name="window_mean_gap")
-    )
-    contact_fraction: Array = field(
-        metadata=labels("1", "share of windows in contact", "step", "cell1", "cell2", name="window_contact_fraction")
-    )
-    plastic_fraction: Array = field(
-        metadata=labels(
-            "1", "share of windows at the hardness", "step", "cell1", "cell2", name="window_plastic_fraction"
-        )
-    )
-    fluid_pressure: Array | None = field(
-        metadata=labels("Pa", "fluid pressure at the global nodes, NaN in pockets", "step", "node1", "cell2")
-    )
-    face_fluid_pressure: NDArray[np.float32] | None = field(
-        metadata=labels("Pa", "fluid pressure, NaN in contact and in pockets", "step", "x1", "x2")
-    )
     fields: WindowFields
-    gap_error: Array = field(
-        metadata=labels("1", "error of the gap of windows, estimated by the half-space of the whole face", "step")
+    leakage: Array = declared(
+        "leakage_two_scale", "m^2/s", "leakage per unit seal length, two-scale", STEP, heading="two-scale"
     )
-    gap_effect: Array = field(
-        metadata=labels("1", "leakage over that with the gap corrected by the half-space of the whole face", "step")
+    k1: Array | None = declared("k1", "m^3", "permeability of links along x1", LINK1)
+    k2: Array | None = declared("k2", "m^3", "permeability of links along x2", LINK2)
+    pressure: Array = declared("window_pressure", "Pa", "contact pressure of windows", WINDOW)
+    mean_gap: Array = declared("window_mean_gap", "m", "mean gap of windows", WINDOW)
+    contact_fraction: Array = declared("window_contact_fraction", "1", "fraction of windows in contact", WINDOW)
+    plastic_fraction: Array = declared("window_plastic_fraction", "1", "fraction of windows at the hardness", WINDOW)
+    fluid_pressure: Array | None = declared(
+        "fluid_pressure", "Pa", "fluid pressure at the global nodes, NaN in pockets", NODE, in_si=True
     )
-    element_error: Array | None = field(
-        default=None, metadata=labels("1", "estimated relative error of the leakage through elements", "step")
+    face_fluid_pressure: NDArray[np.float32] | None = declared(
+        "fluid_pressure", "Pa", "fluid pressure, NaN in contact and in pockets", PIXEL, in_si=True
     )
-    drop_fraction: Array | None = field(
+    gap_error: Array = declared(
+        "gap_error", "1", "error of the gap of windows, estimated by the half-space of the whole face", STEP
+    )
+    gap_effect: Array = declared(
+        "gap_effect", "1", "leakage over that with the gap corrected by the half-space of the whole face", STEP
+    )
+    element_error: Array | None = declared(
+        "element_error", "1", "estimated relative error of the leakage through elements", STEP, default=None
+    )
+    drop_fraction: Array | None = declared(
+        "window_drop_fraction", "1", "fraction of the pressure drop in windows", WINDOW, default=None
+    )
+    entry_pressure: Array | None = declared(
+        "capillary_entry_pressure",
+        "Pa",
+        "pressure below which the liquid does not enter the critical constriction, inf where it is closed",
+        STEP,
         default=None,
-        metadata=labels(
-            "1", "share of windows in the pressure drop", "step", "cell1", "cell2", name="window_drop_fraction"
-        ),
     )
     counts: SolveCounts = field(default_factory=SolveCounts)
     failures: tuple[str, ...] = ()
@@ -121,6 +114,12 @@ class TwoScaleResult(Shown):
     solvers: SolverCounts = field(default_factory=SolverCounts)
     link_flows: tuple[LinkFlows, LinkFlows] | None = field(default=None, repr=False)
     equal_steps: int = 0
+
+    #: Pixels of the windows, stitched.
+    computed_fields: ClassVar[dict[str, Field]] = {
+        "gap": Field("gap", "m", "deformed gap", PIXEL),
+        "contact_pressure": Field("contact_pressure", "Pa", "contact pressure", PIXEL),
+    }
 
     @property
     def gap(self) -> NDArray[np.float32]:
@@ -171,117 +170,75 @@ def two_scale(
         solved = solve_windows(scene, cells, contact, mapper=mapper)
     elif (given := solved.fields.partition).cells != tuple(cells) or given.shape != scene.surface.shape:
         raise InputError("solved", f"a contact of {given.cells} cells", f"one of {tuple(cells)} cells of this face")
-    partition = solved.fields.partition
     first = first_equal(solved.fields.gap, scene.steps)
-    failures, warnings = solved.failures, scene_warnings(scene) + solved.warnings
-    counts, solvers, links, element_error, drop_fraction, inside = SolveCounts(), SolverCounts(), None, None, None, None
-    if flow == "resolved":
-        found, inside = _resolved(scene, solved.fields, first, mapper)
-    elif flow == "elements":
-        found, inside, element_error, drop_fraction = _through_elements(scene, solved.fields, first, mapper)
-    else:
-        links = _through_links(scene, solved.fields, first, mapper)
-        failures += links.failures
-        counts, solvers = links.counts, links.solvers
-        found = FaceLeakage(links.leakage, (), SolverCounts())
-        warnings += _wrongly_closed(solved.fields, links.leakage)
+    found = (_through_links if flow == "links" else _through_face)(scene, solved.fields, flow, first, mapper)
     return TwoScaleResult(
         steps=scene.steps,
-        partition=partition,
+        partition=solved.fields.partition,
         flow=flow,
-        leakage=found.leakage,
-        k1=None if links is None else links.k1,
-        k2=None if links is None else links.k2,
-        link_flows=None if links is None else links.flows,
-        contact=solved.contact,
-        gap_error=solved.gap_error,
-        gap_effect=solved.gap_effect,
-        pressure=solved.pressure,
-        mean_gap=solved.mean_gap,
-        contact_fraction=solved.contact_fraction,
-        plastic_fraction=solved.plastic_fraction,
-        fluid_pressure=None if links is None else links.fluid_pressure,
-        face_fluid_pressure=inside,
-        fields=solved.fields,
-        element_error=element_error,
-        drop_fraction=drop_fraction,
-        counts=counts,
-        failures=failures + found.failures,
-        warnings=warnings,
-        solvers=solvers + found.solvers,
+        **vars(solved)
+        | vars(found)
+        | {
+            "failures": solved.failures + found.failures,
+            "warnings": scene_warnings(scene) + solved.warnings + found.warnings,
+        },
+        entry_pressure=scene.entry_pressures(solved.fields.gap),
         equal_steps=repeated(first),
     )
 
 
-def _resolved(
-    scene: Scene, fields: WindowFields, first: NDArray[np.int64], mapper: Mapper
-) -> tuple[FaceLeakage, NDArray[np.float32]]:
-    """Flow through the stitched gap of every step, and its pressure at every pixel (steps, n1, n2) [Pa]."""
-    surface = scene.surface
-    solve = partial(attempt, resolved_flow, spacing=surface.spacing, settings=scene.flow, with_potential=True)
-    stage = Stage("flow of the whole face", solve, state_memory(surface.heights.size))
-    pressure = np.full(fields.gap.shape, np.nan, np.float32)
-
-    def flows() -> Iterator[FaceFlow | Failed]:
-        for s, flow in enumerate(map_different(mapper, stage, fields.gap, first)):
-            if isinstance(flow, FaceFlow) and flow.potential is not None:
-                pressure[s] = scene.pressure_at(flow.potential)
-                flow = replace(flow, potential=None)
-            yield flow
-
-    return scene.resolved_leakage(flows(), first), pressure
-
-
-def _through_elements(
-    scene: Scene, fields: WindowFields, first: NDArray[np.int64], mapper: Mapper
-) -> tuple[FaceLeakage, NDArray[np.float32], Array, Array]:
-    """Flow through elements at every step, its pressure at every pixel, its error and the shares of the windows."""
-    solve = partial(attempt, flow_through_elements, partition=fields.partition, drop=scene.flow.drop)
-    stage = Stage("flow through elements", solve, ELEMENT_BYTES * scene.surface.heights.size)
-    pressure = np.full(fields.gap.shape, np.nan, np.float32)
-    error, share = np.full(len(fields.gap), np.nan), np.full((len(fields.gap), *fields.partition.cells), np.nan)
-
-    def flows() -> Iterator[FaceFlow | Failed]:
-        for s, found in enumerate(map_different(mapper, stage, fields.gap, first)):
-            if isinstance(found, Failed):
-                yield found
-                continue
-            flow = found.flow
-            pressure[s] = scene.pressure_at(found.potential)
-            error[s], share[s] = flow.error, flow.dissipation / (flow.dissipation.sum() or 1.0)
-            yield FaceFlow(flow.permeability, SolverCounts.of(flow))
-
-    return scene.resolved_leakage(flows(), first), pressure, error, share
-
-
 @dataclass(frozen=True, eq=False)
-class _LinkFlow:
-    """Flow of every step through links: the permeabilities, the leakage and the pressure of nodes, NaN where failed.
+class _Flow:
+    """What `TwoScaleResult` has of the flow, by the same names."""
 
-    k1, k2 : of a rarefied gas those at the pressures of their nodes. flows : of the windows, at all pressures.
-    """
-
-    k1: Array
-    k2: Array
     leakage: Array
-    fluid_pressure: Array
     failures: tuple[str, ...]
-    counts: SolveCounts
     solvers: SolverCounts
-    flows: tuple[LinkFlows, LinkFlows]
+    k1: Array | None = None
+    k2: Array | None = None
+    fluid_pressure: Array | None = None
+    face_fluid_pressure: NDArray[np.float32] | None = None
+    element_error: Array | None = None
+    drop_fraction: Array | None = None
+    link_flows: tuple[LinkFlows, LinkFlows] | None = None
+    counts: SolveCounts = field(default_factory=SolveCounts)
+    warnings: tuple[str, ...] = ()
 
 
-def _through_links(scene: Scene, fields: WindowFields, first: NDArray[np.int64], mapper: Mapper) -> _LinkFlow:
-    """Solve the links of every step, and the flow through them."""
-    partition = fields.partition
-    drop = scene.flow.drop
+def _through_face(scene: Scene, fields: WindowFields, flow: str, first: NDArray[np.int64], mapper: Mapper) -> _Flow:
+    """Flow through the stitched gap of every step, at full resolution or through elements."""
+    pixels, cells = scene.surface.heights.size, None
+    if flow == "elements":
+        cells = fields.partition.cells
+        solve = partial(attempt, element_face_flow, partition=fields.partition, drop=scene.flow.drop)
+        stage = Stage("flow through elements", solve, ELEMENT_BYTES * pixels)
+    else:
+        solve = partial(attempt, resolved_flow, spacing=scene.surface.spacing, settings=scene.flow, with_potential=True)
+        stage = Stage("flow of the whole face", solve, state_memory(pixels))
+    found = face_leakage(scene, map_different(mapper, stage, fields.gap, first), cells)
+    return _Flow(
+        leakage=found.leakage,
+        failures=found.failures,
+        solvers=found.solvers(first),
+        face_fluid_pressure=found.fluid_pressure,
+        element_error=found.element_error,
+        drop_fraction=found.drop_fraction,
+    )
+
+
+def _through_links(scene: Scene, fields: WindowFields, flow: str, first: NDArray[np.int64], mapper: Mapper) -> _Flow:
+    """Permeabilities of the links of every step, and the flow through them, NaN at steps where one failed.
+
+    Where the law depends on the pressure, k1 and k2 are those at the pressures of their nodes.
+    """
+    partition, drop = fields.partition, scene.flow.drop
     along, across = (solve_links(fields, axis, scene.flow, mapper=mapper) for axis in (0, 1))
     k1, k2 = along.k.copy(), across.k.copy()
     m1, m2 = partition.cells
     seal = RectangularSeal(scene.surface.size, (m1, m2), partition.node_rows)
     leakage, fluid_pressure = np.full(len(k1), np.nan), np.full((len(k1), m1 + 1, m2), np.nan)
-    counts = along.counts + across.counts
-    solvers, failures = counts.solvers, along.failures + across.failures
+    counts, failures = along.counts + across.counts, along.failures + across.failures
+    solvers = counts.solvers
     for s, step in enumerate(scene.steps):
         if not (np.isfinite(k1[s]).all() and np.isfinite(k2[s]).all()):
             continue
@@ -297,7 +254,17 @@ def _through_links(scene: Scene, fields: WindowFields, first: NDArray[np.int64],
             if through.permeability is not None:
                 k1[s], k2[s] = through.permeability
             solvers += SolverCounts.of(through)
-    return _LinkFlow(k1, k2, leakage, fluid_pressure, failures, counts, solvers, (along, across))
+    return _Flow(
+        leakage=leakage,
+        failures=failures,
+        solvers=solvers,
+        k1=k1,
+        k2=k2,
+        fluid_pressure=fluid_pressure,
+        link_flows=(along, across),
+        counts=counts,
+        warnings=_wrongly_closed(fields, leakage),
+    )
 
 
 def _wrongly_closed(fields: WindowFields, leakage: Array) -> tuple[str, ...]:

@@ -18,7 +18,8 @@ from ..windows import Failed, FlowSettings, GlobalState, Partition, SolveCounts,
 from ..windows.gap_error import corrected_gap, relative_difference
 from ..windows.window import WindowHistory, body_standoff, flow_history, set_down
 from ..windows.window_fields import ContactPressure, WindowFields
-from .scene import Array, Scene, resolved_flow
+from .face_flow import resolved_flow
+from .scene import Array, Scene
 
 #: Wavelength that divides the scales, in window sides: longer ones lose the pressure of features within windows.
 CUT_OFF_WINDOWS = 0.25
@@ -121,8 +122,7 @@ def face_partition(surface: Topography, cells: tuple[int, int]) -> Partition:
 def _errors(scene: Scene, fields: WindowFields, mapper: Mapper) -> Array:
     """`gap_error` of every step, and the factor by which it changes the leakage (2, steps)."""
     surface, steps = scene.surface, scene.steps
-    half_space = HalfSpace(surface.shape, surface.spacing, scene.modulus, scene.boundary)
-    body = {"undeformed": -surface.heights, "half_space": half_space, "hardness": scene.hardness}
+    body = {"undeformed": -surface.heights, "half_space": scene.half_space, "hardness": scene.hardness}
     estimate = partial(_error, spacing=surface.spacing, body=body)
     peaks = (
         fields.pressure[int(peak)] if unloads else None

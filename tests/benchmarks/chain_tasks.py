@@ -91,7 +91,7 @@ def reference(task, n, pixels):
     """Flow through the contact of all states by femseal; no state is kept."""
     from femseal import HalfSpace
     from femseal.contact import load_states
-    from femseal.studies.scene import resolved_flow
+    from femseal.studies.face_flow import resolved_flow
 
     scene = scene_of(n, pixels)
     surface = scene.surface

@@ -329,7 +329,7 @@ def coarse_windows(task):
     """Windows that matter little at half the points a side are left there: their share, the gain, and the error."""
     from femseal import Liquid, Scene, two_scale
     from femseal.studies.face_contact import solve_windows
-    from femseal.studies.scene import resolved_flow
+    from femseal.studies.face_flow import resolved_flow
 
     face, hardness = surface_of("self-affine, 0.14", 256)
     loads = tuple(share * hardness for share in task["loads"])
