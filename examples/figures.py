@@ -36,7 +36,7 @@ from femseal.flow.grid import Grid
 from femseal.plots.drawing import STYLES, new_figure
 from femseal.plots.maps import default_step, window_flux
 from femseal.results.selections import branches
-from femseal.seal import largest_shares
+from femseal.seal import largest_fractions
 from femseal.studies.link_flow import chosen_windows
 from femseal.windows import Partition, window_dissipation
 
@@ -351,7 +351,7 @@ def constrictions(results: fs.Results, deterministic: tuple[np.ndarray, np.ndarr
     loading = np.isnan(data["unloaded_from"].values)
     curves = [("links of the network", "-", "full", q / q[0], data["drop_fraction"].values)]
     if windows is not None:
-        shares = np.array([largest_shares(w) for w in windows])
+        shares = np.array([largest_fractions(w) for w in windows])
         curves.append(("windows, deterministic", "--", "none", rate / rate[0], shares))
     for n, (colour, marker) in enumerate(zip(SHADES, "os^", strict=True)):
         for _, line, fill, x, shares in curves:

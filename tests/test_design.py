@@ -246,7 +246,7 @@ GROOVED = {
 }
 
 
-def test_a_case_gives_files_and_a_section_of_the_report(tmp_path, undrawn):
+def test_a_case_gives_files_and_a_section_of_the_report(tmp_path):
     results = fs.run(case(face=GROOVED), workers=1)
     limit = float(np.exp(np.mean(np.log(results.leakage.values[:2])))) * 1e9
     wanted = [f"{limit:.6g} mg/(m·s)", "L0.01"]  # of water
@@ -280,7 +280,7 @@ def test_a_case_gives_files_and_a_section_of_the_report(tmp_path, undrawn):
     assert "What the seal needs" not in report_html(again)
 
 
-def test_the_command_says_what_the_seal_needs(tmp_path, undrawn, monkeypatch, capsys):
+def test_the_command_says_what_the_seal_needs(tmp_path, monkeypatch, capsys):
     output = {"paraview": "none", "fields_limit": "0 byte", "classes": ["L1"]}
     fs.run(case(output=output), tmp_path, workers=1)
 

@@ -27,6 +27,8 @@ from femseal.results import assemble, save
 from femseal.studies import Sampling, Scene, deterministic, stochastic, two_scale
 from femseal.topography import self_affine
 
+pytestmark = pytest.mark.usefixtures("drawn_pictures")
+
 SECTIONS = ["case", "leakage", "cells", "maps", "drop", "errors", "time", "warnings", "versions", "values"]
 CASE = {
     "title": "Trial <of> a seal & more",

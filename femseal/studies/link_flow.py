@@ -12,7 +12,7 @@ from ..base.fields import LINK1, LINK2, NARROWEST_LINKS, PIXEL, declared
 from ..base.stage import Mapper, Stage
 from ..flow import cell_permeability
 from ..flow.solution import FIELD_RTOL
-from ..seal import NARROWEST, RectangularSeal, drop_shares
+from ..seal import NARROWEST, RectangularSeal, drop_fractions
 from ..windows import Failed, attempt
 from .scene import Array, Scene
 from .two_scale import TwoScaleResult
@@ -48,7 +48,7 @@ def link_flow(scene: Scene, result: TwoScaleResult) -> LinkFlow | None:
     seal = RectangularSeal(scene.surface.size, (m1, m2), result.partition.node_rows)
     fractions = np.full((len(result.steps), len(NARROWEST)), np.nan)
     for s in np.flatnonzero(np.isfinite(result.fluid_pressure[:, 0]).all(axis=1)):  # NaN where a link failed
-        fractions[s] = drop_shares(result.k1[s], result.k2[s], seal, potential[s])
+        fractions[s] = drop_fractions(result.k1[s], result.k2[s], seal, potential[s])
     return LinkFlow(along, across if m1 > 1 else None, fractions)
 
 

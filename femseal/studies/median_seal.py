@@ -14,7 +14,7 @@ from ..flow.pressure_drop import PressureDrop
 from ..library import draw_links, draw_pressures
 from ..seal import Leakage, RectangularSeal
 from ..seal.layouts import SealWindows
-from ..seal.linked import LinkWindows
+from ..seal.link_windows import LinkWindows
 from ..windows import Failed, Partition, attempt
 from .run_chains import ChainedSeals, StateRuns
 from .sampling_options import Sampling

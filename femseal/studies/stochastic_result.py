@@ -14,7 +14,7 @@ from ..base.fields import REALISATION, STEP, Field, declared
 from ..base.text import Shown
 from ..library import LadderLibrary
 from ..loads import LoadProgramme
-from ..seal.layouts import SizedSeal
+from ..seal.layouts import DrawnSeal
 from ..windows import SolverCounts
 from .median_seal import MedianSeal
 from .scene import Array
@@ -47,7 +47,7 @@ class StochasticResult(Shown):
     """
 
     steps: LoadProgramme
-    seal: SizedSeal
+    seal: DrawnSeal
     library: LadderLibrary | FaceLibrary = field(repr=False)
     leakage: Array = declared("leakage", "m^2/s", "leakage per unit seal length, realisations", REALISATION)
     leakage_resampled: Array | None = declared(
