@@ -9,7 +9,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from ..contact import HalfSpace, solve_contact
+from ..contact import ContactLaw, HalfSpace, solve_contact
 from ..flow import DarcyFlow, Permeability, cell_permeability
 from ..flow.cell import cell_flow
 from ..flow.discretisation import check_discretisation
@@ -58,7 +58,7 @@ def respond(
     steps: LoadProgramme,
     half_space: HalfSpace,
     *,
-    hardness: float,
+    law: ContactLaw,
     rigid_at_zero: bool,
     rtol: float = 1e-6,
 ) -> WindowHistory:
@@ -70,7 +70,7 @@ def respond(
     pressures : mean pressure of the window at each step [Pa].
     steps : the programme; an unloading step starts from the plastic deformation of its peak.
     half_space : elastic body and boundary kinds of the window.
-    hardness : H [Pa].
+    law : what every point of the window can carry.
     rigid_at_zero : treatment of a window without pressure. True: it keeps the given gap, which may be negative until
         `set_down`. False: it is brought to first touch.
     """
@@ -103,13 +103,13 @@ def respond(
                     values[s] = values[t]
                 in_contact[s] = in_contact[t]
                 continue
-        pressure = min(pressures[s], hardness)
+        pressure = min(pressures[s], law.capacity)
         contact = attempt(
             solve_contact,
             undeformed,
             half_space,
             pressure=pressure,
-            hardness=hardness,
+            hardness=law,
             deformation=deformation,
             rtol=rtol,
         )
