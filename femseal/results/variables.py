@@ -120,7 +120,7 @@ def add_realisations(data: xarray.Dataset, result: StochasticResult, quantiles: 
     if result.leakage_resampled is not None:
         data["library_error"] = ("step", error, _labels("1", "standard deviation of ln(leakage), finite library"))
     if result.cut_error is not None:
-        text = "half the distance of ln(leakage) with held and with closed cuts between runs"
+        text = "half the distance of ln(leakage) with Dirichlet and with Neumann cuts between runs"
         data["cut_error"] = ("step", result.cut_error, _labels("1", text))
     text = "share of the realisations without leakage"
     data["sealed_fraction"] = ("step", result.sealed_fraction, _labels("1", text, "sealed [%]"))

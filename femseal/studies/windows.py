@@ -14,9 +14,9 @@ from ..base.stage import Mapper, Stage
 from ..contact import HalfSpace
 from ..loads import LoadProgramme
 from ..topography import Topography
-from ..windows import Failed, FlowSettings, GlobalState, Partition, SolveCounts, attempt, respond
+from ..windows import Failed, FlowSettings, GlobalState, Partition, SolveCounts, attempt, contact_history
 from ..windows.gap_error import corrected_gap, relative_difference
-from ..windows.window import WindowHistory, body_standoff, flow_history, set_down
+from ..windows.window import ContactHistory, body_standoff, flow_history, separate
 from ..windows.window_fields import ContactPressure, WindowFields
 from .face_flow import resolved_flow
 from .scene import Array, Scene
@@ -93,10 +93,10 @@ def windows_contact(scene: Scene, cells: tuple[int, int], mapper: Mapper) -> Win
         lowest[:, i, j], standoff[:, i, j] = history.gap.min(axis=(1, 2)), history.standoff
         contact_fraction[:, i, j], plastic_fraction[:, i, j] = history.contact_fraction, history.plastic_fraction
         failures += [f"cell {(i, j)}, {text}" for text in history.failures]
-    held_off = body_standoff(standoff, pressure, lowest)
+    distance = body_standoff(standoff, pressure, lowest)
     for s, i, j in np.argwhere(np.isnan(standoff) & np.isfinite(lowest)):
         window = partition.cell(gap[s], i, j)
-        window[:] = set_down(window, held_off[s])
+        window[:] = separate(window, distance[s])
     fields = WindowFields(steps, partition, gap, ContactPressure(partition, tuple(in_contact)))
     error, factor = _errors(scene, fields, mapper)
     return WindowContacts(
@@ -182,9 +182,9 @@ def _outer(state: GlobalState, partition: Partition, body: HalfSpace) -> tuple[N
 
 def _respond(
     outer_gap: NDArray[np.float32], fine: NDArray[np.float32], pressures: Array, **settings: Any
-) -> WindowHistory:
-    """`respond` of a window whose undeformed gap is its outer gap (steps, n1, n2) plus its fine waves (n1, n2)."""
-    return respond(np.add(outer_gap, fine, dtype=float), pressures, **settings)
+) -> ContactHistory:
+    """`contact_history` of a window from its outer gap (steps, n1, n2) plus its fine waves (n1, n2)."""
+    return contact_history(np.add(outer_gap, fine, dtype=float), pressures, **settings)
 
 
 @dataclass(frozen=True, eq=False)

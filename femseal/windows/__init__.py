@@ -5,7 +5,7 @@ from .gap_error import gap_error
 from .global_contact import GlobalState, global_states
 from .outcome import Failed, SolveCounts, SolverCounts, attempt
 from .partition import Partition
-from .window import FlowSettings, WindowHistory, respond
+from .window import ContactHistory, FlowSettings, contact_history
 from .window_fields import ContactPressure, WindowFields
 
 __all__ = [
@@ -17,10 +17,10 @@ __all__ = [
     "SolveCounts",
     "SolverCounts",
     "WindowFields",
-    "WindowHistory",
+    "ContactHistory",
     "attempt",
     "gap_error",
     "global_states",
-    "respond",
+    "contact_history",
     "window_dissipation",
 ]

@@ -25,10 +25,10 @@ OPEN_RATIO = 0.005
 
 
 @dataclass(frozen=True, eq=False)
-class WindowHistory:
+class ContactHistory:
     """Contact of one window at every step of a programme; a step that failed is NaN, and `failures` says why.
 
-    gap : deformed gap (steps, n1, n2) [m]; without contact it may be negative until `set_down`.
+    gap : deformed gap (steps, n1, n2) [m]; without contact it may be negative until `separate`.
     contact : contact pressure at every step, kept where there is contact.
     contact_fraction, plastic_fraction : shares of the pixels in contact and at the hardness (steps,).
     standoff : distance by which the asperities separate the body from the face (steps,) [m]; NaN without pressure.
@@ -52,7 +52,7 @@ class WindowHistory:
         return self.gap.mean(axis=(1, 2), dtype=float)
 
 
-def respond(
+def contact_history(
     gap0: Array,
     pressures: Sequence[float] | Array,
     steps: LoadProgramme,
@@ -61,7 +61,7 @@ def respond(
     hardness: float,
     rigid_at_zero: bool,
     rtol: float = 1e-6,
-) -> WindowHistory:
+) -> ContactHistory:
     """Solve the contact of a window at every step of a load programme.
 
     Parameters
@@ -72,7 +72,7 @@ def respond(
     half_space : elastic body and boundary kinds of the window.
     hardness : H [Pa].
     rigid_at_zero : treatment of a window without pressure. True: it keeps the given gap, which may be negative until
-        `set_down`. False: it is brought to first touch.
+        `separate`. False: it is brought to first touch.
     """
     shape, n = half_space.shape, len(steps)
     gap = np.full((n, *shape), np.nan, np.float32)
@@ -124,7 +124,7 @@ def respond(
             before.append(s)
         if step.unloaded_from is None:
             left[step.pressure] = contact.plastic_deformation
-    return WindowHistory(gap, tuple(in_contact), contact_fraction, plastic_fraction, standoff, tuple(failures))
+    return ContactHistory(gap, tuple(in_contact), contact_fraction, plastic_fraction, standoff, tuple(failures))
 
 
 def body_standoff(standoff: Array, load: Array, lowest: Array) -> Array:
@@ -136,7 +136,7 @@ def body_standoff(standoff: Array, load: Array, lowest: Array) -> Array:
 
     Parameters
     ----------
-    standoff : `WindowHistory.standoff` of each window (steps, rows, columns) [m], NaN where unknown.
+    standoff : `ContactHistory.standoff` of each window (steps, rows, columns) [m], NaN where unknown.
     load : mean pressure of each window (steps, rows, columns) [Pa].
     lowest : lowest gap of each window (steps, rows, columns) [m], NaN where unknown.
     """
@@ -152,7 +152,7 @@ def body_standoff(standoff: Array, load: Array, lowest: Array) -> Array:
     return np.where(any_loaded, mean, np.where(np.isfinite(touch), touch, 0.0))
 
 
-def set_down(gap: NDArray[np.float32], standoff: float) -> NDArray[np.float32]:
+def separate(gap: NDArray[np.float32], standoff: float) -> NDArray[np.float32]:
     """Separate a window without pressure (n1, n2) by the standoff of the body; pixels that would overlap touch."""
     rounding = 4 * np.finfo(np.float32).eps * max(float(np.abs(gap).max()), abs(standoff))
     moved = gap + np.float32(standoff)
