@@ -139,14 +139,14 @@ class TestFollowing:
                 k = cell_permeability(contact.gap, (1e-6, 1e-6), axis=axis, bounds=True)
                 assert_allclose([lower[axis, n], upper[axis, n]], [k.lower, k.upper], rtol=1e-5)
         open_window = WindowSource((0.003 * -source.topographies[0],), BODY, H, seed=1).window(0) + 1e-6
-        flow = femseal.windows.window.window_permeability(open_window, (1e-6, 1e-6), 0, bounds=True)
+        flow = femseal.windows.window_flow.window_permeability(open_window, (1e-6, 1e-6), 0, bounds=True)
         k, low, high = flow.k
         exact = cell_permeability(open_window, (1e-6, 1e-6)).value
         assert flow.counts == SolveCounts(open=1)
         assert low <= exact <= high
         assert_allclose(k, exact, rtol=2e-4)
         # pixels that touch at a corner count in the upper bound only
-        flow = femseal.windows.window.window_permeability(np.eye(8), (1.0, 1.0), 0, bounds=True)
+        flow = femseal.windows.window_flow.window_permeability(np.eye(8), (1.0, 1.0), 0, bounds=True)
         k, low, high = flow.k
         assert (k, low, flow.counts) == (0, 0, SolveCounts(closed=1))
         assert high > 0
@@ -343,7 +343,7 @@ class TestLibrary:
         built = build_ladder_library(source, LADDER, 3, folder=tmp_path)
         fresh = build_ladder_library(source, LADDER, 5)
         followed = []
-        original = femseal.library.library.follow
+        original = femseal.library.library.solve_ladder
 
         def counted(window, *, known, **given):
             cell = original(window, known=known, **given)
@@ -483,7 +483,7 @@ class TestLibrary:
         assert whole.size == 2
 
     def test_cells_that_fail_are_named_and_tried_again(self, source, tmp_path, monkeypatch):
-        original = femseal.library.library.follow
+        original = femseal.library.library.solve_ladder
 
         def failing(window, **given):
             if np.array_equal(window, source.window(1)):

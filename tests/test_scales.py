@@ -14,7 +14,8 @@ from femseal.loads import LoadProgramme, LoadStep
 from femseal.topography import Topography, self_affine
 from femseal.windows import GlobalState, Partition, contact_history, global_states
 from femseal.windows.global_contact import Refinement
-from femseal.windows.window import body_standoff, flow_history, separate
+from femseal.windows.window_contact import body_standoff, separate
+from femseal.windows.window_flow import flow_history
 
 E, H = 115e9, 3e9
 
@@ -311,8 +312,8 @@ class TestResponse:
         flow = flow_history(gaps, (1e-6, 1e-6), 0)
         assert flow.counts.by_kind() == {"solved": 1, "closed": 1, "open": 1}
         assert sum(flow.counts.solvers.by_solver().values()) == 1
-        assert_allclose(flow.permeability[:2], [0, 1e-9 / 12])
-        assert flow.permeability[2] == cell_permeability(gaps[2], (1e-6, 1e-6)).value
+        assert_allclose(flow.k[:2], [0, 1e-9 / 12])
+        assert flow.k[2] == cell_permeability(gaps[2], (1e-6, 1e-6)).value
 
 
 class TestStandoff:

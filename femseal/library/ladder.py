@@ -16,7 +16,7 @@ from ..base.errors import InputError
 from ..contact import Contact, HalfSpace, solve_contact
 from ..flow.pressure_drop import VISCOUS, PressureDrop
 from ..windows.outcome import SolveCounts
-from ..windows.window import FlowSettings, window_permeability
+from ..windows.window_flow import FlowSettings, window_permeability
 
 Array = NDArray[np.float64]
 

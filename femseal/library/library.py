@@ -29,7 +29,7 @@ from ..base.text import Shown
 from ..contact import HalfSpace
 from ..loads import LoadProgramme, LoadStep
 from ..windows.outcome import Failed, SolveCounts, attempt
-from ..windows.window import FlowSettings
+from ..windows.window_flow import FlowSettings
 from .curves import WindowCurves
 from .ladder import Ladder, WindowStates, merge, restrict, solve_ladder
 
