@@ -35,9 +35,9 @@ from femseal.flow.discretisation import cell_stencil
 from femseal.flow.grid import Grid
 from femseal.plots.drawing import STYLES, new_figure
 from femseal.plots.maps import default_step, window_flux
-from femseal.results.branches import branches
-from femseal.results.views import chosen_windows
-from femseal.seal import largest_shares
+from femseal.results.selections import branches
+from femseal.seal import largest_fractions
+from femseal.studies.link_flow import chosen_windows
 from femseal.windows import Partition, window_dissipation
 
 WIDTH = 7.2  # 183 mm, two columns of a journal
@@ -101,7 +101,7 @@ def closely(results: fs.Results, step: int) -> dict[tuple[int, int], dict[str, n
     The flow is that of the links between pixels, in shares of the largest.
     """
     windows = {}
-    for place in chosen_windows(results.dataset):
+    for place in chosen_windows(results.dataset["k1"].values, results.steps.pressures):
         gap, contact = results.gap(step, place), results.contact_pressure(step, place)
         spacing = tuple(float(gap[axis][1] - gap[axis][0]) for axis in gap.dims)
         h = gap.values.astype(float)
@@ -351,7 +351,7 @@ def constrictions(results: fs.Results, deterministic: tuple[np.ndarray, np.ndarr
     loading = np.isnan(data["unloaded_from"].values)
     curves = [("links of the network", "-", "full", q / q[0], data["drop_fraction"].values)]
     if windows is not None:
-        shares = np.array([largest_shares(w) for w in windows])
+        shares = np.array([largest_fractions(w) for w in windows])
         curves.append(("windows, deterministic", "--", "none", rate / rate[0], shares))
     for n, (colour, marker) in enumerate(zip(SHADES, "os^", strict=True)):
         for _, line, fill, x, shares in curves:

@@ -25,11 +25,13 @@ The flow of data, top to bottom::
 Everything is SI. Names are loaded when first used, so that importing the package is quick.
 """
 
+from functools import partial
 from importlib import import_module
 from pathlib import Path
 from pkgutil import iter_modules
 from typing import TYPE_CHECKING, Any
 
+from .base import displays
 from .base.loop_files import find_place
 
 __version__ = "0.1.0"
@@ -137,6 +139,8 @@ _MODULES = {
     ),
 }
 find_place(Path(__file__).parent)
+displays["plots"] = partial(import_module, ".plots", __name__)
+displays["report"] = partial(import_module, ".report", __name__)
 _HOME = {name: module for module, names in _MODULES.items() for name in names}
 
 __all__ = sorted(_HOME)

@@ -23,7 +23,7 @@ from .flow.law import CUBIC_LAW, FlowLaw, FukuiKaneko, SlipLength
 
 #: Molar gas constant [J/(mol K)], CODATA (exact since 2019).
 GAS_CONSTANT = 8.31446261815324
-#: Constants of Roelands' law: pressure [Pa], and the natural logarithm of the viscosity [Pa s] that all liquids share.
+#: Constants of Roelands' law: pressure [Pa], and the natural logarithm of the viscosity [Pa s] common to all liquids.
 _ROELANDS_PRESSURE, _ROELANDS_LOG = 1.962e8, -log(6.31e-5)
 #: Gauss points of the potential of Roelands' law: right to 1e-12 up to 5 GPa.
 _POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(48)
@@ -50,20 +50,33 @@ def _viscosity() -> Any:
     return parameter("Pa*s", "a viscosity > 0, such as '1 mPa*s'")
 
 
-def _slip_length() -> Any:
-    return parameter("m", "a length >= 0, such as '20 nm'", inclusive=True, default=0.0)
+@dataclass(frozen=True, kw_only=True)
+class _OnFaces:
+    """What a liquid of constant density does on the faces.
 
+    surface_tension, contact_angle : γ [N/m] and θ [rad], for `capillary_entry_pressure`.
+    slip_length : b [m], by which it slips on both faces, see `femseal.flow.law.SlipLength`.
+    """
 
-def _surface_tension() -> Any:
-    return parameter("N/m", "a surface tension > 0, such as '73 mN/m'", default=None)
+    #: Outlet pressure of a case that gives none [Pa], above that of the surroundings.
+    outlet_pressure: ClassVar[float] = 0.0
+    surface_tension: float | None = parameter("N/m", "a surface tension > 0, such as '73 mN/m'", default=None)
+    contact_angle: float | None = parameter(
+        "rad", "a contact angle >= 0, such as '110 deg'", inclusive=True, default=None
+    )
+    slip_length: float = parameter("m", "a length >= 0, such as '20 nm'", inclusive=True, default=0.0)
 
+    def __post_init__(self) -> None:
+        check_parameters(self)
 
-def _contact_angle() -> Any:
-    return parameter("rad", "a contact angle >= 0, such as '110 deg'", inclusive=True, default=None)
+    @property
+    def law(self) -> FlowLaw:
+        """The cubic law, or that of the slip length."""
+        return SlipLength(self.slip_length) if self.slip_length else CUBIC_LAW
 
 
 @dataclass(frozen=True)
-class Liquid:
+class Liquid(_OnFaces):
     """A liquid of constant density; viscosity η = η₀ exp(αp) (Barus), constant for α = 0.
 
     φ = (ρ/η₀)(1 − exp(−αp))/α, → ρp/η₀.
@@ -73,27 +86,14 @@ class Liquid:
     viscosity : η₀ [Pa s].
     density : ρ [kg/m³]; only the mass rate depends on it. Default: water.
     pressure_viscosity : α [1/Pa], >= 0.
-    surface_tension, contact_angle : γ [N/m] and θ [rad] on the faces, for `capillary_entry_pressure`.
-    slip_length : b [m], by which the liquid slips on both faces, see `femseal.flow.law.SlipLength`.
+    surface_tension, contact_angle, slip_length : γ [N/m], θ [rad] and b [m] on the faces, by keyword, for
+        `capillary_entry_pressure` and `femseal.flow.law.SlipLength`.
     """
 
     kind: ClassVar[str] = "liquid"
-    #: Outlet pressure of a case that gives none [Pa], above that of the surroundings.
-    outlet_pressure: ClassVar[float] = 0.0
     viscosity: float = _viscosity()
     density: float = parameter("kg/m^3", "a density > 0, such as '870 kg/m^3'", default=1000.0)
     pressure_viscosity: float = parameter("1/Pa", "a coefficient >= 0, such as '20 1/GPa'", inclusive=True, default=0.0)
-    surface_tension: float | None = _surface_tension()
-    contact_angle: float | None = _contact_angle()
-    slip_length: float = _slip_length()
-
-    def __post_init__(self) -> None:
-        check_parameters(self)
-
-    @property
-    def law(self) -> FlowLaw:
-        """The cubic law, or that of the slip length."""
-        return SlipLength(self.slip_length) if self.slip_length else CUBIC_LAW
 
     @property
     def reference_density(self) -> float:
@@ -112,7 +112,7 @@ class Liquid:
 
 
 @dataclass(frozen=True)
-class RoelandsLiquid:
+class RoelandsLiquid(_OnFaces):
     """A liquid whose viscosity rises with pressure by Roelands' law, less steeply than Barus's at high pressure.
 
     η = η₀ exp{(ln η₀ + 9.67)(−1 + (1 + p/p_r)^Z)} with p_r = 196.2 MPa and Z = α p_r/(ln η₀ + 9.67); the potential
@@ -123,26 +123,14 @@ class RoelandsLiquid:
     viscosity : η₀ [Pa s], above 6.31e-5.
     pressure_viscosity : α = d ln η/dp at p = 0 [1/Pa], as that of Barus's law.
     density : ρ [kg/m³]; only the mass rate depends on it.
-    surface_tension, contact_angle : γ [N/m] and θ [rad] on the faces, for `capillary_entry_pressure`.
-    slip_length : b [m], by which the liquid slips on both faces, see `femseal.flow.law.SlipLength`.
+    surface_tension, contact_angle, slip_length : γ [N/m], θ [rad] and b [m] on the faces, by keyword, for
+        `capillary_entry_pressure` and `femseal.flow.law.SlipLength`.
     """
 
     kind: ClassVar[str] = "roelands-liquid"
-    outlet_pressure: ClassVar[float] = 0.0
     viscosity: float = parameter("Pa*s", "a viscosity > 63.1 uPa*s, such as '50 mPa*s'", above=6.31e-5)
     pressure_viscosity: float = parameter("1/Pa", "a coefficient > 0, such as '20 1/GPa'")
     density: float = parameter("kg/m^3", "a density > 0, such as '870 kg/m^3'", default=870.0)
-    surface_tension: float | None = _surface_tension()
-    contact_angle: float | None = _contact_angle()
-    slip_length: float = _slip_length()
-
-    def __post_init__(self) -> None:
-        check_parameters(self)
-
-    @property
-    def law(self) -> FlowLaw:
-        """The cubic law, or that of the slip length."""
-        return SlipLength(self.slip_length) if self.slip_length else CUBIC_LAW
 
     @property
     def reference_density(self) -> float:
@@ -173,7 +161,7 @@ class RoelandsLiquid:
         """Inverse of `potential` [Pa], by Newton's method; inf where no pressure has it."""
         φ = np.asarray(potential, dtype=float)
         p = φ * self.viscosity / self.density
-        with np.errstate(all="ignore"):  # a potential out of reach
+        with np.errstate(all="ignore"):  # a potential beyond the limit
             for _ in range(100):
                 # the logarithm of the distance to the limit is nearly straight; φ rises ever more slowly, so that p is
                 # always below the solution
@@ -317,7 +305,7 @@ def leak_basis(fluid: Fluid, length: float, stated: float | None = None) -> Leak
     """What turns the leakage of a fluid through a seal of a length [m] into any unit.
 
     A fluid that has a `reference_pressure`, at which its volumes are stated, and a `temperature` is a gas; its
-    pressure × volume is told at the temperature `stated` [K], its own unless given.
+    pressure × volume is stated at the temperature `stated` [K], its own unless given.
     """
     pressure = getattr(fluid, "reference_pressure", None)
     temperature, molar_mass = (

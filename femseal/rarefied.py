@@ -12,50 +12,35 @@ it continuous.
 from __future__ import annotations
 
 from math import log, pi, sqrt
-from typing import Any
 
 import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
-_EULER = 0.5772156649015329
 #: Borders of the four formulas.
 FREE_MOLECULAR, TRANSITION, SLIP = 0.01, 0.15, 5.0
 #: Least D of the logarithm, which has no limit.
 _LEAST = 1e-30
-
-_compiled: dict[str, Any] = {"cache": True, "nogil": True}
-
-
-def _low(d: float) -> float:
-    return -2.22919 * d + 2.10673 + 0.01653 / d - 0.0000694 / (d * d)
-
-
-def _plates_without_end(d: float) -> float:
-    return (1.5 * (1.0 - _EULER) - log(d)) / sqrt(pi)
+#: Q of plates without end at D = 1, and the c that makes the lowest two formulas meet.
+_FREE = 1.5 * (1.0 - 0.5772156649015329) / sqrt(pi)
+_EXCESS = (-2.22919e-2 + 2.10673 + 1.653 - 0.694 - _FREE + log(FREE_MOLECULAR) / sqrt(pi)) / (
+    FREE_MOLECULAR * log(FREE_MOLECULAR) ** 2
+)
 
 
-_EXCESS = (_low(FREE_MOLECULAR) - _plates_without_end(FREE_MOLECULAR)) / (FREE_MOLECULAR * log(FREE_MOLECULAR) ** 2)
-_at_low, _at_free = njit(**_compiled)(_low), njit(**_compiled)(_plates_without_end)
-
-
-@njit(**_compiled)
-def _flow_rate(d):
-    if d >= SLIP:
-        return d / 6.0 + 1.0162 + 1.0653 / d - 2.1354 / (d * d)
-    if d >= TRANSITION:
-        return 0.13852 * d + 1.25087 + 0.15653 / d - 0.00969 / (d * d)
-    if d >= FREE_MOLECULAR:
-        return _at_low(d)
-    d = max(d, _LEAST)
-    return _at_free(d) + _EXCESS * d * log(d) ** 2
-
-
-@njit(**_compiled)
-def _flow_rates(d, out):
-    for i in range(d.size):
-        out[i] = _flow_rate(d[i])
+@njit(cache=True, nogil=True)
+def _flow_rates(inverse_knudsen, out):
+    for i in range(out.size):
+        d = max(inverse_knudsen[i], _LEAST)
+        if d >= SLIP:
+            out[i] = d / 6.0 + 1.0162 + 1.0653 / d - 2.1354 / (d * d)
+        elif d >= TRANSITION:
+            out[i] = 0.13852 * d + 1.25087 + 0.15653 / d - 0.00969 / (d * d)
+        elif d >= FREE_MOLECULAR:
+            out[i] = -2.22919 * d + 2.10673 + 0.01653 / d - 0.0000694 / (d * d)
+        else:
+            out[i] = _FREE - log(d) / sqrt(pi) + _EXCESS * d * log(d) ** 2
 
 
 def flow_rate(inverse_knudsen: ArrayLike) -> Array:
@@ -72,9 +57,8 @@ def flow_rate(inverse_knudsen: ArrayLike) -> Array:
 
 
 def flow_rate_exponent(inverse_knudsen: ArrayLike) -> Array:
-    """d ln Q/d ln D of `flow_rate`, formula by formula: −0 at D = 0, 1 of a viscous gas."""
+    """d ln Q/d ln D of `flow_rate`, formula by formula; it rises to 1 of a viscous gas."""
     d = np.maximum(np.asarray(inverse_knudsen, dtype=float), _LEAST)
-    log_d = np.log(d)
     slope = np.select(
         [d >= SLIP, d >= TRANSITION, d >= FREE_MOLECULAR],
         [
@@ -82,6 +66,6 @@ def flow_rate_exponent(inverse_knudsen: ArrayLike) -> Array:
             0.13852 * d - 0.15653 / d + 0.01938 / (d * d),
             -2.22919 * d - 0.01653 / d + 0.0001388 / (d * d),
         ],
-        -1 / sqrt(pi) + _EXCESS * d * (log_d + 2) * log_d,
+        -1 / sqrt(pi) + _EXCESS * d * (np.log(d) + 2) * np.log(d),
     )
     return np.asarray(slope / flow_rate(d))

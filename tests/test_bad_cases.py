@@ -73,7 +73,7 @@ def test_values_of_another_type_are_told_in_words_of_the_file(data, table, key, 
 
 def test_samplers_that_do_not_suit_are_told_by_their_key(data):
     data["stochastic"] |= {"pressure": "uniform", "sampler": "block"}
-    assert refusal(parse_case(data).prepare).startswith("stochastic.sampler: given block")
+    assert refusal(lambda: prepare(parse_case(data))).startswith("stochastic.sampler: given block")
 
 
 def test_tables_and_values_in_place_of_one_another_are_told(data):
@@ -306,7 +306,7 @@ def test_what_is_too_large_all_the_same_is_bad_input(monkeypatch, data, error):
         raise error
 
     monkeypatch.setattr("femseal.case.faces.turned", fail)
-    assert "case: given a size or number that is too large" in refusal(parse_case(data).prepare)
+    assert "case: given a size or number that is too large" in refusal(lambda: prepare(parse_case(data)))
 
 
 def test_few_grooves_are_drawn_in_time_whatever_the_tool(data):
@@ -493,15 +493,15 @@ def test_messages_name_keys_of_the_case(tmp_path, data):
         ({"shortest_wave": "1 um"}, ["surface.shortest_wave: given 1 µm", "µm", "surface.points="]),
         ({"shortest_wave": "1 mm"}, ["surface.shortest_wave: given 1 mm", "less than the larger side"]),
     ]:
-        message = refusal(parse_case(data | {"surface": surface}).prepare)
+        message = refusal(lambda surface=surface: prepare(parse_case(data | {"surface": surface})))
         assert all(word in message for word in words), message
     data["face"]["pitch"] = "1 um"
-    assert refusal(parse_case(data).prepare).startswith("face.pitch: given")
+    assert refusal(lambda: prepare(parse_case(data))).startswith("face.pitch: given")
     heights = np.zeros((64, 96))
     heights[:20] = np.nan
     np.save(tmp_path / "face.npy", heights)
     data["face"] = {"kind": "file", "path": "face.npy", "spacing": ["1 um", "1 um"]}
-    message = refusal(parse_case(data, tmp_path).prepare)
+    message = refusal(lambda: prepare(parse_case(data, tmp_path)))
     assert "max_undefined" in message
     assert "max_share" not in message
 
@@ -607,4 +607,4 @@ def test_long_lists_of_what_is_allowed_lose_their_end(data, monkeypatch):
 def test_long_seals_are_weighed_before_their_pressures_are_looked_at(monkeypatch, data):
     monkeypatch.setattr("femseal.preparation.preparation.check_map", lambda *_: pytest.fail("looked at"))
     data["stochastic"] |= {"pressure": "uniform", "length": "1000 km"}
-    assert "stochastic.length: given a seal of 2 × " in refusal(parse_case(data).prepare)
+    assert "stochastic.length: given a seal of 2 × " in refusal(lambda: prepare(parse_case(data)))

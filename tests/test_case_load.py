@@ -313,7 +313,7 @@ class TestMesh:
         partition = Partition(prepared.scene.surface.shape, prepared.scene.surface.spacing, prepared.cells)
         (laid,) = lay_out_windows(prepared.scene.layout, partition, prepared.sampling)
         pressed = seal_for_maps(prepared.scene.layout, laid)
-        shares = pressed.shares(prepared.sampling.pressure_map, pressed.centres, 1.0)[0]
+        shares = pressed.fractions(prepared.sampling.pressure_map, pressed.centres, 1.0)[0]
         assert_allclose(np.average(shares, weights=pressed.areas), 1.0)
         angle = np.degrees(np.arctan2(*pressed.centres.T[::-1])) % 90
         expected = 2 - np.abs(np.abs(angle - 45) - 45) / 45

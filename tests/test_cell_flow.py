@@ -792,15 +792,15 @@ def test_resampling_error_of_what_only_some_pixels_close():
     assert np.isnan(cell_permeability(wall[:3], (D, D), estimate=True).resampling_error)
 
 
-def test_percolating_share():
+def test_percolating_fraction():
     h = np.full((10, 8), D)
-    assert cell_permeability(h, (D, D)).percolating_share == 1
+    assert cell_permeability(h, (D, D)).percolating_fraction == 1
     h[:, 3] = 0  # two channels
     h[2:5, 5:8] = 0
     h[3, 6] = D  # a pocket
-    assert cell_permeability(h, (D, D)).percolating_share == pytest.approx((80 - 10 - 9) / 80)
+    assert cell_permeability(h, (D, D)).percolating_fraction == pytest.approx((80 - 10 - 9) / 80)
     h[7] = 0
-    assert cell_permeability(h, (D, D)).percolating_share == 0
+    assert cell_permeability(h, (D, D)).percolating_fraction == 0
 
 
 # --- many cells ---

@@ -11,7 +11,7 @@ from femseal.base.errors import InputError
 from femseal.flow import cell_permeability
 from femseal.fluids import IdealGas, Liquid
 from femseal.results import assemble, open_results, save
-from femseal.seal import AnnularSeal, RectangularSeal, drop_shares, largest_shares, seal_leakage
+from femseal.seal import AnnularSeal, RectangularSeal, drop_fractions, largest_fractions, seal_leakage
 from femseal.studies import Scene, two_scale
 from femseal.topography import self_affine
 from femseal.windows import Partition, window_dissipation
@@ -20,7 +20,7 @@ WATER = Liquid(1e-3)
 
 
 def shares(seal, k1, k2, counts):
-    return drop_shares(k1, k2, seal, seal.flow((k1, k2)).potential, counts)
+    return drop_fractions(k1, k2, seal, seal.flow((k1, k2)).potential, counts)
 
 
 class TestNetwork:
@@ -85,9 +85,9 @@ class TestNetwork:
         seal, air = RectangularSeal((1e-3, 1e-3), (4, 5)), IdealGas(18e-6, 0.029, 293.0)
         expected = shares(seal, *k, (1, 3, 10))
         water = seal_leakage(seal, k, WATER, inlet_pressure=5e6, outlet_pressure=1e5)
-        assert_allclose(drop_shares(*k, seal, water.fluid_pressure), expected, rtol=1e-9)
+        assert_allclose(drop_fractions(*k, seal, water.fluid_pressure), expected, rtol=1e-9)
         gas = seal_leakage(seal, k, air, inlet_pressure=5e6, outlet_pressure=1e5)
-        assert_allclose(drop_shares(*k, seal, air.potential(gas.fluid_pressure)), expected, rtol=1e-9)
+        assert_allclose(drop_fractions(*k, seal, air.potential(gas.fluid_pressure)), expected, rtol=1e-9)
 
     def test_no_share_of_no_flow(self):
         seal = RectangularSeal((3e-3, 2e-3), (3, 2))
@@ -98,11 +98,11 @@ class TestNetwork:
     def test_bad_input(self):
         seal = RectangularSeal((3e-3, 2e-3), (3, 2))
         with pytest.raises(InputError, match=r"potential: given shape \(3, 2\), expected shape \(4, 2\)"):
-            drop_shares(1e-18, 1e-18, seal, np.ones((3, 2)))
+            drop_fractions(1e-18, 1e-18, seal, np.ones((3, 2)))
         with pytest.raises(InputError, match="k1"):
-            drop_shares(-1e-18, 1e-18, seal, np.ones((4, 2)))
+            drop_fractions(-1e-18, 1e-18, seal, np.ones((4, 2)))
         with pytest.raises(InputError, match="counts: given 0, expected a whole number >= 1"):
-            largest_shares([1.0], counts=(0,))
+            largest_fractions([1.0], counts=(0,))
 
 
 class TestWindows:

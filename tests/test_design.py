@@ -14,7 +14,7 @@ from femseal.base.errors import InputError
 from femseal.case.case import parse_case
 from femseal.cli import main
 from femseal.designs.requirements import requirement, sealing_load
-from femseal.designs.seals import DRAWS, Seals, crossings, share_of
+from femseal.designs.seals import DRAWS, Seals, crossings, pressure_for
 from femseal.designs.sensitivities import Variants, level_at, ratio_of, sensitivities, slope_at
 from femseal.loads import LoadProgramme
 from femseal.report.page import report_html
@@ -58,7 +58,7 @@ def test_a_share_of_the_seals_keeps_the_class():
         assert np.mean(leak(needed.value * 0.999999) <= limit) < 0.9
         assert needed.relation == "="
         assert needed.low < needed.value < needed.high
-    assert_allclose(need.assembly.value, share_of((AMPLITUDES / limit) ** (1 / FALL), 0.9))
+    assert_allclose(need.assembly.value, pressure_for((AMPLITUDES / limit) ** (1 / FALL), 0.9))
 
 
 def test_uncertainty_is_that_of_seals_and_library():
@@ -246,7 +246,7 @@ GROOVED = {
 }
 
 
-def test_a_case_gives_files_and_a_section_of_the_report(tmp_path, undrawn):
+def test_a_case_gives_files_and_a_section_of_the_report(tmp_path):
     results = fs.run(case(face=GROOVED), workers=1)
     limit = float(np.exp(np.mean(np.log(results.leakage.values[:2])))) * 1e9
     wanted = [f"{limit:.6g} mg/(m·s)", "L0.01"]  # of water
@@ -280,7 +280,7 @@ def test_a_case_gives_files_and_a_section_of_the_report(tmp_path, undrawn):
     assert "What the seal needs" not in report_html(again)
 
 
-def test_the_command_says_what_the_seal_needs(tmp_path, undrawn, monkeypatch, capsys):
+def test_the_command_says_what_the_seal_needs(tmp_path, monkeypatch, capsys):
     output = {"paraview": "none", "fields_limit": "0 byte", "classes": ["L1"]}
     fs.run(case(output=output), tmp_path, workers=1)
 

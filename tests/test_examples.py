@@ -112,7 +112,7 @@ class TestExamples:
             assert_allclose(flow, study.leakage[s] * length, rtol=1e-6)
 
     def test_contact_grows_with_load(self, results):
-        share = results.dataset["contact_share"].values
+        share = results.dataset["contact_fraction"].values
         assert (np.diff(share[:4]) > 0).all()
         assert (np.diff(share[3:]) < 0).all()
         # what is in contact carries the load with at most the hardness

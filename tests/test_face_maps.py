@@ -16,7 +16,9 @@ from femseal.report import write_folder
 from femseal.report.page import report_html
 from femseal.report.pictures import draw_all
 from femseal.results import assemble
-from femseal.results.face_maps import block_means
+from femseal.results.variables import block_means
+
+pytestmark = pytest.mark.usefixtures("drawn_pictures")
 
 LOADS = (2e7, 2e8, 1.6e9)
 

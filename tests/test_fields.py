@@ -22,10 +22,10 @@ from femseal.fluids import Liquid
 from femseal.plots import seal_figure
 from femseal.report import write_folder
 from femseal.results import assemble, open_results, write_vtk
-from femseal.results.fields import plan_fields
-from femseal.results.views import chosen_windows
+from femseal.results.pixel_fields import plan_fields
 from femseal.runs import job
 from femseal.studies import Sampling, Scene, deterministic, stochastic, two_scale
+from femseal.studies.link_flow import chosen_windows, window_pixels
 from femseal.topography import read_topography, turned
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
@@ -129,7 +129,7 @@ def test_seal_is_a_mesh_in_time(results, folder):
             ("k1_m3", "k1", 1),
             ("nominal_contact_pressure_MPa", "window_pressure", 1e-6),
             ("mean_gap_um", "window_mean_gap", 1e6),
-            ("contact_share", "window_contact_fraction", 1),
+            ("contact_fraction", "window_contact_fraction", 1),
         ):
             for half in (0, 1):
                 assert_allclose(cells[name].reshape(M1, M2, 2)[..., half], data[variable][s] * factor, rtol=1e-12)
@@ -184,7 +184,7 @@ def test_chosen_windows_carry_gap_contact_and_fluid_pressure(results, studies, s
     fluid, (d1, d2) = scene.fluid, scene.surface.spacing
     # the rows of nodes lie in valleys, not at equal distances
     assert len(set(np.diff(two.partition.lines))) > 1
-    places = chosen_windows(data)
+    places = chosen_windows(two.k1, scene.steps.pressures)
     assert len(places) == 3
     for i, j in places:
         rows, columns = slice(*two.partition.lines[i : i + 2]), slice(24 * j, 24 * (j + 1))
@@ -218,10 +218,8 @@ def test_fluid_that_stands_at_one_end_of_a_closed_window_keeps_its_pressure(scen
     k1[:] = 0
     k1[:, 1, 2] = 1e-30
     fluid_pressure[:, 1, 2], fluid_pressure[:, 2, 2] = 2e7, np.nan
-    r = assemble(
-        scene, two_scale=replace(two, fields=replace(two.fields, gap=gap), k1=k1, fluid_pressure=fluid_pressure)
-    )
-    write_vtk(r, None, tmp_path)
+    closed = replace(two, fields=replace(two.fields, gap=gap), k1=k1, fluid_pressure=fluid_pressure)
+    write_vtk(assemble(scene, two_scale=closed, windows=window_pixels(scene, closed)), None, tmp_path)
     _, cells, *_ = next(in_time(tmp_path / "window_001_002.pvd"))
     shown = cells["fluid_pressure_Pa"].reshape((last - first, 24), order="F")
     assert_allclose(shown[:5], 2e7, rtol=1e-6)
@@ -643,8 +641,8 @@ FULL = """
 import resource, signal, sys
 from pathlib import Path
 from types import SimpleNamespace
-from femseal.results.series import write
-from femseal.results.views import Heights
+from femseal.results.vtk_files import write_series as write
+from femseal.results.vtk_files import Heights
 from femseal.topography import self_affine
 view = Heights(self_affine((64, 64), (1e-4, 1e-4), hurst=0.8, rms_slope=0.1, rng=1))
 view.at(0)

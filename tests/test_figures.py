@@ -15,7 +15,7 @@ import femseal as fs
 from femseal.base.errors import InputError
 from femseal.plots.maps import window_flux
 from femseal.preparation.preparation import prepare
-from femseal.seal import largest_shares
+from femseal.seal import largest_fractions
 from femseal.windows import window_dissipation
 
 SCRIPT = Path(__file__).parents[1] / "examples" / "figures.py"
@@ -218,7 +218,7 @@ def test_constrictions(ran, deterministic):
     for n, count in enumerate((1, 3, 10)):
         networks = (
             (data["leakage_two_scale"].values, data["drop_fraction"].values[:, n]),
-            (rate, [largest_shares(w, (count,))[0] for w in windows]),
+            (rate, [largest_fractions(w, (count,))[0] for w in windows]),
         )
         for q, shares in networks:
             for steps in (UP, [4, 5, 6, 7, 8]):

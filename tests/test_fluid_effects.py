@@ -96,4 +96,4 @@ def test_results_have_the_entry_pressure_of_the_critical_constriction(scene):
         assert_allclose(data[s], inf if found is None else 0.073 / found.gap, rtol=1e-6)
     assert (study.leakage > 0).tolist() == np.isfinite(data.values).tolist()
     dry = replace(scene, fluid=fs.Liquid(1e-3))
-    assert "capillary_entry_pressure" not in assemble(dry, deterministic=study).dataset
+    assert "capillary_entry_pressure" not in assemble(dry, deterministic=fs.deterministic(dry)).dataset

@@ -14,7 +14,7 @@ from femseal.case.case import parse_case
 from femseal.fluids import leak_basis
 from femseal.report.page import report_html
 from femseal.results import assemble
-from femseal.results.tables import csv_text, texts
+from femseal.results.tables import csv_text
 from femseal.studies.other_fluid import FluidState, OtherLeakage, drop_ratio, limit_factors
 
 HELIUM = fs.IdealGas(viscosity=19.6e-6, molar_mass=4.0026e-3, temperature=293.15, slip=False)
@@ -121,19 +121,19 @@ def test_results_tell_the_classes_that_every_step_reaches(studied):
     results = assemble(
         scene, deterministic=study, classes=[f"{middle:g} mg/(m·s)", "EN 13555", "ISO 5208"], nominal_diameter=0.05
     )
-    reached = results.dataset["class_reached"].sel(leak_class=results.dataset["leak_class"].values[0])
+    reached = results.dataset["class_met"].sel(leak_class=results.dataset["leak_class"].values[0])
     assert reached.values.tolist() == [float(q <= middle * 1e-6 / density) for q in leak]
     assert reached.values[1] == 0
     assert reached.values[2] == 1
-    assert_allclose(results.dataset["class_share"], results.dataset["class_reached"])
+    assert_allclose(results.dataset["class_fraction"], results.dataset["class_met"])
     for step, told in enumerate(results.classes):
         for family in ("L", "ISO 5208"):
             tightest = [c for c in LEAK_CLASSES.values() if c.name.startswith(family)]
             tightest = [c.name for c in tightest if c.reached(leak[step], results.leak_basis, 0.05)]
             assert tightest[:1] == [name for name in told.split(", ") if name.startswith(family)]
     assert any("a seat of 50 mm is about 157 mm long" in text for text in results.warnings)
-    assert texts(results)[1][-1] == "class"
-    assert "share_in_ISO_5208_A" in csv_text(results).splitlines()[0]
+    assert results.table().heads[-1] == "class"
+    assert "fraction_in_ISO_5208_A" in csv_text(results).splitlines()[0]
     page = report_html(results)
     assert "reached on loading" in page
     assert "kept on unloading from 400 MPa" in page
@@ -151,8 +151,8 @@ def test_classes_are_judged_by_the_test_fluid(studied, tmp_path):
     middle = np.sqrt(other.leakage[0] * other.leakage[2]) * 101_325 * 10
     results = assemble(scene, deterministic=study, test=other, classes=["TA Luft", f"{middle:g} mbar·L/(m·s)"])
     for n, limit in enumerate((1e-8 / HELIUM.reference_density, middle / 1_013_250)):
-        assert results.dataset["class_reached"].values[n].tolist() == [float(q <= limit) for q in other.leakage]
-    assert 0 < results.dataset["class_reached"].values[1].sum() < len(scene.steps)
+        assert results.dataset["class_met"].values[n].tolist() == [float(q <= limit) for q in other.leakage]
+    assert 0 < results.dataset["class_met"].values[1].sum() < len(scene.steps)
     page = report_html(results)
     assert "judged by the test fluid" in page
     assert "times as much; flow as a continuum would give" in page
@@ -168,7 +168,7 @@ def test_classes_are_judged_by_the_test_fluid(studied, tmp_path):
     save(results, tmp_path)
     again = open_results(tmp_path)
     assert again.classes == results.classes
-    assert again.judged_basis == results.judged_basis
+    assert again.class_basis == results.class_basis
     assert again.leak_basis == results.leak_basis
 
 
@@ -203,7 +203,7 @@ def test_a_case_asks_for_classes_and_a_test_fluid():
     assert_allclose(ratio.values[data["leakage"].values > 0], drop_ratio(state, own))
     limit = 1e-8 / HELIUM.reference_density
     shares = (data["test_leakage_realisations"].values <= limit).mean(axis=0)
-    assert_allclose(data["class_share"].sel(leak_class="TA Luft"), shares)
+    assert_allclose(data["class_fraction"].sel(leak_class="TA Luft"), shares)
 
 
 def test_a_gas_with_slip_is_solved_on_the_same_seals():

@@ -7,13 +7,13 @@ from numpy.testing import assert_allclose
 
 import femseal as fs
 from femseal.base.errors import InputError
-from femseal.base.leak_units import LEAK_UNITS, TOLD, LeakBasis, leak_unit
+from femseal.base.leak_units import LEAK_UNITS, USUAL_UNITS, LeakBasis, leak_unit
 from femseal.base.quantities import to_si
 from femseal.case.case import parse_case
 from femseal.fluids import leak_basis
 from femseal.report.page import report_html
 from femseal.results import assemble
-from femseal.results.tables import csv_text, rows, texts
+from femseal.results.tables import csv_text, rows
 
 SI = {"volume": "m^3/s", "mass": "kg/s", "throughput": "Pa*m^3/s"}
 AIR = fs.IdealGas(viscosity=18e-6, molar_mass=29e-3, temperature=293.15)
@@ -137,12 +137,13 @@ def test_results_tell_the_total_everywhere(studied):
     assert_allclose(data["leakage_total_mass"], q * 60e-6 * 870)
     assert "leakage_total_throughput" not in data
     assert [str(unit) for unit in data["leak_unit"].values] == [
-        name for name in TOLD if "Pa" not in name and "bar" not in name and "std" not in name
+        name for name in USUAL_UNITS if "Pa" not in name and "bar" not in name and "std" not in name
     ]
     assert_allclose(data["leakage_in_units"].sel(leak_unit="g/year"), q * 60e-6 * 870e3 * 365.25 * 86400)
     assert_allclose(rows(results)[0]["leakage_mL_per_min"], q[0] * 60e-6 * 60e6)
     assert "leakage_g_per_year" in csv_text(results).splitlines()[0]
-    title, heads, lines = texts(results)
+    table = results.table()
+    title, heads, lines = table.title, table.heads, table.lines
     assert "whole seal, 60 µm, in mL/min" in title
     assert not any("whole seal" in head for head in heads)
     assert lines[0][2] == f"{q[0] * 60e-6 * 60e6:.3g}"
@@ -150,7 +151,7 @@ def test_results_tell_the_total_everywhere(studied):
     page = report_html(results)
     assert "g/year" in page
     assert "mbar" not in page
-    assert "whole seal [" in " ".join(texts(assemble(scene, deterministic=study))[1])
+    assert "whole seal [" in " ".join(assemble(scene, deterministic=study).table().heads)
     with pytest.raises(InputError, match="for a liquid"):
         assemble(scene, deterministic=study, leakage_unit="mbar*L/s")
 
@@ -190,7 +191,7 @@ def case(fluid, unit):
 def test_a_case_chooses_the_unit():
     results = fs.run(parse_case(case("gas", "mbar*l/(s*m)")), workers=1)
     assert results.leak_unit.name == "mbar·L/(m·s)"
-    assert "mbar·L/(m·s)" in texts(results)[0]
+    assert "mbar·L/(m·s)" in results.table().title
 
 
 @pytest.mark.parametrize("unit", ["mbar*L/s", "furlong", 1, ""])

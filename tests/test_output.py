@@ -6,7 +6,7 @@ import json
 import os
 import re
 import warnings
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, fields, replace
 
 import matplotlib.image
 import numpy as np
@@ -16,6 +16,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scipy import stats
 
 from femseal.base.errors import FemsealError, InputError
+from femseal.base.fields import PART, PIXEL, REALISATION, STEP, WINDOW, declared
 from femseal.base.leak_units import leakage_unit
 from femseal.elements import element_flow
 from femseal.flow import cell_permeability
@@ -23,13 +24,15 @@ from femseal.fluids import IdealGas, Liquid
 from femseal.plots import cells_figure, leakage_figure, seal_figure
 from femseal.report import write_folder
 from femseal.results import assemble, open_results, save, write_vtk
-from femseal.results.branches import branch_text
-from femseal.results.tables import amount
-from femseal.results.views import chosen_windows
+from femseal.results.selections import branch_text
+from femseal.results.tables import format_leakage
 from femseal.seal import RectangularSeal
-from femseal.studies import Sampling, Scene, TwoScaleResult, deterministic, stochastic, two_scale
-from femseal.studies.scene import labels
+from femseal.studies import Sampling, Scene, StochasticResult, TwoScaleResult, deterministic, stochastic, two_scale
+from femseal.studies.link_flow import chosen_windows, window_pixels
+from femseal.studies.median_seal import MedianSeal
 from femseal.topography import Topography, self_affine
+
+pytestmark = pytest.mark.usefixtures("drawn_pictures")
 
 CASE = {"title": "trial", "seed": 7, "material": {"modulus": 115e9}, "cells": [4, 8]}
 M1, M2 = 4, 8
@@ -63,7 +66,9 @@ def studies(scene):
 
 @pytest.fixture(scope="module")
 def results(scene, studies):
-    return assemble(scene, **studies, case=CASE, surface_report={"rms_height": 1e-6}, timings={"two-scale": 1.5})
+    windows = window_pixels(scene, studies["two_scale"])
+    report, timings = {"rms_height": 1e-6}, {"two-scale": 1.5}
+    return assemble(scene, **studies, windows=windows, case=CASE, surface_report=report, timings=timings)
 
 
 @pytest.fixture(scope="module")
@@ -161,7 +166,7 @@ def test_flux_of_a_gas_is_its_volume_rate(scene, studies):
 
 def test_contact_share_comes_from_the_best_study(scene, studies):
     two, det, lib = (
-        assemble(scene, **{name: studies[name]}).dataset["contact_share"].values
+        assemble(scene, **{name: studies[name]}).dataset["contact_fraction"].values
         for name in ("two_scale", "deterministic", "stochastic")
     )
     assert_allclose(two, studies["two_scale"].contact_fraction.mean(axis=(1, 2)))
@@ -240,7 +245,7 @@ def test_flow_towards_the_inlet_and_failed_steps_are_shown(scene, studies):
     assert_allclose(shown, -r.leakage.values[:3] / factor)
     assert np.isnan(shown[1])
     assert "unknown: a window failed" in seal_figure(r, 1).axes[0].get_title()
-    low, high = (amount(r.dataset[n].values[0], factor) for n in ("leakage_lower", "leakage_upper"))
+    low, high = (format_leakage(r.dataset[n].values[0], factor) for n in ("leakage_lower", "leakage_upper"))
     assert f"<td>{low} to {high}</td>" in r._repr_html_()
     assert "at 700 MPa: failed" in repr(assemble(back, two_scale=replace(two, leakage=two.leakage * np.nan)))
 
@@ -390,7 +395,7 @@ def test_a_picture_that_fails_loses_neither_the_results_nor_the_former_run(
     assert open_results(tmp_path).rows() == results.rows()
 
 
-def test_results_come_last(scene, studies, tmp_path, monkeypatch):
+def test_results_come_last(scene, studies, undrawn, tmp_path, monkeypatch):
     """Wherever the files cease to take their places, the folder either has all of them or no results."""
     r = assemble(scene, deterministic=studies["deterministic"])
     everything = {"results.nc", "table.csv", "report.html", "leakage.png", "seal.png", "fields.pvd", "files.txt"}
@@ -418,7 +423,7 @@ def test_results_come_last(scene, studies, tmp_path, monkeypatch):
     assert files(tmp_path) == everything
 
 
-def test_nothing_is_left_behind_by_a_failure(results, scene, tmp_path, monkeypatch):
+def test_nothing_is_left_behind_by_a_failure(results, scene, undrawn, tmp_path, monkeypatch):
     save(results, tmp_path)
     before = (tmp_path / "results.nc").read_bytes()
 
@@ -437,26 +442,62 @@ def test_nothing_is_left_behind_by_a_failure(results, scene, tmp_path, monkeypat
 # --- tables -----------------------------------------------------------------------------------------------
 
 
-def test_a_new_column_is_declared_once(scene, studies, tmp_path):
-    """A field whose metadata say what it is comes out in every file and table."""
+def test_a_new_field_is_one_entry(scene, studies, undrawn, tmp_path):
+    """A field that says what it is and where it lives comes out in every file and table that has such fields."""
 
     @dataclass(frozen=True, repr=False)
     class More(TwoScaleResult):
-        wet: np.ndarray = field(default=None, metadata=labels("1", "share wetted", "step", heading="wet [%]"))
-        depth: np.ndarray = field(default=None, metadata=labels("m", "depth", "step", "cell1", "cell2"))
+        wet: np.ndarray = declared("wet", "1", "fraction wetted", STEP, heading="wet [%]", default=None)
+        depth: np.ndarray = declared("window_depth", "m", "depth of windows", WINDOW, default=None)
+        heat: np.ndarray = declared("heat", "Pa", "stress of heat", PIXEL, default=None)
 
-    two = studies["two_scale"]
-    known = {f.name: getattr(two, f.name) for f in fields(two)}
-    more = More(**known, wet=np.linspace(0.1, 0.5, 5), depth=np.full((5, M1, M2), 2e-6))
-    r = assemble(scene, two_scale=more)
+    @dataclass(frozen=True, repr=False)
+    class Drawn(MedianSeal):
+        depth: np.ndarray = declared("drawn_depth", "m", "depth of parts", PART, default=None)
+
+    @dataclass(frozen=True, repr=False)
+    class Seals(StochasticResult):
+        worth: np.ndarray = declared("worth", "1", "worth of realisations", REALISATION, default=None)
+
+    def with_more(kind, known, **more):
+        return kind(**{f.name: getattr(known, f.name) for f in fields(known)}, **more)
+
+    drawn = studies["stochastic"].median_seal
+    deep = with_more(Drawn, drawn, depth=np.full(drawn.permeability.shape, 3e-6))
+    more = with_more(
+        More,
+        studies["two_scale"],
+        wet=np.linspace(0.1, 0.5, 5),
+        depth=np.full((5, M1, M2), 2e-6),
+        heat=np.full((5, 64, 128), 4e6, np.float32),
+    )
+    seals = with_more(Seals, replace(studies["stochastic"], median_seal=deep), worth=np.ones((3, 5)))
+    r = assemble(scene, two_scale=more, stochastic=seals)
     write_folder(r, tmp_path)
-    assert open_results(tmp_path).dataset["wet"].attrs["long_name"] == "share wetted"
+    back = open_results(tmp_path)
+    for name, text in (
+        ("wet", "fraction wetted"),
+        ("window_depth", "depth of windows"),
+        ("drawn_depth", "depth of parts"),
+        ("worth", "worth of realisations"),
+    ):
+        assert back.dataset[name].attrs["long_name"] == text
     assert r.rows()[4]["wet"] == 0.5
     assert ",wet," in (tmp_path / "table.csv").read_text(encoding="utf-8").splitlines()[0] + ","
-    for page in (r._repr_html_(), (tmp_path / "report.html").read_text(encoding="utf-8")):
-        assert "wet [%]" in page
+    for page in (r._repr_html_(), str(r.table()), (tmp_path / "report.html").read_text(encoding="utf-8")):
+        assert "wet [%]" in " ".join(page.split())
     cells, *_ = arrays("vtkXMLUnstructuredGridReader", tmp_path / "vtk/seal/step_0000.vtu")
-    assert_allclose(cells["depth_um"], 2.0)
+    assert_allclose(cells["window_depth_um"], 2.0)
+    cells, *_ = arrays("vtkXMLUnstructuredGridReader", tmp_path / "vtk/drawn/step_0000.vtu")
+    assert_allclose(cells["depth_um"], 3.0)
+    cells, *_ = arrays("vtkXMLImageDataReader", tmp_path / "fields/step_0002.vti")
+    assert_allclose(cells["heat_MPa"], 4.0)
+    for results in (r, back):
+        found = results.pixels("heat", 2, (1, 3))
+        assert found.attrs["units"] == "Pa"
+        assert found.shape == (16, 16)
+        assert_allclose(found, 4e6)
+    assert_allclose(r.cell(1, 2)["window_depth"], 2e-6)
 
 
 def test_table_says_what_happened(results, scene):
@@ -601,9 +642,9 @@ def test_seal_is_read_back_by_vtk(results, folder):
         assert grid.GetNumberOfCells() == 2 * M1 * M2
         for name, variable, factor in (
             ("k1_m3", "k1", 1),
-            ("nominal_contact_pressure_MPa", "window_pressure", 1e-6),
-            ("mean_gap_um", "window_mean_gap", 1e6),
-            ("contact_share", "window_contact_fraction", 1),
+            ("window_pressure_MPa", "window_pressure", 1e-6),
+            ("window_mean_gap_um", "window_mean_gap", 1e6),
+            ("window_contact_fraction", "window_contact_fraction", 1),
         ):
             values = cells[name].reshape(M1, M2, 2)
             assert_allclose(values[..., 0], data[variable][s] * factor, rtol=1e-12)
@@ -639,7 +680,7 @@ def test_windows_are_read_back_by_vtk(results, studies, scene, folder):
     import pyvista
 
     two = studies["two_scale"]
-    places = chosen_windows(results.dataset)
+    places = chosen_windows(results.two_scale.k1, results.steps.pressures)
     assert len(places) == 3
     for i, j in places:
         for s in (0, 3):
@@ -664,7 +705,7 @@ def test_chosen_windows_span_the_scatter(results):
     k = results.dataset["k1"].values[2]
     positive = np.sort(k[k > 0])
     if positive.size >= 3:
-        chosen = [k[place] for place in chosen_windows(results.dataset)]
+        chosen = [k[place] for place in chosen_windows(results.two_scale.k1, results.steps.pressures)]
         assert chosen == [positive[-1], positive[positive.size // 2], positive[0]]
 
 

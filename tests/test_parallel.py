@@ -378,3 +378,35 @@ def test_bits_do_not_depend_on_where_a_process_gets_its_arrays(layout):
         one, two = (fs.cell_permeability(gap, (1e-6, 1e-6)).value for gap in (gap0, other))
         assert two == one
         moved.flags.writeable = True
+
+
+#: A run whose workers cannot end: in each a thread goes on.
+STUCK = """
+import sys, threading, time
+from femseal.base.stage import Stage
+from femseal.execution import processes
+from femseal.execution.mappers import ordered_map
+from test_parallel import stay
+
+processes.END_SECONDS = 1.0
+with ordered_map(workers=2) as mapping:
+    print(*mapping(Stage("trial", stay), range(4)))
+    if sys.argv[1] == "error":
+        raise ValueError("stopped")
+"""
+
+
+def stay(n):
+    threading.Thread(target=time.sleep, args=(600,)).start()
+    return n
+
+
+@pytest.mark.parametrize("end", ["done", "error"])
+def test_processes_that_cannot_end_do_not_keep_the_run(end):
+    """joblib would wait for them until the threads are through."""
+    folder = Path(__file__).parent
+    path = os.pathsep.join([str(folder), *filter(None, [os.environ.get("PYTHONPATH")])])
+    code = [sys.executable, "-c", STUCK, end]
+    done = subprocess.run(code, cwd=folder, env={**os.environ, "PYTHONPATH": path}, capture_output=True, timeout=180)
+    assert done.stdout.split() == [b"0", b"1", b"2", b"3"]
+    assert done.returncode == (end == "error"), done.stderr

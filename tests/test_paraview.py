@@ -15,8 +15,9 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 import femseal as fs
 from femseal.report import write_folder
-from femseal.results import assemble, series
-from femseal.results.views import Cells, LoadSteps
+from femseal.results import assemble
+from femseal.results.vtk_files import Cells, LoadSteps, write_series
+from femseal.studies.link_flow import window_pixels
 
 MACRO = Path(__file__).parents[1] / "examples" / "paraview_two_scale.py"
 M1, M2 = 3, 4
@@ -56,7 +57,8 @@ def results():
     scene = fs.Scene(
         face, 115e9, 2.8e9, fs.Liquid(1e-3), 3e7, 1e6, loading=(50e6, 700e6), unload_from=(700e6,), unloading=(50e6,)
     )
-    return assemble(scene, two_scale=fs.two_scale(scene, (M1, M2), flow="links"))
+    study = fs.two_scale(scene, (M1, M2), flow="links")
+    return assemble(scene, two_scale=study, windows=window_pixels(scene, study))
 
 
 @pytest.fixture(scope="module")
@@ -89,7 +91,7 @@ def test_meshio_reads_meshes_of_any_content(tmp_path):
     for values in (*points.values(), *cells.values()):
         values[rng.random(values.shape) < rng.random((n_steps, *[1] * (values.ndim - 1)))] = 0.0
     steps = LoadSteps(np.arange(n_steps), np.zeros(n_steps), np.full(n_steps, np.nan))
-    series.write(Cells("grid", rng.normal(size=(6, 3)), quads, steps, points, cells), tmp_path)
+    write_series(Cells("grid", rng.normal(size=(6, 3)), quads, steps, points, cells), tmp_path)
     for s in range(n_steps):
         mesh = meshio.read(tmp_path / "grid" / f"step_{s:04d}.vtu")
         for name, values in points.items():
@@ -127,10 +129,10 @@ def test_paraview_opens_every_file(results, folder, tmp_path):
         cells = {name: np.array(values).reshape(M1, M2, 2, -1)[:, :, 1, 0] for name, values in step["Cell"].items()}
         for name, variable, factor in (
             ("k1_m3", "k1", 1),
-            ("nominal_contact_pressure_MPa", "window_pressure", 1e-6),
-            ("mean_gap_um", "window_mean_gap", 1e6),
-            ("contact_share", "window_contact_fraction", 1),
-            ("plastic_share", "window_plastic_fraction", 1),
+            ("window_pressure_MPa", "window_pressure", 1e-6),
+            ("window_mean_gap_um", "window_mean_gap", 1e6),
+            ("window_contact_fraction", "window_contact_fraction", 1),
+            ("window_plastic_fraction", "window_plastic_fraction", 1),
             ("flux_m2_per_s", "flux1", 1),
         ):
             assert_allclose(cells.pop(name), data[variable][s] * factor, rtol=1e-12)

@@ -30,7 +30,7 @@ def ring(inner=10e-3, outer=15e-3, cells=(6, 48), centre=(0.0, 0.0)):
 
 
 def shares(pressure_map, seal, nominal=1e8):
-    return seal.shares(pressure_map, seal.centres, nominal)[0]
+    return seal.fractions(pressure_map, seal.centres, nominal)[0]
 
 
 class TestShapes:
@@ -53,7 +53,7 @@ class TestShapes:
         )
         # three strips on four rows, and at the edges between them the mean of both
         seal, edges = strip(), np.array([[1e-3, 0], [0.5e-3, 0]])
-        assert_allclose(seal.shares(Profile((1, 3)), edges, 1.0)[0], [1.0, 0.5])
+        assert_allclose(seal.fractions(Profile((1, 3)), edges, 1.0)[0], [1.0, 0.5])
 
     def test_a_ring_whose_inlet_is_outside_begins_there(self):
         seal = ring()
@@ -92,11 +92,13 @@ class TestShapes:
     def test_maps_at_loads_are_linear_between_them(self):
         seal = strip()
         series = MapsAtLoads((1e8, 3e8), (Profile((1, 3)), Uniform()))
-        found = seal.shares(series, seal.centres, [5e7, 1e8, 2e8, 3e8, 9e8])
+        found = seal.fractions(series, seal.centres, [5e7, 1e8, 2e8, 3e8, 9e8])
         assert_allclose(found[:, 0], [0.5, 0.5, 0.75, 1, 1])
         assert_allclose(found.mean(axis=1), 1.0)
         single = MapsAtLoads((1e8,), (Profile((1, 3)),))
-        assert_allclose(seal.shares(single, seal.centres, [5e7, 9e8]), np.tile(shares(Profile((1, 3)), seal), (2, 1)))
+        assert_allclose(
+            seal.fractions(single, seal.centres, [5e7, 9e8]), np.tile(shares(Profile((1, 3)), seal), (2, 1))
+        )
 
 
 class TestFields:

@@ -103,19 +103,18 @@ def test_the_dataset_has_median_and_band_of_every_length(results, seals):
 
 
 def test_tables_of_lengths(results):
-    heads, lines = seal_lengths.texts(results)
-    steps = ["loading 50 MPa", "loading 300 MPa", "unloading 100 MPa from 300 MPa"]
-    assert heads == ["seal length", *steps]
-    assert [line[0] for line in lines] == ["240 µm", "60 µm", "1.995 mm"]
+    table = results.lengths_table()
+    assert table.heads == ("seal length", "50 MPa", "300 MPa", "unloading 100 MPa from 300 MPa")
+    assert [line[0] for line in table.lines] == ["240 µm", "60 µm", "1.995 mm"]
     rows = list(csv.DictReader(io.StringIO(seal_lengths.csv_text(results))))
     assert len(rows) == 3 * 4
     median = results.dataset["leakage_of_lengths_median"].values
     assert_allclose([float(row["leakage_median_m2_per_s"]) for row in rows], median.ravel())
     whole = assemble(results.scene, stochastic=results.stochastic, leakage_unit="mL/min")
     # of the whole seal, each of its own length
-    told = whole.dataset["leakage_of_lengths_median"].values / seal_lengths.factors(whole)[:, None]
+    told = whole.dataset["leakage_of_lengths_median"].values / seal_lengths.length_scales(whole)[:, None]
     assert_allclose(told, median * np.array(whole.dataset["seal_length"])[:, None] * 6e7)
-    assert whole.lengths_table().row_count == 3
+    assert whole.lengths_table().lines[2][0] == "1.995 mm"
 
 
 def test_picture_of_lengths(results):
@@ -141,7 +140,7 @@ def test_a_case_with_a_list_of_lengths(tmp_path):
     found = fs.run(case, tmp_path / "out", workers=1)
     assert {"lengths.csv", "lengths.png"} <= {path.name for path in (tmp_path / "out").iterdir()}
     back = open_results(tmp_path / "out")
-    assert back.lengths_table().row_count == 3
+    assert back.lengths_table().lines[2][0] == "1.995 mm"
     page = (tmp_path / "out" / "report.html").read_text()
     assert "By length of seal" in page
     assert "Seals of other lengths are drawn from the same library: 60 µm, 1.995 mm." in page

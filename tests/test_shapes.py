@@ -12,10 +12,10 @@ from skfem import MeshQuad, MeshTri
 from femseal.analytic import annulus_rate, eccentric_annulus_rate, elliptic_annulus_rate, spiral_annulus_rate
 from femseal.base.errors import InputError
 from femseal.seal import AnnularSeal, MeshSeal, RectangularSeal
-from femseal.seal.elemented import ElementSeal, ElementWindows, straightened
+from femseal.seal.element_windows import ElementSeal, ElementWindows, straightened
 from femseal.seal.lay import Lay
 from femseal.seal.layouts import AnnularLayout, MeshLayout, RectangularLayout, Windows
-from femseal.seal.linked import LinkWindows
+from femseal.seal.link_windows import LinkWindows
 from femseal.seal.upscaling import combined
 
 MESHES = Path(__file__).parents[1] / "meshes"

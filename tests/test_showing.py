@@ -63,7 +63,7 @@ def shown(face, states):
 
 def test_few_outliers_leave_the_colours_to_the_others(face):
     """A spike and a pit do not set the range; the bar says what is out of it, in the colours that it has there."""
-    from femseal.plots.height_map import ABOVE, BELOW, height_range
+    from femseal.plots.heights import ABOVE, BELOW, height_range
 
     z = face.heights.copy()
     plain = height_range(z)
@@ -86,7 +86,7 @@ def test_few_outliers_leave_the_colours_to_the_others(face):
 
 
 def test_maps_of_one_height_or_none_have_a_range():
-    from femseal.plots.height_map import height_range
+    from femseal.plots.heights import height_range
 
     assert height_range(np.full((4, 4), np.nan)).text == ""
     level = np.zeros((40, 40))
@@ -260,7 +260,7 @@ def test_bars_of_the_band_of_error_end_where_it_ends_or_at_the_edge_without_a_ma
     axes = Figure().subplots()
     told = 1.0, "leakage"
     loads, peaks = np.array([1e8, 2e8]), np.full(2, np.nan)
-    leakage_panel(axes, LeakageCurves(loads, peaks, leakage, "median", error=error, told=told))
+    leakage_panel(axes, LeakageCurves(loads, peaks, leakage, "median", error=error, scale=told))
     low, high = axes.get_ylim()
     assert low > 0.2e-9 / 11
     assert high < 4e-9 * 11

@@ -234,7 +234,7 @@ def test_table_of_a_sweep(swept):
         assert_allclose([float(line["leakage_m2_per_s"]) for line in own], run.leakage.values)
         assert_allclose([float(line["leakage_upper_m2_per_s"]) for line in own], run.dataset["leakage_upper"].values)
         assert [float(line["nominal_pressure_Pa"]) for line in own] == [5e7, 3e8, 1e8]
-    _, heads, cells = found.texts()
+    heads, cells = list(found.table().heads), found.table().lines
     assert heads == ["hardness", "viscosity", "50 MPa", "300 MPa", "100 MPa from 300 MPa"]
     # twice the viscosity, half the leakage
     assert float(cells[0][2]) == pytest.approx(2 * float(cells[1][2]), rel=0.01)
@@ -248,7 +248,7 @@ def test_picture_of_a_sweep(swept):
     left, right = figure.axes
     assert found.labels[1] == "hardness 3 GPa, viscosity 2 mPa*s"
     assert left.get_xlabel() == "nominal pressure [MPa]"
-    assert left.get_ylabel() == found.told_as
+    assert left.get_ylabel() == found.label
     lines = [line for line in left.lines if len(line.get_xdata()) > 1]
     assert len(lines) == 8  # loading and unloading of four runs
     for n, run in enumerate(found.runs):
@@ -278,9 +278,9 @@ def test_runs_of_other_loads_methods_and_lengths(case, swept, tmp_path):
     fs.run(tmp_path / "other.toml", tmp_path / "other", workers=1)
     both = fs.compare({"drawn": folder / found.names[0], "whole": tmp_path / "other"}, unit="mL/min")
     assert [step.name for step in both.common_steps] == ["loading 300 MPa", "unloading 100 MPa from 300 MPa"]
-    _, heads, cells = both.texts()
+    heads, cells = list(both.table().heads), both.table().lines
     assert heads == ["run", "method", "300 MPa", "100 MPa from 300 MPa"]
-    assert [line[:2] for line in cells] == [["drawn", "median"], ["whole", "deterministic"]]
+    assert [line[:2] for line in cells] == [("drawn", "median"), ("whole", "deterministic")]
     for n, run in enumerate(both.runs):  # of the whole seal, each of its own length
         assert_allclose(both.leakage(n), run.leakage_in("mL/min").values)
     assert both.band(1) is None
@@ -294,7 +294,7 @@ def test_runs_without_common_loads_are_told_at_their_own(swept, tmp_path):
     _, found = swept
     (tmp_path / "other.toml").write_text(CASE.replace("50 MPa", "40 MPa").replace("300 MPa", "200 MPa"))
     apart = fs.compare({"a": found.runs[0], "b": fs.run(tmp_path / "other.toml", workers=1)})
-    _, heads, cells = apart.texts()
+    heads, cells = list(apart.table().heads), apart.table().lines
     assert heads == ["run", "first load", "highest load", "last load"]
     assert "(40 MPa)" in cells[1][1]
     assert "(200 MPa)" in cells[1][2]

@@ -232,7 +232,7 @@ def case(tmp_path):
     return path
 
 
-def test_items_of_another_kind_end_in_one_line(case, undrawn, tmp_path):
+def test_items_of_another_kind_end_in_one_line(case, tmp_path):
     """A checksum is no signature: whoever changes a checkpoint can write it anew."""
     out = tmp_path / "out"
     with pytest.raises(KeyboardInterrupt):
@@ -299,7 +299,7 @@ def test_a_list_of_files_that_is_none_is_passed_over(tmp_path, kind):
     assert (tmp_path / "kept").exists()
 
 
-def test_a_run_writes_nothing_outside_its_folder(case, undrawn, tmp_path):
+def test_a_run_writes_nothing_outside_its_folder(case, tmp_path):
     outside = tmp_path / "outside"
     outside.mkdir()
     for name in ("run.log", "results.nc", "kept"):
@@ -346,7 +346,7 @@ def holder(tmp_path):
     process.communicate()
 
 
-def test_a_second_run_in_a_folder_is_refused_until_the_first_has_ended(case, undrawn, holder, tmp_path):
+def test_a_second_run_in_a_folder_is_refused_until_the_first_has_ended(case, holder, tmp_path):
     before = {p: p.stat().st_mtime_ns for p in tmp_path.rglob("*")}
     for resume in (False, True):
         with pytest.raises(fs.InputError, match=rf"another run \(process {holder.pid} on .*under way.*another folder"):

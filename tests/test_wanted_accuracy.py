@@ -17,8 +17,8 @@ from femseal.loads import LoadProgramme
 from femseal.refinement.refining import refined
 from femseal.refinement.settings import first_settings, first_version, last_version
 from femseal.report.words import check_lines, key_numbers
-from femseal.results import wanted_accuracy
-from femseal.results.tables import error_band, leak_scale
+from femseal.results.attempts_table import attempt_sentences
+from femseal.results.tables import format_error_band
 from femseal.runs.forecast import describe
 
 sys.path.append(str(Path(__file__).parent / "benchmarks"))
@@ -91,11 +91,12 @@ def test_every_attempt_is_of_the_same_face(reached):
 
 
 def test_what_was_tried_is_told(reached):
-    section = wanted_accuracy.section(reached.attempts)
-    assert section["sentences"][0].startswith("The accuracy of 3 % is reached: the leakage is known within ")
-    assert section["sentences"][-1].startswith("Half the error: ")
-    assert section["lines"][0][section["heads"].index("points")] == "32 × 32"
-    assert reached.attempts_table().row_count == len(reached.attempts["attempts"]) > 1
+    table, sentences = reached.attempts_table(), attempt_sentences(reached.attempts)
+    assert sentences[0].startswith("The accuracy of 3 % is reached: the leakage is known within ")
+    assert sentences[-1].startswith("Half the error: ")
+    assert table.notes == (" ".join(sentences),)
+    assert table.lines[0][table.heads.index("points")] == "32 × 32"
+    assert len(table.lines) == len(reached.attempts["attempts"]) > 1
     assert not reached.warnings
 
 
@@ -111,7 +112,7 @@ def test_a_setting_of_the_case_stays_and_limits():
 
 def test_without_any_error_nothing_halves_it(reached):
     exact = reached.attempts | {"half_width": 0.0}
-    assert not any("Half the error" in text for text in wanted_accuracy.sentences(exact))
+    assert not any("Half the error" in text for text in attempt_sentences(exact))
 
 
 def test_the_page_tells_what_was_chosen_and_the_band_of_error(tmp_path):
@@ -123,7 +124,7 @@ def test_the_page_tells_what_was_chosen_and_the_band_of_error(tmp_path):
     assert float(told["contact.rtol"]) == chosen["rtol"] != 1e-5
     assert int(told["stochastic.realisations"]) == chosen["realisations"] == 20
     assert told["stochastic.library_cells"] == "2"
-    band = error_band(results.budget.lower[0], results.budget.upper[0], leak_scale(results)[1])
+    band = format_error_band(results.budget.lower[0], results.budget.upper[0], results.leak_scale[1])
     assert key_numbers(results)[0].note == f"95 % band of error {band}"
 
 

@@ -60,8 +60,8 @@ _TABLE: tuple[tuple[Kind, bool, dict[str, float]], ...] = (
 LEAK_UNITS: dict[str, LeakUnit] = {
     name: LeakUnit(name, kind, si, per_length) for kind, per_length, values in _TABLE for name, si in values.items()
 }
-#: Units in which every leakage is told; those of gases are left out for liquids.
-TOLD = ("m²/s", "mL/(m·min)", "mg/(m·s)", "m³/s", "mL/min", "drops/min", "kg/s", "g/year", "Pa·m³/s", "mbar·L/s",
+#: Units in which every leakage is given; those of gases are left out for liquids.
+USUAL_UNITS = ("m²/s", "mL/(m·min)", "mg/(m·s)", "m³/s", "mL/min", "drops/min", "kg/s", "g/year", "Pa·m³/s", "mbar·L/s",
         "std cm³/s")  # fmt: skip
 #: Units among which a readable one is chosen, per length of seal and for a whole seal.
 _READABLE = {
@@ -106,7 +106,7 @@ class LeakBasis:
     length : of the seal [m]. density : of the fluid at its reference state [kg/m³], NaN where unknown. pressure,
     temperature : of the reference state of a gas, absolute [Pa] and [K]; None for a liquid, which has no leakage in
     pressure × volume and no standard volume. molar_mass : of a gas [kg/mol], None where unknown. stated : temperature
-    at which pressure × volume is told [K]; that of the reference state unless given.
+    at which pressure × volume is stated [K]; that of the reference state unless given.
     """
 
     length: float
@@ -123,11 +123,11 @@ class LeakBasis:
 
     @property
     def stated_temperature(self) -> float | None:
-        """Temperature at which pressure × volume is told [K]; None for a liquid."""
+        """Temperature at which pressure × volume is stated [K]; None for a liquid."""
         return self.stated if self.is_gas and self.stated is not None else self.temperature
 
     def lacks(self, unit: LeakUnit) -> str:
-        """Why leakage of the fluid cannot be told in the unit, as what is allowed instead; "" where it can."""
+        """Why leakage of the fluid cannot be given in the unit, as what is allowed instead; "" where it can."""
         if unit.kind in ("throughput", "standard") and not self.is_gas:
             return "a unit of volume or of mass for a liquid: pressure × volume and standard volumes are for gases"
         if unit.kind == "standard" and self.temperature is None:
@@ -139,7 +139,7 @@ class LeakBasis:
         return ""
 
     def has(self, unit: LeakUnit) -> bool:
-        """Whether leakage of the fluid can be told in the unit."""
+        """Whether leakage of the fluid can be given in the unit."""
         return not self.lacks(unit)
 
     def factor(self, unit: LeakUnit) -> float:
@@ -165,8 +165,8 @@ class LeakBasis:
             per_volume = self.pressure / STANDARD_PRESSURE * STANDARD_TEMPERATURE / self.temperature
         return unit.si / per_volume / (1.0 if unit.per_length else self.length)
 
-    def units(self, names: Iterable[str] = TOLD) -> list[LeakUnit]:
-        """Those of the named units in which leakage of the fluid can be told."""
+    def units(self, names: Iterable[str] = USUAL_UNITS) -> list[LeakUnit]:
+        """Those of the named units in which leakage of the fluid can be given."""
         return [unit for unit in map(LEAK_UNITS.__getitem__, names) if self.has(unit)]
 
     def readable(self, values: ArrayLike) -> LeakUnit:

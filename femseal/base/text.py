@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import fields
-from html import escape
-from importlib import import_module
 from math import expm1, isfinite
 from types import ModuleType
 from typing import Any, ClassVar
@@ -15,7 +13,9 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.lib.mixins import NDArrayOperatorsMixin
 
+from . import displays
 from .quantities import to_text
+from .text_table import TextTable
 
 _POWERS = str.maketrans("23", "²³")
 
@@ -40,18 +40,18 @@ def duration(seconds: float) -> str:
     return f"{seconds / 60:.0f} min" if seconds < 7200 else f"{seconds / 3600:.2g} h"
 
 
-def share_text(half_width: float) -> str:
-    """A distance of ln(x) as a share of x, or as a factor.
+def format_deviation(half_width: float, factor: str = "a factor of ") -> str:
+    """A distance of ln(x) as a fraction of x, or as a factor where it is large.
 
-    >>> share_text(0.0953), share_text(1.5), share_text(800.0), share_text(float("inf"))
+    >>> format_deviation(0.0953), format_deviation(1.5), format_deviation(800.0), format_deviation(float("inf"))
     ('10 %', 'a factor of 4.5', 'a factor of more than 10000', 'an unknown factor')
     """
     if not half_width < 700:
-        return "an unknown factor" if not isfinite(half_width) else "a factor of more than 10000"
-    share = expm1(half_width)
-    if share < 1:
-        return f"{100 * share:.2g} %"
-    return f"a factor of {1 + share:.2g}" if share < 1e4 else "a factor of more than 10000"
+        return "an unknown factor" if not isfinite(half_width) else f"{factor}more than 10000"
+    change = expm1(half_width)
+    if change < 1:
+        return f"{100 * change:.2g} %"
+    return f"{factor}{1 + change:.2g}" if change < 1e4 else f"{factor}more than 10000"
 
 
 class Plotted:
@@ -75,8 +75,8 @@ class Plotted:
 
 
 def room(name: str) -> ModuleType:
-    """Import a package of femseal that displays results, such as "plots", when it is needed."""
-    return import_module(f"femseal.{name}")
+    """A package of femseal that displays results, "plots" or "report", imported when it is needed."""
+    return displays[name]()
 
 
 class Shown(Plotted):
@@ -92,7 +92,7 @@ class Shown(Plotted):
         return f"{type(self).__name__}({', '.join(f'{name} {text}' for name, text, _ in self._facts(whole=False))})"
 
     def _repr_html_(self) -> str:
-        return fact_table(type(self).__name__, self._facts(whole=True))
+        return TextTable(type(self).__name__, (), tuple(self._facts(whole=True)))._repr_html_()
 
     def _facts(self, whole: bool) -> list[tuple[str, str, str]]:
         """Name, value as text, meaning."""
@@ -103,17 +103,6 @@ class Shown(Plotted):
                 text = value_text(value, f.metadata.get("unit", "1"))
                 facts.append((f.name, text, f.metadata.get("long_name", "")))
         return facts
-
-
-def fact_table(caption: str, lines: Iterable[tuple[str, ...]], head: tuple[str, ...] = ()) -> str:
-    """A table in HTML: one line of texts for each fact."""
-    heads = f"<thead><tr>{_cells(head, 'th')}</tr></thead>\n" if head else ""
-    body = "\n".join(f"<tr>{_cells(line, 'td')}</tr>" for line in lines)
-    return f"<table><caption>{escape(caption)}</caption>\n{heads}<tbody>\n{body}\n</tbody></table>"
-
-
-def _cells(texts: Iterable[str], tag: str) -> str:
-    return "".join(f"<{tag}>{escape(text)}</{tag}>" for text in texts)
 
 
 def _says_nothing(value: Any) -> bool:

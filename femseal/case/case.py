@@ -19,7 +19,7 @@ from ..base.errors import InputError, InputErrors, shortened
 from ..base.quantities import to_text
 from ..fluids import leak_basis, potential_of
 from ..materials import Solid, contact_modulus, softer_hardness
-from ..results.reached_classes import check_classes
+from ..results.class_results import check_classes
 from ..seal.layouts import Layout
 from .case_accuracy import with_what_is_open
 from .case_tables import AnyFluid, CellsTable, ContactTable, FlowTable, OutputTable, SolidTable, StochasticTable

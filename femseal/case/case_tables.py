@@ -19,8 +19,8 @@ from ..flow import DISCRETISATIONS, SOLVERS
 from ..flow.discretisation import check_discretisation
 from ..fluids import FLUIDS, Fluid
 from ..materials import Solid
-from ..results.fields import LIMIT
-from ..results.vtk import FORMATS
+from ..results.paraview import FORMATS
+from ..results.pixel_fields import LIMIT
 from ..studies import CONTACTS, DRAWS, FLOWS, PRESSURES, FluidState
 from .faults import fault
 from .registered_tables import table_of_any

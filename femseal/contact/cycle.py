@@ -20,7 +20,8 @@ from numpy.typing import ArrayLike
 from ..base import validate
 from ..base.quantities import to_text
 from ..base.stage import Mapper, Stage
-from ..base.text import Plotted, fact_table
+from ..base.text import Plotted
+from ..base.text_table import TextTable
 from ..loads import LoadProgramme, LoadStep
 from .half_space import HalfSpace
 from .law import ContactLaw, contact_law
@@ -61,9 +62,9 @@ class LoadCycle(tuple[LoadState, ...], Plotted):
         lines = []
         for state in self:
             c = state.contact
-            shares = (f"{share:.1%}" for share in (c.area_fraction, c.plastic_fraction))
-            lines.append((state.name, *shares, to_text(c.mean_gap, "m"), f"{c.residual:.1e}"))
-        return fact_table("load cycle", lines, head)
+            fractions = (f"{part:.1%}" for part in (c.area_fraction, c.plastic_fraction))
+            lines.append((state.name, *fractions, to_text(c.mean_gap, "m"), f"{c.residual:.1e}"))
+        return TextTable("load cycle", head, tuple(lines))._repr_html_()
 
 
 def load_cycle(

@@ -16,54 +16,37 @@ from ..base.errors import InputError
 from ..base.leak_classes import USUAL, LeakClass, leak_classes
 from ..base.provenance import versions
 from ..base.quantities import to_si, to_text
-from ..base.text import fact_table
 from ..case.case import Case, load_case
 from ..case.load import Amount
 from ..results import open_results
 from ..results.results import Results
 from ..runs import job
+from .data_sheet import sheet_sentences, sheet_tables, write_sheet
+from .design_data import DesignData
+from .design_picture import design_figure
 from .requirements import Requirement, requirement, sealing_load
 from .seals import Seals
-from .sensitivities import Sensitivity, TurnedFace, Variants, ratio_of, sensitivities
-from .variants import Solver, inlet_slope, judged_state
+from .sensitivities import TurnedFace, Variants, ratio_of, sensitivities
+from .variants import Solver, inlet_slope, state_of_classes
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from .requirements import NeededPressure
-
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Design:
-    """What a seal needs, see `design`.
-
-    results : of the run. seals : the leakages that were judged. probability : share of the seals that keep a class.
-    requirements : Qmin and QSmin of every class. sealing : load from which on nothing leaks. at : class and nominal
-    pressure [Pa] of the sensitivities; NaN where there is none. sensitivities, turned : what changes the leakage.
-    notes : what to keep in mind, one line each.
-    """
-
-    results: Results
-    seals: Seals
-    probability: float
-    requirements: tuple[Requirement, ...]
-    sealing: NeededPressure
-    at: tuple[str, float]
-    sensitivities: tuple[Sensitivity, ...]
-    turned: TurnedFace | None
-    notes: tuple[str, ...]
+class Design(DesignData):
+    """What a seal needs, see `design` and `DesignData`."""
 
     def plot(self) -> Figure:
         """Leakage against nominal pressure with the limits of the classes, Qmin and QSmin."""
-        from .design_picture import design_figure
-
         return design_figure(self)
 
     def table(self) -> Any:
         """The data sheet for a terminal, to be given to `rich.print`."""
-        from .data_sheet import rich_tables
+        from rich.console import Group
+        from rich.markup import escape
 
-        return rich_tables(self)
+        return Group(*map(escape, sheet_sentences(self)), *sheet_tables(self))
 
     def __repr__(self) -> str:
         needs = "; ".join(f"{need.name}: Qmin {need.assembly.text()}" for need in self.requirements)
@@ -71,19 +54,11 @@ class Design:
         return f"<femseal.Design of {count}, probability {self.probability:g}: {needs}>"
 
     def _repr_html_(self) -> str:
-        from .data_sheet import sheet, slopes, slopes_title
-
-        (heads, lines), (slope_heads, slope_lines) = sheet(self), slopes(self)
-        told = fact_table("Pressure in assembly and in service", map(tuple, lines), tuple(heads))
-        if slope_lines:
-            told += fact_table(slopes_title(self), map(tuple, slope_lines), tuple(slope_heads))
-        return told
+        return "".join(table._repr_html_() for table in sheet_tables(self))
 
     def write(self, folder: str | os.PathLike[str]) -> list[Path]:
         """Write `design.csv`, `design.json` and `design.png`; the report of results in the folder shows them."""
-        from .data_sheet import write
-
-        return write(self, folder)
+        return write_sheet(self, folder)
 
 
 def design(
@@ -100,10 +75,10 @@ def design(
 ) -> Design:
     """Pressures that a seal needs in assembly and in service, and what changes its leakage most.
 
-    Qmin(L) is the nominal pressure in assembly from which on a share of the seals leaks no more than a class L allows,
-    QSmin(L; Q_A) that to which it may fall after an assembly at Q_A, as EN 13555 and EN 1591-1 use them: along the
-    loading, and along the unloading from Q_A. Between load steps ln(leakage) is straight in ln(pressure); nothing is
-    extrapolated.
+    Qmin(L) is the nominal pressure in assembly from which on a fraction of the seals leaks no more than a class L
+    allows, QSmin(L; Q_A) that to which it may fall after an assembly at Q_A, as EN 13555 and EN 1591-1 use them:
+    along the loading, and along the unloading from Q_A. Between load steps ln(leakage) is straight in ln(pressure);
+    nothing is extrapolated.
 
     Parameters
     ----------
@@ -111,8 +86,8 @@ def design(
     output : folder of the run and of the answer, where complete results of the same case are taken; None writes
         nothing.
     classes : leakage classes, or leakages with their unit, see `base.leak_classes`; those of the case unless given,
-        else L0.01, L0.1 and L1. They are judged by the test fluid where there is one.
-    probability : share of the seals that is to keep the class, above 0 and below 1.
+        else L0.01, L0.1 and L1. The test fluid decides on them where there is one.
+    probability : fraction of the seals that is to keep the class, above 0 and below 1.
     assembly : pressures in assembly Q_A besides those that the case unloads from, [Pa] or as "300 MPa"; cases only.
     nominal_diameter : [m] or as "50 mm", for the rates of ISO 5208.
     solve : solve the case again with another hardness and with the face turned by 90°, for what no law tells; cases
@@ -134,24 +109,24 @@ def design(
         validate.number("nominal_diameter", diameter, unit="m")
     if results is not None and extra:
         raise InputError("assembly", ", ".join(to_text(q, "Pa") for q in extra), "none with results: give the case")
-    told = progress or (lambda stage, done, total: None)
+    shown = progress or (lambda stage, done, total: None)
     if results is None:
         assert case is not None
         case = _assembled(case, extra)
         if wanted:
             _check(wanted, case, diameter)
-        results = job.run(case, output, output is not None, workers, progress=told)
+        results = job.run(case, output, output is not None, workers, progress=shown)
     seals = Seals.of_results(results)
     if not seals.count:
         raise InputError("results", "no seal whose leakage is known at every load", "results without such failures")
     wanted = wanted or _usual(results)
     diameter = diameter or results.dataset.attrs.get("nominal_diameter_m")
-    limits = [(one.name, one.limit(results.judged_basis, diameter)) for one in wanted]
+    limits = [(one.name, one.limit(results.class_basis, diameter)) for one in wanted]
     needs = tuple(requirement(seals, name, limit, probability) for name, limit in limits)
     place = _place(needs, seals, probability)
     variants, turned, notes = Variants(hardness_counts=_yields(results)), None, _notes(seals, probability, results)
     if case is not None and solve and np.isfinite(place[1]):
-        solver = Solver(case, results, workers, told)
+        solver = Solver(case, results, workers, shown)
         if (former := _other_version(results)) is not None:
             notes.append(f"the run is of femseal {former}: what is solved again may differ from it for that reason too")
         variants = solver.variants()
@@ -160,7 +135,7 @@ def design(
             turned = _turned(seals, other.seals, other.factor, needs, place, probability, other.how)
         except InputError as error:  # a face and a shape of seal that go together only one way round
             notes.append(f"the face was not turned by 90°: {error}")
-    if (state := judged_state(results)) is not None:
+    if (state := state_of_classes(results)) is not None:
         several = isinstance(results.case.get("seal", {}).get("inlet"), dict)
         slope = np.nan if several else inlet_slope(state)
         variants = replace(variants, law_length=state.law.length, inlet_slope=slope)
@@ -219,13 +194,13 @@ def _usual(results: Results) -> tuple[LeakClass, ...]:
     return leak_classes([str(n) for n in data["leak_class"].values] if "leak_class" in data.coords else USUAL)
 
 
-def _place(needs: tuple[Requirement, ...], seals: Seals, share: float) -> tuple[str, float]:
+def _place(needs: tuple[Requirement, ...], seals: Seals, fraction: float) -> tuple[str, float]:
     """Class and load of the sensitivities: Qmin of the first class that has one, else half way over the open loads."""
     for need in needs:
         if need.assembly.known:
             return need.name, need.assembly.value
     steps = seals.loading()
-    pressure, leak = seals.steps.pressures[steps], seals.share_curve(share)[steps]
+    pressure, leak = seals.steps.pressures[steps], seals.curve_of(fraction)[steps]
     open_ = pressure[(pressure > 0) & (leak > 0)]
     return "", float(np.sqrt(open_[0] * open_[-1])) if open_.size > 1 else np.nan
 
@@ -236,15 +211,15 @@ def _turned(
     factor: float,
     needs: tuple[Requirement, ...],
     place: tuple[str, float],
-    share: float,
+    fraction: float,
     how: str,
 ) -> TurnedFace:
-    ratio = ratio_of(seals, other, factor, place[1], share)
+    ratio = ratio_of(seals, other, factor, place[1], fraction)
     limit = next((need.limit for need in needs if need.name == place[0]), None)
     if limit is None:
         return TurnedFace(ratio, "", how)
     scaled = replace(other, leakage=other.leakage * factor)
-    return TurnedFace(ratio, requirement(scaled, place[0], limit, share).assembly.text(), how)
+    return TurnedFace(ratio, requirement(scaled, place[0], limit, fraction).assembly.text(), how)
 
 
 def _other_version(results: Results) -> str | None:
@@ -257,19 +232,17 @@ def _yields(results: Results) -> bool:
     return bool(np.isfinite(float(results.dataset.attrs["hardness_Pa"])))
 
 
-def _notes(seals: Seals, share: float, results: Results) -> list[str]:
+def _notes(seals: Seals, fraction: float, results: Results) -> list[str]:
     notes = []
-    tail = min(share, 1 - share)
+    tail = min(fraction, 1 - fraction)
     if seals.count == 1:
         notes.append("one seal: its figures have no probability and no uncertainty; a stochastic run draws many")
     elif seals.count * tail < 1 - 1e-9:
-        notes.append(
-            f"{seals.count} seals are few for the share {share:g}: at least {round(1 / tail)} tell it from all of them"
-        )
+        notes.append(f"{seals.count} seals are few for the fraction {fraction:g}: it takes at least {round(1 / tail)}")
     if not seals.steps.unload_from:
         notes.append("the case is not unloaded: QSmin takes `unload_from`, or --assembly with a case")
     if doubts := len(results.warnings):
-        notes.append(f"the run has {doubts} warning{'s' if doubts > 1 else ''}, which its report tells")
+        notes.append(f"the run has {doubts} warning{'s' if doubts > 1 else ''}, which its report lists")
     lost = results.dataset.sizes.get("realisation", seals.count) - seals.count
     if lost > 0 and results.method == "median":
         notes.append(f"{lost} seals failed at some load and are left out")

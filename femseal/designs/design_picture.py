@@ -11,22 +11,21 @@ import numpy as np
 from ..base.quantities import to_text
 from ..plots.drawing import GREY, LEGEND_LINE, LINES, STYLES, Sheet, branch_styles, legend_below
 from ..plots.leakage_curves import LeakageCurves, leakage_panel, limit_lines
-from .data_sheet import leak_scale
+from ..plots.scales_of_axes import decades
+from .design_data import DesignData
 from .requirements import ENDS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from .answer import Design
-
 #: Part of the width of the axes beyond which names would leave them.
 _RIGHT = 0.86
 
 
-def design_figure(answer: Design) -> Figure:
-    """Leakage that a share of the seals does not exceed, with the band of the seals; marks at Qmin and QSmin."""
-    unit, scale = leak_scale(answer)
+def design_figure(answer: DesignData) -> Figure:
+    """Leakage that a fraction of the seals does not exceed, with the band of the seals; marks at Qmin and QSmin."""
+    unit, scale = answer.leak_scale
     seals = answer.seals
     peaks = [np.nan if s.unloaded_from is None else s.unloaded_from for s in seals.steps]
     many = seals.count > 1
@@ -34,11 +33,11 @@ def design_figure(answer: Design) -> Figure:
     curves = LeakageCurves(
         pressure=seals.steps.pressures,
         peaks=np.array(peaks),
-        leakage=seals.share_curve(answer.probability),
+        leakage=seals.curve_of(answer.probability),
         title=f"leakage that {100 * answer.probability:.4g} % of the seals keep" if many else "leakage of the seal",
-        band=(seals.share_curve(ENDS[0]), seals.share_curve(ENDS[1])) if many else None,
-        share=ENDS,
-        told=(scale, f"{what} [{unit.name}]"),
+        band=(seals.curve_of(ENDS[0]), seals.curve_of(ENDS[1])) if many else None,
+        quantiles=ENDS,
+        scale=(scale, f"{what} [{unit.name}]"),
     )
     lines = ceil((len(seals.steps.unload_from) + 6) / 2)
     sheet = Sheet([4.4 + LEGEND_LINE * lines])
@@ -50,10 +49,8 @@ def design_figure(answer: Design) -> Figure:
     return sheet.figure
 
 
-def _limits(axes: Axes, answer: Design, scale: float) -> None:
+def _limits(axes: Axes, answer: DesignData, scale: float) -> None:
     """A line for each class within the axis, named at its right end; those beyond it are named at the edge."""
-    from ..plots.scales_of_axes import decades
-
     low, high = axes.get_ylim()
     limits = [need.limit / scale for need in answer.requirements if need.limit > 0]
     known = [limit for limit in limits if limit < low]
@@ -73,7 +70,7 @@ def _limits(axes: Axes, answer: Design, scale: float) -> None:
             axes.annotate(text, (1, place), xycoords="axes fraction", va=side, fontsize=8.5, color=GREY)
 
 
-def _marks(axes: Axes, answer: Design, scale: float) -> list[Any]:
+def _marks(axes: Axes, answer: DesignData, scale: float) -> list[Any]:
     """Qmin on the loading and QSmin on the unloadings, each with its uncertainty; returns handles of the legend."""
     from matplotlib.lines import Line2D
     from matplotlib.patheffects import withStroke

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..base.quantities import to_text
 from ..base.text import Shown
-from .seals import Array, Index, Seals, share_of
+from .seals import Array, Index, Seals, pressure_for
 
 #: Ends of the interval of an uncertainty, and of the band between seals.
 ENDS = (0.05, 0.95)
@@ -18,7 +18,7 @@ ENDS = (0.05, 0.95)
 
 @dataclass(frozen=True, repr=False)
 class NeededPressure(Shown):
-    """A nominal pressure that is enough for a share of the seals.
+    """A nominal pressure that is enough for a fraction of the seals.
 
     value : [Pa]; inf where the loads of the run are not enough, 0 where the lowest of them is. low, high : interval in
     which it lies with 90 %, by seals drawn again from other libraries; NaN for a single seal. seals_low, seals_high :
@@ -48,21 +48,21 @@ class NeededPressure(Shown):
         return self.highest if isinf(value) else self.lowest if value == 0 else value
 
     def text(self, with_interval: bool = True) -> str:
-        """The value in words, with its uncertainty."""
-        told = _text(self, self.value)
+        """The value as text, with its uncertainty."""
+        value = _text(self, self.value)
         if not with_interval or np.isnan(self.low) or not self.known:
-            return told
-        return f"{told} ({_number(self, self.low)} to {_number(self, self.high)})"
+            return value
+        return f"{value} ({_number(self, self.low)} to {_number(self, self.high)})"
 
     def band_text(self) -> str:
-        """What 5 % and 95 % of the seals need, in words."""
+        """What 5 % and 95 % of the seals need, as text."""
         ends = [_text(self, value) for value in (self.seals_low, self.seals_high)]
         return ends[0] if ends[0] == ends[1] else " to ".join(ends)
 
 
 def _text(needed: NeededPressure, value: float) -> str:
-    words = {"above ": isinf(value), "at most ": value == 0}
-    return next((word for word, there in words.items() if there), "") + to_text(needed.bound(value), "Pa", 3)
+    before = "above " if isinf(value) else "at most " if value == 0 else ""
+    return before + to_text(needed.bound(value), "Pa", 3)
 
 
 def _number(needed: NeededPressure, value: float) -> str:
@@ -85,32 +85,32 @@ class Requirement:
     service: dict[float, NeededPressure]
 
 
-def requirement(seals: Seals, name: str, limit: float, share: float) -> Requirement:
-    """What a limit of leakage per length [m²/s] needs with a share of the seals."""
+def requirement(seals: Seals, name: str, limit: float, fraction: float) -> Requirement:
+    """What a limit of leakage per length [m²/s] needs with a fraction of the seals."""
 
     def service(peak: float) -> NeededPressure:
-        return _needed(seals, lambda some: some.needed_on_unloading(limit, peak), seals.unloading(peak), share)
+        return _needed(seals, lambda some: some.needed_on_unloading(limit, peak), seals.unloading(peak), fraction)
 
-    assembly = _needed(seals, lambda some: some.needed_on_loading(limit), seals.loading(), share)
+    assembly = _needed(seals, lambda some: some.needed_on_loading(limit), seals.loading(), fraction)
     return Requirement(name, limit, assembly, {peak: service(peak) for peak in seals.steps.unload_from})
 
 
-def sealing_load(seals: Seals, share: float) -> NeededPressure:
-    """Pressure in assembly from which on nothing leaks, with a share of the seals."""
-    return _needed(seals, lambda some: some.needed_on_loading(0.0), seals.loading(), share)
+def sealing_load(seals: Seals, fraction: float) -> NeededPressure:
+    """Pressure in assembly from which on nothing leaks, with a fraction of the seals."""
+    return _needed(seals, lambda some: some.needed_on_loading(0.0), seals.loading(), fraction)
 
 
-def _needed(seals: Seals, of: Callable[[Seals], Array], steps: Index, share: float) -> NeededPressure:
+def _needed(seals: Seals, of: Callable[[Seals], Array], steps: Index, fraction: float) -> NeededPressure:
     each = of(seals)
-    again = [share_of(of(some), share) for _, some in seals.drawn_again()]
-    low, high = (share_of(np.array(again), end) if again else np.nan for end in ENDS)
+    again = [pressure_for(of(some), fraction) for _, some in seals.drawn_again()]
+    low, high = (pressure_for(np.array(again), end) if again else np.nan for end in ENDS)
     pressure = seals.steps.pressures[steps]
     return NeededPressure(
-        value=share_of(each, share),
+        value=pressure_for(each, fraction),
         low=low,
         high=high,
-        seals_low=share_of(each, ENDS[0]),
-        seals_high=share_of(each, ENDS[1]),
+        seals_low=pressure_for(each, ENDS[0]),
+        seals_high=pressure_for(each, ENDS[1]),
         lowest=float(pressure.min()),
         highest=float(pressure.max()),
     )

@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 
 from ..base.leak_classes import within
 from ..loads import LoadProgramme
-from ..results.reached_classes import judged_leakage
 from ..results.results import Results
 
 Array = NDArray[np.float64]
@@ -39,8 +38,8 @@ class Seals:
 
     @classmethod
     def of_results(cls, results: Results) -> Seals:
-        """The realisations of a run, or its one seal, with the fluid by which leakage classes are judged."""
-        _, several = judged_leakage(results.dataset, results)
+        """The realisations of a run, or its one seal, with the fluid that decides on leakage classes."""
+        _, several = results.class_leakage
         error = results.dataset["library_error"].values if "library_error" in results.dataset else None
         return cls.of(results.steps, several, error if results.method == "median" else None)
 
@@ -67,9 +66,9 @@ class Seals:
             shift = np.exp(self.library_error * rng.standard_normal())
             yield chosen, replace(self, leakage=self.leakage[chosen] * shift)
 
-    def share_curve(self, share: float) -> Array:
-        """Leakage that a share of the seals does not exceed, at each step [m²/s]."""
-        return np.sort(self.leakage, axis=0)[_rank(share, self.count)]
+    def curve_of(self, fraction: float) -> Array:
+        """Leakage that a fraction of the seals does not exceed, at each step [m²/s]."""
+        return np.sort(self.leakage, axis=0)[_rank(fraction, self.count)]
 
     def loading(self) -> Index:
         """Steps of the loading, rising."""
@@ -114,10 +113,10 @@ def crossings(pressure: Array, leakage: Array, limit: float) -> Array:
     return np.where(ok.all(axis=1), 0.0, np.where(first == 0, inf, between))
 
 
-def share_of(pressures: Array, share: float) -> float:
-    """Lowest pressure that is enough for a share of the seals [Pa]: an order statistic, without interpolation."""
-    return float(np.sort(pressures)[_rank(share, len(pressures))])
+def pressure_for(pressures: Array, fraction: float) -> float:
+    """Lowest pressure that is enough for a fraction of the seals [Pa]: an order statistic, without interpolation."""
+    return float(np.sort(pressures)[_rank(fraction, len(pressures))])
 
 
-def _rank(share: float, count: int) -> int:
-    return min(max(ceil(share * count - 1e-9), 1), count) - 1
+def _rank(fraction: float, count: int) -> int:
+    return min(max(ceil(fraction * count - 1e-9), 1), count) - 1

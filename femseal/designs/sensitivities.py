@@ -21,7 +21,7 @@ import numpy as np
 from scipy.interpolate import PchipInterpolator
 
 from .requirements import ENDS
-from .seals import SEED, Index, Seals, share_of
+from .seals import SEED, Index, Seals, pressure_for
 
 
 @dataclass(frozen=True)
@@ -36,10 +36,10 @@ class Slope:
         """The slope with two decimals, "–" where it is unknown."""
         if not np.isfinite(self.value):
             return "–"
-        told = f"{self.value:+.2f}"
+        value = f"{self.value:+.2f}"
         if not np.isfinite([self.low, self.high]).all() or self.low == self.high:
-            return told
-        return f"{told} ({self.low:+.2f} to {self.high:+.2f})"
+            return value
+        return f"{value} ({self.low:+.2f} to {self.high:+.2f})"
 
 
 @dataclass(frozen=True)
@@ -70,12 +70,12 @@ class Variants:
     inlet_slope: float = np.nan
 
 
-def sensitivities(seals: Seals, variants: Variants, pressure: float, share: float) -> tuple[Sensitivity, ...]:
-    """Slopes at a nominal pressure on loading, of the leakage that a share of the seals does not exceed."""
-    rows = {name: how for name, _, how in _slopes(seals, variants, pressure, share)}
-    best = _values(seals, variants, pressure, share)
+def sensitivities(seals: Seals, variants: Variants, pressure: float, fraction: float) -> tuple[Sensitivity, ...]:
+    """Slopes at a nominal pressure on loading, of the leakage that a fraction of the seals does not exceed."""
+    rows = {name: how for name, _, how in _slopes(seals, variants, pressure, fraction)}
+    best = _values(seals, variants, pressure, fraction)
     again = [
-        _values(some, _drawn(variants, chosen, some, seals), pressure, share) for chosen, some in seals.drawn_again()
+        _values(some, _drawn(variants, chosen, some, seals), pressure, fraction) for chosen, some in seals.drawn_again()
     ]
     found = []
     for n, (name, how) in enumerate(rows.items()):
@@ -84,7 +84,7 @@ def sensitivities(seals: Seals, variants: Variants, pressure: float, share: floa
             several = np.array([values[n][part] for values in again])
             several = several[np.isfinite(several)]
             known = np.isfinite(best[n][part]) and several.size
-            ends = [share_of(several, end) if known else np.nan for end in ENDS]
+            ends = [pressure_for(several, end) if known else np.nan for end in ENDS]
             slopes.append(Slope(best[n][part], *ends))
         found.append(Sensitivity(name, slopes[0], slopes[1], how))
     return tuple(found)
@@ -103,22 +103,22 @@ def _drawn(variants: Variants, chosen: Index, some: Seals, seals: Seals) -> Vari
     return replace(variants, harder=again(variants.harder), longer=again(variants.longer))
 
 
-def _values(seals: Seals, variants: Variants, pressure: float, share: float) -> list[tuple[float, float]]:
+def _values(seals: Seals, variants: Variants, pressure: float, fraction: float) -> list[tuple[float, float]]:
     """Slopes of the leakage and of the pressure that is needed, of every quantity."""
-    slopes = _slopes(seals, variants, pressure, share)
+    slopes = _slopes(seals, variants, pressure, fraction)
     load = slopes[0][1]
     steep = np.isfinite(load) and load != 0
     # of the load itself, there is nothing to be needed
     return [(slope, -slope / load if steep and n else np.nan) for n, (_, slope, _) in enumerate(slopes)]
 
 
-def _slopes(seals: Seals, variants: Variants, pressure: float, share: float) -> list[tuple[str, float, str]]:
-    load = slope_at(seals, pressure, share)
+def _slopes(seals: Seals, variants: Variants, pressure: float, fraction: float) -> list[tuple[str, float, str]]:
+    load = slope_at(seals, pressure, fraction)
 
     def solved(variant: Seals | None, factor: float, quantity: str) -> tuple[float, str]:
         if variant is None:
             return np.nan, "unknown: takes a solution, from a case"
-        slope = (level_at(variant, pressure, share) - level_at(seals, pressure, share)) / np.log(factor)
+        slope = (level_at(variant, pressure, fraction) - level_at(seals, pressure, fraction)) / np.log(factor)
         return slope, f"solved again with {factor:g} times the {quantity}"
 
     hard, how_hard = 0.0, "elastic: no hardness"
@@ -155,23 +155,23 @@ def _slopes(seals: Seals, variants: Variants, pressure: float, share: float) -> 
     ]
 
 
-def level_at(seals: Seals, pressure: float, share: float) -> float:
-    """ln of the leakage that a share of the seals does not exceed, on loading; NaN beyond the loads or without leak."""
+def level_at(seals: Seals, pressure: float, fraction: float) -> float:
+    """ln of the leakage that a fraction of the seals does not exceed, on loading; NaN where it is unknown or 0."""
     low, high, way = _segment(seals, pressure)
-    curve = seals.share_curve(share)
+    curve = seals.curve_of(fraction)
     if low < 0 or not (curve[low] > 0 and curve[high] > 0):
         return float("nan")
     return float((1 - way) * np.log(curve[low]) + way * np.log(curve[high]))
 
 
-def slope_at(seals: Seals, pressure: float, share: float) -> float:
+def slope_at(seals: Seals, pressure: float, fraction: float) -> float:
     """d ln L/d ln p on loading; NaN beyond the loads or without leakage.
 
     Of a monotone cubic through the load steps (PCHIP): chords between steps are off where the curve bends. Measured at
     579 MPa on the turned face of the examples: −2.73 of the chord, −3.00 so, −3.06 of two more solutions.
     """
     low, high, _ = _segment(seals, pressure)
-    curve, p = seals.share_curve(share), seals.steps.pressures
+    curve, p = seals.curve_of(fraction), seals.steps.pressures
     if low < 0 or not (curve[low] > 0 and curve[high] > 0):
         return float("nan")
     open_ = [n for n in seals.loading() if p[n] > 0 and curve[n] > 0]
@@ -193,8 +193,8 @@ def _segment(seals: Seals, pressure: float) -> tuple[int, int, float]:
 class TurnedFace:
     """The face turned by 90°, at the same breadth of the seal.
 
-    leakage : factor of the leakage at the load of the sensitivities. need : pressure in assembly for the class, in
-    words. how : what was solved.
+    leakage : factor of the leakage at the load of the sensitivities. need : pressure in assembly for the class, as
+    text. how : what was solved.
     """
 
     leakage: Slope
@@ -202,13 +202,13 @@ class TurnedFace:
     how: str
 
 
-def ratio_of(seals: Seals, other: Seals, factor: float, pressure: float, share: float) -> Slope:
+def ratio_of(seals: Seals, other: Seals, factor: float, pressure: float, fraction: float) -> Slope:
     """Factor from the leakage of seals to that of others at a load, the others' multiplied by `factor`."""
 
     def ratio(one: Seals, two: Seals) -> float:
-        return float(factor * np.exp(level_at(two, pressure, share) - level_at(one, pressure, share)))
+        return float(factor * np.exp(level_at(two, pressure, fraction) - level_at(one, pressure, fraction)))
 
     pairs = zip(seals.drawn_again(), other.drawn_again(SEED + 1), strict=False)
     again = [value for value in (ratio(one, two) for (_, one), (_, two) in pairs) if np.isfinite(value)]
-    ends = [share_of(np.array(again), end) if again else np.nan for end in ENDS]
+    ends = [pressure_for(np.array(again), end) if again else np.nan for end in ENDS]
     return Slope(ratio(seals, other), *ends)

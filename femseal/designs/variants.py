@@ -38,7 +38,7 @@ class TurnedSeals:
 
 
 class Solver:
-    """Solves variants of a case for the fluid by which its classes are judged."""
+    """Solves variants of a case for the fluid that decides on its classes."""
 
     def __init__(self, case: Case, results: Results, workers: int | None, progress: Progress) -> None:
         self._case, self._workers, self._progress = case, workers, progress
@@ -114,8 +114,8 @@ def _of_study(study: Any, scene: Scene) -> Seals:
     return Seals.of(scene.steps, study.leakage, getattr(study, "library_error", None))
 
 
-def judged_state(results: Results) -> FluidState | None:
-    """The fluid by which classes are judged, from the case of the results; None if that does not tell it."""
+def state_of_classes(results: Results) -> FluidState | None:
+    """The fluid that decides on classes, from the case of the results; None if that does not say it."""
     try:
         table = results.case.get("output", {}).get("test_fluid") or results.case["fluid"]
         made = FLUIDS[table["kind"]]

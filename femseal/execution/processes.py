@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import atexit
+import logging
 import os
 import pickle
 import signal
@@ -24,8 +26,11 @@ from ..base.machine import free_memory
 from ..base.shared_array import sharing
 from ..base.stage import Mapper, Stage
 
-#: Share of the free memory that the concurrent calls of a stage may take together.
-FREE_SHARE = 0.7
+log = logging.getLogger("femseal.execution.processes")
+#: Fraction of the free memory that the concurrent calls of a stage may take together.
+FREE_FRACTION = 0.7
+#: Time that processes without work get to end [s].
+END_SECONDS = 10.0
 #: Settings of the GNU C library by which processes keep freed memory up to this size [byte]: getting new memory for
 #: each result takes as long as sending the result.
 KEPT_MEMORY = {"MALLOC_TRIM_THRESHOLD_": str(2**25), "MALLOC_MMAP_THRESHOLD_": str(2**25)}
@@ -35,13 +40,14 @@ KEPT_MEMORY = {"MALLOC_TRIM_THRESHOLD_": str(2**25), "MALLOC_MMAP_THRESHOLD_": s
 def over_processes(count: int) -> Iterator[Mapper]:
     """Context with a mapper over `count` processes; they end with the context if it ends with an error.
 
-    Within it, arrays of `shared_empty` are shared with the processes.
+    Else they wait for another context, and end with this process. Within it, arrays of `shared_empty` are shared with
+    the processes.
     """
     try:
         with sharing(), TemporaryDirectory(prefix="femseal-", ignore_cleanup_errors=True) as folder:
             yield partial(_map, count, folder)
     except BaseException:
-        _end_processes(count)
+        end_processes(kill=True)
         raise
 
 
@@ -59,13 +65,14 @@ def _map(count: int, folder: str, stage: Stage, *iterables: Iterable[Any]) -> It
     try:
         under_way: Any = "2 * n_jobs"
         if stage.memory:
-            under_way = int(np.clip(FREE_SHARE * free_memory() / stage.memory, 1, 2 * count))
+            under_way = int(np.clip(FREE_FRACTION * free_memory() / stage.memory, 1, 2 * count))
         results = None
         try:
             with joblib.parallel_config("loky", inner_max_num_threads=1), starting_processes():
                 pool = joblib.Parallel(return_as="generator", n_jobs=count, pre_dispatch=under_way)
                 call = joblib.delayed(_call_stored)
                 results = pool(call(os.getpid(), file.name, *args) for args in chain(first, items))
+            _end_at_exit()
             for result in results:  # noqa: UP028, as it would close them here
                 yield result
         except TerminatedWorkerError as error:
@@ -108,10 +115,36 @@ def starting_processes() -> Iterator[None]:
             signal.pthread_sigmask(signal.SIG_SETMASK, heard)
 
 
-def _end_processes(count: int) -> None:
-    from joblib.externals.loky import get_reusable_executor
+def end_processes(kill: bool = False) -> None:
+    """End the processes: at once, or by force those that do not end by themselves within `END_SECONDS`.
 
-    get_reusable_executor(max_workers=count, reuse=True).shutdown(wait=True, kill_workers=True)
+    joblib waits for them without limit, also at the end of this process: one that is stuck would keep it for ever.
+    """
+    from joblib.externals.loky import reusable_executor
+
+    executor = reusable_executor._executor
+    if executor is None:
+        return
+    numbers, calls = list(executor._processes or ()), executor._call_queue
+    ending = threading.Thread(target=executor.shutdown, kwargs={"kill_workers": kill}, daemon=True)
+    ending.start()
+    ending.join(END_SECONDS)
+    if not ending.is_alive():
+        return
+    log.warning("worker processes did not end within %g s: they are ended by force", END_SECONDS)
+    for number in numbers:
+        with suppress(psutil.Error):
+            psutil.Process(number).kill()
+    with suppress(OSError, AttributeError):
+        calls._reader.close()  # calls that nobody takes any more would be waited for
+    ending.join(END_SECONDS)
+
+
+@cache
+def _end_at_exit() -> None:
+    """Have `end_processes` called at the end of this process, before joblib waits for the processes."""
+    # as joblib does; the last one that is registered is called first
+    getattr(threading, "_register_atexit", atexit.register)(end_processes)
 
 
 def _call_stored(parent: int, path: str, *args: Any) -> Any:

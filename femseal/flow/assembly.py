@@ -42,15 +42,15 @@ def _edges(first: float, last: float) -> tuple[Sample, ...]:
     return (*along, Sample((0.0, 0.5), first, (1, 1)), Sample((1.0, 0.5), last, (1, 1)))
 
 
-#: With these samples, Q1 couples no nodes across corners: every sample couples the two nodes of its own edge.
+#: With these samples, Q1 joins no nodes across corners: every sample joins the two nodes of its own edge.
 EDGES = _edges(0.5, 0.5)
 #: Half elements at the ends take K22 at the row of pixel centres only; along an end the pressure is constant.
 EDGES_AT_INLET, EDGES_AT_OUTLET = _edges(0.0, 1.0), _edges(1.0, 0.0)
 _NEAR, _FAR = 0.5 - 0.5 / np.sqrt(3.0), 0.5 + 0.5 / np.sqrt(3.0)
 #: Two Gauss points along each axis: exact for Q1 with constant coefficients.
 GAUSS_POINTS = tuple((a, b) for a in (_NEAR, _FAR) for b in (_NEAR, _FAR))
-#: Corners (0, 0), (0, 1), (1, 0), (1, 1) of an element that each of its six couples joins.
-_COUPLES = ((0, 2), (1, 3), (0, 1), (2, 3), (0, 3), (1, 2))
+#: Corners (0, 0), (0, 1), (1, 0), (1, 1) of an element that each of its six conductances joins.
+_PAIRS = ((0, 2), (1, 3), (0, 1), (2, 3), (0, 3), (1, 2))
 
 
 def gauss(*components: tuple[int, int]) -> tuple[Sample, ...]:
@@ -94,12 +94,12 @@ def _elemental(
     return local
 
 
-def couples_of(local: Array) -> Array:
-    """Couples (…, 6) of local Q1 matrices (…, 4, 4): minus their entries off the diagonal; row sums must be 0."""
+def conductances_of(local: Array) -> Array:
+    """Conductances (…, 6) of local Q1 matrices (…, 4, 4), minus their entries off the diagonal; row sums must be 0."""
     size = float(np.abs(local).max())
     if not np.abs(local.sum(axis=-1)).max() <= 1e-12 * size:
         raise ValueError("the form has local matrices whose rows do not add up to 0: it is no flow of a pressure drop")
-    return np.stack([-(local[..., a, b] + local[..., b, a]) / 2 for a, b in _COUPLES], axis=-1)
+    return np.stack([-(local[..., a, b] + local[..., b, a]) / 2 for a, b in _PAIRS], axis=-1)
 
 
 def assemble_on_links(grid: Grid, k1: Array, k2: Array) -> Stencil:
@@ -122,7 +122,7 @@ def assemble_on_links(grid: Grid, k1: Array, k2: Array) -> Stencil:
 
 
 class EdgeWeights(NamedTuple):
-    """Factors of the couple of every edge for K = 1: that of its row, times that of its column for the row's kind."""
+    """Factors of the conductances of edges for K = 1: that of the row, times that of the column for the row's kind."""
 
     rows1: Array
     columns1: Array
@@ -142,14 +142,14 @@ def _edge_weights(grid: Grid, form: BilinearForm, _: Callable[..., Any]) -> Edge
     m1, m2 = grid.elements
     d1, d2 = np.diff(grid.lines1), np.diff(grid.lines2)
     quadratures = (EDGES_AT_INLET, EDGES, EDGES_AT_OUTLET) if grid.half_ends else (EDGES,) * 3
-    couples = np.array([_own_couples(elemental(form, ElementQuad1, samples)) for samples in quadratures])
+    conductances = np.array([_own_conductances(elemental(form, ElementQuad1, samples)) for samples in quadratures])
     kinds = np.ones(m1, np.int64)
     kinds[0], kinds[-1] = 0, 2
     columns, rows = np.zeros((3, grid.nodes[1])), np.zeros(grid.nodes[0])
     for side in (0, 1):  # an edge has an element on either side
         for kind in range(3):
-            columns[kind] += np.bincount(grid.columns[side : m2 + side], d2 * couples[kind, side], grid.nodes[1])
-        rows += np.bincount(grid.rows[side : m1 + side], d1 * couples[kinds, 2 + side], grid.nodes[0])
+            columns[kind] += np.bincount(grid.columns[side : m2 + side], d2 * conductances[kind, side], grid.nodes[1])
+        rows += np.bincount(grid.rows[side : m1 + side], d1 * conductances[kinds, 2 + side], grid.nodes[0])
     inner = rows if grid.ring1 else rows[1:-1]
     # the links of a ring are all there, even that of an only column to itself
     apart = (grid.columns[:-1] != grid.columns[1:]) | grid.ring2
@@ -169,10 +169,10 @@ def assemble_on_elements(grid: Grid, k: Sequence[Array], samples: tuple[Sample, 
     samples : of the quadrature.
     of : number of the array of k from which each sample takes its value.
     """
-    local = couples_of(elemental(forms.darcy_flow, ElementQuad1, samples))
+    local = conductances_of(elemental(forms.darcy_flow, ElementQuad1, samples))
     table = np.zeros((len(k), 3, 6))
-    for sample, source, couples in zip(samples, of, local, strict=True):
-        table[source, sum(sample.component)] += couples  # 0: K11, 1: K12, 2: K22
+    for sample, source, conductances in zip(samples, of, local, strict=True):
+        table[source, sum(sample.component)] += conductances  # 0: K11, 1: K12, 2: K22
     shape = grid.elements
     rows, n2 = grid.nodes
     m2 = n2 if grid.ring2 else n2 - 1
@@ -186,13 +186,13 @@ def assemble_on_elements(grid: Grid, k: Sequence[Array], samples: tuple[Sample, 
     return Stencil(along, across, falling, rising, ring1=grid.ring1, ring2=grid.ring2)
 
 
-def _own_couples(local: Array) -> Array:
-    """Couple of the two nodes of the edge on which each sample lies; a sample must have no other couple."""
-    couples = couples_of(local)
-    own = couples[[0, 1, 2, 3], [0, 1, 2, 3]]
-    couples[[0, 1, 2, 3], [0, 1, 2, 3]] = 0.0
-    if np.any(couples):
-        raise ValueError("the form couples nodes beyond the edge at whose midpoint its coefficient is taken")
+def _own_conductances(local: Array) -> Array:
+    """Conductance of the edge on which each sample lies; a sample must have no other."""
+    conductances = conductances_of(local)
+    own = conductances[[0, 1, 2, 3], [0, 1, 2, 3]]
+    conductances[[0, 1, 2, 3], [0, 1, 2, 3]] = 0.0
+    if np.any(conductances):
+        raise ValueError("the form joins nodes beyond the edge at whose midpoint its coefficient is taken")
     return own
 
 
@@ -208,7 +208,7 @@ def weighted(k, by_row, by_column, kind, out):
 
 @njit(cache=True, nogil=True)
 def _scatter(k, table, d1, d2, rows, columns, first, along, across, falling, rising):
-    """Sum the six couples of every element; table (arrays, K11 K12 K22, couples) is of the unit square."""
+    """Sum the six conductances of every element; table (arrays, K11 K12 K22, conductances) is of the unit square."""
     value = np.empty(6)
     for i in range(d1.size):
         above, below = rows[i], rows[i + 1]

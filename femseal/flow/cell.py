@@ -34,7 +34,7 @@ class Permeability(Shown):
     """Permeability of a cell along one axis, k with Q/L2 = (k/η) Δp/L1; exactly 0 where the gap does not percolate.
 
     lower, upper, resampling_error : NaN if not computed.
-    percolating_share : share of the pixels that are connected to both ends.
+    percolating_fraction : of the pixels that are connected to both ends.
     iterations, residual, imbalance, solver : of the linear system, see `femseal.flow.DarcyFlow`.
     fluid_pressure : (n1, n2), NaN at pixels in contact and in pockets, which are connected to neither end.
     """
@@ -44,7 +44,7 @@ class Permeability(Shown):
     upper: float = field(metadata={"unit": "m^3", "long_name": "upper bound of the permeability"})
     resampling_error: float = field(metadata={"unit": "1", "long_name": "estimated relative error of the resolution"})
     percolates: bool
-    percolating_share: float
+    percolating_fraction: float
     iterations: int
     residual: float
     imbalance: float
@@ -129,7 +129,7 @@ def cell_permeability(
         upper=upper,
         resampling_error=estimated,
         percolates=flow.percolates,
-        percolating_share=float(np.isfinite(potential).mean()) if flow.percolates else 0.0,
+        percolating_fraction=float(np.isfinite(potential).mean()) if flow.percolates else 0.0,
         iterations=flow.iterations,
         residual=flow.residual,
         imbalance=flow.imbalance,

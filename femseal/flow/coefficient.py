@@ -27,7 +27,7 @@ _EXTREME = 1e60
 #: Largest ratio of two open gaps.
 _CONTRAST = 1e50
 
-#: The cubic is doubted where it is below this share of both pixels, and left where one second difference is so many
+#: The cubic is doubted where it is below this fraction of both pixels, and left where one second difference is so many
 #: times the other: that is a jump beyond one of the two. On 36 gaps with eight pixels for the shortest wave, cut by a
 #: plane or in contact, that changed no permeability by more than 4e-7, at errors of 7e-5 to 2e-2 by the pixels.
 _DOUBTED, _JUMP = 0.8, 8.0

@@ -39,7 +39,7 @@ from .solvers.amg import solve_spd
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
-#: A tensor closed along one principal axis keeps this share of its other value there, so that K⁻¹ exists.
+#: A tensor closed along one principal axis keeps this fraction of its other value there, so that K⁻¹ exists.
 CLOSED_AXIS = 1e-10
 #: Relative error of the conductance.
 RTOL = 1e-8

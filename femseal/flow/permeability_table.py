@@ -20,14 +20,14 @@ from numpy.typing import ArrayLike, NDArray
 from ..base.errors import InputError
 
 Array = NDArray[np.float64]
-#: Pressures below this share of the inlet's are not looked at, since hardly anything of the drop lies there.
-_LEAST_SHARE = 1e-3
+#: Pressures below this fraction of the inlet's are not looked at, since hardly anything of the drop lies there.
+_LEAST_FRACTION = 1e-3
 #: Number of pressures up to this ratio of the highest to the lowest, and beyond.
 _ONE_DECADE, _FEW, _MANY = 12.0, 4, 6
 #: Points of the mean over a link, in the root of the distance from its lower pressure.
 _POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(5)
 _ROOTS = 0.5 * (1 + _POINTS)
-#: Drop, as a share of the pressure, up to which one point will do.
+#: Drop, as a fraction of the pressure, up to which one point will do.
 _SMALL = 0.05
 
 
@@ -38,7 +38,7 @@ def table_pressures(inlet: float, outlet: float) -> Array:
     the highest.
     """
     high = max(inlet, outlet)
-    low = max(min(inlet, outlet), _LEAST_SHARE * high)
+    low = max(min(inlet, outlet), _LEAST_FRACTION * high)
     if not low > 0:
         raise InputError("pressure", f"{inlet:g} and {outlet:g} Pa", "one of them > 0")
     if high == low:
@@ -115,24 +115,26 @@ def pressure_curve(pressures: ArrayLike, values: Array) -> PressureCurve | Tenso
 
 
 class TensorCurve:
-    """Tensors (m, …, 2, 2) as functions of the pressure: the trace as any permeability, its shares by a polynomial."""
+    """Tensors (m, …, 2, 2) as functions of the pressure: the trace as any permeability, fractions by a polynomial."""
 
     def __init__(self, pressures: ArrayLike, values: Array) -> None:
         self._trace = PressureCurve(pressures, np.trace(values, axis1=-2, axis2=-1))
         trace = np.trace(values, axis1=-2, axis2=-1)[..., None, None]
-        shares = np.divide(values, trace, out=np.zeros_like(values), where=trace > 0)
-        self._shares = chebyshev.chebfit(
-            self._trace.scaled(np.log(pressures)), shares.reshape(len(values), -1), len(shares) - 1
+        fractions = np.divide(values, trace, out=np.zeros_like(values), where=trace > 0)
+        self._fractions = chebyshev.chebfit(
+            self._trace.scaled(np.log(pressures)), fractions.reshape(len(values), -1), len(fractions) - 1
         )
         self.shape = values.shape[1:]
 
     def between(self, first: Array, second: Array, mobility: Mobility) -> Array:
-        """Mean of each tensor between two pressures > 0, its shares those at the mean of both."""
+        """Mean of each tensor between two pressures > 0, its fractions those at the mean of both."""
         trace = self._trace.between(first, second, mobility)
         x = self._trace.scaled(np.log(0.5 * (first + second)))
         x = np.broadcast_to(np.clip(x, -1, 1), trace.shape)[..., None, None]
-        shares = chebyshev.chebval(np.broadcast_to(x, self.shape), self._shares.reshape(-1, *self.shape), tensor=False)
-        return trace[..., None, None] * shares
+        fractions = chebyshev.chebval(
+            np.broadcast_to(x, self.shape), self._fractions.reshape(-1, *self.shape), tensor=False
+        )
+        return trace[..., None, None] * fractions
 
 
 class PressureCurve:
@@ -181,12 +183,12 @@ class Mobility:
 @njit(cache=True, nogil=True)
 def _interpolated(p, start, end, values):
     n = values.size - 1
-    share = (p - start) / (end - start) if end != start else 0.0
-    place = np.sqrt(min(max(share, 0.0), 1.0)) * n
+    fraction = (p - start) / (end - start) if end != start else 0.0
+    place = np.sqrt(min(max(fraction, 0.0), 1.0)) * n
     i = min(int(place), n - 1)
     # the pressure, not its root, is what a viscous gas is straight in
     low, high = (i / n) ** 2, ((i + 1) / n) ** 2
-    weight = (share - low) / (high - low)
+    weight = (fraction - low) / (high - low)
     return (1.0 - weight) * values[i] + weight * values[i + 1]
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-#: Inlet and outlet flow may differ by this share before a direct or a precise solution is refused.
+#: Inlet and outlet flow may differ by this fraction before a direct or a precise solution is refused.
 MAX_IMBALANCE = 1e-5
 #: Error of the potential in the norm of the energy that is allowed where it is shown or written.
 FIELD_RTOL = 1e-6

@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.errors import FemsealError, InputError
+from ..base.fields import LIBRARY_CELL, declared
 from ..base.files import made_folder, replacing
 from ..base.machine import within_free_memory
 from ..base.stage import Mapper, Stage
@@ -52,10 +53,12 @@ class LibraryTable(Shown):
     """Cells of a library on common load steps, for tables and pictures; all arrays are (cells, steps)."""
 
     steps: LoadProgramme
-    pressure: Array = field(metadata={"unit": "Pa", "long_name": "mean contact pressure of library cells"})
-    k: Array = field(metadata={"unit": "m^3", "long_name": "permeability along x1 of library cells"})
-    mean_gap: Array = field(metadata={"unit": "m", "long_name": "mean gap of library cells"})
-    contact_fraction: Array = field(metadata={"unit": "1", "long_name": "contact share of library cells"})
+    pressure: Array = declared("library_pressure", "Pa", "mean contact pressure of library cells", LIBRARY_CELL)
+    k: Array = declared("library_k", "m^3", "permeability along x1 of library cells", LIBRARY_CELL)
+    mean_gap: Array = declared("library_mean_gap", "m", "mean gap of library cells", LIBRARY_CELL)
+    contact_fraction: Array = declared(
+        "library_contact_fraction", "1", "fraction in contact of library cells", LIBRARY_CELL
+    )
 
 
 @dataclass(frozen=True)

@@ -5,15 +5,13 @@ a run. matplotlib is loaded when something is drawn.
 """
 
 from .cell_curves import cells_figure
-from .drawing import png
-from .heights import heights_figure
+from .drawing import picture, png
+from .heights import heights_figure, survey_figure
 from .leakage_curves import leakage_figure
 from .length_curves import lengths_figure
 from .maps import seal_figure
-from .registry import picture
 from .several_runs import comparison_figure
 from .solutions import contact_figure, cycle_figure, permeability_figure, seal_leakage_figure
-from .surface import survey_figure
 
 __all__ = [
     "cells_figure",

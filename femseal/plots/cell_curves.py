@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from ..base.errors import InputError
 from ..flow.law import cubic_law
-from ..results.branches import Steps, branches
-from ..results.interpolated import solved_steps
+from ..results.run_data import RunData
+from ..results.selections import Steps, branches, solved_steps
 from .drawing import GREY, LINES, STYLES, Sheet
 from .scales_of_axes import decades, load_axis
 
@@ -19,12 +19,10 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from ..results.results import Results
-
 Array = NDArray[np.float64]
 
 
-def cells_figure(results: Results, count: int = 4) -> Figure:
+def cells_figure(results: RunData, count: int = 4) -> Figure:
     """Permeability of cells along the cycle: against nominal pressure, their mean gap, and their contact pressure.
 
     Left: `count` cells along the loading and one unloading, over all cells; no line = closed. The unloading is that
@@ -73,7 +71,7 @@ class Cells:
         return max(float(positive.min()) / 3, float(positive.max()) * 1e-12), float(positive.max()) * 3
 
 
-def cells_of(results: Results) -> Cells:
+def cells_of(results: RunData) -> Cells:
     """The cells of a run.
 
     Raises

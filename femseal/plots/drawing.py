@@ -1,4 +1,4 @@
-"""Common parts of all pictures: figures, styles, maps with their colour bar.
+"""Common parts of all pictures: figures, styles, maps with their colour bar; and which function draws which class.
 
 Figures are made without pyplot, so no display or backend is touched. Colours differ in lightness too, and branches also
 in line and marker, so that pictures can be read without colour.
@@ -7,14 +7,16 @@ in line and marker, so that pictures can be read without colour.
 from __future__ import annotations
 
 import io
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, singledispatch
+from inspect import signature
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.errors import InputError
 from .scales_of_axes import decades
 
 if TYPE_CHECKING:
@@ -219,3 +221,30 @@ def with_closed(name: str, colour: str = CLOSED) -> Any:
 def map_height(size: tuple[float, float], width: float) -> float:
     """Height [inch] of a map of the given sides in a panel of a width, within what can be read."""
     return float(np.clip(width * size[0] / size[1], 0.4, 1.25 * width))
+
+
+@singledispatch
+def _draw(result: Any) -> Figure:
+    raise InputError("plot", f"a {type(result).__name__}", "a result that has a picture")
+
+
+def shows(kind: type) -> Callable[[Callable[..., Figure]], Callable[..., Figure]]:
+    """Decorator that registers the function as the picture of a class; its other arguments are options of `plot()`."""
+    return _draw.register(kind)
+
+
+def picture(result: Any, **options: Any) -> Figure:
+    """Draw the picture of a result.
+
+    Raises
+    ------
+    InputError : a result without a picture, or an option that its picture does not have, such as `ax` where it has
+        several panels.
+    """
+    draw = _draw.dispatch(type(result))
+    expected = list(signature(draw).parameters)[1:]
+    for name in options:
+        if name not in expected:
+            given = f"option '{name}' for the picture of a {type(result).__name__}"
+            raise InputError("plot", given, f"one of {', '.join(expected)}" if expected else "none: it has no options")
+    return draw(result, **options)

@@ -1,27 +1,90 @@
-"""Picture of heights: map, profiles, spectral densities."""
+"""Pictures of heights: map, profiles, spectral densities; and of a measured face with what was found in it.
+
+The colours of a map of heights are for the many points: the few far above or below have colours of their own.
+"""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from math import isnan, pi
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..results.face_maps import block_means
-from ..topography import Topography
-from .drawing import HEIGHTS, LINES, STYLES, Sheet, map_row
-from .height_map import height_panel
-from .registry import shows
+from ..base.quantities import to_text
+from ..results.variables import block_means
+from ..topography import SPIKES, Conditioning, SurfaceReport, Topography
+from .drawing import GREY, HEIGHTS, LINES, STYLES, Sheet, colour_bar, map_row, new_figure, shows
 from .scales_of_axes import decades
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
 
 Array = NDArray[np.float64]
 #: Least height of the panels of profiles [inch], and most points of a map along a side.
 _PROFILE, _SEEN = 2.2, 1024
+#: Percentiles between which the colours lie at least, and the fraction of their distance that is added at both ends.
+_PERCENTILES = (0.5, 99.5)
+_MARGIN = 0.25
+#: Colours of points above and below the range, with their names.
+ABOVE, BELOW = ("#E31A1C", "red"), ("#00D5FF", "light blue")
+#: Names of the axes.
+_ALONG = ("along x1 (leakage)", "along x2")
+#: More spikes than these are dots: circles would hide the map.
+_MOST_CIRCLES = 30
+
+
+@dataclass(frozen=True)
+class HeightRange:
+    """Heights from `low` to `high` in the colours of a map, and the fractions of the points `below` and `above`."""
+
+    low: float
+    high: float
+    below: float
+    above: float
+
+    @property
+    def text(self) -> str:
+        """What the two colours stand for; "" where no point is out of range."""
+        parts = ((self.above, ABOVE, "above"), (self.below, BELOW, "below"))
+        return ", ".join(f"{name}: {100 * part:.2g} % {where}" for part, (_, name), where in parts if part)
+
+
+def height_range(heights: NDArray) -> HeightRange:
+    """Range that a few outliers do not widen: of all heights that are no farther than a margin from percentiles."""
+    z = heights[~np.isnan(heights)]
+    if not z.size:
+        return HeightRange(0.0, 1.0, 0.0, 0.0)
+    low, high = (float(v) for v in np.percentile(z, _PERCENTILES))
+    margin = _MARGIN * (high - low)
+    near = z[(z >= low - margin) & (z <= high + margin)]
+    low, high = float(near.min()), float(near.max())
+    if high == low:  # nearly all points at one height: nothing to spread but the outliers
+        low, high = float(z.min()), float(z.max())
+    return HeightRange(low, high, float(np.mean(z < low)), float(np.mean(z > high)))
+
+
+def height_panel(axes: Axes, heights: NDArray, size: tuple[float, float], title: str = "height [µm]") -> None:
+    """Map of heights (n1, n2) [µm] over a face of a size [mm]; the colour bar says what is out of its range.
+
+    Undefined points are white.
+    """
+    from matplotlib import colormaps
+
+    shown = height_range(heights)
+    colours = colormaps["viridis"].with_extremes(over=ABOVE[0], under=BELOW[0], bad="white")
+    image = axes.imshow(
+        heights, origin="lower", extent=(0.0, size[1], 0.0, size[0]), cmap=colours, interpolation="nearest",
+        vmin=shown.low, vmax=shown.high,
+    )  # fmt: skip
+    beyond = {(True, True): "both", (True, False): "min", (False, True): "max", (False, False): "neither"}
+    bar = colour_bar(axes, image, extend=beyond[shown.below > 0, shown.above > 0])
+    if shown.text:
+        bar.set_label(shown.text, fontsize=8)
+    axes.set_title(title, fontsize=9.5)
+    axes.set(xlabel="x2 along the seal [mm]", ylabel="x1, inlet at 0 [mm]", aspect="equal")
 
 
 @shows(Topography)
@@ -41,28 +104,140 @@ def heights_figure(topography: Topography) -> Figure:
     z, (n1, n2), (d1, d2) = topography.heights * 1e6, topography.shape, topography.spacing
     for axis, (line, n, d) in enumerate(((z[:, n2 // 2], n1, d1), (z[n1 // 2], n2, d2))):
         colour, style, _ = STYLES[axis]
-        label = ("along x1 (leakage)", "along x2")[axis]
-        profile.plot((np.arange(n) + 0.5) * d * 1e3, line, color=colour, ls=style, lw=1.1, label=label)
-        if topography.undefined_share == 0:
-            q, c = topography.psd(axis)
-            shown = (q > 0) & (c > c.max() * 1e-12)
-            density.loglog(q[shown], c[shown], color=colour, ls=style, lw=1.3, label=label)
+        profile.plot((np.arange(n) + 0.5) * d * 1e3, line, color=colour, ls=style, lw=1.1, label=_ALONG[axis])
     profile.set(xlabel="distance [mm]", ylabel="height [µm]")
     profile.set_title("profiles through the middle", fontsize=9.5)
-    density.set(xlabel="wavenumber q = 2π/λ [rad/m]", ylabel="spectral density [m³]")
-    density.set_title("mean spectral density of profiles", fontsize=9.5)
+    if topography.undefined_share:
+        density.annotate("undefined points", (0.5, 0.5), xycoords="axes fraction", ha="center", va="center")
+        _density_labels(density)
+    else:
+        _densities_panel(density, topography)
+        decades(density.xaxis)
+        decades(density.yaxis)
     for axes in (profile, density):
         axes.grid(alpha=0.25, lw=0.6)
         axes.tick_params(labelsize=8)
-    if topography.undefined_share:
-        density.annotate("undefined points", (0.5, 0.5), xycoords="axes fraction", ha="center", va="center")
-    else:
-        decades(density.xaxis)
-        decades(density.yaxis)
-        density.legend(fontsize=8, framealpha=0.9)
     return sheet.figure
 
 
 def _drawn_heights(heights: Array) -> Array:
     """Heights as many as can be seen."""
     return heights if max(heights.shape) <= _SEEN else block_means(heights, _SEEN).astype(float)
+
+
+def _densities_panel(axes: Axes, topography: Topography) -> None:
+    """Spectral densities of profiles along both axes."""
+    for axis in (0, 1):
+        q, density = topography.psd(axis)
+        shown = (q > 0) & (density > density.max() * 1e-12)
+        colour, style, _ = STYLES[axis]
+        axes.loglog(q[shown], density[shown], color=colour, ls=style, lw=1.2, label=_ALONG[axis])
+    _density_labels(axes)
+    axes.legend(fontsize=8, framealpha=0.9)
+
+
+def _density_labels(axes: Axes) -> None:
+    axes.set(xlabel="wavenumber q = 2π/λ [rad/m]", ylabel="spectral density [m³]")
+    axes.set_title("mean spectral density of profiles", fontsize=9.5)
+
+
+def survey_figure(
+    topography: Topography,
+    report: SurfaceReport | None = None,
+    conditioning: Conditioning | None = None,
+    *,
+    part: tuple[float, float, float, float] | None = None,
+    detrend: int = 1,
+    spikes: float = SPIKES,
+) -> Figure:
+    """Levelled map with undefined points and spikes, histogram of heights, radial and profile spectral densities.
+
+    Parameters
+    ----------
+    topography : as measured.
+    report, conditioning : of the same map, or of its `part`, from `describe_surface` and `condition`; None is unknown.
+    part : x1 from, to, x2 from, to [m] of the part that is described; None is the whole.
+    detrend, spikes : as given to these.
+    """
+    figure = new_figure(11.0, 8.0)
+    (image, histogram), (radial, profiles) = figure.subplots(2, 2)
+    marked = topography.without_spikes(spikes)
+    measured = topography if topography.undefined_share == 1 else topography.detrend(detrend)
+    _map_panel(image, measured, np.isnan(marked.heights) & ~np.isnan(topography.heights), part)
+    _histogram_panel(histogram, measured)
+    if report is not None:
+        flat = (marked if part is None else marked.crop_to(part)).fill_undefined(1.0).detrend(detrend)
+        _radial_panel(radial, flat, report, conditioning)
+        _densities_panel(profiles, flat)
+    for axes in (histogram, radial, profiles):
+        axes.grid(alpha=0.25, lw=0.6)
+        axes.tick_params(labelsize=8)
+    return figure
+
+
+def _map_panel(
+    axes: Axes, measured: Topography, spikes: NDArray[np.bool_], part: tuple[float, float, float, float] | None
+) -> None:
+    from matplotlib.patches import Rectangle
+
+    notes = []
+    if measured.undefined_share:
+        notes.append(f"white: {100 * measured.undefined_share:.2g} % undefined")
+    if count := np.count_nonzero(spikes):
+        notes.append(f"{'circles' if count <= _MOST_CIRCLES else 'dots'}: {count} points in spikes")
+    if part is not None:
+        notes.append("frame: largest part with few of them")
+    l1, l2 = (length * 1e3 for length in measured.size)
+    height_panel(axes, measured.heights * 1e6, (l1, l2), "; ".join(["levelled height [µm]", *notes]))
+    if count:
+        x1, x2 = ((k + 0.5) * d * 1e3 for k, d in zip(np.nonzero(spikes), measured.spacing, strict=True))
+        if count <= _MOST_CIRCLES:
+            axes.plot(x2, x1, "o", mfc="none", mec="#D55E00", ms=8)
+        else:
+            axes.plot(x2, x1, "o", color="black", ms=0.9, mew=0)
+    if part is not None:
+        from1, to1, from2, to2 = (end * 1e3 for end in part)
+        axes.add_patch(Rectangle((from2, from1), to2 - from2, to1 - from1, fill=False, ec="black", ls="--", lw=1.3))
+    axes.set(xlim=(0, l2), ylim=(0, l1))
+
+
+def _histogram_panel(axes: Axes, measured: Topography) -> None:
+    axes.set(xlabel="height [µm]", ylabel="probability density [1/µm]")
+    axes.set_title("heights", fontsize=9.5)
+    z = measured.heights[~np.isnan(measured.heights)] * 1e6
+    if not z.size:
+        return
+    z = z - z.mean()
+    density, edges = np.histogram(z, bins=200, density=True)
+    axes.stairs(density, edges, fill=True, color=STYLES[1][0], alpha=0.75)
+    if (sq := z.std()) > 0:
+        x = np.linspace(edges[0], edges[-1], 400)
+        axes.plot(x, np.exp(-((x / sq) ** 2) / 2) / (sq * np.sqrt(2 * pi)), "k--", lw=1.1, label="normal, same Sq")
+        axes.legend(fontsize=8, frameon=False)
+    axes.set_yscale("log")
+    axes.set_ylim(float(np.min(density[density > 0])) / 2, float(np.max(density)) * 3)
+
+
+def _radial_panel(axes: Axes, flat: Topography, report: SurfaceReport, conditioning: Conditioning | None) -> None:
+    q, density = flat.radial_psd()
+    shown = (q > 0) & (density > density.max(initial=0.0) * 1e-14)
+    axes.loglog(q[shown], density[shown], color=GREY, lw=1.0)
+    if report.noise:
+        floor = report.noise**2 * flat.spacing[0] * flat.spacing[1]
+        axes.axhline(floor, color=GREY, ls=":", lw=1.1, label=f"white noise, {to_text(report.noise, 'm', 3)} rms")
+    if report.power_law is not None:
+        ends = 2 * pi / np.array(report.power_law)
+        law = report.power_law_density * (ends / ends[0]) ** (-2 - 2 * report.hurst)
+        label = f"q^(−2−2H), H = {report.hurst:.2f}"
+        axes.loglog(ends, law, color=STYLES[0][0], lw=2.2, label=label)
+        if not isnan(report.roll_off):
+            axes.loglog((q[shown][0], ends[0]), (law[0], law[0]), color=STYLES[0][0], lw=2.2, ls="--",
+                        label=f"plateau beyond {to_text(report.roll_off, 'm', 3)}")  # fmt: skip
+    marks = [(report.shortest_wave, STYLES[3], "shortest wave measured")]
+    if conditioning is not None:
+        marks.insert(0, (conditioning.shortest_wavelength, STYLES[2], "low-pass of a run"))
+    for wave, (colour, style, _), label in marks:
+        axes.axvline(2 * pi / wave, color=colour, ls=style, lw=1.3, label=f"{label}, {to_text(wave, 'm', 3)}")
+    axes.set(xlabel="wavenumber q = 2π/λ [rad/m]", ylabel="spectral density [m⁴]")
+    axes.set_title("spectral density averaged over directions", fontsize=9.5)
+    axes.legend(fontsize=8, framealpha=0.9, edgecolor="none")

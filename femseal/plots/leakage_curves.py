@@ -12,12 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.leak_units import leakage_unit
-from ..results.branches import Steps, branches, pressures_and_peaks
 from ..results.results import Results
-from ..results.tables import leak_scale, leakage_of
+from ..results.selections import Steps, branches, pressures_and_peaks
+from ..results.tables import leakage_of
 from ..studies import DeterministicResult, StochasticResult, TwoScaleResult
-from .drawing import GREY, LEGEND_LINE, LINES, Sheet, branch_styles, legend_below, one_panel
-from .registry import shows
+from .drawing import GREY, LEGEND_LINE, LINES, Sheet, branch_styles, legend_below, one_panel, shows
 from .scales_of_axes import decades, load_axis
 
 if TYPE_CHECKING:
@@ -41,10 +40,10 @@ class LeakageCurves:
     pressure, peaks : of the steps [Pa], see `branches`. leakage, title : the main curve and its name.
     band, band_together : lower and upper ends over realisations, and over realisations with the error of the library.
     error : lower and upper end of the band of error.
-    share : lower and upper quantile of the bands. mean : thin and dotted. others : single markers, by method.
+    quantiles : lower and upper one of the bands. mean : thin and dotted. others : single markers, by method.
     notes : added to the axis. limits : of leakage classes, by their name.
-    told : the leakage that is 1 on the axis, and the axis's name with its unit; a readable unit for all curves that are
-    drawn together, unless all of them ask for the same.
+    scale : the leakage that is 1 on the axis, and the axis's name with its unit; a readable unit for all curves that
+    are drawn together, unless all of them ask for the same.
     """
 
     pressure: Array
@@ -54,11 +53,11 @@ class LeakageCurves:
     band: tuple[Array, Array] | None = None
     band_together: tuple[Array, Array] | None = None
     error: tuple[Array, Array] | None = None
-    share: tuple[float, float] = (0.05, 0.95)
+    quantiles: tuple[float, float] = (0.05, 0.95)
     mean: Array | None = None
     others: dict[str, Array] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
-    told: tuple[float, str] | None = None
+    scale: tuple[float, str] | None = None
     limits: dict[str, float] = field(default_factory=dict)
 
     @property
@@ -73,11 +72,11 @@ def leakage_panel(axes: Axes, *several: LeakageCurves) -> list[Any]:
 
     Returns the handles of its legend.
     """
-    told = several[0].told
-    if told is None or any(curves.told != told for curves in several):
+    scale = several[0].scale
+    if scale is None or any(curves.scale != scale for curves in several):
         size, unit = leakage_unit(np.concatenate([curves.leakage for curves in several]))
-        told = size, f"leakage per length of seal [{unit}]"
-    factor, label = told
+        scale = size, f"leakage per length of seal [{unit}]"
+    factor, label = scale
     parts = [(curves, name, steps) for curves in several for name, steps in branches(curves.pressure, curves.peaks)]
     drawn = np.concatenate([values for curves in several for values in curves.drawn])
     floor, lanes = leakage_axis(axes, np.concatenate([np.abs(drawn), _near_ends(drawn, several)]) / factor, len(parts))
@@ -196,7 +195,7 @@ def _other_handles(several: Sequence[LeakageCurves]) -> list[Any]:
     from matplotlib.patches import Patch
 
     handles: list[Any] = []
-    low, high = (100 * q for q in several[0].share)
+    low, high = (100 * q for q in several[0].quantiles)
     if any(curves.band is not None for curves in several):
         handles.append(Patch(color=GREY, alpha=0.35, lw=0, label=f"{low:g} – {high:g} % of realisations"))
     if any(curves.band_together is not None for curves in several):
@@ -273,7 +272,7 @@ def realisations_figure(study: StochasticResult, ax: Axes | None = None, label: 
         "median of realisations",
         band=(study.quantile(low), study.quantile(high)),
         band_together=together,
-        share=(low, high),
+        quantiles=(low, high),
         mean=study.mean,
     )
     return _curves_figure(curves, ax, label)
@@ -293,7 +292,7 @@ def leakage_figure(results: Results, ax: Axes | None = None, label: str | None =
 def leakage_curves(results: Results) -> LeakageCurves:
     """All leakages of a run, as they are drawn."""
     data = results.dataset
-    share = [data[n].attrs["quantile"] for n in ("leakage_lower", "leakage_upper") if n in data] or [0.05, 0.95]
+    quantiles = [data[n].attrs["quantile"] for n in ("leakage_lower", "leakage_upper") if n in data] or [0.05, 0.95]
     notes = ["gas at 101 325 Pa"] if results.leak_basis.is_gas else []
     notes += ["from outlet to inlet"] if data.attrs["outlet_pressure_Pa"] > data.attrs["inlet_pressure_Pa"] else []
     others = {"two-scale": "leakage_two_scale", "deterministic": "leakage_deterministic"}
@@ -305,17 +304,17 @@ def leakage_curves(results: Results) -> LeakageCurves:
         band=_band(data, ""),
         band_together=_band(data, "_together"),
         error=None if results.budget is None else (results.budget.lower, results.budget.upper),
-        share=(share[0], share[1]),
+        quantiles=(quantiles[0], quantiles[1]),
         mean=data["leakage_mean"].values if "leakage_mean" in data else None,
         others={m: data[name].values for m, name in others.items() if name in data and m != results.method},
         notes=tuple(notes),
-        told=_told(results) if data.attrs.get("leakage_unit") else None,
+        scale=_scale(results) if data.attrs.get("leakage_unit") else None,
         limits=_limits(results),
     )
 
 
 def _limits(results: Results) -> dict[str, float]:
-    """Limits of leakage classes that are judged by the fluid that is drawn."""
+    """Limits of leakage classes of the fluid that is drawn."""
     data = results.dataset
     if "leak_class" not in data.coords or "test_leakage" in data:
         return {}
@@ -324,8 +323,8 @@ def _limits(results: Results) -> dict[str, float]:
     }
 
 
-def _told(results: Results) -> tuple[float, str]:
-    unit, factor = leak_scale(results)
+def _scale(results: Results) -> tuple[float, str]:
+    unit, factor = results.leak_scale
     return factor, f"{leakage_of(results).rstrip(',')} [{unit.name}]"
 
 

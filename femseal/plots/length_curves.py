@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..results import seal_lengths
+from ..results.run_data import RunData
 from ..results.tables import leakage_of
 from .drawing import LINES, STYLES, Sheet, legend_below
 from .leakage_curves import leakage_axis
@@ -16,10 +17,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from ..results.results import Results
 
-
-def lengths_figure(results: Results) -> Figure:
+def lengths_figure(results: RunData) -> Figure:
     """Median and band of the leakage against the length of the seal, log scales, at a few load steps.
 
     The shaded band is that between the quantiles of the realisations, which narrows with the length; the lighter one
@@ -29,7 +28,7 @@ def lengths_figure(results: Results) -> Figure:
     ------
     InputError : results of one length.
     """
-    seal_lengths.require_lengths(results)
+    seal_lengths.length_curves(results)  # raises for one length
     sheet = Sheet([5.0])
     axes = sheet.panel(0, 0, replace(LINES, left=1.0, right=0.65, top=0.2, bottom=1.0))
     _lengths_panel(axes, results)
@@ -37,15 +36,13 @@ def lengths_figure(results: Results) -> Figure:
     return sheet.figure
 
 
-def _lengths_panel(axes: Axes, results: Results) -> None:
+def _lengths_panel(axes: Axes, results: RunData) -> None:
     data = results.dataset
-    lengths, steps = data["seal_length"].values, seal_lengths.told_steps(results)
+    lengths, steps = data["seal_length"].values, seal_lengths.length_steps(results)
     order = np.argsort(lengths)
     x = lengths[order] * 1e3
-    values = {
-        kind: np.abs(data[f"leakage_of_lengths_{kind}"].values / seal_lengths.factors(results)[:, None])[order]
-        for kind in seal_lengths.kinds(results)
-    }
+    scales = seal_lengths.length_scales(results)[:, None]
+    values = {kind: np.abs(each / scales)[order] for kind, each in seal_lengths.length_curves(results).items()}
     drawn = np.concatenate([v[:, steps].ravel() for v in values.values()])
     floor, lanes = leakage_axis(axes, drawn, len(steps))
     for s, (colour, line, marker), lane in zip(steps, STYLES, lanes, strict=False):

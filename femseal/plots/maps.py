@@ -1,4 +1,4 @@
-"""Pictures over the face: contact, flow and permeability of the seal."""
+"""Maps of the seal: contact, flow and permeability of its windows, or the fields of its face in blocks."""
 
 from __future__ import annotations
 
@@ -10,7 +10,9 @@ from numpy.typing import NDArray
 
 from ..base.errors import InputError
 from ..base.leak_units import leakage_unit
-from ..results.interpolated import solved_steps
+from ..results.pixel_fields import read_pixels, stored_steps
+from ..results.run_data import RunData
+from ..results.selections import solved_steps
 from .drawing import (
     CLOSED,
     LINES,
@@ -25,14 +27,12 @@ from .drawing import (
     with_closed,
 )
 from .drawn_panels import drawn_figure
-from .face_panels import face_contact_panel, face_fluid_panel, face_gap_panel, face_size
+from .heights import height_panel
 
 if TYPE_CHECKING:
     import xarray
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-    from ..results.results import Results
 
 Array = NDArray[np.float64]
 #: At most this many arrows along a side.
@@ -55,7 +55,7 @@ def has_maps(data: xarray.Dataset) -> bool:
     return "k1" in data or "face_gap" in data
 
 
-def seal_figure(results: Results, step: int | None = None, gaps: Sequence[Array] | None = None) -> Figure:
+def seal_figure(results: RunData, step: int | None = None, gaps: Sequence[Array] | None = None) -> Figure:
     """Maps of the seal at one step: fluid pressure, contact pressure, and permeability or gap.
 
     Of a two-scale study: the windows, with the flow as arrows, and A and B, the critical window, in which the flow
@@ -74,8 +74,8 @@ def seal_figure(results: Results, step: int | None = None, gaps: Sequence[Array]
     """
     data = results.dataset
     if not has_maps(data) and "drawn_corners" not in data:
-        allowed = "those of a two-scale or a deterministic study, or with a drawn seal"
-        raise InputError("seal figure", "results without maps", allowed)
+        expected = "those of a two-scale or a deterministic study, or with a drawn seal"
+        raise InputError("seal figure", "results without maps", expected)
     s = default_step(data) if step is None else step
     if not 0 <= s < data.sizes["step"]:
         raise InputError("step", step, f"0 to {data.sizes['step'] - 1}")
@@ -84,15 +84,10 @@ def seal_figure(results: Results, step: int | None = None, gaps: Sequence[Array]
     if not has_maps(data):
         return drawn_figure(data, s)
     windows = "k1" in data
-    size = seal_size(data) if windows else face_size(data)
-    row = map_row(size)
+    row = map_row(seal_size(data) if windows else face_size(data))
     sheet = Sheet([row, max(row, 2.9)], columns=2, head=0.35)
-    panels: list[Callable[..., None]] = (
-        [fluid_panel, contact_panel, permeability_panel]
-        if windows
-        else [face_fluid_panel, face_contact_panel, face_gap_panel]
-    )
-    for n, draw in enumerate(panels):
+    panels: tuple[Callable[..., None], ...] = (face_fluid_panel, face_contact_panel, face_gap_panel)
+    for n, draw in enumerate((fluid_panel, contact_panel, permeability_panel) if windows else panels):
         draw(sheet.panel(*divmod(n, 2), MAP), data, s)
     if windows:
         found = critical_gaps(results, s) if gaps is None else gaps
@@ -106,6 +101,46 @@ def seal_figure(results: Results, step: int | None = None, gaps: Sequence[Array]
 def seal_size(data: xarray.Dataset) -> tuple[float, float]:
     """Sides of the face that the windows cover [mm]."""
     return float(data["node1"][-1]) * 1e3, float(data["cell2"][0] + data["cell2"][-1]) * 1e3
+
+
+def face_size(data: xarray.Dataset) -> tuple[float, float]:
+    """Sides of the face [mm]."""
+    one, two = (float(data[name][0] + data[name][-1]) * 1e3 for name in ("face1", "face2"))
+    return one, two
+
+
+def face_panel(axes: Axes, data: xarray.Dataset) -> None:
+    """Heights of the face."""
+    height_panel(axes, data["face_height"].values * 1e6, face_size(data))
+    axes.set_ylabel("x1, inlet at 0 [mm]")
+
+
+def face_leakage(data: xarray.Dataset) -> Array:
+    """Leakage at every step of the study whose maps these are: deterministic, else two scales."""
+    name = "leakage_deterministic" if "leakage_deterministic" in data else "leakage_two_scale"
+    return np.asarray(data[name].values)
+
+
+def face_fluid_panel(axes: Axes, data: xarray.Dataset, s: int) -> None:
+    """Fluid pressure of the face at a step."""
+    values = data["face_fluid_pressure"].values[s] / 1e6
+    flows = "" if face_leakage(data)[s] != 0 else ", no flow"
+    title = f"fluid pressure [MPa]{flows}; white: contact, pockets"
+    map_panel(axes, values, face_size(data), with_closed("cividis", POCKET), title)
+
+
+def face_contact_panel(axes: Axes, data: xarray.Dataset, s: int) -> None:
+    """Contact pressure of the face at a step."""
+    values = data["face_contact_pressure"].values[s] / 1e6
+    title = "contact pressure [MPa]; grey: no contact"
+    map_panel(axes, np.where(values > 0, values, np.nan), face_size(data), with_closed("viridis"), title)
+
+
+def face_gap_panel(axes: Axes, data: xarray.Dataset, s: int) -> None:
+    """Gap of the face at a step."""
+    gap = data["face_gap"].values[s] * 1e6
+    shown = np.where(gap > 0, gap, np.nan)
+    map_panel(axes, shown, face_size(data), with_closed("magma"), "gap [µm]; grey: contact", vmin=0)
 
 
 def contact_panel(axes: Axes, data: xarray.Dataset, s: int) -> None:
@@ -197,11 +232,11 @@ def permeability_panel(axes: Axes, data: xarray.Dataset, s: int) -> None:
     map_panel(axes, shown, seal_size(data), colours, label, norm=LogNorm(low, top))
 
 
-def critical_gaps(results: Results, s: int) -> list[Array]:
+def critical_gaps(results: RunData, s: int) -> list[Array]:
     """Gaps [m] of the windows A and B of `seal_figure`; none without fields in memory or in the folder."""
-    if "k1" not in results.dataset or s not in results.stored_steps:
+    if "k1" not in results.dataset or s not in stored_steps(results):
         return []
-    return [results.gap(s, place).values for place, _ in _chosen_windows(results.dataset, s)]
+    return [read_pixels(results, "gap", s, place).values for place, _ in _chosen_windows(results.dataset, s)]
 
 
 def _critical_windows(sheet: Sheet, data: xarray.Dataset, s: int, gaps: Sequence[Array], height: float) -> None:

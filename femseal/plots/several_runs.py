@@ -10,11 +10,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..results.branches import branches
 from ..results.run_comparison import RunComparison
-from .drawing import GREY, LEGEND_LINE, LINES, STYLES, Sheet, legend_below
+from ..results.selections import branches
+from .drawing import GREY, LEGEND_LINE, LINES, STYLES, Sheet, legend_below, shows
 from .leakage_curves import leakage_axis
-from .registry import shows
 from .scales_of_axes import load_axis
 
 if TYPE_CHECKING:
@@ -97,7 +96,7 @@ def _load_panel(axes: Axes, comparison: RunComparison) -> list[Any]:
         handles.append(Line2D([], [], color=GREY, ls="--", lw=1.0, marker="o", ms=4, mfc="white", label="unloading"))
     if any(band is not None for band in bands):
         handles.append(Patch(color=GREY, alpha=0.3, lw=0, label="band of realisations on loading"))
-    axes.set(xlabel="nominal pressure [MPa]", ylabel=comparison.told_as)
+    axes.set(xlabel="nominal pressure [MPa]", ylabel=comparison.label)
     load_axis(axes, np.concatenate([r.dataset["nominal_pressure"].values for r in comparison.runs]) / 1e6)
     axes.grid(alpha=0.25, lw=0.6)
     return handles
@@ -137,7 +136,7 @@ def _key_panel(axes: Axes, comparison: RunComparison, key: int) -> None:
         axes.plot(x, np.where(y > 0, y, np.nan), color=colour, ls=line, lw=1.8, marker=marker, ms=4.5, label=name)
         axes.plot(x[y == 0], np.full(np.sum(y == 0), lane), color=colour, ls="", marker=marker, ms=4.5)
     name = comparison.keys[key]
-    axes.set(xlabel=f"{name} [{unit}]" if unit else name, ylabel=comparison.told_as)
+    axes.set(xlabel=f"{name} [{unit}]" if unit else name, ylabel=comparison.label)
     _key_axis(axes, texts, places, unit)
     axes.grid(alpha=0.25, lw=0.6)
     varied = ", ".join(comparison.keys[:key] + comparison.keys[key + 1 :]) if len(others) > 1 else None

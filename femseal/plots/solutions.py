@@ -11,10 +11,9 @@ from numpy.typing import NDArray
 from ..base.errors import InputError
 from ..contact import Contact, LoadCycle, LoadState
 from ..flow import Permeability
-from ..results.branches import branches, pressures_and_peaks
+from ..results.selections import branches, pressures_and_peaks
 from ..seal import Leakage
-from .drawing import POCKET, branch_styles, map_height, map_panel, new_figure, one_panel, with_closed
-from .registry import shows
+from .drawing import POCKET, branch_styles, map_height, map_panel, new_figure, one_panel, shows, with_closed
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

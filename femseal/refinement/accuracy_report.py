@@ -89,7 +89,7 @@ class AccuracyReport:
         It is one of the case's own method if there is such a one. The accuracy is that of the case, else 10 %.
         """
         good = [s for s in self.solutions if s.is_within(self.plan.accuracy)]
-        own = [s for s in good if s.variant.method == self.plan.prepared.answer]
+        own = [s for s in good if s.variant.method == self.plan.prepared.answer.name]
         return min(own or good, key=lambda s: s.seconds, default=None)
 
     @property

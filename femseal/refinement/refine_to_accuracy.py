@@ -14,7 +14,7 @@ import numpy as np
 from ..base.errors import FemsealError, NotKept
 from ..base.machine import free_memory
 from ..base.stage import Mapper
-from ..base.text import duration, share_text
+from ..base.text import duration, format_deviation
 from ..budget import ErrorBudget, widest_band
 from ..case.case import Case
 from ..execution.run import Run
@@ -64,7 +64,7 @@ class Attempt:
         points = " × ".join(map(str, self.points))
         return (
             f"{self.settings.method} on {points} points in {self.with_coarse:.3g} s, within "
-            f"{share_text(self.half_width)} at {self.load}, limited by {self.limit}"
+            f"{format_deviation(self.half_width)} at {self.load}, limited by {self.limit}"
         )
 
     def as_data(self) -> dict[str, Any]:
@@ -96,8 +96,8 @@ class RefinedAnswer:
         """That the accuracy is not reached, and what limits it."""
         if not self.why:
             return ()
-        last, wanted = self.attempts[-1], share_text(np.log1p(self.wanted))
-        error = f"{share_text(last.half_width)} at {last.load}"
+        last, wanted = self.attempts[-1], format_deviation(np.log1p(self.wanted))
+        error = f"{format_deviation(last.half_width)} at {last.load}"
         return (f"accuracy {wanted} is not reached: the error may be {error}; {self.why}",)
 
     def as_data(self) -> dict[str, Any]:

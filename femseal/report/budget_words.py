@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..base.text import format_deviation
 from ..budget import ErrorBudget
-from ..results.error_bands import half_width_text
 from ..studies.curve_distance import FLOOR
 
 if TYPE_CHECKING:
@@ -38,11 +38,17 @@ def budget_lines(results: Results) -> Lines:
     widths = budget.widths()
     order = sorted(budget.parts, key=lambda part: -_largest(widths[part.name][steps]))
     lines: Lines = [
-        (part.name, *(half_width_text(float(widths[part.name][s])) for s in steps), part.note) for part in order
+        (part.name, *(_width_text(float(widths[part.name][s])) for s in steps), part.note) for part in order
     ]
     whole = np.asarray(budget.half_width())
     together = "root of the sum of squares of the distances of ln(leakage)"
-    return [*lines, ("together", *(half_width_text(float(whole[s])) for s in steps), together)]
+    return [*lines, ("together", *(_width_text(float(whole[s])) for s in steps), together)]
+
+
+def _width_text(width: float) -> str:
+    """A half-width of ln(leakage); inf is that of a seal that may leak or be sealed."""
+    known = {"nan": "unknown", "inf": "open or sealed", "0": "0"}.get(f"{width:g}")
+    return format_deviation(width, "× ") if known is None else known
 
 
 def budget_sentences(results: Results) -> list[str]:

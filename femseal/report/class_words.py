@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..base.quantities import to_text
-from ..results.branches import branches
-from ..results.reached_classes import judged_leakage
-from ..results.tables import amount, test_unit
+from ..results.selections import branches
+from ..results.tables import class_unit, format_leakage
 from .case_text import fluid_text
 
 if TYPE_CHECKING:
@@ -33,13 +32,13 @@ def class_lines(results: Results) -> Lines:
     data = results.dataset
     if "leak_class" not in data.coords:
         return []
-    unit = test_unit(results) if "test_leakage" in data else results.leak_unit
-    scale, pressure = results.judged_basis.factor(unit), data["nominal_pressure"].values
+    unit = class_unit(results)
+    scale, pressure = results.class_basis.factor(unit), data["nominal_pressure"].values
     lines: Lines = []
     for name, limit, reached in zip(
-        data["leak_class"].values, data["class_limit"].values, data["class_reached"].values, strict=True
+        data["leak_class"].values, data["class_limit"].values, data["class_met"].values, strict=True
     ):
-        line = [str(name), f"{amount(float(limit), scale)} {unit.name}" if limit else "no leakage"]
+        line = [str(name), f"{format_leakage(float(limit), scale)} {unit.name}" if limit else "no leakage"]
         for n, (_, steps) in enumerate(_branches(results)):
             line.append(_span(pressure[steps], reached[steps] == 1, loading=n == 0))
         lines.append(tuple(line))
@@ -75,14 +74,14 @@ def test_fluid_sentences(results: Results) -> list[str]:
     data = results.dataset
     if "test_leakage" not in data:
         return []
-    attrs, unit, basis = data.attrs, test_unit(results), results.judged_basis
-    best, _ = judged_leakage(data, results)
+    attrs, unit, basis = data.attrs, class_unit(results), results.class_basis
+    best, _ = results.class_leakage
     inlet, outlet = (to_text(float(attrs[f"test_{end}_pressure_Pa"]), "Pa") for end in ("inlet", "outlet"))
     own = results.leakage.values
     told = fluid_text(results.case.get("output", {}).get("test_fluid") or {}, str(attrs["test_fluid"]))
     sentences = [
         f"A test fluid, {told}, runs from {inlet} to {outlet} through the same seals: "
-        f"{amount(float(best[0]), basis.factor(unit))} {unit.name} at {data['name'].values[0]}."
+        f"{format_leakage(float(best[0]), basis.factor(unit))} {unit.name} at {data['name'].values[0]}."
     ]
     if both_gases := basis.is_gas and results.leak_basis.is_gas:
         assert basis.pressure is not None

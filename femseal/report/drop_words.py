@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..base.quantities import to_text
-from ..plots.face_panels import face_leakage
-from ..plots.maps import default_step, pressure_rows
+from ..plots.maps import default_step, face_leakage, pressure_rows
 
 if TYPE_CHECKING:
     from ..results.results import Results

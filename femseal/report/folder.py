@@ -15,12 +15,12 @@ from ..base.errors import FemsealError
 from ..base.files import is_inside, made_folder, read_plain, replacing, write_text
 from ..base.stage import Mapper
 from ..results import seal_lengths
-from ..results.fields import LIMIT, FieldPlan, plan_fields, write_fields
-from ..results.fields import NAME as FIELDS
 from ..results.netcdf import FILE_NAME, save
+from ..results.paraview import write_vtk
+from ..results.pixel_fields import LIMIT, FieldPlan, plan_fields, write_fields
+from ..results.pixel_fields import NAME as FIELDS
 from ..results.results import Results
 from ..results.tables import csv_text
-from ..results.vtk import write_vtk
 from ..topography import Topography
 from .page import REPORT_NAME, write_report
 from .pictures import FILES, draw_all

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..base.quantities import to_text
-from ..results.interpolated import solved_steps
+from ..results.selections import solved_steps
 from ..results.tables import INTERPOLATED
 
 if TYPE_CHECKING:

@@ -10,10 +10,10 @@ from typing import Any
 
 from ..base.errors import FemsealError, InputError
 from ..base.files import replacing
-from ..results import seal_lengths, wanted_accuracy
+from ..results import attempts_table, seal_lengths
 from ..results.netcdf import FILE_NAME, open_results, unfit
 from ..results.results import Results
-from ..results.tables import texts, totals
+from ..results.tables import leakage_table, totals_table
 from . import budget_words, class_words
 from . import pictures as pictures
 from . import words as words
@@ -68,8 +68,8 @@ def write_report(
         with replacing(target) as temporary:
             temporary.write_text(page, encoding="utf-8", newline="")
     except OSError as error:
-        allowed = f"a file in a folder that can be written ({error.strerror})"
-        raise InputError("path", f"'{target}'", allowed) from None
+        expected = f"a file in a folder that can be written ({error.strerror})"
+        raise InputError("path", f"'{target}'", expected) from None
     return target
 
 
@@ -86,9 +86,6 @@ def report_html(results: Results, drawings: pictures.Drawings | None = None) -> 
 
 def _content(results: Results, drawings: pictures.Drawings) -> dict[str, Any]:
     data = results.dataset
-    title, heads, lines = texts(results)
-    if results.classes:  # the page has a table of classes
-        heads, lines = heads[:-1], [line[:-1] for line in lines]
     content: dict[str, Any] = {
         "title": results.case.get("title") or "Leakage of a metal-to-metal seal",
         "source": data.attrs["source"],
@@ -98,12 +95,9 @@ def _content(results: Results, drawings: pictures.Drawings) -> dict[str, Any]:
         "face": pictures.face_picture(results, drawings) if "face" in drawings else None,
         "total": words.total_leakage_text(results),
         "leakage": pictures.leakage_picture(results, drawings),
-        "leakage_table": {
-            "title": title,
-            "heads": heads,
-            "lines": lines,
-        },
-        "totals": dict(zip(("heads", "lines"), totals(results), strict=True)),
+        # the page has a table of classes
+        "leakage_table": leakage_table(results).without(["class"]),
+        "totals": totals_table(results),
         "classes": {
             "heads": class_words.class_heads(results),
             "lines": class_words.class_lines(results),
@@ -126,19 +120,18 @@ def _content(results: Results, drawings: pictures.Drawings) -> dict[str, Any]:
         },
         "scatter": words.scatter_lines(results),
         "checks": words.check_lines(results),
-        "attempts": None if results.attempts is None else wanted_accuracy.section(results.attempts),
+        "attempts": None if results.attempts is None else attempts_table.attempts_table(results.attempts),
         "accuracy": words.accuracy_lines(results),
         "times": words.time_lines(results),
         "warnings": results.warnings,
         "failures": results.failures,
         "versions": words.flat(json.loads(data.attrs["versions"])),
         "machine": words.flat(json.loads(data.attrs["machine"])),
-        "case": words.flat(wanted_accuracy.as_chosen(results.case, results.attempts)),
+        "case": words.flat(attempts_table.as_chosen(results.case, results.attempts)),
     }
     if "lengths" in drawings:
         content["lengths"] = pictures.lengths_picture(results, drawings)
-        heads, lines = seal_lengths.texts(results)
-        content["lengths_table"] = {"heads": heads, "lines": lines, "unit": results.leak_unit.name}
+        content["lengths_table"] = seal_lengths.lengths_table(results)
     if "drop" in drawings:
         content["map_step"], content["maps"] = pictures.map_pictures(results, drawings)
         content["drop"] = pictures.drop_picture(results, drawings)

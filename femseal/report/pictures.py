@@ -17,12 +17,11 @@ from ..plots import cells_figure, heights_figure, leakage_figure, lengths_figure
 from ..plots.cell_curves import cells_of
 from ..plots.drawing import HEIGHTS, LINES, Drawn, Sheet, drawn, map_row
 from ..plots.drawn_panels import drawn_figure
-from ..plots.face_panels import face_panel, face_size
-from ..plots.maps import critical_gaps, default_step, drop_panel, has_maps
-from ..results.interpolated import solved_steps
+from ..plots.maps import critical_gaps, default_step, drop_panel, face_panel, face_size, has_maps
 from ..results.results import Results
 from ..results.seal_lengths import has_lengths
-from ..results.tables import amount, leak_scale, leakage_of
+from ..results.selections import solved_steps
+from ..results.tables import format_leakage, leakage_of
 from ..topography import Topography
 
 if TYPE_CHECKING:
@@ -104,7 +103,7 @@ def _figure(name: str, results: Results, surface: Topography | None, gaps: list[
 def face_picture(results: Results, drawings: Drawings) -> Picture:
     """Map of the heights that were solved."""
     heights = results.dataset["face_height"].values * 1e6
-    sides = " × ".join(to_text(side, "m", 3) for side in face_size(results.dataset))
+    sides = " × ".join(to_text(side / 1e3, "m", 3) for side in face_size(results.dataset))
     span = f"{np.nanmin(heights):.3g} to {np.nanmax(heights):.3g} µm"
     alt = f"Map of the heights of the face that was solved, {sides}, {span}."
     return Picture(_uri(drawings["face"].whole), alt, "The face that was solved: heights of the combined faces.")
@@ -113,10 +112,10 @@ def face_picture(results: Results, drawings: Drawings) -> Picture:
 def leakage_picture(results: Results, drawings: Drawings) -> Picture:
     """Leakage over load with its bands."""
     steps, leakage = results.steps, results.leakage.values
-    unit, factor = leak_scale(results)
+    unit, factor = results.leak_scale
     peak = max(range(len(steps)), key=lambda s: steps[s].pressure)
     places = dict.fromkeys((0, peak, len(steps) - 1))
-    texts = [f"{amount(leakage[s], factor)} at {steps[s].name}" for s in places]
+    texts = [f"{format_leakage(leakage[s], factor)} at {steps[s].name}" for s in places]
     what = leakage_of(results).capitalize()
     alt = f"{what} in {unit.name} against nominal pressure: {', '.join(texts)}. See the table for all."
     caption = "Leakage against nominal pressure, one line and marker for each branch of the load cycle."

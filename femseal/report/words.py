@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from ..base.files import read_plain
 from ..base.quantities import to_text
+from ..results.attempts_table import as_chosen
 from ..results.summary import solvers_text
-from ..results.tables import amount, error_band, in_several_units, leak_scale
-from ..results.wanted_accuracy import as_chosen
+from ..results.tables import format_error_band, format_leakage, in_several_units
 from ..studies.curve_distance import FLOOR, leakage_factor
 from .case_text import contact_text, fluid_text, solids_text
 from .load_words import load_sentences
@@ -39,21 +39,21 @@ class KeyNumber:
 def key_numbers(results: Results) -> list[KeyNumber]:
     """Leakage at the first and the highest load and after the last unloading; contact there."""
     data, steps, leakage = results.dataset, results.steps, results.leakage.values
-    unit, factor = leak_scale(results)
+    unit, factor = results.leak_scale
     peak = max(range(len(steps)), key=lambda s: steps[s].pressure)
     numbers, budget = [], results.budget
     for s in dict.fromkeys((0, peak, len(steps) - 1)):
-        value = amount(leakage[s], factor)
+        value = format_leakage(leakage[s], factor)
         value += f" {unit.name}" if leakage[s] and not np.isnan(leakage[s]) else ""
         note = ""
         if budget is not None:
-            note = f"95 % band of error {error_band(budget.lower[s], budget.upper[s], factor)}"
+            note = f"95 % band of error {format_error_band(budget.lower[s], budget.upper[s], factor)}"
         elif "leakage_lower" in data:
-            ends = (amount(float(data[f"leakage_{end}"][s]), factor) for end in ("lower", "upper"))
+            ends = (format_leakage(float(data[f"leakage_{end}"][s]), factor) for end in ("lower", "upper"))
             note = f"band of the realisations {'–'.join(ends)}"
         numbers.append(KeyNumber(steps[s].name, value, note))
-    if "contact_share" in data:
-        share = float(data["contact_share"][peak])
+    if "contact_fraction" in data:
+        share = float(data["contact_fraction"][peak])
         numbers.append(KeyNumber("in contact at the highest load", f"{100 * share:.3g} %", ""))
     return numbers
 

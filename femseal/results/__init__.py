@@ -6,8 +6,8 @@ Pictures and pages of results are made above, in `plots` and `report`.
 
 from .dataset import assemble
 from .netcdf import open_results, save
+from .paraview import write_vtk
 from .results import Results
 from .run_comparison import RunComparison, compare
-from .vtk import write_vtk
 
 __all__ = ["Results", "RunComparison", "assemble", "compare", "open_results", "save", "write_vtk"]

@@ -5,31 +5,32 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..base.errors import InputError
+from ..base.fields import STEP, Field
+from ..base.leak_classes import leak_classes
 from ..base.leak_units import leak_unit
 from ..base.machine import machine, peak_memory
 from ..base.provenance import versions
-from ..budget import at_interpolated_steps
+from ..budget import ErrorBudget, at_interpolated_steps
 from ..fluids import leak_basis
+from ..studies import DeterministicResult, OtherLeakage, Scene, StochasticResult, TwoScaleResult
 from ..studies.curve_distance import leakage_factor
+from ..studies.fluid_load import relief_warning, relieved_leakage
+from ..studies.link_flow import WindowPixels
 from ..studies.load_interpolation import numbers_of
 from ..studies.other_fluid import FluidState
-from . import drawn_seal, error_bands, face_maps, reached_classes, variables
-from .interpolated import with_all_steps
+from . import variables
+from .class_results import add_classes, add_test_fluid, basis_attributes
 from .results import Results
-
-if TYPE_CHECKING:
-    from ..budget import ErrorBudget
-    from ..studies import DeterministicResult, OtherLeakage, Scene, StochasticResult, TwoScaleResult
 
 #: An attribute of an HDF5 file holds at most 64 kB.
 _ATTRIBUTE_BYTES = 50_000
-#: Factor of leakage with twice the shortest wave from which on it is told.
+#: Factor of leakage with twice the shortest wave from which on there is a warning.
 _FILTER_FACTOR = 2.0
 
 
@@ -39,6 +40,7 @@ def assemble(
     deterministic: DeterministicResult | None = None,
     two_scale: TwoScaleResult | None = None,
     stochastic: StochasticResult | None = None,
+    windows: tuple[WindowPixels, ...] = (),
     case: dict[str, Any] | None = None,
     surface_report: dict[str, Any] | None = None,
     timings: dict[str, float] | None = None,
@@ -60,21 +62,22 @@ def assemble(
     ----------
     scene : input of the studies.
     deterministic, two_scale, stochastic : results of studies, at least one.
+    windows : fields of single windows, for files for ParaView, see `studies.link_flow.window_pixels`.
     case : the case in SI, of plain values; its "seed", if any, is stored by itself too.
     surface_report : what was done to the measured face.
     timings : stage to wall time [s].
     quantiles : lower and upper end of the band of realisations.
     warnings : what casts doubt on the case itself; those of the studies come after them.
-    leakage_unit : in which tables, pictures and report tell leakage, see `base.leak_units`; a readable one per length
-        of seal unless given.
+    leakage_unit : of leakage in tables, pictures and report, see `base.leak_units`; a readable one per length of seal
+        unless given.
     leakage_filtered : the leakage at every step of the same face without waves up to twice the shortest one.
     budgets : error budgets of the studies, by their names here.
     test : the leakage of a test fluid through the same seals.
     whole : the scene with all load steps, where `scene` has a part of them: the others are interpolated.
     interpolated_within : relative error of the leakage there.
-    classes : leakage classes to be judged at every step, by the test fluid where there is one, see
+    classes : leakage classes to be decided on at every step, by the test fluid where there is one, see
         `base.leak_classes`. nominal_diameter : [m], which some of them need.
-    throughput_temperature : at which pressure × volume of a gas is told [K]; its own unless given.
+    throughput_temperature : at which pressure × volume of a gas is stated [K]; its own unless given.
 
     Returns
     -------
@@ -82,7 +85,7 @@ def assemble(
     centres [m]; node1, corner1, rows of nodes and of x2-links along x1 [m] (the x2-link of column j runs from cell2 j
     to j + 1); narrowest, numbers of links; library_cell, library_step; part, corner, plane, parts of the
     drawn seal nearest to the median; budget_part, sources of error. Fluxes are volume rates per width at the fluid's
-    reference density. Attributes tell the case, the surface, versions, machine, wall times, peak memory of the main
+    reference density. Attributes hold the case, the surface, versions, machine, wall times, peak memory of the main
     process, numbers of flows solved or known without solving (`counts`), number of linear systems by solver with the
     worst imbalance of inlet and outlet flow (`solvers`), number of steps that are earlier ones again (`equal_steps`),
     how the errors were estimated (`error_budget`), warnings and failures.
@@ -103,29 +106,29 @@ def assemble(
         raise InputError("quantiles", quantiles, "two numbers, 0 <= lower < upper <= 1")
     data = xarray.Dataset(coords=variables.step_coordinates("step", "", scene.steps))
     if deterministic is not None:
-        variables.add_fields(data, deterministic)
-        face_maps.add_fields(data, scene, deterministic)
+        variables.add_declared(data, deterministic)
+        variables.add_block_means(data, scene, deterministic)
     if two_scale is not None:
         variables.add_windows(data, scene, two_scale)
         if two_scale.face_fluid_pressure is not None and deterministic is None:
-            face_maps.add_fields(data, scene, two_scale)
+            variables.add_block_means(data, scene, two_scale)
     if stochastic is not None:
         variables.add_realisations(data, stochastic, quantiles)
-        variables.add_lengths(data, stochastic, quantiles)
         variables.add_library(data, stochastic.library.curves)
-        if stochastic.median_seal is not None:
-            drawn_seal.add_drawn(data, stochastic.median_seal)
-    face_maps.add_heights(data, scene)
-    variables.add_contact_share(data, scene, deterministic, two_scale, stochastic)
-    variables.add_entry_pressure(data, scene, deterministic or two_scale)
-    hangs = []
+        if (drawn := stochastic.median_seal) is not None:
+            variables.add_declared(data, drawn)
+            data["drawn_corners"].attrs["realisation"] = drawn.realisation
+    variables.add_heights(data, scene)
+    variables.add_contact_fraction(data, scene, deterministic, two_scale, stochastic)
+    doubts = []
     if leakage_filtered is not None:
-        variables.add_filtered(data, leakage_filtered)
-        hangs = _hangs_on_filter(leakage_filtered, Results(data), scene)
+        text = "leakage per unit seal length, of the face without waves up to twice the shortest"
+        variables.add(data, Field("leakage_filtered", "m^2/s", text, STEP, "twice the wave"), leakage_filtered)
+        doubts = _filter_doubts(leakage_filtered, Results(data), scene)
     every = scene if whole is None else whole
     if len(every.steps) > len(scene.steps):
         solved = numbers_of(scene.steps, every.steps)
-        data = with_all_steps(data, solved, every.steps)
+        data = variables.with_all_steps(data, solved, every.steps)
         test = None if test is None else test.at_all_steps(solved, every.steps)
         budgets = {
             name: at_interpolated_steps(budget, solved, every.steps, interpolated_within)
@@ -144,7 +147,7 @@ def assemble(
         if study is not None and study.equal_steps
     }
     few = [text] if stochastic is not None and (text := stochastic.too_few(*quantiles)) else []
-    told = (text for study in studies for text in study.warnings)
+    of_studies = (text for study in studies for text in study.warnings)
     seal_size = stochastic.seal.size if stochastic is not None else scene.surface.size
     basis = leak_basis(scene.fluid, float(seal_size[1]), throughput_temperature)
     if leakage_unit is not None:
@@ -162,8 +165,8 @@ def assemble(
         "counts": _json(counts),
         "solvers": _json(solvers),
         "equal_steps": _json(equal),
-        # what is odd in the scene is told by every study
-        "warnings": _shortened(list(dict.fromkeys([*warnings, *told, *few, *hangs]))),
+        # every study warns of what is odd in the scene
+        "warnings": _shortened(list(dict.fromkeys([*warnings, *of_studies, *few, *doubts]))),
         "failures": _shortened([text for study in studies for text in study.failures]),
         "versions": _json(versions()),
         "machine": _json(machine()),
@@ -176,25 +179,31 @@ def assemble(
         "seal": str(scene.layout) if stochastic is not None else "a strip",
         "seal_size_m": [float(length) for length in seal_size],
         "leakage_unit": leakage_unit or "",
-        **reached_classes.basis_attributes(basis),
+        **basis_attributes(basis),
     }
     data.attrs |= _windows(two_scale, stochastic)
-    error_bands.add_budgets(data, budgets or {})
+    variables.add_budgets(data, budgets or {})
     if case and case.get("seed") is not None:
         data.attrs["seed"] = case["seed"]
-    results = Results(data, scene=scene, deterministic=deterministic, two_scale=two_scale, stochastic=stochastic)
+    results = Results(data, None, scene, deterministic, two_scale, stochastic, windows)
     variables.add_totals(data, results.leakage, results.leak_basis)
-    told_later = [variables.add_lifted(data, every, results.leakage)]
+    later = []
+    if doubt := relief_warning(every, results.leakage.values):
+        later.append(doubt)
+        text = "leakage per unit seal length, estimate if the fluid carries its part of the load, NaN below all steps"
+        values = relieved_leakage(every, results.leakage.values)
+        variables.add_step(data, "leakage_lifted", "m^2/s", text, values)
     if test is not None:
-        reached_classes.add_test_fluid(data, test, FluidState.of(scene), throughput_temperature)
-    told_later += reached_classes.add_classes(results, classes, nominal_diameter)
-    if any(told_later):
-        data.attrs["warnings"] = _shortened([*results.warnings, *filter(None, told_later)])
+        add_test_fluid(data, test, FluidState.of(scene), throughput_temperature)
+    wanted = leak_classes(classes)
+    later += add_classes(data, wanted, results.class_basis, nominal_diameter, *results.class_leakage)
+    if later:
+        data.attrs["warnings"] = _shortened([*results.warnings, *later])
     return results
 
 
 def _windows(two_scale: TwoScaleResult | None, stochastic: StochasticResult | None) -> dict[str, Any]:
-    """How the contact of windows with places was solved; the windows of the library, and those without overlap."""
+    """Attributes on how the contact of windows was solved, and on the library and its windows without overlap."""
     found: dict[str, Any] = {}
     library = None if stochastic is None else stochastic.library
     if (placed := two_scale or library) is not None and hasattr(placed, "contact"):
@@ -205,7 +214,7 @@ def _windows(two_scale: TwoScaleResult | None, stochastic: StochasticResult | No
     return found
 
 
-def _hangs_on_filter(filtered: NDArray[np.float64], results: Results, scene: Scene) -> list[str]:
+def _filter_doubts(filtered: NDArray[np.float64], results: Results, scene: Scene) -> list[str]:
     """Warn if leakage on loading changes much without the shortest waves."""
     factor = leakage_factor(filtered, results.leakage.values, scene.steps, "loading")
     if not factor.closed and not factor.value > _FILTER_FACTOR:

@@ -14,21 +14,21 @@ import numpy as np
 
 from ..base.errors import InputError
 from ..base.files import replacing
+from .pixel_fields import read_pixels, stored_steps
+from .run_data import RunData
 
 if TYPE_CHECKING:
     import xarray
 
-    from .results import Results
-
-#: Tags of a GeoTIFF: size of the pixel, place of the first one, keys; and the words that say what the image is.
-_SCALE, _TIE, _KEYS, _WORDS = 33550, 33922, 34735, 270
+#: Tags of a GeoTIFF: size of the pixel, place of the first one, keys; and what the image is.
+_SCALE, _TIE, _KEYS, _TEXT = 33550, 33922, 34735, 270
 #: A plane of the user's own with pixels that are areas, in metres: head, then model type, raster type, unit.
 _PLANE = (1, 1, 1, 3, 1024, 0, 1, 32767, 1025, 0, 1, 1, 3076, 0, 1, 9001)
 FIELDS = ("gap", "contact_pressure", "fluid_pressure")
 
 
 def export_field(
-    results: Results,
+    run: RunData,
     path: str | os.PathLike[str],
     *,
     field: str = "gap",
@@ -44,16 +44,16 @@ def export_field(
         raise InputError("output", f"'{path.name}'", f"a file {', '.join(_FORMATS)}")
     if field != "gap" and path.suffix.lower() == ".x3p":
         raise InputError("output", f"'{path.name}' for {field}", "a file .npz, .tif: an .x3p holds heights only")
-    steps = results.stored_steps if step is None else [step]
+    steps = stored_steps(run) if step is None else [step]
     if not steps:
         raise InputError("results", "no gap over all pixels", "results with files in `fields` (fields_limit)")
     written = []
     for s in steps:
-        values = getattr(results, field)(s, cell)
+        values = read_pixels(run, field, s, cell)
         target = path if step is not None else path.with_stem(f"{path.stem}_{s:04d}")
         try:
             with replacing(target) as temporary:
-                write(temporary, values, results, s)
+                write(temporary, values, run, s)
         except OSError as error:
             raise InputError("output", f"'{target}'", f"a file that can be written ({error.strerror})") from None
         written.append(target)
@@ -70,9 +70,9 @@ def _frame(values: xarray.DataArray) -> tuple[tuple[float, float], tuple[float, 
     return (pixel[0], pixel[1]), (corner[0], corner[1])
 
 
-def _write_npz(path: Path, values: xarray.DataArray, results: Results, step: int) -> None:
+def _write_npz(path: Path, values: xarray.DataArray, run: RunData, step: int) -> None:
     pixel, corner = _frame(values)
-    load = results.steps[step]
+    load = run.steps[step]
     known: dict[str, Any] = {
         "step": step,
         "name": load.name,
@@ -84,7 +84,7 @@ def _write_npz(path: Path, values: xarray.DataArray, results: Results, step: int
         np.savez_compressed(file, allow_pickle=False, **{str(values.name): values.values}, **known)
 
 
-def _write_tif(path: Path, values: xarray.DataArray, results: Results, step: int) -> None:
+def _write_tif(path: Path, values: xarray.DataArray, run: RunData, step: int) -> None:
     from PIL import Image, TiffImagePlugin
 
     (d1, d2), (x1, x2) = _frame(values)
@@ -96,13 +96,13 @@ def _write_tif(path: Path, values: xarray.DataArray, results: Results, step: int
     ):
         tags.tagtype[tag] = kind
         tags[tag] = content
-    tags[_WORDS] = f"{values.name} [{values.attrs['units']}] of femseal, {results.steps[step].name}, x1 to the right"
+    tags[_TEXT] = f"{values.name} [{values.attrs['units']}] of femseal, {run.steps[step].name}, x1 to the right"
     # the first row of an image is the uppermost
     image = Image.fromarray(np.ascontiguousarray(values.values.T[::-1], dtype=np.float32))
     image.save(path, format="TIFF", tiffinfo=tags, compression="tiff_adobe_deflate")
 
 
-def _write_x3p(path: Path, values: xarray.DataArray, results: Results, step: int) -> None:
+def _write_x3p(path: Path, values: xarray.DataArray, run: RunData, step: int) -> None:
     import x3pio
 
     (d1, d2), _ = _frame(values)
@@ -110,7 +110,7 @@ def _write_x3p(path: Path, values: xarray.DataArray, results: Results, step: int
         x3pio.write(file, values.values.T, x_scale=d1, y_scale=d2)
 
 
-_FORMATS: dict[str, Callable[[Path, xarray.DataArray, Results, int], None]] = {
+_FORMATS: dict[str, Callable[[Path, xarray.DataArray, RunData, int], None]] = {
     ".npz": _write_npz,
     ".tif": _write_tif,
     ".tiff": _write_tif,

@@ -10,7 +10,8 @@ from typing import Any
 from ..base.errors import InputError, shortened
 from ..base.files import made_folder, replacing_hdf5
 from ..base.machine import free_memory
-from .results import METHODS, Results
+from .results import Results
+from .run_data import METHODS
 
 FILE_NAME = "results.nc"
 #: Attributes that hold JSON, and what each of them is.

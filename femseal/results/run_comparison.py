@@ -6,24 +6,23 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..base.errors import InputError, shown
+from ..base.fields import with_unit
 from ..base.files import made_folder, replacing, write_text
 from ..base.leak_units import LEAK_UNITS, LeakUnit, leak_unit, leakage_unit
 from ..base.quantities import to_text
 from ..base.text import Plotted, comma_separated, room
+from ..base.text_table import TextTable
 from ..loads import LoadStep
 from ..studies.curve_distance import closing_load
 from .netcdf import open_results
 from .results import Results
-from .tables import amount, ascii_unit
-
-if TYPE_CHECKING:
-    from rich.table import Table
+from .tables import format_leakage
 
 Array = NDArray[np.float64]
 #: Ends of the band of realisations, where a run has them.
@@ -34,7 +33,7 @@ BAND = ("leakage_lower", "leakage_upper")
 class RunComparison(Plotted):
     """Runs side by side; their loads, methods and lengths of seal may differ.
 
-    names, runs : the runs, each with a name of its own. unit : in which their leakage is told.
+    names, runs : the runs, each with a name of its own. unit : of leakage in table and picture.
     settings : of a sweep, the keys that were varied, and the values of each run as texts, one for each key.
     """
 
@@ -65,14 +64,14 @@ class RunComparison(Plotted):
 
     @property
     def labels(self) -> tuple[str, ...]:
-        """The runs in words: the settings of a sweep that differ, or else their names."""
+        """Names of the runs for people: the settings of a sweep that differ, or else their names."""
         varied = [k for k in range(len(self.keys)) if len({values[k] for values in self.settings}) > 1]
         if not varied:
             return self.names
         return tuple(", ".join(f"{self.keys[k]} {values[k]}" for k in varied) for values in self.settings)
 
     @property
-    def told_as(self) -> str:
+    def label(self) -> str:
         """What is compared, with its unit."""
         what = "leakage per length of seal" if self.unit.per_length else "leakage of the whole seal"
         return f"{what} [{self.unit.name}]"
@@ -80,11 +79,11 @@ class RunComparison(Plotted):
     def rows(self) -> list[dict[str, Any]]:
         """One dictionary for each run and load step: the run, the keys of a sweep, the load, the leakage in SI and in
         the unit of the comparison; keys carry the units, missing bands are NaN."""
-        column = f"leakage_{ascii_unit(self.unit.name)}"
+        column = with_unit("leakage", self.unit.name)
         rows = []
         for n, (name, results) in enumerate(zip(self.names, self.runs, strict=True)):
             data = results.dataset
-            values, told = results.leakage.values, self.leakage(n)
+            values, in_unit = results.leakage.values, self.leakage(n)
             low, high = self._band_in_si(n)
             varied = dict(zip(self.keys, self.settings[n], strict=True)) if self.keys else {}
             for s, step in enumerate(results.steps):
@@ -102,7 +101,7 @@ class RunComparison(Plotted):
                         "leakage_lower_m2_per_s": float(low[s]),
                         "leakage_upper_m2_per_s": float(high[s]),
                     }
-                    | ({column: float(told[s])} if column != "leakage_m2_per_s" else {})
+                    | ({column: float(in_unit[s])} if column != "leakage_m2_per_s" else {})
                 )
         return rows
 
@@ -118,8 +117,8 @@ class RunComparison(Plotted):
         """The rows as comma-separated values, with one line of column names."""
         return comma_separated(self.rows())
 
-    def texts(self) -> tuple[str, list[str], list[list[str]]]:
-        """Title, headings and cells of the table for people, one line for each run.
+    def table(self) -> TextTable:
+        """The table for people, one line for each run, to be given to `rich.print`.
 
         The columns are the keys of a sweep, or else the names of the runs; the method where it differs; the leakage at
         a few load steps that all runs have, or else at their own first, highest and last one; and the lowest pressure
@@ -128,14 +127,14 @@ class RunComparison(Plotted):
         columns: list[tuple[str, list[str]]] = [("run", list(self.names))]
         if self.keys:
             columns = [(key, [values[k] for values in self.settings]) for k, key in enumerate(self.keys)]
+        names = len(columns)
         if len({results.method for results in self.runs}) > 1:
             columns.append(("method", [results.method for results in self.runs]))
-        columns += [(name, [self._told(n, s) for n, s in enumerate(steps)]) for name, steps in self._columns()]
+        columns += [(name, [self._cell(n, s) for n, s in enumerate(steps)]) for name, steps in self._columns()]
         closing = [closing_load(results.leakage.values, results.steps) for results in self.runs]
         if any(np.isfinite(closing)):
             columns.append(("closes at", [to_text(p, "Pa", 3) if np.isfinite(p) else "–" for p in closing]))
-        lines = [list(line) for line in zip(*(cells for _, cells in columns), strict=True)]
-        return self.told_as, [name for name, _ in columns], lines
+        return TextTable.of_columns(self.label, columns, names=names)
 
     def _columns(self) -> list[tuple[str, list[int]]]:
         """Heading and the step of every run, for each column of leakage."""
@@ -154,26 +153,11 @@ class RunComparison(Plotted):
             ("last load", [len(results.steps) - 1 for results in self.runs]),
         ]
 
-    def _told(self, run: int, step: int) -> str:
-        text = amount(float(self.leakage(run)[step]), 1.0)
+    def _cell(self, run: int, step: int) -> str:
+        text = format_leakage(float(self.leakage(run)[step]), 1.0)
         if self.common_steps:
             return text
         return f"{text} ({to_text(self.runs[run].steps[step].pressure, 'Pa', 3)})"
-
-    def table(self) -> Table:
-        """The table for a terminal, to be given to `rich.print`."""
-        from rich.box import SIMPLE_HEAD
-        from rich.markup import escape as plain
-        from rich.table import Table
-
-        title, headers, lines = self.texts()
-        table = Table(title=plain(title), title_justify="left", box=SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
-        words = max(len(self.keys), 1)
-        for n, header in enumerate(headers):
-            table.add_column(plain(header), justify="left" if n < words else "right", overflow="fold")
-        for line in lines:
-            table.add_row(*map(plain, line))
-        return table
 
     def write(self, folder: str | os.PathLike[str], stem: str = "comparison") -> list[Path]:
         """Write the table as `stem`.csv and the picture as `stem`.png into a folder, which is made if needed.
@@ -211,7 +195,7 @@ def compare(runs: Mapping[str, Run] | Sequence[Run], *, unit: str | None = None)
     Parameters
     ----------
     runs : results folders, or `Results`; as a mapping with a name for each, otherwise they are named by their folders.
-    unit : in which leakage is told, such as "mL/min"; that of the cases if it is the same in all of them, or else a
+    unit : of leakage, such as "mL/min"; that of the cases if it is the same in all of them, or else a
         readable one per length of seal.
 
     Raises

@@ -1,50 +1,72 @@
-"""Variables of the dataset, each declared once with its name, unit, meaning and dimensions.
+"""Variables of the dataset: the declared fields of the studies' results, and those that are computed from several.
 
-Fields of the studies' results declare them in their metadata; variables computed from several fields, here. A
-variable over the steps is a column of the table, with a heading also of the table for people; one over the windows is
-an array of the seal in ParaView.
+A field over the load steps is a column of the tables, with a heading also of the table for people; one over windows, or
+over parts of the drawn seal, is an array in ParaView.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import fields
+import json
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from ..base.fields import (
+    BLOCK,
+    ERROR_SOURCE,
+    FACE,
+    LENGTH,
+    PIXEL,
+    STEP,
+    Field,
+    Place,
+    fields_of,
+)
 from ..base.leak_units import LEAK_UNITS, LeakBasis
-from ..flow import critical_constriction
-from ..fluids import capillary_entry_pressure
-from ..loads import LoadStep
-from ..seal import NARROWEST, RectangularSeal, drop_shares
-from ..studies.fluid_load import relief_warning, relieved_leakage
+from ..budget import ErrorBudget, ErrorPart
+from ..library import LibraryTable
+from ..loads import LoadProgramme, LoadStep
+from ..seal import NARROWEST
+from ..studies import DeterministicResult, Scene, StochasticResult, TwoScaleResult
+from ..studies.link_flow import link_flow
+from ..studies.load_interpolation import at_all_steps
+from .selections import INTERPOLATED
 
 if TYPE_CHECKING:
     import xarray
 
-    from ..library import LibraryTable
-    from ..studies import DeterministicResult, Scene, StochasticResult, TwoScaleResult
-
-_SUFFIXES = {
-    "m": "m",
-    "m^2/s": "m2_per_s",
-    "m^3": "m3",
-    "Pa": "Pa",
-    "1": "",
-    "m^3/s": "m3_per_s",
-    "kg/s": "kg_per_s",
-    "Pa*m^3/s": "Pa_m3_per_s",
-}
+Array = NDArray[np.float64]
+#: Most blocks along a side of the maps, of the heights and of a field at every step.
+HEIGHT_BLOCKS, FIELD_BLOCKS = 256, 128
+#: Sources of error in the order in which they are shown.
+SOURCES = ("solver", "pixels", "filter", "windows", "two scales", "sampler", "library", "realisations", "loads")
+#: Dimensions beside the steps whose every entry is a number of its own; variables with others are fields.
+_OF_NUMBERS = {"step", "realisation", "seal_length"}
 
 
-def name_with_unit(variable: xarray.DataArray, name: str | None = None) -> str:
-    """Name of a variable with its SI unit in ASCII letters, such as "leakage_mean_m2_per_s"."""
-    return "_".join(filter(None, (name or str(variable.name), _SUFFIXES[variable.attrs["units"]])))
+def add(data: xarray.Dataset, made: Field, values: Any, **attrs: Any) -> None:
+    """Add a field; one of this name that is there stays."""
+    if made.name not in data:
+        data[made.name] = (made.place.dims, values, made.attrs | attrs)
 
 
-def _labels(unit: str, long_name: str, heading: str = "") -> dict[str, str]:
-    return {"units": unit, "long_name": long_name} | ({"heading": heading} if heading else {})
+def add_step(data: xarray.Dataset, name: str, unit: str, long_name: str, values: Any, **attrs: Any) -> None:
+    """Add a field over the load steps."""
+    add(data, Field(name, unit, long_name, STEP), values, **attrs)
+
+
+def add_coordinate(data: xarray.Dataset, dim: str, unit: str, long_name: str, values: Any) -> None:
+    """Add the coordinate of a dimension."""
+    data.coords[dim] = (dim, values, Field(dim, unit, long_name, Place("", (dim,))).attrs)
+
+
+def add_declared(data: xarray.Dataset, result: Any) -> None:
+    """Add every declared field of a result, except the large ones over all pixels."""
+    for made, values in fields_of(result):
+        if made.place != PIXEL and np.size(values):
+            add(data, made, values)
 
 
 def step_coordinates(dim: str, prefix: str, steps: Sequence[LoadStep]) -> dict[str, Any]:
@@ -57,136 +79,128 @@ def step_coordinates(dim: str, prefix: str, steps: Sequence[LoadStep]) -> dict[s
         f"{prefix}unloaded_from": (peaks, "Pa", "nominal pressure from which the step is unloaded"),
         f"{prefix}name": ([s.name for s in steps], "1", "name of the load step"),
     }
-    return {name: (dim, values, _labels(unit, text)) for name, (values, unit, text) in columns.items()}
-
-
-def add_fields(data: xarray.Dataset, result: Any, prefix: str = "") -> None:
-    """Add every field of a result whose metadata names its dimensions, except the large ones over all pixels.
-
-    prefix : of the names.
-    """
-    for f in fields(result):
-        values, dims = getattr(result, f.name), f.metadata.get("dims", ())
-        if dims and "x1" not in dims and values is not None and values.size:
-            attrs = _labels(f.metadata["unit"], f.metadata["long_name"], f.metadata["heading"])
-            data[prefix + (f.metadata["name"] or f.name)] = (dims, values, attrs)
+    return {name: (dim, values, {"units": unit, "long_name": text}) for name, (values, unit, text) in columns.items()}
 
 
 def add_windows(data: xarray.Dataset, scene: Scene, result: TwoScaleResult) -> None:
-    """Add fields of the windows and of the nodes, the flux through the links, and the shares of the pressure drop."""
+    """Add fields of the windows and of the nodes, and what flows through the links."""
     (m1, m2), (d1, d2) = result.partition.cells, result.partition.window_size
-    data.coords["cell1"] = ("cell1", (np.arange(m1) + 0.5) * d1, _labels("m", "x1 of window centres, from the inlet"))
-    data.coords["cell2"] = ("cell2", (np.arange(m2) + 0.5) * d2, _labels("m", "x2 of window centres, along the seal"))
     rows = np.array(result.partition.node_rows)
-    data.coords["node1"] = ("node1", rows, _labels("m", "x1 of the global nodes"))
+    add_coordinate(data, "cell1", "m", "x1 of window centres, from the inlet", (np.arange(m1) + 0.5) * d1)
+    add_coordinate(data, "cell2", "m", "x2 of window centres, along the seal", (np.arange(m2) + 0.5) * d2)
+    add_coordinate(data, "node1", "m", "x1 of the global nodes", rows)
     if m1 > 1:
-        data.coords["corner1"] = ("corner1", rows[1:-1], _labels("m", "x1 of links along x2"))
-    add_fields(data, result)
-    if result.k1 is None or result.k2 is None or result.fluid_pressure is None:
-        return
-    # the fluid pressure in a pocket is undefined, and its flux is 0
-    pocket = np.isnan(result.fluid_pressure) & np.isfinite(result.leakage)[:, None, None]
-    pressure = np.where(pocket, scene.outlet_pressure, result.fluid_pressure)
-    potential = scene.fluid.potential(pressure) / scene.fluid.reference_density
-    along = result.k1 * (potential[:, :-1] - potential[:, 1:]) / np.diff(rows)[:, None]
-    text = "flow per width through links along"
-    data["flux1"] = (("step", "cell1", "cell2"), along, _labels("m^2/s", f"{text} x1"))
-    if m1 > 1:
-        across = result.k2 * (potential - np.roll(potential, -1, axis=2))[:, 1:-1] / d2
-        data["flux2"] = (("step", "corner1", "cell2"), across, _labels("m^2/s", f"{text} x2"))
-    seal = RectangularSeal(scene.surface.size, (m1, m2), result.partition.node_rows)
-    shares = np.full((len(result.steps), len(NARROWEST)), np.nan)
-    for s in np.flatnonzero(np.isfinite(result.fluid_pressure[:, 0]).all(axis=1)):  # NaN where a link failed
-        shares[s] = drop_shares(result.k1[s], result.k2[s], seal, potential[s])
-    data.coords["narrowest"] = ("narrowest", list(NARROWEST), _labels("1", "number of links that dissipate most"))
-    text = "share of the pressure drop over the links that dissipate most, NaN without flow"
-    data["drop_fraction"] = (("step", "narrowest"), shares, _labels("1", text))
+        add_coordinate(data, "corner1", "m", "x1 of links along x2", rows[1:-1])
+    add_declared(data, result)
+    if (flow := link_flow(scene, result)) is not None:
+        add_declared(data, flow)
+        add_coordinate(data, "narrowest", "1", "number of links that dissipate most", list(NARROWEST))
 
 
 def add_realisations(data: xarray.Dataset, result: StochasticResult, quantiles: tuple[float, float]) -> None:
-    """Add the leakage of every realisation, and its quantiles, mean and spread."""
-    add_fields(data, result)
-    data.coords["realisation"] = ("realisation", np.arange(len(result.leakage)), _labels("1", "realisation"))
-    text = "leakage per unit seal length, {} of the realisations"
-    for name, q in (("median", 0.5), ("lower", quantiles[0]), ("upper", quantiles[1])):
-        labels = _labels("m^2/s", text.format(name if name == "median" else f"{name} quantile {q:g}"))
-        data[f"leakage_{name}"] = ("step", result.quantile(q), labels | {"quantile": q})
-        if name != "median" and result.leakage_resampled is not None:
-            labels = _labels("m^2/s", labels["long_name"] + " with the error of the finite library")
-            data[f"leakage_{name}_together"] = ("step", result.quantile(q, resampled=True), labels | {"quantile": q})
-    data["leakage_mean"] = ("step", result.mean, _labels("m^2/s", text.format("mean")))
-    spread, error = result.realisation_spread, result.library_error
-    data["realisation_spread"] = ("step", spread, _labels("1", "standard deviation of ln(leakage), realisations"))
+    """Add the leakage of every realisation, and its quantiles, mean and spread; those of all lengths if several."""
+    add_declared(data, result)
+    add_coordinate(data, "realisation", "1", "realisation", np.arange(len(result.leakage)))
+    ends = {"median": (0.5, False)} | {
+        f"{name}{end}": (q, resampled)
+        for name, q in zip(("lower", "upper"), quantiles, strict=True)
+        for end, resampled in (("", False), ("_together", True))
+        if not resampled or result.leakage_resampled is not None
+    }
+    text = "leakage per unit seal length, {}"
+    for name, (q, resampled) in ends.items():
+        of = "median" if name == "median" else f"{name.partition('_')[0]} quantile {q:g}"
+        more = " with the error of the finite library" if resampled else ""
+        values = result.quantile(q, resampled=resampled)
+        add_step(data, f"leakage_{name}", "m^2/s", text.format(f"{of} of the realisations{more}"), values, quantile=q)
     if result.leakage_resampled is not None:
-        data["library_error"] = ("step", error, _labels("1", "standard deviation of ln(leakage), finite library"))
-    if result.cut_error is not None:
-        text = "half the distance of ln(leakage) with Dirichlet and with Neumann cuts between runs"
-        data["cut_error"] = ("step", result.cut_error, _labels("1", text))
-    text = "share of the realisations without leakage"
-    data["sealed_fraction"] = ("step", result.sealed_fraction, _labels("1", text, "sealed [%]"))
-
-
-def add_lengths(data: xarray.Dataset, result: StochasticResult, quantiles: tuple[float, float]) -> None:
-    """Add median and bands of the leakage of seals of all lengths that were drawn, if there are several."""
+        error = result.library_error
+        add_step(data, "library_error", "1", "standard deviation of ln(leakage), finite library", error)
     if not result.other_lengths:
         return
     every = (result, *result.other_lengths)
-    lengths = np.array([seals.seal.size[1] for seals in every])
-    data.coords["seal_length"] = ("seal_length", lengths, _labels("m", "length of drawn seals"))
-    kinds = {"median": (0.5, False)} | {
-        f"{name}{end}": (q, resampled)
-        for end, resampled in (("", False), ("_together", True))
-        for name, q in zip(("lower", "upper"), quantiles, strict=True)
-        if not resampled or result.leakage_resampled is not None
-    }
-    for name, (q, resampled) in kinds.items():
+    sizes = np.array([seals.seal.size[1] for seals in every])
+    add_coordinate(data, "seal_length", "m", "length of drawn seals", sizes)
+    for name, (q, resampled) in ends.items():
         values = np.array([seals.quantile(q, resampled=resampled) for seals in every])
-        text = (
-            f"leakage per unit seal length, {name.split('_')[0] if name == 'median' else f'quantile {q:g}'} by length"
-        )
-        text += " with the error of the finite library" if resampled else ""
-        data[f"leakage_of_lengths_{name}"] = (("seal_length", "step"), values, _labels("m^2/s", text) | {"quantile": q})
+        of = f"{'median' if name == 'median' else f'quantile {q:g}'} by length"
+        more = " with the error of the finite library" if resampled else ""
+        add(data, Field(f"leakage_of_lengths_{name}", "m^2/s", text.format(of + more), LENGTH), values, quantile=q)
     sealed = np.array([seals.sealed_fraction for seals in every])
-    labels = _labels("1", "share of the realisations without leakage by length")
-    data["sealed_fraction_of_lengths"] = (("seal_length", "step"), sealed, labels)
-
-
-def add_filtered(data: xarray.Dataset, leakage: np.ndarray) -> None:
-    """Add the leakage of the face without waves up to twice the shortest one."""
-    text = "leakage per unit seal length, of the face without waves up to twice the shortest"
-    data["leakage_filtered"] = ("step", leakage, _labels("m^2/s", text, "twice the wave"))
-
-
-def add_lifted(data: xarray.Dataset, scene: Scene, leakage: xarray.DataArray) -> str:
-    """Add an estimate of the leakage with the part of the load that the fluid carries, where that is much; see it."""
-    told = relief_warning(scene, leakage.values)
-    if told:
-        text = "leakage per unit seal length, estimate if the fluid carries its part of the load, NaN below all steps"
-        data["leakage_lifted"] = ("step", relieved_leakage(scene, leakage.values), _labels("m^2/s", text))
-    return told
-
-
-def add_entry_pressure(data: xarray.Dataset, scene: Scene, study: DeterministicResult | TwoScaleResult | None) -> None:
-    """Add the capillary entry pressure of the critical constriction, of a liquid that does not wet the faces."""
-    if study is None or np.isnan(capillary_entry_pressure(scene.fluid, 1.0)):
-        return
-    spacing = scene.surface.spacing
-    found = (critical_constriction(np.maximum(gap, 0.0), spacing, sides="periodic") for gap in study.gap)
-    pressures = [capillary_entry_pressure(scene.fluid, 0.0 if c is None else c.gap) for c in found]
-    text = "pressure below which the liquid does not enter the critical constriction, inf where it is closed"
-    data["capillary_entry_pressure"] = ("step", pressures, _labels("Pa", text))
+    of = "fraction of the realisations without leakage by length"
+    add(data, Field("sealed_fraction_of_lengths", "1", of, LENGTH), sealed)
 
 
 def add_library(data: xarray.Dataset, curves: LibraryTable) -> None:
     """Add the curves of the cells of the library over the steps of the library."""
     for name, entry in step_coordinates("library_step", "library_", curves.steps).items():
         data.coords[name] = entry
-    cells = np.arange(len(curves.k))
-    data.coords["library_cell"] = ("library_cell", cells, _labels("1", "number of the library cell"))
-    for f in fields(curves):
-        if f.name != "steps":
-            labels = _labels(f.metadata["unit"], f.metadata["long_name"])
-            data[f"library_{f.name}"] = (("library_cell", "library_step"), getattr(curves, f.name), labels)
+    add_coordinate(data, "library_cell", "1", "number of the library cell", np.arange(len(curves.k)))
+    add_declared(data, curves)
+
+
+def add_heights(data: xarray.Dataset, scene: Scene) -> None:
+    """Add the heights of the face, as means over blocks."""
+    add_blocks(data, ("face1", "face2"), scene, HEIGHT_BLOCKS)
+    made = Field("face_height", "m", "height of the face, mean of each block", FACE)
+    add(data, made, block_means(scene.surface.heights, HEIGHT_BLOCKS))
+
+
+def add_block_means(data: xarray.Dataset, scene: Scene, study: DeterministicResult | TwoScaleResult) -> None:
+    """Add the fields over all pixels of a study that resolves the flow, as means over blocks at every step.
+
+    The fields themselves are too large for the dataset. Blocks without a number are NaN.
+    """
+    add_blocks(data, ("block1", "block2"), scene, FIELD_BLOCKS)
+    for made, at_pixels in fields_of(study):
+        if made.place == PIXEL:
+            text, name = f"{made.long_name}, mean of each block", f"face_{made.name.removesuffix('_deterministic')}"
+            values = np.array([block_means(values, FIELD_BLOCKS) for values in at_pixels])
+            add(data, Field(name, made.unit, text, BLOCK), values)
+
+
+def add_blocks(data: xarray.Dataset, dims: tuple[str, str], scene: Scene, most: int) -> None:
+    """Add the coordinates of blocks of the face, at most so many along a side."""
+    for n, (dim, count, length) in enumerate(zip(dims, scene.surface.shape, scene.surface.size, strict=True), start=1):
+        blocks = min(count, most)
+        add_coordinate(data, dim, "m", f"x{n} of block centres", (np.arange(blocks) + 0.5) * length / blocks)
+
+
+def block_means(values: NDArray[Any], most: int) -> NDArray[np.float32]:
+    """Means of the values (n1, n2) over at most `most` blocks along each side, without NaN; NaN where all are.
+
+    Where the sides are no multiples of the blocks, blocks differ by a pixel.
+    """
+    starts = [np.arange(min(n, most)) * n // min(n, most) for n in values.shape]
+
+    def sums(of: NDArray[Any]) -> Array:
+        return np.add.reduceat(np.add.reduceat(of, starts[0], axis=0, dtype=float), starts[1], axis=1)
+
+    known = ~np.isnan(values)
+    total, count = sums(np.where(known, values, 0.0)) if not known.all() else sums(values), sums(known)
+    return np.divide(total, count, out=np.full(total.shape, np.nan), where=count > 0).astype(np.float32)
+
+
+def add_contact_fraction(
+    data: xarray.Dataset,
+    scene: Scene,
+    deterministic: DeterministicResult | None,
+    two_scale: TwoScaleResult | None,
+    stochastic: StochasticResult | None,
+) -> None:
+    """Add the fraction of the face in contact at every step, from the windows, the whole face, or the library."""
+    if two_scale is not None:
+        fraction, origin = two_scale.contact_fraction.mean(axis=(1, 2)), "windows"
+    elif deterministic is not None:
+        fraction, origin = deterministic.contact_fraction, "deterministic"
+    elif stochastic is not None and set(scene.steps) <= set(stochastic.library.curves.steps):
+        curves = stochastic.library.curves
+        fraction = np.nanmean(curves.contact_fraction[:, [curves.steps.index(s) for s in scene.steps]], axis=0)
+        origin = "library"
+    else:
+        return
+    text = f"fraction of the face in contact, {origin}"
+    add(data, Field("contact_fraction", "1", text, STEP, "contact [%]"), fraction)
 
 
 def add_totals(data: xarray.Dataset, leakage: xarray.DataArray, basis: LeakBasis) -> None:
@@ -200,29 +214,69 @@ def add_totals(data: xarray.Dataset, leakage: xarray.DataArray, basis: LeakBasis
         ("leakage_total_throughput", "Pa·m³/s", "Pa*m^3/s", f"{whole}, pressure × volume{stated}"),
     ):
         if basis.has(LEAK_UNITS[unit]):
-            data[name] = ("step", leakage.values / basis.factor(LEAK_UNITS[unit]), _labels(si, text))
-    told = basis.units()
-    data.coords["leak_unit"] = ("leak_unit", [unit.name for unit in told], _labels("1", "unit of leakage"))
-    values = np.array([leakage.values / basis.factor(unit) for unit in told])
-    data["leakage_in_units"] = (("leak_unit", "step"), values, _labels("1", f"leakage in units of leak_unit{stated}"))
+            add_step(data, name, si, text, leakage.values / basis.factor(LEAK_UNITS[unit]))
+    units = basis.units()
+    add_coordinate(data, "leak_unit", "1", "unit of leakage", [unit.name for unit in units])
+    values = np.array([leakage.values / basis.factor(unit) for unit in units])
+    place = Place("units of leakage", ("leak_unit", "step"))
+    add(data, Field("leakage_in_units", "1", f"leakage in units of leak_unit{stated}", place), values)
 
 
-def add_contact_share(
-    data: xarray.Dataset,
-    scene: Scene,
-    deterministic: DeterministicResult | None,
-    two_scale: TwoScaleResult | None,
-    stochastic: StochasticResult | None,
-) -> None:
-    """Add the share of the face in contact at every step, from the windows, the whole face, or the library."""
-    if two_scale is not None:
-        share, origin = two_scale.contact_fraction.mean(axis=(1, 2)), "windows"
-    elif deterministic is not None:
-        share, origin = deterministic.contact_fraction, "deterministic"
-    elif stochastic is not None and set(scene.steps) <= set(stochastic.library.curves.steps):
-        curves = stochastic.library.curves
-        share = np.nanmean(curves.contact_fraction[:, [curves.steps.index(s) for s in scene.steps]], axis=0)
-        origin = "library"
-    else:
+def add_budgets(data: xarray.Dataset, budgets: Mapping[str, ErrorBudget]) -> None:
+    """Add the band of error of every leakage, and that of each source, by the name of the method in variables."""
+    if not budgets:
         return
-    data["contact_share"] = ("step", share, _labels("1", f"share of the face in contact, {origin}", "contact [%]"))
+    present = {part.name for budget in budgets.values() for part in budget.parts}
+    names = [name for name in SOURCES if name in present]
+    add_coordinate(data, "budget_part", "1", "source of error of the leakage", names)
+    notes = {}
+    for method, budget in budgets.items():
+        parts = {part.name: part for part in budget.parts}
+        for end in ("lower", "upper"):
+            text = f"{end} end of the band of error of the leakage, {method.replace('_', '-')}"
+            add_step(data, f"leakage_{method}_budget_{end}", "m^2/s", text, getattr(budget, end))
+            # a source that the method does not have moves nothing
+            ends = [getattr(parts[name], end) if name in parts else budget.leakage for name in names]
+            made = Field(f"leakage_{method}_budget_part_{end}", "m^2/s", f"{text}, of each source", ERROR_SOURCE)
+            add(data, made, np.array(ends))
+        notes[method] = {name: parts[name].note for name in names if name in parts}
+    data.attrs["error_budget"] = json.dumps(notes, ensure_ascii=False)
+
+
+def budgets_in(data: xarray.Dataset, steps: LoadProgramme) -> dict[str, ErrorBudget]:
+    """The budgets of a dataset by the name of their method in variables; empty if there are none."""
+    notes: dict[str, dict[str, str]] = json.loads(data.attrs.get("error_budget", "{}"))
+    found = {}
+    for method, parts in notes.items():
+        lower, upper = (data[f"leakage_{method}_budget_part_{end}"] for end in ("lower", "upper"))
+        made = tuple(
+            ErrorPart(name, lower.sel(budget_part=name).values, upper.sel(budget_part=name).values, note)
+            for name, note in parts.items()
+        )
+        leakage = data["leakage_median" if method == "stochastic" else f"leakage_{method}"].values
+        found[method] = ErrorBudget(method.replace("_", "-"), leakage, made, steps)
+    return found
+
+
+def with_all_steps(data: xarray.Dataset, solved: NDArray[np.int64], steps: LoadProgramme) -> xarray.Dataset:
+    """A dataset of all steps from one of the solved ones: numbers are interpolated, fields are NaN at the others."""
+    import xarray
+
+    others = {name: c for name, c in data.coords.items() if "step" not in c.dims}
+    found = xarray.Dataset(coords=others | step_coordinates("step", "", steps))
+    for name, variable in data.data_vars.items():
+        if "step" not in variable.dims:
+            found[name] = variable
+            continue
+        last = np.moveaxis(variable.values, variable.dims.index("step"), -1).astype(float)
+        if set(variable.dims) <= _OF_NUMBERS:
+            values = at_all_steps(last, solved, steps, logarithmic=variable.attrs["units"] == "m^2/s")
+        else:
+            kind = variable.dtype if variable.dtype.kind == "f" else float
+            values = np.full((*last.shape[:-1], len(steps)), np.nan, kind)
+            values[..., solved] = last
+        found[name] = (variable.dims, np.moveaxis(values, -1, variable.dims.index("step")), variable.attrs)
+    flags = np.ones(len(steps), np.int8)
+    flags[solved] = 0
+    add_step(found, INTERPOLATED, "1", "1 at load steps that are interpolated between solved ones, else 0", flags)
+    return found

@@ -38,6 +38,7 @@ from ..report import write_folder
 from ..results import Results, assemble
 from ..studies import FluidState, OtherLeakage, Study, drop_ratio
 from ..studies.compiling import compile_ahead
+from ..studies.link_flow import WindowPixels, window_pixels
 from ..studies.scene import Array
 from .chosen_loads import solve_chosen
 from .finished import finished_results
@@ -195,9 +196,13 @@ def _results(case: Case, made: Prepared, faces: dict[str, str], run: Run) -> Res
     if case.output.budget:  # last, so that it can be switched before a run is resumed
         known = {} if refined is None else {prepared.answer.key: refined.budget}
         budgets = _budgets(prepared, studies, filtered, known, run)
+    windows: tuple[WindowPixels, ...] = ()
+    if case.output.paraview != "none" and "two_scale" in studies:
+        windows = window_pixels(prepared.scene, studies["two_scale"], run.mapper)
     results = assemble(
         prepared.scene,
         **studies,
+        windows=windows,
         budgets=budgets,
         case=case.echo(),
         surface_report=prepared.surface_report,

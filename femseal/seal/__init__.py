@@ -1,11 +1,12 @@
 """Shapes of seals, leakage from the permeability of their parts, pressure drop, and maps of the contact pressure."""
 
 from ..flow.permeability_table import PermeabilityTable, table_pressures
-from .drop_shares import NARROWEST, drop_shares, largest_shares
 from .field_file import read_pressure_field
 from .leakage import Leakage, seal_leakage
+from .mesh_seal import MeshSeal
 from .pressure_map import AngleTable, MapsAtLoads, PressureField, Profile, Uniform
-from .shapes import AnnularSeal, MeshSeal, RectangularSeal
+from .shapes import AnnularSeal, RectangularSeal
+from .structured import NARROWEST, drop_fractions, largest_fractions
 
 __all__ = [
     "NARROWEST",
@@ -19,8 +20,8 @@ __all__ = [
     "Profile",
     "RectangularSeal",
     "Uniform",
-    "drop_shares",
-    "largest_shares",
+    "drop_fractions",
+    "largest_fractions",
     "read_pressure_field",
     "seal_leakage",
     "table_pressures",

@@ -21,12 +21,12 @@ from skfem.mesh import MeshQuad1DG
 from ..base.errors import InputError
 from ..base.parameters import check_parameters, parameter
 from ..base.quantities import to_si, to_text
-from .elemented import ElementSeal, ElementWindows, straightened
-from .inlets import Inlet, checked_pressures
+from .element_windows import ElementSeal, ElementWindows, straightened
 from .lay import Lay
-from .linked import LinkWindows
+from .link_windows import LinkWindows
+from .mesh_seal import Inlet, MeshSeal, checked_pressures
 from .pressure_map import Frame
-from .shapes import AnnularSeal, MeshSeal, RectangularSeal, Seal
+from .shapes import AnnularSeal, RectangularSeal
 
 Array = NDArray[np.float64]
 #: Sizes between which a seal may lie [m]; others come from a wrong unit of length.
@@ -35,66 +35,10 @@ _SIZES = (1e-4, 100.0)
 _NARROWEST, _NARROW = 0.35, 0.7
 
 
-class SizedSeal(Seal, Protocol):
-    """A seal with its size."""
-
-    @property
-    def size(self) -> tuple[float, float]:
-        """Breadth from inlet to outlet, about, and length along the seal [m]."""
-        ...
-
-
-class SealWindows(Protocol):
-    """Windows laid out over a seal: how many are drawn, where they lie, and the permeability that they make.
-
-    seal : takes that permeability, and has `size`, about its breadth and its length [m].
-    together : whether the values of both axes are of the same windows. Otherwise every link draws its own.
-    axes : axis of the windows whose permeability the values of axes 0 and 1 are.
-    rows : rows of windows from inlet to outlet that can be those of a face; 0 where there are none.
-    draws : rows and columns of the values of both axes.
-    outlines : corners (n, corners, 2) [m] of the parts of the seal that pictures show.
-    unknowns : rows and columns of a network that takes about the work of the flow.
-    """
-
-    @property
-    def seal(self) -> SizedSeal: ...  # noqa: D102
-    @property
-    def together(self) -> bool: ...  # noqa: D102
-    @property
-    def axes(self) -> tuple[int, int]: ...  # noqa: D102
-    @property
-    def rows(self) -> int: ...  # noqa: D102
-    @property
-    def draws(self) -> tuple[tuple[int, int], tuple[int, int]]: ...  # noqa: D102
-    @property
-    def outlines(self) -> Array: ...  # noqa: D102
-    @property
-    def unknowns(self) -> tuple[int, int]: ...  # noqa: D102
-    @property
-    def warnings(self) -> tuple[str, ...]: ...  # noqa: D102
-
-    def places(self, axis: int) -> Array:
-        """Where the values of an axis belong (rows, columns, 2) [m]."""
-        ...
-
-    def permeability(self, along: Array, across: Array) -> Any:
-        """What the seal takes, from drawn values of both axes (rows, columns) [m³]."""
-        ...
-
-    def means(self, values: Array) -> Array:
-        """Mean over the windows of every part of `outlines` (n,) of values drawn along axis 0."""
-        ...
-
-    def flux(self, permeability: Any, potential: Array, rate: float) -> Array:
-        """Volume rate per width in every part of `outlines` (n, 2) [m²/s], in the plane of the seal.
-
-        potential : at the nodes, over the density of volume rates [1/s]. rate : leakage of the seal [m³/s].
-        """
-        ...
-
-    def shown(self, permeability: Any, fluid_pressure: Array) -> tuple[Array, Array]:
-        """Permeability [m³] and fluid pressure [Pa] of every part of `outlines` (n,)."""
-        ...
+#: Windows laid out over a seal: how many are drawn, where they lie, and the permeability that they make.
+SealWindows = LinkWindows | ElementWindows
+#: Seals of these windows, with their size: breadth from inlet to outlet, about, and length along the seal [m].
+DrawnSeal = RectangularSeal | AnnularSeal | ElementSeal
 
 
 @dataclass(frozen=True)
@@ -132,7 +76,7 @@ class Layout(Protocol):
         ...
 
     def __str__(self) -> str:
-        """The seal in words."""
+        """Name of the seal for people."""
         ...
 
 
@@ -222,8 +166,8 @@ class AnnularLayout:
         given = f"a ring whose {cells[1]} columns of windows are {narrow:.0%} as wide as windows at its inner radius"
         if narrow < _NARROWEST:
             raise InputError("inner_radius", given, f"at least {_NARROWEST:.0%}; a mesh has none of them")
-        told = (f"{given}: windows there are drawn too close together; a mesh has equal ones",)
-        return LinkWindows(seal, self.lay.name == "radial", told if narrow < _NARROW else ())
+        warnings = (f"{given}: windows there are drawn too close together; a mesh has equal ones",)
+        return LinkWindows(seal, self.lay.name == "radial", warnings if narrow < _NARROW else ())
 
     def frame(self, size: tuple[float, float]) -> Frame:
         """Radius and angle."""
@@ -282,10 +226,10 @@ class MeshLayout:
         inlet = tuple(self.inlet.items()) if isinstance(self.inlet, Mapping) else self.inlet
         seal = _mesh_seal(Path(self.path), inlet, self.outlet, self.unit, stamp)
         _plausible("path", float(np.ptp(seal.points, axis=0).max()), self.unit)
-        held = seal.boundaries
-        mesh, ends = straightened(seal.mesh, *seal.ends, *(held.facets if held else ()))
+        given = seal.boundaries
+        mesh, ends = straightened(seal.mesh, *seal.ends, *(given.facets if given else ()))
         length = self.length or seal.length
-        boundaries = replace(held, facets=ends[2:]) if held else None
+        boundaries = replace(given, facets=ends[2:]) if given else None
         size = seal.area / length, length
         laid = ElementSeal(mesh, ends[0], ends[1], size, mesh.p.T[mesh.t.T], boundaries)
         return _elements(laid, windows, self.lay, self.centre, to_si(f"1 {self.unit}", "m", "unit"))

@@ -12,7 +12,7 @@ from ..base.errors import InputError
 from ..base.text import Shown
 from ..flow.permeability_table import PermeabilityTable
 from ..fluids import Fluid, potential_of
-from .inlets import HeldBoundaries
+from .mesh_seal import PressureBoundaries
 from .pressure_dependent import pressure_dependent_flow
 from .shapes import Seal
 
@@ -91,7 +91,7 @@ def seal_leakage(
         `PermeabilityTable`.
     NotConverged : inlet and outlet flow do not balance.
     """
-    if (held := getattr(seal, "boundaries", None)) is not None:
+    if (boundaries := getattr(seal, "boundaries", None)) is not None:
         refused = {
             "inlet_pressure": inlet_pressure is not None,
             "bounds": bounds,
@@ -100,7 +100,7 @@ def seal_leakage(
         for name, given in refused.items():
             if given:
                 raise InputError(name, _REFUSED[name], "none on a seal whose inlets have pressures of their own")
-        return _between_boundaries(seal, held, permeability, fluid, outlet_pressure, solver)
+        return _between_boundaries(seal, boundaries, permeability, fluid, outlet_pressure, solver)
     φ_in = potential_of(fluid, "inlet_pressure", inlet_pressure)
     φ_out = potential_of(fluid, "outlet_pressure", outlet_pressure)
     local = None
@@ -138,16 +138,18 @@ _REFUSED = {"inlet_pressure": "a pressure", "bounds": "true", "permeability": "a
 
 
 def _between_boundaries(
-    seal: Any, held: HeldBoundaries, permeability: Any, fluid: Fluid, outlet_pressure: float, solver: str
+    seal: Any, boundaries: PressureBoundaries, permeability: Any, fluid: Fluid, outlet_pressure: float, solver: str
 ) -> Leakage:
     """Leakage out of the outlets of a seal whose inlets have pressures of their own."""
     φ_out = potential_of(fluid, "outlet_pressure", outlet_pressure)
-    names = held.names[: len(held.pressures)]
-    drops = [potential_of(fluid, f"inlet {name!r}", p) - φ_out for name, p in zip(names, held.pressures, strict=True)]
+    names = boundaries.names[: len(boundaries.pressures)]
+    drops = [
+        potential_of(fluid, f"inlet {name!r}", p) - φ_out for name, p in zip(names, boundaries.pressures, strict=True)
+    ]
     drop = max(drops, key=abs)
-    levels = np.zeros(len(held.names))
+    levels = np.zeros(len(boundaries.names))
     levels[: len(names)] = np.divide(drops, drop) if drop else 1.0
-    flow = seal.flow_between(permeability, held, levels, solver=solver)
+    flow = seal.flow_between(permeability, boundaries, levels, solver=solver)
     outflow = flow.rates[len(names) :]
     conductance = 0.0 - float(outflow.sum())
     to_volume = drop / fluid.reference_density
@@ -165,5 +167,5 @@ def _between_boundaries(
         imbalance=flow.imbalance,
         percolates=bool(outflow.any()),
         solver=flow.solver,
-        boundary_rates=dict(zip(held.names, (to_volume * flow.rates).tolist(), strict=True)),
+        boundary_rates=dict(zip(boundaries.names, (to_volume * flow.rates).tolist(), strict=True)),
     )

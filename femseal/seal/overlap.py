@@ -14,9 +14,9 @@ from skfem import Mesh
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
-#: Depth in shares of the shorter edge, and of an element, to which parts that touch may lie on each other: coordinates
-#: are rounded, and edges are chords of arcs.
-_EDGE_SHARE, _ELEMENT_SHARE = 0.05, 0.1
+#: Depth in fractions of the shorter edge, and of an element, to which parts that touch may lie on each other:
+#: coordinates are rounded, and edges are chords of arcs.
+_EDGE_FRACTION, _ELEMENT_FRACTION = 0.05, 0.1
 #: Pairs that are looked at together.
 _CHUNK = 1_000_000
 
@@ -51,7 +51,7 @@ def _outlines(mesh: Mesh) -> tuple[Array, Array, Array, Index]:
     element, side = np.nonzero(count[edge.reshape(key.shape)] == 1)
     start, end = points[first[element, side]], points[second[element, side]]
     middle, centre = (start + end) / 2, points[corners[element]].mean(axis=1)
-    return start, end, middle + _ELEMENT_SHARE * (centre - middle), element
+    return start, end, middle + _ELEMENT_FRACTION * (centre - middle), element
 
 
 def _crossing(start: Array, end: Array) -> tuple[int, int] | None:
@@ -65,7 +65,7 @@ def _crossing(start: Array, end: Array) -> tuple[int, int] | None:
         a, b = a[near], b[near]
         along_a, along_b = end[a] - start[a], end[b] - start[b]
         length_a, length_b = np.hypot(*along_a.T), np.hypot(*along_b.T)
-        depth = _EDGE_SHARE * np.minimum(length_a, length_b)
+        depth = _EDGE_FRACTION * np.minimum(length_a, length_b)
         found = np.ones(len(a), bool)
         for origin, along, length, ends in (
             (start[a], along_a, length_a, (start[b], end[b])),

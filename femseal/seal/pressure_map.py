@@ -1,7 +1,7 @@
-"""Contact pressure over a seal from outside, in shares of the nominal one: where bolts, waviness or a flange press.
+"""Contact pressure over a seal from outside, as fractions of the nominal one: where bolts, waviness or a flange press.
 
-A map gives values at points of a seal; `PressedSeal.shares` divides them by their mean over the area, so that a map is
-a shape which every nominal pressure scales. A map is a frozen dataclass with `at`.
+A map gives values at points of a seal; `PressedSeal.fractions` divides them by their mean over the area, so that a map
+is a shape which every nominal pressure scales. A map is a frozen dataclass with `at`.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from ..base.quantities import to_text
 from .triangulation import Triangulation
 
 Array = NDArray[np.float64]
-#: Rounding of coordinates, in shares of a strip of a profile or of a radius.
+#: Rounding of coordinates, as fractions of a strip of a profile or of a radius.
 _ROUNDING = 1e-9
 
 
@@ -187,9 +187,9 @@ class PressureField:
 
 @dataclass(frozen=True, eq=False)
 class MapsAtLoads:
-    """Maps at several nominal pressures: between them the shares are linear in the nominal pressure, beyond constant.
+    """Maps at several nominal pressures: between them the fractions are linear in the pressure, beyond constant.
 
-    On unloading the shares are those of the nominal pressure there, as where a flange bends elastically.
+    On unloading the fractions are those of the nominal pressure there, as where a flange bends elastically.
 
     Raises
     ------
@@ -207,7 +207,7 @@ class MapsAtLoads:
         object.__setattr__(self, "pressures", _rising("pressures", self.pressures, len(self.maps), "[Pa]"))
 
 
-#: What shares can be taken from.
+#: What fractions can be taken from.
 AnyMap = PressureMap | MapsAtLoads
 
 
@@ -238,8 +238,8 @@ class PressedSeal:
         """Mean of a map over the area, in the unit of the map."""
         return float(np.average(pressure_map.at(self.centres, self.frame), weights=self.areas))
 
-    def shares(self, pressure_map: AnyMap, points: Array, nominal: ArrayLike) -> Array:
-        """Contact pressure at points in shares of the nominal one (steps, n); their mean over the area is 1.
+    def fractions(self, pressure_map: AnyMap, points: Array, nominal: ArrayLike) -> Array:
+        """Contact pressure at points as fractions of the nominal one (steps, n); their mean over the area is 1.
 
         Parameters
         ----------

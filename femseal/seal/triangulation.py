@@ -14,7 +14,7 @@ Array = NDArray[np.float64]
 #: Triangles of Delaunay whose longest side is so many times that of most are gaps between the points, not part of
 #: their field. Between points on rings, the triangles that fill the hole are longer than that but for a few at its rim.
 GAP = 4.0
-#: A point so far outside a triangle, in shares of its heights, still takes its values: chords cut the arcs of a ring.
+#: A point so far outside a triangle, in fractions of its heights, takes its values: chords cut the arcs of a ring.
 OUTSIDE = 0.1
 #: Triangles with the nearest centroids that are tried for each point, then more of them, then all.
 _NEAREST = (8, 128)

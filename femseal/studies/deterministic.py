@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.fields import PIXEL, STEP, declared
 from ..base.shared_array import shared_empty
 from ..base.stage import Mapper
 from ..base.text import Shown
@@ -20,7 +21,7 @@ from .face_contact import FaceState, cut_contact
 from .face_flow import face_leakage
 from .plausibility import scene_warnings
 from .repeated_steps import first_equal, repeated
-from .scene import Array, Scene, labels
+from .scene import Array, Scene
 from .window_contacts import WindowContacts, face_partition
 
 #: Memory that a pixel of a result takes at every step [byte]: gap and fluid pressure, and the contact pressure where
@@ -40,28 +41,33 @@ class DeterministicResult(Shown):
     """
 
     steps: LoadProgramme
-    leakage: Array = field(
-        metadata=labels(
-            "m^2/s",
-            "leakage per unit seal length, deterministic",
-            "step",
-            name="leakage_deterministic",
-            heading="deterministic",
-        )
+    leakage: Array = declared(
+        "leakage_deterministic", "m^2/s", "leakage per unit seal length, deterministic", STEP, heading="deterministic"
     )
-    contact_fraction: Array = field(
-        metadata=labels("1", "share in contact, deterministic", "step", name="contact_fraction_deterministic")
+    contact_fraction: Array = declared(
+        "contact_fraction_deterministic", "1", "fraction in contact, deterministic", STEP
     )
-    plastic_fraction: Array = field(
-        metadata=labels("1", "share at the hardness, deterministic", "step", name="plastic_fraction_deterministic")
+    plastic_fraction: Array = declared(
+        "plastic_fraction_deterministic", "1", "fraction at the hardness, deterministic", STEP
     )
-    mean_gap: Array = field(metadata=labels("m", "mean gap, deterministic", "step", name="mean_gap_deterministic"))
-    gap: NDArray[np.float32] = field(metadata=labels("m", "deformed gap, deterministic", "step", "x1", "x2"))
-    contact_pressure: ContactPressure = field(
-        metadata=labels("Pa", "contact pressure, deterministic", "step", "x1", "x2")
+    mean_gap: Array = declared("mean_gap_deterministic", "m", "mean gap, deterministic", STEP)
+    gap: NDArray[np.float32] = declared("gap_deterministic", "m", "deformed gap, deterministic", PIXEL)
+    contact_pressure: ContactPressure = declared(
+        "contact_pressure_deterministic", "Pa", "contact pressure, deterministic", PIXEL
     )
-    fluid_pressure: NDArray[np.float32] = field(
-        metadata=labels("Pa", "fluid pressure, deterministic, NaN in contact and in pockets", "step", "x1", "x2")
+    fluid_pressure: NDArray[np.float32] = declared(
+        "fluid_pressure_deterministic",
+        "Pa",
+        "fluid pressure, deterministic, NaN in contact and in pockets",
+        PIXEL,
+        in_si=True,
+    )
+    entry_pressure: Array | None = declared(
+        "capillary_entry_pressure",
+        "Pa",
+        "pressure below which the liquid does not enter the critical constriction, inf where it is closed",
+        STEP,
+        default=None,
     )
     residual: float = 0.0
     failures: tuple[str, ...] = ()
@@ -111,6 +117,7 @@ def deterministic(scene: Scene, *, cells: tuple[int, int] | None = None, mapper:
         gap=gap,
         contact_pressure=windows.fields.pressure,
         fluid_pressure=through.fluid_pressure,
+        entry_pressure=scene.entry_pressures(gap),
         residual=float(residual.max()),
         failures=through.failures,
         warnings=scene_warnings(scene),

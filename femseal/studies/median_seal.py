@@ -3,21 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from ..base.fields import CORNER, PART, PART_VECTOR, declared
 from ..base.text import Shown
 from ..flow.pressure_drop import PressureDrop
 from ..library import draw_links, draw_pressures
 from ..seal import Leakage, RectangularSeal
 from ..seal.layouts import SealWindows
-from ..seal.linked import LinkWindows
+from ..seal.link_windows import LinkWindows
 from ..windows import Failed, Partition, attempt
 from .run_chains import ChainedSeals, StateRuns
 from .sampling_options import Sampling
-from .scene import Array, Scene, labels
+from .scene import Array, Scene
 from .window_supply import Tables
 
 #: Values of one field, parts times load steps, above which no fields are kept.
@@ -38,15 +39,16 @@ class MedianSeal(Shown):
     """
 
     realisation: int
-    outlines: Array = field(repr=False, metadata=labels("m", "corners of the parts of the seal"))
-    permeability: Array = field(metadata=labels("m^3", "permeability, median realisation", "step", "part"))
-    fluid_pressure: Array = field(metadata=labels("Pa", "fluid pressure, median realisation", "step", "part"))
-    flux: Array = field(metadata=labels("m^2/s", "flow per width, median realisation", "step", "part", "plane"))
-    pressure: Array | None = field(
-        default=None,
-        metadata=labels(
-            "Pa", "contact pressure of windows, median realisation", "step", "part", name="window_pressure"
-        ),
+    outlines: Array = declared(
+        "drawn_corners", "m", "corners of the parts of the drawn seal, in its plane", CORNER, repr=False
+    )
+    permeability: Array = declared("drawn_permeability", "m^3", "permeability, median realisation", PART)
+    fluid_pressure: Array = declared(
+        "drawn_fluid_pressure", "Pa", "fluid pressure, median realisation", PART, in_si=True
+    )
+    flux: Array = declared("drawn_flux", "m^2/s", "flow per width, median realisation", PART_VECTOR)
+    pressure: Array | None = declared(
+        "drawn_window_pressure", "Pa", "contact pressure of windows, median realisation", PART, default=None
     )
 
 

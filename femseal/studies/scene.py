@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -13,8 +13,9 @@ from ..base.errors import InputError
 from ..base.quantities import to_text
 from ..base.stage import Mapper
 from ..contact import HalfSpace, LoadState, load_states
+from ..flow import critical_constriction
 from ..flow.pressure_drop import PressureDrop
-from ..fluids import Fluid
+from ..fluids import Fluid, capillary_entry_pressure
 from ..loads import LoadProgramme
 from ..seal import Leakage, seal_leakage
 from ..seal.layouts import Layout, RectangularLayout
@@ -113,6 +114,16 @@ class Scene:
         drop = PressureDrop(self.fluid, float(self.inlet_pressure), float(self.outlet_pressure))
         return FlowSettings(self.solver, self.discretisation, drop)
 
+    def entry_pressures(self, gaps: Iterable[NDArray[np.floating]]) -> Array | None:
+        """Capillary entry pressure of the critical constriction of the gaps (n1, n2) [m] at every step [Pa].
+
+        Below it the liquid does not enter; inf where the gap is closed. None for fluids that wet the faces.
+        """
+        if np.isnan(capillary_entry_pressure(self.fluid, 1.0)):
+            return None
+        found = (critical_constriction(np.maximum(gap, 0.0), self.surface.spacing, sides="periodic") for gap in gaps)
+        return np.array([capillary_entry_pressure(self.fluid, 0.0 if c is None else c.gap) for c in found])
+
     def leakage(self, seal: Seal, permeability: Any) -> Leakage:
         """Solve the leakage of a seal between the scene's fluid pressures.
 
@@ -134,12 +145,3 @@ class Scene:
         """Fluid pressure [Pa] of a potential that is 0 at the outlet and 1 at the inlet."""
         inlet, outlet = self.fluid.potential([self.inlet_pressure, self.outlet_pressure])
         return self.fluid.pressure(outlet + (inlet - outlet) * np.asarray(potential, float))
-
-
-def labels(unit: str, long_name: str, *dims: str, name: str = "", heading: str = "") -> dict[str, Any]:
-    """Metadata of a field of a result, which label it in files, tables and plots.
-
-    name : in the dataset, where fields of several studies stand beside each other; that of the field unless given.
-    heading : of the column in the table for people, for a field over the steps; "" for no column there.
-    """
-    return {"unit": unit, "long_name": long_name, "dims": dims, "name": name, "heading": heading}

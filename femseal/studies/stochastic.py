@@ -17,7 +17,7 @@ from ..base.stage import Mapper, Stage
 from ..library import LadderLibrary
 from ..seal import RectangularSeal
 from ..seal.layouts import SealWindows
-from ..seal.linked import LinkWindows
+from ..seal.link_windows import LinkWindows
 from ..windows import Failed, Partition, SolverCounts, attempt
 from .face_windows import windows_in_place
 from .ladder_windows import windows_under_global_contact, windows_under_uniform_pressure

@@ -6,17 +6,18 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
 from math import ceil
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
+from ..base.fields import REALISATION, STEP, Field, declared
 from ..base.text import Shown
 from ..library import LadderLibrary
 from ..loads import LoadProgramme
-from ..seal.layouts import SizedSeal
+from ..seal.layouts import DrawnSeal
 from ..windows import SolverCounts
 from .median_seal import MedianSeal
-from .scene import Array, labels
+from .scene import Array
 from .window_supply import FaceLibrary
 
 
@@ -46,39 +47,30 @@ class StochasticResult(Shown):
     """
 
     steps: LoadProgramme
-    seal: SizedSeal
+    seal: DrawnSeal
     library: LadderLibrary | FaceLibrary = field(repr=False)
-    leakage: Array = field(
-        metadata=labels("m^2/s", "leakage per unit seal length, realisations", "realisation", "step")
+    leakage: Array = declared("leakage", "m^2/s", "leakage per unit seal length, realisations", REALISATION)
+    leakage_resampled: Array | None = declared(
+        "leakage_resampled", "m^2/s", "leakage per unit seal length, resampled library", REALISATION
     )
-    leakage_resampled: Array | None = field(
-        metadata=labels("m^2/s", "leakage per unit seal length, resampled library", "realisation", "step")
+    leakage_lower_bound: Array | None = declared(
+        "leakage_lower_bound", "m^2/s", "lower bound of leakage per unit seal length", REALISATION, default=None
     )
-    leakage_lower_bound: Array | None = field(
-        default=None, metadata=labels("m^2/s", "lower bound of leakage per unit seal length", "realisation", "step")
+    leakage_upper_bound: Array | None = declared(
+        "leakage_upper_bound", "m^2/s", "upper bound of leakage per unit seal length", REALISATION, default=None
     )
-    leakage_upper_bound: Array | None = field(
-        default=None, metadata=labels("m^2/s", "upper bound of leakage per unit seal length", "realisation", "step")
+    leakage_neumann_cuts: Array | None = declared(
+        "leakage_closed_cuts", "m^2/s", "leakage per unit seal length, Neumann cuts", REALISATION, default=None
     )
-    leakage_neumann_cuts: Array | None = field(
+    leakage_dirichlet_cuts: Array | None = declared(
+        "leakage_held_cuts", "m^2/s", "leakage per unit seal length, Dirichlet cuts", REALISATION, default=None
+    )
+    leakage_of_face: Array | None = declared(
+        "leakage_of_face",
+        "m^2/s",
+        "leakage per unit seal length, of the face that the runs are of",
+        STEP,
         default=None,
-        metadata=labels(
-            "m^2/s", "leakage per unit seal length, Neumann cuts", "realisation", "step", name="leakage_closed_cuts"
-        ),
-    )
-    leakage_dirichlet_cuts: Array | None = field(
-        default=None,
-        metadata=labels(
-            "m^2/s",
-            "leakage per unit seal length, Dirichlet cuts",
-            "realisation",
-            "step",
-            name="leakage_held_cuts",
-        ),
-    )
-    leakage_of_face: Array | None = field(
-        default=None,
-        metadata=labels("m^2/s", "leakage per unit seal length, of the face that the runs are of", "step"),
     )
     other_lengths: tuple[StochasticResult, ...] = field(default=(), repr=False)
     sampler: str = "history"
@@ -89,6 +81,18 @@ class StochasticResult(Shown):
     warnings: tuple[str, ...] = ()
     solvers: SolverCounts = field(default_factory=SolverCounts)
     equal_steps: int = 0
+
+    computed_fields: ClassVar[dict[str, Field]] = {
+        "mean": Field("leakage_mean", "m^2/s", "leakage per unit seal length, mean of the realisations", STEP),
+        "realisation_spread": Field("realisation_spread", "1", "standard deviation of ln(leakage), realisations", STEP),
+        "library_error": Field("library_error", "1", "standard deviation of ln(leakage), finite library", STEP),
+        "cut_error": Field(
+            "cut_error", "1", "half the distance of ln(leakage) with Dirichlet and with Neumann cuts between runs", STEP
+        ),
+        "sealed_fraction": Field(
+            "sealed_fraction", "1", "fraction of the realisations without leakage", STEP, "sealed [%]"
+        ),
+    }
 
     def quantile(self, q: float, *, resampled: bool = False) -> Array:
         """Quantile over the realisations that did not fail, at every step [m²/s]; NaN where all failed.
@@ -108,7 +112,7 @@ class StochasticResult(Shown):
 
     @property
     def sealed_fraction(self) -> Array:
-        """Share of realisations without leakage among those that did not fail, at every step; NaN where all failed."""
+        """Fraction without leakage of the realisations that did not fail, at every step; NaN where all failed."""
         return self._at_every_step(lambda leakage: np.mean(leakage == 0))
 
     @property

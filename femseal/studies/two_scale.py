@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import partial
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..base.errors import InputError
+from ..base.fields import LINK1, LINK2, NODE, PIXEL, STEP, WINDOW, Field, declared
 from ..base.stage import Mapper, Stage
 from ..base.text import Shown
 from ..elements.elements import ELEMENT_BYTES
@@ -23,7 +25,7 @@ from .face_contact import solve_windows
 from .face_flow import element_face_flow, face_leakage, resolved_flow
 from .plausibility import scene_warnings
 from .repeated_steps import first_equal, map_different, repeated
-from .scene import Array, Scene, labels
+from .scene import Array, Scene
 from .window_contacts import WindowContacts
 
 FLOWS = ("links", "resolved", "elements")
@@ -72,48 +74,40 @@ class TwoScaleResult(Shown):
     partition: Partition = field(repr=False)
     flow: str
     contact: str
-    leakage: Array = field(
-        metadata=labels(
-            "m^2/s", "leakage per unit seal length, two-scale", "step", name="leakage_two_scale", heading="two-scale"
-        )
-    )
-    k1: Array | None = field(metadata=labels("m^3", "permeability of links along x1", "step", "cell1", "cell2"))
-    k2: Array | None = field(metadata=labels("m^3", "permeability of links along x2", "step", "corner1", "cell2"))
-    pressure: Array = field(
-        metadata=labels("Pa", "contact pressure of windows", "step", "cell1", "cell2", name="window_pressure")
-    )
-    mean_gap: Array = field(
-        metadata=labels("m", "mean gap of windows", "step", "cell1", "cell2", name="window_mean_gap")
-    )
-    contact_fraction: Array = field(
-        metadata=labels("1", "share of windows in contact", "step", "cell1", "cell2", name="window_contact_fraction")
-    )
-    plastic_fraction: Array = field(
-        metadata=labels(
-            "1", "share of windows at the hardness", "step", "cell1", "cell2", name="window_plastic_fraction"
-        )
-    )
-    fluid_pressure: Array | None = field(
-        metadata=labels("Pa", "fluid pressure at the global nodes, NaN in pockets", "step", "node1", "cell2")
-    )
-    face_fluid_pressure: NDArray[np.float32] | None = field(
-        metadata=labels("Pa", "fluid pressure, NaN in contact and in pockets", "step", "x1", "x2")
-    )
     fields: WindowFields
-    gap_error: Array = field(
-        metadata=labels("1", "error of the gap of windows, estimated by the half-space of the whole face", "step")
+    leakage: Array = declared(
+        "leakage_two_scale", "m^2/s", "leakage per unit seal length, two-scale", STEP, heading="two-scale"
     )
-    gap_effect: Array = field(
-        metadata=labels("1", "leakage over that with the gap corrected by the half-space of the whole face", "step")
+    k1: Array | None = declared("k1", "m^3", "permeability of links along x1", LINK1)
+    k2: Array | None = declared("k2", "m^3", "permeability of links along x2", LINK2)
+    pressure: Array = declared("window_pressure", "Pa", "contact pressure of windows", WINDOW)
+    mean_gap: Array = declared("window_mean_gap", "m", "mean gap of windows", WINDOW)
+    contact_fraction: Array = declared("window_contact_fraction", "1", "fraction of windows in contact", WINDOW)
+    plastic_fraction: Array = declared("window_plastic_fraction", "1", "fraction of windows at the hardness", WINDOW)
+    fluid_pressure: Array | None = declared(
+        "fluid_pressure", "Pa", "fluid pressure at the global nodes, NaN in pockets", NODE, in_si=True
     )
-    element_error: Array | None = field(
-        default=None, metadata=labels("1", "estimated relative error of the leakage through elements", "step")
+    face_fluid_pressure: NDArray[np.float32] | None = declared(
+        "fluid_pressure", "Pa", "fluid pressure, NaN in contact and in pockets", PIXEL, in_si=True
     )
-    drop_fraction: Array | None = field(
+    gap_error: Array = declared(
+        "gap_error", "1", "error of the gap of windows, estimated by the half-space of the whole face", STEP
+    )
+    gap_effect: Array = declared(
+        "gap_effect", "1", "leakage over that with the gap corrected by the half-space of the whole face", STEP
+    )
+    element_error: Array | None = declared(
+        "element_error", "1", "estimated relative error of the leakage through elements", STEP, default=None
+    )
+    drop_fraction: Array | None = declared(
+        "window_drop_fraction", "1", "fraction of the pressure drop in windows", WINDOW, default=None
+    )
+    entry_pressure: Array | None = declared(
+        "capillary_entry_pressure",
+        "Pa",
+        "pressure below which the liquid does not enter the critical constriction, inf where it is closed",
+        STEP,
         default=None,
-        metadata=labels(
-            "1", "share of windows in the pressure drop", "step", "cell1", "cell2", name="window_drop_fraction"
-        ),
     )
     counts: SolveCounts = field(default_factory=SolveCounts)
     failures: tuple[str, ...] = ()
@@ -121,6 +115,12 @@ class TwoScaleResult(Shown):
     solvers: SolverCounts = field(default_factory=SolverCounts)
     link_flows: tuple[FlowHistory, FlowHistory] | None = field(default=None, repr=False)
     equal_steps: int = 0
+
+    #: Pixels of the windows, stitched.
+    computed_fields: ClassVar[dict[str, Field]] = {
+        "gap": Field("gap", "m", "deformed gap", PIXEL),
+        "contact_pressure": Field("contact_pressure", "Pa", "contact pressure", PIXEL),
+    }
 
     @property
     def gap(self) -> NDArray[np.float32]:
@@ -183,6 +183,7 @@ def two_scale(
             "failures": solved.failures + found.failures,
             "warnings": scene_warnings(scene) + solved.warnings + found.warnings,
         },
+        entry_pressure=scene.entry_pressures(solved.fields.gap),
         equal_steps=repeated(first),
     )
 

@@ -48,7 +48,7 @@ def pressure_fractions(scene: Scene, laid: SealWindows, pressure_map: AnyMap, ax
     if is_uniform(pressure_map):
         return np.broadcast_to(1.0, (len(scene.steps), count))
     points = laid.places(axis).reshape(count, 2)
-    return seal_for_maps(scene.layout, laid).shares(pressure_map, points, scene.steps.pressures)
+    return seal_for_maps(scene.layout, laid).fractions(pressure_map, points, scene.steps.pressures)
 
 
 def distinct_paths(shares: Array) -> tuple[Array, Index]:

@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 from ..base import validate
 from ..base.errors import InputError
 from ..base.quantities import to_text
-from ..base.text import Plotted, fact_table
+from ..base.text import Plotted
+from ..base.text_table import TextTable
 from . import spectral
 from .form import fit_form
 from .holes import fill_holes
@@ -317,7 +318,7 @@ class Topography(Plotted):
         facts |= {"periodic": " × ".join(map(str, self.periodic)), "undefined": f"{100 * share:.3g} %"}
         if share == 0:
             facts |= {"rms height": to_text(self.rms_height, "m"), "rms slope": f"{self.rms_slope:.4g}"}
-        return fact_table(type(self).__name__, [(name, text) for name, text in facts.items()])
+        return TextTable(type(self).__name__, (), tuple(facts.items()))._repr_html_()
 
     def __repr__(self) -> str:
         (l1, l2), (d1, d2) = ((to_text(v, "m") for v in pair) for pair in (self.size, self.spacing))

@@ -90,8 +90,8 @@ def run(task):
         "memory": 1024 * max(u.ru_maxrss for u in usage),
         "points": list(results.scene.surface.shape),
         "timings": json.loads(results.dataset.attrs["timings"]),
-        "contact": [float(c) for c in results.dataset["contact_share"].values]
-        if "contact_share" in results.dataset
+        "contact": [float(c) for c in results.dataset["contact_fraction"].values]
+        if "contact_fraction" in results.dataset
         else [],
     }
 

@@ -20,7 +20,7 @@ from ..base.quantities import to_text
 from ..flow.held import HeldFlow, held_flow
 from ..flow.mesh import CLOSED_AXIS, darcy_conductance, permeability_tensors
 from ..flow.solution import DarcyFlow
-from .inlets import HeldBoundaries
+from .mesh_seal import PressureBoundaries
 from .upscaling import combined
 
 Array = NDArray[np.float64]
@@ -62,7 +62,7 @@ class ElementSeal:
     outlet: Indices = field(repr=False)
     size: tuple[float, float]
     outlines: Array = field(repr=False)
-    boundaries: HeldBoundaries | None = field(default=None, repr=False)
+    boundaries: PressureBoundaries | None = field(default=None, repr=False)
 
     @property
     def length(self) -> float:
@@ -85,7 +85,7 @@ class ElementSeal:
         return replace(flow, conductance=conductance, lower=lower, percolates=lower > 0)
 
     def flow_between(
-        self, permeability: Any, boundaries: HeldBoundaries, levels: Sequence[float], *, solver: str = "auto"
+        self, permeability: Any, boundaries: PressureBoundaries, levels: Sequence[float], *, solver: str = "auto"
     ) -> HeldFlow:
         """Flow between boundaries held at potentials, the outlets at 0 and all inlets on one side of it.
 

@@ -1,36 +1,69 @@
-"""Parts of a results dataset: a branch of the load cycle, a window, a cell of the library."""
+"""Parts of a dataset of results: branches of the load cycle, solved steps, windows, cells of the library."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..base.errors import InputError
 from ..base.quantities import to_si, to_text
-from .branches import branches
 
 if TYPE_CHECKING:
     import xarray
 
-_WINDOW = (
-    "k1",
-    "flux1",
-    "window_pressure",
-    "window_mean_gap",
-    "window_contact_fraction",
-    "window_plastic_fraction",
-)
+Array = NDArray[np.float64]
+Steps = NDArray[np.int64]
+#: Name of the variable that says which steps are interpolated.
+INTERPOLATED = "interpolated"
+
+
+def branch_text(unloaded_from: float | None) -> str:
+    """Name of a branch: "loading", or "unloading from 900 MPa"; `unloaded_from` [Pa], NaN or None on loading."""
+    if unloaded_from is None or np.isnan(unloaded_from):
+        return "loading"
+    return f"unloading from {to_text(unloaded_from, 'Pa')}"
+
+
+def branches(pressure: Array, peaks: Array) -> list[tuple[str, Steps]]:
+    """Name and steps of the loading and of each unloading, which begins at its peak on the loading.
+
+    pressure, peaks : nominal pressure of each step, and the one it is unloaded from, NaN on loading [Pa].
+    """
+    loading = np.flatnonzero(np.isnan(peaks))
+    found = [("loading", loading)]
+    for peak in np.unique(peaks[~np.isnan(peaks)])[::-1]:
+        start = loading[pressure[loading] == peak]
+        found.append((branch_text(float(peak)), np.r_[start, np.flatnonzero(peaks == peak)]))
+    return found
+
+
+def branches_in(data: xarray.Dataset) -> list[tuple[str, Steps]]:
+    """The branches of a dataset, see `branches`."""
+    return branches(data["nominal_pressure"].values, data["unloaded_from"].values)
+
+
+def pressures_and_peaks(steps: Sequence[Any]) -> tuple[Array, Array]:
+    """Nominal pressures and peaks of load steps as `branches` takes them [Pa]."""
+    peaks = [np.nan if s.unloaded_from is None else s.unloaded_from for s in steps]
+    return np.array([s.pressure for s in steps], dtype=float), np.array(peaks, dtype=float)
+
+
+def solved_steps(data: xarray.Dataset) -> Steps:
+    """Steps of a dataset that were solved; the others are interpolated and have no fields."""
+    return np.flatnonzero(data[INTERPOLATED].values == 0) if INTERPOLATED in data else np.arange(data.sizes["step"])
 
 
 def loading(data: xarray.Dataset) -> xarray.Dataset:
     """All variables over the steps, on loading, over the nominal pressure."""
-    return _over_pressure(data, _branches(data)[0][1])
+    return _over_pressure(data, branches_in(data)[0][1])
 
 
 def unloading(data: xarray.Dataset, from_: float | str | None) -> xarray.Dataset:
     """The same on unloading from a peak, with which it begins; from the highest unless `from_` says which."""
-    parts = _branches(data)[1:]
+    parts = branches_in(data)[1:]
     if not parts:
         raise InputError("from_", from_, "nothing: the cycle has no unloading")
     peaks = [float(data["nominal_pressure"][steps[0]]) for _, steps in parts]
@@ -41,11 +74,7 @@ def unloading(data: xarray.Dataset, from_: float | str | None) -> xarray.Dataset
     raise InputError("from_", from_, f"one of {', '.join(to_text(p, 'Pa') for p in sorted(peaks))}")
 
 
-def _branches(data: xarray.Dataset) -> list[tuple[str, Any]]:
-    return branches(data["nominal_pressure"].values, data["unloaded_from"].values)
-
-
-def _over_pressure(data: xarray.Dataset, steps: np.ndarray) -> xarray.Dataset:
+def _over_pressure(data: xarray.Dataset, steps: Steps) -> xarray.Dataset:
     names = [name for name, variable in data.data_vars.items() if "step" in variable.dims]
     return data[names].isel(step=steps).swap_dims(step="nominal_pressure")
 
@@ -53,7 +82,8 @@ def _over_pressure(data: xarray.Dataset, steps: np.ndarray) -> xarray.Dataset:
 def cell(data: xarray.Dataset, i: int, j: int) -> xarray.Dataset:
     """Curves of the window (i, j) over the steps."""
     i, j = window(data, i, j)
-    return data[[name for name in _WINDOW if name in data]].isel(cell1=i, cell2=j)
+    names = [name for name, variable in data.data_vars.items() if variable.dims == ("step", "cell1", "cell2")]
+    return data[names].isel(cell1=i, cell2=j)
 
 
 def window(data: xarray.Dataset, i: int, j: int) -> tuple[int, int]:

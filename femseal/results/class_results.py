@@ -1,4 +1,4 @@
-"""Leakage classes that a seal reaches at each load step, and the leakage of a test fluid by which they are judged."""
+"""Leakage classes that a seal meets at each load step, and the leakage of a test fluid by which they are decided."""
 
 from __future__ import annotations
 
@@ -6,31 +6,32 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..base.errors import InputError
+from ..base.fields import LEAK_CLASS, REALISATION, Field, Place
 from ..base.leak_classes import LeakClass, leak_classes, within
 from ..base.leak_units import LeakBasis
 from ..base.quantities import to_text
 from ..fluids import leak_basis
-from ..studies.other_fluid import limit_factors
+from ..studies.other_fluid import FluidState, OtherLeakage, limit_factors
+from .variables import add, add_coordinate, add_step
 
 if TYPE_CHECKING:
     import xarray
 
-    from ..studies import FluidState, OtherLeakage
-    from .results import Results
-
+Array = NDArray[np.float64]
 #: Ratio of the length of a seal to the circumference of its nominal diameter beyond which a warning says so.
 _ODD_LENGTH = 1.5
 
 
 def add_test_fluid(data: xarray.Dataset, test: OtherLeakage, service: FluidState, stated: float | None) -> None:
-    """Add the leakage of the test fluid, and attributes that tell its state and what both limits of flow would give."""
-    labels = {"units": "m^2/s", "long_name": "leakage per unit seal length, test fluid"}
-    data["test_leakage"] = ("step", test.leakage, labels)
+    """Add the leakage of the test fluid, and attributes with its state and what both limits of flow would give."""
+    text = "leakage per unit seal length, test fluid"
+    add_step(data, "test_leakage", "m^2/s", text, test.leakage)
     for name, values in (("realisations", test.realisations), ("resampled", test.resampled)):
         if values is not None:
-            data[f"test_leakage_{name}"] = (("realisation", "step"), values, labels)
+            add(data, Field(f"test_leakage_{name}", "m^2/s", text, REALISATION), values)
     basis, factors = leak_basis(test.state.fluid, 1.0, stated), limit_factors(test.state, service)
     data.attrs |= {
         "test_fluid": repr(test.state.fluid),
@@ -71,40 +72,45 @@ def basis_of(attrs: dict[str, Any], prefix: str = "") -> LeakBasis:
     )
 
 
-def add_classes(results: Results, names: Sequence[str], diameter: float | None) -> list[str]:
-    """Add which classes are reached at each step, and by which share of the realisations; returns warnings.
+def add_classes(
+    data: xarray.Dataset,
+    classes: Sequence[LeakClass],
+    basis: LeakBasis,
+    diameter: float | None,
+    leakage: Array,
+    realisations: Array,
+) -> list[str]:
+    """Add which classes are met at each step, and by which fraction of the realisations; returns warnings.
 
-    Classes are judged by the test fluid where there is one.
+    Parameters
+    ----------
+    basis, leakage, realisations : of the fluid that decides [m²/s]: (steps,) and (realisations, steps).
+    diameter : nominal diameter [m], which some classes need.
 
     Raises
     ------
-    InputError : an unknown class, a class that needs a diameter without one, or one that is not for the fluid.
+    InputError : a class that needs a diameter without one, or one that is not for the fluid.
     """
-    data, classes = results.dataset, leak_classes(names)
     if diameter is not None:
         data.attrs["nominal_diameter_m"] = float(diameter)
     if not classes:
         return []
-    limits = np.array([c.limit(results.judged_basis, diameter) for c in classes])
-    best, several = judged_leakage(data, results)
-    reached = np.array([within(best, limit) for limit in limits])
-    known = np.isfinite(several)
+    limits = np.array([c.limit(basis, diameter) for c in classes])
+    known = np.isfinite(realisations)
     count = np.maximum(known.sum(axis=0), 1)
-    share = np.array([(within(several, limit) & known).sum(axis=0) / count for limit in limits])
-    share[:, ~known.any(axis=0)] = np.nan
-    told = "leakage class"
-    data.coords["leak_class"] = ("leak_class", [c.name for c in classes], {"units": "1", "long_name": told})
-    text = "largest leakage per unit seal length in the class, of the fluid that it is judged by"
-    data["class_limit"] = ("leak_class", limits, {"units": "m^2/s", "long_name": text})
-    for name, values, text in (
-        ("class_reached", reached.astype(float), "1 where the leakage given reaches the class, else 0"),
-        ("class_share", share, "share of the realisations that reach the class"),
-    ):
-        data[name] = (("leak_class", "step"), values, {"units": "1", "long_name": text})
-    return _doubts(classes, results.judged_basis.length, diameter)
+    fraction = np.array([(within(realisations, limit) & known).sum(axis=0) / count for limit in limits])
+    fraction[:, ~known.any(axis=0)] = np.nan
+    add_coordinate(data, "leak_class", "1", "leakage class", [c.name for c in classes])
+    text = "largest leakage per unit seal length in the class, of the fluid that decides on it"
+    add(data, Field("class_limit", "m^2/s", text, Place("leakage classes", ("leak_class",))), limits)
+    met = np.array([within(leakage, limit) for limit in limits]).astype(float)
+    add(data, Field("class_met", "1", "1 where the leakage given meets the class, else 0", LEAK_CLASS), met)
+    add(data, Field("class_fraction", "1", "fraction of the realisations that meet the class", LEAK_CLASS), fraction)
+    return _doubts(classes, basis.length, diameter)
 
 
 def _doubts(classes: Sequence[LeakClass], length: float, diameter: float | None) -> list[str]:
+    """A warning of a nominal diameter that does not go with the length of the seal."""
     if diameter is None or not any(c.per_diameter for c in classes):
         return []
     round_ = np.pi * diameter
@@ -117,24 +123,16 @@ def _doubts(classes: Sequence[LeakClass], length: float, diameter: float | None)
     ]
 
 
-def judged_leakage(data: xarray.Dataset, results: Results) -> tuple[np.ndarray, np.ndarray]:
-    """Leakage by which classes are judged [m²/s]: the one that is given (step,), and that of each realisation."""
-    prefix = "test_leakage" if "test_leakage" in data else ""
-    best = data[prefix].values if prefix else results.leakage.values
-    name = f"{prefix}_realisations" if prefix else "leakage"
-    several = data[name].values if name in data and results.method == "median" else best[None]
-    return np.asarray(best), np.asarray(several)
-
-
-def tightest(results: Results) -> list[str]:
-    """The tightest class of each family that is reached at every step, in words; "–" where none is."""
-    data = results.dataset
+def tightest_classes(data: xarray.Dataset) -> list[str]:
+    """The tightest class of each family that is met, at every step; "–" where none is; empty without classes."""
+    if "leak_class" not in data.coords:
+        return []
     classes = leak_classes(str(name) for name in data["leak_class"].values)
-    limits, reached = data["class_limit"].values, data["class_reached"].values
+    limits, met = data["class_limit"].values, data["class_met"].values
     lines = []
     for s in range(data.sizes["step"]):
         best: dict[str, tuple[float, str]] = {}
-        for one, limit, there in zip(classes, limits, reached[:, s], strict=True):
+        for one, limit, there in zip(classes, limits, met[:, s], strict=True):
             family = one.family or one.name
             if there and (family not in best or limit < best[family][0]):
                 best[family] = (float(limit), one.name)
@@ -145,11 +143,11 @@ def tightest(results: Results) -> list[str]:
 def check_classes(
     names: Sequence[str], diameter: float | None, fluid: Any, stated: float | None = None
 ) -> tuple[LeakClass, ...]:
-    """The classes of names, checked for the fluid that they are judged by.
+    """The classes of names, checked for the fluid that decides on them.
 
     Raises
     ------
-    InputError : as `add_classes`.
+    InputError : an unknown class, or as `add_classes`.
     """
     basis = leak_basis(fluid, 1.0, stated)
     classes = leak_classes(names)

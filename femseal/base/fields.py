@@ -1,0 +1,127 @@
+"""Fields of results, each declared once: name, unit, meaning, where it lives, heading of its column.
+
+A declaration labels the field everywhere: in the dataset and its netCDF file, in files for ParaView, in tables and
+pictures. Results of studies declare the fields that they have by `declared`, and those that are computed from
+them in `computed_fields`; fields of several results are declared where they are computed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import MISSING, dataclass, field, fields
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    import xarray
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where the values of a field live: what they belong to, and their dimensions in order."""
+
+    of: str
+    dims: tuple[str, ...]
+
+
+STEP = Place("load steps", ("step",))
+WINDOW = Place("windows of the face", ("step", "cell1", "cell2"))
+LINK1, LINK2 = Place("links along x1", WINDOW.dims), Place("links along x2", ("step", "corner1", "cell2"))
+NODE = Place("nodes of the links", ("step", "node1", "cell2"))
+PIXEL = Place("pixels of the face", ("step", "x1", "x2"))
+BLOCK = Place("blocks of pixels", ("step", "block1", "block2"))
+FACE = Place("blocks of the face, of no load step", ("face1", "face2"))
+REALISATION = Place("realisations of a seal", ("realisation", "step"))
+LENGTH = Place("seals of several lengths", ("seal_length", "step"))
+LIBRARY_CELL = Place("cells of the library", ("library_cell", "library_step"))
+PART = Place("parts of the drawn seal", ("step", "part"))
+PART_VECTOR = Place("vectors of the parts of the drawn seal", ("step", "part", "plane"))
+CORNER = Place("corners of the parts of the drawn seal", ("part", "corner", "plane"))
+NARROWEST_LINKS = Place("links that dissipate most", ("step", "narrowest"))
+LEAK_CLASS = Place("leakage classes", ("leak_class", "step"))
+ERROR_SOURCE = Place("sources of error", ("budget_part", "step"))
+
+#: Unit in SI to the unit of pictures and of files for ParaView, and the number of these in one of SI.
+READABLE = {"m": ("µm", 1e6), "Pa": ("MPa", 1e-6), "m^3": ("m³", 1.0), "m^2/s": ("m²/s", 1.0), "1": ("", 1.0)}
+
+
+@dataclass(frozen=True)
+class Field:
+    """A field of results.
+
+    name : in the dataset and in all files. unit : in SI, such as "m^2/s"; "1" for a number. long_name : its meaning.
+    place : where it lives. heading : of its column in tables for people, for a field over the load steps; "" for none.
+    in_si : whether pictures and files for ParaView too have it in SI, else in µm and MPa.
+    """
+
+    name: str
+    unit: str
+    long_name: str
+    place: Place
+    heading: str = ""
+    in_si: bool = False
+
+    @classmethod
+    def of(cls, variable: xarray.DataArray) -> Field:
+        """The declaration of a variable of a dataset."""
+        attrs, dims = variable.attrs, tuple(map(str, variable.dims))
+        heading, in_si = str(attrs.get("heading", "")), bool(attrs.get("in_si", 0))
+        return cls(str(variable.name), attrs["units"], attrs["long_name"], Place("", dims), heading, in_si)
+
+    @property
+    def attrs(self) -> dict[str, Any]:
+        """Attributes of the variable in the dataset."""
+        more = {"heading": self.heading} if self.heading else {}
+        return {"units": self.unit, "long_name": self.long_name} | more | ({"in_si": 1} if self.in_si else {})
+
+    @property
+    def scale(self) -> float:
+        """Factor from SI to the unit of pictures and of files for ParaView."""
+        return 1.0 if self.in_si else READABLE.get(self.unit, ("", 1.0))[1]
+
+    @property
+    def array_name(self) -> str:
+        """Name in files for ParaView, with that unit: "mean_gap_um"."""
+        unit = self.unit if self.in_si else READABLE.get(self.unit, (self.unit, 1.0))[0]
+        return with_unit(self.name, unit)
+
+    @property
+    def column_name(self) -> str:
+        """Name in tables for programs, with the unit in SI: "leakage_mean_m2_per_s"."""
+        return with_unit(self.name, self.unit)
+
+
+def with_unit(name: str, unit: str) -> str:
+    """A name with a unit in ASCII letters, digits and underscores.
+
+    >>> with_unit("gap", "µm"), with_unit("leakage", "mL/(m·min)"), with_unit("flux", "m^2/s"), with_unit("share", "1")
+    ('gap_um', 'leakage_mL_per_m_min', 'flux_m2_per_s', 'share')
+    """
+    if unit in ("", "1"):
+        return name
+    for sign, letters in (("/", "_per_"), ("·", "_"), ("*", "_"), (" ", "_"), ("³", "3"), ("²", "2"), ("µ", "u")):
+        unit = unit.replace(sign, letters)
+    return f"{name}_{unit.translate(str.maketrans('', '', '()^'))}"
+
+
+def declared(
+    name: str,
+    unit: str,
+    long_name: str,
+    place: Place,
+    *,
+    heading: str = "",
+    in_si: bool = False,
+    default: Any = MISSING,
+    repr: bool = True,
+) -> Any:
+    """An attribute of a dataclass that is a `Field`, with what `dataclasses.field` takes."""
+    made = Field(name, unit, long_name, place, heading, in_si)
+    return field(default=default, repr=repr, metadata={"field": made, "unit": unit, "long_name": long_name})
+
+
+def fields_of(result: Any) -> Iterator[tuple[Field, Any]]:
+    """Declared fields of a result with their values, without those that are None; computed ones come last."""
+    pairs = [(f.metadata["field"], f.name) for f in fields(result) if "field" in f.metadata]
+    for made, attribute in [*pairs, *((f, name) for name, f in getattr(result, "computed_fields", {}).items())]:
+        if (values := getattr(result, attribute)) is not None:
+            yield made, values

@@ -1,0 +1,294 @@
+"""Data as VTK has it, and its files: XML, which every ParaView opens, and VTKHDF, one file for all load steps.
+
+Time is the index of the load step, since the same load occurs on loading and on unloading; the loads are field data.
+XML: one file for each load step, and a `.pvd` that puts them on the time axis. pyvista writes the data, compressed:
+images as raw bytes, which take a quarter less space, meshes in base64, because meshio 5.3 mixes up the arrays of some
+files of raw bytes. pyvista writes no `.pvd`, so its few lines are written here.
+VTKHDF: VTK's format in HDF5, compressed, with a mesh that is stored once; ParaView 5.13 or later reads it. VTK's own
+writer leaves out the field data of images (VTK 9.7), which h5py adds.
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+import shutil
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Protocol
+from xml.sax.saxutils import quoteattr
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..base.files import made_folder, replacing, write_text
+from ..topography import Topography
+
+if TYPE_CHECKING:
+    import xarray
+
+Array = NDArray[np.float64]
+PixelValues = Callable[[int], NDArray[Any]]
+#: Endings of an image of pixels in a plane, and of a file by which ParaView recognises VTKHDF.
+IMAGE, HDF = ".vti", ".vtkhdf"
+#: Of deflate: higher levels gain a few per cent at several times the time.
+_LEVEL = 1
+
+
+@dataclass(frozen=True)
+class LoadSteps:
+    """The steps that a view has, by their index in the load programme, and their loads [Pa]."""
+
+    index: NDArray[np.int64]
+    nominal_pressure: Array
+    unloaded_from: Array
+
+    @classmethod
+    def of(cls, data: xarray.Dataset, index: NDArray[np.int64] | None = None) -> LoadSteps:
+        """Steps of a dataset; all of them unless `index` says which."""
+        chosen = np.arange(data.sizes["step"]) if index is None else index
+        return cls(*(data[name].values[chosen] for name in ("step", "nominal_pressure", "unloaded_from")))
+
+    @property
+    def fields(self) -> dict[str, Array]:
+        """Field data, one value for each step; on loading the peak is NaN."""
+        return {
+            "nominal_pressure_MPa": self.nominal_pressure / 1e6,
+            "unloaded_from_MPa": self.unloaded_from / 1e6,
+        }
+
+    def label(self, mesh: Any, n: int) -> Any:
+        """A data set with the loads of the n-th step."""
+        for name, values in self.fields.items():
+            mesh.field_data[name] = values[n : n + 1]
+        return mesh
+
+
+class View(Protocol):
+    """Data written under one name: a pyvista data set for each step, or a single one without steps."""
+
+    @property
+    def name(self) -> str:
+        """Of the file, without its ending."""
+        ...
+
+    @property
+    def steps(self) -> LoadSteps | None:
+        """The steps, or None."""
+        ...
+
+    def at(self, n: int) -> Any:
+        """The data set at the n-th step."""
+        ...
+
+
+@dataclass(frozen=True)
+class Image:
+    """Pixels of a plane at some steps: `cells` gives for the n-th of these a field (n1, n2), in single precision."""
+
+    name: str
+    spacing: tuple[float, float]
+    origin: tuple[float, float]
+    shape: tuple[int, int]
+    steps: LoadSteps
+    cells: Mapping[str, PixelValues]
+
+    def at(self, n: int) -> Any:
+        """Image data whose cells are the pixels; x1 runs fastest in VTK, that is order F of an array (n1, n2)."""
+        import pyvista
+
+        (n1, n2), (d1, d2), origin = self.shape, self.spacing, (*self.origin, 0.0)
+        image = pyvista.ImageData(dimensions=(n1 + 1, n2 + 1, 1), spacing=(d1, d2, 1.0), origin=origin)
+        for name, field in self.cells.items():
+            image.cell_data[name] = np.asarray(field(n), np.float32).ravel(order="F")
+        return self.steps.label(image, n)
+
+
+@dataclass(frozen=True)
+class Cells:
+    """Triangles or quadrilaterals at all steps: `point_data` (steps, points), `cell_data` (steps, cells[, 3])."""
+
+    name: str
+    points: Array
+    cells: NDArray[np.int64]
+    steps: LoadSteps
+    point_data: Mapping[str, NDArray[Any]]
+    cell_data: Mapping[str, NDArray[Any]]
+
+    @cached_property
+    def _mesh(self) -> Any:
+        import meshio
+        import pyvista
+
+        kind = {3: "triangle", 4: "quad"}[self.cells.shape[1]]
+        return pyvista.from_meshio(meshio.Mesh(self.points, [(kind, self.cells)]))
+
+    def at(self, n: int) -> Any:
+        """The mesh, which all steps share, with its data."""
+        mesh = self._mesh.copy(deep=False)
+        for name, values in self.point_data.items():
+            mesh.point_data[name] = values[n]
+        for name, values in self.cell_data.items():
+            mesh.cell_data[name] = values[n]
+        return self.steps.label(mesh, n)
+
+
+@dataclass(frozen=True)
+class Heights:
+    """Heights of the face as points, so that the map can be warped at once."""
+
+    surface: Topography
+    name: str = "surface"
+    steps: None = None
+
+    def at(self, n: int = 0) -> Any:
+        """Image data with `height_um`."""
+        import pyvista
+
+        (n1, n2), (d1, d2) = self.surface.shape, self.surface.spacing
+        image = pyvista.ImageData(dimensions=(n1, n2, 1), spacing=(d1, d2, 1.0), origin=(d1 / 2, d2 / 2, 0.0))
+        image.point_data["height_um"] = (self.surface.heights * 1e6).astype(np.float32).ravel(order="F")
+        return image
+
+
+def write_series(view: View, folder: Path) -> list[Path]:
+    """Write a view as XML: `name.pvd` after the files that it names in the folder `name`; one file without steps.
+
+    Returns
+    -------
+    Paths of all files, each of which is whole or not there.
+    """
+    if view.steps is None:
+        return [_save(view.at(0), folder / view.name)]
+    subfolder = made_folder(folder / view.name)
+    index = [int(step) for step in view.steps.index]
+    written = [_save(view.at(n), subfolder / f"step_{step:04d}") for n, step in enumerate(index)]
+    lines = [
+        f'    <DataSet timestep="{step}" part="0" file={quoteattr(f"{view.name}/{path.name}")}/>'
+        for step, path in zip(index, written, strict=True)
+    ]
+    head = ['<?xml version="1.0"?>', '<VTKFile type="Collection" version="0.1">', "  <Collection>"]
+    text = "\n".join([*head, *lines, "  </Collection>", "</VTKFile>", ""])
+    return [*written, write_text(folder / f"{view.name}.pvd", text)]
+
+
+def stored_images(folder: Path, name: str) -> dict[int, Path]:
+    """Files of a series of images by their step."""
+    return {int(path.stem.removeprefix("step_")): path for path in sorted((folder / name).glob(f"step_*{IMAGE}"))}
+
+
+def array_names(path: Path) -> list[str]:
+    """Names of the arrays of cells in a file."""
+    import pyvista
+
+    return list(pyvista.get_reader(path).cell_array_names)
+
+
+def read_image(path: Path, array: str) -> Any:
+    """An image with one of its arrays of cells."""
+    import pyvista
+
+    reader = pyvista.get_reader(path)
+    reader.disable_all_cell_arrays()
+    reader.enable_cell_array(array)
+    return reader.read()
+
+
+def _save(mesh: Any, stem: Path) -> Path:
+    """Write a data set of pyvista as XML, whole or not at all."""
+    import pyvista
+
+    image = isinstance(mesh, pyvista.ImageData)
+    path = stem.with_suffix(IMAGE if image else ".vtu")
+    writer = (pyvista.XMLImageDataWriter if image else pyvista.XMLUnstructuredGridWriter)(path, mesh).writer
+    writer.SetDataModeToAppended()
+    writer.SetEncodeAppendedData(not image)
+    # VTK crashes where a disk is full, so it writes into memory
+    writer.WriteToOutputStringOn()
+    if not writer.Write():
+        raise OSError(f"VTK could not write {path}")
+    content = writer.GetOutputString()
+    with replacing(path) as temporary:
+        # VTK returns text instead of bytes where the content is valid text
+        temporary.write_bytes(content if isinstance(content, bytes) else content.encode())
+    return path
+
+
+def write_hdf(view: View, folder: Path) -> list[Path]:
+    """Write a view with all its steps into one VTKHDF file, which is whole or not there."""
+    from vtkmodules.vtkIOHDF import vtkHDFWriter
+
+    path = folder / f"{view.name}{HDF}"
+    first = view.at(0)
+    size = 1024 * first.GetActualMemorySize() * (1 if view.steps is None else len(view.steps.index))
+    if shutil.disk_usage(folder).free < size:
+        # HDF5 crashes or hangs where a disk is full
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path))
+    with replacing(path) as target:
+        writer = vtkHDFWriter()
+        writer.SetFileName(str(target))
+        writer.SetCompressionLevel(_LEVEL)
+        if view.steps is None:
+            writer.SetInputData(first)
+        else:
+            source = _source(view, view.steps)
+            writer.SetInputConnection(source.GetOutputPort())
+            writer.SetWriteAllTimeSteps(True)
+        if not writer.Write():
+            raise OSError(f"VTK could not write {target}")
+        if view.steps is not None:
+            _add_field_data(target, view.steps)
+    return [path]
+
+
+def _source(view: View, steps: LoadSteps) -> Any:
+    """The view as a source of VTK that passes one step after the other to the writer."""
+    from vtkmodules.util.vtkAlgorithm import VTKPythonAlgorithmBase
+    from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkImageData
+    from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline as Pipeline
+
+    times = [float(step) for step in steps.index]
+    first = view.at(0)
+
+    class Source(VTKPythonAlgorithmBase):
+        def __init__(self) -> None:
+            super().__init__(nInputPorts=0, nOutputPorts=1, outputType=first.GetClassName())
+
+        def RequestInformation(self, request: Any, inputs: Any, outputs: Any) -> int:
+            information = outputs.GetInformationObject(0)
+            information.Set(Pipeline.TIME_STEPS(), times, len(times))
+            information.Set(Pipeline.TIME_RANGE(), [times[0], times[-1]], 2)
+            if isinstance(first, vtkImageData):
+                information.Set(Pipeline.WHOLE_EXTENT(), first.GetExtent(), 6)
+            return 1
+
+        def RequestData(self, request: Any, inputs: Any, outputs: Any) -> int:
+            information = outputs.GetInformationObject(0)
+            asked = information.Has(Pipeline.UPDATE_TIME_STEP())
+            time = information.Get(Pipeline.UPDATE_TIME_STEP()) if asked else times[0]
+            output = vtkDataObject.GetData(outputs, 0)
+            output.ShallowCopy(view.at(times.index(time)))
+            output.GetInformation().Set(vtkDataObject.DATA_TIME_STEP(), time)
+            return 1
+
+    return Source()
+
+
+def _add_field_data(path: Path, steps: LoadSteps) -> None:
+    """Add one value of the field data for each step where VTK's writer has left them out."""
+    import h5py
+
+    count = len(steps.index)
+    with h5py.File(path, "a") as file:
+        root = file["VTKHDF"]
+        if "FieldData" in root:
+            return
+        data = root.create_group("FieldData")
+        offsets, sizes = (root["Steps"].create_group(f"FieldData{name}") for name in ("Offsets", "Sizes"))
+        for name, values in steps.fields.items():
+            data.create_dataset(name, data=values)
+            offsets.create_dataset(name, data=np.arange(count, dtype=np.int64))
+            # components and tuples
+            sizes.create_dataset(name, data=np.ones((count, 2), np.int64))

@@ -1,0 +1,213 @@
+"""Seals of any plan shape on a mesh, whose inlets have one pressure or each its own, and checks of the mesh."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from os import PathLike
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from skfem import Basis, FacetBasis, Functional, Mesh, MeshQuad1, MeshQuad2, MeshTri1, MeshTri2
+from skfem.quadrature import get_quadrature
+
+from ..base.errors import InputError
+from ..base.quantities import to_si
+from ..flow.held import HeldFlow, held_flow
+from ..flow.mesh import darcy_conductance, is_connected
+from ..flow.solution import DarcyFlow
+from .mesh_file import read_mesh
+from .overlap import first_overlap
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+#: Names of inlets, one or several at one pressure, or pressures [Pa] of inlets by their names.
+Inlet = str | Sequence[str] | Mapping[str, float]
+
+
+@dataclass(frozen=True, eq=False)
+class PressureBoundaries:
+    """Named boundaries of a seal, inlets first.
+
+    facets : boundary facets of each, which do not touch those of another.
+    pressures : of the inlets [Pa]; the outlets have one in common, that of the outlet.
+    """
+
+    names: tuple[str, ...]
+    facets: tuple[Indices, ...]
+    pressures: tuple[float, ...]
+
+    @classmethod
+    def of(cls, mesh: Mesh, inlet: Mapping[str, float], outlet: Sequence[str]) -> PressureBoundaries:
+        """Boundaries of a mesh.
+
+        Raises
+        ------
+        InputError : one is both inlet and outlet, or two of them touch.
+        """
+        if both := [name for name in outlet if name in inlet]:
+            raise InputError("outlet", f"{both[0]!r}, which is an inlet too", "other boundaries than the inlets")
+        names = (*inlet, *dict.fromkeys(outlet))
+        facets = tuple(np.unique(mesh.boundaries[name]).astype(np.int64) for name in names)
+        for (first, one), (second, other) in itertools.combinations(zip(names, facets, strict=True), 2):
+            if np.intersect1d(mesh.facets[:, one], mesh.facets[:, other]).size:
+                given = f"boundaries {first!r} and {second!r} that touch, with pressures of inlets"
+                raise InputError("inlet and outlet", given, "boundaries with no vertex in common")
+        return cls(names, facets, tuple(inlet.values()))
+
+
+def checked_pressures(inlet: Mapping[str, Any]) -> dict[str, float]:
+    """Pressures of inlets by their names; InputError where one is not a number, or without any."""
+    if not inlet:
+        raise InputError("inlet", "no boundaries", "names of boundaries with their pressures")
+    found = {}
+    for name, value in inlet.items():
+        try:
+            found[name] = float(value)
+        except (TypeError, ValueError):
+            found[name] = np.nan
+        if not np.isfinite(found[name]):
+            raise InputError(f"inlet {name!r}", repr(value), "a finite pressure [Pa]")
+    return found
+
+
+@dataclass(frozen=True)
+class MeshSeal:
+    """A seal of any plan shape, meshed with triangles or quadrilaterals of first or second order.
+
+    Parameters
+    ----------
+    path : a mesh file that meshio reads (plane, z constant), or a scikit-fem mesh with named `boundaries`, in metres.
+    inlet, outlet : names of boundaries, one or several each, that do not touch; all others are closed. Inlets at
+        several pressures are given as {name: pressure [Pa]}; `seal_leakage` then takes no inlet pressure.
+    unit : of the lengths in the file, such as "mm".
+
+    Raises
+    ------
+    InputError : the file is missing or not a mesh, no boundary of that name (the message lists those there
+        are), inlet and outlet touch or are not connected by the mesh, elements that are degenerate or
+        tangled; with pressures, boundaries that touch, or an inlet that is not connected to the outlet.
+    """
+
+    path: str | PathLike[str] | Mesh = field(repr=False)
+    inlet: Inlet
+    outlet: str | Sequence[str]
+    unit: str = field(default="m", repr=False)
+    mesh: Mesh = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        if isinstance(self.inlet, Mapping):
+            object.__setattr__(self, "inlet", checked_pressures(self.inlet))
+        mesh = self.path if isinstance(self.path, Mesh) else read_mesh(self.path, to_si(f"1 {self.unit}", "m", "unit"))
+        object.__setattr__(self, "mesh", mesh)
+        if type(mesh) not in (MeshTri1, MeshQuad1, MeshTri2, MeshQuad2):
+            raise InputError("path", f"a {type(mesh).__name__}", "a plane mesh of triangles or quadrilaterals")
+        there = ", ".join(repr(str(name)) for name in mesh.boundaries or {}) or "none"
+        for role, names in (("inlet", self.inlet), ("outlet", self.outlet)):
+            for name in _names(names) or (names,):
+                if name not in (mesh.boundaries or {}):
+                    raise InputError(role, repr(name), f"the name of a boundary of the mesh: {there}")
+        _check_elements(mesh)
+        given = self.boundaries  # raises if one is both inlet and outlet
+        inlets = [self.ends[0]] if given is None else given.facets[: len(given.pressures)]
+        if not all(is_connected(mesh, inlet, self.ends[1]) for inlet in inlets):
+            raise InputError("inlet and outlet", "boundaries that the mesh does not connect", "a mesh in one piece")
+
+    @property
+    def ends(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Boundary facets of inlet and outlet."""
+        inlet, outlet = (
+            np.unique(np.concatenate([self.mesh.boundaries[name] for name in _names(names)]))
+            for names in (self.inlet, self.outlet)
+        )
+        return inlet, outlet
+
+    @property
+    def boundaries(self) -> PressureBoundaries | None:
+        """Boundaries with the pressures of the inlets; None where these are not given."""
+        if not isinstance(self.inlet, Mapping):
+            return None
+        return PressureBoundaries.of(self.mesh, self.inlet, _names(self.outlet))
+
+    @property
+    def length(self) -> float:
+        """Length of the outlet [m]."""
+        basis = FacetBasis(self.mesh, self.mesh.elem(), facets=self.ends[1], intorder=6)
+        return float(_one.assemble(basis))
+
+    @property
+    def area(self) -> float:
+        """Area of the seal [m²]."""
+        return float(_one.assemble(Basis(self.mesh, self.mesh.elem(), intorder=6)))
+
+    @property
+    def points(self) -> Array:
+        """Coordinates of the vertices (n_vertices, 2) [m]."""
+        return np.ascontiguousarray(self.mesh.p[:, : self.mesh.nvertices].T)
+
+    def flow(self, permeability: Any, *, bounds: bool = False, solver: str = "auto") -> DarcyFlow:
+        """Flow for a unit drop; permeability: a number, (n,), (n, 2) or (n, 2, 2) for n elements [m³]."""
+        return darcy_conductance(self.mesh, permeability, *self.ends, bounds=bounds, solver=solver)
+
+    def flow_between(
+        self, permeability: Any, boundaries: PressureBoundaries, levels: Sequence[float], *, solver: str = "auto"
+    ) -> HeldFlow:
+        """Flow between boundaries at potentials, permeability as in `flow`."""
+        return held_flow(self.mesh, permeability, boundaries.facets, levels, solver=solver)
+
+
+@Functional
+def _one(w: Any) -> Any:
+    """∫ 1."""
+    return 1.0 + 0 * w.x[0]
+
+
+def _check_elements(mesh: Mesh) -> None:
+    undefined = np.flatnonzero(~np.isfinite(mesh.doflocs).all(axis=0))
+    if undefined.size:
+        raise InputError("path", f"a mesh whose node {undefined[0]} is not finite", "finite coordinates")
+    nodes, element = mesh.dofs.element_dofs, mesh.elem()
+    # the Jacobian of a bilinear element is extreme at its corners
+    points = np.hstack([get_quadrature(mesh.elem.refdom, 4)[0], mesh.elem.refdom.p])
+    slopes = np.stack([np.broadcast_to(element.lbasis(points, i)[1], points.shape) for i in range(len(nodes))])
+    jacobian = np.einsum("cne,ndq->eqcd", mesh.doflocs[:, nodes], slopes)
+    det = np.linalg.det(jacobian)
+    size = np.ptp(mesh.doflocs[:, nodes], axis=1).max(axis=0) ** 2
+    bad = np.flatnonzero((np.abs(det).min(axis=1) <= 1e-12 * size) | (det.min(axis=1) * det.max(axis=1) <= 0))
+    if bad.size:
+        raise InputError("path", f"a mesh whose element {bad[0]} is degenerate or tangled", "a valid mesh")
+    _check_sides(mesh)
+
+
+def _check_sides(mesh: Mesh) -> None:
+    """Refuse elements that overlap: two that share an edge, walked anticlockwise, walk it in opposite directions."""
+    corners = mesh.t.T
+    following = np.roll(corners, -1, axis=1)
+    (x, y), (x_following, y_following) = mesh.p[:, corners], mesh.p[:, following]
+    area = (x * y_following - x_following * y).sum(axis=1)
+    direction = np.sign(following - corners) * np.sign(area)[:, None]
+    first, second = np.minimum(corners, following), np.maximum(corners, following)
+    _, edge, count = np.unique(
+        first.astype(np.int64) * mesh.nvertices + second, return_inverse=True, return_counts=True
+    )
+    edge = edge.reshape(corners.shape)
+    walked = np.bincount(edge.ravel(), direction.ravel(), minlength=count.size)
+    overlapping = (count > 2) | ((count == 2) & (walked != 0))
+    bad = np.flatnonzero(overlapping[edge].any(axis=1))
+    if bad.size:
+        given = f"a mesh whose elements {' and '.join(map(str, bad[:2]))} overlap"
+        raise InputError("path", given, "elements that lie beside each other")
+    if found := first_overlap(mesh):
+        named = " and ".join(map(str, found))
+        given = (
+            f"a mesh whose elements {named} overlap"
+            if len(found) > 1
+            else f"a mesh whose element {named} lies on others"
+        )
+        raise InputError("path", given, "elements that lie beside each other")
+
+
+def _names(given: Inlet) -> tuple[str, ...]:
+    return (given,) if isinstance(given, str) else tuple(given)
