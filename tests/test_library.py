@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 import femseal.library.library
 from femseal.base.errors import FemsealError, InputError, NotConverged
-from femseal.contact import HalfSpace, load_cycle
+from femseal.contact import HalfSpace, PerfectlyPlastic, load_cycle
 from femseal.flow import cell_permeability
 from femseal.library import (
     Ladder,
@@ -27,6 +27,7 @@ from femseal.topography import self_affine
 from femseal.windows import SolveCounts
 
 E, H = 115e9, 3e9
+LAW = PerfectlyPlastic(H)
 LOADING = (0.0, 1e8, 2e8, 4e8, 8e8)
 LADDER = Ladder(LOADING, (2e8, 8e8), (0.5, 0.1, 0.0), (0.0, 1e-6), closing_rtol=0.1)
 BODY = HalfSpace((32, 32), (1e-6, 1e-6), E, ("mirror", "mirror"))
@@ -39,12 +40,12 @@ def heights():
 
 @pytest.fixture(scope="module")
 def source(heights):
-    return WindowSource((-heights,), BODY, H, seed=1, rtol=1e-7)
+    return WindowSource((-heights,), BODY, LAW, seed=1, rtol=1e-7)
 
 
 @pytest.fixture(scope="module")
 def cell(source):
-    return solve_ladder(source.window(0), ladder=LADDER, half_space=BODY, hardness=H, rtol=1e-7)
+    return solve_ladder(source.window(0), ladder=LADDER, half_space=BODY, law=LAW, rtol=1e-7)
 
 
 class TestFollowing:
@@ -81,7 +82,7 @@ class TestFollowing:
 
     def test_closing_is_known_to_the_tolerance(self, source):
         ladder = Ladder((*LOADING, 1.6e9, 2.4e9), closing_rtol=0.1)
-        cell = solve_ladder(source.window(0), ladder=ladder, half_space=BODY, hardness=H, rtol=1e-7)
+        cell = solve_ladder(source.window(0), ladder=ladder, half_space=BODY, law=LAW, rtol=1e-7)
         closes = [a for a in (0, 1) if cell.closing_pressure(a) < np.inf]
         assert closes
         for axis in closes:
@@ -104,29 +105,29 @@ class TestFollowing:
 
         monkeypatch.setattr(femseal.library.ladder, "window_permeability", counted)
         tight = replace(LADDER, loading=(*LOADING, 1.2e9, 1.6e9, 2.4e9), closing_rtol=0.5)
-        cell = solve_ladder(source.window(0), ladder=tight, half_space=BODY, hardness=H)
+        cell = solve_ladder(source.window(0), ladder=tight, half_space=BODY, law=LAW)
         assert cell.counts.flows == 2 * (cell.pressure.size + 2 * 3 + 2)
         assert cell.counts.closed > sum(c.closed for c in solved) > 0
 
     def test_a_known_cell_is_extended(self, source, cell):
         """Further steps and peaks, without touching what is known."""
         short = Ladder(LOADING[:3], (2e8,), LADDER.stops, LADDER.separations, closing_rtol=0.1)
-        start = solve_ladder(source.window(0), ladder=short, half_space=BODY, hardness=H, rtol=1e-7)
-        longer = solve_ladder(source.window(0), ladder=LADDER, half_space=BODY, hardness=H, rtol=1e-7, known=start)
+        start = solve_ladder(source.window(0), ladder=short, half_space=BODY, law=LAW, rtol=1e-7)
+        longer = solve_ladder(source.window(0), ladder=LADDER, half_space=BODY, law=LAW, rtol=1e-7, known=start)
         for name in ("pressure", "k", "standoff", "peaks", "k_unloading", "mean_gap_unloading", "rigid"):
             assert_array_equal(getattr(longer, name), getattr(cell, name))
         assert longer.counts.flows < cell.counts.flows
         between = replace(short, peaks=(1e8, 2e8))
-        more = solve_ladder(source.window(0), ladder=between, half_space=BODY, hardness=H, rtol=1e-7, known=cell)
+        more = solve_ladder(source.window(0), ladder=between, half_space=BODY, law=LAW, rtol=1e-7, known=cell)
         assert_array_equal(more.peaks, [1e8, 2e8])
         assert_array_equal(more.k_unloading[:, :, 1:], cell.k_unloading[:, :, :1])
-        again = solve_ladder(source.window(0), ladder=between, half_space=BODY, hardness=H, rtol=1e-7)
+        again = solve_ladder(source.window(0), ladder=between, half_space=BODY, law=LAW, rtol=1e-7)
         for name in ("pressure", "k", "standoff", "peaks", "k_unloading", "mean_gap_unloading", "rigid"):
             assert_array_equal(getattr(more, name), getattr(again, name))
 
     def test_bounds_are_those_of_every_state(self, source, cell):
         tight = replace(LADDER, loading=(*LOADING, 1.6e9, 2.4e9), bounds=True)
-        bounded = solve_ladder(source.window(0), ladder=tight, half_space=BODY, hardness=H, rtol=1e-7)
+        bounded = solve_ladder(source.window(0), ladder=tight, half_space=BODY, law=LAW, rtol=1e-7)
         assert bounded.k.shape[:2] == bounded.k_unloading.shape[:2] == bounded.rigid.shape[:2] == (3, 2)
         assert_array_equal(bounded.rigid[0], cell.rigid[0])
         value, lower, upper = bounded.k
@@ -138,7 +139,7 @@ class TestFollowing:
             for axis in (0, 1):
                 k = cell_permeability(contact.gap, (1e-6, 1e-6), axis=axis, bounds=True)
                 assert_allclose([lower[axis, n], upper[axis, n]], [k.lower, k.upper], rtol=1e-5)
-        open_window = WindowSource((0.003 * -source.topographies[0],), BODY, H, seed=1).window(0) + 1e-6
+        open_window = WindowSource((0.003 * -source.topographies[0],), BODY, LAW, seed=1).window(0) + 1e-6
         flow = femseal.windows.window_flow.window_permeability(open_window, (1e-6, 1e-6), 0, bounds=True)
         k, low, high = flow.k
         exact = cell_permeability(open_window, (1e-6, 1e-6)).value
@@ -333,7 +334,7 @@ class TestLibrary:
         assert_allclose(source.rms_height**2, np.mean([np.var(w) for w in found]))
 
     def test_windows_of_several_faces_take_turns(self, heights):
-        both = WindowSource((-heights, -heights[::-1, ::-1] * 2), BODY, H, seed=1)
+        both = WindowSource((-heights, -heights[::-1, ::-1] * 2), BODY, LAW, seed=1)
         assert_allclose(
             np.std([both.window(n) for n in range(1, 12, 2)]), 2 * np.std([both.window(n) for n in range(0, 12, 2)])
         )
@@ -403,7 +404,7 @@ class TestLibrary:
         names |= {
             replace(source, **change).key(LADDER)
             for change in (
-                {"hardness": 2 * H},
+                {"law": PerfectlyPlastic(2 * H)},
                 {"seed": 2},
                 {"rtol": 1e-6},
                 {"topographies": (heights,)},
@@ -531,7 +532,7 @@ def test_loads_that_differ_but_for_rounding_are_one(source, cell):
     again = np.nextafter(np.array([2e8, 8e8]), np.inf)
     loading, peaks = (tuple(sorted({*old, *again})) for old in (LOADING, (2e8, 8e8)))
     doubled = solve_ladder(
-        source.window(0), ladder=replace(LADDER, loading=loading, peaks=peaks), half_space=BODY, hardness=H, rtol=1e-7
+        source.window(0), ladder=replace(LADDER, loading=loading, peaks=peaks), half_space=BODY, law=LAW, rtol=1e-7
     )
     assert doubled.peaks.size == 4
     for axis in (0, 1):

@@ -18,7 +18,7 @@ import femseal.windows.window_contact
 import femseal.windows.window_flow
 from femseal import analytic
 from femseal.base.errors import FemsealError, InputError, NotConverged
-from femseal.contact import HalfSpace, load_states
+from femseal.contact import HalfSpace, PerfectlyPlastic, load_states
 from femseal.flow import cell_permeability
 from femseal.fluids import IdealGas, Liquid
 from femseal.library import LinkTable, draw_links
@@ -394,17 +394,19 @@ class TestRareTallPoints:
         scene, _ = face
         body = HalfSpace(scene.surface.shape, scene.surface.spacing, MODULUS, scene.boundary)
         gap0 = -scene.surface.heights
-        states = list(load_states(gap0, body, scene.steps, hardness=HARDNESS, rtol=1e-8))
+        states = list(load_states(gap0, body, scene.steps, law=PerfectlyPlastic(HARDNESS), rtol=1e-8))
         peak = states[1].contact.pressure
         assert (peak == HARDNESS).any()
         for state in states:
             contact = state.contact
             before = None if state.unloaded_from is None else peak
             found = gap_error(
-                contact.gap, contact.pressure, before, undeformed=gap0, half_space=body, hardness=HARDNESS
+                contact.gap, contact.pressure, before, undeformed=gap0, half_space=body, law=PerfectlyPlastic(HARDNESS)
             )
             assert found < 1e-5
-        off = gap_error(2 * contact.gap, contact.pressure, peak, undeformed=gap0, half_space=body, hardness=HARDNESS)
+        off = gap_error(
+            2 * contact.gap, contact.pressure, peak, undeformed=gap0, half_space=body, law=PerfectlyPlastic(HARDNESS)
+        )
         assert_allclose(off, 0.5, rtol=1e-4)
 
     @pytest.mark.parametrize("contact", ["whole", "windows"])
@@ -605,7 +607,7 @@ SAMPLING = Sampling(length=120e-6, realisations=6, library_cells=24, seed=3)
 def alone(heights, scene):
     """Permeabilities of a window that a scene's pressures load by itself."""
     body = HalfSpace(heights.shape, (PIXEL, PIXEL), MODULUS, "mirror")
-    states = load_states(-heights, body, scene.steps, hardness=scene.hardness, rtol=scene.rtol)
+    states = load_states(-heights, body, scene.steps, law=scene.law, rtol=scene.rtol)
     return np.array([cell_permeability(s.contact.gap, (PIXEL, PIXEL)).value for s in states])
 
 

@@ -103,7 +103,7 @@ def test_every_combination_is_a_case_with_its_own_name(case):
     assert all(v.name.isascii() and not set(v.name) & set('/\\ *:"?') for v in found)
     assert found[0].name == "hardness=3GPa_viscosity=1mPa-s_count=-2-4"
     assert found[3].values == ("3 GPa", "2 mPa*s", "[4, 8]")
-    assert [v.case.hardness for v in found] == [3e9] * 4 + [6e9] * 4
+    assert [v.case.law.hardness for v in found] == [3e9] * 4 + [6e9] * 4
     assert found[-1].case.cells.count == (4, 8)
     assert data["material"]["hardness"] == "3 GPa"  # the tables of the case stay
 

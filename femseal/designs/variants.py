@@ -57,9 +57,9 @@ class Solver:
         """The seals with another hardness, if the solids yield, and another length of the flow law, if it has one."""
         scene = self._scene
         harder = longer = None
-        yields = bool(np.isfinite(scene.hardness))
+        yields = not scene.law.is_elastic
         if yields:
-            harder = self._seals("another hardness", replace(scene, hardness=HARDER * scene.hardness))
+            harder = self._seals("another hardness", replace(scene, hardness=scene.law.times(HARDER)))
         name, fluid = law_of(scene.fluid).length, cast(Any, scene.fluid)
         if hasattr(fluid, name):
             changed = replace(fluid, **{name: LONGER * getattr(fluid, name)})

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.errors import InputError
-from ..contact import Contact, HalfSpace, solve_contact
+from ..contact import Contact, ContactLaw, HalfSpace, solve_contact
 from ..flow.pressure_drop import VISCOUS, PressureDrop
 from ..windows.outcome import SolveCounts
 from ..windows.window_flow import FlowSettings, window_permeability
@@ -107,7 +107,7 @@ def solve_ladder(
     *,
     ladder: Ladder,
     half_space: HalfSpace,
-    hardness: float,
+    law: ContactLaw,
     rtol: float = 1e-6,
     flow: FlowSettings | None = None,
     known: WindowStates | None = None,
@@ -119,7 +119,7 @@ def solve_ladder(
     Parameters
     ----------
     window : undeformed gap (n1, n2) [m].
-    half_space, hardness, rtol : as in `contact.solve_contact`.
+    half_space, rtol : as in `contact.solve_contact`. law : what every point of the window can carry.
     flow : how the flow is discretised and solved.
     known : the same window along another ladder with the same stops, separations and bounds.
 
@@ -127,7 +127,7 @@ def solve_ladder(
     ------
     NotConverged : a contact or a flow failed.
     """
-    work = _Window(np.asarray(window, float), half_space, hardness, rtol, ladder, flow)
+    work = _Window(np.asarray(window, float), half_space, law, rtol, ladder, flow)
     before = {} if known is None else dict(zip(known.pressure.tolist(), _states(known), strict=True))
 
     def state(pressure: float, closed: tuple[bool, bool]) -> _State:
@@ -230,12 +230,12 @@ class _Window:
         self,
         gap0: Array,
         half_space: HalfSpace,
-        hardness: float,
+        law: ContactLaw,
         rtol: float,
         ladder: Ladder,
         flow: FlowSettings | None,
     ) -> None:
-        self.gap0, self.half_space, self.hardness, self.rtol = gap0, half_space, hardness, rtol
+        self.gap0, self.half_space, self.law, self.rtol = gap0, half_space, law, rtol
         self.kinds, self.bounds = ladder.kinds, ladder.bounds
         self.flow = replace(flow or FlowSettings(), drop=ladder.drop)
         self.counts = SolveCounts()
@@ -273,7 +273,7 @@ class _Window:
             self.gap0,
             self.half_space,
             pressure=pressure,
-            hardness=self.hardness,
+            hardness=self.law,
             deformation=deformation,
             rtol=self.rtol,
         )

@@ -27,7 +27,7 @@ from ..base.files import made_folder, replacing
 from ..base.machine import within_free_memory
 from ..base.stage import Mapper, Stage
 from ..base.text import Shown
-from ..contact import HalfSpace
+from ..contact import ContactLaw, HalfSpace
 from ..loads import LoadProgramme, LoadStep
 from ..windows.outcome import Failed, SolveCounts, attempt
 from ..windows.window_flow import FlowSettings
@@ -67,14 +67,14 @@ class WindowSource:
 
     topographies : undeformed gaps of whole faces (n1, n2) [m], all with the same pixels. Window n is cut from face n
         modulo the number of faces; its mean plane is put at 0.
-    half_space, hardness, rtol : elastic body, hardness and residual of the contact of a window.
+    half_space, law, rtol : elastic body, law and residual of the contact of a window.
     seed : of the random places of windows.
     flow : how the flow through windows is discretised and solved.
     """
 
     topographies: tuple[Array, ...]
     half_space: HalfSpace
-    hardness: float
+    law: ContactLaw
     seed: int
     rtol: float = 1e-6
     flow: FlowSettings = field(default_factory=FlowSettings)
@@ -117,7 +117,7 @@ class WindowSource:
     def key(self, ladder: Ladder) -> str:
         """Digest of all that the response of window n depends on, except the loading pressures and the peaks."""
         body = self.half_space
-        settings = [FORMAT, body.shape, body.spacing, body.modulus, body.boundary, self.hardness]
+        settings = [FORMAT, body.shape, body.spacing, body.modulus, body.boundary, self.law.key()]
         settings += [
             self.flow.solver,
             self.flow.discretisation,
@@ -313,7 +313,7 @@ def _cell(n: int, known: WindowStates | None, *, source: WindowSource, ladder: L
         source.window(n),
         ladder=ladder,
         half_space=source.half_space,
-        hardness=source.hardness,
+        law=source.law,
         rtol=source.rtol,
         flow=source.flow,
         known=known,

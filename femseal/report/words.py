@@ -74,9 +74,8 @@ def case_sentences(results: Results) -> list[str]:
         sentences.append(f"{text[0].upper()}{text[1:]}{grid}.")
     if surface_text := _surface_text(json.loads(attrs["surface"])):
         sentences.append(surface_text)
-    modulus, hardness = float(attrs["contact_modulus_Pa"]), float(attrs["hardness_Pa"])
     sentences += [f"The solids: {solids_text(case)}."] if "young" in case.get("material", {}) else []
-    text = contact_text(modulus, hardness)
+    text = contact_text(float(attrs["contact_modulus_Pa"]), str(attrs["contact_law"]))
     sentences.append(f"{text[0].upper()}{text[1:]}.")
     sentences += load_sentences(data, case)
     inlet, outlet = (to_text(float(attrs[f"{end}_pressure_Pa"]), "Pa") for end in ("inlet", "outlet"))

@@ -76,9 +76,7 @@ def windows_contact(scene: Scene, cells: tuple[int, int], mapper: Mapper) -> Win
     take = partial(_outer, partition=partition, body=body)
     for s, (outer_gap, cell_pressure) in enumerate(scene.global_states(partition, cut_off, take=take, mapper=mapper)):
         gap[s], pressure[s] = outer_gap, cell_pressure
-    solve = partial(
-        _respond, steps=steps, half_space=body, hardness=scene.hardness, rigid_at_zero=True, rtol=scene.rtol
-    )
+    solve = partial(_respond, steps=steps, half_space=body, law=scene.uniform_law, rigid_at_zero=True, rtol=scene.rtol)
     histories = mapper(
         Stage("contact of windows", solve),
         (partition.cell(gap, *place) for place in partition.places),
@@ -122,7 +120,7 @@ def face_partition(surface: Topography, cells: tuple[int, int]) -> Partition:
 def _errors(scene: Scene, fields: WindowFields, mapper: Mapper) -> Array:
     """`gap_error` of every step, and the factor by which it changes the leakage (2, steps)."""
     surface, steps = scene.surface, scene.steps
-    body = {"undeformed": -surface.heights, "half_space": scene.half_space, "hardness": scene.hardness}
+    body = {"undeformed": -surface.heights, "half_space": scene.half_space, "law": scene.law}
     estimate = partial(_error, spacing=surface.spacing, body=body)
     peaks = (
         fields.pressure[int(peak)] if unloads else None

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..contact import HalfSpace, solve_contact
+from ..contact import ContactLaw, HalfSpace, solve_contact
 from ..loads import LoadProgramme
 from .outcome import Failed, attempt
 from .window_fields import ContactValues
@@ -50,7 +50,7 @@ def contact_history(
     steps: LoadProgramme,
     half_space: HalfSpace,
     *,
-    hardness: float,
+    law: ContactLaw,
     rigid_at_zero: bool,
     rtol: float = 1e-6,
 ) -> ContactHistory:
@@ -62,7 +62,7 @@ def contact_history(
     pressures : mean pressure of the window at each step [Pa].
     steps : the programme; an unloading step starts from the plastic deformation of its peak.
     half_space : elastic body and boundary kinds of the window.
-    hardness : H [Pa].
+    law : what every point of the window can carry.
     rigid_at_zero : treatment of a window without pressure. True: it keeps the given gap, which may be negative until
         `separate`. False: it is brought to first touch.
     """
@@ -95,13 +95,13 @@ def contact_history(
                     values[s] = values[t]
                 in_contact[s] = in_contact[t]
                 continue
-        pressure = min(pressures[s], hardness)
+        pressure = min(pressures[s], law.capacity)
         contact = attempt(
             solve_contact,
             undeformed,
             half_space,
             pressure=pressure,
-            hardness=hardness,
+            hardness=law,
             deformation=deformation,
             rtol=rtol,
         )
