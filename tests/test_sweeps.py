@@ -376,3 +376,16 @@ def test_items_are_computed_once_in_their_order(tmp_path):
     plain = Stage("other", lambda x, n: x + n)
     assert list(shared(plain, [1], [2])) == list(shared(plain, [1], [2])) == [3]
     assert len(computed) == 8
+
+
+@pytest.mark.parametrize("damage", ["flip", "cut", "of another stage"])
+def test_shared_results_that_are_damaged_are_computed_again(tmp_path, damage):
+    stage, other = (Stage("powers", partial(_power, base=base)) for base in (3.0, 4.0))
+    for each in (stage, other):
+        assert len(list(SharedStages(tmp_path).over(map)(each, [1, 2], [1, 1]))) == 2
+    first, second = tmp_path.iterdir()
+    content = first.read_bytes()
+    flipped = content[:-1] + bytes([content[-1] ^ 1])
+    first.write_bytes({"flip": flipped, "cut": content[:40], "of another stage": second.read_bytes()}[damage])
+    assert list(SharedStages(tmp_path).over(map)(stage, [1, 2], [1, 1])) == [3, 6]
+    assert list(SharedStages(tmp_path).over(map)(other, [1, 2], [1, 1])) == [4, 8]

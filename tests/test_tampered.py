@@ -20,7 +20,7 @@ from hypothesis import strategies as st
 from test_checkpoint import CASE, assert_complete, resumed, stop_at
 
 import femseal as fs
-from femseal.execution import checkpoint, lock
+from femseal.execution import checkpoint, lock, store
 from femseal.execution.checkpoint import Checkpoint
 from femseal.execution.lock import alone_in
 from femseal.execution.plain_data import packed, unpacked
@@ -149,7 +149,7 @@ def sealed(content):
 
 
 def test_no_pickle_is_read(tmp_path, monkeypatch, caplog):
-    monkeypatch.setattr(checkpoint, "SHARD_ITEMS", 4)
+    monkeypatch.setattr(store, "SHARD_ITEMS", 4)
     monkeypatch.chdir(tmp_path)
     out = tmp_path / "out"
     out.mkdir()
@@ -164,7 +164,7 @@ def test_no_pickle_is_read(tmp_path, monkeypatch, caplog):
 
 
 def test_shards_of_odd_names_links_and_pipes_are_computed_again(tmp_path, monkeypatch):
-    monkeypatch.setattr(checkpoint, "SHARD_ITEMS", 4)
+    monkeypatch.setattr(store, "SHARD_ITEMS", 4)
     out = tmp_path / "out"
     out.mkdir()
     resumed(out)
@@ -239,8 +239,8 @@ def test_items_of_another_kind_end_in_one_line(case, tmp_path):
         fs.run(case, out, workers=1, progress=stop_at("stochastic: flow in windows", 1))
     shards = list((out / ".checkpoint").glob("*.shard"))
     for path in shards:
-        key, stage, items = unpacked(path.read_bytes()[32:])
-        path.write_bytes(sealed(packed((key, stage, [packed(["something else"]) for _ in items]))))
+        header, items = unpacked(path.read_bytes()[32:])
+        path.write_bytes(sealed(packed((header, [packed(["something else"]) for _ in items]))))
     with pytest.raises(fs.FemsealError, match=r"resume: a run with \d+ items from .* remove that folder to start anew"):
         fs.run(case, out, resume=True, workers=1)
     assert shards

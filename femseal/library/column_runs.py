@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..base import validate
 from ..base.errors import InputError
-from ..elements.element_elimination import factored
+from ..elements.element_elimination import mesh_factors
 from ..elements.element_mesh import ElementMesh, ElementSolution
 from ..elements.elements import NODE_SPACING
 from ..elements.superelement import WindowElement, WindowLinks, validated_face, window_links
@@ -195,9 +195,9 @@ def _through(element: WindowElement, w2: int) -> float:
         return 0.0
     nodes, (before, after) = np.arange(len(element.couples)), element.counts[:2]
     held = nodes[: before + after]
-    factors = factored([element.couples], [nodes], (1, 1), held, nodes.size)
-    potential = factors.with_held(held, (held < before).astype(float)[:, None])
-    return float(0.5 * (element.couples * (potential - potential.T) ** 2).sum())
+    factors = mesh_factors([element.couples], [nodes], (1, 1), held, nodes.size)
+    potential = factors.dirichlet((held < before).astype(float))
+    return float(0.5 * (element.couples * (potential[:, None] - potential) ** 2).sum())
 
 
 def _on_cuts(run: ElementMesh, partition: Partition, length: int) -> tuple[Indices, Indices]:
