@@ -76,7 +76,7 @@ def class_table(results: RunData) -> TextTable | None:
         return None
     unit = class_unit(results)
     scale, pressure = results.class_basis.factor(unit), data["nominal_pressure"].values
-    limits, met = data["class_limit"].values, data["class_met"].values == 1
+    limits, met = data["class_limit"].values, data["class_met"].values
     columns = [
         ("class", [str(name) for name in data["leak_class"].values]),
         ("limit", [f"{format_leakage(q, scale)} {unit.name}" if q else "no leakage" for q in limits]),
@@ -91,7 +91,10 @@ def class_table(results: RunData) -> TextTable | None:
 
 
 def _span(pressure: np.ndarray, met: np.ndarray, loading: bool) -> str:
-    """From which load on, or down to which, a class is met."""
+    """From which load on, or down to which, a class is met; "open" where the leakage there may be any."""
+    if np.isnan(met[-1 if loading else 0]):
+        return "open"
+    met = met == 1
     if loading:
         good = len(met) - int(np.argmin(met[::-1])) if not met.all() else 0
         return "at no load step" if good == len(met) else f"from {to_text(float(pressure[good]), 'Pa')}"
