@@ -23,7 +23,7 @@ from femseal.results.dataset import assemble
 from femseal.runs.forecast import describe
 from femseal.studies.face_flow import resolved_flow
 from femseal.windows import FlowSettings
-from femseal.windows.window import window_permeability
+from femseal.windows.window_flow import window_permeability
 
 HELIUM = fs.IdealGas(viscosity=19.6e-6, molar_mass=4.0026e-3, temperature=293.15)
 ENDS = [(1e6, 1e5), (1e5, 0.0), (1e7, 1e5)]

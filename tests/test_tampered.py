@@ -30,7 +30,7 @@ from femseal.preparation.preparation import prepare
 from femseal.report import folder as report_folder
 from femseal.runs import job
 from femseal.windows.outcome import Failed, SolveCounts, SolverCounts
-from femseal.windows.window import FlowHistory
+from femseal.windows.window_flow import FlowHistory
 
 # --- values as bytes -----------------------------------------------------------------------------------------------
 

@@ -40,7 +40,7 @@ def class_lines(results: Results) -> Lines:
     ):
         line = [str(name), f"{format_leakage(float(limit), scale)} {unit.name}" if limit else "no leakage"]
         for n, (_, steps) in enumerate(_branches(results)):
-            line.append(_span(pressure[steps], reached[steps] == 1, loading=n == 0))
+            line.append(_span(pressure[steps], reached[steps], loading=n == 0))
         lines.append(tuple(line))
     return lines
 
@@ -51,7 +51,10 @@ def _branches(results: Results) -> list[tuple[str, np.ndarray]]:
 
 
 def _span(pressure: np.ndarray, reached: np.ndarray, loading: bool) -> str:
-    """From which load on, or down to which, a class is reached."""
+    """From which load on, or down to which, a class is reached; "open" where the leakage there may be any."""
+    if np.isnan(reached[-1 if loading else 0]):
+        return "open"
+    reached = reached == 1
     if loading:
         good = len(reached) - int(np.argmin(reached[::-1])) if not reached.all() else 0
         return "at no load step" if good == len(reached) else f"from {to_text(float(pressure[good]), 'Pa')}"

@@ -206,7 +206,7 @@ def scatter_lines(results: Results) -> Lines:
         meaning = "at most, estimated from the last iterations; the leakage through elements is an upper bound"
         deviation("flow through elements", np.log1p(data["element_error"].values), meaning)
     if "cut_error" in data:
-        meaning = "half the way from closed to held cuts; a longer face lowers it"
+        meaning = "half the way from Neumann to Dirichlet cuts; a longer face lowers it"
         deviation("cuts between runs", data["cut_error"].values, meaning)
     if "leakage_lower_bound" in data:
         low, high = (np.median(data[f"leakage_{end}_bound"].values, axis=0) for end in ("lower", "upper"))

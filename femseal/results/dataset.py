@@ -197,7 +197,8 @@ def assemble(
     if test is not None:
         add_test_fluid(data, test, FluidState.of(scene), throughput_temperature)
     wanted = leak_classes(classes)
-    later += add_classes(data, wanted, results.class_basis, nominal_diameter, *results.class_leakage)
+    upper = None if results.budget is None else np.asarray(results.budget.upper)
+    later += add_classes(data, wanted, results.class_basis, nominal_diameter, *results.class_leakage, upper)
     if later:
         data.attrs["warnings"] = _shortened([*results.warnings, *later])
     return results
