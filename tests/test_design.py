@@ -132,6 +132,10 @@ def test_slopes_of_power_laws_are_exact():
     assert_allclose(elastic["roughness amplitude"], 6)
     unknown = {s.quantity: s.leakage.text() for s in sensitivities(seals, Variants(), 2e8, 0.9)}
     assert unknown["hardness"] == unknown["roughness amplitude"] == "–"
+    harder = Seals.of(STEPS, power_law(AMPLITUDES) * 1.1**2)
+    hardening = {s.quantity: s.leakage.value for s in sensitivities(seals, Variants(harder, hardens=True), 2e8, 0.9)}
+    assert_allclose(hardening["contact modulus"], FALL - hardening["hardness"])
+    assert np.isnan(hardening["roughness amplitude"])
     gas = Variants(
         hardness_counts=False, law_length="viscosity", longer=Seals.of(STEPS, power_law(AMPLITUDES) * 1.1**-0.4)
     )
