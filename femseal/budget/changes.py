@@ -79,9 +79,9 @@ def sealed_upper(
     found = np.zeros(q.size)
     slope = load_sensitivity(steps, q)
     open_ = (q > 0) & np.isfinite(distance)
-    # steps whose slope is known tell the shift, if there are any
-    told = open_ & (slope > 0) if (slope[open_] > 0).any() else open_
-    shift = float(np.max(distance[told] / np.maximum(slope[told], LEAST_SLOPE), initial=0.0))
+    # the shift is that of steps whose slope is known, if there are any
+    chosen = open_ & (slope > 0) if (slope[open_] > 0).any() else open_
+    shift = float(np.max(distance[chosen] / np.maximum(slope[chosen], LEAST_SLOPE), initial=0.0))
     change = np.zeros(q.size) if change is None else change
     leaks = {}
     if coarse is not None:

@@ -25,19 +25,31 @@ def two_scales_parts(study: TwoScaleResult, compared: CoarserSolution | None = N
         distance = model_error("compared links", difference=difference, slope=load_sensitivity(study.steps, q))
         points = " × ".join(map(str, compared.points))
         text = f"flow through links against that of the whole face on {points} points"
-        parts.append(_part("two scales", study, q, distance, _told(text, "compared links")))
+        parts.append(_part("two scales", study, q, distance, _conformal_note(text, "compared links")))
     elif study.flow == "links":
         contact = study.contact_fraction.mean(axis=(1, 2))
         distance = model_error("links", contact=contact, decades=decades(q))
         parts.append(
-            _part("two scales", study, q, distance, _told("flow through links against that of the whole face", "links"))
+            _part(
+                "two scales",
+                study,
+                q,
+                distance,
+                _conformal_note("flow through links against that of the whole face", "links"),
+            )
         )
     if study.contact == "windows":
         with np.errstate(divide="ignore"):
             effect = np.abs(np.log(study.gap_effect))
         distance = model_error("windows", gap_error=study.gap_error, effect=effect)
         parts.append(
-            _part("windows", study, q, distance, _told("contact in windows against that of the whole face", "windows"))
+            _part(
+                "windows",
+                study,
+                q,
+                distance,
+                _conformal_note("contact in windows against that of the whole face", "windows"),
+            )
         )
     return parts
 
@@ -51,7 +63,7 @@ def sampler_part(scene: Scene, study: StochasticResult) -> ErrorPart:
         distance = model_error(kind, form=form, decades=decades(q))
     else:
         distance = model_error(kind, scatter=scatter_of(study), decades=decades(q))
-    return _part("sampler", study, q, distance, _told(f"seals drawn by '{kind}' against long faces", kind))
+    return _part("sampler", study, q, distance, _conformal_note(f"seals drawn by '{kind}' against long faces", kind))
 
 
 def form_fraction(heights: Array, window: tuple[int, int]) -> float:
@@ -76,5 +88,5 @@ def _part(name: str, study: TwoScaleResult | StochasticResult, q: Array, distanc
     return ErrorPart(name, part.lower, np.where(q == 0, ends, part.upper), note)
 
 
-def _told(what: str, kind: str) -> str:
+def _conformal_note(what: str, kind: str) -> str:
     return f"{what}: by split conformal prediction from {calibration()[kind].scenes} scenes"

@@ -82,7 +82,7 @@ def pixels_part(
 def one_grid_part(leakage: Array, contact: Array) -> list[ErrorPart]:
     """Part of the pixels of a scene that was solved on one grid: what is sealed there may be open, unless by far.
 
-    contact : share in contact at every step (steps,). Empty where nothing is sealed but for certain.
+    contact : fraction in contact at every step (steps,). Empty where nothing is sealed but for certain.
     """
     q = np.abs(np.asarray(leakage, float))
     may_open = (q == 0) & ~sealed_for_certain(contact)

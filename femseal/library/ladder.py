@@ -27,7 +27,7 @@ class Ladder:
 
     loading : mean pressures on loading [Pa]; they rise from 0, which is first touch.
     peaks : pressures of `loading` from which windows are unloaded.
-    stops : pressures on the way down in shares of the peak; they fall to 0.
+    stops : pressures on the way down in fractions of the peak; they fall to 0.
     separations : distances between the mean planes without contact pressure [m], rising.
     closing_rtol : relative tolerance of closing pressures.
     bounds : also compute a lower and an upper bound of every permeability, for a gap constant on each pixel.
@@ -54,7 +54,7 @@ class Ladder:
             raise InputError("peaks", self.peaks, "rising pressures > 0 of `loading`")
         falling = np.all(np.diff(self.stops) < 0) and (not self.stops or (self.stops[0] < 1 and self.stops[-1] == 0))
         if not falling or bool(self.peaks) != bool(self.stops):
-            raise InputError("stops", self.stops, "shares that fall from below 1 to 0, where there are peaks")
+            raise InputError("stops", self.stops, "fractions that fall from below 1 to 0, where there are peaks")
         if np.any(np.diff(self.separations) <= 0):
             raise InputError("separations", self.separations, "rising distances [m]")
 
@@ -71,7 +71,7 @@ class WindowStates:
     pressure : n loading pressures, those of the ladder and those found by bisection, rising from 0 (n,) [Pa].
     k : permeability on loading by kind and direction (kinds, 2, n) [m³], see `Ladder.kinds`.
     standoff, mean_gap, plastic_deformation : on loading (n,) [m]; the plastic deformation is a mean over the pixels.
-    contact_fraction : share in contact on loading (n,).
+    contact_fraction : fraction in contact on loading (n,).
     peaks : m pressures from which the window was unloaded (m,) [Pa].
     k_unloading : permeability on unloading (kinds, 2, m, stops) [m³]; `standoff_unloading` and the others with this
         ending are (m, stops).
@@ -258,8 +258,8 @@ class _Window:
             deformation = self._contact(peak).plastic_deformation
         states: list[_State] = []
         closed = (False, False)
-        for share in reversed(stops):
-            state = self._state(self._contact(share * peak, deformation), closed)
+        for fraction in reversed(stops):
+            state = self._state(self._contact(fraction * peak, deformation), closed)
             closed = state.closed
             states.append(state)
         return reversed(states)
@@ -305,7 +305,7 @@ def _way(cell: WindowStates, m: int) -> list[_State]:
     """States on unloading from peak m; their plastic deformation is that of the peak, which no cell holds again."""
     names = ("standoff_unloading", "mean_gap_unloading", "contact_fraction_unloading")
     columns = zip(*(getattr(cell, name)[m] for name in names), strict=True)
-    return [_State(k, off, gap, np.nan, share) for k, (off, gap, share) in
+    return [_State(k, off, gap, np.nan, fraction) for k, (off, gap, fraction) in
             zip(np.moveaxis(cell.k_unloading[:, :, m], -1, 0), columns, strict=True)]  # fmt: skip
 
 

@@ -21,7 +21,7 @@ from .window_contacts import WindowContacts, face_partition, windows_contact
 
 #: How the contact of windows is solved, see `solve_windows`.
 CONTACTS = ("whole", "windows")
-#: Largest number of pixels of a face whose contact is solved as a whole unless told otherwise: that of 4096², which
+#: Largest number of pixels of a face whose contact is solved as a whole unless chosen otherwise: that of 4096², which
 #: takes 2.7 GB. Measured on 512² to 2048² pixels, it takes 0.5 to 1.9 times as long as windows.
 WHOLE_PIXELS = 2**24
 

@@ -121,7 +121,7 @@ def _cost_stochastic(
         scene.layout, Partition(points, (surface.size[0] / n1, surface.size[1] / n2), cells), sampling
     )
     # seals of all lengths take the work of one as long as all of them together
-    seal = every[0].unknowns[0], sum(laid.unknowns[1] for laid in every)
+    seal = every[0].unknowns[0], sum(seal_windows.unknowns[1] for seal_windows in every)
     return stochastic_cost(efforts, points, cells, sampling, seal, options.contact, pressures_of_gas(scene))
 
 

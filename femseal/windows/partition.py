@@ -21,10 +21,10 @@ from ..topography import Topography
 
 Array = NDArray[np.float64]
 #: How far a line of nodes may lie from its face, in window sides.
-LINE_REACH = 0.25
-#: Share of the height variance in the profile across the leakage from which on a face has ridges to avoid. Measured:
+MOST_LINE_SHIFT = 0.25
+#: Fraction of the height variance in the profile across the leakage from which on a face has ridges to avoid. Measured:
 #: moved lines are better by factors on turned faces and worse by a tenth on self-affine ones.
-RIDGE_SHARE = 0.5
+RIDGE_FRACTION = 0.5
 
 
 @dataclass(frozen=True)
@@ -65,13 +65,11 @@ class Partition:
         uniform = cls(surface.shape, surface.spacing, cells)
         smooth = surface.low_pass(cut_off).heights
         profile = smooth.mean(axis=1)
-        if profile.var() < RIDGE_SHARE * smooth.var():
+        if profile.var() < RIDGE_FRACTION * smooth.var():
             return uniform
         w1 = uniform.window[0]
-        reach = int(LINE_REACH * w1)
-        inner = [
-            line - reach + int(np.argmin(profile[line - reach : line + reach + 1])) for line in uniform.lines[1:-1]
-        ]
+        most = int(MOST_LINE_SHIFT * w1)
+        inner = [line - most + int(np.argmin(profile[line - most : line + most + 1])) for line in uniform.lines[1:-1]]
         return cls(surface.shape, surface.spacing, cells, (0, *inner, surface.shape[0]))
 
     @property
