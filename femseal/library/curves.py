@@ -31,6 +31,7 @@ class LogCurve:
     """
 
     def __init__(self, x: Array, k: Array) -> None:
+        """Take values k at rising x; the curve ends where k is 0 for the first time."""
         differ = _differing(x)
         x, k = x[differ], k[differ]
         n_open = int(np.argmin(k > 0)) if not np.all(k > 0) else k.size

@@ -207,6 +207,8 @@ def _cell(loading: dict[float, _State], ways: dict[float, list[_State]], ladder:
 
 @dataclass(frozen=True)
 class _State:
+    """One state of a window: permeabilities by kind and direction (kinds, 2) [m³], and means over its pixels."""
+
     k: Array
     standoff: float
     mean_gap: float
@@ -235,6 +237,7 @@ class _Window:
         ladder: Ladder,
         flow: FlowSettings | None,
     ) -> None:
+        """Prepare a window for the states of a ladder; see `solve_ladder` for the arguments."""
         self.gap0, self.half_space, self.law, self.rtol = gap0, half_space, law, rtol
         self.kinds, self.bounds = ladder.kinds, ladder.bounds
         self.flow = replace(flow or FlowSettings(), drop=ladder.drop)
@@ -243,6 +246,7 @@ class _Window:
         self._deformed: dict[float, Array | None] = dict.fromkeys(ladder.peaks)
 
     def loaded(self, pressure: float, closed: tuple[bool, bool]) -> _State:
+        """State on loading; the plastic deformation of peaks is kept for their unloading."""
         contact = self._contact(pressure)
         if pressure in self._deformed:
             self._deformed[pressure] = contact.plastic_deformation
@@ -265,6 +269,7 @@ class _Window:
         return reversed(states)
 
     def separated(self, separations: tuple[float, ...]) -> Array:
+        """Permeabilities at the separations (kinds, 2, separations) [m³]."""
         apart = [self._permeabilities(np.maximum(self.gap0 + d, 0.0), (False, False)) for d in separations]
         return np.array(apart).reshape(len(separations), self.kinds, 2).transpose(1, 2, 0)
 

@@ -306,6 +306,7 @@ def build_ladder_library(
 
 
 def _cell(n: int, known: WindowStates | None, *, source: WindowSource, ladder: Ladder) -> WindowStates | Failed:
+    """States of window n along the ladder: those known where they are enough, else what is missing is solved."""
     if known is not None and (cell := restrict(known, ladder)) is not None:
         return cell
     return attempt(

@@ -58,6 +58,7 @@ def solve_windows(
 
 
 def _whole_contact(scene: Scene, cells: tuple[int, int], mapper: Mapper) -> WindowContacts:
+    """Solve the contact of the whole face at every step and cut it into windows."""
     partition = face_partition(scene.surface, cells)
     gap = shared_empty((len(scene.steps), *scene.surface.shape), np.float32)
     states = []

@@ -77,6 +77,7 @@ def windows_in_place(wanted: WindowRequest) -> WindowSupply:
 
 
 def _runs_in_place(wanted: WindowRequest, contact: TwoScaleResult | WindowContacts) -> WindowSupply:
+    """Runs of columns of the face, for the sampler "runs", with their windows as a library."""
     known = contact is wanted.two_scale
     runs = runs_of_face(contact.fields, wanted.seal_windows.draws[0][1], wanted.scene.flow.drop, mapper=wanted.mapper)
     missing = np.full(wanted.partition.cells, np.nan)

@@ -34,6 +34,7 @@ def moduli_warnings(young: Iterable[tuple[str, float]]) -> Iterator[str]:
 
 
 def _modulus_warnings(scene: Scene) -> Iterator[str]:
+    """A contact modulus that is not that of metals."""
     low, high = 0.5 * YOUNG_LIMITS[0], 1.2 * YOUNG_LIMITS[1]
     if not low <= scene.modulus <= high:
         usual = f"{to_text(low, 'Pa')} to {to_text(high, 'Pa')}"
@@ -41,6 +42,7 @@ def _modulus_warnings(scene: Scene) -> Iterator[str]:
 
 
 def _pressure_warnings(scene: Scene) -> Iterator[str]:
+    """Fluid pressures near the contact pressures, a gas into a vacuum, loads near the hardness."""
     inlet, steps = scene.inlet_pressure, scene.steps
     relieved = [step for step in steps if step.pressure > 0 and inlet > RELIEF_FRACTION * step.pressure]
     if relieved:
@@ -71,6 +73,7 @@ def _pressure_warnings(scene: Scene) -> Iterator[str]:
 
 
 def _surface_warnings(scene: Scene) -> Iterator[str]:
+    """Slopes that are too steep for a half-space."""
     slope = scene.surface.rms_slope
     if slope > _STEEP:
         yield (

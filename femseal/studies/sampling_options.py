@@ -110,6 +110,7 @@ def lay_out_windows(layout: Layout, partition: Partition, sampling: Sampling) ->
 
 
 def _laid_out(layout: Layout, partition: Partition, sampling: Sampling) -> SealWindows:
+    """Windows laid out over the seal of one length, checked against the options of the sampling."""
     windows = Windows(partition.window_size, partition.cells[0], sampling.length, sampling.breadth)
     seal_windows = layout.lay_out(windows)
     if seal_windows.together and sampling.sampler_of_links != "history":

@@ -107,6 +107,7 @@ def _draw(
     two_scale: TwoScaleResult | None,
     mapper: Mapper,
 ) -> StochasticResult:
+    """Draw the seals of all lengths from one supply of windows."""
     partition = Partition(scene.surface.shape, scene.surface.spacing, cells)
     every = lay_out_windows(scene.layout, partition, sampling)
     longest = max(every, key=lambda seal_windows: seal_windows.draws[0][1])

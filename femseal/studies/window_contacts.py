@@ -154,6 +154,7 @@ def _error(
 
 
 def _contact_warnings(steps: LoadProgramme, error: Array, factor: Array) -> tuple[str, ...]:
+    """Warn where the estimated error of the gap changes the leakage, or is large; the worst step is named."""
     with np.errstate(divide="ignore"):
         off = np.nan_to_num(np.exp(np.abs(np.log(factor))), nan=1.0, posinf=np.inf)
     if (off > LEAKAGE_WARNING).any():
@@ -175,6 +176,7 @@ def _contact_warnings(steps: LoadProgramme, error: Array, factor: Array) -> tupl
 
 
 def _outer(state: GlobalState, partition: Partition, body: HalfSpace) -> tuple[NDArray[np.float32], Array]:
+    """The parts of a global state that windows start from."""
     return state.outer_gap(partition, body), state.pressure
 
 

@@ -44,6 +44,7 @@ class Partition:
     lines: tuple[int, ...] = ()
 
     def __post_init__(self) -> None:
+        """Check cells and lines, and place lines that are not given on the faces between cells."""
         if any(m < 1 or n % m for n, m in zip(self.shape, self.cells, strict=True)):
             raise InputError("cells", self.cells, f"divisors of the surface's {self.shape} pixels")
         if min(self.window) < 8 and self.cells != (1, 1):
