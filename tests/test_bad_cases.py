@@ -11,6 +11,7 @@ from zipfile import ZIP_DEFLATED, ZipFile
 import h5py
 import numpy as np
 import pytest
+from each import each
 
 import femseal as fs
 from femseal import cli
@@ -85,7 +86,7 @@ def test_tables_and_values_in_place_of_one_another_are_told(data):
 # --- units ------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
+@each(
     "unit",
     [
         "(",
@@ -122,7 +123,7 @@ def test_only_names_with_exponents_reach_the_parser_of_units(monkeypatch):
         refusal(to_si, f"1 {unit}", "m")
 
 
-@pytest.mark.parametrize(
+@each(
     ("text", "unit", "value"),
     [
         ("210000 N/mm2", "Pa", 210e9),
