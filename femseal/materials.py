@@ -72,9 +72,3 @@ def contact_modulus(a: Solid, b: Solid | None = None) -> float:
     if b is not None:
         compliance += (1 - b.poisson**2) / b.young
     return 1 / compliance
-
-
-def softer_hardness(a: Solid, b: Solid | None = None) -> float:
-    """Hardness H [Pa] of the softer of two solids; `b` None is rigid and does not count."""
-    hardnesses = [s.hardness for s in (a, b) if s is not None and s.hardness is not None]
-    return min(hardnesses, default=inf)

@@ -4,6 +4,7 @@ The operators are independent of the package: dense matrices and plain FFTs.
 """
 
 import os
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -142,13 +143,41 @@ def instrument_file():
     return path
 
 
-@pytest.fixture
-def undrawn(monkeypatch):
-    """Pictures are files of their kind with nothing in them: for tests of files, not of what pictures show."""
+@contextmanager
+def _drawn(draw):
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("femseal.report.pictures.drawn", draw)
+        yield
+
+
+def _nothing(figure):
     from femseal.plots.drawing import Drawn
 
     content = b"\x89PNG\r\n\x1a\n"
-    monkeypatch.setattr("femseal.report.pictures.drawn", lambda figure: Drawn(content, (content,) * 3))
+    return Drawn(content, (content,) * 3)
+
+
+@pytest.fixture(autouse=True, scope="session")
+def _pictures_with_nothing_in_them():
+    """Pictures of a results folder are files of their kind, but not drawn, which takes longer than the smallest runs."""
+    with _drawn(_nothing):
+        yield
+
+
+@pytest.fixture(scope="module")
+def drawn_pictures():
+    """Pictures of results folders are drawn: for modules that look at them."""
+    from femseal.plots.drawing import drawn
+
+    with _drawn(drawn):
+        yield
+
+
+@pytest.fixture
+def undrawn():
+    """Within a module that looks at pictures, a test that does not."""
+    with _drawn(_nothing):
+        yield
 
 
 @pytest.fixture

@@ -248,7 +248,7 @@ def case(tmp_path):
     return path
 
 
-def test_a_run_has_the_band_and_its_parts(case, tmp_path, undrawn):
+def test_a_run_has_the_band_and_its_parts(case, tmp_path):
     results = fs.run(case, tmp_path / "out", workers=1)
     again = fs.open_results(tmp_path / "out")
     for found in (results, again):
@@ -286,7 +286,7 @@ def test_check_says_what_the_budget_solves_besides(case):
     assert 1.02 < forecast(loaded, prepared).shared / forecast(off, prepared).shared < 1.6
 
 
-def test_a_run_that_was_stopped_in_its_budget_goes_on_with_the_same_bits(case, tmp_path, undrawn):
+def test_a_run_that_was_stopped_in_its_budget_goes_on_with_the_same_bits(case, tmp_path):
     def stop(name, done, total):
         if name == "error budget: contact of the whole face" and done == 1:
             raise KeyboardInterrupt

@@ -17,6 +17,7 @@ from femseal.case.case import parse_case
 from femseal.case.registered_tables import table_of_any
 from femseal.case.schema import case_schema
 from femseal.case.values import Table
+from femseal.contact import PerfectlyPlastic
 from femseal.fluids import FLUIDS
 from femseal.preparation.preparation import prepare
 from femseal.runs.forecast import describe
@@ -46,7 +47,7 @@ def test_shipped_cases_are_valid_and_forecast(path):
 def test_quantities_become_si(data):
     case = parse_case(data)
     assert case.load.loading[:2] == (25e6, 50e6)
-    assert case.hardness == 2.8e9
+    assert case.law == PerfectlyPlastic(2.8e9)
     assert_allclose(case.modulus, 210e9 / (2 * 0.91))
     assert case.echo()["face"][0]["size"] == [240e-6, 480e-6]
     assert "nose_radius" not in case.echo()["face"][0]  # nothing that was not given
@@ -281,7 +282,7 @@ class TestPrepare:
         assert scene.loading[-1] == 900e6
         assert scene.unload_from == (450e6, 900e6)
         assert scene.unloading[-1] == 25e6
-        assert (scene.modulus, scene.hardness) == (parse_case(small).modulus, 2.8e9)
+        assert (scene.modulus, scene.law) == (parse_case(small).modulus, PerfectlyPlastic(2.8e9))
 
     def test_gas(self, small):
         small["fluid"] = {

@@ -7,11 +7,12 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from femseal.base.errors import InputError
-from femseal.contact import HalfSpace, load_cycle, load_states, solve_contact
+from femseal.contact import HalfSpace, PerfectlyPlastic, load_cycle, load_states, solve_contact
 from femseal.contact.cycle import _yielded_again
 from femseal.loads import LoadProgramme
 
 E, H, D = 115e9, 4e9, 1e-6
+LAW = PerfectlyPlastic(H)
 SHAPE = (48, 40)
 HALF_SPACE = HalfSpace(SHAPE, (D, D), E, ("mirror", "periodic"))
 PEAKS = (0.2 * H, 0.4 * H)
@@ -214,9 +215,9 @@ def test_states_that_do_not_depend_on_each_other_go_to_the_map_together():
         return (done[n] for n in range(len(items)))
 
     steps = LoadProgramme.of(LOADING[:3], PEAKS[:1], UNLOADING[:2])
-    expected = list(load_states(gap0, HALF_SPACE, steps, hardness=H))
+    expected = list(load_states(gap0, HALF_SPACE, steps, law=LAW))
     taken = list(
-        load_states(gap0, HALF_SPACE, steps, hardness=H, take=lambda s: (s.name, s.contact.gap), mapper=backwards)
+        load_states(gap0, HALF_SPACE, steps, law=LAW, take=lambda s: (s.name, s.contact.gap), mapper=backwards)
     )
     assert calls == [list(steps[:3]), list(steps[3:])]
     assert [name for name, _ in taken] == [step.name for step in steps]

@@ -140,6 +140,10 @@ def test_slopes_of_power_laws_are_exact():
     # L(αa, αp, αη, αb) = α² L: what goes with the slip length no longer goes with the amplitude
     slippery = {s.quantity: s.leakage.value for s in sensitivities(seals, slip, 2e8, 0.9)}
     assert_allclose([slippery[name] for name in ("viscosity", "slip length", "roughness amplitude")], [-1, 0.3, 5.7])
+    harder = Seals.of(STEPS, power_law(AMPLITUDES) * 1.1**2)
+    hardening = {s.quantity: s.leakage.value for s in sensitivities(seals, Variants(harder, hardens=True), 2e8, 0.9)}
+    assert_allclose(hardening["contact modulus"], FALL - hardening["hardness"])
+    assert np.isnan(hardening["roughness amplitude"])
     gas = Variants(
         hardness_counts=False, law_length="viscosity", longer=Seals.of(STEPS, power_law(AMPLITUDES) * 1.1**-0.4)
     )
@@ -254,7 +258,7 @@ GROOVED = {
 }
 
 
-def test_a_case_gives_files_and_a_section_of_the_report(tmp_path, undrawn):
+def test_a_case_gives_files_and_a_section_of_the_report(tmp_path):
     results = fs.run(case(face=GROOVED), workers=1)
     limit = float(np.exp(np.mean(np.log(results.leakage.values[:2])))) * 1e9
     wanted = [f"{limit:.6g} mg/(m·s)", "L0.01"]  # of water
@@ -288,7 +292,7 @@ def test_a_case_gives_files_and_a_section_of_the_report(tmp_path, undrawn):
     assert "What the seal needs" not in report_html(again)
 
 
-def test_the_command_says_what_the_seal_needs(tmp_path, undrawn, monkeypatch, capsys):
+def test_the_command_says_what_the_seal_needs(tmp_path, monkeypatch, capsys):
     output = {"paraview": "none", "fields_limit": "0 byte", "classes": ["L1"]}
     fs.run(case(output=output), tmp_path, workers=1)
 

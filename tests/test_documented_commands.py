@@ -139,7 +139,7 @@ def place(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("form", [pytest.param(f, marks=[pytest.mark.slow] if f in SLOW else []) for f in FORMS])
-def test_a_documented_command_does_its_work(form, femseal, undrawn, place, finished):
+def test_a_documented_command_does_its_work(form, femseal, place, finished):
     form, _, into = form.partition(" > ")
     with cluster() if "ADDRESS" in form or "tcp:" in form else nullcontext("") as address:
         arguments = small(form, address)

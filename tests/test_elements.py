@@ -12,7 +12,7 @@ from femseal.base.errors import InputError, NotConverged
 from femseal.elements import element_flow, element_mesh, face_potential, window_flow
 from femseal.elements.side_nodes import side_nodes
 from femseal.elements.superelement import WindowElement, WindowLinks, window_links
-from femseal.flow.solvers.condensation import condense
+from femseal.flow.solvers.link_network import condense
 from femseal.results.dataset import assemble
 from femseal.windows import Partition
 

@@ -14,6 +14,8 @@ import femseal as fs
 from femseal import analytic
 from femseal.results import assemble, save
 
+pytestmark = pytest.mark.usefixtures("drawn_pictures")
+
 EXAMPLES = Path(__file__).parents[1] / "examples"
 #: make_measured_face.py is run by the tests of the examples' files.
 WRITES = {"measured_face": "measured_contact.png", "read_results": "report.html", "design_answer": "design.png"}

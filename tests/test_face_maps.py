@@ -18,6 +18,8 @@ from femseal.report.pictures import draw_all
 from femseal.results import assemble
 from femseal.results.variables import block_means
 
+pytestmark = pytest.mark.usefixtures("drawn_pictures")
+
 LOADS = (2e7, 2e8, 1.6e9)
 
 

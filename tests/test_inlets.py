@@ -198,8 +198,10 @@ def case(**tables):
 
 def test_a_case_with_pressures_of_the_inlets():
     high, low = ({"bore": "4 MPa", "bolts": bolts} for bolts in ("4 MPa", "1 MPa"))
-    several, lower = (fs.run(parse_case(case(seal={"inlet": inlet})), workers=1) for inlet in (high, low))
-    one = case(seal={"inlet": ["bore", "bolts"]}, fluid={"inlet_pressure": "4 MPa"})
+    several, lower = (
+        fs.run(parse_case(case(seal={"inlet": inlet}, output={"budget": False})), workers=1) for inlet in (high, low)
+    )
+    one = case(seal={"inlet": ["bore", "bolts"]}, fluid={"inlet_pressure": "4 MPa"}, output={"budget": False})
     together = fs.run(parse_case(one), workers=1)
     assert several.failures == lower.failures == []
     assert_allclose(several.leakage.values, together.leakage.values, rtol=1e-9)

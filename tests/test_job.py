@@ -24,6 +24,8 @@ from femseal.execution.mappers import ordered_map
 from femseal.preparation.preparation import prepare
 from femseal.runs.forecast import disk
 
+pytestmark = pytest.mark.usefixtures("drawn_pictures")
+
 CASE = f"""
 title = "small"
 method = "stochastic"
@@ -116,6 +118,7 @@ quantiles = [0.2, 0.8]
     assert (np.abs(np.log(data["leakage_two_scale"] / data["leakage_deterministic"])) < np.log(2)).all()
 
 
+@pytest.mark.slow  # test_parallel.py has it with a worker in this process
 def test_a_cluster_gives_the_same_bits(case, monkeypatch):
     distributed = pytest.importorskip("distributed")
     monkeypatch.setattr(cluster_map, "ANSWER_SECONDS", HANG)
@@ -176,7 +179,7 @@ def test_a_bad_address_of_a_scheduler_is_named(case, tmp_path, monkeypatch, sile
     assert not (tmp_path / "out").exists()
 
 
-def test_only_a_complete_folder_is_resumed(case, tmp_path, monkeypatch):
+def test_only_a_complete_folder_is_resumed(case, undrawn, tmp_path, monkeypatch):
     def fail(*args, **kwargs):
         raise ValueError("no such colour")
 

@@ -154,7 +154,7 @@ def test_classes_are_judged_by_the_test_fluid(studied, tmp_path):
         assert results.dataset["class_met"].values[n].tolist() == [float(q <= limit) for q in other.leakage]
     assert 0 < results.dataset["class_met"].values[1].sum() < len(scene.steps)
     page = report_html(results)
-    assert "judged by the test fluid" in page
+    assert "decided by the test fluid" in page
     assert "times as much; flow as a continuum would give" in page
     assert "free molecules" not in page
     nitrogen = replace(scene, fluid=NITROGEN, inlet_pressure=4e6, outlet_pressure=1e5)

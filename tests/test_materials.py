@@ -6,7 +6,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from femseal.base.errors import InputError
-from femseal.materials import Solid, contact_modulus, softer_hardness
+from femseal.materials import Solid, contact_modulus
 
 STEEL = Solid(210e9, 0.3, yield_stress=500e6)
 COPPER = Solid(120e9, 0.34, hardness=600e6)
@@ -23,12 +23,6 @@ def test_contact_modulus():
     assert_allclose(contact_modulus(STEEL), 210e9 / (1 - 0.09), rtol=1e-12)
     assert contact_modulus(STEEL, COPPER) == contact_modulus(COPPER, STEEL)
     assert contact_modulus(STEEL, COPPER) < contact_modulus(COPPER)
-
-
-def test_softer_hardness():
-    assert softer_hardness(STEEL, COPPER) == softer_hardness(COPPER, STEEL) == 600e6
-    assert softer_hardness(STEEL) == STEEL.hardness
-    assert softer_hardness(Solid(1e9, 0.3), COPPER) == 600e6
 
 
 @pytest.mark.parametrize("young", [0.0, -1.0, nan, inf])

@@ -67,7 +67,7 @@ def test_a_bare_run_imports_nothing_that_draws(case, tmp_path):
     assert files(out) == {"results.nc", "table.csv", "files.txt", "run.log"}
 
 
-def test_files_are_written_later_without_solving_again(case, undrawn, tmp_path, monkeypatch):
+def test_files_are_written_later_without_solving_again(case, tmp_path, monkeypatch):
     out = tmp_path / "out"
     whole = fs.run(case, out, workers=1)
     every = files(out)
@@ -177,7 +177,7 @@ MANY = CASE.replace("[100 MPa", "[").replace(
 )
 
 
-def test_loads_that_are_interpolated_are_within_the_tolerance(case, undrawn, tmp_path):
+def test_loads_that_are_interpolated_are_within_the_tolerance(case, tmp_path):
     case.write_text(MANY)
     every = fs.run(case, workers=1)
     case.write_text(MANY.replace("loading =", 'interpolate = "1 %"\nloading =', 1))
@@ -230,7 +230,7 @@ def test_nothing_is_interpolated_across_closing():
 
 
 @pytest.mark.parametrize("sampler", ["runs", "block"])
-def test_seals_are_resampled_for_the_error_of_the_library_alone(elastic, sampler, undrawn, tmp_path):
+def test_seals_are_resampled_for_the_error_of_the_library_alone(elastic, sampler, tmp_path):
     sampling = fs.Sampling(
         length=2e-4, other_lengths=(3e-4,), realisations=3, library_cells=12, seed=1, sampler=sampler
     )

@@ -15,7 +15,7 @@ from femseal import HalfSpace, analytic, self_affine, solve_contact
 from femseal.base.errors import FemsealError, InputError, NotConverged
 from femseal.flow import Stencil
 from femseal.flow.percolation import nodes_reached, restricted
-from femseal.flow.solvers import choice, coarsest, elimination, hierarchy, islands, v_cycle
+from femseal.flow.solvers import choice, coarsest, elimination, hierarchy, link_network, v_cycle
 
 SHAPES = [(1, 1), (1, 6), (6, 1), (2, 2), (2, 3), (7, 5), (5, 7), (20, 16)]
 
@@ -485,6 +485,18 @@ def test_the_rate_of_a_gap_near_closing_is_as_right_as_asked(n, seed):
     assert abs(flow.conductance / exact - 1) <= flow.residual**2 + 1e-12
 
 
+def operator(levels, k):
+    """Centres and couples of a level."""
+    fields = (hierarchy.level_field(levels, kind, k) for kind in (hierarchy.CENTRE, hierarchy.RIGHT, hierarchy.BELOW))
+    return *fields, hierarchy.level_corner(levels, 0, k), hierarchy.level_corner(levels, 1, k)
+
+
+def multigrid(along, across, falling, rising, ring):
+    """Levels, and the eliminated coarsest one."""
+    levels, _, _ = hierarchy.hierarchy(along, across, falling, rising, ring)
+    return levels, coarsest.eliminate_coarsest(*operator(levels, len(levels.shape) - 1), ring)
+
+
 @pytest.mark.parametrize("ring", [True, False])
 @pytest.mark.parametrize(("rows", "columns"), [((9, 10), (7, 10)), ((4, 9), (9, 10)), ((11, 12), (17, 20))])
 def test_nodes_that_no_coarse_one_holds_are_moved_together(ring, rows, columns):
@@ -496,14 +508,13 @@ def test_nodes_that_no_coarse_one_holds_are_moved_together(ring, rows, columns):
     c1[mouth1] = 1e-6
     c2[mouth2[:, : c2.shape[1]]] = 1e-6
     nothing = np.zeros((0, 0))
-    operator, _, _ = hierarchy.bordered(c1, c2, nothing, nothing, ring)
-    levels = hierarchy.hierarchy(*operator, ring)
-    factored = coarsest.eliminated(*levels[-1][:5], ring)
+    levels, factored = multigrid(c1, c2, nothing, nothing, ring)
     field = np.zeros((22, 20))
     field[1:-1] = bay
-    levels[0][8][1:-1, 1:-1] = (network(c1, c2).to_csr() @ field.ravel()).reshape(22, 20)[1:-1]
-    v_cycle.v_cycle(levels, factored, ring)
-    assert_allclose(levels[0][7][1:-1, 1:-1][bay], 1.0, rtol=1e-3)
+    right_hand = (network(c1, c2).to_csr() @ field.ravel()).reshape(22, 20)[1:-1]
+    hierarchy.level_field(levels, hierarchy.B, 0)[1:-1, 1:-1] = right_hand
+    v_cycle.v_cycle(levels, factored, False, ring)
+    assert_allclose(hierarchy.level_field(levels, hierarchy.X, 0)[1:-1, 1:-1][bay], 1.0, rtol=1e-3)
 
 
 @pytest.mark.parametrize("shape", [(20, 16), (21, 17), (33, 12)])
@@ -511,14 +522,12 @@ def test_nodes_that_no_coarse_one_holds_are_moved_together(ring, rows, columns):
 def test_the_preconditioner_is_symmetric(shape, ring):
     c1, c2 = links(shape[0] + 1, shape[1], ring, 3, contrast=1e3, closed=0.1)
     nothing = np.zeros((0, 0))
-    operator, _, _ = hierarchy.bordered(c1, c2, nothing, nothing, ring)
-    levels = hierarchy.hierarchy(*operator, ring)
-    factored = coarsest.eliminated(*levels[-1][:5], ring)
+    levels, factored = multigrid(c1, c2, nothing, nothing, ring)
 
     def apply(v):
-        levels[0][8][1:-1, 1:-1] = v
-        v_cycle.v_cycle(levels, factored, ring)
-        return levels[0][7][1:-1, 1:-1].copy()
+        hierarchy.level_field(levels, hierarchy.B, 0)[1:-1, 1:-1] = v
+        v_cycle.v_cycle(levels, factored, False, ring)
+        return hierarchy.level_field(levels, hierarchy.X, 0)[1:-1, 1:-1].copy()
 
     u, v = np.random.default_rng(1).standard_normal((2, *shape))
     assert_allclose((u * apply(v)).sum(), (v * apply(u)).sum(), rtol=1e-10)
@@ -540,10 +549,10 @@ def test_the_coarsest_level_is_solved_exactly(shape, ring, nine):
     keep = np.ones((n1 + 2, n2), bool)
     keep[n1 // 2, n2 // 2] = n1 < 6
     stencil = restricted(stencil, keep)
-    operator, _, _ = hierarchy.bordered(stencil.along, stencil.across, stencil.falling, stencil.rising, ring)
+    levels, _, _ = hierarchy.hierarchy(stencil.along, stencil.across, stencil.falling, stencil.rising, ring)
     b, x = np.zeros((2, n1 + 2, n2 + 2))
     b[1:-1, 1:-1] = np.where(keep[1:-1], rng.standard_normal(shape), 0.0)
-    coarsest.solve_eliminated(coarsest.eliminated(*operator, ring), b, x)
+    coarsest.solve_coarsest(coarsest.eliminate_coarsest(*operator(levels, 0), ring), b, x)
     inner = np.flatnonzero(np.pad(keep[1:-1], ((1, 1), (0, 0))))
     exact = np.linalg.solve(stencil.to_csr()[inner][:, inner].toarray(), b[:, 1:-1].ravel()[inner])
     assert_allclose(x[:, 1:-1].ravel()[inner], exact, rtol=1e-11, atol=1e-13)
@@ -558,7 +567,7 @@ def test_potentials_of_islands_follow_their_neighbours(side, ring):
     hidden = np.zeros((29, 40), bool)
     hidden[3 : 3 + side, 5 : 5 + side] = hidden[20:23, :2] = hidden[20:22, 38:] = True
     given = np.where(hidden, 7.0, exact.potential[1:-1])
-    φ, ψ = islands.island_potentials(network(c1, c2), hidden, given)
+    φ, ψ = link_network.island_potentials(network(c1, c2), hidden, given)
     assert_allclose(φ, exact.potential[1:-1], rtol=1e-12)
     assert_allclose(ψ, 1 - φ, rtol=0, atol=1e-14)
 
@@ -568,14 +577,14 @@ def test_borders_of_fronts_name_every_node_once():
     keep = nodes_reached(network(c1, c2)) == 3
     inside = restricted(network(c1, c2), keep)
     c1, c2 = inside.along, inside.across
-    order, first, parent = elimination.dissect(keep[1:-1], True)
+    order, first, parent = link_network.dissect(keep[1:-1], True)
     assert np.array_equal(np.sort(order), np.flatnonzero(keep[1:-1]))
-    rank = np.full(keep[1:-1].size + 2, -1)
-    rank[order] = np.arange(order.size)
-    rank[-2:] = order.size, order.size + 1
-    border, start, _, _ = elimination._borders(
-        c1, c2, np.zeros((0, 0)), np.zeros((0, 0)), True, order, first, parent, rank
+    nothing = np.zeros((0, 0))
+    node, end = np.arange(24), np.zeros(24, int)
+    row, later, _ = link_network._grid_links(
+        c1, c2, nothing, nothing, True, order, node[keep[1]], end[keep[1]], c1[0, keep[1]]
     )
+    border, start, _, _ = elimination.borders(first, parent, row, later, 1)
     for f in range(first.size - 1):
         names = border[start[f] : start[f + 1]]
         assert np.all(np.diff(names) > 0)

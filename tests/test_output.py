@@ -32,6 +32,8 @@ from femseal.studies.link_flow import chosen_windows, window_pixels
 from femseal.studies.median_seal import MedianSeal
 from femseal.topography import Topography, self_affine
 
+pytestmark = pytest.mark.usefixtures("drawn_pictures")
+
 CASE = {"title": "trial", "seed": 7, "material": {"modulus": 115e9}, "cells": [4, 8]}
 M1, M2 = 4, 8
 
@@ -393,7 +395,7 @@ def test_a_picture_that_fails_loses_neither_the_results_nor_the_former_run(
     assert open_results(tmp_path).rows() == results.rows()
 
 
-def test_results_come_last(scene, studies, tmp_path, monkeypatch):
+def test_results_come_last(scene, studies, undrawn, tmp_path, monkeypatch):
     """Wherever the files cease to take their places, the folder either has all of them or no results."""
     r = assemble(scene, deterministic=studies["deterministic"])
     everything = {"results.nc", "table.csv", "report.html", "leakage.png", "seal.png", "fields.pvd", "files.txt"}
@@ -421,7 +423,7 @@ def test_results_come_last(scene, studies, tmp_path, monkeypatch):
     assert files(tmp_path) == everything
 
 
-def test_nothing_is_left_behind_by_a_failure(results, scene, tmp_path, monkeypatch):
+def test_nothing_is_left_behind_by_a_failure(results, scene, undrawn, tmp_path, monkeypatch):
     save(results, tmp_path)
     before = (tmp_path / "results.nc").read_bytes()
 
@@ -440,7 +442,7 @@ def test_nothing_is_left_behind_by_a_failure(results, scene, tmp_path, monkeypat
 # --- tables -----------------------------------------------------------------------------------------------
 
 
-def test_a_new_field_is_one_entry(scene, studies, tmp_path):
+def test_a_new_field_is_one_entry(scene, studies, undrawn, tmp_path):
     """A field that says what it is and where it lives comes out in every file and table that has such fields."""
 
     @dataclass(frozen=True, repr=False)

@@ -182,7 +182,7 @@ def test_a_run_on_a_cluster_writes_its_folder_and_goes_on_there(case, tmp_path, 
     one = fs.run(case, workers=1)
     out = tmp_path / "out"
     monkeypatch.setattr(cluster_map, "ANSWER_SECONDS", HANG)
-    monkeypatch.setattr("femseal.runs.checkpoint.SHARD_ITEMS", 1)
+    monkeypatch.setattr("femseal.execution.store.SHARD_ITEMS", 1)
     # what goes to its scheduler is pickled, unlike within a process
     it = distributed.LocalCluster(n_workers=1, processes=False, protocol="tcp://", dashboard_address=None)
     with it, distributed.Client(it, set_as_default=default):

@@ -8,15 +8,17 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scipy.ndimage import zoom
 
 from femseal.base.errors import InputError
-from femseal.contact import HalfSpace, load_cycle, solve_contact
+from femseal.contact import HalfSpace, PerfectlyPlastic, load_cycle, solve_contact
 from femseal.flow import cell_permeability
 from femseal.loads import LoadProgramme, LoadStep
 from femseal.topography import Topography, self_affine
-from femseal.windows import GlobalState, Partition, global_states, respond
+from femseal.windows import GlobalState, Partition, contact_history, global_states
 from femseal.windows.global_contact import Refinement
-from femseal.windows.window import body_standoff, flow_history, set_down
+from femseal.windows.window_contact import body_standoff, separate
+from femseal.windows.window_flow import flow_history
 
 E, H = 115e9, 3e9
+LAW = PerfectlyPlastic(H)
 
 
 @pytest.fixture(scope="module")
@@ -99,7 +101,7 @@ class TestGlobalScale:
         partition = Partition(face.shape, face.spacing, (4, 8))
         programme = LoadProgramme.of((1e8, 5e8), (5e8,), (2e8,))
         boundary = ("free", "periodic")
-        states = list(global_states(face, partition, 7.5e-6, programme, modulus=E, hardness=H, boundary=boundary))
+        states = list(global_states(face, partition, 7.5e-6, programme, modulus=E, law=LAW, boundary=boundary))
         assert tuple(s.step for s in states) == programme
         assert_allclose([s.pressure.mean() for s in states], [1e8, 5e8, 2e8], rtol=1e-9)
         assert {s.raw_gap.shape for s in states} == {(64, 128)}
@@ -113,7 +115,7 @@ class TestGlobalScale:
             8e-6,
             LoadProgramme.of((1e8,)),
             modulus=E,
-            hardness=H,
+            law=LAW,
             boundary=("periodic", "periodic"),
         )
         assert_allclose(world.raw_gap, 0, atol=1e-18)
@@ -129,7 +131,7 @@ class TestGlobalScale:
             8e-6,
             LoadProgramme.of((1e8,)),
             modulus=E,
-            hardness=np.inf,
+            law=PerfectlyPlastic(np.inf),
             boundary=boundary,
         )
         expected = 8e8 * np.diff(np.arcsin(np.linspace(-1, 1, 9))) / np.pi
@@ -148,7 +150,13 @@ class TestGlobalScale:
         cut_off = 16 * min(smooth.spacing)
         surface = surface.low_pass(cut_off)
         (world,) = global_states(
-            surface, partition, cut_off, LoadProgramme.of((2e8,)), modulus=E, hardness=np.inf, boundary=boundary
+            surface,
+            partition,
+            cut_off,
+            LoadProgramme.of((2e8,)),
+            modulus=E,
+            law=PerfectlyPlastic(np.inf),
+            boundary=boundary,
         )
         gap0 = surface.heights.max() - surface.heights
         whole = load_cycle(gap0, HalfSpace(shape, smooth.spacing, E, boundary), loading=(2e8,))[0].contact
@@ -176,7 +184,7 @@ class TestGlobalScale:
     def test_the_coarser_grid_has_no_seam(self, face):
         """Counted from another window of a periodic face, the gap is the same, only elsewhere."""
         partition = Partition(face.shape, face.spacing, (2, 4))
-        given = {"modulus": E, "hardness": H, "boundary": ("free", "periodic"), "rtol": 1e-9}
+        given = {"modulus": E, "law": LAW, "boundary": ("free", "periodic"), "rtol": 1e-9}
         programme = LoadProgramme.of((2e8,))
         turned = Topography(np.roll(face.heights, 32, axis=1), face.spacing)
         gaps = [next(global_states(s, partition, 15e-6, programme, **given)).raw_gap for s in (face, turned)]
@@ -212,7 +220,7 @@ class TestGlobalScale:
                 7.5e-6,
                 LoadProgramme.of((2e8,), (2e8,), (1e8, 0.0)),
                 modulus=E,
-                hardness=0.5e9,
+                law=PerfectlyPlastic(0.5e9),
                 boundary=("periodic", "periodic"),
             )
         )
@@ -229,8 +237,8 @@ class TestResponse:
 
     def test_load_and_plastic_deformation(self):
         steps = LoadProgramme.of((1e8, 6e8), (6e8,), (6e8 - 1, 1e8))
-        history = respond(
-            self.gap0, [s.pressure for s in steps], steps, self.half_space, hardness=H, rigid_at_zero=True
+        history = contact_history(
+            self.gap0, [s.pressure for s in steps], steps, self.half_space, law=LAW, rigid_at_zero=True
         )
         assert_allclose(history.pressure.mean(axis=(1, 2)), [1e8, 6e8, 6e8 - 1, 1e8], rtol=1e-5)
         # just below the peak nothing has changed; at the loading pressure the unloaded window is tighter
@@ -240,9 +248,9 @@ class TestResponse:
 
     def test_without_pressure_rigid_or_at_first_touch(self):
         steps = LoadProgramme.of((0.0,))
-        rigid = respond(self.gap0 + 5e-6, [0.0], steps, self.half_space, hardness=H, rigid_at_zero=True)
+        rigid = contact_history(self.gap0 + 5e-6, [0.0], steps, self.half_space, law=LAW, rigid_at_zero=True)
         assert_allclose(rigid.gap[0], self.gap0 + 5e-6, rtol=1e-6)
-        touch = respond(self.gap0 + 5e-6, [0.0], steps, self.half_space, hardness=H, rigid_at_zero=False)
+        touch = contact_history(self.gap0 + 5e-6, [0.0], steps, self.half_space, law=LAW, rigid_at_zero=False)
         assert touch.gap.min() == 0
         assert_allclose(touch.gap[0], self.gap0 - self.gap0.min(), atol=1e-12)
 
@@ -251,7 +259,7 @@ class TestResponse:
         steps = LoadProgramme.of((0.0, 1e8, 9e8), (9e8,), (5e7,))
         gap0 = np.stack([self.gap0 - self.gap0.mean()] * 4)
         gap0[3] = np.nan
-        history = respond(gap0, [0.0, 1e8, 9e8, 5e7], steps, self.half_space, hardness=H, rigid_at_zero=True)
+        history = contact_history(gap0, [0.0, 1e8, 9e8, 5e7], steps, self.half_space, law=LAW, rigid_at_zero=True)
         assert history.gap[0].min() < 0
         assert np.isnan(history.gap[3]).all()
         sent = pickle.dumps(history, 5)
@@ -267,7 +275,7 @@ class TestResponse:
     def test_without_pressure_after_a_peak_the_permanent_deformation_stays(self):
         steps = LoadProgramme.of((6e8,), (6e8,), (0.0,))
         gap0 = np.stack([self.gap0, self.gap0 - self.gap0.min() - 5e-8])
-        history = respond(gap0, [6e8, 0.0], steps, self.half_space, hardness=H, rigid_at_zero=True)
+        history = contact_history(gap0, [6e8, 0.0], steps, self.half_space, law=LAW, rigid_at_zero=True)
         peak = solve_contact(self.gap0, self.half_space, pressure=6e8, hardness=H)
         gap = np.maximum(gap0[1] + peak.plastic_deformation, 0)
         assert np.count_nonzero(gap) > np.count_nonzero(gap0[1] > 0)  # some opens that would not
@@ -278,21 +286,21 @@ class TestResponse:
         gap0 = np.stack([self.gap0] * 3)
         gap0[1] = np.nan
         steps = LoadProgramme.of((1e8, 5e8), (5e8,), (0.0,))
-        history = respond(gap0, [1e8, 5e8, 0.0], steps, self.half_space, hardness=H, rigid_at_zero=True)
+        history = contact_history(gap0, [1e8, 5e8, 0.0], steps, self.half_space, law=LAW, rigid_at_zero=True)
         assert [f.split(":")[0] for f in history.failures] == ["loading 500 MPa", "unloading 0 MPa from 500 MPa"]
         assert np.isnan(history.gap[1:]).all()
 
     def test_a_peak_without_pressure_leaves_nothing_behind(self):
         """As where the global contact moves to another window as the load falls."""
         steps = LoadProgramme.of((6e8,), (6e8,), (1e8,))
-        history = respond(self.gap0, [0.0, 1e8], steps, self.half_space, hardness=H, rigid_at_zero=True)
+        history = contact_history(self.gap0, [0.0, 1e8], steps, self.half_space, law=LAW, rigid_at_zero=True)
         virgin = solve_contact(self.gap0, self.half_space, pressure=1e8, hardness=H)
         assert history.failures == ()
         assert_allclose(history.gap[1], virgin.gap, atol=1e-11)
 
     def test_rounding_above_the_hardness_is_forgiven(self):
-        history = respond(
-            self.gap0, [H * (1 + 1e-9)], LoadProgramme.of((H,)), self.half_space, hardness=H, rigid_at_zero=True
+        history = contact_history(
+            self.gap0, [H * (1 + 1e-9)], LoadProgramme.of((H,)), self.half_space, law=LAW, rigid_at_zero=True
         )
         assert history.failures == ()
         assert (history.gap[0].max(), history.plastic_fraction[0]) == (0, 1)
@@ -300,7 +308,7 @@ class TestResponse:
     def test_a_step_that_fails_is_recorded_and_the_others_go_on(self):
         steps = LoadProgramme.of((1e8, 2e8))
         gap0 = np.stack([np.full((24, 24), np.nan), self.gap0])
-        history = respond(gap0, [1e8, 2e8], steps, self.half_space, hardness=H, rigid_at_zero=True)
+        history = contact_history(gap0, [1e8, 2e8], steps, self.half_space, law=LAW, rigid_at_zero=True)
         assert len(history.failures) == 1
         assert "loading 100 MPa" in history.failures[0]
         assert np.isnan(history.gap[0]).all()
@@ -311,8 +319,8 @@ class TestResponse:
         flow = flow_history(gaps, (1e-6, 1e-6), 0)
         assert flow.counts.by_kind() == {"solved": 1, "closed": 1, "open": 1}
         assert sum(flow.counts.solvers.by_solver().values()) == 1
-        assert_allclose(flow.permeability[:2], [0, 1e-9 / 12])
-        assert flow.permeability[2] == cell_permeability(gaps[2], (1e-6, 1e-6)).value
+        assert_allclose(flow.k[:2], [0, 1e-9 / 12])
+        assert flow.k[2] == cell_permeability(gaps[2], (1e-6, 1e-6)).value
 
 
 class TestStandoff:
@@ -336,9 +344,9 @@ class TestStandoff:
     def test_lets_nothing_overlap(self):
         gap = np.linspace(-1e-7, 5e-8, 16, dtype=np.float32).reshape(4, 4)
         for distance in (3e-8, -1e-8):
-            assert_allclose(set_down(gap, distance), np.maximum(gap + distance, 0), atol=1e-13)
-        assert set_down(gap, 1e-7).min() == 0
-        assert set_down(gap, 1e-7).ravel()[1] > 0
+            assert_allclose(separate(gap, distance), np.maximum(gap + distance, 0), atol=1e-13)
+        assert separate(gap, 1e-7).min() == 0
+        assert separate(gap, 1e-7).ravel()[1] > 0
 
     def test_windows_that_failed_are_left_out(self):
         lowest = np.where(np.isnan(self.standoff), np.nan, self.lowest)
@@ -350,7 +358,7 @@ class TestStandoff:
         rough = -self_affine((32, 32), (32e-6, 32e-6), hurst=0.8, rms_slope=0.2, rng=1).heights
         steps = LoadProgramme.of((1e8,))
         for gap0 in (np.zeros((32, 32)), rough - rough.mean()):
-            history = respond(gap0, [1e8], steps, body, hardness=H, rigid_at_zero=True)
+            history = contact_history(gap0, [1e8], steps, body, law=LAW, rigid_at_zero=True)
             contact = solve_contact(gap0, body, pressure=1e8, hardness=H)
             assert history.standoff[0] == pytest.approx(-contact.approach, abs=1e-12)
             # K moves nothing on the mean: the mean raw gap is the standoff

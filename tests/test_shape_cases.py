@@ -15,6 +15,8 @@ from femseal.preparation.preparation import prepare
 from femseal.refinement.accuracy_plan import make_plan
 from femseal.runs.forecast import describe
 
+pytestmark = pytest.mark.usefixtures("drawn_pictures")
+
 EXAMPLES = Path(__file__).parents[1] / "examples"
 #: Fewer loads and windows; the ring is narrower, and the gasket has larger windows.
 REDUCED = {

@@ -13,11 +13,12 @@ import femseal.library.ladder
 import femseal.studies.face_flow
 import femseal.studies.face_windows
 import femseal.studies.scene
-import femseal.studies.windows as windows_module
-import femseal.windows.window
+import femseal.studies.window_contacts as windows_module
+import femseal.windows.window_contact
+import femseal.windows.window_flow
 from femseal import analytic
 from femseal.base.errors import FemsealError, InputError, NotConverged
-from femseal.contact import HalfSpace, load_states
+from femseal.contact import HalfSpace, PerfectlyPlastic, load_states
 from femseal.flow import cell_permeability
 from femseal.fluids import IdealGas, Liquid
 from femseal.library import LinkTable, draw_links
@@ -393,17 +394,19 @@ class TestRareTallPoints:
         scene, _ = face
         body = HalfSpace(scene.surface.shape, scene.surface.spacing, MODULUS, scene.boundary)
         gap0 = -scene.surface.heights
-        states = list(load_states(gap0, body, scene.steps, hardness=HARDNESS, rtol=1e-8))
+        states = list(load_states(gap0, body, scene.steps, law=PerfectlyPlastic(HARDNESS), rtol=1e-8))
         peak = states[1].contact.pressure
         assert (peak == HARDNESS).any()
         for state in states:
             contact = state.contact
             before = None if state.unloaded_from is None else peak
             found = gap_error(
-                contact.gap, contact.pressure, before, undeformed=gap0, half_space=body, hardness=HARDNESS
+                contact.gap, contact.pressure, before, undeformed=gap0, half_space=body, law=PerfectlyPlastic(HARDNESS)
             )
             assert found < 1e-5
-        off = gap_error(2 * contact.gap, contact.pressure, peak, undeformed=gap0, half_space=body, hardness=HARDNESS)
+        off = gap_error(
+            2 * contact.gap, contact.pressure, peak, undeformed=gap0, half_space=body, law=PerfectlyPlastic(HARDNESS)
+        )
         assert_allclose(off, 0.5, rtol=1e-4)
 
     @pytest.mark.parametrize("contact", ["whole", "windows"])
@@ -604,7 +607,7 @@ SAMPLING = Sampling(length=120e-6, realisations=6, library_cells=24, seed=3)
 def alone(heights, scene):
     """Permeabilities of a window that a scene's pressures load by itself."""
     body = HalfSpace(heights.shape, (PIXEL, PIXEL), MODULUS, "mirror")
-    states = load_states(-heights, body, scene.steps, hardness=scene.hardness, rtol=scene.rtol)
+    states = load_states(-heights, body, scene.steps, law=scene.law, rtol=scene.rtol)
     return np.array([cell_permeability(s.contact.gap, (PIXEL, PIXEL)).value for s in states])
 
 
@@ -1010,7 +1013,7 @@ class TestFailures:
     def test_contact_of_a_window(self, rough, by_windows, monkeypatch):
         """Itself and the links across that reach into it."""
         pressure = by_windows.pressure[1, 0, 4]
-        self.fail(monkeypatch, femseal.windows.window, "solve_contact", pressure=pressure)
+        self.fail(monkeypatch, femseal.windows.window_contact, "solve_contact", pressure=pressure)
         result = two_scale(rough, (4, 6), contact="windows", flow="links")
         assert result.failures == ("cell (0, 4), loading 300 MPa: did not converge",)
         assert_array_equal(np.isnan(result.leakage), [False, True, False, False, False])
@@ -1025,7 +1028,7 @@ class TestFailures:
     def test_contact_of_a_window_at_the_peak_takes_its_unloading_along(self, rough, by_windows, monkeypatch):
         window = np.unravel_index(by_windows.pressure[4].argmax(), (4, 6))
         pressure = by_windows.pressure[2][window]
-        self.fail(monkeypatch, femseal.windows.window, "solve_contact", pressure=pressure)
+        self.fail(monkeypatch, femseal.windows.window_contact, "solve_contact", pressure=pressure)
         result = two_scale(rough, (4, 6), contact="windows", flow="links")
         assert [f.split(", ", 2)[2] for f in result.failures] == [
             "loading 600 MPa: did not converge",
@@ -1036,7 +1039,7 @@ class TestFailures:
 
     def test_flow_of_a_link_across(self, rough, monkeypatch):
         """Of the 24 windows along come 5 steps each, then those across: the third step of the second one."""
-        self.fail(monkeypatch, femseal.windows.window, "cell_flow", calls={24 * 5 + 5 + 2})
+        self.fail(monkeypatch, femseal.windows.window_flow, "cell_flow", calls={24 * 5 + 5 + 2})
         result = two_scale(rough, (4, 6), flow="links")
         assert result.failures == ("x2-link (0, 1), step 2: did not converge",)
         assert_array_equal(np.argwhere(np.isnan(result.k2)), [[2, 0, 1]])
@@ -1052,7 +1055,7 @@ class TestFailures:
     def test_a_column_with_a_failed_cell_gives_way_to_the_next(self, rough, by_windows, monkeypatch):
         """Of the links across it takes the column before along."""
         pressure = by_windows.pressure[1, 0, 4]
-        self.fail(monkeypatch, femseal.windows.window, "solve_contact", pressure=pressure)
+        self.fail(monkeypatch, femseal.windows.window_contact, "solve_contact", pressure=pressure)
         result = stochastic(rough, (4, 6), SAMPLING, contact="windows")
         assert result.failures == ("cell (0, 4), loading 300 MPa: did not converge",)
         assert np.isfinite(result.leakage).all()
@@ -1096,7 +1099,7 @@ class TestFailures:
         assert_array_equal(np.argwhere(np.isnan(result.leakage)), [[1, 1]])
 
     def test_a_library_without_any_cell(self, rough, monkeypatch):
-        for module in (femseal.windows.window, femseal.library.ladder):
+        for module in (femseal.windows.window_contact, femseal.library.ladder):
             self.fail(monkeypatch, module, "solve_contact", calls=range(10**6))
         for pressure in ("place", "uniform"):
             with pytest.raises(FemsealError, match="every c"):

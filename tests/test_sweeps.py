@@ -103,7 +103,7 @@ def test_every_combination_is_a_case_with_its_own_name(case):
     assert all(v.name.isascii() and not set(v.name) & set('/\\ *:"?') for v in found)
     assert found[0].name == "hardness=3GPa_viscosity=1mPa-s_count=-2-4"
     assert found[3].values == ("3 GPa", "2 mPa*s", "[4, 8]")
-    assert [v.case.hardness for v in found] == [3e9] * 4 + [6e9] * 4
+    assert [v.case.law.hardness for v in found] == [3e9] * 4 + [6e9] * 4
     assert found[-1].case.cells.count == (4, 8)
     assert data["material"]["hardness"] == "3 GPa"  # the tables of the case stay
 
@@ -129,9 +129,9 @@ def test_names_are_as_short_as_they_can_be():
         (["material.hardness=3"], "material.hardness: given 3, expected text with a number and a unit"),
         (["seed"], "sweep: given 'seed', expected a key of the case and its values"),
         (["seed=1,2", "seed=3"], "sweep: given the key seed twice"),
-        (["seed=1,1"], "allowed is values that differ"),
+        (["seed=1,1"], "expected values that differ"),
         (["seed.x=1"], "sweep: given 'seed.x', expected a dotted key of the case"),
-        (["load.loading=[2MPa,1MPa]"], "load: allowed is rising pressures"),
+        (["load.loading=[2MPa,1MPa]"], "load: expected rising pressures"),
         (["cells.count=[2,4],[32,64]"], r"with count = [32, 64]"),
         (
             [f"seed={','.join(map(str, range(40)))}", f"stochastic.realisations={','.join(map(str, range(2, 42)))}"],
@@ -376,3 +376,16 @@ def test_items_are_computed_once_in_their_order(tmp_path):
     plain = Stage("other", lambda x, n: x + n)
     assert list(shared(plain, [1], [2])) == list(shared(plain, [1], [2])) == [3]
     assert len(computed) == 8
+
+
+@pytest.mark.parametrize("damage", ["flip", "cut", "of another stage"])
+def test_shared_results_that_are_damaged_are_computed_again(tmp_path, damage):
+    stage, other = (Stage("powers", partial(_power, base=base)) for base in (3.0, 4.0))
+    for each in (stage, other):
+        assert len(list(SharedStages(tmp_path).over(map)(each, [1, 2], [1, 1]))) == 2
+    first, second = tmp_path.iterdir()
+    content = first.read_bytes()
+    flipped = content[:-1] + bytes([content[-1] ^ 1])
+    first.write_bytes({"flip": flipped, "cut": content[:40], "of another stage": second.read_bytes()}[damage])
+    assert list(SharedStages(tmp_path).over(map)(stage, [1, 2], [1, 1])) == [3, 6]
+    assert list(SharedStages(tmp_path).over(map)(other, [1, 2], [1, 1])) == [4, 8]

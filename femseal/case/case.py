@@ -17,8 +17,9 @@ from pydantic_core import PydanticCustomError
 
 from ..base.errors import InputError, InputErrors, shortened
 from ..base.quantities import to_text
+from ..contact import ContactLaw
 from ..fluids import leak_basis, potential_of
-from ..materials import Solid, contact_modulus, softer_hardness
+from ..materials import Solid, contact_modulus
 from ..results.class_results import check_classes
 from ..seal.layouts import Layout
 from .case_accuracy import with_what_is_open
@@ -100,8 +101,8 @@ class Case(Table):
             raise fault("stochastic.sampler", given, "edge with them")
         if self.stochastic is None and "stochastic" in self.methods:
             raise PydanticCustomError("stochastic", "a table `stochastic` with the method stochastic")
-        if self.load.unit == "Pa" and self.load.highest >= self.hardness:
-            expected = f"pressures below the hardness, {to_text(self.hardness, 'Pa')}"
+        if self.load.unit == "Pa" and self.load.highest >= self.law.capacity:
+            expected = f"pressures below the hardness, {to_text(self.law.capacity, 'Pa')}"
             raise fault("load", to_text(self.load.highest, "Pa"), expected)
         for key, fluid in (("fluid", self.fluid), ("output.test_fluid", self.output.test_fluid)):
             if fluid is None:
@@ -194,9 +195,10 @@ class Case(Table):
         return self.material.solid, None if counter is None else counter.solid
 
     @property
-    def hardness(self) -> float:
-        """Hardness of the softer solid [Pa]; inf where none is given."""
-        return softer_hardness(*self.solids)
+    def law(self) -> ContactLaw:
+        """Contact law of the softer solid, that which yields at the lower pressure; elastic where none yields."""
+        tables = (self.material, self.counter_material)
+        return min((t.law for t in tables if t is not None), key=lambda law: law.mean_hardness)
 
     @property
     def modulus(self) -> float:

@@ -15,6 +15,7 @@ from ..base.errors import InputError
 from ..base.leak_classes import KNOWN, leak_classes
 from ..base.leak_units import LEAK_UNITS, LeakUnit, leak_unit
 from ..base.quantities import to_text
+from ..contact import ContactLaw, LinearHardening, PerfectlyPlastic
 from ..flow import DISCRETISATIONS, SOLVERS
 from ..flow.discretisation import check_discretisation
 from ..fluids import FLUIDS, Fluid
@@ -24,7 +25,20 @@ from ..results.pixel_fields import LIMIT
 from ..studies import CONTACTS, DRAWS, FLOWS, PRESSURES, FluidState
 from .faults import fault
 from .registered_tables import table_of_any
-from .values import Count, FileSize, Length, Lengths, Modulus, Poisson, Pressure, Ratio, Table, Temperature, one_of
+from .values import (
+    Count,
+    FileSize,
+    Hardening,
+    Length,
+    Lengths,
+    Modulus,
+    Poisson,
+    Pressure,
+    Ratio,
+    Table,
+    Temperature,
+    one_of,
+)
 
 Boundary = Literal["periodic", "mirror", "free"]
 
@@ -36,17 +50,27 @@ class SolidTable(Table):
     poisson: Poisson = 0.3
     yield_stress: Modulus | None = None
     hardness: Modulus | None = None
+    hardening: Hardening | None = None
 
     @model_validator(mode="after")
     def _one_strength(self) -> SolidTable:
         if self.yield_stress is not None and self.hardness is not None:
             raise PydanticCustomError("strength", "yield_stress or hardness, not both")
+        if self.hardening is not None and self.yield_stress is None and self.hardness is None:
+            raise PydanticCustomError("strength", "hardening with a yield_stress or a hardness")
         return self
 
     @property
     def solid(self) -> Solid:
         """The solid."""
-        return Solid(**self.model_dump())
+        return Solid(self.young, self.poisson, self.yield_stress, self.hardness)
+
+    @property
+    def law(self) -> ContactLaw:
+        """The contact law of its keys: perfectly plastic, or hardening where `hardening` is given."""
+        hardness = self.solid.hardness
+        assert hardness is not None  # a Solid has one, inf where none is given
+        return PerfectlyPlastic(hardness) if self.hardening is None else LinearHardening(hardness, self.hardening)
 
 
 class ContactTable(Table):

@@ -137,6 +137,7 @@ Lengths = Annotated[float | tuple[float, ...], OneOrMore("m", _positive, "a leng
 Height = Annotated[float, Quantity("m", _not_negative, "a height >= 0, such as '0.2 um'")]
 Pressure = Annotated[float, Quantity("Pa", _not_negative, "a pressure >= 0, such as '300 MPa'")]
 Temperature = Annotated[float, Quantity("K", _positive, "a temperature above absolute zero, such as '20 °C'")]
+Hardening = Annotated[float, Quantity("Pa/m", _not_negative, "a stress per depth >= 0, such as '2 GPa/um'")]
 Modulus = Annotated[float, Quantity("Pa", _positive, "a stress > 0, such as '210 GPa'")]
 FileSize = Annotated[float, Quantity("byte", _not_negative, "a size >= 0, such as '500 MB'")]
 Ratio = Annotated[float, Quantity("", lambda x: 0 <= x <= 1, "a number from 0 to 1")]

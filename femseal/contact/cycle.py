@@ -97,7 +97,7 @@ def load_cycle(
     InputError, NotConverged : as `solve_contact`; the whole programme is checked before anything is solved.
     """
     programme = LoadProgramme.of(loading, unload_from, unloading)
-    return LoadCycle(load_states(gap0, half_space, programme, hardness=hardness, rtol=rtol))
+    return LoadCycle(load_states(gap0, half_space, programme, law=contact_law(hardness), rtol=rtol))
 
 
 def load_states(
@@ -105,7 +105,7 @@ def load_states(
     half_space: HalfSpace,
     programme: LoadProgramme,
     *,
-    hardness: float | ArrayLike | ContactLaw = inf,
+    law: ContactLaw,
     rtol: float = 1e-6,
     take: Callable[[LoadState], Any] | None = None,
     memory: float | None = None,
@@ -119,13 +119,13 @@ def load_states(
     Parameters
     ----------
     programme : the load steps; the others are as in `load_cycle`.
+    law : what the points can carry.
     take : function of the contact of a state, called in the process that solves it; its value is returned in place of
         the state.
     memory : of solving a state and of `take` together [byte]; that of the contact unless given. A mapper over processes
         solves no more states at once than fit.
     mapper : solves the states of a branch, which do not depend on each other: first loading, then unloading.
     """
-    law = contact_law(hardness)
     law.tangent(half_space.shape)  # checks its shape
     check_capacity("loading", float(programme.pressures.max()), law)
     gap0 = validate.field("gap0", gap0, unit="m", shape=half_space.shape, copy=False)

@@ -64,6 +64,15 @@ class HalfSpace:
             raise InputError("boundary", self.boundary, kinds)
         object.__setattr__(self, "boundary", (first, second))
 
+    @property
+    def stiffness(self) -> float:
+        """c = πE*/(4Δ) [Pa/m], that of a wave of four pixels: the step from gap to pressure of the contact solver.
+
+        Δ is the geometric mean of the spacings along which there are points.
+        """
+        spacings = [d for n, d in zip(self.shape, self.spacing, strict=True) if n > 1] or [min(self.spacing)]
+        return np.pi * self.modulus / (4 * float(np.prod(spacings) ** (1 / len(spacings))))
+
     def symbol(self) -> Array:
         """Eigenvalues of K [m/Pa]; see `influence.symbol`."""
         return influence.symbol(self.shape, self.spacing, self.modulus, self.boundary)

@@ -12,7 +12,7 @@ Source: Sahlin et al., Proc. IMechE J 224, 2010, 335 (perfectly plastic).
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import dataclass, fields, is_dataclass, replace
 from math import inf
 from typing import Any
 
@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..base.errors import InputError
+from ..base.quantities import to_text
 
 Array = NDArray[np.float64]
 #: Relative distance from H within which a point counts as yielding, where pressures were kept in single precision.
@@ -60,6 +61,11 @@ class ContactLaw:
         return float(hardness) if hardness.ndim == 0 else float(hardness.mean())
 
     @property
+    def is_perfect(self) -> bool:
+        """Whether points neither harden nor soften: the law has pressures alone, and no length."""
+        return self.linear and not np.any(self.hardening_modulus() > 0)
+
+    @property
     def is_elastic(self) -> bool:
         """Whether no point ever yields."""
         return bool(np.all(np.isinf(self.yield_pressure())))
@@ -71,11 +77,15 @@ class ContactLaw:
 
     def after(self, deformation: ArrayLike) -> ContactLaw:
         """The law of points that an earlier load left with a plastic deformation (n1, n2) [m]: H(u + deformation)."""
-        return _Changed(self, np.asarray(deformation, dtype=float), 0.0)
+        return _Changed(self, kept=np.asarray(deformation, dtype=float))
 
     def less(self, fluid_pressure: ArrayLike) -> ContactLaw:
         """The law of the contact pressure where a fluid pressure [Pa] presses on the faces too: H(u) − p_f."""
-        return _Changed(self, 0.0, np.asarray(fluid_pressure, dtype=float))
+        return _Changed(self, fluid_pressure=np.asarray(fluid_pressure, dtype=float))
+
+    def times(self, factor: float) -> ContactLaw:
+        """The law of a metal `factor` times as hard: factor · H(u)."""
+        return _Changed(self, factor=factor)
 
     def deformation(self, pressure: Array, gap: Array, stiffness: float) -> Array:
         """Plastic deformation u >= 0 [m] where points are at their yield pressure, 0 elsewhere.
@@ -127,10 +137,6 @@ class ContactLaw:
         scale = float(np.linalg.norm(pressure))
         return float(np.linalg.norm(off)) / scale if scale > 0 else 0.0
 
-    def attributes(self) -> dict[str, float]:
-        """What results say of the law: names with units, and numbers, means where places differ."""
-        return {"hardness_Pa": self.mean_hardness}
-
     def key(self) -> str:
         """The law as text, the same for the same parameters: what was computed with one law serves no other."""
         kind = type(self)
@@ -138,6 +144,9 @@ class ContactLaw:
             return f"{kind.__module__}.{kind.__qualname__}:{self!r}"
         values = ", ".join(f"{f.name}={_key_of(getattr(self, f.name))}" for f in fields(self))
         return f"{kind.__module__}.{kind.__qualname__}({values})"
+
+    def __str__(self) -> str:
+        return f"{type(self).__name__} with hardness {to_text(self.mean_hardness, 'Pa')}"
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, ContactLaw) and self.key() == other.key()
@@ -185,6 +194,10 @@ class PerfectlyPlastic(ContactLaw):
     def after(self, deformation: ArrayLike) -> ContactLaw:
         """The same law."""
         return self
+
+    def __str__(self) -> str:
+        elastic = self.is_elastic
+        return "elastic" if elastic else f"elastic-perfectly plastic with hardness {to_text(self.mean_hardness, 'Pa')}"
 
     def deformation(self, pressure: Array, gap: Array, stiffness: float) -> Array:
         """The overlap −g where points are at the hardness."""
@@ -240,18 +253,19 @@ class LinearHardening(ContactLaw):
         """h, whatever the deformation."""
         return self.slope
 
-    def attributes(self) -> dict[str, float]:
-        """Hardness where yield begins, and slope."""
-        return {**super().attributes(), "hardening_Pa_per_m": float(np.mean(self.slope))}
+    def __str__(self) -> str:
+        hardening = f"{float(np.mean(self.slope)) / 1e15:.4g} GPa/µm"
+        return f"elastic-plastic with hardness {to_text(self.mean_hardness, 'Pa')} and hardening {hardening}"
 
 
 @dataclass(frozen=True, eq=False)
 class _Changed(ContactLaw):
-    """A law at points that carry a plastic deformation already, or part of whose pressure is a fluid's."""
+    """factor · H(u + kept) − p_f: points that have yielded before, a harder metal, a fluid that presses too."""
 
     law: ContactLaw
-    kept: float | Array
-    fluid_pressure: float | Array
+    kept: float | Array = 0.0
+    fluid_pressure: float | Array = 0.0
+    factor: float = 1.0
 
     @property
     def linear(self) -> bool:
@@ -259,20 +273,24 @@ class _Changed(ContactLaw):
         return self.law.linear
 
     def yield_pressure(self, deformation: Any = 0.0) -> Any:
-        """H(u + kept) − p_f."""
-        return self.law.yield_pressure(self.kept + np.asarray(deformation, dtype=float)) - self.fluid_pressure
+        """factor · H(u + kept) − p_f."""
+        pressure = self.law.yield_pressure(self.kept + np.asarray(deformation, dtype=float))
+        return self.factor * pressure - self.fluid_pressure
 
     def hardening_modulus(self, deformation: Any = 0.0) -> Any:
-        """h(u + kept)."""
-        return self.law.hardening_modulus(self.kept + np.asarray(deformation, dtype=float))
+        """factor · h(u + kept)."""
+        return self.factor * self.law.hardening_modulus(self.kept + np.asarray(deformation, dtype=float))
 
     def after(self, deformation: ArrayLike) -> ContactLaw:
         """The law with both deformations."""
-        return _Changed(self.law, self.kept + np.asarray(deformation, dtype=float), self.fluid_pressure)
+        return replace(self, kept=self.kept + np.asarray(deformation, dtype=float))
 
     def less(self, fluid_pressure: ArrayLike) -> ContactLaw:
         """The law with both fluid pressures."""
-        return _Changed(self.law, self.kept, self.fluid_pressure + np.asarray(fluid_pressure, dtype=float))
+        return replace(self, fluid_pressure=self.fluid_pressure + np.asarray(fluid_pressure, dtype=float))
+
+    def __str__(self) -> str:
+        return str(self.law)
 
 
 @dataclass(frozen=True, eq=False)

@@ -40,7 +40,7 @@ class Workspace:
     respond : v = K p from `pressure` to `displacement`, the same memory as `p` and `v`.
     search : Kd of a direction, from `dense` to `kd`; `kd` is in the memory of `v`.
     stencil : 3×3 stencil of the preconditioner M, truncated from the symbol E*|q|/2, and the maps of its indices.
-    stiffness : c₀ = πE*/(4Δ) [Pa/m], that of a wave of four pixels: the step from gap to pressure.
+    stiffness : c₀ [Pa/m], see `HalfSpace.stiffness`.
     """
 
     def __init__(self, half_space: HalfSpace, threads: int) -> None:
@@ -66,10 +66,7 @@ class Workspace:
             _index_map(n1, r1, half_space.boundary[0]),
             _index_map(n2, r2, half_space.boundary[1]),
         )
-        spacings = [d for n, d in zip(half_space.shape, half_space.spacing, strict=True) if n > 1] or [
-            min(half_space.spacing)
-        ]
-        self.stiffness = np.pi * half_space.modulus / (4 * float(np.prod(spacings) ** (1 / len(spacings))))
+        self.stiffness = half_space.stiffness
 
     def start(self, pressure: Array, limit: Array) -> None:
         """Start from pressures on this grid, or on the next coarser one, nowhere above `limit` (1,) or (n1, n2)."""

@@ -172,7 +172,7 @@ def _assembled(case: Case, extra: list[float]) -> Case:
     if load.unit != "Pa":
         raise InputError("assembly", to_text(extra[0], "Pa"), "none where the loads of the case are forces")
     for q in extra:
-        if not least < q < case.hardness:
+        if not least < q < case.law.capacity:
             allowed = f"pressures above the lowest of the case, {to_text(least, 'Pa')}, and below the hardness"
             raise InputError("assembly", to_text(q, "Pa"), allowed)
     stops = load.unloading or tuple(reversed(load.loading))

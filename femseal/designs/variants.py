@@ -57,14 +57,14 @@ class Solver:
         """The seals with another hardness, if the solids yield, and another length of the flow law, if it has one."""
         scene = self._scene
         harder = longer = None
-        yields = bool(np.isfinite(scene.hardness))
+        yields = not scene.law.is_elastic
         if yields:
-            harder = self._seals("another hardness", replace(scene, hardness=HARDER * scene.hardness))
+            harder = self._seals("another hardness", replace(scene, hardness=scene.law.times(HARDER)))
         name, fluid = law_of(scene.fluid).length, cast(Any, scene.fluid)
         if hasattr(fluid, name):
             changed = replace(fluid, **{name: LONGER * getattr(fluid, name)})
             longer = self._seals(f"another {name.replace('_', ' ')}", replace(scene, fluid=changed))
-        return Variants(harder, longer, HARDER, LONGER, hardness_counts=yields)
+        return Variants(harder, longer, HARDER, LONGER, hardness_counts=yields, hardens=not scene.law.is_perfect)
 
     def turned(self) -> TurnedSeals:
         """The seals of the face turned by 90°.

@@ -12,7 +12,7 @@ from scipy.sparse.csgraph import connected_components
 
 from ..base.errors import NotConverged
 from ..flow.solution import MAX_IMBALANCE
-from .element_elimination import Factors, factored
+from .element_elimination import MeshFactors, mesh_factors
 from .superelement import WindowElement
 
 Array = NDArray[np.float64]
@@ -38,7 +38,7 @@ class ElementSolution:
     unknowns: int = 0
     imbalance: float = 0.0
     solver: str = "none"
-    factors: Factors | None = None
+    factors: MeshFactors | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,9 +124,8 @@ class ElementMesh:
         """Solution with `values` at the nodes `held`."""
         couples = [e.couples for e in self.elements]
         # potential and complement are solved for on their own, so that each keeps its relative accuracy
-        both = np.column_stack([values, 1 - values])
-        factors = factored(couples, self.numbers, self.cells, held, self.nodes)
-        x, y = factors.with_held(held, both).T
+        factors = mesh_factors(couples, self.numbers, self.cells, held, self.nodes)
+        x, y = factors.dirichlet(values), factors.dirichlet(1 - values)
         reached = np.isin(self.component, self.component[held])
         energy, through, out = np.zeros(len(couples)), np.zeros((len(couples), 4)), np.zeros(self.nodes)
         for n, (c, number) in enumerate(zip(couples, self.numbers, strict=True)):

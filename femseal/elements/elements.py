@@ -17,8 +17,7 @@ from threadpoolctl import threadpool_limits
 from ..base import validate
 from ..base.errors import InputError
 from ..base.text import Shown
-from ..flow.solvers.condensation import components
-from ..flow.solvers.elimination import eliminate
+from ..flow.solvers.link_network import components, eliminate
 from ..windows.partition import Partition
 from .element_mesh import ElementMesh
 from .side_points import SidePoints
@@ -189,13 +188,16 @@ def _inside(links: WindowLinks, sides: tuple[Array, Array, Array, Array]) -> Win
     low = float(values[known].min())
     size = float(np.ptp(values[known])) or 1.0
     # a side point of a potential p between 0 and 1 acts as the inlet with the weight p and as the outlet with 1 − p
-    inlet, outlet = np.zeros((2, w1, w2))
-    for at, side, c in zip(_AT_SIDES, sides, (c1[0], c1[-1], c2[:, 0], c2[:, -1]), strict=True):
-        share = (side - low) / size
-        inlet[at] += np.nan_to_num(c * share)
-        outlet[at] += np.nan_to_num(c * (1 - share))
-    _, high, _ = eliminate(c1, np.ascontiguousarray(c2[:, 1:-1]), keep, False, inlet, outlet)
-    potential = np.where(keep, low + size * high.reshape(w1, w2), np.nan)
+    link = np.concatenate([c1[0], c1[-1], c2[:, 0], c2[:, -1]])
+    number = np.arange(w1 * w2).reshape(w1, w2)
+    beside = np.concatenate([number[at] for at in _AT_SIDES])
+    at_sides = np.flatnonzero((link > 0) & known)
+    fraction = (values[at_sides] - low) / size
+    node, end = np.tile(beside[at_sides], 2), np.repeat([0, 1], at_sides.size)
+    links_to_ends = np.concatenate([link[at_sides] * fraction, link[at_sides] * (1 - fraction)])
+    inner = np.ascontiguousarray(c2[:, 1:-1])
+    _, high, _ = eliminate(np.ascontiguousarray(c1), inner, keep, False, node, end, links_to_ends)
+    potential = np.where(keep, low + size * high, np.nan)
     before, after, left, right = sides
     drop1 = -np.diff(np.vstack([before, potential, after]), axis=0)
     drop2 = -np.diff(np.column_stack([left, potential, right]), axis=1)

@@ -12,14 +12,14 @@ from __future__ import annotations
 from collections import deque
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from ..flow.solvers.elimination import Factors, Links, Order, carry_sources, factored, find_potentials
 from ..windows.partition import Partition
-from .element_elimination import Factors
+from .element_elimination import MeshFactors
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -29,9 +29,6 @@ TOLERANCE, MOST_ITERATIONS = 1e-3, 200
 DELAY = 4
 #: Share of the energy below which a correction is due to the couples' single precision.
 _ROUNDING = 1e-12
-
-_exact: dict[str, Any] = {"cache": True, "nogil": True}
-_fast: dict[str, Any] = {**_exact, "error_model": "numpy", "fastmath": {"reassoc", "contract"}}
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,9 +76,12 @@ class SidePoints:
         """Keep the couples (p, p) of a window."""
         is_open = np.flatnonzero(couples.any(axis=1))
         unit = float(couples.max()) or 1.0
-        self.windows.append((self.numbers(i, j)[is_open], _packed(couples, is_open, unit), unit))
+        among_open = couples[np.ix_(is_open, is_open)][np.tril_indices(is_open.size, -1)] / unit
+        self.windows.append((self.numbers(i, j)[is_open], among_open.astype(np.float32), unit))
 
-    def improved(self, potential: Array, energy: float, node: Indices, weight: Array, factors: Factors) -> PointFlow:
+    def improved(
+        self, potential: Array, energy: float, node: Indices, weight: Array, factors: MeshFactors
+    ) -> PointFlow:
         """Lessen the energy of a potential (points,) until its error is estimated to be below `TOLERANCE`.
 
         Parameters
@@ -139,50 +139,67 @@ class SidePoints:
         return out, energy
 
     def _on_sides(self, sources: Array) -> Array:
-        """Potential (points,) on each side for sources at its points while all other sides are held at 0."""
+        """Potential (points,) on each side for sources at its points while all other sides have 0."""
+        points, factors = self._sides
+        v = np.append(sources[points], 0.0)
+        carry_sources(factors, v)
+        v[-1] = 0.0
+        find_potentials(factors, v)
         x = np.zeros(self.count)
-        for number, couples, total in self._sides:
-            x[number] = _side_potential(couples, total, sources[number])
+        x[points] = v[:-1]
         return x
 
     @cached_property
-    def _sides(self) -> list[tuple[Indices, NDArray[np.float32], Array]]:
-        """Of every side between windows its points, its eliminated couples and their sums, see `_side_factors`."""
+    def _sides(self) -> tuple[Indices, Factors]:
+        """The points of all sides between windows, and their factors; all other points are one node that stays."""
         (m1, m2), (w1, w2) = self.partition.cells, self.partition.window
-        blocks: dict[tuple[int, int, int], tuple[Indices, Array, Array]] = {}
-        found = []
-        for place, (number, couples, unit) in enumerate(self.windows):
+        blocks: dict[tuple[int, int, int], tuple[Indices, Array]] = {}
+        points, found = [], []
+        for place, (number, packed, unit) in enumerate(self.windows):
             i, j = divmod(place, m2)
-            points, next_column = self.numbers(i, j), (j + 1) % m2
-            before, after, left, right = np.split(points, [w2, 2 * w2, 2 * w2 + w1])
-            sides = {(0, i, j): before, (0, i + 1, j): after, (1, i, j): left, (1, i, next_column): right}
+            before, after, left, right = np.split(self.numbers(i, j), [w2, 2 * w2, 2 * w2 + w1])
+            sides = {(0, i, j): before, (0, i + 1, j): after, (1, i, j): left, (1, i, (j + 1) % m2): right}
+            couples = np.zeros((number.size, number.size))
+            couples[np.tril_indices(number.size, -1)] = packed
+            couples = unit * (couples + couples.T)
             for key, numbers in sides.items():
                 if key[0] == 0 and key[1] in (0, m1):
                     continue  # inlet and outlet
                 if key not in blocks:
-                    blocks[key] = numbers, np.zeros((numbers.size, numbers.size)), np.zeros(numbers.size)
-                point = np.searchsorted(numbers, number) % numbers.size
-                _add_side(couples, numbers[point] == number, point, unit, *blocks[key][1:])
+                    blocks[key] = numbers, np.zeros((numbers.size, numbers.size + 1))
+                on_side = np.isin(number, numbers)
+                at = np.searchsorted(numbers, number[on_side])
+                block = blocks[key][1]
+                block[at[:, None], at] += couples[np.ix_(on_side, on_side)]
+                block[at, -1] += couples[np.ix_(on_side, ~on_side)].sum(axis=1)
             if j == m2 - 1:
                 for key in [key for key in blocks if key[1] == i]:
-                    numbers, block, ground = blocks.pop(key)
-                    found.append((numbers, *_side_factors(block, ground)))
-        return found
+                    numbers, block = blocks.pop(key)
+                    points.append(numbers)
+                    found.append(_side_factors(block))
+        return np.concatenate(points) if points else np.empty(0, np.int64), _united(found)
 
 
-@njit(**_exact)
-def _packed(couples, is_open, unit):
-    q = is_open.size
-    packed = np.empty(q * (q - 1) // 2, np.float32)
-    k = 0
-    for a in range(q):
-        for b in range(a):
-            packed[k] = couples[is_open[a], is_open[b]] / unit
-            k += 1
-    return packed
+def _side_factors(block: Array) -> Factors:
+    """Eliminate the points of a side from the conductances (n, n + 1) between them and, last column, to all others."""
+    n = len(block)
+    first, later = np.triu_indices(n, 1, n + 1)
+    links = Links(np.searchsorted(first, np.arange(n + 1)), later, block[first, later])
+    return factored(Order(np.arange(n), np.array([0, n]), np.array([1])), links, 1)
 
 
-@njit(**_fast)
+def _united(parts: list[Factors]) -> Factors:
+    """Factors of networks that have nothing in common but the one node that stays."""
+    sizes = [part.inverse.size for part in parts]
+    first, n, size = np.cumsum([0, *sizes]), sum(sizes), np.cumsum([0, *(part.links.size for part in parts)])
+    links, inverse = (
+        np.concatenate([np.empty(0), *(getattr(p, name) for p in parts)]) for name in ("links", "inverse")
+    )
+    start = np.cumsum([0, *(part.start[-1] for part in parts)])
+    return Factors(first, np.full(int(start[-1]), n), start, size, links, inverse, np.zeros((1, 1)))
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath={"reassoc", "contract"})
 def _window_flows(couples, potential, unit):
     """Flow out of the points of a window into it, and its energy."""
     q = potential.size
@@ -199,63 +216,3 @@ def _window_flows(couples, potential, unit):
         flow[a] += total
         k += a
     return flow, energy
-
-
-@njit(**_exact)
-def _add_side(couples, on_side, point, unit, block, ground):
-    """Add the couples of a window among the points of a side, and the sums of those to all other points."""
-    k = 0
-    for a in range(on_side.size):
-        for b in range(a):
-            c = unit * couples[k]
-            k += 1
-            if on_side[a] and on_side[b]:
-                if point[a] != point[b]:
-                    block[point[a], point[b]] += c
-                    block[point[b], point[a]] += c
-            elif on_side[a]:
-                ground[point[a]] += c
-            elif on_side[b]:
-                ground[point[b]] += c
-
-
-@njit(**_exact)
-def _side_factors(block, ground):
-    """Eliminate the points of a side in place; shares of later points in the couples of each, and the sums of these."""
-    n = ground.size
-    total = np.zeros(n)
-    packed = np.zeros(n * (n - 1) // 2, np.float32)
-    k = 0
-    for i in range(n):
-        total[i] = ground[i]
-        for j in range(i + 1, n):
-            total[i] += block[i, j]
-        for j in range(i + 1, n):
-            share = block[i, j] / total[i] if total[i] > 0.0 else 0.0
-            packed[k] = share
-            k += 1
-            if share > 0.0:
-                ground[j] += share * ground[i]
-                for m in range(i + 1, n):
-                    if m != j:
-                        block[j, m] += share * block[i, m]
-    return packed, total
-
-
-@njit(**_exact)
-def _side_potential(shares, total, sources):
-    """Potential at the points of a side for sources there, with 0 on all other sides."""
-    n = total.size
-    x = sources.copy()
-    k = 0
-    for i in range(n):
-        for j in range(i + 1, n):
-            x[j] += shares[k] * x[i]
-            k += 1
-    for i in range(n - 1, -1, -1):
-        value = x[i] / total[i] if total[i] > 0.0 else 0.0
-        for j in range(n - 1, i, -1):
-            k -= 1
-            value += shares[k] * x[j]
-        x[i] = value
-    return x

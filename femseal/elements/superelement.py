@@ -19,7 +19,7 @@ from ..base import validate
 from ..base.errors import InputError
 from ..flow.discretisation import cell_stencil
 from ..flow.grid import Grid
-from ..flow.solvers.condensation import condense
+from ..flow.solvers.link_network import condense
 from ..windows.partition import Partition
 from .side_nodes import side_nodes
 
@@ -75,8 +75,13 @@ class WindowElement:
     @classmethod
     def with_points(cls, links: WindowLinks, node_spacing: int) -> tuple[WindowElement, Array]:
         """Condense a window; the element, and the couples (p, p) of all its side points."""
-        condensed, *parts = _element(links.along, links.across, links.beside1, links.beside2, links.ends, node_spacing)
-        return cls(*parts), condensed
+        condensed, component = condense(links.along, links.across)
+        along, across = (np.ascontiguousarray(c) for c in (links.along, links.across))
+        beside1, beside2 = (np.ascontiguousarray(c) for c in (links.beside1, links.beside2))
+        projected, counts, node, weight, place = _element(
+            condensed, along, across, beside1, beside2, links.ends, node_spacing
+        )
+        return cls(projected, counts, node, weight, component, place), condensed
 
     @property
     def side(self) -> Indices:
@@ -128,10 +133,9 @@ def window_links(gap: NDArray[np.floating], partition: Partition, row: int) -> l
 
 
 @njit(cache=True, nogil=True)
-def _element(along, across, beside1, beside2, ends, spacing):
+def _element(couples, along, across, beside1, beside2, ends, spacing):
     w1, w2 = across.shape[0], along.shape[1]
-    couples, component = condense(along, across)
-    points = component.size
+    points = couples.shape[0]
     node, weight = np.full((points, 2), -1, np.int64), np.zeros((points, 2))
     place = np.full(points, -1, np.int64)
     counts = np.zeros(4, np.int64)
@@ -161,7 +165,7 @@ def _element(along, across, beside1, beside2, ends, spacing):
         count += counts[side]
         start += n
     projected = _projected(couples, node, weight, count)
-    return couples, projected, counts, node, weight, component, place[:count].copy()
+    return projected, counts, node, weight, place[:count].copy()
 
 
 @njit(cache=True, nogil=True)

@@ -2,11 +2,8 @@
 
 Every call of the mapper in a study is a stage; the order of the calls depends on the case alone. Results of
 consecutive items are kept in shards, each a file that is complete or not there, with a checksum. A resumed run makes
-the same calls, takes the items of intact shards from their files and computes the others.
-
-Shards hold data alone, see `plain_data`: a folder that somebody has changed can give wrong results, but runs no code
-and reaches no other folder. Only the versions that wrote them read them back; they are no exchange format, `results.nc`
-is one.
+the same calls, takes the items of intact shards from their files and computes the others, see `store`. Shards are no
+exchange format; `results.nc` is one.
 """
 
 from __future__ import annotations
@@ -15,31 +12,25 @@ import errno
 import hashlib
 import json
 import logging
-import os
 import re
 import shutil
-import time
 from collections import deque
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
 from typing import Any
 
 from ..base.errors import FemsealError, InputError, NotKept, shortened
-from ..base.files import read_plain, replacing
-from ..base.machine import free_memory
+from ..base.files import read_plain
 from ..base.stage import Mapper, Stage
-from .plain_data import packed, unpacked
+from .plain_data import unpacked
+from .store import SUFFIX, ShardWriter, read_shard, write_whole
 
 log = logging.getLogger("femseal.execution.checkpoint")
 #: Subfolder of the output folder.
 FOLDER = ".checkpoint"
 MANIFEST = "manifest.json"
-#: A shard is written when it has this number of items or bytes, or when this time has passed since the last one [s].
-SHARD_ITEMS = 1000
-SHARD_BYTES = 64_000_000
-SHARD_SECONDS = 10.0
 #: No manifest is larger [byte].
 _LARGEST_MANIFEST = 1e8
 #: Changed keys that a message names.
@@ -83,7 +74,7 @@ def resumable(output: Path, identity: dict[str, Any]) -> bool:
 
 def refuse_unfinished(output: Path) -> None:
     """Raise InputError if the output folder has an unfinished run, whose results a new run would remove."""
-    kept = len(list(_folder(output).glob("*.shard")))
+    kept = len(list(_folder(output).glob(f"*{SUFFIX}")))
     if kept:
         given = f"'{output}', which holds {kept} parts of an unfinished run"
         allowed = f"--resume to go on; another folder, or none of '{output / FOLDER}', to start anew"
@@ -135,28 +126,26 @@ class Checkpoint:
         self._folder = _folder(output)
         self._stages = 0
         self._taken = 0
-        self._stage = ""
-        self._pending: list[bytes] = []
         self._start = 0
-        self._since = time.monotonic()
+        self._writer = ShardWriter((), self._place)
         if not resume:
             remove(output)
         try:
             self._folder.mkdir(exist_ok=True)
             for leftover in self._folder.glob(".unfinished-*"):
                 leftover.unlink()
-            _write(self._folder / MANIFEST, text.encode())
+            write_whole(self._folder / MANIFEST, text.encode())
         except OSError as error:
             raise self._failure(error) from error
         if resume:
-            log.info("resumed: %d shards in %s", len(list(self._folder.glob("*.shard"))), self._folder)
+            log.info("resumed: %d shards in %s", len(list(self._folder.glob(f"*{SUFFIX}"))), self._folder)
 
     def __enter__(self) -> Checkpoint:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, *details: object) -> None:
         try:
-            self._flush()
+            self._kept(self._writer.flush)
         except FemsealError as failure:
             if error is None:
                 raise
@@ -171,67 +160,59 @@ class Checkpoint:
 
         def mapping(stage: Stage, *iterables: Iterable[Any]) -> Iterator[Any]:
             self._stages += 1
-            self._stage = stage.name
-            shards = deque(self._intact())
+            header = self._key, stage.name
+            shards = deque(self._intact(header))
             left = (_left(iterable, list(shards)) for iterable in iterables)
             computed = iter(mapper(stage, *left))
-            self._start, self._since = 0, time.monotonic()
+            self._start = 0
+            self._writer = ShardWriter(header, self._place)
             while True:
-                if shards and shards[0].start == self._start + len(self._pending):
-                    self._flush()
+                if shards and shards[0].start == self._start + len(self._writer):
+                    self._kept(self._writer.flush)
                     shard = shards.popleft()
                     self._start = shard.stop
                     self._taken += shard.stop - shard.start
-                    yield from shard.items()
+                    yield from map(unpacked, read_shard(shard.path, header))
                     continue
                 try:
                     item = next(computed)
                 except StopIteration:
                     break
-                self._keep(item)
+                self._kept(self._writer.keep, item)
                 yield item
-            self._flush()
+            self._kept(self._writer.flush)
 
         return mapping
 
-    def _keep(self, item: Any) -> None:
-        self._pending.append(packed(item))
-        full = len(self._pending) >= SHARD_ITEMS or sum(map(len, self._pending)) >= SHARD_BYTES
-        if full or time.monotonic() - self._since >= SHARD_SECONDS:
-            self._flush()
+    def _place(self, count: int) -> Path:
+        """Path of a shard of so many items, which come after those that are kept."""
+        start, self._start = self._start, self._start + count
+        return self._folder / f"{self._stages:03d}-{start:09d}-{self._start:09d}{SUFFIX}"
 
-    def _flush(self) -> None:
-        """Write the pending items as a shard."""
-        if not self._pending:
-            return
-        items, self._pending = self._pending, []
-        shard = _Shard.of(self._folder, self._stages, self._start, self._start + len(items))
+    def _kept(self, write: Callable[..., None], *item: Any) -> None:
+        """Call what may write a shard; an error of the disk says what is kept and what to do."""
         try:
-            _write(shard.path, _sealed(packed((self._key, self._stage, items))))
+            write(*item)
         except OSError as error:
             raise self._failure(error) from error
-        self._start, self._since = shard.stop, time.monotonic()
 
-    def _intact(self) -> Iterator[_Shard]:
+    def _intact(self, header: tuple[str, str]) -> Iterator[_Shard]:
         """Shards of this stage in order; damaged ones are removed and reported."""
         position = 0
-        for path in sorted(self._folder.glob(f"{self._stages:03d}-*.shard")):
+        for path in sorted(self._folder.glob(f"{self._stages:03d}-*{SUFFIX}")):
             shard = _Shard.at(path)
-            if shard is not None and shard.start >= position and shard.is_intact(self._key, self._stage):
+            if shard is not None and shard.start >= position and shard.is_intact(header):
                 position = shard.stop
                 yield shard
                 continue
-            log.warning("checkpoint: %s is damaged; its items are computed again (%s)", path, self._stage)
-            try:
-                path.unlink(missing_ok=True)
-            except OSError as error:
-                raise self._failure(error) from error
+            log.warning("checkpoint: %s is damaged; its items are computed again (%s)", path, header[1])
+            self._kept(path.unlink, True)
 
     def _failure(self, error: OSError) -> NotKept:
         if not self._folder.is_dir():
             text = f"checkpoint: '{self._folder}' was removed while the run went on, with the results in it"
             return NotKept(f"{text}; start the run again")
-        shards = map(_Shard.at, self._folder.glob("*.shard"))
+        shards = map(_Shard.at, self._folder.glob(f"*{SUFFIX}"))
         kept = sum(s.stop - s.start for s in shards if s is not None)
         todo = "make room" if error.errno in (errno.ENOSPC, errno.EDQUOT) else "mend that"
         return NotKept(
@@ -249,10 +230,6 @@ class _Shard:
     stop: int
 
     @classmethod
-    def of(cls, folder: Path, stage: int, start: int, stop: int) -> _Shard:
-        return cls(folder / f"{stage:03d}-{start:09d}-{stop:09d}.shard", start, stop)
-
-    @classmethod
     def at(cls, path: Path) -> _Shard | None:
         """The shard of a file; None if it has the name of none."""
         match = _NAME.fullmatch(path.stem)
@@ -260,23 +237,12 @@ class _Shard:
             return None
         return cls(path, int(match[2]), int(match[3]))
 
-    def content(self) -> list[bytes]:
-        """The packed items; OSError or ValueError where the file is damaged."""
-        return unpacked(_unsealed(read_plain(self.path, free_memory())))[2]
-
-    def is_intact(self, key: str, stage: str) -> bool:
-        """Whether the file holds items of this run and this stage, all of which can be read."""
+    def is_intact(self, header: tuple[str, str]) -> bool:
+        """Whether the file holds the items of a run and a stage, all of which can be read."""
         try:
-            found, name, items = unpacked(_unsealed(read_plain(self.path, free_memory())))
-            for item in items:
-                unpacked(item)
-            return (found, name, len(items)) == (key, stage, self.stop - self.start)
-        except (OSError, ValueError, TypeError):
+            return len(read_shard(self.path, header)) == self.stop - self.start
+        except (OSError, ValueError):
             return False
-
-    def items(self) -> Iterator[Any]:
-        """The items."""
-        return map(unpacked, self.content())
 
 
 def _left(iterable: Iterable[Any], shards: list[_Shard]) -> Iterator[Any]:
@@ -287,25 +253,6 @@ def _left(iterable: Iterable[Any], shards: list[_Shard]) -> Iterator[Any]:
         deque(islice(iterator, shard.stop - shard.start), maxlen=0)
         position = shard.stop
     yield from iterator
-
-
-def _sealed(content: bytes) -> bytes:
-    return hashlib.sha256(content).digest() + content
-
-
-def _unsealed(data: bytes) -> bytes:
-    size = hashlib.sha256().digest_size
-    if hashlib.sha256(data[size:]).digest() != data[:size]:
-        raise ValueError("checksum")
-    return data[size:]
-
-
-def _write(path: Path, data: bytes) -> None:
-    """Write a file completely to disk before it gets its name."""
-    with replacing(path) as temporary, temporary.open("wb") as file:
-        file.write(data)
-        file.flush()
-        os.fsync(file.fileno())
 
 
 def _plain(identity: dict[str, Any]) -> Any:

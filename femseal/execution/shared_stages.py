@@ -8,48 +8,29 @@ read by the program that wrote it, not passed on.
 from __future__ import annotations
 
 import hashlib
-import json
 import logging
-import os
-import tempfile
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
-from dataclasses import dataclass, fields, is_dataclass, replace
+from dataclasses import fields, is_dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
+from uuid import uuid4
 
 import numpy as np
 
 from ..base.errors import NotKept
 from ..base.provenance import numerical_versions
 from ..base.stage import Mapper, Stage
-from .plain_data import packed, unpacked
+from .plain_data import unpacked
+from .store import SUFFIX, ShardWriter, read_shard
 
 log = logging.getLogger("femseal.execution.shared_stages")
 
 
 class Unnamed(TypeError):
     """A value has no digest."""
-
-
-@dataclass(frozen=True)
-class _Place:
-    """Bytes of a result in a file."""
-
-    path: Path
-    start: int
-    size: int
-
-    def read(self) -> Any:
-        try:
-            with self.path.open("rb") as file:
-                file.seek(self.start)
-                return unpacked(file.read(self.size))
-        except (OSError, ValueError) as error:
-            text = f"shared results: '{self.path}' cannot be read ({error}); remove '{self.path.parent}', then --resume"
-            raise NotKept(text) from error
 
 
 class SharedStages:
@@ -67,40 +48,81 @@ class SharedStages:
             except Unnamed:
                 yield from mapper(stage, *iterables)
                 return
-            kept = self._kept(base)
-            waiting: deque[_Place | str] = deque()
+            kept = _Kept(self._folder, base)
+            waiting: deque[tuple[str, bool]] = deque()
 
             def missing() -> Iterator[tuple[Any, ...]]:
                 for item in zip(*iterables, strict=False):
                     key = _item_key(item)
-                    waiting.append(kept.get(key, key))
-                    if key not in kept:
+                    waiting.append((key, key in kept.found))
+                    if key not in kept.found:
                         yield item
 
-            writer = _Writer(self._folder, base)
             computed = iter(mapper(replace(stage, function=partial(_spread, stage.function)), missing()))
             try:
                 for result in computed:
-                    while isinstance(place := waiting.popleft(), _Place):
-                        yield place.read()
-                    writer.keep(place, result)
+                    while waiting[0][1]:
+                        yield kept.read(waiting.popleft()[0])
+                    kept.keep(waiting.popleft()[0], result)
                     yield result
                 while waiting:
-                    place = waiting.popleft()
-                    assert isinstance(place, _Place)
-                    yield place.read()
+                    yield kept.read(waiting.popleft()[0])
             finally:
-                writer.close()
+                kept.close()
 
         return mapping
 
-    def _kept(self, base: str) -> dict[str, _Place]:
-        found: dict[str, _Place] = {}
-        for index in sorted(self._folder.glob(f"{base}-*.json")):
-            with suppress(OSError, ValueError):
-                entries = json.loads(index.read_text(encoding="utf-8"))
-                found |= {key: _Place(index.with_suffix(".data"), *place) for key, place in entries.items()}
-        return found
+
+class _Kept:
+    """Results of a stage by the digest of their items.
+
+    found : shard and number of those that are in the folder.
+    """
+
+    def __init__(self, folder: Path, base: str) -> None:
+        self._folder, self._base = folder, base
+        self._writer = ShardWriter((base,), self._place)
+        self._full = False
+        self._open: tuple[Path | None, list[bytes]] = (None, [])
+        self.found: dict[str, tuple[Path, int]] = {}
+        for path in sorted(folder.glob(f"{base}-*{SUFFIX}")):
+            with suppress(OSError, ValueError, TypeError):
+                keys = (unpacked(pair)[0] for pair in read_shard(path, (base,)))
+                self.found |= {str(key): (path, n) for n, key in enumerate(keys)}
+
+    def read(self, key: str) -> Any:
+        """The result of an item that is found."""
+        path, number = self.found[key]
+        try:
+            if self._open[0] != path:
+                self._open = path, read_shard(path, (self._base,))
+            return unpacked(self._open[1][number])[1]
+        except (OSError, ValueError, LookupError) as error:
+            text = f"shared results: '{path}' cannot be read ({error}); remove '{path.parent}', then --resume"
+            raise NotKept(text) from error
+
+    def keep(self, key: str, result: Any) -> None:
+        """Keep a result, unless it is no plain data or the disk is full: then it is only not shared."""
+        if not key or self._full:
+            return
+        with suppress(TypeError):
+            self._write(self._writer.keep, (key, result))
+
+    def close(self) -> None:
+        """Write what is left."""
+        if not self._full:
+            self._write(self._writer.flush)
+
+    def _place(self, count: int) -> Path:
+        self._folder.mkdir(parents=True, exist_ok=True)
+        return self._folder / f"{self._base}-{uuid4().hex}{SUFFIX}"
+
+    def _write(self, write: Callable[..., None], *item: Any) -> None:
+        try:
+            write(*item)
+        except OSError as error:
+            self._full = True
+            log.warning("results are not shared with other runs any more: %s", error)
 
 
 def _spread(function: Callable[..., Any], item: tuple[Any, ...]) -> Any:
@@ -113,46 +135,6 @@ def _item_key(item: tuple[Any, ...]) -> str:
         return digest(item)
     except Unnamed:
         return ""
-
-
-class _Writer:
-    """Writes results behind each other into a file, and at the end the index that makes them found."""
-
-    def __init__(self, folder: Path, base: str) -> None:
-        self._folder, self._base = folder, base
-        self._file: Any = None
-        self._index: dict[str, tuple[int, int]] = {}
-        self._full = False
-
-    def keep(self, key: str, result: Any) -> None:
-        """Write a result, unless it is no plain data or the disk is full: then it is only not shared."""
-        if not key or self._full:
-            return
-        try:
-            content = packed(result)
-            if self._file is None:
-                self._folder.mkdir(parents=True, exist_ok=True)
-                handle, self._name = tempfile.mkstemp(prefix=f"{self._base}-", suffix=".data", dir=self._folder)
-                self._file = os.fdopen(handle, "wb")
-            start = self._file.tell()
-            self._file.write(content)
-            self._index[key] = (start, len(content))
-        except TypeError:
-            return
-        except OSError as error:
-            self._full = True
-            log.warning("results are not shared with other runs any more: %s", error)
-
-    def close(self) -> None:
-        """Write the index."""
-        if self._file is None:
-            return
-        try:
-            self._file.close()
-            if not self._full:
-                Path(self._name).with_suffix(".json").write_text(json.dumps(self._index), encoding="utf-8")
-        except OSError as error:
-            log.warning("results are not shared with other runs: %s", error)
 
 
 def digest(value: Any) -> str:

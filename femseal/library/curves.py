@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
 from ..analytic import large_gap
-from .ladder import Cell, Ladder
+from .ladder import Ladder, WindowStates
 
 Array = NDArray[np.float64]
 Curve = Callable[[Array], Array]
@@ -58,10 +58,10 @@ class LogCurve:
         return np.where(x <= self.end, value, -np.inf)
 
 
-class CellCurves:
+class WindowCurves:
     """Permeability of one cell along one axis: the value (kind 0), its lower bound (1) or its upper bound (2)."""
 
-    def __init__(self, cell: Cell, ladder: Ladder, axis: int, rms_height: float, kind: int = 0) -> None:
+    def __init__(self, cell: WindowStates, ladder: Ladder, axis: int, rms_height: float, kind: int = 0) -> None:
         self.cell, self.ladder, self.axis, self.rms_height, self.kind = cell, ladder, axis, rms_height, kind
 
     @cached_property

@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.errors import InputError
-from ..contact import Contact, HalfSpace, solve_contact
+from ..contact import Contact, ContactLaw, HalfSpace, solve_contact
 from ..flow.pressure_drop import VISCOUS, PressureDrop
 from ..windows.outcome import SolveCounts
-from ..windows.window import FlowSettings, window_permeability
+from ..windows.window_flow import FlowSettings, window_permeability
 
 Array = NDArray[np.float64]
 
@@ -65,7 +65,7 @@ class Ladder:
 
 
 @dataclass(frozen=True)
-class Cell:
+class WindowStates:
     """A window followed along a ladder: one row of a library, with the states along its last axes.
 
     pressure : n loading pressures, those of the ladder and those found by bisection, rising from 0 (n,) [Pa].
@@ -102,16 +102,16 @@ class Cell:
         return float(self.pressure[first] if first == 0 else (self.pressure[first - 1] + self.pressure[first]) / 2)
 
 
-def follow(
+def solve_ladder(
     window: Array,
     *,
     ladder: Ladder,
     half_space: HalfSpace,
-    hardness: float,
+    law: ContactLaw,
     rtol: float = 1e-6,
     flow: FlowSettings | None = None,
-    known: Cell | None = None,
-) -> Cell:
+    known: WindowStates | None = None,
+) -> WindowStates:
     """Solve a window along a ladder, or solve only the states of the ladder that a known cell lacks.
 
     The result has the states of the ladder and no others of the known cell: it is the same whatever is known.
@@ -119,7 +119,7 @@ def follow(
     Parameters
     ----------
     window : undeformed gap (n1, n2) [m].
-    half_space, hardness, rtol : as in `contact.solve_contact`.
+    half_space, rtol : as in `contact.solve_contact`. law : what every point of the window can carry.
     flow : how the flow is discretised and solved.
     known : the same window along another ladder with the same stops, separations and bounds.
 
@@ -127,7 +127,7 @@ def follow(
     ------
     NotConverged : a contact or a flow failed.
     """
-    work = _Window(np.asarray(window, float), half_space, hardness, rtol, ladder, flow)
+    work = _Window(np.asarray(window, float), half_space, law, rtol, ladder, flow)
     before = {} if known is None else dict(zip(known.pressure.tolist(), _states(known), strict=True))
 
     def state(pressure: float, closed: tuple[bool, bool]) -> _State:
@@ -143,8 +143,8 @@ def follow(
     return replace(_cell(loading, dict(zip(ladder.peaks, ways, strict=True)), ladder, rigid), counts=work.counts)
 
 
-def part(known: Cell, ladder: Ladder) -> Cell | None:
-    """The cell that `follow` gives along a ladder, from the states of a known one; None if it lacks some."""
+def restrict(known: WindowStates, ladder: Ladder) -> WindowStates | None:
+    """The cell that `solve_ladder` gives along a ladder, from the states of a known one; None if it lacks some."""
     before = dict(zip(known.pressure.tolist(), _states(known), strict=True))
     peaks = {p: n for n, p in enumerate(known.peaks.tolist())}
     try:
@@ -154,7 +154,7 @@ def part(known: Cell, ladder: Ladder) -> Cell | None:
         return None
 
 
-def united(cell: Cell, other: Cell, ladder: Ladder) -> Cell:
+def merge(cell: WindowStates, other: WindowStates, ladder: Ladder) -> WindowStates:
     """The states of two cells of one window; both have the stops, separations and bounds of the ladder."""
     loading: dict[float, _State] = {}
     ways: dict[float, list[_State]] = {}
@@ -178,7 +178,7 @@ def _loading(ladder: Ladder, state: Callable[[float, tuple[bool, bool]], _State]
     return loading
 
 
-def _cell(loading: dict[float, _State], ways: dict[float, list[_State]], ladder: Ladder, rigid: Array) -> Cell:
+def _cell(loading: dict[float, _State], ways: dict[float, list[_State]], ladder: Ladder, rigid: Array) -> WindowStates:
     """The cell of states on loading and on unloading from peaks, both by their pressures."""
     pressure, peaks = sorted(loading), sorted(ways)
     states = [loading[p] for p in pressure]
@@ -189,7 +189,7 @@ def _cell(loading: dict[float, _State], ways: dict[float, list[_State]], ladder:
         for name in ("standoff", "mean_gap", "contact_fraction")
     }
     down = np.array([[s.k for s in way] for way in unloaded]).reshape(*shape, ladder.kinds, 2)
-    return Cell(
+    return WindowStates(
         pressure=np.array(pressure),
         k=np.array([s.k for s in states]).transpose(1, 2, 0),
         standoff=np.array([s.standoff for s in states]),
@@ -230,12 +230,12 @@ class _Window:
         self,
         gap0: Array,
         half_space: HalfSpace,
-        hardness: float,
+        law: ContactLaw,
         rtol: float,
         ladder: Ladder,
         flow: FlowSettings | None,
     ) -> None:
-        self.gap0, self.half_space, self.hardness, self.rtol = gap0, half_space, hardness, rtol
+        self.gap0, self.half_space, self.law, self.rtol = gap0, half_space, law, rtol
         self.kinds, self.bounds = ladder.kinds, ladder.bounds
         self.flow = replace(flow or FlowSettings(), drop=ladder.drop)
         self.counts = SolveCounts()
@@ -273,7 +273,7 @@ class _Window:
             self.gap0,
             self.half_space,
             pressure=pressure,
-            hardness=self.hardness,
+            hardness=self.law,
             deformation=deformation,
             rtol=self.rtol,
         )
@@ -296,12 +296,12 @@ class _Window:
         return k
 
 
-def _states(cell: Cell) -> list[_State]:
+def _states(cell: WindowStates) -> list[_State]:
     columns = (cell.standoff, cell.mean_gap, cell.plastic_deformation, cell.contact_fraction)
     return [_State(*values) for values in zip(np.moveaxis(cell.k, -1, 0), *columns, strict=True)]
 
 
-def _way(cell: Cell, m: int) -> list[_State]:
+def _way(cell: WindowStates, m: int) -> list[_State]:
     """States on unloading from peak m; their plastic deformation is that of the peak, which no cell holds again."""
     names = ("standoff_unloading", "mean_gap_unloading", "contact_fraction_unloading")
     columns = zip(*(getattr(cell, name)[m] for name in names), strict=True)

@@ -27,12 +27,12 @@ from ..base.files import made_folder, replacing
 from ..base.machine import within_free_memory
 from ..base.stage import Mapper, Stage
 from ..base.text import Shown
-from ..contact import HalfSpace
+from ..contact import ContactLaw, HalfSpace
 from ..loads import LoadProgramme, LoadStep
 from ..windows.outcome import Failed, SolveCounts, attempt
-from ..windows.window import FlowSettings
-from .curves import CellCurves
-from .ladder import Cell, Ladder, follow, part, united
+from ..windows.window_flow import FlowSettings
+from .curves import WindowCurves
+from .ladder import Ladder, WindowStates, merge, restrict, solve_ladder
 
 Array = NDArray[np.float64]
 #: Written into every file; a file of another format is computed again.
@@ -67,14 +67,14 @@ class WindowSource:
 
     topographies : undeformed gaps of whole faces (n1, n2) [m], all with the same pixels. Window n is cut from face n
         modulo the number of faces; its mean plane is put at 0.
-    half_space, hardness, rtol : elastic body, hardness and residual of the contact of a window.
+    half_space, law, rtol : elastic body, law and residual of the contact of a window.
     seed : of the random places of windows.
     flow : how the flow through windows is discretised and solved.
     """
 
     topographies: tuple[Array, ...]
     half_space: HalfSpace
-    hardness: float
+    law: ContactLaw
     seed: int
     rtol: float = 1e-6
     flow: FlowSettings = field(default_factory=FlowSettings)
@@ -117,7 +117,7 @@ class WindowSource:
     def key(self, ladder: Ladder) -> str:
         """Digest of all that the response of window n depends on, except the loading pressures and the peaks."""
         body = self.half_space
-        settings = [FORMAT, body.shape, body.spacing, body.modulus, body.boundary, self.hardness]
+        settings = [FORMAT, body.shape, body.spacing, body.modulus, body.boundary, self.law.key()]
         settings += [
             self.flow.solver,
             self.flow.discretisation,
@@ -139,7 +139,7 @@ class WindowSource:
 class LadderLibrary(Shown):
     """Windows followed along a ladder.
 
-    cells : the windows that did not fail.
+    windows : those that did not fail.
     rms_height : root mean square height of the windows [m].
     tiles : number of windows that tile the faces without overlap.
     counts : flows of windows in this run, solved or known without solving.
@@ -148,7 +148,7 @@ class LadderLibrary(Shown):
     """
 
     ladder: Ladder
-    cells: tuple[Cell, ...] = field(repr=False)
+    windows: tuple[WindowStates, ...] = field(repr=False)
     rms_height: float = field(metadata={"unit": "m"})
     tiles: int
     counts: SolveCounts = field(default_factory=SolveCounts)
@@ -160,7 +160,7 @@ class LadderLibrary(Shown):
     @property
     def size(self) -> int:
         """Number of cells."""
-        return len(self.cells)
+        return len(self.windows)
 
     @property
     def independent(self) -> int:
@@ -174,7 +174,7 @@ class LadderLibrary(Shown):
         steps = [LoadStep(p) for p in ladder.loading]
         steps += [LoadStep(share * peak, peak) for peak in ladder.peaks for share in ladder.stops]
         columns: dict[str, list[Array]] = {"k": [], "mean_gap": [], "contact_fraction": []}
-        for cell in self.cells:
+        for cell in self.windows:
             on_ladder = np.searchsorted(cell.pressure, ladder.loading)
             peaks = np.searchsorted(cell.peaks, ladder.peaks)
             columns["k"].append(np.r_[cell.k[0, 0, on_ladder], cell.k_unloading[0, 0, peaks].ravel()])
@@ -190,13 +190,13 @@ class LadderLibrary(Shown):
     def loaded(self, name: str, pressure: Array) -> Array:
         """Mean over the cells of "standoff" or "plastic_deformation" at mean pressures on loading [m]."""
         x = np.cbrt(pressure)
-        return np.mean([np.interp(x, np.cbrt(c.pressure), getattr(c, name)) for c in self.cells], axis=0)
+        return np.mean([np.interp(x, np.cbrt(c.pressure), getattr(c, name)) for c in self.windows], axis=0)
 
     def flattening(self, pressure: Array, peak: Array) -> Array:
         """Decrease of the standoff from loading to unloading from a peak, mean over the cells [m]."""
-        return np.mean([self._flattening(cell, pressure, peak) for cell in self.cells], axis=0)
+        return np.mean([self._flattening(cell, pressure, peak) for cell in self.windows], axis=0)
 
-    def _flattening(self, cell: Cell, pressure: Array, peak: Array) -> Array:
+    def _flattening(self, cell: WindowStates, pressure: Array, peak: Array) -> Array:
         """`flattening` of one cell, interpolated between peaks at equal shares of them; 0 without peaks."""
         if not cell.peaks.size:
             return np.zeros_like(pressure)
@@ -232,8 +232,8 @@ class LadderLibrary(Shown):
         up = (paths > 0) & ~down
         apart = paths <= 0
         table = np.zeros((*paths.shape, self.size))
-        for c, cell in enumerate(self.cells):
-            curves = CellCurves(cell, self.ladder, axis, self.rms_height, kind)
+        for c, cell in enumerate(self.windows):
+            curves = WindowCurves(cell, self.ladder, axis, self.rms_height, kind)
             values = table[:, :, c]
             values[up] = curves.loaded(paths[up])
             values[down] = curves.unloaded(paths[down], p_peak[down])
@@ -287,16 +287,16 @@ def build_ladder_library(
     outcomes = list(mapper(stage, range(count), known))
     cells = [None if isinstance(cell, Failed) else cell for cell in outcomes]
     failures = tuple(f"cell {n}: {cell.reason}" for n, cell in enumerate(outcomes) if isinstance(cell, Failed))
-    complete = [cell is not None and part(cell, ladder) is not None for cell in known]
+    complete = [cell is not None and restrict(cell, ladder) is not None for cell in known]
     if path is not None and not all(complete):
-        both = [c if k is None else k if c is None else united(c, k, ladder) for c, k in zip(cells, known, strict=True)]
+        both = [c if k is None else k if c is None else merge(c, k, ladder) for c, k in zip(cells, known, strict=True)]
         _write(path, both + held[count:])
     good = tuple(c for c in cells if c is not None)
     if not good:
         raise FemsealError(f"library: every cell failed; the first: {failures[0]}")
     return LadderLibrary(
         ladder=ladder,
-        cells=good,
+        windows=good,
         rms_height=source.rms_height,
         tiles=source.tiles,
         counts=SolveCounts.total(cell.counts for cell in good),
@@ -305,25 +305,25 @@ def build_ladder_library(
     )
 
 
-def _cell(n: int, known: Cell | None, *, source: WindowSource, ladder: Ladder) -> Cell | Failed:
-    if known is not None and (cell := part(known, ladder)) is not None:
+def _cell(n: int, known: WindowStates | None, *, source: WindowSource, ladder: Ladder) -> WindowStates | Failed:
+    if known is not None and (cell := restrict(known, ladder)) is not None:
         return cell
     return attempt(
-        follow,
+        solve_ladder,
         source.window(n),
         ladder=ladder,
         half_space=source.half_space,
-        hardness=source.hardness,
+        law=source.law,
         rtol=source.rtol,
         flow=source.flow,
         known=known,
     )
 
 
-_ARRAYS = tuple(f.name for f in fields(Cell) if f.name != "counts")
+_ARRAYS = tuple(f.name for f in fields(WindowStates) if f.name != "counts")
 
 
-def _write(path: Path, cells: Sequence[Cell | None]) -> None:
+def _write(path: Path, cells: Sequence[WindowStates | None]) -> None:
     """Write all cells into one file, each of their arrays end to end with its shapes; failed cells have none."""
     good = [n for n, c in enumerate(cells) if c is not None]
     content: dict[str, Any] = {"format": FORMAT, "count": len(cells), "good": good}
@@ -335,7 +335,7 @@ def _write(path: Path, cells: Sequence[Cell | None]) -> None:
         np.savez_compressed(temporary, **content)
 
 
-def _read(path: Path, ladder: Ladder) -> list[Cell | None]:
+def _read(path: Path, ladder: Ladder) -> list[WindowStates | None]:
     """Read the cells of a file; an empty list if there is no file, or it is damaged, changed or of another format."""
     if not path.is_file():
         return []
@@ -344,7 +344,7 @@ def _read(path: Path, ladder: Ladder) -> list[Cell | None]:
             count, good = int(data["count"]), data["good"]
             if data["format"] != FORMAT or not 0 <= count <= _MOST_CELLS or np.unique(good).size != good.size:
                 return []
-            cells: list[Cell | None] = [None] * count
+            cells: list[WindowStates | None] = [None] * count
             columns: dict[str, Any] = {}
             for name in _ARRAYS:
                 if (table := data[f"{name}_shapes"]).dtype.kind not in "iu":
@@ -353,13 +353,13 @@ def _read(path: Path, ladder: Ladder) -> list[Cell | None]:
                 ends = np.cumsum([prod(s) for s in shapes], dtype=int)[:-1]
                 columns[name] = [a.reshape(s) for a, s in zip(np.split(data[name], ends), shapes, strict=True)]
             for row, n in enumerate(good.tolist()):
-                cells[n] = Cell(**{name: columns[name][row] for name in _ARRAYS})
+                cells[n] = WindowStates(**{name: columns[name][row] for name in _ARRAYS})
             return cells if all(cell is None or _is_sound(cell, ladder) for cell in cells) else []
     except _DAMAGES:
         return []
 
 
-def _is_sound(cell: Cell, ladder: Ladder) -> bool:
+def _is_sound(cell: WindowStates, ladder: Ladder) -> bool:
     """Whether a cell that was read has the arrays of one that was computed."""
     n, m, kinds, stops = cell.pressure.size, cell.peaks.size, ladder.kinds, len(ladder.stops)
     shapes = {"pressure": (n,), "k": (kinds, 2, n), "peaks": (m,), "k_unloading": (kinds, 2, m, stops)}

@@ -104,7 +104,7 @@ def _scene(case: Case, surface: Topography, sampling: Sampling | None, seals: tu
     return Scene(
         surface=surface,
         modulus=case.modulus,
-        hardness=case.hardness,
+        hardness=case.law,
         fluid=fluid.fluid,
         inlet_pressure=fluid.inlet_pressure,
         outlet_pressure=fluid.outlet_pressure,
@@ -132,7 +132,7 @@ def _pressures(case: Case, seal: tuple[float, float], *, seals: int) -> dict[str
 
     Raises
     ------
-    InputError : a force without one length of the seal, or pressures not below the hardness.
+    InputError : a force without one length of the seal, or more pressure than the faces can carry.
     """
     if case.load.unit == "N" and seals != 1:
         given = f"forces on a seal of {'several lengths' if seals else 'no length'}"
@@ -140,10 +140,10 @@ def _pressures(case: Case, seal: tuple[float, float], *, seals: int) -> dict[str
     area = seal[0] * seal[1]
     found = case.load.pressures(area, seal[1])
     highest = max((*found["loading"], *found["unload_from"]))
-    if highest >= case.hardness:
+    if highest >= case.law.capacity:
         load = to_text(case.load.highest, case.load.unit)
         given = f"{load} on {1e6 * area:.4g} mm², {to_text(highest, 'Pa')}"
-        raise InputError("load", given, f"pressures below the hardness, {to_text(case.hardness, 'Pa')}")
+        raise InputError("load", given, f"pressures below the hardness, {to_text(case.law.capacity, 'Pa')}")
     return found
 
 

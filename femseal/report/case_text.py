@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from math import isinf
 from typing import Any
 
 from ..base.quantities import to_text
@@ -33,10 +32,9 @@ def solids_text(case: Mapping[str, Any]) -> str:
     return f"{_solid_text(case['material'])} against {_solid_text(counter) if counter else 'a rigid flat'}"
 
 
-def contact_text(modulus: float, hardness: float) -> str:
-    """Contact modulus and hardness [Pa]."""
-    kind = "elastic" if isinf(hardness) else f"elastic-perfectly plastic with hardness {to_text(hardness, 'Pa')}"
-    return f"contact modulus {to_text(modulus, 'Pa')}, {kind}"
+def contact_text(modulus: float, law: str) -> str:
+    """Contact modulus [Pa] and law."""
+    return f"contact modulus {to_text(modulus, 'Pa')}, {law}"
 
 
 def _solid_text(solid: Mapping[str, Any]) -> str:

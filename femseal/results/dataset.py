@@ -175,7 +175,8 @@ def assemble(
         "inlet_pressure_Pa": float(scene.inlet_pressure),
         "outlet_pressure_Pa": float(scene.outlet_pressure),
         "contact_modulus_Pa": float(scene.modulus),
-        "hardness_Pa": float(scene.hardness),
+        "hardness_Pa": scene.law.mean_hardness,
+        "contact_law": str(scene.law),
         "seal": str(scene.layout) if stochastic is not None else "a strip",
         "seal_size_m": [float(length) for length in seal_size],
         "leakage_unit": leakage_unit or "",
@@ -196,7 +197,8 @@ def assemble(
     if test is not None:
         add_test_fluid(data, test, FluidState.of(scene), throughput_temperature)
     wanted = leak_classes(classes)
-    later += add_classes(data, wanted, results.class_basis, nominal_diameter, *results.class_leakage)
+    upper = None if results.budget is None else np.asarray(results.budget.upper)
+    later += add_classes(data, wanted, results.class_basis, nominal_diameter, *results.class_leakage, upper)
     if later:
         data.attrs["warnings"] = _shortened([*results.warnings, *later])
     return results

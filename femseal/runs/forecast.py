@@ -88,7 +88,7 @@ def describe(case: Case, made: Prepared) -> list[str]:
         highest += f"; at most: those that {100 * case.load.interpolate:.3g} % allows are interpolated"
     lines.append(_line("load", f"{steps} states: {steps - down} loading{unloading}, up to {highest}"))
     lines.append(_line("material", solids_text(case.echo())))
-    lines.append(_line("", contact_text(scene.modulus, scene.hardness)))
+    lines.append(_line("", contact_text(scene.modulus, str(scene.law))))
     lines += [_line("fluid", text) for text in _fluid_texts(case)]
     lines.append(_line("flow", f"discretisation {scene.discretisation}, solver {scene.solver}"))
     lines += _law_lines(scene)
@@ -294,7 +294,7 @@ def _surface_lines(prepared: Prepared) -> list[str]:
     lines = [
         _line("surface", f"{surface.shape[0]} × {surface.shape[1]} points, {size}, pixel {pixel}"),
         _line("", f"rms height {height}, rms slope {surface.rms_slope:.3g}, "
-                  f"H/(E*·slope) {scene.hardness / scene.modulus / surface.rms_slope:.3g}"),
+                  f"H/(E*·slope) {scene.law.mean_hardness / scene.modulus / surface.rms_slope:.3g}"),
     ]  # fmt: skip
     if report.undefined_share or report.spikes:
         lines.append(_line("", f"{report.undefined_share:.2%} undefined points and {report.spikes} in spikes filled"))

@@ -20,9 +20,9 @@ from numpy.typing import NDArray
 from .. import contact, elements, flow, windows
 from ..base.stage import Mapper, Stage
 from ..flow.solvers.choice import solve_flow
-from ..flow.solvers.hierarchy import bordered, hierarchy
-from ..flow.solvers.islands import island_potentials
-from ..windows.window import window_permeability
+from ..flow.solvers.hierarchy import hierarchy
+from ..flow.solvers.v_cycle import v_cycle
+from ..windows.window_flow import window_permeability
 
 log = logging.getLogger("femseal")
 
@@ -48,7 +48,7 @@ def compile_ahead(
 
 def _record() -> Path | None:
     """File beside the compiled loops that says that they are there, for this code, machine and numba; None without."""
-    if not hasattr(hierarchy, "stats"):  # a plain function, as NUMBA_DISABLE_JIT leaves it
+    if not hasattr(v_cycle, "stats"):  # a plain function, as NUMBA_DISABLE_JIT leaves it
         return None
     package = Path(flow.__file__).parents[1]
     seen = hashlib.sha256(
@@ -59,7 +59,7 @@ def _record() -> Path | None:
     ):
         found = path.stat()
         seen.update(f"{path} {found.st_mtime_ns} {found.st_size}".encode())
-    return Path(hierarchy.stats.cache_path) / f"compiled-{seen.hexdigest()[:16]}"
+    return Path(v_cycle.stats.cache_path) / f"compiled-{seen.hexdigest()[:16]}"
 
 
 def _compile(part: str) -> None:
@@ -82,8 +82,7 @@ def _elimination() -> None:
 
 def _levels() -> None:
     s = _network()
-    operator, _, _ = bordered(s.along, s.across, s.falling, s.rising, s.ring2)
-    hierarchy(*operator, s.ring2)
+    hierarchy(s.along, s.across, s.falling, s.rising, s.ring2)
 
 
 def _multigrid() -> None:
@@ -101,10 +100,6 @@ def _windows() -> None:
     gap = _gap(32)
     window_permeability(gap, (1.0, 1.0), 0, settings=windows.FlowSettings(solver="elimination"))
     elements.element_flow(gap, windows.Partition(gap.shape, (1.0, 1.0), (2, 2)))
-    s = _network()
-    hidden = np.zeros((16, 16), np.bool_)
-    hidden[8, 8] = True
-    island_potentials(s, hidden, np.full((16, 16), 0.5))
 
 
 #: Parts of 6 to 15 s, in the order in which they start. Where two processes take them, the loops that "multigrid" and

@@ -22,7 +22,7 @@ from .face_flow import face_leakage
 from .plausibility import scene_warnings
 from .repeated_steps import first_equal, repeated
 from .scene import Array, Scene
-from .windows import WindowContacts, face_partition
+from .window_contacts import WindowContacts, face_partition
 
 #: Memory that a pixel of a result takes at every step [byte]: gap and fluid pressure, and the contact pressure where
 #: there is contact, which is a fourth of the face at high loads.

@@ -17,7 +17,7 @@ from ..windows import Failed, FlowSettings, Partition, attempt
 from ..windows.window_fields import ContactPressure, ContactValues, WindowFields
 from .face_flow import FaceFlow, resolved_flow
 from .scene import Array, Scene
-from .windows import WindowContacts, face_partition, windows_contact
+from .window_contacts import WindowContacts, face_partition, windows_contact
 
 #: How the contact of windows is solved, see `solve_windows`.
 CONTACTS = ("whole", "windows")

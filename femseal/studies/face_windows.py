@@ -8,14 +8,14 @@ import numpy as np
 
 from ..base.errors import FemsealError
 from ..library import LibraryTable, LinkTable, correlation_length
-from ..windows import SolveCounts
+from ..windows import FlowHistory, SolveCounts
 from .face_contact import solve_windows
 from .run_chains import StateRuns, runs_of_face
 from .sampling_options import count_face_windows
 from .scene import Array
-from .two_scale import TwoScaleResult
+from .two_scale import TwoScaleResult, solve_links
+from .window_contacts import WindowContacts
 from .window_supply import FaceLibrary, WindowRequest, WindowSupply
-from .windows import LinkFlows, WindowContacts, solve_links
 
 #: Length of runs of columns in correlation lengths; a run has at most all columns of the face. Where runs meet, the
 #: channels of the face are cut. Measured on circular milling marks with ten columns: 0.83 to 0.95 of the leakage with
@@ -43,7 +43,7 @@ def windows_in_place(wanted: WindowRequest) -> WindowSupply:
     if two_scale is not None and two_scale.link_flows is not None:
         # counts and failures of the two-scale study are in its own result
         flows_before = enumerate(two_scale.link_flows)
-        known = {(axis, 0): LinkFlows(flow.at_pressures) for axis, flow in flows_before}
+        known = {(axis, 0): FlowHistory(flow.at_pressures) for axis, flow in flows_before}
     flows = [
         [known.get((axis, s)) or solve_links(contact.fields, axis, scene.flow, shift=s, mapper=mapper) for s in moved]
         for axis in (0, 1)

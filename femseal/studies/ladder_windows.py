@@ -118,9 +118,10 @@ def _library(
     elastic ones are not: they unload as they were loaded.
     """
     scene, partition, sampling = wanted.scene, wanted.partition, wanted.sampling
-    full = min(scene.hardness, 0.5 * scene.modulus * scene.surface.rms_slope)
+    law = scene.uniform_law
+    full = min(law.mean_hardness, 0.5 * scene.modulus * scene.surface.rms_slope)
     half_space = HalfSpace(partition.window, partition.spacing, scene.modulus, ("mirror", "mirror"))
-    source = WindowSource((-scene.surface.heights,), half_space, scene.hardness, sampling.seed, scene.rtol, scene.flow)
+    source = WindowSource((-scene.surface.heights,), half_space, law, sampling.seed, scene.rtol, scene.flow)
     shares = LOADING_FRACTIONS if highest <= LOADING_FRACTIONS[-1] * full else (*LOADING_FRACTIONS, highest / full)
     ladder = Ladder(
         loading=tuple(share * full for share in shares),
@@ -128,6 +129,6 @@ def _library(
         bounds=sampling.bounds,
         drop=scene.flow.drop,
     )
-    down = peaks if np.isfinite(scene.hardness) else ()
+    down = peaks if not law.is_elastic else ()
     ladder = replace(on_ladder(ladder, (*exact, *peaks), highest), peaks=down, stops=STOPS if down else ())
     return build_ladder_library(source, ladder, sampling.library_cells, folder=sampling.library, mapper=wanted.mapper)

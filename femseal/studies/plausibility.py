@@ -61,10 +61,11 @@ def _odd_pressures(scene: Scene) -> Iterator[str]:
             "pressures above those of the surroundings need as much added"
         )
     highest = max(step.pressure for step in steps)
-    if isfinite(scene.hardness) and highest > _FLATTENING_SHARE * scene.hardness:
+    hardness = scene.law.mean_hardness
+    if isfinite(hardness) and highest > _FLATTENING_SHARE * hardness:
         yield (
-            f"the nominal pressure of {to_text(highest, 'Pa')} is {highest / scene.hardness:.0%} of the hardness "
-            f"{to_text(scene.hardness, 'Pa')}: most of the face is plastic then, for which the model is not made"
+            f"the nominal pressure of {to_text(highest, 'Pa')} is {highest / hardness:.0%} of the hardness "
+            f"{to_text(hardness, 'Pa')}: most of the face is plastic then, for which the model is not made"
         )
 
 

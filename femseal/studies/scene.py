@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ..base.errors import InputError
 from ..base.quantities import to_text
 from ..base.stage import Mapper
-from ..contact import HalfSpace, LoadState, load_states
+from ..contact import ContactLaw, HalfSpace, LoadState, contact_law, load_states
 from ..flow import critical_constriction
 from ..flow.pressure_drop import PressureDrop
 from ..fluids import Fluid, capillary_entry_pressure
@@ -31,7 +31,8 @@ class Scene:
     """A rough face under load, and the fluid that it seals.
 
     surface : heights of the combined faces; high points touch first.
-    modulus, hardness : contact modulus E* and hardness H [Pa].
+    modulus : contact modulus E* [Pa].
+    hardness : H [Pa] of perfect plasticity, inf is elastic; or a contact law, such as `LinearHardening`.
     fluid : the fluid that leaks. inlet_pressure, outlet_pressure : its pressures at both ends of x1 [Pa]; the highest
         inlet pressure where the layout gives each inlet its own.
     boundary : contact boundary of the whole face along x1 and x2, see `HalfSpace`.
@@ -43,7 +44,7 @@ class Scene:
 
     surface: Topography
     modulus: float
-    hardness: float
+    hardness: float | Array | ContactLaw
     fluid: Fluid
     inlet_pressure: float
     outlet_pressure: float
@@ -72,6 +73,18 @@ class Scene:
             raise InputError("surface", f"{undefined} of {self.surface.heights.size} points undefined", allowed)
 
     @property
+    def law(self) -> ContactLaw:
+        """What the points of the faces can carry."""
+        return contact_law(self.hardness)
+
+    @property
+    def uniform_law(self) -> ContactLaw:
+        """The contact law, where windows are solved by themselves; InputError if it differs from place to place."""
+        if not self.law.is_uniform:
+            raise InputError("hardness", "a law that differs from place to place", "the same everywhere for windows")
+        return self.law
+
+    @property
     def steps(self) -> LoadProgramme:
         """The load programme."""
         return LoadProgramme.of(self.loading, self.unload_from, self.unloading)
@@ -87,9 +100,7 @@ class Scene:
         """Solve the contact of the whole face at every step, see `contact.load_states`."""
         gap0 = self.surface.heights.max() - self.surface.heights
         body, steps = self.half_space, self.steps
-        return load_states(
-            gap0, body, steps, hardness=self.hardness, rtol=self.rtol, take=take, memory=memory, mapper=mapper
-        )
+        return load_states(gap0, body, steps, law=self.law, rtol=self.rtol, take=take, memory=memory, mapper=mapper)
 
     def global_states(
         self, partition: Partition, cut_off: float, *, take: Callable[[GlobalState], Any], mapper: Mapper
@@ -101,7 +112,7 @@ class Scene:
             cut_off,
             self.steps,
             modulus=self.modulus,
-            hardness=self.hardness,
+            law=self.uniform_law,
             boundary=self.boundary,
             rtol=self.rtol,
             take=take,

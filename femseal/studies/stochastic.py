@@ -194,8 +194,8 @@ def _of_runs(
         library=supply.library,
         leakage=drawn.leakage,
         leakage_resampled=drawn.resampled if sampling.resampled else None,
-        leakage_neumann_cuts=drawn.closed,
-        leakage_dirichlet_cuts=drawn.held,
+        leakage_neumann_cuts=drawn.neumann,
+        leakage_dirichlet_cuts=drawn.dirichlet,
         leakage_of_face=drawn.of_face,
         median_seal=None if chosen is None else median_chain(chosen, **shown, pressure=pressure),
         failures=tuple(

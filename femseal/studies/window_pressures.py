@@ -111,17 +111,17 @@ def check_map(scene: Scene, laid: SealWindows, pressure_map: AnyMap) -> tuple[st
 
     Raises
     ------
-    InputError : it does not cover the seal, or a window has the hardness or more.
+    InputError : it does not cover the seal, or a window has more than the faces can carry.
     """
     if is_uniform(pressure_map):
         return ()
     nominal = scene.steps.pressures
     pressures = [nominal[:, None] * pressure_fractions(scene, laid, pressure_map, axis) for axis in (0, 1)]
     for pressure in pressures:
-        if pressure.size and pressure.max() >= scene.hardness:
+        if pressure.size and pressure.max() >= scene.law.capacity:
             step = int(pressure.max(axis=1).argmax())
             given = f"{to_text(float(pressure.max()), 'Pa')} in a window at {scene.steps[step].name}"
-            raise InputError("map", given, f"pressures below the hardness, {to_text(scene.hardness, 'Pa')}")
+            raise InputError("map", given, f"pressures below the hardness, {to_text(scene.law.capacity, 'Pa')}")
     return (*_odd_pressures(scene, pressures[0][nominal > 0]), *_odd_fields(scene, laid, pressure_map))
 
 

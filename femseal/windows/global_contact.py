@@ -15,7 +15,7 @@ from scipy.ndimage import spline_filter1d
 from scipy.sparse import csr_array
 
 from ..base.stage import Mapper
-from ..contact import HalfSpace, LoadState, load_states
+from ..contact import ContactLaw, HalfSpace, LoadState, load_states
 from ..loads import LoadProgramme, LoadStep
 from ..topography import Topography
 from .partition import Partition
@@ -69,7 +69,7 @@ def global_states(
     programme: LoadProgramme,
     *,
     modulus: float,
-    hardness: float,
+    law: ContactLaw,
     boundary: tuple[str, str],
     rtol: float = 1e-6,
     take: Callable[[GlobalState], Any] | None = None,
@@ -94,7 +94,7 @@ def global_states(
     solved = partial(
         _global_state, partition=partition, fine_gap=fine_gap, coarse_gap=coarse_gap, finer=finer, take=take
     )
-    return load_states(coarse_gap, half_space, programme, hardness=hardness, rtol=rtol, take=solved, mapper=mapper)
+    return load_states(coarse_gap, half_space, programme, law=law, rtol=rtol, take=solved, mapper=mapper)
 
 
 def _global_state(

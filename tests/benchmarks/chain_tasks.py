@@ -58,7 +58,7 @@ def scene_of(n, pixels):
 def own_study(task, n, pixels):
     """A study by femseal, or its contact alone."""
     from femseal import HalfSpace, Sampling, deterministic, stochastic, two_scale
-    from femseal.contact import load_states
+    from femseal.contact import PerfectlyPlastic, load_states
 
     scene, cells, size = scene_of(n, pixels), cells_of(n), n * PIXEL
     sampling = Sampling(
@@ -72,7 +72,9 @@ def own_study(task, n, pixels):
     def contact():
         body = HalfSpace(scene.surface.shape, scene.surface.spacing, MODULUS, scene.boundary)
         gap0 = scene.surface.heights.max() - scene.surface.heights
-        states = load_states(gap0, body, scene.steps, hardness=HARDNESS, rtol=scene.rtol, take=lambda state: np.nan)
+        states = load_states(
+            gap0, body, scene.steps, law=PerfectlyPlastic(HARDNESS), rtol=scene.rtol, take=lambda state: np.nan
+        )
         return np.array(list(states))
 
     studies = {
@@ -90,7 +92,7 @@ def own_study(task, n, pixels):
 def reference(task, n, pixels):
     """Flow through the contact of all states by femseal; no state is kept."""
     from femseal import HalfSpace
-    from femseal.contact import load_states
+    from femseal.contact import PerfectlyPlastic, load_states
     from femseal.studies.face_flow import resolved_flow
 
     scene = scene_of(n, pixels)
@@ -101,7 +103,7 @@ def reference(task, n, pixels):
         return resolved_flow(state.contact.gap, surface.spacing).permeability
 
     gap0 = surface.heights.max() - surface.heights
-    return {"k": list(load_states(gap0, body, scene.steps, hardness=HARDNESS, rtol=1e-6, take=flow))}
+    return {"k": list(load_states(gap0, body, scene.steps, law=PerfectlyPlastic(HARDNESS), rtol=1e-6, take=flow))}
 
 
 def plain_study(task, n, pixels):

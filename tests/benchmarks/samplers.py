@@ -38,7 +38,7 @@ LONG = {
 def library_table(windows):
     """Permeabilities (cells, steps) along x1 and x2, and the steps."""
     from femseal import self_affine
-    from femseal.contact import HalfSpace
+    from femseal.contact import HalfSpace, PerfectlyPlastic
     from femseal.library import Ladder, WindowSource, build_ladder_library
     from femseal.loads import LoadProgramme
     from femseal.studies.ladder_windows import LOADING_FRACTIONS, STOPS
@@ -52,7 +52,7 @@ def library_table(windows):
         tuple(hardness * s for s in (0.02, 0.07, 0.16, 0.29, 0.46)),
         STOPS,
     )
-    source = WindowSource((-face.heights,), half_space, hardness, seed=1, rtol=1e-5)
+    source = WindowSource((-face.heights,), half_space, PerfectlyPlastic(hardness), seed=1, rtol=1e-5)
     library = build_ladder_library(source, ladder, windows)
     shares = (0.02, 0.05, 0.09, 0.14, 0.18, 0.23, 0.28, 0.33)
     steps = LoadProgramme.of(

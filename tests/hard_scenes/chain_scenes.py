@@ -126,14 +126,6 @@ def _peak_again() -> float:
     return float(abs(leakage[2] / leakage[1] - 1))
 
 
-def _units() -> float:
-    plain = chain_scene(chain_face((32, 48)))
-    scale = 2.0**40
-    surface = Topography(scale * plain.surface.heights, (scale * D, scale * D))
-    small, large = (float(deterministic(s).leakage[0]) for s in (plain, replace(plain, surface=surface)))
-    return abs(large / scale**2 / small - 1)
-
-
 def _stresses() -> float:
     """Relative change of leakage with all stresses, and the viscosity, 2⁴⁰ times as large."""
     plain = chain_scene(chain_face((32, 48)))
@@ -276,18 +268,6 @@ SCENES: tuple[HardScene, ...] = (
         what="an unloading that stops 1e-9 below its peak: relative change of leakage",
         must=at_most(0.01, "the state of the peak"),
         run=_peak_again,
-    ),
-    scene(
-        "loads repeated",
-        what="the same load twice on the loading curve",
-        must=Refused(("loading", "rising")),
-        run=lambda: _leakage(chain_face(), loading=(1e8, 1e8)),
-    ),
-    scene(
-        "face of 1e12 times the size",
-        what="all lengths 2⁴⁰ times as large: relative change of leakage over length squared",
-        must=Exactly(0.0, "no length of its own"),
-        run=_units,
     ),
     scene(
         "scratch with a bridge",

@@ -1,7 +1,7 @@
 """All hard scenes: a line for each of what must come out and what came; exit status 1 where one falls short.
 
 python tests/hard_scenes/report.py             all of them
-python tests/hard_scenes/report.py scratch     those with this text in their stage or name
+python tests/hard_scenes/report.py grooves     those with this text in their stage or name
 python tests/hard_scenes/report.py --write     all of them, and the table of docs/evidence/hard_scenes.md
 """
 

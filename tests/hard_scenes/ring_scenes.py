@@ -59,12 +59,6 @@ def _sectors() -> float:
 
 SCENES: tuple[HardScene, ...] = (
     scene(
-        "ring",
-        what="a ring of 6 × 48 windows: flow for k = 1, Δp/η = 1",
-        must=Near(annulus_rate(1, 1, 1, 1, 1.5), 1e-9, "2πk/ln(r_o/r_i)"),
-        run=lambda: AnnularSeal(1.0, 1.5, (6, 48)).flow(1.0).conductance,
-    ),
-    scene(
         "ring of hair and mile",
         what="radii of 1 µm and 1 km, all in one row of windows",
         must=Near(2 * pi / log(1e9), 1e-9, "2πk/ln(r_o/r_i)"),

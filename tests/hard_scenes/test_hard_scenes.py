@@ -99,15 +99,16 @@ class TestOutcomes:
     def test_an_error_of_another_kind_is_no_refusal(self):
         assert not Refused(("gap",)).holds(ValueError("gap"))
         assert not Refused(("gap",)).holds(NotConverged("gap"))
-        assert not NotSolved(("gap",)).holds(InputError("gap"))
+        assert not NotSolved(("gap",)).holds(InputError("gap", "-1", "more"))
 
 
 class TestReport:
     def test_a_line_for_each_scene_of_a_text(self, capsys):
-        assert report.main(["flow one scratch"]) == 0
+        assert report.main(["flow 99.9"]) == 0
         first, second, total = capsys.readouterr().out.splitlines()
-        assert re.match(r"yes +[\d.]+ s  flow: one scratch: 1.24378e-21 within 1e-12.*; came 1.24378e-21$", first)
-        assert second.endswith("exactly 0; came 0")
+        assert first.startswith("yes ")
+        assert first.endswith("flow: 99.9 % in contact, islands of gap: exactly 0, far beyond the threshold; came 0")
+        assert re.search(r"one channel: 8.33333e-23 within 1e-09.*; came 8.33333e-23$", second)
         assert total.startswith("2 scenes, none short")
 
     def test_one_that_falls_short_is_exit_status_1(self, monkeypatch, tmp_path, capsys):
@@ -122,7 +123,7 @@ class TestReport:
         assert [line.split(" | ")[-1] for line in lines[4:]] == ["yes |", "NO |"]
 
     def test_a_text_that_no_scene_has_is_refused(self, capsys):
-        for arguments in (["nonsense"], ["scratch", "--write"]):
+        for arguments in (["nonsense"], ["ring", "--write"]):
             with pytest.raises(SystemExit) as stopped:
                 report.main(arguments)
             assert stopped.value.code == 2

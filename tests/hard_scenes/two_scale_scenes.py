@@ -9,7 +9,7 @@ from math import pi
 import numpy as np
 from chain_scenes import DROP, ETA, D, chain_face, chain_scene
 from hard_scene import HardScene
-from judges import Between, Exactly, Near
+from judges import Exactly, Near
 
 from femseal.analytic import annulus_rate
 from femseal.seal.layouts import AnnularLayout
@@ -43,12 +43,6 @@ def _tiles(along: float, across: float) -> Scene:
     c = np.cos(2 * pi * (np.arange(32) + 0.5) / 32)
     tile = along * c[:, None] + across * c if along * across == 0 else along * c[:, None] * c
     return chain_scene(np.tile(tile, (3, 4)), hardness=np.inf, loading=(1e7,))
-
-
-def _drawn_of_one_kind() -> float:
-    """A seal drawn from windows that are all alike: scatter over the mean."""
-    drawn = stochastic(_tiles(1e-7, 1e-7), (3, 4), Sampling(1e-3, 3, 12, 1, sampler="block"))
-    return float(np.ptp(drawn.leakage) / drawn.leakage.mean())
 
 
 def _long_seal() -> float:
@@ -85,12 +79,6 @@ SCENES: tuple[HardScene, ...] = (
         what="a face closed by 2.9 GPa: leakage by resolved flow, links and elements [m²/s]",
         must=Exactly((0.0, 0.0, 0.0)),
         run=_closed_in_two_scales,
-    ),
-    scene(
-        "windows all alike",
-        what="a face of twelve equal windows: scatter of drawn seals over their mean",
-        must=Between(0.0, 1e-4, "no chance is left"),
-        run=_drawn_of_one_kind,
     ),
     scene(
         "seal of 1 : 1e5, drawn",

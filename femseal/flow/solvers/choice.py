@@ -23,9 +23,8 @@ from ..percolation import narrowest, nodes_reached_by, nodes_reached_of, restric
 from ..solution import MAX_IMBALANCE, DarcyFlow, potential_rtol
 from ..stencil import Stencil, energy_of
 from .amg import solve_amg, solve_direct
-from .elimination import eliminate
 from .hierarchy import coarsest_nodes
-from .islands import island_potentials
+from .link_network import eliminate, island_potentials
 from .multigrid import COARSEST_NODES, solve_multigrid
 
 Array = NDArray[np.float64]
@@ -218,9 +217,11 @@ def _roughness(along, step):
 
 def _by_elimination(stencil: Stencil, keep: Flags) -> DarcyFlow:
     c1 = stencil.along
-    inlet, outlet = np.zeros((2, len(c1) - 1, c1.shape[1]))
-    inlet[0], outlet[-1] = c1[0], c1[-1]
-    rate, φ, ψ = eliminate(c1, stencil.across, keep[1:-1], stencil.ring2, inlet, outlet)
+    n1, n2 = c1.shape
+    link = c1[[0, -1]].ravel()
+    node = np.concatenate([np.arange(n2), np.arange(n2) + (n1 - 2) * n2])
+    at = np.flatnonzero(link)
+    rate, φ, ψ = eliminate(c1, stencil.across, keep[1:-1], stencil.ring2, node[at], at // n2, link[at])
     return _balanced(stencil, keep, φ, ψ, rate, 0, 0.0, "elimination")
 
 

@@ -183,26 +183,27 @@ def clusters(centre, right, below, below_right, below_left, nine, ring):
 
 
 @njit(**COMPILED)
-def relax_forward(cluster, x, r, centre, right, below, below_right, below_left, nine, ring):
-    """Move the clusters in turn by their residuals r, which are kept up to date."""
-    number, nodes, first, inverse = cluster
+def relax_forward(levels, k, x, r, centre, right, below, below_right, below_left, nine, ring):
+    """Move the clusters of level k in turn by their residuals r, which are kept up to date."""
+    number = levels.number[levels.first[k] : levels.first[k + 1]].reshape(x.shape[0], x.shape[1])
+    nodes, begins, first = levels.cluster_nodes, levels.cluster_start, levels.cluster_first[k]
     n2 = x.shape[1] - 2
     neighbours = 8 if nine else 4
-    for s in range(inverse.size):
+    for s in range(first, levels.cluster_first[k + 1]):
         total = 0.0
-        for m in range(first[s], first[s + 1]):
+        for m in range(begins[s], begins[s + 1]):
             total += r[nodes[m, 0], nodes[m, 1]]
-        step = total * inverse[s]
-        for m in range(first[s], first[s + 1]):
-            i, j = nodes[m]
+        step = total * levels.cluster_inverse[s]
+        for m in range(begins[s], begins[s + 1]):
+            i, j = nodes[m, 0], nodes[m, 1]
             x[i, j] += step
             _copied(x, i, j, ring)
             beyond = centre[i, j]
             out = 0.0
-            for k in range(neighbours):
-                a, b, c = _couple(k, i, j, right, below, below_right, below_left)
+            for q in range(neighbours):
+                a, b, c = _couple(q, i, j, right, below, below_right, below_left)
                 beyond -= c
-                if c != 0.0 and number[a, b] != s + 1:
+                if c != 0.0 and number[a, b] != s - first + 1:
                     out += c
                     b = n2 if b == 0 else (1 if b == n2 + 1 else b)
                     r[a, b] += step * c
@@ -214,25 +215,25 @@ def relax_forward(cluster, x, r, centre, right, below, below_right, below_left, 
 
 
 @njit(**COMPILED)
-def relax_backward(cluster, x, right_hand, centre, right, below, below_right, below_left, nine, ring):
-    """Move the clusters in reverse, from x and the right-hand side."""
-    number, nodes, first, inverse = cluster
+def relax_backward(levels, k, x, right_hand, centre, right, below, below_right, below_left, nine, ring):
+    """Move the clusters of level k in reverse, from x and the right-hand side."""
+    number = levels.number[levels.first[k] : levels.first[k + 1]].reshape(x.shape[0], x.shape[1])
+    nodes, begins, first = levels.cluster_nodes, levels.cluster_start, levels.cluster_first[k]
     neighbours = 8 if nine else 4
-    for s in range(inverse.size - 1, -1, -1):
+    for s in range(levels.cluster_first[k + 1] - 1, first - 1, -1):
         total = 0.0
-        for m in range(first[s], first[s + 1]):
-            i, j = nodes[m]
+        for m in range(begins[s], begins[s + 1]):
+            i, j = nodes[m, 0], nodes[m, 1]
             total += right_hand[i, j]
             beyond = centre[i, j]
-            for k in range(neighbours):
-                a, b, c = _couple(k, i, j, right, below, below_right, below_left)
+            for q in range(neighbours):
+                a, b, c = _couple(q, i, j, right, below, below_right, below_left)
                 beyond -= c
-                if number[a, b] != s + 1:
+                if number[a, b] != s - first + 1:
                     total -= c * (x[i, j] - x[a, b])
             if beyond > _ROUNDING * centre[i, j]:
                 total -= beyond * x[i, j]
-        step = total * inverse[s]
-        for m in range(first[s], first[s + 1]):
-            i, j = nodes[m]
-            x[i, j] += step
-            _copied(x, i, j, ring)
+        step = total * levels.cluster_inverse[s]
+        for m in range(begins[s], begins[s + 1]):
+            x[nodes[m, 0], nodes[m, 1]] += step
+            _copied(x, nodes[m, 0], nodes[m, 1], ring)

@@ -9,12 +9,16 @@ give it; coarse operators are Galerkin's. Source: Dendy, J. Comput. Phys. 48, 19
 
 from __future__ import annotations
 
+from typing import Any, NamedTuple
+
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
 from .clusters import clusters
 from .compiled import COMPILED
 
+Array = NDArray[np.float64]
 #: Nodes of an axis at which coarsening ends.
 FEWEST = 4
 #: Coarsening also ends where so small a share of the nodes is left: their elimination costs less than the iterations
@@ -29,17 +33,65 @@ def coarsest_nodes(n1: int, n2: int) -> int:
     return n1 * n2
 
 
+class Levels(NamedTuple):
+    """All levels of multigrid in a few arrays; `level_field` and `level_corner` are views of one.
+
+    shape (levels, 2) : rows and columns with the border. first (levels + 1,) : where the fields of each level start.
+    fields (7, …) : centre, right, below, inverse centre, x, b and r, see `CENTRE` and so on.
+    corner_first, corners (2, …) : below right and below left; one number each on a level of five points.
+    weight_first, weights : of the interpolation from the next level.
+    number : of the cluster of each node on levels with clusters, from 1 on. cluster_first (levels + 1,) : the first
+    cluster of each level. cluster_start : the first of `cluster_nodes` (…, 2) of each cluster, and their number.
+    cluster_inverse : inverse sums of the couples of each cluster with other nodes.
+    """
+
+    shape: NDArray[np.int64]
+    first: NDArray[np.int64]
+    fields: NDArray[np.float64]
+    corner_first: NDArray[np.int64]
+    corners: NDArray[np.float64]
+    weight_first: NDArray[np.int64]
+    weights: NDArray[np.float64]
+    number: NDArray[np.int32]
+    cluster_first: NDArray[np.int64]
+    cluster_start: NDArray[np.int64]
+    cluster_nodes: NDArray[np.int64]
+    cluster_inverse: NDArray[np.float64]
+
+
+#: Numbers of the fields.
+CENTRE, RIGHT, BELOW, INVERSE, X, B, R = range(7)
+
+
 @njit(**COMPILED)
-def bordered(along, across, falling, rising, ring):
-    """Centres and couples of the inner nodes of a stencil with a border of one node, and their sums with both ends."""
+def level_field(levels, kind, k):
+    """One field of level k."""
+    return levels.fields[kind, levels.first[k] : levels.first[k + 1]].reshape(levels.shape[k, 0], levels.shape[k, 1])
+
+
+@njit(**COMPILED)
+def level_corner(levels, kind, k):
+    """Couples across corners of level k: below right (0) or below left (1); of shape (1, 1) on five points."""
+    part = levels.corners[kind, levels.corner_first[k] : levels.corner_first[k + 1]]
+    return part.reshape(1, 1) if part.size == 1 else part.reshape(levels.shape[k, 0], levels.shape[k, 1])
+
+
+@njit(**COMPILED)
+def level_weights(levels, k):
+    """Weights of the nodes of level k + 1."""
+    part = levels.weights[levels.weight_first[k] : levels.weight_first[k + 1]]
+    return part.reshape(levels.shape[k + 1, 0], levels.shape[k + 1, 1], 3, 3)
+
+
+@njit(**COMPILED)
+def _bordered(along, across, falling, rising, ring, centre, right, below, below_right, below_left):
+    """Write centres and couples of the inner nodes of a stencil; sums of the couples with both ends."""
     n1, n2 = along.shape[0] - 1, along.shape[1]
     m2 = across.shape[1]
     nine = falling.size > 0
-    shape = (n1 + 2, n2 + 2)
-    centre, right, below = np.zeros(shape), np.zeros(shape), np.zeros(shape)
-    small = shape if nine else (1, 1)
-    below_right, below_left = np.zeros(small), np.zeros(small)
-    inlet, outlet = along[0].copy(), along[n1].copy()
+    inlet, outlet = np.empty(n2), np.empty(n2)
+    for j in range(n2):
+        inlet[j], outlet[j] = along[0, j], along[n1, j]
     for i in range(1, n1 + 1):
         for j in range(1, m2 + 1):
             right[i, j] = across[i - 1, j - 1]
@@ -70,13 +122,12 @@ def bordered(along, across, falling, rising, ring):
                     below_right[i, j + 1] = down
                     below_left[i, k + 1] = up
         if ring:
-            for i in range(1, n1):
-                for field in (below, below_right, below_left):
-                    field[i, 0] = field[i, n2]
-                    field[i, n2 + 1] = field[i, 1]
+            for i in range(1, n1 + 1):
                 right[i, n2 + 1] = right[i, 1]
-            right[n1, n2 + 1] = right[n1, 1]
-    return (centre, right, below, below_right, below_left), inlet, outlet
+                below[i, 0], below[i, n2 + 1] = below[i, n2], below[i, 1]
+                below_right[i, 0], below_right[i, n2 + 1] = below_right[i, n2], below_right[i, 1]
+                below_left[i, 0], below_left[i, n2 + 1] = below_left[i, n2], below_left[i, 1]
+    return inlet, outlet
 
 
 @njit(**COMPILED)
@@ -86,22 +137,10 @@ def _share(part, whole):
 
 
 @njit(**COMPILED)
-def _wrap(weights):
-    """Copy the weights of the first and last columns to the border, around a ring."""
-    rows, columns = weights.shape[:2]
-    for i in range(rows):
-        for k in range(3):
-            for m in range(3):
-                weights[i, 0, k, m] = weights[i, columns - 2, k, m]
-                weights[i, columns - 1, k, m] = weights[i, 1, k, m]
-
-
-@njit(**COMPILED)
-def _interpolation(centre, right, below, below_right, below_left, nine):
-    """Weight of each coarse node, at (2I − 1, 2J − 1), at itself and its eight neighbours."""
+def _interpolation(centre, right, below, below_right, below_left, nine, ring, w):
+    """Write the weight w of each coarse node, at (2I − 1, 2J − 1), at itself and its eight neighbours."""
     n1, n2 = centre.shape[0] - 2, centre.shape[1] - 2
     m1, m2 = (n1 + 1) // 2, (n2 + 1) // 2
-    w = np.zeros((m1 + 2, m2 + 2, 3, 3))
     for i in range(m1 + 2):
         for j in range(m2 + 2):
             w[i, j, 1, 1] = 1.0
@@ -145,25 +184,25 @@ def _interpolation(centre, right, below, below_right, below_left, nine):
             w[top, over, 2, 0] = _share(ne, c)
             w[bottom, left, 0, 2] = _share(sw, c)
             w[bottom, over, 0, 0] = _share(se, c)
-    for j in range(m2 + 2):
-        w[0, j] = 0.0
-        w[m1 + 1, j] = 0.0
     for i in range(m1 + 2):
-        w[i, 0] = 0.0
-        w[i, m2 + 1] = 0.0
-    return w
+        for k in range(9):
+            for j in range(0, m2 + 2, 1 if i == 0 or i == m1 + 1 else m2 + 1):
+                w[i, j, k // 3, k % 3] = 0.0
+            if ring:
+                w[i, 0, k // 3, k % 3], w[i, m2 + 1, k // 3, k % 3] = w[i, m2, k // 3, k % 3], w[i, 1, k // 3, k % 3]
 
 
 @njit(**COMPILED)
-def _galerkin(centre, right, below, below_right, below_left, w, nine, ring):
-    """PᵀAP: centres and links of the next level."""
+def _galerkin(centre, right, below, below_right, below_left, w, nine, ring, to0, to1, to2, to3, to4):
+    """PᵀAP: write the centres and couples of the next level, in the order of these."""
     n1, n2 = centre.shape[0] - 2, centre.shape[1] - 2
     m1, m2 = w.shape[0] - 2, w.shape[1] - 2
-    out = np.zeros((5, m1 + 2, m2 + 2))
-    row = np.zeros((5, 5))  # of A P_I at the fine nodes around a coarse one
+    row = np.empty((5, 5))  # of A P_I at the fine nodes around a coarse one
+    out = np.empty(5)
     for ci in range(1, m1 + 1):
         for cj in range(1, m2 + 1):
-            row[:] = 0.0
+            for a in range(25):
+                row[a // 5, a % 5] = 0.0
             for a in range(3):
                 i = 2 * ci - 2 + a
                 if i < 1 or i > n1:
@@ -201,41 +240,74 @@ def _galerkin(centre, right, below, below_right, below_left, w, nine, ring):
                         x = shift + b + 1
                         if 0 <= x <= 4:
                             s += w[ci + di, cj + dj, a, b] * row[y, x]
-                out[k, ci, cj] = s if k == 0 else -s
-    if ring:
-        for k in range(1, 5):
-            for i in range(m1 + 2):
-                out[k, i, 0] = out[k, i, m2]
-                out[k, i, m2 + 1] = out[k, i, 1]
-    return out[0], out[1], out[2], out[3], out[4]
+                out[k] = s
+            to0[ci, cj], to1[ci, cj], to2[ci, cj], to3[ci, cj], to4[ci, cj] = out[0], -out[1], -out[2], -out[3], -out[4]
+        if ring:
+            to1[ci, 0], to1[ci, m2 + 1] = to1[ci, m2], to1[ci, 1]
+            to2[ci, 0], to2[ci, m2 + 1] = to2[ci, m2], to2[ci, 1]
+            to3[ci, 0], to3[ci, m2 + 1] = to3[ci, m2], to3[ci, 1]
+            to4[ci, 0], to4[ci, m2 + 1] = to4[ci, m2], to4[ci, 1]
 
 
 @njit(**COMPILED)
-def hierarchy(centre, right, below, below_right, below_left, ring):
-    """Levels from the finest: operator, inverse centres, weights of the next level's nodes, work x, b, r; clusters."""
-    levels = []
-    fewest = _ELIMINATED * np.count_nonzero(centre)
+def _invert(centre, inverse):
+    for i in range(centre.shape[0]):
+        for j in range(centre.shape[1]):
+            inverse[i, j] = 1.0 / centre[i, j] if centre[i, j] > 0.0 else 0.0
+
+
+def hierarchy(along: Array, across: Array, falling: Array, rising: Array, ring: bool) -> tuple[Levels, Array, Array]:
+    """All levels of a stencil, and the sums of the couples of its first and last rows with the ends."""
+    nine = falling.size > 0
+    sizes = [(along.shape[0] - 1, along.shape[1])]
+    while min(sizes[-1]) > FEWEST:
+        sizes.append(tuple((n + 1) // 2 for n in sizes[-1]))
+    shape = np.array(sizes) + 2
+    nodes = shape.prod(axis=1)
+    in_corners = nodes.copy()
+    if not nine:
+        in_corners[0] = 1
+    first, corner_first = np.append(0, nodes.cumsum()), np.append(0, in_corners.cumsum())
+    fields, corners = np.zeros((7, first[-1])), np.zeros((2, corner_first[-1]))
+    weight_first = 9 * (first[1:] - first[1])
+    weights = np.zeros(weight_first[-1])
+
+    def operator(k: int) -> list[Array]:
+        a, b, size = first[k], first[k + 1], tuple(shape[k])
+        of_corners = corners[:, corner_first[k] : corner_first[k + 1]]
+        corner_size = size if nine or k > 0 else (1, 1)
+        return [*(f.reshape(size) for f in fields[:3, a:b]), *(c.reshape(corner_size) for c in of_corners)]
+
+    here = operator(0)
+    inlet, outlet = _bordered(along, across, falling, rising, ring, *here)
+    fewest = _ELIMINATED * np.count_nonzero(here[0])
+    numbers, apart = [], []
+    k = 0
     while True:
-        shape = centre.shape
-        nine = below_right.size > 1
-        last = min(shape[0], shape[1]) - 2 <= FEWEST or np.count_nonzero(centre) <= fewest
-        if last:
-            weights = np.zeros((1, 1, 3, 3))
-            apart = (np.zeros((1, 1), np.int32), np.zeros((0, 2), np.int64), np.zeros(1, np.int64), np.zeros(0))
-        else:
-            weights = _interpolation(centre, right, below, below_right, below_left, nine)
-            if ring:
-                _wrap(weights)
-            apart = clusters(centre, right, below, below_right, below_left, nine, ring)
-        inverse = np.zeros(shape)
-        for i in range(shape[0]):
-            for j in range(shape[1]):
-                if centre[i, j] > 0.0:
-                    inverse[i, j] = 1.0 / centre[i, j]
-        levels.append((centre, right, below, below_right, below_left, inverse, weights, np.zeros(shape),
-                       np.zeros(shape), np.zeros(shape), apart))  # fmt: skip
-        if last:
-            return levels
-        centre, right, below, below_right, below_left = _galerkin(
-            centre, right, below, below_right, below_left, weights, nine, ring
-        )
+        centre = here[0]
+        _invert(centre, fields[INVERSE, first[k] : first[k + 1]].reshape(centre.shape))
+        if k == len(sizes) - 1 or np.count_nonzero(centre) <= fewest:
+            break
+        w = weights[weight_first[k] : weight_first[k + 1]].reshape(*shape[k + 1], 3, 3)
+        _interpolation(*here, nine or k > 0, ring, w)
+        number, *cluster = clusters(*here, nine or k > 0, ring)
+        numbers.append(number.ravel() if number.size == centre.size else np.zeros(centre.size, np.int32))
+        apart.append(cluster)
+        below = operator(k + 1)
+        _galerkin(*here, w, nine or k > 0, ring, *below)
+        here = below
+        k += 1
+    parts = shape[: k + 1], first[: k + 2], fields, corner_first[: k + 2], corners, weight_first[: k + 1], weights
+    return Levels(*parts, *_joined(numbers, apart)), inlet, outlet
+
+
+def _joined(numbers: list[NDArray[np.int32]], apart: list[list[Any]]) -> tuple[Any, ...]:
+    """Clusters of all levels as `Levels` has them."""
+    counts = [inverse.size for _, _, inverse in apart]
+    cluster_first = np.cumsum([0, *counts, 0])
+    if not any(counts):
+        return np.zeros(1, np.int32), cluster_first, np.zeros(1, np.int64), np.zeros((0, 2), np.int64), np.zeros(0)
+    before = np.cumsum([0, *(len(nodes) for nodes, _, _ in apart)])
+    start = [begins[:-1] + n for (_, begins, _), n in zip(apart, before, strict=False)] + [before[-1:]]
+    nodes, inverse = (np.concatenate([part[i] for part in apart]) for i in (0, 2))
+    return np.concatenate(numbers), cluster_first, np.concatenate(start), nodes, inverse

@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 
 from ...base.errors import NotConverged
 from ..stencil import Stencil
-from .coarsest import eliminated
+from .coarsest import eliminate_coarsest
 from .compiled import COMPILED
-from .hierarchy import bordered, hierarchy
+from .hierarchy import BELOW, CENTRE, RIGHT, B, R, X, hierarchy, level_corner, level_field
 from .v_cycle import v_cycle
 
 Array = NDArray[np.float64]
@@ -68,7 +68,11 @@ def solve_multigrid(
     if judged is None:
         judged = _ALL
     field = np.inf if field_rtol is None else field_rtol
-    x, iterations, error, done = _solve(s.along, s.across, s.falling, s.rising, s.ring2, rtol, field, limit, judged)
+    levels, inlet, outlet = hierarchy(s.along, s.across, s.falling, s.rising, s.ring2)
+    last = len(levels.shape) - 1
+    operator = [level_field(levels, kind, last) for kind in (CENTRE, RIGHT, BELOW)]
+    coarsest = eliminate_coarsest(*operator, level_corner(levels, 0, last), level_corner(levels, 1, last), s.ring2)
+    x, iterations, error, done = _solve(levels, coarsest, inlet, outlet, s.nine, s.ring2, rtol, field, limit, judged)
     if not done:
         raise NotConverged(
             f"flow: error {error**2:.1e} of the rate after {iterations} iterations of multigrid, wanted {rtol:.1e}"
@@ -76,7 +80,7 @@ def solve_multigrid(
             + "; try the solver 'elimination'",
             error,
         )
-    return x, iterations, error
+    return x[1:-1, 1:-1].copy(), iterations, error
 
 
 @njit(**COMPILED)
@@ -130,7 +134,8 @@ def _advance(step, p, y, x, r):
 def _start(centre, right, below, below_right, below_left, inlet, outlet, x, r):
     """x of the least energy among potentials that are constant along rows, and its residual r."""
     n1, n2 = x.shape[0] - 2, x.shape[1] - 2
-    resistance = np.zeros(n1 + 1)
+    resistance = np.empty(n1 + 1)
+    total = 0.0
     for i in range(n1 + 1):
         s = 0.0
         for j in range(1, n2 + 1):
@@ -143,7 +148,7 @@ def _start(centre, right, below, below_right, below_left, inlet, outlet, x, r):
                 if below_right.size > 1:
                     s += below_right[i, j] + below_left[i, j]
         resistance[i] = 1.0 / s
-    total = resistance.sum()
+        total += resistance[i]
     rest = 0.0
     for i in range(n1, 0, -1):
         rest += resistance[i]
@@ -171,47 +176,38 @@ def _start(centre, right, below, below_right, below_left, inlet, outlet, x, r):
 
 
 @njit(**COMPILED)
-def _lowest(steps, ratios, count):
-    """The lowest eigenvalue of M⁻¹A on the space searched, within a factor of two, from the steps and ratios of CG."""
-    if count == 0:
-        return 1.0
-    value = 1.0 / steps[0]
+def _slowest(steps, ratios, count, nodes):
+    """The slowest part of the error that is reckoned with, from the lowest eigenvalue of M⁻¹A on the space searched.
+
+    That is found within a factor of two from the steps and ratios of `count` iterations.
+    """
+    lowest = 1.0 if count == 0 else 1.0 / steps[0]
     for i in range(1, count):
-        value = min(value, 1.0 / steps[i] + ratios[i] / steps[i - 1])
+        lowest = min(lowest, 1.0 / steps[i] + ratios[i] / steps[i - 1])
     for _ in range(100):
         # LDLᵀ of the tridiagonal matrix minus the value; no pivot is negative below the lowest eigenvalue
-        pivot = 1.0 / steps[0] - value
+        pivot = 1.0 if count == 0 else 1.0 / steps[0] - lowest
         for i in range(1, count):
             if not pivot > 0.0:
                 break
-            pivot = 1.0 / steps[i] + ratios[i] / steps[i - 1] - value - ratios[i] / (steps[i - 1] ** 2 * pivot)
+            pivot = 1.0 / steps[i] + ratios[i] / steps[i - 1] - lowest - ratios[i] / (steps[i - 1] ** 2 * pivot)
         if pivot > 0.0:
             break
-        value *= 0.5
-    return value
-
-
-@njit(**COMPILED)
-def _slowest(lowest, iteration, nodes):
-    """The slowest part of the error that is reckoned with, from the lowest eigenvalue met so far."""
+        lowest *= 0.5
     first, last = _SLOWEST
     usual = _FEW + 2.0 * max(0.0, np.log2(nodes / 128**2))
-    unmet = min(lowest**2 / first, first) * 0.5 ** max(0.0, iteration - usual)
+    unmet = min(lowest**2 / first, first) * 0.5 ** max(0.0, count - usual)
     return min(max(unmet, last), lowest)
 
 
 @njit(**COMPILED)
-def _solve(along, across, falling, rising, ring, rtol, field, limit, judged):
+def _solve(levels, coarsest, inlet, outlet, nine, ring, rtol, field, limit, judged):
     """Conjugate gradients: potential, iterations, error in the norm of the energy, and whether it is what was asked."""
-    (centre, right, below, below_right, below_left), inlet, outlet = bordered(along, across, falling, rising, ring)
-    levels = hierarchy(centre, right, below, below_right, below_left, ring)
-    centre, right, below, below_right, below_left = levels[-1][:5]
-    coarsest = eliminated(centre, right, below, below_right, below_left, ring)
-    centre, right, below, below_right, below_left = levels[0][:5]
-    nine = below_right.size > 1
+    centre, right, below = level_field(levels, CENTRE, 0), level_field(levels, RIGHT, 0), level_field(levels, BELOW, 0)
+    below_right, below_left = level_corner(levels, 0, 0), level_corner(levels, 1, 0)
     n1, n2 = centre.shape[0] - 2, centre.shape[1] - 2
     # the residual is the right-hand side of a cycle, whose own residual is not needed after it
-    z, r, y = levels[0][7], levels[0][8], levels[0][9]
+    z, r, y = level_field(levels, X, 0), level_field(levels, B, 0), level_field(levels, R, 0)
     x, p = np.zeros(z.shape), np.zeros(z.shape)
     _start(centre, right, below, below_right, below_left, inlet, outlet, x, r)
     if ring:
@@ -225,7 +221,7 @@ def _solve(along, across, falling, rising, ring, rtol, field, limit, judged):
     iteration = 0
     done = False
     while True:
-        v_cycle(levels, coarsest, ring)
+        v_cycle(levels, coarsest, nine, ring)
         before, rz, largest = rz, 0.0, 0.0
         for i in range(1, n1 + 1):
             for j in range(1, n2 + 1):
@@ -235,7 +231,7 @@ def _solve(along, across, falling, rising, ring, rtol, field, limit, judged):
             rate += outlet[j] * x[n1, j + 1]
         error = np.inf
         if 0.0 <= rz <= allowed * rate and unbalanced <= balance * rate:
-            error = np.sqrt(rz / rate / _slowest(_lowest(steps, ratios, iteration), iteration, n1 * n2))
+            error = np.sqrt(rz / rate / _slowest(steps, ratios, np.int64(iteration), n1 * n2))
             if field < np.inf:
                 for i in range(1, n1 + 1):
                     for j in range(1, n2 + 1):
@@ -261,4 +257,4 @@ def _solve(along, across, falling, rising, ring, rtol, field, limit, judged):
         iteration += 1
     if not done and rate > 0.0 and rz >= 0.0:
         error = np.sqrt(rz / rate)
-    return x[1:-1, 1:-1].copy(), iteration, error, done
+    return x, iteration, error, done

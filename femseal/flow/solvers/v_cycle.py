@@ -10,8 +10,9 @@ import numpy as np
 from numba import njit
 
 from .clusters import relax_backward, relax_forward
-from .coarsest import solve_eliminated
+from .coarsest import solve_coarsest
 from .compiled import COMPILED
+from .hierarchy import BELOW, CENTRE, INVERSE, RIGHT, B, R, X, level_corner, level_field, level_weights
 
 
 @njit(**COMPILED)
@@ -193,20 +194,31 @@ def _prolong(coarse, w, x, ring):
 
 
 @njit(**COMPILED)
-def v_cycle(levels, coarsest, ring):
-    """One V-cycle from b to x of the finest level."""
-    for k in range(len(levels) - 1):
-        centre, right, below, below_right, below_left, inverse_centre, weights, x, b, r, apart = levels[k]
-        nine = below_right.size > 1
-        _sweep_down(x, b, r, inverse_centre, right, below, below_right, below_left, nine, ring)
-        if apart[3].size > 0:
-            relax_forward(apart, x, r, centre, right, below, below_right, below_left, nine, ring)
-        _restrict(r, weights, levels[k + 1][8])
-    solve_eliminated(coarsest, levels[-1][8], levels[-1][7])
-    for k in range(len(levels) - 2, -1, -1):
-        centre, right, below, below_right, below_left, inverse_centre, weights, x, b, _, apart = levels[k]
-        nine = below_right.size > 1
-        _prolong(levels[k + 1][7], weights, x, ring)
-        if apart[3].size > 0:
-            relax_backward(apart, x, b, centre, right, below, below_right, below_left, nine, ring)
-        _sweep_up(x, b, inverse_centre, right, below, below_right, below_left, nine, ring)
+def v_cycle(levels, coarsest, nine, ring):
+    """One V-cycle from b to x of the finest level, which has nine points or five."""
+    last = levels.shape.shape[0] - 1
+    for step in range(2 * last + 1):
+        k = min(step, 2 * last - step)
+        x, b, r = level_field(levels, X, k), level_field(levels, B, k), level_field(levels, R, k)
+        if k == last:
+            solve_coarsest(coarsest, b, x)
+            continue
+        centre, right, below = (
+            level_field(levels, CENTRE, k),
+            level_field(levels, RIGHT, k),
+            level_field(levels, BELOW, k),
+        )
+        below_right, below_left = level_corner(levels, 0, k), level_corner(levels, 1, k)
+        inverse, weights = level_field(levels, INVERSE, k), level_weights(levels, k)
+        all_nine = nine or k > 0
+        apart = levels.cluster_first[k + 1] > levels.cluster_first[k]
+        if step < last:
+            _sweep_down(x, b, r, inverse, right, below, below_right, below_left, all_nine, ring)
+            if apart:
+                relax_forward(levels, k, x, r, centre, right, below, below_right, below_left, all_nine, ring)
+            _restrict(r, weights, level_field(levels, B, k + 1))
+        else:
+            _prolong(level_field(levels, X, k + 1), weights, x, ring)
+            if apart:
+                relax_backward(levels, k, x, b, centre, right, below, below_right, below_left, all_nine, ring)
+            _sweep_up(x, b, inverse, right, below, below_right, below_left, all_nine, ring)

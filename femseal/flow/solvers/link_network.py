@@ -1,0 +1,308 @@
+"""Elimination of networks of links on a grid: to inlet and outlet, to the sides of a window, and of islands.
+
+The order is nested dissection of the open nodes. Source: George, SIAM J. Numer. Anal. 10, 1973, 345.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sp
+from numba import njit
+from numpy.typing import NDArray
+from scipy.sparse.csgraph import connected_components
+
+from ..stencil import Stencil
+from .elimination import Factors, Links, Order, factored, find_potentials
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+Flags = NDArray[np.bool_]
+#: Boxes of about so many nodes are not cut any further; deepest nesting of boxes.
+_LEAF, _DEEPEST = 12, 400
+_NOTHING = np.zeros((0, 0))
+
+
+def eliminate(
+    c1: Array, c2: Array, keep: Flags, ring: bool, node: Indices, end: Indices, link: Array
+) -> tuple[float, Array, Array]:
+    """Conductance between inlet and outlet, and of each inner node the potential φ and 1 − φ (n1 − 1, n2).
+
+    Parameters
+    ----------
+    c1 (n1, n2), c2 (n1 − 1, n2 or n2 − 1) : conductances of the links as in `Stencil`; those of c1 to the ends are
+        not used. ring : whether the columns form one.
+    keep (n1 − 1, n2) : nodes to solve for, which both ends have to reach; others get φ = 0 and 1 − φ = 0, and links to
+        them count as closed.
+    node, end, link : nodes (row · n2 + column) with links to an end, 0 the inlet with φ = 1, 1 the outlet with φ = 0,
+        and their conductances.
+    """
+    order, factors = grid_factors(c1, c2, _NOTHING, _NOTHING, keep, ring, node, end, link, 2)
+    n = order.nodes.size
+    found = []
+    for stay in (0, 1):
+        v, values = np.zeros(n + 2), np.zeros(keep.size)
+        v[n + stay] = 1.0
+        find_potentials(factors, v)
+        values[order.nodes] = v[:n]
+        found.append(values.reshape(keep.shape))
+    return float(factors.between[0, 1]), found[0], found[1]
+
+
+def condense(c1: Array, c2: Array) -> tuple[Array, Indices]:
+    """Links between the side points of a window, and the component to which each of them belongs inside the window.
+
+    Parameters
+    ----------
+    c1 (w1 + 1, w2), c2 (w1, w2 + 1) : conductances of the links along both axes of w1 × w2 nodes; the first and the
+        last ones along an axis lead to the points of the window's sides.
+
+    Returns
+    -------
+    links (p, p) of the p = 2 w1 + 2 w2 side points: those before the first row of nodes, after the last row, before the
+        first column, and after the last column. Symmetric, >= 0, 0 on the diagonal: the Schur complement. Two side
+        points are linked only if open links inside the window join them.
+    component (p,) : side points with the same number are joined by open links.
+    Source: Guyan, AIAA J. 3, 1965, 380 (static condensation).
+    """
+    keep = (c1[:-1] + c1[1:] + c2[:, :-1] + c2[:, 1:]) > 0
+    node = _side_nodes(*keep.shape)
+    link = np.concatenate([c1[0], c1[-1], c2[:, 0], c2[:, -1]])
+    at_sides = np.flatnonzero(link)
+    inner = np.ascontiguousarray(c2[:, 1:-1])
+    _, factors = grid_factors(
+        np.ascontiguousarray(c1), inner, _NOTHING, _NOTHING, keep, False, node[at_sides], at_sides, link[at_sides],
+        node.size, only_between=True,
+    )  # fmt: skip
+    return factors.between, components(c1, c2)[keep.size :]
+
+
+def components(c1: Array, c2: Array) -> Indices:
+    """Component of every node of a window and then of its side points; arguments as in `condense`."""
+    w1, w2 = c2.shape[0], c1.shape[1]
+    number = np.arange(w1 * w2).reshape(w1, w2)
+    sides = w1 * w2 + np.arange(2 * (w1 + w2))
+    first = np.concatenate([number[:-1].ravel(), number[:, :-1].ravel(), _side_nodes(w1, w2)])
+    second = np.concatenate([number[1:].ravel(), number[:, 1:].ravel(), sides])
+    link = np.concatenate([c1[1:-1].ravel(), c2[:, 1:-1].ravel(), c1[0], c1[-1], c2[:, 0], c2[:, -1]])
+    is_open = link > 0
+    pairs = (np.ones(np.count_nonzero(is_open), np.int8), (first[is_open], second[is_open]))
+    graph = sp.coo_array(pairs, shape=(sides[-1] + 1, sides[-1] + 1)).tocsr()
+    return np.asarray(connected_components(graph, directed=False)[1]).astype(np.int64)
+
+
+def _side_nodes(w1: int, w2: int) -> Indices:
+    """Node beside every side point of a window, in the order of `condense`."""
+    number = np.arange(w1 * w2).reshape(w1, w2)
+    return np.concatenate([number[0], number[-1], number[:, 0], number[:, -1]])
+
+
+def island_potentials(stencil: Stencil, hidden: Flags, φ: Array) -> tuple[Array, Array]:
+    """φ and 1 − φ of the inner nodes (n1 − 1, n2) with those of the hidden ones found from the others.
+
+    A neighbour of known potential φ acts as the inlet with the fraction φ of its link and as the outlet with 1 − φ.
+
+    Parameters
+    ----------
+    stencil : of a network, without nodes that are not connected to both ends.
+    hidden : nodes that only very narrow links connect with the others, whose potential is wanted.
+    φ : potential of the others.
+    """
+    n2 = hidden.shape[1]
+    is_hidden = np.pad(hidden, ((1, 1), (0, 0))).ravel()
+    known = np.clip(np.pad(φ, ((1, 1), (0, 0))), 0.0, 1.0)
+    known[0] = 1.0
+    nodes, links = [], []
+    for c, a, b, _ in stencil.couples():
+        at = np.flatnonzero((is_hidden[a] != is_hidden[b]) & (c > 0))
+        one, other, conductance = a.ravel()[at], b.ravel()[at], c.ravel()[at]
+        inside, beside = np.where(is_hidden[one], one, other), np.where(is_hidden[one], other, one)
+        fraction = known.ravel()[beside]
+        nodes += [inside - n2, inside - n2]
+        links += [conductance * fraction, conductance * (1.0 - fraction)]
+    ends = [np.full(n.size, k % 2) for k, n in enumerate(nodes)]
+    node, end, link = (np.concatenate(part) for part in (nodes, ends, links))
+    _, high, low = eliminate(stencil.along, stencil.across, hidden, stencil.ring2, node, end, link)
+    return np.where(hidden, high, φ), np.where(hidden, low, 1.0 - φ)
+
+
+def grid_factors(
+    c1: Array,
+    c2: Array,
+    falling: Array,
+    rising: Array,
+    keep: Flags,
+    ring: bool,
+    node: Indices,
+    end: Indices,
+    link: Array,
+    stay: int,
+    *,
+    only_between: bool = False,
+) -> tuple[Order, Factors]:
+    """Eliminate the nodes of a grid; arguments as in `eliminate`, with `stay` ends, and as in `Stencil`."""
+    order = Order(*dissect(keep, ring))
+    links = Links(*_grid_links(c1, c2, falling, rising, ring, order.nodes, node, end, link))
+    return order, factored(order, links, stay, only_between=only_between)
+
+
+@njit(cache=True, nogil=True)
+def _grid_links(c1, c2, falling, rising, ring, order, node, end, link):
+    """`Links` of the nodes of a grid, and of some of them to ends; links of nodes that are not in the order are closed.
+
+    Every link is found from the first of its nodes in the grid: to the right, below, and across both corners below.
+    """
+    n1, n2 = c1.shape[0] - 1, c1.shape[1]
+    m2 = c2.shape[1]
+    kinds = 4 if falling.size > 0 else 2
+    n = order.size
+    place = np.empty(n1 * n2, np.int64)
+    for i in range(n1 * n2):
+        place[i] = -1
+    for i in range(n):
+        place[order[i]] = i
+    row = np.zeros(n + 1, np.int64)
+    for k in range(node.size):
+        row[place[node[k]] + 1] += 1
+    later, value = np.empty(0, np.int64), np.empty(0)
+    for counted in range(2):
+        if counted == 1:
+            for i in range(n):
+                row[i + 1] += row[i]
+            later, value = np.empty(row[n], np.int64), np.empty(row[n])
+            for k in range(node.size):
+                a = place[node[k]]
+                later[row[a]], value[row[a]] = n + end[k], link[k]
+                row[a] += 1
+        for i in range(n1):
+            for j in range(n2):
+                a = place[i * n2 + j]
+                if a < 0:
+                    continue
+                for kind in range(kinds):
+                    c, b = 0.0, a
+                    right, left = j + 1 if j < n2 - 1 else 0, j - 1 if j > 0 else n2 - 1
+                    if kind == 0:
+                        if j < m2 and n2 > 1:
+                            c, b = c2[i, j], place[i * n2 + right]
+                    elif i == n1 - 1:
+                        break
+                    elif kind == 1:
+                        c, b = c1[i + 1, j], place[(i + 1) * n2 + j]
+                    elif kind == 2:
+                        if j < m2 and n2 > 1:
+                            c, b = falling[i + 1, j], place[(i + 1) * n2 + right]
+                    elif left < m2 and n2 > 1:
+                        c, b = rising[i + 1, left], place[(i + 1) * n2 + left]
+                    if c == 0.0 or b < 0:
+                        continue
+                    at = min(a, b)
+                    if counted == 0:
+                        row[at + 1] += 1
+                    else:
+                        later[row[at]], value[row[at]] = max(a, b), c
+                        row[at] += 1
+    for i in range(n, 0, -1):
+        row[i] = row[i - 1]
+    row[0] = 0
+    return row, later, value
+
+
+@njit(cache=True, nogil=True)
+def dissect(keep, ring):
+    """`Order` of the nodes of a grid by nested dissection.
+
+    Every box is cut by the row or column with the fewest nodes near its middle; only the nodes of that cut link its
+    two halves. A front comes after the fronts of both halves, the second half first.
+    """
+    n1, n2 = keep.shape
+    # nodes above and left of a corner; twice the columns, so that a box may lie across the seam
+    nodes = np.zeros((n1 + 1, 2 * n2 + 1), np.int64)
+    for i in range(n1):
+        in_row = 0
+        for j in range(2 * n2):
+            in_row += keep[i, j % n2]
+            nodes[i + 1, j + 1] = nodes[i, j + 1] + in_row
+    n = nodes[n1, n2]
+    order = np.empty(n, np.int64)
+    first = np.empty(n + 1, np.int64)
+    parent = np.empty(n, np.int64)
+    placed, fronts = 0, 0
+    # of each box that waits: its rows and columns, whether it is a ring, and the front of the cut above it
+    boxes = np.empty((_DEEPEST, 6), np.int64)
+    boxes[0, 0], boxes[0, 1], boxes[0, 2], boxes[0, 3], boxes[0, 4], boxes[0, 5] = 0, n1, 0, n2, ring and n2 > 2, -1
+    count = 1
+    while count > 0:
+        count -= 1
+        a, b, c, d = boxes[count, 0], boxes[count, 1], boxes[count, 2], boxes[count, 3]
+        in_ring, above = boxes[count, 4] > 0, boxes[count, 5]
+        inside = nodes[b, d] - nodes[a, d] - nodes[b, c] + nodes[a, c]
+        if inside == 0:
+            continue
+        low1, high1, low2, high2 = a, b, c, d
+        along = False
+        if inside > _LEAF:
+            row, in_row = _thinnest(nodes, a, b, c, d, True)
+            column, in_column = _thinnest(nodes, c, d, a, b, False)
+            # of two equal cuts, take the one across the longer side
+            along = in_row < in_column or (in_row == in_column and b - a >= d - c)
+            if along:
+                low1, high1 = row, row + 1
+            else:
+                low2, high2 = column, column + 1
+        before = placed
+        for i in range(low1, high1):
+            for j in range(low2, high2):
+                if keep[i, j % n2]:
+                    order[n - 1 - placed] = i * n2 + j % n2
+                    placed += 1
+        if placed > before:
+            first[fronts] = before
+            parent[fronts] = above
+            above = fronts
+            fronts += 1
+        if inside <= _LEAF:
+            continue
+        for half in range(2):
+            boxes[count, 0], boxes[count, 1], boxes[count, 2], boxes[count, 3] = a, b, c, d
+            boxes[count, 4], boxes[count, 5] = in_ring, above
+            if along:
+                boxes[count, 1 - half] = row + half
+            elif in_ring:
+                boxes[count, 2], boxes[count, 3], boxes[count, 4] = high2 % n2, high2 % n2 + n2 - 1, 0
+            else:
+                boxes[count, 3 - half] = column + half
+            count += 1
+            if in_ring and not along:
+                break
+    # from the leaves to the root
+    starts = np.empty(fronts + 1, np.int64)
+    parents = np.empty(fronts, np.int64)
+    first[fronts] = n
+    for f in range(fronts):
+        g = fronts - 1 - f
+        starts[f] = n - first[g + 1]
+        parents[f] = fronts - 1 - parent[g] if parent[g] >= 0 else fronts
+    starts[fronts] = n
+    return order, starts, parents
+
+
+@njit(cache=True, nogil=True)
+def _thinnest(nodes, a, b, c, d, rows):
+    """Line with the fewest nodes in the middle third of a box, the one nearest to its middle, and its nodes.
+
+    a, b : first line and end of the lines that may be cut, rows or else columns. c, d : those across them.
+    """
+    middle = (a + b) // 2
+    best, fewest = middle, 1 << 60
+    extent = (b - a) // 6
+    for k in range(2 * extent + 1):
+        i = middle + ((k + 1) // 2 if k % 2 else -(k // 2))
+        if i < a or i >= b:
+            continue
+        if rows:
+            here = nodes[i + 1, d] - nodes[i, d] - nodes[i + 1, c] + nodes[i, c]
+        else:
+            here = nodes[d, i + 1] - nodes[d, i] - nodes[c, i + 1] + nodes[c, i]
+        if here < fewest:
+            best, fewest = i, here
+    return best, fewest
