@@ -108,6 +108,7 @@ def scatter_lines(results: RunData) -> Lines:
 
 
 def _comparison(results: RunData, one: str, leakage: Array, other: str, reference: Array) -> Lines:
+    """Lines of a leakage against a reference: the factor between them, on each branch."""
     lines: Lines = []
     steps = results.steps
     for branch in dict.fromkeys(s.branch for s in steps):
