@@ -129,7 +129,7 @@ def test_results_tell_the_classes_that_every_step_reaches(studied):
     for step, told in enumerate(results.classes):
         for family in ("L", "ISO 5208"):
             tightest = [c for c in LEAK_CLASSES.values() if c.name.startswith(family)]
-            tightest = [c.name for c in tightest if c.reached(leak[step], results.leak_basis, 0.05)]
+            tightest = [c.name for c in tightest if c.met_by(leak[step], results.leak_basis, 0.05)]
             assert tightest[:1] == [name for name in told.split(", ") if name.startswith(family)]
     assert any("a seat of 50 mm is about 157 mm long" in text for text in results.warnings)
     assert results.table().heads[-1] == "class"
