@@ -43,7 +43,7 @@ def test_limits_are_those_published():
     assert LEAK_CLASSES["ISO 5208 A"].limit(water, 0.05) == 0
     one = LEAK_CLASSES["L1"]
     around = one.limit(water) * np.array([0.99, 1.01, -0.99, -1.01, np.nan])
-    assert one.reached(around, water).tolist() == [True, False, True, False, False]  # whichever way it flows
+    assert one.met_by(around, water).tolist() == [True, False, True, False, False]  # whichever way it flows
     rates = [one.amount for one in LEAK_CLASSES.values() if one.family == "ISO 5208"]
     assert rates == sorted(rates)
 
