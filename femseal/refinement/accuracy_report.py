@@ -61,7 +61,7 @@ class Solution:
         return None if self.budget is None else widest_band(self.budget)
 
     def is_within(self, accuracy: float) -> bool:
-        """Whether measured error and budget are within an accuracy, a share, and nothing is closed or failed."""
+        """Whether measured error and budget are within an accuracy, a fraction, and nothing is closed or failed."""
         found, first = self.widest_band, self.comparisons[0]
         if found is None or not found.half_width <= np.log1p(accuracy):
             return False
@@ -94,7 +94,7 @@ class AccuracyReport:
 
     @property
     def advice(self) -> str:
-        """The recommended solution in words, and how it was found."""
+        """The recommended solution as text, and how it was found."""
         wanted = f"{100 * self.plan.accuracy:.3g} %"
         if (best := self.recommended) is None:
             return f"no solution has both its measured error and its budget within {wanted}"
