@@ -4,12 +4,12 @@ import json
 
 import numpy as np
 import pytest
+from femseal.report.class_words import class_lines
 from numpy.testing import assert_allclose, assert_array_equal
 
 import femseal as fs
 from femseal.budget.removed_slope import LOAD_POWER, sealed_for_certain, under_less_load
 from femseal.loads import LoadProgramme
-from femseal.report.class_words import class_lines
 from femseal.results.tables import leakage_table
 
 #: A generated face with half of its slope in waves that its grid does not carry, under loads that seal it without them.

@@ -4,6 +4,7 @@ import pickle
 
 import numpy as np
 import pytest
+from each import each
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.ndimage import zoom
 
@@ -59,7 +60,7 @@ class TestPartition:
         means = [[[partition.cell(f, i, j).mean() for j in range(3)] for i in range(4)] for f in field]
         assert_allclose(partition.cell_means(field), means)
 
-    @pytest.mark.parametrize("lines", [(0, 8, 16, 24), (0, 8, 8, 24, 32), (1, 8, 16, 24, 32), (0, 8, 16, 24, 31)])
+    @each("lines", [(0, 8, 16, 24), (0, 8, 8, 24, 32), (1, 8, 16, 24, 32), (0, 8, 16, 24, 31)])
     def test_bad_lines(self, lines):
         with pytest.raises(InputError, match="5 rising pixel rows from 0 to 32"):
             Partition((32, 48), (1e-6, 2e-6), (4, 3), lines)
@@ -89,7 +90,7 @@ class TestPartition:
         assert partition.window == (16, 8)
         assert_allclose(partition.window_size, (16e-6, 24e-6))
 
-    @pytest.mark.parametrize(("cells", "word"), [((5, 3), "divisors"), ((0, 3), "divisors"), ((8, 3), "8 pixels")])
+    @each(("cells", "word"), [((5, 3), "divisors"), ((0, 3), "divisors"), ((8, 3), "8 pixels")])
     def test_bad_cells(self, cells, word):
         with pytest.raises(InputError, match=word):
             Partition((32, 48), (1e-6, 2e-6), cells)
@@ -121,7 +122,7 @@ class TestGlobalScale:
         assert_allclose(world.raw_gap, 0, atol=1e-18)
         assert_allclose(world.pressure, 1e8)
 
-    @pytest.mark.parametrize("boundary", [("free", "periodic"), ("periodic", "free")])
+    @each("boundary", [("free", "periodic"), ("periodic", "free")])
     def test_a_flat_face_is_a_punch(self, boundary):
         """A strip with free ends: p = 2p̄/(π √(1 − ξ²)), in parts of the width (arcsin ξ₂ − arcsin ξ₁)/π."""
         flat = Topography(np.zeros((128, 128)), (1e-6, 1e-6))
@@ -138,8 +139,8 @@ class TestGlobalScale:
         pressure = world.pressure if boundary[0] == "free" else world.pressure.T
         assert_allclose(pressure, np.tile(expected[:, None], (1, 8)), rtol=0.02)
 
-    @pytest.mark.parametrize("boundary", [("free", "periodic"), ("mirror", "periodic")])
-    @pytest.mark.parametrize(("shape", "cells"), [((64, 128), (2, 4)), ((128, 64), (4, 4))])
+    @each("boundary", [("free", "periodic"), ("mirror", "periodic")])
+    @each(("shape", "cells"), [((64, 128), (2, 4)), ((128, 64), (4, 4))])
     def test_the_coarser_grid_changes_little(self, boundary, shape, cells):
         """Waves of 16 points are solved on 8 of them: pressures, and gaps up to the ends, are those of all points."""
         size = (shape[0] * 1e-6, shape[1] * 1e-6)
@@ -164,7 +165,7 @@ class TestGlobalScale:
         added = np.ptp(whole.raw_gap - gap0)
         assert_allclose(world.raw_gap, whole.raw_gap, atol=0.03 * added)
 
-    @pytest.mark.parametrize(
+    @each(
         ("shape", "finer", "boundary"),
         [
             ((16, 24), (32, 48), ("free", "periodic")),
@@ -190,7 +191,7 @@ class TestGlobalScale:
         gaps = [next(global_states(s, partition, 15e-6, programme, **given)).raw_gap for s in (face, turned)]
         assert_allclose(np.roll(gaps[1], -32, axis=1), gaps[0], atol=1e-5 * np.ptp(gaps[0]))
 
-    @pytest.mark.parametrize("points", [(8, 8), (16, 12), (32, 24)])
+    @each("points", [(8, 8), (16, 12), (32, 24)])
     def test_outer_gap_is_without_the_response_to_the_own_pressure(self, points):
         """A cosine over the cell with its sides as mirrors, on a coarser or the same grid: u = 2p/(E*q), no mean."""
         partition = Partition((64, 48), (1e-6, 2e-6), (2, 2))

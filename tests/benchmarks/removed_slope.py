@@ -55,9 +55,16 @@ def face(kind: str, seed: int) -> Topography:
 def solved(surface: Topography, loads: np.ndarray, hardness: float) -> tuple[fs.Scene, fs.DeterministicResult]:
     """The deterministic solution of a face under these nominal pressures."""
     scene = fs.Scene(
-        surface, MODULUS, hardness, fs.Liquid(1e-3), 1e6, 0.0, tuple(loads), rtol=1e-4,
+        surface,
+        MODULUS,
+        hardness,
+        fs.Liquid(1e-3),
+        1e6,
+        0.0,
+        tuple(loads),
+        rtol=1e-4,
         boundary=("periodic", "periodic"),
-    )  # fmt: skip
+    )
     return scene, fs.deterministic(scene)
 
 

@@ -88,8 +88,9 @@ def _hardnesses() -> list[float]:
 
 def _flat_slope() -> float:
     gap0, hardness = _rough(), 0.3 * E * SLOPE
-    flat, plain = (_solved(gap0, pressure=0.02 * E * SLOPE, hardness=law) for law in
-                   (LinearHardening(hardness, 0.0), hardness))  # fmt: skip
+    flat, plain = (
+        _solved(gap0, pressure=0.02 * E * SLOPE, hardness=law) for law in (LinearHardening(hardness, 0.0), hardness)
+    )
     return float(np.abs(flat.gap - plain.gap).max() + abs(flat.fft_pairs - plain.fft_pairs))
 
 
