@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import scipy.sparse as sp
+from each import each
 from numpy.testing import assert_allclose, assert_array_equal
 from skfem import Basis, ElementQuad1, ElementQuad2, ElementTriP1, ElementTriP2, MeshQuad, MeshTri
 
@@ -55,7 +56,7 @@ def energy_error(matrix, rhs, x, exact):
     return np.sqrt(difference @ (matrix @ difference) / (rhs @ (1 - exact)))
 
 
-@pytest.mark.parametrize("seed", range(4))
+@each("seed", range(4))
 def test_drawn_seals_agree_with_elimination(seed):
     """Standard deviations of ln k up to 5, up to a third of the links closed."""
     rng = np.random.default_rng(seed)
@@ -73,7 +74,7 @@ def test_drawn_seals_agree_with_elimination(seed):
         assert flow.iterations <= 30
 
 
-@pytest.mark.parametrize("n", [24, 40, 64])
+@each("n", [24, 40, 64])
 def test_cells_agree_with_elimination(n):
     """From open to nearly closed ones, where the flow is a tiny share of what the inlet could carry."""
     rng = np.random.default_rng(n)
@@ -99,7 +100,7 @@ def test_many_levels_take_few_iterations():
         assert_allclose(flow.conductance, solve_flow(stencil, solver="elimination").conductance, rtol=1e-9)
 
 
-@pytest.mark.parametrize(
+@each(
     ("mesh", "element"),
     [
         (MeshTri, ElementTriP1()),
@@ -143,8 +144,8 @@ def test_the_same_bits_every_time_and_no_random_number():
     assert second.iterations == first.iterations
 
 
-@pytest.mark.parametrize("weak", [1e-4, 1e-9, 1e-12, 1e-14])
-@pytest.mark.parametrize("place", [0.02, 0.5, 0.98])
+@each("weak", [1e-4, 1e-9, 1e-12, 1e-14])
+@each("place", [0.02, 0.5, 0.98])
 def test_constrictions_keep_their_digits(weak, place):
     """A chain of wide links with a narrow one: 1 − x before it is nearly 0, x behind it, and both ends have the flow."""
     links = np.random.default_rng(4).uniform(1, 3, 1500)
@@ -248,7 +249,7 @@ def test_a_singular_matrix_is_refused_by_the_factorisation():
         solve_direct(sp.csr_array([[1.0, -1.0], [-1.0, 1.0]]), np.ones(2))
 
 
-@pytest.mark.parametrize("rtol", [1e-3, 1e-6])
+@each("rtol", [1e-3, 1e-6])
 def test_it_stops_where_the_flow_is_right(rtol):
     """The flow errs by the square of the potential's error: half the iterations, and still what was asked for."""
     rng = np.random.default_rng(12)

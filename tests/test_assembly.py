@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import scipy.sparse as sp
+from each import each
 from networks import cell_links
 from numpy.testing import assert_allclose, assert_array_equal
 from skfem import Basis, BilinearForm, ElementQuad1, MeshQuad
@@ -232,7 +233,7 @@ def leak(seal, k, **options):
     return fs.seal_leakage(seal, k, WATER, inlet_pressure=1e6, **options)
 
 
-@pytest.mark.parametrize("angle", [0.0, 0.3, np.pi / 4, 1.2])
+@each("angle", [0.0, 0.3, np.pi / 4, 1.2])
 def test_uniform_tensor_on_a_strip(angle):
     """In a ring of columns nothing depends on x2: the flow is that of K11, and the pressure falls evenly."""
     k = 1e-18 * rotated(3.0, 0.2, angle)
@@ -269,7 +270,7 @@ def test_tensors_on_a_strip_equal_the_general_mesh():
     assert_allclose(inner[np.argsort(rows)], ours.fluid_pressure[:, 2], atol=5e3)
 
 
-@pytest.mark.parametrize("solver", ["auto", "multigrid", "amg"])
+@each("solver", ["auto", "multigrid", "amg"])
 def test_solvers_of_nine_points_agree(solver):
     rng = np.random.default_rng(8)
     k = 1e-18 * np.array([rotated(*rng.lognormal(0, 1, 2), rng.uniform(0, 3)) for _ in range(600)]).reshape(
@@ -307,9 +308,9 @@ def smooth_cell(n):
     return D * (1 + 0.4 * np.cos(2 * np.pi * x)[:, None] * np.cos(4 * np.pi * x) + 0.2 * np.sin(2 * np.pi * x))
 
 
-@pytest.mark.parametrize("discretisation", DISCRETISATIONS)
-@pytest.mark.parametrize("sides", ["mirror", "periodic"])
-@pytest.mark.parametrize("axis", [0, 1])
+@each("discretisation", DISCRETISATIONS)
+@each("sides", ["mirror", "periodic"])
+@each("axis", [0, 1])
 def test_plates_are_exact(discretisation, sides, axis):
     flat = np.full((6, 5), D)
     found = fs.cell_permeability(flat, (D, 3 * D), axis=axis, sides=sides, discretisation=discretisation)
@@ -318,8 +319,8 @@ def test_plates_are_exact(discretisation, sides, axis):
     assert_allclose(found.fluid_pressure.mean(axis=1 - axis), 1 - away, atol=1e-7)
 
 
-@pytest.mark.parametrize("discretisation", DISCRETISATIONS)
-@pytest.mark.parametrize("sides", ["mirror", "periodic"])
+@each("discretisation", DISCRETISATIONS)
+@each("sides", ["mirror", "periodic"])
 def test_order_of_discretisations(discretisation, sides):
     """All tend to the same limit, with at least the second order."""
     limit = fs.cell_permeability(smooth_cell(256), (1 / 256, 1 / 256), sides=sides, rtol=1e-10).value
@@ -344,7 +345,7 @@ def test_mixed_elements_are_below_and_q1_elements_above_for_the_gap_of_the_pixel
         assert mixed.solver in ("direct", "amg")
 
 
-@pytest.mark.parametrize("discretisation", DISCRETISATIONS)
+@each("discretisation", DISCRETISATIONS)
 def test_closed_cells_carry_exactly_nothing(discretisation):
     h = np.full((8, 9), D)
     h[3:5] = 0
@@ -374,7 +375,7 @@ def test_discretisations_that_are_refused():
         fs.cell_permeability(h[:, :2], (1.0, 1.0), sides="periodic", discretisation="P1")
 
 
-@pytest.mark.parametrize("solver", ["multigrid", "elimination", "amg"])
+@each("solver", ["multigrid", "elimination", "amg"])
 def test_solvers_of_a_cell_agree_and_say_their_name(solver):
     h = np.maximum(np.random.default_rng(1).normal(1, 0.4, (40, 36)), 0) * D
     found = fs.cell_permeability(h, (D, D), solver=solver, field_rtol=1e-6)
@@ -390,7 +391,7 @@ def test_the_estimate_sees_the_borders_where_they_are():
         assert found.resampling_error < 1e-12
 
 
-@pytest.mark.parametrize("solver", ["auto", "amg"])
+@each("solver", ["auto", "amg"])
 def test_solvers_of_the_tensor_agree(solver):
     h = np.maximum(np.random.default_rng(3).normal(1, 0.5, (40, 33)), 0) * D
     direct = permeability_tensor(h, (D, 2 * D))

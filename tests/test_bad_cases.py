@@ -11,6 +11,7 @@ from zipfile import ZIP_DEFLATED, ZipFile
 import h5py
 import numpy as np
 import pytest
+from each import each
 
 import femseal as fs
 from femseal import cli
@@ -85,7 +86,7 @@ def test_tables_and_values_in_place_of_one_another_are_told(data):
 # --- units ------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
+@each(
     "unit",
     [
         "(",
@@ -122,7 +123,7 @@ def test_only_names_with_exponents_reach_the_parser_of_units(monkeypatch):
         refusal(to_si, f"1 {unit}", "m")
 
 
-@pytest.mark.parametrize(
+@each(
     ("text", "unit", "value"),
     [
         ("210000 N/mm2", "Pa", 210e9),
@@ -596,7 +597,7 @@ def test_long_lists_of_what_is_allowed_lose_their_end(data, monkeypatch):
     def refused(name, temperature, pressures):
         raise fs.InputError("name", "x" * 1000, "one of " + ", ".join(map(str, range(500))))
 
-    monkeypatch.setattr("femseal.case.fluid_by_name.named_fluid", refused)
+    monkeypatch.setattr("femseal.case.fluid.named_fluid", refused)
     data["fluid"] = {"name": "x" * 1000, "inlet_pressure": "1 MPa"}
     message = refusal(parse_case, data)
     assert ", expected one of 0, 1, 2" in message

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from each import each
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from networks import cell_links, solve_links
@@ -57,10 +58,10 @@ def order(errors):
 # --- closed forms ---
 
 
-@pytest.mark.parametrize("shape", [(1, 1), (1, 9), (9, 1), (2, 2), (3, 3), (2, 7), (16, 12), (31, 17)])
-@pytest.mark.parametrize("spacing", [(D, D), (D, 30 * D), (7 * D, D)])
-@pytest.mark.parametrize("axis", [0, 1])
-@pytest.mark.parametrize("sides", SIDES)
+@each("shape", [(1, 1), (1, 9), (9, 1), (2, 2), (3, 3), (2, 7), (16, 12), (31, 17)])
+@each("spacing", [(D, D), (D, 30 * D), (7 * D, D)])
+@each("axis", [0, 1])
+@each("sides", SIDES)
 def test_flat_gap_is_exact(shape, spacing, axis, sides):
     h = 3.7e-7
     assert_allclose(k_of(np.full(shape, h), spacing, axis=axis, sides=sides), analytic.parallel_plates(h), rtol=1e-12)
@@ -74,7 +75,7 @@ def test_flat_gap_is_exact(shape, spacing, axis, sides):
     assert_allclose(k.fluid_pressure, np.broadcast_to(drop[:, None] if axis == 0 else drop, shape), rtol=1e-12)
 
 
-@pytest.mark.parametrize("axis", [0, 1])
+@each("axis", [0, 1])
 def test_wavy_gap_along_the_ridges(axis):
     h0, ε, n = 1e-6, 0.6, 24
     x = (np.arange(n) + 0.5) / n
@@ -85,8 +86,8 @@ def test_wavy_gap_along_the_ridges(axis):
         assert_allclose(k_of(h, (D, 2 * D), axis=axis, sides=sides), analytic.wavy_gap_along(h0, ε), rtol=1e-12)
 
 
-@pytest.mark.parametrize("axis", [0, 1])
-@pytest.mark.parametrize("ε", [0.3, 0.8])
+@each("axis", [0, 1])
+@each("ε", [0.3, 0.8])
 def test_wavy_gap_across_the_ridges(axis, ε):
     h0 = 1e-6
     exact = analytic.wavy_gap_across(h0, ε)
@@ -109,7 +110,7 @@ def test_smooth_two_dimensional_gap_is_of_second_order():
     assert np.log2(steps[0] / steps[2]) / 2 >= 1.9
 
 
-@pytest.mark.parametrize("axis", [0, 1])
+@each("axis", [0, 1])
 def test_limit_of_refinement_is_that_of_quadratic_elements(axis):
     """Another discretisation altogether: Q2 by scikit-fem with the gap given at every quadrature point."""
 
@@ -139,7 +140,7 @@ def test_limit_of_refinement_is_that_of_quadratic_elements(axis):
     assert 1.8 < order(errors) < 2.3
 
 
-@pytest.mark.parametrize("ratio", [0.1, 0.5, 0.9])
+@each("ratio", [0.1, 0.5, 0.9])
 def test_flow_along_westergaard_grooves(ratio):
     λ, Δ = 1e-3, 1e-6
     errors = []
@@ -154,7 +155,7 @@ def test_flow_along_westergaard_grooves(ratio):
     assert order(errors) >= 1.9
 
 
-@pytest.mark.parametrize("sides", SIDES)
+@each("sides", SIDES)
 def test_stripes_along_are_parallel(sides):
     """Parallel stripes: exact for any widths, because nothing crosses over."""
     h = np.repeat([1e-6, 2e-6, 0.0, 5e-7], 6)
@@ -195,7 +196,7 @@ def series(h, d1, d2, width):
     return h.size * d1 / (width * d2) / resistance
 
 
-@pytest.mark.parametrize("ratio", [0.2, 0.1, 1e-2, 1e-6])
+@each("ratio", [0.2, 0.1, 1e-2, 1e-6])
 def test_plates_in_series_err_by_half_a_pixel(ratio):
     """Where the gap jumps the cubic would dip on the lower plate; the link across the jump is the mean of both."""
     for n in (64, 256):
@@ -217,8 +218,8 @@ def test_links_are_the_documented_ones_on_rough_and_on_smooth_gaps():
     assert jumps > 20
 
 
-@pytest.mark.parametrize("contrast", [1.0, 1e3, 1e9, 1e15])
-@pytest.mark.parametrize("width", [1, 4])
+@each("contrast", [1.0, 1e3, 1e9, 1e15])
+@each("width", [1, 4])
 def test_series_at_any_contrast(contrast, width):
     h = 1e-6 * np.array([1, 1, 1 / contrast, 1, 1, 1, 1, 1 / contrast, 1 / contrast, 1, 1])
     field = np.repeat(h[:, None], width, axis=1)
@@ -228,7 +229,7 @@ def test_series_at_any_contrast(contrast, width):
         assert_allclose(k_of(field.T, (3 * D, D), sides=sides, axis=1), exact, rtol=1e-12)
 
 
-@pytest.mark.parametrize("contrast", [1e3, 1e9, 1e15])
+@each("contrast", [1e3, 1e9, 1e15])
 def test_parallel_channels_and_a_constriction_at_any_contrast(contrast):
     """Two channels behind walls: each is a series, together the sum."""
     a = np.array([1, 1, 1 / contrast, 1, 1, 1, 1])
@@ -239,7 +240,7 @@ def test_parallel_channels_and_a_constriction_at_any_contrast(contrast):
     assert_allclose(k_of(h, sides="periodic"), exact, rtol=1e-12)
 
 
-@pytest.mark.parametrize("ratio", [1.5, 4.0])
+@each("ratio", [1.5, 4.0])
 def test_checkerboard(ratio):
     """Squares about the centre of the cell; its edges are lines of symmetry of the board."""
     exact = analytic.checkerboard(*analytic.parallel_plates([D, ratio * D]))
@@ -287,8 +288,8 @@ def test_symmetries(seed, share, sides, n1, n2):
         assert_allclose(k_of(np.roll(h, 3, axis=1), (D, 2 * D), sides=sides), k, rtol=1e-12)
 
 
-@pytest.mark.parametrize("shape", [(20, 24), (17, 13), (5, 1), (6, 2)])
-@pytest.mark.parametrize("share", [0.0, 0.2, 0.4])
+@each("shape", [(20, 24), (17, 13), (5, 1), (6, 2)])
+@each("share", [0.0, 0.2, 0.4])
 def test_mirror_equals_the_periodic_even_extension(shape, share):
     h = cut_by_plane((40, 40), share, seed=1)[: shape[0], 5 : 5 + shape[1]]
     for rtol in (1e-6, 1e-11):
@@ -308,7 +309,7 @@ def test_opening_one_pixel_never_closes():
 # --- percolation ---
 
 
-@pytest.mark.parametrize("sides", SIDES)
+@each("sides", SIDES)
 def test_a_wall_of_one_pixel_closes(sides):
     h = np.full((12, 9), D)
     h[5] = 0
@@ -318,8 +319,8 @@ def test_a_wall_of_one_pixel_closes(sides):
     assert k_of(h, axis=1, sides=sides) > 0
 
 
-@pytest.mark.parametrize("sides", SIDES)
-@pytest.mark.parametrize("column", [0, 4, 8])
+@each("sides", SIDES)
+@each("column", [0, 4, 8])
 def test_a_channel_of_one_pixel_is_open(sides, column):
     h = np.zeros((12, 9))
     h[:, column] = D
@@ -348,7 +349,7 @@ def test_a_seam_joins_on_periodic_cells_only():
     assert k_of(h, sides="mirror") == 0
 
 
-@pytest.mark.parametrize("sides", SIDES)
+@each("sides", SIDES)
 def test_trapped_pockets_change_nothing(sides):
     h = np.full((20, 20), D)
     h[8:13, 8:13] = 0
@@ -362,7 +363,7 @@ def test_trapped_pockets_change_nothing(sides):
     assert_allclose(k_of(h, sides=sides), before.value, rtol=1e-12)
 
 
-@pytest.mark.parametrize("axis", [0, 1])
+@each("axis", [0, 1])
 def test_fluid_stands_at_the_pressure_of_the_end_that_reaches_it(axis):
     h = np.full((9, 7), D)
     h[4] = 0  # closed
@@ -386,9 +387,9 @@ def test_dead_ends_change_nothing():
     assert_allclose(after.fluid_pressure[2:7, 7], before.fluid_pressure[4, 4], rtol=1e-12)
 
 
-@pytest.mark.parametrize("shape", [(1, 1), (1, 5), (5, 1), (8, 8)])
-@pytest.mark.parametrize("sides", SIDES)
-@pytest.mark.parametrize("axis", [0, 1])
+@each("shape", [(1, 1), (1, 5), (5, 1), (8, 8)])
+@each("sides", SIDES)
+@each("axis", [0, 1])
 def test_all_contact_is_closed(shape, sides, axis):
     k = cell_permeability(np.zeros(shape), (D, D), sides=sides, axis=axis, bounds=True)
     assert (k.value, k.lower, k.upper, k.percolates) == (0, 0, 0, False)
@@ -430,8 +431,8 @@ def test_without_asking_there_are_no_bounds():
     assert np.isnan(k.upper)
 
 
-@pytest.mark.parametrize("sides", SIDES)
-@pytest.mark.parametrize("share", [0.05, 0.3])
+@each("sides", SIDES)
+@each("share", [0.05, 0.3])
 def test_bounds_tighten_and_enclose_under_refinement(sides, share):
     h = cut_by_plane((24, 20), share, seed=5)
     lower, upper = [], []
@@ -461,8 +462,8 @@ def test_bounds_bracket_the_flow_through_the_pixels():
             assert fine.lower <= fine.upper
 
 
-@pytest.mark.parametrize("contrast", [1e2, 1e4, 1e6, 1e9])
-@pytest.mark.parametrize("sides", SIDES)
+@each("contrast", [1e2, 1e4, 1e6, 1e9])
+@each("sides", SIDES)
 def test_bounds_hold_at_high_contrast(contrast, sides):
     """A bound is a bound however small the flow: smooth wide gaps before and behind a narrow one."""
     h = rough((24, 20), 2)
@@ -480,7 +481,7 @@ def test_bounds_hold_at_high_contrast(contrast, sides):
     assert k.upper < 2 * plain
 
 
-@pytest.mark.parametrize("contrast", [1e3, 1e6, 1e9, 1e12])
+@each("contrast", [1e3, 1e6, 1e9, 1e12])
 def test_bounds_of_stripes_are_exact(contrast):
     h = np.repeat(D * np.repeat([1, 1 / contrast, 1], 4)[:, None], 5, axis=1)
     exact = analytic.stripes_across(analytic.parallel_plates(h[:, 0]))
@@ -497,8 +498,8 @@ def energy_of_pressure(p, q, w):
     return w.k * dot(grad(p), grad(q))
 
 
-@pytest.mark.parametrize("spacing", [(D, D), (3 * D, D), (D, 8 * D)])
-@pytest.mark.parametrize("closed", [0.0, 0.15])
+@each("spacing", [(D, D), (3 * D, D), (D, 8 * D)])
+@each("closed", [0.0, 0.15])
 def test_upper_bound_is_the_energy_of_q1_elements(spacing, closed):
     """Against scikit-fem's own assembly of all that both ends reach, solved by SciPy."""
     h = rough((19, 23), 4)
@@ -553,7 +554,7 @@ def test_tensor_of_flat_gap_and_stripes():
     assert_allclose(along[[0, 1], [1, 0]], 0, atol=1e-12 * along[1, 1])
 
 
-@pytest.mark.parametrize("share", [0.0, 0.2, 0.35])
+@each("share", [0.0, 0.2, 0.35])
 def test_tensor_is_symmetric_and_turns_with_the_cell(share):
     h = cut_by_plane((24, 30), share, seed=6)
     k = permeability_tensor(h, (D, 2 * D))
@@ -618,7 +619,7 @@ def test_tensor_of_nothing_that_winds_is_exactly_zero():
     assert np.array_equal(permeability_tensor(u_turn, (D, D)), np.zeros((2, 2)))
 
 
-@pytest.mark.parametrize("flip", [1, -1])
+@each("flip", [1, -1])
 def test_tensor_of_one_slanted_channel(flip):
     """A staircase winding once around both axes carries flow along the diagonal only: a matrix of rank 1."""
     n = 12
@@ -634,7 +635,7 @@ def test_tensor_of_one_slanted_channel(flip):
     assert_allclose(k[0, 0], n * D * (D**3 / 12) / (2 * n * n * D), rtol=0.7)
 
 
-@pytest.mark.parametrize("axis", [0, 1])
+@each("axis", [0, 1])
 def test_tensor_of_one_row_or_column_is_that_of_four(axis):
     h = np.expand_dims(D * np.random.default_rng(1).uniform(0.2, 1, 6), axis)
     assert_allclose(
@@ -674,7 +675,7 @@ def test_linear_gap_is_interpolated_exactly_between_pixels():
 # --- bad input ---
 
 
-@pytest.mark.parametrize(
+@each(
     ("change", "words"),
     [
         ({"gap": np.full((3, 3), np.nan)}, ["gap", "9 "]),
@@ -717,9 +718,9 @@ def percolates(h, sides, axis):
     return k_of(np.where(h > 0, D, 0.0), sides=sides, axis=axis) > 0
 
 
-@pytest.mark.parametrize("sides", SIDES)
-@pytest.mark.parametrize("axis", [0, 1])
-@pytest.mark.parametrize("seed", range(4))
+@each("sides", SIDES)
+@each("axis", [0, 1])
+@each("seed", range(4))
 def test_without_the_critical_link_the_widest_path_is_closed(sides, axis, seed):
     """Links as wide as it percolate, those wider than it do not; it lies where it says."""
     h = cut_by_plane((24, 21), 0.15, seed, cut=5)
@@ -757,15 +758,15 @@ def test_constriction_of_a_channel_with_a_neck():
         critical_constriction(h, (D, D), sides="open")
 
 
-@pytest.mark.parametrize("shape", [(8, 8), (9, 11), (4, 5), (16, 7)])
-@pytest.mark.parametrize("sides", SIDES)
-@pytest.mark.parametrize("axis", [0, 1])
+@each("shape", [(8, 8), (9, 11), (4, 5), (16, 7)])
+@each("sides", SIDES)
+@each("axis", [0, 1])
 def test_a_flat_gap_has_no_resampling_error(shape, sides, axis):
     k = cell_permeability(np.full(shape, D), (D, 3 * D), axis=axis, sides=sides, estimate=True)
     assert k.resampling_error < 1e-12
 
 
-@pytest.mark.parametrize("sides", SIDES)
+@each("sides", SIDES)
 def test_resampling_error_is_not_below_the_true_one_and_of_order_two(sides):
     errors, estimates = [], []
     for n in (24, 48, 96):
@@ -806,8 +807,8 @@ def test_percolating_fraction():
 # --- many cells ---
 
 
-@pytest.mark.parametrize("threads", [1, 2])
-@pytest.mark.parametrize("sides", SIDES)
+@each("threads", [1, 2])
+@each("sides", SIDES)
 def test_many_gaps_at_once_are_what_each_of_them_is(threads, sides):
     gaps = np.array([cut_by_plane((30, 26), share, seed) for share in (0.05, 0.2, 0.7) for seed in (1, 2)])
     got = cell_permeabilities(gaps, (D, 2 * D), sides=sides, threads=threads)
@@ -818,7 +819,7 @@ def test_many_gaps_at_once_are_what_each_of_them_is(threads, sides):
     assert np.array_equal(cell_permeabilities(gaps, (D, 2 * D), axes=[1], sides=sides)[:, 0], got[:, 1])
 
 
-@pytest.mark.parametrize(
+@each(
     ("gaps", "options", "words"),
     [
         (np.ones((4, 4)), {}, ("gaps", "(4, 4)", "(n, n1, n2)")),
@@ -839,7 +840,7 @@ def test_bad_input_of_many_gaps_is_named(gaps, options, words):
 # --- what an iteration does not see ---
 
 
-@pytest.mark.parametrize(("n", "narrow"), [(48, 1e-3), (64, 1e-6), (128, 1e-6)])
+@each(("n", "narrow"), [(48, 1e-3), (64, 1e-6), (128, 1e-6)])
 def test_pressure_of_an_island_behind_a_narrow_film(n, narrow):
     """The energy of an iterative solution does not see it, elimination does."""
     h = np.full((n, n), D)
@@ -851,7 +852,7 @@ def test_pressure_of_an_island_behind_a_narrow_film(n, narrow):
     assert 0.7 < k.fluid_pressure[10, 10] < 0.95
 
 
-@pytest.mark.parametrize("film", [1e-1, 1e-2, 1e-3, 1e-4])
+@each("film", [1e-1, 1e-2, 1e-3, 1e-4])
 def test_pressure_over_a_film_of_any_thickness(film):
     for seed in range(3):
         h = cut_by_plane((72, 80), 0.3, seed)
@@ -863,8 +864,8 @@ def test_pressure_over_a_film_of_any_thickness(film):
         assert k.fluid_pressure.max() < 1 + 1e-6
 
 
-@pytest.mark.parametrize("sides", SIDES)
-@pytest.mark.parametrize("decades", [3, 6, 9])
+@each("sides", SIDES)
+@each("decades", [3, 6, 9])
 def test_upper_bound_where_the_factorisation_fails(sides, decades):
     """Any pressure gives a bound: nothing is refused, and a flipped cell gets one as close."""
     for seed in range(4):
@@ -882,7 +883,7 @@ def test_upper_bound_of_very_flat_pixels():
     assert k.lower <= k.upper < 1.05 * k.lower
 
 
-@pytest.mark.parametrize("decades", [2, 3, 4, 5, 6])
+@each("decades", [2, 3, 4, 5, 6])
 def test_a_tensor_is_right_at_any_contrast(decades):
     """One column of random gaps: its links in series."""
     for seed in range(10):
@@ -898,9 +899,9 @@ def test_a_tensor_is_right_at_any_contrast(decades):
 # --- the coarse links of the resampling error ---
 
 
-@pytest.mark.parametrize("shape", [(8, 8), (9, 11), (4, 5), (7, 6)])
-@pytest.mark.parametrize("offset", [(0, 0), (0, 1), (1, 0), (1, 1)])
-@pytest.mark.parametrize("sides", SIDES)
+@each("shape", [(8, 8), (9, 11), (4, 5), (7, 6)])
+@each("offset", [(0, 0), (0, 1), (1, 0), (1, 1)])
+@each("sides", SIDES)
 def test_every_second_pixel_fills_the_same_cell(shape, offset, sides):
     """Columns of links in series are as long as the cell, rows of them as wide."""
     (d1, d2), (n1, n2), (a, b) = (1.0, 3.0), shape, offset

@@ -44,7 +44,7 @@ class TestRuns:
         for start in runs.starts:
             columns = np.arange(16 * start, 16 * (start + length)) % 96
             expected.append(solve_links(c1[:, columns], c2[:, columns[:-1]], solver="elimination").conductance)
-        assert_allclose(runs.closed, expected, rtol=1e-9)
+        assert_allclose(runs.neumann, expected, rtol=1e-9)
 
     def test_the_uncut_face_lies_between_the_bounds(self, gap, cells):
         whole = element_flow(gap, cells).node_permeability * 96 / 64
@@ -52,10 +52,10 @@ class TestRuns:
         for length in (1, 2, 3, 6):
             runs = ColumnRuns.of(gap, cells).flows(length)
             assert_allclose(runs.whole, whole * length / 6, rtol=1e-12)
-            assert runs.closed.mean() < runs.whole < runs.held.mean()
-            assert np.all(runs.closed <= runs.held)
+            assert runs.neumann.mean() < runs.whole < runs.dirichlet.mean()
+            assert np.all(runs.neumann <= runs.dirichlet)
             assert_allclose(runs.value.mean(), runs.whole, rtol=1e-12)
-            apart.append(np.log(runs.held.mean() / runs.closed.mean()))
+            apart.append(np.log(runs.dirichlet.mean() / runs.neumann.mean()))
         assert np.all(np.diff(apart) < 0)
         assert apart[-1] < 0.3 * apart[0]
 
@@ -64,15 +64,15 @@ class TestRuns:
         h = 1e-6 * (2 + np.sin(2 * np.pi * (np.arange(64) + 0.5) / 64))[:, None] * np.ones(96)
         runs = ColumnRuns.of(h, cells).flows(length)
         expected = element_flow(h, cells).dissipation.sum() * length / 6
-        for found in (runs.closed, runs.held, runs.value):
+        for found in (runs.neumann, runs.dirichlet, runs.value):
             assert_allclose(found, expected, rtol=1e-9)
 
     def test_a_closed_face_has_closed_runs(self, gap, cells):
         h = gap.copy()
         h[11] = 0.0
         runs = ColumnRuns.of(h, cells).flows(2)
-        assert not np.any([runs.closed, runs.held, runs.value])
-        assert runs.share == 0
+        assert not np.any([runs.neumann, runs.dirichlet, runs.value])
+        assert runs.weight == 0
 
     def test_windows_are_those_of_the_network(self, gap, cells):
         h = gap.copy()
@@ -258,9 +258,9 @@ class TestRunsOfAFace:
 
     def test_a_step_without_flow_does_not_count(self, scene):
         open_ = [self.flow(n, 0.99, 1.01) for n in (1, 2, 4)]
-        closing = [replace(f, closed=0 * f.closed, held=1e-4 * f.held, whole=5e-5 * f.whole) for f in open_]
+        closing = [replace(f, neumann=0 * f.neumann, dirichlet=1e-4 * f.dirichlet, whole=5e-5 * f.whole) for f in open_]
         assert self.seals([open_, closing], scene).length == 1
-        assert self.seals([open_, [replace(f, closed=0 * f.closed) for f in open_]], scene).length == 4
+        assert self.seals([open_, [replace(f, neumann=0 * f.neumann) for f in open_]], scene).length == 4
 
     def test_bounds_far_apart_are_told(self, scene):
         flows = [self.flow(n, 0.25, 5.0) for n in (1, 2, 4)]

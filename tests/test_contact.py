@@ -5,6 +5,7 @@ import threading
 
 import numpy as np
 import pytest
+from each import each
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
@@ -97,8 +98,8 @@ def test_hertz_gap_outside():
     assert_allclose(contact.gap[outside], exact, rtol=0, atol=2e-4 * exact.max())
 
 
-@pytest.mark.parametrize("boundary", [("periodic", "periodic"), ("mirror", "mirror"), ("mirror", "periodic")])
-@pytest.mark.parametrize("ratio", [0.1, 0.5, 0.9])
+@each("boundary", [("periodic", "periodic"), ("mirror", "mirror"), ("mirror", "periodic")])
+@each("ratio", [0.1, 0.5, 0.9])
 def test_westergaard_wave(boundary, ratio):
     λ, Δ = 1e-3, 1e-6
     p_full = analytic.wave_full_contact_pressure(E, Δ, λ)
@@ -138,7 +139,7 @@ def test_wave_in_full_contact_is_exact():
         assert_allclose(contact.approach, Δ, rtol=1e-9)
 
 
-@pytest.mark.parametrize(
+@each(
     ("ratio", "law", "tolerance"),
     [
         (0.97, analytic.wavy_contact_fraction_full, 5e-3),
@@ -155,8 +156,8 @@ def test_two_dimensional_wave_near_full_and_light_contact(ratio, law, tolerance)
     assert abs(contact.area_fraction - law(ratio)) < tolerance
 
 
-@pytest.mark.parametrize("boundary", [p for p in PAIRS if "free" not in p])
-@pytest.mark.parametrize("hardness", [np.inf, H])
+@each("boundary", [p for p in PAIRS if "free" not in p])
+@each("hardness", [np.inf, H])
 def test_flat_surface_carries_the_nominal_pressure_exactly(boundary, hardness):
     contact = solve_contact(
         np.full((17, 20), 3e-6), HalfSpace((17, 20), (D, D), E, boundary), pressure=1e8, hardness=hardness
@@ -178,7 +179,7 @@ def test_flat_punch_on_a_free_patch():
     assert_allclose(stiffness, 0.36678 * np.pi * E * 31 * D, rtol=0.02)
 
 
-@pytest.mark.parametrize("boundary", PAIRS)
+@each("boundary", PAIRS)
 def test_no_load_is_first_touch(boundary):
     h = rough((14, 11))
     contact = solve_contact(h + 1.0, HalfSpace((14, 11), (D, D), E, boundary), pressure=0, hardness=H)
@@ -189,8 +190,8 @@ def test_no_load_is_first_touch(boundary):
     assert contact.area_fraction == 0
 
 
-@pytest.mark.parametrize("boundary", PAIRS)
-@pytest.mark.parametrize("field", [False, True])
+@each("boundary", PAIRS)
+@each("field", [False, True])
 def test_the_hardness_as_pressure_is_all_plastic(boundary, field, dense_operator):
     h = rough((8, 9))
     half_space = HalfSpace((8, 9), (D, D), E, boundary)
@@ -206,9 +207,9 @@ def test_the_hardness_as_pressure_is_all_plastic(boundary, field, dense_operator
 # --- complementarity and an independent solver ---
 
 
-@pytest.mark.parametrize("boundary", [p for p in PAIRS if "free" not in p])
-@pytest.mark.parametrize("share", [0.01, 0.1, 0.5, 0.9, 0.99])
-@pytest.mark.parametrize("plastic", [True, False])
+@each("boundary", [p for p in PAIRS if "free" not in p])
+@each("share", [0.01, 0.1, 0.5, 0.9, 0.99])
+@each("plastic", [True, False])
 def test_complementarity_recomputed(boundary, share, plastic, spectral_displacement):
     shape, spacing = (90, 64), (D, 1.5 * D)
     h = rough(shape, spacing=spacing, seed=3)
@@ -286,8 +287,8 @@ def free_mask(n, free):
     return mask
 
 
-@pytest.mark.parametrize("boundary", PAIRS)
-@pytest.mark.parametrize(("share", "hardness"), [(0.03, np.inf), (0.03, 0.3 * H), (0.5, 0.3 * H), (0.9, "field")])
+@each("boundary", PAIRS)
+@each(("share", "hardness"), [(0.03, np.inf), (0.03, 0.3 * H), (0.5, 0.3 * H), (0.9, "field")])
 def test_equals_an_independent_solver(boundary, share, hardness, dense_operator):
     shape, spacing = (9, 8), (D, 1.7 * D)
     half_space = HalfSpace(shape, spacing, E, boundary)
@@ -303,8 +304,8 @@ def test_equals_an_independent_solver(boundary, share, hardness, dense_operator)
     assert 0 < contact.area_fraction < 1 or share == 0.9
 
 
-@pytest.mark.parametrize("points", [3, 20, 200])
-@pytest.mark.parametrize("more", [1e-6, 1e-5, 1e-4])
+@each("points", [3, 20, 200])
+@each("more", [1e-6, 1e-5, 1e-4])
 def test_the_load_is_exact_where_hardly_any_is_left_beside_plastic_points(points, more):
     """What the last point carries is far below the residual allowed, but belongs to the load."""
     for seed in range(5):
@@ -321,7 +322,7 @@ def both(h, half_space, p=0.1 * H, hardness=H, rtol=1e-10, **other):
     return solve_contact(h, half_space, pressure=p, hardness=hardness, rtol=rtol, **other)
 
 
-@pytest.mark.parametrize(
+@each(
     ("mirror", "periodic"),
     [
         (("mirror", "mirror"), ("periodic", "periodic")),
@@ -330,7 +331,7 @@ def both(h, half_space, p=0.1 * H, hardness=H, rtol=1e-10, **other):
         (("mirror", "free"), ("periodic", "free")),
     ],
 )
-@pytest.mark.parametrize("shape", [(32, 24), (27, 31)])
+@each("shape", [(32, 24), (27, 31)])
 def test_mirror_equals_the_periodic_even_extension(mirror, periodic, shape):
     h = rough(shape, seed=8)
     whole = h
@@ -346,7 +347,7 @@ def test_mirror_equals_the_periodic_even_extension(mirror, periodic, shape):
     )
 
 
-@pytest.mark.parametrize("boundary", [("periodic", "periodic"), ("free", "free"), ("free", "periodic")])
+@each("boundary", [("periodic", "periodic"), ("free", "free"), ("free", "periodic")])
 def test_an_offset_changes_the_approach_only(boundary):
     # in metres, with lengths of metres, so that an offset of 1e6 leaves ten digits of the heights
     h = rough((40, 30), spacing=(1.0, 1.0))
@@ -366,7 +367,7 @@ def test_translation_on_a_periodic_surface():
     assert_allclose(np.roll(here.gap, (7, 20), (0, 1)), moved.gap, rtol=0, atol=1e-7 * np.ptp(h))
 
 
-@pytest.mark.parametrize("boundary", PAIRS)
+@each("boundary", PAIRS)
 def test_transposed_and_flipped(boundary):
     h = rough((26, 33), spacing=(D, 2 * D))
     here = both(h, HalfSpace((26, 33), (D, 2 * D), E, boundary))
@@ -440,8 +441,8 @@ def test_softer_points_carry_less():
 # --- an approach instead of a load ---
 
 
-@pytest.mark.parametrize("boundary", PAIRS)
-@pytest.mark.parametrize("hardness", [np.inf, 0.3 * H])
+@each("boundary", PAIRS)
+@each("hardness", [np.inf, 0.3 * H])
 def test_an_approach_and_its_load_are_one_state(boundary, hardness):
     h, half_space = rough((50, 41)), HalfSpace((50, 41), (D, D), E, boundary)
     loaded = solve_contact(h, half_space, pressure=0.05 * H, hardness=hardness, rtol=1e-9)
@@ -459,7 +460,7 @@ def test_an_approach_short_of_the_highest_point_is_no_contact():
     assert_allclose(contact.gap, h - h.min() + 1e-7, rtol=0, atol=1e-20)
 
 
-@pytest.mark.parametrize(
+@each(
     ("given", "word"),
     [
         ({}, "pressure and approach"),
@@ -546,7 +547,7 @@ def test_corrected_area_of_spheres_is_nearer_to_hertz():
     assert abs(np.mean(corrected)) < 0.4 * np.mean(raw)
 
 
-@pytest.mark.parametrize("boundary", PAIRS)
+@each("boundary", PAIRS)
 def test_correction_counts_the_sides_between_contact_and_gap(boundary):
     shape = (13, 9)
     contact = solve_contact(rough(shape, cut=2), HalfSpace(shape, (D, D), E, boundary), pressure=0.2 * H, hardness=H)
@@ -579,12 +580,16 @@ def test_area_of_light_elastic_contact_grows_with_the_load_between_two_theories(
 # --- edges ---
 
 
-@pytest.mark.parametrize("boundary", PAIRS)
-@pytest.mark.parametrize("shape", [(1, 1), (1, 23), (23, 1), (2, 2), (3, 50), (61, 7), (97, 101), (128, 130)])
-@pytest.mark.parametrize("ratio", [1, 30])
+@each("boundary", PAIRS)
+@each(
+    ("shape", "ratio"),
+    [
+        *itertools.product([(1, 1), (1, 23), (23, 1), (2, 2), (3, 50), (61, 7)], (1, 30)),
+        ((97, 101), 30),
+        ((64, 66), 30),
+    ],
+)
 def test_every_size_and_pixel_shape(boundary, shape, ratio):
-    if min(shape) > 60 and ratio == 1:
-        pytest.skip("one pixel shape is enough for the large sizes")
     spacing = (D, ratio * D)
     tiny = max(shape) < 6  # no room for a wave of six pixels
     h = 1e-3 * D * np.random.default_rng(0).standard_normal(shape) if tiny else rough(shape, spacing=spacing)
@@ -595,7 +600,7 @@ def test_every_size_and_pixel_shape(boundary, shape, ratio):
         assert abs(contact.pressure.mean() / (0.1 * H) - 1) <= 1e-12
 
 
-@pytest.mark.parametrize("boundary", PAIRS)
+@each("boundary", PAIRS)
 def test_single_pixel(boundary):
     contact = solve_contact([[5e-6]], HalfSpace((1, 1), (D, D), E, boundary), pressure=1e8, hardness=H)
     assert contact.pressure == 1e8
@@ -609,7 +614,7 @@ def test_a_row_equals_a_uniform_surface():
     assert_allclose(wide.pressure, np.repeat(row.pressure, 5, axis=1), rtol=0, atol=1e-7 * H)
 
 
-@pytest.mark.parametrize("boundary", PAIRS)
+@each("boundary", PAIRS)
 def test_a_spike_carries_all(boundary):
     h = np.full((33, 40), 1e-3)
     h[10, 11] = 0.0
@@ -621,8 +626,8 @@ def test_a_spike_carries_all(boundary):
     assert np.count_nonzero(contact.gap) == 33 * 40 - 1
 
 
-@pytest.mark.parametrize("boundary", [("periodic", "periodic"), ("mirror", "mirror"), ("free", "periodic")])
-@pytest.mark.parametrize("hardness", [np.inf, H, 0.01 * H])
+@each("boundary", [("periodic", "periodic"), ("mirror", "mirror"), ("free", "periodic")])
+@each("hardness", [np.inf, H, 0.01 * H])
 def test_white_noise(boundary, hardness):
     h = np.random.default_rng(2).standard_normal((100, 90)) * D
     half_space = HalfSpace((100, 90), (D, D), E, boundary)
@@ -646,7 +651,7 @@ def test_almost_full_contact(spectral_displacement):
     assert_allclose(closed.pressure, full + closed.mean_pressure, rtol=0, atol=1e-8 * full.max())
 
 
-@pytest.mark.parametrize("shape", [(97, 97), (131, 64), (64, 131)])
+@each("shape", [(97, 97), (131, 64), (64, 131)])
 def test_a_soft_edge_does_not_hang_the_coarse_grids(shape):
     """Where the odd last row is soft, the mean hardness of a coarser grid must still carry the load."""
     hardness = np.full(shape, 1e9)
@@ -657,7 +662,7 @@ def test_a_soft_edge_does_not_hang_the_coarse_grids(shape):
     assert abs(contact.mean_pressure / p - 1) <= 1e-12
 
 
-@pytest.mark.parametrize("share", [1 - 1e-9, 1 - 1e-11, 1 - 2e-12])
+@each("share", [1 - 1e-9, 1 - 1e-11, 1 - 2e-12])
 def test_just_below_the_hardness(share):
     rng = np.random.default_rng(4)
     hardness = H * rng.uniform(0.5, 1.5, (80, 80))
@@ -696,7 +701,7 @@ def test_stall_is_reported(monkeypatch):
 # --- bad input ---
 
 
-@pytest.mark.parametrize(
+@each(
     ("change", "words"),
     [
         ({"pressure": -1.0}, ["pressure", "-1.0"]),

@@ -259,10 +259,13 @@ def test_fluid_pressure_on_a_periodic_face_takes_its_part_of_the_load():
         (lambda: LinearHardening(H, np.inf), "slope: given inf"),
         (lambda: LinearHardening("4 GPa", 1.0), "hardness: given '4 GPa', expected a number or an array"),
         (lambda: PerfectlyPlastic(np.nan), "hardness: given nan"),
-        (lambda: solved(np.zeros((4, 4)), LinearHardening(H * np.ones((3, 3)), 1.0), H), r"hardness: given shape \(3, 3\)"),
+        (
+            lambda: solved(np.zeros((4, 4)), LinearHardening(H * np.ones((3, 3)), 1.0), H),
+            r"hardness: given shape \(3, 3\)",
+        ),
         (lambda: solved(np.zeros((4, 4)), LinearHardening(H, np.ones((2, 2))), H), r"hardness: given shape \(2, 2\)"),
     ],
-)  # fmt: skip
+)
 def test_bad_laws_are_named(make, words):
     with pytest.raises(fs.InputError, match=words):
         make()

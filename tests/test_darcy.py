@@ -5,6 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from each import each
 from numpy.testing import assert_allclose
 from skfem import MeshLine, MeshQuad, MeshQuad2, MeshTet, MeshTri, MeshTri2
 
@@ -45,7 +46,7 @@ def centres(mesh):
     return mesh.p[:, mesh.t].mean(axis=1)
 
 
-@pytest.mark.parametrize("kind", LINEAR)
+@each("kind", LINEAR)
 def test_uniform_rectangle_is_exact(kind):
     f = flow(rectangle(kind, 3, 4, (2.0, 3.0)), 5e-18, bounds=True)
     assert_allclose([f.conductance, f.lower, f.upper], 5e-18 * 3 / 2, rtol=1e-13)
@@ -54,14 +55,14 @@ def test_uniform_rectangle_is_exact(kind):
     assert f.residual < 1e-13
 
 
-@pytest.mark.parametrize("kind", LINEAR)
+@each("kind", LINEAR)
 def test_potential_is_linear_at_the_vertices(kind):
     mesh = rectangle(kind, 4, 3)
     assert_allclose(flow(mesh, 1.0).potential, 1 - mesh.p[0], atol=1e-14)
 
 
-@pytest.mark.parametrize("kind", LINEAR)
-@pytest.mark.parametrize(("axis", "mean"), [(0, stripes_across), (1, stripes_along)])
+@each("kind", LINEAR)
+@each(("axis", "mean"), [(0, stripes_across), (1, stripes_along)])
 def test_stripes(kind, axis, mean):
     mesh = rectangle(kind, 8, 8)
     k = np.where((centres(mesh)[axis] * 4).astype(int) % 2 == 0, 1.0, 1e-6)
@@ -69,7 +70,7 @@ def test_stripes(kind, axis, mean):
     assert_allclose([f.lower, f.conductance, f.upper], mean([1.0, 1e-6]), rtol=1e-9)
 
 
-@pytest.mark.parametrize(
+@each(
     ("kind", "curved", "sizes", "order"),
     [
         (MeshTri, False, (4, 8, 16), 2),
@@ -85,7 +86,7 @@ def test_order_on_an_annulus(kind, curved, sizes, order):
     assert errors[-1] < (3e-4 if order == 2 else 1e-6)
 
 
-@pytest.mark.parametrize("kind", LINEAR)
+@each("kind", LINEAR)
 def test_bounds_close_with_order_two(kind):
     """A bracket holds for the polygon of its mesh: it closes while its middle moves to the circle's value."""
     flows = [flow(quarter_ring(kind, n), 1.0, bounds=True) for n in (4, 8, 16)]
@@ -109,8 +110,8 @@ def test_bounds_of_a_polygon_nest_under_refinement():
     assert (outer.upper - outer.lower) / outer.upper < 1e-3
 
 
-@pytest.mark.parametrize("kind", LINEAR)
-@pytest.mark.parametrize("contrast", [10.0, 1e8])
+@each("kind", LINEAR)
+@each("contrast", [10.0, 1e8])
 def test_bounds_bracket_a_checkerboard(kind, contrast):
     widths = []
     for n in (2, 4, 8, 16):
@@ -122,7 +123,7 @@ def test_bounds_bracket_a_checkerboard(kind, contrast):
     assert all(b < a for a, b in pairwise(widths))
 
 
-@pytest.mark.parametrize("kind", LINEAR)
+@each("kind", LINEAR)
 def test_bounds_bracket_random_maps(kind):
     """The exact value of a random map is enclosed by the bracket of the same map on a finer mesh."""
     rng = np.random.default_rng(1)
@@ -135,7 +136,7 @@ def test_bounds_bracket_random_maps(kind):
         assert wide.imbalance < 1e-12
 
 
-@pytest.mark.parametrize("kind", LINEAR)
+@each("kind", LINEAR)
 def test_dual_maps_multiply_to_one(kind):
     """C(k)·C⊥(1/k) = 1 exactly: lower bounds multiply to less, upper bounds to more."""
     rng = np.random.default_rng(2)
@@ -146,8 +147,8 @@ def test_dual_maps_multiply_to_one(kind):
     assert a.lower * b.lower < 1 < a.upper * b.upper
 
 
-@pytest.mark.parametrize("kind", LINEAR)
-@pytest.mark.parametrize("angle", [0.4, 2.0])
+@each("kind", LINEAR)
+@each("angle", [0.4, 2.0])
 def test_a_rotated_tensor_is_the_tensor_in_the_rotated_frame(kind, angle):
     rng = np.random.default_rng(3)
     mesh = rectangle(kind, 5, 4)
@@ -161,7 +162,7 @@ def test_a_rotated_tensor_is_the_tensor_in_the_rotated_frame(kind, angle):
     assert_allclose(b.potential, a.potential, atol=1e-12)
 
 
-@pytest.mark.parametrize("kind", LINEAR)
+@each("kind", LINEAR)
 def test_a_stretched_tensor_is_isotropic_in_the_stretched_frame(kind):
     """x → x/√k1 makes K = diag(k1, k2) isotropic; the conductance keeps its value with √(k1k2)."""
     mesh = quarter_ring(kind, 5)
@@ -172,7 +173,7 @@ def test_a_stretched_tensor_is_isotropic_in_the_stretched_frame(kind):
     assert_allclose([a.conductance, a.lower], [b.conductance, b.lower], rtol=1e-12)
 
 
-@pytest.mark.parametrize("kind", LINEAR)
+@each("kind", LINEAR)
 def test_all_shapes_of_permeability_agree(kind):
     mesh = rectangle(kind, 4, 4)
     k = np.exp(np.random.default_rng(4).standard_normal(mesh.nelements))
@@ -184,7 +185,7 @@ def test_all_shapes_of_permeability_agree(kind):
     assert flow(mesh, 2.0).conductance == flow(mesh, np.full(mesh.nelements, 2.0)).conductance
 
 
-@pytest.mark.parametrize("kind", LINEAR)
+@each("kind", LINEAR)
 def test_inlet_and_outlet_swap(kind):
     mesh = rectangle(kind, 6, 6)
     k = np.exp(2 * np.random.default_rng(5).standard_normal(mesh.nelements))
@@ -194,7 +195,7 @@ def test_inlet_and_outlet_swap(kind):
     assert_allclose(back.potential, 1 - there.potential, atol=1e-12)
 
 
-@pytest.mark.parametrize("kind", LINEAR)
+@each("kind", LINEAR)
 def test_closed_across_is_exactly_zero(kind):
     mesh = rectangle(kind, 6, 6)
     k = np.where(np.abs(centres(mesh)[0] - 0.58) < 0.08, 0.0, 1.0)
@@ -208,7 +209,7 @@ def test_closed_across_is_exactly_zero(kind):
     assert not flow(mesh, 0.0).percolates
 
 
-@pytest.mark.parametrize("kind", LINEAR)
+@each("kind", LINEAR)
 def test_pockets_and_dead_ends_do_no_harm(kind):
     """One row of six carries all; a pocket and dead ends at inlet and outlet carry nothing."""
     mesh = rectangle(kind, 6, 6)
@@ -252,7 +253,7 @@ def test_elements_closed_along_one_axis():
     assert 0.25 < f.lower < f.upper < 1
 
 
-@pytest.mark.parametrize(
+@each(
     ("k", "message"),
     [
         (np.nan, "^permeability: given 1 values not finite, expected numbers >= 0"),

@@ -5,6 +5,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
+from each import each
 from numpy.testing import assert_allclose, assert_array_equal
 
 from femseal import Liquid, Scene, cell_permeability, condition, read_topography, self_affine, two_scale
@@ -66,8 +67,8 @@ def resolved(gap):
 
 
 class TestCondensation:
-    @pytest.mark.parametrize("shape", [(1, 1), (1, 5), (8, 8), (9, 14), (24, 20)])
-    @pytest.mark.parametrize("closed", [0.0, 0.3])
+    @each("shape", [(1, 1), (1, 5), (8, 8), (9, 14), (24, 20)])
+    @each("closed", [0.0, 0.3])
     def test_is_the_schur_complement(self, shape, closed):
         c1, c2 = links(*shape, seed=sum(shape), closed=closed)
         couples, _ = condense(c1, c2)
@@ -92,7 +93,7 @@ class TestCondensation:
         expected = [[float(v) for v in row[nodes:]] for row in exact[nodes:]]
         assert_allclose(condense(c1, c2)[0], expected, rtol=1e-13)
 
-    @pytest.mark.parametrize("seed", range(4))
+    @each("seed", range(4))
     def test_only_joined_side_points_are_coupled(self, seed):
         c1, c2 = links(10, 12, seed=seed, closed=0.45)
         couples, component = condense(c1, c2)
@@ -102,8 +103,8 @@ class TestCondensation:
 
 
 class TestSideNodes:
-    @pytest.mark.parametrize("n", [8, 9, 16, 33, 64])
-    @pytest.mark.parametrize("spacing", [1, 4, 8])
+    @each("n", [8, 9, 16, 33, 64])
+    @each("spacing", [1, 4, 8])
     def test_a_wide_side_has_nodes_at_both_corners_and_none_too_far(self, n, spacing):
         node, weight, place = side_nodes(np.ones(n), np.ones(n - 1), spacing)
         assert_array_equal(place, np.flatnonzero(weight.max(axis=1) == 1))
@@ -144,13 +145,13 @@ class TestElement:
 
 
 class TestFlow:
-    @pytest.mark.parametrize("cells", [(1, 1), (1, 3), (4, 1), (4, 6)])
+    @each("cells", [(1, 1), (1, 3), (4, 1), (4, 6)])
     def test_with_a_node_at_every_pixel_it_is_the_flow_on_all_pixels(self, gap, cells):
         flow = element_flow(gap, partition(gap, cells), node_spacing=1)
         assert_allclose(flow.permeability, resolved(gap), rtol=1e-9)
         assert flow.percolates
 
-    @pytest.mark.parametrize("cells", [(2, 3), (4, 6), (4, 1)])
+    @each("cells", [(2, 3), (4, 6), (4, 1)])
     def test_bounds_fall_with_the_distance_of_nodes_and_the_iterations(self, gap, cells):
         exact = resolved(gap)
         found = [element_flow(gap, partition(gap, cells), node_spacing=n) for n in (1, 2, 4, 8)]
@@ -160,7 +161,7 @@ class TestFlow:
         assert_allclose(k, exact, rtol=1e-5)
         assert np.all(k < nodes + 1e-9 * exact)
 
-    @pytest.mark.parametrize(("closed", "cells"), [(0.0, (2, 2)), (0.3, (2, 2)), (0.35, (4, 4))])
+    @each(("closed", "cells"), [(0.0, (2, 2)), (0.3, (2, 2)), (0.35, (4, 4))])
     def test_the_error_is_seldom_underestimated_where_gaps_are_random_over_five_decades(self, closed, cells):
         """Nodes alone are off by factors there; the estimate is at least half of the true error."""
         nodes, errors, low = [], [], 0
@@ -177,7 +178,7 @@ class TestFlow:
         assert max(errors) < 0.02
         assert low <= 1
 
-    @pytest.mark.parametrize("cells", [(1, 1), (1, 3), (4, 1), (2, 2)])
+    @each("cells", [(1, 1), (1, 3), (4, 1), (2, 2)])
     def test_potential_at_side_points_is_that_of_all_pixels(self, gap, cells):
         """Also where a window is its own neighbour."""
         sharp = element_flow(gap, partition(gap, cells), node_spacing=1)
@@ -199,7 +200,7 @@ class TestFlow:
         assert_allclose(flow.dissipation.sum() * 64 / 96, flow.permeability, rtol=1e-12)
         assert flow.dissipation.min() > -1e-12 * flow.dissipation.max()
 
-    @pytest.mark.parametrize("width", [1e-5, 1e-3])
+    @each("width", [1e-5, 1e-3])
     def test_one_narrow_way_is_found_whatever_the_contrast(self, width):
         rng = np.random.default_rng(2)
         h = 0.5 + rng.random((32, 48))
@@ -209,7 +210,7 @@ class TestFlow:
         assert 0 < exact < width**3
         assert_allclose(element_flow(h, partition(h, (2, 3))).permeability, exact, rtol=1e-4)
 
-    @pytest.mark.parametrize("seed", range(4))
+    @each("seed", range(4))
     def test_a_node_at_every_pixel_is_exact_at_any_contrast(self, seed):
         rng = np.random.default_rng(seed)
         h = 10 ** (-5 * rng.random((32, 48))) * (rng.random((32, 48)) > 0.3)

@@ -18,12 +18,12 @@ from femseal.flow.permeability_table import PermeabilityTable, pressure_curve, t
 from femseal.flow.pressure_drop import PressureDrop
 from femseal.preparation.preparation import prepare
 from femseal.rarefied import flow_rate
-from femseal.report.words import case_sentences
+from femseal.report.case_sentences import case_sentences
 from femseal.results.dataset import assemble
 from femseal.runs.forecast import describe
 from femseal.studies.face_flow import resolved_flow
 from femseal.windows import FlowSettings
-from femseal.windows.window import window_permeability
+from femseal.windows.window_flow import window_permeability
 
 HELIUM = fs.IdealGas(viscosity=19.6e-6, molar_mass=4.0026e-3, temperature=293.15)
 ENDS = [(1e6, 1e5), (1e5, 0.0), (1e7, 1e5)]

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from each import each
 from numpy.testing import assert_allclose
 
 from femseal.base.errors import InputError
@@ -17,7 +18,7 @@ def face(shape=(160, 96), size=SIZE, **given):
 # --- self-affine ------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("shape", [(160, 96), (161, 97), (160, 200)])
+@each("shape", [(160, 96), (161, 97), (160, 200)])
 def test_rms_values_are_met_exactly(shape):
     assert_allclose(face(shape).rms_height, 1e-7, rtol=1e-12)
     assert_allclose(face(shape, rms_height=None, rms_slope=0.1).rms_slope, 0.1, rtol=1e-12)
@@ -25,7 +26,7 @@ def test_rms_values_are_met_exactly(shape):
     assert face(shape).periodic == (True, True)
 
 
-@pytest.mark.parametrize("cut_off", [None, 5e-5, 2.1 * SIZE[0] / 160])
+@each("cut_off", [None, 5e-5, 2.1 * SIZE[0] / 160])
 def test_spectrum_is_the_target_in_every_realisation(cut_off):
     roll_off, hurst = 3e-4, 0.7
     surface = face(roll_off=roll_off, hurst=hurst, cut_off=cut_off)
@@ -38,7 +39,7 @@ def test_spectrum_is_the_target_in_every_realisation(cut_off):
     assert shares[~inside].max() < 1e-20 * shares.max()
 
 
-@pytest.mark.parametrize("hurst", [0.5, 0.8, 1.0])
+@each("hurst", [0.5, 0.8, 1.0])
 def test_hurst_exponent_is_recovered_from_the_radial_psd(hurst):
     surface = face((256, 256), (1e-3, 1e-3), hurst=hurst)
     q, density = surface.radial_psd()
@@ -53,8 +54,8 @@ def test_seed_decides_the_face():
     assert abs(np.corrcoef(face(rng=4).heights.ravel(), face().heights.ravel())[0, 1]) < 0.9
 
 
-@pytest.mark.parametrize("fine", [(320, 192), (240, 161), (161, 97)])
-@pytest.mark.parametrize("rms", [{"rms_height": 1e-7}, {"rms_height": None, "rms_slope": 0.1}])
+@each("fine", [(320, 192), (240, 161), (161, 97)])
+@each("rms", [{"rms_height": 1e-7}, {"rms_height": None, "rms_slope": 0.1}])
 def test_a_finer_grid_samples_the_same_surface(fine, rms):
     coarse = face(cut_off=3e-5, **rms)
     finer = face(fine, cut_off=3e-5, **rms)
@@ -80,7 +81,7 @@ def test_isotropic_on_pixels_that_are_not_square():
     assert_allclose(surface.rms_slopes, 0.1 / np.sqrt(2), rtol=1e-9)
 
 
-@pytest.mark.parametrize(
+@each(
     ("given", "message"),
     [
         ({"hurst": 0.0}, "hurst: given 0.0, expected"),
@@ -207,7 +208,7 @@ def test_low_passed_at_the_cut_off():
     assert_allclose(surface.high_pass(2e-5).heights, 0, atol=1e-19)
 
 
-@pytest.mark.parametrize(
+@each(
     ("given", "message"),
     [
         ({"pitch": 2e-6}, "pitch: given 2e-06, expected more than cut_off = 2.5e-06"),

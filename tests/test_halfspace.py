@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pyfftw
 import pytest
+from each import each
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
@@ -33,9 +34,9 @@ def applied(half_space):
         return np.array([half_space.displacement(p).ravel() for p in unit]).T
 
 
-@pytest.mark.parametrize("shape", SIZES)
-@pytest.mark.parametrize("boundary", PAIRS)
-@pytest.mark.parametrize("spacing", [(1e-6, 1e-6), (1e-6, 7e-6), (3e-5, 1e-6)])
+@each("shape", SIZES)
+@each("boundary", PAIRS)
+@each("spacing", [(1e-6, 1e-6), (1e-6, 7e-6), (3e-5, 1e-6)])
 def test_every_boundary_pair_against_a_dense_reference(boundary, shape, spacing, dense_operator):
     half_space = HalfSpace(shape, spacing, E, boundary)
     ours, reference = applied(half_space), dense_operator(half_space)
@@ -57,9 +58,7 @@ def test_free_centre_of_a_uniform_square():
     assert_allclose(u[n // 2, n // 2], 8 * (n * d / 2) / (np.pi * E) * np.log(1 + np.sqrt(2)), rtol=1e-13)
 
 
-@pytest.mark.parametrize(
-    "boundary", [("free", "periodic"), ("free", "mirror"), ("periodic", "free"), ("mirror", "free")]
-)
+@each("boundary", [("free", "periodic"), ("free", "mirror"), ("periodic", "free"), ("mirror", "free")])
 def test_strip_under_uniform_lines_is_plane_strain(boundary):
     # −(2/πE*) p ∫ ln|x − s| ds, up to a constant. Johnson 1985, eq. 2.24
     n, d = 40, 2e-6
@@ -77,7 +76,7 @@ def test_strip_under_uniform_lines_is_plane_strain(boundary):
     assert_allclose(ours - ours[0], line - line[0], rtol=0, atol=1e-12 * np.ptp(line))
 
 
-@pytest.mark.parametrize("kind", ["periodic", "mirror"])
+@each("kind", ["periodic", "mirror"])
 def test_strip_approaches_the_free_patch_far_from_its_images(kind):
     # a lone pixel whose images are L away feels −c/L + O((x/L)²)
     n, d = 6, 1e-6
@@ -88,7 +87,7 @@ def test_strip_approaches_the_free_patch_far_from_its_images(kind):
     assert_allclose(strip - strip[2, 3], patch - patch[2, 3], rtol=0, atol=1e-4 * patch.max())
 
 
-@pytest.mark.parametrize("boundary", PAIRS)
+@each("boundary", PAIRS)
 def test_symmetric_and_positive(boundary):
     half_space = HalfSpace((11, 8), (1e-6, 2.5e-6), E, boundary)
     rng = np.random.default_rng(3)
@@ -103,7 +102,7 @@ def test_symmetric_and_positive(boundary):
         assert eigenvalues.min() > 0
 
 
-@pytest.mark.parametrize(
+@each(
     ("mirror", "periodic", "axes"),
     [
         (("mirror", "periodic"), ("periodic", "periodic"), (0,)),
@@ -126,7 +125,7 @@ def test_mirror_is_the_even_extension(mirror, periodic, axes):
         assert_allclose(u, v, rtol=0, atol=1e-13 * np.abs(v).max())
 
 
-@pytest.mark.parametrize("kind", ["periodic", "mirror"])
+@each("kind", ["periodic", "mirror"])
 def test_single_waves_respond_with_two_over_modulus_times_wave_number(kind):
     n1, n2, d = 24, 30, 1e-6
     half_space = HalfSpace((n1, n2), (d, 2 * d), E, kind)
@@ -160,7 +159,7 @@ def test_linear_and_transposed(shape, boundary, ratio, seed):
     assert_allclose(scaled, 1.5 * u, rtol=0, atol=1e-12 * scale)
 
 
-@pytest.mark.parametrize("boundary", PAIRS)
+@each("boundary", PAIRS)
 def test_workspace_can_be_used_again(boundary):
     half_space = HalfSpace((10, 7), (1e-6, 1e-6), E, boundary)
     workspace = Convolution(half_space.shape, half_space.boundary, half_space.symbol())
@@ -177,8 +176,8 @@ def test_workspace_can_be_used_again(boundary):
     assert np.array_equal(second, half_space.displacement(q))
 
 
-@pytest.mark.parametrize("boundary", PAIRS)
-@pytest.mark.parametrize(("dtype", "error"), [(np.float64, 0), (np.float32, 1e-5)])
+@each("boundary", PAIRS)
+@each(("dtype", "error"), [(np.float64, 0), (np.float32, 1e-5)])
 def test_two_workspaces_in_the_same_memory(boundary, dtype, error):
     half_space = HalfSpace((10, 7), (1e-6, 1e-6), E, boundary)
     first = Convolution(half_space.shape, half_space.boundary, half_space.symbol())
@@ -192,7 +191,7 @@ def test_two_workspaces_in_the_same_memory(boundary, dtype, error):
             assert_allclose(workspace.displacement, u, rtol=0, atol=rtol * np.ptp(u))
 
 
-@pytest.mark.parametrize("ratio", [1, 3, 30, 1 / 30])
+@each("ratio", [1, 3, 30, 1 / 30])
 def test_preconditioner_is_positive_definite(ratio):
     stencil = stiffness_stencil((1e-6, ratio * 1e-6), E, radius=2)
     padded = np.zeros((48, 48))
@@ -206,7 +205,7 @@ def test_one_word_stands_for_both_axes():
     assert HalfSpace((4, 4), (1, 1), 1, "free").boundary == ("free", "free")  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize(
+@each(
     ("change", "words"),
     [
         ({"shape": (0, 4)}, ["shape", "(0, 4)", ">= 1"]),
@@ -237,7 +236,7 @@ def test_bad_input_is_named(change, words):
     assert all(word in str(caught.value) for word in words), str(caught.value)
 
 
-@pytest.mark.parametrize(("pressure", "word"), [(np.ones((4, 5)), "shape (4, 5)"), (np.full((4, 4), np.nan), "finite")])
+@each(("pressure", "word"), [(np.ones((4, 5)), "shape (4, 5)"), (np.full((4, 4), np.nan), "finite")])
 def test_bad_pressure_is_named(pressure, word):
     with pytest.raises(InputError, match="pressure") as caught:
         HalfSpace((4, 4), (1e-6, 1e-6), E).displacement(pressure)
@@ -272,7 +271,7 @@ def test_what_fftw_has_planned_before_changes_no_bits_and_is_kept():
     assert [sorted(part.splitlines()) for part in pyfftw.export_wisdom()] == [sorted(k.splitlines()) for k in known]
 
 
-@pytest.mark.parametrize("boundary", PAIRS)
+@each("boundary", PAIRS)
 def test_threads_share_the_blocks(boundary):
     half_space = HalfSpace((36, 50), (1e-6, 1e-6), E, boundary)
     p = np.random.default_rng(9).random((36, 50))

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import pytest
+from each import each
 from numpy.testing import assert_allclose
 
 import femseal as fs
@@ -28,7 +29,7 @@ def test_values_are_those_of_a_library_of_units(unit):
     assert_allclose(unit.si, to_si(f"1 {text}", SI[unit.kind] + ("/m" if unit.per_length else "")), rtol=1e-9)
 
 
-@pytest.mark.parametrize(
+@each(
     ("written", "name"),
     [
         ("mL/(min*m)", "mL/(m·min)"),
@@ -49,7 +50,7 @@ def test_spellings(written, name):
     assert leak_unit(written).name == name
 
 
-@pytest.mark.parametrize("written", ["furlong", "", "m", "mL", 3, "mL/min/m/m", "mL/(m·m)"])
+@each("written", ["furlong", "", "m", "mL", 3, "mL/min/m/m", "mL/(m·m)"])
 def test_other_units_are_refused(written):
     with pytest.raises(InputError, match=r"leakage_unit: given .*mL/min"):
         leak_unit(written)
@@ -92,7 +93,7 @@ PUBLISHED = [
 ]
 
 
-@pytest.mark.parametrize(("value", "unit", "molar_mass", "stated", "expected", "other", "rtol"), PUBLISHED)
+@each(("value", "unit", "molar_mass", "stated", "expected", "other", "rtol"), PUBLISHED)
 def test_conversions_are_those_published(value, unit, molar_mass, stated, expected, other, rtol):
     """At the stated temperature, whatever that of the gas is."""
     for own in (273.15, 293.15, 400.0):
@@ -194,7 +195,7 @@ def test_a_case_chooses_the_unit():
     assert "mbar·L/(m·s)" in results.table().title
 
 
-@pytest.mark.parametrize("unit", ["mbar*L/s", "furlong", 1, ""])
+@each("unit", ["mbar*L/s", "furlong", 1, ""])
 def test_a_case_with_a_unit_that_does_not_do_is_refused(unit):
     with pytest.raises(InputError, match=r"output\.leakage_unit: given"):
         parse_case(case("liquid", unit))

@@ -13,7 +13,15 @@ import femseal.library.library
 from femseal.base.errors import FemsealError, InputError, NotConverged
 from femseal.contact import HalfSpace, PerfectlyPlastic, load_cycle
 from femseal.flow import cell_permeability
-from femseal.library import Cell, CellCurves, Ladder, WindowSource, build_ladder_library, follow, on_ladder
+from femseal.library import (
+    Ladder,
+    WindowCurves,
+    WindowSource,
+    WindowStates,
+    build_ladder_library,
+    on_ladder,
+    solve_ladder,
+)
 from femseal.loads import LoadProgramme
 from femseal.topography import self_affine
 from femseal.windows import SolveCounts
@@ -37,7 +45,7 @@ def source(heights):
 
 @pytest.fixture(scope="module")
 def cell(source):
-    return follow(source.window(0), ladder=LADDER, half_space=BODY, law=LAW, rtol=1e-7)
+    return solve_ladder(source.window(0), ladder=LADDER, half_space=BODY, law=LAW, rtol=1e-7)
 
 
 class TestFollowing:
@@ -74,7 +82,7 @@ class TestFollowing:
 
     def test_closing_is_known_to_the_tolerance(self, source):
         ladder = Ladder((*LOADING, 1.6e9, 2.4e9), closing_rtol=0.1)
-        cell = follow(source.window(0), ladder=ladder, half_space=BODY, law=LAW, rtol=1e-7)
+        cell = solve_ladder(source.window(0), ladder=ladder, half_space=BODY, law=LAW, rtol=1e-7)
         closes = [a for a in (0, 1) if cell.closing_pressure(a) < np.inf]
         assert closes
         for axis in closes:
@@ -97,29 +105,29 @@ class TestFollowing:
 
         monkeypatch.setattr(femseal.library.ladder, "window_permeability", counted)
         tight = replace(LADDER, loading=(*LOADING, 1.2e9, 1.6e9, 2.4e9), closing_rtol=0.5)
-        cell = follow(source.window(0), ladder=tight, half_space=BODY, law=LAW)
+        cell = solve_ladder(source.window(0), ladder=tight, half_space=BODY, law=LAW)
         assert cell.counts.flows == 2 * (cell.pressure.size + 2 * 3 + 2)
         assert cell.counts.closed > sum(c.closed for c in solved) > 0
 
     def test_a_known_cell_is_extended(self, source, cell):
         """Further steps and peaks, without touching what is known."""
         short = Ladder(LOADING[:3], (2e8,), LADDER.stops, LADDER.separations, closing_rtol=0.1)
-        start = follow(source.window(0), ladder=short, half_space=BODY, law=LAW, rtol=1e-7)
-        longer = follow(source.window(0), ladder=LADDER, half_space=BODY, law=LAW, rtol=1e-7, known=start)
+        start = solve_ladder(source.window(0), ladder=short, half_space=BODY, law=LAW, rtol=1e-7)
+        longer = solve_ladder(source.window(0), ladder=LADDER, half_space=BODY, law=LAW, rtol=1e-7, known=start)
         for name in ("pressure", "k", "standoff", "peaks", "k_unloading", "mean_gap_unloading", "rigid"):
             assert_array_equal(getattr(longer, name), getattr(cell, name))
         assert longer.counts.flows < cell.counts.flows
         between = replace(short, peaks=(1e8, 2e8))
-        more = follow(source.window(0), ladder=between, half_space=BODY, law=LAW, rtol=1e-7, known=cell)
+        more = solve_ladder(source.window(0), ladder=between, half_space=BODY, law=LAW, rtol=1e-7, known=cell)
         assert_array_equal(more.peaks, [1e8, 2e8])
         assert_array_equal(more.k_unloading[:, :, 1:], cell.k_unloading[:, :, :1])
-        again = follow(source.window(0), ladder=between, half_space=BODY, law=LAW, rtol=1e-7)
+        again = solve_ladder(source.window(0), ladder=between, half_space=BODY, law=LAW, rtol=1e-7)
         for name in ("pressure", "k", "standoff", "peaks", "k_unloading", "mean_gap_unloading", "rigid"):
             assert_array_equal(getattr(more, name), getattr(again, name))
 
     def test_bounds_are_those_of_every_state(self, source, cell):
         tight = replace(LADDER, loading=(*LOADING, 1.6e9, 2.4e9), bounds=True)
-        bounded = follow(source.window(0), ladder=tight, half_space=BODY, law=LAW, rtol=1e-7)
+        bounded = solve_ladder(source.window(0), ladder=tight, half_space=BODY, law=LAW, rtol=1e-7)
         assert bounded.k.shape[:2] == bounded.k_unloading.shape[:2] == bounded.rigid.shape[:2] == (3, 2)
         assert_array_equal(bounded.rigid[0], cell.rigid[0])
         value, lower, upper = bounded.k
@@ -132,14 +140,14 @@ class TestFollowing:
                 k = cell_permeability(contact.gap, (1e-6, 1e-6), axis=axis, bounds=True)
                 assert_allclose([lower[axis, n], upper[axis, n]], [k.lower, k.upper], rtol=1e-5)
         open_window = WindowSource((0.003 * -source.topographies[0],), BODY, LAW, seed=1).window(0) + 1e-6
-        flow = femseal.windows.window.window_permeability(open_window, (1e-6, 1e-6), 0, bounds=True)
+        flow = femseal.windows.window_flow.window_permeability(open_window, (1e-6, 1e-6), 0, bounds=True)
         k, low, high = flow.k
         exact = cell_permeability(open_window, (1e-6, 1e-6)).value
         assert flow.counts == SolveCounts(open=1)
         assert low <= exact <= high
         assert_allclose(k, exact, rtol=2e-4)
         # pixels that touch at a corner count in the upper bound only
-        flow = femseal.windows.window.window_permeability(np.eye(8), (1.0, 1.0), 0, bounds=True)
+        flow = femseal.windows.window_flow.window_permeability(np.eye(8), (1.0, 1.0), 0, bounds=True)
         k, low, high = flow.k
         assert (k, low, flow.counts) == (0, 0, SolveCounts(closed=1))
         assert high > 0
@@ -175,7 +183,7 @@ def made_cell(k, p=LOADING, unloading=(), peaks=(), rigid=()):
     """A cell of given permeabilities, the same along both axes."""
     n, m = len(p), len(peaks)
     zeros, down = np.zeros(n), np.array(unloading, float).reshape(m, -1 if m else 3)
-    return Cell(
+    return WindowStates(
         np.array(p),
         np.array([[k, k]], float),
         zeros,
@@ -192,7 +200,7 @@ def made_cell(k, p=LOADING, unloading=(), peaks=(), rigid=()):
 
 
 def curves(cell, ladder=LADDER, rms=1e-7):
-    return CellCurves(cell, ladder, 0, rms)
+    return WindowCurves(cell, ladder, 0, rms)
 
 
 @pytest.mark.filterwarnings("error")
@@ -336,14 +344,14 @@ class TestLibrary:
         built = build_ladder_library(source, LADDER, 3, folder=tmp_path)
         fresh = build_ladder_library(source, LADDER, 5)
         followed = []
-        original = femseal.library.library.follow
+        original = femseal.library.library.solve_ladder
 
         def counted(window, *, known, **given):
             cell = original(window, known=known, **given)
             followed.append(cell.counts.flows)
             return cell
 
-        monkeypatch.setattr(femseal.library.library, "follow", counted)
+        monkeypatch.setattr(femseal.library.library, "solve_ladder", counted)
         again = build_ladder_library(source, LADDER, 3, folder=tmp_path)
         assert (again.reused, followed) == (3, [])
         assert again.counts.flows == 0
@@ -372,7 +380,7 @@ class TestLibrary:
             for axis in (0, 1):
                 k, own = (one.along(paths, np.zeros_like(paths), steps, axis) for one in (kept, fresh))
                 assert_array_equal(k, own)
-            for one, other in zip(kept.cells, fresh.cells, strict=True):
+            for one, other in zip(kept.windows, fresh.windows, strict=True):
                 assert_array_equal(one.pressure, other.pressure)
                 assert_array_equal(one.peaks, other.peaks)
             assert_array_equal(kept.flattening(paths, 2 * paths), fresh.flattening(paths, 2 * paths))
@@ -420,13 +428,13 @@ class TestLibrary:
             file.write_bytes(damage)
             again = build_ladder_library(source, ladder, 2, folder=tmp_path)
             assert again.reused == 0
-            assert_array_equal(again.cells[1].k, whole.cells[1].k)
+            assert_array_equal(again.windows[1].k, whole.windows[1].k)
         assert build_ladder_library(source, ladder, 2, folder=tmp_path).reused == 2
 
     def test_a_changed_file_is_computed_anew(self, source, tmp_path, monkeypatch):
         whole = build_ladder_library(source, LADDER, 2, folder=tmp_path)
         (file,) = tmp_path.glob("*.npz")
-        monkeypatch.setattr(femseal.library.library, "follow", None)
+        monkeypatch.setattr(femseal.library.library, "solve_ladder", None)
         assert build_ladder_library(source, LADDER, 2, folder=tmp_path).reused == 2
         with np.load(file) as data:
             content = dict(data)
@@ -476,21 +484,21 @@ class TestLibrary:
         assert whole.size == 2
 
     def test_cells_that_fail_are_named_and_tried_again(self, source, tmp_path, monkeypatch):
-        original = femseal.library.library.follow
+        original = femseal.library.library.solve_ladder
 
         def failing(window, **given):
             if np.array_equal(window, source.window(1)):
                 raise NotConverged("did not converge", 1.0)
             return original(window, **given)
 
-        monkeypatch.setattr(femseal.library.library, "follow", failing)
+        monkeypatch.setattr(femseal.library.library, "solve_ladder", failing)
         ladder = Ladder((0.0, 1e8))
         library = build_ladder_library(source, ladder, 3, folder=tmp_path)
         assert (library.size, library.failures) == (2, ("cell 1: did not converge",))
-        monkeypatch.setattr(femseal.library.library, "follow", original)
+        monkeypatch.setattr(femseal.library.library, "solve_ladder", original)
         assert build_ladder_library(source, ladder, 3, folder=tmp_path).size == 3
-        monkeypatch.setattr(femseal.library.library, "follow", failing)
-        monkeypatch.setattr(femseal.library.library, "follow", lambda *a, **k: failing(source.window(1)))
+        monkeypatch.setattr(femseal.library.library, "solve_ladder", failing)
+        monkeypatch.setattr(femseal.library.library, "solve_ladder", lambda *a, **k: failing(source.window(1)))
         with pytest.raises(FemsealError, match="every cell failed; the first: cell 0: did not"):
             build_ladder_library(source, ladder, 2)
 
@@ -500,7 +508,7 @@ class TestLibrary:
         assert len(shown.steps) == 5 + 2 * 3
         assert shown.k.shape == shown.mean_gap.shape == shown.pressure.shape == (2, 11)
         assert_array_equal(shown.pressure[0], [s.pressure for s in shown.steps])
-        one = library.cells[1]
+        one = library.windows[1]
         assert_array_equal(shown.k[1, 5:], one.k_unloading[0, 0].ravel())
         assert_array_equal(shown.k[1, :5], one.k[0, 0, np.searchsorted(one.pressure, LOADING)])
 
@@ -511,7 +519,7 @@ class TestLibrary:
         assert_allclose(library.flattening(at_peak, at_peak), 0, atol=1e-16)
         left = library.flattening(zero, at_peak)
         assert left[0] == 0 < left[1] < left[2]
-        expected = np.mean([c.standoff[0] - c.standoff_unloading[1, -1] for c in library.cells])
+        expected = np.mean([c.standoff[0] - c.standoff_unloading[1, -1] for c in library.windows])
         assert_allclose(left[2], expected)
 
     def test_no_windows(self, source):
@@ -523,12 +531,12 @@ def test_loads_that_differ_but_for_rounding_are_one(source, cell):
     """0.02 × 3 GPa and 60 MPa differ in the last digit."""
     again = np.nextafter(np.array([2e8, 8e8]), np.inf)
     loading, peaks = (tuple(sorted({*old, *again})) for old in (LOADING, (2e8, 8e8)))
-    doubled = follow(
+    doubled = solve_ladder(
         source.window(0), ladder=replace(LADDER, loading=loading, peaks=peaks), half_space=BODY, law=LAW, rtol=1e-7
     )
     assert doubled.peaks.size == 4
     for axis in (0, 1):
-        one, other = (CellCurves(c, LADDER, axis, 1e-7) for c in (cell, doubled))
+        one, other = (WindowCurves(c, LADDER, axis, 1e-7) for c in (cell, doubled))
         pressure, peak = np.array([1e7, 2e8, 3e8, 7e8]), np.array([2e8, 5e8, 8e8, 8e8])
         assert_allclose(other.loaded(pressure), one.loaded(pressure), rtol=1e-6)
         assert_allclose(other.unloaded(pressure, peak), one.unloaded(pressure, peak), rtol=1e-6)

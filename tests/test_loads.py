@@ -4,6 +4,7 @@ import pickle
 
 import numpy as np
 import pytest
+from each import each
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_array_equal
@@ -69,7 +70,7 @@ def test_a_programme_is_a_tuple_and_pickles():
     assert PROGRAMME.index(LoadStep(1e8, 2e8)) == 3
 
 
-@pytest.mark.parametrize(
+@each(
     "steps",
     [
         (LoadStep(2e8), LoadStep(1e8)),

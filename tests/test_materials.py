@@ -3,6 +3,7 @@
 from math import inf, nan
 
 import pytest
+from each import each
 from numpy.testing import assert_allclose
 
 from femseal.base.errors import InputError
@@ -25,19 +26,19 @@ def test_contact_modulus():
     assert contact_modulus(STEEL, COPPER) < contact_modulus(COPPER)
 
 
-@pytest.mark.parametrize("young", [0.0, -1.0, nan, inf])
+@each("young", [0.0, -1.0, nan, inf])
 def test_young(young):
     with pytest.raises(InputError, match=r"^young: given .*> 0 \[Pa\]"):
         Solid(young, 0.3)
 
 
-@pytest.mark.parametrize("poisson", [-1.0, 0.51, nan])
+@each("poisson", [-1.0, 0.51, nan])
 def test_poisson(poisson):
     with pytest.raises(InputError, match=r"^poisson: given .*a number in \(-1, 0.5\]"):
         Solid(210e9, poisson)
 
 
-@pytest.mark.parametrize("value", [0.0, -1.0, nan])
+@each("value", [0.0, -1.0, nan])
 def test_strength(value):
     with pytest.raises(InputError, match=r"^yield_stress: given .*> 0 \[Pa\]"):
         Solid(210e9, 0.3, yield_stress=value)

@@ -5,6 +5,7 @@ import re
 import numpy as np
 import pytest
 import scipy.sparse as sp
+from each import each
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from networks import cell_links, network, solve_links
@@ -48,9 +49,9 @@ def laplacian(c1, c2):
     return float((c * (p[a] - p[b]) ** 2).sum()), p.reshape(n1 + 1, n2)
 
 
-@pytest.mark.parametrize("shape", SHAPES)
-@pytest.mark.parametrize("periodic", [True, False])
-@pytest.mark.parametrize("closed", [0.0, 0.25])
+@each("shape", SHAPES)
+@each("periodic", [True, False])
+@each("closed", [0.0, 0.25])
 def test_direct_iterative_and_independent_solutions_agree(shape, periodic, closed):
     c1, c2 = links(*shape, periodic, seed=sum(shape), closed=closed)
     rate, potential = laplacian(c1, c2)
@@ -72,9 +73,9 @@ def test_direct_iterative_and_independent_solutions_agree(shape, periodic, close
     assert np.all(direct.potential[-1] == 0)
 
 
-@pytest.mark.parametrize("shape", [(60, 48), (48, 61), (31, 67), (9, 80), (80, 9)])
-@pytest.mark.parametrize("periodic", [True, False])
-@pytest.mark.parametrize("solver", ["amg", "multigrid"])
+@each("shape", [(60, 48), (48, 61), (31, 67), (9, 80), (80, 9)])
+@each("periodic", [True, False])
+@each("solver", ["amg", "multigrid"])
 def test_iterative_solution_of_a_larger_network(shape, periodic, solver):
     c1, c2 = links(*shape, periodic, 1, contrast=1e4, closed=0.2)
     flow = solve_links(c1, c2, solver=solver, rtol=1e-6, field_rtol=1e-6)
@@ -83,8 +84,8 @@ def test_iterative_solution_of_a_larger_network(shape, periodic, solver):
     assert flow.imbalance <= 1e-5
 
 
-@pytest.mark.parametrize("shape", [(64, 64), (65, 63), (200, 128), (127, 255), (40, 300)])
-@pytest.mark.parametrize("periodic", [True, False])
+@each("shape", [(64, 64), (65, 63), (200, 128), (127, 255), (40, 300)])
+@each("periodic", [True, False])
 def test_multigrid_takes_few_iterations_on_a_smooth_gap(shape, periodic):
     """Also on odd rings, whose last and first column are neighbours on every coarser grid."""
     n1, n2 = shape
@@ -124,8 +125,8 @@ def test_multigrid_is_not_tried_on_links_of_high_contrast_between_neighbours(mon
     assert len(calls) == tried
 
 
-@pytest.mark.parametrize("closed", [0.0, 0.1, 0.3])
-@pytest.mark.parametrize("periodic", [True, False])
+@each("closed", [0.0, 0.1, 0.3])
+@each("periodic", [True, False])
 def test_multigrid_is_what_is_chosen_for_large_open_networks(closed, periodic):
     x, y = np.meshgrid(np.arange(130) / 129, np.arange(129) / 129, indexing="ij")
     h = np.sin(2 * np.pi * (2 * x + y)) * np.sin(2 * np.pi * (x - 2 * y))
@@ -137,9 +138,7 @@ def test_multigrid_is_what_is_chosen_for_large_open_networks(closed, periodic):
     assert_allclose(flow.conductance, solve_links(c1, c2, solver="elimination").conductance, rtol=1e-6)
 
 
-@pytest.mark.parametrize(
-    ("shape", "periodic"), [((4, 1), True), ((4, 2), True), ((4, 3), True), ((4, 1), False), ((4, 2), False)]
-)
+@each(("shape", "periodic"), [((4, 1), True), ((4, 2), True), ((4, 3), True), ((4, 1), False), ((4, 2), False)])
 def test_narrow_networks(shape, periodic):
     """On two periodic columns each row has two links side by side; on one there is none."""
     n1, n2 = shape
@@ -156,7 +155,7 @@ def test_two_periodic_columns_have_parallel_links():
     assert_allclose(solve_links(c1, c2).conductance, joined.conductance, rtol=1e-13)
 
 
-@pytest.mark.parametrize("periodic", [True, False])
+@each("periodic", [True, False])
 def test_series_and_parallel(periodic):
     rng = np.random.default_rng(4)
     c1, c2 = links(8, 6, periodic)
@@ -173,8 +172,8 @@ def test_series_and_parallel(periodic):
     assert_allclose(flow.conductance, 1 / np.sum(1 / c1.sum(axis=1)), rtol=1e-12)
 
 
-@pytest.mark.parametrize("contrast", [1.0, 1e3, 1e12, 1e30, 1e60])
-@pytest.mark.parametrize("shape", [(2, 2), (5, 5), (12, 7), (3, 15)])
+@each("contrast", [1.0, 1e3, 1e12, 1e30, 1e60])
+@each("shape", [(2, 2), (5, 5), (12, 7), (3, 15)])
 def test_exact_duality(contrast, shape):
     """Between closed sides the planar dual has the inverse links, turned: the two rates multiply to 1."""
     n1, n2 = shape
@@ -214,15 +213,15 @@ def ladder(contrast):
     return c1, c2, a * c / s + to_in * to_out / (to_in + to_out)
 
 
-@pytest.mark.parametrize("contrast", [1.0, 1e6, 1e20, 1e60])
+@each("contrast", [1.0, 1e6, 1e20, 1e60])
 def test_bridge_at_any_contrast(contrast):
     c1, c2, exact = ladder(contrast)
     assert_allclose(solve_links(c1, c2).conductance, exact, rtol=1e-14)
 
 
-@pytest.mark.parametrize("contrast", [1e6, 1e20, 1e60])
-@pytest.mark.parametrize("where", [0, 3, 7])
-@pytest.mark.parametrize("periodic", [True, False])
+@each("contrast", [1e6, 1e20, 1e60])
+@each("where", [0, 3, 7])
+@each("periodic", [True, False])
 def test_constriction_of_any_contrast(contrast, where, periodic):
     """All rows wide but one: the rate is that of the row of narrow links between two equipotentials."""
     c1, c2 = links(8, 6, periodic, seed=8)
@@ -268,8 +267,8 @@ def mirrored(c2, periodic, n2):
     return np.roll(c2[:, ::-1], -1, axis=1)
 
 
-@pytest.mark.parametrize("solver", ["elimination", "amg", "multigrid"])
-@pytest.mark.parametrize("periodic", [True, False])
+@each("solver", ["elimination", "amg", "multigrid"])
+@each("periodic", [True, False])
 def test_every_section_carries_the_same_flow(solver, periodic):
     c1, c2 = links(25, 18, periodic, seed=9, closed=0.15)
     flow = solve_links(c1, c2, solver=solver, rtol=1e-12)
@@ -277,8 +276,8 @@ def test_every_section_carries_the_same_flow(solver, periodic):
     assert_allclose(sections, flow.conductance, rtol=1e-11 if solver == "elimination" else 1e-5)
 
 
-@pytest.mark.parametrize("solver", ["elimination", "amg", "multigrid", "auto"])
-@pytest.mark.parametrize("periodic", [True, False])
+@each("solver", ["elimination", "amg", "multigrid", "auto"])
+@each("periodic", [True, False])
 def test_closed_networks_carry_exactly_nothing(solver, periodic):
     c1, c2 = links(9, 7, periodic, seed=10)
     for cut in (0, 4, 8):
@@ -291,7 +290,7 @@ def test_closed_networks_carry_exactly_nothing(solver, periodic):
     assert (flow.conductance, flow.percolates) == (0, False)
 
 
-@pytest.mark.parametrize("solver", ["elimination", "amg", "multigrid"])
+@each("solver", ["elimination", "amg", "multigrid"])
 def test_pockets_and_dead_ends_carry_nothing(solver):
     c1, c2 = np.zeros((6, 8)), np.zeros((5, 8))
     c1[:, 2] = 1.0
@@ -302,9 +301,9 @@ def test_pockets_and_dead_ends_carry_nothing(solver):
     assert_allclose(flow.conductance, 1 / 6, rtol=1e-12)
 
 
-@pytest.mark.parametrize("solver", ["elimination", "amg", "multigrid"])
-@pytest.mark.parametrize("periodic", [True, False])
-@pytest.mark.parametrize(("closed", "wall"), [(0.4, None), (0.45, None), (0.5, None), (0.3, 5), (0.3, 0), (1.0, None)])
+@each("solver", ["elimination", "amg", "multigrid"])
+@each("periodic", [True, False])
+@each(("closed", "wall"), [(0.4, None), (0.45, None), (0.5, None), (0.3, 5), (0.3, 0), (1.0, None)])
 def test_where_nothing_flows_an_end_gives_its_potential_and_a_pocket_has_none(solver, periodic, closed, wall):
     """By the components of the inner nodes, found apart: which ends each of them touches through open links."""
     c1, c2 = links(11, 13, periodic, seed=3, closed=closed)
@@ -332,7 +331,7 @@ def test_where_nothing_flows_an_end_gives_its_potential_and_a_pocket_has_none(so
         assert (~inlet & ~outlet).any()
 
 
-@pytest.mark.parametrize("periodic", [True, False])
+@each("periodic", [True, False])
 def test_symmetric_matrix_with_zero_row_sums(periodic):
     c1, c2 = links(7, 6, periodic, seed=11)
     a = network(c1, c2).to_csr().toarray()
@@ -347,7 +346,7 @@ def test_unknown_method_is_named():
     assert "elimination" in str(caught.value)
 
 
-@pytest.mark.parametrize(
+@each(
     ("c1", "c2"),
     [
         (np.full((3, 3), np.nan), np.ones((2, 3))),
@@ -364,22 +363,22 @@ def test_links_that_are_no_links_are_refused(c1, c2):
         solve_links(c1, c2)
 
 
-@pytest.mark.parametrize("rtol", [0, -1, np.nan, 1, "fine", None])
-@pytest.mark.parametrize("solver", ["auto", "amg"])
+@each("rtol", [0, -1, np.nan, 1, "fine", None])
+@each("solver", ["auto", "amg"])
 def test_bad_tolerance_is_named(rtol, solver):
     with pytest.raises(InputError, match="rtol"):
         solve_links(np.ones((3, 3)), np.ones((2, 3)), rtol=rtol, solver=solver)
 
 
-@pytest.mark.parametrize("c", ["links", [[1, 2], [3]], np.full((2, 2), 1j)])
+@each("c", ["links", [[1, 2], [3]], np.full((2, 2), 1j)])
 def test_what_is_no_array_is_named(c):
     with pytest.raises(InputError, match="along"):
         Stencil.network(c, np.ones((1, 2)))
 
 
-@pytest.mark.parametrize("scale", [1e-310, 1e-200, 1e-60, 1e100, 1e300])
-@pytest.mark.parametrize("solver", ["elimination", "multigrid", "auto"])
-@pytest.mark.parametrize("n", [6, 70])
+@each("scale", [1e-310, 1e-200, 1e-60, 1e100, 1e300])
+@each("solver", ["elimination", "multigrid", "auto"])
+@each("n", [6, 70])
 def test_any_unit_of_the_conductances(scale, solver, n):
     flow = solve_links(np.full((n, n), scale), np.full((n - 1, n), scale), solver=solver)
     assert_allclose(flow.conductance, scale, rtol=1e-9)
@@ -417,7 +416,7 @@ def test_multigrid_is_first_where_elimination_takes_much_memory(monkeypatch):
     assert flow.conductance == exact
 
 
-@pytest.mark.parametrize("width", [1e-2, 1e-3, 1e-5])
+@each("width", [1e-2, 1e-3, 1e-5])
 def test_islands_are_eliminated_behind_multigrid(width):
     """Two that hang on each other, in a slope of the pressure."""
     h = np.ones((48, 60))
@@ -439,8 +438,8 @@ def test_slender_networks_are_eliminated():
         assert solve_links(c, c[1:]).iterations == 0
 
 
-@pytest.mark.parametrize("rtol", [1e-2, 1e-4, 1e-6, 1e-8, 1e-10])
-@pytest.mark.parametrize("kind", ["rough", "film", "critical", "noise"])
+@each("rtol", [1e-2, 1e-4, 1e-6, 1e-8, 1e-10])
+@each("kind", ["rough", "film", "critical", "noise"])
 def test_the_rate_is_as_right_as_asked(rtol, kind):
     """Also where the iteration starts slowly: behind a critical constriction, in bays and over films."""
     for seed in range(4):
@@ -497,8 +496,8 @@ def multigrid(along, across, falling, rising, ring):
     return levels, coarsest.eliminate_coarsest(*operator(levels, len(levels.shape) - 1), ring)
 
 
-@pytest.mark.parametrize("ring", [True, False])
-@pytest.mark.parametrize(("rows", "columns"), [((9, 10), (7, 10)), ((4, 9), (9, 10)), ((11, 12), (17, 20))])
+@each("ring", [True, False])
+@each(("rows", "columns"), [((9, 10), (7, 10)), ((4, 9), (9, 10)), ((11, 12), (17, 20))])
 def test_nodes_that_no_coarse_one_holds_are_moved_together(ring, rows, columns):
     """A bay on a line between coarse nodes: the preconditioner inverts the operator on what its nodes have in common."""
     c1, c2 = np.ones((21, 20)), np.ones((20, 20 if ring else 19))
@@ -517,8 +516,8 @@ def test_nodes_that_no_coarse_one_holds_are_moved_together(ring, rows, columns):
     assert_allclose(hierarchy.level(*levels[:5], 0)[4][1:-1, 1:-1][bay], 1.0, rtol=1e-3)
 
 
-@pytest.mark.parametrize("shape", [(20, 16), (21, 17), (33, 12)])
-@pytest.mark.parametrize("ring", [True, False])
+@each("shape", [(20, 16), (21, 17), (33, 12)])
+@each("ring", [True, False])
 def test_the_preconditioner_is_symmetric(shape, ring):
     c1, c2 = links(shape[0] + 1, shape[1], ring, 3, contrast=1e3, closed=0.1)
     nothing = np.zeros((0, 0))
@@ -534,9 +533,9 @@ def test_the_preconditioner_is_symmetric(shape, ring):
     assert (v * apply(v)).sum() > 0
 
 
-@pytest.mark.parametrize("shape", [(5, 7), (6, 3), (20, 16), (9, 2), (7, 1)])
-@pytest.mark.parametrize("ring", [True, False])
-@pytest.mark.parametrize("nine", [True, False])
+@each("shape", [(5, 7), (6, 3), (20, 16), (9, 2), (7, 1)])
+@each("ring", [True, False])
+@each("nine", [True, False])
 def test_the_coarsest_level_is_solved_exactly(shape, ring, nine):
     """Against numpy, with couples across corners and nodes without links."""
     n1, n2 = shape
@@ -558,8 +557,8 @@ def test_the_coarsest_level_is_solved_exactly(shape, ring, nine):
     assert_allclose(x[:, 1:-1].ravel()[inner], exact, rtol=1e-11, atol=1e-13)
 
 
-@pytest.mark.parametrize("side", [4, 11])
-@pytest.mark.parametrize("ring", [True, False])
+@each("side", [4, 11])
+@each("ring", [True, False])
 def test_potentials_of_islands_follow_their_neighbours(side, ring):
     """Small islands and one of more nodes than a dense array takes; one lies across the seam of a ring."""
     c1, c2 = links(30, 40, ring, 6, contrast=1e2)

@@ -741,7 +741,7 @@ def test_names_are_plain(folder):
 @pytest.mark.parametrize("cells", [(1, 8), (4, 1), (1, 1)])
 @pytest.mark.parametrize("pressure", ["place", "global", "uniform"])
 def test_a_single_row_or_column_of_windows_goes_all_the_way(scene, cells, pressure, tmp_path, request):
-    if pressure != "place":
+    if (cells, pressure) != ((1, 1), "place"):
         request.getfixturevalue("undrawn")  # pictures of such seals are drawn once
     two = two_scale(scene, cells, flow="links")
     drawn = stochastic(scene, cells, Sampling(240e-6, 2, cells[0], seed=7, pressure=pressure))

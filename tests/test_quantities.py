@@ -1,13 +1,14 @@
 """Quantities as text: units in, SI out, and everything ambiguous refused."""
 
 import pytest
+from each import each
 from numpy.testing import assert_allclose
 
 from femseal.base.errors import InputError
 from femseal.base.quantities import to_si, to_text
 
 
-@pytest.mark.parametrize(
+@each(
     ("text", "unit", "value"),
     [
         ("210 GPa", "Pa", 210e9),
@@ -35,13 +36,13 @@ def test_units(text, unit, value):
     assert_allclose(to_si(text, unit), value, rtol=1e-12)
 
 
-@pytest.mark.parametrize("text", ["1,5 mm", "1,500 mm", "0,3"])
+@each("text", ["1,5 mm", "1,500 mm", "0,3"])
 def test_decimal_comma_is_refused(text):
     with pytest.raises(InputError, match="expected a number with a decimal point, not a comma"):
         to_si(text, "m")
 
 
-@pytest.mark.parametrize(
+@each(
     ("given", "unit"),
     [
         (210e9, "Pa"),  # a bare number
@@ -76,7 +77,7 @@ def test_the_message_shows_what_would_do():
     )
 
 
-@pytest.mark.parametrize(
+@each(
     ("value", "unit", "text"),
     [
         (999.9999999999999e6, "Pa", "1 GPa"),
@@ -89,7 +90,7 @@ def test_text(value, unit, text):
     assert to_text(value, unit) == text
 
 
-@pytest.mark.parametrize("value", [2.5e9, 1.25e-6, 3.0, -4e-3])
+@each("value", [2.5e9, 1.25e-6, 3.0, -4e-3])
 def test_text_is_read_back(value):
     assert_allclose(to_si(to_text(value, "m"), "m"), value, rtol=1e-12)
 

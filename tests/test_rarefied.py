@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from each import each
 from numpy.testing import assert_allclose
 
 from femseal.base.errors import InputError
@@ -28,7 +29,7 @@ def boltzmann_flow_rate(thickness, cells):
     return ((ψ - 1) * width).sum() / thickness**2
 
 
-@pytest.mark.parametrize(
+@each(
     ("d", "known"),
     [
         (0.001, None),
@@ -90,9 +91,7 @@ def test_without_slip_the_factor_is_one():
         IdealGas(1e-5, 0.029, 293.0, slip="no")
 
 
-@pytest.mark.parametrize(
-    ("gap", "pressure", "name"), [(-1e-9, 1e5, "gap"), (np.nan, 1e5, "gap"), (1e-6, -1.0, "pressure")]
-)
+@each(("gap", "pressure", "name"), [(-1e-9, 1e5, "gap"), (np.nan, 1e5, "gap"), (1e-6, -1.0, "pressure")])
 def test_gaps_and_pressures_that_there_are_not(gap, pressure, name):
     with pytest.raises(InputError, match=f"^{name}: given negative or undefined"):
         HELIUM.flow_factor(gap, pressure)

@@ -1,5 +1,8 @@
 """Readers: files made here, in every format, and measured ones where they are at hand."""
 
+import os
+import random
+import subprocess
 import sys
 import zipfile
 
@@ -275,6 +278,45 @@ def test_other_formats_need_the_extra(tmp_path, monkeypatch):
     path = write(tmp_path, "face.opd", b"x")
     with pytest.raises(InputError, match=r"a file of kind '\.opd', .* pip install 'femseal\[surface\]'"):
         read_topography(path)
+
+
+def test_what_readers_print_of_damaged_files_is_not_seen(tmp_path, monkeypatch, capfd):
+    """From Python, and from below it; what is printed later is."""
+
+    def printing(path):
+        print("bytes of the file")
+        print("and more of them", file=sys.stderr)
+        os.write(1, b"\x00\x01")
+        os.write(2, b"\x02\x03")
+        raise ValueError
+
+    library = type(sys)("SurfaceTopography")
+    library.open_topography = printing
+    monkeypatch.setitem(sys.modules, "SurfaceTopography", library)
+    with pytest.raises(InputError, match="formats known to SurfaceTopography"):
+        read_topography(write(tmp_path, "face.opd", b"x"))
+    print("later")
+    os.write(2, b"later too")
+    assert capfd.readouterr() == ("later\n", "later too")
+
+
+def test_a_damaged_opd_file_prints_nothing(tmp_path, instrument_file):
+    """In a process of its own: its library logs what it finds, and tests catch what is logged."""
+    content = bytearray(instrument_file("opd-1.opd").read_bytes())
+    generator = random.Random(1)
+    for number in range(4):
+        damaged = content[: generator.randrange(100, len(content)) if number % 2 else None]
+        for _ in range(generator.choice([1, 20])):
+            damaged[generator.randrange(min(len(damaged), 4000))] = generator.randrange(256)
+        write(tmp_path, f"face{number}.opd", bytes(damaged))
+    code = (
+        "import sys, femseal as fs\n"
+        "for path in sys.argv[1:]:\n"
+        "    try: fs.read_topography(path)\n"
+        "    except fs.InputError: pass\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code, *tmp_path.glob("*.opd")], capture_output=True, check=True)
+    assert (len(done.stdout), len(done.stderr)) == (0, 0)
 
 
 def test_unknown_format(tmp_path):

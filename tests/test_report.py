@@ -20,9 +20,9 @@ from femseal.base.errors import InputError
 from femseal.base.leak_units import leakage_unit
 from femseal.fluids import Liquid
 from femseal.report import write_folder, write_report
-from femseal.report.drop_words import pressure_drop_sentences
+from femseal.report.case_sentences import pressure_drop_sentences
+from femseal.report.error_tables import accuracy_lines, check_lines, scatter_lines
 from femseal.report.page import report_html
-from femseal.report.words import accuracy_lines, check_lines, scatter_lines
 from femseal.results import assemble, save
 from femseal.studies import Sampling, Scene, deterministic, stochastic, two_scale
 from femseal.topography import self_affine

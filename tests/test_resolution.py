@@ -13,7 +13,7 @@ import femseal as fs
 from femseal.case.case import parse_case
 from femseal.preparation import case_plausibility, face
 from femseal.preparation.preparation import prepare
-from femseal.report.words import scatter_lines
+from femseal.report.error_tables import scatter_lines
 from femseal.results import assemble
 from femseal.runs.forecast import describe
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from each import each
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.stats import spearmanr
 
@@ -88,7 +89,7 @@ class TestCorrelation:
 
 
 class TestNumbers:
-    @pytest.mark.parametrize("sampler", sorted(SAMPLERS))
+    @each("sampler", sorted(SAMPLERS))
     def test_depend_on_seed_realisation_and_link_only(self, sampler):
         def draw(n=100, **change):
             return drawn(histories(), n, sampler, run_length=2.0, **change)
@@ -137,7 +138,7 @@ class TestRunsOfColumns:
         assert_array_equal(column.reshape(-1, 3), np.repeat(column[::3, None], 3, axis=1))
         assert_array_equal(links[:, 0], links[:, 1])
 
-    @pytest.mark.parametrize("length", [1.0, 5.0])
+    @each("length", [1.0, 5.0])
     def test_runs_have_the_mean_length_and_start_anywhere(self, length):
         column = self.columns(length)[::3, 0]
         follows = np.diff(column) % 40 == 1

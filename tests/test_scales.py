@@ -4,6 +4,7 @@ import pickle
 
 import numpy as np
 import pytest
+from each import each
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.ndimage import zoom
 
@@ -12,9 +13,10 @@ from femseal.contact import HalfSpace, PerfectlyPlastic, load_cycle, solve_conta
 from femseal.flow import cell_permeability
 from femseal.loads import LoadProgramme, LoadStep
 from femseal.topography import Topography, self_affine
-from femseal.windows import GlobalState, Partition, global_states, respond
+from femseal.windows import GlobalState, Partition, contact_history, global_states
 from femseal.windows.global_contact import Refinement
-from femseal.windows.window import body_standoff, flow_history, set_down
+from femseal.windows.window_contact import body_standoff, separate
+from femseal.windows.window_flow import flow_history
 
 E, H = 115e9, 3e9
 LAW = PerfectlyPlastic(H)
@@ -58,7 +60,7 @@ class TestPartition:
         means = [[[partition.cell(f, i, j).mean() for j in range(3)] for i in range(4)] for f in field]
         assert_allclose(partition.cell_means(field), means)
 
-    @pytest.mark.parametrize("lines", [(0, 8, 16, 24), (0, 8, 8, 24, 32), (1, 8, 16, 24, 32), (0, 8, 16, 24, 31)])
+    @each("lines", [(0, 8, 16, 24), (0, 8, 8, 24, 32), (1, 8, 16, 24, 32), (0, 8, 16, 24, 31)])
     def test_bad_lines(self, lines):
         with pytest.raises(InputError, match="5 rising pixel rows from 0 to 32"):
             Partition((32, 48), (1e-6, 2e-6), (4, 3), lines)
@@ -88,7 +90,7 @@ class TestPartition:
         assert partition.window == (16, 8)
         assert_allclose(partition.window_size, (16e-6, 24e-6))
 
-    @pytest.mark.parametrize(("cells", "word"), [((5, 3), "divisors"), ((0, 3), "divisors"), ((8, 3), "8 pixels")])
+    @each(("cells", "word"), [((5, 3), "divisors"), ((0, 3), "divisors"), ((8, 3), "8 pixels")])
     def test_bad_cells(self, cells, word):
         with pytest.raises(InputError, match=word):
             Partition((32, 48), (1e-6, 2e-6), cells)
@@ -120,7 +122,7 @@ class TestGlobalScale:
         assert_allclose(world.raw_gap, 0, atol=1e-18)
         assert_allclose(world.pressure, 1e8)
 
-    @pytest.mark.parametrize("boundary", [("free", "periodic"), ("periodic", "free")])
+    @each("boundary", [("free", "periodic"), ("periodic", "free")])
     def test_a_flat_face_is_a_punch(self, boundary):
         """A strip with free ends: p = 2p̄/(π √(1 − ξ²)), in parts of the width (arcsin ξ₂ − arcsin ξ₁)/π."""
         flat = Topography(np.zeros((128, 128)), (1e-6, 1e-6))
@@ -137,8 +139,8 @@ class TestGlobalScale:
         pressure = world.pressure if boundary[0] == "free" else world.pressure.T
         assert_allclose(pressure, np.tile(expected[:, None], (1, 8)), rtol=0.02)
 
-    @pytest.mark.parametrize("boundary", [("free", "periodic"), ("mirror", "periodic")])
-    @pytest.mark.parametrize(("shape", "cells"), [((64, 128), (2, 4)), ((128, 64), (4, 4))])
+    @each("boundary", [("free", "periodic"), ("mirror", "periodic")])
+    @each(("shape", "cells"), [((64, 128), (2, 4)), ((128, 64), (4, 4))])
     def test_the_coarser_grid_changes_little(self, boundary, shape, cells):
         """Waves of 16 points are solved on 8 of them: pressures, and gaps up to the ends, are those of all points."""
         size = (shape[0] * 1e-6, shape[1] * 1e-6)
@@ -163,7 +165,7 @@ class TestGlobalScale:
         added = np.ptp(whole.raw_gap - gap0)
         assert_allclose(world.raw_gap, whole.raw_gap, atol=0.03 * added)
 
-    @pytest.mark.parametrize(
+    @each(
         ("shape", "finer", "boundary"),
         [
             ((16, 24), (32, 48), ("free", "periodic")),
@@ -189,7 +191,7 @@ class TestGlobalScale:
         gaps = [next(global_states(s, partition, 15e-6, programme, **given)).raw_gap for s in (face, turned)]
         assert_allclose(np.roll(gaps[1], -32, axis=1), gaps[0], atol=1e-5 * np.ptp(gaps[0]))
 
-    @pytest.mark.parametrize("points", [(8, 8), (16, 12), (32, 24)])
+    @each("points", [(8, 8), (16, 12), (32, 24)])
     def test_outer_gap_is_without_the_response_to_the_own_pressure(self, points):
         """A cosine over the cell with its sides as mirrors, on a coarser or the same grid: u = 2p/(E*q), no mean."""
         partition = Partition((64, 48), (1e-6, 2e-6), (2, 2))
@@ -236,7 +238,9 @@ class TestResponse:
 
     def test_load_and_plastic_deformation(self):
         steps = LoadProgramme.of((1e8, 6e8), (6e8,), (6e8 - 1, 1e8))
-        history = respond(self.gap0, [s.pressure for s in steps], steps, self.half_space, law=LAW, rigid_at_zero=True)
+        history = contact_history(
+            self.gap0, [s.pressure for s in steps], steps, self.half_space, law=LAW, rigid_at_zero=True
+        )
         assert_allclose(history.pressure.mean(axis=(1, 2)), [1e8, 6e8, 6e8 - 1, 1e8], rtol=1e-5)
         # just below the peak nothing has changed; at the loading pressure the unloaded window is tighter
         assert_allclose(history.gap[2], history.gap[1], atol=2e-12)
@@ -245,9 +249,9 @@ class TestResponse:
 
     def test_without_pressure_rigid_or_at_first_touch(self):
         steps = LoadProgramme.of((0.0,))
-        rigid = respond(self.gap0 + 5e-6, [0.0], steps, self.half_space, law=LAW, rigid_at_zero=True)
+        rigid = contact_history(self.gap0 + 5e-6, [0.0], steps, self.half_space, law=LAW, rigid_at_zero=True)
         assert_allclose(rigid.gap[0], self.gap0 + 5e-6, rtol=1e-6)
-        touch = respond(self.gap0 + 5e-6, [0.0], steps, self.half_space, law=LAW, rigid_at_zero=False)
+        touch = contact_history(self.gap0 + 5e-6, [0.0], steps, self.half_space, law=LAW, rigid_at_zero=False)
         assert touch.gap.min() == 0
         assert_allclose(touch.gap[0], self.gap0 - self.gap0.min(), atol=1e-12)
 
@@ -256,7 +260,7 @@ class TestResponse:
         steps = LoadProgramme.of((0.0, 1e8, 9e8), (9e8,), (5e7,))
         gap0 = np.stack([self.gap0 - self.gap0.mean()] * 4)
         gap0[3] = np.nan
-        history = respond(gap0, [0.0, 1e8, 9e8, 5e7], steps, self.half_space, law=LAW, rigid_at_zero=True)
+        history = contact_history(gap0, [0.0, 1e8, 9e8, 5e7], steps, self.half_space, law=LAW, rigid_at_zero=True)
         assert history.gap[0].min() < 0
         assert np.isnan(history.gap[3]).all()
         sent = pickle.dumps(history, 5)
@@ -272,7 +276,7 @@ class TestResponse:
     def test_without_pressure_after_a_peak_the_permanent_deformation_stays(self):
         steps = LoadProgramme.of((6e8,), (6e8,), (0.0,))
         gap0 = np.stack([self.gap0, self.gap0 - self.gap0.min() - 5e-8])
-        history = respond(gap0, [6e8, 0.0], steps, self.half_space, law=LAW, rigid_at_zero=True)
+        history = contact_history(gap0, [6e8, 0.0], steps, self.half_space, law=LAW, rigid_at_zero=True)
         peak = solve_contact(self.gap0, self.half_space, pressure=6e8, hardness=H)
         gap = np.maximum(gap0[1] + peak.plastic_deformation, 0)
         assert np.count_nonzero(gap) > np.count_nonzero(gap0[1] > 0)  # some opens that would not
@@ -283,20 +287,20 @@ class TestResponse:
         gap0 = np.stack([self.gap0] * 3)
         gap0[1] = np.nan
         steps = LoadProgramme.of((1e8, 5e8), (5e8,), (0.0,))
-        history = respond(gap0, [1e8, 5e8, 0.0], steps, self.half_space, law=LAW, rigid_at_zero=True)
+        history = contact_history(gap0, [1e8, 5e8, 0.0], steps, self.half_space, law=LAW, rigid_at_zero=True)
         assert [f.split(":")[0] for f in history.failures] == ["loading 500 MPa", "unloading 0 MPa from 500 MPa"]
         assert np.isnan(history.gap[1:]).all()
 
     def test_a_peak_without_pressure_leaves_nothing_behind(self):
         """As where the global contact moves to another window as the load falls."""
         steps = LoadProgramme.of((6e8,), (6e8,), (1e8,))
-        history = respond(self.gap0, [0.0, 1e8], steps, self.half_space, law=LAW, rigid_at_zero=True)
+        history = contact_history(self.gap0, [0.0, 1e8], steps, self.half_space, law=LAW, rigid_at_zero=True)
         virgin = solve_contact(self.gap0, self.half_space, pressure=1e8, hardness=H)
         assert history.failures == ()
         assert_allclose(history.gap[1], virgin.gap, atol=1e-11)
 
     def test_rounding_above_the_hardness_is_forgiven(self):
-        history = respond(
+        history = contact_history(
             self.gap0, [H * (1 + 1e-9)], LoadProgramme.of((H,)), self.half_space, law=LAW, rigid_at_zero=True
         )
         assert history.failures == ()
@@ -305,7 +309,7 @@ class TestResponse:
     def test_a_step_that_fails_is_recorded_and_the_others_go_on(self):
         steps = LoadProgramme.of((1e8, 2e8))
         gap0 = np.stack([np.full((24, 24), np.nan), self.gap0])
-        history = respond(gap0, [1e8, 2e8], steps, self.half_space, law=LAW, rigid_at_zero=True)
+        history = contact_history(gap0, [1e8, 2e8], steps, self.half_space, law=LAW, rigid_at_zero=True)
         assert len(history.failures) == 1
         assert "loading 100 MPa" in history.failures[0]
         assert np.isnan(history.gap[0]).all()
@@ -316,8 +320,8 @@ class TestResponse:
         flow = flow_history(gaps, (1e-6, 1e-6), 0)
         assert flow.counts.by_kind() == {"solved": 1, "closed": 1, "open": 1}
         assert sum(flow.counts.solvers.by_solver().values()) == 1
-        assert_allclose(flow.permeability[:2], [0, 1e-9 / 12])
-        assert flow.permeability[2] == cell_permeability(gaps[2], (1e-6, 1e-6)).value
+        assert_allclose(flow.k[:2], [0, 1e-9 / 12])
+        assert flow.k[2] == cell_permeability(gaps[2], (1e-6, 1e-6)).value
 
 
 class TestStandoff:
@@ -341,9 +345,9 @@ class TestStandoff:
     def test_lets_nothing_overlap(self):
         gap = np.linspace(-1e-7, 5e-8, 16, dtype=np.float32).reshape(4, 4)
         for distance in (3e-8, -1e-8):
-            assert_allclose(set_down(gap, distance), np.maximum(gap + distance, 0), atol=1e-13)
-        assert set_down(gap, 1e-7).min() == 0
-        assert set_down(gap, 1e-7).ravel()[1] > 0
+            assert_allclose(separate(gap, distance), np.maximum(gap + distance, 0), atol=1e-13)
+        assert separate(gap, 1e-7).min() == 0
+        assert separate(gap, 1e-7).ravel()[1] > 0
 
     def test_windows_that_failed_are_left_out(self):
         lowest = np.where(np.isnan(self.standoff), np.nan, self.lowest)
@@ -355,7 +359,7 @@ class TestStandoff:
         rough = -self_affine((32, 32), (32e-6, 32e-6), hurst=0.8, rms_slope=0.2, rng=1).heights
         steps = LoadProgramme.of((1e8,))
         for gap0 in (np.zeros((32, 32)), rough - rough.mean()):
-            history = respond(gap0, [1e8], steps, body, law=LAW, rigid_at_zero=True)
+            history = contact_history(gap0, [1e8], steps, body, law=LAW, rigid_at_zero=True)
             contact = solve_contact(gap0, body, pressure=1e8, hardness=H)
             assert history.standoff[0] == pytest.approx(-contact.approach, abs=1e-12)
             # K moves nothing on the mean: the mean raw gap is the standoff

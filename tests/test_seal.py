@@ -8,6 +8,7 @@ from pathlib import Path
 import meshio
 import numpy as np
 import pytest
+from each import each
 from networks import network, solve_links
 from numpy.testing import assert_allclose
 from skfem import MeshLine, MeshQuad, MeshTri, MeshTri2
@@ -35,7 +36,7 @@ def random_links(cells, sd, closed=0.0, seed=0):
 # --- structured seals ---
 
 
-@pytest.mark.parametrize("cells", [(1, 1), (1, 4), (4, 1), (2, 2), (6, 10)])
+@each("cells", [(1, 1), (1, 4), (4, 1), (2, 2), (6, 10)])
 def test_uniform_rectangle_is_exact(cells):
     seal = RectangularSeal((3e-3, 8e-3), cells)
     leak = seal_leakage(seal, 2e-18, WATER, inlet_pressure=5e6, outlet_pressure=1e6, bounds=True)
@@ -50,8 +51,8 @@ def test_uniform_rectangle_is_exact(cells):
     assert leak.fluid_pressure.shape == (cells[0] + 1, cells[1])
 
 
-@pytest.mark.parametrize("inlet", ["inner", "outer"])
-@pytest.mark.parametrize("cells", [(1, 1), (3, 5), (8, 40)])
+@each("inlet", ["inner", "outer"])
+@each("cells", [(1, 1), (3, 5), (8, 40)])
 def test_polar_links_are_exact_for_constant_permeability(inlet, cells):
     ring = AnnularSeal(10e-3, 15e-3, cells, inlet)
     leak = seal_leakage(ring, 1e-18, WATER, inlet_pressure=1e6, bounds=True)
@@ -119,7 +120,7 @@ def test_links_across_do_not_matter_where_nothing_flows_across():
     assert_allclose(STRIP.flow((1e-18, 1e-25)).conductance, STRIP.flow((1e-18, 1e-12)).conductance, rtol=1e-12)
 
 
-@pytest.mark.parametrize("seal", [STRIP, AnnularSeal(1e-3, 2e-3, (6, 10))])
+@each("seal", [STRIP, AnnularSeal(1e-3, 2e-3, (6, 10))])
 def test_closed_is_exactly_zero(seal):
     k1, k2 = random_links((6, 10), 1.0)
     k1[3] = 0
@@ -148,7 +149,7 @@ def test_the_seal_is_periodic():
     assert_allclose(RectangularSeal((2.0, 5.0), (2, 5)).flow((k1, k2)).conductance, 1 / 3, rtol=1e-12)
 
 
-@pytest.mark.parametrize("sd", [0.5, 1.0, 2.0])
+@each("sd", [0.5, 1.0, 2.0])
 def test_random_log_symmetric_links(sd):
     """exp⟨ln k⟩ within the scatter sd/n of a map of n² links (mean of twelve, at three standard errors)."""
     n, maps = 60, 12
@@ -163,8 +164,8 @@ def test_random_log_symmetric_links(sd):
     assert abs(np.mean(ln)) < 3 * error + sd**2 / (2 * n)  # the two ends, of share 1/n, are not self-dual
 
 
-@pytest.mark.parametrize("sd", [1.0, 5.0, 15.0])
-@pytest.mark.parametrize("closed", [0.0, 0.3])
+@each("sd", [1.0, 5.0, 15.0])
+@each("closed", [0.0, 0.3])
 def test_network_bounds_enclose_tightly_at_any_contrast(sd, closed):
     k = random_links((30, 40), sd, closed, seed=7)
     flow = RectangularSeal((3.0, 4.0), (30, 40)).flow(k, bounds=True)
@@ -174,7 +175,7 @@ def test_network_bounds_enclose_tightly_at_any_contrast(sd, closed):
     assert flow.imbalance < 1e-10
 
 
-@pytest.mark.parametrize("noise", [1e-8, 1e-3, 0.1])
+@each("noise", [1e-8, 1e-3, 0.1])
 def test_the_lower_bound_holds_for_a_wrong_potential(noise):
     """Thomson's principle with the flux of a disturbed potential, made to balance."""
     c1, c2 = (1e18 * k for k in random_links((7, 9), 1.0))
@@ -197,8 +198,8 @@ def test_two_columns_have_parallel_links_across():
 # --- fluids ---
 
 
-@pytest.mark.parametrize("fluid", [WATER, AIR, Liquid(0.05, 870.0, 20e-9)])
-@pytest.mark.parametrize("seal", [STRIP, AnnularSeal(1e-3, 2e-3, (6, 10)), MeshSeal(RING, "inlet", "outlet")])
+@each("fluid", [WATER, AIR, Liquid(0.05, 870.0, 20e-9)])
+@each("seal", [STRIP, AnnularSeal(1e-3, 2e-3, (6, 10)), MeshSeal(RING, "inlet", "outlet")])
 def test_reversed_pressures_reverse_the_leakage(seal, fluid):
     there = seal_leakage(seal, 1e-18, fluid, inlet_pressure=3e6, outlet_pressure=1e5, bounds=True)
     back = seal_leakage(seal, 1e-18, fluid, inlet_pressure=1e5, outlet_pressure=3e6, bounds=True)
@@ -384,7 +385,7 @@ def test_a_ready_mesh_has_bounds_unless_it_is_curved():
 # --- bad input ---
 
 
-@pytest.mark.parametrize(
+@each(
     ("make", "message"),
     [
         (
@@ -422,7 +423,7 @@ def leak(permeability=1e-18, seal=STRIP, fluid=WATER, **kwargs):
     return seal_leakage(seal, permeability, fluid, **({"inlet_pressure": 1e6} | kwargs))
 
 
-@pytest.mark.parametrize(
+@each(
     ("k", "message"),
     [
         (np.nan, "^permeability k1: given 1 values not finite, expected numbers >= 0"),
@@ -456,14 +457,14 @@ def test_bad_permeability_on_a_mesh():
         leak(np.ones(5), seal)
 
 
-@pytest.mark.parametrize("name", ["inlet_pressure", "outlet_pressure"])
-@pytest.mark.parametrize("value", [np.nan, np.inf, "high", None])
+@each("name", ["inlet_pressure", "outlet_pressure"])
+@each("value", [np.nan, np.inf, "high", None])
 def test_bad_pressures(name, value):
     with pytest.raises(InputError, match=rf"^{name}: given .*, expected a finite number"):
         leak(**{name: value})
 
 
-@pytest.mark.parametrize("name", ["inlet_pressure", "outlet_pressure"])
+@each("name", ["inlet_pressure", "outlet_pressure"])
 def test_pressures_a_fluid_cannot_have(name):
     with pytest.raises(InputError, match=rf"^{name}: given -1000 Pa, expected a pressure that IdealGas"):
         leak(fluid=AIR, **{name: -1e3})
@@ -515,7 +516,7 @@ def test_bad_mesh_files(tmp_path):
     refused(write(meshio.Mesh(corners, [quad])), "^inlet: given 'inlet', .*the mesh: none$")
 
 
-@pytest.mark.parametrize("kind", [MeshTri, MeshQuad])
+@each("kind", [MeshTri, MeshQuad])
 def test_meshes_that_overlap_themselves_or_have_undefined_nodes(kind):
     """A node pushed over the opposite edge leaves each element whole, but some upside down."""
     ends = {"a": lambda x: x[0] == 0, "b": lambda x: x[0] == 1}
@@ -547,8 +548,8 @@ def two_parts(kind, shift, turn=0.0, cells=6):
     return both.with_boundaries({name: one.facets_satisfying(end) for name, end in ends.items()})
 
 
-@pytest.mark.parametrize("kind", [MeshTri, MeshQuad])
-@pytest.mark.parametrize(
+@each("kind", [MeshTri, MeshQuad])
+@each(
     ("shift", "turn"),
     [
         ((0, 0), 0),
@@ -566,7 +567,7 @@ def test_parts_that_lie_on_each_other_are_refused(kind, shift, turn):
         MeshSeal(two_parts(kind, shift, turn), "a", "b")
 
 
-@pytest.mark.parametrize("cells", [1, 6])
+@each("cells", [1, 6])
 def test_a_part_within_another_is_refused(cells):
     one, small = (
         MeshTri.init_tensor(*2 * [np.linspace(0, 1, 5)]),
@@ -577,13 +578,13 @@ def test_a_part_within_another_is_refused(cells):
         MeshSeal(both.with_boundaries({"a": lambda x: x[0] == 0, "b": lambda x: x[0] == 1}), "a", "b")
 
 
-@pytest.mark.parametrize("kind", [MeshTri, MeshQuad])
-@pytest.mark.parametrize("shift", [(1, 0), (1, 0.5), (1 - 1e-4, 0.37), (1, 1), (0, -1 + 1e-12), (1.5, 0.2)])
+@each("kind", [MeshTri, MeshQuad])
+@each("shift", [(1, 0), (1, 0.5), (1 - 1e-4, 0.37), (1, 1), (0, -1 + 1e-12), (1.5, 0.2)])
 def test_parts_beside_each_other_are_taken(kind, shift):
     assert MeshSeal(two_parts(kind, shift), "a", "b").length == pytest.approx(1)
 
 
-@pytest.mark.parametrize(("angle", "good"), [(1.9, True), (2.3, False)])
+@each(("angle", "good"), [(1.9, True), (2.3, False)])
 def test_a_band_that_winds_onto_itself_is_refused(angle, good):
     """All its elements lie beside their neighbours; it is a ring with a slit, or covers its beginning once more."""
     band = MeshQuad.init_tensor(np.linspace(1, 2, 4), np.linspace(0, angle * np.pi, 60))

@@ -13,8 +13,9 @@ import femseal.library.ladder
 import femseal.studies.face_flow
 import femseal.studies.face_windows
 import femseal.studies.scene
-import femseal.studies.windows as windows_module
-import femseal.windows.window
+import femseal.studies.window_contacts as windows_module
+import femseal.windows.window_contact
+import femseal.windows.window_flow
 from femseal import analytic
 from femseal.base.errors import FemsealError, InputError, NotConverged
 from femseal.contact import HalfSpace, PerfectlyPlastic, load_states
@@ -852,7 +853,7 @@ class TestErrorOfTheLibrary:
                 r,
                 again,
                 scene=scene,
-                laid=LinkWindows(seal),
+                seal_windows=LinkWindows(seal),
                 kinds=((table, none),),
                 sampling=replace(SAMPLING, sampler="history"),
                 independent=1 / copies,
@@ -1012,7 +1013,7 @@ class TestFailures:
     def test_contact_of_a_window(self, rough, by_windows, monkeypatch):
         """Itself and the links across that reach into it."""
         pressure = by_windows.pressure[1, 0, 4]
-        self.fail(monkeypatch, femseal.windows.window, "solve_contact", pressure=pressure)
+        self.fail(monkeypatch, femseal.windows.window_contact, "solve_contact", pressure=pressure)
         result = two_scale(rough, (4, 6), contact="windows", flow="links")
         assert result.failures == ("cell (0, 4), loading 300 MPa: did not converge",)
         assert_array_equal(np.isnan(result.leakage), [False, True, False, False, False])
@@ -1027,7 +1028,7 @@ class TestFailures:
     def test_contact_of_a_window_at_the_peak_takes_its_unloading_along(self, rough, by_windows, monkeypatch):
         window = np.unravel_index(by_windows.pressure[4].argmax(), (4, 6))
         pressure = by_windows.pressure[2][window]
-        self.fail(monkeypatch, femseal.windows.window, "solve_contact", pressure=pressure)
+        self.fail(monkeypatch, femseal.windows.window_contact, "solve_contact", pressure=pressure)
         result = two_scale(rough, (4, 6), contact="windows", flow="links")
         assert [f.split(", ", 2)[2] for f in result.failures] == [
             "loading 600 MPa: did not converge",
@@ -1038,7 +1039,7 @@ class TestFailures:
 
     def test_flow_of_a_link_across(self, rough, monkeypatch):
         """Of the 24 windows along come 5 steps each, then those across: the third step of the second one."""
-        self.fail(monkeypatch, femseal.windows.window, "cell_flow", calls={24 * 5 + 5 + 2})
+        self.fail(monkeypatch, femseal.windows.window_flow, "cell_flow", calls={24 * 5 + 5 + 2})
         result = two_scale(rough, (4, 6), flow="links")
         assert result.failures == ("x2-link (0, 1), step 2: did not converge",)
         assert_array_equal(np.argwhere(np.isnan(result.k2)), [[2, 0, 1]])
@@ -1054,7 +1055,7 @@ class TestFailures:
     def test_a_column_with_a_failed_cell_gives_way_to_the_next(self, rough, by_windows, monkeypatch):
         """Of the links across it takes the column before along."""
         pressure = by_windows.pressure[1, 0, 4]
-        self.fail(monkeypatch, femseal.windows.window, "solve_contact", pressure=pressure)
+        self.fail(monkeypatch, femseal.windows.window_contact, "solve_contact", pressure=pressure)
         result = stochastic(rough, (4, 6), SAMPLING, contact="windows")
         assert result.failures == ("cell (0, 4), loading 300 MPa: did not converge",)
         assert np.isfinite(result.leakage).all()
@@ -1098,7 +1099,7 @@ class TestFailures:
         assert_array_equal(np.argwhere(np.isnan(result.leakage)), [[1, 1]])
 
     def test_a_library_without_any_cell(self, rough, monkeypatch):
-        for module in (femseal.windows.window, femseal.library.ladder):
+        for module in (femseal.windows.window_contact, femseal.library.ladder):
             self.fail(monkeypatch, module, "solve_contact", calls=range(10**6))
         for pressure in ("place", "uniform"):
             with pytest.raises(FemsealError, match="every c"):

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from each import each
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy import ndimage
 
@@ -69,14 +70,14 @@ def test_isolated_points_are_found_and_nothing_else():
     assert find_spikes(z, 1000).sum() < expected.sum()
 
 
-@pytest.mark.parametrize("cut_off", [2, 4, 8])
-@pytest.mark.parametrize("hurst", [0.3, 0.8, 1.0])
+@each("cut_off", [2, 4, 8])
+@each("hurst", [0.3, 0.8, 1.0])
 def test_self_affine_faces_have_no_spikes(cut_off, hurst):
     face = self_affine((256, 256), (1e-3, 1e-3), hurst=hurst, rms_slope=0.5, cut_off=cut_off * 1e-3 / 256, rng=4)
     assert not find_spikes(face.heights).any()
 
 
-@pytest.mark.parametrize(
+@each(
     "given",
     [
         {"pitch": 60e-6, "depth": 1.5e-6, "feed_error": 0.03, "depth_error": 0.1, "roughness": 1e-6},
@@ -128,7 +129,7 @@ def test_medians_are_those_of_the_defined_points_in_the_window():
         assert_allclose(deviation[i, j], np.nanmedian(np.abs(window - median[i, j])), rtol=1e-12)
 
 
-@pytest.mark.parametrize("threshold", [0, -1.0, nan, "six"])
+@each("threshold", [0, -1.0, nan, "six"])
 def test_bad_thresholds(threshold):
     with pytest.raises(InputError, match="spikes: given"):
         rough().without_spikes(threshold)
@@ -148,7 +149,7 @@ def test_repair_fills_spikes_like_undefined_points():
     assert_allclose(kept.heights[20, 20] - kept.heights[20, 22], 1e-6 - z[20, 22], rtol=1e-9)
 
 
-@pytest.mark.parametrize("share", [0.05, 0.2, 0.4])
+@each("share", [0.05, 0.2, 0.4])
 def test_undefined_points_do_not_bend_the_form(share):
     """A steeply tilted face with a corner missing: its roughness stays that of the defined points."""
     face = rough()
@@ -199,8 +200,8 @@ def test_a_part_that_is_defined_is_offered_and_fits():
     assert '["1 mm", "1.16 mm", "2 mm", "2.08 mm"]' in str(moved)
 
 
-@pytest.mark.parametrize("seed", range(4))
-@pytest.mark.parametrize("limit", [0, 0.05, 0.3])
+@each("seed", range(4))
+@each("limit", [0, 0.05, 0.3])
 def test_the_largest_part_is_that_of_a_search_over_all(seed, limit):
     rng = np.random.default_rng(seed)
     undefined = ndimage.gaussian_filter(rng.standard_normal((13, 11)), 2) > 0.02
@@ -247,7 +248,7 @@ def grooved(angle=0.0):
     return z + 1e-9 * rng.standard_normal(z.shape), s, rng
 
 
-@pytest.mark.parametrize("angle", [0.0, 0.5, -1.2])
+@each("angle", [0.0, 0.5, -1.2])
 def test_spikes_that_follow_the_lay_are_told(angle):
     z, s, rng = grooved(angle)
     beside = np.abs(s - s.mean()) < 5e-6
@@ -264,7 +265,7 @@ def test_spikes_that_follow_the_lay_are_told(angle):
     assert all("surface.spikes = inf" in text for text in doubts)
 
 
-@pytest.mark.parametrize("spacing", [(1e-6, 1e-6), (1e-6, 3e-6)])
+@each("spacing", [(1e-6, 1e-6), (1e-6, 3e-6)])
 def test_scattered_spikes_are_no_marks(spacing):
     z, _, rng = grooved()
     z[rng.random(z.shape) < 0.004] -= 1e-6
@@ -324,8 +325,8 @@ def test_texture_of_a_wave():
     assert abs(found.lay_direction) < 1e-6
 
 
-@pytest.mark.parametrize("degrees", [-80, -35, -3, 0, 20, 45, 90])
-@pytest.mark.parametrize("shape", [(200, 160), (120, 240)])
+@each("degrees", [-80, -35, -3, 0, 20, 45, 90])
+@each("shape", [(200, 160), (120, 240)])
 def test_direction_of_the_lay(degrees, shape):
     """Grooves at right angles to (cos α, sin α), on square and on oblong pixels."""
     size = (200e-6, 160e-6)
@@ -354,9 +355,9 @@ def test_an_isotropic_face_has_no_lay_and_stretching_gives_it_one():
 # --- spectrum ---------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("hurst", [0.3, 0.8, 1.0])
-@pytest.mark.parametrize("roll_off", [None, 2e-4])
-@pytest.mark.parametrize("cut_off", [1.6e-5, 6e-6])
+@each("hurst", [0.3, 0.8, 1.0])
+@each("roll_off", [None, 2e-4])
+@each("cut_off", [1.6e-5, 6e-6])
 def test_power_law_is_recovered(hurst, roll_off, cut_off):
     face = self_affine(
         (512, 400), (1e-3, 0.8e-3), hurst=hurst, rms_slope=0.1, roll_off=roll_off, cut_off=cut_off, rng=2
@@ -502,9 +503,9 @@ def sampled(shape, spacing):
     return Topography(bump(u1[:, None], u2[None, :]), spacing, (False, False))
 
 
-@pytest.mark.parametrize("mirror", [None, "x1", "x2"])
-@pytest.mark.parametrize("degrees", [0, 90, 180, 30, -12.5])
-@pytest.mark.parametrize("spacing", [(1e-6, 1e-6), (0.8e-6, 1.3e-6)])
+@each("mirror", [None, "x1", "x2"])
+@each("degrees", [0, 90, 180, 30, -12.5])
+@each("spacing", [(1e-6, 1e-6), (0.8e-6, 1.3e-6)])
 def test_the_second_face_is_mirrored_then_turned_then_shifted(mirror, degrees, spacing):
     first = Topography(np.zeros((60, 90)), (1.1e-6, 0.9e-6), (False, False))
     second = sampled((100, 80), spacing)
@@ -562,7 +563,7 @@ def test_waves_too_short_for_the_first_grid_are_not_folded():
     assert np.abs(both.heights).max() < 1e-3
 
 
-@pytest.mark.parametrize("degrees", [0, 10, 33, 45, 80])
+@each("degrees", [0, 10, 33, 45, 80])
 def test_largest_rectangle(degrees):
     c, s = np.cos(np.deg2rad(degrees)), np.sin(np.deg2rad(degrees))
     i, j = np.indices((14, 17)) - np.array([6, 9])[:, None, None]

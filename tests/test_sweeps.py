@@ -129,9 +129,9 @@ def test_names_are_as_short_as_they_can_be():
         (["material.hardness=3"], "material.hardness: given 3, expected text with a number and a unit"),
         (["seed"], "sweep: given 'seed', expected a key of the case and its values"),
         (["seed=1,2", "seed=3"], "sweep: given the key seed twice"),
-        (["seed=1,1"], "allowed is values that differ"),
+        (["seed=1,1"], "expected values that differ"),
         (["seed.x=1"], "sweep: given 'seed.x', expected a dotted key of the case"),
-        (["load.loading=[2MPa,1MPa]"], "load: allowed is rising pressures"),
+        (["load.loading=[2MPa,1MPa]"], "load: expected rising pressures"),
         (["cells.count=[2,4],[32,64]"], r"with count = [32, 64]"),
         (
             [f"seed={','.join(map(str, range(40)))}", f"stochastic.realisations={','.join(map(str, range(2, 42)))}"],

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from each import each
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
@@ -58,7 +59,7 @@ def test_masked_points_are_undefined():
     assert np.isnan(face.heights[1, 2])
 
 
-@pytest.mark.parametrize(
+@each(
     ("heights", "spacing", "message"),
     [
         (np.zeros(3), (1, 1), r"heights: given an array of shape \(3,\), expected a non-empty"),
@@ -89,7 +90,7 @@ def test_repr_names_size_pixel_and_roughness():
     assert "0.125 % undefined" in repr(holed())
 
 
-@pytest.mark.parametrize(
+@each(
     "use",
     [
         lambda t: t.rms_height,
@@ -111,8 +112,8 @@ def test_undefined_points_are_refused_with_the_way_out(use):
 # --- measures ---------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("periodic", PERIODS)
-@pytest.mark.parametrize("shape", [(24, 18), (25, 17)])
+@each("periodic", PERIODS)
+@each("shape", [(24, 18), (25, 17)])
 def test_slope_and_height_of_a_wave(periodic, shape):
     face = wave(shape, (3, 2), periodic)
     steps = [(2 if wraps else 1) * np.pi / length for wraps, length in zip(periodic, SIZE, strict=True)]
@@ -127,8 +128,8 @@ def test_slope_of_a_tilted_open_map_is_its_tilt():
     assert_allclose(face.rms_slope, 0.01, rtol=5e-3)
 
 
-@pytest.mark.parametrize("periodic", PERIODS)
-@pytest.mark.parametrize("shape", [(16, 10), (15, 10), (16, 9), (7, 1)])
+@each("periodic", PERIODS)
+@each("shape", [(16, 10), (15, 10), (16, 9), (7, 1)])
 def test_psd_adds_up_to_the_mean_square(periodic, shape):
     face = noise(shape, periodic)
     for axis in (0, 1):
@@ -146,7 +147,7 @@ def test_psd_finds_the_wave():
     assert_allclose(density.sum() - density[5], 0, atol=1e-20)
 
 
-@pytest.mark.parametrize("periodic", PERIODS)
+@each("periodic", PERIODS)
 def test_radial_psd_integrates_to_the_mean_square(periodic):
     # A spectrum that ends well inside the grid, so that rings are full and the sum over rings converges.
     face = noise((240, 160), periodic).low_pass(SIZE[1] / 20)
@@ -171,7 +172,7 @@ def test_gap_touches_at_the_highest_point():
 # --- form -------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("order", [0, 1, 2])
+@each("order", [0, 1, 2])
 def test_detrend_removes_its_form_and_is_idempotent(order):
     shape = (30, 20)
     x1, x2 = centres(shape)
@@ -209,7 +210,7 @@ def test_detrend_of_a_single_line_and_bad_order():
 # --- waves ------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("periodic", PERIODS)
+@each("periodic", PERIODS)
 def test_low_pass_keeps_and_removes_exactly(periodic):
     shape = (48, 40)
     long, short = wave(shape, (3, 2), periodic), wave(shape, (9, 8), periodic)
@@ -226,21 +227,21 @@ def test_low_pass_shorter_than_the_grid_carries_does_nothing():
     assert_allclose(face.low_pass(min(face.spacing)).heights, face.heights, atol=1e-14)
 
 
-@pytest.mark.parametrize("wavelength", [0, -1.0, np.inf, np.nan, "long", None])
+@each("wavelength", [0, -1.0, np.inf, np.nan, "long", None])
 def test_low_pass_refuses_bad_wavelengths(wavelength):
     with pytest.raises(InputError, match=r"wavelength: given .* a finite number > 0 \[m\]"):
         noise((4, 4)).low_pass(wavelength)
 
 
-@pytest.mark.parametrize("periodic", PERIODS)
-@pytest.mark.parametrize("shape", [(24, 20), (25, 21), (24, 21)])
-@pytest.mark.parametrize("new", [(48, 33), (17, 14), (60, 13), (18, 40), (24, 20)])
+@each("periodic", PERIODS)
+@each("shape", [(24, 20), (25, 21), (24, 21)])
+@each("new", [(48, 33), (17, 14), (60, 13), (18, 40), (24, 20)])
 def test_resample_is_exact_on_waves(periodic, shape, new):
     k = (3, 5)
     assert_allclose(wave(shape, k, periodic).resample(new).heights, wave(new, k, periodic).heights, atol=1e-12)
 
 
-@pytest.mark.parametrize("periodic", PERIODS)
+@each("periodic", PERIODS)
 def test_resample_does_not_fold_short_waves(periodic):
     assert_allclose(wave((32, 32), (10, 3), periodic).resample((9, 20)).heights, 0, atol=1e-12)
 
@@ -267,7 +268,7 @@ def test_upsampled_map_stays_in_place():
         assert_allclose(face.resample((24, 21)).heights[1::3, 1::3], face.heights, atol=1e-12)
 
 
-@pytest.mark.parametrize("shape", [(0, 3), (2.5, 3), 4, (3, 3, 3)])
+@each("shape", [(0, 3), (2.5, 3), 4, (3, 3, 3)])
 def test_resample_refuses_bad_shapes(shape):
     with pytest.raises(InputError, match=r"shape: given .* two whole numbers >= 1"):
         noise((4, 4)).resample(shape)

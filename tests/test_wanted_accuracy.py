@@ -16,7 +16,8 @@ from femseal.case.case import parse_case
 from femseal.loads import LoadProgramme
 from femseal.refinement.refining import refined
 from femseal.refinement.settings import first_settings, first_version, last_version
-from femseal.report.words import check_lines, key_numbers
+from femseal.report.error_tables import check_lines
+from femseal.report.leakage_tables import key_numbers
 from femseal.results.attempts_table import attempt_sentences
 from femseal.results.tables import format_error_band
 from femseal.runs.forecast import describe

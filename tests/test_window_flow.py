@@ -10,7 +10,7 @@ from femseal.flow.assembly import assemble_on_links
 from femseal.flow.coefficient import permeability_on_links
 from femseal.flow.grid import Grid
 from femseal.flow.law import cubic_law
-from femseal.windows.window import FlowSettings, flow_history
+from femseal.windows.window_flow import FlowSettings, flow_history
 
 UM = 1e-6
 
@@ -53,12 +53,12 @@ def test_a_history_has_the_flow_of_every_step(shape, axis):
         closed = 0
         for s, gap in enumerate(gaps.astype(float)):
             if s == 10:
-                assert_allclose(found.permeability[s], cubic_law(gap.mean()), rtol=1e-14)
+                assert_allclose(found.k[s], cubic_law(gap.mean()), rtol=1e-14)
             elif s == 11:
-                assert np.isnan(found.permeability[s])
+                assert np.isnan(found.k[s])
             else:
                 k, flow = by_numpy(gap, spacing, axis)
-                assert_allclose(found.permeability[s], k, rtol=1e-13)
+                assert_allclose(found.k[s], k, rtol=1e-13)
                 assert_allclose(k, by_numpy(gap, spacing, axis, "elimination")[0], rtol=1e-6)
                 if s < 10:
                     systems[flow.solver] = systems.get(flow.solver, 0) + flow.percolates
@@ -78,4 +78,4 @@ def test_a_step_that_cannot_be_solved_leaves_the_others(discretisation):
     found = flow_history(gaps, (UM, UM), 0, FlowSettings(discretisation=discretisation))
     assert len(found.failures) == 1
     assert found.failures[0].startswith("step 1: gap")
-    assert list(np.isfinite(found.permeability)) == [True, False, True]
+    assert list(np.isfinite(found.k)) == [True, False, True]

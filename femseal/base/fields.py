@@ -93,8 +93,8 @@ class Field:
 def with_unit(name: str, unit: str) -> str:
     """A name with a unit in ASCII letters, digits and underscores.
 
-    >>> with_unit("gap", "µm"), with_unit("leakage", "mL/(m·min)"), with_unit("flux", "m^2/s"), with_unit("share", "1")
-    ('gap_um', 'leakage_mL_per_m_min', 'flux_m2_per_s', 'share')
+    >>> with_unit("gap", "µm"), with_unit("leakage", "mL/(m·min)"), with_unit("flux", "m^2/s"), with_unit("slope", "1")
+    ('gap_um', 'leakage_mL_per_m_min', 'flux_m2_per_s', 'slope')
     """
     if unit in ("", "1"):
         return name

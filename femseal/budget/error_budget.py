@@ -6,13 +6,17 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ..loads import LoadProgramme
 from ..studies import Scene, StochasticResult, StudyResult, TwoScaleResult, study_of_result
 from ..studies.curve_distance import FLOOR
+from ..studies.load_interpolation import Indices, at_all_steps, neighbours
+from ..studies.scene import Array
 from .coarse import CoarserSolution
 from .error_parts import ErrorBudget, ErrorPart
 from .estimates import elements_part, library_part, realisations_part, solver_part
 from .model_parts import sampler_part, two_scales_parts
-from .pixels import USUAL_PIXELS, pixels_part
+from .pixels import USUAL_PIXELS, one_grid_part, pixels_part
+from .removed_slope import contact_fraction_of, raised_by_slope
 from .removed_waves import filter_part
 
 #: Factor of the distances of all parts but those of draws at loads that leak less than 1e-3 of the first, where
@@ -27,6 +31,7 @@ def error_budget(
     coarse: Sequence[CoarserSolution] = (),
     filtered: CoarserSolution | None = None,
     octaves: float = 0.0,
+    kept_slope: float = 1.0,
     compared: CoarserSolution | None = None,
     wave_pixels: float = USUAL_PIXELS,
 ) -> ErrorBudget:
@@ -38,6 +43,9 @@ def error_budget(
     coarse : the same scene solved on fewer points, the finest first; one or two. Without any the pixels have no part.
     filtered : the scene solved without waves up to twice the shortest one. octaves : of waves that were removed from
         the face before; without any, as of a generated face, the filter has no part.
+    kept_slope : rms slope over that with the waves that were removed. Where these may open what is sealed, and no load
+        tells what it then leaks, the upper end is inf: unknown. So it is of what is sealed where no coarser solution is
+        given.
     compared : of two scales by links, the deterministic solution on fewer points against that by links on these points.
         It tells the error of links better than the scenes of the calibration do.
     wave_pixels : pixels to the shortest wave of the scene: with more than 8 the least error of the pixels is less.
@@ -49,11 +57,17 @@ def error_budget(
     """
     own = study_of_result(study)
     leakage = own.leakage(study)
+    contact = contact_fraction_of(study, scene.steps)
     parts: list[ErrorPart] = [solver_part(scene, leakage)]
     if coarse:
         parts.append(pixels_part(scene, leakage, coarse, wave_pixels))
+    else:
+        parts += one_grid_part(leakage, contact)
     if filtered is not None and octaves > 0:
         parts.append(filter_part(scene, leakage, filtered, octaves))
+    elif kept_slope < 1:
+        nothing = np.zeros(len(scene.steps))
+        parts.append(ErrorPart.of("filter", leakage, nothing, nothing, "no solution without the shortest waves"))
     if isinstance(study, TwoScaleResult):
         if study.element_error is not None:
             parts.append(elements_part(study))
@@ -61,6 +75,44 @@ def error_budget(
     q = np.abs(leakage)
     steeper = np.where(q < FLOOR * q[0], _NEAR_CLOSING, 1.0)
     parts = [part.widened(leakage, steeper) for part in parts]
+    if kept_slope < 1:
+        parts = [
+            raised_by_slope(part, scene.steps, leakage, contact, kept_slope) if part.name == "filter" else part
+            for part in parts
+        ]
     if isinstance(study, StochasticResult):
         parts += [library_part(study), realisations_part(study), sampler_part(scene, study)]
     return ErrorBudget(own.name, leakage, tuple(parts), scene.steps)
+
+
+def at_interpolated_steps(budget: ErrorBudget, solved: Indices, steps: LoadProgramme, tolerance: float) -> ErrorBudget:
+    """The budget at every step of a programme from that at the solved ones.
+
+    A part is as wide as at the wider of the two solved steps beside; the interpolation is a part of its own.
+
+    Parameters
+    ----------
+    solved : numbers of the solved steps. tolerance : relative error of an interpolated leakage.
+    """
+    leakage = at_all_steps(budget.leakage, solved, steps, logarithmic=True)
+    parts = tuple(_interpolated(part, budget.leakage, leakage, solved, steps) for part in budget.parts)
+    width = np.full(len(steps), np.log1p(tolerance))
+    width[solved] = 0.0
+    note = "The tolerance of the interpolation between loads that were solved."
+    return ErrorBudget(budget.method, leakage, (*parts, ErrorPart.of("loads", leakage, width, width, note)), steps)
+
+
+def _interpolated(part: ErrorPart, own: Array, leakage: Array, solved: Indices, steps: LoadProgramme) -> ErrorPart:
+    """A part at every step, as wide as at the wider of the two solved steps beside."""
+    ends = []
+    for values, sign in ((part.lower, -1.0), (part.upper, 1.0)):
+        with np.errstate(divide="ignore", invalid="ignore"):
+            distance = np.where(own == values, 0.0, sign * np.log(np.abs(values) / np.abs(own)))
+        every, sealed = np.full((2, len(steps)), np.nan)
+        every[solved], sealed[solved] = distance, values
+        for s, (low, high) in neighbours(solved, steps).items():
+            every[s], sealed[s] = np.maximum(every[low], every[high]), max(sealed[low], sealed[high], key=abs)
+        with np.errstate(invalid="ignore", over="ignore"):
+            ends.append(np.where(leakage == 0, sealed, leakage * np.exp(sign * every)))
+        ends[-1][solved] = values
+    return ErrorPart(part.name, ends[0], ends[1], part.note)

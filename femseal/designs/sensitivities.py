@@ -57,7 +57,8 @@ class Variants:
     """The same seals solved again with one thing changed; None where that was not done.
 
     harder : with the hardness multiplied by `hardness_factor`. longer : with the length of the flow law multiplied by
-    `length_factor`. hardness_counts : whether the solids yield. law_length : parameter of the fluid with which that
+    `length_factor`. hardness_counts : whether the solids yield. hardens : whether they harden or
+    soften as they do. law_length : parameter of the fluid with which that
     length goes, "" of a law without one. inlet_slope : d ln L/d ln p_in by the fluid's potential, NaN if unknown.
     """
 
@@ -66,6 +67,7 @@ class Variants:
     hardness_factor: float = 1.1
     length_factor: float = 1.1
     hardness_counts: bool = True
+    hardens: bool = False
     law_length: str = ""
     inlet_slope: float = np.nan
 
@@ -113,6 +115,7 @@ def _values(seals: Seals, variants: Variants, pressure: float, fraction: float) 
 
 
 def _slopes(seals: Seals, variants: Variants, pressure: float, fraction: float) -> list[tuple[str, float, str]]:
+    """Every quantity with its slope d ln L/d ln x at a pressure, and how it was found."""
     load = slope_at(seals, pressure, fraction)
 
     def solved(variant: Seals | None, factor: float, quantity: str) -> tuple[float, str]:
@@ -140,11 +143,9 @@ def _slopes(seals: Seals, variants: Variants, pressure: float, fraction: float) 
     )
     return [
         ("nominal pressure", load, "the loading curve"),
-        (
-            "roughness amplitude",
-            2 - hard - load - thick - at_wall,
-            "scaling law of contact and flow, exact",
-        ),
+        ("roughness amplitude", np.nan, "unknown: the metal hardens over a depth of its own")
+        if variants.hardens
+        else ("roughness amplitude", 2 - hard - load - thick - at_wall, "scaling law of contact and flow, exact"),
         ("hardness", hard, how_hard),
         ("contact modulus", -hard - load, "scaling law of contact, exact"),
         ("breadth, same pressure", -1.0, "Darcy's law over many windows"),

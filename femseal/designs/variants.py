@@ -64,7 +64,7 @@ class Solver:
         if hasattr(fluid, name):
             changed = replace(fluid, **{name: LONGER * getattr(fluid, name)})
             longer = self._seals(f"another {name.replace('_', ' ')}", replace(scene, fluid=changed))
-        return Variants(harder, longer, HARDER, LONGER, hardness_counts=yields)
+        return Variants(harder, longer, HARDER, LONGER, hardness_counts=yields, hardens=not scene.law.is_perfect)
 
     def turned(self) -> TurnedSeals:
         """The seals of the face turned by 90°.

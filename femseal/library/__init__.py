@@ -1,14 +1,14 @@
 """Libraries of windows: their response along a ladder of pressures, and draws of links and columns from them."""
 
 from .column_runs import ColumnRuns, RunFlows
-from .curves import CellCurves
-from .ladder import Cell, Ladder, follow
+from .curves import WindowCurves
+from .ladder import Ladder, WindowStates, solve_ladder
 from .library import LadderLibrary, LibraryTable, WindowSource, build_ladder_library, on_ladder
 from .sampling import SAMPLERS, LinkTable, correlation_length, draw_links, draw_pressures
 
 __all__ = [
-    "Cell",
-    "CellCurves",
+    "WindowStates",
+    "WindowCurves",
     "ColumnRuns",
     "Ladder",
     "LadderLibrary",
@@ -21,6 +21,6 @@ __all__ = [
     "correlation_length",
     "draw_links",
     "draw_pressures",
-    "follow",
+    "solve_ladder",
     "on_ladder",
 ]

@@ -1,9 +1,9 @@
 """Runs of neighbouring columns of windows, whose sides inside match, as pieces of a long seal.
 
-In a chain of runs the sides that meet do not match. Its flow is least if these cuts are closed, and at most what flows
-if all cuts are held at one profile of the potential from inlet to outlet, as the energy of any potential is more than
-the least. Both are sums over the runs. The profile is the mean of the potential over the uncut face, whose flow lies
-between both as well and says where: see `RunFlows.share`.
+In a chain of runs the sides that meet do not match. Its flow is least if nothing flows through these cuts (Neumann),
+and at most what flows if all of them have one profile of the potential from inlet to outlet (Dirichlet), as the energy
+of any potential is more than the least. Both are sums over the runs. The profile is the mean over the uncut face, whose
+flow lies between both as well and says where: see `RunFlows.weight`.
 Source: Huet, J. Mech. Phys. Solids 38, 1990, 813 (bounds from pieces with both kinds of boundary).
 """
 
@@ -35,7 +35,7 @@ class RunFlows:
 
     length : columns of a run. independent : number of runs that the face has without overlap.
     starts (runs,) : first column of each run.
-    closed (runs,), held (runs,) : conductance with closed cuts, and with cuts held at the common profile.
+    neumann (runs,), dirichlet (runs,) : conductance with no flow through the cuts, and with the profile along them.
     whole : conductance of the uncut face over as many columns as a run has.
     solvers : number of systems by solver.
     """
@@ -43,26 +43,26 @@ class RunFlows:
     length: int
     independent: int
     starts: Indices
-    closed: Array
-    held: Array
+    neumann: Array
+    dirichlet: Array
     whole: float
     solvers: SolverCounts
 
     @property
-    def share(self) -> float:
-        """Share of the way from closed to held at which the mean of the runs is the flow through the uncut face."""
-        low, high = float(self.closed.mean()), float(self.held.mean())
+    def weight(self) -> float:
+        """Fraction of the way from Neumann to Dirichlet cuts at which the runs have the mean of the uncut face."""
+        low, high = float(self.neumann.mean()), float(self.dirichlet.mean())
         return float(np.clip((self.whole - low) / (high - low), 0.0, 1.0)) if high > low else 0.0
 
     @property
     def value(self) -> Array:
-        """Conductance of each run (runs,), between closed and held, with the mean of the uncut face."""
-        return self.closed + self.share * (self.held - self.closed)
+        """Conductance of each run (runs,), between both kinds of cuts, with the mean of the uncut face."""
+        return self.neumann + self.weight * (self.dirichlet - self.neumann)
 
     @property
     def cut_error(self) -> float:
-        """Half the distance of ln(conductance) with held and with closed cuts; inf if closed ones leave no flow."""
-        low, high = float(self.closed.mean()), float(self.held.mean())
+        """Half the distance of ln(conductance) between both kinds of cuts; inf if Neumann cuts leave no flow."""
+        low, high = float(self.neumann.mean()), float(self.dirichlet.mean())
         return float(0.5 * np.log(high / low)) if low > 0 else np.inf if high > 0 else 0.0
 
     @property
@@ -122,23 +122,23 @@ class ColumnRuns:
             raise InputError("length", length, f"at most the {m2} columns of the face")
         independent = m2 // length
         starts = np.unique(np.linspace(0, m2, min(m2, STARTS * independent), endpoint=False).astype(int))
-        closed, held = [], []
+        neumann, dirichlet = [], []
         if self.face.conductance > 0:
             profile = _profile(self.mesh, self.face.potential, self.links, self.partition)
             for start in starts:
                 chosen = [self.elements[i * m2 + (start + j) % m2] for i in range(m1) for j in range(length)]
                 run = ElementMesh.of_face(chosen, (m1, length), ring=False)
-                closed.append(run.solve())
+                neumann.append(run.solve())
                 nodes, row = _on_cuts(run, self.partition, length)
-                held.append(run.solve_dirichlet(nodes, profile[row]))
+                dirichlet.append(run.solve_dirichlet(nodes, profile[row]))
         return RunFlows(
             length=length,
             independent=independent,
             starts=starts,
-            closed=np.array([run.conductance for run in closed] or np.zeros(starts.size)),
-            held=np.array([run.conductance for run in held] or np.zeros(starts.size)),
+            neumann=np.array([run.conductance for run in neumann] or np.zeros(starts.size)),
+            dirichlet=np.array([run.conductance for run in dirichlet] or np.zeros(starts.size)),
             whole=self.face.conductance * length / m2,
-            solvers=SolverCounts.total(SolverCounts.of(s) for s in (*closed, *held)),
+            solvers=SolverCounts.total(SolverCounts.of(s) for s in (*neumann, *dirichlet)),
         )
 
     def window_permeability(self) -> Array:

@@ -30,9 +30,9 @@ from ..base.text import Shown
 from ..contact import ContactLaw, HalfSpace
 from ..loads import LoadProgramme, LoadStep
 from ..windows.outcome import Failed, SolveCounts, attempt
-from ..windows.window import FlowSettings
-from .curves import CellCurves
-from .ladder import Cell, Ladder, follow, part, united
+from ..windows.window_flow import FlowSettings
+from .curves import WindowCurves
+from .ladder import Ladder, WindowStates, merge, restrict, solve_ladder
 
 Array = NDArray[np.float64]
 #: Written into every file; a file of another format is computed again.
@@ -139,7 +139,7 @@ class WindowSource:
 class LadderLibrary(Shown):
     """Windows followed along a ladder.
 
-    cells : the windows that did not fail.
+    windows : those that did not fail.
     rms_height : root mean square height of the windows [m].
     tiles : number of windows that tile the faces without overlap.
     counts : flows of windows in this run, solved or known without solving.
@@ -148,7 +148,7 @@ class LadderLibrary(Shown):
     """
 
     ladder: Ladder
-    cells: tuple[Cell, ...] = field(repr=False)
+    windows: tuple[WindowStates, ...] = field(repr=False)
     rms_height: float = field(metadata={"unit": "m"})
     tiles: int
     counts: SolveCounts = field(default_factory=SolveCounts)
@@ -160,7 +160,7 @@ class LadderLibrary(Shown):
     @property
     def size(self) -> int:
         """Number of cells."""
-        return len(self.cells)
+        return len(self.windows)
 
     @property
     def independent(self) -> int:
@@ -172,9 +172,9 @@ class LadderLibrary(Shown):
         """All cells at the loading steps, the peaks and the stops of the ladder."""
         ladder = self.ladder
         steps = [LoadStep(p) for p in ladder.loading]
-        steps += [LoadStep(share * peak, peak) for peak in ladder.peaks for share in ladder.stops]
+        steps += [LoadStep(fraction * peak, peak) for peak in ladder.peaks for fraction in ladder.stops]
         columns: dict[str, list[Array]] = {"k": [], "mean_gap": [], "contact_fraction": []}
-        for cell in self.cells:
+        for cell in self.windows:
             on_ladder = np.searchsorted(cell.pressure, ladder.loading)
             peaks = np.searchsorted(cell.peaks, ladder.peaks)
             columns["k"].append(np.r_[cell.k[0, 0, on_ladder], cell.k_unloading[0, 0, peaks].ravel()])
@@ -190,23 +190,23 @@ class LadderLibrary(Shown):
     def loaded(self, name: str, pressure: Array) -> Array:
         """Mean over the cells of "standoff" or "plastic_deformation" at mean pressures on loading [m]."""
         x = np.cbrt(pressure)
-        return np.mean([np.interp(x, np.cbrt(c.pressure), getattr(c, name)) for c in self.cells], axis=0)
+        return np.mean([np.interp(x, np.cbrt(c.pressure), getattr(c, name)) for c in self.windows], axis=0)
 
     def flattening(self, pressure: Array, peak: Array) -> Array:
         """Decrease of the standoff from loading to unloading from a peak, mean over the cells [m]."""
-        return np.mean([self._flattening(cell, pressure, peak) for cell in self.cells], axis=0)
+        return np.mean([self._flattening(cell, pressure, peak) for cell in self.windows], axis=0)
 
-    def _flattening(self, cell: Cell, pressure: Array, peak: Array) -> Array:
-        """`flattening` of one cell, interpolated between peaks at equal shares of them; 0 without peaks."""
+    def _flattening(self, cell: WindowStates, pressure: Array, peak: Array) -> Array:
+        """`flattening` of one cell, interpolated between peaks at equal fractions of them; 0 without peaks."""
         if not cell.peaks.size:
             return np.zeros_like(pressure)
-        share = np.divide(pressure, peak, out=np.ones_like(pressure), where=peak > 0)
+        fraction = np.divide(pressure, peak, out=np.ones_like(pressure), where=peak > 0)
         stops = np.array([1.0, *self.ladder.stops])[::-1]
         taken = [np.zeros_like(pressure)]
         for m, top in enumerate(cell.peaks):
             virgin = np.interp(np.cbrt(top * stops), np.cbrt(cell.pressure), cell.standoff)
             left = np.array([virgin[-1], *cell.standoff_unloading[m]])[::-1]
-            taken.append(np.interp(share, stops, virgin - left))
+            taken.append(np.interp(fraction, stops, virgin - left))
         knots = np.r_[0.0, cell.peaks]
         upper = np.clip(np.searchsorted(knots, peak), 1, knots.size - 1)
         weight = np.clip((peak - knots[upper - 1]) / (knots[upper] - knots[upper - 1]), 0, 1)
@@ -232,8 +232,8 @@ class LadderLibrary(Shown):
         up = (paths > 0) & ~down
         apart = paths <= 0
         table = np.zeros((*paths.shape, self.size))
-        for c, cell in enumerate(self.cells):
-            curves = CellCurves(cell, self.ladder, axis, self.rms_height, kind)
+        for c, cell in enumerate(self.windows):
+            curves = WindowCurves(cell, self.ladder, axis, self.rms_height, kind)
             values = table[:, :, c]
             values[up] = curves.loaded(paths[up])
             values[down] = curves.unloaded(paths[down], p_peak[down])
@@ -280,23 +280,23 @@ def build_ladder_library(
     if count < 1:
         raise InputError("library", f"{count} windows", "at least one")
     path = None if folder is None else made_folder(folder) / f"{source.key(ladder)}.npz"
-    held = [] if path is None else _read(path, ladder)
-    known = [*held[:count], *[None] * (count - len(held))]
+    kept = [] if path is None else _read(path, ladder)
+    known = [*kept[:count], *[None] * (count - len(kept))]
     # cells that are complete go there too: what a run asks for does not depend on what is kept
     stage = Stage("library windows", partial(_cell, source=source, ladder=ladder))
     outcomes = list(mapper(stage, range(count), known))
     cells = [None if isinstance(cell, Failed) else cell for cell in outcomes]
     failures = tuple(f"cell {n}: {cell.reason}" for n, cell in enumerate(outcomes) if isinstance(cell, Failed))
-    complete = [cell is not None and part(cell, ladder) is not None for cell in known]
+    complete = [cell is not None and restrict(cell, ladder) is not None for cell in known]
     if path is not None and not all(complete):
-        both = [c if k is None else k if c is None else united(c, k, ladder) for c, k in zip(cells, known, strict=True)]
-        _write(path, both + held[count:])
+        both = [c if k is None else k if c is None else merge(c, k, ladder) for c, k in zip(cells, known, strict=True)]
+        _write(path, both + kept[count:])
     good = tuple(c for c in cells if c is not None)
     if not good:
         raise FemsealError(f"library: every cell failed; the first: {failures[0]}")
     return LadderLibrary(
         ladder=ladder,
-        cells=good,
+        windows=good,
         rms_height=source.rms_height,
         tiles=source.tiles,
         counts=SolveCounts.total(cell.counts for cell in good),
@@ -305,11 +305,12 @@ def build_ladder_library(
     )
 
 
-def _cell(n: int, known: Cell | None, *, source: WindowSource, ladder: Ladder) -> Cell | Failed:
-    if known is not None and (cell := part(known, ladder)) is not None:
+def _cell(n: int, known: WindowStates | None, *, source: WindowSource, ladder: Ladder) -> WindowStates | Failed:
+    """States of window n along the ladder: those known where they are enough, else what is missing is solved."""
+    if known is not None and (cell := restrict(known, ladder)) is not None:
         return cell
     return attempt(
-        follow,
+        solve_ladder,
         source.window(n),
         ladder=ladder,
         half_space=source.half_space,
@@ -320,10 +321,10 @@ def _cell(n: int, known: Cell | None, *, source: WindowSource, ladder: Ladder) -
     )
 
 
-_ARRAYS = tuple(f.name for f in fields(Cell) if f.name != "counts")
+_ARRAYS = tuple(f.name for f in fields(WindowStates) if f.name != "counts")
 
 
-def _write(path: Path, cells: Sequence[Cell | None]) -> None:
+def _write(path: Path, cells: Sequence[WindowStates | None]) -> None:
     """Write all cells into one file, each of their arrays end to end with its shapes; failed cells have none."""
     good = [n for n, c in enumerate(cells) if c is not None]
     content: dict[str, Any] = {"format": FORMAT, "count": len(cells), "good": good}
@@ -335,7 +336,7 @@ def _write(path: Path, cells: Sequence[Cell | None]) -> None:
         np.savez_compressed(temporary, **content)
 
 
-def _read(path: Path, ladder: Ladder) -> list[Cell | None]:
+def _read(path: Path, ladder: Ladder) -> list[WindowStates | None]:
     """Read the cells of a file; an empty list if there is no file, or it is damaged, changed or of another format."""
     if not path.is_file():
         return []
@@ -344,7 +345,7 @@ def _read(path: Path, ladder: Ladder) -> list[Cell | None]:
             count, good = int(data["count"]), data["good"]
             if data["format"] != FORMAT or not 0 <= count <= _MOST_CELLS or np.unique(good).size != good.size:
                 return []
-            cells: list[Cell | None] = [None] * count
+            cells: list[WindowStates | None] = [None] * count
             columns: dict[str, Any] = {}
             for name in _ARRAYS:
                 if (table := data[f"{name}_shapes"]).dtype.kind not in "iu":
@@ -353,13 +354,13 @@ def _read(path: Path, ladder: Ladder) -> list[Cell | None]:
                 ends = np.cumsum([prod(s) for s in shapes], dtype=int)[:-1]
                 columns[name] = [a.reshape(s) for a, s in zip(np.split(data[name], ends), shapes, strict=True)]
             for row, n in enumerate(good.tolist()):
-                cells[n] = Cell(**{name: columns[name][row] for name in _ARRAYS})
+                cells[n] = WindowStates(**{name: columns[name][row] for name in _ARRAYS})
             return cells if all(cell is None or _is_sound(cell, ladder) for cell in cells) else []
     except _DAMAGES:
         return []
 
 
-def _is_sound(cell: Cell, ladder: Ladder) -> bool:
+def _is_sound(cell: WindowStates, ladder: Ladder) -> bool:
     """Whether a cell that was read has the arrays of one that was computed."""
     n, m, kinds, stops = cell.pressure.size, cell.peaks.size, ladder.kinds, len(ladder.stops)
     shapes = {"pressure": (n,), "k": (kinds, 2, n), "peaks": (m,), "k_unloading": (kinds, 2, m, stops)}
@@ -378,8 +379,8 @@ def on_ladder(ladder: Ladder, extra: Sequence[float], highest: float) -> Ladder:
 
     Where it has peaks and all of them are cut off, its highest step is one.
     """
-    reach = next((p for p in ladder.loading if p >= highest * (1 - 1e-12)), highest)
-    kept = (p for p in ladder.loading if p <= reach and not any(abs(p - other) < _EQUAL * other for other in extra))
+    top = next((p for p in ladder.loading if p >= highest * (1 - 1e-12)), highest)
+    kept = (p for p in ladder.loading if p <= top and not any(abs(p - other) < _EQUAL * other for other in extra))
     loading = tuple(sorted({*kept, *extra}))
     peaks = tuple(p for p in ladder.peaks if p in loading)
     return replace(ladder, loading=loading, peaks=peaks or (loading[-1:] if ladder.peaks else ()))

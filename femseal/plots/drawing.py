@@ -53,6 +53,7 @@ def new_figure(width: float, height: float) -> Figure:
 
 @cache
 def _figure_class() -> type[Figure]:
+    """The class of figures that notebooks show; matplotlib is loaded when it is needed."""
     from matplotlib.figure import Figure
 
     class NotebookFigure(Figure):
@@ -209,6 +210,27 @@ def colour_bar(axes: Axes, image: Any, **options: Any) -> Any:
     bar.ax.tick_params(which="both", labelsize=8)
     axes.tick_params(labelsize=8)
     return bar
+
+
+def flow_arrows(axes: Axes, *vectors: Any, **options: Any) -> None:
+    """Arrows of a flow: places along x and y, and vectors in the units of the axes."""
+    arrows = axes.quiver(
+        *vectors, pivot="mid", angles="xy", scale_units="xy", scale=1.0, units="inches", headwidth=4, headlength=4,
+        headaxislength=3.6, color="#D7191C", edgecolor="white", linewidth=0.5, **options,
+    )  # fmt: skip
+    arrows.set_in_layout(False)
+
+
+def on_decades(values: Array, decades: int) -> tuple[Array, Any]:
+    """Values >= 0 and their scale of so many decades at most; 0 lies below it, NaN stays."""
+    from matplotlib.colors import LogNorm
+
+    positive = values[np.isfinite(values) & (values > 0)]
+    top = float(positive.max()) if positive.size else 1.0
+    low = max(float(positive.min()), top * 10.0**-decades) if positive.size else 0.1
+    low = low if low < top else low / 10
+    shown = np.where(values > 0, np.maximum(values, low), np.where(values == 0, low / 10, np.nan))
+    return shown, LogNorm(low, top)
 
 
 def with_closed(name: str, colour: str = CLOSED) -> Any:

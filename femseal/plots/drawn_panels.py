@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.leak_units import leakage_unit
-from .drawing import CLOSED, MAP, POCKET, Sheet, colour_bar, map_row
+from .drawing import CLOSED, MAP, POCKET, Sheet, colour_bar, flow_arrows, map_row, on_decades
 
 if TYPE_CHECKING:
     import xarray
@@ -129,19 +129,14 @@ class _Panel:
         """Draw the parts that are seen, in the colours of all of them."""
         from matplotlib import colormaps
         from matplotlib.collections import PolyCollection
-        from matplotlib.colors import LogNorm, Normalize
+        from matplotlib.colors import Normalize
 
         values, finite = self.values, self.values[np.isfinite(self.values)]
         notes = [f"white: {self.bad}"] if finite.size < values.size else []
         norm: Any
         if self.decades:
-            positive = finite[finite > 0]
-            top = float(positive.max()) if positive.size else 1.0
-            low = max(float(positive.min()), top * 10.0**-self.decades) if positive.size else 0.1
-            low = low if low < top else low / 10
-            values = np.where(values > 0, np.maximum(values, low), np.where(values == 0, low / 10, np.nan))
+            values, norm = on_decades(values, self.decades)
             notes += ["grey: none" if "flux" in self.title else "grey: closed"] if (finite == 0).any() else []
-            norm = LogNorm(low, top)
         else:
             norm = Normalize(float(finite.min()), float(finite.max())) if finite.size else Normalize(0, 1)
         colours = colormaps[self.colours].with_extremes(under=CLOSED, bad=POCKET)
@@ -166,8 +161,4 @@ def _arrows(axes: Axes, centres: Array, flux: Array, side: float) -> None:
     chosen = chosen[size[chosen] > 1e-3 * size.max()]
     # the length goes with the root of the flux, so that the weaker paths are seen beside the strongest
     vectors = flux[chosen] * (1.6 * pitch / np.sqrt(size[chosen] * size.max()))[:, None]
-    arrows = axes.quiver(
-        *centres[chosen].T, *vectors.T, pivot="mid", angles="xy", scale_units="xy", scale=1.0, units="inches",
-        width=0.025, headwidth=4, headlength=4, headaxislength=3.6, color="#D7191C", edgecolor="white", linewidth=0.5,
-    )  # fmt: skip
-    arrows.set_in_layout(False)
+    flow_arrows(axes, *centres[chosen].T, *vectors.T, width=0.025)

@@ -126,8 +126,7 @@ def _branch(
     x, y = curves.pressure[steps] / 1e6, np.abs(curves.leakage[steps]) / factor
     for band, alpha in ((curves.band_together, 0.09), (curves.band, 0.2)):
         if band is not None:
-            low, high = (np.maximum(np.abs(end[steps]) / factor, floor) for end in band)
-            axes.fill_between(x, low, high, color=colour, lw=0, alpha=alpha)
+            leakage_band(axes, x, band[0][steps] / factor, band[1][steps] / factor, floor, colour, alpha)
     if curves.band_together is not None:
         for end in curves.band_together:
             edge = np.abs(end[steps]) / factor
@@ -138,8 +137,7 @@ def _branch(
     if curves.error is not None:
         low, high = (np.abs(end[steps]) / factor for end in curves.error)
         _error_bars(axes, x, low, high, colour, floor, lane)
-    (main,) = axes.plot(x, np.where(y > 0, y, np.nan), color=colour, ls=line, lw=1.8, marker=marker, ms=4.5, label=name)
-    axes.plot(x[y == 0], np.full(np.sum(y == 0), lane), color=colour, ls="", marker=marker, ms=4.5)
+    main = leakage_line(axes, x, y, lane, color=colour, ls=line, lw=1.8, marker=marker, ms=4.5, label=name)
     for method, symbol, size in _SINGLE:
         if method in curves.others:
             single = np.abs(curves.others[method][steps]) / factor
@@ -187,6 +185,19 @@ def leakage_axis(axes: Axes, values: Array, count: int) -> tuple[float, list[flo
     middle = float(np.sqrt(floor * bottom))
     axes.annotate(" sealed", (1, middle), xycoords=("axes fraction", "data"), ha="left", va="center", fontsize=9)
     return floor, lanes
+
+
+def leakage_line(axes: Axes, x: Array, y: Array, lane: float, **look: Any) -> Any:
+    """Draw leakages y >= 0; markers of steps without leakage stand at `lane` of the strip below. Returns the line."""
+    (line,) = axes.plot(x, np.where(y > 0, y, np.nan), **look)
+    axes.plot(x[y == 0], np.full(np.sum(y == 0), lane), **look | {"ls": "", "label": None})
+    return line
+
+
+def leakage_band(axes: Axes, x: Array, low: Array, high: Array, floor: float, colour: Any, alpha: float) -> None:
+    """Shade a band of leakages of any direction down to the end of the scale."""
+    ends = (np.maximum(np.abs(end), floor) for end in (low, high))
+    axes.fill_between(x, *ends, color=colour, lw=0, alpha=alpha)
 
 
 def _other_handles(several: Sequence[LeakageCurves]) -> list[Any]:

@@ -11,7 +11,7 @@ from ..results import seal_lengths
 from ..results.run_data import RunData
 from ..results.tables import leakage_of
 from .drawing import LINES, STYLES, Sheet, legend_below
-from .leakage_curves import leakage_axis
+from .leakage_curves import leakage_axis, leakage_band, leakage_line
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -37,6 +37,7 @@ def lengths_figure(results: RunData) -> Figure:
 
 
 def _lengths_panel(axes: Axes, results: RunData) -> None:
+    """Median and bands over the length, a line for each of a few load steps."""
     data = results.dataset
     lengths, steps = data["seal_length"].values, seal_lengths.length_steps(results)
     order = np.argsort(lengths)
@@ -49,11 +50,10 @@ def _lengths_panel(axes: Axes, results: RunData) -> None:
         for end, alpha in (("_together", 0.09), ("", 0.2)):
             if f"lower{end}" not in values:
                 continue
-            low, high = (np.maximum(values[f"{side}{end}"][:, s], floor) for side in ("lower", "upper"))
-            axes.fill_between(x, low, high, color=colour, lw=0, alpha=alpha)
+            low, high = (values[f"{side}{end}"][:, s] for side in ("lower", "upper"))
+            leakage_band(axes, x, low, high, floor, colour, alpha)
         y, name = values["median"][:, s], str(data["name"].values[s])
-        axes.plot(x, np.where(y > 0, y, np.nan), color=colour, ls=line, lw=1.8, marker=marker, ms=4.5, label=name)
-        axes.plot(x[y == 0], np.full(np.sum(y == 0), lane), color=colour, ls="", marker=marker, ms=4.5)
+        leakage_line(axes, x, y, lane, color=colour, ls=line, lw=1.8, marker=marker, ms=4.5, label=name)
     axes.set_xscale("log")
     axes.set_xticks(x, labels=[f"{value:.3g}" for value in x])
     axes.set_xticks([], minor=True)

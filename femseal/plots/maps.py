@@ -22,8 +22,10 @@ from .drawing import (
     Margins,
     Sheet,
     colour_bar,
+    flow_arrows,
     map_panel,
     map_row,
+    on_decades,
     with_closed,
 )
 from .drawn_panels import drawn_figure
@@ -173,12 +175,8 @@ def fluid_panel(axes: Axes, data: xarray.Dataset, s: int) -> None:
     # the length goes with the root of the flux, so that the weaker paths are seen beside the strongest
     root = np.divide(longest, np.sqrt(length * length.max()), out=np.zeros_like(length), where=length > 0)
     shown = np.where(length > 1e-3 * length.max(), root, np.nan)
-    arrows = axes.quiver(
-        *np.meshgrid(x2[pick[1]], x1[pick[0]]), (across * shown)[pick], (along * shown)[pick],
-        pivot="mid", angles="xy", scale_units="xy", scale=1.0, units="inches", width=0.028, headwidth=4, headlength=4,
-        headaxislength=3.6, color="#D7191C", edgecolor="white", linewidth=0.5, clip_on=False,
-    )  # fmt: skip
-    arrows.set_in_layout(False)
+    places = np.meshgrid(x2[pick[1]], x1[pick[0]])
+    flow_arrows(axes, *places, (across * shown)[pick], (along * shown)[pick], width=0.028, clip_on=False)
     factor, unit = leakage_unit(length.max())
     longest_text = f"{length.max() / factor:.3g} {unit}"
     axes.set_title(f"fluid pressure [MPa]{pockets};\narrows ∝ √flux, longest {longest_text}", fontsize=9.5)
@@ -219,17 +217,12 @@ def pressure_rows(data: xarray.Dataset, s: int) -> tuple[Array, Any]:
 def permeability_panel(axes: Axes, data: xarray.Dataset, s: int) -> None:
     """Permeability of the windows along x1 at a step, log scale."""
     from matplotlib import colormaps
-    from matplotlib.colors import LogNorm
 
     k = data["k1"].values[s]
-    positive = k[np.isfinite(k) & (k > 0)]
-    top = float(positive.max()) if positive.size else 1.0
-    low = max(float(positive.min()), top * 10.0**-_DECADES) if positive.size else 0.1
-    low = low if low < top else low / 10
-    shown = np.where(k > 0, np.maximum(k, low), np.where(k == 0, low / 10, np.nan))
+    shown, scale = on_decades(k, _DECADES)
     label = "permeability of windows along x1 [m³]; grey: closed" + ("; white: failed" if np.isnan(k).any() else "")
     colours = colormaps["viridis"].with_extremes(under=CLOSED)
-    map_panel(axes, shown, seal_size(data), colours, label, norm=LogNorm(low, top))
+    map_panel(axes, shown, seal_size(data), colours, label, norm=scale)
 
 
 def critical_gaps(results: RunData, s: int) -> list[Array]:

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from matplotlib.axis import Axis
 
 Array = NDArray[np.float64]
-#: Least distance of two labels of loads, as a share of the axis.
+#: Least distance of two labels of loads, as a fraction of the axis.
 _APART = 0.09
 #: Part of the axis between a load of 0 and the least one above it, in decades.
 _ZERO_DECADES = 0.4
@@ -56,7 +56,7 @@ def _log_places(loads: Array) -> Array:
 
 
 def _spread(places: Array) -> float:
-    """The least distance of two loads as a share of the axis; of a single load 0."""
+    """The least distance of two loads as a fraction of the axis; of a single load 0."""
     width = places[-1] - places[0]
     return float(np.diff(places).min() / width) if width > 0 else 0.0
 

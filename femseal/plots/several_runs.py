@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ..results.run_comparison import RunComparison
 from ..results.selections import branches
 from .drawing import GREY, LEGEND_LINE, LINES, STYLES, Sheet, legend_below, shows
-from .leakage_curves import leakage_axis
+from .leakage_curves import leakage_axis, leakage_band, leakage_line
 from .scales_of_axes import load_axis
 
 if TYPE_CHECKING:
@@ -85,12 +85,10 @@ def _load_panel(axes: Axes, comparison: RunComparison) -> list[Any]:
             x, y = pressure[steps], leakages[n][steps]
             look: dict[str, Any] = {"color": colour, "marker": marker}
             look |= {"ls": "-", "lw": 1.8, "ms": 4.5} if part == 0 else {"ls": "--", "lw": 1.0, "ms": 4, "mfc": "white"}
-            axes.plot(x, np.where(y > 0, y, np.nan), **look)
-            axes.plot(x[y == 0], np.full(np.sum(y == 0), lanes[n % len(lanes)]), **(look | {"ls": ""}))
+            leakage_line(axes, x, y, lanes[n % len(lanes)], **look)
             unloads |= part > 0
             if (band := bands[n]) is not None and part == 0:
-                low, high = (np.maximum(np.abs(end[steps]), floor) for end in band)
-                axes.fill_between(x, low, high, color=colour, lw=0, alpha=0.15)
+                leakage_band(axes, x, band[0][steps], band[1][steps], floor, colour, 0.15)
         handles.append(Line2D([], [], color=colour, marker=marker, ms=4.5, lw=1.8, label=name))
     if unloads:
         handles.append(Line2D([], [], color=GREY, ls="--", lw=1.0, marker="o", ms=4, mfc="white", label="unloading"))
@@ -117,7 +115,7 @@ def _key_panel(axes: Axes, comparison: RunComparison, key: int) -> None:
     others: dict[tuple[str, ...], list[int]] = {}
     for n, values in enumerate(comparison.settings):
         others.setdefault(values[:key] + values[key + 1 :], []).append(n)
-    steps = _told_steps(comparison, 1 if len(others) > 1 else 3)
+    steps = _shown_steps(comparison, 1 if len(others) > 1 else 3)
     lines: list[tuple[str, list[int], LoadStep]]
     if len(others) > 1:
         axes.set_title(steps[0].name, fontsize=9.5)
@@ -132,9 +130,8 @@ def _key_panel(axes: Axes, comparison: RunComparison, key: int) -> None:
     floor, lanes = leakage_axis(axes, sizes, len(drawn))
     for (name, (x, y, low, high)), (colour, line, marker), lane in zip(drawn, STYLES, lanes, strict=False):
         if len(drawn) <= _MOST_BANDS:
-            axes.fill_between(x, np.maximum(low, floor), np.maximum(high, floor), color=colour, lw=0, alpha=0.15)
-        axes.plot(x, np.where(y > 0, y, np.nan), color=colour, ls=line, lw=1.8, marker=marker, ms=4.5, label=name)
-        axes.plot(x[y == 0], np.full(np.sum(y == 0), lane), color=colour, ls="", marker=marker, ms=4.5)
+            leakage_band(axes, x, low, high, floor, colour, 0.15)
+        leakage_line(axes, x, y, lane, color=colour, ls=line, lw=1.8, marker=marker, ms=4.5, label=name)
     name = comparison.keys[key]
     axes.set(xlabel=f"{name} [{unit}]" if unit else name, ylabel=comparison.label)
     _key_axis(axes, texts, places, unit)
@@ -151,7 +148,7 @@ def _at(comparison: RunComparison, run: int, step: LoadStep) -> tuple[float, flo
     return abs(float(comparison.leakage(run)[s])), low, high
 
 
-def _told_steps(comparison: RunComparison, count: int) -> list[LoadStep]:
+def _shown_steps(comparison: RunComparison, count: int) -> list[LoadStep]:
     """Common steps on loading at which most runs leak: the first, and up to the highest, spread evenly."""
     loading = [step for step in comparison.common_steps if step.unloaded_from is None] or [*comparison.common_steps]
     leaking = [step for step in loading if all(_at(comparison, n, step)[0] > 0 for n in range(len(comparison.runs)))]

@@ -42,10 +42,10 @@ def state_figure(state: LoadState) -> Figure:
 
 @shows(LoadCycle)
 def cycle_figure(cycle: LoadCycle) -> Figure:
-    """Share in contact and mean gap against nominal pressure."""
+    """Fraction in contact and mean gap against nominal pressure."""
     figure = new_figure(9.6, 4.0)
     left, right = figure.subplots(1, 2)
-    _cycle_panel(left, cycle, np.array([100 * s.contact.area_fraction for s in cycle]), "share in contact [%]")
+    _cycle_panel(left, cycle, np.array([100 * s.contact.area_fraction for s in cycle]), "fraction in contact [%]")
     _cycle_panel(right, cycle, np.array([s.contact.mean_gap * 1e6 for s in cycle]), "mean gap [µm]")
     left.legend(fontsize=8.5, frameon=False)
     return figure

@@ -13,7 +13,15 @@ from ..budget import CoarserSolution, ErrorBudget, change_of_windows, error_budg
 from ..preparation.prepared import Prepared
 from ..studies import StochasticResult, Study, study_of_result
 from ..studies.scene import Array
-from .coarser import coarser_grids, compares_links, removed_octaves, route, wave_pixels, without_filtered_waves
+from .coarser import (
+    coarser_grids,
+    compares_links,
+    kept_slope,
+    removed_octaves,
+    route,
+    wave_pixels,
+    without_filtered_waves,
+)
 
 log = logging.getLogger("femseal")
 #: Solves a study of a version, with the studies of it that are known by key: solve(version, study, known).
@@ -72,6 +80,7 @@ def budget_of(
         coarse=coarse,
         filtered=filtered,
         octaves=removed_octaves(prepared),
+        kept_slope=kept_slope(prepared),
         compared=compared,
         wave_pixels=wave_pixels(prepared),
     )

@@ -133,6 +133,11 @@ def removed_octaves(prepared: Prepared) -> float:
     return max(0.0, log2(found.shortest_wavelength / found.shortest_measured))
 
 
+def kept_slope(prepared: Prepared) -> float:
+    """Rms slope of the face over that with the waves above noise that the low-pass removed; 1 where none matter."""
+    return 1.0 if removed_octaves(prepared) < LEAST_OCTAVES else 1.0 - prepared.conditioning.lost_slope
+
+
 def compares_links(prepared: Prepared) -> bool:
     """Whether two scales have the contact of the whole face and the flow of links, which cost little to compare."""
     return "two-scale" in prepared.methods and prepared.contact == "whole" and prepared.flow == "links"

@@ -11,7 +11,7 @@ import numpy as np
 from ..case.case import Case
 from ..preparation.check_memory import refused_if_too_large
 from ..preparation.prepared import Prepared, without_short_waves
-from ..studies.tolerances import contact_tolerance
+from ..studies.costs import contact_tolerance
 from ..windows import Partition
 
 Pair = tuple[int, int]

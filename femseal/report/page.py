@@ -13,12 +13,10 @@ from ..base.files import replacing
 from ..results import attempts_table, seal_lengths
 from ..results.netcdf import FILE_NAME, open_results, unfit
 from ..results.results import Results
+from ..results.run_data import RunData
 from ..results.tables import leakage_table, totals_table
-from . import budget_words, class_words
-from . import pictures as pictures
-from . import words as words
+from . import case_sentences, error_tables, leakage_tables, pictures
 from .design_section import design_section
-from .drop_words import pressure_drop_sentences
 
 REPORT_NAME = "report.html"
 
@@ -30,7 +28,7 @@ def write_report(
 ) -> Path:
     """Write one self-contained HTML page about a run: it loads nothing, and prints.
 
-    The case in words, leakage over load with its bands, curves of the cells, maps of the seal, where the pressure
+    The case, leakage over load with its bands, curves of the cells, maps of the seal, where the pressure
     drops, an error budget, times, warnings, versions. It depends on the dataset alone, so that a page made from a
     folder equals the one that the run wrote; an `accuracy.json` in the folder is added.
 
@@ -85,25 +83,22 @@ def report_html(results: Results, drawings: pictures.Drawings | None = None) -> 
 
 
 def _content(results: Results, drawings: pictures.Drawings) -> dict[str, Any]:
+    """What the template of the page takes."""
     data = results.dataset
     content: dict[str, Any] = {
         "title": results.case.get("title") or "Leakage of a metal-to-metal seal",
         "source": data.attrs["source"],
-        "key_numbers": words.key_numbers(results),
-        "computed": words.origin_lines(results),
-        "sentences": words.case_sentences(results),
+        "key_numbers": leakage_tables.key_numbers(results),
+        "computed": _origin_lines(results),
+        "sentences": case_sentences.case_sentences(results),
         "face": pictures.face_picture(results, drawings) if "face" in drawings else None,
-        "total": words.total_leakage_text(results),
+        "total": leakage_tables.total_leakage_text(results),
         "leakage": pictures.leakage_picture(results, drawings),
         # the page has a table of classes
         "leakage_table": leakage_table(results).without(["class"]),
         "totals": totals_table(results),
-        "classes": {
-            "heads": class_words.class_heads(results),
-            "lines": class_words.class_lines(results),
-            "note": class_words.class_note(results),
-        },
-        "test_fluid": class_words.test_fluid_sentences(results),
+        "classes": leakage_tables.class_table(results),
+        "test_fluid": leakage_tables.test_fluid_sentences(results),
         "design": design_section(results),
         "method": results.method,
         "lengths": None,
@@ -113,21 +108,17 @@ def _content(results: Results, drawings: pictures.Drawings) -> dict[str, Any]:
         "maps": [],
         "drop": None,
         "drop_sentences": [],
-        "budget": {
-            "sentences": budget_words.budget_sentences(results),
-            "heads": budget_words.budget_heads(results),
-            "lines": budget_words.budget_lines(results),
-        },
-        "scatter": words.scatter_lines(results),
-        "checks": words.check_lines(results),
+        "budget": error_tables.budget_table(results),
+        "scatter": error_tables.scatter_lines(results),
+        "checks": error_tables.check_lines(results),
         "attempts": None if results.attempts is None else attempts_table.attempts_table(results.attempts),
-        "accuracy": words.accuracy_lines(results),
-        "times": words.time_lines(results),
+        "accuracy": error_tables.accuracy_lines(results),
+        "times": error_tables.time_lines(results),
         "warnings": results.warnings,
         "failures": results.failures,
-        "versions": words.flat(json.loads(data.attrs["versions"])),
-        "machine": words.flat(json.loads(data.attrs["machine"])),
-        "case": words.flat(attempts_table.as_chosen(results.case, results.attempts)),
+        "versions": flat(json.loads(data.attrs["versions"])),
+        "machine": flat(json.loads(data.attrs["machine"])),
+        "case": flat(attempts_table.as_chosen(results.case, results.attempts)),
     }
     if "lengths" in drawings:
         content["lengths"] = pictures.lengths_picture(results, drawings)
@@ -135,5 +126,35 @@ def _content(results: Results, drawings: pictures.Drawings) -> dict[str, Any]:
     if "drop" in drawings:
         content["map_step"], content["maps"] = pictures.map_pictures(results, drawings)
         content["drop"] = pictures.drop_picture(results, drawings)
-        content["drop_sentences"] = pressure_drop_sentences(results)
+        content["drop_sentences"] = case_sentences.pressure_drop_sentences(results)
     return content
+
+
+def _origin_lines(results: RunData) -> list[tuple[str, str]]:
+    """When and by what the results were computed, and the digest of every measured face: label, text."""
+    attrs = results.dataset.attrs
+    date = str(attrs.get("date_created", ""))
+    lines = [("computed", date.replace("T", " ").replace("+00:00", " UTC"))] if date else []
+    try:
+        faces = json.loads(attrs.get("face_files", "{}"))
+        lines += [(f"SHA-256 of {name}", str(digest)) for name, digest in faces.items()]
+    except (TypeError, ValueError, AttributeError):
+        return lines
+    return lines
+
+
+def flat(value: Any, name: str = "") -> list[tuple[str, str]]:
+    """A nested case as lines of key and value."""
+    if isinstance(value, dict):
+        return [line for key, item in value.items() for line in flat(item, f"{name}.{key}" if name else str(key))]
+    if isinstance(value, list) and any(isinstance(item, dict) for item in value):
+        return [
+            line for n, item in enumerate(value, 1) for line in flat(item, name if len(value) == 1 else f"{name} {n}")
+        ]
+    if isinstance(value, list):
+        return [(name, ", ".join(_plain(item) for item in value))]
+    return [(name, _plain(value))]
+
+
+def _plain(value: Any) -> str:
+    return f"{value:g}" if isinstance(value, float) else str(value)

@@ -79,13 +79,15 @@ def add_classes(
     diameter: float | None,
     leakage: Array,
     realisations: Array,
+    upper: Array | None = None,
 ) -> list[str]:
     """Add which classes are met at each step, and by which fraction of the realisations; returns warnings.
 
     Parameters
     ----------
     basis, leakage, realisations : of the fluid that decides [m²/s]: (steps,) and (realisations, steps).
-    diameter : nominal diameter [m], which some classes need.
+    diameter : nominal diameter [m], which some classes need. upper : upper end of the band of error (steps,) [m²/s]: a
+        class of a sealed step without a known one is open, neither met nor not.
 
     Raises
     ------
@@ -104,7 +106,13 @@ def add_classes(
     text = "largest leakage per unit seal length in the class, of the fluid that decides on it"
     add(data, Field("class_limit", "m^2/s", text, Place("leakage classes", ("leak_class",))), limits)
     met = np.array([within(leakage, limit) for limit in limits]).astype(float)
-    add(data, Field("class_met", "1", "1 where the leakage given meets the class, else 0", LEAK_CLASS), met)
+    if upper is not None:
+        met[:, (leakage == 0) & ~np.isfinite(upper)] = np.nan
+    add(
+        data,
+        Field("class_met", "1", "1 where the leakage given meets the class, 0 where not, NaN: open", LEAK_CLASS),
+        met,
+    )
     add(data, Field("class_fraction", "1", "fraction of the realisations that meet the class", LEAK_CLASS), fraction)
     return _doubts(classes, basis.length, diameter)
 
@@ -124,13 +132,16 @@ def _doubts(classes: Sequence[LeakClass], length: float, diameter: float | None)
 
 
 def tightest_classes(data: xarray.Dataset) -> list[str]:
-    """The tightest class of each family that is met, at every step; "–" where none is; empty without classes."""
+    """The tightest class of each family that is met, at every step; "–": none, "open": unknown; [] without classes."""
     if "leak_class" not in data.coords:
         return []
     classes = leak_classes(str(name) for name in data["leak_class"].values)
     limits, met = data["class_limit"].values, data["class_met"].values
     lines = []
     for s in range(data.sizes["step"]):
+        if np.isnan(met[:, s]).any():
+            lines.append("open")
+            continue
         best: dict[str, tuple[float, str]] = {}
         for one, limit, there in zip(classes, limits, met[:, s], strict=True):
             family = one.family or one.name

@@ -170,7 +170,7 @@ def format_error_band(low: float, high: float, factor: float) -> str:
     if np.isnan(low) or np.isnan(high):
         return "unknown"
     if np.isinf(high):
-        return "unknown" if low == 0 else f"{format_leakage(low, factor)} or more"
+        return "open or sealed" if low == 0 else f"{format_leakage(low, factor)} or more"
     if high > _NARROW * low:
         low, high = (float(f"{end / factor:.1e}") for end in (low, high))
         return format_range(low, high, 1.0)

@@ -22,7 +22,7 @@ from ..base.stage import Mapper, Stage
 from ..flow.solvers.choice import solve_flow
 from ..flow.solvers.hierarchy import hierarchy
 from ..flow.solvers.v_cycle import v_cycle
-from ..windows.window import window_permeability
+from ..windows.window_flow import window_permeability
 
 log = logging.getLogger("femseal")
 

@@ -1,4 +1,4 @@
-"""Expected time and memory of a study before it is started, and the choice of the method that follows from them.
+"""Expected time and memory of a study before it is started; the method and the tolerance to choose.
 
 Seconds are those of one core of the machine on which the constants were measured, by `tests/benchmarks/forecast.py`.
 """
@@ -7,10 +7,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import log1p
 from statistics import mean
 
 import numpy as np
 
+from ..base import validate
 from ..base.machine import free_memory
 from ..contact.cycle import STATE_FIELDS
 from ..elements.elements import ELEMENT_BYTES
@@ -21,9 +23,9 @@ from .face_contact import chosen_contact
 from .sampling_options import Sampling
 from .scene import Scene
 from .two_scale import chosen_flow
-from .windows import CUT_OFF_WINDOWS
+from .window_contacts import CUT_OFF_WINDOWS
 
-#: Pixels of the contact by which the effort of a load step is told.
+#: Pixels of the contact by which the effort of a load step is given.
 PILOT_PIXELS = 200**2
 #: Seconds of a pair of transforms, and for each of its pixels, twice that in contact everywhere; least number of pairs.
 _PAIR_SECONDS, _LEAST_PAIRS = (5e-5, 1.55e-8), 6
@@ -185,8 +187,8 @@ def stochastic_cost(
     seconds += (
         (_SUCCESSIVE if pressures > 1 else 1.0) * draws * steps * _LINK_SECONDS * links * max(1.0, np.log2(min(seal)))
     )
-    held = 1 if sampling.sampler_of_links in ("history", "block") else steps
-    return seconds, faces + 8.0 * links * (held * 2 + 30 + (6 * pressures if pressures > 1 else 0))
+    in_memory = 1 if sampling.sampler_of_links in ("history", "block") else steps
+    return seconds, faces + 8.0 * links * (in_memory * 2 + 30 + (6 * pressures if pressures > 1 else 0))
 
 
 def pressures_of_gas(scene: Scene) -> int:
@@ -194,7 +196,7 @@ def pressures_of_gas(scene: Scene) -> int:
     return scene.flow.drop.pressures.size
 
 
-#: Limits of the deterministic solution in an automatic choice: time on one core [s], and share of the free memory.
+#: Limits of the deterministic solution in an automatic choice: time on one core [s], and fraction of the free memory.
 AFFORDABLE_SECONDS, AFFORDABLE_FRACTION = 3600.0, 0.7
 
 
@@ -218,3 +220,31 @@ def choose_method(
     other, less = two_scale_cost(efforts, points, cells, flow)
     reason = "too long" if memory <= AFFORDABLE_FRACTION * free else "too much"
     return "two-scale", f"{cost}: {reason}; two scales with {flow} about {other:.0f} s and {less / 1e9:.2g} GB"
+
+
+#: Tolerance of the contact, and the largest error of ln(leakage) measured with it on six faces, elastic and plastic,
+#: from open to a hundredth of the leakage, see `tests/benchmarks/only_what_is_needed.py`.
+MEASURED_TOLERANCES = ((1e-2, 1.1e-2), (1e-3, 6.2e-4), (1e-4, 5.6e-5), (1e-5, 5.7e-6), (1e-6, 4.8e-7), (1e-7, 9.5e-8))
+#: Fraction of the error wanted that the tolerance may cause; factor on the measured error, for scenes that are worse.
+TOLERANCE_FRACTION, TOLERANCE_SAFETY = 0.1, 3.0
+
+
+def contact_tolerance(accuracy: float) -> float:
+    """The largest tolerance of the contact whose error is a small part of the accuracy wanted of the leakage.
+
+    Parameters
+    ----------
+    accuracy : relative error that the leakage may have, 0.1 for 10 %.
+
+    Raises
+    ------
+    InputError : an accuracy that is not a positive number.
+
+    Examples
+    --------
+    >>> contact_tolerance(0.1), contact_tolerance(0.01), contact_tolerance(1e-9)
+    (0.001, 0.0001, 1e-07)
+    """
+    wanted = TOLERANCE_FRACTION * log1p(validate.number("accuracy", accuracy))
+    allowed = (rtol for rtol, error in MEASURED_TOLERANCES if TOLERANCE_SAFETY * error <= wanted)
+    return next(allowed, MEASURED_TOLERANCES[-1][0])

@@ -22,7 +22,7 @@ from .face_flow import face_leakage
 from .plausibility import scene_warnings
 from .repeated_steps import first_equal, repeated
 from .scene import Array, Scene
-from .windows import WindowContacts, face_partition
+from .window_contacts import WindowContacts, face_partition
 
 #: Memory that a pixel of a result takes at every step [byte]: gap and fluid pressure, and the contact pressure where
 #: there is contact, which is a fourth of the face at high loads.
@@ -98,6 +98,7 @@ def deterministic(scene: Scene, *, cells: tuple[int, int] | None = None, mapper:
     states: list[FaceState] = []
 
     def flows() -> Iterator[Any]:
+        """Flow of every step; gap and contact are put aside."""
         memory = state_memory(surface.heights.size)
         for s, state in enumerate(scene.contact_states(take, memory=memory, mapper=mapper)):
             gap[s] = state.gap

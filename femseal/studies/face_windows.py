@@ -8,14 +8,14 @@ import numpy as np
 
 from ..base.errors import FemsealError
 from ..library import LibraryTable, LinkTable, correlation_length
-from ..windows import SolveCounts
+from ..windows import FlowHistory, SolveCounts
 from .face_contact import solve_windows
 from .run_chains import StateRuns, runs_of_face
 from .sampling_options import count_face_windows
 from .scene import Array
-from .two_scale import TwoScaleResult
+from .two_scale import TwoScaleResult, solve_links
+from .window_contacts import WindowContacts
 from .window_supply import FaceLibrary, WindowRequest, WindowSupply
-from .windows import LinkFlows, WindowContacts, solve_links
 
 #: Length of runs of columns in correlation lengths; a run has at most all columns of the face. Where runs meet, the
 #: channels of the face are cut. Measured on circular milling marks with ten columns: 0.83 to 0.95 of the leakage with
@@ -33,7 +33,7 @@ def windows_in_place(wanted: WindowRequest) -> WindowSupply:
     FemsealError : every column has a failed window.
     """
     scene, partition, two_scale, mapper = wanted.scene, wanted.partition, wanted.two_scale, wanted.mapper
-    (m1, m2), w2, n2 = partition.cells, partition.window[1], wanted.laid.draws[0][1]
+    (m1, m2), w2, n2 = partition.cells, partition.window[1], wanted.seal_windows.draws[0][1]
     contact = two_scale or solve_windows(scene, partition.cells, wanted.contact, mapper=mapper)
     if wanted.sampling.sampler == "runs":
         return _runs_in_place(wanted, contact)
@@ -43,7 +43,7 @@ def windows_in_place(wanted: WindowRequest) -> WindowSupply:
     if two_scale is not None and two_scale.link_flows is not None:
         # counts and failures of the two-scale study are in its own result
         flows_before = enumerate(two_scale.link_flows)
-        known = {(axis, 0): LinkFlows(flow.at_pressures) for axis, flow in flows_before}
+        known = {(axis, 0): FlowHistory(flow.at_pressures) for axis, flow in flows_before}
     flows = [
         [known.get((axis, s)) or solve_links(contact.fields, axis, scene.flow, shift=s, mapper=mapper) for s in moved]
         for axis in (0, 1)
@@ -77,8 +77,9 @@ def windows_in_place(wanted: WindowRequest) -> WindowSupply:
 
 
 def _runs_in_place(wanted: WindowRequest, contact: TwoScaleResult | WindowContacts) -> WindowSupply:
+    """Runs of columns of the face, for the sampler "runs", with their windows as a library."""
     known = contact is wanted.two_scale
-    runs = runs_of_face(contact.fields, wanted.laid.draws[0][1], wanted.scene.flow.drop, mapper=wanted.mapper)
+    runs = runs_of_face(contact.fields, wanted.seal_windows.draws[0][1], wanted.scene.flow.drop, mapper=wanted.mapper)
     missing = np.full(wanted.partition.cells, np.nan)
     k = np.array([state.k if isinstance(state, StateRuns) else missing for state in runs])
     solved = k[np.isfinite(k[:, 0, 0])]

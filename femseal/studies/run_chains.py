@@ -19,12 +19,12 @@ from .face_flow import columns_of_face
 from .repeated_steps import first_equal, map_different
 from .scene import Array, Scene
 
-#: Columns of a run as shares of those of the face, the first of which is taken by which the cuts matter less than the
-#: finite library. The shorter the runs, the more of them tell how realisations scatter.
-RUN_FRACTIONS = (8, 4, 2)
+#: Columns of the face over those of a run. The first is taken by which cuts matter less than the finite library: the
+#: shorter the runs, the better it is known how realisations scatter.
+COLUMNS_OVER_RUN = (8, 4, 2)
 #: Half the distance of the bounds of ln(leakage) from which on a run warns: bounds a factor of ten apart say little.
 WIDE = 1.15
-#: Share of the first step's flow from which on a step counts for that.
+#: Fraction of the first step's flow from which on a step counts for that.
 _COUNTS = 1e-3
 
 
@@ -50,13 +50,13 @@ class StateRuns:
         """Solve the runs of a gap (n1, n2) [m]."""
         columns, own = columns_of_face(gap, partition, drop)
         # rounding may give the potential an extreme inside
-        factor, share = own.mean_factor, own.viscous_fraction(np.clip(columns.window_potential(), 0.0, 1.0))
+        factor, potential = own.mean_factor, own.viscous_fraction(np.clip(columns.window_potential(), 0.0, 1.0))
         flows = tuple(
-            replace(f, closed=factor * f.closed, held=factor * f.held, whole=factor * f.whole)
+            replace(f, neumann=factor * f.neumann, dirichlet=factor * f.dirichlet, whole=factor * f.whole)
             for f in (columns.flows(length) for length in lengths)
         )
         solvers = SolverCounts.total([SolverCounts.of(columns.face), *(f.solvers for f in flows)])
-        return cls(flows, factor * columns.window_permeability(), share, factor * columns.window_flux(), solvers)
+        return cls(flows, factor * columns.window_permeability(), potential, factor * columns.window_flux(), solvers)
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +64,8 @@ class ChainedSeals:
     """Realisations of a seal as a chain of runs: leakage per length (realisations, steps) [m²/s], NaN at failed steps.
 
     leakage : between both bounds, where the mean over the runs of the face is the leakage of the face itself.
-    closed, held : with closed cuts between runs, and with all cuts held at one profile of the fluid pressure.
+    neumann, dirichlet : if nothing flows through the cuts between runs, and with one profile of the fluid pressure
+        along all of them.
     resampled : as many more realisations, each from runs that are drawn with repetition from those of the face.
     columns : columns of windows of the seal. length : those of a run.
     of_face : leakage per length of the face itself, uncut (steps,) [m²/s].
@@ -73,8 +74,8 @@ class ChainedSeals:
     """
 
     leakage: Array
-    closed: Array
-    held: Array
+    neumann: Array
+    dirichlet: Array
     resampled: Array
     of_face: Array
     columns: int
@@ -94,7 +95,7 @@ def runs_of_face(
 ) -> list[StateRuns | Failed]:
     """Solve the runs of a face at every step, of every length that a seal of so many columns may be made of."""
     m2 = fields.partition.cells[1]
-    lengths = tuple(sorted({max(1, min(m2 // share, columns)) for share in RUN_FRACTIONS}))
+    lengths = tuple(sorted({max(1, min(m2 // pieces, columns)) for pieces in COLUMNS_OVER_RUN}))
     solve = partial(attempt, StateRuns.of, partition=fields.partition, lengths=lengths, drop=drop)
     stage = Stage("runs of columns", solve)
     return list(map_different(mapper, stage, fields.gap, first_equal(fields.gap, fields.steps)))
@@ -112,11 +113,11 @@ def chained_seals(
     length, independent = (solved[0].length, solved[0].independent) if solved else (1, 1)
     runs = max(1, round(columns / length))
     starts = solved[0].starts if solved else np.zeros(1, np.int64)
-    value, closed, held = np.full((3, starts.size, len(flows)), np.nan)
+    value, neumann, dirichlet = np.full((3, starts.size, len(flows)), np.nan)
     whole = np.full(len(flows), np.nan)
     for s, flow in enumerate(flows):
         if flow is not None:
-            value[:, s], closed[:, s], held[:, s] = flow.value, flow.closed, flow.held
+            value[:, s], neumann[:, s], dirichlet[:, s] = flow.value, flow.neumann, flow.dirichlet
             whole[s] = flow.whole
     size = partition.shape[0] * partition.spacing[0], length * partition.window_size[1]
     # leakage per length of a run of conductance 1 m³, and so of a seal whose runs have the mean conductance 1 m³
@@ -132,8 +133,8 @@ def chained_seals(
     per_length = unit / runs
     return ChainedSeals(
         leakage=per_length * drawn @ value,
-        closed=per_length * drawn @ closed,
-        held=per_length * drawn @ held,
+        neumann=per_length * drawn @ neumann,
+        dirichlet=per_length * drawn @ dirichlet,
         resampled=per_length * again @ value,
         of_face=unit * whole,
         columns=runs * length,
@@ -172,8 +173,8 @@ def _long_enough(
     if wide:
         worst = max(wide, key=wide.__getitem__)
         text = (
-            f"sampler 'runs': closed and held cuts between runs of {first[chosen].length} columns bound the leakage "
-            f"within a factor of {np.exp(2 * wide[worst]):.2g} at {worst}: its channels need a longer face"
+            f"sampler 'runs': Neumann and Dirichlet cuts between runs of {first[chosen].length} columns bound the "
+            f"leakage within a factor of {np.exp(2 * wide[worst]):.2g} at {worst}: its channels need a longer face"
         )
         warnings = (text,)
     return [state.flows[chosen] if isinstance(state, StateRuns) else None for state in found], warnings

@@ -85,7 +85,6 @@ class StochasticResult(Shown):
     computed_fields: ClassVar[dict[str, Field]] = {
         "mean": Field("leakage_mean", "m^2/s", "leakage per unit seal length, mean of the realisations", STEP),
         "realisation_spread": Field("realisation_spread", "1", "standard deviation of ln(leakage), realisations", STEP),
-        "library_error": Field("library_error", "1", "standard deviation of ln(leakage), finite library", STEP),
         "cut_error": Field(
             "cut_error", "1", "half the distance of ln(leakage) with Dirichlet and with Neumann cuts between runs", STEP
         ),

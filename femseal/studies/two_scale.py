@@ -17,18 +17,19 @@ from ..elements.elements import ELEMENT_BYTES
 from ..flow.percolation import percolates
 from ..loads import LoadProgramme
 from ..seal import RectangularSeal
-from ..windows import Failed, Partition, SolveCounts, SolverCounts, attempt
+from ..windows import Failed, FlowHistory, FlowSettings, Partition, SolveCounts, SolverCounts, attempt
 from ..windows.window_fields import ContactPressure, WindowFields
+from ..windows.window_flow import flow_history
 from .deterministic import state_memory
 from .face_contact import solve_windows
 from .face_flow import element_face_flow, face_leakage, resolved_flow
 from .plausibility import scene_warnings
 from .repeated_steps import first_equal, map_different, repeated
 from .scene import Array, Scene
-from .windows import LinkFlows, WindowContacts, solve_links
+from .window_contacts import WindowContacts
 
 FLOWS = ("links", "resolved", "elements")
-#: Largest number of pixels of a face whose flow is resolved unless told otherwise: that of 2048².
+#: Largest number of pixels of a face whose flow is resolved unless chosen otherwise: that of 2048².
 RESOLVED_PIXELS = 2**22
 
 
@@ -112,7 +113,7 @@ class TwoScaleResult(Shown):
     failures: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
     solvers: SolverCounts = field(default_factory=SolverCounts)
-    link_flows: tuple[LinkFlows, LinkFlows] | None = field(default=None, repr=False)
+    link_flows: tuple[FlowHistory, FlowHistory] | None = field(default=None, repr=False)
     equal_steps: int = 0
 
     #: Pixels of the windows, stitched.
@@ -200,7 +201,7 @@ class _Flow:
     face_fluid_pressure: NDArray[np.float32] | None = None
     element_error: Array | None = None
     drop_fraction: Array | None = None
-    link_flows: tuple[LinkFlows, LinkFlows] | None = None
+    link_flows: tuple[FlowHistory, FlowHistory] | None = None
     counts: SolveCounts = field(default_factory=SolveCounts)
     warnings: tuple[str, ...] = ()
 
@@ -223,6 +224,26 @@ def _through_face(scene: Scene, fields: WindowFields, flow: str, first: NDArray[
         face_fluid_pressure=found.fluid_pressure,
         element_error=found.element_error,
         drop_fraction=found.drop_fraction,
+    )
+
+
+def solve_links(
+    fields: WindowFields, axis: int, settings: FlowSettings, *, shift: int = 0, mapper: Mapper = map
+) -> FlowHistory:
+    """Solve the permeability of all links along `axis`; `shift` moves their windows by so many pixels along x2."""
+    partition = fields.partition
+    places = partition.links(axis)
+    windows = (partition.link(fields.gap, i, j, axis, shift) for i, j in places)
+    stage = Stage("flow in windows", partial(flow_history, axis=axis, settings=settings))
+    # one argument is a list, so that the mapper knows the number of items
+    flows = list(mapper(stage, windows, [partition.spacing] * len(places)))
+    k = np.empty((settings.drop.pressures.size, len(fields.steps), partition.cells[0] - axis, partition.cells[1]))
+    for (i, j), found in zip(places, flows, strict=True):
+        k[:, :, i, j] = found.at_pressures
+    return FlowHistory(
+        at_pressures=k,
+        counts=SolveCounts.total(found.counts for found in flows),
+        failures=tuple(f"x{axis + 1}-link {p}, {t}" for p, f in zip(places, flows, strict=True) for t in f.failures),
     )
 
 

@@ -6,9 +6,11 @@ Sources: ISO 25178-71 (.sdf), ISO 25178-72 (.x3p), the Esri ASCII raster format,
 
 from __future__ import annotations
 
+import os
 import re
+import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, redirect_stderr, redirect_stdout, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -261,7 +263,8 @@ def read_instrument(path: Path, options: Options) -> Raw:
         raise bad_file(path, f"a file of kind {path.suffix or 'unknown'!r}", allowed) from None
     # Dozens of readers behind one call raise whatever their formats lead them to: all of it means a bad file.
     try:
-        channels = list(open_topography(str(path)).channels)
+        with _unprinted():
+            channels = list(open_topography(str(path)).channels)
     except Exception as error:
         allowed = "a file of one of the formats known to SurfaceTopography"
         raise bad_file(path, type(error).__name__, allowed) from error
@@ -276,8 +279,9 @@ def read_instrument(path: Path, options: Options) -> Raw:
     if channel.physical_sizes is None:
         missing["physical_sizes"] = tuple(float(n) for n in channel.nb_grid_pts)
     try:
-        topography = channel.topography(**missing)
-        heights, mask = _under_mask(topography) if path.suffix.lower() == ".gwy" else (topography.heights(), None)
+        with _unprinted():
+            topography = channel.topography(**missing)
+            heights, mask = _under_mask(topography) if path.suffix.lower() == ".gwy" else (topography.heights(), None)
         heights = np.ma.filled(np.ma.masked_invalid(heights).astype(float), np.nan)
     except Exception as error:
         raise bad_file(path, f"{type(error).__name__}: {error}", "an intact file") from error
@@ -286,6 +290,23 @@ def read_instrument(path: Path, options: Options) -> Raw:
         return Raw(heights, unit, mask=mask)
     first, second = (float(d) * unit for d in topography.pixel_size)
     return Raw(heights, unit, (first, second), mask)
+
+
+@contextmanager
+def _unprinted() -> Iterator[None]:
+    """Context in which nothing is printed, from Python or below it: readers print what they find in damaged files."""
+    with ExitStack() as stack, open(os.devnull, "w", encoding="utf-8") as nothing:
+        for stream, number in ((sys.stdout, 1), (sys.stderr, 2)):
+            with suppress(OSError, ValueError, AttributeError):  # closed, or none at all
+                stream.flush()
+            with suppress(OSError):
+                kept = os.dup(number)
+                stack.callback(os.close, kept)
+                stack.callback(os.dup2, kept, number)
+                os.dup2(nothing.fileno(), number)
+        stack.enter_context(redirect_stdout(nothing))
+        stack.enter_context(redirect_stderr(nothing))
+        yield
 
 
 def _under_mask(topography: Any) -> tuple[NDArray, NDArray[np.bool_] | None]:

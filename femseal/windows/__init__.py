@@ -1,26 +1,27 @@
 """Windows of a face: their partition, the contact of the whole face below them, contact and flow of one window."""
 
-from .dissipation import window_dissipation
 from .gap_error import gap_error
 from .global_contact import GlobalState, global_states
 from .outcome import Failed, SolveCounts, SolverCounts, attempt
 from .partition import Partition
-from .window import FlowSettings, WindowHistory, respond
+from .window_contact import ContactHistory, contact_history
 from .window_fields import ContactPressure, WindowFields
+from .window_flow import FlowHistory, FlowSettings, window_dissipation
 
 __all__ = [
     "ContactPressure",
     "Failed",
+    "FlowHistory",
     "FlowSettings",
     "GlobalState",
     "Partition",
     "SolveCounts",
     "SolverCounts",
     "WindowFields",
-    "WindowHistory",
+    "ContactHistory",
     "attempt",
     "gap_error",
     "global_states",
-    "respond",
+    "contact_history",
     "window_dissipation",
 ]

@@ -17,7 +17,7 @@ from femseal.analytic import (
     wavy_contact_fraction_light,
     wavy_full_contact_pressure,
 )
-from femseal.contact import Contact, HalfSpace, load_cycle, solve_contact
+from femseal.contact import Contact, HalfSpace, LinearHardening, load_cycle, solve_contact
 from femseal.topography import self_affine
 
 E, D, LOAD = 115e9, 1e-6, 1e8
@@ -84,6 +84,34 @@ def _hardnesses() -> list[float]:
     gap0 = _rough()
     ratios = (0.01, 0.1, 1.0, 10.0)
     return [_solved(gap0, pressure=0.005 * E * SLOPE, hardness=r * E * SLOPE).area_fraction for r in ratios]
+
+
+def _flat_slope() -> float:
+    gap0, hardness = _rough(), 0.3 * E * SLOPE
+    flat, plain = (
+        _solved(gap0, pressure=0.02 * E * SLOPE, hardness=law) for law in (LinearHardening(hardness, 0.0), hardness)
+    )
+    return float(np.abs(flat.gap - plain.gap).max() + abs(flat.fft_pairs - plain.fft_pairs))
+
+
+def _steep_slope() -> float:
+    gap0 = _rough()
+    steep, elastic = (_solved(gap0, hardness=law) for law in (LinearHardening(0.1 * E * SLOPE, 1e6 * E / D), inf))
+    return float(np.abs(steep.pressure - elastic.pressure).max() / elastic.pressure.max())
+
+
+def _slopes() -> list[float]:
+    gap0, hardness = _rough(), 0.1 * E * SLOPE
+    laws = (LinearHardening(hardness, slope * E / D) for slope in (1e-6, 1e-3, 1e-1, 1e1, 1e6))
+    return [_solved(gap0, pressure=0.02 * E * SLOPE, hardness=law).area_fraction for law in laws]
+
+
+def _beyond_hardness(slope: float) -> tuple[float, float]:
+    """Load and mean plastic deformation over theirs: u = (p̄ − H)/h where every point yields."""
+    gap0, hardness = _rough(), 1e9
+    contact = _solved(gap0, pressure=1e3 * hardness, hardness=LinearHardening(hardness, slope * E / D))
+    deep = float(contact.plastic_deformation.mean()) * slope * E / D / (999 * hardness)
+    return float(contact.pressure.mean()) / (1e3 * hardness), deep
 
 
 def _units(scale: float, modulus: float) -> float:
@@ -189,6 +217,36 @@ SCENES: tuple[HardScene, ...] = (
         what="one face and load, rising hardness: share in contact",
         must=Falling("a harder face touches no more", steeply=False),
         run=_hardnesses,
+    ),
+    scene(
+        "hardening slope 0",
+        what="hardening without a slope: largest difference of the gap to perfect plasticity [m], and of transforms",
+        must=Exactly(0.0, "the same law"),
+        run=_flat_slope,
+    ),
+    scene(
+        "hardening slope of 1e6 E*/pixel",
+        what="points that harden at once: difference to the elastic pressure over its largest",
+        must=at_most(1e-4, "the elastic contact"),
+        run=_steep_slope,
+    ),
+    scene(
+        "hardening slopes from 1e-6 to 1e6 E*/pixel",
+        what="one face and load, rising slope: share in contact",
+        must=Falling("a harder face touches no more", steeply=False),
+        run=_slopes,
+    ),
+    scene(
+        "a thousand times the hardness, soft",
+        what="p̄ = 1000 H with a slope of 1e-4 E*/pixel: load, mean plastic deformation over (p̄ − H)/h",
+        must=Near((1.0, 1.0), 1e-6, "all points yield"),
+        run=lambda: _beyond_hardness(1e-4),
+    ),
+    scene(
+        "a thousand times the hardness, stiff",
+        what="p̄ = 1000 H with a slope of 1e4 E*/pixel: load, mean plastic deformation over (p̄ − H)/h",
+        must=Near((1.0, 1.0), 1e-6, "all points yield"),
+        run=lambda: _beyond_hardness(1e4),
     ),
     scene(
         "lengths in 1e-18 m",

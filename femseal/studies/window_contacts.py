@@ -1,8 +1,8 @@
-"""All windows of a face: their contact under the pressures of a global contact, and the flow through the links."""
+"""Contact of all windows of a face, each under the pressure that the contact of the low-pass face gives it."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
@@ -14,9 +14,9 @@ from ..base.stage import Mapper, Stage
 from ..contact import HalfSpace
 from ..loads import LoadProgramme
 from ..topography import Topography
-from ..windows import Failed, FlowSettings, GlobalState, Partition, SolveCounts, attempt, respond
+from ..windows import Failed, GlobalState, Partition, attempt, contact_history
 from ..windows.gap_error import corrected_gap, relative_difference
-from ..windows.window import WindowHistory, body_standoff, flow_history, set_down
+from ..windows.window_contact import ContactHistory, body_standoff, separate
 from ..windows.window_fields import ContactPressure, WindowFields
 from .face_flow import resolved_flow
 from .scene import Array, Scene
@@ -31,7 +31,7 @@ FLOW_ERROR = 0.003
 LEAKAGE_WARNING = 1.1
 #: Number of fields over all points that the error of a contact needs.
 ERROR_FIELDS = 26
-#: Share of the fine waves' rms in profiles along either axis above which windows do not resolve the ridges of a face.
+#: Fraction of the fine waves' rms in profiles along either axis above which windows do not resolve a face's ridges.
 #: Measured on turned faces: 0.3 goes with factors of 1.1, 0.38 with 1.2 to 1.7, 0.55 with 1.5 to 4; self-affine 0.1.
 RIDGE_WARNING = 0.35
 
@@ -91,10 +91,10 @@ def windows_contact(scene: Scene, cells: tuple[int, int], mapper: Mapper) -> Win
         lowest[:, i, j], standoff[:, i, j] = history.gap.min(axis=(1, 2)), history.standoff
         contact_fraction[:, i, j], plastic_fraction[:, i, j] = history.contact_fraction, history.plastic_fraction
         failures += [f"cell {(i, j)}, {text}" for text in history.failures]
-    held_off = body_standoff(standoff, pressure, lowest)
+    distance = body_standoff(standoff, pressure, lowest)
     for s, i, j in np.argwhere(np.isnan(standoff) & np.isfinite(lowest)):
         window = partition.cell(gap[s], i, j)
-        window[:] = set_down(window, held_off[s])
+        window[:] = separate(window, distance[s])
     fields = WindowFields(steps, partition, gap, ContactPressure(partition, tuple(in_contact)))
     error, factor = _errors(scene, fields, mapper)
     return WindowContacts(
@@ -154,6 +154,7 @@ def _error(
 
 
 def _contact_warnings(steps: LoadProgramme, error: Array, factor: Array) -> tuple[str, ...]:
+    """Warn where the estimated error of the gap changes the leakage, or is large; the worst step is named."""
     with np.errstate(divide="ignore"):
         off = np.nan_to_num(np.exp(np.abs(np.log(factor))), nan=1.0, posinf=np.inf)
     if (off > LEAKAGE_WARNING).any():
@@ -175,61 +176,25 @@ def _contact_warnings(steps: LoadProgramme, error: Array, factor: Array) -> tupl
 
 
 def _outer(state: GlobalState, partition: Partition, body: HalfSpace) -> tuple[NDArray[np.float32], Array]:
+    """The parts of a global state that windows start from."""
     return state.outer_gap(partition, body), state.pressure
 
 
 def _respond(
     outer_gap: NDArray[np.float32], fine: NDArray[np.float32], pressures: Array, **settings: Any
-) -> WindowHistory:
-    """`respond` of a window whose undeformed gap is its outer gap (steps, n1, n2) plus its fine waves (n1, n2)."""
-    return respond(np.add(outer_gap, fine, dtype=float), pressures, **settings)
-
-
-@dataclass(frozen=True, eq=False)
-class LinkFlows:
-    """Permeability of all links along one axis [m³], NaN where the window failed.
-
-    at_pressures : at each pressure of the drop (pressures, steps, rows, columns).
-    """
-
-    at_pressures: Array
-    counts: SolveCounts = field(default_factory=SolveCounts)
-    failures: tuple[str, ...] = ()
-
-    @property
-    def k(self) -> Array:
-        """At the first pressure (steps, rows, columns)."""
-        return self.at_pressures[0]
-
-
-def solve_links(
-    fields: WindowFields, axis: int, settings: FlowSettings, *, shift: int = 0, mapper: Mapper = map
-) -> LinkFlows:
-    """Solve the permeability of all links along `axis`; `shift` moves their windows by so many pixels along x2."""
-    partition = fields.partition
-    places = partition.links(axis)
-    windows = (partition.link(fields.gap, i, j, axis, shift) for i, j in places)
-    stage = Stage("flow in windows", partial(flow_history, axis=axis, settings=settings))
-    # one argument is a list, so that the mapper knows the number of items
-    flows = list(mapper(stage, windows, [partition.spacing] * len(places)))
-    k = np.empty((settings.drop.pressures.size, len(fields.steps), partition.cells[0] - axis, partition.cells[1]))
-    for (i, j), found in zip(places, flows, strict=True):
-        k[:, :, i, j] = found.at_pressures
-    return LinkFlows(
-        at_pressures=k,
-        counts=SolveCounts.total(found.counts for found in flows),
-        failures=tuple(f"x{axis + 1}-link {p}, {t}" for p, f in zip(places, flows, strict=True) for t in f.failures),
-    )
+) -> ContactHistory:
+    """`contact_history` of a window from its outer gap (steps, n1, n2) plus its fine waves (n1, n2)."""
+    return contact_history(np.add(outer_gap, fine, dtype=float), pressures, **settings)
 
 
 def _unresolved_ridges(smooth: Array, fine: Array, partition: Partition) -> tuple[str, ...]:
     """Warn if windows are too large to resolve the ridges of a face with a lay."""
-    carried, share = (max(z.mean(axis=axis).std() for axis in (0, 1)) / (z.std() or 1.0) for z in (smooth, fine))
-    if share <= RIDGE_WARNING or carried <= RIDGE_WARNING or not 0.05 < fine.std() / (smooth.std() or np.inf) < 1:
+    carried, fraction = (max(z.mean(axis=axis).std() for axis in (0, 1)) / (z.std() or 1.0) for z in (smooth, fine))
+    if fraction <= RIDGE_WARNING or carried <= RIDGE_WARNING or not 0.05 < fine.std() / (smooth.std() or np.inf) < 1:
         return ()
     size = " × ".join(f"{length * 1e6:.3g}" for length in partition.window_size)
     text = (
-        f"windows of {size} µm do not resolve the ridges of the face ({share:.0%} of what is left to them is in "
+        f"windows of {size} µm do not resolve the ridges of the face ({fraction:.0%} of what is left to them is in "
         'straight ridges): leakage may be off by a factor of 2; take contact = "whole" or smaller windows'
     )
     return (text,)

@@ -1,0 +1,229 @@
+"""Tables of the report on what the numbers are worth: budget of errors, scatter, checks, other resolutions, times."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..base.files import read_plain
+from ..base.quantities import to_text
+from ..base.text import format_deviation
+from ..base.text_table import TextTable
+from ..results.attempts_table import as_chosen
+from ..results.run_data import RunData
+from ..results.summary import solvers_text
+from ..studies.curve_distance import FLOOR, leakage_factor
+
+Array = NDArray[np.float64]
+Lines = list[tuple[str, ...]]
+
+
+def important_steps(results: RunData) -> list[int]:
+    """The first load, the highest, the highest that leaks more than 1e-3 of the first, and the last one."""
+    leakage, steps = np.abs(results.leakage.values), results.steps
+    peak = max(range(len(steps)), key=lambda s: steps[s].pressure)
+    leaking = [s for s in range(len(steps)) if leakage[s] > FLOOR * leakage[0] and steps[s].unloaded_from is None]
+    return list(dict.fromkeys((0, *leaking[-1:], peak, len(steps) - 1)))
+
+
+def budget_table(results: RunData) -> TextTable | None:
+    """A line for each source, the widest first, and one for all together; None without a budget."""
+    budget = results.budget
+    if budget is None:
+        return None
+    steps, widths = important_steps(results), budget.widths()
+    order = sorted(budget.parts, key=lambda part: -_largest(widths[part.name][steps]))
+    together = "root of the sum of squares of the distances of ln(leakage)"
+    lines = [(part.name, widths[part.name], part.note) for part in order]
+    lines.append(("together", np.asarray(budget.half_width()), together))
+    heads = ("source", *(results.steps[s].name for s in steps), "how it was estimated")
+    texts = tuple((name, *(_width_text(float(width[s])) for s in steps), note) for name, width, note in lines)
+    title = "Half-width of the band of error, by its source, the widest first; ×: a factor"
+    name = budget.limiting()
+    notes = (
+        "The band of error of a leakage holds the truth in about 95 of 100 cases: the leakage of such a face on pixels "
+        "as fine as one wants, with the waves that were removed, and without errors of method or draws.",
+        f"Over the loads that leak more than 1e-3 of the first the widest source is: {name}." if name else "",
+    )
+    return TextTable(title, heads, texts, names=len(heads), notes=tuple(filter(None, notes)))
+
+
+def _width_text(width: float) -> str:
+    """A half-width of ln(leakage); inf is that of a seal that may leak or be sealed."""
+    known = {"nan": "unknown", "inf": "open or sealed", "0": "0"}.get(f"{width:g}")
+    return format_deviation(width, "× ") if known is None else known
+
+
+def _largest(widths: np.ndarray) -> float:
+    return float(np.max(np.nan_to_num(widths, nan=np.inf), initial=0.0))
+
+
+def scatter_lines(results: RunData) -> Lines:
+    """Scatter and differences as factors: source, typical value, largest value, its step, meaning."""
+    data, steps = results.dataset, results.steps
+    leaking = np.abs(results.leakage.values) > FLOOR * np.abs(results.leakage.values[0])
+    lines: Lines = []
+
+    def deviation(source: str, sigma: Array, meaning: str) -> None:
+        chosen = np.where(leaking, sigma, np.nan)
+        if np.isfinite(chosen).any():
+            worst = int(np.nanargmax(chosen))
+            typical, largest = (_factor(float(np.exp(v))) for v in (np.nanmedian(chosen), chosen[worst]))
+            lines.append((source, typical, largest, steps[worst].name, meaning))
+
+    if "realisation_spread" in data:
+        spread = data["realisation_spread"].values
+        deviation("realisations", spread, "one standard deviation between drawn seals")
+        if "library_error" in data:
+            error = data["library_error"].values
+            deviation("finite library", error, "one standard deviation between libraries of this size")
+            deviation("both together", np.hypot(spread, error), "what a seal of this kind may differ from the median")
+        fraction = 1.2533 / np.sqrt(data.sizes["realisation"])
+        deviation("median", fraction * spread, "standard error of the median; more realisations lower it")
+    if "element_error" in data:
+        meaning = "at most, estimated from the last iterations; the leakage through elements is an upper bound"
+        deviation("flow through elements", np.log1p(data["element_error"].values), meaning)
+    if "cut_error" in data:
+        meaning = "half the way from Neumann to Dirichlet cuts; a longer face lowers it"
+        deviation("cuts between runs", data["cut_error"].values, meaning)
+    if "leakage_lower_bound" in data:
+        low, high = (np.median(data[f"leakage_{end}_bound"].values, axis=0) for end in ("lower", "upper"))
+        half = 0.5 * np.log(np.divide(high, low, out=np.full(low.shape, np.nan), where=low != 0))
+        deviation("pixels", half, "half the way between the bounds of the flow through pixels; finer ones lower it")
+    pairs = (
+        ("two-scale", "leakage_two_scale", "deterministic", "leakage_deterministic"),
+        ("median", "leakage_median", "two-scale", "leakage_two_scale"),
+        ("median", "leakage_median", "deterministic", "leakage_deterministic"),
+    )
+    for one, name, other, reference in pairs:
+        if name in data and reference in data:
+            lines += _comparison(results, one, data[name].values, other, data[reference].values)
+    if "leakage_filtered" in data:
+        lines += _comparison(
+            results, "twice the shortest wave", data["leakage_filtered"].values, results.method, results.leakage.values
+        )
+    return lines
+
+
+def _comparison(results: RunData, one: str, leakage: Array, other: str, reference: Array) -> Lines:
+    """Lines of a leakage against a reference: the factor between them, on each branch."""
+    lines: Lines = []
+    steps = results.steps
+    for branch in dict.fromkeys(s.branch for s in steps):
+        factor = leakage_factor(leakage, reference, steps, branch)
+        if not factor.loads:
+            continue
+        chosen = np.array([s.branch == branch for s in steps]) & (np.abs(reference) > FLOOR * np.abs(reference[0]))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ratio = np.where(chosen & (leakage * reference > 0), np.abs(np.log(leakage / reference)), np.nan)
+        worst = int(np.nanargmax(ratio))
+        meaning = f"rms over {factor.loads} loads" + (
+            f", {factor.closed} more closed in one only" if factor.closed else ""
+        )
+        source = f"{one} against {other}, {branch}"
+        lines.append((source, _factor(factor.value), _factor(float(np.exp(ratio[worst]))), steps[worst].name, meaning))
+    return lines
+
+
+def check_lines(results: RunData) -> Lines:
+    """Residuals and resolution: quantity, value, meaning."""
+    data, case = results.dataset, as_chosen(results.case, results.attempts)
+    lines: Lines = []
+    if (rtol := case.get("contact", {}).get("rtol")) is not None:
+        lines.append(("contact residual", f"≤ {rtol:.0e}", "of every contact that is not among the failures"))
+    if "window_pressure" in data:
+        nominal = data["nominal_pressure"].values
+        carried = data["window_pressure"].values.mean(axis=(1, 2))
+        off = np.abs(carried - nominal)[nominal > 0] / nominal[nominal > 0]
+        if off.size:
+            lines.append(("load of the windows", f"{np.nanmax(off):.0e}", "largest distance from the nominal pressure"))
+        if data.attrs.get("window_contact") == "windows":
+            meaning = "rms distance of the stitched gap from that of its pressure on the whole half-space"
+            lines.append(("gap of the windows", f"{np.nanmax(data['gap_error'].values):.1%}", meaning))
+    if "flux1" in data:
+        rows, whole = data["flux1"].values.mean(axis=2), data["leakage_two_scale"].values
+        open_ = np.nan_to_num(whole) != 0
+        if open_.any():
+            balance = np.abs(rows[open_] / whole[open_, None] - 1)
+            lines.append(
+                ("flow balance", f"{np.nanmax(balance):.0e}", "largest difference of a row's flow from the leakage")
+            )
+    for study, counts in json.loads(data.attrs["counts"]).items():
+        if counts:
+            text = ", ".join(f"{n} {kind}" for kind, n in counts.items())
+            lines.append(
+                (
+                    f"flows of windows, {study.replace('_', '-')}",
+                    text,
+                    "closed ones are exactly 0, open ones follow h̄³/12, equal ones were solved at an earlier step",
+                )
+            )
+    for study, solvers in json.loads(data.attrs.get("solvers", "{}")).items():
+        meaning = "which solver solved how many; the imbalance is that of inlet and outlet flow"
+        lines.append((f"linear systems, {study.replace('_', '-')}", solvers_text(solvers), meaning))
+    for study, number in json.loads(data.attrs.get("equal_steps", "{}")).items():
+        text = f"{number} of {data.sizes['step']}"
+        meaning = "the same state as an earlier step bit for bit, which is solved once"
+        lines.append((f"equal load steps, {study.replace('_', '-')}", text, meaning))
+    surface = json.loads(data.attrs["surface"])
+    if "shortest_wavelength" in surface and "spacing" in surface:
+        wave, pixel = surface["shortest_wavelength"], max(surface["spacing"])
+        lines.append(
+            (
+                "resolution",
+                f"{wave / pixel:.3g} pixels",
+                f"of {to_text(pixel, 'm', 3)} to the shortest wave, {to_text(wave, 'm', 3)}",
+            )
+        )
+        if before := surface.get("rms_slope_before"):
+            lost = 1 - surface["rms_slope"] / before
+            meaning = "of the rms slope, with the waves shorter than that"
+            if measured := surface.get("rms_slope_measured"):
+                kept = min(1.0, surface["rms_slope"] / measured)
+                end = to_text(surface["shortest_measured"], "m", 3)
+                meaning += f"; {1 - kept:.1%} of that of waves above noise, which end at {end}"
+            lines.append(("slope removed", f"{100 * lost:.2g} %", meaning))
+    return lines
+
+
+def accuracy_lines(results: RunData) -> Lines:
+    """Factors that `femseal accuracy` wrote into the folder of the results for the same case; none if it did not."""
+    if results.folder is None:
+        return []
+    try:
+        found = json.loads(read_plain(results.folder / "accuracy.json", 1e7))
+        if found["case"] != results.case:
+            return []
+        return [
+            (
+                f"{s['method']}, {' × '.join(map(str, s['points']))} points"
+                + (f", {' × '.join(map(str, s['cells']))} windows" if s["cells"] else ""),
+                c["against"],
+                *(_factor(c[branch]["factor"]) for branch in ("loading", "unloading")),
+                _factor(s["budget"]["factor"] if s.get("budget") else None),
+                f"{s['seconds']:.3g} s" + (", recommended" if s.get("recommended") else ""),
+            )
+            for s in found["solutions"]
+            for c in s["comparisons"]
+        ]
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
+        return []
+
+
+def _factor(value: float | None) -> str:
+    return "–" if value is None or np.isnan(value) else f"× {value:.3g}"
+
+
+def time_lines(results: RunData) -> list[tuple[str, str, float]]:
+    """Stage, time, and its fraction of the whole in percent; the parts of a study come before the rest of its time."""
+    timings: dict[str, float] = json.loads(results.dataset.attrs["timings"])
+    whole = sum(seconds for name, seconds in timings.items() if ": " not in name) or 1.0
+    lines = []
+    for name, seconds in timings.items():
+        parts = [part for other, part in timings.items() if other.startswith(f"{name}: ")]
+        label = f"{name}: rest" if parts else name
+        own = max(seconds - sum(parts), 0.0)
+        lines.append((label, f"{own:.3g} s", 100 * own / whole))
+    return lines

@@ -1,0 +1,189 @@
+"""Flow through one window: its permeability along an axis, at one gap or along a load programme."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numba import njit
+from numpy.typing import ArrayLike, NDArray
+
+from ..base import validate
+from ..flow import DarcyFlow, Permeability, cell_permeability
+from ..flow.cell import cell_flow, pixel_dissipation
+from ..flow.discretisation import check_discretisation
+from ..flow.law import cubic_law
+from ..flow.pressure_drop import VISCOUS, PressureDrop
+from .outcome import Failed, SolveCounts, SolverCounts, attempt
+from .partition import Partition
+
+Array = NDArray[np.float64]
+#: Below this ratio of rms gap variation to mean gap parallel plates are exact to 2e-4 whatever the lay.
+OPEN_RATIO = 0.005
+
+
+@dataclass(frozen=True, eq=False)
+class FlowHistory:
+    """Permeability of windows at every step [m³], NaN where there is no gap or the flow failed.
+
+    at_pressures : at each pressure of the drop, of one window (pressures, steps), of all links along an axis
+        (pressures, steps, rows, columns).
+    """
+
+    at_pressures: Array
+    counts: SolveCounts = field(default_factory=SolveCounts)
+    failures: tuple[str, ...] = ()
+
+    @property
+    def k(self) -> Array:
+        """At the first pressure, the inlet's (steps, …)."""
+        return self.at_pressures[0]
+
+
+@dataclass(frozen=True)
+class FlowSettings:
+    """How the flow through windows is discretised and solved, see `cell_permeability`, and of what fluid.
+
+    Raises
+    ------
+    InputError : an unknown solver or discretisation, or two that do not go together.
+    """
+
+    solver: str = "auto"
+    discretisation: str = "edge"
+    drop: PressureDrop = VISCOUS
+
+    def __post_init__(self) -> None:
+        check_discretisation(self.discretisation, self.solver)
+
+
+def flow_history(
+    gaps: NDArray[np.floating], spacing: tuple[float, float], axis: int, settings: FlowSettings | None = None
+) -> FlowHistory:
+    """Permeability along `axis` of a window with closed sides at every step, from its gaps (steps, n1, n2) [m]."""
+    settings = settings or FlowSettings()
+    k = np.full((settings.drop.pressures.size, len(gaps)), np.nan)
+    counts, failures = [], []
+    known: dict[bytes, Array] = {}
+    for s in np.flatnonzero(np.isfinite(gaps).all(axis=(1, 2))):
+        bits = gaps[s].tobytes()
+        if bits in known:
+            k[:, s] = known[bits]
+            counts.append(SolveCounts(equal=1))
+            continue
+        flow = attempt(window_permeability, np.asarray(gaps[s], float), spacing, axis, settings=settings)
+        if isinstance(flow, Failed):
+            failures.append(f"step {s}: {flow.reason}")
+            continue
+        k[:, s] = known[bits] = flow.k
+        counts.append(flow.counts)
+    return FlowHistory(k, SolveCounts.total(counts), tuple(failures))
+
+
+@dataclass(frozen=True, eq=False)
+class WindowPermeability:
+    """Permeability of a window at one step.
+
+    k : the value, or with bounds the value, its lower and its upper bound [m³], each at every pressure of the drop.
+    counts : this one flow, counted as solved, closed or open.
+    """
+
+    k: Array
+    counts: SolveCounts
+
+
+def window_permeability(
+    gap: Array,
+    spacing: tuple[float, float],
+    axis: int,
+    *,
+    bounds: bool = False,
+    settings: FlowSettings | None = None,
+) -> WindowPermeability:
+    """Permeability along `axis` of a window (n1, n2) [m] with closed sides.
+
+    Nearly parallel plates have that of their mean gap. `bounds` adds a lower and an upper bound for a gap constant on
+    each pixel; for nearly parallel plates they are the harmonic and the arithmetic mean over the pixels.
+
+    Raises
+    ------
+    NotConverged : the linear solver failed.
+    """
+    settings = settings or FlowSettings()
+    found = []
+    for p in settings.drop.pressures:
+        found.append(_of_gap(settings.drop.law.equivalent_gap(gap, p), spacing, axis, bounds, settings))
+        if not found[0].k.any():  # closed at every pressure
+            found *= settings.drop.pressures.size
+            break
+    # one flow, however many systems were solved for it
+    counts = replace(found[0].counts, solvers=SolverCounts.total(one.counts.solvers for one in found))
+    return WindowPermeability(np.array([one.k for one in found]).T.ravel(), counts)
+
+
+def _of_gap(
+    gap: Array, spacing: tuple[float, float], axis: int, bounds: bool, settings: FlowSettings
+) -> WindowPermeability:
+    """Permeability of a gap by the cubic law; that of nearly parallel plates in closed form."""
+    mean = _between_plates(gap, OPEN_RATIO)
+    if mean > 0:
+        k = [cubic_law(mean)]
+        if bounds:
+            of_pixels = cubic_law(gap)
+            k += [1 / float(np.mean(1 / of_pixels)), float(np.mean(of_pixels))]
+        return WindowPermeability(np.array(k), SolveCounts(open=1))
+    options: dict[str, Any] = {"axis": axis, "discretisation": settings.discretisation, "solver": settings.solver}
+    flow: Permeability | DarcyFlow
+    if bounds:
+        flow = cell_permeability(gap, spacing, bounds=True, **options)
+        k = [flow.value, flow.lower, flow.upper]
+    else:
+        cell = cell_flow(gap, spacing, sides="mirror", **options)
+        flow, k = cell.flow, [cell.permeability]
+    solvers = SolverCounts.of(flow)
+    counts = SolveCounts(solved=1, solvers=solvers) if flow.percolates else SolveCounts(closed=1, solvers=solvers)
+    return WindowPermeability(np.array(k), counts)
+
+
+def window_dissipation(gap: ArrayLike, partition: Partition) -> Array:
+    """Dissipation (m1, m2) [m³] of the flow through a whole face for a unit drop, in the windows of its x1-links.
+
+    These windows tile the face. The sum over them is the conductance k L2/L1, with k of `cell_permeability` on periodic
+    sides.
+
+    Parameters
+    ----------
+    gap : (n1, n2) [m].
+    partition : of the face.
+
+    Raises
+    ------
+    InputError : a gap that is negative, undefined or of another shape.
+    NotConverged : the linear solver failed.
+    """
+    h = validate.field("gap", gap, unit="m", shape=partition.shape)
+    pixels = pixel_dissipation(h, partition.spacing)
+    rows = np.add.reduceat(pixels, partition.lines[:-1], axis=0)
+    return rows.reshape(*partition.cells, partition.window[1]).sum(axis=2)
+
+
+@njit(cache=True, nogil=True)
+def _between_plates(gap, ratio):
+    """Mean of a gap that is open everywhere and whose standard deviation is below this ratio of it, 0 of any other."""
+    n1, n2 = gap.shape
+    mean = 0.0
+    for i in range(n1):
+        of_row = 0.0
+        for j in range(n2):
+            if not gap[i, j] > 0.0:
+                return 0.0
+            of_row += gap[i, j]
+        mean += of_row / (n1 * n2)
+    square = 0.0
+    for i in range(n1):
+        of_row = 0.0
+        for j in range(n2):
+            of_row += (gap[i, j] - mean) ** 2
+        square += of_row
+    return mean if np.sqrt(square / (n1 * n2)) < ratio * mean else 0.0

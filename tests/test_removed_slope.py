@@ -1,0 +1,151 @@
+"""Bands of leakages of faces that lost their short waves: what is sealed without them may be open with them."""
+
+import json
+
+import numpy as np
+import pytest
+from femseal.report.class_words import class_lines
+from numpy.testing import assert_allclose, assert_array_equal
+
+import femseal as fs
+from femseal.budget.removed_slope import LOAD_POWER, sealed_for_certain, under_less_load
+from femseal.loads import LoadProgramme
+from femseal.results.tables import leakage_table
+
+#: A generated face with half of its slope in waves that its grid does not carry, under loads that seal it without them.
+SEALED = """
+method = "deterministic"
+seed = 3
+[face]
+kind = "self-affine"
+points = [128, 128]
+size = ["100 um", "100 um"]
+hurst = 0.5
+rms_slope = 0.05
+roll_off = "30 um"
+[surface]
+points = [32, 32]
+[material]
+young = "210 GPa"
+[load]
+loading = [LOADS]
+[fluid]
+name = "helium"
+inlet_pressure = "1 MPa"
+[output]
+classes = ["TA Luft"]
+"""
+
+
+def solved(tmp_path, loads, text=SEALED, output=None):
+    path = tmp_path / "case.toml"
+    path.write_text(text.replace("LOADS", ", ".join(f'"{load} MPa"' for load in loads)))
+    return fs.run(path, output, workers=1)
+
+
+def test_a_sealed_face_that_lost_waves_has_no_known_upper_end(tmp_path):
+    whole = solved(tmp_path, [3000], SEALED.replace("[surface]\npoints = [32, 32]\n", ""))
+    assert whole.leakage.values[0] > 0
+    results = solved(tmp_path, [3000], output=tmp_path / "out")
+    assert results.leakage.values[0] == 0
+    assert results.budget.upper[0] == np.inf
+    table = leakage_table(results)
+    cells = dict(zip(table.heads, table.lines[0], strict=True))
+    assert cells["95 % band of error"] == "open or sealed"
+    assert cells["class"] == "open"
+    assert class_lines(results)[0][2] == "open"
+    assert "open or sealed" in (tmp_path / "out/report.html").read_text(encoding="utf-8")
+    again = fs.open_results(tmp_path / "out")
+    assert again.dataset["leakage_deterministic_budget_upper"].values[0] == np.inf
+    assert np.isnan(again.dataset["class_met"].values).all()
+    assert (
+        "for the slope that was removed" in json.loads(again.dataset.attrs["error_budget"])["deterministic"]["filter"]
+    )
+
+
+def test_what_is_sealed_by_far_stays_sealed(tmp_path):
+    results = solved(tmp_path, [3000, 12000])
+    assert results.budget.upper[1] == 0
+    assert results.classes[1] != "open"
+
+
+def test_one_grid_does_not_tell_that_a_face_is_sealed():
+    face = fs.self_affine((32, 32), (3e-5, 3e-5), hurst=0.8, rms_slope=0.1, rng=1)
+    scene = fs.Scene(face, 2e11, np.inf, fs.Liquid(1e-3), 1e6, 0.0, (6e9, 2e10), boundary=("periodic",) * 2)
+    study = fs.deterministic(scene)
+    certain = study.contact_fraction >= 0.6
+    sealed = study.leakage == 0
+    assert (sealed & certain).any()
+    assert (sealed & ~certain).any()
+    upper = fs.error_budget(scene, study).upper
+    assert_array_equal(upper[sealed & certain], 0)
+    assert_array_equal(upper[sealed & ~certain], np.inf)
+
+
+class TestUnderLessLoad:
+    def test_a_power_of_the_load_is_shifted_exactly(self):
+        steps = LoadProgramme.of([1e6, 3e6, 1e7, 5e7], [], [])
+        q = steps.pressures**-3.0
+        found = under_less_load(steps, q, np.zeros(4), 0.6)
+        assert_allclose(found, q * 0.6 ** (-3.0 * LOAD_POWER), rtol=1e-12)
+        assert_array_equal(under_less_load(steps, q, np.zeros(4), 1.0), q)
+
+    def test_sealed_loads_leak_what_lower_ones_do_unless_the_load_is_far_beyond(self):
+        steps = LoadProgramme.of([1e6, 2e6, 4e6, 8e6, 5e7], [], [])
+        q = np.array([1e-9, 1e-11, 0.0, 0.0, 0.0])
+        found = under_less_load(steps, q, np.zeros(5), 0.5)
+        assert 1e-11 < found[2] < 1e-9
+        assert_allclose(found[3], 1e-11, rtol=1e-12)
+        assert found[4] == 0
+
+    def test_without_an_open_load_only_contact_tells(self):
+        steps = LoadProgramme.of([1e6, 2e6], [], [])
+        found = under_less_load(steps, np.zeros(2), np.array([0.3, 0.95]), 0.4)
+        assert_array_equal(found, [np.inf, np.inf])
+        assert_array_equal(under_less_load(steps, np.zeros(2), np.array([0.3, 0.999]), 0.4), [np.inf, 0])
+        assert_array_equal(sealed_for_certain(np.array([0.59, 0.61, np.nan, 1.0])), [False, True, False, True])
+
+    def test_an_unloaded_seal_leaks_no_less_and_no_more_than_on_loading(self):
+        steps = LoadProgramme.of([1e6, 1e7, 1e8], [1e8], [1e7, 1e6])
+        q = np.array([1e-8, 1e-10, 1e-14, 1e-13, 1e-12])
+        found = under_less_load(steps, q, np.zeros(5), 0.7)
+        assert (found > q).all()
+        assert (np.diff(found[:3]) < 0).all()
+        assert found[3] <= found[1]
+        assert found[4] <= found[0]
+        assert (np.diff(found[2:]) > 0).all()
+
+
+@pytest.mark.slow
+def test_two_measured_faces_that_seem_sealed(tmp_path, instrument_file):
+    """On 1280 points a side they leak 124 and 2.6 µL/(m·s)."""
+    text = f"""
+method = "two-scale"
+[[face]]
+kind = "file"
+path = "{instrument_file("plu-1.plu")}"
+[[face]]
+kind = "file"
+path = "{instrument_file("mnt-1.mnt")}"
+transpose = true
+mirror = "x2"
+rotate = "5 deg"
+[surface]
+points = [384, 384]
+[material]
+young = "210 GPa"
+yield_stress = "400 MPa"
+[counter_material]
+young = "210 GPa"
+yield_stress = "900 MPa"
+[load]
+loading = [LOADS]
+[fluid]
+kind = "liquid"
+viscosity = "1 mPa*s"
+inlet_pressure = "10 MPa"
+[cells]
+count = [4, 4]
+"""
+    upper = solved(tmp_path, [5, 20], text).budget.upper
+    assert (upper > [124e-9, 2.6e-9]).all()
