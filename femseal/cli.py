@@ -136,7 +136,7 @@ def run(
             print_table(results.lengths_table())
         if results.attempts is not None:
             print_table(results.attempts_table())
-        if terminal:  # without a terminal, the log lines have told it
+        if terminal:  # without a terminal, the log lines say it
             for kind, texts in (("warning", results.warnings), ("failure", results.failures)):
                 for text in texts[:5]:
                     typer.echo(f"{kind}: {text}", err=True)

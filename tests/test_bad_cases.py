@@ -597,7 +597,7 @@ def test_long_lists_of_what_is_allowed_lose_their_end(data, monkeypatch):
     def refused(name, temperature, pressures):
         raise fs.InputError("name", "x" * 1000, "one of " + ", ".join(map(str, range(500))))
 
-    monkeypatch.setattr("femseal.case.fluid_by_name.named_fluid", refused)
+    monkeypatch.setattr("femseal.case.fluid.named_fluid", refused)
     data["fluid"] = {"name": "x" * 1000, "inlet_pressure": "1 MPa"}
     message = refusal(parse_case, data)
     assert ", expected one of 0, 1, 2" in message

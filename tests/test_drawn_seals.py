@@ -312,7 +312,7 @@ def test_files_of_drawn_seals_are_read_by_vtk_and_meshio(strip):
     expected = {
         "permeability_m3": data["drawn_permeability"].values[1],
         "fluid_pressure_Pa": data["drawn_fluid_pressure"].values[1],
-        "nominal_contact_pressure_MPa": data["drawn_window_pressure"].values[1] / 1e6,
+        "window_pressure_MPa": data["drawn_window_pressure"].values[1] / 1e6,
     }
     by_step = pyvista.get_reader(folder / "vtk" / "drawn.pvd")
     by_step.set_active_time_value(1.0)

@@ -43,7 +43,7 @@ def test_limits_are_those_published():
     assert LEAK_CLASSES["ISO 5208 A"].limit(water, 0.05) == 0
     one = LEAK_CLASSES["L1"]
     around = one.limit(water) * np.array([0.99, 1.01, -0.99, -1.01, np.nan])
-    assert one.reached(around, water).tolist() == [True, False, True, False, False]  # whichever way it flows
+    assert one.met_by(around, water).tolist() == [True, False, True, False, False]  # whichever way it flows
     rates = [one.amount for one in LEAK_CLASSES.values() if one.family == "ISO 5208"]
     assert rates == sorted(rates)
 
@@ -129,19 +129,19 @@ def test_results_tell_the_classes_that_every_step_reaches(studied):
     for step, told in enumerate(results.classes):
         for family in ("L", "ISO 5208"):
             tightest = [c for c in LEAK_CLASSES.values() if c.name.startswith(family)]
-            tightest = [c.name for c in tightest if c.reached(leak[step], results.leak_basis, 0.05)]
+            tightest = [c.name for c in tightest if c.met_by(leak[step], results.leak_basis, 0.05)]
             assert tightest[:1] == [name for name in told.split(", ") if name.startswith(family)]
     assert any("a seat of 50 mm is about 157 mm long" in text for text in results.warnings)
     assert results.table().heads[-1] == "class"
     assert "fraction_in_ISO_5208_A" in csv_text(results).splitlines()[0]
     page = report_html(results)
-    assert "reached on loading" in page
+    assert "met on loading" in page
     assert "kept on unloading from 400 MPa" in page
     named = {text.get_text().strip() for text in results.plot().axes[0].texts}
     assert results.dataset["leak_class"].values[0] in named
     plain = assemble(scene, deterministic=study)
     assert plain.classes == []
-    assert "reached on loading" not in report_html(plain)
+    assert "met on loading" not in report_html(plain)
 
 
 def test_classes_are_judged_by_the_test_fluid(studied, tmp_path):

@@ -853,7 +853,7 @@ class TestErrorOfTheLibrary:
                 r,
                 again,
                 scene=scene,
-                laid=LinkWindows(seal),
+                seal_windows=LinkWindows(seal),
                 kinds=((table, none),),
                 sampling=replace(SAMPLING, sampler="history"),
                 independent=1 / copies,

@@ -1,4 +1,4 @@
-"""Leakage classes of standards: the leakage at which a seal reaches a class, all in one table.
+"""Leakage classes of standards: the leakage up to which a seal meets a class, all in one table.
 
 EN 13555   L1, L0.1 and L0.01, which EN 1591-1 calculates with: 1, 0.1 and 0.01 mg/(m·s); tested with helium.
 TA Luft    2021: 0.01 mg/(m·s) of helium, which are 0.0609 mbar·L/(m·s) at 20 °C.
@@ -24,13 +24,13 @@ from .leak_units import LEAK_UNITS, LeakBasis, leak_unit
 
 #: Molar mass of helium [kg/mol], and the relative tolerance within which a gas is helium.
 HELIUM, _SAME_GAS = 4.0026e-3, 0.01
-#: A leakage that is the limit up to rounding reaches the class.
+#: A leakage that is the limit up to rounding meets the class.
 _ROUNDING = 1e-9
 
 
 @dataclass(frozen=True)
 class LeakClass:
-    """A class of leakage: what leaks no more than its limit reaches it.
+    """A class of leakage: what leaks no more than its limit meets it.
 
     name : as the standard writes it. family : the standard; "" for a leakage of the user's own.
     amount, unit : the limit, and its unit in `LEAK_UNITS`. gas_amount : that of gases, where it differs.
@@ -71,8 +71,8 @@ class LeakClass:
         amount = self.gas_amount if basis.is_gas and self.gas_amount is not None else self.amount
         return amount * basis.factor(unit) * (1e3 * diameter if self.per_diameter and diameter is not None else 1.0)
 
-    def reached(self, leakage: ArrayLike, basis: LeakBasis, diameter: float | None = None) -> NDArray[np.bool_]:
-        """Whether leakages per length of seal [m²/s] of any direction reach the class; NaN does not."""
+    def met_by(self, leakage: ArrayLike, basis: LeakBasis, diameter: float | None = None) -> NDArray[np.bool_]:
+        """Whether leakages per length of seal [m²/s] of any direction meet the class; NaN does not."""
         return within(leakage, self.limit(basis, diameter))
 
 
@@ -141,7 +141,7 @@ def _named(name: str) -> list[LeakClass]:
 
 
 def _key(name: str) -> str:
-    """A name without case, spaces, hyphens and the words that people add."""
-    for word in ("rate", "class", "2021", "2015", "1591-1"):
-        name = name.lower().replace(word, {"1591-1": "13555"}.get(word, ""))
+    """A name without case, spaces, hyphens and additions that people write."""
+    for part in ("rate", "class", "2021", "2015", "1591-1"):
+        name = name.lower().replace(part, {"1591-1": "13555"}.get(part, ""))
     return name.replace(",", ".").translate(str.maketrans("", "", " -_:")).removesuffix(".0")

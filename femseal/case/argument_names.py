@@ -1,4 +1,4 @@
-"""Errors of arguments told in the words of a case: its keys instead of the names of arguments."""
+"""Errors of arguments that name keys of a case instead of arguments."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ MAP_TABLES = {"map": "load", "sampler": "stochastic"} | dict.fromkeys(
 
 
 @contextmanager
-def in_tables_of(tables: dict[str, str]) -> Iterator[None]:
-    """Tell an InputError with the table of a case before the argument with which it begins."""
+def with_tables(tables: dict[str, str]) -> Iterator[None]:
+    """Raise an InputError with the table of a case before the argument with which it begins."""
     try:
         yield
     except InputError as error:
@@ -42,8 +42,8 @@ def in_tables_of(tables: dict[str, str]) -> Iterator[None]:
 
 
 @contextmanager
-def in_words_of(keys: dict[str, str], place: str = "") -> Iterator[None]:
-    """Tell an InputError with keys instead of names of arguments, and after the place of its table, if given."""
+def with_keys(keys: dict[str, str], place: str = "") -> Iterator[None]:
+    """Raise an InputError with keys instead of names of arguments, after the place of their table if that is given."""
     try:
         yield
     except InputError as error:

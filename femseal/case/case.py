@@ -1,7 +1,7 @@
 """A case: the whole input of a run, as a TOML file whose quantities carry their units.
 
 The file is checked as a whole before anything is computed; every fault is reported at once, with its key, what was
-given and what is allowed. `preparation.prepare` turns a case into the objects the studies take.
+given and what is expected. `preparation.prepare` turns a case into the objects the studies take.
 """
 
 from __future__ import annotations
@@ -22,11 +22,10 @@ from ..fluids import leak_basis, potential_of
 from ..materials import Solid, contact_modulus
 from ..results.class_results import check_classes
 from ..seal.layouts import Layout
-from .case_accuracy import with_what_is_open
-from .case_tables import AnyFluid, CellsTable, ContactTable, FlowTable, OutputTable, SolidTable, StochasticTable
+from .case_tables import CellsTable, ContactTable, FlowTable, OutputTable, SolidTable, StochasticTable
 from .faces import Face, FileFace, SurfaceTable
 from .faults import INTERNAL, case_faults, fault
-from .fluid_by_name import with_named_fluids
+from .fluid import AnyFluid, with_named_fluids
 from .load import LoadTable
 from .seal import AnySeal, with_inlet_pressure
 from .values import Accuracy, Duration, FileSize, Number, Table
@@ -40,7 +39,8 @@ Method = Literal["auto", "deterministic", "two-scale", "stochastic"]
 class Case(Table):
     """A validated case, all values in SI.
 
-    accuracy : wanted of the leakage, as a share: the run then chooses what the case leaves open, see `runs.attempts`.
+    accuracy : wanted of the leakage, as a fraction: the run then chooses what the case leaves open, see
+    `refinement.refine_to_accuracy`.
     time_limit : of its attempts together [s]. memory : that a run may take [byte]; what is free on the machine unless
     given. It changes no results without `accuracy`.
     """
@@ -82,7 +82,7 @@ class Case(Table):
     @model_validator(mode="before")
     @classmethod
     def _open(cls, data: Any) -> Any:
-        return with_what_is_open(data)
+        return _with_what_is_open(data)
 
     @model_validator(mode="after")
     def _complete(self) -> Case:
@@ -125,7 +125,7 @@ class Case(Table):
         return self
 
     def _check_output(self) -> None:
-        """Raise a fault if the unit or a class of leakage is not for the fluid by which it is told."""
+        """Raise a fault if the unit or a class of leakage does not go with the fluid that it is of."""
         output = self.output
         basis = leak_basis(self.fluid.fluid, 1.0)
         if output.unit is not None and (lack := basis.lacks(output.unit)):
@@ -208,6 +208,23 @@ class Case(Table):
     def echo(self) -> dict[str, Any]:
         """The case in SI, as plain data."""
         return self.model_dump(mode="json", exclude_none=True)
+
+
+def _with_what_is_open(data: Any) -> Any:
+    """The tables of a case; one with `accuracy` and no method gets the method that its tables call for.
+
+    It is "stochastic" if seals are to be drawn: with a table for it, or a shape with a length of its own, which takes
+    windows under a uniform pressure. Else it is "auto".
+    """
+    if not isinstance(data, dict) or data.get("accuracy") is None:
+        return data
+    seal = data.get("seal")
+    shaped = isinstance(seal, dict) and seal.get("kind", "rectangular") != "rectangular"
+    drawn = data.get("stochastic")
+    if shaped and data.get("method", "stochastic") == "stochastic" and isinstance(drawn, dict | None):
+        drawn = {"pressure": "uniform"} | (drawn or {})
+    found = {**data, "method": data.get("method", "auto" if drawn is None else "stochastic")}
+    return found if drawn is None else found | {"stochastic": drawn}
 
 
 def load_case(path: str | PathLike[str]) -> Case:

@@ -1,12 +1,9 @@
-"""Tables of a case file except those of faces, load and seal: solids, contact, flow, fluid, windows, draws, output.
-
-Fluids are not named here: whatever is registered in `fluids.FLUIDS` has a table, with a key for each of its parameters.
-"""
+"""Tables of a case file except those of faces, load, fluid and seal: solids, contact, flow, windows, draws, output."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, WithJsonSchema, model_validator
 from pydantic_core import PydanticCustomError
@@ -18,13 +15,12 @@ from ..base.quantities import to_text
 from ..contact import ContactLaw, LinearHardening, PerfectlyPlastic
 from ..flow import DISCRETISATIONS, SOLVERS
 from ..flow.discretisation import check_discretisation
-from ..fluids import FLUIDS, Fluid
 from ..materials import Solid
 from ..results.paraview import FORMATS
 from ..results.pixel_fields import LIMIT
-from ..studies import CONTACTS, DRAWS, FLOWS, PRESSURES, FluidState
+from ..studies import CONTACTS, DRAWS, FLOWS, PRESSURES
 from .faults import fault
-from .registered_tables import table_of_any
+from .fluid import AnyFluid
 from .values import (
     Count,
     FileSize,
@@ -33,7 +29,6 @@ from .values import (
     Lengths,
     Modulus,
     Poisson,
-    Pressure,
     Ratio,
     Table,
     Temperature,
@@ -95,37 +90,6 @@ class FlowTable(Table):
         return self
 
 
-class FluidTable(Table):
-    """A fluid, with a key for each of its parameters, and its pressures at both ends."""
-
-    if TYPE_CHECKING:
-        kind: str
-        inlet_pressure: float
-        outlet_pressure: float
-        name: str | None
-
-    @property
-    def fluid(self) -> Fluid:
-        """The fluid."""
-        return FLUIDS[self.kind](**self.model_dump(exclude={"kind", "inlet_pressure", "outlet_pressure", "name"}))
-
-    @property
-    def state(self) -> FluidState:
-        """The fluid with its pressures."""
-        return FluidState(self.fluid, self.inlet_pressure, self.outlet_pressure)
-
-
-def _state(fluid: Any) -> dict[str, Any]:
-    pressures = {"inlet_pressure": (Pressure, ...), "outlet_pressure": (Pressure, fluid.outlet_pressure)}
-    return {**pressures, "name": (Annotated[str | None, Field(max_length=60)], None)}
-
-
-if TYPE_CHECKING:
-    AnyFluid = FluidTable
-else:
-    AnyFluid = table_of_any(FLUIDS, FluidTable, _state)
-
-
 class CellsTable(Table):
     """Windows of the two-scale and stochastic methods: their number, or about their size; their contact and flow.
 
@@ -181,24 +145,25 @@ def _leak_unit_name(value: Any) -> str:
     try:
         return leak_unit(value).name
     except InputError as error:
-        raise PydanticCustomError("name", "{allowed}", {"allowed": error.expected}) from None
+        raise PydanticCustomError("name", "{expected}", {"expected": error.expected}) from None
 
 
 def _class_name(value: Any) -> str:
     try:
         leak_classes([value])
     except InputError as error:
-        raise PydanticCustomError("name", "{allowed}", {"allowed": error.expected}) from None
+        raise PydanticCustomError("name", "{expected}", {"expected": error.expected}) from None
     return str(value)
 
 
 class OutputTable(Table):
-    """Optional contents of the results folder, see `report.write_folder`, and how leakage is told.
+    """Optional contents of the results folder, see `report.write_folder`, and how leakage is given.
 
-    pictures, report, fields : whether they are written; a run without pictures has no report either, unless told so.
-    leakage_unit : of tables, pictures and report. throughput_temperature : at which pressure × volume of gases is told.
-    classes : leakage classes judged at every step, see `base.leak_classes`. nominal_diameter : which some need.
-    test_fluid : of a leak test, whose leakage stands beside; classes are judged by it.
+    pictures, report, fields : whether they are written; a run without pictures has no report either, unless it is
+    asked for.
+    leakage_unit : of tables, pictures and report. throughput_temperature : of the pressure × volume of gases.
+    classes : leakage classes checked at every step, see `base.leak_classes`. nominal_diameter : which some need.
+    test_fluid : of a leak test, whose leakage stands beside; classes are checked with it.
     budget : the error of every leakage, source by source, see `budget.error_budget`.
     """
 
@@ -237,14 +202,14 @@ class OutputTable(Table):
 
     @property
     def description(self) -> str:
-        """How leakage is told, in words; "" where nothing is asked for."""
-        words = [] if self.leakage_unit is None else [f"in {self.leakage_unit}"]
+        """How leakage is given, as text; "" where nothing is asked for."""
+        parts = [] if self.leakage_unit is None else [f"in {self.leakage_unit}"]
         if classes := ", ".join(c.name for c in leak_classes(self.classes)):
-            words.append(f"classes {classes}{'' if self.test_fluid is None else ' judged by the test fluid'}")
+            parts.append(f"classes {classes}{'' if self.test_fluid is None else ' judged by the test fluid'}")
         if self.test_fluid is not None:
             ends = (to_text(p, "Pa") for p in (self.test_fluid.inlet_pressure, self.test_fluid.outlet_pressure))
-            words.append(f"test fluid {self.test_fluid.kind} from {' to '.join(ends)}")
-        return "; ".join(words)
+            parts.append(f"test fluid {self.test_fluid.kind} from {' to '.join(ends)}")
+        return "; ".join(parts)
 
     @property
     def unit(self) -> LeakUnit | None:

@@ -1,4 +1,4 @@
-"""Faults that pydantic finds in a case, one line for each: the key, what was given, what is allowed."""
+"""Faults that pydantic finds in a case, one line for each: the key, what was given, what is expected."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from ..base.errors import InputError, shortened, shown
 
 #: Longest key of a user in a message, in characters.
 _LONGEST_KEY = 40
-#: Longest message about keys together; of a longer one the end is left out, such as that of a list of what is allowed.
+#: Longest message about keys together; of a longer one the end is left out, such as that of a list of what is expected.
 _LONGEST_FAULT = 400
 #: Fields of a case that are no keys of its file.
 INTERNAL = ("folder", "fluid_warnings")
 #: What took the place of keys that are gone.
 _REPLACED = {"stochastic.profile": 'map = { kind = "profile", shares = [...] } in the table load, in its place'}
-#: What pydantic's words for values of another type are in those of the file.
-_IN_WORDS_OF_TOML = {
+#: What pydantic expects of a value of another type, as a user of TOML says it.
+_IN_TOML = {
     "tuple_type": "a list in square brackets",
     "list_type": "a list in square brackets",
     "model_type": "a table",
@@ -63,8 +63,8 @@ def _fault(case: type[BaseModel], error: dict[str, Any]) -> InputError:
     if kind in ("union_tag_invalid", "union_tag_not_found"):
         given = given.get("kind") if isinstance(given, dict) else given
         return InputError(f"{key}.kind", shown(given), f"one of {', '.join(map(repr, map(_kind, tables)))}")
-    if kind in _IN_WORDS_OF_TOML:
-        return InputError(key, shown(given), _IN_WORDS_OF_TOML[kind])
+    if kind in _IN_TOML:
+        return InputError(key, shown(given), _IN_TOML[kind])
     if kind == "input":  # a fault between keys names them
         what, given, expected = (error["ctx"][name] for name in ("what", "given", "expected"))
         longest = _LONGEST_FAULT - len(what) - len(given)

@@ -57,7 +57,7 @@ def _load(value: Any) -> Amount:
         PydanticCustomError
     ) as error:  # as of a pressure, such as with a decimal comma, but where the unit is unknown
         known = not str(error).startswith("text with a number and a unit of the kind")
-        raise error if known else PydanticCustomError("quantity", "{allowed}", {"allowed": _ALLOWED}) from None
+        raise error if known else PydanticCustomError("quantity", "{expected}", {"expected": _ALLOWED}) from None
 
 
 #: A pressure or force; in the echo of a case a number of pressure or a text of force.

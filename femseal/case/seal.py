@@ -54,15 +54,15 @@ def _lay(value: Any) -> Any:
     try:
         lay = Lay.of(value)
     except InputError as error:
-        raise PydanticCustomError("lay", "{allowed}", {"allowed": error.expected}) from None
+        raise PydanticCustomError("lay", "{expected}", {"expected": error.expected}) from None
     return {"angle": lay.angle} if lay.angle is not None else value
 
 
 def _names(value: Any) -> Any:
     given = [value] if isinstance(value, str) else value
     if not isinstance(given, (list, tuple)) or not given or not all(isinstance(n, str) and n for n in given):
-        allowed = "the name of a boundary, or a list of names"
-        raise PydanticCustomError("names", "{allowed}", {"allowed": allowed})
+        expected = "the name of a boundary, or a list of names"
+        raise PydanticCustomError("names", "{expected}", {"expected": expected})
     return value if isinstance(value, str) else tuple(value)
 
 
@@ -83,7 +83,7 @@ def with_inlet_pressure(data: Any) -> Any:
     try:
         highest = max(to_si(p, "Pa") for p in inlets.values())
     except (InputError, ValueError):
-        highest = STANDARD_PRESSURE  # that fault is told with its key
+        highest = STANDARD_PRESSURE  # that fault is reported with its key
     return {**data, "fluid": {**fluid, "inlet_pressure": f"{highest!r} Pa"}}
 
 
@@ -92,8 +92,8 @@ def _length_unit(value: Any) -> str:
         if not isinstance(value, str) or not to_si(f"1 {value}", "m") > 0:
             raise ValueError
     except ValueError:
-        allowed = "a unit of length, such as 'mm'"
-        raise PydanticCustomError("unit", "{allowed}", {"allowed": allowed}) from None
+        expected = "a unit of length, such as 'mm'"
+        raise PydanticCustomError("unit", "{expected}", {"expected": expected}) from None
     return value
 
 

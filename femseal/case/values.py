@@ -33,20 +33,20 @@ class Quantity:
 
     unit: str
     test: Callable[[float], bool]
-    allowed: str
+    expected: str
 
     def read(self, value: Any) -> float:
         """The value in SI; PydanticCustomError where it cannot be used."""
         try:
             number = to_si(value, self.unit)
         except InputError as error:
-            context = {"allowed": error.expected}
-            raise PydanticCustomError("quantity", "{allowed}", context) from None
+            context = {"expected": error.expected}
+            raise PydanticCustomError("quantity", "{expected}", context) from None
         if not self.test(number):
-            raise PydanticCustomError("quantity", "{allowed}", {"allowed": self.allowed})
+            raise PydanticCustomError("quantity", "{expected}", {"expected": self.expected})
         if number and not 1 / _LARGEST <= abs(number) <= _LARGEST:
-            allowed = f"{self.allowed}, from {1 / _LARGEST:g} to {_LARGEST:g} {self.unit}".rstrip()
-            raise PydanticCustomError("quantity", "{allowed}", {"allowed": allowed})
+            expected = f"{self.expected}, from {1 / _LARGEST:g} to {_LARGEST:g} {self.unit}".rstrip()
+            raise PydanticCustomError("quantity", "{expected}", {"expected": expected})
         return number
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> Any:
@@ -54,8 +54,8 @@ class Quantity:
 
     def __get_pydantic_json_schema__(self, core: Any, handler: GetJsonSchemaHandler) -> dict[str, Any]:
         if self.unit:
-            return quantity_schema(self.allowed)
-        return {"type": ["number", "string"], "description": self.allowed}
+            return quantity_schema(self.expected)
+        return {"type": ["number", "string"], "description": self.expected}
 
 
 def quantity_schema(described: str) -> dict[str, Any]:
@@ -75,18 +75,18 @@ class OneOrMore(Quantity):
         numbers = tuple(super(OneOrMore, self).read(each) for each in value)
         if not numbers or len({*numbers}) < len(numbers):
             raise PydanticCustomError(
-                "quantity", "{allowed}", {"allowed": f"{self.allowed}, or a list of some that differ"}
+                "quantity", "{expected}", {"expected": f"{self.expected}, or a list of some that differ"}
             )
         return numbers
 
     def __get_pydantic_json_schema__(self, core: Any, handler: GetJsonSchemaHandler) -> dict[str, Any]:
         one = super().__get_pydantic_json_schema__(core, handler)
-        return {"anyOf": [one, {"type": "array", "items": one, "minItems": 1}], "description": self.allowed}
+        return {"anyOf": [one, {"type": "array", "items": one, "minItems": 1}], "description": self.expected}
 
 
 def _known(value: Any, names: tuple[str, ...]) -> str:
     if value not in names:
-        raise PydanticCustomError("name", "{allowed}", {"allowed": f"one of {', '.join(names)}"})
+        raise PydanticCustomError("name", "{expected}", {"expected": f"one of {', '.join(names)}"})
     return str(value)
 
 
@@ -98,7 +98,7 @@ def one_of(names: Iterable[str]) -> tuple[BeforeValidator, WithJsonSchema]:
 
 def _threshold(value: Any) -> float:
     if isinstance(value, bool) or not isinstance(value, (int, float)) or not value > 0:
-        raise PydanticCustomError("threshold", "{allowed}", {"allowed": "a number > 0; inf leaves all points"})
+        raise PydanticCustomError("threshold", "{expected}", {"expected": "a number > 0; inf leaves all points"})
     return float(value)
 
 
@@ -106,11 +106,11 @@ def _channel(value: Any) -> int | str:
     if isinstance(value, str) and value:
         return value
     if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value <= _MOST:
-        raise PydanticCustomError("channel", "{allowed}", {"allowed": "the number of a channel, from 0, or its name"})
+        raise PydanticCustomError("channel", "{expected}", {"expected": "the number of a channel, from 0, or its name"})
     return value
 
 
-_ACCURACY_ALLOWED = "a share above 0 and below 1, such as '10 %'"
+_ACCURACY_EXPECTED = "a share above 0 and below 1, such as '10 %'"
 
 
 def _accuracy(value: Any) -> float:
@@ -119,7 +119,7 @@ def _accuracy(value: Any) -> float:
     except InputError:
         share = -1.0
     if isinstance(value, bool) or not 0 < share < 1:
-        raise PydanticCustomError("accuracy", "{allowed}", {"allowed": _ACCURACY_ALLOWED})
+        raise PydanticCustomError("accuracy", "{expected}", {"expected": _ACCURACY_EXPECTED})
     return share
 
 
@@ -149,7 +149,7 @@ Duration = Annotated[float, Quantity("s", _positive, "a time > 0, such as '30 mi
 Accuracy = Annotated[
     float,
     BeforeValidator(_accuracy),
-    WithJsonSchema({"type": ["number", "string"], "description": _ACCURACY_ALLOWED}),
+    WithJsonSchema({"type": ["number", "string"], "description": _ACCURACY_EXPECTED}),
 ]
 Shift = Annotated[float, Quantity("m", lambda x: True, "a length, such as '-20 um'")]
 Place = Annotated[float, Quantity("m", _not_negative, "a length >= 0, such as '0.1 mm'")]
@@ -161,7 +161,7 @@ Channel = Annotated[
 ]
 Threshold = Annotated[float, BeforeValidator(_threshold), WithJsonSchema({"type": "number", "exclusiveMinimum": 0})]
 Count = Annotated[int, Field(strict=True, ge=1, le=_MOST)]
-#: A whole number that is told apart and not counted, such as a seed.
+#: A whole number that names and does not count, such as a seed.
 Number = Annotated[int, Field(strict=True, ge=0, lt=2**63)]
 
 

@@ -214,6 +214,7 @@ def _turned(
     fraction: float,
     how: str,
 ) -> TurnedFace:
+    """Factor of the leakage, and what the class takes, with the face turned by 90°."""
     ratio = ratio_of(seals, other, factor, place[1], fraction)
     limit = next((need.limit for need in needs if need.name == place[0]), None)
     if limit is None:
@@ -233,6 +234,7 @@ def _yields(results: Results) -> bool:
 
 
 def _notes(seals: Seals, fraction: float, results: Results) -> list[str]:
+    """What to keep in mind of few seals, no unloading, warnings and failures."""
     notes = []
     tail = min(fraction, 1 - fraction)
     if seals.count == 1:

@@ -56,7 +56,7 @@ def sheet_tables(answer: DesignData) -> list[TextTable]:
 
 
 def _service_text(needed: NeededPressure) -> str:
-    return "not reached at Q_A" if needed.relation == ">" else needed.text()
+    return "not met at Q_A" if needed.relation == ">" else needed.text()
 
 
 def _size(one: Sensitivity) -> float:

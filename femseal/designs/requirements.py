@@ -101,6 +101,7 @@ def sealing_load(seals: Seals, fraction: float) -> NeededPressure:
 
 
 def _needed(seals: Seals, of: Callable[[Seals], Array], steps: Index, fraction: float) -> NeededPressure:
+    """The pressure that a fraction of the seals needs, with its interval over seals that are drawn again."""
     each = of(seals)
     again = [pressure_for(of(some), fraction) for _, some in seals.drawn_again()]
     low, high = (pressure_for(np.array(again), end) if again else np.nan for end in ENDS)

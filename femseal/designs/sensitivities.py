@@ -115,6 +115,7 @@ def _values(seals: Seals, variants: Variants, pressure: float, fraction: float) 
 
 
 def _slopes(seals: Seals, variants: Variants, pressure: float, fraction: float) -> list[tuple[str, float, str]]:
+    """Every quantity with its slope d ln L/d ln x at a pressure, and how it was found."""
     load = slope_at(seals, pressure, fraction)
 
     def solved(variant: Seals | None, factor: float, quantity: str) -> tuple[float, str]:

@@ -57,8 +57,8 @@ def resumable(output: Path, identity: dict[str, Any]) -> bool:
         return False
     except (OSError, ValueError, RecursionError) as error:
         given = f"'{path}', which cannot be read ({error})"
-        allowed = f"an intact checkpoint; remove '{path.parent}' to start anew"
-        raise InputError("resume", given, allowed) from None
+        expected = f"an intact checkpoint; remove '{path.parent}' to start anew"
+        raise InputError("resume", given, expected) from None
     old, new = _flat(former), _flat(_plain(identity))
     changed = [key for key in {**old, **new} if old.get(key) != new.get(key)]
     if changed:
@@ -77,8 +77,8 @@ def refuse_unfinished(output: Path) -> None:
     kept = len(list(_folder(output).glob(f"*{SUFFIX}")))
     if kept:
         given = f"'{output}', which holds {kept} parts of an unfinished run"
-        allowed = f"--resume to go on; another folder, or none of '{output / FOLDER}', to start anew"
-        raise InputError("output", given, allowed)
+        expected = f"--resume to go on; another folder, or none of '{output / FOLDER}', to start anew"
+        raise InputError("output", given, expected)
 
 
 def remove(output: Path) -> None:

@@ -82,14 +82,15 @@ def _connected(scheduler: str) -> Any:
             _await_worker(client)
             there = client.run(numerical_versions)
         except Exception as error:  # any error is possible if another service answers
-            allowed = f"the address of a running scheduler with workers that have femseal ({str(error) or 'no answer'})"
-            raise InputError("scheduler", f"'{scheduler}'", allowed) from None
+            reason = str(error) or "no answer"
+            expected = f"the address of a running scheduler with workers that have femseal ({reason})"
+            raise InputError("scheduler", f"'{scheduler}'", expected) from None
         here = numerical_versions()
         for worker, found in there.items():
             if found != here:
                 other = ", ".join(f"{n} {found.get(n)} instead of {v}" for n, v in here.items() if found.get(n) != v)
-                allowed = "workers with the versions of this process: else results would depend on who computes them"
-                raise InputError("scheduler", f"'{scheduler}' whose worker {worker} has {other}", allowed)
+                expected = "workers with the versions of this process: else results would depend on who computes them"
+                raise InputError("scheduler", f"'{scheduler}' whose worker {worker} has {other}", expected)
         stack.pop_all()
     return client
 

@@ -1,4 +1,4 @@
-"""One run under way: where its stages are computed, who is told of progress, and how long each took."""
+"""One run under way: where its stages are computed, who is informed of progress, and how long each took."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ LOG_SECONDS = 60.0
 
 
 def no_progress(stage: str, done: int, total: int | None) -> None:
-    """Progress that nobody is told of."""
+    """Progress that nobody watches."""
 
 
 @dataclass(eq=False)
 class Run:
     """A run under way.
 
-    mapper : computes its stages. progress : is told of them. timings : wall times by name [s]: of what `timed` names,
-    and of every stage in it.
+    mapper : computes its stages. progress : is called with their progress, see `Progress`. timings : wall times by
+    name [s]: of what `timed` names, and of every stage in it.
     """
 
     mapper: Mapper = map
@@ -54,7 +54,7 @@ class Run:
         return found
 
     def _watching(self, part: str) -> Mapper:
-        """The mapper, but it tells the progress of each stage and sums their wall times."""
+        """The mapper, but it reports the progress of each stage and sums their wall times."""
 
         def mapping(stage: Stage, *iterables: Iterable[Any]) -> Iterator[Any]:
             total = min((len(i) for i in iterables if isinstance(i, Sized)), default=None)

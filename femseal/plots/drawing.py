@@ -53,6 +53,7 @@ def new_figure(width: float, height: float) -> Figure:
 
 @cache
 def _figure_class() -> type[Figure]:
+    """The class of figures that notebooks show; matplotlib is loaded when it is needed."""
     from matplotlib.figure import Figure
 
     class NotebookFigure(Figure):

@@ -178,6 +178,7 @@ def survey_figure(
 def _map_panel(
     axes: Axes, measured: Topography, spikes: NDArray[np.bool_], part: tuple[float, float, float, float] | None
 ) -> None:
+    """Map of the heights, with marks at spikes and a frame around the part that is described."""
     from matplotlib.patches import Rectangle
 
     notes = []
@@ -202,6 +203,7 @@ def _map_panel(
 
 
 def _histogram_panel(axes: Axes, measured: Topography) -> None:
+    """Probability density of the heights, log scale, beside the normal one of the same Sq."""
     axes.set(xlabel="height [µm]", ylabel="probability density [1/µm]")
     axes.set_title("heights", fontsize=9.5)
     z = measured.heights[~np.isnan(measured.heights)] * 1e6
@@ -219,6 +221,7 @@ def _histogram_panel(axes: Axes, measured: Topography) -> None:
 
 
 def _radial_panel(axes: Axes, flat: Topography, report: SurfaceReport, conditioning: Conditioning | None) -> None:
+    """Spectral density averaged over directions, with noise, power law, and the shortest waves."""
     q, density = flat.radial_psd()
     shown = (q > 0) & (density > density.max(initial=0.0) * 1e-14)
     axes.loglog(q[shown], density[shown], color=GREY, lw=1.0)

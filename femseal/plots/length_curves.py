@@ -37,6 +37,7 @@ def lengths_figure(results: RunData) -> Figure:
 
 
 def _lengths_panel(axes: Axes, results: RunData) -> None:
+    """Median and bands over the length, a line for each of a few load steps."""
     data = results.dataset
     lengths, steps = data["seal_length"].values, seal_lengths.length_steps(results)
     order = np.argsort(lengths)

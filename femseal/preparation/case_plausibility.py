@@ -13,10 +13,11 @@ from ..topography import MOST_POINTS, Conditioning, resolving_shape
 if TYPE_CHECKING:
     from ..case.case import Case
 
-#: Share of the rms slope from which on it is told that the low-pass removes it: by itself, and where the grid of a
-#: measured face is limited for its cost. Measured: with 49 % of it gone a turned face leaks 10 to 700 times less.
+#: Fraction of the rms slope from which on a case is warned that the low-pass removes it: by itself, and where the
+#: grid of a measured face is limited for its cost. Measured: with 49 % of it gone a turned face leaks 10 to 700 times
+#: less.
 _LOST_SLOPE, _LOST_TO_COST = 0.1, 0.02
-#: Share of the rms slope from which on it is told that it is of noise.
+#: Fraction of the rms slope from which on a case is warned that it is of noise.
 _NOISE_SLOPE = 0.25
 
 

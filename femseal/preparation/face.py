@@ -12,7 +12,7 @@ import numpy as np
 
 from ..base.errors import InputError
 from ..base.quantities import to_text
-from ..case.argument_names import FACE_KEYS, SURFACE_KEYS, in_words_of
+from ..case.argument_names import FACE_KEYS, SURFACE_KEYS, with_keys
 from ..case.case import Case
 from ..case.faces import FileFace
 from ..topography import (
@@ -60,7 +60,7 @@ def conditioned_face(case: Case) -> ConditionedFace:
         if not isinstance(table, FileFace):
             check_memory_of_points(f"{place}.points", table.points)
     raw, separately, overlap, spikes = _combined_faces(case)
-    with in_words_of(SURFACE_KEYS), _in_the_whole_map(case.face[0]):
+    with with_keys(SURFACE_KEYS), _in_the_whole_map(case.face[0]):
         flat, repaired = repair(raw, spikes=spikes, **_treatment(case))
     shape = _grid(case, flat)
     wave = case.surface.shortest_wave or default_wave(flat, shape)
@@ -70,7 +70,7 @@ def conditioned_face(case: Case) -> ConditionedFace:
         shape = (next_multiple(shape[0], cells[0]), next_multiple(shape[1], cells[1]))
         check_memory_of_points("cells", shape)
         Partition(shape, flat.spacing, cells)  # refuses windows of too few pixels
-    with in_words_of(SURFACE_KEYS):
+    with with_keys(SURFACE_KEYS):
         surface, report = smooth(flat, repaired, shortest_wavelength=wave, shape=shape)
     report = _of_generated(case, flat, replace(report, **_found(separately, wave)))
     return ConditionedFace(surface, report, overlap, cells)
@@ -91,15 +91,15 @@ def _combined_faces(case: Case) -> tuple[Topography, list[tuple[Topography, Repa
     faces = []
     for place, table, seed in zip(face_places(case), case.face, seeds, strict=True):
         of_file = isinstance(table, FileFace)
-        words = {key: f"{place}.{key}" for key in ("crop", "mask", "file_mask")} if of_file else FACE_KEYS
-        with in_words_of(words, "" if of_file else place):
+        keys = {key: f"{place}.{key}" for key in ("crop", "mask", "file_mask")} if of_file else FACE_KEYS
+        with with_keys(keys, "" if of_file else place):
             faces.append(table.make(case.folder, np.random.default_rng(seed)))
     thresholds = [case.surface.spikes if isinstance(table, FileFace) else inf for table in case.face]
     if len(faces) == 1:
         return faces[0], [], None, thresholds[0]
     repaired = []
     for place, table, face, most in zip(face_places(case), case.face, faces, thresholds, strict=True):
-        with in_words_of(SURFACE_KEYS, place), _in_the_whole_map(table):
+        with with_keys(SURFACE_KEYS, place), _in_the_whole_map(table):
             repaired.append(repair(face, spikes=most, **_treatment(case)))
     first, second = (face for face, _ in repaired)
     table = case.face[1]
@@ -156,7 +156,7 @@ def _grid(case: Case, flat: Topography) -> tuple[int, int]:
 
 
 def default_grid(flat: Topography, shortest_wave: float | None) -> tuple[int, int]:
-    """Points on which a measured face is solved unless told otherwise, see `topography.resolving_shape`.
+    """Points on which a measured face is solved unless the case says otherwise, see `topography.resolving_shape`.
 
     Parameters
     ----------
@@ -190,8 +190,8 @@ def _cell_count(case: Case, face: tuple[float, float], wave: float) -> Pair | No
     if case.cells is not None and case.cells.size is not None:
         size, shorter = case.cells.size, min(face)
         if size > shorter * (1 + 1e-9):
-            allowed = f"at most the shorter side of the face, {to_text(shorter, 'm')}"
-            raise InputError("cells.size", to_text(size, "m"), allowed)
+            expected = f"at most the shorter side of the face, {to_text(shorter, 'm')}"
+            raise InputError("cells.size", to_text(size, "m"), expected)
     else:  # eight shortest waves: shorter windows cut off more paths than two scales save
         size = 8 * wave
     m1, m2 = (max(1, round(length / size)) for length in face)

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from ..base.errors import InputError
 from ..base.quantities import to_text
-from ..case.argument_names import MAP_TABLES, SEAL_TABLES, in_tables_of
+from ..case.argument_names import MAP_TABLES, SEAL_TABLES, with_tables
 from ..case.case import Case
 from ..case.case_tables import StochasticTable
 from ..seal.layouts import SealWindows
@@ -72,7 +72,7 @@ def _seals(
     if case.stochastic is None or "stochastic" not in case.methods:
         return None, ()
     sampling = _sampling(case, case.stochastic, window[1])
-    with in_tables_of(SEAL_TABLES):
+    with with_tables(SEAL_TABLES):
         check_sampling(sampling)
         return sampling, lay_out_windows(case.layout, partition, sampling)
 
@@ -152,13 +152,13 @@ def _under_map(
 ) -> tuple[Sampling, tuple[str, ...]]:
     """The sampling with the map of the pressure over the seal, and what is not plausible in it."""
     breadth, length = _seal_size(scene.surface, sampling, seals)
-    with in_tables_of(MAP_TABLES):
+    with with_tables(MAP_TABLES):
         sampling = replace(sampling, pressure_map=case.load.pressure_map(case.folder, breadth * length, length))
         check_sampling(sampling)
     paths = most_paths(sampling.pressure_map)
     for laid in seals:
         check_memory_of_draws(len(scene.steps), laid.draws[0], sampling.realisations, sampling.library_cells, paths)
-    with in_tables_of(MAP_TABLES):
+    with with_tables(MAP_TABLES):
         return sampling, (*seals[0].warnings, *check_map(scene, seals[0], sampling.pressure_map))
 
 

@@ -13,7 +13,7 @@ from typing import Any
 from ..base import validate
 from ..base.errors import InputError
 from ..base.quantities import to_si, to_text
-from ..case.argument_names import in_words_of
+from ..case.argument_names import with_keys
 from ..plots import survey_figure
 from ..topography import (
     Conditioning,
@@ -89,7 +89,7 @@ def survey(
     }
     wave = None if shortest_wave is None else to_si(shortest_wave, "m", "--shortest-wave")
     treatment: dict[str, Any] = {"detrend": detrend, "spikes": spikes, "max_undefined": max_undefined}
-    with in_words_of(SURFACE_OPTIONS):
+    with with_keys(SURFACE_OPTIONS):
         validate.number("max_undefined", max_undefined, inclusive=True)
         number = int(channel) if channel.isdecimal() else channel
         seen = read_for_a_look(path, channel=number, **lengths, **reading)
@@ -133,7 +133,7 @@ def _look(face: Topography, wave: float | None, treatment: dict[str, Any]) -> _L
             face = face.crop_to(part)
         report = describe_surface(face, **treatment | {"max_undefined": 1.0})
     try:
-        with in_words_of(SURFACE_OPTIONS):
+        with with_keys(SURFACE_OPTIONS):
             flat, repaired = repair(face, **treatment)
             _, conditioning = smooth(flat, repaired, shortest_wavelength=wave, shape=default_grid(flat, wave))
     except InputError as error:

@@ -91,13 +91,13 @@ def _name(report: AccuracyReport, variant: Variant) -> str:
 def _legend(report: AccuracyReport) -> list[Any]:
     from matplotlib.lines import Line2D
 
-    words = {
+    labels = {
         "deterministic": "deterministic: points",
         "two-scale": "two-scale: cells",
         "stochastic": "stochastic: cells in the library",
     }
     drawn = dict.fromkeys(s.variant.method for s in report.solutions[1:])
-    handles = [Line2D([], [], ls="", color=_METHODS[m][0], marker=_METHODS[m][1], ms=7, label=words[m]) for m in drawn]
+    handles = [Line2D([], [], ls="", color=_METHODS[m][0], marker=_METHODS[m][1], ms=7, label=labels[m]) for m in drawn]
     if "stochastic" in drawn and report.plan.companion is not None:
         colour, marker = _METHODS["stochastic"]
         label = f"open: against {report.plan.companion.short}"

@@ -81,7 +81,7 @@ class Plan:
 
     @property
     def accuracy(self) -> float:
-        """Wanted of a setting that is recommended: that of the case, as a share."""
+        """Wanted of a setting that is recommended: that of the case, as a fraction."""
         return DEFAULT_ACCURACY if self.case.accuracy is None else self.case.accuracy
 
     @property
@@ -148,8 +148,8 @@ def make_plan(case: Case, *, limit: float, memory: float) -> Plan:
     references = [v for v in variants if _may_be_reference(prepared, v)]
     if not references:
         given = f"{duration(limit)} and {to_text(memory, 'B', 3)}"
-        allowed = "; ".join(f"enough for {v.label}, {e}" for v, e in unaffordable if _may_be_reference(prepared, v))
-        raise InputError("limit, memory", given, allowed)
+        expected = "; ".join(f"enough for {v.label}, {e}" for v, e in unaffordable if _may_be_reference(prepared, v))
+        raise InputError("limit, memory", given, expected)
     first = min(references, key=lambda v: (v.cells is not None, -_count(v.cells)))
     order = sorted(range(len(variants)), key=lambda n: variants[n] != first)
     base = [v for v in references if v.cells is not None and v.cells == prepared.cells]
@@ -195,10 +195,10 @@ def _candidates(prepared: Prepared) -> Iterator[tuple[Variant | str, str]]:
         return
     for grid in grids:
         yield Variant("two-scale", grid, cells), _window_fault(prepared, grid, cells)
-    for ratio, words in ((0.5, "half"), (2.0, "double")):
+    for ratio, name in ((0.5, "half"), (2.0, "double")):
         other = _scaled_cells(points, cells, ratio)
         if other is None:
-            yield f"two-scale, {words} the {by(cells)} cells", f"no such divisors of {by(points)} points"
+            yield f"two-scale, {name} the {by(cells)} cells", f"no such divisors of {by(points)} points"
         else:
             yield Variant("two-scale", points, other), _window_fault(prepared, points, other)
     if sampling is None:

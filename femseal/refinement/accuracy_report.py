@@ -17,13 +17,13 @@ from ..base.files import made_folder, replacing, write_text
 from ..base.provenance import versions
 from ..base.quantities import to_text
 from ..base.text import comma_separated
+from ..base.text_table import TextTable
 from ..budget import ErrorBudget, WidestBand, widest_band
 from ..studies.curve_distance import FLOOR, LeakageFactor
 from .accuracy_plan import Plan, Variant, by
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-    from rich.table import Table
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ class Solution:
         return None if self.budget is None else widest_band(self.budget)
 
     def is_within(self, accuracy: float) -> bool:
-        """Whether measured error and budget are within an accuracy, a share, and nothing is closed or failed."""
+        """Whether measured error and budget are within an accuracy, a fraction, and nothing is closed or failed."""
         found, first = self.widest_band, self.comparisons[0]
         if found is None or not found.half_width <= np.log1p(accuracy):
             return False
@@ -94,7 +94,7 @@ class AccuracyReport:
 
     @property
     def advice(self) -> str:
-        """The recommended solution in words, and how it was found."""
+        """The recommended solution as text, and how it was found."""
         wanted = f"{100 * self.plan.accuracy:.3g} %"
         if (best := self.recommended) is None:
             return f"no solution has both its measured error and its budget within {wanted}"
@@ -164,44 +164,38 @@ class AccuracyReport:
         }
         return json.dumps(found, ensure_ascii=False, indent=1, allow_nan=False) + "\n"
 
-    def table(self) -> Table:
+    def table(self) -> TextTable:
         """The table for a terminal of 80 columns, for `rich.print`; each method has a line of its own."""
-        from rich.box import SIMPLE_HEAD
-        from rich.table import Table
-
-        table = Table(box=SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
-        table.title = "factors of leakage, exp(rms ln ratio); stochastic: of the median"
-        table.caption = (
-            f"{self.plan.against}\n+1: and one load at which only one of the two is closed\n"
-            f"budget: widest 95 % band of error at a load that leaks, as a factor\n→ {self.advice}"
+        heads = "method", "points", "cells", "library", "time [s]", "against", "loading", "unloading", "budget"
+        lines = []
+        for solution in sorted(self.solutions, key=lambda s: self._methods.index(s.variant.method)):
+            for n, comparison in enumerate(solution.comparisons):
+                own, last = ([""] * 4, ["", ""])
+                if n == 0:
+                    own = _own_cells(solution, "→" if solution is self.recommended else " ")
+                    last = [_budget_text(solution), _closing_text(solution)]
+                itself = comparison.against == solution.variant
+                against = "(reference)" if itself else comparison.against.short
+                factors = (_factor_text(f) for f in (comparison.loading, comparison.unloading))
+                lines.append((solution.variant.method, *own, against, *factors, *last))
+        return TextTable(
+            "factors of leakage, exp(rms ln ratio); stochastic: of the median",
+            (*heads, "closes at"),
+            tuple(lines),
+            grouped=True,
+            wrap=6,
+            notes=(
+                self.plan.against,
+                "+1: and one load at which only one of the two is closed",
+                "budget: widest 95 % band of error at a load that leaks, as a factor",
+                f"→ {self.advice}",
+            ),
         )
-        table.title_justify = table.caption_justify = "left"
-        table.add_column("points")
-        for head in (
-            "cells",
-            "lib-\nrary",
-            "time\n[s]",
-            "against",
-            "loading",
-            "unload-\ning",
-            "bud-\nget",
-            "closes\nat",
-        ):
-            table.add_column(head, justify="left" if head == "against" else "right", no_wrap=True)
-        methods = dict.fromkeys(s.variant.method for s in self.solutions)
-        for method in methods:
-            table.add_row(method, style="bold")
-            for solution in (s for s in self.solutions if s.variant.method == method):
-                for n, comparison in enumerate(solution.comparisons):
-                    own, last = ([""] * 4, ["", ""])
-                    if n == 0:
-                        own = _own_cells(solution, "→" if solution is self.recommended else " ")
-                        last = [_budget_text(solution), _closing_text(solution)]
-                    itself = comparison.against == solution.variant
-                    against = "(reference)" if itself else comparison.against.short
-                    factors = (_factor_text(f) for f in (comparison.loading, comparison.unloading))
-                    table.add_row(*own, against, *factors, *last)
-        return table
+
+    @property
+    def _methods(self) -> list[str]:
+        """Methods in the order of their first solutions."""
+        return list(dict.fromkeys(s.variant.method for s in self.solutions))
 
     def plot(self) -> Figure:
         """Error over time, see `accuracy_figure`."""

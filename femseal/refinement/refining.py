@@ -63,8 +63,8 @@ def refined(case: Case, made: Prepared, settings: Settings, part: str, memory: f
         if less < needed:
             found, needed = Refinement(cheaper, f"{found.text}, two scales with {flow}"), less
     if needed > memory:
-        needs, allowed = (to_text(size, "B", 3) for size in (needed, memory))
-        text = f"{found.text} would take about {needs} of memory, expected {allowed}"
+        needs, expected = (to_text(size, "B", 3) for size in (needed, memory))
+        text = f"{found.text} would take about {needs} of memory, expected {expected}"
         return Refinement(None, text)
     return found
 

@@ -47,6 +47,7 @@ def case_sentences(results: RunData) -> list[str]:
 
 
 def _face_text(face: dict[str, Any]) -> str:
+    """A face of the case, with what it is generated from or how it is placed."""
     kind = str(face.get("kind", "face"))
     if kind == "file":
         return f"a measured face from {face.get('path', 'a file')}{_placement_text(face)}"
@@ -89,6 +90,7 @@ def _surface_text(surface: dict[str, Any]) -> str:
 
 
 def _method_sentences(results: RunData) -> list[str]:
+    """What each method of the run has solved."""
     data, case = results.dataset, results.case
     sentences = []
     if "leakage_deterministic" in data:
@@ -135,6 +137,7 @@ def load_sentences(data: xarray.Dataset, case: dict[str, Any]) -> list[str]:
 
 
 def _load_text(data: xarray.Dataset, given: dict[str, Any]) -> str:
+    """The load steps, their forces, and which of them are interpolated."""
     pressure, peaks = data["nominal_pressure"].values, data["unloaded_from"].values
     up = pressure[np.isnan(peaks)]
     ends = " to ".join(to_text(float(p), "Pa") for p in dict.fromkeys((up.min(), up.max())))

@@ -108,6 +108,7 @@ def scatter_lines(results: RunData) -> Lines:
 
 
 def _comparison(results: RunData, one: str, leakage: Array, other: str, reference: Array) -> Lines:
+    """Lines of a leakage against a reference: the factor between them, on each branch."""
     lines: Lines = []
     steps = results.steps
     for branch in dict.fromkeys(s.branch for s in steps):
@@ -131,7 +132,7 @@ def check_lines(results: RunData) -> Lines:
     data, case = results.dataset, as_chosen(results.case, results.attempts)
     lines: Lines = []
     if (rtol := case.get("contact", {}).get("rtol")) is not None:
-        lines.append(("contact residual", f"≤ {rtol:.0e}", "reached by every contact that is not among the failures"))
+        lines.append(("contact residual", f"≤ {rtol:.0e}", "of every contact that is not among the failures"))
     if "window_pressure" in data:
         nominal = data["nominal_pressure"].values
         carried = data["window_pressure"].values.mean(axis=(1, 2))

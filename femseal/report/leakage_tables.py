@@ -82,7 +82,7 @@ def class_table(results: RunData) -> TextTable | None:
         ("limit", [f"{format_leakage(q, scale)} {unit.name}" if q else "no leakage" for q in limits]),
     ]
     for n, (name, steps) in enumerate(branches_in(data)):
-        head = "reached on loading" if n == 0 else f"kept on {name}"
+        head = "met on loading" if n == 0 else f"kept on {name}"
         columns.append((head, [_span(pressure[steps], each[steps], loading=n == 0) for each in met]))
     fluid = "the test fluid" if "test_leakage" in data else "the fluid"
     seal = "the median seal" if results.method == "median" else "the seal"

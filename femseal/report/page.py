@@ -83,6 +83,7 @@ def report_html(results: Results, drawings: pictures.Drawings | None = None) -> 
 
 
 def _content(results: Results, drawings: pictures.Drawings) -> dict[str, Any]:
+    """What the template of the page takes."""
     data = results.dataset
     content: dict[str, Any] = {
         "title": results.case.get("title") or "Leakage of a metal-to-metal seal",

@@ -78,6 +78,7 @@ def _draw(names: list[str], *, results: Results, surface: Topography | None, gap
 
 
 def _figure(name: str, results: Results, surface: Topography | None, gaps: list[Array]) -> Figure:
+    """Draw the picture of a name."""
     data = results.dataset
     if name == "surface" and surface is not None:
         return heights_figure(surface)
@@ -171,6 +172,7 @@ def map_pictures(results: Results, drawings: Drawings) -> tuple[str, list[Pictur
 
 
 def _window_texts(data: xarray.Dataset, s: int) -> list[tuple[str, str]]:
+    """Alternative texts and captions of the maps of windows."""
     rows, columns = data.sizes["cell1"], data.sizes["cell2"]
     pressure, k = data["window_pressure"].values[s], data["k1"].values[s]
     fluid = data["fluid_pressure"].values[s]
@@ -192,6 +194,7 @@ def _window_texts(data: xarray.Dataset, s: int) -> list[tuple[str, str]]:
 
 
 def _face_texts(data: xarray.Dataset, s: int) -> list[tuple[str, str]]:
+    """Alternative texts and captions of the maps of the face."""
     fluid, pressure, gap = (data[f"face_{name}"].values[s] for name in ("fluid_pressure", "contact_pressure", "gap"))
     blocks = " × ".join(str(data.sizes[f"block{n}"]) for n in (1, 2))
     return [

@@ -97,7 +97,9 @@ def assemble(
     """
     import xarray
 
-    studies = [s for s in (deterministic, two_scale, stochastic) if s is not None]
+    named = {"deterministic": deterministic, "two_scale": two_scale, "stochastic": stochastic}
+    known: dict[str, Any] = {name: study for name, study in named.items() if study is not None}
+    studies = list(known.values())
     if not studies:
         raise InputError("results", "no study", "at least one of deterministic, two_scale, stochastic")
     if any(s.steps != scene.steps for s in studies):
@@ -138,14 +140,9 @@ def assemble(
     counts |= {"library": stochastic.library.counts.by_kind()} if stochastic is not None else {}
     solvers = {
         name: {"systems": study.solvers.by_solver(), "worst_imbalance": study.solvers.worst_imbalance}
-        for name, study in (("deterministic", deterministic), ("two_scale", two_scale), ("stochastic", stochastic))
-        if study is not None
+        for name, study in known.items()
     }
-    equal = {
-        name: study.equal_steps
-        for name, study in (("deterministic", deterministic), ("two_scale", two_scale), ("stochastic", stochastic))
-        if study is not None and study.equal_steps
-    }
+    equal = {name: study.equal_steps for name, study in known.items() if study.equal_steps}
     few = [text] if stochastic is not None and (text := stochastic.too_few(*quantiles)) else []
     of_studies = (text for study in studies for text in study.warnings)
     seal_size = stochastic.seal.size if stochastic is not None else scene.surface.size

@@ -71,6 +71,7 @@ def _frame(values: xarray.DataArray) -> tuple[tuple[float, float], tuple[float, 
 
 
 def _write_npz(path: Path, values: xarray.DataArray, run: RunData, step: int) -> None:
+    """Write an archive of NumPy with the field, its pixel and corner, and the load."""
     pixel, corner = _frame(values)
     load = run.steps[step]
     known: dict[str, Any] = {
@@ -85,6 +86,7 @@ def _write_npz(path: Path, values: xarray.DataArray, run: RunData, step: int) ->
 
 
 def _write_tif(path: Path, values: xarray.DataArray, run: RunData, step: int) -> None:
+    """Write a GeoTIFF in single precision, x1 to the right and x2 up."""
     from PIL import Image, TiffImagePlugin
 
     (d1, d2), (x1, x2) = _frame(values)

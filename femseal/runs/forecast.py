@@ -195,11 +195,11 @@ def refuse_too_large(case: Case, made: Prepared) -> None:
     advice = f"fewer surface.points or load steps{cheaper}"
     if most <= START_MEMORY:
         advice = f"more than the {START_MEMORY / 1e9:g} GB that any run takes before its work"
-    allowed = (
+    expected = (
         f"at most the {most / 1e9:.3g} GB {which}: {advice}; "
         f"or memory = '{np.ceil(needed / 1e8) / 10:g} GB' in the case, to run all the same"
     )
-    raise InputError("memory", given, allowed)
+    raise InputError("memory", given, expected)
 
 
 def _accuracy_lines(case: Case, made: Prepared) -> list[str]:

@@ -273,8 +273,8 @@ def _face_files(case: Case) -> dict[str, str]:
             with (case.folder / path).open("rb") as file:
                 digests[str(path)] = hashlib.file_digest(file, "sha256").hexdigest()
         except OSError as error:
-            allowed = f"a file that can be read ({error.strerror})"
-            raise InputError(key, f"'{path}'", allowed) from None
+            expected = f"a file that can be read ({error.strerror})"
+            raise InputError(key, f"'{path}'", expected) from None
     return digests
 
 

@@ -40,7 +40,7 @@ def pace() -> float:
 def efforts(scene: Scene) -> tuple[Effort, ...]:
     """Effort of every load step, from contacts of the middle of the face at some of the pressures.
 
-    The state that an earlier load left is not followed: unloading takes about as many transforms as loading.
+    The state that an earlier load left is left out: unloading takes about as many transforms as loading.
     """
     surface = scene.surface
     scale = min(1.0, sqrt(PILOT_PIXELS / surface.heights.size))

@@ -165,6 +165,7 @@ def _one(w: Any) -> Any:
 
 
 def _check_elements(mesh: Mesh) -> None:
+    """Refuse nodes that are not finite, and elements that are degenerate, tangled or on each other."""
     undefined = np.flatnonzero(~np.isfinite(mesh.doflocs).all(axis=0))
     if undefined.size:
         raise InputError("path", f"a mesh whose node {undefined[0]} is not finite", "finite coordinates")

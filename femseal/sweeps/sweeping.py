@@ -14,6 +14,7 @@ from ..base.files import made_folder
 from ..case.case import Case, read_case
 from ..execution import checkpoint
 from ..execution.lock import alone_in
+from ..execution.run import no_progress
 from ..preparation.preparation import prepare
 from ..results.results import Results
 from ..results.run_comparison import RunComparison, compared
@@ -70,17 +71,17 @@ def sweep(
     folder = Path(output)
     if folder.exists() and not folder.is_dir():
         raise InputError("output", f"'{folder}', which is a file", "a folder, or one that does not exist")
-    told = progress or (lambda stage, done, total: None)
+    report = progress or no_progress
     for n, variation in enumerate(cases):
-        told("checked cases", n, len(cases))
+        report("checked cases", n, len(cases))
         _check(variation)
         if not resume:
             checkpoint.refuse_unfinished(folder / variation.name)
     with alone_in(made_folder(folder)):
         kept: dict[int, Results] = {}
         failures: list[str] = []
-        told("checked cases", len(cases), len(cases))
-        told("cases", 0, len(cases))
+        report("checked cases", len(cases), len(cases))
+        report("cases", 0, len(cases))
         for n, variation in enumerate(cases):
             if announce is not None:
                 announce(f"case {n + 1} of {len(cases)}: {variation.setting}")
@@ -92,14 +93,14 @@ def sweep(
                     workers,
                     scheduler,
                     shared=folder / SHARED,
-                    progress=told,
+                    progress=report,
                 )
             except InputError:
                 raise
             except FemsealError as error:
                 failures.append(f"{variation.name}: {error}")
                 log.warning("%s", failures[-1])
-            told("cases", n + 1, len(cases))
+            report("cases", n + 1, len(cases))
         if not kept:
             raise FemsealError(f"sweep: every case failed; the first: {failures[0]}")
         found = compared(

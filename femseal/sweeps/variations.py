@@ -17,7 +17,7 @@ from ..case.case import Case, parse_case
 
 #: No sweep has more cases.
 MOST_CASES = 1000
-#: Faults told at once.
+#: Faults in a message.
 #: Longest name of a folder, in characters.
 _LONGEST_NAME = 100
 _OPENING, _CLOSING, _QUOTES = "[{(", "]})", "\"'"
@@ -27,7 +27,7 @@ _OPENING, _CLOSING, _QUOTES = "[{(", "]})", "\"'"
 class Variation:
     """One case of a sweep.
 
-    name : of its folder. setting : the keys with their values, in words. values : of the keys, as texts. case : the
+    name : of its folder. setting : the keys with their values, as text. values : of the keys, as texts. case : the
     case with these values.
     """
 
@@ -126,7 +126,7 @@ def variations(data: dict[str, Any], folder: Path, keys: Mapping[str, Sequence[A
         found.append(Variation(name, setting, tuple(texts), case))
     if faults:
         raise InputErrors(faults)
-    return _told_apart(found)
+    return _with_different_names(found)
 
 
 def with_setting(error: InputError, setting: str) -> InputError:
@@ -175,8 +175,8 @@ def _put(data: dict[str, Any], key: str, value: Any) -> None:
         where: Any = part
         if isinstance(inside, list):
             if not part.isdecimal() or int(part) >= len(inside):
-                allowed = f"the number of one of the {len(inside)} tables '{'.'.join(parts[:n])}', from 0"
-                raise InputError(f"sweep: {shortened(key)}", shown(part), allowed)
+                expected = f"the number of one of the {len(inside)} tables '{'.'.join(parts[:n])}', from 0"
+                raise InputError(f"sweep: {shortened(key)}", shown(part), expected)
             where = int(part)
         elif not isinstance(inside, dict) or not part:
             raise InputError("sweep", shown(key), "a dotted key of the case, such as material.hardness")
@@ -192,7 +192,7 @@ def _file_name(text: str) -> str:
     return name if len(name) <= _LONGEST_NAME else name[:_LONGEST_NAME].rstrip("-.")
 
 
-def _told_apart(found: list[Variation]) -> list[Variation]:
+def _with_different_names(found: list[Variation]) -> list[Variation]:
     """The same, with numbers after names that would be the same on a file system."""
     seen: dict[str, int] = {}
     named = []

@@ -1,19 +1,58 @@
-"""Fluids given by their name in a case: the keys of its kind are filled in, those that are given stand."""
+"""The table of a fluid in a case file, with a key for each of its parameters or with a name that fills them in.
+
+Fluids are not named here: whatever is registered in `fluids.FLUIDS` has a table.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import fields
-from typing import Any
+from typing import TYPE_CHECKING, Annotated, Any
+
+from pydantic import Field
 
 from ..base.errors import InputError
 from ..base.quantities import to_si, to_text
-from ..fluids import FLUIDS
+from ..fluids import FLUIDS, Fluid
 from ..named_fluids import TABLE_TEMPERATURE, named_fluid
+from ..studies import FluidState
 from .faults import fault
+from .registered_tables import table_of_any
+from .values import Pressure, Table
 
 #: Ratio of a given property to that of the named fluid from which on a warning says so.
 _ODD_RATIO = 2.0
+
+
+class FluidTable(Table):
+    """A fluid, with a key for each of its parameters, and its pressures at both ends."""
+
+    if TYPE_CHECKING:
+        kind: str
+        inlet_pressure: float
+        outlet_pressure: float
+        name: str | None
+
+    @property
+    def fluid(self) -> Fluid:
+        """The fluid."""
+        return FLUIDS[self.kind](**self.model_dump(exclude={"kind", "inlet_pressure", "outlet_pressure", "name"}))
+
+    @property
+    def state(self) -> FluidState:
+        """The fluid with its pressures."""
+        return FluidState(self.fluid, self.inlet_pressure, self.outlet_pressure)
+
+
+def _state(fluid: Any) -> dict[str, Any]:
+    pressures = {"inlet_pressure": (Pressure, ...), "outlet_pressure": (Pressure, fluid.outlet_pressure)}
+    return {**pressures, "name": (Annotated[str | None, Field(max_length=60)], None)}
+
+
+if TYPE_CHECKING:
+    AnyFluid = FluidTable
+else:
+    AnyFluid = table_of_any(FLUIDS, FluidTable, _state)
 
 
 def with_named_fluids(data: Any) -> Any:
@@ -39,7 +78,7 @@ def _filled(table: Any, place: str, odd: list[str]) -> Any:
         inlet = to_si(table.get("inlet_pressure"), "Pa")
         outlet = to_si(table.get("outlet_pressure", "1 atm"), "Pa")
     except InputError:
-        temperature, inlet, outlet = TABLE_TEMPERATURE, 101_325.0, 101_325.0  # that fault is told with its key
+        temperature, inlet, outlet = TABLE_TEMPERATURE, 101_325.0, 101_325.0  # that fault is reported with its key
     try:
         found = named_fluid(table["name"], temperature, (inlet, outlet))
     except InputError as error:
