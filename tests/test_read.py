@@ -2,9 +2,9 @@
 
 import os
 import random
+import subprocess
 import sys
 import zipfile
-from contextlib import suppress
 
 import numpy as np
 import pytest
@@ -300,16 +300,23 @@ def test_what_readers_print_of_damaged_files_is_not_seen(tmp_path, monkeypatch, 
     assert capfd.readouterr() == ("later\n", "later too")
 
 
-def test_a_damaged_opd_file_prints_nothing(tmp_path, instrument_file, capfd):
+def test_a_damaged_opd_file_prints_nothing(tmp_path, instrument_file):
+    """In a process of its own: its library logs what it finds, and tests catch what is logged."""
     content = bytearray(instrument_file("opd-1.opd").read_bytes())
     generator = random.Random(1)
-    for number in range(20):
+    for number in range(4):
         damaged = content[: generator.randrange(100, len(content)) if number % 2 else None]
         for _ in range(generator.choice([1, 20])):
             damaged[generator.randrange(min(len(damaged), 4000))] = generator.randrange(256)
-        with suppress(InputError, MemoryError):
-            read_topography(write(tmp_path, "face.opd", bytes(damaged)))
-    assert capfd.readouterr() == ("", "")
+        write(tmp_path, f"face{number}.opd", bytes(damaged))
+    code = (
+        "import sys, femseal as fs\n"
+        "for path in sys.argv[1:]:\n"
+        "    try: fs.read_topography(path)\n"
+        "    except fs.InputError: pass\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code, *tmp_path.glob("*.opd")], capture_output=True, check=True)
+    assert (len(done.stdout), len(done.stderr)) == (0, 0)
 
 
 def test_unknown_format(tmp_path):
