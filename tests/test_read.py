@@ -437,7 +437,7 @@ def test_the_mask_of_a_gwyddion_file(tmp_path):
     np.save(tmp_path / "mask.npy", ~MASK)
     with pytest.raises(InputError, match=r"file_mask: given False, expected for \.gwy, \.npz files only"):
         read_topography(tmp_path / "mask.npy", file_mask=False)
-    assert read_topography(path, mask=tmp_path / "mask.npy").undefined_share == 1
+    assert read_topography(path, mask=tmp_path / "mask.npy").undefined_fraction == 1
 
 
 def test_heights_under_the_mask_of_a_gwyddion_file_have_their_unit(tmp_path, monkeypatch):
@@ -572,8 +572,8 @@ def test_measured_surfaces(instrument_file, name, shape, size, sq, undefined):
     assert face.shape == shape
     assert_allclose(face.size, size, rtol=1e-3)
     assert_allclose(np.nanstd(face.detrend().heights), sq, rtol=5e-3)
-    assert_allclose(face.undefined_share, undefined, atol=5e-5)
-    assert face.fill_undefined().undefined_share == 0
+    assert_allclose(face.undefined_fraction, undefined, atol=5e-5)
+    assert face.fill_undefined().undefined_fraction == 0
 
 
 def test_measured_surface_in_a_wrong_channel(instrument_file):
