@@ -96,6 +96,7 @@ def named_fluid(
 
 
 def _coolprop(name: Any, temperature: float) -> Any:
+    """The module CoolProp, where it is there and knows the fluid; InputError otherwise."""
     table = ", ".join(TABLE)
     try:
         from CoolProp import CoolProp

@@ -31,6 +31,7 @@ _EXCESS = (-2.22919e-2 + 2.10673 + 1.653 - 0.694 - _FREE + log(FREE_MOLECULAR) /
 
 @njit(cache=True, nogil=True)
 def _flow_rates(inverse_knudsen, out):
+    """Q of every D."""
     for i in range(out.size):
         d = max(inverse_knudsen[i], _LEAST)
         if d >= SLIP:

@@ -132,6 +132,14 @@ def test_slopes_of_power_laws_are_exact():
     assert_allclose(elastic["roughness amplitude"], 6)
     unknown = {s.quantity: s.leakage.text() for s in sensitivities(seals, Variants(), 2e8, 0.9)}
     assert unknown["hardness"] == unknown["roughness amplitude"] == "–"
+    slip = Variants(
+        hardness_counts=False,
+        law_length="slip_length",
+        longer=Seals.of(STEPS, power_law(AMPLITUDES) * 1.1**0.3),
+    )
+    # L(αa, αp, αη, αb) = α² L: what goes with the slip length no longer goes with the amplitude
+    slippery = {s.quantity: s.leakage.value for s in sensitivities(seals, slip, 2e8, 0.9)}
+    assert_allclose([slippery[name] for name in ("viscosity", "slip length", "roughness amplitude")], [-1, 0.3, 5.7])
     harder = Seals.of(STEPS, power_law(AMPLITUDES) * 1.1**2)
     hardening = {s.quantity: s.leakage.value for s in sensitivities(seals, Variants(harder, hardens=True), 2e8, 0.9)}
     assert_allclose(hardening["contact modulus"], FALL - hardening["hardness"])

@@ -4,9 +4,8 @@ A budget belongs to one study of one scene: `error_budget` gathers the estimates
 combines them to one band (`error_parts.py`). All distances are of ln(leakage): near closing, errors are factors.
 """
 
-from .all_steps import at_interpolated_steps
 from .coarse import CoarserSolution, change_of_windows
-from .error_budget import error_budget
+from .error_budget import at_interpolated_steps, error_budget
 from .error_parts import ErrorBudget, ErrorPart
 from .grid_convergence import GridConvergence, grid_convergence
 from .widest_band import WidestBand, counting_steps, widest_band

@@ -10,6 +10,7 @@ import numpy as np
 from ..loads import LoadProgramme
 from ..studies.scene import Array
 from .coarse import CoarserSolution
+from .error_parts import ErrorPart
 
 #: Least slope of ln(leakage) over ln(load) that is counted.
 LEAST_SLOPE = 0.3
@@ -79,9 +80,9 @@ def sealed_upper(
     found = np.zeros(q.size)
     slope = load_sensitivity(steps, q)
     open_ = (q > 0) & np.isfinite(distance)
-    # steps whose slope is known tell the shift, if there are any
-    told = open_ & (slope > 0) if (slope[open_] > 0).any() else open_
-    shift = float(np.max(distance[told] / np.maximum(slope[told], LEAST_SLOPE), initial=0.0))
+    # the shift is that of steps whose slope is known, if there are any
+    chosen = open_ & (slope > 0) if (slope[open_] > 0).any() else open_
+    shift = float(np.max(distance[chosen] / np.maximum(slope[chosen], LEAST_SLOPE), initial=0.0))
     change = np.zeros(q.size) if change is None else change
     leaks = {}
     if coarse is not None:
@@ -102,3 +103,26 @@ def sealed_upper(
         if np.isposinf(change[s]) and found[s] == 0:
             found[s] = most
     return found
+
+
+def part_of_changes(
+    name: str,
+    steps: LoadProgramme,
+    leakage: Array,
+    below: Array,
+    above: Array,
+    note: str,
+    *,
+    change: Array | None = None,
+    coarse: CoarserSolution | None = None,
+) -> ErrorPart:
+    """A part by its distances of ln(leakage) on both sides (steps,), its upper end at sealed steps by `sealed_upper`.
+
+    change, coarse : of ln(leakage) to the other solution, where the part comes from one; unknown where it is NaN.
+    """
+    q = np.abs(np.asarray(leakage, float))
+    part = ErrorPart.of(name, leakage, below, above, note)
+    lower, upper = part.lower, np.where(q == 0, sealed_upper(steps, q, above, change, coarse), part.upper)
+    if change is not None:
+        lower, upper = (np.where(np.isnan(change), np.nan, end) for end in (lower, upper))
+    return ErrorPart(name, lower, upper, note)

@@ -58,8 +58,8 @@ def _uniform(f: Features) -> Array:
 
 
 #: Difficulty of a step by the kind of method: the size of the error to be expected, up to a factor, from what is known
-#: without the truth. contact : share in contact. decades : below the leakage of the first load. gap_error, effect : see
-#: `TwoScaleResult`, effect as |ln|. difference : |ln| of the leakage by links over that of the whole face, on fewer
+#: without the truth. contact : fraction in contact. decades : below the leakage of the first load. gap_error, effect :
+#: see `TwoScaleResult`, effect as |ln|. difference : |ln| of the leakage by links over that of the whole face, on fewer
 #: points both. slope : |d ln(leakage) / d ln(load)|. scatter : standard deviation of ln(leakage) of drawn seals by
 #: library and realisations. form : standard deviation of the mean heights of windows over that of the heights.
 DIFFICULTIES: dict[str, Callable[[Features], Array]] = {
@@ -117,7 +117,7 @@ def model_error(kind: str, *, coverage: float = 0.95, **features: Array) -> Arra
 
     Parameters
     ----------
-    kind : of method, one of `DIFFICULTIES`. coverage : share of new scenes' steps whose truth the band holds.
+    kind : of method, one of `DIFFICULTIES`. coverage : fraction of new scenes' steps whose truth the band holds.
     features : what the difficulty of the kind is made of, at every step (steps,), see `DIFFICULTIES`.
 
     Raises
@@ -127,7 +127,7 @@ def model_error(kind: str, *, coverage: float = 0.95, **features: Array) -> Arra
     validate.number("coverage", coverage)
     if not coverage < 1 or kind not in DIFFICULTIES:
         if kind in DIFFICULTIES:
-            raise InputError("coverage", coverage, "a share below 1")
+            raise InputError("coverage", coverage, "a fraction below 1")
         raise InputError("kind", kind, f"one of {', '.join(DIFFICULTIES)}")
     difficulty = _difficulty(kind, features)
     return calibration()[kind].quantile(coverage) * difficulty

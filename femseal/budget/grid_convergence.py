@@ -45,7 +45,7 @@ class GridConvergence:
 
     @property
     def index(self) -> float:
-        """Grid convergence index of the finest value: its error as a share of it."""
+        """Grid convergence index of the finest value: its error as a fraction of it."""
         return abs(self.error / self.value)
 
     @property

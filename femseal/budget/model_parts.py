@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from ..studies import Scene, StochasticResult, TwoScaleResult
 from ..studies.scene import Array
-from .changes import load_sensitivity, sealed_upper
+from .changes import load_sensitivity, part_of_changes
 from .coarse import CoarserSolution, on_all_steps
 from .conformal import calibration, decades, model_error
 from .error_parts import ErrorPart
@@ -22,22 +24,19 @@ def two_scales_parts(study: TwoScaleResult, compared: CoarserSolution | None = N
     q, parts = study.leakage, []
     if study.flow == "links" and compared is not None:
         difference = np.abs(on_all_steps(study.steps, compared, q))
-        distance = model_error("compared links", difference=difference, slope=load_sensitivity(study.steps, q))
-        points = " × ".join(map(str, compared.points))
-        text = f"flow through links against that of the whole face on {points} points"
-        parts.append(_part("two scales", study, q, distance, _told(text, "compared links")))
+        text = f"flow through links against that of the whole face on {' × '.join(map(str, compared.points))} points"
+        features = {"difference": difference, "slope": load_sensitivity(study.steps, q)}
+        parts.append(_part("two scales", study, q, text, "compared links", **features))
     elif study.flow == "links":
-        contact = study.contact_fraction.mean(axis=(1, 2))
-        distance = model_error("links", contact=contact, decades=decades(q))
+        features = {"contact": study.contact_fraction.mean(axis=(1, 2)), "decades": decades(q)}
         parts.append(
-            _part("two scales", study, q, distance, _told("flow through links against that of the whole face", "links"))
+            _part("two scales", study, q, "flow through links against that of the whole face", "links", **features)
         )
     if study.contact == "windows":
         with np.errstate(divide="ignore"):
-            effect = np.abs(np.log(study.gap_effect))
-        distance = model_error("windows", gap_error=study.gap_error, effect=effect)
+            features = {"gap_error": study.gap_error, "effect": np.abs(np.log(study.gap_effect))}
         parts.append(
-            _part("windows", study, q, distance, _told("contact in windows against that of the whole face", "windows"))
+            _part("windows", study, q, "contact in windows against that of the whole face", "windows", **features)
         )
     return parts
 
@@ -47,11 +46,12 @@ def sampler_part(scene: Scene, study: StochasticResult) -> ErrorPart:
     kind = study.pressure if study.pressure != "place" else "runs" if study.sampler == "runs" else "block"
     q = study.quantile(0.5)
     if kind == "uniform":
-        form = np.full(q.shape, form_fraction(scene.surface.heights, study.window))
-        distance = model_error(kind, form=form, decades=decades(q))
+        features = {"form": np.full(q.shape, form_fraction(scene.surface.heights, study.window))}
     else:
-        distance = model_error(kind, scatter=scatter_of(study), decades=decades(q))
-    return _part("sampler", study, q, distance, _told(f"seals drawn by '{kind}' against long faces", kind))
+        features = {"scatter": scatter_of(study)}
+    return _part(
+        "sampler", study, q, f"seals drawn by '{kind}' against long faces", kind, decades=decades(q), **features
+    )
 
 
 def form_fraction(heights: Array, window: tuple[int, int]) -> float:
@@ -70,11 +70,10 @@ def scatter_of(study: StochasticResult) -> Array:
     return np.hypot(np.nan_to_num(study.library_error), np.nan_to_num(study.realisation_spread))
 
 
-def _part(name: str, study: TwoScaleResult | StochasticResult, q: Array, distance: Array, note: str) -> ErrorPart:
-    part = ErrorPart.of(name, q, distance, distance, note)
-    ends = sealed_upper(study.steps, np.abs(q), distance)
-    return ErrorPart(name, part.lower, np.where(q == 0, ends, part.upper), note)
-
-
-def _told(what: str, kind: str) -> str:
-    return f"{what}: by split conformal prediction from {calibration()[kind].scenes} scenes"
+def _part(
+    name: str, study: TwoScaleResult | StochasticResult, q: Array, what: str, kind: str, **features: Any
+) -> ErrorPart:
+    """A part with the same distance on both sides, by the scenes of a kind in the calibration set."""
+    distance = model_error(kind, **features)
+    note = f"{what}: by split conformal prediction from {calibration()[kind].scenes} scenes"
+    return part_of_changes(name, study.steps, q, distance, distance, note)

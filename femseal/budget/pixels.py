@@ -14,7 +14,7 @@ import numpy as np
 from ..studies import Scene
 from ..studies.curve_distance import FLOOR
 from ..studies.scene import Array
-from .changes import load_sensitivity, scale_of_changes, sealed_upper
+from .changes import load_sensitivity, part_of_changes, scale_of_changes
 from .coarse import CoarserSolution, on_all_steps
 from .error_parts import ErrorPart
 from .grid_convergence import LEAST_ORDER, grid_convergence
@@ -72,17 +72,14 @@ def pixels_part(
     distance = factor * np.sqrt(np.mean(np.square(scales), axis=0))
     may_close = (q < FLOOR * q[0]) & (distance > _MAY_CLOSE)
     below = np.where(may_close | np.isneginf(changes[0]), np.inf, distance)
-    part = ErrorPart.of("pixels", leakage, below, distance, _note(coarse, order, changes))
-    upper = np.where(q == 0, sealed_upper(steps, q, distance, changes[0], coarse[0]), part.upper)
-    unknown = np.isnan(changes[0])
-    lower, upper = (np.where(unknown, np.nan, end) for end in (part.lower, upper))
-    return ErrorPart(part.name, lower, upper, part.note)
+    note = _note(coarse, order, changes)
+    return part_of_changes("pixels", steps, leakage, below, distance, note, change=changes[0], coarse=coarse[0])
 
 
 def one_grid_part(leakage: Array, contact: Array) -> list[ErrorPart]:
     """Part of the pixels of a scene that was solved on one grid: what is sealed there may be open, unless by far.
 
-    contact : share in contact at every step (steps,). Empty where nothing is sealed but for certain.
+    contact : fraction in contact at every step (steps,). Empty where nothing is sealed but for certain.
     """
     q = np.abs(np.asarray(leakage, float))
     may_open = (q == 0) & ~sealed_for_certain(contact)

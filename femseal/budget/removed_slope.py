@@ -1,6 +1,6 @@
 """Upper end of a leakage whose face has lost the slope of its short waves with a low-pass.
 
-Waves that are put back keep the faces apart as a lower load would: by Persson's theory the share in contact is
+Waves that are put back keep the faces apart as a lower load would: by Persson's theory the fraction in contact is
 erf(c p / (E* h')), with the rms slope h', so that a face of κ times its slope has at κ p the contact of the whole one
 at p. The same was measured of leakage, see `LOAD_POWER`.
 """
@@ -17,18 +17,18 @@ from ..studies import StochasticResult, TwoScaleResult
 from ..studies.scene import Array
 from .error_parts import ErrorPart
 
-#: Power of the share of the slope that is kept, by which the load is taken as lower. Measured on 96 faces of four
+#: Power of the fraction of the slope that is kept, by which the load is taken as lower. Measured on 96 faces of four
 #: kinds, see `tests/benchmarks/removed_slope.py`: with 1 one load of 106 leaks more than the upper end, with 1.25
 #: one of 425.
 LOAD_POWER = 1.25
-#: Share in contact with all waves from which on a face is sealed for certain: the largest of an open one was 0.58.
+#: Fraction in contact with all waves from which on a face is sealed for certain: the largest of an open one was 0.58.
 SEALED_CONTACT = 0.6
-#: Share of the slope that must be kept where the leakage is known at one load only, so that nothing tells its slope.
+#: Fraction of the slope that must be kept where the leakage is known at one load only, so that nothing tells its slope.
 _LEAST_KEPT = 0.5
 
 
 def contact_fraction_of(study: object, steps: LoadProgramme) -> Array:
-    """Share of the face in contact at every step of a study (steps,), NaN where it is unknown."""
+    """Fraction of the face in contact at every step of a study (steps,), NaN where it is unknown."""
     if isinstance(study, TwoScaleResult):
         return study.contact_fraction.mean(axis=(1, 2))
     if isinstance(study, StochasticResult):
@@ -44,8 +44,8 @@ def raised_by_slope(part: ErrorPart, steps: LoadProgramme, leakage: Array, conta
 
     Parameters
     ----------
-    leakage, contact : leakage and share in contact at every step (steps,). kept : rms slope over that with the removed
-        waves; 1: none were removed. The upper end is inf at steps that are sealed where no load tells what they leak.
+    leakage, contact : leakage and fraction in contact at every step (steps,). kept : rms slope over that with the
+        removed waves; 1: none were removed. The upper end is inf at sealed steps where no load says what they leak.
     """
     least = under_less_load(steps, np.abs(np.asarray(leakage, float)), contact, kept)
     raised = least > part.upper  # an unknown end stays so

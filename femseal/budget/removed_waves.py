@@ -6,7 +6,7 @@ import numpy as np
 
 from ..studies import Scene
 from ..studies.scene import Array
-from .changes import load_sensitivity, sealed_upper
+from .changes import load_sensitivity, part_of_changes
 from .coarse import CoarserSolution, on_all_steps
 from .error_parts import ErrorPart
 
@@ -28,7 +28,7 @@ def filter_part(scene: Scene, leakage: Array, filtered: CoarserSolution, octaves
     ----------
     filtered : without the shortest octave of waves. octaves : of waves that were removed from the face.
     """
-    steps, q = scene.steps, np.abs(np.asarray(leakage, dtype=float))
+    steps = scene.steps
     change = on_all_steps(steps, filtered, leakage)
     slope = np.maximum(load_sensitivity(steps, leakage), _LEAST_SLOPE)
     known = [steps.index(step) for step in filtered.steps]
@@ -44,8 +44,4 @@ def filter_part(scene: Scene, leakage: Array, filtered: CoarserSolution, octaves
         f"change of ln(leakage) without the shortest octave of waves, carried on over {octaves:.2g} removed octaves "
         f"with a factor of {DECAY:g} for each; its {'rise' if lowers else 'fall'} is the likelier"
     )
-    part = ErrorPart.of("filter", leakage, below, above, note)
-    upper = np.where(q == 0, sealed_upper(steps, q, above, change, filtered), part.upper)
-    unknown = np.isnan(change)
-    lower, upper = (np.where(unknown, np.nan, end) for end in (part.lower, upper))
-    return ErrorPart(part.name, lower, upper, note)
+    return part_of_changes("filter", steps, leakage, below, above, note, change=change, coarse=filtered)

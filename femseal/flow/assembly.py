@@ -139,6 +139,7 @@ def edge_weights(grid: Grid) -> EdgeWeights:
 
 @lru_cache(maxsize=64)
 def _edge_weights(grid: Grid, form: BilinearForm, _: Callable[..., Any]) -> EdgeWeights:
+    """The weights of a form; the cache key has the form and its function, so that a changed form is evaluated again."""
     m1, m2 = grid.elements
     d1, d2 = np.diff(grid.lines1), np.diff(grid.lines2)
     quadratures = (EDGES_AT_INLET, EDGES, EDGES_AT_OUTLET) if grid.half_ends else (EDGES,) * 3

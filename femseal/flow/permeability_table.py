@@ -206,6 +206,7 @@ def _permeability(p, coefficients, slope, low, high):
 
 @njit(cache=True, nogil=True)
 def _means(a, b, coefficients, slope, is_open, low, high, start, end, viscous, own, roots, weights, out):
+    """Mean of each permeability between two pressures, by Gauss points dense at the lower one."""
     for n in range(a.size):
         if not is_open[n]:
             out[n] = 0.0

@@ -2,8 +2,8 @@
 
 ln k is interpolated monotonically (PCHIP; Fritsch & Carlson, SIAM J. Numer. Anal. 17, 1980, 238) in the cube root of
 the pressure, in which it is nearly straight from first touch to closing. Unloading curves are interpolated between the
-peaks of the ladder, at equal shares of the pressure at which the cell opens again; so every unloading curve starts on
-the loading curve. Below the lowest peak the unloading curve tends to the loading curve, as without yielding.
+peaks of the ladder, at equal fractions of the pressure at which the cell opens again; so every unloading curve starts
+on the loading curve. Below the lowest peak it tends to the loading curve, as without yielding.
 """
 
 from __future__ import annotations
@@ -31,6 +31,7 @@ class LogCurve:
     """
 
     def __init__(self, x: Array, k: Array) -> None:
+        """Take values k at rising x; the curve ends where k is 0 for the first time."""
         differ = _differing(x)
         x, k = x[differ], k[differ]
         n_open = int(np.argmin(k > 0)) if not np.all(k > 0) else k.size
@@ -76,12 +77,12 @@ class WindowCurves:
 
     @cached_property
     def _unloading(self) -> list[LogCurve]:
-        """For each peak, ln k as a function of the share of the peak pressure; the peak itself has the share 1."""
-        shares = np.array([1.0, *self.ladder.stops])[::-1]
+        """For each peak, ln k as a function of the pressure over that of the peak, which has 1 itself."""
+        fractions = np.array([1.0, *self.ladder.stops])[::-1]
         curves = []
         for m, peak in zip(self._peaks, self.cell.peaks[self._peaks], strict=True):
             top = self.cell.k[self.kind, self.axis, np.searchsorted(self.cell.pressure, peak)]
-            curves.append(LogCurve(shares, np.array([top, *self.cell.k_unloading[self.kind, self.axis, m]])[::-1]))
+            curves.append(LogCurve(fractions, np.array([top, *self.cell.k_unloading[self.kind, self.axis, m]])[::-1]))
         return curves
 
     @cached_property
@@ -109,18 +110,18 @@ class WindowCurves:
         """k on unloading from any peak to any pressure below it, both > 0 [m³]."""
         if not self.cell.peaks.size:
             return self.loaded(pressure)
-        share = np.clip(pressure / peak, 0.0, 1.0)
+        fraction = np.clip(pressure / peak, 0.0, 1.0)
         knots = np.r_[0.0, self.cell.peaks[self._peaks]]
         upper = np.clip(np.searchsorted(knots, peak), 1, knots.size - 1)
         closing = self._closing_root**3
         opens = np.array([_reopening(curve) for curve in self._unloading])
-        # below the closing pressure a peak leaves the cell open: the share at which it opens again falls from 1 there
+        # below the closing pressure a peak leaves the cell open: the fraction at which it reopens falls from 1 there
         start = np.clip(closing, knots[upper - 1], knots[upper])
         before = np.where(closing > knots[upper - 1], 1.0, np.r_[1.0, opens][upper - 1])
         span = knots[upper] - start
         way = np.divide(peak - start, span, out=np.zeros(peak.shape), where=span > 0)
         reopening = np.where(peak <= closing, 1.0, before + np.clip(way, 0, 1) * (np.r_[1.0, opens][upper] - before))
-        relative = np.divide(share, reopening, out=np.full(share.shape, np.inf), where=reopening > 0)
+        relative = np.divide(fraction, reopening, out=np.full(fraction.shape, np.inf), where=reopening > 0)
         x = np.cbrt(knots)
         weight = np.clip((np.cbrt(peak) - x[upper - 1]) / (x[upper] - x[upper - 1]), 0, 1)
         inside = np.clip(relative, 0, 1)
@@ -140,7 +141,7 @@ class WindowCurves:
         return max(self.loading.end, 0.0)
 
     def _at(self, knot: NDArray[np.int64], inside: Array, peak: Array) -> Array:
-        """ln k of the peak at each knot, at shares of the pressure at which the cell opens again; knot 0 is loading."""
+        """ln k of the peak at each knot, at fractions of the pressure at which the cell reopens; knot 0 is loading."""
         out = self.loading(np.cbrt(inside) * np.minimum(np.cbrt(peak), self._closing_root))
         for m, curve in enumerate(self._unloading):
             chosen = knot == m + 1
@@ -155,7 +156,7 @@ def _differing(x: Array) -> NDArray[np.bool_]:
 
 
 def _reopening(unloading: LogCurve) -> float:
-    """Share of the peak below which a cell is open on unloading; 0 if it never is."""
+    """Fraction of the peak below which a cell is open on unloading; 0 if it never is."""
     return min(max(unloading.end, 0.0), 1.0)
 
 

@@ -27,7 +27,7 @@ class Ladder:
 
     loading : mean pressures on loading [Pa]; they rise from 0, which is first touch.
     peaks : pressures of `loading` from which windows are unloaded.
-    stops : pressures on the way down in shares of the peak; they fall to 0.
+    stops : pressures on the way down in fractions of the peak; they fall to 0.
     separations : distances between the mean planes without contact pressure [m], rising.
     closing_rtol : relative tolerance of closing pressures.
     bounds : also compute a lower and an upper bound of every permeability, for a gap constant on each pixel.
@@ -54,7 +54,7 @@ class Ladder:
             raise InputError("peaks", self.peaks, "rising pressures > 0 of `loading`")
         falling = np.all(np.diff(self.stops) < 0) and (not self.stops or (self.stops[0] < 1 and self.stops[-1] == 0))
         if not falling or bool(self.peaks) != bool(self.stops):
-            raise InputError("stops", self.stops, "shares that fall from below 1 to 0, where there are peaks")
+            raise InputError("stops", self.stops, "fractions that fall from below 1 to 0, where there are peaks")
         if np.any(np.diff(self.separations) <= 0):
             raise InputError("separations", self.separations, "rising distances [m]")
 
@@ -71,7 +71,7 @@ class WindowStates:
     pressure : n loading pressures, those of the ladder and those found by bisection, rising from 0 (n,) [Pa].
     k : permeability on loading by kind and direction (kinds, 2, n) [m³], see `Ladder.kinds`.
     standoff, mean_gap, plastic_deformation : on loading (n,) [m]; the plastic deformation is a mean over the pixels.
-    contact_fraction : share in contact on loading (n,).
+    contact_fraction : fraction in contact on loading (n,).
     peaks : m pressures from which the window was unloaded (m,) [Pa].
     k_unloading : permeability on unloading (kinds, 2, m, stops) [m³]; `standoff_unloading` and the others with this
         ending are (m, stops).
@@ -207,6 +207,8 @@ def _cell(loading: dict[float, _State], ways: dict[float, list[_State]], ladder:
 
 @dataclass(frozen=True)
 class _State:
+    """One state of a window: permeabilities by kind and direction (kinds, 2) [m³], and means over its pixels."""
+
     k: Array
     standoff: float
     mean_gap: float
@@ -235,6 +237,7 @@ class _Window:
         ladder: Ladder,
         flow: FlowSettings | None,
     ) -> None:
+        """Prepare a window for the states of a ladder; see `solve_ladder` for the arguments."""
         self.gap0, self.half_space, self.law, self.rtol = gap0, half_space, law, rtol
         self.kinds, self.bounds = ladder.kinds, ladder.bounds
         self.flow = replace(flow or FlowSettings(), drop=ladder.drop)
@@ -243,6 +246,7 @@ class _Window:
         self._deformed: dict[float, Array | None] = dict.fromkeys(ladder.peaks)
 
     def loaded(self, pressure: float, closed: tuple[bool, bool]) -> _State:
+        """State on loading; the plastic deformation of peaks is kept for their unloading."""
         contact = self._contact(pressure)
         if pressure in self._deformed:
             self._deformed[pressure] = contact.plastic_deformation
@@ -258,13 +262,14 @@ class _Window:
             deformation = self._contact(peak).plastic_deformation
         states: list[_State] = []
         closed = (False, False)
-        for share in reversed(stops):
-            state = self._state(self._contact(share * peak, deformation), closed)
+        for fraction in reversed(stops):
+            state = self._state(self._contact(fraction * peak, deformation), closed)
             closed = state.closed
             states.append(state)
         return reversed(states)
 
     def separated(self, separations: tuple[float, ...]) -> Array:
+        """Permeabilities at the separations (kinds, 2, separations) [m³]."""
         apart = [self._permeabilities(np.maximum(self.gap0 + d, 0.0), (False, False)) for d in separations]
         return np.array(apart).reshape(len(separations), self.kinds, 2).transpose(1, 2, 0)
 
@@ -305,7 +310,7 @@ def _way(cell: WindowStates, m: int) -> list[_State]:
     """States on unloading from peak m; their plastic deformation is that of the peak, which no cell holds again."""
     names = ("standoff_unloading", "mean_gap_unloading", "contact_fraction_unloading")
     columns = zip(*(getattr(cell, name)[m] for name in names), strict=True)
-    return [_State(k, off, gap, np.nan, share) for k, (off, gap, share) in
+    return [_State(k, off, gap, np.nan, fraction) for k, (off, gap, fraction) in
             zip(np.moveaxis(cell.k_unloading[:, :, m], -1, 0), columns, strict=True)]  # fmt: skip
 
 

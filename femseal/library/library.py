@@ -172,7 +172,7 @@ class LadderLibrary(Shown):
         """All cells at the loading steps, the peaks and the stops of the ladder."""
         ladder = self.ladder
         steps = [LoadStep(p) for p in ladder.loading]
-        steps += [LoadStep(share * peak, peak) for peak in ladder.peaks for share in ladder.stops]
+        steps += [LoadStep(fraction * peak, peak) for peak in ladder.peaks for fraction in ladder.stops]
         columns: dict[str, list[Array]] = {"k": [], "mean_gap": [], "contact_fraction": []}
         for cell in self.windows:
             on_ladder = np.searchsorted(cell.pressure, ladder.loading)
@@ -197,16 +197,16 @@ class LadderLibrary(Shown):
         return np.mean([self._flattening(cell, pressure, peak) for cell in self.windows], axis=0)
 
     def _flattening(self, cell: WindowStates, pressure: Array, peak: Array) -> Array:
-        """`flattening` of one cell, interpolated between peaks at equal shares of them; 0 without peaks."""
+        """`flattening` of one cell, interpolated between peaks at equal fractions of them; 0 without peaks."""
         if not cell.peaks.size:
             return np.zeros_like(pressure)
-        share = np.divide(pressure, peak, out=np.ones_like(pressure), where=peak > 0)
+        fraction = np.divide(pressure, peak, out=np.ones_like(pressure), where=peak > 0)
         stops = np.array([1.0, *self.ladder.stops])[::-1]
         taken = [np.zeros_like(pressure)]
         for m, top in enumerate(cell.peaks):
             virgin = np.interp(np.cbrt(top * stops), np.cbrt(cell.pressure), cell.standoff)
             left = np.array([virgin[-1], *cell.standoff_unloading[m]])[::-1]
-            taken.append(np.interp(share, stops, virgin - left))
+            taken.append(np.interp(fraction, stops, virgin - left))
         knots = np.r_[0.0, cell.peaks]
         upper = np.clip(np.searchsorted(knots, peak), 1, knots.size - 1)
         weight = np.clip((peak - knots[upper - 1]) / (knots[upper] - knots[upper - 1]), 0, 1)
@@ -280,8 +280,8 @@ def build_ladder_library(
     if count < 1:
         raise InputError("library", f"{count} windows", "at least one")
     path = None if folder is None else made_folder(folder) / f"{source.key(ladder)}.npz"
-    held = [] if path is None else _read(path, ladder)
-    known = [*held[:count], *[None] * (count - len(held))]
+    kept = [] if path is None else _read(path, ladder)
+    known = [*kept[:count], *[None] * (count - len(kept))]
     # cells that are complete go there too: what a run asks for does not depend on what is kept
     stage = Stage("library windows", partial(_cell, source=source, ladder=ladder))
     outcomes = list(mapper(stage, range(count), known))
@@ -290,7 +290,7 @@ def build_ladder_library(
     complete = [cell is not None and restrict(cell, ladder) is not None for cell in known]
     if path is not None and not all(complete):
         both = [c if k is None else k if c is None else merge(c, k, ladder) for c, k in zip(cells, known, strict=True)]
-        _write(path, both + held[count:])
+        _write(path, both + kept[count:])
     good = tuple(c for c in cells if c is not None)
     if not good:
         raise FemsealError(f"library: every cell failed; the first: {failures[0]}")
@@ -306,6 +306,7 @@ def build_ladder_library(
 
 
 def _cell(n: int, known: WindowStates | None, *, source: WindowSource, ladder: Ladder) -> WindowStates | Failed:
+    """States of window n along the ladder: those known where they are enough, else what is missing is solved."""
     if known is not None and (cell := restrict(known, ladder)) is not None:
         return cell
     return attempt(
@@ -378,8 +379,8 @@ def on_ladder(ladder: Ladder, extra: Sequence[float], highest: float) -> Ladder:
 
     Where it has peaks and all of them are cut off, its highest step is one.
     """
-    reach = next((p for p in ladder.loading if p >= highest * (1 - 1e-12)), highest)
-    kept = (p for p in ladder.loading if p <= reach and not any(abs(p - other) < _EQUAL * other for other in extra))
+    top = next((p for p in ladder.loading if p >= highest * (1 - 1e-12)), highest)
+    kept = (p for p in ladder.loading if p <= top and not any(abs(p - other) < _EQUAL * other for other in extra))
     loading = tuple(sorted({*kept, *extra}))
     peaks = tuple(p for p in ladder.peaks if p in loading)
     return replace(ladder, loading=loading, peaks=peaks or (loading[-1:] if ladder.peaks else ()))

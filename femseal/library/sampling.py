@@ -122,6 +122,7 @@ def _history(table: LinkTable, rng: np.random.Generator) -> Draw:
 
 
 def _block(table: LinkTable, rng: np.random.Generator) -> Draw:
+    """Draw runs of neighbouring columns of cells, of random length, see the module."""
     if table.run_length < 1:
         raise InputError("sampler", "block", "another sampler, because these cells are not neighbours on a face")
     cells, columns = table.k.shape[2], table.path.shape[1]
@@ -135,6 +136,7 @@ def _block(table: LinkTable, rng: np.random.Generator) -> Draw:
 
 
 def _derivative(table: LinkTable, rng: np.random.Generator) -> Draw:
+    """Draw the highest load, then step by step the increments of cells that are close in rank, see the module."""
     path = table.path.T.ravel()
     uniform = rng.random((path.size, len(table.steps))).T
     top = len(table.steps.loading) - 1
@@ -173,6 +175,7 @@ class _RankModel:
     """
 
     def __init__(self, k: Array, steps: LoadProgramme) -> None:
+        """Normal scores, their correlation between steps, and a root of it, from k (steps, cells) [m³]."""
         self.steps, self.sorted = steps, np.sort(k, axis=1)
         cells = k.shape[1]
         normal = ndtri((np.arange(cells) + 0.5) / cells)

@@ -112,6 +112,7 @@ def read_data(file: Path) -> Any:
 
 
 def _meshio_read(file: Path) -> Any:
+    """What meshio reads, in silence; InputError with its reason where it cannot."""
     import meshio
 
     silent = io.StringIO()

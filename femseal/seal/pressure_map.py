@@ -280,6 +280,7 @@ def _shares(values: Any) -> tuple[float, ...]:
 
 
 def _rising(name: str, values: Any, count: int, unit: str) -> tuple[float, ...]:
+    """Rising numbers, as many as `count`, or none; InputError of anything else."""
     if isinstance(values, tuple) and not values:
         return ()
     try:
@@ -294,6 +295,7 @@ def _rising(name: str, values: Any, count: int, unit: str) -> tuple[float, ...]:
 
 
 def _pressures(values: ArrayLike, count: int) -> Array:
+    """Contact pressures >= 0, one for each point; InputError of anything else."""
     pressure = np.array(values, dtype=float)
     if pressure.shape != (count,):
         raise InputError("pressure", f"shape {pressure.shape}", f"shape {(count,)}, one for each point [Pa]")

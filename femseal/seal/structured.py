@@ -97,6 +97,7 @@ def link_permeabilities(permeability: Any, cells: tuple[int, int]) -> tuple[Arra
 
 
 def _checked(name: str, value: ArrayLike, shape: tuple[int, int]) -> Array:
+    """Permeability of the links along an axis, a number or an array of that shape; InputError of anything else."""
     try:
         k = np.asarray(value, dtype=float)
     except (TypeError, ValueError):

@@ -25,7 +25,7 @@ from .scene import Scene
 from .two_scale import chosen_flow
 from .window_contacts import CUT_OFF_WINDOWS
 
-#: Pixels of the contact by which the effort of a load step is told.
+#: Pixels of the contact by which the effort of a load step is given.
 PILOT_PIXELS = 200**2
 #: Seconds of a pair of transforms, and for each of its pixels, twice that in contact everywhere; least number of pairs.
 _PAIR_SECONDS, _LEAST_PAIRS = (5e-5, 1.55e-8), 6
@@ -187,8 +187,8 @@ def stochastic_cost(
     seconds += (
         (_SUCCESSIVE if pressures > 1 else 1.0) * draws * steps * _LINK_SECONDS * links * max(1.0, np.log2(min(seal)))
     )
-    held = 1 if sampling.sampler_of_links in ("history", "block") else steps
-    return seconds, faces + 8.0 * links * (held * 2 + 30 + (6 * pressures if pressures > 1 else 0))
+    in_memory = 1 if sampling.sampler_of_links in ("history", "block") else steps
+    return seconds, faces + 8.0 * links * (in_memory * 2 + 30 + (6 * pressures if pressures > 1 else 0))
 
 
 def pressures_of_gas(scene: Scene) -> int:
@@ -196,7 +196,7 @@ def pressures_of_gas(scene: Scene) -> int:
     return scene.flow.drop.pressures.size
 
 
-#: Limits of the deterministic solution in an automatic choice: time on one core [s], and share of the free memory.
+#: Limits of the deterministic solution in an automatic choice: time on one core [s], and fraction of the free memory.
 AFFORDABLE_SECONDS, AFFORDABLE_FRACTION = 3600.0, 0.7
 
 

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from ..loads import LoadStep
 
-#: Loads at which the reference leaks less than this share of its first leakage are not compared.
+#: Loads at which the reference leaks less than this fraction of its first leakage are not compared.
 FLOOR = 1e-3
 
 
@@ -20,7 +20,7 @@ class LeakageFactor:
 
     value : exp(rms ln(Q/Q_ref)) [-], 1 for equal curves; NaN where no load can be compared.
     loads : number of loads compared.
-    closed : number of loads at which one is closed and the other leaks more than this share; they have no ratio.
+    closed : number of loads at which one is closed and the other leaks more than this fraction; they have no ratio.
     failed : number of loads at which one of the two is unknown.
     """
 

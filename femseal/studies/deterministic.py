@@ -98,6 +98,7 @@ def deterministic(scene: Scene, *, cells: tuple[int, int] | None = None, mapper:
     states: list[FaceState] = []
 
     def flows() -> Iterator[Any]:
+        """Flow of every step; gap and contact are put aside."""
         memory = state_memory(surface.heights.size)
         for s, state in enumerate(scene.contact_states(take, memory=memory, mapper=mapper)):
             gap[s] = state.gap

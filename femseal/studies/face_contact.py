@@ -21,7 +21,7 @@ from .window_contacts import WindowContacts, face_partition, windows_contact
 
 #: How the contact of windows is solved, see `solve_windows`.
 CONTACTS = ("whole", "windows")
-#: Largest number of pixels of a face whose contact is solved as a whole unless told otherwise: that of 4096², which
+#: Largest number of pixels of a face whose contact is solved as a whole unless chosen otherwise: that of 4096², which
 #: takes 2.7 GB. Measured on 512² to 2048² pixels, it takes 0.5 to 1.9 times as long as windows.
 WHOLE_PIXELS = 2**24
 
@@ -58,6 +58,7 @@ def solve_windows(
 
 
 def _whole_contact(scene: Scene, cells: tuple[int, int], mapper: Mapper) -> WindowContacts:
+    """Solve the contact of the whole face at every step and cut it into windows."""
     partition = face_partition(scene.surface, cells)
     gap = shared_empty((len(scene.steps), *scene.surface.shape), np.float32)
     states = []

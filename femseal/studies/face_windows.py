@@ -33,7 +33,7 @@ def windows_in_place(wanted: WindowRequest) -> WindowSupply:
     FemsealError : every column has a failed window.
     """
     scene, partition, two_scale, mapper = wanted.scene, wanted.partition, wanted.two_scale, wanted.mapper
-    (m1, m2), w2, n2 = partition.cells, partition.window[1], wanted.laid.draws[0][1]
+    (m1, m2), w2, n2 = partition.cells, partition.window[1], wanted.seal_windows.draws[0][1]
     contact = two_scale or solve_windows(scene, partition.cells, wanted.contact, mapper=mapper)
     if wanted.sampling.sampler == "runs":
         return _runs_in_place(wanted, contact)
@@ -77,8 +77,9 @@ def windows_in_place(wanted: WindowRequest) -> WindowSupply:
 
 
 def _runs_in_place(wanted: WindowRequest, contact: TwoScaleResult | WindowContacts) -> WindowSupply:
+    """Runs of columns of the face, for the sampler "runs", with their windows as a library."""
     known = contact is wanted.two_scale
-    runs = runs_of_face(contact.fields, wanted.laid.draws[0][1], wanted.scene.flow.drop, mapper=wanted.mapper)
+    runs = runs_of_face(contact.fields, wanted.seal_windows.draws[0][1], wanted.scene.flow.drop, mapper=wanted.mapper)
     missing = np.full(wanted.partition.cells, np.nan)
     k = np.array([state.k if isinstance(state, StateRuns) else missing for state in runs])
     solved = k[np.isfinite(k[:, 0, 0])]

@@ -11,10 +11,10 @@ import numpy as np
 
 from .scene import Array, Scene
 
-#: Share of the contact pressure from which on the pressure at the inlet lifts the faces noticeably.
+#: Fraction of the contact pressure from which on the pressure at the inlet lifts the faces noticeably.
 RELIEF_FRACTION = 0.5
-#: Ratio of leakage with and without it above which the effect is told.
-_TOLD = 1.2
+#: Ratio of leakage with and without it above which a warning gives the effect.
+_NOTICEABLE = 1.2
 _POINTS = 201
 
 
@@ -53,14 +53,14 @@ def relieved_leakage(scene: Scene, leakage: Array) -> Array:
 
 
 def relief_warning(scene: Scene, leakage: Array) -> str:
-    """A sentence on the largest effect of the fluid pressure on leakage; "" where it is small, or no step tells."""
+    """A sentence on the largest effect of the fluid pressure on leakage; "" where it is small or unknown."""
     given = np.asarray(leakage, dtype=float)
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = relieved_leakage(scene, given) / given
-    told = np.flatnonzero(np.isfinite(ratio) & (ratio > _TOLD))
-    if not told.size:
+    noticeable = np.flatnonzero(np.isfinite(ratio) & (ratio > _NOTICEABLE))
+    if not noticeable.size:
         return ""
-    worst = told[int(np.argmax(ratio[told]))]
+    worst = noticeable[int(np.argmax(ratio[noticeable]))]
     return (
         f"the fluid lifts the faces, which is left out: with the part of the load that it carries, leakage at "
         f"{scene.steps[worst].name} would be about {ratio[worst]:.2g} times that given"

@@ -15,10 +15,10 @@ from .scene import Array, Scene
 from .window_pressures import distinct_paths, library_peaks, pressure_fractions
 from .window_supply import Tables, WindowRequest, WindowSupply
 
-#: Loading steps of a library in shares of the pressure at which everything is in contact, about: the hardness, or half
-#: of E* × rms slope where that is less.
+#: Loading steps of a library over the pressure at which everything is in contact, about: the hardness, or half of E* ×
+#: rms slope where that is less.
 LOADING_FRACTIONS = (0, 0.001, 0.004, 0.01, 0.02, 0.04, 0.07, 0.11, 0.16, 0.22, 0.29, 0.37, 0.46, 0.56, 0.67, 0.8, 0.95)
-#: Stops of library windows on the way down in shares of the peak.
+#: Stops of library windows on the way down in fractions of the peak.
 STOPS = (0.8, 0.6, 0.4, 0.25, 0.12, 0.04, 0.0)
 #: Rigid separations of library windows in rms heights; beyond them k is within 3 % of the asymptote, which takes over.
 SEPARATIONS = (-1.0, 0.0, 1.0, 2.0, 3.0, 5.0, 8.0)
@@ -32,7 +32,7 @@ def windows_under_global_contact(wanted: WindowRequest) -> WindowSupply:
     The global contact of the face repeats along the seal.
     """
     scene, partition = wanted.scene, wanted.partition
-    (m1, m2), n2 = partition.cells, wanted.laid.draws[0][1]
+    (m1, m2), n2 = partition.cells, wanted.seal_windows.draws[0][1]
     cut_off = CUT_OFF_WINDOWS * min(partition.window_size)
     means = partial(_link_means, partition=partition)
     states = scene.global_states(partition, cut_off, take=means, mapper=wanted.mapper)
@@ -51,7 +51,7 @@ def windows_under_global_contact(wanted: WindowRequest) -> WindowSupply:
         path = np.arange(m1 - axis)[:, None] * m2 + np.arange(n2) % m2
         flat = (len(pressure), (m1 - axis) * m2)
         links.append(_LinkPaths(pressure.reshape(flat), gaps.reshape(flat), path))
-    return WindowSupply(library, _tables(library, links, scene, wanted.laid.axes))
+    return WindowSupply(library, _tables(library, links, scene, wanted.seal_windows.axes))
 
 
 def _link_means(state: GlobalState, partition: Partition) -> tuple[Array, Array, Array, Array]:
@@ -61,21 +61,21 @@ def _link_means(state: GlobalState, partition: Partition) -> tuple[Array, Array,
 
 
 def windows_under_uniform_pressure(wanted: WindowRequest) -> WindowSupply:
-    """Follow windows with the full heights; each has the nominal pressure, or its share of it in the map."""
-    scene, laid = wanted.scene, wanted.laid
+    """Follow windows with the full heights; each has the nominal pressure, or its fraction of it in the map."""
+    scene, seal_windows = wanted.scene, wanted.seal_windows
     nominal = scene.steps.pressures[:, None]
-    shares = [pressure_fractions(scene, laid, wanted.sampling.pressure_map, axis) for axis in (0, 1)]
+    fractions = [pressure_fractions(scene, seal_windows, wanted.sampling.pressure_map, axis) for axis in (0, 1)]
     links = []
     for axis in (0, 1):
-        paths, number = distinct_paths(shares[axis])
+        paths, number = distinct_paths(fractions[axis])
         pressure = nominal * paths
-        links.append(_LinkPaths(pressure, np.full(pressure.shape, -np.inf), number.reshape(laid.draws[axis])))
+        links.append(_LinkPaths(pressure, np.full(pressure.shape, -np.inf), number.reshape(seal_windows.draws[axis])))
     highest = float(max(link.pressure.max(initial=0) for link in links))
-    if all(np.all(s == 1) for s in shares):
+    if all(np.all(s == 1) for s in fractions):
         library = _library(wanted, highest, exact=scene.steps.loading, peaks=scene.steps.unload_from)
     else:
         library = _library(wanted, highest, peaks=library_peaks([link.pressure for link in links], scene.steps))
-    return WindowSupply(library, _tables(library, links, scene, laid.axes))
+    return WindowSupply(library, _tables(library, links, scene, seal_windows.axes))
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,9 +122,9 @@ def _library(
     full = min(law.mean_hardness, 0.5 * scene.modulus * scene.surface.rms_slope)
     half_space = HalfSpace(partition.window, partition.spacing, scene.modulus, ("mirror", "mirror"))
     source = WindowSource((-scene.surface.heights,), half_space, law, sampling.seed, scene.rtol, scene.flow)
-    shares = LOADING_FRACTIONS if highest <= LOADING_FRACTIONS[-1] * full else (*LOADING_FRACTIONS, highest / full)
+    fractions = LOADING_FRACTIONS if highest <= LOADING_FRACTIONS[-1] * full else (*LOADING_FRACTIONS, highest / full)
     ladder = Ladder(
-        loading=tuple(share * full for share in shares),
+        loading=tuple(fraction * full for fraction in fractions),
         separations=tuple(source.rms_height * s for s in SEPARATIONS) if apart else (),
         bounds=sampling.bounds,
         drop=scene.flow.drop,

@@ -23,7 +23,7 @@ from .window_supply import Tables
 
 #: Values of one field, parts times load steps, above which no fields are kept.
 MOST_VALUES = 4_000_000
-#: Leakages below this share of the first one do not choose the median.
+#: Leakages below this fraction of the first one do not choose the median.
 _FLOOR = 1e-3
 
 
@@ -53,7 +53,7 @@ class MedianSeal(Shown):
 
 
 def drawn_permeability(
-    laid: SealWindows, kinds: tuple[Tables, ...], sampling: Sampling, realisation: int, drop: PressureDrop
+    seal_windows: SealWindows, kinds: tuple[Tables, ...], sampling: Sampling, realisation: int, drop: PressureDrop
 ) -> Callable[[int], Any]:
     """Permeability of a realisation at a step, as `seal_leakage` takes it.
 
@@ -63,12 +63,14 @@ def drawn_permeability(
     draws = [
         [
             # windows whose two values belong together are drawn with the same random numbers
-            draw_links(t, sampler=sampler, seed=seed, realisation=realisation, axis=0 if laid.together else axis)
+            draw_links(
+                t, sampler=sampler, seed=seed, realisation=realisation, axis=0 if seal_windows.together else axis
+            )
             for axis, t in enumerate(tables)
         ]
         for tables in kinds
     ]
-    return lambda s: drop.table([laid.permeability(along(s), across(s)) for along, across in draws])
+    return lambda s: drop.table([seal_windows.permeability(along(s), across(s)) for along, across in draws])
 
 
 def nearest_to_median(leakage: Array) -> int | None:
@@ -90,23 +92,25 @@ def nearest_to_median(leakage: Array) -> int | None:
 
 
 def median_seal(
-    realisation: int, *, scene: Scene, laid: SealWindows, kinds: tuple[Tables, ...], sampling: Sampling
+    realisation: int, *, scene: Scene, seal_windows: SealWindows, kinds: tuple[Tables, ...], sampling: Sampling
 ) -> MedianSeal:
     """Draw a realisation again and solve its flow at every step; kinds as in `drawn_permeability`."""
-    permeability = drawn_permeability(laid, kinds, sampling, realisation, scene.flow.drop)
-    outlines = laid.outlines
+    permeability = drawn_permeability(seal_windows, kinds, sampling, realisation, scene.flow.drop)
+    outlines = seal_windows.outlines
     k, p, flux = (np.full((len(scene.steps), len(outlines), *plane), np.nan) for plane in ((), (), (2,)))
     for s in range(len(scene.steps)):
         given = permeability(s)
-        found = attempt(scene.leakage, laid.seal, given)
+        found = attempt(scene.leakage, seal_windows.seal, given)
         if not isinstance(found, Failed):
             at_solution = given if found.permeability is None else found.permeability
-            k[s], p[s] = laid.shown(at_solution, found.fluid_pressure)
+            k[s], p[s] = seal_windows.shown(at_solution, found.fluid_pressure)
             potential = scene.fluid.potential(found.fluid_pressure) / scene.fluid.reference_density
-            flux[s] = laid.flux(at_solution, potential, _rate_of_power(scene, laid.seal, found))
+            flux[s] = seal_windows.flux(at_solution, potential, _rate_of_power(scene, seal_windows.seal, found))
     sampler, seed = sampling.sampler_of_links, sampling.seed
     pressure = draw_pressures(kinds[0][0], sampler=sampler, seed=seed, realisation=realisation, axis=0)
-    of_windows = None if pressure is None else np.array([laid.means(pressure(s)) for s in range(len(scene.steps))])
+    of_windows = (
+        None if pressure is None else np.array([seal_windows.means(pressure(s)) for s in range(len(scene.steps))])
+    )
     return MedianSeal(realisation, outlines, k, p, flux, of_windows)
 
 
@@ -114,9 +118,9 @@ def _rate_of_power(scene: Scene, seal: Any, found: Leakage) -> float:
     """Leakage [m³/s] that dissipates as much over the highest drop as the flow between all boundaries does."""
     if found.boundary_rates is None:
         return found.volume_rate
-    held = seal.boundaries
-    drops = scene.fluid.potential(held.pressures) - scene.fluid.potential(scene.outlet_pressure)
-    rates = [found.boundary_rates[name] for name in held.names[: len(drops)]]
+    ends = seal.boundaries
+    drops = scene.fluid.potential(ends.pressures) - scene.fluid.potential(scene.outlet_pressure)
+    rates = [found.boundary_rates[name] for name in ends.names[: len(drops)]]
     return float(drops @ rates / np.abs(drops).max())
 
 

@@ -1,4 +1,4 @@
-"""What is odd in a scene but may be meant: told with its numbers, before a run and with every result."""
+"""Warnings of what is implausible in a scene but may be meant, before a run and with every result."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from .scene import Scene
 #: Young's moduli of metals, and of hard coatings, lie between these [Pa]; contact moduli between half of the lower one
 #: and a fifth more than the higher one.
 YOUNG_LIMITS = (5e9, 1.2e12)
-#: Share of the hardness from which on the nominal pressure flattens most of the face, where hardness is no constant.
-_FLATTENING_SHARE = 0.5
+#: Fraction of the hardness from which on the nominal pressure flattens most of the face, where hardness is no constant.
+_FLATTENING_FRACTION = 0.5
 #: Largest rms slope for which a face is near to a half-space.
 _STEEP = 1.0
 
 
 def scene_warnings(scene: Scene) -> tuple[str, ...]:
-    """One sentence for each odd thing in a scene."""
-    return (*_odd_modulus(scene), *_odd_pressures(scene), *_odd_surface(scene))
+    """One sentence for each implausible number of a scene."""
+    return (*_modulus_warnings(scene), *_pressure_warnings(scene), *_surface_warnings(scene))
 
 
 def moduli_warnings(young: Iterable[tuple[str, float]]) -> Iterator[str]:
@@ -33,18 +33,20 @@ def moduli_warnings(young: Iterable[tuple[str, float]]) -> Iterator[str]:
             yield f"{name} {to_text(value, 'Pa')} is not that of a metal ({usual}): is its unit right?"
 
 
-def _odd_modulus(scene: Scene) -> Iterator[str]:
+def _modulus_warnings(scene: Scene) -> Iterator[str]:
+    """A contact modulus that is not that of metals."""
     low, high = 0.5 * YOUNG_LIMITS[0], 1.2 * YOUNG_LIMITS[1]
     if not low <= scene.modulus <= high:
         usual = f"{to_text(low, 'Pa')} to {to_text(high, 'Pa')}"
         yield f"the contact modulus {to_text(scene.modulus, 'Pa')} is not that of metals ({usual}): is its unit right?"
 
 
-def _odd_pressures(scene: Scene) -> Iterator[str]:
+def _pressure_warnings(scene: Scene) -> Iterator[str]:
+    """Fluid pressures near the contact pressures, a gas into a vacuum, loads near the hardness."""
     inlet, steps = scene.inlet_pressure, scene.steps
-    lifted = [step for step in steps if step.pressure > 0 and inlet > RELIEF_FRACTION * step.pressure]
-    if lifted:
-        least, carried = min(step.pressure for step in lifted), carried_pressure(scene)
+    relieved = [step for step in steps if step.pressure > 0 and inlet > RELIEF_FRACTION * step.pressure]
+    if relieved:
+        least, carried = min(step.pressure for step in relieved), carried_pressure(scene)
         like = (
             f"it acts as if the contact pressure were lower by {to_text(carried, 'Pa')}"
             if carried < least
@@ -52,8 +54,9 @@ def _odd_pressures(scene: Scene) -> Iterator[str]:
         )
         yield (
             f"the fluid's {to_text(inlet, 'Pa')} at the inlet is {inlet / least:.2g} times the contact pressure of "
-            f"{to_text(least, 'Pa')}, and more than {RELIEF_FRACTION:.0%} of it at {len(lifted)} of {len(steps)} load "
-            f"steps: the model leaves out that the fluid lifts the faces ({like}), so that leakage is too small there"
+            f"{to_text(least, 'Pa')}, and more than {RELIEF_FRACTION:.0%} of it at {len(relieved)} of {len(steps)} "
+            f"load steps: the model leaves out that the fluid lifts the faces ({like}), so that leakage is too small "
+            "there"
         )
     if leak_basis(scene.fluid, 1.0).is_gas and scene.outlet_pressure == 0:
         yield (
@@ -62,14 +65,15 @@ def _odd_pressures(scene: Scene) -> Iterator[str]:
         )
     highest = max(step.pressure for step in steps)
     hardness = scene.law.mean_hardness
-    if isfinite(hardness) and highest > _FLATTENING_SHARE * hardness:
+    if isfinite(hardness) and highest > _FLATTENING_FRACTION * hardness:
         yield (
             f"the nominal pressure of {to_text(highest, 'Pa')} is {highest / hardness:.0%} of the hardness "
             f"{to_text(hardness, 'Pa')}: most of the face is plastic then, for which the model is not made"
         )
 
 
-def _odd_surface(scene: Scene) -> Iterator[str]:
+def _surface_warnings(scene: Scene) -> Iterator[str]:
+    """Slopes that are too steep for a half-space."""
     slope = scene.surface.rms_slope
     if slope > _STEEP:
         yield (

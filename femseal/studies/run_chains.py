@@ -19,12 +19,12 @@ from .face_flow import columns_of_face
 from .repeated_steps import first_equal, map_different
 from .scene import Array, Scene
 
-#: Columns of a run as shares of those of the face, the first of which is taken by which the cuts matter less than the
-#: finite library. The shorter the runs, the more of them tell how realisations scatter.
-RUN_FRACTIONS = (8, 4, 2)
+#: Columns of the face over those of a run. The first is taken by which cuts matter less than the finite library: the
+#: shorter the runs, the better it is known how realisations scatter.
+COLUMNS_OVER_RUN = (8, 4, 2)
 #: Half the distance of the bounds of ln(leakage) from which on a run warns: bounds a factor of ten apart say little.
 WIDE = 1.15
-#: Share of the first step's flow from which on a step counts for that.
+#: Fraction of the first step's flow from which on a step counts for that.
 _COUNTS = 1e-3
 
 
@@ -50,13 +50,13 @@ class StateRuns:
         """Solve the runs of a gap (n1, n2) [m]."""
         columns, own = columns_of_face(gap, partition, drop)
         # rounding may give the potential an extreme inside
-        factor, share = own.mean_factor, own.viscous_fraction(np.clip(columns.window_potential(), 0.0, 1.0))
+        factor, potential = own.mean_factor, own.viscous_fraction(np.clip(columns.window_potential(), 0.0, 1.0))
         flows = tuple(
             replace(f, neumann=factor * f.neumann, dirichlet=factor * f.dirichlet, whole=factor * f.whole)
             for f in (columns.flows(length) for length in lengths)
         )
         solvers = SolverCounts.total([SolverCounts.of(columns.face), *(f.solvers for f in flows)])
-        return cls(flows, factor * columns.window_permeability(), share, factor * columns.window_flux(), solvers)
+        return cls(flows, factor * columns.window_permeability(), potential, factor * columns.window_flux(), solvers)
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +95,7 @@ def runs_of_face(
 ) -> list[StateRuns | Failed]:
     """Solve the runs of a face at every step, of every length that a seal of so many columns may be made of."""
     m2 = fields.partition.cells[1]
-    lengths = tuple(sorted({max(1, min(m2 // share, columns)) for share in RUN_FRACTIONS}))
+    lengths = tuple(sorted({max(1, min(m2 // pieces, columns)) for pieces in COLUMNS_OVER_RUN}))
     solve = partial(attempt, StateRuns.of, partition=fields.partition, lengths=lengths, drop=drop)
     stage = Stage("runs of columns", solve)
     return list(map_different(mapper, stage, fields.gap, first_equal(fields.gap, fields.steps)))

@@ -45,8 +45,8 @@ class Sampling:
         over a window.
         "global": windows with all their waves, followed along a ladder of pressures. The global contact of the face,
         repeated along the seal, gives the pressure of each link (Pérez-Ràfols et al., 2018).
-        "uniform": windows with the full heights. Every link has the nominal pressure, or its share in `pressure_map`.
-    pressure_map : contact pressure over the seal in shares of the nominal one, see `seal.pressure_map`; one that is
+        "uniform": windows with the full heights. Every link has the nominal pressure, or that of `pressure_map`.
+    pressure_map : contact pressure over the seal in fractions of the nominal one, see `seal.pressure_map`; one that is
         not uniform goes with "uniform" only.
     library : folder in which libraries of windows are kept and found again; "global" and "uniform" only.
     width : wanted standard error of ln(median leakage) at the steps that leak more than 1e-3 of the first. Realisations
@@ -92,7 +92,7 @@ def chosen_sampler(sampling: Sampling, scene: Scene, contact: str | None = None)
 
 
 def lay_out_windows(layout: Layout, partition: Partition, sampling: Sampling) -> tuple[SealWindows, ...]:
-    """Windows of a face laid out over the seal that is drawn, and over those of the other lengths.
+    """Windows of a face seal_windows out over the seal that is drawn, and over those of the other lengths.
 
     Raises
     ------
@@ -103,26 +103,27 @@ def lay_out_windows(layout: Layout, partition: Partition, sampling: Sampling) ->
         _laid_out(layout, partition, replace(sampling, length=length))
         for length in (sampling.length, *sampling.other_lengths)
     )
-    lengths = [to_text(laid.seal.size[1], "m") for laid in every]
+    lengths = [to_text(seal_windows.seal.size[1], "m") for seal_windows in every]
     if len({*lengths}) < len(lengths):
         raise InputError("length", ", ".join(lengths) + " in whole cells", "lengths that differ")
     return every
 
 
 def _laid_out(layout: Layout, partition: Partition, sampling: Sampling) -> SealWindows:
+    """Windows laid out over the seal of one length, checked against the options of the sampling."""
     windows = Windows(partition.window_size, partition.cells[0], sampling.length, sampling.breadth)
-    laid = layout.lay_out(windows)
-    if laid.together and sampling.sampler_of_links != "history":
+    seal_windows = layout.lay_out(windows)
+    if seal_windows.together and sampling.sampler_of_links != "history":
         raise InputError("sampler", sampling.sampler_of_links, f"history with {layout}, whose elements take windows")
-    if laid.together and sampling.bounds:
+    if seal_windows.together and sampling.bounds:
         raise InputError("bounds", "true", f"false with {layout}")
     if sampling.sampler_of_links == "runs" and layout.kind != "rectangular":
         raise InputError("sampler", "runs", f"another one with {layout}")
-    if sampling.pressure != "uniform" and laid.rows != partition.cells[0]:
+    if sampling.pressure != "uniform" and seal_windows.rows != partition.cells[0]:
         face = f"a face with {partition.cells[0]} rows of windows"
-        given = f"'{sampling.pressure}' of {face} for {layout}, which has {laid.rows or 'none'}"
+        given = f"'{sampling.pressure}' of {face} for {layout}, which has {seal_windows.rows or 'none'}"
         raise InputError("pressure", given, "'uniform', or as many rows from inlet to outlet on both")
-    return laid
+    return seal_windows
 
 
 def count_face_windows(sampling: Sampling, partition: Partition) -> int:

@@ -58,6 +58,7 @@ class Scene:
     discretisation: str = "edge"
 
     def __post_init__(self) -> None:
+        """Check that parts of the scene go together, see the class."""
         flow = self.flow  # raises if solver and discretisation do not go together
         if own := getattr(self.layout, "inlet_pressures", {}):
             if flow.drop.law.depends_on_pressure:

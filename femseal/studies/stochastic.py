@@ -107,12 +107,13 @@ def _draw(
     two_scale: TwoScaleResult | None,
     mapper: Mapper,
 ) -> StochasticResult:
+    """Draw the seals of all lengths from one supply of windows."""
     partition = Partition(scene.surface.shape, scene.surface.spacing, cells)
     every = lay_out_windows(scene.layout, partition, sampling)
-    longest = max(every, key=lambda laid: laid.draws[0][1])
+    longest = max(every, key=lambda seal_windows: seal_windows.draws[0][1])
     supply = SOURCES[sampling.pressure](WindowRequest(scene, partition, sampling, longest, two_scale, contact, mapper))
     of = _of_runs if sampling.sampler == "runs" else _of_windows
-    first, *others = (of(scene, partition, sampling, supply, laid, mapper) for laid in every)
+    first, *others = (of(scene, partition, sampling, supply, seal_windows, mapper) for seal_windows in every)
     library = supply.library
     failures = (f"{to_text(seals.seal.size[1], 'm')}, {text}" for seals in others for text in seals.failures)
     return replace(
@@ -129,14 +130,19 @@ def _draw(
 
 
 def _of_windows(
-    scene: Scene, partition: Partition, sampling: Sampling, supply: WindowSupply, laid: SealWindows, mapper: Mapper
+    scene: Scene,
+    partition: Partition,
+    sampling: Sampling,
+    supply: WindowSupply,
+    seal_windows: SealWindows,
+    mapper: Mapper,
 ) -> StochasticResult:
     """Seals of one length, whose windows are drawn one by one or in blocks."""
-    if isinstance(laid, LinkWindows):
-        laid = laid.with_rows(supply.node_rows)
+    if isinstance(seal_windows, LinkWindows):
+        seal_windows = seal_windows.with_rows(supply.node_rows)
     library = supply.library
-    kinds = tuple(_for(laid, tables) for tables in supply.tables)
-    shared: dict[str, Any] = {"scene": scene, "laid": laid, "sampling": sampling}
+    kinds = tuple(_for(seal_windows, tables) for tables in supply.tables)
+    shared: dict[str, Any] = {"scene": scene, "seal_windows": seal_windows, "sampling": sampling}
     independent = library.independent / library.size
     first = first_equal_draws(kinds, scene.steps, sampling.sampler_of_links)
     stage = Stage("drawn seals", partial(_realise, **shared, kinds=kinds, independent=independent, first=first))
@@ -146,13 +152,13 @@ def _of_windows(
     drawn = list(mapper(stage, *zip(*tasks, strict=True)))[: len(tasks)]
     leakage, *bounds = np.array([r.leakage for r in drawn[:count]]).transpose(1, 0, 2)
     lower, upper = bounds or (None, None)
-    chosen = nearest_to_median(leakage) if len(laid.outlines) * len(scene.steps) <= MOST_VALUES else None
+    chosen = nearest_to_median(leakage) if len(seal_windows.outlines) * len(scene.steps) <= MOST_VALUES else None
     pressures = scene.flow.drop.pressures.size
     again = Stage("median seal", partial(median_seal, **shared, kinds=kinds[:pressures]))
     medians = [] if chosen is None else list(mapper(again, [chosen]))
     return StochasticResult(
         steps=scene.steps,
-        seal=laid.seal,
+        seal=seal_windows.seal,
         sampler=sampling.sampler_of_links,
         library=library,
         leakage=leakage,
@@ -161,26 +167,31 @@ def _of_windows(
         leakage_upper_bound=upper,
         median_seal=medians[0] if medians else None,
         failures=tuple(text for r in drawn for text in r.failures),
-        warnings=laid.warnings,
+        warnings=seal_windows.warnings,
         solvers=SolverCounts.total(r.solvers for r in drawn),
         equal_steps=repeated(first),
     )
 
 
-def _for(laid: SealWindows, tables: Tables) -> Tables:
+def _for(seal_windows: SealWindows, tables: Tables) -> Tables:
     """Tables of the first columns of links of a longer seal: a realisation begins with that of the shorter one."""
     along, across = (
         t if t.path.shape[1] == columns else replace(t, path=t.path[:, :columns])
-        for t, (_, columns) in zip(tables, laid.draws, strict=True)
+        for t, (_, columns) in zip(tables, seal_windows.draws, strict=True)
     )
     return along, across
 
 
 def _of_runs(
-    scene: Scene, partition: Partition, sampling: Sampling, supply: WindowSupply, laid: SealWindows, mapper: Mapper
+    scene: Scene,
+    partition: Partition,
+    sampling: Sampling,
+    supply: WindowSupply,
+    seal_windows: SealWindows,
+    mapper: Mapper,
 ) -> StochasticResult:
     """Seals of one length, drawn as chains of runs of the face."""
-    drawn = chained_seals(scene, partition, supply.runs, laid.draws[0][1], sampling.realisations, sampling.seed)
+    drawn = chained_seals(scene, partition, supply.runs, seal_windows.draws[0][1], sampling.realisations, sampling.seed)
     cells, (d1, d2) = (partition.cells[0], drawn.columns), partition.window_size
     few = cells[0] * cells[1] * len(scene.steps) <= MOST_VALUES
     chosen = nearest_to_median(drawn.leakage) if few else None
@@ -225,7 +236,7 @@ def _realise(
     resampled: bool,
     *,
     scene: Scene,
-    laid: SealWindows,
+    seal_windows: SealWindows,
     kinds: tuple[Tables, ...],
     sampling: Sampling,
     independent: float,
@@ -245,13 +256,13 @@ def _realise(
     failures, solvers = [], SolverCounts()
     for kind in range(len(leakage)):
         permeability = drawn_permeability(
-            laid, kinds[kind * pressures : (kind + 1) * pressures], sampling, realisation, drop
+            seal_windows, kinds[kind * pressures : (kind + 1) * pressures], sampling, realisation, drop
         )
         for s, step in enumerate(steps):
             if first[s] < s:
                 leakage[kind, s] = leakage[kind, first[s]]
                 continue
-            found = attempt(scene.leakage, laid.seal, permeability(s))
+            found = attempt(scene.leakage, seal_windows.seal, permeability(s))
             if isinstance(found, Failed):
                 failures.append(f"realisation {realisation}, {step.name}: {found.reason}")
             else:
@@ -270,7 +281,7 @@ def _grown(windows: int, sampling: Sampling, library: LadderLibrary | FaceLibrar
 def _resample(tables: Tables, seed: int, realisation: int, independent: float) -> Tables:
     """Tables of cells drawn with repetition, as many as do not overlap; neighbours that are alike are drawn together.
 
-    independent : share of the cells that do not overlap.
+    independent : fraction of the cells that do not overlap.
     """
     cells = tables[0].k.shape[2]
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(realisation, 2)))

@@ -98,6 +98,7 @@ def _cost_deterministic(
 def _cost_two_scale(
     scene: Scene, options: StudyOptions, efforts: Sequence[Effort], points: Pair | None = None
 ) -> tuple[float, float]:
+    """Cost of two scales with the options of a case."""
     assert options.cells is not None
     return two_scale_cost(
         efforts,
@@ -113,6 +114,7 @@ def _cost_two_scale(
 def _cost_stochastic(
     scene: Scene, options: StudyOptions, efforts: Sequence[Effort], points: Pair | None = None
 ) -> tuple[float, float]:
+    """Cost of the library and of the seals of all lengths."""
     cells, sampling, surface = options.cells, options.sampling, scene.surface
     n1, n2 = points = points or surface.shape
     assert cells is not None
@@ -121,7 +123,7 @@ def _cost_stochastic(
         scene.layout, Partition(points, (surface.size[0] / n1, surface.size[1] / n2), cells), sampling
     )
     # seals of all lengths take the work of one as long as all of them together
-    seal = every[0].unknowns[0], sum(laid.unknowns[1] for laid in every)
+    seal = every[0].unknowns[0], sum(seal_windows.unknowns[1] for seal_windows in every)
     return stochastic_cost(efforts, points, cells, sampling, seal, options.contact, pressures_of_gas(scene))
 
 

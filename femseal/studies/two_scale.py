@@ -29,7 +29,7 @@ from .scene import Array, Scene
 from .window_contacts import WindowContacts
 
 FLOWS = ("links", "resolved", "elements")
-#: Largest number of pixels of a face whose flow is resolved unless told otherwise: that of 2048².
+#: Largest number of pixels of a face whose flow is resolved unless chosen otherwise: that of 2048².
 RESOLVED_PIXELS = 2**22
 
 

@@ -31,7 +31,7 @@ FLOW_ERROR = 0.003
 LEAKAGE_WARNING = 1.1
 #: Number of fields over all points that the error of a contact needs.
 ERROR_FIELDS = 26
-#: Share of the fine waves' rms in profiles along either axis above which windows do not resolve the ridges of a face.
+#: Fraction of the fine waves' rms in profiles along either axis above which windows do not resolve a face's ridges.
 #: Measured on turned faces: 0.3 goes with factors of 1.1, 0.38 with 1.2 to 1.7, 0.55 with 1.5 to 4; self-affine 0.1.
 RIDGE_WARNING = 0.35
 
@@ -154,6 +154,7 @@ def _error(
 
 
 def _contact_warnings(steps: LoadProgramme, error: Array, factor: Array) -> tuple[str, ...]:
+    """Warn where the estimated error of the gap changes the leakage, or is large; the worst step is named."""
     with np.errstate(divide="ignore"):
         off = np.nan_to_num(np.exp(np.abs(np.log(factor))), nan=1.0, posinf=np.inf)
     if (off > LEAKAGE_WARNING).any():
@@ -175,6 +176,7 @@ def _contact_warnings(steps: LoadProgramme, error: Array, factor: Array) -> tupl
 
 
 def _outer(state: GlobalState, partition: Partition, body: HalfSpace) -> tuple[NDArray[np.float32], Array]:
+    """The parts of a global state that windows start from."""
     return state.outer_gap(partition, body), state.pressure
 
 
@@ -187,12 +189,12 @@ def _respond(
 
 def _unresolved_ridges(smooth: Array, fine: Array, partition: Partition) -> tuple[str, ...]:
     """Warn if windows are too large to resolve the ridges of a face with a lay."""
-    carried, share = (max(z.mean(axis=axis).std() for axis in (0, 1)) / (z.std() or 1.0) for z in (smooth, fine))
-    if share <= RIDGE_WARNING or carried <= RIDGE_WARNING or not 0.05 < fine.std() / (smooth.std() or np.inf) < 1:
+    carried, fraction = (max(z.mean(axis=axis).std() for axis in (0, 1)) / (z.std() or 1.0) for z in (smooth, fine))
+    if fraction <= RIDGE_WARNING or carried <= RIDGE_WARNING or not 0.05 < fine.std() / (smooth.std() or np.inf) < 1:
         return ()
     size = " × ".join(f"{length * 1e6:.3g}" for length in partition.window_size)
     text = (
-        f"windows of {size} µm do not resolve the ridges of the face ({share:.0%} of what is left to them is in "
+        f"windows of {size} µm do not resolve the ridges of the face ({fraction:.0%} of what is left to them is in "
         'straight ridges): leakage may be off by a factor of 2; take contact = "whole" or smaller windows'
     )
     return (text,)

@@ -26,40 +26,40 @@ MOST_PATHS, MOST_OF_SEVERAL = 512, 4096
 #: windows of 24 pixels that nearly close: medians within 0.5 % and 2 %, with the standard ladder 7 % and 16 %; peaks
 #: 1.3 apart and at most 10 of them miss them by 3 % and 5 %.
 PEAK_RATIO, MOST_PEAKS = 1.15, 16
-#: Difference of the mean of a field from the load at which it holds from which on it is told.
+#: Difference of the mean of a field from the load at which it holds from which on a warning says so.
 _OFF_LOAD = 0.1
-#: How many times above the highest or below the lowest load the mean of a field is told.
+#: How many times above the highest or below the lowest load the mean of a field is warned of.
 _FAR_LOAD = 10.0
 
 
-def seal_for_maps(layout: Layout, laid: SealWindows) -> PressedSeal:
+def seal_for_maps(layout: Layout, seal_windows: SealWindows) -> PressedSeal:
     """The seal in the coordinates of maps."""
-    return PressedSeal(layout.frame(laid.seal.size), laid.outlines)
+    return PressedSeal(layout.frame(seal_windows.seal.size), seal_windows.outlines)
 
 
-def pressure_fractions(scene: Scene, laid: SealWindows, pressure_map: AnyMap, axis: int) -> Array:
-    """Pressure of the windows along an axis in shares of the nominal one (steps, windows).
+def pressure_fractions(scene: Scene, seal_windows: SealWindows, pressure_map: AnyMap, axis: int) -> Array:
+    """Pressure of the windows along an axis in fractions of the nominal one (steps, windows).
 
     Raises
     ------
     InputError : the map does not cover the seal.
     """
-    count = int(np.prod(laid.draws[axis]))
+    count = int(np.prod(seal_windows.draws[axis]))
     if is_uniform(pressure_map):
         return np.broadcast_to(1.0, (len(scene.steps), count))
-    points = laid.places(axis).reshape(count, 2)
-    return seal_for_maps(scene.layout, laid).fractions(pressure_map, points, scene.steps.pressures)
+    points = seal_windows.places(axis).reshape(count, 2)
+    return seal_for_maps(scene.layout, seal_windows).fractions(pressure_map, points, scene.steps.pressures)
 
 
-def distinct_paths(shares: Array) -> tuple[Array, Index]:
-    """Distinct paths (steps, paths) of shares (steps, n), and the number of the path of each (n,).
+def distinct_paths(fractions: Array) -> tuple[Array, Index]:
+    """Distinct paths (steps, paths) of fractions (steps, n), and the number of the path of each (n,).
 
-    If there are more than `MOST_PATHS`, or `MOST_OF_SEVERAL`, shares are rounded in their cube root, in which ln k is
-    nearly straight, to steps of 1/512 of the largest or larger ones; the mean of those that share a path stays.
+    If there are more than `MOST_PATHS`, or `MOST_OF_SEVERAL`, fractions are rounded in their cube root, in which ln k
+    is nearly straight, to steps of 1/512 of the largest or larger ones; the mean of those that share a path stays.
     Measured under two maps with 512 paths: leakage within 3e-4.
     """
-    changes = [True, *(not np.array_equal(one, other) for one, other in pairwise(shares))]
-    rows = shares[changes]
+    changes = [True, *(not np.array_equal(one, other) for one, other in pairwise(fractions))]
+    rows = fractions[changes]
     paths, number = _distinct(rows, rows)
     levels, most = float(MOST_PATHS), MOST_PATHS if len(rows) == 1 else MOST_OF_SEVERAL
     while paths.shape[1] > most:
@@ -96,17 +96,17 @@ def library_peaks(pressures: list[Array], steps: LoadProgramme) -> tuple[float, 
         ratio *= 1.1
 
 
-def _distinct(keys: Array, shares: Array) -> tuple[Array, Index]:
-    """Groups of equal columns of keys, and the mean share in each."""
+def _distinct(keys: Array, fractions: Array) -> tuple[Array, Index]:
+    """Groups of equal columns of keys, and the mean fraction in each."""
     _, first, number = np.unique(keys, axis=1, return_index=True, return_inverse=True)
     number = number.reshape(-1)
-    if keys is shares:
-        return shares[:, first], number
+    if keys is fractions:
+        return fractions[:, first], number
     members = np.bincount(number)
-    return np.array([np.bincount(number, row) / members for row in shares]), number
+    return np.array([np.bincount(number, row) / members for row in fractions]), number
 
 
-def check_map(scene: Scene, laid: SealWindows, pressure_map: AnyMap) -> tuple[str, ...]:
+def check_map(scene: Scene, seal_windows: SealWindows, pressure_map: AnyMap) -> tuple[str, ...]:
     """Warnings on a map that are worth telling before a run.
 
     Raises
@@ -116,17 +116,17 @@ def check_map(scene: Scene, laid: SealWindows, pressure_map: AnyMap) -> tuple[st
     if is_uniform(pressure_map):
         return ()
     nominal = scene.steps.pressures
-    pressures = [nominal[:, None] * pressure_fractions(scene, laid, pressure_map, axis) for axis in (0, 1)]
+    pressures = [nominal[:, None] * pressure_fractions(scene, seal_windows, pressure_map, axis) for axis in (0, 1)]
     for pressure in pressures:
         if pressure.size and pressure.max() >= scene.law.capacity:
             step = int(pressure.max(axis=1).argmax())
             given = f"{to_text(float(pressure.max()), 'Pa')} in a window at {scene.steps[step].name}"
             raise InputError("map", given, f"pressures below the hardness, {to_text(scene.law.capacity, 'Pa')}")
-    return (*_odd_pressures(scene, pressures[0][nominal > 0]), *_odd_fields(scene, laid, pressure_map))
+    return (*_pressure_warnings(scene, pressures[0][nominal > 0]), *_field_warnings(scene, seal_windows, pressure_map))
 
 
-def _odd_pressures(scene: Scene, pressure: Array) -> Iterator[str]:
-    """What is odd in the pressures of the windows at the loaded steps (steps, windows)."""
+def _pressure_warnings(scene: Scene, pressure: Array) -> Iterator[str]:
+    """Warnings of the pressures of the windows at the loaded steps (steps, windows)."""
     if not pressure.size:
         return
     if free := float((pressure <= 0).mean(axis=1).max()):
@@ -138,7 +138,7 @@ def _odd_pressures(scene: Scene, pressure: Array) -> Iterator[str]:
     lowest = min(p for p in scene.steps.pressures if p > 0)
     if (
         RELIEF_FRACTION * least < scene.inlet_pressure <= RELIEF_FRACTION * lowest
-    ):  # where it is more, the scene tells it
+    ):  # where it is more, the scene warns of it
         yield (
             f"the fluid's {to_text(scene.inlet_pressure, 'Pa')} at the inlet is {scene.inlet_pressure / least:.2g} "
             f"times the contact pressure of {to_text(least, 'Pa', 3)} where the map presses least: the model leaves "
@@ -146,34 +146,34 @@ def _odd_pressures(scene: Scene, pressure: Array) -> Iterator[str]:
         )
 
 
-def _odd_fields(scene: Scene, laid: SealWindows, pressure_map: AnyMap) -> tuple[str, ...]:
+def _field_warnings(scene: Scene, seal_windows: SealWindows, pressure_map: AnyMap) -> tuple[str, ...]:
     """Fields whose mean is far from the loads."""
-    seal = seal_for_maps(scene.layout, laid)
-    told: list[str] = []
+    seal = seal_for_maps(scene.layout, seal_windows)
+    warnings: list[str] = []
     if isinstance(pressure_map, PressureField):
         mean, loads = seal.mean(pressure_map), scene.steps.pressures[scene.steps.pressures > 0]
         if loads.size and not loads.min() / _FAR_LOAD < mean < loads.max() * _FAR_LOAD:
             found = to_text(mean, "Pa", 3)
-            told.append(
+            warnings.append(
                 f"the field of pressure has the mean {found} over the seal, far from all loads: is its unit right?"
             )
     elif isinstance(pressure_map, MapsAtLoads):
         for load, one in zip(pressure_map.pressures, pressure_map.maps, strict=True):
             if isinstance(one, PressureField) and abs((mean := seal.mean(one)) - load) > _OFF_LOAD * load:
                 found, at = to_text(mean, "Pa", 3), to_text(load, "Pa", 3)
-                told.append(
+                warnings.append(
                     f"the field of pressure at {at} has the mean {found} over the seal: it is scaled to the load"
                 )
-    return tuple(told)
+    return tuple(warnings)
 
 
-def describe_map(scene: Scene, laid: SealWindows, pressure_map: AnyMap) -> str:
-    """The map in words: its range in shares of the nominal pressure, and the mean of a field; "" if uniform."""
+def describe_map(scene: Scene, seal_windows: SealWindows, pressure_map: AnyMap) -> str:
+    """The map as a text: its range in fractions of the nominal pressure, and the mean of a field; "" if uniform."""
     if is_uniform(pressure_map):
         return ""
-    shares = pressure_fractions(scene, laid, pressure_map, 0)
-    text = f"{shares.min():.3g} to {shares.max():.3g} of the nominal pressure over the seal"
-    seal = seal_for_maps(scene.layout, laid)
+    fractions = pressure_fractions(scene, seal_windows, pressure_map, 0)
+    text = f"{fractions.min():.3g} to {fractions.max():.3g} of the nominal pressure over the seal"
+    seal = seal_for_maps(scene.layout, seal_windows)
     maps = pressure_map.maps if isinstance(pressure_map, MapsAtLoads) else (pressure_map,)
     means = [to_text(seal.mean(one), "Pa", 3) for one in maps if isinstance(one, PressureField)]
     return text + (f"; mean of the field {' and '.join(means)}, scaled to every load" if means else "")

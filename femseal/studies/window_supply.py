@@ -23,7 +23,7 @@ Tables = tuple[LinkTable, LinkTable]
 class WindowRequest:
     """Request for windows, which a source answers with a `WindowSupply`.
 
-    scene, partition : the face and its windows. sampling : how the seal is drawn. laid : the windows of the seal.
+    scene, partition : the face and its windows. sampling : how the seal is drawn. seal_windows : those of the seal.
     two_scale : the two-scale solution of the face, if it is known already. contact : how the contact of windows with
     places is solved, see `face_contact.solve_windows`. mapper : computes a stage for many items.
     """
@@ -31,7 +31,7 @@ class WindowRequest:
     scene: Scene
     partition: Partition
     sampling: Sampling
-    laid: SealWindows
+    seal_windows: SealWindows
     two_scale: TwoScaleResult | None
     contact: str | None
     mapper: Mapper

@@ -106,6 +106,7 @@ def _global_state(
     finer: Refinement,
     take: Callable[[GlobalState], Any] | None,
 ) -> Any:
+    """Pressures of the windows and raw gap on the fine grid at one step, from the contact on the global grid."""
     contact = state.contact
     cells = Partition(partition.shape, partition.spacing, partition.cells)
     pressure, across = (cells.means(contact.pressure, axis) for axis in (0, 1))

@@ -21,10 +21,10 @@ from ..topography import Topography
 
 Array = NDArray[np.float64]
 #: How far a line of nodes may lie from its face, in window sides.
-LINE_REACH = 0.25
-#: Share of the height variance in the profile across the leakage from which on a face has ridges to avoid. Measured:
+MOST_LINE_SHIFT = 0.25
+#: Fraction of the height variance in the profile across the leakage from which on a face has ridges to avoid. Measured:
 #: moved lines are better by factors on turned faces and worse by a tenth on self-affine ones.
-RIDGE_SHARE = 0.5
+RIDGE_FRACTION = 0.5
 
 
 @dataclass(frozen=True)
@@ -44,6 +44,7 @@ class Partition:
     lines: tuple[int, ...] = ()
 
     def __post_init__(self) -> None:
+        """Check cells and lines, and place lines that are not given on the faces between cells."""
         if any(m < 1 or n % m for n, m in zip(self.shape, self.cells, strict=True)):
             raise InputError("cells", self.cells, f"divisors of the surface's {self.shape} pixels")
         if min(self.window) < 8 and self.cells != (1, 1):
@@ -65,13 +66,11 @@ class Partition:
         uniform = cls(surface.shape, surface.spacing, cells)
         smooth = surface.low_pass(cut_off).heights
         profile = smooth.mean(axis=1)
-        if profile.var() < RIDGE_SHARE * smooth.var():
+        if profile.var() < RIDGE_FRACTION * smooth.var():
             return uniform
         w1 = uniform.window[0]
-        reach = int(LINE_REACH * w1)
-        inner = [
-            line - reach + int(np.argmin(profile[line - reach : line + reach + 1])) for line in uniform.lines[1:-1]
-        ]
+        most = int(MOST_LINE_SHIFT * w1)
+        inner = [line - most + int(np.argmin(profile[line - most : line + most + 1])) for line in uniform.lines[1:-1]]
         return cls(surface.shape, surface.spacing, cells, (0, *inner, surface.shape[0]))
 
     @property

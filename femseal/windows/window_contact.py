@@ -22,7 +22,7 @@ class ContactHistory:
 
     gap : deformed gap (steps, n1, n2) [m]; without contact it may be negative until `separate`.
     contact : contact pressure at every step, kept where there is contact.
-    contact_fraction, plastic_fraction : shares of the pixels in contact and at the hardness (steps,).
+    contact_fraction, plastic_fraction : fractions of the pixels in contact and at the hardness (steps,).
     standoff : distance by which the asperities separate the body from the face (steps,) [m]; NaN without pressure.
     """
 
@@ -135,11 +135,11 @@ def body_standoff(standoff: Array, load: Array, lowest: Array) -> Array:
     windows = (1, 2)
     loaded = np.isfinite(standoff)
     weight = np.where(loaded, load, 0.0)
-    held = np.where(loaded, standoff, 0.0)
+    known = np.where(loaded, standoff, 0.0)
     touch = -np.nanmin(np.where(np.isfinite(lowest), lowest, np.inf), axis=windows)
     any_loaded = loaded.any(axis=windows)
     mean = np.divide(
-        (weight * held).sum(axis=windows), weight.sum(axis=windows), out=np.zeros(len(touch)), where=any_loaded
+        (weight * known).sum(axis=windows), weight.sum(axis=windows), out=np.zeros(len(touch)), where=any_loaded
     )
     return np.where(any_loaded, mean, np.where(np.isfinite(touch), touch, 0.0))
 
