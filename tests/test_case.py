@@ -561,11 +561,11 @@ def test_a_second_face_is_laid_on_the_first(tmp_path, two_faces):
     expected, _ = fs.condition(both, shape=shape)
     assert_allclose(prepared.scene.surface.heights, expected.heights, atol=1e-12)
     assert prepared.overlap == overlap
-    assert 0.5 < overlap.share < 0.8
+    assert 0.5 < overlap.fraction < 0.8
     assert prepared.surface_report["overlap"]["shape"] == overlap.shape
     # of both faces
     assert prepared.conditioning.spikes == 2
-    assert_allclose(prepared.conditioning.undefined_share, (1 / (96 * 128) + 1 / (120 * 160)) / 2)
+    assert_allclose(prepared.conditioning.undefined_fraction, (1 / (96 * 128) + 1 / (120 * 160)) / 2)
     lines = describe(parse_case(two_faces, tmp_path), prepared)
     assert any("two faces overlap on " in line and "% of the first, the second resampled" in line for line in lines)
     assert any(" 2 in spikes filled" in line for line in lines)
@@ -622,7 +622,7 @@ def test_files(tmp_path, data):
     heights[5, 7] = np.nan
     np.save(tmp_path / "face.npy", heights)
     prepared = prepare(parse_case(data, tmp_path))
-    assert_allclose(prepared.conditioning.undefined_share, 1 / heights.size)
+    assert_allclose(prepared.conditioning.undefined_fraction, 1 / heights.size)
 
 
 def test_unreadable_case_files(tmp_path):

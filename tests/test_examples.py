@@ -157,7 +157,7 @@ class TestMeasuredFace:
     def test_it_is_what_it_is_said_to_be(self):
         prepared = prepare(fs.load_case(EXAMPLES / "measured_seal.toml"))
         report = prepared.conditioning
-        assert 0.015 < report.undefined_share < 0.025
+        assert 0.015 < report.undefined_fraction < 0.025
         assert 0.4e-6 < report.rms_height < 1e-6
         assert_allclose(report.removed_curvature[2], 20, rtol=0.3)  # and what the roughness adds to it
         assert report.shape == (240, 480)
@@ -250,7 +250,7 @@ class TestMeasuredSurfaces:
 
         prepared = prepare(write([1e5, 2e5], 1e9))
         assert_allclose(prepared.conditioning.rms_height_before, height, rtol=5e-3)
-        assert_allclose(prepared.conditioning.undefined_share, undefined, atol=6e-5)
+        assert_allclose(prepared.conditioning.undefined_fraction, undefined, atol=6e-5)
         # full contact of the slopes comes at about E*·slope, all-plastic contact at the hardness
         stiffness = 100e9 * prepared.scene.surface.rms_slope
         results = fs.run(write([0.001 * stiffness, 0.01 * stiffness], 0.15 * stiffness), workers=1)

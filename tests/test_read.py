@@ -2,9 +2,9 @@
 
 import os
 import random
+import subprocess
 import sys
 import zipfile
-from contextlib import suppress
 
 import numpy as np
 import pytest
@@ -300,16 +300,23 @@ def test_what_readers_print_of_damaged_files_is_not_seen(tmp_path, monkeypatch, 
     assert capfd.readouterr() == ("later\n", "later too")
 
 
-def test_a_damaged_opd_file_prints_nothing(tmp_path, instrument_file, capfd):
+def test_a_damaged_opd_file_prints_nothing(tmp_path, instrument_file):
+    """In a process of its own: its library logs what it finds, and tests catch what is logged."""
     content = bytearray(instrument_file("opd-1.opd").read_bytes())
     generator = random.Random(1)
-    for number in range(20):
+    for number in range(4):
         damaged = content[: generator.randrange(100, len(content)) if number % 2 else None]
         for _ in range(generator.choice([1, 20])):
             damaged[generator.randrange(min(len(damaged), 4000))] = generator.randrange(256)
-        with suppress(InputError, MemoryError):
-            read_topography(write(tmp_path, "face.opd", bytes(damaged)))
-    assert capfd.readouterr() == ("", "")
+        write(tmp_path, f"face{number}.opd", bytes(damaged))
+    code = (
+        "import sys, femseal as fs\n"
+        "for path in sys.argv[1:]:\n"
+        "    try: fs.read_topography(path)\n"
+        "    except fs.InputError: pass\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code, *tmp_path.glob("*.opd")], capture_output=True, check=True)
+    assert (len(done.stdout), len(done.stderr)) == (0, 0)
 
 
 def test_unknown_format(tmp_path):
@@ -430,7 +437,7 @@ def test_the_mask_of_a_gwyddion_file(tmp_path):
     np.save(tmp_path / "mask.npy", ~MASK)
     with pytest.raises(InputError, match=r"file_mask: given False, expected for \.gwy, \.npz files only"):
         read_topography(tmp_path / "mask.npy", file_mask=False)
-    assert read_topography(path, mask=tmp_path / "mask.npy").undefined_share == 1
+    assert read_topography(path, mask=tmp_path / "mask.npy").undefined_fraction == 1
 
 
 def test_heights_under_the_mask_of_a_gwyddion_file_have_their_unit(tmp_path, monkeypatch):
@@ -565,8 +572,8 @@ def test_measured_surfaces(instrument_file, name, shape, size, sq, undefined):
     assert face.shape == shape
     assert_allclose(face.size, size, rtol=1e-3)
     assert_allclose(np.nanstd(face.detrend().heights), sq, rtol=5e-3)
-    assert_allclose(face.undefined_share, undefined, atol=5e-5)
-    assert face.fill_undefined().undefined_share == 0
+    assert_allclose(face.undefined_fraction, undefined, atol=5e-5)
+    assert face.fill_undefined().undefined_fraction == 0
 
 
 def test_measured_surface_in_a_wrong_channel(instrument_file):

@@ -370,7 +370,7 @@ class TestRareTallPoints:
         gap = np.array(whole.gap[0], float)
         spacing = scene.surface.spacing
         half_space = HalfSpace(gap.shape, spacing, MODULUS, scene.boundary)
-        body = {"undeformed": -scene.surface.heights, "half_space": half_space, "hardness": HARDNESS}
+        body = {"undeformed": -scene.surface.heights, "half_space": half_space, "law": scene.law}
         narrow = gap.copy()
         narrow[95] *= 0.5
         exact, changed = (cell_permeability(g, spacing, sides="periodic").value for g in (gap, narrow))

@@ -28,7 +28,7 @@ from femseal.topography.combine import _largest_rectangle
 from femseal.topography.power_law import spectrum
 from femseal.topography.spikes import _window_medians, find_spikes
 from femseal.topography.texture import autocorrelation, texture
-from femseal.topography.usable import largest_part
+from femseal.topography.undefined_points import largest_part
 
 EXAMPLE = Path(__file__).parents[1] / "examples" / "measured_face.x3p"
 #: Points, Sq and height range without tilt [m], undefined share, most points that may be called spikes.
@@ -141,7 +141,7 @@ def test_repair_fills_spikes_like_undefined_points():
     z = plane + 1e-12 * np.random.default_rng(0).standard_normal(plane.shape)
     z[20, 20], z[40, 10] = 1e-6, np.nan
     whole, found = repair(Topography(z, (1e-6, 1e-6), (False, False)))
-    assert (found.spikes, found.undefined_share) == (1, 1 / z.size)
+    assert (found.spikes, found.undefined_fraction) == (1, 1 / z.size)
     assert_allclose(whole.heights, 0, atol=1e-11)
     assert_allclose(found.form.slopes, (1e-3, 2e-3), rtol=1e-5)
     kept, found = repair(Topography(z, (1e-6, 1e-6), (False, False)), spikes=inf, detrend=0)
@@ -169,7 +169,7 @@ def test_spikes_count_as_undefined():
     with pytest.raises(InputError, match=r"undefined points: given 1 %, .*; 192 of them are spikes, which spikes=inf"):
         fs.condition(face, max_undefined=0.005)
     _, report = fs.condition(face)
-    assert (report.spikes, report.undefined_share) == (192, 0)
+    assert (report.spikes, report.undefined_fraction) == (192, 0)
     assert_allclose(report.rms_height_before, rough().detrend().rms_height, rtol=0.01)
     _, report = fs.condition(face, spikes=inf)
     assert report.rms_height_before > 5 * rough().rms_height
@@ -450,7 +450,7 @@ def test_spikes_and_undefined_points_are_counted():
     z = rough().heights.copy()
     z[3, 4], z[50, 60:63] = 1e-4, np.nan
     report = describe_surface(Topography(z, (1e-6, 1e-6)))
-    assert (report.spikes, report.undefined_share) == (1, 3 / z.size)
+    assert (report.spikes, report.undefined_fraction) == (1, 3 / z.size)
     assert report.peak_to_valley > 1e-4  # heights as the instrument counts them
     assert_allclose(report.rms_slope, describe_surface(rough()).rms_slope, rtol=0.01)  # slopes without the spike
 
@@ -462,7 +462,7 @@ def test_measured_faces_are_described(instrument_file, name):
     assert report.shape == shape
     assert_allclose(report.rms_height, sq, rtol=5e-3)
     assert_allclose(report.peak_to_valley, height, rtol=0.03)
-    assert_allclose(report.undefined_share, undefined, atol=5e-5)
+    assert_allclose(report.undefined_fraction, undefined, atol=5e-5)
     assert report.spikes <= spikes
     if name == "opd-1.opd":  # the isotropic one
         assert report.aspect_ratio > 0.7
@@ -531,7 +531,7 @@ def test_the_second_face_is_mirrored_then_turned_then_shifted(mirror, degrees, s
     assert fits
     assert overlap.shape == both.shape
     assert overlap.resampled
-    assert_allclose(overlap.share, both.heights.size / 5400)
+    assert_allclose(overlap.fraction, both.heights.size / 5400)
     if degrees % 90 == 0:
         assert both.heights.size == under.sum()
 
@@ -540,7 +540,7 @@ def test_faces_left_in_place_are_added():
     a, b = rough(), rough(rng=5)
     both, overlap = combine(a, b)
     assert_array_equal(both.heights, a.heights + b.heights)
-    assert (both.periodic, overlap.share, overlap.resampled) == ((True, True), 1.0, False)
+    assert (both.periodic, overlap.fraction, overlap.resampled) == ((True, True), 1.0, False)
     turned_over, _ = combine(a, a.flip(1), mirror="x2")
     assert_array_equal(turned_over.heights, 2 * a.heights)
     fine, overlap = combine(a, rough((320, 240), rng=5))  # the same face on a finer grid of the same size

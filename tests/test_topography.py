@@ -55,7 +55,7 @@ def test_heights_are_a_read_only_copy():
 
 def test_masked_points_are_undefined():
     face = Topography(np.ma.masked_greater(np.arange(6).reshape(2, 3), 4), (1, 1))
-    assert_allclose(face.undefined_share, 1 / 6)
+    assert_allclose(face.undefined_fraction, 1 / 6)
     assert np.isnan(face.heights[1, 2])
 
 
@@ -285,7 +285,7 @@ def test_holes_in_a_plane_are_filled_exactly():
     z[5:9, 10:14] = np.nan
     z[20, 3] = np.nan
     filled = Topography(z, (SIZE[0] / 30, SIZE[1] / 24), (False, False)).fill_undefined()
-    assert filled.undefined_share == 0
+    assert filled.undefined_fraction == 0
     assert_allclose(filled.heights, plane, rtol=1e-12)
 
 
@@ -328,7 +328,7 @@ def test_too_many_undefined_points_are_refused():
     z[0] = np.nan
     with pytest.raises(InputError, match="undefined points: given 10 %, expected at most 5 %"):
         Topography(z, (1, 1)).fill_undefined()
-    assert Topography(z, (1, 1)).fill_undefined(0.1).undefined_share == 0
+    assert Topography(z, (1, 1)).fill_undefined(0.1).undefined_fraction == 0
     with pytest.raises(InputError, match="given 100 %"):
         Topography(np.full((3, 3), np.nan), (1, 1)).fill_undefined(1.0)
 
@@ -384,14 +384,14 @@ def measured():
 
 def test_condition_reports_what_it_did():
     face, report = condition(measured())
-    assert_allclose(report.undefined_share, 6 / (96 * 80))
+    assert_allclose(report.undefined_fraction, 6 / (96 * 80))
     assert_allclose(report.removed_tilt, (2e-3, -1e-3), atol=5e-4)
     assert_allclose(report.shortest_wavelength, 8 * max(face.spacing))
     assert report.rms_height < report.rms_height_before < measured().fill_undefined().rms_height
     assert report.rms_slope < report.rms_slope_before
     assert_allclose((report.rms_height, report.rms_slope), (face.rms_height, face.rms_slope))
     assert (report.shape, report.spacing) == (face.shape, face.spacing)
-    assert face.undefined_share == 0
+    assert face.undefined_fraction == 0
     # Nothing shorter than the shortest wave is left.
     assert_allclose(face.high_pass(report.shortest_wavelength).heights, 0, atol=1e-18)
 

@@ -25,7 +25,7 @@ from .workspace import Workspace
 Array = NDArray[np.float64]
 #: Steps of conjugate gradients after a change of the sets, and without one.
 _STEPS_AFTER_CHANGE, _STEPS = 3, 5
-#: Conjugate gradients stop when the squared energy norm of the residual has fallen to this share.
+#: Conjugate gradients stop when the squared energy norm of the residual has fallen to this fraction.
 _DROP = 0.04
 #: Iterations after which no step may raise the energy (`Descent`), a slower rule that is seldom needed.
 _MONOTONE_AFTER = 60
@@ -143,7 +143,7 @@ class ActiveSets:
             self._reach = reach if carried and reach < inf else inf  # inf if NaN
             self._list_near()
         self.residual = residual * (self._c0 / self._c)  # about the residual for the step c₀
-        # keep the sets as long as the residual falls and the points that would leave them have a small share of it
+        # keep the sets as long as the residual falls and the points that would leave them have a small fraction of it
         self._changed = (changed > 0 and (leaving or self.residual > 0.5 * former)) or self.iterations == 0
 
     def _change_sets(self) -> None:

@@ -50,7 +50,7 @@ class Convolution:
     boundary : kind of each axis, "periodic", "mirror" or "free".
     symbol : eigenvalues of K [m/Pa] as `influence.symbol` gives them.
     dtype : of the arrays and the transforms, double or single precision.
-    threads : number of threads that share the work.
+    threads : number of threads at work together.
     over : a convolution with the same K, of no smaller precision, whose memory is used for all but `pressure`. Each
         `apply` of one overwrites the displacement of the other.
     """

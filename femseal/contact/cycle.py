@@ -35,7 +35,8 @@ STATE_FIELDS = 20
 class LoadState(LoadStep, Plotted):
     """A step of a load programme and the contact there.
 
-    yielded_again : share of points that yield on unloading. This happens where the load moves to points that were not
+    yielded_again : fraction of points that yield on unloading. This happens where the load moves to points that were
+    not
         plastic at the peak.
     """
 
@@ -187,7 +188,7 @@ def _state(
 
 
 def _yielded_again(contact: Contact, deformation: np.ndarray, rtol: float) -> float:
-    """Share of points whose plastic deformation grew by more than the residual explains."""
+    """Fraction of points whose plastic deformation grew by more than the residual explains."""
     # the displacement of a pixel under the hardness is about pressure / stiffness
     spacing = contact.half_space.spacing
     depth = 4 * max(spacing) * float(contact.pressure.max()) / (np.pi * contact.half_space.modulus)

@@ -17,7 +17,7 @@ from .law import YieldLine
 from .workspace import Workspace
 
 Array = NDArray[np.float64]
-#: Steps of conjugate gradients in an iteration, and the share of the first w·r at which they stop.
+#: Steps of conjugate gradients in an iteration, and the fraction of the first w·r at which they stop.
 _STEPS, _DROP = 25, 1e-3
 
 
@@ -96,10 +96,10 @@ class Descent:
         slope += self._energy(y) - self._energy(p)
         if not (slope < 0 and curvature > 0):
             return self._grid.stiffness
-        share = min(1.0, -slope / curvature)
-        p += share * d
+        fraction = min(1.0, -slope / curvature)
+        p += fraction * d
         np.clip(p, 0.0, self._limit, out=p)
-        v += share * response
+        v += fraction * response
         return length / curvature
 
     def _face_steps(self, p: Array, v: Array) -> None:
@@ -143,10 +143,10 @@ class Descent:
             with np.errstate(divide="ignore", invalid="ignore"):
                 room = np.where(d > 0, (high - p[free]) / d, np.where(d < 0, (low - p[free]) / d, np.inf))
             nearest = int(room.argmin())
-            share, former = min(wr / curvature, float(room[nearest])), wr
-            p[free] = np.clip(p[free] + share * d, low, high)
-            v += share * response
-            if share == room[nearest]:
+            fraction, former = min(wr / curvature, float(room[nearest])), wr
+            p[free] = np.clip(p[free] + fraction * d, low, high)
+            v += fraction * response
+            if fraction == room[nearest]:
                 p[free[nearest]] = high[nearest] if d[nearest] > 0 else low[nearest]
                 former = np.inf
 

@@ -26,8 +26,8 @@ from numba import njit
 #: Every function is inlined: a called one may be compiled differently in another process and change last digits.
 EXACT: dict[str, Any] = {"cache": True, "nogil": True, "forceinline": True}
 FAST: dict[str, Any] = {**EXACT, "fastmath": {"reassoc", "nsz", "arcp", "contract", "nnan"}}
-#: Sets stay while points that would leave them have at most this share of the squared residual, and it halves.
-_SHARE = 0.1
+#: Sets stay while points that would leave them have at most this fraction of the squared residual, and it halves.
+_FRACTION = 0.1
 
 
 @njit(**EXACT)
@@ -115,12 +115,12 @@ def look(n, c, load, loaded, delta, hardness, slope, state, lists, near):
             changed += 1
             c2 += e * e
     residual = np.sqrt(r2 / y2) if y2 > 0.0 else (0.0 if r2 == 0.0 else np.inf)
-    return delta, carried, residual, changed, c2 > _SHARE * r2
+    return delta, carried, residual, changed, c2 > _FRACTION * r2
 
 
 @njit(**EXACT)
 def _line(i, hardness, slope, c):
-    """Hardness of a point, and the share t = h/(h + c) by which its pressure follows a trial pressure above it."""
+    """Hardness of a point, and the fraction t = h/(h + c) by which its pressure follows a trial pressure above it."""
     h = slope[i if slope.size > 1 else 0]
     return hardness[i if hardness.size > 1 else 0], h / (h + c) if h > 0.0 else 0.0
 

@@ -53,12 +53,12 @@ class Contact(Shown):
 
     @property
     def area_fraction(self) -> float:
-        """Share of points in contact, p > 0."""
+        """Fraction of points in contact, p > 0."""
         return float(np.count_nonzero(self.pressure) / self.pressure.size)
 
     @property
     def area_fraction_corrected(self) -> float:
-        """Share in contact, corrected for the error of the pixels at the edge of contact.
+        """Fraction in contact, corrected for the error of the pixels at the edge of contact.
 
         A pixel in contact counts whole, which adds (π − 1 + ln 2)/24 of a pixel for each pixel side between contact
         and gap. Source: Yastrebov, Anciaux & Molinari, Tribol. Int. 114, 2017, 161.
@@ -76,7 +76,7 @@ class Contact(Shown):
 
     @property
     def plastic_fraction(self) -> float:
-        """Share of points at the hardness."""
+        """Fraction of points at the hardness."""
         return float(np.count_nonzero(self.plastic) / self.pressure.size)
 
     @property
@@ -230,7 +230,7 @@ class _Problem:
             lines.append(YieldLine(*values))
         loads = [self.load] * len(grids)
         if self.load is not None and self.line.hardness.size > 1:
-            # coarse means count an odd border twice: every grid carries the same share of its capacity
+            # coarse means count an odd border twice: every grid carries the same fraction of its capacity
             capacity = [line.capacity for line in lines]
             loads = [self.load * (c / capacity[0] if np.isfinite(c) else 1) for c in capacity]
         start = self._first_guess(grids[-1], gaps[-1], lines[-1], loads[-1])

@@ -107,7 +107,7 @@ def heights_figure(topography: Topography) -> Figure:
         profile.plot((np.arange(n) + 0.5) * d * 1e3, line, color=colour, ls=style, lw=1.1, label=_ALONG[axis])
     profile.set(xlabel="distance [mm]", ylabel="height [µm]")
     profile.set_title("profiles through the middle", fontsize=9.5)
-    if topography.undefined_share:
+    if topography.undefined_fraction:
         density.annotate("undefined points", (0.5, 0.5), xycoords="axes fraction", ha="center", va="center")
         _density_labels(density)
     else:
@@ -162,7 +162,7 @@ def survey_figure(
     figure = new_figure(11.0, 8.0)
     (image, histogram), (radial, profiles) = figure.subplots(2, 2)
     marked = topography.without_spikes(spikes)
-    measured = topography if topography.undefined_share == 1 else topography.detrend(detrend)
+    measured = topography if topography.undefined_fraction == 1 else topography.detrend(detrend)
     _map_panel(image, measured, np.isnan(marked.heights) & ~np.isnan(topography.heights), part)
     _histogram_panel(histogram, measured)
     if report is not None:
@@ -182,8 +182,8 @@ def _map_panel(
     from matplotlib.patches import Rectangle
 
     notes = []
-    if measured.undefined_share:
-        notes.append(f"white: {100 * measured.undefined_share:.2g} % undefined")
+    if measured.undefined_fraction:
+        notes.append(f"white: {100 * measured.undefined_fraction:.2g} % undefined")
     if count := np.count_nonzero(spikes):
         notes.append(f"{'circles' if count <= _MOST_CIRCLES else 'dots'}: {count} points in spikes")
     if part is not None:

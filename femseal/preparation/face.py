@@ -126,7 +126,7 @@ def _found(repaired: list[tuple[Topography, Repair]], wavelength: float) -> dict
         return {}
     effects = [spike_effect(face, repair.removed, wavelength) for face, repair in repaired]
     return {
-        "undefined_share": sum(r.undefined_share for _, r in repaired) / len(repaired),
+        "undefined_fraction": sum(r.undefined_fraction for _, r in repaired) / len(repaired),
         "spikes": sum(r.spikes for _, r in repaired),
         "spikes_along_lay": max((e.along_lay for e in effects if e.along_lay is not None), default=None),
         "spikes_extreme": max((e.extreme for e in effects if e.extreme is not None), default=None),

@@ -119,7 +119,7 @@ def survey(
 
 def _look(face: Topography, wave: float | None, treatment: dict[str, Any]) -> _Look:
     """Describe and condition the face, or else its largest part with few undefined points."""
-    if face.undefined_share == 1:
+    if face.undefined_fraction == 1:
         return _Look(reasons=("none of its points is defined",))
     part: Part | None = None
     reasons: list[str] = []
@@ -127,7 +127,7 @@ def _look(face: Topography, wave: float | None, treatment: dict[str, Any]) -> _L
         report = describe_surface(face, **treatment)
     except TooManyUndefined as error:
         spikes = f", {error.spikes} points in spikes with them" if error.spikes else ""
-        given, most = (f"{100 * share:.3g} %" for share in (error.share, error.limit))
+        given, most = (f"{100 * share:.3g} %" for share in (error.fraction, error.limit))
         reasons.append(f"{given} of its points are undefined{spikes}, and at most {most} are filled (--max-undefined)")
         if (part := error.part) is not None:
             face = face.crop_to(part)
@@ -149,7 +149,7 @@ def _description(face: Topography, look: _Look) -> list[str]:
     if look.report is None or look.part is not None:
         sides, pixel = (" × ".join(to_text(x, "m") for x in pair) for pair in (face.size, face.spacing))
         facts = {"points": f"{face.shape[0]} × {face.shape[1]}", "size": sides, "pixel": pixel}
-        facts["undefined points"] = f"{100 * face.undefined_share:.3g} %"
+        facts["undefined points"] = f"{100 * face.undefined_fraction:.3g} %"
         lines += [f"  {name:16}  {text}" for name, text in facts.items()]
     if look.part is not None:
         lines.append("its largest part with few undefined points")

@@ -296,12 +296,14 @@ def _surface_lines(prepared: Prepared) -> list[str]:
         _line("", f"rms height {height}, rms slope {surface.rms_slope:.3g}, "
                   f"H/(E*·slope) {scene.law.mean_hardness / scene.modulus / surface.rms_slope:.3g}"),
     ]  # fmt: skip
-    if report.undefined_share or report.spikes:
-        lines.append(_line("", f"{report.undefined_share:.2%} undefined points and {report.spikes} in spikes filled"))
+    if report.undefined_fraction or report.spikes:
+        lines.append(
+            _line("", f"{report.undefined_fraction:.2%} undefined points and {report.spikes} in spikes filled")
+        )
     if overlap := prepared.overlap:
         size = " × ".join(to_text(length, "m", 3) for length in overlap.size)
         resampled = ", the second resampled" if overlap.resampled else ""
-        lines.append(_line("", f"two faces overlap on {size}, {overlap.share:.0%} of the first{resampled}"))
+        lines.append(_line("", f"two faces overlap on {size}, {overlap.fraction:.0%} of the first{resampled}"))
     shortest = report.shortest_wavelength
     kept = f"waves below {to_text(shortest, 'm', 3)} ({shortest / max(surface.spacing):.3g} pixels) removed"
     removed = 1 - surface.rms_slope / report.rms_slope_before if report.rms_slope_before else 0.0

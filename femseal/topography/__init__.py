@@ -5,18 +5,15 @@ repair (spikes, undefined points) -> combine (two faces) -> condition (form, wav
 """
 
 from .combine import Overlap, combine
-from .condition import Conditioning, condition, default_wave, resolved_wave, smooth
-from .describe import SurfaceReport, describe_surface
+from .condition import MOST_POINTS, Conditioning, condition, default_wave, resolved_wave, resolving_shape, smooth
+from .describe import SurfaceReport, as_text, describe_surface
 from .generate import self_affine, turned
-from .labelled import as_text
 from .power_law import spectrum
 from .read import read_for_a_look, read_topography
-from .repairs import Repair, repair
-from .resolution import MOST_POINTS, resolving_shape
-from .spike_effect import SpikeEffect, spike_effect
+from .repair import Repair, SpikeEffect, repair, spike_effect
 from .spikes import SPIKES
 from .topography import Topography
-from .usable import TooManyUndefined
+from .undefined_points import TooManyUndefined
 
 __all__ = [
     "MOST_POINTS",

@@ -17,7 +17,7 @@ from scipy import ndimage
 from ..base import validate
 from ..base.errors import InputError
 from ..base.quantities import to_text
-from .labelled import Labelled
+from .describe import Labelled
 from .topography import Topography
 
 
@@ -27,7 +27,7 @@ class Overlap(Labelled):
 
     shape: tuple[int, int] = field(metadata={"unit": "", "label": "points of the overlap"})
     size: tuple[float, float] = field(metadata={"unit": "m", "label": "size of the overlap"})
-    share: float = field(metadata={"unit": "", "label": "overlap, of the first face", "percent": True})
+    fraction: float = field(metadata={"unit": "", "label": "overlap, of the first face", "percent": True})
     resampled: bool = field(metadata={"unit": "", "label": "second face interpolated"})
 
 
@@ -68,7 +68,7 @@ def combine(
         both = first + Topography(on_grid.heights, first.spacing, on_grid.periodic)
         return both, Overlap(both.shape, both.size, 1.0, first.shape != second.shape)
     index = _places(first, second, angle, move)
-    if second.undefined_share:
+    if second.undefined_fraction:
         raise InputError("second face", "undefined points", "a map without them: use fill_undefined() first")
     edge = 0.5 + 1e-9 * max(second.shape)
     inside = np.all([(i >= -edge) & (i <= n - 1 + edge) for i, n in zip(index, second.shape, strict=True)], axis=0)

@@ -7,28 +7,32 @@ in Fourier space so that the shortest wave is resolved by at least 8 pixels.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from math import atan
+from math import atan, ceil, inf, prod, sqrt
 
 import numpy as np
+from scipy.fft import next_fast_len
 
 from ..base import validate
 from ..base.errors import InputError
 from ..base.quantities import to_text
+from .describe import Labelled
 from .generate import PIXELS_PER_WAVE
-from .labelled import Labelled
 from .power_law import spectrum
-from .repairs import Repair, repair
+from .repair import Repair, repair, spike_effect
 from .spectral import SLACK
-from .spike_effect import spike_effect
 from .spikes import SPIKES
 from .topography import Topography
+
+#: Most points of a grid that nobody asked for. It does not depend on the machine, so that results do not either; a
+#: deterministic solution of as many takes a few GB, and some 10 to 40 s of one core for each load step.
+MOST_POINTS = 2**22
 
 
 @dataclass(frozen=True)
 class Conditioning(Labelled):
     """What was done to a measured map; "before" means filled and flat, but not yet low-passed."""
 
-    undefined_share: float = field(metadata={"unit": "", "label": "undefined points, filled", "percent": True})
+    undefined_fraction: float = field(metadata={"unit": "", "label": "undefined points, filled", "percent": True})
     spikes: int = field(metadata={"unit": "", "label": "points in spikes, filled"})
     spikes_along_lay: float | None = field(
         metadata={"unit": "", "label": "neighbouring spikes along the lay", "percent": True}
@@ -52,7 +56,7 @@ class Conditioning(Labelled):
 
     @property
     def lost_slope(self) -> float:
-        """Share of the measured rms slope (0 to 1) that is removed with the waves shorter than those kept."""
+        """Fraction of the measured rms slope (0 to 1) that is removed with the waves shorter than those kept."""
         if not self.rms_slope_measured:
             return 0.0
         return max(0.0, 1 - self.rms_slope / self.rms_slope_measured)
@@ -77,7 +81,7 @@ def condition(
     shortest_wavelength : waves kept are no shorter [m]. Unless given: 8 pixels of the final grid, but no less than the
         shortest wave above noise and cut-off of the instrument (see `describe_surface`), or 8 measured pixels where
         these are shorter. A wave of less than 8 measured pixels needs `shape` with a grid that gives it 8 pixels.
-    max_undefined : largest share of undefined points (0 to 1) that may be filled, spikes included.
+    max_undefined : largest fraction of undefined points (0 to 1) that may be filled, spikes included.
     shape : final number of points; as measured unless given.
 
     Returns
@@ -112,7 +116,7 @@ def smooth(
     tilt1, tilt2 = repaired.form.slopes
     effect = spike_effect(flat, repaired.removed, shortest)
     return kept, Conditioning(
-        undefined_share=repaired.undefined_share,
+        undefined_fraction=repaired.undefined_fraction,
         spikes=repaired.spikes,
         spikes_along_lay=effect.along_lay,
         spikes_extreme=effect.extreme,
@@ -133,7 +137,7 @@ def smooth(
 
 
 def default_wave(flat: Topography, shape: tuple[int, int]) -> float:
-    """Shortest wave that is kept on a grid unless told otherwise [m], see `condition`.
+    """Shortest wave that is kept on a grid unless given [m], see `condition`.
 
     A longer one than 8 pixels of the map would be a guess: noise is removed on demand only.
     """
@@ -144,6 +148,25 @@ def default_wave(flat: Topography, shape: tuple[int, int]) -> float:
 def resolved_wave(size: tuple[float, float], shape: tuple[int, int]) -> float:
     """Shortest wave with 8 pixels of a grid [m]."""
     return PIXELS_PER_WAVE * max(length / n for length, n in zip(size, shape, strict=True))
+
+
+def resolving_shape(size: tuple[float, float], wave: float, *, most: float = inf) -> tuple[int, int]:
+    """Points along x1 and x2 at which a wave has 8 pixels or a little more, in numbers that transform fast.
+
+    Parameters
+    ----------
+    size : of the face [m].
+    wave : shortest wave that shall be kept [m].
+    most : points of the grid at most, about: where the wave takes more, the pixels are wider.
+
+    Examples
+    --------
+    >>> resolving_shape((1e-3, 2e-3), 8e-6), resolving_shape((1e-3, 2e-3), 8e-6, most=500_000)
+    ((1000, 2000), (500, 1000))
+    """
+    pixel = max(wave / PIXELS_PER_WAVE, sqrt(prod(size) / most))
+    n1, n2 = (next_fast_len(ceil(length / pixel * (1 - SLACK)), real=True) for length in size)
+    return n1, n2
 
 
 def _check_wave(wave: float, size: tuple[float, float], shape: tuple[int, int]) -> float:

@@ -5,18 +5,50 @@ Source: ISO 25178-2 (Sq, Sa, Sz, Ssk, Sku, Sal, Str, Std).
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from math import atan, nan
+from dataclasses import dataclass, field, fields
+from math import atan, degrees, isnan, nan
+from typing import Any
 
 import numpy as np
 
+from ..base.quantities import to_text
 from .form import fit_form
-from .labelled import Labelled
 from .power_law import spectrum
-from .repairs import repair
+from .repair import repair
 from .spikes import SPIKES
 from .texture import texture
 from .topography import Topography
+
+
+class Labelled:
+    """Base of dataclasses whose fields carry `unit`, `label`, and `percent` for fractions: a line of text for each."""
+
+    def __str__(self) -> str:
+        metadata = {f.name: f.metadata for f in fields(self)}  # type: ignore[arg-type]
+        width = max(len(m["label"]) for m in metadata.values())
+        return "\n".join(f"{m['label']:{width}}  {as_text(getattr(self, name), **m)}" for name, m in metadata.items())
+
+
+def as_text(value: Any, unit: str, *, percent: bool = False, joint: str = "", **_: Any) -> str:
+    """A value in SI for people: angles in degrees, fractions in per cent, None and NaN as a dash; `joint` between two.
+
+    >>> as_text((1e-6, 2e-6), "m"), as_text(0.5, "rad"), as_text(0.0023, "", percent=True)
+    ('1 µm × 2 µm', '28.65°', '0.23 %')
+    """
+    if isinstance(value, tuple):
+        joint = joint or (" × " if unit == "m" or isinstance(value[0], int) else ", ")
+        return joint.join(as_text(v, unit, percent=percent) for v in value)
+    if value is None or (isinstance(value, float) and isnan(value)):
+        return "–"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, int):
+        return str(value)
+    if percent:
+        return f"{100 * value:.3g} %"
+    if unit == "rad":
+        return f"{degrees(value):.4g}°"
+    return to_text(value, unit) if unit == "m" else f"{value:.4g} {unit}".strip()
 
 
 @dataclass(frozen=True)
@@ -30,7 +62,7 @@ class SurfaceReport(Labelled):
     shape: tuple[int, int] = field(metadata={"unit": "", "label": "points"})
     size: tuple[float, float] = field(metadata={"unit": "m", "label": "size"})
     spacing: tuple[float, float] = field(metadata={"unit": "m", "label": "pixel"})
-    undefined_share: float = field(metadata={"unit": "", "label": "undefined points", "percent": True})
+    undefined_fraction: float = field(metadata={"unit": "", "label": "undefined points", "percent": True})
     spikes: int = field(metadata={"unit": "", "label": "points in spikes"})
     tilt: tuple[float, float] = field(metadata={"unit": "rad", "label": "tilt along x1 (leakage), x2"})
     rms_height: float = field(metadata={"unit": "m", "label": "Sq, rms height"})
@@ -64,7 +96,7 @@ def describe_surface(
     topography : the map as measured.
     detrend : order of the form taken off first: 0 mean, 1 tilt, 2 tilt and curvature.
     spikes : threshold of `find_spikes`; infinite looks for none.
-    max_undefined : largest share of points (0 to 1) that may be filled for slopes, texture and spectrum.
+    max_undefined : largest fraction of points (0 to 1) that may be filled for slopes, texture and spectrum.
 
     Raises
     ------
@@ -89,7 +121,7 @@ def describe_surface(
         shape=topography.shape,
         size=topography.size,
         spacing=topography.spacing,
-        undefined_share=repaired.undefined_share,
+        undefined_fraction=repaired.undefined_fraction,
         spikes=repaired.spikes,
         tilt=(atan(tilt[0]), atan(tilt[1])),
         rms_height=sq,

@@ -68,7 +68,7 @@ def bad_file(path: Path, given: object, allowed: str) -> InputError:
 
 
 @contextmanager
-def weighed(path: Path) -> Iterator[None]:
+def within_memory_of(path: Path) -> Iterator[None]:
     """Context in which a file may be read.
 
     One that cannot be read in the free memory is refused, by its size, or by what it unpacks to if it is a zip. Others

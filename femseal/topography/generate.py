@@ -240,8 +240,8 @@ def _cut_off(cut_off: float | None, spacing: tuple[float, float], size: tuple[fl
     if given < shortest * (1 - SLACK):
         raise InputError("cut_off", cut_off, f"a wavelength >= 2 pixels = {shortest:g} [m]")
     if given >= max(size) * (1 - SLACK):
-        told = f"{given:g}" if cut_off is not None else f"none, which is {PIXELS_PER_WAVE} pixels = {given:g}"
-        raise InputError("cut_off", told, f"a wavelength < the larger side = {max(size):g} [m]")
+        text = f"{given:g}" if cut_off is not None else f"none, which is {PIXELS_PER_WAVE} pixels = {given:g}"
+        raise InputError("cut_off", text, f"a wavelength < the larger side = {max(size):g} [m]")
     return given
 
 

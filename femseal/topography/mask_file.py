@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.errors import InputError
-from .formats import TEXT, Options, bad_file, read_text, weighed
+from .formats import TEXT, Options, bad_file, read_text, within_memory_of
 
 #: Suffixes of images, which keep every point as it was drawn.
 _IMAGES = (".png", ".tif", ".tiff", ".bmp", ".gif")
@@ -39,7 +39,7 @@ def read_mask(path: str | os.PathLike[str], shape: tuple[int, int]) -> NDArray[n
     if suffix not in (*_IMAGES, *_ARRAYS):
         raise InputError("mask", f"'{path.name}'", f"a file {', '.join((*_IMAGES, *_ARRAYS))}")
     try:
-        with weighed(path):
+        with within_memory_of(path):
             found = _read_image(path) if suffix in _IMAGES else _read_array(path)
     except OSError as error:
         raise bad_file(path, error.strerror or error, "a file that can be read") from None

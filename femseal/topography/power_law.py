@@ -26,7 +26,7 @@ _BENDS_PER_DECADE = 48
 #: The end of the spectrum is noise where log C over log q is flatter than this; a wave stands out of it above 4 C.
 _FLAT = -1.5
 _ABOVE_NOISE = 4.0
-#: Below this share of the largest C there is rounding only; below this share of the law the instrument saw nothing.
+#: Below this fraction of the largest C there is rounding only; below this one of the law the instrument saw nothing.
 _ROUNDING = 1e-16
 _CUT = 0.1
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ..base import validate
 from ..base.errors import InputError
 from ..base.quantities import to_si, to_text
-from .formats import READERS, TEXT, Options, Raw, bad_file, read_instrument, weighed
+from .formats import READERS, TEXT, Options, Raw, bad_file, read_instrument, within_memory_of
 from .mask_file import read_mask
 from .topography import Topography
 
@@ -29,7 +29,7 @@ _MASKED = (".gwy", ".npz")
 
 @dataclass(frozen=True)
 class Look:
-    """A map that is looked at, why `read_topography` refuses it, and the share of points masked in the file itself."""
+    """A map that is looked at, why `read_topography` refuses it, and the fraction of points masked in the file."""
 
     topography: Topography
     doubts: tuple[InputError, ...]
@@ -154,7 +154,7 @@ def read_for_a_look(
 
 def _raw(path: Path, options: Options) -> Raw:
     try:
-        with weighed(path):
+        with within_memory_of(path):
             return READERS.get(path.suffix.lower(), read_instrument)(path, options)
     except OSError as error:
         raise bad_file(path, error.strerror or error, "a file that can be read") from None

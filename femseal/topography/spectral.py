@@ -34,7 +34,7 @@ def inverse(c: NDArray, periodic: Periodic) -> NDArray:
 
 
 def power(z: NDArray, periodic: Periodic) -> NDArray:
-    """Share (n1, n2) of each wave in the mean square of `z` [m²]; the sum is the mean square (Parseval)."""
+    """Fraction (n1, n2) of each wave in the mean square of `z` [m²]; the sum is the mean square (Parseval)."""
     return np.abs(forward(z, periodic)) ** 2 / z.size
 
 
@@ -80,13 +80,13 @@ def resample_axis(z: NDArray, n: int, axis: int, periodic: bool) -> NDArray:
     return fft.irfft(kept, n, axis=axis)
 
 
-def one_sided(shares: NDArray, periodic: bool) -> NDArray:
+def one_sided(powers: NDArray, periodic: bool) -> NDArray:
     """Shares (n,) of signed waves folded on k >= 0: (n//2 + 1,); unchanged on a mirror axis."""
     if not periodic:
-        return shares
-    n = shares.size
-    folded = shares[: n // 2 + 1].copy()
-    folded[1 : (n + 1) // 2] += shares[: n // 2 : -1]
+        return powers
+    n = powers.size
+    folded = powers[: n // 2 + 1].copy()
+    folded[1 : (n + 1) // 2] += powers[: n // 2 : -1]
     return folded
 
 

@@ -21,8 +21,8 @@ SPIKES = 6.0
 #: More points than this side by side are no spike but a feature of the face.
 MOST_POINTS = 4
 _REACH = 2
-#: Share of the points, and no less than a window of them, that lie at one height where data is quantised.
-_SHARED = 1e-3
+#: Fraction of the points, and no less than a window of them, that lie at one height where data is quantised.
+_COMMON = 1e-3
 _ALL_NEIGHBOURS = np.ones((3, 3))
 
 
@@ -95,7 +95,7 @@ def _row_medians(values: NDArray) -> NDArray:
 
 
 def _height_step(heights: NDArray) -> float:
-    """Step between heights that many points share, as in quantised data; no less than rounding [m]."""
+    """Step between heights that many points have, as in quantised data; no less than rounding [m]."""
     values, count = np.unique(heights[~np.isnan(heights)], return_counts=True)
-    steps = np.diff(values[count >= max(_SHARED * count.sum(), 25)])
+    steps = np.diff(values[count >= max(_COMMON * count.sum(), 25)])
     return max(float(steps.min()) if steps.size else 0.0, 1e-9 * float(np.abs(values).max()))

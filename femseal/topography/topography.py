@@ -22,9 +22,8 @@ from ..base.text import Plotted
 from ..base.text_table import TextTable
 from . import spectral
 from .form import fit_form
-from .holes import fill_holes
 from .spikes import SPIKES, find_spikes
-from .usable import TooManyUndefined, largest_part
+from .undefined_points import TooManyUndefined, fill_holes, largest_part
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -75,8 +74,8 @@ class Topography(Plotted):
         return self.shape[0] * self.spacing[0], self.shape[1] * self.spacing[1]
 
     @property
-    def undefined_share(self) -> float:
-        """Share of undefined points, 0 to 1."""
+    def undefined_fraction(self) -> float:
+        """Fraction of undefined points, 0 to 1."""
         return float(np.isnan(self.heights).mean())
 
     @property
@@ -91,9 +90,9 @@ class Topography(Plotted):
         Exact for band-limited data. An axis that is not periodic goes by the mirrored map, so a tilt counts
         fully.
         """
-        shares = spectral.power(self._defined("rms_slope"), self.periodic)
+        powers = spectral.power(self._defined("rms_slope"), self.periodic)
         q1, q2 = spectral.wavenumber_grids(self.shape, self.spacing, self.periodic)
-        return float(np.sqrt(np.sum(q1**2 * shares))), float(np.sqrt(np.sum(q2**2 * shares)))
+        return float(np.sqrt(np.sum(q1**2 * powers))), float(np.sqrt(np.sum(q2**2 * powers)))
 
     @property
     def rms_slope(self) -> float:
@@ -160,12 +159,12 @@ class Topography(Plotted):
         InputError : more than `max_share` (0 to 1) of the points, or all of them, are undefined; the largest part of
             the map with fewer is offered.
         """
-        share = self.undefined_share
+        fraction = self.undefined_fraction
         limit = validate.number("max_share", max_share, inclusive=True)
-        if share == 1:
+        if fraction == 1:
             raise InputError("undefined points", "100 %", "a map with defined points")
-        if share > limit:
-            raise TooManyUndefined(share, limit, largest_part(np.isnan(self.heights), self.spacing, limit))
+        if fraction > limit:
+            raise TooManyUndefined(fraction, limit, largest_part(np.isnan(self.heights), self.spacing, limit))
         return self._with(fill_holes(self.heights, self.spacing, self.periodic))
 
     def crop(self, shape: tuple[int, int], start: tuple[int, int] = (0, 0)) -> Topography:
@@ -257,9 +256,9 @@ class Topography(Plotted):
         q [rad/m] and C [m³], each (n//2 + 1,) on a periodic axis, (n,) otherwise.
         """
         axis = validate.axis_number(axis)
-        shares = self._centred_power("psd").sum(axis=1 - axis)
+        powers = self._centred_power("psd").sum(axis=1 - axis)
         step = float(self._wave_steps[axis])
-        density = spectral.one_sided(shares, self.periodic[axis]) * (np.pi / step)
+        density = spectral.one_sided(powers, self.periodic[axis]) * (np.pi / step)
         density[0] *= 2
         return step * np.arange(density.size, dtype=np.float64), density
 
@@ -274,7 +273,7 @@ class Topography(Plotted):
         -------
         q [rad/m] and C2D [m⁴], rings without waves left out.
         """
-        shares = self._centred_power("radial_psd")
+        powers = self._centred_power("radial_psd")
         q = np.hypot(*spectral.wavenumber_grids(self.shape, self.spacing, self.periodic))
         # A wave along a mirror axis stands for itself and its mirror image in the plane of wave vectors.
         copies = np.ones(self.shape)
@@ -287,8 +286,8 @@ class Topography(Plotted):
         count = np.bincount(ring, copies.ravel())
         keep = np.flatnonzero(count[1:] > 0) + 1
         waves = np.bincount(ring, (q * copies).ravel())[keep] / count[keep]
-        mean_share = np.bincount(ring, shares.ravel())[keep] / count[keep]
-        return waves, mean_share * (4 * np.pi**2 / (self._wave_steps[0] * self._wave_steps[1]))
+        mean_power = np.bincount(ring, powers.ravel())[keep] / count[keep]
+        return waves, mean_power * (4 * np.pi**2 / (self._wave_steps[0] * self._wave_steps[1]))
 
     @property
     def _wave_steps(self) -> tuple[float, float]:
@@ -303,20 +302,20 @@ class Topography(Plotted):
         return Topography(heights, self.spacing, self.periodic)
 
     def _defined(self, purpose: str) -> NDArray[np.float64]:
-        if share := self.undefined_share:
+        if fraction := self.undefined_fraction:
             raise InputError(
                 "heights",
-                f"{100 * share:.3g} % undefined points",
+                f"{100 * fraction:.3g} % undefined points",
                 f"a map without them for {purpose}: use fill_undefined() first",
             )
         return self.heights
 
     def _repr_html_(self) -> str:
         sides, pixel = (" × ".join(to_text(v, "m") for v in pair) for pair in (self.size, self.spacing))
-        share = self.undefined_share
+        fraction = self.undefined_fraction
         facts = {"points": " × ".join(map(str, self.shape)), "size": sides, "pixel": pixel}
-        facts |= {"periodic": " × ".join(map(str, self.periodic)), "undefined": f"{100 * share:.3g} %"}
-        if share == 0:
+        facts |= {"periodic": " × ".join(map(str, self.periodic)), "undefined": f"{100 * fraction:.3g} %"}
+        if fraction == 0:
             facts |= {"rms height": to_text(self.rms_height, "m"), "rms slope": f"{self.rms_slope:.4g}"}
         return TextTable(type(self).__name__, (), tuple(facts.items()))._repr_html_()
 
@@ -324,8 +323,8 @@ class Topography(Plotted):
         (l1, l2), (d1, d2) = ((to_text(v, "m") for v in pair) for pair in (self.size, self.spacing))
         points = f"{self.shape[0]} × {self.shape[1]} points"
         text = f"{points}, {l1} × {l2}, pixel {d1} × {d2}, periodic {self.periodic}"
-        if share := self.undefined_share:
-            return f"Topography({text}, {100 * share:.3g} % undefined)"
+        if fraction := self.undefined_fraction:
+            return f"Topography({text}, {100 * fraction:.3g} % undefined)"
         return f"Topography({text}, Sq {to_text(self.rms_height, 'm')}, rms slope {self.rms_slope:.4g})"
 
 

@@ -1,4 +1,7 @@
-"""The largest rectangle of a map with few undefined points, and the error that offers it."""
+"""Undefined points of a measured map: filled by the harmonic surface through their rims, ∇²z = 0, or cropped.
+
+Too many of them are an error, which offers the largest rectangle of the map with few.
+"""
 
 from __future__ import annotations
 
@@ -6,15 +9,17 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import sparse
+from scipy.sparse.linalg import spsolve
 
 from ..base.errors import InputError
 from ..base.quantities import to_text
 
 #: Lines along each axis between which rectangles are sought.
 _LINES = 96
-#: Share of the limit that a rectangle may reach: what is left is for spikes that only the cropped map has.
+#: Fraction of the limit that a rectangle may reach: what is left is for spikes that only the cropped map has.
 _SPARE = 0.8
-#: A part with a side that is a smaller share of the map's is not worth offering.
+#: A part with a side that is a smaller fraction of the map's is not worth offering.
 _LEAST_SIDE = 0.05
 
 Part = tuple[float, float, float, float]
@@ -23,19 +28,19 @@ Part = tuple[float, float, float, float]
 class TooManyUndefined(InputError):
     """A map with too many undefined points; `part`: the largest one with few, x1 from, to, x2 from, to [m], or None."""
 
-    def __init__(self, share: float, limit: float, part: Part | None, spikes: int = 0) -> None:
-        self.share, self.limit, self.part, self.spikes = share, limit, part, spikes
-        super().__init__("undefined points", f"{100 * share:.3g} %", self._expected())
+    def __init__(self, fraction: float, limit: float, part: Part | None, spikes: int = 0) -> None:
+        self.fraction, self.limit, self.part, self.spikes = fraction, limit, part, spikes
+        super().__init__("undefined points", f"{100 * fraction:.3g} %", self._expected())
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return type(self), (self.share, self.limit, self.part, self.spikes)
+        return type(self), (self.fraction, self.limit, self.part, self.spikes)
 
     def _expected(self) -> str:
         largest = "no part of the map has so few"
         if self.part is not None:
             largest = f"the largest part with so few is crop = {part_text(self.part)} in [face]"
         spikes = f"; {self.spikes} of them are spikes, which spikes=inf leaves alone" if self.spikes else ""
-        raised = "or raise the share that may be filled (max_undefined)"
+        raised = "or raise the fraction that may be filled (max_undefined)"
         return f"at most {100 * self.limit:.3g} %: {largest}, {raised}{spikes}"
 
     def from_origin(self, x1: float, x2: float) -> TooManyUndefined:
@@ -44,11 +49,11 @@ class TooManyUndefined(InputError):
             return self
         from1, to1, from2, to2 = self.part
         moved = (from1 + x1, to1 + x1, from2 + x2, to2 + x2)
-        return TooManyUndefined(self.share, self.limit, moved, self.spikes)
+        return TooManyUndefined(self.fraction, self.limit, moved, self.spikes)
 
     def with_spikes(self, count: int) -> TooManyUndefined:
         """The same error about points of which so many were taken for spikes."""
-        return TooManyUndefined(self.share, self.limit, self.part, count)
+        return TooManyUndefined(self.fraction, self.limit, self.part, count)
 
 
 def part_text(part: Part) -> str:
@@ -57,7 +62,7 @@ def part_text(part: Part) -> str:
 
 
 def largest_part(undefined: NDArray[np.bool_], spacing: tuple[float, float], limit: float) -> Part | None:
-    """A large rectangle of which no more than the share `limit` is undefined; None without a useful one.
+    """A large rectangle of which no more than the fraction `limit` is undefined; None without a useful one.
 
     Parameters
     ----------
@@ -93,3 +98,40 @@ def largest_part(undefined: NDArray[np.bool_], spacing: tuple[float, float], lim
         return None
     d1, d2 = spacing
     return float(rows[a] * d1), float(rows[b] * d1), float(columns[c] * d2), float(columns[d] * d2)
+
+
+def fill_holes(heights: NDArray, spacing: tuple[float, float], periodic: tuple[bool, bool]) -> NDArray:
+    """`heights` (n1, n2) [m] with every NaN replaced; at least one point must be defined.
+
+    Five-point Laplacian on the holes, defined neighbours as Dirichlet values, wrapped on periodic axes, no
+    flux through the other borders. Exact for a plane in holes that do not touch a border; the filled values
+    stay between the extremes of the rim (maximum principle), so a hole adds no new summit.
+    """
+    holes = np.argwhere(np.isnan(heights))
+    if not len(holes):
+        return heights
+    number = np.full(heights.shape, -1)
+    number[tuple(holes.T)] = np.arange(len(holes))
+    diagonal, right = np.zeros(len(holes)), np.zeros(len(holes))
+    rows, columns, values = [], [], []
+    for axis in (0, 1):
+        n, weight = heights.shape[axis], (spacing[0] / spacing[axis]) ** 2
+        for step in (-1, 1):
+            at = holes.copy()
+            at[:, axis] += step
+            inside = np.full(len(at), True) if periodic[axis] else (at[:, axis] >= 0) & (at[:, axis] < n)
+            at[:, axis] %= n
+            neighbour = number[tuple(at.T)]
+            unknown, known = inside & (neighbour >= 0), inside & (neighbour < 0)
+            diagonal[inside] += weight
+            right[known] += weight * heights[tuple(at[known].T)]
+            rows.append(np.flatnonzero(unknown))
+            columns.append(neighbour[unknown])
+            values.append(np.full(np.count_nonzero(unknown), -weight))
+    index = np.arange(len(holes))
+    entries = np.concatenate([*values, diagonal])
+    where = (np.concatenate([*rows, index]), np.concatenate([*columns, index]))
+    laplacian = sparse.csc_array((entries, where), shape=(len(holes), len(holes)))
+    filled = heights.copy()
+    filled[tuple(holes.T)] = spsolve(laplacian, right)
+    return filled
