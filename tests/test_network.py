@@ -486,8 +486,8 @@ def test_the_rate_of_a_gap_near_closing_is_as_right_as_asked(n, seed):
 
 def operator(levels, k):
     """Centres and couples of a level."""
-    fields = (hierarchy.level_field(levels, kind, k) for kind in (hierarchy.CENTRE, hierarchy.RIGHT, hierarchy.BELOW))
-    return *fields, hierarchy.level_corner(levels, 0, k), hierarchy.level_corner(levels, 1, k)
+    views = hierarchy.level(*levels[:5], k)
+    return *views[:3], *views[7:]
 
 
 def multigrid(along, across, falling, rising, ring):
@@ -511,9 +511,9 @@ def test_nodes_that_no_coarse_one_holds_are_moved_together(ring, rows, columns):
     field = np.zeros((22, 20))
     field[1:-1] = bay
     right_hand = (network(c1, c2).to_csr() @ field.ravel()).reshape(22, 20)[1:-1]
-    hierarchy.level_field(levels, hierarchy.B, 0)[1:-1, 1:-1] = right_hand
+    hierarchy.level(*levels[:5], 0)[5][1:-1, 1:-1] = right_hand
     v_cycle.v_cycle(levels, factored, False, ring)
-    assert_allclose(hierarchy.level_field(levels, hierarchy.X, 0)[1:-1, 1:-1][bay], 1.0, rtol=1e-3)
+    assert_allclose(hierarchy.level(*levels[:5], 0)[4][1:-1, 1:-1][bay], 1.0, rtol=1e-3)
 
 
 @each("shape", [(20, 16), (21, 17), (33, 12)])
@@ -524,9 +524,9 @@ def test_the_preconditioner_is_symmetric(shape, ring):
     levels, factored = multigrid(c1, c2, nothing, nothing, ring)
 
     def apply(v):
-        hierarchy.level_field(levels, hierarchy.B, 0)[1:-1, 1:-1] = v
+        hierarchy.level(*levels[:5], 0)[5][1:-1, 1:-1] = v
         v_cycle.v_cycle(levels, factored, False, ring)
-        return hierarchy.level_field(levels, hierarchy.X, 0)[1:-1, 1:-1].copy()
+        return hierarchy.level(*levels[:5], 0)[4][1:-1, 1:-1].copy()
 
     u, v = np.random.default_rng(1).standard_normal((2, *shape))
     assert_allclose((u * apply(v)).sum(), (v * apply(u)).sum(), rtol=1e-10)

@@ -25,7 +25,7 @@ INLET, OUTLET = 0, 1
 class ElementSolution:
     """Potential of the nodes of an `ElementMesh` for a unit drop.
 
-    conductance : the energy [m³]. potential : NaN in pockets, which open pixels join to no held node.
+    conductance : the energy [m³]. potential : NaN in pockets, which open pixels join to no Dirichlet node.
     energy : of each element; empty if nothing flows. unknowns : number of nodes that were solved for.
     flow : into each element through its four sides (elements, 4) [m³]; empty if nothing flows.
     imbalance, solver : see `flow.DarcyFlow`. factors : of the system; None if nothing flows.
@@ -112,21 +112,21 @@ class ElementMesh:
             )
         return solution
 
-    def solve_held(self, nodes: Indices, potential: Array) -> ElementSolution:
-        """Solve with more nodes held at potentials between 0 and 1, besides inlet and outlet.
+    def solve_dirichlet(self, nodes: Indices, potential: Array) -> ElementSolution:
+        """Solve with given potentials between 0 and 1 at more nodes than inlet and outlet.
 
         The energy of any potential is an upper bound, so that rounding can make this one wider, not wrong.
         """
-        held = np.concatenate([[INLET, OUTLET], nodes])
-        return self._solved(held, np.concatenate([[1.0, 0.0], potential]))
+        dirichlet = np.concatenate([[INLET, OUTLET], nodes])
+        return self._solved(dirichlet, np.concatenate([[1.0, 0.0], potential]))
 
-    def _solved(self, held: Indices, values: Array) -> ElementSolution:
-        """Solution with `values` at the nodes `held`."""
+    def _solved(self, dirichlet: Indices, values: Array) -> ElementSolution:
+        """Solution with `values` at the Dirichlet nodes."""
         couples = [e.couples for e in self.elements]
         # potential and complement are solved for on their own, so that each keeps its relative accuracy
-        factors = mesh_factors(couples, self.numbers, self.cells, held, self.nodes)
+        factors = mesh_factors(couples, self.numbers, self.cells, dirichlet, self.nodes)
         x, y = factors.dirichlet(values), factors.dirichlet(1 - values)
-        reached = np.isin(self.component, self.component[held])
+        reached = np.isin(self.component, self.component[dirichlet])
         energy, through, out = np.zeros(len(couples)), np.zeros((len(couples), 4)), np.zeros(self.nodes)
         for n, (c, number) in enumerate(zip(couples, self.numbers, strict=True)):
             chosen = reached[number]
@@ -139,9 +139,9 @@ class ElementMesh:
             np.add.at(out, i, inwards)
             through[n] = np.bincount(self.elements[n].side[chosen], inwards, minlength=4)
         rate = float(energy.sum())
-        imbalance = max(abs(float(out[held].sum())), abs(float(values @ out[held]) - rate))
+        imbalance = max(abs(float(out[dirichlet].sum())), abs(float(values @ out[dirichlet]) - rate))
         imbalance = imbalance / rate if rate > 0 else 0.0
-        unknowns = int(np.count_nonzero(reached)) - held.size
+        unknowns = int(np.count_nonzero(reached)) - dirichlet.size
         solver = "elimination" if unknowns else "none"
         return ElementSolution(
             rate, np.where(reached, x, np.nan), energy, through, unknowns, imbalance, solver, factors

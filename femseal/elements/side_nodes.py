@@ -39,7 +39,7 @@ def side_nodes(crossing, along, spacing):
         last = first
         while last < n - 1 and crossing[last + 1] > 0.0 and along[last] > 0.0:
             last += 1
-        nodes = _place(first, last, n, spacing, place[count:])
+        nodes = _place(np.int64(first), last, n, spacing, place[count:])
         every = np.arange(count, count + nodes)
         for i in range(first, last + 1):
             (node[i, 0], node[i, 1]), (weight[i, 0], weight[i, 1]) = _between(along, place, every, i)

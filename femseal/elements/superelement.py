@@ -164,7 +164,7 @@ def _element(couples, along, across, beside1, beside2, ends, spacing):
             counts[side] = at.size
         count += counts[side]
         start += n
-    projected = _projected(couples, node, weight, count)
+    projected = _projected(couples, node, weight, np.int64(count))
     return projected, counts, node, weight, place[:count].copy()
 
 

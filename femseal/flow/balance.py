@@ -75,7 +75,7 @@ def balanced_flux(tail: Indices, head: Indices, width: Array, flux: Array, nodes
 def _send_out(tail, head, widest_first, excess, flux):
     """Send the excess of each node to node 0 along the spanning tree of the widest links (Kruskal)."""
     n = excess.size
-    parent = np.arange(n)
+    parent = np.arange(n).astype(np.int32)
     tree = np.empty(n, np.int64)
     size = 0
     degree = np.zeros(n + 1, np.int64)

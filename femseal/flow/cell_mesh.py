@@ -15,12 +15,12 @@ from skfem import Basis, ElementQuad1, ElementQuadRT0, ElementTriP1, Mesh, MeshQ
 from skfem.mesh import MeshQuad1DG, MeshTri1DG
 
 from ..base.errors import InputError, NotConverged
+from .connected_elements import connected_elements
 from .discretisation import DISCRETISATIONS, Discretisation
 from .grid import Grid
 from .law import cubic_law
 from .mesh import conforming_flow
 from .mixed import flux_conductance
-from .reach import elements_reached
 from .solution import MAX_IMBALANCE, DarcyFlow
 
 Array = NDArray[np.float64]
@@ -53,7 +53,7 @@ def mesh_flow(
     at_vertex[vertex] = gap[pixel]
     ends = _facets_of(mesh, vertex[row == 0]), _facets_of(mesh, vertex[row == grid.elements[0]])
     isotropic = at_vertex[mesh.t].max(axis=0)[:, None, None] * np.eye(2)
-    carrying, at_inlet, at_outlet = elements_reached(mesh, isotropic, ends, through_corners=True)
+    carrying, at_inlet, at_outlet = connected_elements(mesh, isotropic, ends, through_corners=True)
     potential = np.full(mesh.nvertices, np.nan)
     potential[mesh.t[:, at_inlet]], potential[mesh.t[:, at_outlet]] = 1.0, 0.0
     flow = DarcyFlow(0.0, potential, potential, False)

@@ -57,7 +57,7 @@ def critical_constriction(
 @njit(cache=True, nogil=True)
 def _joining(widest_first, values, n1, n2, m2):
     """Number of the link that joins inlet and outlet; −1 without an open path."""
-    parent = np.arange(n1 * n2 + 2)
+    parent = np.arange(n1 * n2 + 2).astype(np.int32)
     inlet, outlet = n1 * n2, n1 * n2 + 1
     along = (n1 + 1) * n2
     for link in widest_first:

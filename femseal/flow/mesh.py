@@ -32,8 +32,8 @@ from skfem.mesh import MeshQuad1DG
 
 from ..base.errors import InputError, NotConverged
 from . import forms
+from .connected_elements import connected_elements, open_facets
 from .mixed import flux_conductance
-from .reach import elements_reached, open_facets
 from .solution import MAX_IMBALANCE, DarcyFlow, potential_rtol
 from .solvers.amg import solve_spd
 
@@ -112,7 +112,7 @@ def darcy_conductance(
     tensor = permeability_tensors(permeability, mesh.nelements)
     scale = float(np.abs(tensor).max()) or 1.0
     tensor = tensor / scale
-    carrying, at_inlet, at_outlet = elements_reached(mesh, tensor, ends, through_corners=True)
+    carrying, at_inlet, at_outlet = connected_elements(mesh, tensor, ends, through_corners=True)
     potential = np.full(mesh.nvertices, np.nan)
     for value, elements, facets in ((0.0, at_outlet, ends[1]), (1.0, at_inlet, ends[0])):
         potential[mesh.t[:, elements]] = value
@@ -224,7 +224,7 @@ def permeability_tensors(permeability: ArrayLike, elements: int) -> Array:
 def is_connected(mesh: Mesh, inlet: ArrayLike, outlet: ArrayLike) -> bool:
     """Whether the mesh itself, all of it open, joins inlet and outlet; InputError if these cannot be ends."""
     unit = np.broadcast_to(np.eye(2), (mesh.nelements, 2, 2))
-    return elements_reached(mesh, unit, _ends(mesh, inlet, outlet), through_corners=True)[0].size > 0
+    return connected_elements(mesh, unit, _ends(mesh, inlet, outlet), through_corners=True)[0].size > 0
 
 
 def _ends(mesh: Mesh, inlet: ArrayLike, outlet: ArrayLike) -> tuple[Indices, Indices]:

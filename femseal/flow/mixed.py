@@ -17,7 +17,7 @@ from skfem import Basis, ElementQuadRT0, ElementTriRT0, Mesh
 
 from . import forms
 from .balance import balanced_flux
-from .reach import elements_between, elements_reached, open_facets
+from .connected_elements import connected_elements, elements_between, open_facets
 from .solution import DarcyFlow
 from .solvers.amg import LinearSolution, solve_spd
 
@@ -55,7 +55,7 @@ def flux_conductance(
     ------
     NotConverged : the linear solver failed.
     """
-    carrying, at_inlet, at_outlet = elements_reached(mesh, tensor, ends, through_corners=False)
+    carrying, at_inlet, at_outlet = connected_elements(mesh, tensor, ends, through_corners=False)
     potential = np.full(mesh.nelements, np.nan)
     potential[at_inlet], potential[at_outlet] = 1.0, 0.0
     if carrying.size == 0:
@@ -85,7 +85,7 @@ def flux_rates(
     rtol: float,
     solver: str = "auto",
 ) -> Array:
-    """Flow into the mesh through each of several boundaries that are held at potentials (ends,).
+    """Flow into the mesh through each of several boundaries of given potentials (ends,).
 
     It is that of the lowest-order Raviart-Thomas flux, which balances on every element, so that its sum is 0 up to
     rounding; 0 at boundaries without an open path to another.
@@ -101,14 +101,14 @@ def flux_rates(
     carrying, _, joined = elements_between(mesh, tensor, ends, through_corners=False)
     if carrying.size == 0:
         return np.zeros(len(ends))
-    held = [open_facets(mesh, f, carrying) if more else f[:0] for f, more in zip(ends, joined, strict=True)]
+    with_potential = [open_facets(mesh, f, carrying) if more else f[:0] for f, more in zip(ends, joined, strict=True)]
     lam = np.zeros(mesh.nfacets)
-    for facets, level in zip(held, levels, strict=True):
+    for facets, level in zip(with_potential, levels, strict=True):
         lam[facets] = level
     system = _Hybrid.of(mesh, tensor, element, intorder, carrying)
-    system.solve(lam, held, rtol, solver)
-    _, on_facet = system.balanced(lam, held)
-    return np.array([-float(on_facet[facets].sum()) for facets in held])
+    system.solve(lam, with_potential, rtol, solver)
+    _, on_facet = system.balanced(lam, with_potential)
+    return np.array([-float(on_facet[facets].sum()) for facets in with_potential])
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,10 +150,10 @@ class _Hybrid:
         return cls(mesh, carrying, facets, local, column, schur, matrix)
 
     def solve(
-        self, lam: Array, held: Sequence[Indices], rtol: float, solver: str, *, unit_drop: bool = False
+        self, lam: Array, dirichlet: Sequence[Indices], rtol: float, solver: str, *, unit_drop: bool = False
     ) -> LinearSolution | None:
-        """Fill in the potentials of all facets but the held ones; None if there is no other."""
-        unknown = np.setdiff1d(np.unique(self.facets), np.concatenate(held))
+        """Fill in the potentials of all facets but those of the Dirichlet ends; None if there is no other."""
+        unknown = np.setdiff1d(np.unique(self.facets), np.concatenate(dirichlet))
         if not unknown.size:
             return None
         rows_of = self.matrix[unknown]
@@ -169,7 +169,7 @@ class _Hybrid:
         drop = lam[self.facets] - lam[self.facets[:, :1]]
         return float(np.einsum("ei,eij,ej->", drop, self.schur, drop))
 
-    def balanced(self, lam: Array, held: Sequence[Indices]) -> tuple[Array, Array]:
+    def balanced(self, lam: Array, dirichlet: Sequence[Indices]) -> tuple[Array, Array]:
         """Outward fluxes (elements, facets) that balance on elements and agree on facets, and those of all facets, out
         of their first element."""
         mesh, facets, carrying = self.mesh, self.facets, self.carrying
@@ -184,7 +184,7 @@ class _Hybrid:
         mean = np.bincount(facets.ravel(), (sign * flux).ravel(), mesh.nfacets) / np.maximum(sides, 1)
         resistance = np.bincount(facets.ravel(), np.einsum("eii->ei", self.local).ravel(), mesh.nfacets)
         # links: facets between two carrying elements, and those of the ends, whose outer side is node 0
-        link = np.concatenate([np.flatnonzero(sides == 2), *held])
+        link = np.concatenate([np.flatnonzero(sides == 2), *dirichlet])
         tail, head = node[first[link]], np.where(second[link] >= 0, node[second[link]], 0)
         on_facet = np.zeros(mesh.nfacets)
         on_facet[link] = balanced_flux(tail, head, 1 / resistance[link], mean[link], carrying.size + 1)

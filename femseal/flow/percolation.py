@@ -21,15 +21,15 @@ def find(parent, a):
     """Find the root of a node, halving the path to it."""
     while parent[a] != a:
         parent[a] = parent[parent[a]]
-        a = parent[a]
+        a = np.int64(parent[a])
     return a
 
 
 @njit(cache=True, nogil=True)
 def union(parent, a, b):
     """Join two components; return whether they were different. The root is the lowest node of a component."""
-    a = find(parent, a)
-    b = find(parent, b)
+    a = find(parent, np.int64(a))
+    b = find(parent, np.int64(b))
     if a < b:
         parent[b] = a
     elif b < a:
@@ -104,7 +104,7 @@ def nodes_reached_of(along, across, falling, rising, least):
                 c = rising[i - 1, j]
                 if c != 0.0 and abs(c) >= least and label[i - 1, k] != label[i, j]:
                     union(parent, label[i - 1, k], label[i, j])
-    inlet, outlet = find(parent, 0), find(parent, 1)
+    inlet, outlet = find(parent, np.int64(0)), find(parent, np.int64(1))
     ends = np.empty(count, np.int8)
     for a in range(count):
         root = find(parent, a)

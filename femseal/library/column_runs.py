@@ -130,7 +130,7 @@ class ColumnRuns:
                 run = ElementMesh.of_face(chosen, (m1, length), ring=False)
                 neumann.append(run.solve())
                 nodes, row = _on_cuts(run, self.partition, length)
-                dirichlet.append(run.solve_held(nodes, profile[row]))
+                dirichlet.append(run.solve_dirichlet(nodes, profile[row]))
         return RunFlows(
             length=length,
             independent=independent,

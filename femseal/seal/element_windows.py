@@ -17,7 +17,7 @@ from skfem import Mesh, MeshQuad1, MeshQuad2, MeshTri1, MeshTri2
 
 from ..base.errors import InputError
 from ..base.quantities import to_text
-from ..flow.held import HeldFlow, held_flow
+from ..flow.dirichlet_flow import DirichletFlow, dirichlet_flow
 from ..flow.mesh import CLOSED_AXIS, darcy_conductance, permeability_tensors
 from ..flow.solution import DarcyFlow
 from .mesh_seal import PressureBoundaries
@@ -86,7 +86,7 @@ class ElementSeal:
 
     def flow_between(
         self, permeability: Any, boundaries: PressureBoundaries, levels: Sequence[float], *, solver: str = "auto"
-    ) -> HeldFlow:
+    ) -> DirichletFlow:
         """Flow between boundaries held at potentials, the outlets at 0 and all inlets on one side of it.
 
         The outflow is √ of the product of those of linear elements and of Raviart-Thomas fluxes, which with inlets at
@@ -100,7 +100,7 @@ class ElementSeal:
         if min(levels) < 0:
             raise InputError("inlet", "pressures above and below that of the outlet", "all on one side of it")
         solver = solver if solver in _SOLVERS else "auto"
-        flow = held_flow(self.mesh, permeability, boundaries.facets, levels, fluxes=True, solver=solver)
+        flow = dirichlet_flow(self.mesh, permeability, boundaries.facets, levels, fluxes=True, solver=solver)
         outlets = slice(len(boundaries.pressures), None)
         fluxes = flow.rates if flow.flux_rates is None else flow.flux_rates
         upper, lower = -float(flow.rates[outlets].sum()), -float(fluxes[outlets].sum())

@@ -15,7 +15,7 @@ from skfem.quadrature import get_quadrature
 
 from ..base.errors import InputError
 from ..base.quantities import to_si
-from ..flow.held import HeldFlow, held_flow
+from ..flow.dirichlet_flow import DirichletFlow, dirichlet_flow
 from ..flow.mesh import darcy_conductance, is_connected
 from ..flow.solution import DarcyFlow
 from .mesh_file import read_mesh
@@ -153,9 +153,9 @@ class MeshSeal:
 
     def flow_between(
         self, permeability: Any, boundaries: PressureBoundaries, levels: Sequence[float], *, solver: str = "auto"
-    ) -> HeldFlow:
+    ) -> DirichletFlow:
         """Flow between boundaries at potentials, permeability as in `flow`."""
-        return held_flow(self.mesh, permeability, boundaries.facets, levels, solver=solver)
+        return dirichlet_flow(self.mesh, permeability, boundaries.facets, levels, solver=solver)
 
 
 @Functional

@@ -183,18 +183,16 @@ def clusters(centre, right, below, below_right, below_left, nine, ring):
 
 
 @njit(**COMPILED)
-def relax_forward(levels, k, x, r, centre, right, below, below_right, below_left, nine, ring):
-    """Move the clusters of level k in turn by their residuals r, which are kept up to date."""
-    number = levels.number[levels.first[k] : levels.first[k + 1]].reshape(x.shape[0], x.shape[1])
-    nodes, begins, first = levels.cluster_nodes, levels.cluster_start, levels.cluster_first[k]
+def relax_forward(number, nodes, start, inverse, x, r, centre, right, below, below_right, below_left, nine, ring):
+    """Move the clusters in turn by their residuals r, which are kept up to date."""
     n2 = x.shape[1] - 2
     neighbours = 8 if nine else 4
-    for s in range(first, levels.cluster_first[k + 1]):
+    for s in range(inverse.size):
         total = 0.0
-        for m in range(begins[s], begins[s + 1]):
+        for m in range(start[s], start[s + 1]):
             total += r[nodes[m, 0], nodes[m, 1]]
-        step = total * levels.cluster_inverse[s]
-        for m in range(begins[s], begins[s + 1]):
+        step = total * inverse[s]
+        for m in range(start[s], start[s + 1]):
             i, j = nodes[m, 0], nodes[m, 1]
             x[i, j] += step
             _copied(x, i, j, ring)
@@ -203,7 +201,7 @@ def relax_forward(levels, k, x, r, centre, right, below, below_right, below_left
             for q in range(neighbours):
                 a, b, c = _couple(q, i, j, right, below, below_right, below_left)
                 beyond -= c
-                if c != 0.0 and number[a, b] != s - first + 1:
+                if c != 0.0 and number[a * x.shape[1] + b] != s + 1:
                     out += c
                     b = n2 if b == 0 else (1 if b == n2 + 1 else b)
                     r[a, b] += step * c
@@ -215,25 +213,25 @@ def relax_forward(levels, k, x, r, centre, right, below, below_right, below_left
 
 
 @njit(**COMPILED)
-def relax_backward(levels, k, x, right_hand, centre, right, below, below_right, below_left, nine, ring):
-    """Move the clusters of level k in reverse, from x and the right-hand side."""
-    number = levels.number[levels.first[k] : levels.first[k + 1]].reshape(x.shape[0], x.shape[1])
-    nodes, begins, first = levels.cluster_nodes, levels.cluster_start, levels.cluster_first[k]
+def relax_backward(
+    number, nodes, start, inverse, x, right_hand, centre, right, below, below_right, below_left, nine, ring
+):
+    """Move the clusters in reverse, from x and the right-hand side."""
     neighbours = 8 if nine else 4
-    for s in range(levels.cluster_first[k + 1] - 1, first - 1, -1):
+    for s in range(inverse.size - 1, -1, -1):
         total = 0.0
-        for m in range(begins[s], begins[s + 1]):
+        for m in range(start[s], start[s + 1]):
             i, j = nodes[m, 0], nodes[m, 1]
             total += right_hand[i, j]
             beyond = centre[i, j]
             for q in range(neighbours):
                 a, b, c = _couple(q, i, j, right, below, below_right, below_left)
                 beyond -= c
-                if number[a, b] != s - first + 1:
+                if number[a * x.shape[1] + b] != s + 1:
                     total -= c * (x[i, j] - x[a, b])
             if beyond > _ROUNDING * centre[i, j]:
                 total -= beyond * x[i, j]
-        step = total * levels.cluster_inverse[s]
-        for m in range(begins[s], begins[s + 1]):
+        step = total * inverse[s]
+        for m in range(start[s], start[s + 1]):
             x[nodes[m, 0], nodes[m, 1]] += step
             _copied(x, nodes[m, 0], nodes[m, 1], ring)

@@ -131,7 +131,7 @@ def borders(first, parent, row, later, stay):
                     seen[j] = f
                     border[size] = j
                     size += 1
-        _sort(border, start[f], size)
+        _sort(border, start[f], np.int64(size))
         start[f + 1] = size
         q = size - start[f]
         widest = max(widest, q)
@@ -238,7 +238,7 @@ def _eliminate_front(front, rest, inverse):
         if end < p:
             _add_product(front, inverse, start, end, end, p - end, front, end)
     if p * q * q > _BLAS:
-        _add_product(front, inverse, 0, p, p, q, rest, 0)
+        _add_product(front, inverse, np.int64(0), p, p, q, rest, np.int64(0))
         return
     # four pivots at once
     for i in range(0, p, 4):

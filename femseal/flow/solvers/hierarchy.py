@@ -34,10 +34,10 @@ def coarsest_nodes(n1: int, n2: int) -> int:
 
 
 class Levels(NamedTuple):
-    """All levels of multigrid in a few arrays; `level_field` and `level_corner` are views of one.
+    """All levels of multigrid in a few arrays; `level` gives views of one.
 
     shape (levels, 2) : rows and columns with the border. first (levels + 1,) : where the fields of each level start.
-    fields (7, …) : centre, right, below, inverse centre, x, b and r, see `CENTRE` and so on.
+    fields (7, …) : centre, right, below, inverse centre, x, b and r, see `level`.
     corner_first, corners (2, …) : below right and below left; one number each on a level of five points.
     weight_first, weights : of the interpolation from the next level.
     number : of the cluster of each node on levels with clusters, from 1 on. cluster_first (levels + 1,) : the first
@@ -59,28 +59,23 @@ class Levels(NamedTuple):
     cluster_inverse: NDArray[np.float64]
 
 
-#: Numbers of the fields.
-CENTRE, RIGHT, BELOW, INVERSE, X, B, R = range(7)
-
-
 @njit(**COMPILED)
-def level_field(levels, kind, k):
-    """One field of level k."""
-    return levels.fields[kind, levels.first[k] : levels.first[k + 1]].reshape(levels.shape[k, 0], levels.shape[k, 1])
-
-
-@njit(**COMPILED)
-def level_corner(levels, kind, k):
-    """Couples across corners of level k: below right (0) or below left (1); of shape (1, 1) on five points."""
-    part = levels.corners[kind, levels.corner_first[k] : levels.corner_first[k + 1]]
-    return part.reshape(1, 1) if part.size == 1 else part.reshape(levels.shape[k, 0], levels.shape[k, 1])
-
-
-@njit(**COMPILED)
-def level_weights(levels, k):
-    """Weights of the nodes of level k + 1."""
-    part = levels.weights[levels.weight_first[k] : levels.weight_first[k + 1]]
-    return part.reshape(levels.shape[k + 1, 0], levels.shape[k + 1, 1], 3, 3)
+def level(shape, first, fields, corner_first, corners, k):
+    """Views of level k, of the first fields of `Levels`: the seven fields, below right and below left."""
+    a, b, size = first[k], first[k + 1], (shape[k, 0], shape[k, 1])
+    c, d = corner_first[k], corner_first[k + 1]
+    corner_size = (1, 1) if d - c == 1 else size
+    return (
+        fields[0, a:b].reshape(size),
+        fields[1, a:b].reshape(size),
+        fields[2, a:b].reshape(size),
+        fields[3, a:b].reshape(size),
+        fields[4, a:b].reshape(size),
+        fields[5, a:b].reshape(size),
+        fields[6, a:b].reshape(size),
+        corners[0, c:d].reshape(corner_size),
+        corners[1, c:d].reshape(corner_size),
+    )
 
 
 @njit(**COMPILED)
@@ -273,10 +268,8 @@ def hierarchy(along: Array, across: Array, falling: Array, rising: Array, ring: 
     weights = np.zeros(weight_first[-1])
 
     def operator(k: int) -> list[Array]:
-        a, b, size = first[k], first[k + 1], tuple(shape[k])
-        of_corners = corners[:, corner_first[k] : corner_first[k + 1]]
-        corner_size = size if nine or k > 0 else (1, 1)
-        return [*(f.reshape(size) for f in fields[:3, a:b]), *(c.reshape(corner_size) for c in of_corners)]
+        views = level(shape, first, fields, corner_first, corners, k)
+        return [*views[:3], *views[7:]]
 
     here = operator(0)
     inlet, outlet = _bordered(along, across, falling, rising, ring, *here)
@@ -285,7 +278,7 @@ def hierarchy(along: Array, across: Array, falling: Array, rising: Array, ring: 
     k = 0
     while True:
         centre = here[0]
-        _invert(centre, fields[INVERSE, first[k] : first[k + 1]].reshape(centre.shape))
+        _invert(centre, fields[3, first[k] : first[k + 1]].reshape(centre.shape))
         if k == len(sizes) - 1 or np.count_nonzero(centre) <= fewest:
             break
         w = weights[weight_first[k] : weight_first[k + 1]].reshape(*shape[k + 1], 3, 3)

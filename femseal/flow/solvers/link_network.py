@@ -241,8 +241,8 @@ def dissect(keep, ring):
         low1, high1, low2, high2 = a, b, c, d
         along = False
         if inside > _LEAF:
-            row, in_row = _thinnest(nodes, a, b, c, d, True)
-            column, in_column = _thinnest(nodes, c, d, a, b, False)
+            row, in_row = _thinnest(nodes, a, b, c, d, np.int64(1))
+            column, in_column = _thinnest(nodes, c, d, a, b, np.int64(0))
             # of two equal cuts, take the one across the longer side
             along = in_row < in_column or (in_row == in_column and b - a >= d - c)
             if along:
@@ -290,7 +290,7 @@ def dissect(keep, ring):
 def _thinnest(nodes, a, b, c, d, rows):
     """Line with the fewest nodes in the middle third of a box, the one nearest to its middle, and its nodes.
 
-    a, b : first line and end of the lines that may be cut, rows or else columns. c, d : those across them.
+    a, b : first line and end of the lines that may be cut, rows (1) or columns (0). c, d : those across them.
     """
     middle = (a + b) // 2
     best, fewest = middle, 1 << 60
@@ -299,7 +299,7 @@ def _thinnest(nodes, a, b, c, d, rows):
         i = middle + ((k + 1) // 2 if k % 2 else -(k // 2))
         if i < a or i >= b:
             continue
-        if rows:
+        if rows == 1:
             here = nodes[i + 1, d] - nodes[i, d] - nodes[i + 1, c] + nodes[i, c]
         else:
             here = nodes[d, i + 1] - nodes[d, i] - nodes[c, i + 1] + nodes[c, i]

@@ -10,7 +10,7 @@ from ...base.errors import NotConverged
 from ..stencil import Stencil
 from .coarsest import eliminate_coarsest
 from .compiled import COMPILED
-from .hierarchy import BELOW, CENTRE, RIGHT, B, R, X, hierarchy, level_corner, level_field
+from .hierarchy import hierarchy, level
 from .v_cycle import v_cycle
 
 Array = NDArray[np.float64]
@@ -70,8 +70,8 @@ def solve_multigrid(
     field = np.inf if field_rtol is None else field_rtol
     levels, inlet, outlet = hierarchy(s.along, s.across, s.falling, s.rising, s.ring2)
     last = len(levels.shape) - 1
-    operator = [level_field(levels, kind, last) for kind in (CENTRE, RIGHT, BELOW)]
-    coarsest = eliminate_coarsest(*operator, level_corner(levels, 0, last), level_corner(levels, 1, last), s.ring2)
+    centre, right, below, _, _, _, _, below_right, below_left = level(*levels[:5], last)
+    coarsest = eliminate_coarsest(centre, right, below, below_right, below_left, s.ring2)
     x, iterations, error, done = _solve(levels, coarsest, inlet, outlet, s.nine, s.ring2, rtol, field, limit, judged)
     if not done:
         raise NotConverged(
@@ -203,11 +203,11 @@ def _slowest(steps, ratios, count, nodes):
 @njit(**COMPILED)
 def _solve(levels, coarsest, inlet, outlet, nine, ring, rtol, field, limit, judged):
     """Conjugate gradients: potential, iterations, error in the norm of the energy, and whether it is what was asked."""
-    centre, right, below = level_field(levels, CENTRE, 0), level_field(levels, RIGHT, 0), level_field(levels, BELOW, 0)
-    below_right, below_left = level_corner(levels, 0, 0), level_corner(levels, 1, 0)
-    n1, n2 = centre.shape[0] - 2, centre.shape[1] - 2
     # the residual is the right-hand side of a cycle, whose own residual is not needed after it
-    z, r, y = level_field(levels, X, 0), level_field(levels, B, 0), level_field(levels, R, 0)
+    centre, right, below, _, z, r, y, below_right, below_left = level(
+        levels[0], levels[1], levels[2], levels[3], levels[4], np.int64(0)
+    )
+    n1, n2 = centre.shape[0] - 2, centre.shape[1] - 2
     x, p = np.zeros(z.shape), np.zeros(z.shape)
     _start(centre, right, below, below_right, below_left, inlet, outlet, x, r)
     if ring:

@@ -12,7 +12,7 @@ from numba import njit
 from .clusters import relax_backward, relax_forward
 from .coarsest import solve_coarsest
 from .compiled import COMPILED
-from .hierarchy import BELOW, CENTRE, INVERSE, RIGHT, B, R, X, level_corner, level_field, level_weights
+from .hierarchy import level
 
 
 @njit(**COMPILED)
@@ -41,7 +41,7 @@ def _rows_down(first, count, x, b, inverse, right, below, ring):
 def _sweep_down(x, b, r, inverse, right, below, below_right, below_left, nine, ring):
     """Gauss-Seidel forward from zero, and the residual it leaves: the links to later nodes."""
     n1, n2 = x.shape[0] - 2, x.shape[1] - 2
-    i = 1
+    i = np.int64(1)
     while i <= n1:
         x[i, n2 + 1] = 0.0
         if nine:
@@ -196,29 +196,31 @@ def _prolong(coarse, w, x, ring):
 @njit(**COMPILED)
 def v_cycle(levels, coarsest, nine, ring):
     """One V-cycle from b to x of the finest level, which has nine points or five."""
-    last = levels.shape.shape[0] - 1
+    shape, first, fields, corner_first, corners, weight_first, weights = levels[:7]
+    number, cluster_first, start, nodes, inverses = levels[7:]
+    last = shape.shape[0] - 1
     for step in range(2 * last + 1):
         k = min(step, 2 * last - step)
-        x, b, r = level_field(levels, X, k), level_field(levels, B, k), level_field(levels, R, k)
+        centre, right, below, inverse, x, b, r, below_right, below_left = level(
+            shape, first, fields, corner_first, corners, k
+        )
         if k == last:
             solve_coarsest(coarsest, b, x)
             continue
-        centre, right, below = (
-            level_field(levels, CENTRE, k),
-            level_field(levels, RIGHT, k),
-            level_field(levels, BELOW, k),
-        )
-        below_right, below_left = level_corner(levels, 0, k), level_corner(levels, 1, k)
-        inverse, weights = level_field(levels, INVERSE, k), level_weights(levels, k)
+        coarse = level(shape, first, fields, corner_first, corners, k + 1)
+        w = weights[weight_first[k] : weight_first[k + 1]].reshape((shape[k + 1, 0], shape[k + 1, 1], 3, 3))
         all_nine = nine or k > 0
-        apart = levels.cluster_first[k + 1] > levels.cluster_first[k]
+        c, d = cluster_first[k], cluster_first[k + 1]
+        of_node = number[first[k] if d > c else 0 : first[k + 1] if d > c else 0]
         if step < last:
             _sweep_down(x, b, r, inverse, right, below, below_right, below_left, all_nine, ring)
-            if apart:
-                relax_forward(levels, k, x, r, centre, right, below, below_right, below_left, all_nine, ring)
-            _restrict(r, weights, level_field(levels, B, k + 1))
+            if d > c:
+                relax_forward(of_node, nodes, start[c : d + 1], inverses[c:d], x, r, centre, right, below, below_right,
+                              below_left, all_nine, ring)  # fmt: skip
+            _restrict(r, w, coarse[5])
         else:
-            _prolong(level_field(levels, X, k + 1), weights, x, ring)
-            if apart:
-                relax_backward(levels, k, x, b, centre, right, below, below_right, below_left, all_nine, ring)
+            _prolong(coarse[4], w, x, ring)
+            if d > c:
+                relax_backward(of_node, nodes, start[c : d + 1], inverses[c:d], x, b, centre, right, below, below_right,
+                               below_left, all_nine, ring)  # fmt: skip
             _sweep_up(x, b, inverse, right, below, below_right, below_left, all_nine, ring)

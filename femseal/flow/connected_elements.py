@@ -19,7 +19,7 @@ def open_facets(mesh: Mesh, facets: Indices, elements: Indices) -> Indices:
     return facets[np.isin(mesh.f2t[0, facets], elements)]
 
 
-def elements_reached(
+def connected_elements(
     mesh: Mesh, tensor: Array, ends: tuple[Indices, Indices], *, through_corners: bool
 ) -> tuple[Indices, Indices, Indices]:
     """Elements connected to both inlet and outlet, to the inlet alone, and to the outlet alone.
@@ -37,7 +37,7 @@ def elements_between(
     mesh: Mesh, tensor: Array, ends: Sequence[Indices], *, through_corners: bool
 ) -> tuple[Indices, list[Indices], NDArray[np.bool_]]:
     """Elements connected to two or more of several ends, those connected to each end alone, and whether each end is
-    connected to another; see `elements_reached`.
+    connected to another; see `connected_elements`.
     """
     label, of_ends = _connected(mesh, tensor, ends, through_corners)
     joined = np.array([np.count_nonzero(of_ends == own) > 1 for own in of_ends])

@@ -1,4 +1,4 @@
-"""Darcy flow on a mesh between several boundaries, each held at a potential of its own; no flow elsewhere.
+"""Darcy flow on a mesh between several boundaries of given potentials (Dirichlet); other sides are closed (Neumann).
 
 Conforming elements as in `mesh`, in one solution. The flow through one of several boundaries is no energy, so that no
 principle bounds it from both sides.
@@ -16,9 +16,9 @@ from skfem import Basis, Mesh
 
 from ..base.errors import NotConverged
 from . import forms
+from .connected_elements import elements_between, open_facets
 from .mesh import KINDS, RTOL, invertible, permeability_tensors
 from .mixed import flux_rates
-from .reach import elements_between, open_facets
 from .solution import MAX_IMBALANCE
 from .solvers.amg import solve_spd
 
@@ -27,8 +27,8 @@ Indices = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
-class HeldFlow:
-    """Flow between boundaries that are held at potentials.
+class DirichletFlow:
+    """Flow between boundaries of given potentials.
 
     rates : into the mesh through every boundary (boundaries,) [unit of K × potential]; exactly 0 without an open path
         to another boundary.
@@ -48,7 +48,7 @@ class HeldFlow:
     solver: str = "none"
 
 
-def held_flow(
+def dirichlet_flow(
     mesh: Mesh,
     permeability: ArrayLike,
     boundaries: Sequence[Indices],
@@ -56,7 +56,7 @@ def held_flow(
     *,
     fluxes: bool = False,
     solver: str = "auto",
-) -> HeldFlow:
+) -> DirichletFlow:
     """Flow through a mesh between boundaries at several potentials.
 
     Parameters
@@ -81,12 +81,12 @@ def held_flow(
     for level, facets in zip(levels, boundaries, strict=True):
         potential[mesh.facets[:, facets]] = level
     if carrying.size == 0:
-        return HeldFlow(rates, np.zeros_like(rates) if fluxes else None, potential, joined)
+        return DirichletFlow(rates, np.zeros_like(rates) if fluxes else None, potential, joined)
     tensor = invertible(tensor)
     basis = Basis(mesh, kind.element(), intorder=kind.intorder, elements=carrying)
     matrix = forms.darcy_flow.assemble(basis, k=np.moveaxis(tensor[carrying], 0, -1)[..., None]).tocsr()
-    held = [open_facets(mesh, f, carrying) if more else f[:0] for f, more in zip(boundaries, joined, strict=True)]
-    dofs = [basis.get_dofs(facets).flatten() for facets in held]
+    ends = [open_facets(mesh, f, carrying) if more else f[:0] for f, more in zip(boundaries, joined, strict=True)]
+    dofs = [basis.get_dofs(facets).flatten() for facets in ends]
     phi, free = np.zeros(basis.N), np.zeros(basis.N, bool)
     free[basis.element_dofs] = True
     for level, at in zip(levels, dofs, strict=True):
@@ -118,4 +118,4 @@ def held_flow(
             mesh, tensor, boundaries, levels, element, kind.intorder, rtol=RTOL, solver=solver
         )
     solved = (found.iterations, found.residual, imbalance, found.solver) if found else (0, 0.0, imbalance, "none")
-    return HeldFlow(scale * rates, of_fluxes, potential, joined, *solved)
+    return DirichletFlow(scale * rates, of_fluxes, potential, joined, *solved)
