@@ -144,9 +144,11 @@ def instrument_file():
 
 
 @contextmanager
-def _drawn(draw):
+def _pictures(figure, drawn):
+    """Pictures of results folders are made by these functions: of a figure by its name, of its content by the figure."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("femseal.report.pictures.drawn", draw)
+        patch.setattr("femseal.report.pictures._figure", figure)
+        patch.setattr("femseal.report.pictures.drawn", drawn)
         yield
 
 
@@ -158,25 +160,29 @@ def _nothing(figure):
 
 
 @pytest.fixture(autouse=True, scope="session")
-def _pictures_with_nothing_in_them():
-    """Pictures of a results folder are files of their kind, but not drawn, which takes longer than the smallest runs."""
-    with _drawn(_nothing):
-        yield
+def _how_pictures_are_made():
+    """Pictures of results folders are files of their kind with nothing in them: drawing takes longer than a small run.
+
+    The value has the functions that make them outside of tests.
+    """
+    from femseal.report import pictures
+
+    made = pictures._figure, pictures.drawn
+    with _pictures(lambda *given: None, _nothing):
+        yield made
 
 
 @pytest.fixture(scope="module")
-def drawn_pictures():
+def drawn_pictures(_how_pictures_are_made):
     """Pictures of results folders are drawn: for modules that look at them."""
-    from femseal.plots.drawing import drawn
-
-    with _drawn(drawn):
+    with _pictures(*_how_pictures_are_made):
         yield
 
 
 @pytest.fixture
-def undrawn():
-    """Within a module that looks at pictures, a test that does not."""
-    with _drawn(_nothing):
+def undrawn(_how_pictures_are_made):
+    """Within a module that looks at pictures, a test of figures that are made, but not drawn."""
+    with _pictures(_how_pictures_are_made[0], _nothing):
         yield
 
 

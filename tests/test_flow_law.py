@@ -10,6 +10,7 @@ from numpy.testing import assert_allclose
 import femseal as fs
 from femseal.analytic import parallel_plates
 from femseal.base.fixed_point import fixed_point
+from femseal.execution.shared_stages import digest as shared_digest
 from femseal.flow.law import CUBIC_LAW, FlowLaw, law_of
 from femseal.flow.pressure_drop import PressureDrop
 from femseal.preparation.preparation import prepare
@@ -265,6 +266,16 @@ def test_a_law_from_outside_runs_through_the_studies(scene):
     assert_allclose(whole["soft"].leakage / whole["cubic"].leakage, np.log(2), rtol=1e-3)
     for flow, rtol in (("resolved", 1e-9), ("elements", 0.02), ("links", 0.1)):
         assert_allclose(fs.two_scale(soft, (2, 4), flow=flow).leakage, whole["soft"].leakage, rtol=rtol + 1e-8)
+
+
+def test_flows_of_fluids_of_one_law_are_the_same(scene):
+    """So that stages of a sweep over fluids or pressures are shared."""
+    oil, faster = fs.Liquid(0.1, density=870.0, slip_length=SLIP), replace(scene, inlet_pressure=2e6)
+    assert scene.flow == replace(scene, fluid=oil).flow == faster.flow
+    assert scene.flow != replace(scene, fluid=WATER).flow == replace(faster, fluid=replace(HELIUM, slip=False)).flow
+    gas = replace(scene, fluid=HELIUM, outlet_pressure=1e5)
+    assert gas.flow != replace(gas, inlet_pressure=2e6).flow
+    assert shared_digest(scene.flow) == shared_digest(faster.flow) != shared_digest(gas.flow)
 
 
 def test_fluids_of_one_law_have_the_ratio_of_their_drops(scene):

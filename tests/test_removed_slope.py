@@ -4,12 +4,12 @@ import json
 
 import numpy as np
 import pytest
-from femseal.report.class_words import class_lines
 from numpy.testing import assert_allclose, assert_array_equal
 
 import femseal as fs
 from femseal.budget.removed_slope import LOAD_POWER, sealed_for_certain, under_less_load
 from femseal.loads import LoadProgramme
+from femseal.report.leakage_tables import class_table
 from femseal.results.tables import leakage_table
 
 #: A generated face with half of its slope in waves that its grid does not carry, under loads that seal it without them.
@@ -53,7 +53,7 @@ def test_a_sealed_face_that_lost_waves_has_no_known_upper_end(tmp_path):
     cells = dict(zip(table.heads, table.lines[0], strict=True))
     assert cells["95 % band of error"] == "open or sealed"
     assert cells["class"] == "open"
-    assert class_lines(results)[0][2] == "open"
+    assert class_table(results).lines[0][2] == "open"
     assert "open or sealed" in (tmp_path / "out/report.html").read_text(encoding="utf-8")
     again = fs.open_results(tmp_path / "out")
     assert again.dataset["leakage_deterministic_budget_upper"].values[0] == np.inf

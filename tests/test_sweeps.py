@@ -16,7 +16,6 @@ from femseal.base.stage import Stage
 from femseal.case.case import read_case
 from femseal.contact import cycle
 from femseal.execution.shared_stages import SharedStages, Unnamed, digest
-from femseal.plots.drawing import Drawn
 from femseal.results.run_comparison import named
 from femseal.sweeps.variations import parsed_keys, short_names, variations
 from femseal.windows import SolveCounts, SolverCounts
@@ -64,18 +63,8 @@ def contacts(monkeypatch):
     return solved
 
 
-@pytest.fixture(scope="module", autouse=True)
-def _without_pictures_of_runs():
-    """Pictures of single runs are files with nothing in them; those of several runs are drawn."""
-    content = b"\x89PNG\r\n\x1a\n"
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("femseal.report.pictures.drawn", lambda figure: Drawn(content, (content,) * 3))
-        patch.setattr("femseal.report.pictures._figure", lambda *given: None)
-        yield
-
-
 @pytest.fixture(scope="module")
-def swept(tmp_path_factory, _without_pictures_of_runs):
+def swept(tmp_path_factory):
     """Folder and comparison of a sweep over two keys."""
     folder = tmp_path_factory.mktemp("sweep")
     (folder / "small.toml").write_text(CASE)

@@ -1,4 +1,4 @@
-"""Permeability that depends on the pressure of the fluid, as that of a gas with slip does.
+"""Permeability that depends on the pressure of the fluid, as that of a rarefied gas does.
 
 It is known at a few pressures, and ln k is interpolated in ln p by one polynomial: for a gas the slope is between −1,
 free molecules, and 0, viscous flow. Measured on rough gaps of 10 nm to 10 µm and helium: six Chebyshev points over

@@ -44,7 +44,9 @@ class FlowingFluid(Protocol):
 
 @dataclass(frozen=True)
 class _UnitFluid:
-    """A fluid whose potential is its pressure."""
+    """A fluid whose potential is its pressure, with a law."""
+
+    law: FlowLaw = CUBIC_LAW
 
     def potential(self, pressure: ArrayLike) -> Array:
         return np.asarray(pressure, dtype=float)
@@ -77,6 +79,12 @@ class PressureDrop:
     inlet: float = 1.0
     outlet: float = 0.0
     gap: float = 1e-6
+
+    @classmethod
+    def of(cls, fluid: FlowingFluid, inlet: float, outlet: float) -> PressureDrop:
+        """The drop of a fluid; where its law does not depend on the pressure a unit drop, the same for all fluids."""
+        law = law_of(fluid)
+        return cls(fluid, float(inlet), float(outlet)) if law.depends_on_pressure else cls(_UnitFluid(law))
 
     @cached_property
     def law(self) -> FlowLaw:
@@ -138,7 +146,7 @@ class PressureDrop:
         """
         if not self.law.depends_on_pressure:
             return self
-        viscous, is_open = PressureDrop(inlet=self.inlet, outlet=self.outlet), gap > 0
+        viscous, is_open = PressureDrop(), gap > 0
         ends = np.min(gap, where=is_open, initial=np.inf), np.max(gap, where=is_open, initial=0.0)
         pressures = [max(p, self.least_pressure) for p in (self.inlet, self.outlet)]
         if not ends[1] > 0 or np.all(np.abs(self.law.factor(np.array(ends)[:, None], pressures) - 1) <= _COUNTS):

@@ -196,8 +196,8 @@ def leakage_line(axes: Axes, x: Array, y: Array, lane: float, **look: Any) -> An
 
 def leakage_band(axes: Axes, x: Array, low: Array, high: Array, floor: float, colour: Any, alpha: float) -> None:
     """Shade a band of leakages of any direction down to the end of the scale."""
-    ends = (np.maximum(np.abs(end), floor) for end in (low, high))
-    axes.fill_between(x, *ends, color=colour, lw=0, alpha=alpha)
+    below, above = (np.maximum(np.abs(end), floor) for end in (low, high))
+    axes.fill_between(x, below, above, color=colour, lw=0, alpha=alpha)
 
 
 def _other_handles(several: Sequence[LeakageCurves]) -> list[Any]:

@@ -1,7 +1,17 @@
 """The chains from a rough surface to leakage over a load cycle, readable top to bottom.
 
 `deterministic` resolves everything on the surface's own grid; `two_scale` cuts it into windows between global nodes;
-`stochastic` draws the windows of a seal of any length from a library of real ones. All take a `Scene`.
+`stochastic` draws the windows of a seal of any length from a library of real ones. All take a `Scene`, and each is an
+entry of `STUDIES`, by which runs solve, forecast and compare it.
+
+    scene               the face, its load, its fluid              -> contact_states: contact at every step
+    face_contact        contact of the whole face at a step and flow through its gap (`FaceState.of`), the one place
+                        where contact and flow of a step meet; all steps cut into windows
+    window_contacts     contact of every window under the pressures of a global contact
+    face_flow           gap -> flow through the whole face          -> face_leakage: leakage and fluid pressure
+    two_scale           gap of the windows -> links, elements or the whole face -> leakage
+    window_supply       windows that seals are drawn from: face_windows (at their places), ladder_windows (any pressure)
+    stochastic          drawn seals -> their leakage; run_chains (chains of runs of columns), median_seal (its fields)
 """
 
 from .deterministic import DeterministicResult, deterministic

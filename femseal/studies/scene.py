@@ -123,7 +123,7 @@ class Scene:
     @property
     def flow(self) -> FlowSettings:
         """How the flow through windows and faces is discretised and solved."""
-        drop = PressureDrop(self.fluid, float(self.inlet_pressure), float(self.outlet_pressure))
+        drop = PressureDrop.of(self.fluid, self.inlet_pressure, self.outlet_pressure)
         return FlowSettings(self.solver, self.discretisation, drop)
 
     def entry_pressures(self, gaps: Iterable[NDArray[np.floating]]) -> Array | None:
