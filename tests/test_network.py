@@ -580,7 +580,7 @@ def test_borders_of_fronts_name_every_node_once():
     assert np.array_equal(np.sort(order), np.flatnonzero(keep[1:-1]))
     nothing = np.zeros((0, 0))
     node, end = np.arange(24), np.zeros(24, int)
-    row, later, _ = link_network._grid_links(
+    row, later, _ = link_network.grid_links(
         c1, c2, nothing, nothing, True, order, node[keep[1]], end[keep[1]], c1[0, keep[1]]
     )
     border, start, _, _ = elimination.borders(first, parent, row, later, 1)

@@ -230,7 +230,7 @@ class TestCase:
 
     def test_a_time_limit_is_for_an_accuracy(self):
         plain = {key: value for key, value in SMALL.items() if key != "accuracy"} | {"method": "deterministic"}
-        with pytest.raises(fs.InputError, match="time_limit: given without accuracy"):
+        with pytest.raises(fs.InputError, match="time_limit: given a time without accuracy"):
             parse_case(plain | {"time_limit": "1 h"})
 
     def test_the_method_is_what_the_tables_call_for(self):

@@ -91,7 +91,7 @@ class Case(Table):
         if self.accuracy is not None and not self.output.budget:
             raise fault("output.budget", "false with accuracy", "true: attempts end by their error budget")
         if self.time_limit is not None and self.accuracy is None:
-            raise fault("time_limit", "it without accuracy", "it with accuracy")
+            raise fault("time_limit", "a time without accuracy", "one with accuracy, whose attempts it ends")
         if self.cells is None and self.accuracy is None and not self.methods <= {"deterministic", "auto"}:
             raise PydanticCustomError("cells", "a table `cells` with the method {m}", {"m": self.method})
         if self.cells is not None and self.cells.flow == "elements" and self.flow.discretisation != "edge":

@@ -1,4 +1,4 @@
-"""One window followed along a ladder of pressures: loading until it is closed, unloading from peaks, rigid separation.
+"""One window solved along a ladder of pressures: loading until it is closed, unloading from peaks, rigid separation.
 
 Loading is path independent, so steps can be added to a window at any time. Where the window closes along one axis,
 bisection refines the ladder until the closing pressure is known to a tolerance. Flow in closed states is not solved.
@@ -66,7 +66,7 @@ class Ladder:
 
 @dataclass(frozen=True)
 class WindowStates:
-    """A window followed along a ladder: one row of a library, with the states along its last axes.
+    """States of a window along a ladder: one row of a library, with the states along its last axes.
 
     pressure : n loading pressures, those of the ladder and those found by bisection, rising from 0 (n,) [Pa].
     k : permeability on loading by kind and direction (kinds, 2, n) [m³], see `Ladder.kinds`.
@@ -135,12 +135,12 @@ def solve_ladder(
 
     loading = _loading(ladder, state)
     peaks = {} if known is None else {p: n for n, p in enumerate(known.peaks.tolist())}
-    ways = [
-        _way(known, peaks[p]) if known is not None and p in peaks else list(work.unloaded(p, ladder.stops))
+    unloadings = [
+        _unloading_states(known, peaks[p]) if known is not None and p in peaks else list(work.unloaded(p, ladder.stops))
         for p in ladder.peaks
     ]
     rigid = known.rigid if known is not None else work.separated(ladder.separations)
-    return replace(_cell(loading, dict(zip(ladder.peaks, ways, strict=True)), ladder, rigid), counts=work.counts)
+    return replace(_cell(loading, dict(zip(ladder.peaks, unloadings, strict=True)), ladder, rigid), counts=work.counts)
 
 
 def restrict(known: WindowStates, ladder: Ladder) -> WindowStates | None:
@@ -149,7 +149,7 @@ def restrict(known: WindowStates, ladder: Ladder) -> WindowStates | None:
     peaks = {p: n for n, p in enumerate(known.peaks.tolist())}
     try:
         loading = _loading(ladder, lambda pressure, closed: before[pressure].within(closed))
-        return _cell(loading, {p: _way(known, peaks[p]) for p in ladder.peaks}, ladder, known.rigid)
+        return _cell(loading, {p: _unloading_states(known, peaks[p]) for p in ladder.peaks}, ladder, known.rigid)
     except KeyError:
         return None
 
@@ -157,11 +157,11 @@ def restrict(known: WindowStates, ladder: Ladder) -> WindowStates | None:
 def merge(cell: WindowStates, other: WindowStates, ladder: Ladder) -> WindowStates:
     """The states of two cells of one window; both have the stops, separations and bounds of the ladder."""
     loading: dict[float, _State] = {}
-    ways: dict[float, list[_State]] = {}
+    unloadings: dict[float, list[_State]] = {}
     for one in (other, cell):
         loading |= dict(zip(one.pressure.tolist(), _states(one), strict=True))
-        ways |= {p: _way(one, m) for m, p in enumerate(one.peaks.tolist())}
-    return replace(_cell(loading, ways, ladder, cell.rigid), counts=cell.counts)
+        unloadings |= {p: _unloading_states(one, m) for m, p in enumerate(one.peaks.tolist())}
+    return replace(_cell(loading, unloadings, ladder, cell.rigid), counts=cell.counts)
 
 
 def _loading(ladder: Ladder, state: Callable[[float, tuple[bool, bool]], _State]) -> dict[float, _State]:
@@ -178,17 +178,19 @@ def _loading(ladder: Ladder, state: Callable[[float, tuple[bool, bool]], _State]
     return loading
 
 
-def _cell(loading: dict[float, _State], ways: dict[float, list[_State]], ladder: Ladder, rigid: Array) -> WindowStates:
+def _cell(
+    loading: dict[float, _State], unloadings: dict[float, list[_State]], ladder: Ladder, rigid: Array
+) -> WindowStates:
     """The cell of states on loading and on unloading from peaks, both by their pressures."""
-    pressure, peaks = sorted(loading), sorted(ways)
+    pressure, peaks = sorted(loading), sorted(unloadings)
     states = [loading[p] for p in pressure]
-    unloaded = [ways[p] for p in peaks]
+    unloaded = [unloadings[p] for p in peaks]
     shape = (len(peaks), len(ladder.stops))
     means = {
-        name: np.array([[getattr(s, name) for s in way] for way in unloaded]).reshape(shape)
+        name: np.array([[getattr(s, name) for s in states] for states in unloaded]).reshape(shape)
         for name in ("standoff", "mean_gap", "contact_fraction")
     }
-    down = np.array([[s.k for s in way] for way in unloaded]).reshape(*shape, ladder.kinds, 2)
+    down = np.array([[s.k for s in states] for states in unloaded]).reshape(*shape, ladder.kinds, 2)
     return WindowStates(
         pressure=np.array(pressure),
         k=np.array([s.k for s in states]).transpose(1, 2, 0),
@@ -306,7 +308,7 @@ def _states(cell: WindowStates) -> list[_State]:
     return [_State(*values) for values in zip(np.moveaxis(cell.k, -1, 0), *columns, strict=True)]
 
 
-def _way(cell: WindowStates, m: int) -> list[_State]:
+def _unloading_states(cell: WindowStates, m: int) -> list[_State]:
     """States on unloading from peak m; their plastic deformation is that of the peak, which no cell holds again."""
     names = ("standoff_unloading", "mean_gap_unloading", "contact_fraction_unloading")
     columns = zip(*(getattr(cell, name)[m] for name in names), strict=True)

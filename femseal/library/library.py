@@ -1,4 +1,4 @@
-"""Libraries of real windows, each followed along a ladder; one library serves seals of any size under any load.
+"""Libraries of real windows, each solved along a ladder; one library serves seals of any size under any load.
 
 A library belongs to one kind of face and material. It can be kept in a folder, in a file whose name is a digest of all
 its inputs. A later run reads the file and computes only the missing windows and steps.
@@ -137,7 +137,7 @@ class WindowSource:
 
 @dataclass(frozen=True, repr=False)
 class LadderLibrary(Shown):
-    """Windows followed along a ladder.
+    """Windows solved along a ladder.
 
     windows : those that did not fail.
     rms_height : root mean square height of the windows [m].
@@ -261,7 +261,7 @@ def local_peaks(paths: Array, steps: LoadProgramme) -> Array:
 def build_ladder_library(
     source: WindowSource, ladder: Ladder, count: int, *, folder: Path | None = None, mapper: Mapper = map
 ) -> LadderLibrary:
-    """Follow windows along a ladder; read what a folder holds of them already.
+    """Solve windows along a ladder; read what a folder holds of them already.
 
     The library is the same whatever the folder holds: it has no states of other ladders.
 

@@ -96,7 +96,7 @@ def element_seconds(pixels: float, side: float, effort: Effort) -> float:
 
 
 def deterministic_cost(efforts: Sequence[Effort], points: tuple[int, int], pressures: int = 1) -> tuple[float, float]:
-    """Expected time on one core [s] and memory [byte] of the deterministic solution; see `pressures_of_gas`."""
+    """Expected time on one core [s] and memory [byte] of the deterministic solution; see `count_pressures`."""
     pixels, again = points[0] * points[1], _SUCCESSIVE if pressures > 1 else 1.0
     seconds = sum(contact_seconds(pixels, effort) + again * flow_seconds(pixels, effort) for effort in efforts)
     return seconds, STEP_BYTES * pixels * len(efforts) + _state_memory(pixels, efforts)
@@ -122,7 +122,7 @@ def two_scale_cost(
     """Expected time on one core [s] and memory [byte] of the two-scale solution.
 
     `solved` says that the deterministic solution before it leaves the contact of the whole face. pressures : see
-    `pressures_of_gas`.
+    `count_pressures`.
     """
     again = _SUCCESSIVE if pressures > 1 else 1.0
     whole, flow = chosen_contact(contact, points) == "whole", chosen_flow(flow, points)
@@ -159,7 +159,7 @@ def stochastic_cost(
 ) -> tuple[float, float]:
     """Expected time on one core [s] and memory [byte] of a library and of the drawn seals of n1 × n2 links.
 
-    `sampling` names its sampler, see `sampling_options.chosen_sampler`. pressures : see `pressures_of_gas`.
+    `sampling` names its sampler, see `sampling_options.chosen_sampler`. pressures : see `count_pressures`.
     """
     pixels, windows, steps = points[0] * points[1], cells[0] * cells[1], len(efforts)
     window = pixels // windows
@@ -191,7 +191,7 @@ def stochastic_cost(
     return seconds, faces + 8.0 * links * (in_memory * 2 + 30 + (6 * pressures if pressures > 1 else 0))
 
 
-def pressures_of_gas(scene: Scene) -> int:
+def count_pressures(scene: Scene) -> int:
     """Number of pressures at which permeabilities are needed: 1 unless the law of the fluid depends on it."""
     return scene.flow.drop.pressures.size
 

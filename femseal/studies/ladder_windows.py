@@ -1,4 +1,4 @@
-"""Sources of windows that are followed along a ladder of pressures, and the pressures that the links of a seal have."""
+"""Sources of windows that are solved along a ladder of pressures, and the pressures that the links of a seal have."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ CUT_OFF_WINDOWS = 1.0
 
 
 def windows_under_global_contact(wanted: WindowRequest) -> WindowSupply:
-    """Follow windows up to the highest window pressure; each link has the pressure of its place in the global contact.
+    """Solve windows up to the highest window pressure; each link has the pressure of its place in the global contact.
 
     The global contact of the face repeats along the seal.
     """
@@ -37,8 +37,8 @@ def windows_under_global_contact(wanted: WindowRequest) -> WindowSupply:
     means = partial(_link_means, partition=partition)
     states = scene.global_states(partition, cut_off, take=means, mapper=wanted.mapper)
     p, p_across, gap, gap_across = (np.array(values) for values in zip(*states, strict=True))
-    followed = library_peaks([pressure.reshape(len(pressure), -1) for pressure in (p, p_across)], scene.steps)
-    library = _library(wanted, float(p.max()), apart=True, peaks=followed)
+    peaks_of_library = library_peaks([pressure.reshape(len(pressure), -1) for pressure in (p, p_across)], scene.steps)
+    library = _library(wanted, float(p.max()), apart=True, peaks=peaks_of_library)
     # the standoff of the whole body separates windows without pressure from the face
     peaks = scene.steps.peak_indices
     load = p.sum(axis=(1, 2))
@@ -61,7 +61,7 @@ def _link_means(state: GlobalState, partition: Partition) -> tuple[Array, Array,
 
 
 def windows_under_uniform_pressure(wanted: WindowRequest) -> WindowSupply:
-    """Follow windows with the full heights; each has the nominal pressure, or its fraction of it in the map."""
+    """Solve windows with the full heights; each has the nominal pressure, or its fraction in the map."""
     scene, seal_windows = wanted.scene, wanted.seal_windows
     nominal = scene.steps.pressures[:, None]
     fractions = [pressure_fractions(scene, seal_windows, wanted.sampling.pressure_map, axis) for axis in (0, 1)]
@@ -112,7 +112,7 @@ def _library(
     exact: tuple[float, ...] = (),
     peaks: tuple[float, ...],
 ) -> LadderLibrary:
-    """Follow windows of the face along the standard ladder, up to the pressure `highest`.
+    """Solve windows of the face along the standard ladder, up to the pressure `highest`.
 
     `apart` adds separations without pressure, `exact` loading pressures, `peaks` those from which windows are unloaded;
     elastic ones are not: they unload as they were loaded.

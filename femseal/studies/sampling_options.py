@@ -43,7 +43,7 @@ class Sampling:
         asks for more than the face has, they are cut again, moved by fractions of their width, except for "runs"; this
         adds no area, and the error of the library stays that of the windows of the face. For faces whose form varies
         over a window.
-        "global": windows with all their waves, followed along a ladder of pressures. The global contact of the face,
+        "global": windows with all their waves, solved along a ladder of pressures. The global contact of the face,
         repeated along the seal, gives the pressure of each link (Pérez-Ràfols et al., 2018).
         "uniform": windows with the full heights. Every link has the nominal pressure, or that of `pressure_map`.
     pressure_map : contact pressure over the seal in fractions of the nominal one, see `seal.pressure_map`; one that is

@@ -75,7 +75,7 @@ def stochastic(
     if sampling.width is None:
         return _draw(scene, cells, sampling, contact, two_scale, mapper)
     with TemporaryDirectory() as folder:
-        # the next round keeps the windows that this one has followed
+        # the next round keeps the windows that this one has solved
         growing = replace(sampling, library=sampling.library or Path(folder))
         result = _draw(scene, cells, growing, contact, two_scale, mapper)
         for _ in range(ROUNDS):

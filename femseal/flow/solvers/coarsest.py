@@ -8,8 +8,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from .elimination import Factors, carry_sources, find_potentials
-from .link_network import grid_factors
+from .elimination import Factors, borders, carry_sources, eliminated, find_potentials
+from .link_network import dissect, grid_links
 
 Array = NDArray[np.float64]
 #: What the centre has beyond all couples is taken for a rounding error below this fraction.
@@ -24,28 +24,45 @@ class Coarsest(NamedTuple):
     work: Array
 
 
-def eliminate_coarsest(
-    centre: Array, right: Array, below: Array, below_right: Array, below_left: Array, ring: bool
-) -> Coarsest:
+@njit(cache=True, nogil=True)
+def eliminate_coarsest(centre, right, below, below_right, below_left, ring):
     """Eliminate an operator, given with a border of one node, on its nodes that have links."""
     n1, n2 = centre.shape[0] - 2, centre.shape[1] - 2
     nine = below_right.size > 1
     m2 = n2 if ring else n2 - 1
-    inner = np.s_[1:-1, 1:-1]
-    c1, c2 = np.zeros((n1 + 1, n2)), np.ascontiguousarray(right[1:-1, 1 : m2 + 1])
-    c1[1:n1] = below[1:n1, 1:-1]
-    rest = centre[inner] - right[inner] - right[1:-1, :-2] - below[inner] - below[:-2, 1:-1]
+    c1, c2 = np.zeros((n1 + 1, n2)), np.zeros((n1, m2))
     corners = (n1 + 1, m2) if nine else (0, 0)
     falling, rising = np.zeros(corners), np.zeros(corners)
-    if nine:
-        rest -= below_right[inner] + below_right[:-2, :-2] + below_left[inner] + below_left[:-2, 2:]
-        falling[1:n1] = below_right[1:n1, 1 : m2 + 1]
-        rising[1:n1] = below_left[1:n1, np.arange(1, m2 + 1) % n2 + 1]
-    keep = centre[inner] > 0
-    node = np.flatnonzero(keep & (rest > _ROUNDING * centre[inner]))
-    end = np.zeros(node.size, np.int64)
-    order, factors = grid_factors(c1, c2, falling, rising, keep, ring, node, end, rest.ravel()[node], 1)
-    return Coarsest(order.nodes, factors, np.zeros(order.nodes.size + 1))
+    keep = np.zeros((n1, n2), np.bool_)
+    node, end, link = np.empty(n1 * n2, np.int64), np.zeros(n1 * n2, np.int64), np.empty(n1 * n2)
+    count = 0
+    for i in range(1, n1 + 1):
+        for j in range(1, n2 + 1):
+            rest = centre[i, j] - right[i, j] - right[i, j - 1] - below[i, j] - below[i - 1, j]
+            if nine:
+                rest -= below_right[i, j] + below_right[i - 1, j - 1] + below_left[i, j] + below_left[i - 1, j + 1]
+                if j <= m2 and i < n1:
+                    falling[i, j - 1] = below_right[i, j]
+                    rising[i, j - 1] = below_left[i, j % n2 + 1]
+            keep[i - 1, j - 1] = centre[i, j] > 0.0
+            if centre[i, j] > 0.0 and rest > _ROUNDING * centre[i, j]:
+                node[count], link[count] = (i - 1) * n2 + j - 1, rest
+                count += 1
+            if i < n1:
+                c1[i, j - 1] = below[i, j]
+            if j <= m2:
+                c2[i - 1, j - 1] = right[i, j]
+    order, first, parent = dissect(keep, ring)
+    row, later, value = grid_links(c1, c2, falling, rising, ring, order, node[:count], end[:count], link[:count])
+    border, start, waiting, widest = borders(first, parent, row, later, np.int64(1))
+    at = np.zeros(first.size, np.int64)
+    for f in range(first.size - 1):
+        p = first[f + 1] - first[f]
+        at[f + 1] = at[f] + p * (p + start[f + 1] - start[f])
+    links, inverse, between = eliminated(
+        first, parent, row, later, value, border, start, at, at[first.size - 1], waiting, widest, np.int64(1)
+    )
+    return Coarsest(order, Factors(first, border, start, at, links, inverse, between), np.zeros(order.size + 1))
 
 
 @njit(cache=True, nogil=True)

@@ -87,7 +87,7 @@ def factored(order: Order, links: Links, stay: int, *, only_between: bool = Fals
     else:
         np.cumsum(size, out=at[1:])
         room = int(at[-1])
-    kept, inverse, between = _eliminated(first, parent, *links, border, start, at, room, waiting, widest, stay)
+    kept, inverse, between = eliminated(first, parent, *links, border, start, at, room, waiting, widest, stay)
     return Factors(first, border, start, at, kept, inverse, between)
 
 
@@ -160,7 +160,7 @@ def _sort(values, first, last):
 
 
 @njit(**_exact)
-def _eliminated(first, parent, row, later, link, border, start, at, room, waiting, widest, stay):
+def eliminated(first, parent, row, later, link, border, start, at, room, waiting, widest, stay):
     """Links of all fronts, inverse sums, and what links the nodes that stay, see `Factors`."""
     fronts = first.size - 1
     n = first[fronts]

@@ -9,7 +9,7 @@ give it; coarse operators are Galerkin's. Source: Dendy, J. Comput. Phys. 48, 19
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 from .clusters import clusters
 from .compiled import COMPILED
 
-Array = NDArray[np.float64]
 #: Nodes of an axis at which coarsening ends.
 FEWEST = 4
 #: Coarsening also ends where so small a share of the nodes is left: their elimination costs less than the iterations
@@ -245,62 +244,68 @@ def _galerkin(centre, right, below, below_right, below_left, w, nine, ring, to0,
 
 
 @njit(**COMPILED)
-def _invert(centre, inverse):
-    for i in range(centre.shape[0]):
-        for j in range(centre.shape[1]):
-            inverse[i, j] = 1.0 / centre[i, j] if centre[i, j] > 0.0 else 0.0
-
-
-def hierarchy(along: Array, across: Array, falling: Array, rising: Array, ring: bool) -> tuple[Levels, Array, Array]:
-    """All levels of a stencil, and the sums of the couples of its first and last rows with the ends."""
+def hierarchy(along, across, falling, rising, ring):
+    """`Levels` of a stencil, and the sums of the couples of its first and last rows with the ends (n2,)."""
     nine = falling.size > 0
-    sizes = [(along.shape[0] - 1, along.shape[1])]
-    while min(sizes[-1]) > FEWEST:
-        sizes.append(tuple((n + 1) // 2 for n in sizes[-1]))
-    shape = np.array(sizes) + 2
-    nodes = shape.prod(axis=1)
-    in_corners = nodes.copy()
-    if not nine:
-        in_corners[0] = 1
-    first, corner_first = np.append(0, nodes.cumsum()), np.append(0, in_corners.cumsum())
-    fields, corners = np.zeros((7, first[-1])), np.zeros((2, corner_first[-1]))
-    weight_first = 9 * (first[1:] - first[1])
-    weights = np.zeros(weight_first[-1])
-
-    def operator(k: int) -> list[Array]:
-        views = level(shape, first, fields, corner_first, corners, k)
-        return [*views[:3], *views[7:]]
-
-    here = operator(0)
-    inlet, outlet = _bordered(along, across, falling, rising, ring, *here)
-    fewest = _ELIMINATED * np.count_nonzero(here[0])
-    numbers, apart = [], []
-    k = 0
+    sizes = np.empty((64, 2), np.int64)
+    sizes[0, 0], sizes[0, 1] = along.shape[0] + 1, along.shape[1] + 2
+    most = 1
+    while min(sizes[most - 1, 0], sizes[most - 1, 1]) - 2 > FEWEST:
+        sizes[most, 0], sizes[most, 1] = (sizes[most - 1, 0] - 1) // 2 + 2, (sizes[most - 1, 1] - 1) // 2 + 2
+        most += 1
+    shape = sizes[:most]
+    first, corner_first = np.zeros(most + 1, np.int64), np.zeros(most + 1, np.int64)
+    weight_first = np.zeros(most, np.int64)
+    for k in range(most):
+        size = shape[k, 0] * shape[k, 1]
+        first[k + 1] = first[k] + size
+        corner_first[k + 1] = corner_first[k] + (size if nine or k > 0 else 1)
+        weight_first[k] = 9 * (first[k + 1] - first[1])
+    fields, corners = np.zeros((7, first[most])), np.zeros((2, corner_first[most]))
+    weights = np.zeros(weight_first[most - 1])
+    number, cluster_first = np.zeros(1, np.int32), np.zeros(most + 1, np.int64)
+    start, nodes, inverses = np.zeros(1, np.int64), np.zeros((0, 2), np.int64), np.zeros(0)
+    inlet, outlet = np.zeros(0), np.zeros(0)
+    fewest = 0.0
+    k = np.int64(0)
     while True:
-        centre = here[0]
-        _invert(centre, fields[3, first[k] : first[k + 1]].reshape(centre.shape))
-        if k == len(sizes) - 1 or np.count_nonzero(centre) <= fewest:
+        centre, right, below, inverse, _, _, _, below_right, below_left = level(
+            shape, first, fields, corner_first, corners, k
+        )
+        if k == 0:
+            inlet, outlet = _bordered(
+                along, across, falling, rising, ring, centre, right, below, below_right, below_left
+            )
+        count = 0
+        for i in range(centre.shape[0]):
+            for j in range(centre.shape[1]):
+                if centre[i, j] > 0.0:
+                    inverse[i, j] = 1.0 / centre[i, j]
+                    count += 1
+        if k == 0:
+            fewest = _ELIMINATED * count
+        cluster_first[k + 1] = cluster_first[k]
+        if k == most - 1 or count <= fewest:
             break
-        w = weights[weight_first[k] : weight_first[k + 1]].reshape(*shape[k + 1], 3, 3)
-        _interpolation(*here, nine or k > 0, ring, w)
-        number, *cluster = clusters(*here, nine or k > 0, ring)
-        numbers.append(number.ravel() if number.size == centre.size else np.zeros(centre.size, np.int32))
-        apart.append(cluster)
-        below = operator(k + 1)
-        _galerkin(*here, w, nine or k > 0, ring, *below)
-        here = below
+        all_nine = nine or k > 0
+        w = weights[weight_first[k] : weight_first[k + 1]].reshape((shape[k + 1, 0], shape[k + 1, 1], 3, 3))
+        _interpolation(centre, right, below, below_right, below_left, all_nine, ring, w)
+        of_node, found, begins, inverse_sums = clusters(centre, right, below, below_right, below_left, all_nine, ring)
+        if inverse_sums.size > 0:
+            if number.size == 1:
+                number = np.zeros(first[most], np.int32)
+            for i in range(of_node.shape[0]):
+                for j in range(of_node.shape[1]):
+                    number[first[k] + i * of_node.shape[1] + j] = of_node[i, j]
+            cluster_first[k + 1] += inverse_sums.size
+            for i in range(begins.size):
+                begins[i] += nodes.shape[0]
+            start = np.concatenate((start[:-1], begins))
+            nodes, inverses = np.concatenate((nodes, found)), np.concatenate((inverses, inverse_sums))
+        coarse = level(shape, first, fields, corner_first, corners, k + 1)
+        _galerkin(centre, right, below, below_right, below_left, w, all_nine, ring, coarse[0], coarse[1], coarse[2],
+                  coarse[7], coarse[8])  # fmt: skip
         k += 1
-    parts = shape[: k + 1], first[: k + 2], fields, corner_first[: k + 2], corners, weight_first[: k + 1], weights
-    return Levels(*parts, *_joined(numbers, apart)), inlet, outlet
-
-
-def _joined(numbers: list[NDArray[np.int32]], apart: list[list[Any]]) -> tuple[Any, ...]:
-    """Clusters of all levels as `Levels` has them."""
-    counts = [inverse.size for _, _, inverse in apart]
-    cluster_first = np.cumsum([0, *counts, 0])
-    if not any(counts):
-        return np.zeros(1, np.int32), cluster_first, np.zeros(1, np.int64), np.zeros((0, 2), np.int64), np.zeros(0)
-    before = np.cumsum([0, *(len(nodes) for nodes, _, _ in apart)])
-    start = [begins[:-1] + n for (_, begins, _), n in zip(apart, before, strict=False)] + [before[-1:]]
-    nodes, inverse = (np.concatenate([part[i] for part in apart]) for i in (0, 2))
-    return np.concatenate(numbers), cluster_first, np.concatenate(start), nodes, inverse
+    levels = Levels(shape[: k + 1], first[: k + 2], fields, corner_first[: k + 2], corners, weight_first[: k + 1],
+                    weights, number, cluster_first[: k + 2], start, nodes, inverses)  # fmt: skip
+    return levels, inlet, outlet

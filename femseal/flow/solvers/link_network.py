@@ -141,12 +141,12 @@ def grid_factors(
 ) -> tuple[Order, Factors]:
     """Eliminate the nodes of a grid; arguments as in `eliminate`, with `stay` ends, and as in `Stencil`."""
     order = Order(*dissect(keep, ring))
-    links = Links(*_grid_links(c1, c2, falling, rising, ring, order.nodes, node, end, link))
+    links = Links(*grid_links(c1, c2, falling, rising, ring, order.nodes, node, end, link))
     return order, factored(order, links, stay, only_between=only_between)
 
 
 @njit(cache=True, nogil=True)
-def _grid_links(c1, c2, falling, rising, ring, order, node, end, link):
+def grid_links(c1, c2, falling, rising, ring, order, node, end, link):
     """`Links` of the nodes of a grid, and of some of them to ends; links of nodes that are not in the order are closed.
 
     Every link is found from the first of its nodes in the grid: to the right, below, and across both corners below.
