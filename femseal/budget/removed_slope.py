@@ -10,6 +10,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.special import erf, erfinv
 
 from ..loads import LoadProgramme
@@ -53,10 +54,10 @@ def raised_by_slope(part: ErrorPart, steps: LoadProgramme, leakage: Array, conta
     return replace(part, upper=np.where(raised, least, part.upper), note=note if raised.any() else part.note)
 
 
-def sealed_for_certain(contact: Array, kept: float = 1.0) -> Array:
+def sealed_for_certain(contact: Array, kept: float = 1.0) -> NDArray[np.bool_]:
     """Whether the face with its removed waves has too much contact to be open (steps,); False where it is unknown."""
     with np.errstate(invalid="ignore"):
-        return erf(kept * erfinv(np.clip(contact, 0.0, 1.0))) >= SEALED_CONTACT
+        return np.asarray(erf(kept * erfinv(np.clip(contact, 0.0, 1.0))) >= SEALED_CONTACT)
 
 
 def under_less_load(steps: LoadProgramme, q: Array, contact: Array, kept: float) -> Array:

@@ -33,7 +33,7 @@ def table_of_any(
 def _table(kind: str, made: Any, base: type[Table], more: dict[str, Any]) -> type[Table]:
     hints = get_type_hints(made)
     keys: dict[str, Any] = {"kind": (Literal[kind], ...)}
-    for f in sorted(fields(made), key=lambda f: f.kw_only):  # the parameters that count most come first
+    for f in sorted(fields(made), key=lambda f: bool(f.kw_only)):  # the parameters that count most come first
         value = Annotated[hints[f.name], _quantity(f.metadata)] if "allowed" in f.metadata else hints[f.name]
         keys[f.name] = (value, ... if f.default is MISSING else f.default)
     summary = (made.__doc__ or "").split("\n\n")[0]

@@ -90,12 +90,12 @@ def mesh_factors(
     joined(np.flatnonzero(own), (0, 0), cells)
     order = np.concatenate([*fronts, dirichlet]).astype(np.int64)
     n = order.size - dirichlet.size
-    place = np.full(nodes, -1)
-    place[order] = np.arange(order.size)
+    rank = np.full(nodes, -1)
+    rank[order] = np.arange(order.size)
     parts = []
     for c, number in zip(conductances, numbers, strict=True):
         i, j = np.nonzero(np.triu(c, 1))
-        one, other = place[number[i]], place[number[j]]
+        one, other = rank[number[i]], rank[number[j]]
         parts.append((np.minimum(one, other), np.maximum(one, other), c[i, j]))
     first, later, value = (np.concatenate(part) for part in zip(*parts, strict=True))
     chosen = np.flatnonzero((first < n) & (first != later))

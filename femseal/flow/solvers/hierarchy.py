@@ -267,7 +267,7 @@ def hierarchy(along, across, falling, rising, ring):
     start, nodes, inverses = np.zeros(1, np.int64), np.zeros((0, 2), np.int64), np.zeros(0)
     inlet, outlet = np.zeros(0), np.zeros(0)
     fewest = 0.0
-    k = np.int64(0)
+    k = np.int64(0)  # type: ignore[assignment]
     while True:
         centre, right, below, inverse, _, _, _, below_right, below_left = level(
             shape, first, fields, corner_first, corners, k

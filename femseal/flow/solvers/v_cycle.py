@@ -6,6 +6,8 @@ not move, keep the preconditioner symmetric.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numba import njit
 
@@ -41,7 +43,7 @@ def _rows_down(first, count, x, b, inverse, right, below, ring):
 def _sweep_down(x, b, r, inverse, right, below, below_right, below_left, nine, ring):
     """Gauss-Seidel forward from zero, and the residual it leaves: the links to later nodes."""
     n1, n2 = x.shape[0] - 2, x.shape[1] - 2
-    i = np.int64(1)
+    i: Any = np.int64(1)
     while i <= n1:
         x[i, n2 + 1] = 0.0
         if nine:
