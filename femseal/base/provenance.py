@@ -11,8 +11,8 @@ from pathlib import Path
 from .. import __version__
 
 _REQUIRED = ("numpy", "scipy", "scikit-fem", "pyamg", "pyfftw", "numba", "meshio", "pyvista", "vtk", "pydantic",
-             "pint", "typer", "rich", "xarray", "h5netcdf", "h5py", "joblib", "threadpoolctl", "matplotlib", "jinja2",
-             "psutil", "x3pio", "sdfio", "pillow")  # fmt: skip
+             "pint", "typer", "rich", "xarray", "h5netcdf", "h5py", "joblib", "filelock", "threadpoolctl",
+             "matplotlib", "jinja2", "psutil", "x3pio", "sdfio", "pillow")  # fmt: skip
 _OPTIONAL = ("SurfaceTopography", "distributed", "gmsh")
 #: Packages on which the bits of a result depend.
 _NUMERICAL = ("numpy", "scipy", "numba", "llvmlite", "pyfftw", "pyamg", "scikit-fem")
