@@ -45,8 +45,9 @@ _MOST_LOST = 0.02
 _PATIENCE = 2.0
 #: Dead ends are sought on so many nodes, and where there may be some, as no more than this fraction of the nodes are
 #: open. Iterations with and without them on gaps with 14, 22 and 27 % in contact: at 512² 11 of 71, 49 of 140 and 68 of
-#: 183, in a third to a half of the time; at 1024² 70 of 212, and 108 where without them more than 400 were needed.
-_MANY, _MAY_HAVE_DEAD_ENDS = 40_000, 0.88
+#: 183, in a third to a half of the time; at 1024² 70 of 212, and 108 where without them more than 400 were needed. On
+#: fewer nodes few iterations are the rule, and seeking takes 1.2 times the time of those.
+_MANY, _MAY_HAVE_DEAD_ENDS = 400_000, 0.88
 #: Iterations allowed to multigrid where the caller chose it, or where elimination would take too much memory.
 _MOST_ITERATIONS = 400
 #: After so many iterations the estimate of the error is checked by a flux that balances, as some part of the error may
