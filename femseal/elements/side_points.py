@@ -159,19 +159,13 @@ class SidePoints:
             i, j = divmod(place, m2)
             before, after, left, right = np.split(self.numbers(i, j), [w2, 2 * w2, 2 * w2 + w1])
             sides = {(0, i, j): before, (0, i + 1, j): after, (1, i, j): left, (1, i, (j + 1) % m2): right}
-            couples = np.zeros((number.size, number.size))
-            couples[np.tril_indices(number.size, -1)] = packed
-            couples = unit * (couples + couples.T)
             for key, numbers in sides.items():
                 if key[0] == 0 and key[1] in (0, m1):
                     continue  # inlet and outlet
                 if key not in blocks:
                     blocks[key] = numbers, np.zeros((numbers.size, numbers.size + 1))
-                on_side = np.isin(number, numbers)
-                at = np.searchsorted(numbers, number[on_side])
-                block = blocks[key][1]
-                block[at[:, None], at] += couples[np.ix_(on_side, on_side)]
-                block[at, -1] += couples[np.ix_(on_side, ~on_side)].sum(axis=1)
+                point = np.searchsorted(numbers, number) % numbers.size
+                _add_side(packed, np.where(numbers[point] == number, point, -1), unit, blocks[key][1])
             if j == m2 - 1:
                 for key in [key for key in blocks if key[1] == i]:
                     numbers, block = blocks.pop(key)
@@ -197,6 +191,27 @@ def _united(parts: list[Factors]) -> Factors:
     )
     start = np.cumsum([0, *(part.start[-1] for part in parts)])
     return Factors(first, np.full(int(start[-1]), n), start, size, links, inverse, np.zeros((1, 1)))
+
+
+@njit(cache=True, nogil=True)
+def _add_side(packed, point, unit, block):
+    """Add the conductances of a window between points of a side and, last column, to its other points.
+
+    point : of the side, of each point of the window; −1 where it is on another side.
+    """
+    k = 0
+    for a in range(point.size):
+        for b in range(a):
+            i, j, c = point[a], point[b], unit * packed[k]
+            k += 1
+            if i >= 0 and j >= 0:
+                if i != j:  # both sides of a window that is a ring of its own are one
+                    block[i, j] += c
+                    block[j, i] += c
+            elif i >= 0:
+                block[i, -1] += c
+            elif j >= 0:
+                block[j, -1] += c
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath={"reassoc", "contract"})

@@ -6,11 +6,10 @@ The order is nested dissection of the open nodes. Source: George, SIAM J. Numer.
 from __future__ import annotations
 
 import numpy as np
-import scipy.sparse as sp
 from numba import njit
 from numpy.typing import NDArray
-from scipy.sparse.csgraph import connected_components
 
+from ..percolation import find, union
 from ..stencil import Stencil
 from .elimination import Factors, Links, Order, factored, find_potentials
 
@@ -76,18 +75,25 @@ def condense(c1: Array, c2: Array) -> tuple[Array, Indices]:
     return factors.between, components(c1, c2)[keep.size :]
 
 
-def components(c1: Array, c2: Array) -> Indices:
+@njit(cache=True, nogil=True)
+def components(c1, c2):
     """Component of every node of a window and then of its side points; arguments as in `condense`."""
     w1, w2 = c2.shape[0], c1.shape[1]
-    number = np.arange(w1 * w2).reshape(w1, w2)
-    sides = w1 * w2 + np.arange(2 * (w1 + w2))
-    first = np.concatenate([number[:-1].ravel(), number[:, :-1].ravel(), _side_nodes(w1, w2)])
-    second = np.concatenate([number[1:].ravel(), number[:, 1:].ravel(), sides])
-    link = np.concatenate([c1[1:-1].ravel(), c2[:, 1:-1].ravel(), c1[0], c1[-1], c2[:, 0], c2[:, -1]])
-    is_open = link > 0
-    pairs = (np.ones(np.count_nonzero(is_open), np.int8), (first[is_open], second[is_open]))
-    graph = sp.coo_array(pairs, shape=(sides[-1] + 1, sides[-1] + 1)).tocsr()
-    return np.asarray(connected_components(graph, directed=False)[1]).astype(np.int64)
+    nodes = w1 * w2
+    parent = np.arange(nodes + 2 * (w1 + w2))
+    for i in range(w1 + 1):
+        for j in range(w2):
+            if c1[i, j] > 0.0:
+                before = (i - 1) * w2 + j if i > 0 else nodes + j
+                union(parent, before, i * w2 + j if i < w1 else nodes + w2 + j)
+    for i in range(w1):
+        for j in range(w2 + 1):
+            if c2[i, j] > 0.0:
+                before = i * w2 + j - 1 if j > 0 else nodes + 2 * w2 + i
+                union(parent, before, i * w2 + j if j < w2 else nodes + 2 * w2 + w1 + i)
+    for node in range(parent.size):
+        parent[node] = find(parent, node)
+    return parent
 
 
 def _side_nodes(w1: int, w2: int) -> Indices:
