@@ -82,7 +82,7 @@ def whole_mesh(grid, points, weights, coefficients):
 
 
 def assert_same(grid, stencil, expected):
-    """Equal but for the couples between nodes of one end, which a stencil leaves out."""
+    """Equal but for the conductances between nodes of one end, which a stencil leaves out."""
     n2 = grid.nodes[1]
     ours = stencil.to_csr().toarray()
     inner = slice(None) if grid.ring1 else slice(n2, -n2)
@@ -154,9 +154,9 @@ def test_tensors_equal_the_assembly_of_the_whole_mesh(name):
 def test_edge_midpoints_have_links_and_no_diagonals():
     """On a cell Δ1 × Δ2: exactly Δ2/2Δ1 along x1 and Δ1/2Δ2 along x2."""
     d1, d2 = 3.0, 0.7
-    couples = conductances_of(elemental(forms.darcy_flow, ElementQuad1, EDGES))
+    conductances = conductances_of(elemental(forms.darcy_flow, ElementQuad1, EDGES))
     stretch = np.array([d2 / d1, d2 / d1, d1 / d2, d1 / d2])[:, None]
-    total = (couples * stretch).sum(axis=0)
+    total = (conductances * stretch).sum(axis=0)
     assert_allclose(total, [d2 / d1 / 2, d2 / d1 / 2, d1 / d2 / 2, d1 / d2 / 2, 0, 0], rtol=1e-15, atol=1e-17)
     assert_array_equal(total[4:], 0)
 
@@ -409,9 +409,9 @@ def test_tensor_of_a_cell_is_that_of_its_links():
     a = stencil.to_csr().toarray()
     rhs = np.zeros((42, 2))
     parts = []
-    for couples, shift, axis, length in ((stencil.along, (1, 0), 0, D), (stencil.across, (0, 1), 1, 2 * D)):
+    for conductances, shift, axis, length in ((stencil.along, (1, 0), 0, D), (stencil.across, (0, 1), 1, 2 * D)):
         there = np.roll(node, (-shift[0], -shift[1]), axis=(0, 1))
-        for c, s, e in zip(couples.ravel(), node.ravel(), there.ravel(), strict=True):
+        for c, s, e in zip(conductances.ravel(), node.ravel(), there.ravel(), strict=True):
             rhs[s, axis] += c * length
             rhs[e, axis] -= c * length
             parts.append((c, s, e, axis, length))

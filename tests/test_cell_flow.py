@@ -515,9 +515,9 @@ def test_upper_bound_is_the_energy_of_q1_elements(spacing, closed):
     inlet, outlet = x == 0, x == mesh.p[0].max()
     # islands of open pixels have no pressure of their own: their equations are singular
     corners = mesh.t[:, k > 0]
-    couples = coo_array((np.ones(4 * corners.shape[1]), (corners.ravel(), np.roll(corners, 1, axis=0).ravel())))
-    couples.resize(a.shape)
-    _, part = connected_components(couples, directed=False)
+    conductances = coo_array((np.ones(4 * corners.shape[1]), (corners.ravel(), np.roll(corners, 1, axis=0).ravel())))
+    conductances.resize(a.shape)
+    _, part = connected_components(conductances, directed=False)
     reached = np.isin(part, np.intersect1d(part[inlet], part[outlet]))
     assert reached.all() == (closed == 0)
     p = np.where(inlet & reached, 1.0, 0.0)

@@ -71,11 +71,11 @@ class TestCondensation:
     @each("closed", [0.0, 0.3])
     def test_is_the_schur_complement(self, shape, closed):
         c1, c2 = links(*shape, seed=sum(shape), closed=closed)
-        couples, _ = condense(c1, c2)
-        operator = np.diag(couples.sum(axis=1)) - couples
+        conductances, _ = condense(c1, c2)
+        operator = np.diag(conductances.sum(axis=1)) - conductances
         assert_allclose(operator, schur_complement(c1, c2), atol=1e-13)
-        assert_array_equal(couples, couples.T)
-        assert couples.min() >= 0
+        assert_array_equal(conductances, conductances.T)
+        assert conductances.min() >= 0
 
     def test_every_couple_is_exact_at_any_contrast(self):
         c1, c2 = links(4, 3, seed=5, decades=15, closed=0.1)
@@ -96,10 +96,10 @@ class TestCondensation:
     @each("seed", range(4))
     def test_only_joined_side_points_are_coupled(self, seed):
         c1, c2 = links(10, 12, seed=seed, closed=0.45)
-        couples, component = condense(c1, c2)
+        conductances, component = condense(c1, c2)
         same = component[:, None] == component
         np.fill_diagonal(same, False)
-        assert_array_equal(couples > 0, same)
+        assert_array_equal(conductances > 0, same)
 
 
 class TestSideNodes:
@@ -129,18 +129,18 @@ class TestSideNodes:
 class TestElement:
     def test_rows_sum_to_zero_and_energy_is_never_negative(self, gap):
         for window in window_links(gap, partition(gap, (2, 3)), 1):
-            couples = WindowElement.of(window, 8).couples
-            assert_array_equal(couples, couples.T)
-            matrix = np.diag(couples.sum(axis=1)) - couples
+            conductances = WindowElement.of(window, 8).conductances
+            assert_array_equal(conductances, conductances.T)
+            matrix = np.diag(conductances.sum(axis=1)) - conductances
             assert np.linalg.eigvalsh(matrix).min() > -1e-12 * matrix.max()
 
     def test_a_wider_spacing_is_an_interpolation_of_all_points(self):
         along, across = links(16, 16, decades=0.0)
         window = WindowLinks(along, across, np.ones((2, 15)), np.ones((2, 15)), (False, False))
-        element, couples = WindowElement.with_points(window, 4)
-        between = np.zeros((len(couples), element.counts.sum()))
-        np.add.at(between, (np.arange(len(couples))[:, None], element.node), element.weight)
-        points, expected = (np.diag(c.sum(axis=1)) - c for c in (couples, element.couples))
+        element, conductances = WindowElement.with_points(window, 4)
+        between = np.zeros((len(conductances), element.counts.sum()))
+        np.add.at(between, (np.arange(len(conductances))[:, None], element.node), element.weight)
+        points, expected = (np.diag(c.sum(axis=1)) - c for c in (conductances, element.conductances))
         assert_allclose(between.T @ points @ between, expected, atol=1e-12)
 
 

@@ -485,7 +485,7 @@ def test_the_rate_of_a_gap_near_closing_is_as_right_as_asked(n, seed):
 
 
 def operator(levels, k):
-    """Centres and couples of a level."""
+    """Centres and conductances of a level."""
     views = hierarchy.level(*levels[:5], k)
     return *views[:3], *views[7:]
 
@@ -537,7 +537,7 @@ def test_the_preconditioner_is_symmetric(shape, ring):
 @each("ring", [True, False])
 @each("nine", [True, False])
 def test_the_coarsest_level_is_solved_exactly(shape, ring, nine):
-    """Against numpy, with couples across corners and nodes without links."""
+    """Against numpy, with conductances across corners and nodes without links."""
     n1, n2 = shape
     rng = np.random.default_rng(4)
     m2 = n2 if ring and n2 > 2 else n2 - 1

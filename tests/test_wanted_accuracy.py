@@ -221,7 +221,7 @@ class TestRefining:
 class TestCase:
     @pytest.mark.parametrize("wrong", ["0 %", "100 %", -0.1, "ten", True, "3 m"])
     def test_accuracies_that_are_none(self, wrong):
-        with pytest.raises(fs.InputError, match=r"accuracy: given .* expected a share above 0 and below 1"):
+        with pytest.raises(fs.InputError, match=r"accuracy: given .* expected a fraction above 0 and below 1"):
             case(accuracy=wrong)
 
     def test_an_accuracy_is_judged_by_the_budget(self):

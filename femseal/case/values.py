@@ -110,17 +110,17 @@ def _channel(value: Any) -> int | str:
     return value
 
 
-_ACCURACY_EXPECTED = "a share above 0 and below 1, such as '10 %'"
+_ACCURACY_EXPECTED = "a fraction above 0 and below 1, such as '10 %'"
 
 
 def _accuracy(value: Any) -> float:
     try:
-        share = to_si(value, "", "value")
+        fraction = to_si(value, "", "value")
     except InputError:
-        share = -1.0
-    if isinstance(value, bool) or not 0 < share < 1:
+        fraction = -1.0
+    if isinstance(value, bool) or not 0 < fraction < 1:
         raise PydanticCustomError("accuracy", "{expected}", {"expected": _ACCURACY_EXPECTED})
-    return share
+    return fraction
 
 
 def _positive(x: float) -> bool:

@@ -122,13 +122,13 @@ class ElementMesh:
 
     def _solved(self, dirichlet: Indices, values: Array) -> ElementSolution:
         """Solution with `values` at the Dirichlet nodes."""
-        couples = [e.couples for e in self.elements]
+        conductances = [e.conductances for e in self.elements]
         # potential and complement are solved for on their own, so that each keeps its relative accuracy
-        factors = mesh_factors(couples, self.numbers, self.cells, dirichlet, self.nodes)
+        factors = mesh_factors(conductances, self.numbers, self.cells, dirichlet, self.nodes)
         x, y = factors.dirichlet(values), factors.dirichlet(1 - values)
         reached = np.isin(self.component, self.component[dirichlet])
-        energy, through, out = np.zeros(len(couples)), np.zeros((len(couples), 4)), np.zeros(self.nodes)
-        for n, (c, number) in enumerate(zip(couples, self.numbers, strict=True)):
+        energy, through, out = np.zeros(len(conductances)), np.zeros((len(conductances), 4)), np.zeros(self.nodes)
+        for n, (c, number) in enumerate(zip(conductances, self.numbers, strict=True)):
             chosen = reached[number]
             i = number[chosen]
             p, q = x[i], y[i]

@@ -82,9 +82,9 @@ def _element_flow(h: Array, partition: Partition, node_spacing: int) -> ElementF
     elements, points = [], SidePoints(partition)
     for i in range(m1):
         for j, links in enumerate(window_links(h, partition, i)):
-            element, couples = WindowElement.with_points(links, node_spacing)
+            element, conductances = WindowElement.with_points(links, node_spacing)
             elements.append(element)
-            points.add(i, j, couples)
+            points.add(i, j, conductances)
     mesh = ElementMesh.of_face(elements, partition.cells)
     nodes = mesh.solve()
     node, weight, potential = (
@@ -102,7 +102,7 @@ def _element_flow(h: Array, partition: Partition, node_spacing: int) -> ElementF
         found = points.improved(np.nan_to_num(potential), conductance, node, weight, nodes.factors)
         conductance -= found.saved
         error, potential = found.error / conductance, np.where(closed, np.nan, found.potential)
-        # couples are in single precision, the sum is not
+        # conductances are in single precision, the sum is not
         dissipation = found.dissipation * (conductance / found.dissipation.sum())
     to_permeability = (m1 * l1) / (m2 * l2)
     lines = (m1 + 1) * m2 * w2

@@ -27,7 +27,7 @@ Indices = NDArray[np.int64]
 TOLERANCE, MOST_ITERATIONS = 1e-3, 200
 #: The error of the energy is estimated by what this number of iterations took off: that of the potential before them.
 DELAY = 4
-#: Share of the energy below which a correction is due to the couples' single precision.
+#: Fraction of the energy below which a correction is due to the conductances' single precision.
 _ROUNDING = 1e-12
 
 
@@ -47,13 +47,13 @@ class PointFlow:
 
 @dataclass(frozen=True, eq=False)
 class SidePoints:
-    """Couples between the side points of all windows, in single precision, and the sides as blocks.
+    """Conductances between the side points of all windows, in single precision, and the sides as blocks.
 
     Side points are numbered row after row: those on the lines across x1 (m1 + 1, n2), then those before each column of
     windows (n1, m2).
 
-    partition : of the face. windows : of every window the numbers of its side points that are open (q,), its couples
-    between them below the diagonal (q (q − 1)/2,), and their unit [m³].
+    partition : of the face. windows : of every window the numbers of its side points that are open (q,), its
+    conductances between them below the diagonal (q (q − 1)/2,), and their unit [m³].
     """
 
     partition: Partition
@@ -72,11 +72,11 @@ class SidePoints:
         across = (m1 + 1) * n2 + rows * m2
         return np.concatenate([i * n2 + columns, (i + 1) * n2 + columns, across + j, across + (j + 1) % m2])
 
-    def add(self, i: int, j: int, couples: Array) -> None:
-        """Keep the couples (p, p) of a window."""
-        is_open = np.flatnonzero(couples.any(axis=1))
-        unit = float(couples.max()) or 1.0
-        among_open = couples[np.ix_(is_open, is_open)][np.tril_indices(is_open.size, -1)] / unit
+    def add(self, i: int, j: int, conductances: Array) -> None:
+        """Keep the conductances (p, p) of a window."""
+        is_open = np.flatnonzero(conductances.any(axis=1))
+        unit = float(conductances.max()) or 1.0
+        among_open = conductances[np.ix_(is_open, is_open)][np.tril_indices(is_open.size, -1)] / unit
         self.windows.append((self.numbers(i, j)[is_open], among_open.astype(np.float32), unit))
 
     def improved(
@@ -95,8 +95,8 @@ class SidePoints:
         free[:n2] = free[lines * n2 : (lines + 1) * n2] = False
 
         def at_nodes(residual: Array) -> Array:
-            shares: Array = weight * residual[:, None]
-            sources: Array = np.bincount(node.ravel(), shares.ravel(), factors.nodes).astype(float)
+            fractions: Array = weight * residual[:, None]
+            sources: Array = np.bincount(node.ravel(), fractions.ravel(), factors.nodes).astype(float)
             return np.asarray((weight * factors.under(sources)[node]).sum(axis=1))
 
         x = potential.copy()
@@ -133,8 +133,8 @@ class SidePoints:
     def _flows(self, potential: Array) -> tuple[Array, Array]:
         """Flow out of every side point (points,), and the energy of every window [m³]."""
         out, energy = np.zeros(self.count), np.zeros(len(self.windows))
-        for n, (number, couples, unit) in enumerate(self.windows):
-            flow, energy[n] = _window_flows(couples, potential[number], unit)
+        for n, (number, conductances, unit) in enumerate(self.windows):
+            flow, energy[n] = _window_flows(conductances, potential[number], unit)
             np.add.at(out, number, flow)
         return out, energy
 
@@ -215,13 +215,13 @@ def _add_side(packed, point, unit, block):
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath={"reassoc", "contract"})
-def _window_flows(couples, potential, unit):
+def _window_flows(conductances, potential, unit):
     """Flow out of the points of a window into it, and its energy."""
     q = potential.size
     flow, energy, k = np.zeros(q), 0.0, 0
     for a in range(q):
         here, total = potential[a], 0.0
-        row = couples[k : k + a]
+        row = conductances[k : k + a]
         for b in range(a):
             drop = here - potential[b]
             through = unit * row[b] * drop

@@ -2,7 +2,7 @@
 
 The windows tile the face. A link that crosses the side between two windows is cut into two halves at a side point, and
 the pressure at the side points is interpolated between a few nodes, see `side_nodes`. The matrix of such an element is
-symmetric, its rows sum to zero, and it couples two nodes only where open pixels inside the window join them.
+symmetric, its rows sum to zero, and it conductances two nodes only where open pixels inside the window join them.
 Source: Hou & Wu, J. Comput. Phys. 134, 1997, 169 (multiscale finite elements); Guyan, AIAA J. 3, 1965, 380 (static
 condensation).
 """
@@ -53,14 +53,15 @@ class WindowElement:
     The sides are the one before the first row of pixels, after the last row, before the first column and after the last
     column; so are the p = 2 w2 + 2 w1 side points. A side at the inlet or the outlet has a single node.
 
-    couples (n, n) : minus the entries of the element matrix off its diagonal [m³], 0 on the diagonal; few are negative.
+    conductances (n, n) : minus the entries of the element matrix off its diagonal [m³], 0 on the diagonal; few are
+        negative.
     counts (4,) : number of nodes on each side.
     node (p, 2), weight (p, 2) : nodes between which the potential at a side point is interpolated, −1 where closed.
     component (p,) : side points with the same number are joined by open links inside the window.
     place (n,) : point of its side at which each node lies; −1 at an end.
     """
 
-    couples: Array
+    conductances: Array
     counts: Indices
     node: Indices
     weight: Array
@@ -74,7 +75,7 @@ class WindowElement:
 
     @classmethod
     def with_points(cls, links: WindowLinks, node_spacing: int) -> tuple[WindowElement, Array]:
-        """Condense a window; the element, and the couples (p, p) of all its side points."""
+        """Condense a window; the element, and the conductances (p, p) of all its side points."""
         condensed, component = condense(links.along, links.across)
         along, across = (np.ascontiguousarray(c) for c in (links.along, links.across))
         beside1, beside2 = (np.ascontiguousarray(c) for c in (links.beside1, links.beside2))
@@ -133,9 +134,9 @@ def window_links(gap: NDArray[np.floating], partition: Partition, row: int) -> l
 
 
 @njit(cache=True, nogil=True)
-def _element(couples, along, across, beside1, beside2, ends, spacing):
+def _element(conductances, along, across, beside1, beside2, ends, spacing):
     w1, w2 = across.shape[0], along.shape[1]
-    points = couples.shape[0]
+    points = conductances.shape[0]
     node, weight = np.full((points, 2), -1, np.int64), np.zeros((points, 2))
     place = np.full(points, -1, np.int64)
     counts = np.zeros(4, np.int64)
@@ -164,18 +165,18 @@ def _element(couples, along, across, beside1, beside2, ends, spacing):
             counts[side] = at.size
         count += counts[side]
         start += n
-    projected = _projected(couples, node, weight, np.int64(count))
+    projected = _projected(conductances, node, weight, np.int64(count))
     return projected, counts, node, weight, place[:count].copy()
 
 
 @njit(cache=True, nogil=True)
-def _projected(couples, node, weight, nodes):
-    """Couples of nodes (nodes, nodes) from those of side points (p, p): c (p_i − p_j)² of interpolated potentials."""
+def _projected(conductances, node, weight, nodes):
+    """Conductances of nodes (nodes, nodes) from those of side points (p, p), by c (p_i − p_j)² of interpolations."""
     out = np.zeros((nodes, nodes))
-    which, share = np.empty(4, np.int64), np.empty(4)
-    for i in range(len(couples)):
+    which, fraction = np.empty(4, np.int64), np.empty(4)
+    for i in range(len(conductances)):
         for j in range(i):
-            c = couples[i, j]
+            c = conductances[i, j]
             if c == 0.0:
                 continue
             m = 0
@@ -187,12 +188,12 @@ def _projected(couples, node, weight, nodes):
                     while at < m and which[at] != node[point, k]:
                         at += 1
                     if at == m:
-                        which[m], share[m] = node[point, k], 0.0
+                        which[m], fraction[m] = node[point, k], 0.0
                         m += 1
-                    share[at] += sign * weight[point, k]
+                    fraction[at] += sign * weight[point, k]
             for k in range(m):
                 for q in range(k):
-                    out[which[k], which[q]] -= c * share[k] * share[q]
+                    out[which[k], which[q]] -= c * fraction[k] * fraction[q]
     for k in range(nodes):
         for q in range(k):
             out[k, q] += out[q, k]

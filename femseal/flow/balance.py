@@ -23,7 +23,7 @@ def balanced_link_fluxes(stencil: Stencil, potential: Array, complement: Array) 
     `complement` is 1 − φ: each difference is taken of the smaller of the two, which has the smaller rounding errors.
     """
     n1, n2 = stencil.along.shape
-    parts = [(c.ravel(), a.ravel(), b.ravel()) for c, a, b, _ in stencil.couples()]
+    parts = [(c.ravel(), a.ravel(), b.ravel()) for c, a, b, _ in stencil.conductances()]
     c, tail, head = (np.concatenate(part) for part in zip(*parts, strict=True))
     φ, ψ = potential.ravel(), complement.ravel()
     q = c * np.where(φ[tail] + φ[head] < 1, φ[tail] - φ[head], ψ[head] - ψ[tail])
@@ -43,7 +43,7 @@ def energy_gap(stencil: Stencil, potential: Array, complement: Array) -> float:
     φ, ψ = np.nan_to_num(potential), np.nan_to_num(complement)
     gap = energy = 0.0
     fluxes = balanced_link_fluxes(stencil, φ, ψ)
-    for (c, a, b, _), flux in zip(stencil.couples(), fluxes, strict=True):
+    for (c, a, b, _), flux in zip(stencil.conductances(), fluxes, strict=True):
         drop = np.where(φ.ravel()[a] + φ.ravel()[b] < 1, φ.ravel()[a] - φ.ravel()[b], ψ.ravel()[b] - ψ.ravel()[a])
         excess = flux - c * drop
         gap += float(np.divide(excess**2, c, out=np.zeros(c.shape), where=c > 0).sum())

@@ -29,7 +29,7 @@ from .stencil import Stencil
 Array = NDArray[np.float64]
 #: Relative error of the upper bound; iterations allowed before factorising.
 _RTOL, _ITERATIONS = 1e-12, 60
-#: Share by which bounds are moved apart.
+#: Fraction by which bounds are moved apart.
 _ROUNDING = 1e-13
 #: Component K11 at the two ends of a pixel: the mixed form then decouples the two fluxes, and a link
 #: between two pixels has their harmonic mean.

@@ -14,7 +14,7 @@ from skfem import ElementQuad2, ElementQuadRT0, ElementTriP1
 from ..base.errors import InputError
 from .assembly import GAUSS_POINTS, assemble_on_elements, edge_weights, gauss
 from .coefficient import permeability_at_gauss_points
-from .edge_flow import edge_couples
+from .edge_flow import edge_conductances
 from .grid import Grid
 from .solvers.choice import check_solver
 from .stencil import Stencil
@@ -67,7 +67,7 @@ def check_discretisation(discretisation: str, solver: str, estimate: bool = Fals
 def cell_stencil(gap: Array, grid: Grid, discretisation: str = "edge") -> Stencil:
     """Operator of the flow through a cell on a grid of nodes at its pixels, from the gap [m] (n1, n2) there."""
     if discretisation == "edge":
-        along, across = edge_couples(gap, grid.ring2, edge_weights(grid))
+        along, across = edge_conductances(gap, grid.ring2, edge_weights(grid))
         return Stencil(along, across, ring2=grid.ring2)
     # K11 and K22 have the same value at a point
     k = permeability_at_gauss_points(gap, grid, GAUSS_POINTS)

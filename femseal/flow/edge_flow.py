@@ -1,4 +1,4 @@
-"""Flow through a cell by the discretisation "edge": from the gap to the couples and their flow, for small cells too."""
+"""Flow through a cell by the discretisation "edge": from the gap to conductances and flow, for small cells too."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ def edge_flow(
     gap: Array, grid: Grid, *, rtol: float = 1e-6, solver: str = "auto", field_rtol: float | None = None
 ) -> DarcyFlow:
     """`solve_flow` of `cell_stencil` of a gap (n1, n2), on a grid of nodes at its pixels."""
-    along, across = edge_couples(gap, grid.ring2, edge_weights(grid))
-    reached, couples, exponent = ready(along, across, _NOTHING, _NOTHING)
-    return solve_ready(reached, couples, exponent, grid.ring2, rtol=rtol, solver=solver, field_rtol=field_rtol)
+    along, across = edge_conductances(gap, grid.ring2, edge_weights(grid))
+    reached, conductances, exponent = ready(along, across, _NOTHING, _NOTHING)
+    return solve_ready(reached, conductances, exponent, grid.ring2, rtol=rtol, solver=solver, field_rtol=field_rtol)
 
 
-def edge_couples(gap: Array, ring2: bool, weights: EdgeWeights) -> tuple[Array, Array]:
-    """Couples along and across of a gap at the pixels of a cell, with the `edge_weights` of its grid."""
+def edge_conductances(gap: Array, ring2: bool, weights: EdgeWeights) -> tuple[Array, Array]:
+    """Conductances along and across of a gap at the pixels of a cell, with the `edge_weights` of its grid."""
     w = weights
     along, across = on_links(gap, False, ring2, True)
     weighted(along, w.rows1, w.columns1, w.kinds1, along)

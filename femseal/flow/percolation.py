@@ -38,7 +38,7 @@ def union(parent, a, b):
 
 
 def nodes_reached(stencil: Stencil) -> NDArray[np.int8]:
-    """Which ends each node is joined to by couples that are not 0, (n1 + 1, n2): 0 none, 1 inlet, 2 outlet, 3 both.
+    """Which ends each node is joined to by conductances above 0, (n1 + 1, n2): 0 none, 1 inlet, 2 outlet, 3 both.
 
     Dead ends of a path from inlet to outlet are joined to both; they are kept, and carry no flow.
     """
@@ -52,7 +52,7 @@ def nodes_reached_by(stencil: Stencil, least: float) -> NDArray[np.int8]:
 
 @njit(cache=True, nogil=True)
 def nodes_reached_of(along, across, falling, rising, least):
-    """`nodes_reached_by` of the couples of a stencil.
+    """`nodes_reached_by` of the conductances of a stencil.
 
     Row by row: a node takes the label of a neighbour that it is joined to, and where two meet they become one.
 
@@ -145,14 +145,16 @@ def widest(along, across):
 
 
 def restricted(stencil: Stencil, keep: NDArray[np.bool_], least: float = 0.0) -> Stencil:
-    """Copy without the couples of nodes (n1 + 1, n2) that are not kept and those below `least`."""
-    parts = restricted_couples(stencil.along, stencil.across, stencil.falling, stencil.rising, keep, (1.0, 1.0), least)
+    """Copy without the conductances of nodes (n1 + 1, n2) that are not kept and those below `least`."""
+    parts = restricted_conductances(
+        stencil.along, stencil.across, stencil.falling, stencil.rising, keep, (1.0, 1.0), least
+    )
     return replace(stencil, along=parts[0], across=parts[1], falling=parts[2], rising=parts[3])
 
 
 @njit(cache=True, nogil=True)
-def restricted_couples(along, across, falling, rising, keep, factors, least):
-    """`restricted` of the couples of a stencil, times two factors."""
+def restricted_conductances(along, across, falling, rising, keep, factors, least):
+    """`restricted` of the conductances of a stencil, times two factors."""
     first, second = factors
     n1, n2 = along.shape
     m2 = across.shape[1]

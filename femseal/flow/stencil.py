@@ -1,4 +1,4 @@
-"""The operator of a structured grid of nodes, as the couples of every node with its neighbours."""
+"""The operator of a structured grid of nodes, as the conductances of every node with its neighbours."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ def _nothing() -> Array:
 
 @dataclass(frozen=True)
 class Stencil:
-    """Couples of neighbouring nodes: minus the entries of a symmetric matrix with zero row sums, in any one unit.
+    """Conductances of neighbouring nodes: minus the entries of a symmetric matrix with zero row sums, in any one unit.
 
-    A couple c > 0 is the conductance of a link between two nodes, so that a five-point stencil is a network of links.
+    A conductance c > 0 is that of a link between two nodes, so that a five-point stencil is a network of links.
 
     along (n1, n2) : nodes (i, j) and (i + 1, j) of n1 + 1 rows. Row 0 is the inlet, row n1 the outlet; in a `ring1`
         the rows form a ring, row n1 being row 0.
     across (n1 − 1, m2) : nodes (i, j) and (i, j + 1) of rows 1 … n1 − 1 (in a `ring1` of all n1 rows); m2 is n2 if the
-        columns form a ring (`ring2`), else n2 − 1. Nodes of one end have one pressure, so that their couples drop out.
+        columns form a ring (`ring2`), else n2 − 1. Nodes of one end have one pressure: their conductances drop out.
     falling, rising (n1, m2) : nodes (i, j) and (i + 1, j + 1), nodes (i, j + 1) and (i + 1, j); empty on five points.
     """
 
@@ -82,8 +82,8 @@ class Stencil:
         n1, n2 = self.along.shape
         return (n1 if self.ring1 else n1 + 1), n2
 
-    def couples(self) -> Iterator[tuple[Array, NDArray[np.int64], NDArray[np.int64], tuple[int, int]]]:
-        """Arrays of couples, numbers (row · n2 + column) of their two nodes, and the steps from one to the other."""
+    def conductances(self) -> Iterator[tuple[Array, NDArray[np.int64], NDArray[np.int64], tuple[int, int]]]:
+        """Arrays of conductances, numbers (row · n2 + column) of their two nodes, and steps from one to the other."""
         rows, n2 = self.nodes
         node = np.arange(rows * n2).reshape(rows, n2)
         below = np.roll(node, -1, axis=0) if self.ring1 else node[1:]
@@ -101,11 +101,11 @@ class Stencil:
             yield self.rising, right(here), below[:, :m2], (1, -1)
 
     def energy(self, pressure: Array) -> float:
-        """Σ c (Δp)² over all couples for a pressure at the nodes: from differences, so that nothing cancels."""
+        """Σ c (Δp)² over all conductances for a pressure at the nodes: from differences, so that nothing cancels."""
         return float(energy_of(self.along, self.across, self.falling, self.rising, pressure, self.ring1))
 
     def dissipation(self, potential: Array) -> tuple[Array, Array]:
-        """Dissipation c (Δφ)² of the couples along both axes of a five-point stencil.
+        """Dissipation c (Δφ)² of the conductances along both axes of a five-point stencil.
 
         `potential` (n1 + 1, n2) is NaN in pockets, where nothing flows.
         """
@@ -114,10 +114,10 @@ class Stencil:
         return self.along * np.diff(φ, axis=0) ** 2, self.across * across**2
 
     def to_csr(self) -> sp.csr_array:
-        """The matrix of all nodes, those of the ends among them; couples between nodes of one end are left out."""
+        """The matrix of all nodes, those of the ends among them; conductances between nodes of one end are left out."""
         rows, n2 = self.nodes
         size = rows * n2
-        parts = [(c.ravel(), a.ravel(), b.ravel()) for c, a, b, _ in self.couples()]
+        parts = [(c.ravel(), a.ravel(), b.ravel()) for c, a, b, _ in self.conductances()]
         c, a, b = (np.concatenate(part) for part in zip(*parts, strict=True))
         chosen = (c != 0) & (a != b)
         c, a, b = c[chosen], a[chosen], b[chosen]

@@ -88,7 +88,7 @@ def _by_matrix(
     size, (d1, d2) = carrying.size, spacing
     # the mean gradient drops the pressure along every link; the correction is periodic
     parts = [(c.ravel(), a.ravel(), b.ravel(), np.full((c.size, 2), (s1 * d1, s2 * d2)))
-             for c, a, b, (s1, s2) in stencil.couples()]  # fmt: skip
+             for c, a, b, (s1, s2) in stencil.conductances()]  # fmt: skip
     c, start, end, mean_drop = (np.concatenate(part) for part in zip(*parts, strict=True))
     load = np.stack([np.bincount(start, c * d, size) - np.bincount(end, c * d, size) for d in mean_drop.T], axis=1)
     # one node of each component is given; the others are unknown

@@ -88,10 +88,10 @@ def _eliminate(c, e, i, near, energy, noise):
             total += c[i, j]
     for m in range(k):
         a = near[m]
-        share = c[i, a] / total
+        fraction = c[i, a] / total
         for n in range(m + 1, k):
             b = near[n]
-            conductance = share * c[i, b]
+            conductance = fraction * c[i, b]
             if conductance > 0.0:
                 _join(c, e, a, b, conductance, e[i, b, 0] - e[i, a, 0], e[i, b, 1] - e[i, a, 1], energy, noise)
     for m in range(k):

@@ -193,11 +193,11 @@ def _through(element: WindowElement, w2: int) -> float:
     first, last = (np.unique(element.component[side][is_open[side]]) for side in (np.s_[:w2], np.s_[w2 : 2 * w2]))
     if not np.intersect1d(first, last).size:
         return 0.0
-    nodes, (before, after) = np.arange(len(element.couples)), element.counts[:2]
+    nodes, (before, after) = np.arange(len(element.conductances)), element.counts[:2]
     held = nodes[: before + after]
-    factors = mesh_factors([element.couples], [nodes], (1, 1), held, nodes.size)
+    factors = mesh_factors([element.conductances], [nodes], (1, 1), held, nodes.size)
     potential = factors.dirichlet((held < before).astype(float))
-    return float(0.5 * (element.couples * (potential[:, None] - potential) ** 2).sum())
+    return float(0.5 * (element.conductances * (potential[:, None] - potential) ** 2).sum())
 
 
 def _on_cuts(run: ElementMesh, partition: Partition, length: int) -> tuple[Indices, Indices]:

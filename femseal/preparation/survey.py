@@ -99,8 +99,8 @@ def survey(
     lines = [str(path), *_description(face, look)]
     lines += [f"note: a run refuses this face: {reason}" for reason in reasons]
     if seen.masked_share:
-        share = f"{100 * seen.masked_share:.3g} %"
-        lines.append(f"note: {share} of the points in the file are masked in it: --no-file-mask takes their heights")
+        fraction = f"{100 * seen.masked_share:.3g} %"
+        lines.append(f"note: {fraction} of the points in the file are masked in it: --no-file-mask takes their heights")
     if look.part is not None:
         origin = (0.0, 0.0) if crop is None else (lengths["crop"][0], lengths["crop"][2])
         lines += _offer(look.part, origin)
@@ -127,7 +127,7 @@ def _look(face: Topography, wave: float | None, treatment: dict[str, Any]) -> _L
         report = describe_surface(face, **treatment)
     except TooManyUndefined as error:
         spikes = f", {error.spikes} points in spikes with them" if error.spikes else ""
-        given, most = (f"{100 * share:.3g} %" for share in (error.fraction, error.limit))
+        given, most = (f"{100 * fraction:.3g} %" for fraction in (error.fraction, error.limit))
         reasons.append(f"{given} of its points are undefined{spikes}, and at most {most} are filled (--max-undefined)")
         if (part := error.part) is not None:
             face = face.crop_to(part)

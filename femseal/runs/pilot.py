@@ -67,6 +67,6 @@ def _between(found: dict[float, Effort], pressure: float) -> Effort:
     if not found or pressure <= 0:
         return Effort(0.0, 0.0)
     known = [log(p) for p in found]
-    pairs, share = (np.interp(log(pressure), known, values) for values in
+    pairs, fraction = (np.interp(log(pressure), known, values) for values in
                     ([e.pairs for e in found.values()], [e.contact_fraction for e in found.values()]))  # fmt: skip
-    return Effort(float(pairs), float(share))
+    return Effort(float(pairs), float(fraction))

@@ -35,7 +35,7 @@ _LEAST, _SMALL = 0.35, 0.7
 _SHUT = 2e5
 #: Steps of two sequences that fill the interval from 0 to 1 evenly; windows that are told from a whole number.
 _TURNS, _EVEN = (0.7548776662466927, 0.5698402909980532), 1e-9
-#: Share of the area whose elements may be smaller.
+#: Fraction of the area whose elements may be smaller.
 _SHARE = 0.1
 #: Places, in a second-order element, of the corners of the four straight ones that fill it.
 _PARTS = {

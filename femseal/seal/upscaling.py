@@ -2,7 +2,7 @@
 
 Four windows become one by a bridge of five links, two in series beside two in series and one between them. The bridge
 is its own dual, so that the median of many windows is kept for every distribution of ln k that is symmetric, and a
-network of windows that are open at random conducts from a share of one half on, as links on a square lattice do.
+network of windows that are open at random conducts from a fraction of one half on, as links on a square lattice do.
 Source: Reynolds, Stanley & Klein, J. Phys. C 10, 1977, L167 (percolation); King, Transp. Porous Media 4, 1989, 37.
 """
 

@@ -38,7 +38,7 @@ _FLOW_SECONDS, _FLOW_PIXEL_SECONDS, _FLOW_GROWTH = 1.5e-4, (2e-7, 5e-8), (0.12, 
 _ELEMENT_SECONDS = 1.25e-6, 1.9e-5, 4e-9
 #: Memory of contact and flow far from closing, for each pixel [byte].
 _EASY_BYTES = 8 * 40.0
-#: Shares in contact between which flow is near closing.
+#: Fractions in contact between which flow is near closing.
 _CLOSING = (0.07, 0.45)
 #: Seconds of the runs of columns at a step, for each window and each pixel.
 _RUN_SECONDS, _RUN_PIXEL_SECONDS = 1.2e-3, 6e-7

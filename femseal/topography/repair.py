@@ -29,7 +29,7 @@ _NEAR = 30.0
 _FEWEST = 20
 #: Clear deviation from scattering, in standard deviations of as many independent directions as there are spikes.
 _CLEAR = 5.0
-#: Shares of a face, from its highest and from its lowest points, that contact and the last open paths are made of.
+#: Fractions of a face, from its highest and from its lowest points, that contact and the last open paths are made of.
 _EXTREMES = (0.01, 0.03, 0.1)
 #: Fraction of the extreme points from which on leakage may hang on the spikes.
 _NOTABLE = 0.01

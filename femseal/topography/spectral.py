@@ -81,7 +81,7 @@ def resample_axis(z: NDArray, n: int, axis: int, periodic: bool) -> NDArray:
 
 
 def one_sided(powers: NDArray, periodic: bool) -> NDArray:
-    """Shares (n,) of signed waves folded on k >= 0: (n//2 + 1,); unchanged on a mirror axis."""
+    """Fractions (n,) of signed waves folded on k >= 0: (n//2 + 1,); unchanged on a mirror axis."""
     if not periodic:
         return powers
     n = powers.size

@@ -325,7 +325,7 @@ def effective_link(stencil):
     inner = (n1 - 1) * n2
     number = np.concatenate([np.full(n2, inner), np.arange(inner), np.full(n2, inner + 1)])
     links = np.zeros((inner + 2, inner + 2), np.longdouble)
-    for c, a, b, _ in stencil.couples():
+    for c, a, b, _ in stencil.conductances():
         i, j = number[a.ravel()], number[b.ravel()]
         np.add.at(links, (i, j), c.ravel())
         np.add.at(links, (j, i), c.ravel())

@@ -33,13 +33,13 @@ _COARSEST = 500
 _MAX_ITERATIONS = 100
 #: Largest number of corrections, each a solution for the remaining residual.
 _MAX_CORRECTIONS = 3
-#: Relative difference allowed between inflow and outflow for a unit drop, and its share of the error allowed to the
+#: Relative difference allowed between inflow and outflow for a unit drop, and its fraction of the error allowed to the
 #: potential where that is more.
 _BALANCE, _SHARE_OF_ERROR = 1e-6, 3e-3
-#: Row sums below this share of the diagonal are taken for rounding errors.
+#: Row sums below this fraction of the diagonal are taken for rounding errors.
 _ROUNDING = 16 * np.finfo(float).eps
-#: Shares of the error allowed at which the iteration stops, and that the residual of x itself has to confirm; it is an
-#: estimate, in random cells from below by up to a factor of 4.
+#: Fractions of the error allowed at which the iteration stops, and that the residual of x itself has to confirm; it is
+#: an estimate, in random cells from below by up to a factor of 4.
 _STOPPED, _CONFIRMED = 0.1, 0.3
 #: Smaller errors of the potential in the norm of the energy cannot be resolved.
 _LEAST_ERROR = 1e-12
@@ -135,8 +135,8 @@ def solve_amg(matrix: Any, rhs: Array, *, rtol: float, unit_drop: bool = False) 
     rhs : (n,) or (n, m).
     rtol : error of x in the norm of the energy that is allowed, relative to the energy. The energy itself, and so the
         flow for a unit drop, errs by the square of it.
-    unit_drop : x is a potential between 0 and 1 for a unit drop, and b has the couples with the nodes at 1. The energy
-        is then the flow Σb − b·x, and otherwise b·x.
+    unit_drop : x is a potential between 0 and 1 for a unit drop, and b has the conductances with the nodes at 1. The
+        energy is then the flow Σb − b·x, and otherwise b·x.
 
     Raises
     ------

@@ -19,7 +19,7 @@ from ...base import validate
 from ...base.errors import InputError, NotConverged
 from ..balance import energy_gap
 from ..dead_ends import fill_dead_ends, without_dead_ends
-from ..percolation import narrowest, nodes_reached_by, nodes_reached_of, restricted, restricted_couples, widest
+from ..percolation import narrowest, nodes_reached_by, nodes_reached_of, restricted, restricted_conductances, widest
 from ..solution import MAX_IMBALANCE, DarcyFlow, potential_rtol
 from ..stencil import Stencil, energy_of
 from .amg import solve_amg, solve_direct
@@ -34,12 +34,12 @@ SOLVERS = ("auto", "multigrid", "elimination", "amg")
 ELIMINATED_NODES = 5_000_000
 #: About so many rows of links are sampled to estimate their contrast.
 _SAMPLED = 64
-#: Links narrower than this share of the widest hardly count in sums of conductances: an iteration converges slowly,
+#: Links narrower than this fraction of the widest hardly count in sums of conductances: an iteration converges slowly,
 #: or not at all, at nodes that only such links connect with the others.
 _SEEN = 1e-8
-#: Links narrower than this share are lost to rounding in sums with wide ones, and the matrix may become indefinite.
+#: Links narrower than this fraction are lost to rounding in sums with wide ones, and the matrix may become indefinite.
 _LOST = 1e-13
-#: Share of links that are lost from which multigrid is not tried: it would have to be without a part of the flow.
+#: Fraction of links that are lost from which multigrid is not tried: it would have to be without a part of the flow.
 _MOST_LOST = 0.02
 #: Multigrid is given up after so many times the time that elimination is expected to take.
 _PATIENCE = 2.0
@@ -64,7 +64,7 @@ def solve_flow(
 
     Parameters
     ----------
-    stencil : couples of the nodes, those of the first and the last row being inlet and outlet.
+    stencil : conductances of the nodes, those of the first and the last row being inlet and outlet.
     rtol : relative error of the conductance allowed to an iterative solution.
     solver : "multigrid" (conjugate gradients on the grid's own hierarchy), "elimination" (star-mesh elimination, keeps
         its relative accuracy at any contrast up to 1e150; five points only), "amg" (conjugate gradients on pyamg's
@@ -77,7 +77,7 @@ def solve_flow(
 
     Returns
     -------
-    DarcyFlow, its `potential` at all nodes (n1 + 1, n2) and its `conductance` in the unit of the couples.
+    DarcyFlow, its `potential` at all nodes (n1 + 1, n2) and its `conductance` in the unit of the conductances.
 
     Raises
     ------
@@ -92,16 +92,16 @@ def solve_flow(
     validate.tolerance("rtol", rtol)
     if field_rtol is not None:
         validate.tolerance("field_rtol", field_rtol)
-    reached, couples, exponent = ready(stencil.along, stencil.across, stencil.falling, stencil.rising)
-    return solve_ready(reached, couples, exponent, stencil.ring2, rtol=rtol, solver=solver, field_rtol=field_rtol)
+    reached, conductances, exponent = ready(stencil.along, stencil.across, stencil.falling, stencil.rising)
+    return solve_ready(reached, conductances, exponent, stencil.ring2, rtol=rtol, solver=solver, field_rtol=field_rtol)
 
 
 @njit(cache=True, nogil=True)
 def ready(along, across, falling, rising):
-    """The couples of a stencil as `solve_ready` takes them.
+    """The conductances of a stencil as `solve_ready` takes them.
 
-    Returns which ends each node reaches, see `percolation.nodes_reached`, the couples between nodes that reach both,
-    over a power of two near the widest, and its exponent.
+    Returns which ends each node reaches, see `percolation.nodes_reached`, the conductances between nodes that reach
+    both, over a power of two near the widest, and its exponent.
     """
     reached = nodes_reached_of(along, across, falling, rising, 0.0)
     least, exponent = 0, 0
@@ -114,12 +114,12 @@ def ready(along, across, falling, rising):
     # a power of two changes no digit and keeps products from overflowing; two of half the exponent are in range
     half = exponent // 2
     factors = ldexp(1.0, -half), ldexp(1.0, half - exponent)
-    return reached, restricted_couples(along, across, falling, rising, keep, factors, 0.0), exponent
+    return reached, restricted_conductances(along, across, falling, rising, keep, factors, 0.0), exponent
 
 
 def solve_ready(
     reached: NDArray[np.int8],
-    couples: tuple[Array, Array, Array, Array],
+    conductances: tuple[Array, Array, Array, Array],
     exponent: int,
     ring2: bool,
     *,
@@ -128,7 +128,7 @@ def solve_ready(
     field_rtol: float | None,
 ) -> DarcyFlow:
     """`solve_flow` of what `ready` returns."""
-    stencil = Stencil(*couples, ring2=ring2)
+    stencil = Stencil(*conductances, ring2=ring2)
     percolates = bool(reached[0, 0] == 3)
     if not percolates or len(stencil.along) == 1:
         potential = _AT_REST.take(reached)
@@ -183,11 +183,11 @@ def _worth_of_multigrid(along, unknowns, nodes):
     contrast, ends, lost = _roughness(along, max(1, along.shape[0] // _SAMPLED))
     if lost > _MOST_LOST:
         return False, 0
-    share = nodes / unknowns
+    fraction = nodes / unknowns
     # clusters of nodes that coarser grids do not see grow with the contrast
     iteration = 1.3e-8 * unknowns * np.exp((0.7 + 0.65 * ends) * max(contrast - 1.2, 0.0))
-    elimination = 2e-3 * (nodes / 4000) ** 1.25 * share**0.4
-    smooth = 6 + 18 * (1 - share)
+    elimination = 2e-3 * (nodes / 4000) ** 1.25 * fraction**0.4
+    smooth = 6 + 18 * (1 - fraction)
     independent = np.exp(0.56 + 0.65 * contrast - 1.75 * ends + (0.12 + 0.69 * ends) * np.log(unknowns))
     expected = 5e-5 + max(smooth, independent + 2) * iteration
     return expected < 1.2 * elimination, int(_PATIENCE * elimination / iteration)
@@ -195,7 +195,7 @@ def _worth_of_multigrid(along, unknowns, nodes):
 
 @njit(cache=True, nogil=True)
 def _roughness(along, step):
-    """Mean difference of the logarithms of open neighbours, share of neighbours of which one is closed, and lost share.
+    """Mean difference of the logarithms of open neighbours, fraction of pairs with one closed, and lost fraction.
 
     Lost are open links narrower than _LOST of 1, near which the widest link is.
     """

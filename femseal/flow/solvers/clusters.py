@@ -1,10 +1,10 @@
 """Clusters of nodes that a coarser grid cannot move: found on a level of multigrid, and relaxed as one: compiled.
 
-A node between coarse ones follows them over its own couples. Where these are weak against those to other such nodes, as
-in a bay behind a narrow mouth or in a channel that no coarse node lies on, neither the coarser grid nor a sweep of
-Gauss-Seidel changes the potential that such nodes have in common, and each cluster of them costs conjugate gradients
+A node between coarse ones follows them over its own conductances. Where these are weak against those to other such
+nodes, as in a bay behind a narrow mouth or in a channel that no coarse node lies on, neither the coarser grid nor a
+sweep of Gauss-Seidel changes the potential that such nodes have in common, and each cluster costs conjugate gradients
 several iterations. All nodes of a cluster are therefore moved by one amount, after which what flows out of it balances:
-a correction in the subspace of its indicator. Levels and couples are as in `hierarchy`.
+a correction in the subspace of its indicator. Levels and conductances are as in `hierarchy`.
 """
 
 from __future__ import annotations
@@ -14,19 +14,19 @@ from numba import njit
 
 from .compiled import COMPILED
 
-#: A node is held by the coarser grid, or by others that are, if they have this share of its couples.
+#: A node is reached by the coarser grid, or by others that are, if they have this fraction of its conductances.
 _HELD = 0.1
 #: A node counts as held over so many others.
 _STEPS = 2
-#: Nodes are of one cluster if their couple has this share of all couples of one of them.
+#: Nodes are of one cluster if their conductance has this fraction of all conductances of one of them.
 _TIED = 0.1
-#: What the centre has beyond all couples is taken for a rounding error below this share.
+#: What the centre has beyond all conductances is taken for a rounding error below this fraction.
 _ROUNDING = 1e-10
 
 
 @njit(**COMPILED, inline="always")
-def _couple(k, i, j, right, below, below_right, below_left):
-    """Row, column and couple of the k-th neighbour of a node; the last four are those across corners."""
+def _conductance(k, i, j, right, below, below_right, below_left):
+    """Row, column and conductance of the k-th neighbour of a node; the last four are those across corners."""
     if k == 0:
         return i, j + 1, right[i, j]
     if k == 1:
@@ -46,7 +46,7 @@ def _couple(k, i, j, right, below, below_right, below_left):
 
 @njit(**COMPILED)
 def _not_held(centre, right, below, below_right, below_left, nine, ring):
-    """Nodes with weak couples to coarse nodes, and to nodes between two that have strong ones."""
+    """Nodes with weak conductances to coarse nodes, and to nodes between two that have strong ones."""
     n1, n2 = centre.shape[0] - 2, centre.shape[1] - 2
     held = np.ones(centre.shape, np.bool_)
     count = 0
@@ -100,9 +100,9 @@ def _copied(field, i, j, ring):
 
 @njit(**COMPILED)
 def clusters(centre, right, below, below_right, below_left, nine, ring):
-    """Number of the cluster of each node, or 0; nodes by cluster, first place of each, and inverse sums of its couples.
+    """Number of the cluster of each node, or 0; nodes by cluster, first places, and inverse sums of conductances.
 
-    The couples are those of a cluster with other nodes and with the ends.
+    The conductances are those of a cluster with other nodes and with the ends.
     """
     n2 = centre.shape[1] - 2
     neighbours = 8 if nine else 4
@@ -120,7 +120,7 @@ def clusters(centre, right, below, below_right, below_left, nine, ring):
             i, j = loose[q]
             by_held = 0.0
             for k in range(neighbours):
-                a, b, c = _couple(k, i, j, right, below, below_right, below_left)
+                a, b, c = _conductance(k, i, j, right, below, below_right, below_left)
                 if number[a, b] == 0:
                     by_held += c
             held[q] = by_held >= _HELD * centre[i, j]
@@ -149,7 +149,7 @@ def clusters(centre, right, below, below_right, below_left, nine, ring):
             i, j = nodes[m]
             m += 1
             for k in range(neighbours):
-                a, b, c = _couple(k, i, j, right, below, below_right, below_left)
+                a, b, c = _conductance(k, i, j, right, below, below_right, below_left)
                 b = n2 if b == 0 else (1 if b == n2 + 1 else b)
                 if c > 0.0 and number[a, b] == -1 and c >= _TIED * min(centre[i, j], centre[a, b]):
                     number[a, b] = found + 1
@@ -172,7 +172,7 @@ def clusters(centre, right, below, below_right, below_left, nine, ring):
             i, j = nodes[m]
             beyond = centre[i, j]
             for k in range(neighbours):
-                a, b, c = _couple(k, i, j, right, below, below_right, below_left)
+                a, b, c = _conductance(k, i, j, right, below, below_right, below_left)
                 beyond -= c
                 if number[a, b] != s + 1:
                     total += c
@@ -199,7 +199,7 @@ def relax_forward(number, nodes, start, inverse, x, r, centre, right, below, bel
             beyond = centre[i, j]
             out = 0.0
             for q in range(neighbours):
-                a, b, c = _couple(q, i, j, right, below, below_right, below_left)
+                a, b, c = _conductance(q, i, j, right, below, below_right, below_left)
                 beyond -= c
                 if c != 0.0 and number[a * x.shape[1] + b] != s + 1:
                     out += c
@@ -225,7 +225,7 @@ def relax_backward(
             total += right_hand[i, j]
             beyond = centre[i, j]
             for q in range(neighbours):
-                a, b, c = _couple(q, i, j, right, below, below_right, below_left)
+                a, b, c = _conductance(q, i, j, right, below, below_right, below_left)
                 beyond -= c
                 if number[a * x.shape[1] + b] != s + 1:
                     total -= c * (x[i, j] - x[a, b])

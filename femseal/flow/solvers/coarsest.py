@@ -12,7 +12,7 @@ from .elimination import Factors, borders, carry_sources, eliminated, find_poten
 from .link_network import dissect, grid_links
 
 Array = NDArray[np.float64]
-#: What the centre has beyond all couples is taken for a rounding error below this fraction.
+#: What the centre has beyond all conductances is taken for a rounding error below this fraction.
 _ROUNDING = 1e-13
 
 

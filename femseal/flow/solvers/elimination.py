@@ -260,13 +260,13 @@ def _eliminate_front(front, rest, inverse):
 def _add_product(front, inverse, start, end, column, rows, out, first):
     """Add what some pivots join beyond a column to rows of `out`, from its row and column `first` on."""
     count, columns = end - start, front.shape[1] - column
-    later, shares = np.empty((count, columns)), np.empty((rows, count))
+    later, fractions = np.empty((count, columns)), np.empty((rows, count))
     for i in range(count):
         for j in range(columns):
             later[i, j] = front[start + i, column + j]
         for j in range(rows):
-            shares[j, i] = later[i, j] * inverse[start + i]
-    product = np.dot(shares, later)
+            fractions[j, i] = later[i, j] * inverse[start + i]
+    product = np.dot(fractions, later)
     for i in range(rows):
         for j in range(columns):
             out[first + i, first + j] += product[i, j]

@@ -1,10 +1,10 @@
-"""The levels of multigrid on a structured grid, from the couples of the finest one: compiled.
+"""The levels of multigrid on a structured grid, from the conductances of the finest one: compiled.
 
 A level is the operator of a grid, with the fields that a multigrid cycle needs there. Fields have a border of one node,
-with zeros at ends and closed sides and with copies of the other side around a ring. Couples have the sign of a
+with zeros at ends and closed sides and with copies of the other side around a ring. They have the sign of a
 conductance: `right` (i, j)–(i, j + 1), `below` (i, j)–(i + 1, j), on nine points `below_right` (i, j)–(i + 1, j + 1)
-and `below_left` (i, j)–(i + 1, j − 1). A node between coarse ones takes the mean of them that its own couples would
-give it; coarse operators are Galerkin's. Source: Dendy, J. Comput. Phys. 48, 1982, 366 (black box multigrid).
+and `below_left` (i, j)–(i + 1, j − 1). A node between coarse ones takes the mean of them that its own conductances
+would give it; coarse operators are Galerkin's. Source: Dendy, J. Comput. Phys. 48, 1982, 366 (black box multigrid).
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from .compiled import COMPILED
 
 #: Nodes of an axis at which coarsening ends.
 FEWEST = 4
-#: Coarsening also ends where so small a share of the nodes is left: their elimination costs less than the iterations
+#: Coarsening also ends where so small a fraction of the nodes is left: their elimination costs less than the iterations
 #: that bays and channels of the coarser grids do.
 _ELIMINATED = 1 / 40
 
@@ -41,7 +41,7 @@ class Levels(NamedTuple):
     weight_first, weights : of the interpolation from the next level.
     number : of the cluster of each node on levels with clusters, from 1 on. cluster_first (levels + 1,) : the first
     cluster of each level. cluster_start : the first of `cluster_nodes` (…, 2) of each cluster, and their number.
-    cluster_inverse : inverse sums of the couples of each cluster with other nodes.
+    cluster_inverse : inverse sums of the conductances of each cluster with other nodes.
     """
 
     shape: NDArray[np.int64]
@@ -79,7 +79,7 @@ def level(shape, first, fields, corner_first, corners, k):
 
 @njit(**COMPILED)
 def _bordered(along, across, falling, rising, ring, centre, right, below, below_right, below_left):
-    """Write centres and couples of the inner nodes of a stencil; sums of the couples with both ends."""
+    """Write centres and conductances of the inner nodes of a stencil; sums of the conductances with both ends."""
     n1, n2 = along.shape[0] - 1, along.shape[1]
     m2 = across.shape[1]
     nine = falling.size > 0
@@ -188,7 +188,7 @@ def _interpolation(centre, right, below, below_right, below_left, nine, ring, w)
 
 @njit(**COMPILED)
 def _galerkin(centre, right, below, below_right, below_left, w, nine, ring, to0, to1, to2, to3, to4):
-    """PᵀAP: write the centres and couples of the next level, in the order of these."""
+    """PᵀAP: write the centres and conductances of the next level, in the order of these."""
     n1, n2 = centre.shape[0] - 2, centre.shape[1] - 2
     m1, m2 = w.shape[0] - 2, w.shape[1] - 2
     row = np.empty((5, 5))  # of A P_I at the fine nodes around a coarse one
@@ -245,7 +245,7 @@ def _galerkin(centre, right, below, below_right, below_left, w, nine, ring, to0,
 
 @njit(**COMPILED)
 def hierarchy(along, across, falling, rising, ring):
-    """`Levels` of a stencil, and the sums of the couples of its first and last rows with the ends (n2,)."""
+    """`Levels` of a stencil, and the sums of the conductances of its first and last rows with the ends (n2,)."""
     nine = falling.size > 0
     sizes = np.empty((64, 2), np.int64)
     sizes[0, 0], sizes[0, 1] = along.shape[0] + 1, along.shape[1] + 2

@@ -118,7 +118,7 @@ def island_potentials(stencil: Stencil, hidden: Flags, φ: Array) -> tuple[Array
     known = np.clip(np.pad(φ, ((1, 1), (0, 0))), 0.0, 1.0)
     known[0] = 1.0
     nodes, links = [], []
-    for c, a, b, _ in stencil.couples():
+    for c, a, b, _ in stencil.conductances():
         at = np.flatnonzero((is_hidden[a] != is_hidden[b]) & (c > 0))
         one, other, conductance = a.ravel()[at], b.ravel()[at], c.ravel()[at]
         inside, beside = np.where(is_hidden[one], one, other), np.where(is_hidden[one], other, one)

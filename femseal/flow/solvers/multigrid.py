@@ -16,7 +16,7 @@ from .v_cycle import v_cycle
 Array = NDArray[np.float64]
 #: Largest coarsest level, in nodes, for which multigrid pays; only slender grids have more.
 COARSEST_NODES = 128
-#: The estimated error of the rate is this share of what is allowed: it is an estimate, from below where the iteration
+#: The estimated error of the rate is this fraction of what is allowed: an estimate, from below where the iteration
 #: has not met the slowest part of the error yet.
 _SHARE = 0.1
 #: The slowest part of the error, as an eigenvalue of M⁻¹A, that may be there without the iteration having met it, at
@@ -26,7 +26,7 @@ _SLOWEST = 2e-3, 1e-7
 #: parts, half so slow with each.
 _FEW = 6
 #: Largest correction left at a node, relative to the error allowed in the norm of the energy; that norm hardly has a
-#: share of nodes that only narrow links connect with the others.
+#: fraction of nodes that only narrow links connect with the others.
 _LARGEST = 100.0
 #: No nodes singled out: all are judged.
 _ALL = np.zeros((0, 0), np.bool_)
