@@ -54,7 +54,7 @@ def _main(
     ] = False,
     debug: Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.", show_default="off")] = False,
 ) -> None:
-    # `main` decides the exit code of an error
+    """Read the options before the command; `main` decides the exit code of an error."""
     global _debug
     _debug = debug
 

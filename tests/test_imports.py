@@ -278,3 +278,19 @@ def test_a_warning_of_numbers_in_a_module_of_the_package_fails_its_test():
         exec(code, {"__name__": "femseal.library.curves"})
     with pytest.warns(RuntimeWarning, match="invalid value"):
         exec(code, {"__name__": "another.module"})
+
+
+def _without_docstring(tree, inside=False):
+    """Public functions and classes, and private ones of more than ten lines, that say nothing; none inside functions."""
+    for node in ast.iter_child_nodes(tree):
+        if isinstance(node, (ast.FunctionDef, ast.ClassDef)) and not inside:
+            dunder = node.name.startswith("__")
+            long = node.end_lineno - node.lineno >= 10 and not dunder
+            if (long or not node.name.startswith("_")) and not ast.get_docstring(node):
+                yield f"{node.name} in line {node.lineno}"
+        yield from _without_docstring(node, inside or isinstance(node, ast.FunctionDef))
+
+
+def test_functions_and_classes_have_docstrings():
+    found = {name: [*_without_docstring(ast.parse(path.read_text("utf-8")))] for name, path in MODULES.items()}
+    assert not {name: functions for name, functions in found.items() if functions}

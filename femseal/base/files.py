@@ -108,6 +108,7 @@ class _LateFailingFile(io.FileIO):
         self._kept: list[tuple[int, bytes]] = []
 
     def write(self, data: Any) -> int:
+        """Write, and keep what does not fit on the disk: the error is raised when the file is closed."""
         view, start, done = memoryview(data).cast("B"), self.tell(), 0
         try:
             while done < len(view) and self.failure is None:
@@ -120,6 +121,7 @@ class _LateFailingFile(io.FileIO):
         return len(view)
 
     def readinto(self, buffer: Any) -> int:
+        """Read back what was written, also the part that is only kept."""
         view, start = memoryview(buffer).cast("B"), self.tell()
         found = super().readinto(view) or 0
         if self.failure is not None:

@@ -126,6 +126,7 @@ def leak_classes(names: Iterable[str]) -> tuple[LeakClass, ...]:
 
 
 def _named(name: str) -> list[LeakClass]:
+    """Classes of a name: of one class, of a family, or a limit such as '1e-6 mg/(s*m)'."""
     if isinstance(name, str):
         key = _key(name)
         if chosen := [c for c in _CLASSES if key == _key(c.name)] or [c for c in _CLASSES if key == _key(c.family)]:

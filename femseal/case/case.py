@@ -86,6 +86,7 @@ class Case(Table):
 
     @model_validator(mode="after")
     def _complete(self) -> Case:
+        """Raise a fault if keys of several tables do not go together."""
         if self.load.interpolate is not None and self.accuracy is not None:
             raise fault("load.interpolate", "it with accuracy", "one of them: attempts solve all loads")
         if self.accuracy is not None and not self.output.budget:
@@ -137,6 +138,7 @@ class Case(Table):
             raise fault(f"output.{error.what}", error.given, error.expected) from None
 
     def _check_seal(self) -> None:
+        """Raise a fault if the shape of the seal does not go with the method, the lengths or the files."""
         layout, table = self.layout, self.stochastic
         if not layout.has_length and "stochastic" not in self.methods:
             given = f"{layout.kind} with the method {self.method}"
@@ -166,6 +168,7 @@ class Case(Table):
             raise fault("output.test_fluid", "one with pressures of the inlets in seal.inlet", "none with them")
 
     def _check_map(self) -> None:
+        """Raise a fault if a map of the pressure does not go with the method, or its file does not exist."""
         if self.load.map is None:
             return
         if self.methods != {"stochastic"} or self.stochastic is None:

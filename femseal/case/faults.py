@@ -47,6 +47,7 @@ def case_faults(case: type[BaseModel], error: ValidationError) -> list[InputErro
 
 
 def _fault(case: type[BaseModel], error: dict[str, Any]) -> InputError:
+    """The fault that pydantic found, with its key as in the file."""
     place, tables = _place(case, error["loc"])
     key = ".".join(place) or "case"
     kind, given = error["type"], error["input"]

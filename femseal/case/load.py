@@ -43,6 +43,7 @@ class Amount(float):
 
 
 def _load(value: Any) -> Amount:
+    """A pressure, a force or a force per length, whichever the unit says."""
     if isinstance(value, Amount):
         return value
     for unit, quantity in _UNITS_OF_LOADS.items():
@@ -163,6 +164,7 @@ class LoadTable(Table):
 
     @model_validator(mode="after")
     def _one_kind(self) -> LoadTable:
+        """Raise a fault if loads are of several kinds, or several maps have no rising loads."""
         loads = [*self.loading, *self.unload_from, *self.unloading]
         at = [one.at for one in self.map or () if one.at is not None]
         units = dict.fromkeys(getattr(load, "unit", "Pa") for load in [*loads, *at])
@@ -177,6 +179,7 @@ class LoadTable(Table):
 
     @model_validator(mode="after")
     def _programme(self) -> LoadTable:
+        """Raise a fault if the loads are no programme: they rise, and are unloaded from peaks that they reach."""
         if any(b <= a for a, b in pairwise(self.loading)):
             raise PydanticCustomError("load", "rising pressures in `loading`")
         if bool(self.unload_from) != bool(self.unloading):

@@ -137,6 +137,7 @@ def load_states(
 
 
 def _solved(stage: Stage, programme: LoadProgramme, mapper: Mapper) -> Iterator[Any]:
+    """What is taken of every state, in the order of the programme: unloading begins from what its peak has left."""
     peaks, stops = programme.unload_from, programme.unloading
     loading = [step for step in programme if step.unloaded_from is None]
     unloading = programme[len(loading) :]

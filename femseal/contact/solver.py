@@ -268,6 +268,7 @@ class _Problem:
         return self._result(grid, offset, delta, residual=0.0, iterations=0, pairs=1)
 
     def _check(self, sets: ActiveSets, grid: Workspace) -> None:
+        """Raise NotConverged if the load or the residual is not what was asked for."""
         carried = float(grid.p.mean())
         if self.load and not abs(carried - self.load) <= 1e-9 * self.load:
             raise NotConverged(
@@ -283,6 +284,7 @@ class _Problem:
     def _result(
         self, grid: Workspace, offset: float, delta: float, residual: float, iterations: int, pairs: int
     ) -> Contact:
+        """The solution in the fields of a `Contact`."""
         p = grid.pressure.copy()
         gap, deformation, plastic = np.empty(p.shape), np.zeros(p.shape), np.empty(p.shape, np.bool_)
         kernels.gap_and_deformation(

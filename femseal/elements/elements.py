@@ -78,6 +78,7 @@ def element_flow(gap: ArrayLike, partition: Partition, *, node_spacing: int = NO
 
 
 def _element_flow(h: Array, partition: Partition, node_spacing: int) -> ElementFlow:
+    """Condense every window, solve between the nodes, then between all side points; arguments as in `element_flow`."""
     (m1, m2), (w1, w2), (l1, l2) = partition.cells, partition.window, partition.window_size
     elements, points = [], SidePoints(partition)
     for i in range(m1):

@@ -135,6 +135,11 @@ def window_links(gap: NDArray[np.floating], partition: Partition, row: int) -> l
 
 @njit(cache=True, nogil=True)
 def _element(conductances, along, across, beside1, beside2, ends, spacing):
+    """Conductances between the nodes on the sides of a window, from those between its side points.
+
+    Also returned: nodes on each side (4,), the two nodes (points, 2) between which each point is interpolated, with
+    their weights, and the point at which each node lies, -1 for those of an end.
+    """
     w1, w2 = across.shape[0], along.shape[1]
     points = conductances.shape[0]
     node, weight = np.full((points, 2), -1, np.int64), np.zeros((points, 2))

@@ -209,6 +209,7 @@ class Checkpoint:
             self._kept(path.unlink, True)
 
     def _failure(self, error: OSError) -> NotKept:
+        """What to say of a checkpoint that cannot be written: what is kept, and what to do."""
         if not self._folder.is_dir():
             text = f"checkpoint: '{self._folder}' was removed while the run went on, with the results in it"
             return NotKept(f"{text}; start the run again")

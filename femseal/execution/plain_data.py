@@ -43,6 +43,7 @@ def packed(value: Any) -> bytes:
 
 
 def _described(value: Any, kept: Callable[[bytes], int]) -> Any:
+    """A value as nested lists, numbers and texts; bytes of arrays go to `kept`, which returns where they begin."""
     kind = type(value)
     if value is None or kind in (bool, int, float, str):
         return value
@@ -80,6 +81,7 @@ def unpacked(data: bytes) -> Any:
 
 
 def _made(tree: Any, content: memoryview) -> Any:
+    """The value that `_described` described."""
     if not isinstance(tree, list):
         if isinstance(tree, dict):
             raise ValueError("no description of a value")

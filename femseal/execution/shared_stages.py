@@ -150,6 +150,7 @@ def digest(value: Any) -> str:
 
 
 def _feed(state: Any, value: Any) -> None:
+    """Add a value to a digest, by its type and content."""
     kind = type(value)
     name = f"{kind.__module__}.{kind.__qualname__}"
     if value is None or kind in (bool, int, float, complex, str, bytes):

@@ -56,6 +56,7 @@ class _Echo(logging.Handler):
     """Lines on stderr, above the bars if there are any."""
 
     def emit(self, record: logging.LogRecord) -> None:
+        """Print a record on standard error."""
         typer.echo(self.format(record), err=True)
 
 

@@ -60,6 +60,7 @@ def fill_dead_ends(potential, anchor, at_inlet, at_outlet):
 
 @njit(cache=True, nogil=True)
 def _close(along, across, anchor):
+    """Close the links of all nodes that no path goes through, in place."""
     n1, n2 = anchor.shape
     m2 = across.shape[1]
     for i in range(n1):

@@ -49,6 +49,7 @@ class _UnitFluid:
     law: FlowLaw = CUBIC_LAW
 
     def potential(self, pressure: ArrayLike) -> Array:
+        """The pressure itself, a number or an array."""
         return np.asarray(pressure, dtype=float)
 
     pressure = potential

@@ -89,6 +89,7 @@ def measure_accuracy(
 
 
 def _measure(plan: Plan, workers: int, mapper: Mapper, progress: Progress) -> AccuracyReport:
+    """Solve all variants of a plan, coarser pixels first, and compare their leakage with that of the reference."""
     leakages: dict[Variant, Array] = {}
     seconds: dict[Variant, float] = {}
     failures: dict[Variant, tuple[str, ...]] = {}

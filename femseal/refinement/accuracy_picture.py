@@ -49,6 +49,7 @@ def accuracy_figure(report: AccuracyReport) -> Figure:
 
 
 def _mark(axes: Axes, report: AccuracyReport, solution: Solution, comparison: Comparison, branch: str) -> None:
+    """Draw the error of a solution over its time, and its label."""
     factor = getattr(comparison, branch)
     if not factor.loads:
         return
@@ -89,6 +90,7 @@ def _name(report: AccuracyReport, variant: Variant) -> str:
 
 
 def _legend(report: AccuracyReport) -> list[Any]:
+    """Handles of the methods that are drawn."""
     from matplotlib.lines import Line2D
 
     labels = {

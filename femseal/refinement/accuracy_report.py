@@ -253,6 +253,7 @@ def _closing_text(solution: Solution) -> str:
 
 
 def _as_dictionary(solution: Solution) -> dict[str, Any]:
+    """A solution as plain data, for the file of the report."""
     return {
         **asdict(solution.variant),
         "seconds": solution.seconds,

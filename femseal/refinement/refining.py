@@ -121,6 +121,7 @@ def _sampler(made: Prepared, settings: Settings, given: dict[str, str]) -> Refin
 
 
 def _library(made: Prepared, settings: Settings, given: dict[str, str]) -> Refinement:
+    """Settings with more windows in the library, or why there are none."""
     assert made.sampling is not None
     assert settings.library_cells is not None
     assert settings.cells is not None

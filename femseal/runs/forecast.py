@@ -287,6 +287,7 @@ def _checkpoint(prepared: Prepared) -> float:
 
 
 def _surface_lines(prepared: Prepared) -> list[str]:
+    """Lines on points, roughness and filter of the face."""
     scene, report = prepared.scene, prepared.conditioning
     surface = scene.surface
     size, pixel = (" × ".join(to_text(x, "m", 4) for x in pair) for pair in (surface.size, surface.spacing))

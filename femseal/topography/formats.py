@@ -183,6 +183,7 @@ def _triplets(path: Path, z: NDArray) -> tuple[NDArray, tuple[float, float]] | N
 
 
 def _matrix(path: Path, rows: list[tuple[int, str]], delimiter: str | None) -> NDArray:
+    """Heights of a text in rows of numbers, with a decimal comma where its delimiter allows one."""
     if delimiter is None:
         first = rows[0][1]
         delimiter = next((d for d in (";", "\t", ",") if d in first), None)
@@ -212,6 +213,7 @@ def _value(path: Path, line: int, text: str) -> float:
 
 
 def _esri(path: Path, rows: list[tuple[int, str]]) -> Raw:
+    """Heights of an Esri raster: a header of keys and numbers, then rows from north to south."""
     header: dict[str, float] = {}
     while rows and (parts := rows[0][1].split())[0].lower() in _ESRI_KEYS:
         header[parts[0].lower()] = _value(path, rows[0][0], " ".join(parts[1:]))
