@@ -335,7 +335,7 @@ class TestReport:
         assert (out / "accuracy.png").read_bytes().startswith(b"\x89PNG")
 
     def test_no_picture_of_an_earlier_case_stays_beside_new_numbers(self, tmp_path, monkeypatch):
-        def fail(report):
+        def fail(*data):
             raise ValueError("no such colour")
 
         case = small(method="deterministic", cells=None, stochastic=None)
