@@ -18,7 +18,7 @@ from ..flow.discretisation import check_discretisation
 from ..materials import Solid
 from ..results.paraview import FORMATS
 from ..results.pixel_fields import LIMIT
-from ..studies import CONTACTS, DRAWS, FLOWS, PRESSURES
+from ..studies import CONTACTS, DRAWS, FLOWS, FLUID_PRESSURES, PRESSURES
 from .faults import fault
 from .fluid import AnyFluid
 from .values import (
@@ -69,10 +69,11 @@ class SolidTable(Table):
 
 
 class ContactTable(Table):
-    """How contact is solved."""
+    """How contact is solved, and whether the fluid presses the faces apart, see `studies.Scene`."""
 
     boundary: tuple[Boundary, Boundary] = ("free", "periodic")
     rtol: Annotated[float, Field(gt=0, lt=0.1)] = 1e-5
+    fluid_pressure: Annotated[str, *one_of(FLUID_PRESSURES)] = "acts"
 
 
 class FlowTable(Table):

@@ -18,8 +18,9 @@ from ..base.quantities import to_si, to_text
 from ..loads import LOAD_UNITS, nominal_pressure
 from ..seal.field_file import read_pressure_field
 from ..seal.pressure_map import AngleTable, AnyMap, MapsAtLoads, PressureField, PressureMap, Profile, Uniform
+from ..studies import NOMINALS
 from .faults import fault
-from .values import Accuracy, Angle, Count, Place, Quantity, Table, quantity_schema
+from .values import Accuracy, Angle, Count, Place, Quantity, Table, one_of, quantity_schema
 
 #: No cycle is longer [load steps].
 _MOST_STEPS = 10_000
@@ -150,6 +151,7 @@ AnyMapTable = Annotated[UniformMap | ProfileMap | AngleMap | FieldMap, Field(dis
 class LoadTable(Table):
     """Loads of the cycle, see `loads.LoadProgramme`: nominal pressures, or forces that the seal's size makes pressures.
 
+    nominal : what carries the loads where the fluid pressure acts, see `studies.Scene`.
     map : of the pressure over the seal; several hold at the loads `at`. interpolate : relative error of the leakage
         within which steps may be interpolated instead of solved; unless given all are solved.
     """
@@ -157,6 +159,7 @@ class LoadTable(Table):
     loading: Annotated[tuple[Load, ...], Field(min_length=1)]
     unload_from: tuple[Load, ...] = ()
     unloading: tuple[Load, ...] = ()
+    nominal: Annotated[str, *one_of(NOMINALS)] = "total"
     interpolate: Accuracy | None = None
     map: Annotated[
         tuple[AnyMapTable, ...] | None, BeforeValidator(lambda given: [given] if isinstance(given, dict) else given)

@@ -111,6 +111,8 @@ def _scene(case: Case, surface: Topography, sampling: Sampling | None, seals: tu
         **_pressures(case, _seal_size(surface, sampling, seals), seals=len(seals)),
         boundary=case.contact.boundary,
         rtol=case.contact.rtol,
+        fluid_pressure=case.contact.fluid_pressure,
+        nominal=case.load.nominal,
         layout=case.layout,
         solver=case.flow.solver,
         discretisation=case.flow.discretisation,

@@ -20,7 +20,7 @@ from ..refinement.coarser import coarser_grids, without_filtered_waves
 from ..refinement.settings import first_settings, first_version, given_settings, grid_points, time_limit
 from ..report.case_text import contact_text, fluid_text, solids_text
 from ..results.pixel_fields import fields_size
-from ..studies import FluidState, Sampling, Scene, count_face_windows, drop_ratio, lay_out_windows
+from ..studies import Sampling, Scene, count_face_windows, drop_ratio, lay_out_windows
 from ..studies.costs import Effort, usual_efforts
 from ..studies.deterministic import STEP_BYTES
 from ..studies.window_pressures import describe_map
@@ -170,7 +170,7 @@ def forecast(case: Case, prepared: Prepared, known: tuple[Effort, ...] | None = 
         costs += [coarse.cost(study, efforts_of) for study in coarse.studies]
     if (test := case.output.test_fluid) is not None:
         state = test.state
-        if drop_ratio(state, FluidState.of(prepared.scene)) is None:
+        if drop_ratio(state, prepared.scene) is None:
             costs.append(replace(alone, scene=state.in_scene(prepared.scene)).cost(alone.answer, known))
     drawn = case.output.pictures or case.output.report
     own = _START_SECONDS + drawn * _PICTURES_SECONDS + disk(case, prepared).fields * _FIELD_BYTE_SECONDS

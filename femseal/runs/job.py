@@ -233,7 +233,7 @@ def _without_short_waves(prepared: Prepared, run: Run) -> Array:
 
 def _of_test_fluid(state: FluidState, prepared: Prepared, own: Any, run: Run) -> OtherLeakage:
     """Leakage of the test fluid on the seals of the answer; they are solved again where their permeability differs."""
-    if (ratio := drop_ratio(state, FluidState.of(prepared.scene))) is not None:
+    if (ratio := drop_ratio(state, prepared.scene)) is not None:
         return OtherLeakage.of_study(state, own, ratio)
     with run.timed("test fluid") as mapper:
         other = replace(prepared, scene=state.in_scene(prepared.scene))

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ..base.errors import InputError
 from ..base.quantities import to_text
 from ..base.stage import Mapper
-from ..contact import ContactLaw, HalfSpace, LoadState, contact_law, load_states
+from ..contact import ContactLaw, HalfSpace, LoadState, contact_law, load_states, solve_contact
 from ..flow import critical_constriction
 from ..flow.pressure_drop import PressureDrop
 from ..fluids import Fluid, capillary_entry_pressure
@@ -22,6 +22,7 @@ from ..seal.layouts import Layout, RectangularLayout
 from ..seal.shapes import Seal
 from ..topography import Topography
 from ..windows import FlowSettings, GlobalState, Partition, global_states
+from .fluid_coupling import FLUID_PRESSURES, LEAST_FRACTION, NOMINALS, FluidPressure
 
 Array = NDArray[np.float64]
 
@@ -40,6 +41,8 @@ class Scene:
     rtol : residual of each contact, see `contact.solve_contact`.
     layout : shape of drawn seals, see `seal.layouts`; the face itself is a strip.
     solver, discretisation : of all flow, in cells and over the seal; see `flow.cell_permeability`.
+    fluid_pressure : "acts": it presses the faces apart, see `studies.fluid_coupling`; "ignored": they lie as dry ones.
+    nominal : what carries the nominal pressures where it acts: "total", contact and fluid together; or "contact".
     """
 
     surface: Topography
@@ -56,9 +59,14 @@ class Scene:
     layout: Layout = field(default_factory=RectangularLayout)
     solver: str = "auto"
     discretisation: str = "edge"
+    fluid_pressure: str = "acts"
+    nominal: str = "total"
 
     def __post_init__(self) -> None:
         """Check that parts of the scene go together, see the class."""
+        for name, choices in (("fluid_pressure", FLUID_PRESSURES), ("nominal", NOMINALS)):
+            if getattr(self, name) not in choices:
+                raise InputError(name, getattr(self, name), f"one of {', '.join(choices)}")
         flow = self.flow  # raises if solver and discretisation do not go together
         if own := getattr(self.layout, "inlet_pressures", {}):
             if flow.drop.law.depends_on_pressure:
@@ -95,13 +103,30 @@ class Scene:
         """Elastic body of the whole face."""
         return HalfSpace(self.surface.shape, self.surface.spacing, self.modulus, self.boundary)
 
+    @property
+    def acting_fluid(self) -> FluidPressure | None:
+        """The fluid that presses the faces apart; None where it does not, or not enough to change the leakage."""
+        fluid = FluidPressure(self.fluid, self.inlet_pressure, self.outlet_pressure, self.nominal, self.flow)
+        acts = self.fluid_pressure == "acts" and abs(fluid.carried) > LEAST_FRACTION * min(self.steps.pressures)
+        return fluid if acts else None
+
     def contact_states(
         self, take: Callable[[LoadState], Any], *, memory: float | None = None, mapper: Mapper
     ) -> Iterator[Any]:
-        """Solve the contact of the whole face at every step, see `contact.load_states`."""
+        """Solve the contact of the whole face at every step, see `contact.load_states`; with its fluid if that acts."""
         gap0 = self.surface.heights.max() - self.surface.heights
-        body, steps = self.half_space, self.steps
-        return load_states(gap0, body, steps, law=self.law, rtol=self.rtol, take=take, memory=memory, mapper=mapper)
+        fluid = self.acting_fluid
+        return load_states(
+            gap0,
+            self.half_space,
+            self.steps,
+            law=self.law,
+            rtol=self.rtol,
+            take=take,
+            solve=solve_contact if fluid is None else fluid.contact,
+            memory=memory,
+            mapper=mapper,
+        )
 
     def global_states(
         self, partition: Partition, cut_off: float, *, take: Callable[[GlobalState], Any], mapper: Mapper

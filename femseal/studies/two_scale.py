@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import ClassVar
 
@@ -22,7 +22,8 @@ from ..windows.window_fields import ContactPressure, WindowFields
 from ..windows.window_flow import flow_history
 from .deterministic import state_memory
 from .face_contact import solve_windows
-from .face_flow import element_face_flow, face_leakage, resolved_flow
+from .face_flow import element_face_flow, resolved_flow
+from .face_leakage import FaceLeakage, face_leakage
 from .plausibility import scene_warnings
 from .repeated_steps import first_equal, map_different, repeated
 from .scene import Array, Scene
@@ -102,6 +103,9 @@ class TwoScaleResult(Shown):
     drop_fraction: Array | None = declared(
         "window_drop_fraction", "1", "fraction of the pressure drop in windows", WINDOW, default=None
     )
+    carried_pressure: Array | None = declared(
+        "fluid_carried_pressure", "Pa", "mean pressure that the fluid carries of the load", STEP, default=None
+    )
     entry_pressure: Array | None = declared(
         "capillary_entry_pressure",
         "Pa",
@@ -172,12 +176,19 @@ def two_scale(
     elif (given := solved.fields.partition).cells != tuple(cells) or given.shape != scene.surface.shape:
         raise InputError("solved", f"a contact of {given.cells} cells", f"one of {tuple(cells)} cells of this face")
     first = first_equal(solved.fields.gap, scene.steps)
-    found = (_through_links if flow == "links" else _through_face)(scene, solved.fields, flow, first, mapper)
+    through = solved.through if isinstance(solved, WindowContacts) else None
+    if flow == "resolved" and through is not None:
+        found = _of_face(through, first)
+    else:
+        found = (_through_links if flow == "links" else _through_face)(scene, solved.fields, flow, first, mapper)
+        if through is not None:  # steps at which the faces part
+            found.leakage[np.isnan(through.leakage)] = np.nan
+            found = replace(found, failures=through.failures + found.failures)
     return TwoScaleResult(
         steps=scene.steps,
         partition=solved.fields.partition,
         flow=flow,
-        **vars(solved)
+        **{name: value for name, value in vars(solved).items() if name != "through"}
         | vars(found)
         | {
             "failures": solved.failures + found.failures,
@@ -216,7 +227,11 @@ def _through_face(scene: Scene, fields: WindowFields, flow: str, first: NDArray[
     else:
         solve = partial(attempt, resolved_flow, spacing=scene.surface.spacing, settings=scene.flow, with_potential=True)
         stage = Stage("flow of the whole face", solve, state_memory(pixels))
-    found = face_leakage(scene, map_different(mapper, stage, fields.gap, first), cells)
+    return _of_face(face_leakage(scene, map_different(mapper, stage, fields.gap, first), cells), first)
+
+
+def _of_face(found: FaceLeakage, first: NDArray[np.int64]) -> _Flow:
+    """What the result has of the flow through the whole face."""
     return _Flow(
         leakage=found.leakage,
         failures=found.failures,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
 
@@ -19,6 +19,7 @@ from ..windows.gap_error import corrected_gap, relative_difference
 from ..windows.window_contact import ContactHistory, body_standoff, separate
 from ..windows.window_fields import ContactPressure, WindowFields
 from .face_flow import resolved_flow
+from .face_leakage import FaceLeakage
 from .scene import Array, Scene
 
 #: Wavelength that divides the scales, in window sides: longer ones lose the pressure of features within windows.
@@ -42,7 +43,8 @@ class WindowContacts:
 
     contact : how it was solved, see `face_contact.CONTACTS`. gap_error : at every step (steps,), see
     `windows.gap_error`; 0 for the contact of the whole face. gap_effect : flow through the gap over that through the
-    corrected one (steps,): 1 where the error is small, inf where the corrected gap is closed.
+    corrected one (steps,): 1 where the error is small, inf where the corrected gap is closed. carried_pressure : mean
+    pressure that the fluid carries (steps,) [Pa]. through : flow at full resolution with which the contact was solved.
     """
 
     contact: str
@@ -53,6 +55,8 @@ class WindowContacts:
     mean_gap: Array
     contact_fraction: Array
     plastic_fraction: Array
+    carried_pressure: Array | None = None
+    through: FaceLeakage | None = field(default=None, repr=False)
     failures: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
 
