@@ -68,7 +68,7 @@ def _whole_contact(scene: Scene, cells: tuple[int, int], mapper: Mapper) -> Wind
 
 @dataclass(frozen=True, eq=False)
 class FaceStates:
-    """Contact of the whole face at every step: gap (steps, n1, n2) [m], states, and the leakage where flow was solved."""
+    """Contact of the whole face at every step: gap (steps, n1, n2) [m], states, and leakage where flow was solved."""
 
     gap: NDArray[np.float32]
     states: Sequence[FaceState]
@@ -87,7 +87,8 @@ def solve_face(
         """Flow of every step; gap and contact are put aside."""
         for s, state in enumerate(scene.contact_states(take, memory=memory, mapper=mapper)):
             gap[s] = state.gap
-            states.append(replace(state, gap=gap[s], flow=None))
+            failed = state.flow.reason if isinstance(state.flow, Failed) else ""
+            states.append(replace(state, gap=gap[s], flow=None, failed=failed))
             yield state.flow
 
     if with_flow:
@@ -104,7 +105,7 @@ class FaceState:
     gap : (n1, n2) [m]. in_contact : the pressure of every window. means : pressure [Pa], fraction in contact and
     fraction at the hardness of every window (3, m1, m2). facts : fraction in contact, fraction at the hardness, mean
     gap [m] and residual of the whole face, and the mean pressure that the fluid carries [Pa]. flow : None unless asked
-    for.
+    for. failed : why there is none.
     """
 
     gap: NDArray[np.float32]
@@ -112,6 +113,7 @@ class FaceState:
     means: Array
     facts: tuple[float, float, float, float, float]
     flow: FaceFlow | Failed | None
+    failed: str = ""
 
     @classmethod
     def of(cls, state: LoadState, partition: Partition, flow: FlowSettings | None = None) -> FaceState:
@@ -149,4 +151,7 @@ def cut_contact(scene: Scene, partition: Partition, face: FaceStates) -> WindowC
         plastic_fraction=plastic_fraction,
         carried_pressure=np.array([state.facts[-1] for state in states]),
         through=None if scene.acting_fluid is None else face.through,
+        unsolved=tuple(
+            (s, state.failed) for s, state in enumerate(states) if state.failed and scene.acting_fluid is not None
+        ),
     )

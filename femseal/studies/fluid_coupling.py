@@ -73,9 +73,23 @@ class FluidPressure:
         """Mean pressure of the fluid [Pa] where its potential falls evenly, as between parted faces."""
         return float(self.above_surroundings((np.arange(_POINTS) + 0.5) / _POINTS).mean())
 
+    def relief(self, pressure: Any) -> Array:
+        """By how much the contact pressure is below its mean over the seal, or the nominal one, under the fluid's [Pa].
+
+        The window lies there as it does dry under the pressure p̄ − p_f (Terzaghi's effective stress), from which that
+        of its solution follows as the seal grows broad beside the long waves of the face.
+        """
+        around = float(getattr(self.fluid, "outlet_pressure", 0.0))
+        return np.asarray(pressure, dtype=float) - around - (0.0 if self.nominal == "total" else self.carried)
+
     def parts(self, pressure: float) -> bool:
         """Whether the fluid between parted faces carries all of a nominal pressure [Pa]."""
         return self.nominal == "total" and self.carried >= pressure
+
+    @staticmethod
+    def parted(carried: float) -> str:
+        """Why there is no leakage where the faces part, from the mean pressure that the fluid carries [Pa]."""
+        return f"open: the faces part below {to_text(carried, 'Pa', 3)}, all of which the fluid carries"
 
     def contact(
         self, gap0: Array, half_space: HalfSpace, *, pressure: float, **settings: Any
@@ -90,9 +104,7 @@ class FluidPressure:
         """
         if abs(self.carried) <= LEAST_FRACTION * pressure:
             return solve_contact(gap0, half_space, pressure=pressure, **settings)
-        # between parted faces the potential falls evenly: a face that the fluid can open is found open
-        n1, n2 = half_space.shape
-        p_f = np.repeat(self.above_surroundings(1 - (np.arange(n1) + 0.5) / n1)[:, None], n2, axis=1)
+        p_f = self.even_drop(half_space.shape)  # that of parted faces: a face that the fluid can open is found open
         last, moved, change, error = np.nan, np.nan, np.inf, np.inf
         scale = max(abs(self.inlet), abs(self.outlet))
         for n in range(1, MOST_ROUNDS + 1):
@@ -101,9 +113,7 @@ class FluidPressure:
             load = carried if parted else pressure if self.nominal == "total" else pressure + carried
             contact = solve_contact(gap0, half_space, pressure=max(load, 0.0), fluid_pressure=p_f, **settings)
             if parted:
-                least = to_text(carried, "Pa", 3)
-                reason = f"open: the faces part below {least}, all of which the fluid carries"
-                return _coupled(contact, Failed(reason), carried, n)
+                return _coupled(contact, Failed(self.parted(carried)), carried, n)
             flow = attempt(resolved_flow, contact.gap, half_space.spacing, self.settings, with_potential=True)
             if isinstance(flow, Failed):
                 return _coupled(contact, flow, carried, n)
@@ -122,6 +132,18 @@ class FluidPressure:
             last = k
         reason = f"contact and fluid pressure: after {n} rounds the permeability still changes by {error:.1e}"
         return _coupled(contact, Failed(reason), carried, n)
+
+    def contact_of_even_drop(self, gap0: Array, half_space: HalfSpace, *, pressure: float, **settings: Any) -> Contact:
+        """Contact under a fluid whose potential falls evenly, see `contact`; without load where it carries all."""
+        p_f = self.even_drop(half_space.shape)
+        carried = float(p_f.mean())
+        load = max(pressure, carried) if self.nominal == "total" else pressure + carried
+        return solve_contact(gap0, half_space, pressure=max(load, 0.0), fluid_pressure=p_f, **settings)
+
+    def even_drop(self, shape: tuple[int, int]) -> Array:
+        """Pressure above the surroundings (n1, n2) [Pa] where the potential falls evenly along x1."""
+        n1, n2 = shape
+        return np.repeat(self.above_surroundings(1 - (np.arange(n1) + 0.5) / n1)[:, None], n2, axis=1)
 
 
 def _coupled(contact: Contact, flow: FaceFlow | Failed, carried: float, rounds: int) -> CoupledContact:

@@ -110,6 +110,13 @@ class Scene:
         acts = self.fluid_pressure == "acts" and abs(fluid.carried) > LEAST_FRACTION * min(self.steps.pressures)
         return fluid if acts else None
 
+    @property
+    def parted_steps(self) -> tuple[tuple[int, str], ...]:
+        """Steps at which the fluid carries all of the load, by their number, and what that means."""
+        if (fluid := self.acting_fluid) is None:
+            return ()
+        return tuple((s, fluid.parted(fluid.carried)) for s, p in enumerate(self.steps.pressures) if fluid.parts(p))
+
     def contact_states(
         self, take: Callable[[LoadState], Any], *, memory: float | None = None, mapper: Mapper
     ) -> Iterator[Any]:
@@ -129,9 +136,18 @@ class Scene:
         )
 
     def global_states(
-        self, partition: Partition, cut_off: float, *, take: Callable[[GlobalState], Any], mapper: Mapper
+        self,
+        partition: Partition,
+        cut_off: float,
+        *,
+        take: Callable[[GlobalState], Any],
+        fluid: FluidPressure | None = None,
+        mapper: Mapper,
     ) -> Iterator[Any]:
-        """Solve the global contact of the scene at every step, see `windows.global_states`."""
+        """Solve the global contact of the scene at every step, see `windows.global_states`.
+
+        `fluid` presses the faces apart, its potential falling evenly.
+        """
         return global_states(
             self.surface,
             partition,
@@ -142,6 +158,7 @@ class Scene:
             boundary=self.boundary,
             rtol=self.rtol,
             take=take,
+            solve=solve_contact if fluid is None else fluid.contact_of_even_drop,
             mapper=mapper,
         )
 

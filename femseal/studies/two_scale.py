@@ -15,6 +15,7 @@ from ..base.stage import Mapper, Stage
 from ..base.text import Shown
 from ..elements.elements import ELEMENT_BYTES
 from ..flow.percolation import percolates
+from ..flow.permeability_table import tabulated
 from ..loads import LoadProgramme
 from ..seal import RectangularSeal
 from ..windows import Failed, FlowHistory, FlowSettings, Partition, SolveCounts, SolverCounts, attempt
@@ -67,7 +68,8 @@ class TwoScaleResult(Shown):
     face_fluid_pressure : at every pixel and step; None with "links".
     fields : deformed gap and contact pressure at every pixel.
     counts : flows of links, solved or known without solving. solvers : number of systems by solver, of links and over
-    the face. equal_steps : number of steps that are an earlier one again, solved once. failures : reasons of values
+    the face. equal_steps : number of steps that are an earlier one again, solved once. unsolved : steps at which the
+    faces part, by their number, and why. failures : reasons of values
     that are NaN. warnings : reasons to doubt the result.
     """
 
@@ -119,6 +121,7 @@ class TwoScaleResult(Shown):
     solvers: SolverCounts = field(default_factory=SolverCounts)
     link_flows: tuple[FlowHistory, FlowHistory] | None = field(default=None, repr=False)
     equal_steps: int = 0
+    unsolved: tuple[tuple[int, str], ...] = field(default=(), repr=False)
 
     #: Pixels of the windows, stitched.
     computed_fields: ClassVar[dict[str, Field]] = {
@@ -181,9 +184,9 @@ def two_scale(
         found = _of_face(through, first)
     else:
         found = (_through_links if flow == "links" else _through_face)(scene, solved.fields, flow, first, mapper)
-        if through is not None:  # steps at which the faces part
-            found.leakage[np.isnan(through.leakage)] = np.nan
-            found = replace(found, failures=through.failures + found.failures)
+        for s, reason in solved.unsolved:
+            found.leakage[s] = np.nan
+            found = replace(found, failures=(f"{scene.steps[s].name}: {reason}", *found.failures))
     return TwoScaleResult(
         steps=scene.steps,
         partition=solved.fields.partition,
@@ -281,7 +284,8 @@ def _through_links(scene: Scene, fields: WindowFields, flow: str, first: NDArray
         if (t := first[s]) < s:
             leakage[s], fluid_pressure[s], k1[s], k2[s] = leakage[t], fluid_pressure[t], k1[t], k2[t]
             continue
-        links = drop.table(list(zip(along.at_pressures[:, s], across.at_pressures[:, s], strict=True)))
+        values = list(zip(along.at_pressures[:, s], across.at_pressures[:, s], strict=True))
+        links = tabulated(drop.pressures, values)
         through = attempt(scene.leakage, seal, links)
         if isinstance(through, Failed):
             failures += (f"{step.name}: {through.reason}",)
