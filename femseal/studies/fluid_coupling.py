@@ -62,16 +62,26 @@ class FluidPressure:
     nominal: str
     settings: FlowSettings
 
+    @property
+    def _around(self) -> float:
+        """Pressure of the surroundings [Pa], on the scale of the fluid's."""
+        return float(getattr(self.fluid, "outlet_pressure", 0.0))
+
     def above_surroundings(self, fraction: Any) -> Array:
         """Fluid pressure [Pa] above that of the surroundings where the viscous potential has fractions of its drop."""
         inlet, outlet = self.fluid.potential([self.inlet, self.outlet])
         pressure = self.fluid.pressure(outlet + (inlet - outlet) * np.asarray(fraction, dtype=float))
-        return np.asarray(pressure) - float(getattr(self.fluid, "outlet_pressure", 0.0))
+        return np.asarray(pressure) - self._around
 
     @property
     def carried(self) -> float:
-        """Mean pressure of the fluid [Pa] where its potential falls evenly, as between parted faces."""
+        """Mean pressure above the surroundings [Pa] where the potential falls evenly, as between parted faces."""
         return float(self.above_surroundings((np.arange(_POINTS) + 0.5) / _POINTS).mean())
+
+    @property
+    def mean(self) -> float:
+        """Mean pressure [Pa] where the potential falls evenly."""
+        return self.carried + self._around
 
     def relief(self, pressure: Any) -> Array:
         """By how much the contact pressure is below its mean over the seal, or the nominal one, under the fluid's [Pa].
@@ -79,8 +89,7 @@ class FluidPressure:
         The window lies there as it does dry under the pressure p̄ − p_f (Terzaghi's effective stress), from which that
         of its solution follows as the seal grows broad beside the long waves of the face.
         """
-        around = float(getattr(self.fluid, "outlet_pressure", 0.0))
-        return np.asarray(pressure, dtype=float) - around - (0.0 if self.nominal == "total" else self.carried)
+        return np.asarray(pressure, dtype=float) - self._around - (0.0 if self.nominal == "total" else self.carried)
 
     def parts(self, pressure: float) -> bool:
         """Whether the fluid between parted faces carries all of a nominal pressure [Pa]."""

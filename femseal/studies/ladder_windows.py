@@ -74,22 +74,24 @@ def windows_under_uniform_pressure(wanted: WindowRequest) -> WindowSupply:
         paths, number = distinct_paths(fractions[axis])
         pressure = nominal * paths
         links.append(_LinkPaths(pressure, np.full(pressure.shape, -np.inf), number.reshape(seal_windows.draws[axis])))
-    at = _table_pressures(scene)
-    relief = np.zeros(len(at.pressures)) if scene.acting_fluid is None else scene.acting_fluid.relief(at.pressures)
+    at, fluid = _table_pressures(scene), scene.acting_fluid
+    relief = np.zeros(len(at.pressures))
+    if fluid is not None:  # with several inlets the mean stands for every place
+        relief = fluid.relief(at.pressures if relief.size > 1 else [fluid.mean])
     highest = float(max(link.pressure.max(initial=0) for link in links) - relief.min())
     if all(np.all(s == 1) for s in fractions) and not relief.any():
         library = _library(wanted, highest, exact=scene.steps.loading, peaks=scene.steps.unload_from)
     else:
         ends = (float(relief.min()), float(relief.max()))
-        paths = [np.maximum(link.pressure - by, 0.0) for link in links for by in ends]
-        library = _library(wanted, highest, peaks=library_peaks(paths, scene.steps))
+        effective = [np.maximum(link.pressure - by, 0.0) for link in links for by in ends]
+        library = _library(wanted, highest, peaks=library_peaks(effective, scene.steps))
     return _supply(library, links, scene, seal_windows.axes, at, relief)
 
 
 def _table_pressures(scene: Scene) -> TablePressures:
     """Fluid pressures at which permeabilities are taken from the curves of the library."""
     drop, fluid = scene.flow.drop, scene.acting_fluid
-    if fluid is None or drop.law.depends_on_pressure:
+    if fluid is None or drop.law.depends_on_pressure or getattr(scene.layout, "inlet_pressures", {}):
         return TablePressures(tuple(drop.pressures))
     return TablePressures(tuple(np.linspace(fluid.outlet, fluid.inlet, FLUID_PRESSURES)), piecewise=True)
 
