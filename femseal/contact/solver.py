@@ -146,7 +146,7 @@ def solve_contact(
         deformation = validate.field("deformation", deformation, unit="m", shape=half_space.shape, copy=False)
         gap, law = gap + deformation, law.after(deformation)
     threads = validate.count("threads", threads)
-    if np.any(fluid_pressure):
+    if np.ndim(fluid_pressure) or fluid_pressure != 0:
         gap, law, pressure = _with_fluid(gap, half_space, law, pressure, fluid_pressure, threads)
     line = law.tangent(half_space.shape)
     pressure, approach = _checked_load(gap, half_space, law, pressure, approach)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -130,7 +131,7 @@ class Scene:
             law=self.law,
             rtol=self.rtol,
             take=take,
-            solve=solve_contact if fluid is None else fluid.contact,
+            solve=solve_contact if fluid is None else partial(FluidPressure.contact, fluid),
             memory=memory,
             mapper=mapper,
         )
@@ -158,7 +159,7 @@ class Scene:
             boundary=self.boundary,
             rtol=self.rtol,
             take=take,
-            solve=solve_contact if fluid is None else fluid.contact_of_even_drop,
+            solve=solve_contact if fluid is None else partial(FluidPressure.contact_of_even_drop, fluid),
             mapper=mapper,
         )
 
