@@ -39,9 +39,9 @@ def case_sentences(results: RunData) -> list[str]:
     sentences.append(f"{text[0].upper()}{text[1:]}.")
     sentences += load_sentences(data, case)
     inlet, outlet = (to_text(float(attrs[f"{end}_pressure_Pa"]), "Pa") for end in ("inlet", "outlet"))
-    sentences.append(
-        f"The fluid, {fluid_text(case.get('fluid', {}), str(attrs['fluid']))}, runs from {inlet} to {outlet}."
-    )
+    fluid = fluid_text(case.get("fluid", {}), str(attrs["fluid"]))
+    effect = f": {attrs['fluid_effect']}" if "fluid_effect" in attrs else ""
+    sentences.append(f"The fluid, {fluid}, runs from {inlet} to {outlet}{effect}.")
     sentences += _method_sentences(results)
     return sentences
 

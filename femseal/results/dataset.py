@@ -168,6 +168,7 @@ def assemble(
         "machine": _json(machine()),
         "peak_memory_bytes": peak_memory(),
         "fluid": repr(scene.fluid),
+        "fluid_effect": scene.fluid_effect,
         "inlet_pressure_Pa": float(scene.inlet_pressure),
         "outlet_pressure_Pa": float(scene.outlet_pressure),
         "contact_modulus_Pa": float(scene.modulus),

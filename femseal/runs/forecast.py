@@ -90,6 +90,7 @@ def describe(case: Case, made: Prepared) -> list[str]:
     lines.append(_line("material", solids_text(case.echo())))
     lines.append(_line("", contact_text(scene.modulus, str(scene.law))))
     lines += [_line("fluid", text) for text in _fluid_texts(case)]
+    lines.append(_line("", scene.fluid_effect))
     lines.append(_line("flow", f"discretisation {scene.discretisation}, solver {scene.solver}"))
     lines += _law_lines(scene)
     lines += _accuracy_lines(case, made)

@@ -130,8 +130,8 @@ def two_scale_cost(
 ) -> tuple[float, float]:
     """Expected time on one core [s] and memory [byte] of the two-scale solution.
 
-    `solved` says that the deterministic solution before it leaves the contact of the whole face. pressures, rounds : see
-    `count_pressures` and `count_rounds`.
+    `solved` says that the deterministic solution before it leaves the contact of the whole face. pressures, rounds :
+    see `count_pressures` and `count_rounds`.
     """
     again = _SUCCESSIVE if pressures > 1 else 1.0
     whole, flow = chosen_contact(contact, points) == "whole", chosen_flow(flow, points)

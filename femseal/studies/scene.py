@@ -112,6 +112,20 @@ class Scene:
         return fluid if acts else None
 
     @property
+    def fluid_effect(self) -> str:
+        """What the fluid does to the contact, as a text."""
+        if self.fluid_pressure == "ignored":
+            return "its pressure on the faces is ignored"
+        if (fluid := self.acting_fluid) is None:
+            return "it carries less than 0.01 % of every load: that changes leakage by less than 0.5 %, and is left out"
+        carried, loads = to_text(abs(fluid.carried), "Pa", 3), self.steps.pressures
+        if fluid.carried < 0:
+            return f"it sucks the faces together with {carried} on the mean"
+        most = f"up to {fluid.carried / min(p for p in loads if p > 0):.2g} of the load"
+        given = "with the contact" if self.nominal == "total" else "besides the contact's"
+        return f"it presses the faces apart, and carries about {carried} {given}, {most}"
+
+    @property
     def parted_steps(self) -> tuple[tuple[int, str], ...]:
         """Steps at which the fluid carries all of the load, by their number, and what that means."""
         if (fluid := self.acting_fluid) is None:
