@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     from .budget import CoarserSolution, ErrorBudget, ErrorPart, GridConvergence, error_budget, grid_convergence
     from .case.case import Case, load_case
     from .contact import Contact, HalfSpace, LoadCycle, LoadState, load_cycle, solve_contact
+    from .contact.hardness_curves import HardnessTable, NixGao
     from .contact.law import ContactLaw, LinearHardening, PerfectlyPlastic
     from .designs.answer import Design, design
     from .flow import (
@@ -89,6 +90,7 @@ _MODULES = {
     "budget": ("CoarserSolution", "ErrorBudget", "ErrorPart", "GridConvergence", "error_budget", "grid_convergence"),
     "case.case": ("Case", "load_case"),
     "contact": ("Contact", "HalfSpace", "LoadCycle", "LoadState", "load_cycle", "solve_contact"),
+    "contact.hardness_curves": ("HardnessTable", "NixGao"),
     "contact.law": ("ContactLaw", "LinearHardening", "PerfectlyPlastic"),
     "base.errors": ("FemsealError", "InputError", "NotConverged"),
     "flow": (

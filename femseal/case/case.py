@@ -204,6 +204,13 @@ class Case(Table):
         return min((t.law for t in tables if t is not None), key=lambda law: law.mean_hardness)
 
     @property
+    def hardness_tolerance(self) -> float:
+        """Relative error of the hardness of the softer solid, for the error budget."""
+        tables = (self.material, self.counter_material)
+        softer = min((t for t in tables if t is not None), key=lambda table: table.law.mean_hardness)
+        return softer.hardness_tolerance
+
+    @property
     def modulus(self) -> float:
         """Contact modulus [Pa]."""
         return contact_modulus(*self.solids)

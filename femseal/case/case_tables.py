@@ -12,6 +12,7 @@ from ..base.errors import InputError
 from ..base.leak_classes import KNOWN, leak_classes
 from ..base.leak_units import LEAK_UNITS, LeakUnit, leak_unit
 from ..base.quantities import to_text
+from ..budget import MODEL_PARTS
 from ..contact import ContactLaw, LinearHardening, PerfectlyPlastic
 from ..flow import DISCRETISATIONS, SOLVERS
 from ..flow.discretisation import check_discretisation
@@ -46,6 +47,7 @@ class SolidTable(Table):
     yield_stress: Modulus | None = None
     hardness: Modulus | None = None
     hardening: Hardening | None = None
+    hardness_tolerance: Annotated[float, Field(ge=0, lt=1)] = 0.1
 
     @model_validator(mode="after")
     def _one_strength(self) -> SolidTable:
@@ -165,7 +167,8 @@ class OutputTable(Table):
     leakage_unit : of tables, pictures and report. throughput_temperature : of the pressure × volume of gases.
     classes : leakage classes checked at every step, see `base.leak_classes`. nominal_diameter : which some need.
     test_fluid : of a leak test, whose leakage stands beside; classes are checked with it.
-    budget : the error of every leakage, source by source, see `budget.error_budget`.
+    budget : the error of every leakage, source by source, see `budget.error_budget`. model_parts : those of its sources
+    that are errors of the model and its input.
     """
 
     pictures: bool = True
@@ -184,6 +187,7 @@ class OutputTable(Table):
     nominal_diameter: Length | None = None
     test_fluid: AnyFluid | None = None
     budget: bool = True
+    model_parts: tuple[Literal[MODEL_PARTS], ...] = MODEL_PARTS  # type: ignore[valid-type]
 
     @model_validator(mode="before")
     @classmethod

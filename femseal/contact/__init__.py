@@ -2,6 +2,7 @@
 
 from .cycle import LoadCycle, LoadState, load_cycle, load_states
 from .half_space import HalfSpace
+from .hardness_curves import HardnessTable, NixGao, softer_of
 from .law import ContactLaw, LinearHardening, PerfectlyPlastic, contact_law
 from .solver import Contact, solve_contact
 
@@ -9,12 +10,15 @@ __all__ = [
     "Contact",
     "ContactLaw",
     "HalfSpace",
+    "HardnessTable",
     "LinearHardening",
     "LoadCycle",
     "LoadState",
+    "NixGao",
     "PerfectlyPlastic",
     "contact_law",
     "load_cycle",
     "load_states",
+    "softer_of",
     "solve_contact",
 ]

@@ -25,8 +25,8 @@ from ..base.quantities import to_text
 Array = NDArray[np.float64]
 #: Relative distance from H within which a point counts as yielding, where pressures were kept in single precision.
 _AT_YIELD = 1e-6
-#: Newton steps of a projection onto a curved law; it is exact after one for a straight line.
-_NEWTON_STEPS = 30
+#: Newton steps, or halvings, of a projection onto a curved law; it is exact after one for a straight line.
+_NEWTON_STEPS = 60
 
 
 class ContactLaw:
@@ -93,8 +93,9 @@ class ContactLaw:
         pressure, gap : p [Pa] and raw gap g [m] of a solution, or nearly so. stiffness : c [Pa/m]. u is that of the
         projection of p − c g, whichever of p and g tells it better.
         """
-        yields = pressure >= self.yield_pressure() * (1 - _AT_YIELD)
-        return np.where(yields, self._deformation(pressure - stiffness * gap, stiffness), 0.0)
+        u = self._deformation(pressure - stiffness * gap, stiffness)
+        yields = pressure >= np.minimum(self.yield_pressure(), self.yield_pressure(u)) * (1 - _AT_YIELD)
+        return np.where(yields, u, 0.0)
 
     def project(self, trial: Array, stiffness: float) -> Array:
         """The admissible pressure y >= 0 [Pa] of a trial pressure z, with z = y + c u and y = H(u) where y yields.
@@ -104,11 +105,19 @@ class ContactLaw:
         return np.clip(trial, 0.0, self.yield_pressure(self._deformation(trial, stiffness)))
 
     def _deformation(self, trial: Array, stiffness: float) -> Array:
-        """u >= 0 with H(u) + c u = z, 0 where z < H(0), by Newton's method."""
+        """u >= 0 with H(u) + c u = z, 0 where z < H(0), by Newton's method between bounds, which it halves."""
         u = np.zeros(np.shape(trial))
+        low, high = u, np.full(u.shape, inf) if self.linear else np.maximum(trial, 0.0) / stiffness
+        change = high
         for _ in range(1 if self.linear else _NEWTON_STEPS):
-            step = (trial - self.yield_pressure(u) - stiffness * u) / (self.hardening_modulus(u) + stiffness)
-            former, u = u, np.maximum(u + step, 0.0)
+            excess = self.yield_pressure(u) + stiffness * u - trial
+            low, high = np.where(excess < 0, u, low), np.where(excess < 0, high, u)
+            with np.errstate(divide="ignore"):
+                step = -excess / (self.hardening_modulus(u) + stiffness)
+            slow = (np.abs(step) > 0.5 * np.abs(change)) & (np.abs(step) > 1e-12 * high)
+            inside = (u + step >= low) & (u + step <= high) & ~slow
+            change = np.where(inside, step, 0.5 * (low + high) - u)
+            former, u = u, u + change
             if np.array_equal(u, former):
                 break
         return u
@@ -130,12 +139,16 @@ class ContactLaw:
             raise InputError("hardness", f"{hardness.min():g} Pa", "numbers > 0 [Pa]")
         return YieldLine(hardness, slope)
 
-    def mismatch(self, pressure: Array, deformation: Array) -> float:
-        """How far pressures and deformations of a solution are from the law: ‖p − H(u)‖/‖p‖ over yielding points."""
-        excess = pressure - self.yield_pressure(deformation)
-        off = np.where(deformation > 0, excess, np.maximum(excess, 0.0))
+    def mismatch(self, pressure: Array, gap: Array, stiffness: float) -> tuple[float, Array]:
+        """How far a pressure p is from the projection y of p − c g, ‖p − y‖/‖p‖, and the deformation u of y.
+
+        gap : raw gap g [m] of the pressure. stiffness : c [Pa/m].
+        """
+        trial = pressure - stiffness * gap
+        u = self._deformation(trial, stiffness)
+        off = pressure - np.clip(trial, 0.0, self.yield_pressure(u))
         scale = float(np.linalg.norm(pressure))
-        return float(np.linalg.norm(off)) / scale if scale > 0 else 0.0
+        return (float(np.linalg.norm(off)) / scale if scale > 0 else 0.0), u
 
     def key(self) -> str:
         """The law as text, the same for the same parameters: what was computed with one law serves no other."""
@@ -280,6 +293,11 @@ class _Changed(ContactLaw):
     def hardening_modulus(self, deformation: Any = 0.0) -> Any:
         """factor · h(u + kept)."""
         return self.factor * self.law.hardening_modulus(self.kept + np.asarray(deformation, dtype=float))
+
+    @property
+    def capacity(self) -> float:
+        """That of the law that is changed, less the mean fluid pressure."""
+        return self.factor * self.law.capacity - float(np.mean(self.fluid_pressure))
 
     def after(self, deformation: ArrayLike) -> ContactLaw:
         """The law with both deformations."""

@@ -30,6 +30,8 @@ _COARSE_ITERATIONS = 40
 _MAX_ITERATIONS = 400
 #: Solutions with tangents of a curved law after which it does not settle.
 _MOST_TANGENTS = 50
+#: Part of its pressure that a tangent has left at the depth from which on it holds.
+_FROM_DEPTH = 0.5
 
 
 @dataclass(frozen=True, repr=False)
@@ -151,9 +153,8 @@ def solve_contact(
     line = law.tangent(half_space.shape)
     pressure, approach = _checked_load(gap, half_space, law, pressure, approach)
     validate.tolerance("rtol", rtol)
-    contact = _Problem(gap, half_space, line, pressure, approach, rtol).solve(threads)
-    if not law.linear:
-        contact = _by_tangents(law, contact, _Problem(gap, half_space, line, pressure, approach, rtol), threads)
+    problem = _Problem(gap, half_space, line, pressure, approach, rtol)
+    contact = problem.solve(threads) if law.linear else _by_tangents(law, problem, threads)
     if deformation is not None:
         contact = replace(contact, plastic_deformation=contact.plastic_deformation + deformation)
     return contact
@@ -211,24 +212,36 @@ def check_capacity(name: str, pressure: float, law: ContactLaw) -> None:
         raise InputError(name, f"{pressure:g} Pa", f"at most the mean hardness, {law.capacity:g} Pa")
 
 
-def _by_tangents(law: ContactLaw, contact: Contact, problem: _Problem, threads: int) -> Contact:
-    """Go on from the first solution of a curved law, each time with the tangents at the deformation found last.
+def _by_tangents(law: ContactLaw, problem: _Problem, threads: int) -> Contact:
+    """Solve a curved law by contacts with its tangents, each at the deformation that the former contact gives the law.
+
+    A tangent so steep that it leaves no pressure at u = 0 holds from a depth on, which is in the gap of its contact.
 
     Raises
     ------
     NotConverged : pressures and deformations do not come to the law within `_MOST_TANGENTS` solutions.
     """
-    iterations, pairs = contact.iterations, contact.fft_pairs
+    iterations = pairs = 0
+    shape, stiffness = problem.half_space.shape, problem.half_space.stiffness
+    u = np.zeros(shape)
     for _ in range(_MOST_TANGENTS):
-        mismatch = law.mismatch(contact.pressure, contact.plastic_deformation)
-        if mismatch <= problem.rtol:
-            return replace(contact, iterations=iterations, fft_pairs=pairs)
-        line = law.tangent(problem.half_space.shape, contact.plastic_deformation)
-        contact = replace(problem, line=line).solve(threads)
+        slope = np.maximum(law.hardening_modulus(u), 1.0)
+        depth = np.maximum(u - _FROM_DEPTH * law.yield_pressure(u) / slope, 0.0)
+        line = law.after(depth).tangent(shape, u - depth)
+        if problem.load is not None and problem.load >= line.capacity * (1 - 1e-9):
+            line = replace(line, slope=np.maximum(line.slope, 0.1 * stiffness))  # the curve carries it further on
+        contact = replace(problem, gap0=problem.gap0 + depth, line=line).solve(threads)
         iterations, pairs = iterations + contact.iterations, pairs + contact.fft_pairs
+        raw = contact.raw_gap - depth
+        mismatch, u = law.mismatch(contact.pressure, raw, stiffness)
+        if mismatch <= problem.rtol:
+            if depth.any():
+                left = np.where(u > 0, np.maximum(-raw, 0.0), 0.0)
+                contact = replace(contact, gap=np.maximum(raw, 0.0), plastic_deformation=left, plastic=u > 0)
+            return replace(contact, iterations=iterations, fft_pairs=pairs)
     raise NotConverged(
         f"contact: pressures are off the law by {mismatch:.1e} after {_MOST_TANGENTS} tangents, wanted "
-        f"{problem.rtol:.1e}; try a law that softens less, or smaller steps of the load",
+        f"{problem.rtol:.1e}; try a law that softens less, such as by a larger smallest depth, or a finer grid",
         mismatch,
     )
 

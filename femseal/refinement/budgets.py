@@ -3,13 +3,22 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from ..base.errors import FemsealError, NotKept
-from ..budget import CoarserSolution, ErrorBudget, change_of_windows, error_budget
+from ..budget import (
+    MODEL_PARTS,
+    CoarserSolution,
+    ErrorBudget,
+    change_of_windows,
+    error_budget,
+    model_changes,
+    model_part,
+)
 from ..preparation.prepared import Prepared
 from ..studies import StochasticResult, Study, study_of_result
 from ..studies.scene import Array
@@ -64,6 +73,43 @@ def budgets_of(
         compared = _links_compared(grids[0], solved[0]) if grids and key == "two_scale" else None
         budgets[key] = budget_of(prepared, result, coarse, filtered, compared)
     return budgets
+
+
+def with_model_parts(
+    prepared: Prepared,
+    studies: Mapping[str, Any],
+    budgets: Mapping[str, ErrorBudget],
+    solve: Solve,
+    names: Sequence[str] = MODEL_PARTS,
+    hardness: float = 0.1,
+) -> dict[str, ErrorBudget]:
+    """The budgets with the parts of the model, from changed scenes on the coarser grid.
+
+    names, hardness : see `budget.model_changes`.
+    """
+    grid = model_grid(prepared, leakage_of(studies[prepared.answer.key]))
+    changes = model_changes(grid.scene, names, hardness)
+    own = _solved(grid, solve) if changes else {}
+    found = dict(budgets)
+    for change in changes:
+        moved = _solved(replace(grid, scene=change.scene), solve)
+        for key, result in studies.items():
+            other = route(prepared, study_of_result(result)).key
+            if other not in own or other not in moved:
+                continue
+            leakage, against_own = leakage_of(moved[other]), leakage_of(own[other])
+            solution = CoarserSolution(grid.scene.surface.shape, grid.scene.steps, leakage, against_own)
+            part = model_part(change, result.steps, leakage_of(result), solution)
+            found[key] = replace(found[key], parts=(*found[key].parts, part))
+    return found
+
+
+def model_grid(prepared: Prepared, leakage: Array | None = None) -> Prepared:
+    """The version on which changes of the model are solved: the coarser grid, or that of the case where there is none.
+
+    leakage : of the answer, see `coarser_grids`.
+    """
+    return (*coarser_grids(prepared, leakage)[:1], prepared)[0]
 
 
 def budget_of(

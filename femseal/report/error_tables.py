@@ -37,6 +37,9 @@ def budget_table(results: RunData) -> TextTable | None:
     order = sorted(budget.parts, key=lambda part: -_largest(widths[part.name][steps]))
     together = "root of the sum of squares of the distances of ln(leakage)"
     lines = [(part.name, widths[part.name], part.note) for part in order]
+    if len(budget.numerical.parts) < len(budget.parts):
+        text = "of the solution: without hardness, fluid pressure and form"
+        lines.append(("numbers alone", np.asarray(budget.numerical.half_width()), text))
     lines.append(("together", np.asarray(budget.half_width()), together))
     heads = ("source", *(results.steps[s].name for s in steps), "how it was estimated")
     texts = tuple((name, *(_width_text(float(width[s])) for s in steps), note) for name, width, note in lines)

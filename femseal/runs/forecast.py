@@ -13,9 +13,11 @@ from ..base.errors import InputError
 from ..base.machine import free_memory
 from ..base.quantities import to_text
 from ..base.text import duration
+from ..budget import model_changes
 from ..case.case import Case
 from ..preparation.check_memory import START_MEMORY
 from ..preparation.prepared import Prepared, without_short_waves
+from ..refinement.budgets import model_grid
 from ..refinement.coarser import coarser_grids, without_filtered_waves
 from ..refinement.settings import first_settings, first_version, given_settings, grid_points, time_limit
 from ..report.case_text import contact_text, fluid_text, solids_text
@@ -269,7 +271,10 @@ def _budget_inputs(case: Case, prepared: Prepared) -> list[Prepared]:
     if not case.output.budget:
         return []
     smooth = None if case.surface.filter_sensitivity else without_filtered_waves(prepared)
-    return [*coarser_grids(prepared), *([] if smooth is None else [smooth])]
+    grid = model_grid(prepared)
+    changes = model_changes(grid.scene, case.output.model_parts, case.hardness_tolerance)
+    models = [replace(grid, scene=change.scene) for change in changes]
+    return [*coarser_grids(prepared), *([] if smooth is None else [smooth]), *models]
 
 
 def _checkpoint(prepared: Prepared) -> float:

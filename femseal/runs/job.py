@@ -31,7 +31,7 @@ from ..execution.run import Progress, Run, no_progress
 from ..execution.shared_stages import SharedStages
 from ..preparation.preparation import prepare
 from ..preparation.prepared import Prepared, without_short_waves
-from ..refinement.budgets import budgets_of, leakage_of
+from ..refinement.budgets import budgets_of, leakage_of, with_model_parts
 from ..refinement.refine_to_accuracy import refine_to_accuracy
 from ..refinement.settings import chosen
 from ..report import write_folder
@@ -195,7 +195,7 @@ def _results(case: Case, made: Prepared, faces: dict[str, str], run: Run) -> Res
     budgets: dict[str, ErrorBudget] = {}
     if case.output.budget:  # last, so that it can be switched before a run is resumed
         known = {} if refined is None else {prepared.answer.key: refined.budget}
-        budgets = _budgets(prepared, studies, filtered, known, run)
+        budgets = _budgets(case, prepared, studies, filtered, known, run)
     windows: tuple[WindowPixels, ...] = ()
     if case.output.paraview != "none" and "two_scale" in studies:
         windows = window_pixels(prepared.scene, studies["two_scale"], run.mapper)
@@ -241,7 +241,12 @@ def _of_test_fluid(state: FluidState, prepared: Prepared, own: Any, run: Run) ->
 
 
 def _budgets(
-    prepared: Prepared, studies: dict[str, Any], filtered: Array | None, known: dict[str, ErrorBudget], run: Run
+    case: Case,
+    prepared: Prepared,
+    studies: dict[str, Any],
+    filtered: Array | None,
+    known: dict[str, ErrorBudget],
+    run: Run,
 ) -> dict[str, ErrorBudget]:
     """Error budgets of the studies by key; `known` are those that are there already."""
     with run.timed("error budget") as mapper:
@@ -249,7 +254,8 @@ def _budgets(
         def solve(version: Prepared, study: Study, solved: Mapping[str, Any]) -> Any:
             return version.solve(study, mapper, solved)
 
-        return budgets_of(prepared, studies, solve, leakage_filtered=filtered, known=known)
+        budgets = budgets_of(prepared, studies, solve, leakage_filtered=filtered, known=known)
+        return with_model_parts(prepared, studies, budgets, solve, case.output.model_parts, case.hardness_tolerance)
 
 
 def _write(results: Results, folder: Path, case: Case, mapper: Mapper) -> None:

@@ -152,7 +152,7 @@ def _library(
     """
     scene, partition, sampling = wanted.scene, wanted.partition, wanted.sampling
     law = scene.uniform_law
-    full = min(law.mean_hardness, 0.5 * scene.modulus * scene.surface.rms_slope)
+    full = min(law.mean_hardness, law.capacity, 0.5 * scene.modulus * scene.surface.rms_slope)
     half_space = HalfSpace(partition.window, partition.spacing, scene.modulus, ("mirror", "mirror"))
     source = WindowSource((-scene.surface.heights,), half_space, law, sampling.seed, scene.rtol, scene.flow)
     fractions = LOADING_FRACTIONS if highest <= LOADING_FRACTIONS[-1] * full else (*LOADING_FRACTIONS, highest / full)

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 from hard_scene import HardScene
-from judges import Between, Exactly, Falling, Near, at_most
+from judges import Between, Exactly, Falling, Near, NotSolved, at_most
 
 from femseal.analytic import (
     wave_contact_fraction,
@@ -17,7 +17,7 @@ from femseal.analytic import (
     wavy_contact_fraction_light,
     wavy_full_contact_pressure,
 )
-from femseal.contact import Contact, HalfSpace, LinearHardening, load_cycle, solve_contact
+from femseal.contact import Contact, HalfSpace, HardnessTable, LinearHardening, NixGao, load_cycle, solve_contact
 from femseal.topography import self_affine
 
 E, D, LOAD = 115e9, 1e-6, 1e8
@@ -112,6 +112,20 @@ def _beyond_hardness(slope: float) -> tuple[float, float]:
     contact = _solved(gap0, pressure=1e3 * hardness, hardness=LinearHardening(hardness, slope * E / D))
     deep = float(contact.plastic_deformation.mean()) * slope * E / D / (999 * hardness)
     return float(contact.pressure.mean()) / (1e3 * hardness), deep
+
+
+def _off_perfect(law: HardnessTable | NixGao, hardness: float) -> float:
+    gap0 = _rough()
+    curve, plain = (_solved(gap0, pressure=0.02 * E * SLOPE, hardness=h) for h in (law, hardness))
+    return float(np.abs(curve.pressure - plain.pressure).max() / plain.pressure.max())
+
+
+def _step_in_table() -> tuple[float, float]:
+    """Largest pressures of a table whose hardness jumps fourfold within 1 pm, of loads below and above the jump."""
+    soft = 0.1 * E * SLOPE
+    law = HardnessTable([0.0, 1e-8, 1e-8 + 1e-12, 1e-6], [soft, soft, 4 * soft, 4 * soft])
+    found = (_solved(_rough(), pressure=p * E * SLOPE, hardness=law) for p in (3e-5, 0.02))
+    return tuple(float(contact.pressure.max()) / soft for contact in found)
 
 
 def _units(scale: float, modulus: float) -> float:
@@ -247,6 +261,30 @@ SCENES: tuple[HardScene, ...] = (
         what="p̄ = 1000 H with a slope of 1e4 E*/pixel: load, mean plastic deformation over (p̄ − H)/h",
         must=Near((1.0, 1.0), 1e-6, "all points yield"),
         run=lambda: _beyond_hardness(1e4),
+    ),
+    scene(
+        "a table with a steep step",
+        what="hardness jumps fourfold within 1 pm: largest pressure over the lower hardness, at a light and a high load",
+        must=Near((1.0, 4.0), 1e-6, "the light load stays below the jump, the high one passes it"),
+        run=_step_in_table,
+    ),
+    scene(
+        "a step at no depth",
+        what="a table that jumps fourfold within 1 fm from the face on: largest difference of pressure to the upper hardness",
+        must=at_most(1e-5, "the upper hardness alone"),
+        run=lambda: _off_perfect(HardnessTable([0.0, 1e-15], [0.1 * E * SLOPE, 0.4 * E * SLOPE]), 0.4 * E * SLOPE),
+    ),
+    scene(
+        "Nix–Gao with a tiny h*",
+        what="h* = 1 fm: largest difference of pressure to the hardness H₀ alone",
+        must=at_most(1e-5, "perfect plasticity"),
+        run=lambda: _off_perfect(NixGao(0.1 * E * SLOPE, 1e-15), 0.1 * E * SLOPE),
+    ),
+    scene(
+        "Nix–Gao that softens at once",
+        what="h* = 0.1 µm with a smallest depth of 10 nm, whose hardness falls faster than the pixels are stiff",
+        must=NotSolved(("off the law", "softens less")),
+        run=lambda: _solved(_rough(), pressure=0.02 * E * SLOPE, hardness=NixGao(0.1 * E * SLOPE, 1e-7, 1e-8)),
     ),
     scene(
         "lengths in 1e-18 m",

@@ -1,0 +1,221 @@
+"""Hardness that is a curve of the depth: tables, Nix–Gao, the softer of two faces; closed forms and a dense reference."""
+
+import numpy as np
+import pytest
+from each import each
+from numpy.testing import assert_allclose, assert_array_equal
+from scipy.optimize import brentq, minimize, root
+from test_contact_law import RTOL, STIFF, D, E, H, rough, solved
+
+import femseal as fs
+from femseal.contact import HardnessTable, LinearHardening, NixGao, PerfectlyPlastic, load_cycle, softer_of
+from femseal.contact.hardness_curves import SofterOf
+from femseal.library import Ladder, WindowSource
+from femseal.topography import self_affine
+
+RISING = HardnessTable([0.0, 0.02 * D, 0.1 * D, 0.3 * D], [0.25 * H, 0.33 * H, 0.5 * H, 0.6 * H])
+SOFT = NixGao(0.25 * H, 0.5 * D, 0.1 * D)
+LAWS = [RISING, SOFT, SofterOf(LinearHardening(0.2 * H, 0.02 * STIFF), PerfectlyPlastic(0.4 * H))]
+
+
+@each("law", [RISING, HardnessTable([1e-8, 1e-7], [0.5 * H, H])])
+def test_a_flat_face_yields_as_the_table_says(law):
+    """Where every point carries the same pressure, H(u) is it: u by the inverse of the curve."""
+    for fraction in (0.3, 0.95):
+        mean = law.hardness[0] + fraction * (law.hardness[-1] - law.hardness[0])
+        depth = brentq(
+            lambda u, mean=mean: float(law.yield_pressure(u)) - mean, law.depth[0], law.depth[-1], xtol=1e-18
+        )
+        contact = solved(np.zeros((8, 6)), law, mean)
+        assert_allclose(contact.pressure, mean, rtol=1e-8)
+        assert_allclose(contact.plastic_deformation, depth, rtol=1e-6)
+
+
+@pytest.mark.parametrize("boundary", ["periodic", ("free", "mirror")])
+def test_a_table_of_a_straight_line_is_linear_hardening(boundary):
+    gap, slope = rough((32, 32)), 0.1 * STIFF
+    line = solved(gap, LinearHardening(0.25 * H, slope), 0.15 * H, boundary)
+    depths = np.array([0.0, 0.1, 0.3, 1.0]) * 2 * line.plastic_deformation.max()
+    table = solved(gap, HardnessTable(depths, 0.25 * H + slope * depths), 0.15 * H, boundary)
+    assert_allclose(table.pressure, line.pressure, rtol=0, atol=1e-7 * line.pressure.max())
+    assert_allclose(table.plastic_deformation, line.plastic_deformation, rtol=0, atol=1e-7 * np.ptp(gap))
+    assert line.plastic_fraction > 0.05
+
+
+def test_beyond_its_ends_a_table_is_constant():
+    law = HardnessTable([1e-8, 2e-8], [H, 2 * H])
+    assert_array_equal(law.yield_pressure(np.array([0.0, 1e-8, 2e-8, 1.0])), [H, H, 2 * H, 2 * H])
+    assert_array_equal(law.hardening_modulus(np.array([0.0, 5e-9, 2e-8, 1.0])), 0.0)
+    assert law.capacity == 2 * H
+    with pytest.raises(fs.InputError, match="at most the mean hardness"):
+        solved(np.zeros((4, 4)), law, 2.1 * H)
+
+
+def by_root(k, gap, mean, law, start):
+    """p, u of a law that rises, on a dense K: p = y(p − c g) and mean p by scipy's `root`, y by `brentq` at each point."""
+
+    def projected(trial):
+        if trial <= law.yield_pressure(0.0):
+            return max(trial, 0.0), 0.0
+        depth = brentq(lambda u: float(law.yield_pressure(u)) + STIFF * u - trial, 0.0, trial / STIFF, xtol=1e-20)
+        return float(law.yield_pressure(depth)), depth
+
+    def both(x):
+        p = x[:-1] * H
+        return p, np.array([projected(z) for z in p - STIFF * (k @ p + gap - x[-1] * D)])
+
+    def off(x):
+        p, y = both(x)
+        return np.r_[(p - y[:, 0]) / H, p.mean() / mean - 1]
+
+    found = root(off, np.r_[start.pressure.ravel() / H, start.approach / D], tol=1e-13)
+    assert np.abs(found.fun).max() < 1e-9, found.message
+    p, y = both(found.x)
+    return p, y[:, 1]
+
+
+def by_minimiser(k, gap, mean, law):
+    """p, u of a law that softens: the energy under 0 ≤ p ≤ H_i, mean p given, by scipy's SLSQP, H_i by the law at u."""
+    n = gap.size
+    matrix, heights, p, most = k * H / D, gap / D, np.full(n, mean / H), np.full(n, law.mean_hardness / H)
+    load = {"type": "eq", "fun": lambda p: p.mean() - mean / H, "jac": lambda p: np.full(n, 1 / n)}
+    for _ in range(200):
+        given = {"bounds": [(0, h) for h in most], "constraints": load, "options": {"ftol": 1e-15, "maxiter": 500}}
+        energy = lambda p: (0.5 * p @ matrix @ p + heights @ p, matrix @ p + heights)  # noqa: E731
+        p = minimize(energy, p, jac=True, method="SLSQP", **given).x
+        v, elastic = matrix @ p + heights, (p > 1e-9) & (p < most - 1e-9)
+        u = np.where(p >= most - 1e-9, np.maximum(v[elastic].mean() - v, 0), 0.0) * D
+        former, most = most, law.yield_pressure(u) / H
+        if np.abs(most - former).max() < 1e-9:
+            assert np.ptp(v[elastic]) < 1e-5
+            return p * H, u
+    raise AssertionError("the reference did not settle")
+
+
+@pytest.mark.parametrize("law", LAWS, ids=["table", "Nix–Gao", "softer"])
+def test_curves_equal_an_independent_solution_by_scipy(law, dense_operator):
+    shape = (8, 6)
+    half_space = fs.HalfSpace(shape, (D, D), E, ("mirror", "periodic"))
+    gap = rough(shape, 0.4, seed=5)
+    for mean in (0.05 * H, 0.15 * H):
+        start = solved(gap, float(law.mean_hardness), mean, ("mirror", "periodic"))
+        given = dense_operator(half_space), gap.ravel(), mean, law
+        p, u = by_minimiser(*given) if law is SOFT else by_root(*given, start)
+        contact = solved(gap, law, mean, ("mirror", "periodic"))
+        assert_allclose(contact.pressure.ravel(), p, rtol=0, atol=1e-6 * p.max())
+        assert_allclose(contact.plastic_deformation.ravel(), u, rtol=0, atol=1e-6 * u.max())
+        assert u.max() > 0
+
+
+@pytest.mark.parametrize("width", [1e-8, 1e-10, 1e-12])
+def test_a_step_in_the_table_is_solved_however_steep(width):
+    """Law and complementarity recomputed from the fields."""
+    law = HardnessTable([0, 1e-8, 1e-8 + width, 1e-6], [0.25 * H, 0.25 * H, H, H])
+    gap = rough((32, 32))
+    contact = solved(gap, law, 0.1 * H, rtol=1e-7)
+    p, u = contact.pressure, contact.plastic_deformation
+    assert_allclose(p.mean(), 0.1 * H, rtol=1e-9)
+    g = contact.half_space.displacement(p) + gap - contact.approach
+    assert_allclose((g + u)[p > 0], 0, atol=1e-5 * np.ptp(gap))
+    # the curve between the depths a little less and a little more: u itself is known to its residual
+    least, most = (law.yield_pressure(np.maximum(u + sign * 1e-13, 0)) for sign in (-1, 1))
+    yields = u > 1e-12
+    assert np.all((p >= least * (1 - 1e-5))[yields] & (p <= most * (1 + 1e-5))[yields])
+    assert np.any(u > 1e-8 + width)
+    assert np.any((p > 0.26 * H) & (p < 0.99 * H) & yields)
+
+
+@pytest.mark.parametrize("law", LAWS, ids=["table", "Nix–Gao", "softer"])
+def test_a_peak_is_kept_and_reloading_is_elastic(law):
+    gap, body = rough((32, 32)), fs.HalfSpace((32, 32), (D, D), E, "mirror")
+    peak = 0.15 * H
+    loads = {"loading": (0.02 * H,), "unload_from": (peak,), "unloading": (0.1 * H, 0.02 * H)}
+    states = load_cycle(gap, body, hardness=law, rtol=RTOL, **loads)
+    found = {(s.pressure, s.unloaded_from): s for s in states}
+    top, down = found[peak, None].contact, found[0.02 * H, peak].contact
+    left = top.plastic_deformation
+    assert left.max() > 0
+    for state in states[-2:]:
+        assert_allclose(state.contact.plastic_deformation, left, rtol=0, atol=1e-6 * np.ptp(gap))
+        assert state.yielded_again == 0
+    again = solved(gap, law, peak, "mirror", deformation=down.plastic_deformation)
+    assert_allclose(again.pressure, top.pressure, rtol=0, atol=1e-6 * H)
+    assert_allclose(again.gap, top.gap, rtol=0, atol=1e-6 * np.ptp(gap))
+
+
+def test_a_law_that_softens_too_steeply_says_that_it_does_not_settle():
+    with pytest.raises(fs.NotConverged, match=r"off the law .* softens less"):
+        solved(rough((32, 32)), NixGao(0.25 * H, 1e-6, 1e-8), 0.1 * H, rtol=1e-6)
+
+
+@pytest.mark.parametrize("law", [RISING, SOFT], ids=["table", "Nix–Gao"])
+def test_curves_run_through_every_study(law):
+    surface = self_affine((48, 64), (48e-6, 64e-6), hurst=0.8, rms_slope=0.25, roll_off=24e-6, cut_off=8e-6, rng=1)
+    scene = fs.Scene(
+        surface, E, law, fs.Liquid(1e-3), 1e6, 0.0, loading=(1e8, 5e8), unload_from=(5e8,), unloading=(2e8,), rtol=1e-4
+    )
+    whole = fs.deterministic(scene)
+    assert whole.plastic_fraction[1] > 0.01
+    assert whole.mean_gap[1] < whole.mean_gap[2] < whole.mean_gap[0]
+    for contact in ("whole", "windows"):
+        windows = fs.two_scale(scene, (3, 4), contact=contact)
+        assert not windows.failures
+        assert_allclose(windows.mean_gap.mean(axis=(1, 2)), whole.mean_gap, rtol=0.05)
+    for pressure in ("place", "uniform"):
+        sampling = fs.Sampling(length=2e-4, realisations=3, library_cells=4, seed=1, pressure=pressure)
+        drawn = fs.stochastic(scene, (3, 4), sampling)
+        assert not drawn.failures
+        assert np.isfinite(drawn.leakage).all()
+
+
+def test_a_library_knows_its_curve():
+    body = fs.HalfSpace((8, 8), (D, D), E, "mirror")
+    laws = [*LAWS, NixGao(0.25 * H, 0.4 * D), HardnessTable(RISING.depth, 1.01 * RISING.hardness), RISING.times(2)]
+    keys = {WindowSource((rough((16, 16)),), body, law, seed=1).key(Ladder((0.0, 1e8))) for law in laws}
+    assert len(keys) == len({law.key() for law in laws}) == len(laws)
+    assert HardnessTable(list(RISING.depth), list(RISING.hardness)).key() == RISING.key()
+
+
+# --- two faces ---
+
+
+def test_the_softer_face_yields_and_where_curves_cross_the_softer_at_each_depth():
+    soft, hard = PerfectlyPlastic(0.3 * H), PerfectlyPlastic(H)
+    assert softer_of(hard, soft) is soft
+    assert softer_of(soft) is soft
+    rising = LinearHardening(0.3 * H, STIFF)
+    both = softer_of(hard, rising)
+    depth = np.array([0.0, 0.5, 2.0]) * 0.7 * H / STIFF
+    assert_allclose(both.yield_pressure(depth), [0.3 * H, 0.65 * H, H])
+    assert_allclose(both.hardening_modulus(depth), [STIFF, STIFF, 0.0])
+    assert both.capacity == H
+    gap = rough((32, 32))
+    contact = solved(gap, both, 0.15 * H)
+    assert_allclose(contact.pressure.max(), H)
+    assert solved(gap, rising, 0.15 * H).pressure.max() > 1.5 * H
+
+
+@each(
+    ("make", "words"),
+    [
+        (
+            lambda: HardnessTable([0.0], [H]),
+            "hardness table: given 1 depths and 1 hardnesses, expected as many of both",
+        ),
+        (lambda: HardnessTable([0.0, 1e-6], [H]), "2 depths and 1 hardnesses"),
+        (
+            lambda: HardnessTable([0.0, 1e-6, 1e-6], [H, H, H]),
+            "depth: given 0 m, 1 µm, 1 µm, expected depths >= 0 that",
+        ),
+        (lambda: HardnessTable([-1e-9, 1e-6], [H, H]), "expected depths >= 0 that rise"),
+        (lambda: HardnessTable([0.0, 1e-6], [H, 0.0]), "hardness: given 0 Pa, expected numbers > 0"),
+        (lambda: HardnessTable([0.0, np.nan], [H, H]), "depth: given 1 points not finite"),
+        (lambda: HardnessTable(["a", "b"], [H, H]), "depth: given"),
+        (lambda: NixGao(0.0, 1e-6), "hardness: given 0.0"),
+        (lambda: NixGao(H, -1e-6), "depth: given -1e-06"),
+        (lambda: NixGao(H, 1e-6, 0.0), "smallest_depth: given 0.0"),
+    ],
+)
+def test_bad_curves_are_named(make, words):
+    with pytest.raises(fs.InputError, match=words):
+        make()
