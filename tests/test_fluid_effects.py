@@ -5,13 +5,13 @@ from math import inf, radians
 
 import numpy as np
 import pytest
+from femseal.studies.fluid_load import carried_pressure, relief_warning, relieved_leakage
 from numpy.testing import assert_allclose
 
 import femseal as fs
 from femseal.contact import HalfSpace, solve_contact
 from femseal.fluids import capillary_entry_pressure
 from femseal.results.dataset import assemble
-from femseal.studies.fluid_load import carried_pressure, relief_warning, relieved_leakage
 
 WATER = fs.Liquid(1e-3, surface_tension=0.073, contact_angle=radians(120))
 
