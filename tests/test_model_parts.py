@@ -104,7 +104,7 @@ def test_a_case_switches_them_one_by_one(fluid, hardness, output, expected, tmp_
     results = fs.run(path, tmp_path / "out", workers=1)
     names = {part.name for part in results.budget.parts}
     assert names & {*MODEL_PARTS} == expected
-    assert ("leakage_deterministic_numerical_upper" in results.dataset) == bool(expected)
+    assert ("leakage_deterministic_budget_numerical_upper" in results.dataset) == bool(expected)
     if "fluid pressure" in expected:
         wet = tmp_path / "wet.toml"
         wet.write_text(CASE.format(fluid="acts", hardness="", output="budget = false"))

@@ -234,6 +234,7 @@ def _interpolated(p, start, end, values):
 
 @njit(cache=True, nogil=True)
 def _permeability(p, coefficients, slope, low, high, knots):
+    """k of one part at a pressure; coefficients are ln k at the knots, or those of a polynomial without knots."""
     if knots.size:
         i = min(max(np.searchsorted(knots, p), 1), knots.size - 1)
         weight = min(max((p - knots[i - 1]) / (knots[i] - knots[i - 1]), 0.0), 1.0)

@@ -248,7 +248,9 @@ def add_budgets(data: xarray.Dataset, budgets: Mapping[str, ErrorBudget]) -> Non
             add_step(data, f"leakage_{method}_budget_{end}", "m^2/s", text, getattr(budget, end))
             if len(budget.numerical.parts) < len(budget.parts):
                 alone = f"{text}, of its solution alone"
-                add_step(data, f"leakage_{method}_numerical_{end}", "m^2/s", alone, getattr(budget.numerical, end))
+                add_step(
+                    data, f"leakage_{method}_budget_numerical_{end}", "m^2/s", alone, getattr(budget.numerical, end)
+                )
             # a source that the method does not have moves nothing
             ends = [getattr(parts[name], end) if name in parts else budget.leakage for name in names]
             made = Field(f"leakage_{method}_budget_part_{end}", "m^2/s", f"{text}, of each source", ERROR_SOURCE)

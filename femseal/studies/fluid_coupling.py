@@ -126,7 +126,8 @@ class FluidPressure:
             flow = attempt(resolved_flow, contact.gap, half_space.spacing, self.settings, with_potential=True)
             if isinstance(flow, Failed):
                 return _coupled(contact, flow, carried, n)
-            former, p_f = p_f, fill_undefined(self.above_surroundings(flow.potential))
+            former, found = p_f, fill_undefined(self.above_surroundings(flow.potential))
+            p_f = found if np.isfinite(found).all() else former  # no gap that an end reaches
             k, before = flow.permeability, moved
             moved = float(np.abs((p_f - former).mean(axis=1)).max()) / scale
             # closed faces have to stay as they are

@@ -96,7 +96,8 @@ def _table_pressures(scene: Scene) -> TablePressures:
     # ln k is nearly straight in the cube root of the pressure that the fluid leaves to the windows
     full = max(min((p for p in scene.steps.pressures if p > 0), default=0.0), fluid.inlet, fluid.outlet)
     first, last = (float(np.cbrt(full - p)) for p in (fluid.outlet, fluid.inlet))
-    return TablePressures(tuple(full - np.linspace(first, last, FLUID_PRESSURES) ** 3), piecewise=True)
+    between = full - np.linspace(first, last, FLUID_PRESSURES)[1:-1] ** 3
+    return TablePressures((fluid.outlet, *between.tolist(), fluid.inlet), piecewise=True)
 
 
 @dataclass(frozen=True, eq=False)

@@ -43,7 +43,7 @@ def _modulus_warnings(scene: Scene) -> Iterator[str]:
 def _pressure_warnings(scene: Scene) -> Iterator[str]:
     """Loads that the fluid carries alone, a gas into a vacuum, loads near the hardness."""
     steps, fluid = scene.steps, scene.acting_fluid
-    parted = [step for step in steps if fluid is not None and fluid.parts(step.pressure)]
+    parted = [step for step in steps if fluid is not None and step.pressure > 0 and fluid.parts(step.pressure)]
     if fluid is not None and parted:
         yield (
             f"of {to_text(parted[0].pressure, 'Pa')}, the load at {parted[0].name}"

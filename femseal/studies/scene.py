@@ -16,7 +16,7 @@ from ..base.stage import Mapper
 from ..contact import ContactLaw, HalfSpace, LoadState, contact_law, load_states, solve_contact
 from ..flow import critical_constriction
 from ..flow.pressure_drop import PressureDrop
-from ..fluids import Fluid, capillary_entry_pressure
+from ..fluids import Fluid, Liquid, capillary_entry_pressure
 from ..loads import LoadProgramme
 from ..seal import Leakage, seal_leakage
 from ..seal.layouts import Layout, RectangularLayout
@@ -107,7 +107,10 @@ class Scene:
     @property
     def acting_fluid(self) -> FluidPressure | None:
         """The fluid that presses the faces apart; None where it does not, or not enough to change the leakage."""
-        fluid = FluidPressure(self.fluid, self.inlet_pressure, self.outlet_pressure, self.nominal, self.flow)
+        # the viscosity of a liquid does not change how its pressure falls: contacts are those of all viscosities
+        plain = isinstance(self.fluid, Liquid) and self.fluid.pressure_viscosity == 0
+        own = Liquid(1.0) if plain else self.fluid
+        fluid = FluidPressure(own, self.inlet_pressure, self.outlet_pressure, self.nominal, self.flow)
         acts = self.fluid_pressure == "acts" and abs(fluid.carried) > LEAST_FRACTION * min(self.steps.pressures)
         return fluid if acts else None
 
