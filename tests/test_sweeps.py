@@ -14,9 +14,9 @@ from small_cases import TABLES
 import femseal as fs
 from femseal.base.stage import Stage
 from femseal.case.case import read_case
+from femseal.contact import solver
 from femseal.execution.shared_stages import SharedStages, Unnamed, digest
 from femseal.results.run_comparison import named
-from femseal.studies import fluid_coupling, scene
 from femseal.sweeps.variations import parsed_keys, short_names, variations
 from femseal.windows import SolveCounts, SolverCounts
 
@@ -53,14 +53,13 @@ def case(tmp_path):
 @pytest.fixture
 def contacts(monkeypatch):
     """Nominal pressures of the contacts that are solved."""
-    solved, solve = [], scene.solve_contact
+    solved, check = [], solver._checked_load
 
-    def counted(*arguments, **options):
-        solved.append(options["pressure"])
-        return solve(*arguments, **options)
+    def counted(gap, half_space, law, pressure, approach):
+        solved.append(pressure)
+        return check(gap, half_space, law, pressure, approach)
 
-    for module in (scene, fluid_coupling):
-        monkeypatch.setattr(module, "solve_contact", counted)
+    monkeypatch.setattr(solver, "_checked_load", counted)
     return solved
 
 

@@ -31,7 +31,7 @@ from ..execution.run import Progress, Run, no_progress
 from ..execution.shared_stages import SharedStages
 from ..preparation.preparation import prepare
 from ..preparation.prepared import Prepared, without_short_waves
-from ..refinement.budgets import budgets_of, leakage_of, with_model_parts
+from ..refinement.budgets import budgets_of, leakage_of
 from ..refinement.refine_to_accuracy import refine_to_accuracy
 from ..refinement.settings import chosen
 from ..report import write_folder
@@ -254,8 +254,15 @@ def _budgets(
         def solve(version: Prepared, study: Study, solved: Mapping[str, Any]) -> Any:
             return version.solve(study, mapper, solved)
 
-        budgets = budgets_of(prepared, studies, solve, leakage_filtered=filtered, known=known)
-        return with_model_parts(prepared, studies, budgets, solve, case.output.model_parts, case.hardness_tolerance)
+        return budgets_of(
+            prepared,
+            studies,
+            solve,
+            leakage_filtered=filtered,
+            known=known,
+            model_parts=case.output.model_parts,
+            hardness=case.hardness_tolerance,
+        )
 
 
 def _write(results: Results, folder: Path, case: Case, mapper: Mapper) -> None:
