@@ -7,6 +7,7 @@ from os.path import isfile
 from pathlib import Path
 from typing import Annotated, Any
 
+import numpy as np
 from pydantic import Field, WithJsonSchema, model_validator
 from pydantic_core import PydanticCustomError
 
@@ -72,7 +73,7 @@ class SolidTable(Table):
     def law(self) -> ContactLaw:
         """The contact law of its keys: perfectly plastic, hardening, or a curve of the depth."""
         if self.hardness_table is not None:
-            return HardnessTable(*(list(column) for column in zip(*self.hardness_table, strict=True)))
+            return HardnessTable(*np.array(self.hardness_table, dtype=float).T)
         hardness = self.solid.hardness
         assert hardness is not None  # a Solid has one, inf where none is given
         if self.nix_gao_depth is not None:
@@ -120,7 +121,7 @@ def read_hardness_table(path: Path, key: str) -> list[list[str]]:
     try:
         lines = [line for line in path.read_text(encoding="utf-8-sig").splitlines() if line.strip()]
         heads, *rows = ([cell.strip() for cell in re.split("[,;\t]", line)] for line in lines)
-        columns = [match.groups() for match in map(_COLUMN.match, heads) if match]
+        columns = [(match[1], match[2]) for match in map(_COLUMN.match, heads) if match]
         units = dict(columns)
         places = [[name for name, _ in columns].index(name) for name in ("depth", "hardness")]
         numbers = [[float(row[n]) for n in places] for row in rows if len(row) == len(columns) == 2]
