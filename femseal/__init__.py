@@ -57,7 +57,7 @@ if TYPE_CHECKING:
         permeability_tensor,
     )
     from .fluids import IdealGas, Liquid, RoelandsLiquid
-    from .materials import Solid, contact_modulus
+    from .materials import Solid, contact_modulus, named_solid
     from .preparation.preparation import prepare
     from .refinement.accuracy_measure import measure_accuracy
     from .refinement.accuracy_report import AccuracyReport
@@ -107,7 +107,7 @@ _MODULES = {
     ),
     "fluids": ("IdealGas", "Liquid", "RoelandsLiquid"),
     "runs.job": ("run",),
-    "materials": ("Solid", "contact_modulus"),
+    "materials": ("Solid", "contact_modulus", "named_solid"),
     "report": ("write_report",),
     "results": ("Results", "RunComparison", "compare", "open_results"),
     "seal": (

@@ -1,4 +1,4 @@
-"""Tables of a case file except those of faces, load, fluid and seal: solids, contact, flow, windows, draws, output."""
+"""Tables of a case file except those of faces, solids, load, fluid and seal: contact, flow, windows, draws, output."""
 
 from __future__ import annotations
 
@@ -12,11 +12,13 @@ from ..base.errors import InputError
 from ..base.leak_classes import KNOWN, leak_classes
 from ..base.leak_units import LEAK_UNITS, LeakUnit, leak_unit
 from ..base.quantities import to_text
+<<<<<<< HEAD
 from ..budget import MODEL_PARTS
 from ..contact import ContactLaw, LinearHardening, PerfectlyPlastic
+=======
+>>>>>>> main
 from ..flow import DISCRETISATIONS, SOLVERS
 from ..flow.discretisation import check_discretisation
-from ..materials import Solid
 from ..results.paraview import FORMATS
 from ..results.pixel_fields import LIMIT
 from ..studies import CONTACTS, DRAWS, FLOWS, FLUID_PRESSURES, PRESSURES
@@ -25,11 +27,8 @@ from .fluid import AnyFluid
 from .values import (
     Count,
     FileSize,
-    Hardening,
     Length,
     Lengths,
-    Modulus,
-    Poisson,
     Ratio,
     Table,
     Temperature,
@@ -39,6 +38,7 @@ from .values import (
 Boundary = Literal["periodic", "mirror", "free"]
 
 
+<<<<<<< HEAD
 class SolidTable(Table):
     """A solid, see `materials.Solid`."""
 
@@ -70,6 +70,8 @@ class SolidTable(Table):
         return PerfectlyPlastic(hardness) if self.hardening is None else LinearHardening(hardness, self.hardening)
 
 
+=======
+>>>>>>> main
 class ContactTable(Table):
     """How contact is solved, and whether the fluid presses the faces apart, see `studies.Scene`."""
 

@@ -25,7 +25,13 @@ def plausibility_warnings(case: Case, scene: Scene, surface: Conditioning) -> tu
     """One sentence for each thing in a case and its scene that is not plausible, but may be meant."""
     solids = zip(("material", "counter_material"), case.solids, strict=True)
     odd = moduli_warnings((f"{name}.young", solid.young) for name, solid in solids if solid is not None)
-    return (*odd, *case.fluid_warnings, *scene_warnings(scene), *_odd_filter(case, scene, surface))
+    return (
+        *odd,
+        *case.fluid_warnings,
+        *case.solid_warnings,
+        *scene_warnings(scene),
+        *_odd_filter(case, scene, surface),
+    )
 
 
 def _odd_filter(case: Case, scene: Scene, surface: Conditioning) -> Iterator[str]:
