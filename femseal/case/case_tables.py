@@ -12,11 +12,7 @@ from ..base.errors import InputError
 from ..base.leak_classes import KNOWN, leak_classes
 from ..base.leak_units import LEAK_UNITS, LeakUnit, leak_unit
 from ..base.quantities import to_text
-<<<<<<< HEAD
 from ..budget import MODEL_PARTS
-from ..contact import ContactLaw, LinearHardening, PerfectlyPlastic
-=======
->>>>>>> main
 from ..flow import DISCRETISATIONS, SOLVERS
 from ..flow.discretisation import check_discretisation
 from ..results.paraview import FORMATS
@@ -38,40 +34,6 @@ from .values import (
 Boundary = Literal["periodic", "mirror", "free"]
 
 
-<<<<<<< HEAD
-class SolidTable(Table):
-    """A solid, see `materials.Solid`."""
-
-    young: Modulus
-    poisson: Poisson = 0.3
-    yield_stress: Modulus | None = None
-    hardness: Modulus | None = None
-    hardening: Hardening | None = None
-    hardness_tolerance: Annotated[float, Field(ge=0, lt=1)] = 0.1
-
-    @model_validator(mode="after")
-    def _one_strength(self) -> SolidTable:
-        if self.yield_stress is not None and self.hardness is not None:
-            raise PydanticCustomError("strength", "yield_stress or hardness, not both")
-        if self.hardening is not None and self.yield_stress is None and self.hardness is None:
-            raise PydanticCustomError("strength", "hardening with a yield_stress or a hardness")
-        return self
-
-    @property
-    def solid(self) -> Solid:
-        """The solid."""
-        return Solid(self.young, self.poisson, self.yield_stress, self.hardness)
-
-    @property
-    def law(self) -> ContactLaw:
-        """The contact law of its keys: perfectly plastic, or hardening where `hardening` is given."""
-        hardness = self.solid.hardness
-        assert hardness is not None  # a Solid has one, inf where none is given
-        return PerfectlyPlastic(hardness) if self.hardening is None else LinearHardening(hardness, self.hardening)
-
-
-=======
->>>>>>> main
 class ContactTable(Table):
     """How contact is solved, and whether the fluid presses the faces apart, see `studies.Scene`."""
 
