@@ -119,6 +119,9 @@ def assemble(
         if (drawn := stochastic.median_seal) is not None:
             variables.add_declared(data, drawn)
             data["drawn_corners"].attrs["realisation"] = drawn.realisation
+    if "row" in data.dims:
+        rows = (np.arange(data.sizes["row"]) + 0.5) * scene.surface.spacing[0]
+        variables.add_coordinate(data, "row", "m", "x1 of rows of pixels, from the inlet", rows)
     variables.add_heights(data, scene)
     variables.add_contact_fraction(data, scene, deterministic, two_scale, stochastic)
     doubts = []

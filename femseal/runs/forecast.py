@@ -88,6 +88,7 @@ def describe(case: Case, made: Prepared) -> list[str]:
         highest += f", from {to_text(case.load.highest, case.load.unit)}"
     if case.load.interpolate is not None:
         highest += f"; at most: those that {100 * case.load.interpolate:.3g} % allows are interpolated"
+    lines += [_line("seat", made.seat)] if made.seat else []
     lines.append(_line("load", f"{steps} states: {steps - down} loading{unloading}, up to {highest}"))
     lines.append(_line("material", solids_text(case.echo())))
     lines.append(_line("", contact_text(scene.modulus, str(scene.law))))

@@ -215,6 +215,7 @@ def _results(case: Case, made: Prepared, faces: dict[str, str], run: Run) -> Res
         interpolated_within=case.load.interpolate or 0.0,
         **case.output.model_dump(include={"leakage_unit", "classes", "nominal_diameter", "throughput_temperature"}),
     )
+    results.dataset.attrs["seat"] = prepared.seat
     results.dataset.attrs["face_files"] = json.dumps(faces)
     results.dataset.attrs["chosen"] = json.dumps(chosen(case, made))
     if refined is not None:

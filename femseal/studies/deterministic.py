@@ -7,13 +7,13 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base.fields import PIXEL, STEP, declared
+from ..base.fields import PIXEL, ROW, STEP, declared
 from ..base.stage import Mapper
 from ..base.text import Shown
 from ..loads import LoadProgramme
 from ..windows import Partition, SolverCounts
 from ..windows.window_fields import ContactPressure
-from .face_contact import cut_contact, solve_face
+from .face_contact import band_breadth, cut_contact, solve_face
 from .plausibility import scene_warnings
 from .repeated_steps import first_equal, repeated
 from .scene import Array, Scene
@@ -46,6 +46,9 @@ class DeterministicResult(Shown):
         "plastic_fraction_deterministic", "1", "fraction at the hardness, deterministic", STEP
     )
     mean_gap: Array = declared("mean_gap_deterministic", "m", "mean gap, deterministic", STEP)
+    row_pressure: Array = declared("row_pressure", "Pa", "mean contact pressure of rows", ROW, repr=False)
+    band_breadth: Array = declared("band_breadth", "m", "breadth of the band in contact", STEP)
+    largest_row_pressure: Array = declared("largest_row_pressure", "Pa", "largest mean contact pressure of a row", STEP)
     gap: NDArray[np.float32] = declared("gap_deterministic", "m", "deformed gap, deterministic", PIXEL)
     contact_pressure: ContactPressure = declared(
         "contact_pressure_deterministic", "Pa", "contact pressure, deterministic", PIXEL
@@ -103,6 +106,9 @@ def deterministic(scene: Scene, *, cells: tuple[int, int] | None = None, mapper:
         contact_fraction=contact_fraction,
         plastic_fraction=plastic_fraction,
         mean_gap=mean_gap,
+        row_pressure=windows.row_pressure,
+        band_breadth=band_breadth(windows.row_pressure, surface.spacing[0]),
+        largest_row_pressure=windows.row_pressure.max(axis=1),
         gap=gap,
         contact_pressure=windows.fields.pressure,
         fluid_pressure=through.fluid_pressure,

@@ -103,14 +103,15 @@ class FaceState:
     """The contact of the whole face at one step, cut into windows, and the flow through it.
 
     gap : (n1, n2) [m]. in_contact : the pressure of every window. means : pressure [Pa], fraction in contact and
-    fraction at the hardness of every window (3, m1, m2). facts : fraction in contact, fraction at the hardness, mean
-    gap [m] and residual of the whole face, and the mean pressure that the fluid carries [Pa]. flow : None unless asked
-    for. failed : why there is none.
+    fraction at the hardness of every window (3, m1, m2). rows : mean pressure of rows (n1,) [Pa]. facts : fraction in
+    contact, fraction at the hardness, mean gap [m] and residual of the whole face, and the mean pressure that the fluid
+    carries [Pa]. flow : None unless asked for. failed : why there is none.
     """
 
     gap: NDArray[np.float32]
     in_contact: tuple[ContactValues, ...]
     means: Array
+    rows: Array
     facts: tuple[float, float, float, float, float]
     flow: FaceFlow | Failed | None
     failed: str = ""
@@ -129,9 +130,18 @@ class FaceState:
             gap=contact.gap.astype(np.float32),
             in_contact=tuple(ContactValues.of(partition.cell(p, *place)) for place in partition.places),
             means=np.array([partition.cell_means(values) for values in (p, p > 0, contact.plastic)]),
+            rows=p.mean(axis=1),
             facts=(contact.area_fraction, contact.plastic_fraction, contact.mean_gap, contact.residual, carried),
             flow=found,
         )
+
+
+def band_breadth(row_pressure: Array, spacing: float) -> Array:
+    """Distance of the first row in contact from the last, both included (steps,) [m]; row_pressure (steps, n1) [Pa]."""
+    touching = row_pressure > 0
+    n1 = touching.shape[1]
+    between = n1 - touching.argmax(axis=1) - touching[:, ::-1].argmax(axis=1)
+    return np.where(touching.any(axis=1), between, 0) * spacing
 
 
 def cut_contact(scene: Scene, partition: Partition, face: FaceStates) -> WindowContacts:
@@ -149,6 +159,7 @@ def cut_contact(scene: Scene, partition: Partition, face: FaceStates) -> WindowC
         mean_gap=np.array([partition.cell_means(g) for g in gap]),
         contact_fraction=contact_fraction,
         plastic_fraction=plastic_fraction,
+        row_pressure=np.array([state.rows for state in states]),
         carried_pressure=np.array([state.facts[-1] for state in states]),
         through=None if scene.acting_fluid is None else face.through,
         unsolved=tuple(

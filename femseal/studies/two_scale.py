@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.errors import InputError
-from ..base.fields import LINK1, LINK2, NODE, PIXEL, STEP, WINDOW, Field, declared
+from ..base.fields import LINK1, LINK2, NODE, PIXEL, ROW, STEP, WINDOW, Field, declared
 from ..base.stage import Mapper, Stage
 from ..base.text import Shown
 from ..elements.elements import ELEMENT_BYTES
@@ -22,7 +22,7 @@ from ..windows import Failed, FlowHistory, FlowSettings, Partition, SolveCounts,
 from ..windows.window_fields import ContactPressure, WindowFields
 from ..windows.window_flow import flow_history
 from .deterministic import state_memory
-from .face_contact import solve_windows
+from .face_contact import band_breadth, solve_windows
 from .face_flow import element_face_flow, resolved_flow
 from .face_leakage import FaceLeakage, face_leakage
 from .plausibility import scene_warnings
@@ -93,6 +93,9 @@ class TwoScaleResult(Shown):
     face_fluid_pressure: NDArray[np.float32] | None = declared(
         "fluid_pressure", "Pa", "fluid pressure, NaN in contact and in pockets", PIXEL, in_si=True
     )
+    row_pressure: Array = declared("row_pressure", "Pa", "mean contact pressure of rows", ROW, repr=False)
+    band_breadth: Array = declared("band_breadth", "m", "breadth of the band in contact", STEP)
+    largest_row_pressure: Array = declared("largest_row_pressure", "Pa", "largest mean contact pressure of a row", STEP)
     gap_error: Array = declared(
         "gap_error", "1", "error of the gap of windows, estimated by the half-space of the whole face", STEP
     )
@@ -197,6 +200,8 @@ def two_scale(
             "failures": solved.failures + found.failures,
             "warnings": scene_warnings(scene) + solved.warnings + found.warnings,
         },
+        band_breadth=band_breadth(solved.row_pressure, scene.surface.spacing[0]),
+        largest_row_pressure=solved.row_pressure.max(axis=1),
         entry_pressure=scene.entry_pressures(solved.fields.gap),
         equal_steps=repeated(first),
     )

@@ -43,9 +43,10 @@ class WindowContacts:
 
     contact : how it was solved, see `face_contact.CONTACTS`. gap_error : at every step (steps,), see
     `windows.gap_error`; 0 for the contact of the whole face. gap_effect : flow through the gap over that through the
-    corrected one (steps,): 1 where the error is small, inf where the corrected gap is closed. carried_pressure : mean
-    pressure that the fluid carries (steps,) [Pa]. through : flow at full resolution with which the contact was solved.
-    unsolved : steps without a gap, where the faces part, by their number, and why.
+    corrected one (steps,): 1 where the error is small, inf where the corrected gap is closed. row_pressure : mean
+    contact pressure of rows of pixels (steps, n1) [Pa]. carried_pressure : mean pressure that the fluid carries
+    (steps,) [Pa]. through : flow at full resolution with which the contact was solved. unsolved : steps without a gap,
+    where the faces part, by their number, and why.
     """
 
     contact: str
@@ -56,6 +57,7 @@ class WindowContacts:
     mean_gap: Array
     contact_fraction: Array
     plastic_fraction: Array
+    row_pressure: Array
     carried_pressure: Array | None = None
     through: FaceLeakage | None = field(default=None, repr=False)
     unsolved: tuple[tuple[int, str], ...] = ()
@@ -114,6 +116,7 @@ def windows_contact(scene: Scene, cells: tuple[int, int], mapper: Mapper) -> Win
         mean_gap=np.array([partition.cell_means(g) for g in gap]),
         contact_fraction=contact_fraction,
         plastic_fraction=plastic_fraction,
+        row_pressure=np.array([p.mean(axis=1) for p in fields.pressure]),
         carried_pressure=np.full(len(steps), 0.0 if fluid is None else fluid.carried),
         unsolved=scene.parted_steps,
         failures=tuple(failures),
