@@ -28,7 +28,7 @@ from .faults import INTERNAL, case_faults, fault
 from .fluid import AnyFluid, with_named_fluids
 from .load import LoadTable
 from .seal import AnySeal, with_inlet_pressure
-from .seat import AnySeat
+from .seat_form import AnySeat
 from .solid import SolidTable, with_named_solids
 from .values import Accuracy, Duration, FileSize, Number, Table
 
