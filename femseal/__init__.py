@@ -57,7 +57,7 @@ if TYPE_CHECKING:
         permeability_tensor,
     )
     from .fluids import IdealGas, Liquid, RoelandsLiquid
-    from .materials import Solid, contact_modulus
+    from .materials import Solid, contact_modulus, named_solid
     from .preparation.preparation import prepare
     from .real_gas import RealGas
     from .refinement.accuracy_measure import measure_accuracy
@@ -109,7 +109,7 @@ _MODULES = {
     "fluids": ("IdealGas", "Liquid", "RoelandsLiquid"),
     "real_gas": ("RealGas",),
     "runs.job": ("run",),
-    "materials": ("Solid", "contact_modulus"),
+    "materials": ("Solid", "contact_modulus", "named_solid"),
     "report": ("write_report",),
     "results": ("Results", "RunComparison", "compare", "open_results"),
     "seal": (

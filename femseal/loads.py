@@ -167,6 +167,15 @@ def nominal_pressure(load: float, unit: str, *, area: float, length: float) -> f
     return float(f"{pressure:.12g}")  # the same as other loads of the same pressure
 
 
+def relaxed(pressure: float, relaxation: float) -> float:
+    """Service pressure [Pa] of a pressure in assembly [Pa], of which relaxation at constant set-down takes a fraction.
+
+    >>> relaxed(300e6, 0.1)
+    270000000.0
+    """
+    return float(f"{(1 - relaxation) * pressure:.12g}")  # the same as a load that is given
+
+
 def _pressures(name: str, values: Sequence[float]) -> list[float]:
     try:
         return [validate.number(name, p, unit="Pa", inclusive=True) for p in values]

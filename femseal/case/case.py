@@ -17,17 +17,18 @@ from pydantic_core import PydanticCustomError
 
 from ..base.errors import InputError, InputErrors, shortened
 from ..base.quantities import to_text
-from ..contact import ContactLaw
+from ..contact import ContactLaw, softer_of
 from ..fluids import leak_basis, potential_of
 from ..materials import Solid, contact_modulus
 from ..results.class_results import check_classes
 from ..seal.layouts import Layout
-from .case_tables import CellsTable, ContactTable, FlowTable, OutputTable, SolidTable, StochasticTable
+from .case_tables import CellsTable, ContactTable, FlowTable, OutputTable, StochasticTable
 from .faces import Face, FileFace, SurfaceTable
 from .faults import INTERNAL, case_faults, fault
 from .fluid import AnyFluid, with_absolute_pressures, with_named_fluids
 from .load import LoadTable
 from .seal import AnySeal, with_inlet_pressure
+from .solid import SolidTable, with_named_solids
 from .values import Accuracy, Duration, FileSize, Number, Table
 
 #: No case is larger [byte].
@@ -66,6 +67,7 @@ class Case(Table):
     output: OutputTable = OutputTable()
     folder: Path = Field(default=Path(), exclude=True)
     fluid_warnings: tuple[str, ...] = Field(default=(), exclude=True)
+    solid_warnings: tuple[str, ...] = Field(default=(), exclude=True)
 
     @model_validator(mode="before")
     @classmethod
@@ -76,8 +78,8 @@ class Case(Table):
 
     @model_validator(mode="before")
     @classmethod
-    def _named_fluid(cls, data: Any) -> Any:
-        return with_named_fluids(with_inlet_pressure(with_absolute_pressures(data)))
+    def _named(cls, data: Any) -> Any:
+        return with_named_solids(with_named_fluids(with_inlet_pressure(with_absolute_pressures(data))))
 
     @model_validator(mode="before")
     @classmethod
@@ -199,9 +201,8 @@ class Case(Table):
 
     @property
     def law(self) -> ContactLaw:
-        """Contact law of the softer solid, that which yields at the lower pressure; elastic where none yields."""
-        tables = (self.material, self.counter_material)
-        return min((t.law for t in tables if t is not None), key=lambda law: law.mean_hardness)
+        """Contact law of the softer solid, at each depth where their curves cross; elastic where none yields."""
+        return softer_of(self.material.law, None if self.counter_material is None else self.counter_material.law)
 
     @property
     def modulus(self) -> float:

@@ -1,4 +1,4 @@
-"""Tables of a case file except those of faces, load, fluid and seal: solids, contact, flow, windows, draws, output."""
+"""Tables of a case file except those of faces, solids, load, fluid and seal: contact, flow, windows, draws, output."""
 
 from __future__ import annotations
 
@@ -12,10 +12,8 @@ from ..base.errors import InputError
 from ..base.leak_classes import KNOWN, leak_classes
 from ..base.leak_units import LEAK_UNITS, LeakUnit, leak_unit
 from ..base.quantities import to_text
-from ..contact import ContactLaw, LinearHardening, PerfectlyPlastic
 from ..flow import DISCRETISATIONS, SOLVERS
 from ..flow.discretisation import check_discretisation
-from ..materials import Solid
 from ..results.paraview import FORMATS
 from ..results.pixel_fields import LIMIT
 from ..studies import CONTACTS, DRAWS, FLOWS, PRESSURES
@@ -24,11 +22,8 @@ from .fluid import AnyFluid
 from .values import (
     Count,
     FileSize,
-    Hardening,
     Length,
     Lengths,
-    Modulus,
-    Poisson,
     Ratio,
     Table,
     Temperature,
@@ -36,36 +31,6 @@ from .values import (
 )
 
 Boundary = Literal["periodic", "mirror", "free"]
-
-
-class SolidTable(Table):
-    """A solid, see `materials.Solid`."""
-
-    young: Modulus
-    poisson: Poisson = 0.3
-    yield_stress: Modulus | None = None
-    hardness: Modulus | None = None
-    hardening: Hardening | None = None
-
-    @model_validator(mode="after")
-    def _one_strength(self) -> SolidTable:
-        if self.yield_stress is not None and self.hardness is not None:
-            raise PydanticCustomError("strength", "yield_stress or hardness, not both")
-        if self.hardening is not None and self.yield_stress is None and self.hardness is None:
-            raise PydanticCustomError("strength", "hardening with a yield_stress or a hardness")
-        return self
-
-    @property
-    def solid(self) -> Solid:
-        """The solid."""
-        return Solid(self.young, self.poisson, self.yield_stress, self.hardness)
-
-    @property
-    def law(self) -> ContactLaw:
-        """The contact law of its keys: perfectly plastic, or hardening where `hardening` is given."""
-        hardness = self.solid.hardness
-        assert hardness is not None  # a Solid has one, inf where none is given
-        return PerfectlyPlastic(hardness) if self.hardening is None else LinearHardening(hardness, self.hardening)
 
 
 class ContactTable(Table):

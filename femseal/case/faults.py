@@ -14,7 +14,7 @@ _LONGEST_KEY = 40
 #: Longest message about keys together; of a longer one the end is left out, such as that of a list of what is expected.
 _LONGEST_FAULT = 400
 #: Fields of a case that are no keys of its file.
-INTERNAL = ("folder", "fluid_warnings")
+INTERNAL = ("folder", "fluid_warnings", "solid_warnings")
 #: What took the place of keys that are gone.
 _REPLACED = {"stochastic.profile": 'map = { kind = "profile", shares = [...] } in the table load, in its place'}
 #: What pydantic expects of a value of another type, as a user of TOML says it.

@@ -178,11 +178,11 @@ def _filled(table: Any, place: str, odd: list[str]) -> Any:
     given = _with_dynamic_viscosity({"kind": kind, **given}, place, found.parameters.get("density"))
     if kind != found.kind:
         odd.append(f"{place}.kind {kind} stands for {table['name']}, which is of kind {found.kind} there: leave it out")
-    odd += _overriding(given, found.parameters, units, place)
+    odd += overriding(given, found.parameters, units, place)
     return {**filled, **given}
 
 
-def _overriding(given: dict[str, Any], known: dict[str, float], units: dict[str, str], place: str) -> Iterator[str]:
+def overriding(given: dict[str, Any], known: dict[str, float], units: dict[str, str], place: str) -> Iterator[str]:
     """A sentence for each key that stands in place of a much larger or smaller value of the named fluid."""
     for key in (key for key in known if key in given and key in units):
         try:

@@ -15,11 +15,11 @@ from pydantic_core import PydanticCustomError
 
 from ..base.errors import InputError
 from ..base.quantities import to_si, to_text
-from ..loads import LOAD_UNITS, nominal_pressure
+from ..loads import LOAD_UNITS, nominal_pressure, relaxed
 from ..seal.field_file import read_pressure_field
 from ..seal.pressure_map import AngleTable, AnyMap, MapsAtLoads, PressureField, PressureMap, Profile, Uniform
 from .faults import fault
-from .values import Accuracy, Angle, Count, Place, Quantity, Table, quantity_schema
+from .values import Accuracy, Angle, Count, Place, Quantity, Relaxation, Table, quantity_schema
 
 #: No cycle is longer [load steps].
 _MOST_STEPS = 10_000
@@ -150,6 +150,8 @@ AnyMapTable = Annotated[UniformMap | ProfileMap | AngleMap | FieldMap, Field(dis
 class LoadTable(Table):
     """Loads of the cycle, see `loads.LoadProgramme`: nominal pressures, or forces that the seal's size makes pressures.
 
+    relaxation : fraction of a load in assembly that is lost at constant set-down before service: every peak, or
+        without `unload_from` every load, is unloaded to the rest of it too.
     map : of the pressure over the seal; several hold at the loads `at`. interpolate : relative error of the leakage
         within which steps may be interpolated instead of solved; unless given all are solved.
     """
@@ -157,6 +159,7 @@ class LoadTable(Table):
     loading: Annotated[tuple[Load, ...], Field(min_length=1)]
     unload_from: tuple[Load, ...] = ()
     unloading: tuple[Load, ...] = ()
+    relaxation: Relaxation = 0.0
     interpolate: Accuracy | None = None
     map: Annotated[
         tuple[AnyMapTable, ...] | None, BeforeValidator(lambda given: [given] if isinstance(given, dict) else given)
@@ -182,13 +185,14 @@ class LoadTable(Table):
         """Raise a fault if the loads are no programme: they rise, and are unloaded from peaks that they reach."""
         if any(b <= a for a, b in pairwise(self.loading)):
             raise PydanticCustomError("load", "rising pressures in `loading`")
-        if bool(self.unload_from) != bool(self.unloading):
+        if bool(self.unload_from) != bool(self.unloading) and (self.unloading or not self.relaxation):
             raise PydanticCustomError("load", "`unload_from` and `unloading` both, or neither")
-        steps = len(self.loading) + len(self.unload_from) * (1 + len(self.unloading))
+        peaks = self.peaks
+        steps = len(self.loading) + len(peaks) * (1 + len(self.unloading) + (len(peaks) if self.relaxation else 0))
         if steps > _MOST_STEPS:
             raise PydanticCustomError("load", "at most {most} steps, not {n}", {"most": _MOST_STEPS, "n": steps})
         for peak in self.unload_from:
-            if not any(p < peak for p in self.unloading):
+            if not self.relaxation and not any(p < peak for p in self.unloading):
                 low = to_text(peak, self.unit)
                 raise PydanticCustomError("load", "a pressure in `unloading` below the peak {low}", {"low": low})
         return self
@@ -204,6 +208,11 @@ class LoadTable(Table):
         return max((*self.loading, *self.unload_from))
 
     @property
+    def peaks(self) -> tuple[float, ...]:
+        """Loads from which the seal is unloaded; with relaxation and without `unload_from` all."""
+        return self.unload_from or (tuple(p for p in self.loading if p > 0) if self.relaxation else ())
+
+    @property
     def files(self) -> tuple[Path, ...]:
         """Files of maps."""
         return tuple(one.path for one in self.map or () if isinstance(one, FieldMap))
@@ -211,7 +220,10 @@ class LoadTable(Table):
     def pressures(self, area: float, length: float) -> dict[str, tuple[float, ...]]:
         """Nominal pressures [Pa] of a seal of an area [m²] and a length [m]: `loading`, `unload_from`, `unloading`."""
         pressure = self._pressure(area, length)
-        return {name: tuple(map(pressure, getattr(self, name))) for name in ("loading", "unload_from", "unloading")}
+        loading, peaks, stops = (tuple(map(pressure, loads)) for loads in (self.loading, self.peaks, self.unloading))
+        if self.relaxation:
+            stops = tuple(sorted({*stops, *(relaxed(p, self.relaxation) for p in peaks)}, reverse=True))
+        return {"loading": loading, "unload_from": peaks, "unloading": stops}
 
     def pressure_map(self, folder: Path, area: float, length: float) -> AnyMap:
         """The map of the pressure over such a seal; files are relative to the folder."""

@@ -23,6 +23,7 @@ def case_schema() -> dict[str, Any]:
     for kind in kinds:  # inlets of the seal may have pressures of their own
         kind["required"] = [key for key in kind["required"] if key != "inlet_pressure"]
     # what a name fills in need not be given
+    del schema["definitions"]["SolidTable"]["required"]
     keys = {key: value for kind in reversed(kinds) for key, value in kind["properties"].items() if key != "kind"}
     names = {"kind": {"enum": [kind["properties"]["kind"]["const"] for kind in kinds]}, "name": {"type": "string"}}
     named = {"type": "object", "properties": keys | names, "required": ["name"]}

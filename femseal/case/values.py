@@ -141,6 +141,7 @@ Hardening = Annotated[float, Quantity("Pa/m", _not_negative, "a stress per depth
 Modulus = Annotated[float, Quantity("Pa", _positive, "a stress > 0, such as '210 GPa'")]
 FileSize = Annotated[float, Quantity("byte", _not_negative, "a size >= 0, such as '500 MB'")]
 Ratio = Annotated[float, Quantity("", lambda x: 0 <= x <= 1, "a number from 0 to 1")]
+Relaxation = Annotated[float, Quantity("", lambda x: 0 <= x < 1, "a fraction from 0, below 1, such as '10 %'")]
 Hurst = Annotated[float, Quantity("", lambda x: 0 < x <= 1, "a Hurst exponent above 0, at most 1")]
 Slope = Annotated[float, Quantity("", _positive, "a slope > 0")]
 Poisson = Annotated[float, Quantity("", lambda x: -1 < x <= 0.5, "a Poisson's ratio above -1, at most 0.5")]

@@ -77,8 +77,9 @@ def design(
 
     Qmin(L) is the nominal pressure in assembly from which on a fraction of the seals leaks no more than a class L
     allows, QSmin(L; Q_A) that to which it may fall after an assembly at Q_A, as EN 13555 and EN 1591-1 use them:
-    along the loading, and along the unloading from Q_A. Between load steps ln(leakage) is straight in ln(pressure);
-    nothing is extrapolated.
+    along the loading, and along the unloading from Q_A. Where loads relax (`relaxation` of the case), also the pressure
+    in assembly from which on the class is kept with what relaxation leaves. Between load steps ln(leakage) is straight
+    in ln(pressure); nothing is extrapolated.
 
     Parameters
     ----------
@@ -122,7 +123,8 @@ def design(
     wanted = wanted or _usual(results)
     diameter = diameter or results.dataset.attrs.get("nominal_diameter_m")
     limits = [(one.name, one.limit(results.class_basis, diameter)) for one in wanted]
-    needs = tuple(requirement(seals, name, limit, probability) for name, limit in limits)
+    relaxation = float(results.case.get("load", {}).get("relaxation", 0.0))
+    needs = tuple(requirement(seals, name, limit, probability, relaxation) for name, limit in limits)
     place = _place(needs, seals, probability)
     variants, turned, notes = Variants(hardness_counts=_yields(results)), None, _notes(seals, probability, results)
     if case is not None and solve and np.isfinite(place[1]):

@@ -13,6 +13,7 @@ from ..base.files import made_folder, replacing, write_text
 from ..base.quantities import to_text
 from ..base.text import comma_separated
 from ..base.text_table import TextTable
+from ..loads import relaxed
 from ..plots.drawing import png
 from ..report import write_report
 from ..report.case_text import fluid_text
@@ -36,8 +37,14 @@ def sheet_tables(answer: DesignData) -> list[TextTable]:
         (f"limit [{unit.name}]", [format_leakage(need.limit, scale) for need in needs]),
         ("Qmin(L)", [need.assembly.text() for need in needs]),
     ]
+    lost = answer.relaxation
+    if lost:
+        texts = [need.relaxed.text() if need.relaxed else "" for need in needs]
+        columns.append((f"Qmin(L), {100 * lost:.3g} % relaxation", texts))
     for q in peaks:
-        columns.append((f"QSmin(L), Q_A = {to_text(q, 'Pa')}", [_service_text(need.service[q]) for need in needs]))
+        left = relaxed(q, lost) if lost else None
+        head = f"QSmin(L), Q_A = {to_text(q, 'Pa')}"
+        columns.append((head, [_service_text(need.service[q], left) for need in needs]))
     tables = [TextTable.of_columns("Pressure in assembly and in service", columns, names=len(columns))]
     if answer.sensitivities:
         found = sorted(answer.sensitivities, key=_size)
@@ -55,8 +62,12 @@ def sheet_tables(answer: DesignData) -> list[TextTable]:
     return tables
 
 
-def _service_text(needed: NeededPressure) -> str:
-    return "not met at Q_A" if needed.relation == ">" else needed.text()
+def _service_text(needed: NeededPressure, left: float | None) -> str:
+    """QSmin, and whether the pressure that relaxation leaves [Pa] is enough."""
+    if needed.relation == ">":
+        return "not met at Q_A"
+    enough = "" if left is None else f"; {to_text(left, 'Pa')} is {'enough' if needed.value <= left else 'too low'}"
+    return needed.text() + enough
 
 
 def _size(one: Sensitivity) -> float:
@@ -117,6 +128,8 @@ def rows(answer: DesignData) -> list[dict[str, Any]]:
 
     for need in answer.requirements:
         add("Qmin [Pa]", need.name, None, need.assembly)
+        if need.relaxed is not None:
+            add("Qmin with relaxation [Pa]", need.name, None, need.relaxed)
         for peak, needed in need.service.items():
             add("QSmin [Pa]", need.name, peak, needed)
     add("sealing load [Pa]", "", None, answer.sealing)

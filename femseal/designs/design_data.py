@@ -33,6 +33,11 @@ class DesignData:
     notes: tuple[str, ...]
 
     @property
+    def relaxation(self) -> float:
+        """Fraction of the load in assembly that is lost before service."""
+        return float(self.results.case.get("load", {}).get("relaxation", 0.0))
+
+    @property
     def leak_scale(self) -> tuple[LeakUnit, float]:
         """The unit of leakage, that of the first class, and the leakage per length that is 1 in it [m²/s]."""
         unit = self.results.leak_unit

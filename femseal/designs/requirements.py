@@ -76,23 +76,28 @@ class Requirement:
     """What a class of leakage needs.
 
     name : of the class. limit : its largest leakage per length [m²/s]. assembly : Qmin, the pressure in assembly that
-    reaches it. service : QSmin by the pressure in assembly Q_A [Pa]: that to which it may fall after.
+    reaches it. service : QSmin by the pressure in assembly Q_A [Pa]: that to which it may fall after. relaxed : the
+    pressure in assembly that still meets it after relaxation; None without.
     """
 
     name: str
     limit: float
     assembly: NeededPressure
     service: dict[float, NeededPressure]
+    relaxed: NeededPressure | None = None
 
 
-def requirement(seals: Seals, name: str, limit: float, fraction: float) -> Requirement:
-    """What a limit of leakage per length [m²/s] needs with a fraction of the seals."""
+def requirement(seals: Seals, name: str, limit: float, fraction: float, relaxation: float = 0.0) -> Requirement:
+    """What a limit of leakage per length [m²/s] needs with a fraction of the seals, whose loads relax by a fraction."""
 
     def service(peak: float) -> NeededPressure:
         return _needed(seals, lambda some: some.needed_on_unloading(limit, peak), seals.unloading(peak), fraction)
 
     assembly = _needed(seals, lambda some: some.needed_on_loading(limit), seals.loading(), fraction)
-    return Requirement(name, limit, assembly, {peak: service(peak) for peak in seals.steps.unload_from})
+    after = None
+    if relaxation and seals.steps.unload_from:
+        after = _needed(seals, lambda some: some.needed_with_relaxation(limit, relaxation), seals.peaks(), fraction)
+    return Requirement(name, limit, assembly, {peak: service(peak) for peak in seals.steps.unload_from}, after)
 
 
 def sealing_load(seals: Seals, fraction: float) -> NeededPressure:

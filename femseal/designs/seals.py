@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.leak_classes import within
-from ..loads import LoadProgramme
+from ..loads import LoadProgramme, LoadStep, relaxed
 from ..results.results import Results
 
 Array = NDArray[np.float64]
@@ -91,6 +91,17 @@ class Seals:
         """
         steps = self.unloading(peak)
         return crossings(self.steps.pressures[steps], self.leakage[:, steps], limit)
+
+    def peaks(self) -> Index:
+        """Loading steps of the peaks, rising."""
+        return np.flatnonzero(self.steps.on_loading & np.isin(self.steps.pressures, self.steps.unload_from))
+
+    def needed_with_relaxation(self, limit: float, relaxation: float) -> Array:
+        """Lowest peak from which on each seal, once relaxed, keeps the limit (seals,) [Pa]; inf, 0 as above."""
+        found = {step: n for n, step in enumerate(self.steps)}
+        peaks = self.steps.pressures[self.peaks()][::-1]
+        after = [found[LoadStep(relaxed(p, relaxation), p)] for p in peaks.tolist()]
+        return crossings(peaks, self.leakage[:, after], limit)
 
 
 def crossings(pressure: Array, leakage: Array, limit: float) -> Array:

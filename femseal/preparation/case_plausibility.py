@@ -28,7 +28,14 @@ def plausibility_warnings(case: Case, scene: Scene, surface: Conditioning) -> tu
     tested: tuple[str, ...] = ()
     if (test := case.output.test_fluid) is not None:
         tested = tuple(gas_warnings("output.test_fluid", test.fluid, test.inlet_pressure, test.outlet_pressure))
-    return (*odd, *case.fluid_warnings, *scene_warnings(scene), *tested, *_odd_filter(case, scene, surface))
+    return (
+        *odd,
+        *case.fluid_warnings,
+        *case.solid_warnings,
+        *scene_warnings(scene),
+        *tested,
+        *_odd_filter(case, scene, surface),
+    )
 
 
 def _odd_filter(case: Case, scene: Scene, surface: Conditioning) -> Iterator[str]:

@@ -148,6 +148,8 @@ def _load_text(data: xarray.Dataset, given: dict[str, Any]) -> str:
     if tops := [to_text(float(p), "Pa") for p in np.unique(peaks[~np.isnan(peaks)])]:
         down = to_text(float(pressure[~np.isnan(peaks)].min()), "Pa")
         text += f", and unloaded from {' and '.join(tops)} down to {down}"
+    if given.get("relaxation"):
+        text += f"; relaxation takes {100 * given['relaxation']:.3g} % of a load in assembly before service"
     text += "."
     if (solved := solved_steps(data)).size < pressure.size:
         tolerance = f"{100 * given['interpolate']:.3g} %" if "interpolate" in given else "a tolerance"

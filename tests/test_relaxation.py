@@ -1,0 +1,91 @@
+"""Relaxation: the fraction of a load lost between assembly and service, in a case and in the design of a seal."""
+
+import numpy as np
+import pytest
+from each import each
+from numpy.testing import assert_allclose, assert_array_equal
+from test_design import AMPLITUDES, FALL, GROOVED, RISE, case, power_law
+
+import femseal as fs
+from femseal.designs.data_sheet import rows, sheet_tables
+from femseal.designs.requirements import requirement
+from femseal.designs.seals import Seals
+from femseal.loads import LoadProgramme
+from femseal.report.case_sentences import case_sentences
+
+LOADING = {"loading": ["20 MPa", "100 MPa", "400 MPa"]}
+DOWN = {"unload_from": ["100 MPa", "400 MPa"], "unloading": ["20 MPa"]}
+
+
+@pytest.fixture(scope="module")
+def relaxed():
+    return fs.run(case(face=GROOVED, load=LOADING | DOWN | {"relaxation": 0.1}), workers=1)
+
+
+def test_it_is_the_unloading_to_the_rest_of_each_load(relaxed):
+    explicit = {"unload_from": ["100 MPa", "400 MPa"], "unloading": ["360 MPa", "90 MPa", "20 MPa"]}
+    other = fs.run(case(face=GROOVED, load=LOADING | explicit), workers=1)
+    assert relaxed.steps == other.steps
+    assert_array_equal(relaxed.leakage.values, other.leakage.values)
+    found = {(s.pressure, s.unloaded_from): v for s, v in zip(relaxed.steps, relaxed.leakage.values, strict=True)}
+    for load in (1e8, 4e8):
+        assert found[0.9 * load, load] > found[load, None]
+
+
+def test_none_changes_nothing():
+    plain, none = (
+        fs.run(case(face=GROOVED, load=LOADING | DOWN | more), workers=1) for more in ({}, {"relaxation": 0})
+    )
+    assert none.steps == plain.steps
+    assert_array_equal(none.leakage.values, plain.leakage.values)
+
+
+def test_the_more_relaxes_the_more_leaks():
+    found = []
+    for lost in (0, "5 %", 0.2, 0.5):
+        load = LOADING | {"unload_from": ["400 MPa"], "unloading": ["20 MPa"], "relaxation": lost}
+        results = fs.run(case(face=GROOVED, method="two-scale", load=load), workers=1)
+        found.append(results.leakage.values[3 if lost else 2])
+    assert np.all(np.diff(found) > 0)
+
+
+def test_without_peaks_every_load_relaxes():
+    found = case(load=LOADING | {"relaxation": 0.25}).load.pressures(1.0, 1.0)
+    assert found["unload_from"] == (2e7, 1e8, 4e8)
+    assert found["unloading"] == (3e8, 7.5e7, 1.5e7)
+    forces = case(load={"loading": ["10 kN"], "relaxation": 0.1}).load.pressures(1e-4, 0.1)
+    assert forces == {"loading": (1e8,), "unload_from": (1e8,), "unloading": (9e7,)}
+
+
+@each("value", [1, 1.5, -0.1, "100 %", "10 MPa", "some"])
+def test_what_is_no_fraction_is_refused(value):
+    with pytest.raises(fs.InputError, match=r"load.relaxation: given .*, expected"):
+        case(load=LOADING | DOWN | {"relaxation": value})
+
+
+def test_pressure_in_assembly_with_relaxation_of_power_laws_is_exact():
+    """L = A q^−3 (1 − r)^−½ after relaxing from q: the peaks on which the limit lies are straight in log–log."""
+    peaks, lost = [5e7, 1e8, 4e8, 9e8], 0.2
+    steps = LoadProgramme.of([1e7], unload_from=peaks, unloading=[0.8 * p for p in peaks])
+    seals, limit = Seals.of(steps, power_law(AMPLITUDES, steps)), 1e12 * 2e8**-FALL
+    exact = (AMPLITUDES * (1 - lost) ** -RISE / limit) ** (1 / FALL)
+    assert_allclose(seals.needed_with_relaxation(limit, lost), exact)
+    need = requirement(seals, "L", limit, 0.9, lost)
+    assert_allclose(need.relaxed.value, need.assembly.value * (1 - lost) ** (-RISE / FALL))
+    assert requirement(seals, "L", limit, 0.9).relaxed is None
+
+
+def test_the_design_says_what_is_left(relaxed):
+    leak = {
+        (s.pressure, s.unloaded_from): v for s, v in zip(relaxed.steps, relaxed.class_leakage[1].max(0), strict=True)
+    }
+    limit = 1.0001 * leak[3.6e8, 4e8] * 1e9  # of water, which all seals keep after relaxing from 400 MPa
+    answer = fs.design(relaxed, classes=[f"{limit:.8g} mg/(m·s)"])
+    (need,) = answer.requirements
+    assert need.assembly.value <= need.relaxed.value <= 4e8
+    assert need.service[4e8].value <= 3.6e8
+    table = sheet_tables(answer)[0]
+    assert "Qmin(L), 10 % relaxation" in table.heads
+    assert table.lines[0][-1].endswith("; 360 MPa is enough")
+    assert any(row["figure"] == "Qmin with relaxation [Pa]" for row in rows(answer))
+    assert "relaxation takes 10 % of a load in assembly" in " ".join(case_sentences(relaxed))
