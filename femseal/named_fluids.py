@@ -95,14 +95,14 @@ def named_fluid(
     return NamedFluid("liquid", {"viscosity": viscosity, "density": density}, source)
 
 
-def known_to_coolprop(name: Any, temperature: float) -> Any:
+def known_to_coolprop(name: Any, temperature: float, without: str = "") -> Any:
     """The module CoolProp, where it is there and knows the fluid; InputError otherwise."""
     table = ", ".join(TABLE)
     try:
         from CoolProp import CoolProp
     except ImportError:
         allowed = f"one of {table} at 20 °C; any temperature and more fluids after: pip install 'femseal[fluids]'"
-        refuse(name, temperature, allowed)
+        refuse(name, temperature, without or allowed)
     aliases = names_in_coolprop()
     if not isinstance(name, str) or name.casefold() not in aliases:
         if isinstance(name, str) and name.casefold() in {key.casefold() for key in TABLE}:

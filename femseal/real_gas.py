@@ -22,8 +22,8 @@ from .flow.law import CUBIC_LAW, FlowLaw, FukuiKaneko
 from .named_fluids import TABLE_TEMPERATURE, known_to_coolprop, names_in_coolprop, refuse
 
 Array = NDArray[np.float64]
-#: Relative error of the cubic in the middle of two points of the table up to which no more points are sought; that middle
-#: is a point then, so that the error left is a sixteenth of it.
+#: Relative error of the cubic in the middle of two points of the table up to which no more points are sought; the
+#: middle is a point then, so that the error left is a sixteenth of it.
 _ERROR = 1e-7
 #: First pressure of the table above 0 [Pa]; those that follow are twice as high.
 _FIRST_PRESSURE = 1e5
@@ -79,7 +79,8 @@ class RealGas:
         check_parameters(self)
         if not isinstance(self.slip, bool):
             raise InputError("slip", repr(self.slip), "True or False")
-        known_to_coolprop(self.name, self.temperature)
+        without = "an ideal gas, as real ones need CoolProp: pip install 'femseal[fluids]'"
+        known_to_coolprop(self.name, self.temperature, without)
         _table(self.name, self.temperature)
 
     @property
