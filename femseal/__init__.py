@@ -59,6 +59,7 @@ if TYPE_CHECKING:
     from .fluids import IdealGas, Liquid, RoelandsLiquid
     from .materials import Solid, contact_modulus, named_solid
     from .preparation.preparation import prepare
+    from .real_gas import RealGas
     from .refinement.accuracy_measure import measure_accuracy
     from .refinement.accuracy_report import AccuracyReport
     from .report import write_report
@@ -106,6 +107,7 @@ _MODULES = {
         "permeability_tensor",
     ),
     "fluids": ("IdealGas", "Liquid", "RoelandsLiquid"),
+    "real_gas": ("RealGas",),
     "runs.job": ("run",),
     "materials": ("Solid", "contact_modulus", "named_solid"),
     "report": ("write_report",),

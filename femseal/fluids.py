@@ -17,12 +17,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .base.errors import InputError
-from .base.leak_units import STANDARD_PRESSURE, LeakBasis
+from .base.leak_units import GAS_CONSTANT, STANDARD_PRESSURE, LeakBasis
 from .base.parameters import check_parameters, parameter
 from .flow.law import CUBIC_LAW, FlowLaw, FukuiKaneko, SlipLength
+from .real_gas import RealGas
 
-#: Molar gas constant [J/(mol K)], CODATA (exact since 2019).
-GAS_CONSTANT = 8.31446261815324
 #: Constants of Roelands' law: pressure [Pa], and the natural logarithm of the viscosity [Pa s] common to all liquids.
 _ROELANDS_PRESSURE, _ROELANDS_LOG = 1.962e8, -log(6.31e-5)
 #: Gauss points of the potential of Roelands' law: right to 1e-12 up to 5 GPa.
@@ -270,6 +269,8 @@ def potential_of(fluid: Fluid, name: str, pressure: Any) -> float:
         p = np.nan
     if not np.isfinite(p):
         raise InputError(name, repr(pressure), "a finite number [Pa]")
+    if hasattr(fluid, "check_pressure"):
+        fluid.check_pressure(name, p)
     with np.errstate(all="ignore"):
         potential = float(fluid.potential(p))
         back = float(fluid.pressure(potential))
@@ -315,4 +316,4 @@ def leak_basis(fluid: Fluid, length: float, stated: float | None = None) -> Leak
 
 
 #: Fluids that a case can choose, by their kind.
-FLUIDS: dict[str, Any] = {fluid.kind: fluid for fluid in (Liquid, RoelandsLiquid, IdealGas)}
+FLUIDS: dict[str, Any] = {fluid.kind: fluid for fluid in (Liquid, RoelandsLiquid, IdealGas, RealGas)}

@@ -72,11 +72,11 @@ def named_fluid(
     known = {key.casefold(): fluid for key, fluid in TABLE.items()}
     if isinstance(name, str) and name.casefold() in known and abs(temperature - TABLE_TEMPERATURE) < 0.01:
         return known[name.casefold()]
-    properties = _coolprop(name, temperature)
+    properties = known_to_coolprop(name, temperature)
     try:
         low, high = (float(properties.PropsSI(limit, name)) for limit in ("Tmin", "Tmax"))
         if not low <= temperature <= high:
-            _refuse(name, temperature, f"a temperature from {low - 273.15:.4g} to {high - 273.15:.4g} °C")
+            refuse(name, temperature, f"a temperature from {low - 273.15:.4g} to {high - 273.15:.4g} °C")
         phases = {properties.PhaseSI("T", temperature, "P", max(p, 1.0), name) for p in pressures}
         state = ("T", temperature, "P", max(sum(pressures) / 2, 1.0), name)
         viscosity, density = (float(properties.PropsSI(letter, *state)) for letter in "VD")
@@ -84,10 +84,10 @@ def named_fluid(
     except InputError:
         raise
     except ValueError as error:
-        _refuse(name, temperature, f"a fluid and a temperature that CoolProp knows: {shown(str(error))}")
+        refuse(name, temperature, f"a fluid and a temperature that CoolProp knows: {shown(str(error))}")
     is_gas = {"gas" in phase or phase == "supercritical" for phase in phases}
     if len(is_gas) > 1 or "twophase" in phases:
-        _refuse(name, temperature, "a temperature at which it is a gas, or a liquid, at both ends")
+        refuse(name, temperature, "a temperature at which it is a gas, or a liquid, at both ends")
     source = f"CoolProp at {to_text(temperature, 'K')} and {to_text(state[3], 'Pa')}"
     if is_gas == {True}:
         found = {"viscosity": viscosity, "molar_mass": molar_mass, "temperature": temperature}
@@ -95,30 +95,33 @@ def named_fluid(
     return NamedFluid("liquid", {"viscosity": viscosity, "density": density}, source)
 
 
-def _coolprop(name: Any, temperature: float) -> Any:
+def known_to_coolprop(name: Any, temperature: float, without: str = "") -> Any:
     """The module CoolProp, where it is there and knows the fluid; InputError otherwise."""
     table = ", ".join(TABLE)
     try:
         from CoolProp import CoolProp
     except ImportError:
         allowed = f"one of {table} at 20 °C; any temperature and more fluids after: pip install 'femseal[fluids]'"
-        _refuse(name, temperature, allowed)
-    fluids, aliases = _known_to_coolprop()
+        refuse(name, temperature, without or allowed)
+    aliases = names_in_coolprop()
     if not isinstance(name, str) or name.casefold() not in aliases:
         if isinstance(name, str) and name.casefold() in {key.casefold() for key in TABLE}:
-            _refuse(name, temperature, "20 °C for a fluid that CoolProp does not know; or its viscosity and density")
-        raise InputError("name", shown(name), f"one of {table}, or a fluid of CoolProp: {', '.join(sorted(fluids))}")
+            refuse(name, temperature, "20 °C for a fluid that CoolProp does not know; or its viscosity and density")
+        raise InputError(
+            "name", shown(name), f"one of {table}, or a fluid of CoolProp: {', '.join(sorted({*aliases.values()}))}"
+        )
     return CoolProp
 
 
 @cache
-def _known_to_coolprop() -> tuple[list[str], set[str]]:
-    """Fluids of CoolProp, and all their names in lower case."""
+def names_in_coolprop() -> dict[str, str]:
+    """Fluids of CoolProp by all their names in lower case."""
     from CoolProp import CoolProp
 
     fluids = CoolProp.get_global_param_string("fluids_list").split(",")
-    return fluids, {alias.casefold() for fluid in fluids for alias in (fluid, *CoolProp.get_aliases(fluid))}
+    return {alias.casefold(): fluid for fluid in fluids for alias in (fluid, *CoolProp.get_aliases(fluid))}
 
 
-def _refuse(name: Any, temperature: float, allowed: str) -> Any:
+def refuse(name: Any, temperature: float, allowed: str) -> Any:
+    """Raise InputError for a fluid at a temperature [K]."""
     raise InputError("name", f"{shown(name)} at {temperature - 273.15:.4g} °C", allowed)

@@ -11,6 +11,7 @@ from femseal.designs.data_sheet import rows, sheet_tables
 from femseal.designs.requirements import requirement
 from femseal.designs.seals import Seals
 from femseal.loads import LoadProgramme
+from femseal.report.case_sentences import case_sentences
 
 LOADING = {"loading": ["20 MPa", "100 MPa", "400 MPa"]}
 DOWN = {"unload_from": ["100 MPa", "400 MPa"], "unloading": ["20 MPa"]}
@@ -87,3 +88,4 @@ def test_the_design_says_what_is_left(relaxed):
     assert "Qmin(L), 10 % relaxation" in table.heads
     assert table.lines[0][-1].endswith("; 360 MPa is enough")
     assert any(row["figure"] == "Qmin with relaxation [Pa]" for row in rows(answer))
+    assert "relaxation takes 10 % of a load in assembly" in " ".join(case_sentences(relaxed))

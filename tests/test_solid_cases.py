@@ -146,6 +146,7 @@ def test_the_softer_face_is_named_with_both_hardnesses():
         assert made.law == PerfectlyPlastic(6e8)
         assert solids_text(made.echo()).endswith(f"; the {softer} yields, at 600 MPa, and the other at 3 GPa")
         assert made.law.capacity == 6e8
+    assert fs.run(made).dataset.attrs["solids"] == solids_text(made.echo())
     near = solids_text(case(steel, YOUNG | {"yield_stress": "1.1 GPa"}).echo())
     assert near.endswith("the face yields, at 3 GPa, and the other at 3.08 GPa: they are close, and the softer is taken to "
                          "yield alone")  # fmt: skip

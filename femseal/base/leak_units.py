@@ -19,6 +19,8 @@ from numpy.typing import ArrayLike
 from .errors import InputError, shown
 
 Kind = Literal["volume", "mass", "throughput", "standard", "drops"]
+#: Molar gas constant [J/(mol K)], CODATA (exact since 2019).
+GAS_CONSTANT = 8.31446261815324
 #: State of standard volumes of gas, 0 °C [K] and 101 325 Pa.
 STANDARD_TEMPERATURE, STANDARD_PRESSURE = 273.15, 101_325.0
 #: Volume of a drop [m³]: 20 drops are 1 mL.

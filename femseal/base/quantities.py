@@ -23,6 +23,8 @@ _BARE_EXPONENT = re.compile(r"(?<=[^\W\d_])([-+]?\d)(?!\d*[^\W\d_])")
 #: Pressure times time is often written as one word, which a parser of units takes for a plural.
 _PASCAL_SECOND = re.compile(r"(?<=Pa)s\b")
 _NUMBER_AND_UNIT = re.compile(r"^\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(\S.*)?$")
+#: What a pressure is counted from, gauge or absolute: "(g)", "(a)", or a letter after bar, psi or Pa.
+_REFERENCE = re.compile(r"\s?(?:\(\s?([ga])\s?\)|(?:(?<=bar)|(?<=psi)|(?<=Pa))([ga]))\s?$")
 #: Prefixes for people: (factor, text), used when a value is printed.
 _PREFIXES = [(1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"), (1e-12, "p")]
 
@@ -66,6 +68,8 @@ def to_si(text: object, unit: str, name: str = "quantity") -> float:
         raise InputError(name, shown(text), example)
     if len(text) > _LONGEST:
         raise InputError(name, shown(text), f"{example}, not longer than {_LONGEST} characters")
+    if unit == "Pa" and _REFERENCE.search(text):
+        raise InputError(name, shown(text), "a pressure without (g) or (a), which a fluid pressure of a case alone has")
     if _DECIMAL_COMMA.search(text):
         raise InputError(name, shown(text), "a number with a decimal point, not a comma")
     if unit == "K" and (match := _TEMPERATURE.match(text)):
@@ -80,6 +84,33 @@ def to_si(text: object, unit: str, name: str = "quantity") -> float:
         raise InputError(name, shown(text), example)
     # 15 digits restore the decimal number as written, although the factor of a prefix is not exact in binary
     return _finite(float(f"{float(match[1]) * factor:.15g}"), text, name, example)
+
+
+def absolute_pressure(text: object, ambient: float, name: str = "quantity") -> float | None:
+    """Absolute pressure [Pa] of text that says what it is counted from; None of any other.
+
+    Gauge pressures, "10 bar(g)", "10 barg" or "150 psig", are above the ambient pressure [Pa]; "10 bar(a)" is absolute.
+
+    Raises
+    ------
+    InputError : no pressure, or one below that of a vacuum.
+
+    Examples
+    --------
+    >>> absolute_pressure("10 bar(g)", 101325.0), absolute_pressure("10 bara", 101325.0)
+    (1101325.0, 1000000.0)
+    """
+    match = _REFERENCE.search(text) if isinstance(text, str) and len(text) <= _LONGEST else None
+    if match is None or not isinstance(text, str):
+        return None
+    above = ambient if "g" in match.groups() else 0.0
+    try:
+        pressure = to_si(text[: match.start()], "Pa", name) + above
+    except InputError as error:
+        raise InputError(name, shown(text), error.expected) from None
+    if pressure < 0:
+        raise InputError(name, shown(text), f"a pressure not below a vacuum, {to_text(0.0 - above, 'Pa')} there")
+    return pressure
 
 
 @lru_cache(maxsize=1000)

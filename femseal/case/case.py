@@ -25,7 +25,7 @@ from ..seal.layouts import Layout, MeshLayout
 from .case_tables import CellsTable, ContactTable, FlowTable, OutputTable, StochasticTable
 from .faces import Face, FileFace, SurfaceTable
 from .faults import INTERNAL, case_faults, fault
-from .fluid import AnyFluid, with_named_fluids
+from .fluid import AnyFluid, with_absolute_pressures, with_named_fluids
 from .load import LoadTable
 from .seal import AnySeal, with_inlet_pressure
 from .seat_form import AnySeat
@@ -81,7 +81,7 @@ class Case(Table):
     @model_validator(mode="before")
     @classmethod
     def _named(cls, data: Any) -> Any:
-        return with_named_solids(with_named_fluids(with_inlet_pressure(data)))
+        return with_named_solids(with_named_fluids(with_inlet_pressure(with_absolute_pressures(data))))
 
     @model_validator(mode="before")
     @classmethod

@@ -1,5 +1,7 @@
 """The table of a fluid in a case file, with a key for each of its parameters or with a name that fills them in.
 
+Gauge pressures become absolute and kinematic viscosities dynamic before the tables are checked.
+
 Fluids are not named here: whatever is registered in `fluids.FLUIDS` has a table.
 """
 
@@ -11,10 +13,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import Field
 
-from ..base.errors import InputError
-from ..base.quantities import to_si, to_text
+from ..base.errors import InputError, shown
+from ..base.leak_units import STANDARD_PRESSURE
+from ..base.quantities import absolute_pressure, to_si, to_text
 from ..fluids import FLUIDS, Fluid
 from ..named_fluids import TABLE_TEMPERATURE, named_fluid
+from ..real_gas import RealGas
 from ..studies import FluidState
 from .faults import fault
 from .registered_tables import table_of_any
@@ -31,12 +35,14 @@ class FluidTable(Table):
         kind: str
         inlet_pressure: float
         outlet_pressure: float
+        ambient_pressure: float | None
         name: str | None
 
     @property
     def fluid(self) -> Fluid:
         """The fluid."""
-        return FLUIDS[self.kind](**self.model_dump(exclude={"kind", "inlet_pressure", "outlet_pressure", "name"}))
+        made = FLUIDS[self.kind]
+        return made(**self.model_dump(include={f.name for f in fields(made)}))
 
     @property
     def state(self) -> FluidState:
@@ -45,14 +51,89 @@ class FluidTable(Table):
 
 
 def _state(fluid: Any) -> dict[str, Any]:
-    pressures = {"inlet_pressure": (Pressure, ...), "outlet_pressure": (Pressure, fluid.outlet_pressure)}
-    return {**pressures, "name": (Annotated[str | None, Field(max_length=60)], None)}
+    pressures = {
+        "inlet_pressure": (Pressure, ...),
+        "outlet_pressure": (Pressure, fluid.outlet_pressure),
+        "ambient_pressure": (Pressure | None, None),
+    }
+    needed = any(f.name == "name" for f in fields(fluid))
+    name: Any = str if needed else str | None
+    return {**pressures, "name": (Annotated[name, Field(max_length=60)], ... if needed else None)}
 
 
 if TYPE_CHECKING:
     AnyFluid = FluidTable
 else:
     AnyFluid = table_of_any(FLUIDS, FluidTable, _state)
+
+
+def with_absolute_pressures(data: Any) -> Any:
+    """The data of a case with gauge pressures of the fluids, such as "10 bar(g)", as absolute ones in Pa.
+
+    They are above `ambient_pressure` of [fluid], of a test fluid above its own if it has one. Beside them, or with an
+    ambient pressure, an outlet without a pressure is at the ambient one.
+    """
+    if not isinstance(data, dict):
+        return data
+    found, (fluid, seal, output) = dict(data), (data.get(key) for key in ("fluid", "seal", "output"))
+    ambient = _ambient(fluid, None)
+    gauge = ambient is not None
+    if isinstance(seal, dict) and isinstance(inlets := seal.get("inlet"), dict):
+        own = {name: _absolute(p, ambient, f"seal.inlet.{name}") for name, p in inlets.items()}
+        found["seal"], gauge = {**seal, "inlet": own}, gauge or own != inlets
+    if isinstance(fluid, dict):
+        found["fluid"] = _with_absolute_ends(fluid, "fluid", ambient, gauge)
+    if isinstance(output, dict) and isinstance(test := output.get("test_fluid"), dict):
+        around = _ambient(test, ambient)
+        test = _with_absolute_ends(test, "output.test_fluid", around, around is not None)
+        found["output"] = {**output, "test_fluid": test}
+    return found
+
+
+def _ambient(table: Any, default: float | None) -> float | None:
+    """Ambient pressure of the table of a fluid [Pa]; the default if it has none."""
+    try:
+        return to_si(table["ambient_pressure"], "Pa")
+    except (KeyError, TypeError):
+        return default
+    except InputError:
+        return default  # that fault is reported with its key
+
+
+def _absolute(value: Any, ambient: float | None, place: str) -> Any:
+    """A pressure as it is given, in Pa where it says that it is gauge or absolute."""
+    try:
+        pressure = absolute_pressure(value, STANDARD_PRESSURE if ambient is None else ambient, place)
+    except InputError as error:
+        raise fault(error.what, error.given, error.expected) from None
+    return value if pressure is None else f"{pressure!r} Pa"
+
+
+def _with_absolute_ends(table: dict[str, Any], place: str, ambient: float | None, gauge: bool) -> dict[str, Any]:
+    """The table of a fluid with absolute pressures; `gauge` : whether an outlet without one is at the ambient one."""
+    keys = [key for key in ("inlet_pressure", "outlet_pressure") if key in table]
+    ends: dict[str, Any] = {key: _absolute(table[key], ambient, f"{place}.{key}") for key in keys}
+    if gauge or any(ends[key] is not table[key] for key in keys):
+        ends = {"outlet_pressure": f"{STANDARD_PRESSURE if ambient is None else ambient!r} Pa"} | ends
+    return {**table, **ends}
+
+
+def _with_dynamic_viscosity(table: dict[str, Any], place: str, density: float | None = None) -> dict[str, Any]:
+    """The table of a fluid, whose viscosity is dynamic where it was kinematic; `density` : unless the table has one."""
+    try:
+        kinematic = to_si(table["viscosity"], "m^2/s")
+    except (InputError, KeyError):
+        return table
+    if table.get("kind", "liquid") in (gas.kind for gas in FLUIDS.values() if hasattr(gas, "reference_pressure")):
+        raise fault(f"{place}.viscosity", shown(table["viscosity"]), "a dynamic viscosity of a gas, such as '18 uPa*s'")
+    try:
+        density = to_si(table["density"], "kg/m^3") if "density" in table else density
+    except InputError:
+        density = 1.0  # that fault is reported with its key
+    if density is None:
+        expected = "a density beside a kinematic viscosity, such as '870 kg/m^3'; or a dynamic one, such as '1 mPa*s'"
+        raise fault(f"{place}.viscosity", shown(table["viscosity"]), expected)
+    return {**table, "viscosity": f"{kinematic * density!r} Pa*s"} if kinematic * density > 0 else table
 
 
 def with_named_fluids(data: Any) -> Any:
@@ -71,8 +152,10 @@ def with_named_fluids(data: Any) -> Any:
 
 def _filled(table: Any, place: str, odd: list[str]) -> Any:
     """The table of a fluid; `place` is its key in the case; what is odd in it is added to `odd`."""
-    if not isinstance(table, dict) or "name" not in table:
+    if not isinstance(table, dict):
         return table
+    if "name" not in table:
+        return _with_dynamic_viscosity(table, place)
     try:
         temperature = to_si(table["temperature"], "K") if "temperature" in table else TABLE_TEMPERATURE
         inlet = to_si(table.get("inlet_pressure"), "Pa")
@@ -80,6 +163,9 @@ def _filled(table: Any, place: str, odd: list[str]) -> Any:
     except InputError:
         temperature, inlet, outlet = TABLE_TEMPERATURE, 101_325.0, 101_325.0  # that fault is reported with its key
     try:
+        if table.get("kind") == RealGas.kind:
+            RealGas(table["name"], temperature if temperature > 0 else TABLE_TEMPERATURE)
+            return table
         found = named_fluid(table["name"], temperature, (inlet, outlet))
     except InputError as error:
         raise fault(f"{place}.{error.what}", error.given, error.expected) from None
@@ -89,10 +175,11 @@ def _filled(table: Any, place: str, odd: list[str]) -> Any:
     units = {f.name: f.metadata["unit"] for f in fields(FLUIDS[kind]) if "unit" in f.metadata}
     filled = {key: f"{value!r} {units[key]}" for key, value in found.parameters.items() if key in units}
     given = {key: value for key, value in table.items() if key != "temperature" or key in units}
+    given = _with_dynamic_viscosity({"kind": kind, **given}, place, found.parameters.get("density"))
     if kind != found.kind:
         odd.append(f"{place}.kind {kind} stands for {table['name']}, which is of kind {found.kind} there: leave it out")
     odd += overriding(given, found.parameters, units, place)
-    return {"kind": kind, **filled, **given}
+    return {**filled, **given}
 
 
 def overriding(given: dict[str, Any], known: dict[str, float], units: dict[str, str], place: str) -> Iterator[str]:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from ..base.quantities import to_text
 from ..studies import Scene
-from ..studies.plausibility import moduli_warnings, scene_warnings
+from ..studies.plausibility import gas_warnings, moduli_warnings, scene_warnings
 from ..topography import MOST_POINTS, Conditioning, resolving_shape
 
 if TYPE_CHECKING:
@@ -25,11 +25,15 @@ def plausibility_warnings(case: Case, scene: Scene, surface: Conditioning) -> tu
     """One sentence for each thing in a case and its scene that is not plausible, but may be meant."""
     solids = zip(("material", "counter_material"), case.solids, strict=True)
     odd = moduli_warnings((f"{name}.young", solid.young) for name, solid in solids if solid is not None)
+    tested: tuple[str, ...] = ()
+    if (test := case.output.test_fluid) is not None:
+        tested = tuple(gas_warnings("output.test_fluid", test.fluid, test.inlet_pressure, test.outlet_pressure))
     return (
         *odd,
         *case.fluid_warnings,
         *case.solid_warnings,
         *scene_warnings(scene),
+        *tested,
         *_odd_filter(case, scene, surface),
     )
 

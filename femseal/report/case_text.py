@@ -17,6 +17,9 @@ _CLOSE = 1.1
 
 def fluid_text(fluid: Mapping[str, Any], fallback: str) -> str:
     """A fluid of a case, of its table in SI."""
+    rarefied = ", with" + ("" if fluid.get("slip", True) else "out") + " slip and free molecular flow"
+    if fluid.get("kind") == "real-gas":
+        return f"{fluid['name']}, a real gas by CoolProp at {fluid['temperature'] - 273.15:.4g} °C{rarefied}"
     if "viscosity" not in fluid:
         return fallback
     name = f"{fluid['name']}, " if fluid.get("name") else ""
@@ -27,7 +30,7 @@ def fluid_text(fluid: Mapping[str, Any], fallback: str) -> str:
         text += f" and molar mass {1e3 * fluid['molar_mass']:.5g} g/mol"
         text += f" at {fluid['temperature'] - 273.15:.4g} °C" if "temperature" in fluid else ""
     if fluid.get("kind") == "ideal-gas":
-        text += ", with" + ("" if fluid.get("slip", True) else "out") + " slip and free molecular flow"
+        text += rarefied
     if fluid.get("slip_length"):
         text += f", slip length {to_text(fluid['slip_length'], 'm')}"
     return text + (f" and density {fluid['density']:g} kg/m³" if "density" in fluid else "")

@@ -35,6 +35,7 @@ from ..refinement.budgets import budgets_of, leakage_of
 from ..refinement.refine_to_accuracy import refine_to_accuracy
 from ..refinement.settings import chosen
 from ..report import write_folder
+from ..report.case_text import solids_text
 from ..results import Results, assemble
 from ..studies import FluidState, OtherLeakage, Study, drop_ratio
 from ..studies.compiling import compile_ahead
@@ -217,6 +218,7 @@ def _results(case: Case, made: Prepared, faces: dict[str, str], run: Run) -> Res
     )
     results.dataset.attrs["seat"] = prepared.seat
     results.dataset.attrs["face_files"] = json.dumps(faces)
+    results.dataset.attrs["solids"] = solids_text(case.echo())
     results.dataset.attrs["chosen"] = json.dumps(chosen(case, made))
     if refined is not None:
         results.dataset.attrs["accuracy"] = json.dumps(refined.as_data())

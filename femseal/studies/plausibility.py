@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from math import isfinite
+from typing import Any
 
 from ..base.quantities import to_text
-from ..fluids import leak_basis
+from ..fluids import IdealGas, leak_basis
+from ..real_gas import ideal_gas_error
 from .scene import Scene
 
 #: Young's moduli of metals, and of hard coatings, lie between these [Pa]; contact moduli between half of the lower one
@@ -16,6 +18,8 @@ YOUNG_LIMITS = (5e9, 1.2e12)
 _FLATTENING_FRACTION = 0.5
 #: Largest rms slope for which a face is near to a half-space.
 _STEEP = 1.0
+#: Pressure above which a gas is noticeably not ideal [Pa].
+_IDEAL_UP_TO = 20e5
 
 
 def scene_warnings(scene: Scene) -> tuple[str, ...]:
@@ -55,6 +59,7 @@ def _pressure_warnings(scene: Scene) -> Iterator[str]:
             "fluid.outlet_pressure 0 Pa of a gas is absolute, a vacuum: into the surroundings it is 101.3 kPa, and "
             "pressures above those of the surroundings need as much added"
         )
+    yield from gas_warnings("fluid", scene.fluid, scene.inlet_pressure, scene.outlet_pressure)
     highest = max(step.pressure for step in steps)
     hardness = scene.law.mean_hardness
     if isfinite(hardness) and highest > _FLATTENING_FRACTION * hardness:
@@ -62,6 +67,20 @@ def _pressure_warnings(scene: Scene) -> Iterator[str]:
             f"the nominal pressure of {to_text(highest, 'Pa')} is {highest / hardness:.0%} of the hardness "
             f"{to_text(hardness, 'Pa')}: most of the face is plastic then, for which the model is not made"
         )
+
+
+def gas_warnings(key: str, fluid: Any, inlet: float, outlet: float) -> Iterator[str]:
+    """An ideal gas, of which the case tells by a key, at a pressure at which none is, with the error of its leakage."""
+    if not isinstance(fluid, IdealGas) or inlet <= _IDEAL_UP_TO:
+        return
+    error = "an error that is not known for this gas"
+    if (found := ideal_gas_error(fluid, inlet, outlet)) is not None:
+        name, value, how = found
+        error = f"{1 + value:.3g} times the leakage that {name} has by {how}"
+    yield (
+        f"{key} is an ideal gas from {to_text(inlet, 'Pa')}, above {to_text(_IDEAL_UP_TO, 'Pa')}, with {error}: "
+        "kind = 'real-gas' with its name takes density and viscosity as they are (pip install 'femseal[fluids]')"
+    )
 
 
 def _surface_warnings(scene: Scene) -> Iterator[str]:

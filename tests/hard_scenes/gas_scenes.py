@@ -7,13 +7,16 @@ from math import pi
 
 import numpy as np
 from hard_scene import HardScene
-from judges import Between, Near
+from judges import Between, Near, Refused
+from pydantic import TypeAdapter
 
 from femseal.analytic import parallel_plates
+from femseal.case.fluid import AnyFluid, with_absolute_pressures, with_named_fluids
 from femseal.flow import cell_permeability
 from femseal.flow.law import FukuiKaneko
-from femseal.fluids import IdealGas
+from femseal.fluids import IdealGas, RealGas, potential_of
 from femseal.rarefied import flow_rate
+from femseal.seal import RectangularSeal, seal_leakage
 
 D, H = 1e-6, 1e-6
 PLATES = float(parallel_plates(H))
@@ -33,6 +36,33 @@ def _gas_cell(inverse_knudsen: float) -> float:
 
 def _free(inverse_knudsen: float) -> float:
     return 6 / inverse_knudsen * (1.5 * (1 - np.euler_gamma) - np.log(inverse_knudsen)) / np.sqrt(pi)
+
+
+def _dense() -> float:
+    """Leakage of 700 bar of hydrogen through a seal, over a sum over CoolProp's ρ/η."""
+    real, seal = RealGas("hydrogen", 293.15, slip=False), RectangularSeal((1e-3, 1e-3), (4, 4))
+    p = 7e7 * (np.arange(2000) + 0.5) / 2000
+    summed = float((real.density_at(p) / real.viscosity_at(p)).mean() * 7e7)
+    return seal_leakage(seal, 1e-20, real, inlet_pressure=7e7).mass_rate / (1e-20 * summed)
+
+
+def _near_saturation() -> list[float]:
+    """Pressures from carbon dioxide 1e-5 below its saturation at 20 °C to a vacuum: highest and lowest over the ends."""
+    gas = RealGas("CO2", 293.15)
+    inlet = (1 - 1e-5) * gas.highest_pressure
+    leakage = seal_leakage(RectangularSeal((1e-3, 1e-3), (4, 4)), 1e-20, gas, inlet_pressure=inlet)
+    found = np.asarray(leakage.fluid_pressure)
+    return [float(found.max() / inlet), leakage.mass_rate / (1e-20 * potential_of(gas, "inlet", inlet))]
+
+
+def _above_a_vacuum(text: str) -> float:
+    """Leakage of helium of 0 bar(g) to a pressure that is given as text, over that to an absolute vacuum."""
+    fluid = {"name": "helium", "slip": False, "inlet_pressure": "0 bar(g)", "outlet_pressure": text}
+    data = with_named_fluids(with_absolute_pressures({"fluid": fluid}))["fluid"]
+    state = TypeAdapter(AnyFluid).validate_python(data).state
+    ends = {"inlet_pressure": state.inlet_pressure, "outlet_pressure": state.outlet_pressure}
+    rate = seal_leakage(RectangularSeal((1e-3, 1e-3), (4, 4)), 1e-20, state.fluid, **ends).mass_rate
+    return rate / (1e-20 * float(state.fluid.potential(101_325.0)))
 
 
 SCENES: tuple[HardScene, ...] = (
@@ -59,5 +89,32 @@ SCENES: tuple[HardScene, ...] = (
         what="D = 0: flow rate Q",
         must=Between(1.0, 100.0, "finite"),
         run=lambda: float(flow_rate(0.0)),
+    ),
+    scene(
+        "gas, 700 bar",
+        what="hydrogen of 700 bar into a vacuum: leakage over a sum over CoolProp's ρ/η",
+        must=Near(1.0, 1e-6, "quadrature"),
+        run=_dense,
+        needs="CoolProp",
+    ),
+    scene(
+        "gas, near saturation",
+        what="carbon dioxide 1e-5 below saturation: pressure at the inlet, leakage over that of the potential",
+        must=Near((1.0, 1.0), 1e-9, "a plain strip"),
+        run=_near_saturation,
+        needs="CoolProp",
+    ),
+    scene(
+        "gas, above saturation",
+        what="carbon dioxide 1e-5 above saturation at 20 °C",
+        must=Refused(("CO2 condenses at 20 °C",)),
+        run=lambda: potential_of(RealGas("CO2"), "inlet", (1 + 1e-5) * RealGas("CO2").highest_pressure),
+        needs="CoolProp",
+    ),
+    scene(
+        "gas, gauge vacuum",
+        what="helium of 0 bar(g) to 0 bar(a), -1 atm(g) and -1.01325 Pa(g): leakage over that into a vacuum",
+        must=Near((1.0, 1.0, 2e-5), 1e-4, "p²"),
+        run=lambda: [_above_a_vacuum(text) for text in ("0 bar(a)", "-1 atm(g)", "-1.01325 Pa(g)")],
     ),
 )

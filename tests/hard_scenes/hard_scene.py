@@ -23,7 +23,7 @@ class HardScene:
 
     name : short and unique. stage : "contact", "flow", "seal" or "chain". what : the scene in words.
     must : judge of what comes out. run : computes it, a number or several; an error is an outcome too.
-    slow : whether it takes more than about a second, and is run with the slow tests.
+    slow : whether it takes more than about a second, and is run with the slow tests. needs : module of an extra.
     """
 
     name: str
@@ -32,6 +32,7 @@ class HardScene:
     must: Judge
     run: Callable[[], Any]
     slow: bool = False
+    needs: str = ""
 
     def outcome(self, longest: float = LONGEST) -> Outcome:
         """Run the scene, for `longest` seconds of CPU time at most.

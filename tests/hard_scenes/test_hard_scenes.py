@@ -40,6 +40,8 @@ def changed(must, came):
     "scene", [pytest.param(s, id=s.name, marks=[pytest.mark.slow] if s.slow else []) for s in SCENES]
 )
 def test_scene(scene):
+    if scene.needs:
+        pytest.importorskip(scene.needs, reason="an extra is not installed")
     came = []
 
     def run():

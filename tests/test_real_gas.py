@@ -1,0 +1,223 @@
+"""Real gases: the table against a quadrature of CoolProp, the thin gas, every method, what is refused; ideal gases warn."""
+
+import re
+import sys
+from dataclasses import replace
+from importlib.util import find_spec
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from each import each
+from numpy.testing import assert_allclose
+from scipy.integrate import quad
+from test_checkpoint import CASE
+
+import femseal as fs
+from femseal.fluids import FLUIDS, leak_basis, potential_of
+from femseal.named_fluids import TABLE
+from femseal.real_gas import ideal_gas_error
+from femseal.studies.other_fluid import FluidState, limit_factors
+from femseal.studies.plausibility import gas_warnings
+
+needs_coolprop = pytest.mark.skipif(find_spec("CoolProp") is None, reason="the extra femseal[fluids] is not installed")
+LEFT_OUT = {"CoolProp": None, "CoolProp.CoolProp": None}
+
+
+def by_quadrature(name, temperature, pressure):
+    """∫ρ/η dp of CoolProp's high-level functions."""
+    from CoolProp.CoolProp import PropsSI
+
+    def mobility(p):
+        density, viscosity = (PropsSI(letter, "T", temperature, "P", p, name) for letter in "DV")
+        return density / viscosity
+
+    edges = np.geomspace(1e-4 * pressure, pressure, 9)
+    thin = 0.5 * mobility(edges[0]) * edges[0]  # ρ/η goes with p there
+    parts = [quad(mobility, a, b, epsabs=0, epsrel=1e-9, limit=200)[0] for a, b in pairwise(edges)]
+    return thin + sum(parts)
+
+
+@needs_coolprop
+@each(
+    ("name", "temperature", "highest"),
+    [
+        ("nitrogen", 293.15, 1e8),
+        ("hydrogen", 293.15, 1e8),
+        ("methane", 293.15, 1e8),
+        ("helium", 423.15, 1e8),
+        ("co2", 305.0, 2e7),  # just above its critical point
+        ("Propane", 293.15, 8.3e5),
+    ],
+)
+def test_potential_against_a_quadrature(name, temperature, highest):
+    gas, rng = fs.RealGas(name, temperature), np.random.default_rng(1)
+    for p in np.exp(rng.uniform(np.log(1e4), np.log(highest), 4)):
+        assert_allclose(gas.potential(p), by_quadrature(name, temperature, p), rtol=1e-6)
+    p = np.append(np.geomspace(1e-3, highest, 50), 0.0)
+    assert_allclose(gas.pressure(gas.potential(p)), p, rtol=1e-9)
+    assert_allclose(gas.slope(p[:-1]), gas.density_at(p[:-1]) / gas.viscosity_at(p[:-1]), rtol=1e-5)
+
+
+@needs_coolprop
+@each("name", ["nitrogen", "hydrogen", "methane"])
+def test_700_bar_and_the_thin_gas(name):
+    real = fs.RealGas(name)
+    assert_allclose(real.potential(7e7), by_quadrature(name, 293.15, 7e7), rtol=1e-6)
+    ideal = fs.IdealGas(float(real.viscosity_at(1.0)), real.molar_mass, 293.15)
+    ratio = [float(real.potential(p) / ideal.potential(p)) for p in (1e3, 1e4, 1e5)]
+    assert_allclose(ratio, 1, rtol=1e-3)
+    assert_allclose(ratio[0], 1, rtol=2e-5)  # CoolProp's gas constant is that of its equation
+    # in proportion to the pressure, as the second virial coefficient has it
+    assert_allclose((ratio[2] - ratio[0]) / (ratio[1] - ratio[0]), 99 / 9, rtol=0.05)
+    assert_allclose(real.law.factor(1e-7, 1e3), ideal.law.factor(1e-7, 1e3), rtol=1e-4)
+    assert_allclose(real.reference_density, ideal.reference_density, rtol=1e-12)
+    assert 1 < real.law.factor(1e-7, 7e7) < 1.05
+    assert_allclose(leak_basis(real, 1.0).factor(fs.base.leak_units.leak_unit("std cm³/s")),
+                    leak_basis(ideal, 1.0).factor(fs.base.leak_units.leak_unit("std cm³/s")))  # fmt: skip
+
+
+@needs_coolprop
+def test_mean_free_path_goes_with_viscosity_over_density():
+    gas = fs.RealGas("nitrogen")
+    for p in (1e5, 7e7):
+        speed = np.sqrt(2 * 8.314462618 * 293.15 / gas.molar_mass)
+        wanted = 1e-7 * gas.density_at(p) * speed / (2 * gas.viscosity_at(p))
+        assert_allclose(gas.law.inverse_knudsen(1e-7, p), wanted, rtol=1e-5)
+    law, gap, p = gas.law, np.geomspace(1e-9, 1e-4, 20), 2e7
+    rise = (law.permeability(gap, p + 1e2) - law.permeability(gap, p - 1e2)) / 2e2
+    assert_allclose(law.pressure_derivative(gap, p), rise, rtol=1e-4)
+
+
+def scene(fluid, inlet, outlet=1e5):
+    face = fs.self_affine((48, 48), (48e-6, 48e-6), hurst=0.8, rms_slope=0.1, cut_off=6e-6, rng=2)
+    return fs.Scene(face, 115e9, np.inf, fluid, inlet, outlet, loading=(3e7,))
+
+
+@needs_coolprop
+@each("slip", [False, True])
+def test_every_method_takes_it_and_mass_is_kept(slip):
+    real = fs.RealGas("hydrogen", 293.15, slip)
+    thin = fs.IdealGas(float(real.viscosity_at(1.0)), real.molar_mass, 293.15, slip)
+    sampling = fs.Sampling(480e-6, 3, 16, 1)
+    methods = (fs.deterministic, lambda s: fs.two_scale(s, (4, 4)), lambda s: fs.stochastic(s, (4, 4), sampling))
+    for solve in methods:
+        dense, low, ideal = (solve(s) for s in (scene(real, 7e7), scene(real, 2e4, 1e4), scene(thin, 2e4, 1e4)))
+        leaks = [np.ravel(result.leakage)[-1] for result in (dense, low, ideal)]
+        assert_allclose(leaks[1], leaks[2], rtol=1e-3)
+        drop, thin_drop = (float(g.potential(7e7) - g.potential(1e5)) for g in (real, thin))
+        if not slip:  # one conductance for all fluids
+            per_drop = leaks[0] / drop, leaks[2] / float(thin.potential(2e4) - thin.potential(1e4))
+            assert_allclose(per_drop[0], per_drop[1], rtol=1e-9)
+        assert leaks[0] > 0
+        assert drop < 0.75 * thin_drop
+    if not slip:
+        seal = fs.RectangularSeal((1e-3, 1e-3), (6, 5))
+        k = np.exp(np.random.default_rng(0).normal(size=(6, 5))), np.exp(np.random.default_rng(1).normal(size=(5, 5)))
+        leakage = fs.seal_leakage(seal, tuple(1e-20 * x for x in k), real, inlet_pressure=7e7, outlet_pressure=0.0)
+        assert leakage.imbalance < 1e-9
+        assert_allclose(leakage.mass_rate, leakage.conductance * real.potential(7e7), rtol=1e-12)
+        assert_allclose([leakage.fluid_pressure.max(), leakage.fluid_pressure.min()], [7e7, 0.0], rtol=1e-9)
+
+
+@needs_coolprop
+def test_what_is_refused():
+    carbon_dioxide = fs.RealGas("CO2")
+    with pytest.raises(
+        fs.InputError, match=r"^inlet: given 6 MPa, expected less than 5.729 MPa, absolute, at which CO2 "
+    ):
+        potential_of(carbon_dioxide, "inlet", 6e6)
+    assert potential_of(carbon_dioxide, "inlet", 5.728e6) > 0
+    with pytest.raises(fs.InputError, match="propane condenses at 20 °C"):
+        potential_of(fs.RealGas("propane"), "inlet", 1e6)
+    with pytest.raises(fs.InputError, match="at most 80 MPa, absolute, up to which CoolProp knows oxygen at 20 °C"):
+        potential_of(fs.RealGas("oxygen"), "inlet", 8.1e7)
+    for given, said in (
+        (("grease", 293.15), "name: .*Acetone"),
+        (("acetone", 500.0), "Viscosity model is not available"),
+        (("helium", 1e5), "a temperature from"),
+        (("helium", -1.0), "^temperature: given -1.0"),
+        (("helium", 300.0, "no"), "^slip: given 'no'"),
+    ):
+        with pytest.raises(fs.InputError, match=said):
+            fs.RealGas(*given)
+
+
+def test_without_coolprop(monkeypatch, tmp_path):
+    for name in LEFT_OUT:
+        monkeypatch.setitem(sys.modules, name, None)
+    with pytest.raises(fs.InputError, match=r"pip install 'femseal\[fluids\]'"):
+        fs.RealGas("nitrogen")
+    with pytest.raises(
+        fs.InputError, match=r"fluid.name: given 'nitrogen' at 20 °C, .*pip install 'femseal\[fluids\]'"
+    ):
+        fs.load_case(case_of(tmp_path, 'kind = "real-gas"\nname = "nitrogen"\ninlet_pressure = "700 bar"\n'))
+
+
+def case_of(folder, table):
+    path = folder / "case.toml"
+    path.write_text(re.sub(r'kind = "liquid"\nvis.*\n.*\n', table, CASE))
+    return path
+
+
+@needs_coolprop
+def test_in_a_case(tmp_path, femseal):
+    table = 'kind = "real-gas"\nname = "nitrogen"\nslip = false\ninlet_pressure = "200 bar"\n'
+    case = fs.load_case(case_of(tmp_path, table))
+    assert case.fluid.fluid == fs.RealGas("nitrogen", 293.15, slip=False)
+    assert (case.fluid.outlet_pressure, case.echo()["fluid"]["name"]) == (101_325.0, "nitrogen")
+    code, lines, _ = femseal("check", tmp_path / "case.toml")
+    assert code == 0
+    assert "nitrogen, a real gas by CoolProp at 20 °C, without slip" in lines
+    assert "ideal" not in lines
+    for table, said in (
+        ('kind = "real-gas"\ninlet_pressure = "200 bar"\n', "fluid.name: given nothing"),
+        (
+            'kind = "real-gas"\nname = "co2"\ninlet_pressure = "60 bar"\n',
+            r"fluid.inlet_pressure: given 6 MPa, .*condens",
+        ),
+        ('kind = "real-gas"\nname = "grease"\ninlet_pressure = "60 bar"\n', r"fluid.name: given 'grease'"),
+    ):
+        with pytest.raises(fs.InputError, match=said):
+            fs.load_case(case_of(tmp_path, table))
+
+
+@needs_coolprop
+def test_as_a_test_gas_both_limits_are_those_of_the_ideal_one_at_low_pressure():
+    states = [FluidState(fs.RealGas(name, 293.15, False), 2e5, 1e5) for name in ("helium", "nitrogen")]
+    ideal = [FluidState(FLUIDS["ideal-gas"](**TABLE[n].parameters), 2e5, 1e5) for n in ("helium", "nitrogen")]
+    found, wanted = limit_factors(*states), limit_factors(*ideal)
+    assert_allclose([found.viscous, found.molecular], [wanted.viscous, wanted.molecular], rtol=2e-3)
+
+
+@needs_coolprop
+@each("name", [name for name, fluid in TABLE.items() if fluid.kind == "ideal-gas"])
+def test_error_of_the_ideal_law_with_and_without_coolprop(name):
+    """The flow of the estimate is within 3 % up to 100 bar and 6 % up to 700 bar of CoolProp's."""
+    gas = fs.IdealGas(**TABLE[name].parameters)
+    for inlet, within in ((2e6, 0.03), (1e7, 0.03), (7e7, 0.06)):
+        exact = ideal_gas_error(gas, inlet, 1e5)
+        with pytest.MonkeyPatch.context() as patch:
+            for module in LEFT_OUT:
+                patch.setitem(sys.modules, module, None)
+            estimate = ideal_gas_error(gas, inlet, 1e5)
+        assert exact[0] == estimate[0] == name
+        assert (exact[2], estimate[2]) == ("CoolProp", "Peng & Robinson's density and Jossi's viscosity")
+        assert_allclose(1 + estimate[1], 1 + exact[1], rtol=within)
+
+
+def test_an_ideal_gas_above_20_bar_is_warned_of(tmp_path, femseal):
+    gas = fs.IdealGas(**TABLE["nitrogen"].parameters)
+    assert not list(gas_warnings("fluid", gas, 20e5, 1e5))
+    (said,) = gas_warnings("fluid", gas, 200e5, 1e5)
+    assert re.search(
+        r"^fluid is an ideal gas from 20 MPa, above 2 MPa, with 1\.(2|19).* times the leakage that nitrogen", said
+    )
+    (said,) = gas_warnings("fluid", replace(gas, molar_mass=0.146), 200e5, 1e5)
+    assert "an error that is not known for this gas" in said
+    assert not list(gas_warnings("fluid", fs.Liquid(1e-3), 200e5, 1e5))
+    path = case_of(tmp_path, 'name = "helium"\ninlet_pressure = "100 bar"\n')
+    path.write_text(path.read_text() + '[output.test_fluid]\nname = "argon"\ninlet_pressure = "50 bar"\n')
+    lines = femseal("check", path)[1]
+    assert re.search(r"fluid is an ideal gas from 10 MPa.*that\s+helium has", lines)
+    assert re.search(r"output.test_fluid is an ideal gas from 5 MPa", lines)
