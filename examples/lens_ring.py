@@ -1,8 +1,8 @@
 """A lens ring
 ===========
 
-A turned ring whose crown is pressed on a cone: the form decides on how broad it touches, and so on the leakage under the
-same force. Hertz's band, of a smooth crown, is narrower than that of a rough one.
+A turned ring whose crown is pressed on a cone: the form decides on how broad it touches, and so on the leakage under
+the same force. Hertz's band, of a smooth crown, is narrower than that of a rough one.
 """
 
 from __future__ import annotations
