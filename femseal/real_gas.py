@@ -86,7 +86,7 @@ class RealGas:
     @property
     def molar_mass(self) -> float:
         """M [kg/mol]."""
-        return float(_state(self.name).molar_mass())
+        return _table(self.name, self.temperature).molar_mass
 
     @property
     def law(self) -> FlowLaw:
@@ -152,18 +152,18 @@ class RealGas:
 
 
 class _Table(NamedTuple):
-    """Potentials [kg/(m³ s)] at rising pressures [Pa] from 0 on, cubics between them and their slopes."""
+    """Potentials [kg/(m³ s)] at rising pressures [Pa] from 0 on, cubics between them and their slopes; M [kg/mol]."""
 
     pressures: Array
     potentials: Array
     potential: Any
     slope: Any
     saturates: bool
+    molar_mass: float
 
 
-@cache
 def _state(name: str) -> Any:
-    """The gas in CoolProp."""
+    """The gas in CoolProp; it is not kept, as CoolProp complains of what is left when the interpreter ends."""
     from CoolProp.CoolProp import AbstractState
 
     return AbstractState("HEOS", names_in_coolprop()[name.casefold()])
@@ -218,7 +218,8 @@ def _table(name: str, temperature: float) -> _Table:
         edges.pop()
     pressures, potentials, known = (np.array(column) for column in zip(*points, strict=True))
     potential = CubicHermiteSpline(pressures, potentials, known)
-    return _Table(pressures, potentials, potential, potential.derivative(), saturates and not edges)
+    slope, molar_mass = potential.derivative(), float(_state(name).molar_mass())
+    return _Table(pressures, potentials, potential, slope, saturates and not edges, molar_mass)
 
 
 def _limit(name: str, temperature: float) -> tuple[float, bool]:

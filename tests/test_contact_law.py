@@ -427,3 +427,10 @@ def test_a_load_beyond_the_hardness_is_for_a_law_that_hardens():
     assert parse_case(CASE | load).load.highest == 2.5e9
     with pytest.raises(fs.InputError, match="below the hardness"):
         parse_case(CASE | load | {"material": {"young": "210 GPa", "hardness": "2 GPa"}})
+
+
+def test_a_perfectly_plastic_metal_that_is_harder_is_perfectly_plastic():
+    """It keeps no deformation, so that any of the points can be projected."""
+    harder = PerfectlyPlastic(H).times(1.03).after(np.ones((8, 8)))
+    assert harder.is_uniform
+    assert (harder.project(np.full(5, 2 * H), 1.0) == 1.03 * H).all()

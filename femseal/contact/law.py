@@ -208,6 +208,10 @@ class PerfectlyPlastic(ContactLaw):
         """The same law."""
         return self
 
+    def times(self, factor: float) -> ContactLaw:
+        """Of its kind, which forgets deformation as it does."""
+        return PerfectlyPlastic(factor * self.hardness)
+
     def __str__(self) -> str:
         elastic = self.is_elastic
         return "elastic" if elastic else f"elastic-perfectly plastic with hardness {to_text(self.mean_hardness, 'Pa')}"
