@@ -94,8 +94,10 @@ class TwoScaleResult(Shown):
         "fluid_pressure", "Pa", "fluid pressure, NaN in contact and in pockets", PIXEL, in_si=True
     )
     row_pressure: Array = declared("row_pressure", "Pa", "mean contact pressure of rows", ROW, repr=False)
-    band_breadth: Array = declared("band_breadth", "m", "breadth of the band in contact", STEP)
-    largest_row_pressure: Array = declared("largest_row_pressure", "Pa", "largest mean contact pressure of a row", STEP)
+    band_breadth: Array = declared("band_breadth", "m", "breadth of the band in contact", STEP, repr=False)
+    largest_row_pressure: Array = declared(
+        "largest_row_pressure", "Pa", "largest mean contact pressure of a row", STEP, repr=False
+    )
     gap_error: Array = declared(
         "gap_error", "1", "error of the gap of windows, estimated by the half-space of the whole face", STEP
     )
@@ -109,7 +111,12 @@ class TwoScaleResult(Shown):
         "window_drop_fraction", "1", "fraction of the pressure drop in windows", WINDOW, default=None
     )
     carried_pressure: Array | None = declared(
-        "fluid_carried_pressure", "Pa", "mean pressure that the fluid carries of the load", STEP, default=None
+        "fluid_carried_pressure",
+        "Pa",
+        "mean pressure that the fluid carries of the load",
+        STEP,
+        default=None,
+        repr=False,
     )
     entry_pressure: Array | None = declared(
         "capillary_entry_pressure",
