@@ -49,7 +49,7 @@ inlet_pressure = "1 MPa"
 [cells]
 count = [4, 8]
 [output]
-test_fluid = {name = "helium", inlet_pressure = "40 bar", slip = false}
+test_fluid = {name = "helium", inlet_pressure = "20 bar", slip = false}
 """
 #: What the pages leave open, or what is too large to be run here, and a small file in its place.
 SMALL = {
