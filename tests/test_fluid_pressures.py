@@ -117,6 +117,8 @@ def test_of_inlets_of_a_mesh():
     assert to_si(found["seal"]["inlet"]["bore"], "Pa") == to_si(found["fluid"]["inlet_pressure"], "Pa") == 1.1e6
     assert found["seal"]["inlet"]["port"] == "4 bar"
     assert to_si(found["fluid"]["outlet_pressure"], "Pa") == 1e5
+    del data["fluid"]["ambient_pressure"]
+    assert to_si(with_absolute_pressures(data)["fluid"]["outlet_pressure"], "Pa") == ATMOSPHERE
     data["seal"]["inlet"]["port"] = "-4 bar(g)"
     with pytest.raises(fs.InputError, match=r"seal.inlet.port: given '-4 bar\(g\)', expected a pressure not below"):
         parse_case(data)

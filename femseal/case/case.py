@@ -24,7 +24,7 @@ from ..results.class_results import check_classes
 from ..seal.layouts import Layout, MeshLayout
 from .case_tables import CellsTable, ContactTable, FlowTable, OutputTable, StochasticTable
 from .faces import Face, FileFace, SurfaceTable
-from .faults import INTERNAL, case_faults, fault
+from .faults import INTERNAL, case_faults, fault, faults_of
 from .fluid import AnyFluid, with_absolute_pressures, with_named_fluids
 from .load import LoadTable
 from .seal import AnySeal, with_inlet_pressure
@@ -115,10 +115,8 @@ class Case(Table):
             if not (inlet := fluid.inlet_pressure) > (outlet := fluid.outlet_pressure):
                 expected = f"a pressure above that of the outlet, {to_text(outlet, 'Pa')}"
                 raise fault(f"{key}.inlet_pressure", to_text(inlet, "Pa"), expected)
-            try:
-                potential_of(fluid.fluid, f"{key}.inlet_pressure", fluid.inlet_pressure)
-            except InputError as error:
-                raise fault(error.what, error.given, error.expected) from None
+            with faults_of(key):
+                potential_of(fluid.fluid, "inlet_pressure", fluid.inlet_pressure)
         self._check_output()
         for face in self.face:
             if isinstance(face, FileFace) and not isfile(self.folder / face.path):
@@ -137,10 +135,8 @@ class Case(Table):
         if output.unit is not None and (lack := basis.lacks(output.unit)):
             kind = "gas" if basis.is_gas else "liquid"
             raise fault("output.leakage_unit", f"{output.unit.name} for a {kind}", lack)
-        try:
+        with faults_of("output"):
             check_classes(output.classes, output.nominal_diameter, (output.test_fluid or self.fluid).fluid)
-        except InputError as error:
-            raise fault(f"output.{error.what}", error.given, error.expected) from None
 
     def _check_seal(self) -> None:
         """Raise a fault if the shape of the seal does not go with the method, the lengths or the files."""

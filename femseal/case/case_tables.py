@@ -18,7 +18,7 @@ from ..flow.discretisation import check_discretisation
 from ..results.paraview import FORMATS
 from ..results.pixel_fields import LIMIT
 from ..studies import CONTACTS, DRAWS, FLOWS, FLUID_PRESSURES, PRESSURES
-from .faults import fault
+from .faults import fault, faults_of, refusal
 from .fluid import AnyFluid
 from .values import (
     Count,
@@ -50,10 +50,8 @@ class FlowTable(Table):
 
     @model_validator(mode="after")
     def _together(self) -> FlowTable:
-        try:
+        with faults_of("flow"):
             check_discretisation(self.discretisation, self.solver)
-        except InputError as error:
-            raise fault(f"flow.{error.what}", error.given, error.expected) from None
         return self
 
 
@@ -112,14 +110,14 @@ def _leak_unit_name(value: Any) -> str:
     try:
         return leak_unit(value).name
     except InputError as error:
-        raise PydanticCustomError("name", "{expected}", {"expected": error.expected}) from None
+        raise refusal(error.expected) from None
 
 
 def _class_name(value: Any) -> str:
     try:
         leak_classes([value])
     except InputError as error:
-        raise PydanticCustomError("name", "{expected}", {"expected": error.expected}) from None
+        raise refusal(error.expected) from None
     return str(value)
 
 

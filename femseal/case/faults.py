@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any, get_args
 
 from pydantic import BaseModel, ValidationError
@@ -37,6 +39,20 @@ def fault(what: str, given: object, expected: str) -> PydanticCustomError:
     """Fault of a case that involves several keys, for validators to raise."""
     context = {"what": what, "given": shortened(given), "expected": expected}
     return PydanticCustomError("input", "{what}: given {given}, expected {expected}", context)
+
+
+def refusal(expected: str) -> PydanticCustomError:
+    """Fault of the value of one key, for validators to raise."""
+    return PydanticCustomError("refusal", "{expected}", {"expected": expected})
+
+
+@contextmanager
+def faults_of(table: str = "") -> Iterator[None]:
+    """Errors of what is called inside as faults of a table, of which they name the key; "" if they name it in full."""
+    try:
+        yield
+    except InputError as error:
+        raise fault(f"{table}.{error.what}".lstrip("."), error.given, error.expected) from None
 
 
 def case_faults(case: type[BaseModel], error: ValidationError) -> list[InputError]:

@@ -20,7 +20,7 @@ from ..fluids import FLUIDS, Fluid
 from ..named_fluids import TABLE_TEMPERATURE, named_fluid
 from ..real_gas import RealGas
 from ..studies import FluidState
-from .faults import fault
+from .faults import fault, faults_of
 from .registered_tables import table_of_any
 from .values import Pressure, Table
 
@@ -102,10 +102,8 @@ def _ambient(table: Any, default: float | None) -> float | None:
 
 def _absolute(value: Any, ambient: float | None, place: str) -> Any:
     """A pressure as it is given, in Pa where it says that it is gauge or absolute."""
-    try:
+    with faults_of():
         pressure = absolute_pressure(value, STANDARD_PRESSURE if ambient is None else ambient, place)
-    except InputError as error:
-        raise fault(error.what, error.given, error.expected) from None
     return value if pressure is None else f"{pressure!r} Pa"
 
 
@@ -162,13 +160,11 @@ def _filled(table: Any, place: str, odd: list[str]) -> Any:
         outlet = to_si(table.get("outlet_pressure", "1 atm"), "Pa")
     except InputError:
         temperature, inlet, outlet = TABLE_TEMPERATURE, 101_325.0, 101_325.0  # that fault is reported with its key
-    try:
+    with faults_of(place):
         if table.get("kind") == RealGas.kind:
             RealGas(table["name"], temperature if temperature > 0 else TABLE_TEMPERATURE)
             return table
         found = named_fluid(table["name"], temperature, (inlet, outlet))
-    except InputError as error:
-        raise fault(f"{place}.{error.what}", error.given, error.expected) from None
     kind = table.get("kind", found.kind)
     if not isinstance(kind, str) or kind not in FLUIDS:
         return table

@@ -19,7 +19,7 @@ from ..loads import LOAD_UNITS, nominal_pressure, relaxed
 from ..seal.field_file import read_pressure_field
 from ..seal.pressure_map import AngleTable, AnyMap, MapsAtLoads, PressureField, PressureMap, Profile, Uniform
 from ..studies import NOMINALS
-from .faults import fault
+from .faults import faults_of, refusal
 from .values import Accuracy, Angle, Count, Place, Quantity, Relaxation, Table, one_of, quantity_schema
 
 #: No cycle is longer [load steps].
@@ -55,11 +55,10 @@ def _load(value: Any) -> Amount:
         return Amount(quantity.read(value), unit)
     try:
         return Amount(_UNITS_OF_LOADS["Pa"].read(value), "Pa")
-    except (
-        PydanticCustomError
-    ) as error:  # as of a pressure, such as with a decimal comma, but where the unit is unknown
+    except PydanticCustomError as error:
+        # as of a pressure, such as with a decimal comma, but where the unit is unknown
         known = not str(error).startswith("text with a number and a unit of the kind")
-        raise error if known else PydanticCustomError("quantity", "{expected}", {"expected": _ALLOWED}) from None
+        raise error if known else refusal(_ALLOWED) from None
 
 
 #: A pressure or force; in the echo of a case a number of pressure or a text of force.
@@ -88,10 +87,8 @@ class MapTable(Table):
     @model_validator(mode="after")
     def _possible(self) -> MapTable:
         if not isinstance(self, FieldMap):  # a file is read once the case is prepared
-            try:
+            with faults_of("load.map"):
                 self.make(Path())
-            except InputError as error:
-                raise fault(f"load.map.{error.what}", error.given, error.expected) from None
         return self
 
 

@@ -10,14 +10,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, get_args
 
 from pydantic import BeforeValidator, WithJsonSchema, model_validator
-from pydantic_core import PydanticCustomError
 
 from ..base.errors import InputError, shortened
 from ..base.leak_units import STANDARD_PRESSURE
 from ..base.quantities import to_si
 from ..seal.lay import ALLOWED, NAMES, Lay
 from ..seal.layouts import LAYOUTS, Layout, MeshLayout
-from .faults import fault
+from .faults import fault, faults_of, refusal
 from .registered_tables import table_of_any
 from .values import Length, LengthUnit, Pressure, Quantity, Shift, Table, quantity_schema
 
@@ -43,10 +42,8 @@ class SealTable(Table):
 
     @model_validator(mode="after")
     def _possible(self) -> SealTable:
-        try:
+        with faults_of("seal"):
             self.layout(Path())
-        except InputError as error:
-            raise fault(f"seal.{error.what}", error.given, error.expected) from None
         return self
 
 
@@ -54,15 +51,14 @@ def _lay(value: Any) -> Any:
     try:
         lay = Lay.of(value)
     except InputError as error:
-        raise PydanticCustomError("lay", "{expected}", {"expected": error.expected}) from None
+        raise refusal(error.expected) from None
     return {"angle": lay.angle} if lay.angle is not None else value
 
 
 def _names(value: Any) -> Any:
     given = [value] if isinstance(value, str) else value
     if not isinstance(given, (list, tuple)) or not given or not all(isinstance(n, str) and n for n in given):
-        expected = "the name of a boundary, or a list of names"
-        raise PydanticCustomError("names", "{expected}", {"expected": expected})
+        raise refusal("the name of a boundary, or a list of names")
     return value if isinstance(value, str) else tuple(value)
 
 

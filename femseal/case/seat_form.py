@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING
 
 from pydantic import model_validator
 
-from ..base.errors import InputError
 from ..topography.seat import SEATS, Seat
-from .faults import fault
+from .faults import faults_of
 from .registered_tables import table_of_any
 from .values import LengthUnit, Table
 
@@ -28,10 +27,8 @@ class SeatTable(Table):
 
     @model_validator(mode="after")
     def _possible(self) -> SeatTable:
-        try:
+        with faults_of("seat"):
             self.seat(Path())
-        except InputError as error:
-            raise fault(f"seat.{error.what}", error.given, error.expected) from None
         return self
 
 

@@ -15,7 +15,7 @@ from ..base.errors import InputError, shortened
 from ..contact import ContactLaw, HardnessTable, LinearHardening, NixGao, PerfectlyPlastic
 from ..contact.hardness_curves import SMALLEST_DEPTH
 from ..materials import HARDNESS_FACTOR, Solid, named_solid
-from .faults import fault
+from .faults import fault, faults_of
 from .fluid import overriding
 from .values import Hardening, Height, Length, Modulus, Place, Poisson, Table, quantity_schema
 
@@ -103,10 +103,8 @@ def _filled(table: dict[str, Any], place: str, folder: Path, odd: list[str]) -> 
         given["hardness_table"] = read_hardness_table(folder / path, f"{place}.hardness_table")
     if "name" not in given:
         return given
-    try:
+    with faults_of(place):
         solid = named_solid(given["name"])
-    except InputError as error:
-        raise fault(f"{place}.{error.what}", error.given, error.expected) from None
     assert solid.yield_stress is not None
     known = {"young": solid.young, "poisson": solid.poisson, "yield_stress": solid.yield_stress}
     odd += overriding(given, known | {"hardness": HARDNESS_FACTOR * solid.yield_stress}, _UNITS, place)

@@ -16,10 +16,11 @@ from pydantic import (
     GetJsonSchemaHandler,
     WithJsonSchema,
 )
-from pydantic_core import PydanticCustomError, core_schema
+from pydantic_core import core_schema
 
 from ..base.errors import InputError
 from ..base.quantities import to_si
+from .faults import refusal
 
 #: Largest value in SI of a quantity, one over it the smallest: products of several stay finite.
 _LARGEST = 1e30
@@ -40,13 +41,12 @@ class Quantity:
         try:
             number = to_si(value, self.unit)
         except InputError as error:
-            context = {"expected": error.expected}
-            raise PydanticCustomError("quantity", "{expected}", context) from None
+            raise refusal(error.expected) from None
         if not self.test(number):
-            raise PydanticCustomError("quantity", "{expected}", {"expected": self.expected})
+            raise refusal(self.expected)
         if number and not 1 / _LARGEST <= abs(number) <= _LARGEST:
             expected = f"{self.expected}, from {1 / _LARGEST:g} to {_LARGEST:g} {self.unit}".rstrip()
-            raise PydanticCustomError("quantity", "{expected}", {"expected": expected})
+            raise refusal(expected)
         return number
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> Any:
@@ -74,9 +74,7 @@ class OneOrMore(Quantity):
             return super().read(value)
         numbers = tuple(super(OneOrMore, self).read(each) for each in value)
         if not numbers or len({*numbers}) < len(numbers):
-            raise PydanticCustomError(
-                "quantity", "{expected}", {"expected": f"{self.expected}, or a list of some that differ"}
-            )
+            raise refusal(f"{self.expected}, or a list of some that differ")
         return numbers
 
     def __get_pydantic_json_schema__(self, core: Any, handler: GetJsonSchemaHandler) -> dict[str, Any]:
@@ -86,7 +84,7 @@ class OneOrMore(Quantity):
 
 def _known(value: Any, names: tuple[str, ...]) -> str:
     if value not in names:
-        raise PydanticCustomError("name", "{expected}", {"expected": f"one of {', '.join(names)}"})
+        raise refusal(f"one of {', '.join(names)}")
     return str(value)
 
 
@@ -98,7 +96,7 @@ def one_of(names: Iterable[str]) -> tuple[BeforeValidator, WithJsonSchema]:
 
 def _threshold(value: Any) -> float:
     if isinstance(value, bool) or not isinstance(value, (int, float)) or not value > 0:
-        raise PydanticCustomError("threshold", "{expected}", {"expected": "a number > 0; inf leaves all points"})
+        raise refusal("a number > 0; inf leaves all points")
     return float(value)
 
 
@@ -106,7 +104,7 @@ def _channel(value: Any) -> int | str:
     if isinstance(value, str) and value:
         return value
     if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value <= _MOST:
-        raise PydanticCustomError("channel", "{expected}", {"expected": "the number of a channel, from 0, or its name"})
+        raise refusal("the number of a channel, from 0, or its name")
     return value
 
 
@@ -119,7 +117,7 @@ def _accuracy(value: Any) -> float:
     except InputError:
         fraction = -1.0
     if isinstance(value, bool) or not 0 < fraction < 1:
-        raise PydanticCustomError("accuracy", "{expected}", {"expected": _ACCURACY_EXPECTED})
+        raise refusal(_ACCURACY_EXPECTED)
     return fraction
 
 
@@ -128,7 +126,7 @@ def _length_unit(value: Any) -> str:
         if not isinstance(value, str) or not to_si(f"1 {value}", "m") > 0:
             raise ValueError
     except ValueError:
-        raise PydanticCustomError("unit", "{expected}", {"expected": "a unit of length, such as 'mm'"}) from None
+        raise refusal("a unit of length, such as 'mm'") from None
     return value
 
 
