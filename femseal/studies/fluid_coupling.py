@@ -116,6 +116,7 @@ class FluidPressure:
         p_f = self.even_drop(half_space.shape)  # that of parted faces: a face that the fluid can open is found open
         last, moved, change, error = np.nan, np.nan, np.inf, np.inf
         scale = max(abs(self.inlet), abs(self.outlet))
+        given, gave = p_f, p_f
         for n in range(1, MOST_ROUNDS + 1):
             carried = float(p_f.mean())
             parted = self.nominal == "total" and carried >= pressure
@@ -127,9 +128,10 @@ class FluidPressure:
             if isinstance(flow, Failed):
                 return _coupled(contact, flow, carried, n)
             former, found = p_f, fill_undefined(self.above_surroundings(flow.potential))
-            p_f = found if np.isfinite(found).all() else former  # no gap that an end reaches
+            found = found if np.isfinite(found).all() else former  # no gap that an end reaches
+            p_f, given, gave = _mixed(former, found, given, gave), former, found
             k, before = flow.permeability, moved
-            moved = float(np.abs((p_f - former).mean(axis=1)).max()) / scale
+            moved = float(np.abs((found - former).mean(axis=1)).max()) / scale
             # closed faces have to stay as they are
             changed, change = change, abs(k / last - 1) if last else moved if last == 0 and k == 0 else np.inf
             # the next change of k is to this one as the moves of p_f; two equal k by chance end nothing
@@ -154,6 +156,20 @@ class FluidPressure:
         """Pressure above the surroundings (n1, n2) [Pa] where the potential falls evenly along x1."""
         n1, n2 = shape
         return np.repeat(self.above_surroundings(1 - (np.arange(n1) + 0.5) / n1)[:, None], n2, axis=1)
+
+
+def _mixed(given: Array, gave: Array, former: Array, former_gave: Array) -> Array:
+    """The next fluid pressure, from the last two and what they gave: Anderson's mixing of depth one, over rows.
+
+    Where every round overshoots the other way, as near closing, it takes part of both.
+    """
+    now, before = ((b - a).mean(axis=1) for a, b in ((given, gave), (former, former_gave)))
+    change = now - before
+    size = float(change @ change)
+    if size == 0 or not before.any():
+        return gave
+    weight = float(np.clip(now @ change / size, 0.0, 0.5))
+    return (1 - weight) * gave + weight * former_gave
 
 
 def _coupled(contact: Contact, flow: FaceFlow | Failed, carried: float, rounds: int) -> CoupledContact:
