@@ -220,6 +220,34 @@ def spiral_annulus_rate(
     return annulus_rate(float(radial), pressure_drop, viscosity, inner_radius, outer_radius)
 
 
+def turned_annulus_rate(
+    along: float,
+    across: float,
+    lead: float,
+    pressure_drop: float,
+    viscosity: float,
+    inner_radius: float,
+    outer_radius: float,
+) -> float:
+    """Flow [m³/s] through a ring whose grooves come back by the lead [m] once around it, Δp/η · 2π/∫ dr/(r k_rr).
+
+    k_rr = k⊥ cos²α + k∥ sin²α with tan α = lead/2πr: closed across, k⊥ = 0, fluid follows the grooves.
+    Source: Geoffroy & Prat, J. Fluids Eng. 126, 2004, 48.
+
+    >>> round(turned_annulus_rate(5.0, 1.0, 0.0, 1.0, 1.0, 1.0, 2.0) * log(2) / (2 * pi), 12)
+    1.0
+    """
+    c2, inner, outer = (lead / (2 * pi)) ** 2, inner_radius, outer_radius
+    if along * c2 == 0:
+        return annulus_rate(across, pressure_drop, viscosity, inner, outer)
+    if across == 0:
+        integral = (log(outer / inner) + (outer**2 - inner**2) / (2 * c2)) / along
+    else:
+        tail = log((across * outer**2 + along * c2) / (across * inner**2 + along * c2))
+        integral = log(outer / inner) / along + (1 - across / along) / (2 * across) * tail
+    return 2 * pi * pressure_drop / (viscosity * integral)
+
+
 def elliptic_annulus_rate(
     k1: float, k2: float, pressure_drop: float, viscosity: float, inner: float, outer: float
 ) -> float:

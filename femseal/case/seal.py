@@ -52,6 +52,8 @@ def _lay(value: Any) -> Any:
         lay = Lay.of(value)
     except InputError as error:
         raise refusal(error.expected) from None
+    if lay.name == "spiral":
+        return {"kind": "spiral", "lead": lay.lead}
     return {"angle": lay.angle} if lay.angle is not None else value
 
 

@@ -11,31 +11,38 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.errors import InputError, shown
-from ..base.quantities import to_si
+from ..base.quantities import to_si, to_text
 
 Array = NDArray[np.float64]
 #: Directions by name: those of the axes of the plane, and those as seen from the centre of the seal.
 NAMES = ("x1", "x2", "radial", "circumferential")
-ALLOWED = f"one of {', '.join(NAMES)}, {{angle = '30 deg'}} from x1 to x2, or {{field = 'file.vtu:name'}}"
+ALLOWED = (
+    f"one of {', '.join(NAMES)}, {{angle = '30 deg'}} from x1 to x2, {{kind = 'spiral', lead = '60 um', starts = 1}}, "
+    "or {field = 'file.vtu:name'}"
+)
 #: Places of a seal may be so many spacings of its points away from a field.
 _REACH = 2.0
 
 
 @dataclass(frozen=True)
 class Lay:
-    """Where x2 of the windows points: a name, an angle from x1 to x2 [rad], or the vectors of a field in a file.
+    """Where x2 of the windows points: a name, an angle from x1 to x2 [rad], a spiral, or the vectors of a field.
 
-    Exactly one of the three is given. A direction and its opposite are the same lay.
+    Exactly one of them is given. A direction and its opposite are the same lay. lead : of a spiral, the distance from
+    groove to groove [m], times the number of grooves that start beside each other: once around the seal the groove
+    comes back so far across it.
     """
 
     name: str = ""
     angle: float | None = None
+    lead: float = 0.0
     file: Path | None = None
     array: str = ""
 
     @classmethod
     def of(cls, given: Any, folder: Path = Path()) -> Lay:
-        """From a name, {"angle": radians or "30 deg"}, {"field": "file.vtu:name"} in the folder, or a `Lay`.
+        """From a name, {"angle": radians or "30 deg"}, {"kind": "spiral", "lead": metres or "60 um", "starts": 1},
+        {"field": "file.vtu:name"} in the folder, or a `Lay`.
 
         Raises
         ------
@@ -50,19 +57,24 @@ class Lay:
             if isinstance(angle, (int, float)) and not isinstance(angle, bool) and np.isfinite(angle):
                 return cls(angle=float(angle))
             return cls(angle=to_si(angle, "rad", "lay.angle"))
+        if isinstance(given, Mapping) and given.get("kind") == "spiral" and {*given} <= {"kind", "lead", "starts"}:
+            return cls(name="spiral", lead=_lead(given))
         if isinstance(given, Mapping) and list(given) == ["field"] and isinstance(given["field"], str):
             path, _, array = given["field"].rpartition(":")
             if path and array:
                 return cls(file=folder / path, array=array)
         raise InputError("lay", shown(given), ALLOWED)
 
-    def directions(self, places: Array, centre: tuple[float, float] = (0.0, 0.0), unit: float = 1.0) -> Array:
+    def directions(
+        self, places: Array, centre: tuple[float, float] = (0.0, 0.0), unit: float = 1.0, length: float | None = None
+    ) -> Array:
         """Unit vectors (n, 2) along the lay at places (n, 2) [m].
 
         Parameters
         ----------
         centre : from which "radial" is seen [m].
         unit : of the lengths in the file of a field [m].
+        length : of a strip, along which a spiral comes back [m]; without it around the centre.
 
         Raises
         ------
@@ -70,20 +82,41 @@ class Lay:
         """
         if self.file is not None:
             return _of_field(self.file, self.array, places, unit)
-        if self.name in ("radial", "circumferential"):
+        if self.name == "spiral" and length is not None:
+            along = np.array([self.lead, length]) / np.hypot(self.lead, length)
+            return np.tile(along, (len(places), 1))
+        if self.name in ("radial", "circumferential", "spiral"):
             away = places - np.asarray(centre)
             distance = np.hypot(away[:, 0], away[:, 1])
             if not distance.min(initial=1.0) > 0:
                 raise InputError("lay", f"'{self.name}' at the centre itself", "a centre outside of all elements")
             radial = away / distance[:, None]
-            return radial if self.name == "radial" else np.stack([-radial[:, 1], radial[:, 0]], axis=1)
+            around = np.stack([-radial[:, 1], radial[:, 0]], axis=1)
+            if self.name == "spiral":  # tan α = lead/2πr
+                tangent = (self.lead / (2 * np.pi * distance))[:, None]
+                return (around + tangent * radial) / np.sqrt(1 + tangent**2)
+            return radial if self.name == "radial" else around
         angle = {"x1": 0.0, "x2": np.pi / 2}.get(self.name, self.angle or 0.0)
         return np.tile([np.cos(angle), np.sin(angle)], (len(places), 1))
 
     def __str__(self) -> str:
         if self.file is not None:
             return f"along the field {self.array} of {self.file.name}"
+        if self.name == "spiral":
+            return f"in a spiral of lead {to_text(self.lead, 'm')}"
         return f"at {np.degrees(self.angle):.3g}° from x1" if self.angle is not None else self.name
+
+
+def _lead(given: Mapping[str, Any]) -> float:
+    """Lead of a spiral times its starts [m]; InputError where either cannot be used."""
+    lead, starts = given.get("lead"), given.get("starts", 1)
+    if isinstance(starts, bool) or not isinstance(starts, int) or starts < 1:
+        raise InputError("lay.starts", shown(starts), "a whole number of grooves from 1")
+    plain = isinstance(lead, (int, float)) and not isinstance(lead, bool)
+    value = float(lead) if plain else to_si(lead, "m", "lay.lead")  # type: ignore[arg-type]
+    if not (np.isfinite(value) and value >= 0):
+        raise InputError("lay.lead", shown(lead), "a length >= 0, such as '60 um'")
+    return value * starts
 
 
 def _of_field(file: Path, array: str, places: Array, unit: float) -> Array:

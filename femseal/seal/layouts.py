@@ -93,25 +93,28 @@ class RectangularLayout:
 
     def __post_init__(self) -> None:
         lay = Lay.of(self.lay)
-        if lay.name in ("radial", "circumferential") or lay.file is not None:
-            raise InputError("lay", f"'{lay}' on a strip", "x1, x2, or {angle = '30 deg'}")
-        object.__setattr__(self, "lay", lay)
+        if lay.name == "radial" or lay.file is not None:
+            raise InputError("lay", f"'{lay}' on a strip", "x1, x2, a spiral, or {angle = '30 deg'}")
+        around = lay.name == "circumferential" or (lay.name == "spiral" and lay.lead == 0)
+        object.__setattr__(self, "lay", Lay(name="x2") if around else lay)
 
     def lay_out(self, windows: Windows) -> SealWindows:
         """Links along the axes of the strip; quadrilaterals where the lay runs between them."""
         (d1, d2), turned = windows.size, self.lay.name == "x1"
         if windows.length is None:
             raise InputError("length", "none", "the length of a rectangular seal")
-        if self.lay.name == "":
+        straight = self.lay.name in ("x1", "x2")
+        if not straight:
             d1 = d2 = (d1 * d2) ** 0.5
         elif turned:
             d1, d2 = d2, d1
         breadth = windows.breadth if windows.breadth is not None else windows.rows * windows.size[0]
         cells = max(1, round(breadth / d1)), max(1, round(windows.length / d2))
         size = cells[0] * d1, cells[1] * d2
-        if self.lay.name:
+        if straight:
             return LinkWindows(RectangularSeal(size, cells), turned)
-        return _elements(_strip(size, cells), windows, self.lay)
+        _short_lead(self.lay, size[0])
+        return _elements(_strip(size, cells), windows, self.lay, length=size[1])
 
     def frame(self, size: tuple[float, float]) -> Frame:
         """x1 from the inlet, and x2."""
@@ -138,9 +141,11 @@ class AnnularLayout:
 
     def __post_init__(self) -> None:
         check_parameters(self)
-        object.__setattr__(self, "lay", Lay.of(self.lay))
+        lay = Lay.of(self.lay)
+        object.__setattr__(self, "lay", Lay(name="circumferential") if lay.name == "spiral" and not lay.lead else lay)
         if self.lay.file is not None:
             raise InputError("lay", f"'{self.lay}' on a ring", "a field on a mesh only")
+        _short_lead(self.lay, abs(self.outer_radius - self.inner_radius))
         AnnularSeal(self.inner_radius, self.outer_radius, (1, 1), self.inlet)
         _plausible("outer_radius", 2 * self.outer_radius)
 
@@ -206,6 +211,10 @@ class MeshLayout:
         if self.length is not None and not (isfinite(self.length) and self.length > 0):
             raise InputError("length", self.length, "a length > 0 [m]")
         object.__setattr__(self, "lay", Lay.of(self.lay, Path(self.path).parent))
+        if self.lay.name == "spiral":
+            raise InputError(
+                "lay", f"'{self.lay}' on a mesh", "a spiral on a strip or a ring, or {field = 'file.vtu:name'}"
+            )
         for name in ("inlet", "outlet"):
             names = getattr(self, name)
             if isinstance(names, Mapping):
@@ -250,10 +259,22 @@ def _mesh_seal(path: Path, inlet: Any, outlet: Any, unit: str, stamp: Any) -> Me
     return MeshSeal(path, dict(inlet) if of_pressures else inlet, outlet, unit)
 
 
+def _short_lead(lay: Lay, breadth: float) -> None:
+    """Refuse a spiral whose groove crosses the seal within a turn."""
+    if lay.lead > breadth:
+        given = f"{to_text(lay.lead, 'm')} on a seal {to_text(breadth, 'm', 3)} broad"
+        raise InputError("lay.lead", given, "at most the breadth: the groove would cross it within a turn")
+
+
 def _elements(
-    seal: ElementSeal, windows: Windows, lay: Lay, centre: tuple[float, float] = (0.0, 0.0), unit: float = 1.0
+    seal: ElementSeal,
+    windows: Windows,
+    lay: Lay,
+    centre: tuple[float, float] = (0.0, 0.0),
+    unit: float = 1.0,
+    length: float | None = None,
 ) -> ElementWindows:
-    laid = ElementWindows(seal, windows.size, lay.directions(seal.outlines.mean(axis=1), centre, unit))
+    laid = ElementWindows(seal, windows.size, lay.directions(seal.outlines.mean(axis=1), centre, unit, length))
     return laid.checked()
 
 
