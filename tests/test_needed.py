@@ -117,6 +117,7 @@ def elastic():
         loading=(1e8, 4e8, 1.2e9),
         unload_from=(4e8, 1.2e9),
         unloading=(4e8, 2e8, 1e8, 0.0),
+        fluid_pressure="ignored",  # which opens the seal at no load
     )
 
 

@@ -14,7 +14,7 @@ from small_cases import TABLES
 import femseal as fs
 from femseal.base.stage import Stage
 from femseal.case.case import read_case
-from femseal.contact import cycle
+from femseal.contact import solver
 from femseal.execution.shared_stages import SharedStages, Unnamed, digest
 from femseal.results.run_comparison import named
 from femseal.sweeps.variations import parsed_keys, short_names, variations
@@ -53,13 +53,13 @@ def case(tmp_path):
 @pytest.fixture
 def contacts(monkeypatch):
     """Nominal pressures of the contacts that are solved."""
-    solved, solve = [], cycle.solve_contact
+    solved, check = [], solver._checked_load
 
-    def counted(*arguments, **options):
-        solved.append(options["pressure"])
-        return solve(*arguments, **options)
+    def counted(gap, half_space, law, pressure, approach):
+        solved.append(pressure)
+        return check(gap, half_space, law, pressure, approach)
 
-    monkeypatch.setattr(cycle, "solve_contact", counted)
+    monkeypatch.setattr(solver, "_checked_load", counted)
     return solved
 
 
@@ -169,6 +169,11 @@ def test_cases_share_what_their_keys_do_not_change(case, tmp_path, contacts):
     found = fs.sweep(case, {"fluid.viscosity": ["1 mPa*s", "4 mPa*s"]}, tmp_path / "fluids", workers=1)
     assert len(contacts) == alone
     assert_allclose(found.leakage(0), 4 * found.leakage(1), rtol=1e-9)
+    case.write_text(CASE + '[contact]\nfluid_pressure = "ignored"\n')
+    fs.sweep(case, {"seed": [2]}, tmp_path / "dry", workers=1)
+    contacts.clear()
+    fs.run(case, workers=1)
+    alone = len(contacts)
     contacts.clear()
     # the highest load is peak in one only, so that it leaves its deformation behind
     more = {"load.loading": [["50 MPa", "300 MPa"], ["50 MPa", "100 MPa", "300 MPa"]]}

@@ -6,20 +6,25 @@ combines them to one band (`error_parts.py`). All distances are of ln(leakage): 
 
 from .coarse import CoarserSolution, change_of_windows
 from .error_budget import at_interpolated_steps, error_budget
-from .error_parts import ErrorBudget, ErrorPart
+from .error_parts import MODEL_PARTS, ErrorBudget, ErrorPart
 from .grid_convergence import GridConvergence, grid_convergence
+from .model_parts import ModelChange, model_changes, model_part
 from .widest_band import WidestBand, counting_steps, widest_band
 
 __all__ = [
+    "MODEL_PARTS",
     "CoarserSolution",
     "ErrorBudget",
     "ErrorPart",
     "GridConvergence",
+    "ModelChange",
     "WidestBand",
     "at_interpolated_steps",
     "change_of_windows",
     "counting_steps",
     "error_budget",
     "grid_convergence",
+    "model_changes",
+    "model_part",
     "widest_band",
 ]

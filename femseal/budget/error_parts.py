@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -13,6 +13,8 @@ from ..studies.curve_distance import FLOOR
 from ..studies.scene import Array
 
 Indices = NDArray[np.int64]
+#: Sources of error of the model and its input, in the order in which they are shown; the others are of its solution.
+MODEL_PARTS = ("hardness", "fluid pressure", "form")
 #: Ratio by which a leakage may rise under a higher load by the errors of its solution.
 _RISE = 1.001
 
@@ -21,7 +23,8 @@ _RISE = 1.001
 class ErrorPart:
     """One source of error of a leakage, with the band that holds its truth in about 95 of 100 cases.
 
-    name : "solver", "pixels", "filter", "windows", "two scales", "sampler", "library", or "realisations".
+    name : "solver", "pixels", "filter", "windows", "two scales", "sampler", "library", "realisations", or one of
+        `MODEL_PARTS`.
     lower, upper : leakage at every step if only this source erred (steps,) [m²/s]. A lower end of 0: may be sealed; an
         upper end of inf: no bound is known; NaN: unknown.
     note : how it was estimated, a sentence.
@@ -65,6 +68,11 @@ class ErrorBudget:
     leakage: Array
     parts: tuple[ErrorPart, ...]
     steps: LoadProgramme | None = None
+
+    @property
+    def numerical(self) -> ErrorBudget:
+        """The budget without the parts of the model and its input: what a finer solution makes smaller."""
+        return replace(self, parts=tuple(part for part in self.parts if part.name not in MODEL_PARTS))
 
     @property
     def lower(self) -> Array:

@@ -1,17 +1,20 @@
-"""Parts of the budget for what a method leaves out of a face, by the calibration set."""
+"""Parts of the budget for what a method leaves out of a face, by the calibration set, and for what the model does."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
+from ..loads import LoadProgramme
 from ..studies import Scene, StochasticResult, TwoScaleResult
 from ..studies.scene import Array
-from .changes import load_sensitivity, part_of_changes
+from .changes import LEAST_SLOPE, load_sensitivity, part_of_changes, scale_of_changes
 from .coarse import CoarserSolution, on_all_steps
 from .conformal import calibration, decades, model_error
-from .error_parts import ErrorPart
+from .error_parts import MODEL_PARTS, ErrorPart
 
 
 def two_scales_parts(study: TwoScaleResult, compared: CoarserSolution | None = None) -> list[ErrorPart]:
@@ -39,6 +42,56 @@ def two_scales_parts(study: TwoScaleResult, compared: CoarserSolution | None = N
             _part("windows", study, q, "contact in windows against that of the whole face", "windows", **features)
         )
     return parts
+
+
+@dataclass(frozen=True, eq=False)
+class ModelChange:
+    """A scene with another model or input, whose leakage tells how much that matters.
+
+    name : of the part, one of `MODEL_PARTS`. scene : the changed one. both : whether the truth may lie on the other
+    side as well. note : a sentence.
+    """
+
+    name: str
+    scene: Scene
+    both: bool
+    note: str
+
+
+def model_changes(scene: Scene, names: Sequence[str] = MODEL_PARTS, hardness: float = 0.1) -> list[ModelChange]:
+    """Changes of a scene that its model and its input may be wrong by.
+
+    names : of the parts that are wanted. hardness : relative error of the hardness.
+    """
+    found = []
+    if "hardness" in names and hardness > 0 and not scene.law.is_elastic:
+        harder = replace(scene, hardness=scene.law.times(1 + hardness))
+        note = f"change of ln(leakage) with {hardness:.0%} more hardness, on either side"
+        found.append(ModelChange("hardness", harder, True, note))
+    acting = replace(scene, fluid_pressure="acts")
+    if "fluid pressure" in names and scene.fluid_pressure == "ignored" and acting.acting_fluid is not None:
+        note = "change of ln(leakage) if the fluid pressure, which is ignored, presses the faces apart"
+        found.append(ModelChange("fluid pressure", acting, False, note))
+    return found
+
+
+def model_part(change: ModelChange, steps: LoadProgramme, leakage: Array, solution: CoarserSolution) -> ErrorPart:
+    """Part of a change of the model.
+
+    solution : leakage of the changed scene against that of the scene itself, both on the same points.
+    """
+    moved = on_all_steps(steps, solution, leakage)
+    slope = np.maximum(load_sensitivity(steps, leakage), LEAST_SLOPE)
+    # beside a sealed step the nearest ones tell
+    near = scale_of_changes(steps, moved, slope, [steps.index(step) for step in solution.steps])
+    size = np.where(np.isfinite(moved), np.abs(moved), near)
+    rises = float(np.nansum(np.where(np.isfinite(moved), moved, 0.0))) >= 0
+    below, above = size * (change.both or not rises), size * (change.both or rises)
+    if change.both:
+        moved = np.abs(moved)
+    return part_of_changes(
+        change.name, steps, leakage, below, above, change.note, change=np.nan_to_num(moved, nan=0.0, posinf=np.inf)
+    )
 
 
 def sampler_part(scene: Scene, study: StochasticResult) -> ErrorPart:

@@ -21,13 +21,14 @@ from ..contact import ContactLaw, softer_of
 from ..fluids import leak_basis, potential_of
 from ..materials import Solid, contact_modulus
 from ..results.class_results import check_classes
-from ..seal.layouts import Layout
+from ..seal.layouts import Layout, MeshLayout
 from .case_tables import CellsTable, ContactTable, FlowTable, OutputTable, StochasticTable
 from .faces import Face, FileFace, SurfaceTable
 from .faults import INTERNAL, case_faults, fault, faults_of
 from .fluid import AnyFluid, with_absolute_pressures, with_named_fluids
 from .load import LoadTable
 from .seal import AnySeal, with_inlet_pressure
+from .seat_form import AnySeat
 from .solid import SolidTable, with_named_solids
 from .values import Accuracy, Duration, FileSize, Number, Table
 
@@ -62,6 +63,7 @@ class Case(Table):
     flow: FlowTable = FlowTable()
     fluid: AnyFluid
     seal: AnySeal = Field(default={"kind": "rectangular"}, validate_default=True)
+    seat: AnySeat = Field(default={"kind": "flat"}, validate_default=True)
     cells: CellsTable | None = None
     stochastic: StochasticTable | None = None
     output: OutputTable = OutputTable()
@@ -123,6 +125,7 @@ class Case(Table):
             raise fault("face.0", ", ".join(sorted(first.placement)), "that in the second face")
         self._check_seal()
         self._check_map()
+        self._check_seat()
         return self
 
     def _check_output(self) -> None:
@@ -165,6 +168,26 @@ class Case(Table):
         if own and self.output.test_fluid is not None:
             raise fault("output.test_fluid", "one with pressures of the inlets in seal.inlet", "none with them")
 
+    def _check_seat(self) -> None:
+        """Raise a fault if the form of the seat does not go with boundary, faces or map, or its file does not exist."""
+        kind = self.seat.kind
+        if kind == "flat":
+            return
+        if self.contact.boundary[0] != "free":
+            raise fault("contact.boundary", f"{self.contact.boundary[0]} along x1 with a {kind} seat", "free along x1")
+        least = 1 if kind == "tilted" else 2
+        if any(isinstance(face, FileFace) for face in self.face) and self.surface.detrend < least:
+            given = f"{self.surface.detrend} with a {kind} seat: the form would count twice"
+            raise fault("surface.detrend", given, f"{least}: the form is that of [seat]")
+        if self.stochastic is not None and "stochastic" in self.methods and self.stochastic.pressure != "place":
+            given = f"{self.stochastic.pressure} with a {kind} seat"
+            raise fault("stochastic.pressure", given, "place: windows keep their rows")
+        if self.layout.kind == MeshLayout.kind:
+            raise fault("seal.kind", f"{self.layout.kind} with a {kind} seat", "a strip or a ring")
+        path = getattr(self.seat, "path", None)
+        if path is not None and not isfile(self.folder / path):
+            raise fault("seat.path", f"'{shortened(path)}'", "a file that exists")
+
     def _check_map(self) -> None:
         """Raise a fault if a map of the pressure does not go with the method, or its file does not exist."""
         if self.load.map is None:
@@ -199,6 +222,13 @@ class Case(Table):
     def law(self) -> ContactLaw:
         """Contact law of the softer solid, at each depth where their curves cross; elastic where none yields."""
         return softer_of(self.material.law, None if self.counter_material is None else self.counter_material.law)
+
+    @property
+    def hardness_tolerance(self) -> float:
+        """Relative error of the hardness of the softer solid, for the error budget."""
+        tables = (self.material, self.counter_material)
+        softer = min((t for t in tables if t is not None), key=lambda table: table.law.mean_hardness)
+        return softer.hardness_tolerance
 
     @property
     def modulus(self) -> float:

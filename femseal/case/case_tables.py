@@ -12,11 +12,12 @@ from ..base.errors import InputError
 from ..base.leak_classes import KNOWN, leak_classes
 from ..base.leak_units import LEAK_UNITS, LeakUnit, leak_unit
 from ..base.quantities import to_text
+from ..budget import MODEL_PARTS
 from ..flow import DISCRETISATIONS, SOLVERS
 from ..flow.discretisation import check_discretisation
 from ..results.paraview import FORMATS
 from ..results.pixel_fields import LIMIT
-from ..studies import CONTACTS, DRAWS, FLOWS, PRESSURES
+from ..studies import CONTACTS, DRAWS, FLOWS, FLUID_PRESSURES, PRESSURES
 from .faults import fault, faults_of, refusal
 from .fluid import AnyFluid
 from .values import (
@@ -34,10 +35,11 @@ Boundary = Literal["periodic", "mirror", "free"]
 
 
 class ContactTable(Table):
-    """How contact is solved."""
+    """How contact is solved, and whether the fluid presses the faces apart, see `studies.Scene`."""
 
     boundary: tuple[Boundary, Boundary] = ("free", "periodic")
     rtol: Annotated[float, Field(gt=0, lt=0.1)] = 1e-5
+    fluid_pressure: Annotated[str, *one_of(FLUID_PRESSURES)] = "acts"
 
 
 class FlowTable(Table):
@@ -127,7 +129,8 @@ class OutputTable(Table):
     leakage_unit : of tables, pictures and report. throughput_temperature : of the pressure × volume of gases.
     classes : leakage classes checked at every step, see `base.leak_classes`. nominal_diameter : which some need.
     test_fluid : of a leak test, whose leakage stands beside; classes are checked with it.
-    budget : the error of every leakage, source by source, see `budget.error_budget`.
+    budget : the error of every leakage, source by source, see `budget.error_budget`. model_parts : those of its sources
+    that are errors of the model and its input.
     """
 
     pictures: bool = True
@@ -146,6 +149,7 @@ class OutputTable(Table):
     nominal_diameter: Length | None = None
     test_fluid: AnyFluid | None = None
     budget: bool = True
+    model_parts: tuple[Literal[MODEL_PARTS], ...] = MODEL_PARTS  # type: ignore[valid-type]
 
     @model_validator(mode="before")
     @classmethod

@@ -18,8 +18,9 @@ from ..base.quantities import to_si, to_text
 from ..loads import LOAD_UNITS, nominal_pressure, relaxed
 from ..seal.field_file import read_pressure_field
 from ..seal.pressure_map import AngleTable, AnyMap, MapsAtLoads, PressureField, PressureMap, Profile, Uniform
+from ..studies import NOMINALS
 from .faults import faults_of, refusal
-from .values import Accuracy, Angle, Count, Place, Quantity, Relaxation, Table, quantity_schema
+from .values import Accuracy, Angle, Count, Place, Quantity, Relaxation, Table, one_of, quantity_schema
 
 #: No cycle is longer [load steps].
 _MOST_STEPS = 10_000
@@ -147,6 +148,7 @@ AnyMapTable = Annotated[UniformMap | ProfileMap | AngleMap | FieldMap, Field(dis
 class LoadTable(Table):
     """Loads of the cycle, see `loads.LoadProgramme`: nominal pressures, or forces that the seal's size makes pressures.
 
+    nominal : what carries the loads where the fluid pressure acts, see `studies.Scene`.
     relaxation : fraction of a load in assembly that is lost at constant set-down before service: every peak, or
         without `unload_from` every load, is unloaded to the rest of it too.
     map : of the pressure over the seal; several hold at the loads `at`. interpolate : relative error of the leakage
@@ -156,6 +158,7 @@ class LoadTable(Table):
     loading: Annotated[tuple[Load, ...], Field(min_length=1)]
     unload_from: tuple[Load, ...] = ()
     unloading: tuple[Load, ...] = ()
+    nominal: Annotated[str, *one_of(NOMINALS)] = "total"
     relaxation: Relaxation = 0.0
     interpolate: Accuracy | None = None
     map: Annotated[

@@ -18,7 +18,7 @@ from ..seal.lay import ALLOWED, NAMES, Lay
 from ..seal.layouts import LAYOUTS, Layout, MeshLayout
 from .faults import fault, faults_of, refusal
 from .registered_tables import table_of_any
-from .values import Length, Pressure, Quantity, Shift, Table, quantity_schema
+from .values import Length, LengthUnit, Pressure, Quantity, Shift, Table, quantity_schema
 
 
 class SealTable(Table):
@@ -83,15 +83,6 @@ def with_inlet_pressure(data: Any) -> Any:
     return {**data, "fluid": {**fluid, "inlet_pressure": f"{highest!r} Pa"}}
 
 
-def _length_unit(value: Any) -> str:
-    try:
-        if not isinstance(value, str) or not to_si(f"1 {value}", "m") > 0:
-            raise ValueError
-    except ValueError:
-        raise refusal("a unit of length, such as 'mm'") from None
-    return value
-
-
 _LAY_SCHEMA = {"anyOf": [{"type": "string", "enum": list(NAMES)}, {"type": "object"}], "description": ALLOWED}
 _NAMES_SCHEMA = {"anyOf": [{"type": "string"}, {"type": "array", "items": {"type": "string"}}]}
 _Names = Annotated[str | tuple[str, ...], BeforeValidator(_names), WithJsonSchema(_NAMES_SCHEMA)]
@@ -105,7 +96,7 @@ _Inlets = Annotated[
 #: Keys whose values are not what the fields of the shapes say, or need a unit.
 _KEYS: dict[str, Any] = {
     "lay": Annotated[Any, BeforeValidator(_lay), WithJsonSchema(_LAY_SCHEMA)],
-    "unit": Annotated[str, BeforeValidator(_length_unit)],
+    "unit": LengthUnit,
     "centre": tuple[Shift, Shift],
     "length": Length | None,
 }

@@ -35,6 +35,7 @@ class SolidTable(Table):
     yield_stress: Modulus | None = None
     hardness: Modulus | None = None
     hardening: Hardening | None = None
+    hardness_tolerance: Annotated[float, Field(ge=0, lt=1)] = 0.1
     nix_gao_depth: Height | None = None
     smallest_depth: Length | None = None
     hardness_table: Annotated[

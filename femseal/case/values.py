@@ -121,6 +121,15 @@ def _accuracy(value: Any) -> float:
     return fraction
 
 
+def _length_unit(value: Any) -> str:
+    try:
+        if not isinstance(value, str) or not to_si(f"1 {value}", "m") > 0:
+            raise ValueError
+    except ValueError:
+        raise refusal("a unit of length, such as 'mm'") from None
+    return value
+
+
 def _positive(x: float) -> bool:
     return x > 0
 
@@ -152,6 +161,7 @@ Accuracy = Annotated[
 ]
 Shift = Annotated[float, Quantity("m", lambda x: True, "a length, such as '-20 um'")]
 Place = Annotated[float, Quantity("m", _not_negative, "a length >= 0, such as '0.1 mm'")]
+LengthUnit = Annotated[str, BeforeValidator(_length_unit)]
 #: A channel of a file, by its number or its name.
 Channel = Annotated[
     int | str,

@@ -109,6 +109,7 @@ def load_states(
     law: ContactLaw,
     rtol: float = 1e-6,
     take: Callable[[LoadState], Any] | None = None,
+    solve: Callable[..., Contact] = solve_contact,
     memory: float | None = None,
     mapper: Mapper = map,
 ) -> Iterator[Any]:
@@ -123,6 +124,7 @@ def load_states(
     law : what the points can carry.
     take : function of the contact of a state, called in the process that solves it; its value is returned in place of
         the state.
+    solve : the contact at a load, such as one with a fluid between the faces; called as `solve_contact`.
     memory : of solving a state and of `take` together [byte]; that of the contact unless given. A mapper over processes
         solves no more states at once than fit.
     mapper : solves the states of a branch, which do not depend on each other: first loading, then unloading.
@@ -130,10 +132,10 @@ def load_states(
     law.tangent(half_space.shape)  # checks its shape
     check_capacity("loading", float(programme.pressures.max()), law)
     gap0 = validate.field("gap0", gap0, unit="m", shape=half_space.shape, copy=False)
-    solve = partial(_state, gap0=gap0, half_space=half_space, law=law, rtol=rtol, take=take)
+    state = partial(_state, gap0=gap0, half_space=half_space, law=law, rtol=rtol, take=take, solve=solve)
     if memory is None:
         memory = 8.0 * STATE_FIELDS * gap0.size
-    return _solved(Stage("contact of the whole face", solve, memory), programme, mapper)
+    return _solved(Stage("contact of the whole face", state, memory), programme, mapper)
 
 
 def _solved(stage: Stage, programme: LoadProgramme, mapper: Mapper) -> Iterator[Any]:
@@ -179,9 +181,10 @@ def _state(
     law: ContactLaw,
     rtol: float,
     take: Callable[[LoadState], Any] | None,
+    solve: Callable[..., Contact],
 ) -> tuple[Any, np.ndarray | None, bool]:
     """Solve a state; return the value of `take`, of a peak the plastic deformation, and whether there is any."""
-    contact = solve_contact(gap0, half_space, pressure=step.pressure, hardness=law, deformation=deformation, rtol=rtol)
+    contact = solve(gap0, half_space, pressure=step.pressure, hardness=law, deformation=deformation, rtol=rtol)
     again = 0.0 if deformation is None else _yielded_again(contact, deformation, rtol)
     state = LoadState(step.pressure, step.unloaded_from, contact=contact, yielded_again=again)
     left = contact.plastic_deformation

@@ -304,8 +304,8 @@ class _Changed(ContactLaw):
         return self.factor * self.law.capacity - float(np.mean(self.fluid_pressure))
 
     def after(self, deformation: ArrayLike) -> ContactLaw:
-        """The law with both deformations."""
-        return replace(self, kept=self.kept + np.asarray(deformation, dtype=float))
+        """The law with both deformations; the same where it has no depth."""
+        return self if self.is_perfect else replace(self, kept=self.kept + np.asarray(deformation, dtype=float))
 
     def less(self, fluid_pressure: ArrayLike) -> ContactLaw:
         """The law with both fluid pressures."""

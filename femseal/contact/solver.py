@@ -105,6 +105,7 @@ def solve_contact(
     approach: float | None = None,
     hardness: float | ArrayLike | ContactLaw = inf,
     deformation: ArrayLike | None = None,
+    fluid_pressure: ArrayLike = 0.0,
     rtol: float = 1e-6,
     threads: int = 1,
 ) -> Contact:
@@ -115,21 +116,24 @@ def solve_contact(
     gap0 : undeformed gap h₁ (n1, n2) [m], up to a constant.
     half_space : elastic body, boundary kinds, grid.
     pressure : nominal pressure p̄ [Pa], 0 ≤ p̄ ≤ mean H; 0 is first touch, mean H all plastic. A law that hardens carries
-        any.
+        any. A fluid carries its mean pressure of it, and the contact the rest.
     approach : rigid-body approach δ [m] instead, g = Kp + h₁ − δ. Where no axis is free, K leaves the mean displacement
         out, and δ has to stay below the mean of h₁, at which the load has no bound.
     hardness : H [Pa] of perfect plasticity, a number or one per point, inf is elastic; or a law, such as
         `LinearHardening`.
     deformation : plastic deformation (n1, n2) >= 0 [m] that an earlier load has left; that of the result is this and
         what the load adds.
+    fluid_pressure : p_f of a fluid between the faces [Pa], a number or (n1, n2), above that of the surroundings. The
+        traction t = p + p_f is not below p_f, and at most H: h₁ + K p_f stands for h₁, p̄ − mean p_f for p̄, H − p_f
+        for H. A uniform p_f on a periodic face is the dry face with these.
     rtol : complementarity residual ‖p − clip(p − c(v − δ), 0, H)‖/‖p‖ to reach, c = πE*/(4Δ) with the geometric mean Δ
         of the spacings along which there are points; in place of clip stands the projection on the law.
     threads : of the transforms.
 
     Raises
     ------
-    InputError : wrong shape, undefined points, a pressure that the law cannot carry, or not just one of `pressure` and
-        `approach`.
+    InputError : wrong shape, undefined points, a pressure that the law cannot carry, one below the mean of the fluid's,
+        under which the faces part, or not just one of `pressure` and `approach`.
     NotConverged : the residual was not reached; the message says which was. Or tangents of a curved law did not settle.
 
     Notes
@@ -143,15 +147,47 @@ def solve_contact(
     if deformation is not None:
         deformation = validate.field("deformation", deformation, unit="m", shape=half_space.shape, copy=False)
         gap, law = gap + deformation, law.after(deformation)
+    threads = validate.count("threads", threads)
+    if np.ndim(fluid_pressure) or fluid_pressure != 0:
+        gap, law, pressure = _with_fluid(gap, half_space, law, pressure, fluid_pressure, threads)
     line = law.tangent(half_space.shape)
     pressure, approach = _checked_load(gap, half_space, law, pressure, approach)
     validate.tolerance("rtol", rtol)
-    threads = validate.count("threads", threads)
     problem = _Problem(gap, half_space, line, pressure, approach, rtol)
     contact = problem.solve(threads) if law.linear else _by_tangents(law, problem, threads)
     if deformation is not None:
         contact = replace(contact, plastic_deformation=contact.plastic_deformation + deformation)
     return contact
+
+
+def _with_fluid(
+    gap: Array,
+    half_space: HalfSpace,
+    law: ContactLaw,
+    pressure: float | None,
+    fluid_pressure: ArrayLike,
+    threads: int,
+) -> tuple[Array, ContactLaw, float | None]:
+    """Undeformed gap [m], law and nominal pressure [Pa] of a contact whose faces a fluid presses apart."""
+    if np.ndim(fluid_pressure) == 0:
+        value = validate.number("fluid_pressure", fluid_pressure, unit="Pa", above=-inf)
+        fluid_pressure = np.full(half_space.shape, value)
+    p_f = validate.field("fluid_pressure", fluid_pressure, unit="Pa", shape=half_space.shape, copy=False)
+    if np.any(p_f >= law.yield_pressure()):
+        given = f"up to {p_f.max():g} Pa"
+        raise InputError("fluid_pressure", given, f"less than the hardness, {law.mean_hardness:g} Pa")
+    if pressure is not None:
+        pressure, mean = validate.number("pressure", pressure, unit="Pa", inclusive=True), float(p_f.mean())
+        if pressure < mean:
+            given = f"{pressure:g} Pa, of which the fluid carries {mean:g} Pa"
+            raise InputError("pressure", given, "more than the fluid carries: below that the faces part")
+        pressure -= mean
+    # the same number at every point stays one, and the law with it
+    reduced = law.less(p_f.flat[0] if np.all(p_f == p_f.flat[0]) else p_f)
+    grid = nested_grids(half_space, threading.get_ident(), threads)[0]
+    grid.pressure[:] = p_f
+    grid.respond.apply()
+    return gap + grid.respond.displacement, reduced, pressure
 
 
 def _checked_load(

@@ -1,9 +1,9 @@
-"""Permeability that depends on the pressure of the fluid, as that of a rarefied gas does.
+"""Permeability that depends on the pressure of the fluid, as that of a rarefied gas or of faces that it presses apart.
 
-It is known at a few pressures, and ln k is interpolated in ln p by one polynomial: for a gas the slope is between −1,
-free molecules, and 0, viscous flow. Measured on rough gaps of 10 nm to 10 µm and helium: six Chebyshev points over
-three decades of pressure are within 0.1 % of the flow, four over one decade too; between plates within 0.5 %, where the
-jumps of the flow factor show.
+It is known at a few pressures, and ln k is interpolated: in ln p by one polynomial for a rarefied gas, whose slope is
+between −1, free molecules, and 0, viscous flow; or linear in p between the pressures, as closed parts may open there.
+Measured on rough gaps of 10 nm to 10 µm and helium: six Chebyshev points over three decades of pressure are within
+0.1 % of the flow, four over one decade too; between plates within 0.5 %, where the jumps of the flow factor show.
 """
 
 from __future__ import annotations
@@ -58,10 +58,13 @@ class PermeabilityTable:
     values : what `seal_leakage` takes as permeability, with a first axis of m: (m,) numbers, the links as a pair of
         arrays (m, n1, n2) and (m, n1 − 1, n2), or (m, n_elements) … [m³]. A part that is closed at one pressure counts
         as closed.
+    piecewise : interpolate ln k between each two pressures, which may be 0 and at which a part may be closed (k is then
+        linear between them); else by one polynomial in ln p.
 
     Raises
     ------
-    InputError : pressures that are not > 0 or not different, values that are negative or undefined or do not match.
+    InputError : pressures that are not > 0, of `piecewise` not >= 0, or not different, values that are negative or
+        undefined or do not match.
 
     Examples
     --------
@@ -80,11 +83,14 @@ class PermeabilityTable:
 
     pressures: Sequence[float] | Array
     values: Any
+    piecewise: bool = False
 
     def __post_init__(self) -> None:
         p = np.array(self.pressures, dtype=float).ravel()
-        if p.size < 2 or not (np.isfinite(p).all() and p.min() > 0 and np.unique(p).size == p.size):
-            raise InputError("pressures", str(self.pressures), "two or more different pressures > 0 [Pa]")
+        known = p.size >= 2 and np.isfinite(p).all() and np.unique(p).size == p.size
+        if not known or p.min() < 0 or (p.min() == 0 and not self.piecewise):
+            relation = ">=" if self.piecewise else ">"
+            raise InputError("pressures", str(self.pressures), f"two or more different pressures {relation} 0 [Pa]")
         pair = isinstance(self.values, tuple) and all(np.ndim(v) > 0 for v in self.values)
         arrays = tuple(np.asarray(v, dtype=float) for v in (self.values if pair else (self.values,)))
         for k in arrays:
@@ -109,26 +115,41 @@ def _are_tensors(values: Array) -> bool:
     return values.ndim >= 4 and values.shape[-2:] == (2, 2)
 
 
-def pressure_curve(pressures: ArrayLike, values: Array) -> PressureCurve | TensorCurve:
-    """Permeabilities (m, …), numbers or tensors, as functions of the pressure."""
-    return (TensorCurve if _are_tensors(values) else PressureCurve)(pressures, values)
+def tabulated(pressures: Sequence[float] | Array, values: Sequence[Any], piecewise: bool = False) -> Any:
+    """Table of the permeabilities at each of the pressures; the only permeability where there is one."""
+    if len(values) == 1:
+        return values[0]
+    pair = isinstance(values[0], (tuple, list))
+    stacked = tuple(np.array(v) for v in zip(*values, strict=True)) if pair else np.array(values)
+    return PermeabilityTable(tuple(pressures), stacked, piecewise)
+
+
+def pressure_curve(pressures: ArrayLike, values: Array, piecewise: bool = False) -> PressureCurve | TensorCurve:
+    """Permeabilities (m, …), numbers or tensors, as functions of the pressure; see `PermeabilityTable`."""
+    return (TensorCurve if _are_tensors(values) else PressureCurve)(pressures, values, piecewise)
 
 
 class TensorCurve:
     """Tensors (m, …, 2, 2) as functions of the pressure: the trace as any permeability, fractions by a polynomial."""
 
-    def __init__(self, pressures: ArrayLike, values: Array) -> None:
-        self._trace = PressureCurve(pressures, np.trace(values, axis1=-2, axis2=-1))
+    def __init__(self, pressures: ArrayLike, values: Array, piecewise: bool = False) -> None:
+        self._trace = PressureCurve(pressures, np.trace(values, axis1=-2, axis2=-1), piecewise)
         trace = np.trace(values, axis1=-2, axis2=-1)[..., None, None]
         fractions = np.divide(values, trace, out=np.zeros_like(values), where=trace > 0)
+        self.shape = values.shape[1:]
+        if piecewise:
+            order = np.argsort(pressures)
+            self._knots, self._at_knots = np.asarray(pressures, dtype=float)[order], fractions[order]
+            return
         self._fractions = chebyshev.chebfit(
             self._trace.scaled(np.log(pressures)), fractions.reshape(len(values), -1), len(fractions) - 1
         )
-        self.shape = values.shape[1:]
 
     def between(self, first: Array, second: Array, mobility: Mobility) -> Array:
         """Mean of each tensor between two pressures > 0, its fractions those at the mean of both."""
         trace = self._trace.between(first, second, mobility)
+        if hasattr(self, "_knots"):
+            return trace[..., None, None] * self._piecewise(0.5 * (first + second))
         x = self._trace.scaled(np.log(0.5 * (first + second)))
         x = np.broadcast_to(np.clip(x, -1, 1), trace.shape)[..., None, None]
         fractions = chebyshev.chebval(
@@ -136,11 +157,30 @@ class TensorCurve:
         )
         return trace[..., None, None] * fractions
 
+    def _piecewise(self, pressure: Array) -> Array:
+        """Fractions at a pressure, each linear between those of the two knots around it."""
+        p, knots = np.broadcast_to(pressure, self.shape[:-2]), self._knots
+        upper = np.clip(np.searchsorted(knots, p), 1, knots.size - 1)
+        weight = np.clip((p - knots[upper - 1]) / (knots[upper] - knots[upper - 1]), 0, 1)[..., None, None]
+        low, high = (
+            np.take_along_axis(self._at_knots, n[None, ..., None, None], axis=0)[0] for n in (upper - 1, upper)
+        )
+        return (1 - weight) * low + weight * high
+
 
 class PressureCurve:
     """Permeabilities as functions of the pressure, each of its own: values (m, …) at m pressures."""
 
-    def __init__(self, pressures: ArrayLike, values: Array) -> None:
+    def __init__(self, pressures: ArrayLike, values: Array, piecewise: bool = False) -> None:
+        self._knots = np.empty(0)
+        if piecewise:
+            order = np.argsort(pressures)
+            self._knots, self.shape = np.asarray(pressures, dtype=float)[order], values.shape[1:]
+            with np.errstate(divide="ignore"):
+                self._coefficients = np.ascontiguousarray(np.log(values[order]).reshape(len(values), -1).T)
+            self._range, self._slope = (0.0, 1.0), np.zeros(len(self._coefficients))
+            self._open = (values > 0).any(axis=0).ravel()
+            return
         x = np.log(np.asarray(pressures, dtype=float))
         self._range = float(x.min()), float(x.max())
         self.shape = values.shape[1:]
@@ -162,8 +202,8 @@ class PressureCurve:
         """Mean of each permeability between two pressures > 0, ∫ k dφ/∫ dψ."""
         a, b = (np.ascontiguousarray(np.broadcast_to(p, self.shape)).ravel() for p in (first, second))
         out = np.empty(a.size)
-        _means(a, b, self._coefficients, self._slope, self._open, *self._range, mobility.start, mobility.end,
-               mobility.viscous, mobility.own, _ROOTS, _WEIGHTS, out)  # fmt: skip
+        _means(a, b, self._coefficients, self._slope, self._open, *self._range, self._knots, mobility.start,
+               mobility.end, mobility.viscous, mobility.own, _ROOTS, _WEIGHTS, out)  # fmt: skip
         return out.reshape(self.shape)
 
 
@@ -193,7 +233,15 @@ def _interpolated(p, start, end, values):
 
 
 @njit(cache=True, nogil=True)
-def _permeability(p, coefficients, slope, low, high):
+def _permeability(p, coefficients, slope, low, high, knots):
+    """k of one part at a pressure; coefficients are ln k at the knots, or those of a polynomial without knots."""
+    if knots.size:
+        i = min(max(np.searchsorted(knots, p), 1), knots.size - 1)
+        weight = min(max((p - knots[i - 1]) / (knots[i] - knots[i - 1]), 0.0), 1.0)
+        a, b = coefficients[i - 1], coefficients[i]
+        if min(a, b) == -np.inf:
+            return (1.0 - weight) * np.exp(a) + weight * np.exp(b)
+        return np.exp((1.0 - weight) * a + weight * b)
     x = np.log(p)
     inside = min(max(x, low), high)
     t = (2.0 * inside - low - high) / (high - low)
@@ -205,7 +253,7 @@ def _permeability(p, coefficients, slope, low, high):
 
 
 @njit(cache=True, nogil=True)
-def _means(a, b, coefficients, slope, is_open, low, high, start, end, viscous, own, roots, weights, out):
+def _means(a, b, coefficients, slope, is_open, low, high, knots, start, end, viscous, own, roots, weights, out):
     """Mean of each permeability between two pressures, by Gauss points dense at the lower one."""
     for n in range(a.size):
         if not is_open[n]:
@@ -215,7 +263,7 @@ def _means(a, b, coefficients, slope, is_open, low, high, start, end, viscous, o
         # the mobility of a gas is nearly straight in p: one point will do for a small drop
         if most - least <= _SMALL * most:
             p = 0.5 * (least + most)
-            k = _permeability(p, coefficients[n], slope[n], low, high)
+            k = _permeability(p, coefficients[n], slope[n], low, high, knots)
             out[n] = k * _interpolated(p, start, end, viscous) / _interpolated(p, start, end, own)
             continue
         top, bottom = 0.0, 0.0
@@ -223,6 +271,6 @@ def _means(a, b, coefficients, slope, is_open, low, high, start, end, viscous, o
             p = least + (most - least) * roots[q] ** 2
             weight = weights[q] * roots[q]
             slope_φ = _interpolated(p, start, end, viscous)
-            top += weight * slope_φ * _permeability(p, coefficients[n], slope[n], low, high)
+            top += weight * slope_φ * _permeability(p, coefficients[n], slope[n], low, high, knots)
             bottom += weight * _interpolated(p, start, end, own)
         out[n] = top / bottom

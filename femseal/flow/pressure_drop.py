@@ -7,7 +7,7 @@ of the fixed point, with the ratio at the pressures of the one before, then gain
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Generic, Protocol, TypeVar
@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..base.fixed_point import fixed_point
 from .constriction import critical_constriction
 from .law import CUBIC_LAW, FlowLaw, law_of, widened
-from .permeability_table import Mobility, PermeabilityTable, table_pressures
+from .permeability_table import Mobility, table_pressures
 
 Array = NDArray[np.float64]
 Found = TypeVar("Found")
@@ -104,14 +104,6 @@ class PressureDrop:
         """What permeabilities of gaps depend on; empty with the cubic law."""
         pressures = self.pressures.tolist() if self.law.depends_on_pressure else []
         return [] if self.law == CUBIC_LAW else [repr(self.law), pressures]
-
-    def table(self, values: Sequence[Any]) -> Any:
-        """Table of the permeabilities at each of the `pressures`; the only one where there is one."""
-        if len(values) == 1:
-            return values[0]
-        pair = isinstance(values[0], (tuple, list))
-        stacked = tuple(np.array(v) for v in zip(*values, strict=True)) if pair else np.array(values)
-        return PermeabilityTable(tuple(self.pressures), stacked)
 
     def solve_face(
         self,

@@ -14,6 +14,7 @@ from ..studies import Sampling, Scene, check_sampling, chosen_contact, chosen_fl
 from ..studies.costs import choose_method
 from ..studies.window_pressures import check_map, most_paths
 from ..topography import Conditioning, SpikeEffect, Topography
+from ..topography.seat import LEAST_DEPTH, FlatSeat
 from ..windows import Partition
 from .case_plausibility import plausibility_warnings
 from .check_memory import check_memory_of_draws, refused_if_too_large
@@ -32,6 +33,7 @@ def prepare(case: Case) -> Prepared:
         face = conditioned_face(case)
         surface, conditioning, cells = face.surface, face.conditioning, face.cells
         sampling, seals = _seals(case, surface, conditioning, cells)
+        surface, seat = _with_seat(case, surface)
         scene = _scene(case, surface, sampling, seals)
         doubts: tuple[str, ...] = ()
         if sampling is not None:
@@ -51,11 +53,31 @@ def prepare(case: Case) -> Prepared:
             choice=choice,
             contact=contact,
             flow=flow,
+            seat=seat,
             warnings=(*plausibility_warnings(case, scene, conditioning), *spikes, *doubts),
         )
         if case.surface.filter_sensitivity:
             without_short_waves(prepared)  # refuses a face too small for it
         return prepared
+
+
+def _with_seat(case: Case, surface: Topography) -> tuple[Topography, str]:
+    """The face with the form of its seat, and what that is as a text, "" where it is flat.
+
+    Raises
+    ------
+    InputError : a form that is too steep, or narrower than the face.
+    """
+    seat = case.seat.seat(case.folder)
+    if isinstance(seat, FlatSeat):
+        return surface, ""
+    try:
+        formed = seat.on(surface)
+    except InputError as error:
+        raise (error if error.what == "seat" else error.inside("seat")) from None
+    if not seat.matters(surface):
+        return surface, f"{seat}: its depth is below {LEAST_DEPTH:.1%} of the rms height, and is left out"
+    return formed, str(seat)
 
 
 def _seals(
@@ -111,6 +133,8 @@ def _scene(case: Case, surface: Topography, sampling: Sampling | None, seals: tu
         **_pressures(case, _seal_size(surface, sampling, seals), seals=len(seals)),
         boundary=case.contact.boundary,
         rtol=case.contact.rtol,
+        fluid_pressure=case.contact.fluid_pressure,
+        nominal=case.load.nominal,
         layout=case.layout,
         solver=case.flow.solver,
         discretisation=case.flow.discretisation,
@@ -137,7 +161,7 @@ def _pressures(case: Case, seal: tuple[float, float], *, seals: int) -> dict[str
     if case.load.unit == "N" and seals != 1:
         given = f"forces on a seal of {'several lengths' if seals else 'no length'}"
         raise InputError("load.loading", given, "pressures, or forces per length")
-    area = seal[0] * seal[1]
+    area = seal[0] * seal[1] / case.seat.seat(case.folder).load_factor
     found = case.load.pressures(area, seal[1])
     highest = max((*found["loading"], *found["unload_from"]))
     if highest >= case.law.capacity:

@@ -23,7 +23,8 @@ class Prepared:
     """Input of the studies: the scene, its windows, the sampling of seals; and the history of the surface.
 
     methods : to be run, with "auto" resolved. choice : the method that "auto" is and why, "" without. contact, flow :
-    of windows, see `studies.two_scale`. warnings : what is not plausible in the case.
+    of windows, see `studies.two_scale`. seat : its form, "" where it is flat. warnings : what is not plausible in the
+    case.
     """
 
     scene: Scene
@@ -35,6 +36,7 @@ class Prepared:
     choice: str
     contact: str
     flow: str
+    seat: str = ""
     warnings: tuple[str, ...] = ()
 
     @property
@@ -78,6 +80,7 @@ class Prepared:
             "points": list(scene.surface.shape),
             "shortest wave": self.conditioning.shortest_wavelength,
             "discretisation": scene.discretisation,
+            **({"seat": self.seat} if self.seat else {}),
             "solver": scene.solver,
         }
         if self.cells is not None and self.methods & {"two-scale", "stochastic"}:

@@ -3,13 +3,21 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from ..base.errors import FemsealError, NotKept
-from ..budget import CoarserSolution, ErrorBudget, change_of_windows, error_budget
+from ..budget import (
+    CoarserSolution,
+    ErrorBudget,
+    change_of_windows,
+    error_budget,
+    model_changes,
+    model_part,
+)
 from ..preparation.prepared import Prepared
 from ..studies import StochasticResult, Study, study_of_result
 from ..studies.scene import Array
@@ -26,6 +34,8 @@ from .coarser import (
 log = logging.getLogger("femseal")
 #: Solves a study of a version, with the studies of it that are known by key: solve(version, study, known).
 Solve = Callable[[Prepared, Study, Mapping[str, Any]], Any]
+#: A grid with its results by key, names of parts of the model, and the relative error of the hardness.
+Model = tuple[tuple[Prepared, Mapping[str, Any]] | None, Sequence[str], float]
 
 
 def budgets_of(
@@ -35,6 +45,8 @@ def budgets_of(
     *,
     leakage_filtered: Array | None = None,
     known: Mapping[str, ErrorBudget] | None = None,
+    model_parts: Sequence[str] = (),
+    hardness: float = 0.1,
 ) -> dict[str, ErrorBudget]:
     """Error budget of every study of a run, by its key.
 
@@ -42,12 +54,13 @@ def budgets_of(
     ----------
     studies : results by key.
     leakage_filtered : of the answer at every step without waves up to twice the shortest one, where that was solved.
-    known : budgets that are there already.
+    known : budgets that are there already, without parts of the model.
+    model_parts, hardness : names of the parts of the model, and the relative error of the hardness.
     """
     budgets = dict(known or {})
     left = {key: result for key, result in studies.items() if key not in budgets}
     if not left:
-        return budgets
+        return _with_model_parts(prepared, studies, budgets, solve, (None, model_parts, hardness))
     answer = leakage_of(studies[prepared.answer.key])
     grids = coarser_grids(prepared, answer)
     solved = [_solved(grid, solve) for grid in grids]
@@ -63,7 +76,40 @@ def budgets_of(
             filtered = CoarserSolution(smooth.scene.surface.shape, result.steps, leakage_filtered, answer)
         compared = _links_compared(grids[0], solved[0]) if grids and key == "two_scale" else None
         budgets[key] = budget_of(prepared, result, coarse, filtered, compared)
-    return budgets
+    finest = (grids[0], solved[0]) if grids else None
+    return _with_model_parts(prepared, studies, budgets, solve, (finest, model_parts, hardness))
+
+
+def _with_model_parts(
+    prepared: Prepared, studies: Mapping[str, Any], budgets: Mapping[str, ErrorBudget], solve: Solve, model: Model
+) -> dict[str, ErrorBudget]:
+    """The budgets with the parts of the model, from changed scenes on the coarser grid.
+
+    model : that grid with its results where they are known, else None; names and hardness of `budget.model_changes`.
+    """
+    known, names, hardness = model
+    grid = known[0] if known else model_grid(prepared, leakage_of(studies[prepared.answer.key]))
+    changes = model_changes(grid.scene, names, hardness)
+    own = known[1] if known else _solved(grid, solve) if changes else {}
+    found = dict(budgets)
+    for change in changes:
+        moved = _solved(replace(grid, scene=change.scene), solve)
+        for key, result in studies.items():
+            other = route(prepared, study_of_result(result)).key
+            if other in own and other in moved:
+                leakage, against_own = leakage_of(moved[other]), leakage_of(own[other])
+                solution = CoarserSolution(grid.scene.surface.shape, grid.scene.steps, leakage, against_own)
+                part = model_part(change, result.steps, leakage_of(result), solution)
+                found[key] = replace(found[key], parts=(*found[key].parts, part))
+    return found
+
+
+def model_grid(prepared: Prepared, leakage: Array | None = None) -> Prepared:
+    """The version on which changes of the model are solved: the coarser grid, or that of the case where there is none.
+
+    leakage : of the answer, see `coarser_grids`.
+    """
+    return (*coarser_grids(prepared, leakage)[:1], prepared)[0]
 
 
 def budget_of(

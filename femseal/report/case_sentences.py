@@ -37,13 +37,26 @@ def case_sentences(results: RunData) -> list[str]:
     sentences += [f"The solids: {solids_text(case)}."] if "young" in case.get("material", {}) else []
     text = contact_text(float(attrs["contact_modulus_Pa"]), str(attrs["contact_law"]))
     sentences.append(f"{text[0].upper()}{text[1:]}.")
+    if attrs.get("seat"):
+        sentences.append(_seat_text(data))
     sentences += load_sentences(data, case)
     inlet, outlet = (to_text(float(attrs[f"{end}_pressure_Pa"]), "Pa") for end in ("inlet", "outlet"))
-    sentences.append(
-        f"The fluid, {fluid_text(case.get('fluid', {}), str(attrs['fluid']))}, runs from {inlet} to {outlet}."
-    )
+    fluid = fluid_text(case.get("fluid", {}), str(attrs["fluid"]))
+    effect = f": {attrs['fluid_effect']}" if "fluid_effect" in attrs else ""
+    sentences.append(f"The fluid, {fluid}, runs from {inlet} to {outlet}{effect}.")
     sentences += _method_sentences(results)
     return sentences
+
+
+def _seat_text(data: xarray.Dataset) -> str:
+    """The form of the seat, and the band on which it touches."""
+    text = f"The seat is {data.attrs['seat']}"
+    if "band_breadth" not in data or "left out" in text:
+        return f"{text}."
+    band, peak = (data[name].values for name in ("band_breadth", "largest_row_pressure"))
+    least, most = (to_text(float(f(band)), "m", 3) for f in (np.nanmin, np.nanmax))
+    highest = to_text(float(np.nanmax(peak)), "Pa", 3)
+    return f"{text}; it touches on a band {least} to {most} broad, with at most {highest} as the mean of a row."
 
 
 def _face_text(face: dict[str, Any]) -> str:

@@ -37,6 +37,9 @@ def budget_table(results: RunData) -> TextTable | None:
     order = sorted(budget.parts, key=lambda part: -_largest(widths[part.name][steps]))
     together = "root of the sum of squares of the distances of ln(leakage)"
     lines = [(part.name, widths[part.name], part.note) for part in order]
+    if len(budget.numerical.parts) < len(budget.parts):
+        text = "of the solution: without hardness, fluid pressure and form"
+        lines.append(("numbers alone", np.asarray(budget.numerical.half_width()), text))
     lines.append(("together", np.asarray(budget.half_width()), together))
     heads = ("source", *(results.steps[s].name for s in steps), "how it was estimated")
     texts = tuple((name, *(_width_text(float(width[s])) for s in steps), note) for name, width, note in lines)
@@ -136,6 +139,8 @@ def check_lines(results: RunData) -> Lines:
     if "window_pressure" in data:
         nominal = data["nominal_pressure"].values
         carried = data["window_pressure"].values.mean(axis=(1, 2))
+        if "fluid_carried_pressure" in data and case.get("load", {}).get("nominal") != "contact":
+            carried += data["fluid_carried_pressure"].values
         off = np.abs(carried - nominal)[nominal > 0] / nominal[nominal > 0]
         if off.size:
             lines.append(("load of the windows", f"{np.nanmax(off):.0e}", "largest distance from the nominal pressure"))

@@ -20,7 +20,6 @@ from ..budget import ErrorBudget, at_interpolated_steps
 from ..fluids import leak_basis
 from ..studies import DeterministicResult, OtherLeakage, Scene, StochasticResult, TwoScaleResult
 from ..studies.curve_distance import leakage_factor
-from ..studies.fluid_load import relief_warning, relieved_leakage
 from ..studies.link_flow import WindowPixels
 from ..studies.load_interpolation import numbers_of
 from ..studies.other_fluid import FluidState
@@ -120,6 +119,9 @@ def assemble(
         if (drawn := stochastic.median_seal) is not None:
             variables.add_declared(data, drawn)
             data["drawn_corners"].attrs["realisation"] = drawn.realisation
+    if "row" in data.dims:
+        rows = (np.arange(data.sizes["row"]) + 0.5) * scene.surface.spacing[0]
+        variables.add_coordinate(data, "row", "m", "x1 of rows of pixels, from the inlet", rows)
     variables.add_heights(data, scene)
     variables.add_contact_fraction(data, scene, deterministic, two_scale, stochastic)
     doubts = []
@@ -169,6 +171,7 @@ def assemble(
         "machine": _json(machine()),
         "peak_memory_bytes": peak_memory(),
         "fluid": repr(scene.fluid),
+        "fluid_effect": scene.fluid_effect,
         "inlet_pressure_Pa": float(scene.inlet_pressure),
         "outlet_pressure_Pa": float(scene.outlet_pressure),
         "contact_modulus_Pa": float(scene.modulus),
@@ -186,11 +189,6 @@ def assemble(
     results = Results(data, None, scene, deterministic, two_scale, stochastic, windows)
     variables.add_totals(data, results.leakage, results.leak_basis)
     later = []
-    if doubt := relief_warning(every, results.leakage.values):
-        later.append(doubt)
-        text = "leakage per unit seal length, estimate if the fluid carries its part of the load, NaN below all steps"
-        values = relieved_leakage(every, results.leakage.values)
-        variables.add_step(data, "leakage_lifted", "m^2/s", text, values)
     if test is not None:
         add_test_fluid(data, test, FluidState.of(scene), throughput_temperature)
     wanted = leak_classes(classes)

@@ -25,7 +25,7 @@ from ..base.fields import (
     fields_of,
 )
 from ..base.leak_units import LEAK_UNITS, LeakBasis
-from ..budget import ErrorBudget, ErrorPart
+from ..budget import MODEL_PARTS, ErrorBudget, ErrorPart
 from ..library import LibraryTable
 from ..loads import LoadProgramme, LoadStep
 from ..seal import NARROWEST
@@ -41,7 +41,18 @@ Array = NDArray[np.float64]
 #: Most blocks along a side of the maps, of the heights and of a field at every step.
 HEIGHT_BLOCKS, FIELD_BLOCKS = 256, 128
 #: Sources of error in the order in which they are shown.
-SOURCES = ("solver", "pixels", "filter", "windows", "two scales", "sampler", "library", "realisations", "loads")
+SOURCES = (
+    "solver",
+    "pixels",
+    "filter",
+    "windows",
+    "two scales",
+    "sampler",
+    "library",
+    "realisations",
+    "loads",
+    *MODEL_PARTS,
+)
 #: Dimensions beside the steps whose every entry is a number of its own; variables with others are fields.
 _OF_NUMBERS = {"step", "realisation", "seal_length"}
 
@@ -235,6 +246,11 @@ def add_budgets(data: xarray.Dataset, budgets: Mapping[str, ErrorBudget]) -> Non
         for end in ("lower", "upper"):
             text = f"{end} end of the band of error of the leakage, {method.replace('_', '-')}"
             add_step(data, f"leakage_{method}_budget_{end}", "m^2/s", text, getattr(budget, end))
+            if len(budget.numerical.parts) < len(budget.parts):
+                alone = f"{text}, of its solution alone"
+                add_step(
+                    data, f"leakage_{method}_budget_numerical_{end}", "m^2/s", alone, getattr(budget.numerical, end)
+                )
             # a source that the method does not have moves nothing
             ends = [getattr(parts[name], end) if name in parts else budget.leakage for name in names]
             made = Field(f"leakage_{method}_budget_part_{end}", "m^2/s", f"{text}, of each source", ERROR_SOURCE)

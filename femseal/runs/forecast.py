@@ -13,14 +13,16 @@ from ..base.errors import InputError
 from ..base.machine import free_memory
 from ..base.quantities import to_text
 from ..base.text import duration
+from ..budget import model_changes
 from ..case.case import Case
 from ..preparation.check_memory import START_MEMORY
 from ..preparation.prepared import Prepared, without_short_waves
+from ..refinement.budgets import model_grid
 from ..refinement.coarser import coarser_grids, without_filtered_waves
 from ..refinement.settings import first_settings, first_version, given_settings, grid_points, time_limit
 from ..report.case_text import contact_text, fluid_text, solids_text
 from ..results.pixel_fields import fields_size
-from ..studies import FluidState, Sampling, Scene, count_face_windows, drop_ratio, lay_out_windows
+from ..studies import Sampling, Scene, count_face_windows, drop_ratio, lay_out_windows
 from ..studies.costs import Effort, usual_efforts
 from ..studies.deterministic import STEP_BYTES
 from ..studies.window_pressures import describe_map
@@ -86,10 +88,12 @@ def describe(case: Case, made: Prepared) -> list[str]:
         highest += f", from {to_text(case.load.highest, case.load.unit)}"
     if case.load.interpolate is not None:
         highest += f"; at most: those that {100 * case.load.interpolate:.3g} % allows are interpolated"
+    lines += [_line("seat", made.seat)] if made.seat else []
     lines.append(_line("load", f"{steps} states: {steps - down} loading{unloading}, up to {highest}"))
     lines.append(_line("material", solids_text(case.echo())))
     lines.append(_line("", contact_text(scene.modulus, str(scene.law))))
     lines += [_line("fluid", text) for text in _fluid_texts(case)]
+    lines.append(_line("", scene.fluid_effect))
     lines.append(_line("flow", f"discretisation {scene.discretisation}, solver {scene.solver}"))
     lines += _law_lines(scene)
     lines += _accuracy_lines(case, made)
@@ -170,7 +174,7 @@ def forecast(case: Case, prepared: Prepared, known: tuple[Effort, ...] | None = 
         costs += [coarse.cost(study, efforts_of) for study in coarse.studies]
     if (test := case.output.test_fluid) is not None:
         state = test.state
-        if drop_ratio(state, FluidState.of(prepared.scene)) is None:
+        if drop_ratio(state, prepared.scene) is None:
             costs.append(replace(alone, scene=state.in_scene(prepared.scene)).cost(alone.answer, known))
     drawn = case.output.pictures or case.output.report
     own = _START_SECONDS + drawn * _PICTURES_SECONDS + disk(case, prepared).fields * _FIELD_BYTE_SECONDS
@@ -268,7 +272,10 @@ def _budget_inputs(case: Case, prepared: Prepared) -> list[Prepared]:
     if not case.output.budget:
         return []
     smooth = None if case.surface.filter_sensitivity else without_filtered_waves(prepared)
-    return [*coarser_grids(prepared), *([] if smooth is None else [smooth])]
+    grid = model_grid(prepared)
+    changes = model_changes(grid.scene, case.output.model_parts, case.hardness_tolerance)
+    models = [replace(grid, scene=change.scene) for change in changes]
+    return [*coarser_grids(prepared), *([] if smooth is None else [smooth]), *models]
 
 
 def _checkpoint(prepared: Prepared) -> float:

@@ -196,7 +196,7 @@ def _results(case: Case, made: Prepared, faces: dict[str, str], run: Run) -> Res
     budgets: dict[str, ErrorBudget] = {}
     if case.output.budget:  # last, so that it can be switched before a run is resumed
         known = {} if refined is None else {prepared.answer.key: refined.budget}
-        budgets = _budgets(prepared, studies, filtered, known, run)
+        budgets = _budgets(case, prepared, studies, filtered, known, run)
     windows: tuple[WindowPixels, ...] = ()
     if case.output.paraview != "none" and "two_scale" in studies:
         windows = window_pixels(prepared.scene, studies["two_scale"], run.mapper)
@@ -216,6 +216,7 @@ def _results(case: Case, made: Prepared, faces: dict[str, str], run: Run) -> Res
         interpolated_within=case.load.interpolate or 0.0,
         **case.output.model_dump(include={"leakage_unit", "classes", "nominal_diameter", "throughput_temperature"}),
     )
+    results.dataset.attrs["seat"] = prepared.seat
     results.dataset.attrs["face_files"] = json.dumps(faces)
     results.dataset.attrs["solids"] = solids_text(case.echo())
     results.dataset.attrs["chosen"] = json.dumps(chosen(case, made))
@@ -235,7 +236,7 @@ def _without_short_waves(prepared: Prepared, run: Run) -> Array:
 
 def _of_test_fluid(state: FluidState, prepared: Prepared, own: Any, run: Run) -> OtherLeakage:
     """Leakage of the test fluid on the seals of the answer; they are solved again where their permeability differs."""
-    if (ratio := drop_ratio(state, FluidState.of(prepared.scene))) is not None:
+    if (ratio := drop_ratio(state, prepared.scene)) is not None:
         return OtherLeakage.of_study(state, own, ratio)
     with run.timed("test fluid") as mapper:
         other = replace(prepared, scene=state.in_scene(prepared.scene))
@@ -243,7 +244,12 @@ def _of_test_fluid(state: FluidState, prepared: Prepared, own: Any, run: Run) ->
 
 
 def _budgets(
-    prepared: Prepared, studies: dict[str, Any], filtered: Array | None, known: dict[str, ErrorBudget], run: Run
+    case: Case,
+    prepared: Prepared,
+    studies: dict[str, Any],
+    filtered: Array | None,
+    known: dict[str, ErrorBudget],
+    run: Run,
 ) -> dict[str, ErrorBudget]:
     """Error budgets of the studies by key; `known` are those that are there already."""
     with run.timed("error budget") as mapper:
@@ -251,7 +257,15 @@ def _budgets(
         def solve(version: Prepared, study: Study, solved: Mapping[str, Any]) -> Any:
             return version.solve(study, mapper, solved)
 
-        return budgets_of(prepared, studies, solve, leakage_filtered=filtered, known=known)
+        return budgets_of(
+            prepared,
+            studies,
+            solve,
+            leakage_filtered=filtered,
+            known=known,
+            model_parts=case.output.model_parts,
+            hardness=case.hardness_tolerance,
+        )
 
 
 def _write(results: Results, folder: Path, case: Case, mapper: Mapper) -> None:

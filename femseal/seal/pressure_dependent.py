@@ -57,7 +57,7 @@ def pressure_dependent_flow(
     drop = PressureDrop(fluid, inlet, outlet, law_of(fluid).gap(k, pressure) if k > 0 else 1e-6)
     values = _on_parts(seal, table.values, len(table.pressures))
     pair = isinstance(values, tuple)
-    curves = [pressure_curve(table.pressures, k) for k in (values if pair else (values,))]
+    curves = [pressure_curve(table.pressures, k, table.piecewise) for k in (values if pair else (values,))]
 
     def permeability(fraction: Any) -> Any:
         p = drop.pressure(np.nan_to_num(np.asarray(fraction, dtype=float), nan=0.5))

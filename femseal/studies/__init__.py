@@ -5,10 +5,11 @@
 entry of `STUDIES`, by which runs solve, forecast and compare it.
 
     scene               the face, its load, its fluid              -> contact_states: contact at every step
-    face_contact        contact of the whole face at a step and flow through its gap (`FaceState.of`), the one place
-                        where contact and flow of a step meet; all steps cut into windows
+    fluid_coupling      contact of the whole face and flow through its gap, solved in turn: the fluid presses it apart
+    face_contact        contact of the whole face at every step, cut into windows
     window_contacts     contact of every window under the pressures of a global contact
-    face_flow           gap -> flow through the whole face          -> face_leakage: leakage and fluid pressure
+    face_flow           gap -> flow through the whole face
+    face_leakage        flow at every step -> leakage and fluid pressure
     two_scale           gap of the windows -> links, elements or the whole face -> leakage
     window_supply       windows that seals are drawn from: face_windows (at their places), ladder_windows (any pressure)
     stochastic          drawn seals -> their leakage; run_chains (chains of runs of columns), median_seal (its fields)
@@ -16,6 +17,7 @@ entry of `STUDIES`, by which runs solve, forecast and compare it.
 
 from .deterministic import DeterministicResult, deterministic
 from .face_contact import CONTACTS, chosen_contact
+from .fluid_coupling import FLUID_PRESSURES, NOMINALS
 from .other_fluid import FluidState, OtherLeakage, drop_ratio
 from .sampling_options import (
     DRAWS,
@@ -36,6 +38,8 @@ __all__ = [
     "CONTACTS",
     "DRAWS",
     "FLOWS",
+    "FLUID_PRESSURES",
+    "NOMINALS",
     "PRESSURES",
     "STUDIES",
     "DeterministicResult",

@@ -48,6 +48,8 @@ _DRAW_SECONDS, _DRAW_COLUMN_SECONDS = 1e-4, 2e-8
 _LINK_SECONDS = 1.1e-7
 #: Flow solutions, and what they need besides, that the flow of a rarefied gas takes.
 _SUCCESSIVE = 4.5
+#: Rounds of contact and flow where the fluid presses the faces apart: two or three up to p_in/p̄ of .3.
+_ROUNDS = 2.3
 #: Transforms that the estimate of the error of a gap takes.
 _ERROR_PAIRS = 3
 #: Number of states of a window on its ladder, under one pressure or a map: loading, unloading and without contact.
@@ -95,10 +97,16 @@ def element_seconds(pixels: float, side: float, effort: Effort) -> float:
     return pixels * (1 - effort.contact_fraction) * (each + small / side + large * side)
 
 
-def deterministic_cost(efforts: Sequence[Effort], points: tuple[int, int], pressures: int = 1) -> tuple[float, float]:
-    """Expected time on one core [s] and memory [byte] of the deterministic solution; see `count_pressures`."""
+def deterministic_cost(
+    efforts: Sequence[Effort], points: tuple[int, int], pressures: int = 1, rounds: float = 1.0
+) -> tuple[float, float]:
+    """Expected time on one core [s] and memory [byte] of the deterministic solution.
+
+    pressures, rounds : see `count_pressures` and `count_rounds`.
+    """
     pixels, again = points[0] * points[1], _SUCCESSIVE if pressures > 1 else 1.0
-    seconds = sum(contact_seconds(pixels, effort) + again * flow_seconds(pixels, effort) for effort in efforts)
+    both = (contact_seconds(pixels, effort) + again * flow_seconds(pixels, effort) for effort in efforts)
+    seconds = rounds * sum(both)
     return seconds, STEP_BYTES * pixels * len(efforts) + _state_memory(pixels, efforts)
 
 
@@ -118,11 +126,12 @@ def two_scale_cost(
     *,
     solved: bool = False,
     pressures: int = 1,
+    rounds: float = 1.0,
 ) -> tuple[float, float]:
     """Expected time on one core [s] and memory [byte] of the two-scale solution.
 
-    `solved` says that the deterministic solution before it leaves the contact of the whole face. pressures : see
-    `count_pressures`.
+    `solved` says that the deterministic solution before it leaves the contact of the whole face. pressures, rounds :
+    see `count_pressures` and `count_rounds`.
     """
     again = _SUCCESSIVE if pressures > 1 else 1.0
     whole, flow = chosen_contact(contact, points) == "whole", chosen_flow(flow, points)
@@ -130,15 +139,18 @@ def two_scale_cost(
     window, links = pixels // (m1 * m2), m1 * m2 + (m1 - 1) * m2
     coarse = pixels if whole else min(pixels, m1 * m2 * (PIXELS_PER_CUT_OFF / CUT_OFF_WINDOWS) ** 2)
     seconds, memory = 0.0, 8.0 * (8 * pixels + STATE_FIELDS * coarse)
+    coupled = whole and rounds > 1
     for effort in efforts:
-        if not (whole and solved):
+        if coupled and not solved:
+            seconds += rounds * (contact_seconds(pixels, effort) + again * flow_seconds(pixels, effort))
+        elif not (whole and solved):
             seconds += contact_seconds(coarse, effort)
         if not whole:
             seconds += m1 * m2 * contact_seconds(window, effort) + _ERROR_PAIRS * _PAIR_SECONDS[1] * pixels
         if flow == "elements":
             seconds += again * element_seconds(pixels, window**0.5, effort)
         elif flow == "resolved":
-            seconds += again * flow_seconds(pixels, effort)
+            seconds += 0.0 if coupled else again * flow_seconds(pixels, effort)
         else:
             seconds += pressures * links * flow_seconds(window, effort)
     if flow == "resolved":
@@ -156,10 +168,12 @@ def stochastic_cost(
     seal: tuple[int, int],
     contact: str | None = None,
     pressures: int = 1,
+    rounds: float = 1.0,
 ) -> tuple[float, float]:
     """Expected time on one core [s] and memory [byte] of a library and of the drawn seals of n1 × n2 links.
 
-    `sampling` names its sampler, see `sampling_options.chosen_sampler`. pressures : see `count_pressures`.
+    `sampling` names its sampler, see `sampling_options.chosen_sampler`. pressures, rounds : see
+    `count_pressures` and `count_rounds`.
     """
     pixels, windows, steps = points[0] * points[1], cells[0] * cells[1], len(efforts)
     window = pixels // windows
@@ -167,7 +181,7 @@ def stochastic_cost(
     flow = pressures * mean(flow_seconds(window, effort) for effort in efforts)
     faces = 8.0 * 8 * pixels
     if sampling.sampler == "runs":
-        whole, faces = two_scale_cost(efforts, points, cells, "links", contact)
+        whole, faces = two_scale_cost(efforts, points, cells, "links", contact, rounds=rounds)
         links = windows + (cells[0] - 1) * cells[1]
         contacts = whole - links * sum(flow_seconds(window, effort) for effort in efforts)
         seconds = contacts + steps * (windows * _RUN_SECONDS + pixels * _RUN_PIXEL_SECONDS)
@@ -175,7 +189,7 @@ def stochastic_cost(
             seconds += _SUCCESSIVE * sum(element_seconds(pixels, window**0.5, effort) for effort in efforts)
         return seconds + sampling.realisations * (_DRAW_SECONDS + _DRAW_COLUMN_SECONDS * seal[1]), faces
     if sampling.pressure == "place":
-        whole, faces = two_scale_cost(efforts, points, cells, "links", contact, pressures=pressures)
+        whole, faces = two_scale_cost(efforts, points, cells, "links", contact, pressures=pressures, rounds=rounds)
         links = windows + (cells[0] - 1) * cells[1]
         seconds = whole + steps * (2 * max(sampling.library_cells, windows) - links) * flow
     else:
@@ -185,7 +199,12 @@ def stochastic_cost(
     # as many seals again from resampled libraries, and from lower and upper bounds
     draws = ((3 if sampling.bounds else 1) + sampling.resampled) * sampling.realisations
     seconds += (
-        (_SUCCESSIVE if pressures > 1 else 1.0) * draws * steps * _LINK_SECONDS * links * max(1.0, np.log2(min(seal)))
+        (_SUCCESSIVE if max(pressures, rounds) > 1 else 1.0)
+        * draws
+        * steps
+        * _LINK_SECONDS
+        * links
+        * max(1.0, np.log2(min(seal)))
     )
     in_memory = 1 if sampling.sampler_of_links in ("history", "block") else steps
     return seconds, faces + 8.0 * links * (in_memory * 2 + 30 + (6 * pressures if pressures > 1 else 0))
@@ -194,6 +213,11 @@ def stochastic_cost(
 def count_pressures(scene: Scene) -> int:
     """Number of pressures at which permeabilities are needed: 1 unless the law of the fluid depends on it."""
     return scene.flow.drop.pressures.size
+
+
+def count_rounds(scene: Scene) -> float:
+    """How often contact and flow of the whole face are solved at each step: once where the fluid does not act."""
+    return 1.0 if scene.acting_fluid is None else _ROUNDS
 
 
 #: Limits of the deterministic solution in an automatic choice: time on one core [s], and fraction of the free memory.

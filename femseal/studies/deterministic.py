@@ -2,23 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
-from functools import partial
-from typing import Any
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base.fields import PIXEL, STEP, declared
-from ..base.shared_array import shared_empty
+from ..base.fields import PIXEL, ROW, STEP, declared
 from ..base.stage import Mapper
 from ..base.text import Shown
 from ..loads import LoadProgramme
 from ..windows import Partition, SolverCounts
 from ..windows.window_fields import ContactPressure
-from .face_contact import FaceState, cut_contact
-from .face_flow import face_leakage
+from .face_contact import band_breadth, cut_contact, solve_face
 from .plausibility import scene_warnings
 from .repeated_steps import first_equal, repeated
 from .scene import Array, Scene
@@ -51,6 +46,9 @@ class DeterministicResult(Shown):
         "plastic_fraction_deterministic", "1", "fraction at the hardness, deterministic", STEP
     )
     mean_gap: Array = declared("mean_gap_deterministic", "m", "mean gap, deterministic", STEP)
+    row_pressure: Array = declared("row_pressure", "Pa", "mean contact pressure of rows", ROW, repr=False)
+    band_breadth: Array = declared("band_breadth", "m", "breadth of the band in contact", STEP)
+    largest_row_pressure: Array = declared("largest_row_pressure", "Pa", "largest mean contact pressure of a row", STEP)
     gap: NDArray[np.float32] = declared("gap_deterministic", "m", "deformed gap, deterministic", PIXEL)
     contact_pressure: ContactPressure = declared(
         "contact_pressure_deterministic", "Pa", "contact pressure, deterministic", PIXEL
@@ -61,6 +59,9 @@ class DeterministicResult(Shown):
         "fluid pressure, deterministic, NaN in contact and in pockets",
         PIXEL,
         in_si=True,
+    )
+    carried_pressure: Array | None = declared(
+        "fluid_carried_pressure", "Pa", "mean pressure that the fluid carries of the load", STEP, default=None
     )
     entry_pressure: Array | None = declared(
         "capillary_entry_pressure",
@@ -93,31 +94,25 @@ def deterministic(scene: Scene, *, cells: tuple[int, int] | None = None, mapper:
     """
     surface = scene.surface
     partition = Partition(surface.shape, surface.spacing, (1, 1)) if cells is None else face_partition(surface, cells)
-    gap = shared_empty((len(scene.steps), *surface.shape), np.float32)
-    take = partial(FaceState.of, partition=partition, flow=scene.flow)
-    states: list[FaceState] = []
-
-    def flows() -> Iterator[Any]:
-        """Flow of every step; gap and contact are put aside."""
-        memory = state_memory(surface.heights.size)
-        for s, state in enumerate(scene.contact_states(take, memory=memory, mapper=mapper)):
-            gap[s] = state.gap
-            states.append(replace(state, gap=gap[s], flow=None))
-            yield state.flow
-
-    through = face_leakage(scene, flows())
-    contact_fraction, plastic_fraction, mean_gap, residual = np.array([state.facts for state in states]).T
+    face = solve_face(scene, partition, True, memory=state_memory(surface.heights.size), mapper=mapper)
+    through, gap = face.through, face.gap
+    assert through is not None
+    contact_fraction, plastic_fraction, mean_gap, residual, carried = np.array([state.facts for state in face.states]).T
     first = first_equal(gap, scene.steps)
-    windows = cut_contact(scene, partition, gap, states)
+    windows = cut_contact(scene, partition, face)
     return DeterministicResult(
         steps=scene.steps,
         leakage=through.leakage,
         contact_fraction=contact_fraction,
         plastic_fraction=plastic_fraction,
         mean_gap=mean_gap,
+        row_pressure=windows.row_pressure,
+        band_breadth=band_breadth(windows.row_pressure, surface.spacing[0]),
+        largest_row_pressure=windows.row_pressure.max(axis=1),
         gap=gap,
         contact_pressure=windows.fields.pressure,
         fluid_pressure=through.fluid_pressure,
+        carried_pressure=carried,
         entry_pressure=scene.entry_pressures(gap),
         residual=float(residual.max()),
         failures=through.failures,

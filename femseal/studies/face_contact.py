@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +17,8 @@ from ..contact import LoadState
 from ..windows import Failed, FlowSettings, Partition, attempt
 from ..windows.window_fields import ContactPressure, ContactValues, WindowFields
 from .face_flow import FaceFlow, resolved_flow
+from .face_leakage import FaceLeakage, face_leakage
+from .fluid_coupling import CoupledContact
 from .scene import Array, Scene
 from .window_contacts import WindowContacts, face_partition, windows_contact
 
@@ -60,12 +63,39 @@ def solve_windows(
 def _whole_contact(scene: Scene, cells: tuple[int, int], mapper: Mapper) -> WindowContacts:
     """Solve the contact of the whole face at every step and cut it into windows."""
     partition = face_partition(scene.surface, cells)
+    return cut_contact(scene, partition, solve_face(scene, partition, scene.acting_fluid is not None, mapper=mapper))
+
+
+@dataclass(frozen=True, eq=False)
+class FaceStates:
+    """Contact of the whole face at every step: gap (steps, n1, n2) [m], states, and leakage where flow was solved."""
+
+    gap: NDArray[np.float32]
+    states: Sequence[FaceState]
+    through: FaceLeakage | None
+
+
+def solve_face(
+    scene: Scene, partition: Partition, with_flow: bool, *, memory: float | None = None, mapper: Mapper
+) -> FaceStates:
+    """Solve the contact of the whole face at every step, and the flow through it where asked for."""
     gap = shared_empty((len(scene.steps), *scene.surface.shape), np.float32)
-    states = []
-    for s, state in enumerate(scene.contact_states(partial(FaceState.of, partition=partition), mapper=mapper)):
-        gap[s] = state.gap
-        states.append(replace(state, gap=gap[s]))
-    return cut_contact(scene, partition, gap, states)
+    states: list[FaceState] = []
+    take = partial(FaceState.of, partition=partition, flow=scene.flow if with_flow else None)
+
+    def flows() -> Iterator[Any]:
+        """Flow of every step; gap and contact are put aside."""
+        for s, state in enumerate(scene.contact_states(take, memory=memory, mapper=mapper)):
+            gap[s] = state.gap
+            failed = state.flow.reason if isinstance(state.flow, Failed) else ""
+            states.append(replace(state, gap=gap[s], flow=None, failed=failed))
+            yield state.flow
+
+    if with_flow:
+        return FaceStates(gap, states, face_leakage(scene, flows()))
+    for _ in flows():
+        pass
+    return FaceStates(gap, states, None)
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,34 +103,50 @@ class FaceState:
     """The contact of the whole face at one step, cut into windows, and the flow through it.
 
     gap : (n1, n2) [m]. in_contact : the pressure of every window. means : pressure [Pa], fraction in contact and
-    fraction at the hardness of every window (3, m1, m2). facts : fraction in contact, fraction at the hardness, mean
-    gap [m] and residual of the whole face. flow : None unless asked for.
+    fraction at the hardness of every window (3, m1, m2). rows : mean pressure of rows (n1,) [Pa]. facts : fraction in
+    contact, fraction at the hardness, mean gap [m] and residual of the whole face, and the mean pressure that the fluid
+    carries [Pa]. flow : None unless asked for. failed : why there is none.
     """
 
     gap: NDArray[np.float32]
     in_contact: tuple[ContactValues, ...]
     means: Array
-    facts: tuple[float, float, float, float]
+    rows: Array
+    facts: tuple[float, float, float, float, float]
     flow: FaceFlow | Failed | None
+    failed: str = ""
 
     @classmethod
     def of(cls, state: LoadState, partition: Partition, flow: FlowSettings | None = None) -> FaceState:
         """Cut the contact of a step into windows, and solve the flow through its gap where `flow` says how."""
         contact = state.contact
         p, spacing = contact.pressure, contact.half_space.spacing
+        found, carried = None, 0.0
+        if isinstance(contact, CoupledContact):
+            found, carried = contact.flow, contact.carried
+        elif flow is not None:
+            found = attempt(resolved_flow, contact.gap, spacing, flow, with_potential=True)
         return cls(
             gap=contact.gap.astype(np.float32),
             in_contact=tuple(ContactValues.of(partition.cell(p, *place)) for place in partition.places),
             means=np.array([partition.cell_means(values) for values in (p, p > 0, contact.plastic)]),
-            facts=(contact.area_fraction, contact.plastic_fraction, contact.mean_gap, contact.residual),
-            flow=None if flow is None else attempt(resolved_flow, contact.gap, spacing, flow, with_potential=True),
+            rows=p.mean(axis=1),
+            facts=(contact.area_fraction, contact.plastic_fraction, contact.mean_gap, contact.residual, carried),
+            flow=found,
         )
 
 
-def cut_contact(
-    scene: Scene, partition: Partition, gap: NDArray[np.float32], states: Sequence[FaceState]
-) -> WindowContacts:
-    """The contact of windows from that of the whole face: gap (steps, n1, n2) [m], and the state of every step."""
+def band_breadth(row_pressure: Array, spacing: float) -> Array:
+    """Distance of the first row in contact from the last, both included (steps,) [m]; row_pressure (steps, n1) [Pa]."""
+    touching = row_pressure > 0
+    n1 = touching.shape[1]
+    between = n1 - touching.argmax(axis=1) - touching[:, ::-1].argmax(axis=1)
+    return np.where(touching.any(axis=1), between, 0) * spacing
+
+
+def cut_contact(scene: Scene, partition: Partition, face: FaceStates) -> WindowContacts:
+    """The contact of windows from that of the whole face."""
+    gap, states = face.gap, face.states
     pressure, contact_fraction, plastic_fraction = np.array([state.means for state in states]).swapaxes(0, 1)
     # the fields of every window at all steps
     in_contact = tuple(zip(*(state.in_contact for state in states), strict=True))
@@ -113,4 +159,10 @@ def cut_contact(
         mean_gap=np.array([partition.cell_means(g) for g in gap]),
         contact_fraction=contact_fraction,
         plastic_fraction=plastic_fraction,
+        row_pressure=np.array([state.rows for state in states]),
+        carried_pressure=np.array([state.facts[-1] for state in states]),
+        through=None if scene.acting_fluid is None else face.through,
+        unsolved=tuple(
+            (s, state.failed) for s, state in enumerate(states) if state.failed and scene.acting_fluid is not None
+        ),
     )

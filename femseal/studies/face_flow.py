@@ -1,8 +1,7 @@
-"""Flow through a whole face, at full resolution or through elements, and its leakage at every step."""
+"""Flow through a whole face, at full resolution or through elements."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,10 +11,9 @@ from ..elements import ElementFlow, element_flow, face_potential
 from ..flow import Permeability, cell_permeability
 from ..flow.pressure_drop import FaceSolution, PressureDrop
 from ..library import ColumnRuns
-from ..seal import RectangularSeal
-from ..windows import Failed, FlowSettings, Partition, SolverCounts
-from .scene import Array, Scene
+from ..windows import FlowSettings, Partition, SolverCounts
 
+Array = NDArray[np.float64]
 #: Relative error at which flows end that depend on the pressure; the factor of a gas itself is within 0.9 %.
 PRESSURE_RTOL = 1e-4
 
@@ -117,50 +115,3 @@ def _solve_elements(
         return flow.permeability, potential, (flow, potential)
 
     return drop.solve_face(np.asarray(gap, float), partition.spacing, solve, PRESSURE_RTOL)
-
-
-@dataclass(frozen=True, eq=False)
-class FaceLeakage:
-    """Leakage through a whole face at every step, NaN where the flow failed.
-
-    leakage : per length of seal (steps,) [m²/s]. fluid_pressure : (steps, n1, n2) [Pa], NaN in contact and in pockets.
-    element_error (steps,), drop_fraction (steps, m1, m2) : see `FaceFlow`; None at full resolution.
-    step_solvers : systems of every step by solver.
-    """
-
-    leakage: Array
-    fluid_pressure: NDArray[np.float32]
-    element_error: Array | None
-    drop_fraction: Array | None
-    failures: tuple[str, ...]
-    step_solvers: tuple[SolverCounts, ...]
-
-    def solvers(self, first: NDArray[np.int64]) -> SolverCounts:
-        """Number of systems by solver, those of equal steps once, see `repeated_steps.first_equal`."""
-        return SolverCounts.total(self.step_solvers[s] for s in np.flatnonzero(first == np.arange(first.size)))
-
-
-def face_leakage(
-    scene: Scene, flows: Iterable[FaceFlow | Failed], elements: tuple[int, int] | None = None
-) -> FaceLeakage:
-    """Leakage and fluid pressure of a scene from the flow through its whole face at every step.
-
-    elements : number of windows (m1, m2) if the flows are through their elements.
-    """
-    seal, count = RectangularSeal(scene.surface.size, (1, 1)), len(scene.steps)
-    leakage, pressure = np.full(count, np.nan), np.full((count, *scene.surface.shape), np.nan, np.float32)
-    error, fraction = (
-        (None, None) if elements is None else (np.full(count, np.nan), np.full((count, *elements), np.nan))
-    )
-    failures, solvers = [], [SolverCounts()] * count
-    for s, (step, flow) in enumerate(zip(scene.steps, flows, strict=True)):
-        if isinstance(flow, Failed):
-            failures.append(f"{step.name}: {flow.reason}")
-            continue
-        through = scene.leakage(seal, flow.permeability)
-        leakage[s], solvers[s] = through.per_length, flow.solvers + SolverCounts.of(through)
-        if flow.potential is not None:
-            pressure[s] = scene.pressure_at(flow.potential)
-        if error is not None and fraction is not None:
-            error[s], fraction[s] = flow.error, flow.drop_fraction
-    return FaceLeakage(leakage, pressure, error, fraction, tuple(failures), tuple(solvers))

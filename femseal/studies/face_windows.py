@@ -8,14 +8,14 @@ import numpy as np
 
 from ..base.errors import FemsealError
 from ..library import LibraryTable, LinkTable, correlation_length
-from ..windows import FlowHistory, SolveCounts
+from ..windows import Failed, FlowHistory, SolveCounts
 from .face_contact import solve_windows
 from .run_chains import StateRuns, runs_of_face
 from .sampling_options import count_face_windows
 from .scene import Array
 from .two_scale import TwoScaleResult, solve_links
 from .window_contacts import WindowContacts
-from .window_supply import FaceLibrary, WindowRequest, WindowSupply
+from .window_supply import FaceLibrary, TablePressures, WindowRequest, WindowSupply
 
 #: Length of runs of columns in correlation lengths; a run has at most all columns of the face. Where runs meet, the
 #: channels of the face are cut. Measured on circular milling marks with ten columns: 0.83 to 0.95 of the leakage with
@@ -73,7 +73,14 @@ def windows_in_place(wanted: WindowRequest) -> WindowSupply:
     along, across = tables[0]
     tables = ((replace(along, pressure=_moved_along(contact.pressure, shifts)), across), *tables[1:])
     node_rows = contact.fields.partition.node_rows
-    return WindowSupply(library, tables, node_rows, () if two_scale else contact.warnings)
+    return WindowSupply(
+        library,
+        tables,
+        node_rows,
+        () if two_scale else contact.warnings,
+        at=TablePressures(tuple(scene.flow.drop.pressures)),
+        unsolved=contact.unsolved,
+    )
 
 
 def _runs_in_place(wanted: WindowRequest, contact: TwoScaleResult | WindowContacts) -> WindowSupply:
@@ -81,6 +88,8 @@ def _runs_in_place(wanted: WindowRequest, contact: TwoScaleResult | WindowContac
     known = contact is wanted.two_scale
     runs = runs_of_face(contact.fields, wanted.seal_windows.draws[0][1], wanted.scene.flow.drop, mapper=wanted.mapper)
     missing = np.full(wanted.partition.cells, np.nan)
+    unsolved = dict(contact.unsolved)
+    runs = [Failed(unsolved[s]) if s in unsolved else state for s, state in enumerate(runs)]
     k = np.array([state.k if isinstance(state, StateRuns) else missing for state in runs])
     solved = k[np.isfinite(k[:, 0, 0])]
     library = FaceLibrary(

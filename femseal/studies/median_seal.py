@@ -10,7 +10,6 @@ import numpy as np
 
 from ..base.fields import CORNER, PART, PART_VECTOR, declared
 from ..base.text import Shown
-from ..flow.pressure_drop import PressureDrop
 from ..library import draw_links, draw_pressures
 from ..seal import Leakage, RectangularSeal
 from ..seal.layouts import SealWindows
@@ -19,7 +18,7 @@ from ..windows import Failed, Partition, attempt
 from .run_chains import ChainedSeals, StateRuns
 from .sampling_options import Sampling
 from .scene import Array, Scene
-from .window_supply import Tables
+from .window_supply import TablePressures, Tables
 
 #: Values of one field, parts times load steps, above which no fields are kept.
 MOST_VALUES = 4_000_000
@@ -53,11 +52,11 @@ class MedianSeal(Shown):
 
 
 def drawn_permeability(
-    seal_windows: SealWindows, kinds: tuple[Tables, ...], sampling: Sampling, realisation: int, drop: PressureDrop
+    seal_windows: SealWindows, kinds: tuple[Tables, ...], sampling: Sampling, realisation: int, at: TablePressures
 ) -> Callable[[int], Any]:
     """Permeability of a realisation at a step, as `seal_leakage` takes it.
 
-    kinds : tables of the windows, one for each pressure of the drop.
+    kinds : tables of the windows, one for each of the pressures.
     """
     sampler, seed = sampling.sampler_of_links, sampling.seed
     draws = [
@@ -70,7 +69,7 @@ def drawn_permeability(
         ]
         for tables in kinds
     ]
-    return lambda s: drop.table([seal_windows.permeability(along(s), across(s)) for along, across in draws])
+    return lambda s: at.table([seal_windows.permeability(along(s), across(s)) for along, across in draws])
 
 
 def nearest_to_median(leakage: Array) -> int | None:
@@ -92,10 +91,16 @@ def nearest_to_median(leakage: Array) -> int | None:
 
 
 def median_seal(
-    realisation: int, *, scene: Scene, seal_windows: SealWindows, kinds: tuple[Tables, ...], sampling: Sampling
+    realisation: int,
+    *,
+    scene: Scene,
+    seal_windows: SealWindows,
+    kinds: tuple[Tables, ...],
+    sampling: Sampling,
+    at: TablePressures,
 ) -> MedianSeal:
     """Draw a realisation again and solve its flow at every step; kinds as in `drawn_permeability`."""
-    permeability = drawn_permeability(seal_windows, kinds, sampling, realisation, scene.flow.drop)
+    permeability = drawn_permeability(seal_windows, kinds, sampling, realisation, at)
     outlines = seal_windows.outlines
     k, p, flux = (np.full((len(scene.steps), len(outlines), *plane), np.nan) for plane in ((), (), (2,)))
     for s in range(len(scene.steps)):
@@ -108,9 +113,11 @@ def median_seal(
             flux[s] = seal_windows.flux(at_solution, potential, _rate_of_power(scene, seal_windows.seal, found))
     sampler, seed = sampling.sampler_of_links, sampling.seed
     pressure = draw_pressures(kinds[0][0], sampler=sampler, seed=seed, realisation=realisation, axis=0)
-    of_windows = (
-        None if pressure is None else np.array([seal_windows.means(pressure(s)) for s in range(len(scene.steps))])
-    )
+    of_windows = None
+    if pressure is not None:
+        of_windows = np.array([seal_windows.means(pressure(s)) for s in range(len(scene.steps))])
+        if (fluid := scene.acting_fluid) is not None and at.piecewise:
+            of_windows = np.maximum(of_windows - np.nan_to_num(fluid.relief(p)), 0.0)
     return MedianSeal(realisation, outlines, k, p, flux, of_windows)
 
 

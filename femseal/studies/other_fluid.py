@@ -75,12 +75,15 @@ class OtherLeakage:
         return OtherLeakage(self.state, leakage, realisations, resampled)
 
 
-def drop_ratio(state: FluidState, own: FluidState) -> float | None:
-    """Ratio of the leakage of two fluids through any seal; None where their permeabilities differ.
+def drop_ratio(state: FluidState, scene: Scene) -> float | None:
+    """Ratio of the leakage of a fluid to that of the scene's own; None where it has to be solved for.
 
-    The conductance of a seal [m³] is the same for fluids of one law that does not depend on the pressure: the drops of
-    their potentials then have the ratio of their leakages, exactly.
+    The conductance of a seal [m³] is the same for fluids of one law that does not depend on the pressure, if neither
+    presses the faces apart: the drops of their potentials then have the ratio of their leakages, exactly.
     """
+    if scene.acting_fluid is not None or state.in_scene(scene).acting_fluid is not None:
+        return None
+    own = FluidState.of(scene)
     return None if state.law != own.law or state.law.depends_on_pressure else state.drop / own.drop
 
 

@@ -9,7 +9,6 @@ from typing import Any
 from ..base.quantities import to_text
 from ..fluids import IdealGas, leak_basis
 from ..real_gas import ideal_gas_error
-from .fluid_load import RELIEF_FRACTION, carried_pressure
 from .scene import Scene
 
 #: Young's moduli of metals, and of hard coatings, lie between these [Pa]; contact moduli between half of the lower one
@@ -46,28 +45,21 @@ def _modulus_warnings(scene: Scene) -> Iterator[str]:
 
 
 def _pressure_warnings(scene: Scene) -> Iterator[str]:
-    """Fluid pressures near the contact pressures, a gas into a vacuum, loads near the hardness."""
-    inlet, steps = scene.inlet_pressure, scene.steps
-    relieved = [step for step in steps if step.pressure > 0 and inlet > RELIEF_FRACTION * step.pressure]
-    if relieved:
-        least, carried = min(step.pressure for step in relieved), carried_pressure(scene)
-        like = (
-            f"it acts as if the contact pressure were lower by {to_text(carried, 'Pa')}"
-            if carried < least
-            else "it parts them"
-        )
+    """Loads that the fluid carries alone, a gas into a vacuum, loads near the hardness."""
+    steps, fluid = scene.steps, scene.acting_fluid
+    parted = [step for step in steps if fluid is not None and step.pressure > 0 and fluid.parts(step.pressure)]
+    if fluid is not None and parted:
         yield (
-            f"the fluid's {to_text(inlet, 'Pa')} at the inlet is {inlet / least:.2g} times the contact pressure of "
-            f"{to_text(least, 'Pa')}, and more than {RELIEF_FRACTION:.0%} of it at {len(relieved)} of {len(steps)} "
-            f"load steps: the model leaves out that the fluid lifts the faces ({like}), so that leakage is too small "
-            "there"
+            f"of {to_text(parted[0].pressure, 'Pa')}, the load at {parted[0].name}"
+            f"{f' and {len(parted) - 1} more steps' if len(parted) > 1 else ''}, the fluid carries all: the faces part "
+            f"below about {to_text(fluid.carried, 'Pa', 3)}, and the seal is open"
         )
     if leak_basis(scene.fluid, 1.0).is_gas and scene.outlet_pressure == 0:
         yield (
             "fluid.outlet_pressure 0 Pa of a gas is absolute, a vacuum: into the surroundings it is 101.3 kPa, and "
             "pressures above those of the surroundings need as much added"
         )
-    yield from gas_warnings("fluid", scene.fluid, inlet, scene.outlet_pressure)
+    yield from gas_warnings("fluid", scene.fluid, scene.inlet_pressure, scene.outlet_pressure)
     highest = max(step.pressure for step in steps)
     hardness = scene.law.mean_hardness
     if isfinite(hardness) and highest > _FLATTENING_FRACTION * hardness:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -12,16 +13,17 @@ from numpy.typing import NDArray
 from ..base.errors import InputError
 from ..base.quantities import to_text
 from ..base.stage import Mapper
-from ..contact import ContactLaw, HalfSpace, LoadState, contact_law, load_states
+from ..contact import ContactLaw, HalfSpace, LoadState, contact_law, load_states, solve_contact
 from ..flow import critical_constriction
 from ..flow.pressure_drop import PressureDrop
-from ..fluids import Fluid, capillary_entry_pressure
+from ..fluids import Fluid, Liquid, capillary_entry_pressure
 from ..loads import LoadProgramme
 from ..seal import Leakage, seal_leakage
 from ..seal.layouts import Layout, RectangularLayout
 from ..seal.shapes import Seal
 from ..topography import Topography
 from ..windows import FlowSettings, GlobalState, Partition, global_states
+from .fluid_coupling import FLUID_PRESSURES, LEAST_FRACTION, NOMINALS, FluidPressure
 
 Array = NDArray[np.float64]
 
@@ -40,6 +42,8 @@ class Scene:
     rtol : residual of each contact, see `contact.solve_contact`.
     layout : shape of drawn seals, see `seal.layouts`; the face itself is a strip.
     solver, discretisation : of all flow, in cells and over the seal; see `flow.cell_permeability`.
+    fluid_pressure : "acts": it presses the faces apart, see `studies.fluid_coupling`; "ignored": they lie as dry ones.
+    nominal : what carries the nominal pressures where it acts: "total", contact and fluid together; or "contact".
     """
 
     surface: Topography
@@ -56,9 +60,14 @@ class Scene:
     layout: Layout = field(default_factory=RectangularLayout)
     solver: str = "auto"
     discretisation: str = "edge"
+    fluid_pressure: str = "acts"
+    nominal: str = "total"
 
     def __post_init__(self) -> None:
         """Check that parts of the scene go together, see the class."""
+        for name, choices in (("fluid_pressure", FLUID_PRESSURES), ("nominal", NOMINALS)):
+            if getattr(self, name) not in choices:
+                raise InputError(name, getattr(self, name), f"one of {', '.join(choices)}")
         flow = self.flow  # raises if solver and discretisation do not go together
         if own := getattr(self.layout, "inlet_pressures", {}):
             if flow.drop.law.depends_on_pressure:
@@ -95,18 +104,68 @@ class Scene:
         """Elastic body of the whole face."""
         return HalfSpace(self.surface.shape, self.surface.spacing, self.modulus, self.boundary)
 
+    @property
+    def acting_fluid(self) -> FluidPressure | None:
+        """The fluid that presses the faces apart; None where it does not, or not enough to change the leakage."""
+        # the viscosity of a liquid does not change how its pressure falls: contacts are those of all viscosities
+        plain = isinstance(self.fluid, Liquid) and self.fluid.pressure_viscosity == 0
+        own = Liquid(1.0) if plain else self.fluid
+        fluid = FluidPressure(own, self.inlet_pressure, self.outlet_pressure, self.nominal, self.flow)
+        acts = self.fluid_pressure == "acts" and abs(fluid.carried) > LEAST_FRACTION * min(self.steps.pressures)
+        return fluid if acts else None
+
+    @property
+    def fluid_effect(self) -> str:
+        """What the fluid does to the contact, as a text."""
+        if self.fluid_pressure == "ignored":
+            return "its pressure on the faces is ignored"
+        if (fluid := self.acting_fluid) is None:
+            return "it carries less than 0.01 % of every load: that changes leakage by less than 0.5 %, and is left out"
+        carried, loads = to_text(abs(fluid.carried), "Pa", 3), self.steps.pressures
+        if fluid.carried < 0:
+            return f"it sucks the faces together with {carried} on the mean"
+        most = f"up to {fluid.carried / min(p for p in loads if p > 0):.2g} of the load"
+        given = "with the contact" if self.nominal == "total" else "besides the contact's"
+        return f"it presses the faces apart, and carries about {carried} {given}, {most}"
+
+    @property
+    def parted_steps(self) -> tuple[tuple[int, str], ...]:
+        """Steps at which the fluid carries all of the load, by their number, and what that means."""
+        if (fluid := self.acting_fluid) is None:
+            return ()
+        return tuple((s, fluid.parted(fluid.carried)) for s, p in enumerate(self.steps.pressures) if fluid.parts(p))
+
     def contact_states(
         self, take: Callable[[LoadState], Any], *, memory: float | None = None, mapper: Mapper
     ) -> Iterator[Any]:
-        """Solve the contact of the whole face at every step, see `contact.load_states`."""
+        """Solve the contact of the whole face at every step, see `contact.load_states`; with its fluid if that acts."""
         gap0 = self.surface.heights.max() - self.surface.heights
-        body, steps = self.half_space, self.steps
-        return load_states(gap0, body, steps, law=self.law, rtol=self.rtol, take=take, memory=memory, mapper=mapper)
+        fluid = self.acting_fluid
+        return load_states(
+            gap0,
+            self.half_space,
+            self.steps,
+            law=self.law,
+            rtol=self.rtol,
+            take=take,
+            solve=solve_contact if fluid is None else partial(FluidPressure.contact, fluid),
+            memory=memory,
+            mapper=mapper,
+        )
 
     def global_states(
-        self, partition: Partition, cut_off: float, *, take: Callable[[GlobalState], Any], mapper: Mapper
+        self,
+        partition: Partition,
+        cut_off: float,
+        *,
+        take: Callable[[GlobalState], Any],
+        fluid: FluidPressure | None = None,
+        mapper: Mapper,
     ) -> Iterator[Any]:
-        """Solve the global contact of the scene at every step, see `windows.global_states`."""
+        """Solve the global contact of the scene at every step, see `windows.global_states`.
+
+        `fluid` presses the faces apart, its potential falling evenly.
+        """
         return global_states(
             self.surface,
             partition,
@@ -117,6 +176,7 @@ class Scene:
             boundary=self.boundary,
             rtol=self.rtol,
             take=take,
+            solve=solve_contact if fluid is None else partial(FluidPressure.contact_of_even_drop, fluid),
             mapper=mapper,
         )
 

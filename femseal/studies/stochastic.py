@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -29,7 +29,7 @@ from .sampling_options import Sampling, check_sampling, chosen_sampler, lay_out_
 from .scene import Array, Scene
 from .stochastic_result import StochasticResult
 from .two_scale import TwoScaleResult
-from .window_supply import FaceLibrary, Source, Tables, WindowRequest, WindowSupply
+from .window_supply import FaceLibrary, Source, TablePressures, Tables, WindowRequest, WindowSupply
 
 #: For a given `width`: how often realisations and windows are added, and up to what multiple of the given numbers.
 ROUNDS, GROWTH = 4, 8
@@ -39,6 +39,8 @@ SOURCES: dict[str, Source] = {
     "global": windows_under_global_contact,
     "uniform": windows_under_uniform_pressure,
 }
+#: Leakages of a result whose last axis is that of the steps.
+_BY_STEP = tuple(f.name for f in fields(StochasticResult) if f.name.startswith("leakage"))
 
 
 def stochastic(
@@ -113,7 +115,9 @@ def _draw(
     longest = max(every, key=lambda seal_windows: seal_windows.draws[0][1])
     supply = SOURCES[sampling.pressure](WindowRequest(scene, partition, sampling, longest, two_scale, contact, mapper))
     of = _of_runs if sampling.sampler == "runs" else _of_windows
-    first, *others = (of(scene, partition, sampling, supply, seal_windows, mapper) for seal_windows in every)
+    first, *others = (
+        _without(of(scene, partition, sampling, supply, seal_windows, mapper), supply) for seal_windows in every
+    )
     library = supply.library
     failures = (f"{to_text(seals.seal.size[1], 'm')}, {text}" for seals in others for text in seals.failures)
     return replace(
@@ -129,6 +133,16 @@ def _draw(
     )
 
 
+def _without(seals: StochasticResult, supply: WindowSupply) -> StochasticResult:
+    """The seals without leakage at the steps at which the windows have no gap."""
+    for s, _ in supply.unsolved:
+        for name in _BY_STEP:
+            if (values := getattr(seals, name)) is not None:
+                values[..., s] = np.nan
+    failures = (f"{seals.steps[s].name}: {reason}" for s, reason in supply.unsolved)
+    return replace(seals, failures=(*seals.failures, *failures))
+
+
 def _of_windows(
     scene: Scene,
     partition: Partition,
@@ -142,7 +156,7 @@ def _of_windows(
         seal_windows = seal_windows.with_rows(supply.node_rows)
     library = supply.library
     kinds = tuple(_for(seal_windows, tables) for tables in supply.tables)
-    shared: dict[str, Any] = {"scene": scene, "seal_windows": seal_windows, "sampling": sampling}
+    shared: dict[str, Any] = {"scene": scene, "seal_windows": seal_windows, "sampling": sampling, "at": supply.at}
     independent = library.independent / library.size
     first = first_equal_draws(kinds, scene.steps, sampling.sampler_of_links)
     stage = Stage("drawn seals", partial(_realise, **shared, kinds=kinds, independent=independent, first=first))
@@ -153,8 +167,7 @@ def _of_windows(
     leakage, *bounds = np.array([r.leakage for r in drawn[:count]]).transpose(1, 0, 2)
     lower, upper = bounds or (None, None)
     chosen = nearest_to_median(leakage) if len(seal_windows.outlines) * len(scene.steps) <= MOST_VALUES else None
-    pressures = scene.flow.drop.pressures.size
-    again = Stage("median seal", partial(median_seal, **shared, kinds=kinds[:pressures]))
+    again = Stage("median seal", partial(median_seal, **shared, kinds=kinds[: len(supply.at.pressures)]))
     medians = [] if chosen is None else list(mapper(again, [chosen]))
     return StochasticResult(
         steps=scene.steps,
@@ -239,24 +252,24 @@ def _realise(
     seal_windows: SealWindows,
     kinds: tuple[Tables, ...],
     sampling: Sampling,
+    at: TablePressures,
     independent: float,
     first: NDArray[np.int64],
 ) -> Realisation:
     """Draw one seal and solve its flow at every step.
 
     The same random numbers draw the same windows from each kind of tables. `resampled` draws a new library from the
-    library, and takes the values without their bounds. Each kind has a table for every pressure of the drop.
+    library, and takes the values without their bounds. Each kind has a table for every pressure of `at`.
     first : number of the first step with the same windows.
     """
-    steps, drop = scene.steps, scene.flow.drop
-    pressures = drop.pressures.size
+    steps, pressures = scene.steps, len(at.pressures)
     if resampled:
         kinds = tuple(_resample(tables, sampling.seed, realisation, independent) for tables in kinds[:pressures])
     leakage = np.full((len(kinds) // pressures, len(steps)), np.nan)
     failures, solvers = [], SolverCounts()
     for kind in range(len(leakage)):
         permeability = drawn_permeability(
-            seal_windows, kinds[kind * pressures : (kind + 1) * pressures], sampling, realisation, drop
+            seal_windows, kinds[kind * pressures : (kind + 1) * pressures], sampling, realisation, at
         )
         for s, step in enumerate(steps):
             if first[s] < s:

@@ -8,7 +8,7 @@ from typing import Any
 
 from ..base.stage import Mapper
 from ..windows import Partition
-from .costs import Effort, count_pressures, deterministic_cost, stochastic_cost, two_scale_cost
+from .costs import Effort, count_pressures, count_rounds, deterministic_cost, stochastic_cost, two_scale_cost
 from .deterministic import DeterministicResult, deterministic
 from .sampling_options import Sampling, lay_out_windows
 from .scene import Array, Scene
@@ -92,7 +92,7 @@ def _solve_stochastic(
 def _cost_deterministic(
     scene: Scene, options: StudyOptions, efforts: Sequence[Effort], points: Pair | None = None
 ) -> tuple[float, float]:
-    return deterministic_cost(efforts, points or scene.surface.shape, count_pressures(scene))
+    return deterministic_cost(efforts, points or scene.surface.shape, count_pressures(scene), count_rounds(scene))
 
 
 def _cost_two_scale(
@@ -108,6 +108,7 @@ def _cost_two_scale(
         options.contact,
         solved=options.shares_contact,
         pressures=count_pressures(scene),
+        rounds=count_rounds(scene),
     )
 
 
@@ -124,7 +125,9 @@ def _cost_stochastic(
     )
     # seals of all lengths take the work of one as long as all of them together
     seal = every[0].unknowns[0], sum(seal_windows.unknowns[1] for seal_windows in every)
-    return stochastic_cost(efforts, points, cells, sampling, seal, options.contact, count_pressures(scene))
+    return stochastic_cost(
+        efforts, points, cells, sampling, seal, options.contact, count_pressures(scene), count_rounds(scene)
+    )
 
 
 def _own_leakage(result: DeterministicResult | TwoScaleResult) -> Array:

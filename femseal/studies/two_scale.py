@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import ClassVar
 
@@ -10,19 +10,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.errors import InputError
-from ..base.fields import LINK1, LINK2, NODE, PIXEL, STEP, WINDOW, Field, declared
+from ..base.fields import LINK1, LINK2, NODE, PIXEL, ROW, STEP, WINDOW, Field, declared
 from ..base.stage import Mapper, Stage
 from ..base.text import Shown
 from ..elements.elements import ELEMENT_BYTES
 from ..flow.percolation import percolates
+from ..flow.permeability_table import tabulated
 from ..loads import LoadProgramme
 from ..seal import RectangularSeal
 from ..windows import Failed, FlowHistory, FlowSettings, Partition, SolveCounts, SolverCounts, attempt
 from ..windows.window_fields import ContactPressure, WindowFields
 from ..windows.window_flow import flow_history
 from .deterministic import state_memory
-from .face_contact import solve_windows
-from .face_flow import element_face_flow, face_leakage, resolved_flow
+from .face_contact import band_breadth, solve_windows
+from .face_flow import element_face_flow, resolved_flow
+from .face_leakage import FaceLeakage, face_leakage
 from .plausibility import scene_warnings
 from .repeated_steps import first_equal, map_different, repeated
 from .scene import Array, Scene
@@ -66,7 +68,8 @@ class TwoScaleResult(Shown):
     face_fluid_pressure : at every pixel and step; None with "links".
     fields : deformed gap and contact pressure at every pixel.
     counts : flows of links, solved or known without solving. solvers : number of systems by solver, of links and over
-    the face. equal_steps : number of steps that are an earlier one again, solved once. failures : reasons of values
+    the face. equal_steps : number of steps that are an earlier one again, solved once. unsolved : steps at which the
+    faces part, by their number, and why. failures : reasons of values
     that are NaN. warnings : reasons to doubt the result.
     """
 
@@ -90,6 +93,11 @@ class TwoScaleResult(Shown):
     face_fluid_pressure: NDArray[np.float32] | None = declared(
         "fluid_pressure", "Pa", "fluid pressure, NaN in contact and in pockets", PIXEL, in_si=True
     )
+    row_pressure: Array = declared("row_pressure", "Pa", "mean contact pressure of rows", ROW, repr=False)
+    band_breadth: Array = declared("band_breadth", "m", "breadth of the band in contact", STEP, repr=False)
+    largest_row_pressure: Array = declared(
+        "largest_row_pressure", "Pa", "largest mean contact pressure of a row", STEP, repr=False
+    )
     gap_error: Array = declared(
         "gap_error", "1", "error of the gap of windows, estimated by the half-space of the whole face", STEP
     )
@@ -101,6 +109,14 @@ class TwoScaleResult(Shown):
     )
     drop_fraction: Array | None = declared(
         "window_drop_fraction", "1", "fraction of the pressure drop in windows", WINDOW, default=None
+    )
+    carried_pressure: Array | None = declared(
+        "fluid_carried_pressure",
+        "Pa",
+        "mean pressure that the fluid carries of the load",
+        STEP,
+        default=None,
+        repr=False,
     )
     entry_pressure: Array | None = declared(
         "capillary_entry_pressure",
@@ -115,6 +131,7 @@ class TwoScaleResult(Shown):
     solvers: SolverCounts = field(default_factory=SolverCounts)
     link_flows: tuple[FlowHistory, FlowHistory] | None = field(default=None, repr=False)
     equal_steps: int = 0
+    unsolved: tuple[tuple[int, str], ...] = field(default=(), repr=False)
 
     #: Pixels of the windows, stitched.
     computed_fields: ClassVar[dict[str, Field]] = {
@@ -172,17 +189,26 @@ def two_scale(
     elif (given := solved.fields.partition).cells != tuple(cells) or given.shape != scene.surface.shape:
         raise InputError("solved", f"a contact of {given.cells} cells", f"one of {tuple(cells)} cells of this face")
     first = first_equal(solved.fields.gap, scene.steps)
-    found = (_through_links if flow == "links" else _through_face)(scene, solved.fields, flow, first, mapper)
+    through = solved.through if isinstance(solved, WindowContacts) else None
+    if flow == "resolved" and through is not None:
+        found = _of_face(through, first)
+    else:
+        found = (_through_links if flow == "links" else _through_face)(scene, solved.fields, flow, first, mapper)
+        for s, reason in solved.unsolved:
+            found.leakage[s] = np.nan
+            found = replace(found, failures=(f"{scene.steps[s].name}: {reason}", *found.failures))
     return TwoScaleResult(
         steps=scene.steps,
         partition=solved.fields.partition,
         flow=flow,
-        **vars(solved)
+        **{name: value for name, value in vars(solved).items() if name != "through"}
         | vars(found)
         | {
             "failures": solved.failures + found.failures,
             "warnings": scene_warnings(scene) + solved.warnings + found.warnings,
         },
+        band_breadth=band_breadth(solved.row_pressure, scene.surface.spacing[0]),
+        largest_row_pressure=solved.row_pressure.max(axis=1),
         entry_pressure=scene.entry_pressures(solved.fields.gap),
         equal_steps=repeated(first),
     )
@@ -216,7 +242,11 @@ def _through_face(scene: Scene, fields: WindowFields, flow: str, first: NDArray[
     else:
         solve = partial(attempt, resolved_flow, spacing=scene.surface.spacing, settings=scene.flow, with_potential=True)
         stage = Stage("flow of the whole face", solve, state_memory(pixels))
-    found = face_leakage(scene, map_different(mapper, stage, fields.gap, first), cells)
+    return _of_face(face_leakage(scene, map_different(mapper, stage, fields.gap, first), cells), first)
+
+
+def _of_face(found: FaceLeakage, first: NDArray[np.int64]) -> _Flow:
+    """What the result has of the flow through the whole face."""
     return _Flow(
         leakage=found.leakage,
         failures=found.failures,
@@ -266,7 +296,8 @@ def _through_links(scene: Scene, fields: WindowFields, flow: str, first: NDArray
         if (t := first[s]) < s:
             leakage[s], fluid_pressure[s], k1[s], k2[s] = leakage[t], fluid_pressure[t], k1[t], k2[t]
             continue
-        links = drop.table(list(zip(along.at_pressures[:, s], across.at_pressures[:, s], strict=True)))
+        values = list(zip(along.at_pressures[:, s], across.at_pressures[:, s], strict=True))
+        links = tabulated(drop.pressures, values)
         through = attempt(scene.leakage, seal, links)
         if isinstance(through, Failed):
             failures += (f"{step.name}: {through.reason}",)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
 
@@ -19,6 +19,7 @@ from ..windows.gap_error import corrected_gap, relative_difference
 from ..windows.window_contact import ContactHistory, body_standoff, separate
 from ..windows.window_fields import ContactPressure, WindowFields
 from .face_flow import resolved_flow
+from .face_leakage import FaceLeakage
 from .scene import Array, Scene
 
 #: Wavelength that divides the scales, in window sides: longer ones lose the pressure of features within windows.
@@ -42,7 +43,10 @@ class WindowContacts:
 
     contact : how it was solved, see `face_contact.CONTACTS`. gap_error : at every step (steps,), see
     `windows.gap_error`; 0 for the contact of the whole face. gap_effect : flow through the gap over that through the
-    corrected one (steps,): 1 where the error is small, inf where the corrected gap is closed.
+    corrected one (steps,): 1 where the error is small, inf where the corrected gap is closed. row_pressure : mean
+    contact pressure of rows of pixels (steps, n1) [Pa]. carried_pressure : mean pressure that the fluid carries
+    (steps,) [Pa]. through : flow at full resolution with which the contact was solved. unsolved : steps without a gap,
+    where the faces part, by their number, and why.
     """
 
     contact: str
@@ -53,6 +57,10 @@ class WindowContacts:
     mean_gap: Array
     contact_fraction: Array
     plastic_fraction: Array
+    row_pressure: Array
+    carried_pressure: Array | None = None
+    through: FaceLeakage | None = field(default=None, repr=False)
+    unsolved: tuple[tuple[int, str], ...] = ()
     failures: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
 
@@ -63,7 +71,7 @@ def windows_contact(scene: Scene, cells: tuple[int, int], mapper: Mapper) -> Win
     A cell starts from the gap that the global pressure of the other cells leaves. The standoff of the
     loaded cells separates cells without pressure from the face.
     """
-    surface, steps = scene.surface, scene.steps
+    surface, steps, fluid = scene.surface, scene.steps, scene.acting_fluid
     partition = face_partition(surface, cells)
     cut_off = CUT_OFF_WINDOWS * min(partition.window_size)
     body = HalfSpace(partition.window, partition.spacing, scene.modulus, ("mirror", "mirror"))
@@ -74,7 +82,9 @@ def windows_contact(scene: Scene, cells: tuple[int, int], mapper: Mapper) -> Win
     gap = shared_empty((len(steps), *surface.shape), np.float32)
     pressure = np.empty((len(steps), *cells))
     take = partial(_outer, partition=partition, body=body)
-    for s, (outer_gap, cell_pressure) in enumerate(scene.global_states(partition, cut_off, take=take, mapper=mapper)):
+    for s, (outer_gap, cell_pressure) in enumerate(
+        scene.global_states(partition, cut_off, take=take, fluid=fluid, mapper=mapper)
+    ):
         gap[s], pressure[s] = outer_gap, cell_pressure
     solve = partial(_respond, steps=steps, half_space=body, law=scene.uniform_law, rigid_at_zero=True, rtol=scene.rtol)
     histories = mapper(
@@ -106,6 +116,9 @@ def windows_contact(scene: Scene, cells: tuple[int, int], mapper: Mapper) -> Win
         mean_gap=np.array([partition.cell_means(g) for g in gap]),
         contact_fraction=contact_fraction,
         plastic_fraction=plastic_fraction,
+        row_pressure=np.array([p.mean(axis=1) for p in fields.pressure]),
+        carried_pressure=np.full(len(steps), 0.0 if fluid is None else fluid.carried),
+        unsolved=scene.parted_steps,
         failures=tuple(failures),
         warnings=warnings + _contact_warnings(steps, error, factor),
     )
@@ -120,7 +133,10 @@ def face_partition(surface: Topography, cells: tuple[int, int]) -> Partition:
 def _errors(scene: Scene, fields: WindowFields, mapper: Mapper) -> Array:
     """`gap_error` of every step, and the factor by which it changes the leakage (2, steps)."""
     surface, steps = scene.surface, scene.steps
-    body = {"undeformed": -surface.heights, "half_space": scene.half_space, "law": scene.law}
+    undeformed, fluid = -surface.heights, scene.acting_fluid
+    if fluid is not None:
+        undeformed += scene.half_space.displacement(fluid.even_drop(surface.shape))
+    body = {"undeformed": undeformed, "half_space": scene.half_space, "law": scene.law}
     estimate = partial(_error, spacing=surface.spacing, body=body)
     peaks = (
         fields.pressure[int(peak)] if unloads else None

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 from ..base.stage import Mapper
 from ..base.text import Shown
+from ..flow.permeability_table import tabulated
 from ..library import LadderLibrary, LibraryTable, LinkTable
 from ..seal.layouts import SealWindows
 from ..windows import Failed, Partition, SolveCounts
@@ -37,16 +39,32 @@ class WindowRequest:
     mapper: Mapper
 
 
+@dataclass(frozen=True)
+class TablePressures:
+    """Fluid pressures [Pa] at which the permeabilities of windows are known; one where they do not depend on it.
+
+    piecewise : how they are interpolated, see `flow.PermeabilityTable`.
+    """
+
+    pressures: tuple[float, ...]
+    piecewise: bool = False
+
+    def table(self, values: Sequence[Any]) -> Any:
+        """What `seal_leakage` takes, from the permeabilities at each of the pressures."""
+        return tabulated(self.pressures, values, self.piecewise)
+
+
 @dataclass(frozen=True, eq=False)
 class WindowSupply:
     """Windows for the links of a seal.
 
     library : the windows.
     tables : the tables from which links along x1 and along x2 are drawn; with bounds also those of the lower and of the
-        upper bounds. There are as many of each as the drop has pressures. None with runs.
+        upper bounds. There are as many of each as `at` has pressures. None with runs.
     node_rows : x1 of the rows of nodes [m]; empty if they are equidistant.
     warnings : reasons to doubt the result.
     runs : of columns of the face at every step, for the sampler "runs".
+    at : fluid pressures of the tables. unsolved : steps without leakage by their number, and why.
     """
 
     library: LadderLibrary | FaceLibrary
@@ -54,6 +72,8 @@ class WindowSupply:
     node_rows: tuple[float, ...] = ()
     warnings: tuple[str, ...] = ()
     runs: tuple[StateRuns | Failed, ...] = ()
+    at: TablePressures = TablePressures((0.0,))
+    unsolved: tuple[tuple[int, str], ...] = ()
 
 
 #: A source of windows: takes a request and returns the windows.

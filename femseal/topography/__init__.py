@@ -11,11 +11,19 @@ from .generate import self_affine, turned
 from .power_law import spectrum
 from .read import read_for_a_look, read_topography
 from .repair import Repair, SpikeEffect, repair, spike_effect
+from .seat import BallOnCone, CrownedSeat, FlatSeat, ProfileSeat, RoundedSeat, Seat, TiltedSeat
 from .spikes import SPIKES
 from .topography import Topography
 from .undefined_points import TooManyUndefined
 
 __all__ = [
+    "Seat",
+    "TiltedSeat",
+    "RoundedSeat",
+    "ProfileSeat",
+    "FlatSeat",
+    "CrownedSeat",
+    "BallOnCone",
     "MOST_POINTS",
     "SPIKES",
     "Conditioning",

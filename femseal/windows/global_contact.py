@@ -15,7 +15,7 @@ from scipy.ndimage import spline_filter1d
 from scipy.sparse import csr_array
 
 from ..base.stage import Mapper
-from ..contact import ContactLaw, HalfSpace, LoadState, load_states
+from ..contact import Contact, ContactLaw, HalfSpace, LoadState, load_states, solve_contact
 from ..loads import LoadProgramme, LoadStep
 from ..topography import Topography
 from .partition import Partition
@@ -73,6 +73,7 @@ def global_states(
     boundary: tuple[str, str],
     rtol: float = 1e-6,
     take: Callable[[GlobalState], Any] | None = None,
+    solve: Callable[..., Contact] = solve_contact,
     mapper: Mapper = map,
 ) -> Iterator[Any]:
     """Contact of the low-pass face on the global grid at every step of a load programme, one step after the other.
@@ -94,7 +95,7 @@ def global_states(
     solved = partial(
         _global_state, partition=partition, fine_gap=fine_gap, coarse_gap=coarse_gap, finer=finer, take=take
     )
-    return load_states(coarse_gap, half_space, programme, law=law, rtol=rtol, take=solved, mapper=mapper)
+    return load_states(coarse_gap, half_space, programme, law=law, rtol=rtol, take=solved, solve=solve, mapper=mapper)
 
 
 def _global_state(

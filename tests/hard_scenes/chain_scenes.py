@@ -29,6 +29,7 @@ def chain_scene(heights: np.ndarray, spacing: tuple[float, float] = (D, D), **gi
         "hardness": HARDNESS,
         "fluid": WATER,
         "inlet_pressure": DROP,
+        "fluid_pressure": "ignored",
         "outlet_pressure": 0.0,
         "loading": (2e8,),
         "boundary": ("periodic", "periodic"),

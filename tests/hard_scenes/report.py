@@ -18,12 +18,13 @@ from flow_scenes import SCENES as FLOW
 from gas_scenes import SCENES as GAS
 from groove_scenes import SCENES as GROOVES
 from hard_scene import HardScene, Outcome
+from real_seal_scenes import SCENES as REAL_SEALS
 from ring_scenes import SCENES as RINGS
 from seal_scenes import SCENES as SEAL
 from two_scale_scenes import SCENES as TWO_SCALES
 
 STAGES = ("contact", "flow", "seal", "chain")
-SCENES: tuple[HardScene, ...] = (*CONTACT, *FLOW, *GAS, *SEAL, *RINGS, *GROOVES, *CHAIN, *TWO_SCALES)
+SCENES: tuple[HardScene, ...] = (*CONTACT, *FLOW, *GAS, *SEAL, *RINGS, *GROOVES, *CHAIN, *TWO_SCALES, *REAL_SEALS)
 PAGE = Path(__file__).parents[2] / "docs" / "evidence" / "hard_scenes.md"
 HEAD = "| stage | scene | what it is | must | came | within |\n|---|---|---|---|---|---|\n"
 

@@ -1,0 +1,180 @@
+"""Contact of a face that its fluid presses apart: contact and flow give each other gap and fluid pressure.
+
+The traction between the faces is t = p + p_f; the fluid keeps it from falling below p_f. The contact under p_f begins
+from another gap, h₁ + K p_f, and carries p̄ − mean p_f (see `contact.solve_contact`); the flow through the gap it leaves
+gives p_f. Both are solved in turn until the permeability stays. p_f counts from the pressure of the surroundings, which
+presses on the faces from outside too. In contact p_f is that around it: the fluid wets the lands as far as pockets
+reach.
+Source: Shvarts & Yastrebov, J. Mech. Phys. Solids 119, 2018, 140.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..base.quantities import to_text
+from ..contact import Contact, HalfSpace, solve_contact
+from ..fluids import Fluid
+from ..windows import Failed, FlowSettings, attempt
+from .face_flow import FaceFlow, resolved_flow
+
+Array = NDArray[np.float64]
+#: What the fluid pressure does to the contact, and what the nominal pressure is of: contact and fluid, or contact.
+FLUID_PRESSURES, NOMINALS = ("acts", "ignored"), ("total", "contact")
+#: Relative change of the permeability at which the rounds end, and most of them. Measured on self-affine and turned
+#: faces of 256² points, p̄/H .02 to .2: two or three for p_in/p̄ up to .3, at most eight up to 1.5.
+RTOL, MOST_ROUNDS = 1e-3, 20
+#: Mean fluid pressure over the nominal pressure below which it changes leakage by less than 0.5 % and is left out.
+LEAST_FRACTION = 1e-4
+#: −d ln k/d ln p̄ of any rough face is larger.
+_LEAST_STEEPNESS = 2.0
+_POINTS = 201
+
+
+@dataclass(frozen=True, kw_only=True)
+class CoupledContact(Contact):
+    """A contact under a fluid pressure that the flow through its gap gives.
+
+    flow : the flow; why there is none where the faces part or the rounds do not end, the gap being that of first touch
+    or of the last round. carried : mean pressure that the fluid carries [Pa]. rounds : solutions of contact and flow.
+    """
+
+    flow: FaceFlow | Failed
+    carried: float
+    rounds: int
+
+
+@dataclass(frozen=True)
+class FluidPressure:
+    """A fluid between two pressures that presses the faces apart.
+
+    inlet, outlet : its pressures [Pa]. nominal : "total", contact and fluid carry the nominal pressure together, or
+    "contact". settings : how the flow is solved.
+    """
+
+    fluid: Fluid
+    inlet: float
+    outlet: float
+    nominal: str
+    settings: FlowSettings
+
+    @property
+    def _around(self) -> float:
+        """Pressure of the surroundings [Pa], on the scale of the fluid's."""
+        return float(getattr(self.fluid, "outlet_pressure", 0.0))
+
+    def above_surroundings(self, fraction: Any) -> Array:
+        """Fluid pressure [Pa] above that of the surroundings where the viscous potential has fractions of its drop."""
+        inlet, outlet = self.fluid.potential([self.inlet, self.outlet])
+        pressure = self.fluid.pressure(outlet + (inlet - outlet) * np.asarray(fraction, dtype=float))
+        return np.asarray(pressure) - self._around
+
+    @property
+    def carried(self) -> float:
+        """Mean pressure above the surroundings [Pa] where the potential falls evenly, as between parted faces."""
+        return float(self.above_surroundings((np.arange(_POINTS) + 0.5) / _POINTS).mean())
+
+    @property
+    def mean(self) -> float:
+        """Mean pressure [Pa] where the potential falls evenly."""
+        return self.carried + self._around
+
+    def relief(self, pressure: Any) -> Array:
+        """By how much the contact pressure is below its mean over the seal, or the nominal one, under the fluid's [Pa].
+
+        The window lies there as it does dry under the pressure p̄ − p_f (Terzaghi's effective stress), from which that
+        of its solution follows as the seal grows broad beside the long waves of the face.
+        """
+        return np.asarray(pressure, dtype=float) - self._around - (0.0 if self.nominal == "total" else self.carried)
+
+    def parts(self, pressure: float) -> bool:
+        """Whether the fluid between parted faces carries all of a nominal pressure [Pa]."""
+        return self.nominal == "total" and self.carried >= pressure
+
+    @staticmethod
+    def parted(carried: float) -> str:
+        """Why there is no leakage where the faces part, from the mean pressure that the fluid carries [Pa]."""
+        return f"open: the faces part below {to_text(carried, 'Pa', 3)}, all of which the fluid carries"
+
+    def contact(
+        self, gap0: Array, half_space: HalfSpace, *, pressure: float, **settings: Any
+    ) -> Contact | CoupledContact:
+        """Solve contact and flow in turn at a nominal pressure [Pa]; other arguments are those of `solve_contact`.
+
+        The contact alone where the fluid carries less than 1e-4 of the load.
+
+        Raises
+        ------
+        NotConverged : a contact failed.
+        """
+        if abs(self.carried) <= LEAST_FRACTION * pressure:
+            return solve_contact(gap0, half_space, pressure=pressure, **settings)
+        p_f = self.even_drop(half_space.shape)  # that of parted faces: a face that the fluid can open is found open
+        last, moved, change, error = np.nan, np.nan, np.inf, np.inf
+        scale = max(abs(self.inlet), abs(self.outlet))
+        for n in range(1, MOST_ROUNDS + 1):
+            carried = float(p_f.mean())
+            parted = self.nominal == "total" and carried >= pressure
+            load = carried if parted else pressure if self.nominal == "total" else pressure + carried
+            contact = solve_contact(gap0, half_space, pressure=max(load, 0.0), fluid_pressure=p_f, **settings)
+            if parted:
+                return _coupled(contact, Failed(self.parted(carried)), carried, n)
+            flow = attempt(resolved_flow, contact.gap, half_space.spacing, self.settings, with_potential=True)
+            if isinstance(flow, Failed):
+                return _coupled(contact, flow, carried, n)
+            former, found = p_f, fill_undefined(self.above_surroundings(flow.potential))
+            p_f = found if np.isfinite(found).all() else former  # no gap that an end reaches
+            k, before = flow.permeability, moved
+            moved = float(np.abs((p_f - former).mean(axis=1)).max()) / scale
+            # closed faces have to stay as they are
+            changed, change = change, abs(k / last - 1) if last else moved if last == 0 and k == 0 else np.inf
+            # the next change of k is to this one as the moves of p_f; two equal k by chance end nothing
+            ratio = min(moved / before, 0.5) if before > 0 else 0.5
+            steepness = max(change / before, _LEAST_STEEPNESS * scale / max(load, 1.0)) if before > 0 else change
+            error = steepness * moved / (1 - ratio) if np.isfinite(before) else change
+            error = min(error, max(change, changed))  # where single points take turns in touching
+            if error <= RTOL:
+                return _coupled(contact, flow, carried, n)
+            last = k
+        reason = f"contact and fluid pressure: after {n} rounds the permeability still changes by {error:.1e}"
+        return _coupled(contact, Failed(reason), carried, n)
+
+    def contact_of_even_drop(self, gap0: Array, half_space: HalfSpace, *, pressure: float, **settings: Any) -> Contact:
+        """Contact under a fluid whose potential falls evenly, see `contact`; without load where it carries all."""
+        p_f = self.even_drop(half_space.shape)
+        carried = float(p_f.mean())
+        load = max(pressure, carried) if self.nominal == "total" else pressure + carried
+        return solve_contact(gap0, half_space, pressure=max(load, 0.0), fluid_pressure=p_f, **settings)
+
+    def even_drop(self, shape: tuple[int, int]) -> Array:
+        """Pressure above the surroundings (n1, n2) [Pa] where the potential falls evenly along x1."""
+        n1, n2 = shape
+        return np.repeat(self.above_surroundings(1 - (np.arange(n1) + 0.5) / n1)[:, None], n2, axis=1)
+
+
+def _coupled(contact: Contact, flow: FaceFlow | Failed, carried: float, rounds: int) -> CoupledContact:
+    """The contact of the last round with its flow."""
+    known = {f.name: getattr(contact, f.name) for f in fields(contact)}
+    return CoupledContact(**known, flow=flow, carried=carried, rounds=rounds)
+
+
+def fill_undefined(pressure: Array) -> Array:
+    """Pressures (n1, n2) with those that are NaN filled from around: contact and pockets take what is next to them.
+
+    Means over 2 × 2 points, again and again until every point is known; then back from coarse to fine.
+    """
+    known = np.isfinite(pressure)
+    if known.all() or not known.any():
+        return pressure
+    n1, n2 = pressure.shape
+    shape = (n1 + n1 % 2, n2 + n2 % 2)
+    total, weight = np.zeros(shape), np.zeros(shape)
+    total[:n1, :n2], weight[:n1, :n2] = np.where(known, pressure, 0.0), known
+    total, weight = (a.reshape(shape[0] // 2, 2, shape[1] // 2, 2).sum(axis=(1, 3)) for a in (total, weight))
+    mean = np.divide(total, weight, out=np.full_like(total, np.nan), where=weight > 0)
+    finer = fill_undefined(mean).repeat(2, axis=0).repeat(2, axis=1)
+    return np.where(known, pressure, finer[:n1, :n2])

@@ -1,0 +1,120 @@
+"""Parts of the error budget of the model and its input: hardness, and a fluid pressure that is ignored."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+import femseal as fs
+from femseal.budget import MODEL_PARTS, CoarserSolution, ErrorBudget, ErrorPart, model_changes, model_part
+
+D, E, H = 1e-6, 115e9, 2.3e9
+
+CASE = """
+method = "deterministic"
+seed = 3
+
+[[face]]
+kind = "self-affine"
+points = [128, 128]
+size = ["64 um", "64 um"]
+hurst = 0.75
+rms_slope = 0.2
+roll_off = "32 um"
+cut_off = "12 um"
+
+[material]
+young = "210 GPa"
+hardness = "2.3 GPa"
+{hardness}
+
+[load]
+loading = ["60 MPa", "120 MPa", "240 MPa", "360 MPa", "480 MPa", "600 MPa"]
+
+[contact]
+fluid_pressure = "{fluid}"
+
+[fluid]
+kind = "liquid"
+viscosity = "1 mPa*s"
+inlet_pressure = "20 MPa"
+
+[output]
+pictures = false
+{output}
+"""
+
+
+@pytest.fixture
+def scene():
+    surface = fs.self_affine(
+        (48, 48), (48 * D, 48 * D), hurst=0.75, rms_slope=0.2, roll_off=24 * D, cut_off=8 * D, rng=2
+    )
+    return fs.Scene(surface, E, H, fs.Liquid(1e-3), 20e6, 0.0, loading=(50e6, 100e6, 200e6))
+
+
+def test_changes_are_those_that_the_scene_can_have(scene):
+    assert [c.name for c in model_changes(scene)] == ["hardness"]
+    assert [c.name for c in model_changes(replace(scene, fluid_pressure="ignored"))] == ["hardness", "fluid pressure"]
+    assert model_changes(replace(scene, fluid_pressure="ignored", inlet_pressure=1.0), ["fluid pressure"]) == []
+    assert model_changes(replace(scene, hardness=np.inf)) == []
+    assert model_changes(scene, hardness=0.0) == []
+    (harder,) = model_changes(scene, hardness=0.2)
+    assert_allclose(harder.scene.law.mean_hardness, 1.2 * H)
+
+
+def test_a_part_is_the_change_of_ln_leakage(scene):
+    q = fs.deterministic(scene).leakage
+    (harder,) = model_changes(scene)
+    moved = fs.deterministic(harder.scene).leakage
+    part = model_part(harder, scene.steps, q, CoarserSolution((48, 48), scene.steps, moved, q))
+    assert_allclose(np.log(part.upper / q), np.abs(np.log(moved / q)))
+    assert_allclose(np.log(q / part.lower), np.abs(np.log(moved / q)))
+    acting = replace(scene, fluid_pressure="ignored")
+    (change,) = model_changes(acting, ["fluid pressure"])
+    dry = fs.deterministic(acting).leakage
+    part = model_part(change, scene.steps, dry, CoarserSolution((48, 48), scene.steps, q, dry))
+    assert_allclose(part.upper, q)  # the truth is on that side alone
+    assert_allclose(part.lower, dry)
+
+
+def test_numbers_alone_stay_beside_the_whole():
+    q = np.array([1.0])
+    parts = tuple(ErrorPart.of(name, q, [0.1], [0.1], "") for name in ("pixels", "hardness", "form"))
+    budget = ErrorBudget("deterministic", q, parts)
+    assert_allclose(budget.half_width(0), np.sqrt(0.03))
+    assert_allclose(budget.numerical.half_width(0), 0.1)
+    assert {"hardness", "fluid pressure", "form"} == {*MODEL_PARTS}
+
+
+@pytest.mark.parametrize(
+    ("fluid", "hardness", "output", "expected"),
+    [
+        ("acts", "", "", {"hardness"}),
+        ("ignored", "", "", {"hardness", "fluid pressure"}),
+        ("ignored", "hardness_tolerance = 0", "", {"fluid pressure"}),
+        ("ignored", "", 'model_parts = ["hardness"]', {"hardness"}),
+        ("ignored", "", "model_parts = []", set()),
+    ],
+)
+def test_a_case_switches_them_one_by_one(fluid, hardness, output, expected, tmp_path):
+    path = tmp_path / "case.toml"
+    path.write_text(CASE.format(fluid=fluid, hardness=hardness, output=output))
+    results = fs.run(path, tmp_path / "out", workers=1)
+    names = {part.name for part in results.budget.parts}
+    assert names & {*MODEL_PARTS} == expected
+    assert ("leakage_deterministic_budget_numerical_upper" in results.dataset) == bool(expected)
+    if "fluid pressure" in expected:
+        wet = tmp_path / "wet.toml"
+        wet.write_text(CASE.format(fluid="acts", hardness="", output="budget = false"))
+        change = np.log(fs.run(wet, workers=1).leakage.values / results.leakage.values)
+        assert_allclose(results.budget.widths()["fluid pressure"], change, rtol=0.35)
+
+
+def test_the_hardness_tolerance_is_that_of_the_softer_solid(tmp_path):
+    text = CASE.format(fluid="acts", hardness="hardness_tolerance = 0.3", output="")
+    soft = '\n[counter_material]\nyoung = "70 GPa"\nhardness = "1 GPa"\nhardness_tolerance = 0.05\n'
+    path = tmp_path / "case.toml"
+    path.write_text(text + soft)
+    assert fs.load_case(path).hardness_tolerance == 0.05

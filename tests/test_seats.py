@@ -1,0 +1,212 @@
+"""Seats with a form: contact finds its own band, as Hertz's line contact does where the face is smooth."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+import femseal as fs
+from femseal.case.case import parse_case
+from femseal.topography.seat import (
+    LEAST_DEPTH,
+    SEATS,
+    BallOnCone,
+    CrownedSeat,
+    FlatSeat,
+    ProfileSeat,
+    RoundedSeat,
+    TiltedSeat,
+)
+
+E, D = 115e9, 1e-6
+OIL = fs.Liquid(1e-3)
+
+
+def smooth(n1=1024, spacing=D):
+    return fs.Topography(np.zeros((n1, 2)), (spacing, spacing), (False, True))
+
+
+def rough(n1=1024, n2=256, rng=6):
+    return fs.turned((n1, n2), (n1 * D, n2 * D), pitch=64 * D, depth=1.2e-6, feed_error=0.03, depth_error=0.1,
+                     roughness=0.3e-6, roughness_roll_off=36 * D, cut_off=8 * D, rng=rng)  # fmt: skip
+
+
+def solved(face, forces, hardness=np.inf, **given):
+    breadth = face.size[0]
+    scene = fs.Scene(face, E, hardness, OIL, 1e6, 0.0, loading=tuple(f / breadth for f in forces),
+                     fluid_pressure="ignored", **given)  # fmt: skip
+    return fs.deterministic(scene)
+
+
+@pytest.mark.parametrize("radius", [0.05, 0.02])
+@pytest.mark.parametrize("force", [50e3, 200e3])
+def test_a_smooth_crown_is_hertz_s_line_contact(radius, force):
+    """a² = 4 W R/(π E*), p₀ = 2 W/(π a)."""
+    found = solved(CrownedSeat(radius).on(smooth()), [force], rtol=1e-8)
+    half = np.sqrt(4 * force * radius / (np.pi * E))
+    assert_allclose(found.band_breadth[0], 2 * half, atol=2 * D)
+    assert_allclose(found.largest_row_pressure[0], 2 * force / (np.pi * half), rtol=0.01)
+    x = (np.arange(1024) + 0.5 - 512) * D
+    hertz = 2 * force / (np.pi * half) * np.sqrt(np.maximum(1 - (x / half) ** 2, 0))
+    inside = np.abs(x) < 0.95 * half
+    assert_allclose(found.row_pressure[0][inside], hertz[inside], atol=0.01 * hertz.max())
+    assert_allclose(found.row_pressure[0].sum() * D, force, rtol=1e-6)
+
+
+def test_the_half_width_converges_to_hertz_s():
+    errors = []
+    for n in (128, 256, 512):
+        found = solved(CrownedSeat(0.02).on(smooth(n, 1.024e-3 / n)), [100e3], rtol=1e-8)
+        half = np.sqrt(4 * 100e3 * 0.02 / (np.pi * E))
+        errors.append(abs(found.largest_row_pressure[0] / (2 * 100e3 / (np.pi * half)) - 1))
+    assert errors[2] < 0.5 * errors[0]
+    assert errors[2] < 2e-3
+
+
+def test_a_soft_crown_yields_all_over_its_band():
+    """Far beyond first yield the band is about W/H broad."""
+    hardness = 0.2e9
+    found = solved(CrownedSeat(0.01).on(smooth()), [100e3], hardness)
+    assert_allclose(found.largest_row_pressure[0], hardness, rtol=1e-6)
+    assert_allclose(found.band_breadth[0], 100e3 / hardness, rtol=0.02)
+
+
+def test_a_ball_on_a_cone_is_a_crown_of_its_radius_under_the_normal_force():
+    """Its normal force per length is the axial one over the sine of half the angle."""
+    ball, crown = BallOnCone(0.02, np.radians(30)), CrownedSeat(0.02)
+    assert ball.load_factor == pytest.approx(2)
+    one, other = (solved(seat.on(smooth()), [100e3]) for seat in (ball, crown))
+    assert_allclose(one.row_pressure, other.row_pressure, atol=2e-3 * other.row_pressure.max())
+
+
+def test_roughness_makes_the_band_broader_than_hertz_s():
+    """Greenwood & Tripp's trend: the less, the higher the load."""
+    face, radius = rough(1024, 64), 0.05
+    forces = np.array([20e3, 50e3, 100e3, 200e3])
+    found = solved(CrownedSeat(radius).on(face), forces)
+    hertz = 2 * np.sqrt(4 * forces * radius / (np.pi * E))
+    ratio = found.band_breadth / hertz
+    assert (ratio > 1).all()
+    assert (np.diff(ratio) < 0.05).all()
+
+
+#: k/L1 [1e-18 m²] of a published trial, by force per length [kN/m] and radius [m].
+TRIAL = {
+    None: [42.1, 19.1, 7.3, 1.07],
+    0.2: [44.1, 20.3, 8.5, 2.0],
+    0.05: [45.9, 16.1, 5.3, 1.07],
+    0.01: [42.4, 8.7, 1.1],
+}
+
+
+@pytest.mark.parametrize("radius", [0.05, *(pytest.param(r, marks=pytest.mark.slow) for r in (None, 0.2, 0.01))])
+def test_form_decides_on_leakage_as_in_a_published_trial(radius):
+    face = rough()
+    forces = np.array([20e3, 50e3, 100e3, 200e3])[: len(TRIAL[radius])]
+    found = solved((FlatSeat() if radius is None else CrownedSeat(radius)).on(face), forces, 2.8e9)
+    assert_allclose(found.leakage * 1e-3 / 1e6 * 1e18, TRIAL[radius], rtol=0.03)
+
+
+def test_other_forms():
+    x = np.linspace(-5e-4, 5e-4, 11)
+    assert (FlatSeat().depth(x, 1e-3) == 0).all()
+    land = RoundedSeat(4e-4, 1e-2)
+    assert_allclose(land.depth(x, 1e-3)[[0, 3, 5]], [(3e-4) ** 2 / 2e-2, 0, 0], atol=1e-20)
+    assert_allclose(TiltedSeat(1e-3).depth(x, 1e-3), x * np.tan(1e-3))
+    inlet, outlet = (solved(TiltedSeat(sign * 2e-3).on(smooth(256)), [20e3]).row_pressure[0] for sign in (1, -1))
+    assert inlet[:128].sum() > 0.99 * inlet.sum()  # the inlet's side is the higher one
+    assert_allclose(outlet, inlet[::-1], rtol=1e-3, atol=1e-4 * inlet.max())
+
+
+def test_a_profile_is_read_from_a_file(tmp_path):
+    x = np.linspace(0, 1.2, 50)
+    path = tmp_path / "seat profile.csv"
+    path.write_text("x1, z\n" + "\n".join(f"{a},{-((a - 0.6) ** 2) / 100}" for a in x))
+    face = smooth(512)
+    found, crown = ProfileSeat(path, "mm").on(face), CrownedSeat(0.05).on(face)
+    assert_allclose(found.heights, crown.heights, atol=2e-9)
+    for text, message in (
+        ("x1,z\n0,0\n", "expected a file of numbers"),
+        ("a,b\n0,0\n1,1\n", "expected a file of numbers"),
+        ("x1,z\n0,0\n0,1\n", "does not rise"),
+        ("x1,z\n0,0\n0.1,0\n", "as broad as the face"),
+        ("x1,z\n0,zero\n1,1\n", "expected a file of numbers"),
+    ):
+        path.write_text(text)
+        with pytest.raises(fs.InputError, match=message):
+            ProfileSeat(path, "mm").on(face)
+
+
+def test_a_form_that_is_nearly_flat_is_left_out():
+    face = rough(256, 256)
+    radius = (face.size[0] / 2) ** 2 / (2 * LEAST_DEPTH * face.rms_height)
+    assert not CrownedSeat(1.1 * radius).matters(face)
+    assert CrownedSeat(0.9 * radius).matters(face)
+    forces = np.array([0.02, 0.08, 0.2]) * 2.8e9 * face.size[0]
+    flat, formed = (solved(seat.on(face), forces, 2.8e9).leakage for seat in (FlatSeat(), CrownedSeat(1.1 * radius)))
+    assert_allclose(formed, flat, rtol=5e-3)
+
+
+CASE = {
+    "method": "deterministic",
+    "face": {"kind": "self-affine", "points": [128, 64], "size": ["128 um", "64 um"], "rms_slope": 0.1, "hurst": 0.8},
+    "material": {"young": "210 GPa", "hardness": "3 GPa"},
+    "load": {"loading": ["2 N/mm", "10 N/mm"]},
+    "fluid": {"kind": "liquid", "viscosity": "1 mPa*s", "inlet_pressure": "1 MPa"},
+}
+
+
+@pytest.mark.parametrize(
+    ("seat", "more", "text"),
+    [
+        ({"kind": "crowned", "radius": "-1 mm"}, {}, "seat.radius: given '-1 mm'"),
+        ({"kind": "crowned"}, {}, "seat.radius"),
+        ({"kind": "round"}, {}, "seat.kind"),
+        ({"kind": "crowned", "radius": "0.1 mm"}, {}, "seat: given crowned with radius 100 µm with slopes up to 0.63"),
+        ({"kind": "ball-on-cone", "radius": "50 um", "angle": "45 deg"}, {}, "slopes up to vertical"),
+        ({"kind": "ball-on-cone", "radius": "5 mm", "angle": "120 deg"}, {}, "seat.angle: given"),
+        ({"kind": "tilted", "tilt": "40 deg"}, {}, "slopes up to 0.84"),
+        ({"kind": "profile", "path": "none.csv", "unit": "um"}, {}, "seat.path: given 'none.csv'"),
+        (
+            {"kind": "crowned", "radius": "5 mm"},
+            {"contact": {"boundary": ["periodic", "periodic"]}},
+            "contact.boundary: given periodic along x1 with a crowned seat, expected free along x1",
+        ),
+    ],
+)
+def test_bad_seats(seat, more, text):
+    with pytest.raises(fs.InputError, match=text):
+        fs.prepare(parse_case(CASE | {"seat": seat} | more))
+
+
+def test_a_measured_face_has_no_form_of_its_own(tmp_path):
+    path = tmp_path / "face.csv"
+    np.savetxt(path, rough(64, 64).heights * 1e6)
+    face = {"kind": "file", "path": str(path), "height_unit": "um", "size": ["64 um", "64 um"]}
+    for seat, detrend in (({"kind": "crowned", "radius": "5 mm"}, 1), ({"kind": "tilted", "tilt": "0.1 deg"}, 0)):
+        with pytest.raises(fs.InputError, match=f"surface.detrend: given {detrend} with a .* would count twice"):
+            parse_case(CASE | {"face": face, "seat": seat, "surface": {"detrend": detrend}})
+
+
+def test_results_have_band_and_profile(tmp_path):
+    case = parse_case(CASE | {"seat": {"kind": "crowned", "radius": "2 mm"}, "output": {"budget": False}})
+    assert fs.prepare(case).seat == "crowned with radius 2 mm"
+    data = fs.run(case, tmp_path / "out", workers=1).dataset
+    assert data["row_pressure"].dims == ("step", "row")
+    area = data["row_pressure"].values.sum(axis=1) * float(np.diff(data["row"].values[:2])[0])
+    assert_allclose(area + data["fluid_carried_pressure"].values * 128e-6, [2e3, 10e3], rtol=1e-3)
+    assert (np.diff(data["band_breadth"].values) > 0).all()
+    page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    assert "crowned with radius 2 mm" in page
+    assert "N/mm" not in SEATS  # loads are forces per length
+
+
+def test_all_methods_take_a_seat():
+    more = {"method": "stochastic", "compare": ["deterministic", "two-scale"], "seat": {"kind": "crowned", "radius": "2 mm"},
+            "cells": {"count": [4, 2]}, "stochastic": {"length": "256 um", "realisations": 4}, "output": {"budget": False}}  # fmt: skip
+    results = fs.run(parse_case(CASE | more), workers=1)
+    assert_allclose(results.dataset["leakage_two_scale"], results.dataset["leakage_deterministic"], rtol=1e-6)
+    assert_allclose(results.dataset["leakage_median"], results.dataset["leakage_deterministic"], rtol=0.5)
+    ring = {"kind": "annular", "inner_radius": "1 mm", "outer_radius": "1.512 mm"}
+    drawn = {"stochastic": {"realisations": 4}, "seal": ring}
+    with pytest.raises(fs.InputError, match="a face with 4 rows of windows for a ring"):
+        fs.prepare(parse_case(CASE | more | drawn))
