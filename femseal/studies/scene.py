@@ -44,7 +44,7 @@ class Scene:
     solver, discretisation : of all flow, in cells and over the seal; see `flow.cell_permeability`.
     fluid_pressure : "acts": it presses the faces apart, see `studies.fluid_coupling`; "ignored": they lie as dry ones.
     nominal : what carries the nominal pressures where it acts: "total", contact and fluid together; or "contact".
-    surroundings : pressure around the seal [Pa]; unless given 1 atm, and 0 where liquids count from.
+    surroundings : pressure around the seal [Pa]; unless given 1 atm of a gas, and 0 of a liquid.
     """
 
     surface: Topography
