@@ -10,17 +10,17 @@ To add a fluid, write a frozen dataclass with `potential`, `pressure` and `refer
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import cos, inf, log, nan, sqrt
+from math import cos, inf, log, nan
 from typing import Any, ClassVar, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .base.errors import InputError
-from .base.leak_units import GAS_CONSTANT, STANDARD_PRESSURE, LeakBasis
+from .base.leak_units import GAS_CONSTANT, LeakBasis
 from .base.parameters import check_parameters, parameter
 from .flow.law import CUBIC_LAW, FlowLaw, FukuiKaneko, SlipLength
-from .real_gas import RealGas
+from .real_gas import Gas, RealGas
 
 #: Constants of Roelands' law: pressure [Pa], and the natural logarithm of the viscosity [Pa s] common to all liquids.
 _ROELANDS_PRESSURE, _ROELANDS_LOG = 1.962e8, -log(6.31e-5)
@@ -172,7 +172,7 @@ class RoelandsLiquid(_OnFaces):
 
 
 @dataclass(frozen=True)
-class IdealGas:
+class IdealGas(Gas):
     """Isothermal ideal gas: φ = M p²/(2 R T η), so that without slip the mass rate goes with p_in² − p_out².
 
     In gaps that are not large against the mean free path more gas flows: `flow_factor` times as much, which depends on
@@ -187,34 +187,17 @@ class IdealGas:
     """
 
     kind: ClassVar[str] = "ideal-gas"
-    #: Outlet pressure of a case that gives none [Pa], absolute.
-    outlet_pressure: ClassVar[float] = STANDARD_PRESSURE
     viscosity: float = _viscosity()
     molar_mass: float = parameter("kg/mol", "a molar mass > 0, such as '29 g/mol'")
     temperature: float = parameter("K", "a temperature above absolute zero, such as '20 °C'")
     slip: bool = True
-
-    def __post_init__(self) -> None:
-        check_parameters(self)
-        if not isinstance(self.slip, bool):
-            raise InputError("slip", repr(self.slip), "True or False")
 
     @property
     def law(self) -> FlowLaw:
         """Fukui & Kaneko's law, or the cubic one without slip."""
         if not self.slip:
             return CUBIC_LAW
-        return FukuiKaneko(self.viscosity, sqrt(2 * GAS_CONSTANT * self.temperature / self.molar_mass))
-
-    @property
-    def reference_density(self) -> float:
-        """Density at 101 325 Pa [kg/m³]."""
-        return STANDARD_PRESSURE * self.molar_mass / (GAS_CONSTANT * self.temperature)
-
-    @property
-    def reference_pressure(self) -> float:
-        """Pressure at which volumes are stated [Pa], absolute; their temperature is the gas's own."""
-        return STANDARD_PRESSURE
+        return FukuiKaneko(self.viscosity, self.speed)
 
     @property
     def _factor(self) -> float:

@@ -50,8 +50,35 @@ class DenseGasSlip(FukuiKaneko):
         return FlowLaw.pressure_derivative(self, gap, pressure)
 
 
+class Gas:
+    """What gases of a temperature, a molar mass and a choice of slip have in common."""
+
+    #: Outlet pressure of a case that gives none [Pa], absolute.
+    outlet_pressure: ClassVar[float] = STANDARD_PRESSURE
+
+    def __post_init__(self: Any) -> None:
+        check_parameters(self)
+        if not isinstance(self.slip, bool):
+            raise InputError("slip", repr(self.slip), "True or False")
+
+    @property
+    def speed(self: Any) -> float:
+        """√(2R_sT) of the molecules [m/s]."""
+        return sqrt(2 * GAS_CONSTANT * self.temperature / self.molar_mass)
+
+    @property
+    def reference_density(self: Any) -> float:
+        """Density of the ideal gas at 101 325 Pa [kg/m³]."""
+        return STANDARD_PRESSURE * float(self.molar_mass) / (GAS_CONSTANT * float(self.temperature))
+
+    @property
+    def reference_pressure(self) -> float:
+        """Pressure at which volumes are stated [Pa], absolute; their temperature is the gas's own."""
+        return STANDARD_PRESSURE
+
+
 @dataclass(frozen=True)
-class RealGas:
+class RealGas(Gas):
     """A gas by its name, isothermal, with density and viscosity of CoolProp: φ = ∫ρ/η dp within 1e-6.
 
     Volume rates are stated as those of an ideal gas of its molar mass at 101 325 Pa and its own temperature, so that
@@ -69,16 +96,12 @@ class RealGas:
     """
 
     kind: ClassVar[str] = "real-gas"
-    #: Outlet pressure of a case that gives none [Pa], absolute.
-    outlet_pressure: ClassVar[float] = STANDARD_PRESSURE
     name: str
     temperature: float = parameter("K", "a temperature above absolute zero, such as '20 °C'", default=TABLE_TEMPERATURE)
     slip: bool = True
 
     def __post_init__(self) -> None:
-        check_parameters(self)
-        if not isinstance(self.slip, bool):
-            raise InputError("slip", repr(self.slip), "True or False")
+        super().__post_init__()
         without = "an ideal gas, as real ones need CoolProp: pip install 'femseal[fluids]'"
         known_to_coolprop(self.name, self.temperature, without)
         _table(self.name, self.temperature)
@@ -93,18 +116,7 @@ class RealGas:
         """Fukui and Kaneko's law with the mean free path of the gas, or the cubic one without slip."""
         if not self.slip:
             return CUBIC_LAW
-        speed = sqrt(2 * GAS_CONSTANT * self.temperature / self.molar_mass)
-        return DenseGasSlip(float(self.viscosity_at(1.0)), speed, self)
-
-    @property
-    def reference_density(self) -> float:
-        """Density of the ideal gas at 101 325 Pa [kg/m³]."""
-        return STANDARD_PRESSURE * self.molar_mass / (GAS_CONSTANT * self.temperature)
-
-    @property
-    def reference_pressure(self) -> float:
-        """Pressure at which volumes are stated [Pa], absolute; their temperature is the gas's own."""
-        return STANDARD_PRESSURE
+        return DenseGasSlip(float(self.viscosity_at(1.0)), self.speed, self)
 
     @property
     def highest_pressure(self) -> float:

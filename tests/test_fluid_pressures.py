@@ -104,6 +104,16 @@ def test_of_a_gas_at_another_ambient_pressure_and_of_a_test_fluid(tmp_path):
     assert_allclose((case.output.test_fluid.inlet_pressure, case.output.test_fluid.outlet_pressure), (2e5, 1e5))
 
 
+def test_the_fluid_presses_on_the_faces_with_what_is_above_the_surroundings(tmp_path):
+    """What an unmarked liquid carries counts from the surroundings, as a gauge pressure does."""
+    carried = []
+    for keys in ('inlet_pressure = "10 MPa"', 'inlet_pressure = "100 bar(g)"\nambient_pressure = "0.8 bar"'):
+        scene = fs.prepare(fs.load_case(case_of(tmp_path, f"{LIQUID}{keys}\n"))).scene
+        carried.append(scene.acting_fluid.carried)
+    assert scene.surroundings == 8e4
+    assert_allclose(carried, 5e6, rtol=1e-12)
+
+
 def test_of_inlets_of_a_mesh():
     data = {
         "seal": {"kind": "mesh", "path": "seal.msh", "unit": "mm", "outlet": "rim"},

@@ -91,7 +91,7 @@ def test_mean_free_path_goes_with_viscosity_over_density():
 
 def scene(fluid, inlet, outlet=1e5):
     face = fs.self_affine((48, 48), (48e-6, 48e-6), hurst=0.8, rms_slope=0.1, cut_off=6e-6, rng=2)
-    return fs.Scene(face, 115e9, np.inf, fluid, inlet, outlet, loading=(3e7,))
+    return fs.Scene(face, 115e9, np.inf, fluid, inlet, outlet, loading=(3e7,), fluid_pressure="ignored")
 
 
 @needs_coolprop
@@ -111,6 +111,9 @@ def test_every_method_takes_it_and_mass_is_kept(slip):
             assert_allclose(per_drop[0], per_drop[1], rtol=1e-9)
         assert leaks[0] > 0
         assert drop < 0.75 * thin_drop
+    pressed = replace(scene(real, 7e7), loading=(2e8,))
+    apart = replace(pressed, fluid_pressure="acts")
+    assert fs.deterministic(apart).leakage[0] > 1.1 * fs.deterministic(pressed).leakage[0]
     if not slip:
         seal = fs.RectangularSeal((1e-3, 1e-3), (6, 5))
         k = np.exp(np.random.default_rng(0).normal(size=(6, 5))), np.exp(np.random.default_rng(1).normal(size=(5, 5)))

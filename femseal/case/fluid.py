@@ -112,8 +112,9 @@ def _with_absolute_ends(table: dict[str, Any], place: str, ambient: float | None
     keys = [key for key in ("inlet_pressure", "outlet_pressure") if key in table]
     ends: dict[str, Any] = {key: _absolute(table[key], ambient, f"{place}.{key}") for key in keys}
     if gauge or any(ends[key] is not table[key] for key in keys):
-        ends = {"outlet_pressure": f"{STANDARD_PRESSURE if ambient is None else ambient!r} Pa"} | ends
-    return {**table, **ends}
+        around = f"{STANDARD_PRESSURE if ambient is None else ambient!r} Pa"
+        return {"ambient_pressure": around, "outlet_pressure": around, **table, **ends}
+    return table
 
 
 def _with_dynamic_viscosity(table: dict[str, Any], place: str, density: float | None = None) -> dict[str, Any]:

@@ -130,6 +130,7 @@ def _scene(case: Case, surface: Topography, sampling: Sampling | None, seals: tu
         fluid=fluid.fluid,
         inlet_pressure=fluid.inlet_pressure,
         outlet_pressure=fluid.outlet_pressure,
+        surroundings=fluid.ambient_pressure,
         **_pressures(case, _seal_size(surface, sampling, seals), seals=len(seals)),
         boundary=case.contact.boundary,
         rtol=case.contact.rtol,

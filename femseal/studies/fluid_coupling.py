@@ -53,7 +53,7 @@ class FluidPressure:
     """A fluid between two pressures that presses the faces apart.
 
     inlet, outlet : its pressures [Pa]. nominal : "total", contact and fluid carry the nominal pressure together, or
-    "contact". settings : how the flow is solved.
+    "contact". settings : how the flow is solved. surroundings : see `studies.Scene`.
     """
 
     fluid: Fluid
@@ -61,11 +61,12 @@ class FluidPressure:
     outlet: float
     nominal: str
     settings: FlowSettings
+    surroundings: float | None = None
 
     @property
     def _around(self) -> float:
         """Pressure of the surroundings [Pa], on the scale of the fluid's."""
-        return float(getattr(self.fluid, "outlet_pressure", 0.0))
+        return float(getattr(self.fluid, "outlet_pressure", 0.0)) if self.surroundings is None else self.surroundings
 
     def above_surroundings(self, fraction: Any) -> Array:
         """Fluid pressure [Pa] above that of the surroundings where the viscous potential has fractions of its drop."""

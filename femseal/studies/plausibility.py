@@ -57,7 +57,7 @@ def _pressure_warnings(scene: Scene) -> Iterator[str]:
     if leak_basis(scene.fluid, 1.0).is_gas and scene.outlet_pressure == 0:
         yield (
             "fluid.outlet_pressure 0 Pa of a gas is absolute, a vacuum: into the surroundings it is 101.3 kPa, and "
-            "pressures above those of the surroundings need as much added"
+            "gauge pressures are written as '10 bar(g)' in a case"
         )
     yield from gas_warnings("fluid", scene.fluid, scene.inlet_pressure, scene.outlet_pressure)
     highest = max(step.pressure for step in steps)

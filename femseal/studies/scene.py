@@ -44,6 +44,7 @@ class Scene:
     solver, discretisation : of all flow, in cells and over the seal; see `flow.cell_permeability`.
     fluid_pressure : "acts": it presses the faces apart, see `studies.fluid_coupling`; "ignored": they lie as dry ones.
     nominal : what carries the nominal pressures where it acts: "total", contact and fluid together; or "contact".
+    surroundings : pressure around the seal [Pa]; unless given 1 atm of a gas, and 0 of a liquid.
     """
 
     surface: Topography
@@ -62,6 +63,7 @@ class Scene:
     discretisation: str = "edge"
     fluid_pressure: str = "acts"
     nominal: str = "total"
+    surroundings: float | None = None
 
     def __post_init__(self) -> None:
         """Check that parts of the scene go together, see the class."""
@@ -110,7 +112,9 @@ class Scene:
         # the viscosity of a liquid does not change how its pressure falls: contacts are those of all viscosities
         plain = isinstance(self.fluid, Liquid) and self.fluid.pressure_viscosity == 0
         own = Liquid(1.0) if plain else self.fluid
-        fluid = FluidPressure(own, self.inlet_pressure, self.outlet_pressure, self.nominal, self.flow)
+        fluid = FluidPressure(
+            own, self.inlet_pressure, self.outlet_pressure, self.nominal, self.flow, self.surroundings
+        )
         acts = self.fluid_pressure == "acts" and abs(fluid.carried) > LEAST_FRACTION * min(self.steps.pressures)
         return fluid if acts else None
 
