@@ -308,6 +308,13 @@ class TestStudies:
         fluid = acting(a, b, fluid=gas)
         assert_allclose(fluid.carried, 2 / 3 * (a**3 - b**3) / (a**2 - b**2) - b, rtol=1e-4)
 
+    def test_a_fluid_above_the_hardness_is_refused(self):
+        with pytest.raises(
+            fs.InputError, match=r"inlet_pressure: given 2.4 GPa, expected less than the hardness, 2.3 GPa"
+        ):
+            scene(inlet_pressure=2.4e9)
+        scene(inlet_pressure=2.4e9, fluid_pressure="ignored")
+
     def test_names_are_checked(self):
         with pytest.raises(fs.InputError, match="fluid_pressure: given on, expected one of acts, ignored"):
             scene(fluid_pressure="on")
