@@ -61,16 +61,35 @@ def drawn(lay, load, length=2e-3):
     return stochastic(scene, (4, 4), sampling)
 
 
+def along_at(library, load):
+    """Permeability along the grooves of its only window under a load."""
+    (states,) = library.windows
+    return states.k[0, 1, np.argmin(np.abs(states.pressure - load))]
+
+
 def test_a_closed_strip_leaks_along_its_groove():
     """Equal windows: k₂ sin²α of the one that is closed across, as the pressure falls along x1 alone."""
     plain, wound = (drawn(lay, 2e8).leakage[0, 0] for lay in ("x2", {"kind": "spiral", "lead": "16 um"}))
     assert plain == 0
     library = drawn("x2", 2e8).library
-    (k2,) = [states.k[0, 1, -1] for states in library.windows]
+    k2 = along_at(library, 2e8)
     sine2 = (16e-6 / np.hypot(16e-6, 2e-3)) ** 2
-    assert_allclose(wound, k2 * sine2 * 1e6 / (1e-3 * 128e-6), rtol=0.05)
+    assert_allclose(wound, k2 * sine2 * 1e6 / (1e-3 * 128e-6), rtol=1e-3)
     double = drawn({"kind": "spiral", "lead": "16 um", "starts": 2}, 2e8).leakage[0, 0]
-    assert_allclose(double / wound, 4, rtol=0.05)
+    assert_allclose(double / wound, 4, rtol=1e-3)
+
+
+@pytest.mark.parametrize("inlet", ["inner", "outer"])
+def test_a_closed_ring_leaks_along_its_groove(inlet):
+    """Equal windows: the closed form of a ring whose lands are closed, either way."""
+    surface = fs.Topography(np.tile(window(), (4, 4)), (D, D), (True, True))
+    lead = 32e-6
+    layout = AnnularLayout(0.5e-3, 0.756e-3, inlet, lay={"kind": "spiral", "lead": lead, "starts": 2})
+    scene = fs.Scene(surface, 115e9, 2e9, OIL, 1e6, 0.0, loading=(2e8,), fluid_pressure="ignored", layout=layout)
+    found = stochastic(scene, (4, 4), Sampling(None, realisations=2, library_cells=1, seed=1, pressure="uniform"))
+    k2 = along_at(found.library, 2e8)
+    exact = fs.analytic.turned_annulus_rate(k2, 0.0, 2 * lead, 1e6, 1e-3, 0.5e-3, 0.756e-3)
+    assert_allclose(found.leakage[0, 0] * found.seal.length, exact, rtol=2e-3)
 
 
 def test_circumferential_is_a_spiral_without_lead():
@@ -86,7 +105,6 @@ def test_directions_of_a_spiral():
     found = lay.directions(radii)
     assert_allclose(found[0, 0] / found[0, 1], 1e-3 / (2 * np.pi * 1e-3))
     assert_allclose(found[1, 1] / -found[1, 0], 1e-3 / (2 * np.pi * 2e-3))
-    assert_allclose(lay.directions(radii, length=0.1)[:, 0] / lay.directions(radii, length=0.1)[:, 1], 0.01)
 
 
 @pytest.mark.parametrize(

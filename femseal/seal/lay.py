@@ -65,16 +65,13 @@ class Lay:
                 return cls(file=folder / path, array=array)
         raise InputError("lay", shown(given), ALLOWED)
 
-    def directions(
-        self, places: Array, centre: tuple[float, float] = (0.0, 0.0), unit: float = 1.0, length: float | None = None
-    ) -> Array:
+    def directions(self, places: Array, centre: tuple[float, float] = (0.0, 0.0), unit: float = 1.0) -> Array:
         """Unit vectors (n, 2) along the lay at places (n, 2) [m].
 
         Parameters
         ----------
         centre : from which "radial" is seen [m].
         unit : of the lengths in the file of a field [m].
-        length : of a strip, along which a spiral comes back [m]; without it around the centre.
 
         Raises
         ------
@@ -82,9 +79,6 @@ class Lay:
         """
         if self.file is not None:
             return _of_field(self.file, self.array, places, unit)
-        if self.name == "spiral" and length is not None:
-            along = np.array([self.lead, length]) / np.hypot(self.lead, length)
-            return np.tile(along, (len(places), 1))
         if self.name in ("radial", "circumferential", "spiral"):
             away = places - np.asarray(centre)
             distance = np.hypot(away[:, 0], away[:, 1])

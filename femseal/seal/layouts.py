@@ -23,7 +23,7 @@ from ..base.parameters import check_parameters, parameter
 from ..base.quantities import to_si, to_text
 from .element_windows import ElementSeal, ElementWindows, straightened
 from .lay import Lay
-from .link_windows import LinkWindows
+from .link_windows import LinkWindows, SpiralWindows
 from .mesh_seal import Inlet, MeshSeal, checked_pressures
 from .pressure_map import Frame
 from .shapes import AnnularSeal, RectangularSeal
@@ -103,7 +103,7 @@ class RectangularLayout:
         (d1, d2), turned = windows.size, self.lay.name == "x1"
         if windows.length is None:
             raise InputError("length", "none", "the length of a rectangular seal")
-        straight = self.lay.name in ("x1", "x2")
+        straight = self.lay.name in ("x1", "x2", "spiral")
         if not straight:
             d1 = d2 = (d1 * d2) ** 0.5
         elif turned:
@@ -111,10 +111,12 @@ class RectangularLayout:
         breadth = windows.breadth if windows.breadth is not None else windows.rows * windows.size[0]
         cells = max(1, round(breadth / d1)), max(1, round(windows.length / d2))
         size = cells[0] * d1, cells[1] * d2
+        if self.lay.name == "spiral":
+            _short_lead(self.lay, size[0])
+            return SpiralWindows(RectangularSeal(size, cells), tangent=(self.lay.lead / size[1],) * cells[0])
         if straight:
             return LinkWindows(RectangularSeal(size, cells), turned)
-        _short_lead(self.lay, size[0])
-        return _elements(_strip(size, cells), windows, self.lay, length=size[1])
+        return _elements(_strip(size, cells), windows, self.lay)
 
     def frame(self, size: tuple[float, float]) -> Frame:
         """x1 from the inlet, and x2."""
@@ -153,7 +155,7 @@ class AnnularLayout:
         """Links along radius and angle; quadrilaterals where the lay runs between them."""
         _refuse_sizes(self.kind, windows)
         d1, d2 = windows.size
-        along_axes = self.lay.name in ("radial", "circumferential")
+        along_axes = self.lay.name in ("radial", "circumferential", "spiral")
         if not along_axes:
             d1 = d2 = (d1 * d2) ** 0.5
         elif self.lay.name == "radial":
@@ -172,7 +174,12 @@ class AnnularLayout:
         if narrow < _NARROWEST:
             raise InputError("inner_radius", given, f"at least {_NARROWEST:.0%}; a mesh has none of them")
         warnings = (f"{given}: windows there are drawn too close together; a mesh has equal ones",)
-        return LinkWindows(seal, self.lay.name == "radial", warnings if narrow < _NARROW else ())
+        doubts = warnings if narrow < _NARROW else ()
+        if self.lay.name == "spiral":
+            middles = self.inner_radius + breadth / cells[0] * (np.arange(cells[0]) + 0.5)
+            tangent = tuple((self.lay.lead / (2 * pi * (middles if self.inlet == "inner" else middles[::-1]))).tolist())
+            return SpiralWindows(seal, warnings=doubts, tangent=tangent)
+        return LinkWindows(seal, self.lay.name == "radial", doubts)
 
     def frame(self, size: tuple[float, float]) -> Frame:
         """Radius and angle."""
@@ -267,14 +274,9 @@ def _short_lead(lay: Lay, breadth: float) -> None:
 
 
 def _elements(
-    seal: ElementSeal,
-    windows: Windows,
-    lay: Lay,
-    centre: tuple[float, float] = (0.0, 0.0),
-    unit: float = 1.0,
-    length: float | None = None,
+    seal: ElementSeal, windows: Windows, lay: Lay, centre: tuple[float, float] = (0.0, 0.0), unit: float = 1.0
 ) -> ElementWindows:
-    laid = ElementWindows(seal, windows.size, lay.directions(seal.outlines.mean(axis=1), centre, unit, length))
+    laid = ElementWindows(seal, windows.size, lay.directions(seal.outlines.mean(axis=1), centre, unit))
     return laid.checked()
 
 

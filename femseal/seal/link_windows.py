@@ -104,6 +104,39 @@ class LinkWindows:
         return f"{n1} × {n2} links"
 
 
+@dataclass(frozen=True, eq=False)
+class SpiralWindows(LinkWindows):
+    """Windows for links whose grooves wind: each link along axis 0 has k₁ cos²α + k₂ sin²α of one window.
+
+    tangent : tan α of every row of links along axis 0 (n1,). Where all windows are alike the pressure depends on that
+    axis alone, and the rest of their tensors does not matter.
+    """
+
+    tangent: tuple[float, ...] = ()
+
+    together: ClassVar[bool] = True
+
+    @property
+    def rows(self) -> int:
+        """0: windows keep no place of a face."""
+        return 0
+
+    @property
+    def draws(self) -> tuple[tuple[int, int], tuple[int, int]]:
+        """Rows and columns of the windows, of which each is drawn with both of its permeabilities."""
+        return self.seal.cells, self.seal.cells
+
+    def places(self, axis: int) -> Array:
+        """Middles of the windows (rows, columns, 2) [m]."""
+        return super().places(0)
+
+    def permeability(self, along: Array, across: Array) -> tuple[Array, Array]:
+        """The permeabilities of the links from those of the windows; across, the mean of the rows beside."""
+        square = np.square(self.tangent)[:, None]
+        radial, round_ = (along + square * across) / (1 + square), (across + square * along) / (1 + square)
+        return radial, (round_[:-1] + round_[1:]) / 2
+
+
 def _link_flux(k: Array, drop: Array, way: Array) -> Array:
     """Flux (…, 2) along links whose ends differ by so much in potential (…) and in place (…, 2)."""
     return -(k * np.nan_to_num(drop) / (way**2).sum(axis=-1))[..., None] * way

@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 #: What the fluid pressure does to the contact, and what the nominal pressure is of: contact and fluid, or contact.
 FLUID_PRESSURES, NOMINALS = ("acts", "ignored"), ("total", "contact")
 #: Relative change of the permeability at which the rounds end, and most of them. Measured on self-affine and turned
-#: faces of 256² points, p̄/H .02 to .2: two or three for p_in/p̄ up to .3, at most eight up to 1.5.
+#: faces of 256² points, p̄/H .02 to .2: two to five for p_in/p̄ up to .3, at most six up to 1.
 RTOL, MOST_ROUNDS = 1e-3, 20
 #: Mean fluid pressure over the nominal pressure below which it changes leakage by less than 0.5 % and is left out.
 LEAST_FRACTION = 1e-4

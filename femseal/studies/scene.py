@@ -79,10 +79,10 @@ class Scene:
                 highest = to_text(max(own.values()), "Pa")
                 given = to_text(self.inlet_pressure, "Pa")
                 raise InputError("inlet_pressure", given, f"the highest pressure of the inlets, {highest}")
-        highest = max(self.inlet_pressure, self.outlet_pressure)
-        if self.acting_fluid is not None and highest >= float(np.min(self.law.yield_pressure())):
+        most = max(self.inlet_pressure, self.outlet_pressure)
+        if self.acting_fluid is not None and most >= float(np.min(self.law.yield_pressure())):
             hardness = to_text(float(np.min(self.law.yield_pressure())), "Pa")
-            raise InputError("inlet_pressure", to_text(highest, "Pa"), f"less than the hardness, {hardness}")
+            raise InputError("inlet_pressure", to_text(most, "Pa"), f"less than the hardness, {hardness}")
         undefined = int(np.isnan(self.surface.heights).sum())
         if undefined:
             allowed = "a face without undefined points: fill them first, see Topography.fill_undefined"
