@@ -207,6 +207,16 @@ def drop_panel(axes: Axes, data: xarray.Dataset, steps: Sequence[int]) -> None:
     axes.legend(fontsize=8, framealpha=0.9)
 
 
+def row_panel(axes: Axes, data: xarray.Dataset, steps: Sequence[int]) -> None:
+    """Mean contact pressure of the rows of the face along the leakage: the band on which a seat touches."""
+    for s, (colour, line, _) in zip(steps, STYLES, strict=False):
+        name, x1 = str(data["name"].values[s]), data["row"].values * 1e3
+        axes.plot(x1, data["row_pressure"].values[s] / 1e6, color=colour, ls=line, lw=1.2, label=name)
+    axes.set(xlabel="x1, inlet at 0 [mm]", ylabel="mean contact pressure of rows [MPa]")
+    axes.grid(alpha=0.25, lw=0.6)
+    axes.legend(fontsize=8, framealpha=0.9)
+
+
 def pressure_rows(data: xarray.Dataset, s: int) -> tuple[Array, Any]:
     """x1 [m] and fluid pressure [Pa] (rows, columns) of the nodes or blocks of the face, masked where undefined."""
     if "fluid_pressure" in data:

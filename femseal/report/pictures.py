@@ -17,7 +17,7 @@ from ..plots import cells_figure, heights_figure, leakage_figure, lengths_figure
 from ..plots.cell_curves import cells_of
 from ..plots.drawing import HEIGHTS, LINES, Drawn, Sheet, drawn, map_row
 from ..plots.drawn_panels import drawn_figure
-from ..plots.maps import critical_gaps, default_step, drop_panel, face_panel, face_size, has_maps
+from ..plots.maps import critical_gaps, default_step, drop_panel, face_panel, face_size, has_maps, row_panel
 from ..results.results import Results
 from ..results.seal_lengths import has_lengths
 from ..results.selections import solved_steps
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 Array = np.ndarray
 #: Pictures that are files of the folder too, by their name without ending; the page alone has the others.
-FILES = ("surface", "seal", "drawn", "cells", "leakage", "lengths")
+FILES = ("surface", "seal", "seat", "drawn", "cells", "leakage", "lengths")
 Drawings = Mapping[str, Drawn]
 
 
@@ -61,6 +61,7 @@ def draw_all(results: Results, surface: Topography | None = None, *, mapper: Map
         "leakage": True,
         "drop": has_maps(data),
         "face": "face_height" in data,
+        "seat": has_seat(data),
         "lengths": has_lengths(results),
     }
     names = [name for name, there in wanted.items() if there]
@@ -90,15 +91,28 @@ def _figure(name: str, results: Results, surface: Topography | None, gaps: list[
         return cells_figure(results)
     if name == "lengths":
         return lengths_figure(results)
-    if name == "drop":
-        sheet = Sheet([4.0])
-        drop_panel(sheet.panel(0, 0, LINES), data, drop_steps(data))
+    if name in ("drop", "seat"):
+        sheet, panel = Sheet([4.0]), drop_panel if name == "drop" else row_panel
+        panel(sheet.panel(0, 0, LINES), data, drop_steps(data))
         return sheet.figure
     if name == "face":
         sheet = Sheet([map_row(face_size(data), HEIGHTS)])
         face_panel(sheet.panel(0, 0, HEIGHTS), data)
         return sheet.figure
     return leakage_figure(results)
+
+
+def has_seat(data: xarray.Dataset) -> bool:
+    """Whether the face has the form of a seat, and the pressure of its rows is known."""
+    return bool(data.attrs.get("seat")) and "row_pressure" in data
+
+
+def seat_picture(results: Results, drawings: Drawings) -> Picture:
+    """Contact pressure of the rows across the seat."""
+    band = results.dataset["band_breadth"].values
+    least, most = (to_text(float(f(band)), "m", 3) for f in (np.nanmin, np.nanmax))
+    alt = f"Mean contact pressure of rows against x1: the seat touches on a band {least} to {most} broad."
+    return Picture(_uri(drawings["seat"].whole), alt, "Contact pressure across the seat, mean of each row.")
 
 
 def face_picture(results: Results, drawings: Drawings) -> Picture:
