@@ -13,7 +13,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from .accuracy_report import AccuracyReport, Comparison, Solution
 
 #: Colour and marker of each method.
 _METHODS = {name: (style[0], style[2]) for name, style in zip(
@@ -23,7 +22,7 @@ _LEAST = 1e-5
 _GREY = "#666666"
 
 
-def accuracy_figure(report: AccuracyReport) -> Figure:
+def accuracy_figure(report: Any) -> Figure:
     """Error factor minus 1 over wall time, log scales, one panel for each branch of the load cycle.
 
     Open markers: medians of drawn seals against two scales. The time of the reference is a dashed line.
@@ -48,7 +47,7 @@ def accuracy_figure(report: AccuracyReport) -> Figure:
     return figure
 
 
-def _mark(axes: Axes, report: AccuracyReport, solution: Solution, comparison: Comparison, branch: str) -> None:
+def _mark(axes: Axes, report: Any, solution: Any, comparison: Any, branch: str) -> None:
     """Draw the error of a solution over its time, and its label."""
     factor = getattr(comparison, branch)
     if not factor.loads:
@@ -66,7 +65,7 @@ def _mark(axes: Axes, report: AccuracyReport, solution: Solution, comparison: Co
     axes.annotate(text, at, textcoords="offset points", fontsize=7, color=_GREY, **side)
 
 
-def _mark_budgets(axes: Axes, report: AccuracyReport) -> None:
+def _mark_budgets(axes: Axes, report: Any) -> None:
     """The budget of every solution as a bar over its time, and a ring about the recommended one."""
     for solution in report.solutions:
         if (found := solution.widest_band) is None or not np.isfinite(found.half_width):
@@ -79,7 +78,7 @@ def _mark_budgets(axes: Axes, report: AccuracyReport) -> None:
     axes.axhline(report.plan.accuracy, color=_GREY, ls=":", lw=1)
 
 
-def _name(report: AccuracyReport, variant: Variant) -> str:
+def _name(report: Any, variant: Variant) -> str:
     """Text that distinguishes a solution from others of its method."""
     if variant.library_cells is not None:
         return str(variant.library_cells)
@@ -89,7 +88,7 @@ def _name(report: AccuracyReport, variant: Variant) -> str:
     return by(variant.cells) + ("" if own else f" on {by(variant.points)}")
 
 
-def _legend(report: AccuracyReport) -> list[Any]:
+def _legend(report: Any) -> list[Any]:
     """Handles of the methods that are drawn."""
     from matplotlib.lines import Line2D
 
