@@ -76,6 +76,7 @@ if TYPE_CHECKING:
     from .topography import (
         BallOnCone,
         CrownedSeat,
+        Places,
         ProfileSeat,
         RoundedSeat,
         SurfaceReport,
@@ -141,6 +142,7 @@ _MODULES = {
     "topography": (
         "BallOnCone",
         "CrownedSeat",
+        "Places",
         "ProfileSeat",
         "RoundedSeat",
         "TiltedSeat",

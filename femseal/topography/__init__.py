@@ -8,6 +8,7 @@ from .combine import Overlap, combine
 from .condition import MOST_POINTS, Conditioning, condition, default_wave, resolved_wave, resolving_shape, smooth
 from .describe import SurfaceReport, as_text, describe_surface
 from .generate import self_affine, turned
+from .places import Places
 from .power_law import spectrum
 from .read import read_for_a_look, read_topography
 from .repair import Repair, SpikeEffect, repair, spike_effect
@@ -28,6 +29,7 @@ __all__ = [
     "SPIKES",
     "Conditioning",
     "Overlap",
+    "Places",
     "Repair",
     "SpikeEffect",
     "SurfaceReport",

@@ -62,7 +62,7 @@ class Seat:
             found = f"{slope:.2g}" if np.isfinite(slope) else "vertical"
             given = f"{self} with slopes up to {found} on {to_text(breadth, 'm', 3)}"
             raise InputError("seat", given, f"slopes up to {MOST_SLOPE:g}: the faces are half-spaces")
-        return Topography(face.heights + (z - z.max())[:, None], face.spacing, (False, face.periodic[1]))
+        return face.with_form(z - z.max())
 
     def matters(self, face: Topography) -> bool:
         """Whether the form is deep enough beside the roughness of a face to change its leakage."""

@@ -74,6 +74,11 @@ class Topography(Plotted):
         return self.shape[0] * self.spacing[0], self.shape[1] * self.spacing[1]
 
     @property
+    def each(self) -> tuple[Topography, ...]:
+        """The places of the face that are measured, see `Places`: this one alone."""
+        return (self,)
+
+    @property
     def undefined_fraction(self) -> float:
         """Fraction of undefined points, 0 to 1."""
         return float(np.isnan(self.heights).mean())
@@ -238,6 +243,10 @@ class Topography(Plotted):
             raise InputError("spacing of the second face", other.spacing, f"that of the first, {self.spacing}")
         periodic = (self.periodic[0] and other.periodic[0], self.periodic[1] and other.periodic[1])
         return Topography(self._defined("a sum") + other._defined("a sum"), self.spacing, periodic)
+
+    def with_form(self, profile: NDArray) -> Topography:
+        """The map with a profile along x1 (n1,) [m] added, along which it is periodic no more."""
+        return Topography(self.heights + profile[:, None], self.spacing, (False, self.periodic[1]))
 
     def gap(self) -> NDArray[np.float64]:
         """Undeformed gap h1 = max z − z (n1, n2) [m] to a rigid flat that touches the highest point."""
