@@ -180,6 +180,7 @@ class _Links:
         self.entries: list[tuple[int, int, float]] = []
 
     def add(self, conductance: float, nodes: dict[int, float]) -> None:
+        """Add a link; none where it is closed."""
         if conductance > 0:
             self.entries += [(len(self.conductances), node, part) for node, part in nodes.items()]
             self.conductances.append(conductance)
@@ -207,7 +208,7 @@ def _between_ends(matrix: sp.csr_array, n2: int) -> tuple[Array, NDArray[np.bool
     if unknown.size:
         rows = matrix[unknown]
         load = -np.asarray(rows[:, inlet].sum(axis=1)).ravel()
-        potential[unknown] = solve_spd(rows[:, unknown], load, _RTOL, unit_drop=True).x
+        potential[unknown] = solve_spd(rows[:, unknown], load, _RTOL, unit_drop=True, largest_residual=_IMBALANCE).x
         into, out = (float((matrix[end] @ potential).sum()) for end in (inlet, outlet))
         imbalance = abs(into + out) / max(abs(into), abs(out))
         if not imbalance <= _IMBALANCE:

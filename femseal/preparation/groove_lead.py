@@ -29,21 +29,31 @@ _LEAST_GROOVES = 3
 def wound_layout(case: Case) -> Layout:
     """The shape of the seal. The lead of a spiral goes with the circumference, the length of a drawn strip.
 
-    The grooves of one turned face that is generated wind with its pitch, unless the case says how its lay runs or draws
-    windows that keep their places.
+    The grooves of one turned face that is generated wind with its pitch, unless the case says how its lay runs, or asks
+    for what cannot follow them: windows that keep their places, elements, another discretisation, a choice of method.
     """
     layout, circumference = case.layout, _circumference(case)
     if not isinstance(layout, RectangularLayout | AnnularLayout):
         return layout
     lay = layout.lay
     pitches = [face.pitch for face in case.face if isinstance(face, TurnedFace) and face.pitch < face.size[0]]
-    places = "stochastic" in case.methods and case.stochastic is not None and case.stochastic.pressure != "uniform"
-    known = "lay" in case.seal.model_fields_set or places or circumference is None
-    if len(case.face) == len(pitches) == 1 and not known:
+    if len(case.face) == len(pitches) == 1 and circumference is not None and not _asks_otherwise(case):
         lay = Lay(name="spiral", lead=pitches[0])
     if lay.name == "spiral" and isinstance(layout, RectangularLayout) and lay.circumference is None:
         lay = replace(lay, circumference=circumference)
     return replace(layout, lay=lay)
+
+
+def _asks_otherwise(case: Case) -> bool:
+    """Whether a case says how its lay runs, or asks for what cannot follow a spiral."""
+    table = case.stochastic if "stochastic" in case.methods else None
+    return (
+        "lay" in case.seal.model_fields_set
+        or "auto" in case.methods
+        or case.flow.discretisation != "edge"
+        or (case.cells is not None and case.cells.flow == "elements")
+        or (table is not None and (table.pressure != "uniform" or table.sampler not in (None, "history")))
+    )
 
 
 def groove_question(case: Case, scene: Scene) -> Iterator[str]:

@@ -125,15 +125,15 @@ def _two_starts() -> float:
 SCENES: tuple[HardScene, ...] = (
     scene(
         "groove around a long seal",
-        what="closed lands, lead 16 µm around 10 m: permeability over k₂₂ tan²α of 3e-12",
+        what="closed lands, lead 16 µm around 1 m: permeability over k₂₂ tan²α, 3e-10 of k₂₂",
         must=Near(1.0, 0.005, "Geoffroy & Prat"),
-        run=lambda: _spiral(16 * D, 10.0)[0],
+        run=lambda: _spiral(16 * D, 1.0)[0],
     ),
     scene(
-        "groove that closes on the way",
-        what="closed lands and a lead of half a pixel, which no pixel resolves: permeability over k₂₂ tan²α",
+        "groove between the pixels",
+        what="closed lands and a lead that is no whole number of pixels: permeability over k₂₂ tan²α",
         must=Near(1.0, 0.02, "whole pixels and a fraction of them"),
-        run=lambda: _spiral(0.5 * D, 1e-3, turns=12)[0],
+        run=lambda: _spiral(16.4 * D, 1e-3, turns=12)[0],
     ),
     scene(
         "two grooves side by side",
