@@ -19,6 +19,7 @@ from ..windows import Partition
 from .case_plausibility import plausibility_warnings
 from .check_memory import check_memory_of_draws, refused_if_too_large
 from .face import conditioned_face
+from .groove_lead import groove_question, wound_layout
 from .prepared import Pair, Prepared, without_short_waves
 
 
@@ -40,6 +41,9 @@ def prepare(case: Case) -> Prepared:
             sampling, doubts = _under_map(case, scene, sampling, seals)
         method, choice = _method(case, scene, cells)
         contact, flow = _contact_and_flow(case, scene, method)
+        if {method, *case.compare} & {"deterministic", "two-scale"} and method != "auto":
+            with with_tables(SEAL_TABLES):
+                scene.check_spiral(flow if "two-scale" in {method, *case.compare} else "resolved", cells or (2, 1))
         if sampling is not None:
             sampling = replace(sampling, sampler=chosen_sampler(sampling, scene, contact))
         spikes = SpikeEffect(conditioning.spikes_along_lay, conditioning.spikes_extreme).doubts(conditioning.spikes)
@@ -54,7 +58,12 @@ def prepare(case: Case) -> Prepared:
             contact=contact,
             flow=flow,
             seat=seat,
-            warnings=(*plausibility_warnings(case, scene, conditioning), *spikes, *doubts),
+            warnings=(
+                *plausibility_warnings(case, scene, conditioning),
+                *groove_question(case, scene),
+                *spikes,
+                *doubts,
+            ),
         )
         if case.surface.filter_sensitivity:
             without_short_waves(prepared)  # refuses a face too small for it
@@ -96,7 +105,7 @@ def _seals(
     sampling = _sampling(case, case.stochastic, window[1])
     with with_tables(SEAL_TABLES):
         check_sampling(sampling)
-        return sampling, lay_out_windows(case.layout, partition, sampling)
+        return sampling, lay_out_windows(wound_layout(case), partition, sampling)
 
 
 def _sampling(case: Case, table: StochasticTable, window_length: float) -> Sampling:
@@ -136,7 +145,7 @@ def _scene(case: Case, surface: Topography, sampling: Sampling | None, seals: tu
         rtol=case.contact.rtol,
         fluid_pressure=case.contact.fluid_pressure,
         nominal=case.load.nominal,
-        layout=case.layout,
+        layout=wound_layout(case),
         solver=case.flow.solver,
         discretisation=case.flow.discretisation,
     )
@@ -202,9 +211,9 @@ def _contact_and_flow(case: Case, scene: Scene, method: str) -> tuple[str, str]:
     if flow is None and case.method == "auto" and method == "two-scale":
         flow = _cheaper_flow(scene)
     shape = scene.surface.shape
-    return chosen_contact(contact, shape), chosen_flow(flow, shape, scene.discretisation)
+    return chosen_contact(contact, shape), chosen_flow(flow, shape, scene.discretisation, scene.flow.spiral)
 
 
 def _cheaper_flow(scene: Scene) -> str:
     """Flow of two scales where the deterministic solution is not affordable: resolved flow is not either."""
-    return "elements" if scene.discretisation == "edge" else "links"
+    return "elements" if scene.discretisation == "edge" and scene.flow.spiral is None else "links"

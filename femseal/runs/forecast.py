@@ -125,10 +125,10 @@ def describe(case: Case, made: Prepared) -> list[str]:
                 + (f"; as many of {', '.join(more)}" if more else "")
             )
             lines.append(_line("stochastic", text))
-            if str(scene.layout) != "a strip":
-                lines.append(_line("seal", str(scene.layout)))
             if uneven := describe_map(scene, laid, sampling.pressure_map):
                 lines.append(_line("pressure map", uneven))
+    if str(scene.layout) != "a strip":
+        lines.append(_line("seal", str(scene.layout)))
     if case.surface.filter_sensitivity:
         points = " × ".join(map(str, without_short_waves(prepared).surface.shape))
         lines.append(
