@@ -89,7 +89,7 @@ class SurfaceReport(Labelled):
     )
     power_law_density: float = field(metadata={"unit": "m^4", "label": "spectral density at its longest wave"})
     roll_off: float = field(metadata={"unit": "m", "label": "roll-off: end of a plateau"})
-    profile_cut_off: tuple[float, float] = field(metadata={"unit": "m", "label": "cut-off of profiles along x1, x2", "joint": ", "})
+    profile_cut_off: tuple[float, float] = field(metadata={"unit": "m", "label": "cut-offs of profiles", "joint": ", "})
     ra: tuple[float, float] = field(metadata={"unit": "m", "label": "Ra of profiles along x1, x2", "joint": ", "})
     rz: tuple[float, float] = field(metadata={"unit": "m", "label": "Rz", "joint": ", "})
     rq: tuple[float, float] = field(metadata={"unit": "m", "label": "Rq", "joint": ", "})

@@ -31,8 +31,8 @@ _ABOVE_NOISE = 4.0
 #: Below this fraction of the largest C there is rounding only; below this one of the law the instrument saw nothing.
 _ROUNDING = 1e-16
 _CUT = 0.1
-#: Error of H over the standard error of the fit to bins alike. Measured on 128 Gaussian faces: 1.2 to 1.7, for few waves
-#: in the bins of the longest, and for the range, which is chosen.
+#: Error of H over the standard error of the fit to bins alike. Measured on 128 Gaussian faces: 1.1 to 1.7, for few
+#: waves in the bins of the longest, and for the range, which is chosen.
 _ERROR = 1.6
 
 

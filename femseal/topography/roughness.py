@@ -16,7 +16,13 @@ from scipy.ndimage import gaussian_filter1d
 from .topography import Topography
 
 #: The Ra above which a cut-off is taken, λc, and its λs [m].
-_SERIES = ((1e-5, 8e-3, 2.5e-5), (2e-6, 2.5e-3, 8e-6), (1e-7, 8e-4, 2.5e-6), (2e-8, 2.5e-4, 2.5e-6), (0.0, 8e-5, 2.5e-6))
+_SERIES = (
+    (1e-5, 8e-3, 2.5e-5),
+    (2e-6, 2.5e-3, 8e-6),
+    (1e-7, 8e-4, 2.5e-6),
+    (2e-8, 2.5e-4, 2.5e-6),
+    (0.0, 8e-5, 2.5e-6),
+)
 #: Sections of the length λc over which Rz is averaged, where as many fit in.
 _SECTIONS = 5
 
