@@ -8,7 +8,7 @@ from .coarse import CoarserSolution, change_of_windows
 from .error_budget import at_interpolated_steps, error_budget
 from .error_parts import MODEL_PARTS, ErrorBudget, ErrorPart
 from .grid_convergence import GridConvergence, grid_convergence
-from .model_parts import ModelChange, model_changes, model_part
+from .model_parts import FormTolerance, ModelChange, model_changes, model_part
 from .widest_band import WidestBand, counting_steps, widest_band
 
 __all__ = [
@@ -16,6 +16,7 @@ __all__ = [
     "CoarserSolution",
     "ErrorBudget",
     "ErrorPart",
+    "FormTolerance",
     "GridConvergence",
     "ModelChange",
     "WidestBand",

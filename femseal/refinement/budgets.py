@@ -89,11 +89,11 @@ def _with_model_parts(
     """
     known, names, hardness = model
     grid = known[0] if known else model_grid(prepared, leakage_of(studies[prepared.answer.key]))
-    changes = model_changes(grid.scene, names, hardness)
+    changes = model_changes(grid.scene, names, hardness, grid.form)
     own = known[1] if known else _solved(grid, solve) if changes else {}
     found = dict(budgets)
     for change in changes:
-        moved = _solved(replace(grid, scene=change.scene), solve)
+        moved = _solved(grid.changed(change), solve)
         for key, result in studies.items():
             other = route(prepared, study_of_result(result)).key
             if other in own and other in moved:

@@ -125,10 +125,10 @@ def describe(case: Case, made: Prepared) -> list[str]:
                 + (f"; as many of {', '.join(more)}" if more else "")
             )
             lines.append(_line("stochastic", text))
-            if str(scene.layout) != "a strip":
-                lines.append(_line("seal", str(scene.layout)))
             if uneven := describe_map(scene, laid, sampling.pressure_map):
                 lines.append(_line("pressure map", uneven))
+    if str(scene.layout) != "a strip":
+        lines.append(_line("seal", str(scene.layout)))
     if case.surface.filter_sensitivity:
         points = " × ".join(map(str, without_short_waves(prepared).surface.shape))
         lines.append(
@@ -273,8 +273,8 @@ def _budget_inputs(case: Case, prepared: Prepared) -> list[Prepared]:
         return []
     smooth = None if case.surface.filter_sensitivity else without_filtered_waves(prepared)
     grid = model_grid(prepared)
-    changes = model_changes(grid.scene, case.output.model_parts, case.hardness_tolerance)
-    models = [replace(grid, scene=change.scene) for change in changes]
+    changes = model_changes(grid.scene, case.output.model_parts, case.hardness_tolerance, grid.form)
+    models = [grid.changed(change) for change in changes]
     return [*coarser_grids(prepared), *([] if smooth is None else [smooth]), *models]
 
 

@@ -90,8 +90,10 @@ def deterministic(scene: Scene, *, cells: tuple[int, int] | None = None, mapper:
 
     Raises
     ------
+    InputError : a spiral lay that does not suit the face, see `Scene.check_spiral`.
     NotConverged : a contact failed. A flow that fails is NaN, and listed in `failures`.
     """
+    scene.check_spiral()
     surface = scene.surface
     partition = Partition(surface.shape, surface.spacing, (1, 1)) if cells is None else face_partition(surface, cells)
     face = solve_face(scene, partition, True, memory=state_memory(surface.heights.size), mapper=mapper)

@@ -12,7 +12,7 @@ from ..base.errors import InputError
 from ..contact import Contact, ContactLaw, HalfSpace
 from ..topography import Places
 from ..windows import Failed, FlowSettings, attempt
-from .face_flow import resolved_flow
+from .face_flow import FaceFlow, resolved_flow
 from .fluid_coupling import CoupledContact
 
 Array = NDArray[np.float64]
@@ -59,6 +59,9 @@ def contact_of_places(
     if not coupled:
         return Contact(**joined)
     carried = float(np.average([getattr(c, "carried", 0.0) for c in found], weights=places.widths))
-    failed = next((c.flow for c in coupled if isinstance(c.flow, Failed)), None)
-    own = failed or attempt(resolved_flow, joined["gap"], half_space.spacing, flow, with_potential=True)
+    own: FaceFlow | Failed
+    if failed := [c.flow for c in coupled if isinstance(c.flow, Failed)]:
+        own = failed[0]
+    else:
+        own = attempt(resolved_flow, joined["gap"], half_space.spacing, flow, with_potential=True)
     return CoupledContact(**joined, flow=own, carried=carried, rounds=max(c.rounds for c in coupled))

@@ -16,6 +16,7 @@ from ..base.text import Shown
 from ..elements.elements import ELEMENT_BYTES
 from ..flow.percolation import percolates
 from ..flow.permeability_table import tabulated
+from ..flow.spiral import Spiral
 from ..loads import LoadProgramme
 from ..seal import RectangularSeal
 from ..windows import Failed, FlowHistory, FlowSettings, Partition, SolveCounts, SolverCounts, attempt
@@ -35,11 +36,13 @@ FLOWS = ("links", "resolved", "elements")
 RESOLVED_PIXELS = 2**22
 
 
-def chosen_flow(flow: str | None, shape: tuple[int, int], discretisation: str = "edge") -> str:
+def chosen_flow(
+    flow: str | None, shape: tuple[int, int], discretisation: str = "edge", spiral: Spiral | None = None
+) -> str:
     """The flow given, or the one that suits the number of pixels of a face.
 
     Elements are the resolved flow in a third of the memory and two to three times the time. They know links between
-    pixels alone, which the discretisation "edge" has.
+    pixels alone, which the discretisation "edge" has, and no grooves that wind.
 
     Raises
     ------
@@ -48,7 +51,7 @@ def chosen_flow(flow: str | None, shape: tuple[int, int], discretisation: str = 
     if flow is None:
         if shape[0] * shape[1] <= RESOLVED_PIXELS:
             return "resolved"
-        return "elements" if discretisation == "edge" else "links"
+        return "elements" if discretisation == "edge" and spiral is None else "links"
     if flow not in FLOWS:
         raise InputError("flow", flow, f"one of {', '.join(FLOWS)}")
     return flow
@@ -181,7 +184,8 @@ def two_scale(
     InputError : another flow or contact, or cells that do not suit the surface or `solved`.
     NotConverged : a global contact failed. Windows and flows that fail are NaN, and listed in `failures`.
     """
-    flow = chosen_flow(flow, scene.surface.shape, scene.discretisation)
+    flow = chosen_flow(flow, scene.surface.shape, scene.discretisation, scene.flow.spiral)
+    scene.check_spiral(flow, cells)
     if flow == "elements" and scene.discretisation != "edge":
         raise InputError("flow", f"'elements' with the discretisation '{scene.discretisation}'", "'edge' with it")
     if solved is None:
@@ -296,7 +300,7 @@ def _through_links(scene: Scene, fields: WindowFields, flow: str, first: NDArray
         if (t := first[s]) < s:
             leakage[s], fluid_pressure[s], k1[s], k2[s] = leakage[t], fluid_pressure[t], k1[t], k2[t]
             continue
-        values = list(zip(along.at_pressures[:, s], across.at_pressures[:, s], strict=True))
+        values = [_wound(scene, pair) for pair in zip(along.at_pressures[:, s], across.at_pressures[:, s], strict=True)]
         links = tabulated(drop.pressures, values)
         through = attempt(scene.leakage, seal, links)
         if isinstance(through, Failed):
@@ -315,8 +319,18 @@ def _through_links(scene: Scene, fields: WindowFields, flow: str, first: NDArray
         fluid_pressure=fluid_pressure,
         link_flows=(along, across),
         counts=counts,
-        warnings=_wrongly_closed(fields, leakage),
+        warnings=() if scene.flow.spiral else _wrongly_closed(fields, leakage),
     )
+
+
+def _wound(scene: Scene, links: tuple[Array, Array]) -> tuple[Array, Array]:
+    """Permeabilities of links where grooves wind: k₁cos²α + k₂sin²α along x1, with k₂ of the rows beside."""
+    if scene.flow.spiral is None:
+        return links
+    along, across = links
+    square = scene.flow.spiral.tangent(scene.surface.size[1]) ** 2
+    beside = np.pad(across, ((1, 1), (0, 0)), mode="edge")
+    return (along + square * (beside[:-1] + beside[1:]) / 2) / (1 + square), across
 
 
 def _wrongly_closed(fields: WindowFields, leakage: Array) -> tuple[str, ...]:

@@ -6,6 +6,7 @@ repair (spikes, undefined points) -> combine (two faces) -> condition (form, wav
 
 from .combine import Overlap, combine
 from .condition import MOST_POINTS, Conditioning, condition, default_wave, resolved_wave, resolving_shape, smooth
+from .continuation import Continuation, continuation_of, continue_spectrum
 from .describe import SurfaceReport, as_text, describe_surface
 from .generate import self_affine, turned
 from .places import Places
@@ -28,6 +29,7 @@ __all__ = [
     "MOST_POINTS",
     "SPIKES",
     "Conditioning",
+    "Continuation",
     "Overlap",
     "Places",
     "Repair",
@@ -38,6 +40,8 @@ __all__ = [
     "as_text",
     "combine",
     "condition",
+    "continuation_of",
+    "continue_spectrum",
     "default_wave",
     "describe_surface",
     "read_for_a_look",

@@ -166,7 +166,7 @@ def _check_alike(name: str, values: NDArray, most: float, expected: str) -> None
 
 def _alike(places: Sequence[Topography]) -> list[Topography]:
     """Places of the same breadth and pixel."""
-    pixel = tuple(max(p.spacing[axis] for p in places) for axis in (0, 1))
+    pixel = max(p.spacing[0] for p in places), max(p.spacing[1] for p in places)
     rows = int(min(p.size[0] for p in places) / pixel[0] + 0.5)
     found = []
     for p in places:

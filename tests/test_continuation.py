@@ -1,0 +1,118 @@
+"""Spectra that are continued below the waves that an instrument sees."""
+
+from math import inf, pi, sqrt
+
+import numpy as np
+import pytest
+from each import each
+from numpy.testing import assert_allclose
+from scipy import fft
+
+import femseal as fs
+from femseal.topography import continuation_of, spectrum
+
+MEASURED = fs.self_affine((128, 128), (128e-6, 128e-6), hurst=0.8, rms_slope=0.05, cut_off=2.5e-6, rng=1)
+
+
+def gaussian_face(hurst, seed, n=128):
+    """Self-affine, of random amplitudes and phases."""
+    q = np.hypot(fft.fftfreq(n)[:, None], fft.fftfreq(n)[None, :])
+    amplitude = np.where((q > 0) & (q < 1 / 6), np.maximum(q, 1 / n) ** -(1 + hurst), 0.0)
+    z = fft.ifft2(fft.fft2(np.random.default_rng(seed).standard_normal((n, n))) * amplitude).real
+    return fs.Topography(1e-7 * z / z.std(), (1e-6, 1e-6))
+
+
+@each("hurst", [0.3, 0.8])
+def test_the_error_of_the_slope_holds_its_truth(hurst):
+    laws = [spectrum(gaussian_face(hurst, seed)).law for seed in range(24)]
+    off = np.array([(law.hurst - hurst) / law.hurst_error for law in laws])
+    assert np.mean(np.abs(off) < 2) > 0.8
+    assert 0.5 < np.std(off) < 2
+
+
+def test_the_continued_face_is_the_one_that_was_made_with_these_waves():
+    made = fs.self_affine((512, 512), (128e-6, 128e-6), hurst=0.8, rms_slope=0.1, cut_off=1e-6, rng=1)
+    seen = made.low_pass(2.5e-6).resample((128, 128))
+    found = fs.continue_spectrum(seen, 1e-6, shape=(1024, 1024), rng=2)
+    assert_allclose(found.rms_slope, 0.1, rtol=0.005)
+    assert_allclose(found.rms_height, made.rms_height, rtol=1e-3)
+    law = spectrum(found).law
+    assert_allclose(law.hurst, 0.8, atol=0.01)
+    assert_allclose(law.shortest, 1e-6, rtol=0.1)
+    known = continuation_of(seen, 1e-6)
+    assert_allclose(known.slope_to(1e-6), 0.1, rtol=0.005)  # closed form
+    # measured waves stay
+    longest = 1.01 * known.longest
+    wide = seen.low_pass(longest).resample(found.shape)
+    assert_allclose(found.low_pass(longest).heights, wide.heights, atol=1e-6 * seen.rms_height)
+
+
+def test_waves_are_the_same_on_every_grid_and_differ_between_realisations():
+    one = fs.continue_spectrum(MEASURED, 1e-6, rng=3)
+    fine = fs.continue_spectrum(MEASURED, 1e-6, shape=(1024, 1024), rng=3)
+    assert_allclose(fine.resample(one.shape).heights, one.heights, atol=1e-9 * one.rms_height)
+    other = fs.continue_spectrum(MEASURED, 1e-6, rng=3, realisation=1)
+    found = continuation_of(MEASURED, 1e-6, seed=3)
+    first, second = (face.high_pass(found.longest).heights for face in (one, other))
+    assert_allclose(first.std(), second.std(), rtol=1e-6)
+    assert abs(np.mean(first * second)) < 0.1 * first.var()
+
+
+def test_a_map_that_ends_continues_with_waves_even_at_its_borders():
+    part = fs.Topography(MEASURED.heights[:100], MEASURED.spacing, (False, True))
+    found = fs.continue_spectrum(part, 1e-6, rng=3)
+    assert found.periodic == (False, True)
+    # the slope across a border vanishes: no wave is shorter than the cut-off
+    assert_allclose(found.low_pass(0.99e-6).heights, found.heights, atol=1e-9 * found.rms_height)
+    known = continuation_of(part, 1e-6)
+    assert_allclose(found.rms_slope, known.slope_to(1e-6), rtol=0.03)
+
+
+@each("hurst", [0.6, 0.9])
+@each("of_slope", [1.05, 1.3])
+def test_hardness_ends_what_short_waves_do(hurst, of_slope):
+    face = fs.self_affine((128, 128), (128e-6, 128e-6), hurst=hurst, rms_slope=0.05, cut_off=2.5e-6, rng=1)
+    found = continuation_of(face, 1e-6)
+    slope = of_slope * found.rms_slope
+    assert_allclose(found.slope_to(found.last_that_counts(slope / 2 * 1e11, 1e11)), slope, rtol=1e-9)
+    assert found.last_that_counts(found.rms_slope / 2.1 * 1e11, 1e11) == found.longest
+    assert found.last_that_counts(inf, 1e11) == 0
+
+
+def test_what_cannot_be_continued_is_refused():
+    with pytest.raises(fs.InputError, match=r"continue_spectrum: given 5 µm, expected less than 2\.67 µm"):
+        fs.continue_spectrum(MEASURED, 5e-6, rng=1)
+    noise = fs.Topography(np.random.default_rng(1).normal(0, 1e-8, (64, 64)), (1e-6, 1e-6))
+    with pytest.raises(fs.InputError, match=r"continue_spectrum: given .* a face without such a law"):
+        fs.continue_spectrum(noise, 5e-7, rng=1)
+    with pytest.raises(fs.InputError, match=r"shape: given .*256.*, expected 8 pixels"):
+        fs.continue_spectrum(MEASURED, 1e-6, shape=(256, 256), rng=1)
+    with pytest.raises(fs.InputError, match="continue_spectrum"):
+        fs.continue_spectrum(MEASURED, -1e-6, rng=1)
+
+
+@each("wave", [100e-6, 250e-6, 500e-6])
+def test_roughness_of_a_wave_is_exact(wave):
+    """Half of a wave of the cut-off passes; of a wave of length l, 2**-(cut-off/l)² is waviness."""
+    height, n, size = 0.5e-6, 1000, 1e-3
+    x = (np.arange(n) + 0.5) * size / n
+    report = fs.describe_surface(
+        fs.Topography(height * np.cos(2 * pi * x / wave)[:, None] * np.ones(400), (size / n, size / n)), detrend=0
+    )
+    assert report.profile_cut_off == (800e-6, 80e-6)  # no roughness along the lay
+    left = height * (1 - 2 ** -((800e-6 / wave) ** 2)) * 2 ** -((2.5e-6 / wave) ** 2)
+    assert_allclose(report.ra[0], 2 / pi * left, rtol=2e-3)
+    assert_allclose([report.rq[0], report.sq], left / sqrt(2), rtol=2e-3)
+    assert_allclose([report.rz[0], report.sz], 2 * left, rtol=2e-3)
+    assert_allclose([report.rsk[0], report.ssk], 0, atol=2e-3)
+    assert_allclose(report.sa, report.ra[0], rtol=2e-3)
+
+
+def test_the_height_of_profiles_is_the_mean_of_their_sections():
+    x = (np.arange(4000) + 0.5) * 0.25e-6
+    ramp = np.where(x < 5 * 80e-6, np.cos(2 * pi * x / 8e-6) * (1 + np.floor(x / 80e-6)), 0.0) * 1e-9
+    report = fs.describe_surface(fs.Topography(ramp[:, None] * np.ones(4), (0.25e-6, 0.25e-6)), detrend=0, spikes=inf)
+    assert report.profile_cut_off[0] == 80e-6
+    passed = 2 ** -((2.5 / 8) ** 2)
+    assert_allclose(report.rz[0], 2 * passed * 3e-9, rtol=0.05)  # mean of 1 … 5 nm; the largest is 5
+    assert np.isnan(report.ra[1])
