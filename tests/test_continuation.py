@@ -54,7 +54,7 @@ def test_waves_are_the_same_on_every_grid_and_differ_between_realisations():
     other = fs.continue_spectrum(MEASURED, 1e-6, rng=3, realisation=1)
     found = continuation_of(MEASURED, 1e-6, seed=3)
     first, second = (face.high_pass(found.longest).heights for face in (one, other))
-    assert_allclose(first.std(), second.std(), rtol=1e-6)
+    assert 0 < abs(first.std() / second.std() - 1) < 0.02  # the slope is drawn by its error
     assert abs(np.mean(first * second)) < 0.1 * first.var()
 
 

@@ -99,6 +99,8 @@ def _surface_text(surface: dict[str, Any]) -> str:
     filled += [f"{spikes} {'point' if spikes == 1 else 'points'} in spikes"] if spikes else []
     if filled:
         text += f"; {' and '.join(filled)} were filled"
+    if continued := surface.get("continuation"):
+        text += f". {continued['text'][0].upper()}{continued['text'][1:]}"
     return text + "."
 
 
