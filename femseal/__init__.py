@@ -69,6 +69,7 @@ if TYPE_CHECKING:
     from .studies.deterministic import DeterministicResult, deterministic
     from .studies.sampling_options import Sampling
     from .studies.scene import Scene
+    from .studies.seat_rows import SeatMap
     from .studies.stochastic import stochastic
     from .studies.stochastic_result import StochasticResult
     from .studies.two_scale import TwoScaleResult, two_scale
@@ -137,6 +138,7 @@ _MODULES = {
         "stochastic",
         "two_scale",
     ),
+    "studies.seat_rows": ("SeatMap",),
     "designs.answer": ("Design", "design"),
     "sweeps.sweeping": ("sweep",),
     "topography": (

@@ -7,7 +7,15 @@ import pytest
 from numpy.testing import assert_allclose
 
 import femseal as fs
-from femseal.budget import MODEL_PARTS, CoarserSolution, ErrorBudget, ErrorPart, model_changes, model_part
+from femseal.budget import (
+    MODEL_PARTS,
+    CoarserSolution,
+    ErrorBudget,
+    ErrorPart,
+    FormTolerance,
+    model_changes,
+    model_part,
+)
 
 D, E, H = 1e-6, 115e9, 2.3e9
 
@@ -118,3 +126,18 @@ def test_the_hardness_tolerance_is_that_of_the_softer_solid(tmp_path):
     path = tmp_path / "case.toml"
     path.write_text(text + soft)
     assert fs.load_case(path).hardness_tolerance == 0.05
+
+
+def test_a_form_with_a_tolerance_is_a_part(scene):
+    """On the heights, and as rows of a broader seat; a deeper crown is one of a smaller radius."""
+    seat = fs.CrownedSeat(2e-3)
+    formed = replace(scene, surface=seat.on(scene.surface), boundary=("free", "periodic"))
+    (change,) = model_changes(formed, ["form"], form=FormTolerance(seat, 0.25, on_heights=True))
+    deeper = fs.CrownedSeat(2e-3 / 1.25).on(scene.surface)
+    assert_allclose(change.scene.surface.heights, deeper.heights, atol=1e-18)
+    (change,) = model_changes(scene, ["form"], form=FormTolerance(seat, 0.25, on_heights=False))
+    assert change.scene is scene
+    x = np.linspace(-1e-4, 1e-4, 5)
+    assert_allclose(change.seat.depth(x, 2e-4), fs.CrownedSeat(2e-3 / 1.25).depth(x, 2e-4))
+    assert model_changes(scene, ["form"], form=FormTolerance(seat, 0.0, on_heights=True)) == []
+    assert model_changes(scene, ["hardness"], form=FormTolerance(seat, 0.1, on_heights=True))[0].name == "hardness"

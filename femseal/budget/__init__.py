@@ -9,7 +9,7 @@ from .continuation import continuation_part
 from .error_budget import at_interpolated_steps, error_budget
 from .error_parts import MODEL_PARTS, ErrorBudget, ErrorPart
 from .grid_convergence import GridConvergence, grid_convergence
-from .model_parts import ModelChange, model_changes, model_part
+from .model_parts import FormTolerance, ModelChange, model_changes, model_part
 from .removed_slope import contact_fraction_of
 from .widest_band import WidestBand, counting_steps, widest_band
 
@@ -18,6 +18,7 @@ __all__ = [
     "CoarserSolution",
     "ErrorBudget",
     "ErrorPart",
+    "FormTolerance",
     "GridConvergence",
     "ModelChange",
     "WidestBand",

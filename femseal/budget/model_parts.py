@@ -11,6 +11,7 @@ import numpy as np
 from ..loads import LoadProgramme
 from ..studies import Scene, StochasticResult, TwoScaleResult
 from ..studies.scene import Array
+from ..topography.seat import ScaledSeat, Seat
 from .changes import LEAST_SLOPE, load_sensitivity, part_of_changes, scale_of_changes
 from .coarse import CoarserSolution, on_all_steps
 from .conformal import calibration, decades, model_error
@@ -49,19 +50,31 @@ class ModelChange:
     """A scene with another model or input, whose leakage tells how much that matters.
 
     name : of the part, one of `MODEL_PARTS`. scene : the changed one. both : whether the truth may lie on the other
-    side as well. note : a sentence.
+    side as well. note : a sentence. seat : the changed form of a seat that is broader than the face, else None.
     """
 
     name: str
     scene: Scene
     both: bool
     note: str
+    seat: Seat | None = None
 
 
-def model_changes(scene: Scene, names: Sequence[str] = MODEL_PARTS, hardness: float = 0.1) -> list[ModelChange]:
+@dataclass(frozen=True)
+class FormTolerance:
+    """Relative error of the depth of a form, which is on the heights of the face unless that is narrower."""
+
+    seat: Seat
+    tolerance: float
+    on_heights: bool
+
+
+def model_changes(
+    scene: Scene, names: Sequence[str] = MODEL_PARTS, hardness: float = 0.1, form: FormTolerance | None = None
+) -> list[ModelChange]:
     """Changes of a scene that its model and its input may be wrong by.
 
-    names : of the parts that are wanted. hardness : relative error of the hardness.
+    names : of the parts that are wanted. hardness : relative error of the hardness. form : of the seat, if it has one.
     """
     found = []
     if "hardness" in names and hardness > 0 and not scene.law.is_elastic:
@@ -72,6 +85,14 @@ def model_changes(scene: Scene, names: Sequence[str] = MODEL_PARTS, hardness: fl
     if "fluid pressure" in names and scene.fluid_pressure == "ignored" and acting.acting_fluid is not None:
         note = "change of ln(leakage) if the fluid pressure, which is ignored, presses the faces apart"
         found.append(ModelChange("fluid pressure", acting, False, note))
+    if "form" in names and form is not None and form.tolerance > 0:
+        note = f"change of ln(leakage) with a form of the seat {form.tolerance:.0%} deeper, on either side"
+        surface, seat = scene.surface, ScaledSeat(form.seat, 1 + form.tolerance)
+        if form.on_heights:
+            deeper = ScaledSeat(form.seat, form.tolerance).on(surface)
+            found.append(ModelChange("form", replace(scene, surface=deeper), True, note))
+        else:
+            found.append(ModelChange("form", scene, True, note, seat))
     return found
 
 

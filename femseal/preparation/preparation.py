@@ -6,12 +6,14 @@ from dataclasses import replace
 
 from ..base.errors import InputError
 from ..base.quantities import to_text
+from ..budget import FormTolerance
 from ..case.argument_names import MAP_TABLES, SEAL_TABLES, with_tables
 from ..case.case import Case
 from ..case.case_tables import StochasticTable
 from ..seal.layouts import SealWindows
 from ..studies import Sampling, Scene, check_sampling, chosen_contact, chosen_flow, chosen_sampler, lay_out_windows
 from ..studies.costs import choose_method
+from ..studies.seat_rows import ROWS, SeatMap
 from ..studies.window_pressures import check_map, most_paths
 from ..topography import Conditioning, SpikeEffect, Topography
 from ..topography.seat import LEAST_DEPTH, FlatSeat
@@ -59,6 +61,7 @@ def prepare(case: Case) -> Prepared:
             contact=contact,
             flow=flow,
             seat=seat,
+            form=_form(case),
             warnings=(
                 *plausibility_warnings(case, scene, conditioning),
                 *groove_question(case, scene),
@@ -79,8 +82,8 @@ def _with_seat(case: Case, surface: Topography) -> tuple[Topography, str]:
     InputError : a form that is too steep, or narrower than the face.
     """
     seat = case.seat.seat(case.folder)
-    if isinstance(seat, FlatSeat):
-        return surface, ""
+    if isinstance(seat, FlatSeat) or case.seat_is_broader:
+        return surface, "" if isinstance(seat, FlatSeat) else str(seat)
     try:
         formed = seat.on(surface)
     except InputError as error:
@@ -88,6 +91,13 @@ def _with_seat(case: Case, surface: Topography) -> tuple[Topography, str]:
     if not seat.matters(surface):
         return surface, f"{seat}: its depth is below {LEAST_DEPTH:.1%} of the rms height, and is left out"
     return formed, str(seat)
+
+
+def _form(case: Case) -> FormTolerance | None:
+    """The form of the seat and its relative error; None of a flat one."""
+    if case.seat.kind == "flat":
+        return None
+    return FormTolerance(case.seat.seat(case.folder), case.seat.tolerance, not case.seat_is_broader)
 
 
 def _seals(
@@ -188,7 +198,11 @@ def _under_map(
     """The sampling with the map of the pressure over the seal, and what is not plausible in it."""
     breadth, length = _seal_size(scene.surface, sampling, seals)
     with with_tables(MAP_TABLES):
-        sampling = replace(sampling, pressure_map=case.load.pressure_map(case.folder, breadth * length, length))
+        seat = SeatMap(case.seat.seat(case.folder)) if case.seat_is_broader else None
+        if seat is not None:
+            seat.seat.rows_below(ROWS, breadth / ROWS)  # refuses a form that is too steep
+        made = seat or case.load.pressure_map(case.folder, breadth * length, length)
+        sampling = replace(sampling, pressure_map=made)
         check_sampling(sampling)
     paths = most_paths(sampling.pressure_map)
     for laid in seals:

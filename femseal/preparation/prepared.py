@@ -10,8 +10,10 @@ from typing import Any
 from ..base.errors import InputError
 from ..base.quantities import to_text
 from ..base.stage import Mapper
+from ..budget import FormTolerance, ModelChange
 from ..studies import STUDIES, Sampling, Scene, Study, StudyOptions
 from ..studies.costs import Effort, usual_efforts
+from ..studies.seat_rows import SeatMap
 from ..topography import Conditioning, Continuation, Overlap
 from ..windows import Partition
 
@@ -24,7 +26,7 @@ class Prepared:
 
     continuation : of the spectrum of the face, None without. methods : to be run, with "auto" resolved. choice : the
     method that "auto" is and why, "" without. contact, flow : of windows, see `studies.two_scale`. seat : its form, ""
-    where it is flat. warnings : what is not plausible in the case.
+    where it is flat; form : that and its error. warnings : what is not plausible in the case.
     """
 
     scene: Scene
@@ -38,6 +40,7 @@ class Prepared:
     contact: str
     flow: str
     seat: str = ""
+    form: FormTolerance | None = None
     warnings: tuple[str, ...] = ()
 
     @property
@@ -59,6 +62,13 @@ class Prepared:
     def options(self) -> StudyOptions:
         """The options of the studies."""
         return StudyOptions(self.cells, self.flow, self.contact, self.sampling, self.shares_contact)
+
+    def changed(self, change: ModelChange) -> Prepared:
+        """The input with a change of the model."""
+        sampling = self.sampling
+        if change.seat is not None and sampling is not None:
+            sampling = replace(sampling, pressure_map=SeatMap(change.seat))
+        return replace(self, scene=change.scene, sampling=sampling)
 
     def solve(self, study: Study, mapper: Mapper, known: Mapping[str, Any] | None = None) -> Any:
         """Result of a study; `known` are the results of earlier studies of the same scene by key."""

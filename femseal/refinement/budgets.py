@@ -95,7 +95,7 @@ def _with_model_parts(
     """
     known, names, hardness = model
     grid = known[0] if known else model_grid(prepared, leakage_of(studies[prepared.answer.key]))
-    changes = model_changes(grid.scene, names, hardness)
+    changes = model_changes(grid.scene, names, hardness, grid.form)
     continued = continued_scenes(grid) if "continuation" in names else []
     own = known[1] if known else _solved(grid, solve) if changes or continued else {}
     found = dict(budgets)
@@ -106,7 +106,7 @@ def _with_model_parts(
                 part = _of_continued(prepared, grid, result, own[other], [one.get(other) for one in moved])
                 found[key] = replace(found[key], parts=(*found[key].parts, part))
     for change in changes:
-        moved = _solved(replace(grid, scene=change.scene), solve)
+        moved = _solved(grid.changed(change), solve)
         for key, result in studies.items():
             other = route(prepared, study_of_result(result)).key
             if other in own and other in moved:

@@ -120,8 +120,10 @@ def assemble(
             variables.add_declared(data, drawn)
             data["drawn_corners"].attrs["realisation"] = drawn.realisation
     if "row" in data.dims:
-        rows = (np.arange(data.sizes["row"]) + 0.5) * scene.surface.spacing[0]
-        variables.add_coordinate(data, "row", "m", "x1 of rows of pixels, from the inlet", rows)
+        own = None if stochastic is None or stochastic.row_pressure is None else stochastic.seal
+        breadth = scene.surface.size[0] if own is None else own.size[0]
+        rows = (np.arange(data.sizes["row"]) + 0.5) * (breadth / data.sizes["row"])
+        variables.add_coordinate(data, "row", "m", "x1 of rows, from the inlet", rows)
     variables.add_heights(data, scene)
     variables.add_contact_fraction(data, scene, deterministic, two_scale, stochastic)
     doubts = []

@@ -273,8 +273,8 @@ def _budget_inputs(case: Case, prepared: Prepared) -> list[Prepared]:
         return []
     smooth = None if case.surface.filter_sensitivity else without_filtered_waves(prepared)
     grid = model_grid(prepared)
-    changes = model_changes(grid.scene, case.output.model_parts, case.hardness_tolerance)
-    models = [replace(grid, scene=change.scene) for change in changes]
+    changes = model_changes(grid.scene, case.output.model_parts, case.hardness_tolerance, grid.form)
+    models = [grid.changed(change) for change in changes]
     if "continuation" in case.output.model_parts:
         models += [replace(grid, scene=scene) for scene in continued_scenes(grid)]
     return [*coarser_grids(prepared), *([] if smooth is None else [smooth]), *models]

@@ -211,7 +211,7 @@ class MapsAtLoads:
 AnyMap = PressureMap | MapsAtLoads
 
 
-def is_uniform(pressure_map: AnyMap) -> bool:
+def is_uniform(pressure_map: Any) -> bool:
     """Whether the nominal pressure acts everywhere."""
     return isinstance(pressure_map, Uniform)
 

@@ -7,11 +7,14 @@ from functools import partial
 
 import numpy as np
 
+from ..base.stage import Stage
 from ..contact import HalfSpace
 from ..library import Ladder, LadderLibrary, LinkTable, WindowSource, build_ladder_library, on_ladder
 from ..library.sampling import Index
+from ..seal.pressure_map import AnyMap
 from ..windows import GlobalState, Partition
 from .scene import Array, Scene
+from .seat_rows import SeatMap, SeatRows, seat_rows
 from .window_pressures import distinct_paths, library_peaks, pressure_fractions
 from .window_supply import TablePressures, WindowRequest, WindowSupply
 
@@ -68,7 +71,11 @@ def windows_under_uniform_pressure(wanted: WindowRequest) -> WindowSupply:
     """Solve windows with the full heights; each has the nominal pressure, or its fraction in the map."""
     scene, seal_windows = wanted.scene, wanted.seal_windows
     nominal = scene.steps.pressures[:, None]
-    fractions = [pressure_fractions(scene, seal_windows, wanted.sampling.pressure_map, axis) for axis in (0, 1)]
+    pressure_map: AnyMap | SeatMap | SeatRows = wanted.sampling.pressure_map
+    if isinstance(pressure_map, SeatMap):
+        solve = Stage("contact of the seat", partial(seat_rows, scene, breadth=seal_windows.seal.size[0]))
+        (pressure_map,) = wanted.mapper(solve, [pressure_map.seat])
+    fractions = [pressure_fractions(scene, seal_windows, pressure_map, axis) for axis in (0, 1)]
     links = []
     for axis in (0, 1):
         paths, number = distinct_paths(fractions[axis])
@@ -85,7 +92,8 @@ def windows_under_uniform_pressure(wanted: WindowRequest) -> WindowSupply:
         ends = (float(relief.min()), float(relief.max()))
         effective = [np.maximum(link.pressure - by, 0.0) for link in links for by in ends]
         library = _library(wanted, highest, peaks=library_peaks(effective, scene.steps))
-    return _supply(library, links, scene, seal_windows.axes, at, relief)
+    seat = pressure_map if isinstance(pressure_map, SeatRows) else None
+    return replace(_supply(library, links, scene, seal_windows.axes, at, relief), seat=seat)
 
 
 def _table_pressures(scene: Scene) -> TablePressures:

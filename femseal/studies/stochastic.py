@@ -125,6 +125,9 @@ def _draw(
         pressure=sampling.pressure,
         window=partition.window,
         other_lengths=tuple(others),
+        row_pressure=None if supply.seat is None else supply.seat.pressure,
+        band_breadth=None if supply.seat is None else supply.seat.band,
+        largest_row_pressure=None if supply.seat is None else supply.seat.pressure.max(axis=1),
         failures=library.failures + first.failures + tuple(failures),
         warnings=scene_warnings(scene) + first.warnings + supply.warnings,
         solvers=library.counts.solvers

@@ -15,6 +15,7 @@ from ..windows import Failed, Partition, SolveCounts
 from .run_chains import StateRuns
 from .sampling_options import Sampling
 from .scene import Array, Scene
+from .seat_rows import SeatRows
 from .two_scale import TwoScaleResult
 
 #: The tables from which links along x1 and along x2 are drawn.
@@ -65,6 +66,7 @@ class WindowSupply:
     warnings : reasons to doubt the result.
     runs : of columns of the face at every step, for the sampler "runs".
     at : fluid pressures of the tables. unsolved : steps without leakage by their number, and why.
+    seat : contact of the rows across a seat that is broader than the face.
     """
 
     library: LadderLibrary | FaceLibrary
@@ -74,6 +76,7 @@ class WindowSupply:
     runs: tuple[StateRuns | Failed, ...] = ()
     at: TablePressures = TablePressures((0.0,))
     unsolved: tuple[tuple[int, str], ...] = ()
+    seat: SeatRows | None = None
 
 
 #: A source of windows: takes a request and returns the windows.
