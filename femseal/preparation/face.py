@@ -78,12 +78,9 @@ def conditioned_face(case: Case) -> ConditionedFace:
         surface, report = smooth(flat, repaired, shortest_wavelength=wave, shape=shape)
     report = _of_generated(case, flat, replace(report, **_found(separately, wave)))
     if continued is not None:
-        if (cut_off := continued.cut_off) < resolved_wave(surface.size, surface.shape) * (1 - 1e-9):
-            expected = f"8 pixels to continue_spectrum, {resolving_shape(surface.size, cut_off)}"
-            raise InputError("surface.points", surface.shape, expected)
         surface = continued.added_to(surface)
         slope, height = surface.rms_slope, surface.rms_height
-        report = replace(report, shortest_wavelength=cut_off, rms_slope=slope, rms_height=height)
+        report = replace(report, shortest_wavelength=continued.cut_off, rms_slope=slope, rms_height=height)
     return ConditionedFace(surface, report, overlap, cells, continued)
 
 
@@ -165,10 +162,14 @@ def _grid(case: Case, flat: Topography) -> tuple[int, int]:
 
     A measured face keeps its own pixels where waves of 8 of them have nearly all of its slope.
     """
-    if case.surface.points is not None:
-        return case.surface.points
-    if case.surface.continue_spectrum is not None:
-        return resolving_shape(flat.size, case.surface.continue_spectrum)
+    cut_off, points = case.surface.continue_spectrum, case.surface.points
+    if cut_off is not None and points is not None and cut_off < resolved_wave(flat.size, points) * (1 - 1e-9):
+        expected = f"8 pixels to continue_spectrum, {resolving_shape(flat.size, cut_off)}"
+        raise InputError("surface.points", points, expected)
+    if points is not None:
+        return points
+    if cut_off is not None:
+        return resolving_shape(flat.size, cut_off)
     if not any(isinstance(face, FileFace) for face in case.face):
         return flat.shape
     return default_grid(flat, case.surface.shortest_wave)

@@ -100,10 +100,10 @@ def _with_model_parts(
     own = known[1] if known else _solved(grid, solve) if changes or continued else {}
     found = dict(budgets)
     if continued:
-        moved = [_solved(replace(grid, scene=scene), solve) for scene in continued]
+        others = [_solved(replace(grid, scene=scene), solve) for scene in continued]
         for key, result in studies.items():
             if (other := route(prepared, study_of_result(result)).key) in own:
-                part = _of_continued(prepared, grid, result, own[other], [one.get(other) for one in moved])
+                part = _of_continued(prepared, grid, result, own[other], [one.get(other) for one in others])
                 found[key] = replace(found[key], parts=(*found[key].parts, part))
     for change in changes:
         moved = _solved(grid.changed(change), solve)
