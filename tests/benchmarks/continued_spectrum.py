@@ -50,7 +50,9 @@ def main(faces: int) -> None:
         off = [np.abs(np.log(r.leakage.values / q)) for r in (found, measured)]
         rows.append([(budget.lower <= q) & (q <= budget.upper), *off, budget.half_width()])
     inside, continued, measured, width = np.array(rows, float).transpose(1, 0, 2).reshape(4, -1)
-    print(f"{len(rows)} faces, {inside.size} loads: in the band {inside.sum():.0f}, its half-width {np.median(width):.3f}")
+    print(
+        f"{len(rows)} faces, {inside.size} loads: in the band {inside.sum():.0f}, its half-width {np.median(width):.3f}"
+    )
     for name, off in (("continued", continued), ("as measured", measured)):
         print(f"{name}: |ln(leakage/truth)| {np.median(off):.3f} in the median, {off.max():.3f} at most")
 
