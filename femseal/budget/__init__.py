@@ -5,7 +5,7 @@ combines them to one band (`error_parts.py`). All distances are of ln(leakage): 
 """
 
 from .coarse import CoarserSolution, change_of_windows
-from .continuation import continuation_part
+from .continued_waves import continuation_part
 from .error_budget import at_interpolated_steps, error_budget
 from .error_parts import MODEL_PARTS, ErrorBudget, ErrorPart
 from .grid_convergence import GridConvergence, grid_convergence
