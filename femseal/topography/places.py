@@ -130,7 +130,8 @@ class Places(Topography):
         joined._join(places)
         return joined
 
-    def _with(self, heights: NDArray) -> Places:
+    def with_heights(self, heights: NDArray) -> Places:
+        """The places with other heights at the same points."""
         pieces = self.divided(heights)
         return self._joined([Topography(z, self.spacing, self.periodic) for z in pieces])
 

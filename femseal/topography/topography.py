@@ -115,7 +115,7 @@ class Topography(Plotted):
         ------
         InputError : another order.
         """
-        return self._with(self.heights - fit_form(self.heights, self.size, order).heights)
+        return self.with_heights(self.heights - fit_form(self.heights, self.size, order).heights)
 
     def low_pass(self, wavelength: float) -> Topography:
         """Waves with |q| <= 2π/`wavelength`, in any direction: truncation in Fourier space.
@@ -125,11 +125,11 @@ class Topography(Plotted):
         InputError : wavelength [m] not a finite number > 0.
         """
         limit = 2 * np.pi / validate.number("wavelength", wavelength, unit="m")
-        return self._with(spectral.truncate(self._defined("low_pass"), self.spacing, self.periodic, limit))
+        return self.with_heights(spectral.truncate(self._defined("low_pass"), self.spacing, self.periodic, limit))
 
     def high_pass(self, wavelength: float) -> Topography:
         """Map less its low-pass: the waves that `low_pass` removes."""
-        return self._with(self._defined("high_pass") - self.low_pass(wavelength).heights)
+        return self.with_heights(self._defined("high_pass") - self.low_pass(wavelength).heights)
 
     def resample(self, shape: tuple[int, int]) -> Topography:
         """Fourier interpolant of the map at the pixel centres of another grid (m1, m2) on the same area.
@@ -154,7 +154,7 @@ class Topography(Plotted):
         ------
         InputError : threshold not > 0; infinite leaves all points.
         """
-        return self._with(np.where(find_spikes(self.heights, threshold), np.nan, self.heights))
+        return self.with_heights(np.where(find_spikes(self.heights, threshold), np.nan, self.heights))
 
     def fill_undefined(self, max_share: float = 0.05) -> Topography:
         """Map with undefined points filled by the harmonic surface through their rims (`holes.py`).
@@ -170,7 +170,7 @@ class Topography(Plotted):
             raise InputError("undefined points", "100 %", "a map with defined points")
         if fraction > limit:
             raise TooManyUndefined(fraction, limit, largest_part(np.isnan(self.heights), self.spacing, limit))
-        return self._with(fill_holes(self.heights, self.spacing, self.periodic))
+        return self.with_heights(fill_holes(self.heights, self.spacing, self.periodic))
 
     def crop(self, shape: tuple[int, int], start: tuple[int, int] = (0, 0)) -> Topography:
         """Part of `shape` points beginning at pixel `start`; an axis that loses points is periodic no more.
@@ -218,7 +218,7 @@ class Topography(Plotted):
         marked = np.asarray(undefined)
         if marked.shape != self.shape or marked.dtype.kind not in "bfiu":
             raise InputError("mask", f"an array of {marked.dtype} of shape {marked.shape}", f"numbers {self.shape}")
-        return self._with(np.where(marked != 0, np.nan, self.heights))
+        return self.with_heights(np.where(marked != 0, np.nan, self.heights))
 
     def transpose(self) -> Topography:
         """Map with x1 and x2 exchanged."""
@@ -226,7 +226,7 @@ class Topography(Plotted):
 
     def flip(self, axis: int) -> Topography:
         """Map reversed along an axis, as the upper of two faces must be before they are added."""
-        return self._with(np.flip(self.heights, validate.axis_number(axis)))
+        return self.with_heights(np.flip(self.heights, validate.axis_number(axis)))
 
     def __add__(self, other: Topography) -> Topography:
         """Sum of two faces on one grid, the roughness to press on a rigid flat; periodic where both are.
@@ -307,7 +307,8 @@ class Topography(Plotted):
         z = self._defined(purpose)
         return spectral.power(z - z.mean(), self.periodic)
 
-    def _with(self, heights: NDArray) -> Topography:
+    def with_heights(self, heights: NDArray) -> Topography:
+        """The map with other heights at the same points."""
         return Topography(heights, self.spacing, self.periodic)
 
     def _defined(self, purpose: str) -> NDArray[np.float64]:
