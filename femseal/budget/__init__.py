@@ -8,7 +8,7 @@ from .coarse import CoarserSolution, change_of_windows
 from .error_budget import at_interpolated_steps, error_budget
 from .error_parts import MODEL_PARTS, ErrorBudget, ErrorPart
 from .grid_convergence import GridConvergence, grid_convergence
-from .model_parts import FormTolerance, ModelChange, model_changes, model_part
+from .model_parts import FormTolerance, ModelChange, effective_pressure_part, model_changes, model_part
 from .widest_band import WidestBand, counting_steps, widest_band
 
 __all__ = [
@@ -23,6 +23,7 @@ __all__ = [
     "at_interpolated_steps",
     "change_of_windows",
     "counting_steps",
+    "effective_pressure_part",
     "error_budget",
     "grid_convergence",
     "model_changes",

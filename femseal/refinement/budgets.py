@@ -14,6 +14,7 @@ from ..budget import (
     CoarserSolution,
     ErrorBudget,
     change_of_windows,
+    effective_pressure_part,
     error_budget,
     model_changes,
     model_part,
@@ -92,6 +93,10 @@ def _with_model_parts(
     changes = model_changes(grid.scene, names, hardness, grid.form)
     own = known[1] if known else _solved(grid, solve) if changes else {}
     found = dict(budgets)
+    for key, result in studies.items():
+        part = effective_pressure_part(prepared.scene, result) if "effective pressure" in names else None
+        if part is not None:
+            found[key] = replace(found[key], parts=(*found[key].parts, part))
     for change in changes:
         moved = _solved(grid.changed(change), solve)
         for key, result in studies.items():
