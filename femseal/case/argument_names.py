@@ -12,6 +12,7 @@ from ..base.errors import InputError
 SURFACE_KEYS = {
     "shortest_wavelength": "surface.shortest_wave",
     "max_share": "surface.max_undefined",
+    "continue_spectrum": "surface.continue_spectrum",
     "shape": "surface.points",
     "spikes": "surface.spikes",
     "order": "surface.detrend",

@@ -99,6 +99,7 @@ Face = Annotated[SelfAffineFace | TurnedFace | FileFace, Field(discriminator="ki
 class SurfaceTable(Table):
     """Repair of measured faces (`topography.repair`) and conditioning of their sum (`topography.condition`).
 
+    continue_spectrum : cut-off of the waves that continue its power law, see `topography.continue_spectrum`.
     filter_sensitivity : the answer is computed once more, of the face without waves up to twice the shortest one.
     """
 
@@ -107,4 +108,5 @@ class SurfaceTable(Table):
     shortest_wave: Length | None = None
     max_undefined: Ratio = 0.05
     points: tuple[Count, Count] | None = None
+    continue_spectrum: Length | None = None
     filter_sensitivity: bool = False

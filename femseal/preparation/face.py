@@ -18,11 +18,13 @@ from ..case.faces import FileFace
 from ..topography import (
     MOST_POINTS,
     Conditioning,
+    Continuation,
     Overlap,
     Repair,
     TooManyUndefined,
     Topography,
     combine,
+    continuation_of,
     default_wave,
     repair,
     resolved_wave,
@@ -41,12 +43,13 @@ KEPT_SLOPE = 0.99
 
 @dataclass(frozen=True)
 class ConditionedFace:
-    """The face that is solved, how it was conditioned, the overlap of two faces, and the number of windows."""
+    """The face that is solved, how it was conditioned and continued, overlap of two faces, number of windows."""
 
     surface: Topography
     conditioning: Conditioning
     overlap: Overlap | None
     cells: Pair | None
+    continuation: Continuation | None
 
 
 def conditioned_face(case: Case) -> ConditionedFace:
@@ -62,8 +65,9 @@ def conditioned_face(case: Case) -> ConditionedFace:
     raw, separately, overlap, spikes = _combined_faces(case)
     with with_keys(SURFACE_KEYS), _in_the_whole_map(case.face[0]):
         flat, repaired = repair(raw, spikes=spikes, **_treatment(case))
+        continued = _continuation(case, flat)
     shape = _grid(case, flat)
-    wave = case.surface.shortest_wave or default_wave(flat, shape)
+    wave = continued.longest if continued else case.surface.shortest_wave or default_wave(flat, shape)
     cells = _cell_count(case, flat.size, wave)
     check_memory_of_points("surface.points", shape)
     if cells is not None:
@@ -73,7 +77,17 @@ def conditioned_face(case: Case) -> ConditionedFace:
     with with_keys(SURFACE_KEYS):
         surface, report = smooth(flat, repaired, shortest_wavelength=wave, shape=shape)
     report = _of_generated(case, flat, replace(report, **_found(separately, wave)))
-    return ConditionedFace(surface, report, overlap, cells)
+    if continued is not None:
+        surface = continued.added_to(surface)
+        slope, height = surface.rms_slope, surface.rms_height
+        report = replace(report, shortest_wavelength=continued.cut_off, rms_slope=slope, rms_height=height)
+    return ConditionedFace(surface, report, overlap, cells, continued)
+
+
+def _continuation(case: Case, flat: Topography) -> Continuation | None:
+    """How the spectrum of a face goes on, if the case says that it does."""
+    cut_off, longest = case.surface.continue_spectrum, case.surface.shortest_wave
+    return None if cut_off is None else continuation_of(flat, cut_off, longest=longest, seed=case.seed)
 
 
 def face_places(case: Case) -> list[str]:
@@ -148,8 +162,14 @@ def _grid(case: Case, flat: Topography) -> tuple[int, int]:
 
     A measured face keeps its own pixels where waves of 8 of them have nearly all of its slope.
     """
-    if case.surface.points is not None:
-        return case.surface.points
+    cut_off, points = case.surface.continue_spectrum, case.surface.points
+    if cut_off is not None and points is not None and cut_off < resolved_wave(flat.size, points) * (1 - 1e-9):
+        expected = f"8 pixels to continue_spectrum, {resolving_shape(flat.size, cut_off)}"
+        raise InputError("surface.points", points, expected)
+    if points is not None:
+        return points
+    if cut_off is not None:
+        return resolving_shape(flat.size, cut_off)
     if not any(isinstance(face, FileFace) for face in case.face):
         return flat.shape
     return default_grid(flat, case.surface.shortest_wave)

@@ -55,6 +55,7 @@ def prepare(case: Case) -> Prepared:
             sampling=sampling,
             conditioning=conditioning,
             overlap=face.overlap,
+            continuation=face.continuation,
             methods=frozenset({method, *case.compare}),
             choice=choice,
             contact=contact,

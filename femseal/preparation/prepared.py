@@ -14,7 +14,7 @@ from ..budget import FormTolerance, ModelChange
 from ..studies import STUDIES, Sampling, Scene, Study, StudyOptions
 from ..studies.costs import Effort, usual_efforts
 from ..studies.seat_rows import SeatMap
-from ..topography import Conditioning, Overlap
+from ..topography import Conditioning, Continuation, Overlap
 from ..windows import Partition
 
 Pair = tuple[int, int]
@@ -24,9 +24,9 @@ Pair = tuple[int, int]
 class Prepared:
     """Input of the studies: the scene, its windows, the sampling of seals; and the history of the surface.
 
-    methods : to be run, with "auto" resolved. choice : the method that "auto" is and why, "" without. contact, flow :
-    of windows, see `studies.two_scale`. seat : its form, "" where it is flat; form : that and its error. warnings :
-    what is not plausible in the case.
+    continuation : of the spectrum of the face, None without. methods : to be run, with "auto" resolved. choice : the
+    method that "auto" is and why, "" without. contact, flow : of windows, see `studies.two_scale`. seat : its form, ""
+    where it is flat; form : that and its error. warnings : what is not plausible in the case.
     """
 
     scene: Scene
@@ -34,6 +34,7 @@ class Prepared:
     sampling: Sampling | None
     conditioning: Conditioning
     overlap: Overlap | None
+    continuation: Continuation | None
     methods: frozenset[str]
     choice: str
     contact: str
@@ -104,7 +105,19 @@ class Prepared:
     @property
     def surface_report(self) -> dict[str, Any]:
         """The repair and conditioning of the surface, as plain data."""
-        return asdict(self.conditioning) | ({} if self.overlap is None else {"overlap": asdict(self.overlap)})
+        found = asdict(self.conditioning) | ({} if self.overlap is None else {"overlap": asdict(self.overlap)})
+        if self.continuation is not None:
+            found["continuation"] = asdict(self.continuation) | {"text": self.continuation_text}
+        return found
+
+    @property
+    def continuation_text(self) -> str:
+        """How the spectrum of the face is continued, and the wave at which hardness ends its effect; "" without."""
+        if self.continuation is None:
+            return ""
+        wave = self.continuation.last_that_counts(self.scene.law.mean_hardness, self.scene.modulus)
+        ends = f"waves below {to_text(wave, 'm', 3)} do" if wave else "no wave does"
+        return f"{self.continuation}; by Persson's theory {ends} not lessen the area, which hardness sets"
 
 
 def without_short_waves(prepared: Prepared) -> Scene:

@@ -36,6 +36,8 @@ COARSE_WINDOWS, LEAST_WINDOWS = 0.25, 4
 THIRD_GRID_PIXELS = 16.0
 #: Octaves of removed waves from which on they matter.
 LEAST_OCTAVES = 0.05
+#: Draws of the phases of continued waves besides that of a run.
+OTHER_PHASES = 3
 #: What tells versions of a case apart.
 Version = TypeVar("Version", bound=Hashable)
 
@@ -123,6 +125,20 @@ def without_filtered_waves(prepared: Prepared, leakage: Array | None = None) -> 
         return None
     some = _at_some_steps(prepared, leakage, FILTER_STRIDE, 0)
     return _reduced(prepared, replace(some, surface=smooth.surface))
+
+
+def continued_scenes(grid: Prepared) -> list[Scene]:
+    """The scene with other phases of its continued waves, without its shortest octave of waves, and as measured.
+
+    Other phases come first, `OTHER_PHASES` times; no scenes where nothing is continued.
+    """
+    if (continued := grid.continuation) is None:
+        return []
+    surface = grid.scene.surface
+    measured = continued.added_to(surface, factor=-1.0)
+    others = [continued.added_to(measured, number) for number in range(1, OTHER_PHASES + 1)]
+    faces = [*others, surface.low_pass(2 * continued.cut_off), measured]
+    return [replace(grid.scene, surface=face) for face in faces]
 
 
 def removed_octaves(prepared: Prepared) -> float:

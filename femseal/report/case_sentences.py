@@ -91,6 +91,7 @@ def _with_unit(value: float, unit: str) -> str:
 
 
 def _surface_text(surface: dict[str, Any]) -> str:
+    """Roughness of the face that is solved, what was filled, and how its spectrum is continued."""
     if "rms_slope" not in surface or "rms_height" not in surface:
         return ""
     text = f"Its rms height is {to_text(surface['rms_height'], 'm', 3)}, its rms slope {surface['rms_slope']:.3g}"
@@ -99,6 +100,8 @@ def _surface_text(surface: dict[str, Any]) -> str:
     filled += [f"{spikes} {'point' if spikes == 1 else 'points'} in spikes"] if spikes else []
     if filled:
         text += f"; {' and '.join(filled)} were filled"
+    if continued := surface.get("continuation"):
+        text += f". {continued['text'][0].upper()}{continued['text'][1:]}"
     return text + "."
 
 

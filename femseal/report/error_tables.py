@@ -38,7 +38,7 @@ def budget_table(results: RunData) -> TextTable | None:
     together = "root of the sum of squares of the distances of ln(leakage)"
     lines = [(part.name, widths[part.name], part.note) for part in order]
     if len(budget.numerical.parts) < len(budget.parts):
-        text = "of the solution: without hardness, fluid pressure and form"
+        text = "of the solution: without hardness, fluid pressure, form and continued waves"
         lines.append(("numbers alone", np.asarray(budget.numerical.half_width()), text))
     lines.append(("together", np.asarray(budget.half_width()), together))
     heads = ("source", *(results.steps[s].name for s in steps), "how it was estimated")
@@ -182,7 +182,7 @@ def check_lines(results: RunData) -> Lines:
                 f"of {to_text(pixel, 'm', 3)} to the shortest wave, {to_text(wave, 'm', 3)}",
             )
         )
-        if before := surface.get("rms_slope_before"):
+        if (before := surface.get("rms_slope_before")) and "continuation" not in surface:
             lost = 1 - surface["rms_slope"] / before
             meaning = "of the rms slope, with the waves shorter than that"
             if measured := surface.get("rms_slope_measured"):

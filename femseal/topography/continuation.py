@@ -19,6 +19,7 @@ from ..base.quantities import to_text
 from .condition import resolved_wave, resolving_shape
 from .generate import random_waves, wave_numbers
 from .power_law import PowerLaw, spectrum
+from .texture import ISOTROPIC, texture
 from .topography import Topography
 
 
@@ -27,27 +28,32 @@ class Continuation:
     """Continuation of a spectrum below its power law.
 
     law : of the measured spectrum. longest, cut_off : waves that are added [m]. rms_slope : of the waves measured, to
-    `longest`. seed : whole numbers, of the phases.
+    `longest`. aspect_ratio : Str of the map. seed : whole numbers, of the phases.
     """
 
     law: PowerLaw
     longest: float
     cut_off: float
     rms_slope: float
+    aspect_ratio: float
     seed: tuple[int, ...]
 
     def added_to(self, face: Topography, realisation: int = 0, *, factor: float = 1.0) -> Topography:
         """The face with these waves, times a factor, as far as its pixels carry them.
 
         The seed and the realisation give the same waves on every grid. Along an axis that is not periodic they are
-        even about both borders, as the map is.
+        even about both borders, as the map is. Realisations but the first also draw the slope of the law by its error.
         """
         periods = tuple(n if wraps else 2 * n for n, wraps in zip(face.shape, face.periodic, strict=True))
         size = (periods[0] * face.spacing[0], periods[1] * face.spacing[1])
         k = wave_numbers(size, max(self.cut_off, 2 * max(face.spacing)))
         q = 2 * pi * np.hypot(k[0] / size[0], k[1] / size[1])
-        amplitude = np.sqrt(np.where(q > 2 * pi / self.longest, self.law.at(q), 0.0) / (size[0] * size[1]))
-        rng = np.random.default_rng([*self.seed, realisation])
+        rng = np.random.default_rng([*self.seed, realisation + 1])  # zeros at the end change nothing
+        slope = -2 * self.law.hurst_error * rng.standard_normal() * (realisation > 0)
+        # the law turns about the middle of its range
+        middle = 2 * pi / sqrt(self.law.longest * self.law.shortest)
+        density = np.where(q > 2 * pi / self.longest, self.law.at(q) * (q / middle) ** slope, 0.0)
+        amplitude = np.sqrt(density / (size[0] * size[1]))
         z = random_waves((periods[0], periods[1]), k, amplitude, rng)
         for axis in (0, 1):
             if not face.periodic[axis]:
@@ -80,7 +86,7 @@ class Continuation:
             f"q^({-2 - 2 * law.hurst:.2f} ± {2 * law.hurst_error:.2f}) fitted from {wave(law.longest, 'm', 3)} to "
             f"{wave(law.shortest, 'm', 3)}; rms slope {self.rms_slope:.3g} of the measured, "
             f"{self.slope_to(self.cut_off):.3g} of all waves"
-        )
+        ) + ("; the face has a lay, these waves have none" if self.aspect_ratio <= ISOTROPIC else "")
 
 
 def continuation_of(flat: Topography, cut_off: float, *, longest: float | None = None, seed: Any = 0) -> Continuation:
@@ -105,7 +111,7 @@ def continuation_of(flat: Topography, cut_off: float, *, longest: float | None =
         expected = f"less than {to_text(first, 'm', 3)}: longer waves are measured"
         raise InputError("continue_spectrum", to_text(shortest, "m"), expected)
     seeds = tuple(int(n) for n in np.atleast_1d(seed))
-    return Continuation(law, first, shortest, flat.low_pass(first).rms_slope, seeds)
+    return Continuation(law, first, shortest, flat.low_pass(first).rms_slope, texture(flat).aspect_ratio, seeds)
 
 
 def continue_spectrum(
@@ -120,7 +126,8 @@ def continue_spectrum(
     ----------
     topography : levelled, without undefined points.
     cut_off : shortest wavelength [m]. shape : points of the grid; 8 pixels to the cut-off unless given.
-    rng : whole number, or several, from which phases are drawn. realisation : number of the draw.
+    rng : whole number, or several, from which phases are drawn. realisation : number of the draw; all but the first
+        also draw the slope of the law by its error.
 
     Raises
     ------

@@ -8,6 +8,7 @@ Sources: ISO 16610-21 and 16610-61 (filters), ISO 21920-2 (Ra, Rq, Rz, Rsk), ISO
 from __future__ import annotations
 
 from math import log, nan, pi, sqrt
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,7 +28,7 @@ _SERIES = (
 _SECTIONS = 5
 
 
-def roughness(flat: Topography) -> dict[str, tuple[float, float] | float]:
+def roughness(flat: Topography) -> dict[str, Any]:
     """Parameters of a flat map without undefined points, by their names in `SurfaceReport`.
 
     Those of profiles are along x1 and along x2, means over all of them. λc is the longest of the series that
