@@ -77,6 +77,7 @@ if TYPE_CHECKING:
     from .topography import (
         BallOnCone,
         CrownedSeat,
+        Places,
         ProfileSeat,
         RoundedSeat,
         SurfaceReport,
@@ -144,6 +145,7 @@ _MODULES = {
     "topography": (
         "BallOnCone",
         "CrownedSeat",
+        "Places",
         "ProfileSeat",
         "RoundedSeat",
         "TiltedSeat",

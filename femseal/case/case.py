@@ -118,9 +118,11 @@ class Case(Table):
             with faults_of(key):
                 potential_of(fluid.fluid, "inlet_pressure", fluid.inlet_pressure)
         self._check_output()
-        for face in self.face:
-            if isinstance(face, FileFace) and not isfile(self.folder / face.path):
-                raise fault("face.path", f"'{shortened(face.path)}'", "a file that exists")
+        for face in (face for face in self.face if isinstance(face, FileFace)):
+            for table in face.each(self.folder):
+                if not isfile(self.folder / (table.path or "")):
+                    key = "face.path" if face.places is None else "face.places"
+                    raise fault(key, f"'{shortened(table.path)}'", "a file that exists")
         if isinstance(first := self.face[0], FileFace) and first.placement:
             raise fault("face.0", ", ".join(sorted(first.placement)), "that in the second face")
         self._check_seal()

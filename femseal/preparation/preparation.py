@@ -225,8 +225,12 @@ def _contact_and_flow(case: Case, scene: Scene, method: str) -> tuple[str, str]:
     contact, flow = (None, None) if case.cells is None else (case.cells.contact, case.cells.flow)
     if flow is None and case.method == "auto" and method == "two-scale":
         flow = _cheaper_flow(scene)
-    shape = scene.surface.shape
-    return chosen_contact(contact, shape), chosen_flow(flow, shape, scene.discretisation, scene.flow.spiral)
+    contact = chosen_contact(contact, scene.contact_shape)
+    if contact == "windows" and case.methods != {"deterministic"}:
+        scene.check_one_place("cells.contact", contact, "whole")
+    if case.stochastic is not None and case.stochastic.pressure == "global":
+        scene.check_one_place("stochastic.pressure", "global", "place")
+    return contact, chosen_flow(flow, scene.surface.shape, scene.discretisation, scene.flow.spiral)
 
 
 def _cheaper_flow(scene: Scene) -> str:

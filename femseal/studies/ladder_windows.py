@@ -38,6 +38,7 @@ def windows_under_global_contact(wanted: WindowRequest) -> WindowSupply:
     The global contact of the face repeats along the seal.
     """
     scene, partition = wanted.scene, wanted.partition
+    scene.check_one_place("pressure", "global", "place")
     (m1, m2), n2 = partition.cells, wanted.seal_windows.draws[0][1]
     cut_off = CUT_OFF_WINDOWS * min(partition.window_size)
     means = partial(_link_means, partition=partition)
@@ -163,7 +164,8 @@ def _library(
     law = scene.uniform_law
     full = min(law.mean_hardness, law.capacity, 0.5 * scene.modulus * scene.surface.rms_slope)
     half_space = HalfSpace(partition.window, partition.spacing, scene.modulus, ("mirror", "mirror"))
-    source = WindowSource((-scene.surface.heights,), half_space, law, sampling.seed, scene.rtol, scene.flow)
+    faces = tuple(-place.heights for place in scene.surface.each)
+    source = WindowSource(faces, half_space, law, sampling.seed, scene.rtol, scene.flow)
     fractions = LOADING_FRACTIONS if highest <= LOADING_FRACTIONS[-1] * full else (*LOADING_FRACTIONS, highest / full)
     ladder = Ladder(
         loading=tuple(fraction * full for fraction in fractions),

@@ -85,7 +85,7 @@ def chosen_sampler(sampling: Sampling, scene: Scene, contact: str | None = None)
     is not straight, flow is not solved between pixels ("edge"), or the contact is solved by windows: one that fails
     would take its runs with it.
     """
-    whole = chosen_contact(contact, scene.surface.shape) == "whole"
+    whole = chosen_contact(contact, scene.contact_shape) == "whole"
     runs = whole and scene.discretisation == "edge" and scene.layout.kind == "rectangular"
     if sampling.sampler is None and sampling.pressure == "place" and runs:
         return "runs"

@@ -9,6 +9,7 @@ from .condition import MOST_POINTS, Conditioning, condition, default_wave, resol
 from .continuation import Continuation, continuation_of, continue_spectrum
 from .describe import SurfaceReport, as_text, describe_surface
 from .generate import self_affine, turned
+from .places import Places
 from .power_law import spectrum
 from .read import read_for_a_look, read_topography
 from .repair import Repair, SpikeEffect, repair, spike_effect
@@ -30,6 +31,7 @@ __all__ = [
     "Conditioning",
     "Continuation",
     "Overlap",
+    "Places",
     "Repair",
     "SpikeEffect",
     "SurfaceReport",

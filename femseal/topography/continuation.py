@@ -7,7 +7,7 @@ Source: Jacobs, Junge, Pastewka, Surf. Topogr.: Metrol. Prop. 5 (2017) 013001 (d
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import exp, inf, log1p, pi, sqrt
 from typing import Any
 
@@ -58,7 +58,7 @@ class Continuation:
         for axis in (0, 1):
             if not face.periodic[axis]:
                 z = (z + np.flip(z, axis)) / sqrt(2)
-        return replace(face, heights=face.heights + factor * z[: face.shape[0], : face.shape[1]])
+        return face.with_heights(face.heights + factor * z[: face.shape[0], : face.shape[1]])
 
     def slope_to(self, wave: float) -> float:
         """Rms slope [-] of measured and continued waves down to a shortest one [m]."""

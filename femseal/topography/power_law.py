@@ -79,8 +79,10 @@ def spectrum(topography: Topography) -> Spectrum:
 
     The shortest wave is the longest of: two pixels of the coarser spacing; the wave at which C is four times the white
     noise, where the spectrum ends flat; the wave below which C is less than a tenth of the power law. All but the
-    first are limits of the instrument.
+    first are limits of the instrument. Of several places it is that of the one with the longest such wave.
     """
+    if len(topography.each) > 1:
+        return max(map(spectrum, topography.each), key=lambda found: found.shortest_wave)
     q, density = topography.radial_psd()
     last = pi / max(topography.spacing)
     inside = (q > 0) & (q <= last * (1 + SLACK))

@@ -56,7 +56,7 @@ class Seat:
         InputError : a form that is steeper than an elastic half-space allows.
         """
         below = self.rows_below(face.shape[0], face.spacing[0])
-        return Topography(face.heights - below[:, None], face.spacing, (False, face.periodic[1]))
+        return face.with_form(-below)
 
     def rows_below(self, rows: int, spacing: float) -> Array:
         """How deep rows across the seat (rows,), a spacing apart, lie below the highest one [m].
