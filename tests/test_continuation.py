@@ -14,6 +14,7 @@ from femseal.budget import continuation_part
 from femseal.budget.removed_waves import filter_part
 from femseal.case.case import parse_case
 from femseal.preparation.preparation import prepare
+from femseal.refinement.coarser import continued_scenes
 from femseal.report.case_sentences import case_sentences
 from femseal.runs.forecast import describe
 from femseal.topography import continuation_of, spectrum
@@ -125,6 +126,16 @@ def test_the_height_of_profiles_is_the_mean_of_their_sections():
     assert np.isnan(report.ra[1])
 
 
+def test_roughness_of_the_face_agrees_with_another_program():
+    surfalize = pytest.importorskip("surfalize")
+    face = fs.self_affine((600, 600), (1.2e-3, 1.2e-3), hurst=0.7, rms_height=0.5e-6, cut_off=10e-6, rng=5)
+    report = fs.describe_surface(face, detrend=0, spikes=inf)
+    other = surfalize.Surface(face.heights * 1e6, 2.0, 2.0).filter("lowpass", 2.5).filter("highpass", 800)
+    found = [report.sa, report.sq, report.sz]
+    assert_allclose(found, 1e-6 * np.array([other.Sa(), other.Sq(), other.Sz()]), rtol=1e-3)
+    assert_allclose(report.ssk, other.Ssk(), atol=1e-3)
+
+
 # --- of a case --------------------------------------------------------------------------------------------
 
 SIZE = (32e-6, 32e-6)
@@ -170,6 +181,18 @@ def test_a_case_solves_the_continued_face_and_says_so(case):
     longer = prepare(case({"shortest_wave": "4 um"}))
     assert longer.continuation.longest == 4e-6
     assert text.count("3 on 128 × 128 points") == 7  # pixels, hardness, three other phases, fewer waves, as measured
+
+
+def test_the_budget_solves_other_phases_fewer_waves_and_the_measured_ones(case):
+    prepared = prepare(case({}))
+    *others, shorter, measured = (scene.surface for scene in continued_scenes(prepared))
+    face, longest = prepared.scene.surface, prepared.continuation.longest
+    assert len({one.rms_slope for one in (face, *others)}) == 4
+    for one in others:
+        assert_allclose(one.low_pass(1.01 * longest).heights, face.low_pass(1.01 * longest).heights, atol=1e-12)
+    assert_allclose(shorter.low_pass(2e-6).heights, shorter.heights, atol=1e-12)
+    assert_allclose(measured.low_pass(longest).heights, measured.heights, atol=1e-12)
+    assert continued_scenes(replace(prepared, continuation=None)) == []
 
 
 @each(

@@ -9,7 +9,7 @@ from .continued_waves import continuation_part
 from .error_budget import at_interpolated_steps, error_budget
 from .error_parts import MODEL_PARTS, ErrorBudget, ErrorPart
 from .grid_convergence import GridConvergence, grid_convergence
-from .model_parts import FormTolerance, ModelChange, model_changes, model_part
+from .model_parts import FormTolerance, ModelChange, effective_pressure_part, model_changes, model_part
 from .removed_slope import contact_fraction_of
 from .widest_band import WidestBand, counting_steps, widest_band
 
@@ -27,6 +27,7 @@ __all__ = [
     "continuation_part",
     "contact_fraction_of",
     "counting_steps",
+    "effective_pressure_part",
     "error_budget",
     "grid_convergence",
     "model_changes",

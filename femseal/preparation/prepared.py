@@ -116,8 +116,10 @@ class Prepared:
         if self.continuation is None:
             return ""
         wave = self.continuation.last_that_counts(self.scene.law.mean_hardness, self.scene.modulus)
-        ends = f"waves below {to_text(wave, 'm', 3)} do" if wave else "no wave does"
-        return f"{self.continuation}; by Persson's theory {ends} not lessen the area, which hardness sets"
+        ends = (
+            f"sets the area from {to_text(wave, 'm', 3)} on" if wave else "does not end what these waves do to the area"
+        )
+        return f"{self.continuation}; by Persson's theory hardness {ends}"
 
 
 def without_short_waves(prepared: Prepared) -> Scene:

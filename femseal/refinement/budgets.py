@@ -19,6 +19,7 @@ from ..budget import (
     change_of_windows,
     contact_fraction_of,
     continuation_part,
+    effective_pressure_part,
     error_budget,
     model_changes,
     model_part,
@@ -99,6 +100,10 @@ def _with_model_parts(
     continued = continued_scenes(grid) if "continuation" in names else []
     own = known[1] if known else _solved(grid, solve) if changes or continued else {}
     found = dict(budgets)
+    for key, result in studies.items():
+        part = effective_pressure_part(prepared.scene, result) if "effective pressure" in names else None
+        if part is not None:
+            found[key] = replace(found[key], parts=(*found[key].parts, part))
     if continued:
         others = [_solved(replace(grid, scene=scene), solve) for scene in continued]
         for key, result in studies.items():

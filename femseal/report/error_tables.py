@@ -1,4 +1,4 @@
-"""Tables of the report on what the numbers are worth: budget of errors, scatter, checks, other resolutions, times."""
+"""Tables of the report on the error of the numbers: budget of errors, scatter, checks, other resolutions, times."""
 
 from __future__ import annotations
 
