@@ -81,7 +81,9 @@ def error_budget(
             for part in parts
         ]
     if isinstance(study, StochasticResult):
-        parts += [library_part(study), realisations_part(study), sampler_part(scene, study)]
+        parts += [library_part(study), realisations_part(study)]
+        if study.places is None or study.places.without is None:  # their scatter tells what one patch cannot
+            parts.append(sampler_part(scene, study))
     return ErrorBudget(own.name, leakage, tuple(parts), scene.steps)
 
 
