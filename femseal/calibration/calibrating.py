@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
-import logging
 import os
-from collections.abc import Iterable
 from functools import partial
 from itertools import product
 from pathlib import Path
@@ -17,13 +14,12 @@ from scipy.stats import qmc
 
 from ..base import validate
 from ..base.errors import FemsealError, InputError, shown
-from ..base.files import made_folder, write_text
+from ..base.files import write_text
 from ..base.leak_units import LeakUnit
 from ..base.provenance import numerical_versions
 from ..base.quantities import to_si, to_text
-from ..base.stage import Mapper, Stage
+from ..base.stage import Stage
 from ..case.case import Case, load_case, read_case
-from ..execution.lock import alone_in
 from ..execution.mappers import ordered_map
 from ..execution.run import Progress, Run, no_progress
 from ..preparation.preparation import prepare
@@ -32,6 +28,7 @@ from ..runs import job
 from ..runs.forecast import forecast, refuse_too_large
 from ..studies.compiling import compile_ahead
 from ..studies.costs import usual_efforts
+from ..sweeps.scenes import Scenes, leakage_of
 from ..sweeps.surrogate import Surrogate
 from ..topography import resolved_wave
 from .calibrated_case import calibrated_text
@@ -46,8 +43,8 @@ FIRST, ADDED, FEWEST = 16, 6, 10
 WIDTHS = {"hardness": 3.0, "shortest_wave": 3.0, "factor": 5.0}
 #: No more scenes are solved once the surrogate's error is this part of that of the test.
 _EXACT = 0.2
-#: Solved scenes in the folder, and the calibrated case.
-SCENES, CASE_FILE = "scenes.json", "calibrated.toml"
+#: The calibrated case in the folder.
+CASE_FILE = "calibrated.toml"
 #: Samples of the posterior, and steps of the ensemble between scenes and at the end.
 _SAMPLES, _STEPS = 4000, (150, 600)
 
@@ -104,7 +101,7 @@ def calibrate(
     folder = None if output is None else Path(output)
     identity = json.dumps([tested.echo(), ranges.tolist(), steps.tolist(), test.unit.name, job.face_files(tested),
                            numerical_versions()])  # fmt: skip
-    store = _Scenes(folder, hashlib.sha256(identity.encode()).hexdigest(), resume)
+    store = Scenes(folder, FILE, identity, resume)
     with store, ordered_map(workers, scheduler, partial(compile_ahead, progress=progress or no_progress)) as mapper:
         with Run(mapper, progress or no_progress).timed("calibration") as watched:
             posterior = _explored(
@@ -176,19 +173,7 @@ def with_values(case: Case, hardness: float, shortest_wave: float) -> Case:
 
 def _leakage(case: Case, unit: LeakUnit, steps: Array, hardness: float, shortest_wave: float) -> list[float]:
     """Leakage of a scene at some load steps in a unit; NaN where it could not be solved."""
-    log = logging.getLogger("femseal")
-    level = log.level
-    log.setLevel(logging.ERROR)  # warnings of the case are not said again for each scene
-    try:
-        results = job.run(with_values(case, hardness, shortest_wave), workers=1)
-    except InputError:
-        raise
-    except FemsealError:
-        return [float("nan")] * len(steps)
-    finally:
-        log.setLevel(level)
-    values = np.abs(results.class_leakage[0][steps]) / results.class_basis.factor(unit)
-    return [float(value) for value in values]
+    return leakage_of(with_values(case, hardness, shortest_wave), unit, steps)
 
 
 def _explored(solve: Any, test: LeakTest, rows: Any, ranges: Array, error: float, scenes: int) -> Posterior:
@@ -225,59 +210,3 @@ def _spread(candidates: Array, points: Array, count: int) -> Array:
         distance = (((candidates[:, None] - there[None]) / width) ** 2).sum(-1).min(1)
         chosen.append(candidates[int(np.argmax(distance))])
     return np.array(chosen)
-
-
-class _Scenes:
-    """Solved scenes, kept in a folder if there is one: a context in which no other run writes there."""
-
-    def __init__(self, folder: Path | None, identity: str, resume: bool) -> None:
-        self._folder, self._identity = folder, identity
-        self._known: dict[tuple[float, float], list[float]] = {}
-        self._used: list[tuple[float, float]] = []
-        if resume and folder is None:
-            raise InputError("resume", True, "True only with an output folder")
-        if folder is None or not (path := folder / SCENES).exists():
-            return
-        if not resume:
-            if not (folder / FILE).exists():
-                raise InputError(
-                    "output", f"'{folder}', which has an unfinished calibration", "another folder, or --resume"
-                )
-            return
-        try:
-            former = json.loads(path.read_text(encoding="utf-8"))
-            self._known = {(float(h), float(w)): list(map(float, leakage)) for h, w, leakage in former["scenes"]}
-        except (OSError, ValueError, KeyError, TypeError):
-            raise InputError(
-                "resume", f"'{path}', which cannot be read", "an intact file; remove it to start anew"
-            ) from None
-        if former["identity"] != identity:
-            raise InputError("resume", f"'{path}' of other data", "that of the same case, test, ranges and versions")
-
-    def __enter__(self) -> _Scenes:
-        if self._folder is not None:
-            self._lock = alone_in(made_folder(self._folder))
-            self._lock.__enter__()
-            (self._folder / FILE).unlink(missing_ok=True)
-        return self
-
-    def __exit__(self, *details: Any) -> None:
-        if self._folder is not None:
-            self._lock.__exit__(*details)
-
-    def solve(self, stage: Stage, mapper: Mapper, points: Array) -> Array:
-        """Leakages (n, loads) at points (n, 2); each is written once it is solved."""
-        wanted = [(float(h), float(w)) for h, w in points]
-        missing = [point for point in wanted if point not in self._known]
-        solved: Iterable[list[float]] = mapper(stage, *zip(*missing, strict=True)) if missing else ()
-        for point, leakage in zip(missing, solved, strict=True):
-            self._known[point] = leakage
-            if self._folder is not None:
-                scenes = [[*point, leakage] for point, leakage in self._known.items()]
-                write_text(self._folder / SCENES, json.dumps({"identity": self._identity, "scenes": scenes}))
-        self._used += wanted
-        return np.array([self._known[point] for point in wanted])
-
-    def arrays(self) -> tuple[Array, Array]:
-        """Hardness and shortest wave of the scenes that were asked for (n, 2), and their leakages (n, loads)."""
-        return np.array(self._used), np.array([self._known[point] for point in self._used])

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..plots.drawing import GREY, LEGEND_LINE, LINES, STYLES, Sheet, branch_styles, legend_below
-from .calibration import Calibration
 from .posterior import PROBABILITY, UNITS
 
 if TYPE_CHECKING:
@@ -21,8 +20,8 @@ _SCALES = {"Pa": ("MPa", 1e6), "N": ("kN", 1e3), "N/m": ("N/mm", 1e3), "m": ("µ
 _HEIGHT = 3.6
 
 
-def calibration_figure(found: Calibration) -> Figure:
-    """Leakage against load, log scale; then hardness against shortest wave and against the factor."""
+def calibration_figure(found: Any) -> Figure:
+    """Of a `Calibration`: leakage against load, log scale; then hardness against shortest wave and factor."""
     test = found.test
     peaks = sorted({s.unloaded_from for s in test.steps if s.unloaded_from is not None}, reverse=True)
     below = 0.75 + LEGEND_LINE * (len(peaks) + 2)
@@ -57,7 +56,7 @@ def calibration_figure(found: Calibration) -> Figure:
     return sheet.figure
 
 
-def _pair(axes: Axes, found: Calibration, across: str, up: str) -> None:
+def _pair(axes: Axes, found: Any, across: str, up: str) -> None:
     """Samples of two quantities, with solved scenes where they have both, and the medians."""
     names = list(UNITS)
     (x, x_size), (y, y_size) = (_SCALES[UNITS[name]] for name in (across, up))

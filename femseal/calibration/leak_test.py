@@ -17,6 +17,7 @@ from ..case.case import Case
 from ..case.load import Amount
 from ..fluids import leak_basis
 from ..loads import LoadProgramme, LoadStep
+from ..sweeps.scenes import alone
 
 Array = NDArray[np.float64]
 COLUMNS = "pressure [MPa], leakage [mL/min]; and, if any row is of an unloading, branch, unloaded from [MPa]"
@@ -52,11 +53,7 @@ class LeakTest:
         loads = {"loading": sorted(loading), "unload_from": peaks, "unloading": down}
         changed = {name: tuple(Amount(load, unit) for load in values) for name, values in loads.items()}
         load = case.load.model_copy(update=changed | {"relaxation": 0.0, "interpolate": None})
-        output = case.output.model_copy(
-            update={"budget": False, "pictures": False, "report": False, "fields": False, "paraview": "none"}
-        )
-        surface = case.surface.model_copy(update={"filter_sensitivity": False})
-        return case.model_copy(update={"load": load, "output": output, "surface": surface, "compare": ()})
+        return alone(case).model_copy(update={"load": load})
 
     def rows_of(self, case: Case) -> list[int]:
         """Load step of each row in a run of `of_case`."""

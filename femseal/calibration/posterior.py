@@ -94,6 +94,6 @@ class Posterior:
         start = rng.random((100 * WALKERS, 3))
         start = start[np.argsort(self.log_density(start) + rng.gumbel(size=len(start)))[-WALKERS:]]
         sampler = emcee.EnsembleSampler(WALKERS, 3, self.log_density, vectorize=True)
-        sampler.run_mcmc(start, steps, rstate0=np.random.RandomState(seed).get_state())
+        sampler.run_mcmc(emcee.State(start, random_state=np.random.RandomState(seed).get_state()), steps)
         chain = sampler.get_chain(discard=steps // 3, flat=True)
         return np.asarray(chain[np.linspace(0, len(chain) - 1, count).astype(int)])

@@ -65,7 +65,8 @@ class Process:
         """Cholesky factor of the covariance of the values, and its inverse times the values."""
         covariance = _covariance(parameters, self._points, self._points, self._jumps)
         root = np.linalg.cholesky(covariance + _ROUNDING * (1 + _TREND) * np.eye(len(self._points)))
-        return root, solve_triangular(root, solve_triangular(root, self._scaled, lower=True), lower=True, trans="T")
+        weights = solve_triangular(root, solve_triangular(root, self._scaled, lower=True), lower=True, trans="T")
+        return np.asarray(root), np.asarray(weights)
 
 
 def _covariance(parameters: Array, a: Array, b: Array, jumps: tuple[int, ...]) -> Array:
