@@ -72,6 +72,7 @@ if TYPE_CHECKING:
     from .studies.deterministic import DeterministicResult, deterministic
     from .studies.sampling_options import Sampling
     from .studies.scene import Scene
+    from .studies.seat_rows import SeatMap
     from .studies.stochastic import stochastic
     from .studies.stochastic_result import StochasticResult
     from .studies.two_scale import TwoScaleResult, two_scale
@@ -79,6 +80,7 @@ if TYPE_CHECKING:
     from .topography import (
         BallOnCone,
         CrownedSeat,
+        Places,
         ProfileSeat,
         RoundedSeat,
         SurfaceReport,
@@ -86,6 +88,7 @@ if TYPE_CHECKING:
         Topography,
         combine,
         condition,
+        continue_spectrum,
         describe_surface,
         read_topography,
         self_affine,
@@ -139,6 +142,7 @@ _MODULES = {
         "stochastic",
         "two_scale",
     ),
+    "studies.seat_rows": ("SeatMap",),
     "designs.answer": ("Design", "design"),
     "calibration.calibrating": ("calibrate",),
     "calibration.calibration": ("Calibration",),
@@ -146,6 +150,7 @@ _MODULES = {
     "topography": (
         "BallOnCone",
         "CrownedSeat",
+        "Places",
         "ProfileSeat",
         "RoundedSeat",
         "TiltedSeat",
@@ -153,6 +158,7 @@ _MODULES = {
         "Topography",
         "combine",
         "condition",
+        "continue_spectrum",
         "describe_surface",
         "read_topography",
         "self_affine",

@@ -281,8 +281,11 @@ def _write(results: Results, folder: Path, case: Case, mapper: Mapper) -> None:
 def face_files(case: Case) -> dict[str, str]:
     """SHA-256 of the file of every face, of its mask, of the seal and of maps, by its path in the case."""
     digests = {}
-    files = [face for face in case.face if isinstance(face, FileFace)]
-    paths = [("face.path", face.path) for face in files] + [("face.mask", face.mask) for face in files if face.mask]
+    faces = (face for face in case.face if isinstance(face, FileFace))
+    files = [table for face in faces for table in face.each(case.folder)]
+    paths = [("face.path", face.path) for face in files if face.path] + [
+        ("face.mask", face.mask) for face in files if face.mask
+    ]
     paths += [(f"seal.{key}", path) for key, path in case.seal.files()]
     for key, path in [*paths, *(("load.map.path", path) for path in case.load.files)]:
         try:
