@@ -91,7 +91,7 @@ def design(
     probability : fraction of the seals that is to keep the class, above 0 and below 1.
     assembly : pressures in assembly Q_A besides those that the case unloads from, [Pa] or as "300 MPa"; cases only.
     nominal_diameter : [m] or as "50 mm", for the rates of ISO 5208.
-    solve : solve the case again with another hardness and with the face turned by 90°, for what no law tells; cases
+    solve : solve the case again with another hardness and with the face turned by 90°, for what no law gives; cases
         only.
     workers : processes; all cores unless given. progress : see `run`.
 

@@ -343,9 +343,9 @@ def _library(prepared: Prepared, sampling: Sampling, partition: Partition) -> st
 def _windows(partition: Partition, shortest_wave: float) -> str:
     (m1, m2), (n1, n2) = partition.cells, partition.window
     size = " × ".join(to_text(length, "m", 3) for length in partition.window_size)
-    held = [length / shortest_wave for length in partition.window_size]
-    few = f"; {ADVISED_WAVES} or more are advised" if min(held) < ADVISED_WAVES * 0.99 else ""
-    return f"{m1} × {m2} of {n1} × {n2} pixels, {size}, that is {held[0]:.3g} × {held[1]:.3g} shortest waves{few}"
+    waves = [length / shortest_wave for length in partition.window_size]
+    few = f"; {ADVISED_WAVES} or more are advised" if min(waves) < ADVISED_WAVES * 0.99 else ""
+    return f"{m1} × {m2} of {n1} × {n2} pixels, {size}, that is {waves[0]:.3g} × {waves[1]:.3g} shortest waves{few}"
 
 
 def _disk_text(sizes: Disk, steps: int) -> str:
