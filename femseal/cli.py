@@ -17,6 +17,7 @@ from typing import Annotated, NoReturn
 import typer
 
 from .base.errors import FemsealError, InputError, shortened
+from .calibration.calibrate_command import calibrate
 from .designs.design_command import design
 from .execution.terminal import ProgressBars, log_lines, print_table
 from .sweeps.commands import compare, sweep
@@ -148,6 +149,7 @@ def run(
 app.command()(sweep)
 app.command()(compare)
 app.command()(design)
+app.command()(calibrate)
 
 
 @app.command()

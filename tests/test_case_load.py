@@ -18,7 +18,7 @@ from femseal.refinement.accuracy_plan import make_plan
 from femseal.report.case_sentences import load_sentences
 from femseal.results.variables import step_coordinates
 from femseal.runs.forecast import describe
-from femseal.runs.job import _face_files
+from femseal.runs.job import face_files
 from femseal.seal.pressure_map import AngleTable, Frame, MapsAtLoads, Profile, Uniform, is_uniform
 from femseal.studies import lay_out_windows
 from femseal.studies.window_pressures import pressure_fractions, seal_for_maps
@@ -193,8 +193,8 @@ class TestFieldOfACase:
             "map   0.69 to 1.31 of the nominal pressure over the seal; mean of the field 60 MPa"
         )
         assert prepared.warnings == ()
-        kept = _face_files(case())["flange.csv"]
-        assert kept != _face_files(case("x,y,pressure\n0,0,1"))["flange.csv"]
+        kept = face_files(case())["flange.csv"]
+        assert kept != face_files(case("x,y,pressure\n0,0,1"))["flange.csv"]
 
     def test_its_mean_is_compared_with_the_load(self, case):
         assert prepare(case(at="60 MPa")).warnings == ()
@@ -267,7 +267,7 @@ class TestFieldOfACase:
             pickle.loads(pickle.dumps(sampling)).pressure_map.at(places, frame), sampling.pressure_map.at(places, frame)
         )
         other = case("\n".join(table).replace("40.8", "41.8"))
-        assert _face_files(other) != json.loads(results.dataset.attrs["face_files"])
+        assert face_files(other) != json.loads(results.dataset.attrs["face_files"])
 
 
 @pytest.mark.parametrize(
