@@ -102,8 +102,8 @@ def _cases(record: dict, count: int, least: float, most: float) -> np.ndarray:
     truth = np.array(record["truth"])
     one = next(f for f in record["found"] if f["places"] == count)
     q, low, high = (np.array(one[name], float) for name in ("leakage", "lower", "upper"))
-    at = (truth >= least * truth[0]) & (truth < most * truth[0]) & (q > 0)
-    half = (high - low) / 2 / np.where(q > 0, q, 1)
+    at = (truth >= least * truth[0]) & (truth < most * truth[0])
+    half = np.where(q > 0, (high - low) / 2 / np.where(q > 0, q, 1), np.inf)
     return np.stack([(low <= truth) & (truth <= high), half, np.abs(q / truth - 1)], axis=1)[at]
 
 
