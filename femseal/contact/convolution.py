@@ -21,7 +21,6 @@ from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
-import pyfftw
 from numba import njit
 from numpy.typing import NDArray
 
@@ -65,6 +64,8 @@ class Convolution:
         threads: int = 1,
         over: Convolution | None = None,
     ) -> None:
+        import pyfftw  # it takes half a second, and what is refused needs none
+
         (n1, n2), real = shape, np.dtype(dtype)
         waves = np.result_type(real, np.complex64)
         l1, l2 = (padded_length(n) if kind == "free" else n for n, kind in zip(shape, boundary, strict=True))
@@ -103,6 +104,8 @@ class Convolution:
         """An array of zeros, in the memory of `over` as far as it suffices."""
         memory = next(self._lent, None)
         if memory is None:
+            import pyfftw
+
             memory = pyfftw.zeros_aligned(math.prod(shape) * dtype.itemsize, dtype=np.uint8)
         self._memory.append(memory)
         return memory[: math.prod(shape) * dtype.itemsize].view(dtype).reshape(shape)
@@ -134,6 +137,8 @@ def _row_length(waves: int, itemsize: int) -> int:
 
 def _plans(points: Any, waves: Any, target: Any, *, axis: int, threads: int = 1) -> tuple[Any, Any]:
     """FFTW's transforms points → waves and, destroying them, waves → target."""
+    import pyfftw
+
     flags = "FFTW_ESTIMATE", "FFTW_DESTROY_INPUT"
     pyfftw.forget_wisdom()  # earlier plans would change the choice
     forward = pyfftw.FFTW(points, waves, (axis,), "FFTW_FORWARD", flags[:1], threads)
@@ -143,6 +148,8 @@ def _plans(points: Any, waves: Any, target: Any, *, axis: int, threads: int = 1)
 @contextmanager
 def _own_wisdom() -> Iterator[None]:
     """Context after which FFTW knows the plans that it knew before: keeping and restoring them takes milliseconds."""
+    import pyfftw
+
     with _PLANNING:
         known = pyfftw.export_wisdom()
         try:

@@ -203,7 +203,7 @@ def _place(needs: tuple[Requirement, ...], seals: Seals, fraction: float) -> tup
             return need.name, need.assembly.value
     steps = seals.loading()
     pressure, leak = seals.steps.pressures[steps], seals.curve_of(fraction)[steps]
-    open_ = pressure[(pressure > 0) & (leak > 0)]
+    open_ = pressure[(pressure > 0) & (leak > 0) & np.isfinite(leak)]
     return "", float(np.sqrt(open_[0] * open_[-1])) if open_.size > 1 else np.nan
 
 
@@ -247,6 +247,8 @@ def _notes(seals: Seals, fraction: float, results: Results) -> list[str]:
         notes.append("the case is not unloaded: QSmin takes `unload_from`, or --assembly with a case")
     if doubts := len(results.warnings):
         notes.append(f"the run has {doubts} warning{'s' if doubts > 1 else ''}, which its report lists")
+    if unknown := int(np.isinf(seals.leakage).any(axis=0).sum()):
+        notes.append(f"at {unknown} loads nothing leaks, but the upper end of the band is not known: counted as leaking")
     lost = results.dataset.sizes.get("realisation", seals.count) - seals.count
     if lost > 0 and results.method == "median":
         notes.append(f"{lost} seals failed at some load and are left out")

@@ -28,7 +28,8 @@ DRAWS, SEED = 400, 13555
 class Seals:
     """Leakages of seals of one kind.
 
-    steps : the load programme. leakage : size of the leakage per length (seals, steps) [m²/s]. library_error : standard
+    steps : the load programme. leakage : size of the leakage per length (seals, steps) [m²/s]; inf where a seal is
+    computed as sealed, but the upper end of its band of error is not known. library_error : standard
     deviation of ln(leakage) at each step that the finite library adds, common to all seals drawn from it.
     """
 
@@ -40,6 +41,8 @@ class Seals:
     def of_results(cls, results: Results) -> Seals:
         """The realisations of a run, or its one seal, with the fluid that decides on leakage classes."""
         _, several = results.class_leakage
+        if results.budget is not None:
+            several = np.where((several == 0) & ~np.isfinite(results.budget.upper), inf, several)
         error = results.dataset["library_error"].values if "library_error" in results.dataset else None
         return cls.of(results.steps, several, error if results.method == "median" else None)
 
@@ -48,7 +51,7 @@ class Seals:
         """Seals of leakages of any direction; those that failed at a step are left out."""
         size = np.abs(np.atleast_2d(np.asarray(leakage, dtype=float)))
         error = np.zeros(len(steps)) if library_error is None else np.nan_to_num(library_error)
-        return cls(steps, size[np.isfinite(size).all(axis=1)], error)
+        return cls(steps, size[~np.isnan(size).any(axis=1)], error)
 
     @property
     def count(self) -> int:
