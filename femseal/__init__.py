@@ -21,6 +21,7 @@ The flow of data, top to bottom::
     runs         a case, run: everything above                           run
     sweeps       a case with several values of its keys                  sweep
     designs      results -> pressures that a leakage class needs         design
+    calibration  a case and a leak test -> hardness and shortest wave    calibrate
 
 Everything is SI. Names are loaded when first used, so that importing the package is quick.
 """
@@ -39,6 +40,8 @@ __version__ = "0.1.0"
 if TYPE_CHECKING:
     from .base.errors import FemsealError, InputError, NotConverged
     from .budget import CoarserSolution, ErrorBudget, ErrorPart, GridConvergence, error_budget, grid_convergence
+    from .calibration.calibrating import calibrate
+    from .calibration.calibration import Calibration
     from .case.case import Case, load_case
     from .contact import Contact, HalfSpace, LoadCycle, LoadState, load_cycle, solve_contact
     from .contact.hardness_curves import HardnessTable, NixGao
@@ -69,6 +72,7 @@ if TYPE_CHECKING:
     from .studies.deterministic import DeterministicResult, deterministic
     from .studies.sampling_options import Sampling
     from .studies.scene import Scene
+    from .studies.seat_rows import SeatMap
     from .studies.stochastic import stochastic
     from .studies.stochastic_result import StochasticResult
     from .studies.two_scale import TwoScaleResult, two_scale
@@ -76,6 +80,7 @@ if TYPE_CHECKING:
     from .topography import (
         BallOnCone,
         CrownedSeat,
+        Places,
         ProfileSeat,
         RoundedSeat,
         SurfaceReport,
@@ -83,6 +88,7 @@ if TYPE_CHECKING:
         Topography,
         combine,
         condition,
+        continue_spectrum,
         describe_surface,
         read_topography,
         self_affine,
@@ -136,11 +142,15 @@ _MODULES = {
         "stochastic",
         "two_scale",
     ),
+    "studies.seat_rows": ("SeatMap",),
     "designs.answer": ("Design", "design"),
+    "calibration.calibrating": ("calibrate",),
+    "calibration.calibration": ("Calibration",),
     "sweeps.sweeping": ("sweep",),
     "topography": (
         "BallOnCone",
         "CrownedSeat",
+        "Places",
         "ProfileSeat",
         "RoundedSeat",
         "TiltedSeat",
@@ -148,6 +158,7 @@ _MODULES = {
         "Topography",
         "combine",
         "condition",
+        "continue_spectrum",
         "describe_surface",
         "read_topography",
         "self_affine",

@@ -7,7 +7,16 @@ import pytest
 from numpy.testing import assert_allclose
 
 import femseal as fs
-from femseal.budget import MODEL_PARTS, CoarserSolution, ErrorBudget, ErrorPart, model_changes, model_part
+from femseal.budget import (
+    MODEL_PARTS,
+    CoarserSolution,
+    ErrorBudget,
+    ErrorPart,
+    FormTolerance,
+    effective_pressure_part,
+    model_changes,
+    model_part,
+)
 
 D, E, H = 1e-6, 115e9, 2.3e9
 
@@ -85,7 +94,7 @@ def test_numbers_alone_stay_beside_the_whole():
     budget = ErrorBudget("deterministic", q, parts)
     assert_allclose(budget.half_width(0), np.sqrt(0.03))
     assert_allclose(budget.numerical.half_width(0), 0.1)
-    assert {"hardness", "fluid pressure", "form"} == {*MODEL_PARTS}
+    assert {"hardness", "fluid pressure", "effective pressure", "form", "continuation"} == {*MODEL_PARTS}
 
 
 @pytest.mark.parametrize(
@@ -118,3 +127,46 @@ def test_the_hardness_tolerance_is_that_of_the_softer_solid(tmp_path):
     path = tmp_path / "case.toml"
     path.write_text(text + soft)
     assert fs.load_case(path).hardness_tolerance == 0.05
+
+
+def test_a_form_with_a_tolerance_is_a_part(scene):
+    """On the heights, and as rows of a broader seat; a deeper crown is one of a smaller radius."""
+    seat = fs.CrownedSeat(2e-3)
+    formed = replace(scene, surface=seat.on(scene.surface), boundary=("free", "periodic"))
+    (change,) = model_changes(formed, ["form"], form=FormTolerance(seat, 0.25, on_heights=True))
+    deeper = fs.CrownedSeat(2e-3 / 1.25).on(scene.surface)
+    assert_allclose(change.scene.surface.heights, deeper.heights, atol=1e-18)
+    (change,) = model_changes(scene, ["form"], form=FormTolerance(seat, 0.25, on_heights=False))
+    assert change.scene is scene
+    x = np.linspace(-1e-4, 1e-4, 5)
+    assert_allclose(change.seat.depth(x, 2e-4), fs.CrownedSeat(2e-3 / 1.25).depth(x, 2e-4))
+    assert model_changes(scene, ["form"], form=FormTolerance(seat, 0.0, on_heights=True)) == []
+    assert model_changes(scene, ["hardness"], form=FormTolerance(seat, 0.1, on_heights=True))[0].name == "hardness"
+
+
+def test_windows_under_their_effective_pressure_have_a_part():
+    """It holds the coupled leakage of a face as narrow as four long waves, and is of drawn windows alone."""
+    surface = fs.self_affine(
+        (96, 96), (96 * D, 96 * D), hurst=0.75, rms_slope=0.2, roll_off=24 * D, cut_off=8 * D, rng=4
+    )
+    scene = fs.Scene(surface, E, H, fs.Liquid(1e-3), 60e6, 0.0, loading=(100e6, 150e6, 200e6))
+    given = {"length": 960 * D, "realisations": 12, "library_cells": 16, "seed": 1, "resampled": False}
+    drawn, dry = (
+        fs.stochastic(replace(scene, fluid_pressure=how), (4, 4), fs.Sampling(pressure="uniform", **given))
+        for how in ("acts", "ignored")
+    )
+    part = effective_pressure_part(scene, drawn)
+    q = drawn.quantile(0.5)
+    whole, ignored = (fs.deterministic(replace(scene, fluid_pressure=how)).leakage for how in ("acts", "ignored"))
+    coupled = dry.quantile(0.5) * whole / ignored  # what windows would leak with the effect of the whole face
+    assert (part.lower < coupled).all()
+    assert (coupled < part.upper).all()
+    assert (part.lower < q).all()
+    assert effective_pressure_part(replace(scene, fluid_pressure="ignored"), drawn) is None
+    place = fs.stochastic(scene, (4, 4), fs.Sampling(pressure="place", **given))
+    assert effective_pressure_part(scene, place) is None
+    assert effective_pressure_part(scene, fs.deterministic(scene)) is None
+    windows = fs.two_scale(scene, (4, 4), contact="windows")
+    part = effective_pressure_part(scene, windows)
+    assert (part.lower < windows.leakage).all()
+    assert (part.upper > windows.leakage).all()

@@ -6,6 +6,7 @@ from numpy.testing import assert_allclose
 
 import femseal as fs
 from femseal.case.case import parse_case
+from femseal.studies.seat_rows import SeatMap, seat_rows
 from femseal.topography.seat import (
     LEAST_DEPTH,
     BallOnCone,
@@ -209,3 +210,121 @@ def test_all_methods_take_a_seat():
     drawn = {"stochastic": {"realisations": 4}, "seal": ring}
     with pytest.raises(fs.InputError, match="a face with 4 rows of windows for a ring"):
         fs.prepare(parse_case(CASE | more | drawn))
+
+
+def patch(kind="self-affine", n=256, rng=11, rms_slope=0.2):
+    if kind == "turned":
+        return rough(n, n, rng)
+    return fs.self_affine(
+        (n, n), (n * D, n * D), hurst=0.75, rms_slope=rms_slope, roll_off=48 * D, cut_off=8 * D, rng=rng
+    )
+
+
+def rows_of(face, seat, forces, hardness=np.inf, breadth=1.024e-3, **given):
+    """Contact of a seat broader than its face under forces per length."""
+    loading = tuple(f / breadth for f in forces)
+    scene = fs.Scene(face, E, hardness, OIL, 1e6, 0.0, loading=loading, fluid_pressure="ignored", **given)
+    return seat_rows(scene, seat, breadth)
+
+
+@pytest.mark.parametrize("radius", [0.05, 0.02])
+def test_a_broad_seat_that_is_nearly_smooth_is_hertz_s_line_contact(radius):
+    forces = np.array([50e3, 200e3])
+    found = rows_of(patch(n=64, rms_slope=1e-4), CrownedSeat(radius), forces)
+    half = np.sqrt(4 * forces * radius / (np.pi * E))
+    assert_allclose(found.band, 2 * half, rtol=0.03)
+    assert_allclose(found.pressure.max(axis=1), 2 * forces / (np.pi * half), rtol=0.01)
+    assert_allclose(found.pressure.mean(axis=1), forces / 1.024e-3, rtol=1e-9)
+
+
+def test_a_broad_seat_of_soft_metal_carries_no_more_than_its_hardness():
+    """Fully plastic: the rows that carry more than half of it are W/H broad, to the 5 % below it where faces sink."""
+    hardness, force = 0.3e9, 100e3
+    found = rows_of(patch(n=64, rms_slope=0.01), CrownedSeat(0.01), [force], hardness)
+    assert found.pressure.max() <= hardness
+    assert found.pressure.max() > 0.95 * hardness
+    assert_allclose((found.pressure > 0.5 * hardness).mean() * found.breadth, force / hardness, rtol=0.05)
+
+
+def test_a_broad_seat_comes_back_to_its_peak_and_keeps_its_band_on_the_way_down():
+    """Elastic: loading again; plastic: a band that is smoother on the way down, so that it is narrower."""
+    breadth, forces = 1.024e-3, [50e3, 100e3, 200e3]
+    peak, stops = 200e3 / breadth, (200e3 / breadth, 100e3 / breadth, 50e3 / breadth)
+    way = {"unload_from": (peak,), "unloading": stops}
+    elastic, plastic = (rows_of(patch(n=128), CrownedSeat(0.02), forces, h, **way) for h in (np.inf, 2e9))
+    assert_allclose(elastic.pressure[3:], elastic.pressure[1::-1], rtol=1e-4, atol=1e3)
+    assert (plastic.pressure[3].max() > plastic.pressure[1].max()).all()
+    assert (plastic.band[3:] <= plastic.band[1::-1]).all()
+
+
+@pytest.mark.parametrize("radius", [0.2, 0.05, 0.01])
+def test_both_ways_of_a_seat_spread_the_load_alike(radius):
+    """The form on the heights of a broad face, and rows of a seat that a narrower face covers."""
+    forces = np.array([50e3, 100e3, 200e3])
+    whole = solved(CrownedSeat(radius).on(rough(1024, 128)), forces, 2.8e9).row_pressure
+    rows = rows_of(rough(256, 128), CrownedSeat(radius), forces, 2.8e9).pressure
+
+    def spread(p):
+        x = (np.arange(p.shape[1]) + 0.5) / p.shape[1] - 0.5
+        return np.sqrt((p * x**2).sum(axis=1) / p.sum(axis=1))
+
+    assert_allclose(spread(rows), spread(whole), rtol=0.12 if radius == 0.05 else 0.1)
+
+
+@pytest.mark.slow
+def test_both_ways_of_a_seat_leak_alike():
+    """Drawn windows over deterministic faces, as a fraction of the same for flat seats."""
+    breadth, forces = 1.024e-3, np.array([50e3, 100e3, 200e3])
+    ratios = {}
+    for seat in (FlatSeat(), CrownedSeat(0.2), CrownedSeat(0.05), CrownedSeat(0.01)):
+        given = {"loading": tuple(forces / breadth), "fluid_pressure": "ignored"}
+        faces = [fs.self_affine((1024, 256), (breadth, 0.256e-3), hurst=0.75, rms_slope=0.2, roll_off=48 * D,
+                                cut_off=8 * D, rng=rng) for rng in (6, 7, 8, 9)]  # fmt: skip
+        whole = [fs.deterministic(fs.Scene(seat.on(f), E, 2.3e9, OIL, 1e6, 0.0, **given)).leakage for f in faces]
+        over = fs.seal.Uniform() if seat == FlatSeat() else SeatMap(seat)
+        sampling = fs.Sampling(length=8e-3, breadth=breadth, realisations=20, library_cells=32, seed=1,
+                               pressure="uniform", pressure_map=over, resampled=False)  # fmt: skip
+        scene = fs.Scene(patch(n=512), E, 2.3e9, OIL, 1e6, 0.0, **given)
+        ratios[seat] = fs.stochastic(scene, (4, 4), sampling).quantile(0.5) / np.mean(whole, axis=0)
+    flat = ratios.pop(FlatSeat())
+    for ratio in ratios.values():
+        assert_allclose(ratio, flat, rtol=0.1)
+
+
+BROAD = {
+    "method": "stochastic",
+    "face": {"kind": "self-affine", "points": [64, 64], "size": ["64 um", "64 um"], "hurst": 0.8, "rms_slope": 0.1,
+             "roll_off": "32 um", "cut_off": "8 um"},
+    "material": {"young": "210 GPa", "poisson": 0.3, "yield_stress": "1 GPa"},
+    "load": {"loading": ["10 N/mm", "50 N/mm"]},
+    "fluid": {"kind": "liquid", "viscosity": "1 mPa*s", "inlet_pressure": "1 MPa"},
+    "seat": {"kind": "crowned", "radius": "20 mm", "tolerance": 0.1},
+    "cells": {"count": [2, 2]},
+    "stochastic": {"length": "1 mm", "breadth": "0.5 mm", "pressure": "uniform", "realisations": 4, "library_cells": 4},
+}  # fmt: skip
+
+
+def test_a_broad_seat_runs_from_a_case(tmp_path):
+    results = fs.run(parse_case(BROAD), tmp_path)
+    data = results.dataset
+    assert_allclose(data["row_pressure"].mean("row"), [10e3 / 0.5e-3, 50e3 / 0.5e-3])
+    assert_allclose(data["row"].values[[0, -1]].sum(), results.stochastic.seal.size[0])
+    assert (data["band_breadth"].values < 0.5e-3).all()
+    form = data["leakage_stochastic_budget_part_upper"].sel(budget_part="form")
+    assert (form > data["leakage_median"]).all()
+    assert "touches on a band" in (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert (tmp_path / "seat.png").is_file()
+
+
+@pytest.mark.parametrize(
+    ("change", "text"),
+    [
+        ({"method": "two-scale", "compare": ["stochastic"]}, "stochastic.pressure: given uniform with a crowned seat"),
+        ({"stochastic": BROAD["stochastic"] | {"pressure": "global"}}, "stochastic.pressure: given global"),
+        ({"load": BROAD["load"] | {"map": {"kind": "profile", "fractions": [1, 2]}}}, "load.map: given a map with a"),
+        ({"seat": {"kind": "crowned", "radius": "0.5 mm"}}, "slopes up to"),
+    ],
+)
+def test_broad_seats_that_are_refused(change, text):
+    with pytest.raises(fs.InputError, match=text):
+        fs.prepare(parse_case(BROAD | change))

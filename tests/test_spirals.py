@@ -6,8 +6,13 @@ from numpy.testing import assert_allclose
 from scipy.integrate import quad
 
 import femseal as fs
+from femseal.flow.discretisation import cell_stencil
+from femseal.flow.grid import Grid
+from femseal.flow.law import cubic_law
+from femseal.flow.spiral import spiral_flow
 from femseal.seal.lay import Lay
 from femseal.seal.layouts import AnnularLayout, MeshLayout, RectangularLayout
+from femseal.seal.link_windows import SpiralWindows
 from femseal.studies import Sampling, stochastic
 
 D = 1e-6
@@ -105,6 +110,188 @@ def test_directions_of_a_spiral():
     found = lay.directions(radii)
     assert_allclose(found[0, 0] / found[0, 1], 1e-3 / (2 * np.pi * 1e-3))
     assert_allclose(found[1, 1] / -found[1, 0], 1e-3 / (2 * np.pi * 2e-3))
+
+
+def grooves(shape, pitch, land=-1e-7):
+    """Gap of grooves along x2, closed on the lands unless `land` is positive."""
+    x = np.arange(shape[0]) + 0.5
+    profile = np.maximum(land - 1e-6 * np.cos(2 * np.pi * x / pitch), 0.0)
+    return np.repeat(profile[:, None], shape[1], axis=1)
+
+
+def plain(gap):
+    return fs.cell_permeability(gap, (D, D), sides="periodic")
+
+
+@pytest.mark.parametrize("circumference", [None, 1e-3])
+def test_closed_lands_leave_the_way_along_the_groove(circumference):
+    """k22 tan²α, to the links of the seam beyond the turns: of first order in the pixels of a turn."""
+    errors = []
+    for n2 in (32, 64, 128):
+        gap = grooves((96, n2), 16)
+        k, potential = spiral_flow(gap, (D, D), fs.flow.Spiral(16 * D, circumference), plain(gap).fluid_pressure)
+        k22 = fs.cell_permeability(gap, (D, D), axis=1, sides="periodic").value
+        exact = k22 * (16 * D / (circumference or n2 * D)) ** 2
+        errors.append(1 - k / exact)
+        assert np.nanmin(potential) >= 0
+        assert np.nanmax(potential) <= 1
+    assert_allclose(np.array(errors) * [6 * 32, 6 * 64, 6 * 128], 1.0, rtol=0.02)
+
+
+def test_open_lands_add_to_the_grooves():
+    gap = grooves((1024, 64), 16, land=1.2e-6)
+    k11, k22 = plain(gap).value, fs.cell_permeability(gap, (D, D), axis=1, sides="periodic").value
+    found = spiral_flow(gap, (D, D), fs.flow.Spiral(16 * D), plain(gap).fluid_pressure)[0]
+    assert_allclose(found, k11 + k22 * (16 / 64) ** 2, rtol=2e-3)
+
+
+def test_a_rough_face_one_turn_long_is_the_least_dissipation():
+    """Against a dense minimum of the dissipation over all potentials, links written one by one."""
+    n1, n2, shift = 9, 7, 3
+    gap = np.maximum(np.random.default_rng(5).uniform(-0.4, 1, (n1, n2)), 0) * 1e-6
+    found = spiral_flow(gap, (D, D), fs.flow.Spiral(shift * D), plain(gap).fluid_pressure)[0]
+    stencil = cell_stencil(gap / gap.max(), Grid.of_pixel_centres((n1, n2), (1.0, 1.0), "periodic"))
+    number = np.arange((n1 + 2) * n2).reshape(n1 + 2, n2)
+    links = []
+    for c, a, b, _ in stencil.conductances():
+        links += zip(c.ravel(), a.ravel(), b.ravel(), strict=True)
+    links = [(c, a, b) for c, a, b in links if not (a % n2 == n2 - 1 and b % n2 == 0 and a // n2 == b // n2)]
+    for i in range(1 - shift, n1 + 1):
+        ends = [gap[k, column] for k, column in ((i - 1, -1), (i + shift - 1, 0)) if 0 <= k < n1]
+        c = cubic_law(np.mean(ends) / gap.max()) if min(ends) > 0 else 0.0
+        links.append((c, number[max(i, 0), -1], number[min(i + shift, n1 + 1), 0]))
+    matrix = np.zeros((len(links), number.size))
+    for k, (c, a, b) in enumerate(links):
+        matrix[k, a], matrix[k, b] = np.sqrt(c), -np.sqrt(c)
+    fixed, free = matrix[:, :n2].sum(axis=1), matrix[:, n2:-n2]
+    residual = fixed + free @ np.linalg.lstsq(free, -fixed, rcond=None)[0]
+    assert found > 0
+    assert_allclose(found, gap.max() ** 3 * n1 / n2 * (residual @ residual), rtol=1e-7)
+
+
+def test_a_part_of_a_turn_stands_for_all_of_it():
+    """Rough grooves, closed lands: a face repeated 8 times around, against one of them with an eighth of the drop."""
+    rng = np.random.default_rng(3)
+    gap = grooves((128, 32), 16) * rng.uniform(0.3, 1, (128, 32))
+    spiral = fs.flow.Spiral(16 * D, 8 * 32 * D)
+    around, part = (
+        spiral_flow(one, (D, D), spiral, plain(one).fluid_pressure)[0] for one in (np.tile(gap, (1, 8)), gap)
+    )
+    assert_allclose(part, around, rtol=0.02)
+
+
+def test_a_blocked_groove_leaks_nothing():
+    gap = grooves((64, 32), 16)
+    gap[40, :] = gap[:, 5] = 0.0
+    gap[30:50, 5] = 0.0
+    found = spiral_flow(gap, (D, D), fs.flow.Spiral(16 * D), plain(gap).fluid_pressure)
+    assert found[0] == 0.0
+
+
+def test_a_lead_that_hardly_matters_is_left_out():
+    gap = grooves((64, 32), 16, land=3e-6)
+    assert spiral_flow(gap, (D, D), fs.flow.Spiral(16 * D, 0.1), plain(gap).fluid_pressure) is None
+    assert spiral_flow(gap, (D, D), fs.flow.Spiral(16 * D), plain(gap).fluid_pressure) is not None
+
+
+def whole(lay, **given):
+    surface = fs.Topography(np.tile(window(), (6, 3)), (D, D), (False, True))
+    given = {"loading": (2e8, 6e8), "fluid_pressure": "ignored"} | given
+    return fs.Scene(surface, 115e9, 2e9, OIL, 1e6, 0.0, layout=RectangularLayout(lay), **given)
+
+
+def test_studies_of_a_face_follow_its_groove():
+    """Deterministic and two-scale: sealed as rings, k22 tan²α as a spiral; the fluid that acts opens it further."""
+    lay = {"kind": "spiral", "lead": "16 um", "circumference": "1 mm"}
+    assert not fs.deterministic(whole("x2")).leakage.any()
+    found = fs.deterministic(whole(lay))
+    k22 = [fs.cell_permeability(g, (D, D), axis=1, sides="periodic").value for g in found.gap]
+    assert_allclose(found.leakage, np.array(k22) * (16e-6 / 1e-3) ** 2 * 1e6 / (1e-3 * 96e-6), rtol=0.25)
+    assert_allclose(fs.two_scale(whole(lay), (6, 3), flow="resolved").leakage, found.leakage, rtol=1e-5)
+    assert_allclose(fs.two_scale(whole(lay), (6, 3), flow="links").leakage, found.leakage, rtol=0.1)
+    pressed = fs.deterministic(whole(lay, fluid_pressure="acts", loading=(2e7,))).leakage
+    assert pressed > fs.deterministic(whole(lay, loading=(2e7,))).leakage
+
+
+@pytest.mark.parametrize(
+    ("solve", "text"),
+    [
+        (lambda lay: fs.two_scale(whole(lay), (6, 3), flow="elements"), "flow: given 'elements' of 6 × 3 windows"),
+        (lambda lay: fs.deterministic(whole(lay, discretisation="gauss")), "discretisation: given 'gauss'"),
+        (lambda lay: fs.deterministic(whole(lay | {"circumference": "10 um"})), "lay.circumference: given 10 µm"),
+        (lambda lay: fs.deterministic(whole(lay | {"lead": "96 um"})), "lay.lead: given 96 µm on a face 96 µm broad"),
+    ],
+)
+def test_spirals_that_a_face_cannot_follow(solve, text):
+    with pytest.raises(fs.InputError, match=text):
+        solve({"kind": "spiral", "lead": "16 um"})
+
+
+def test_the_groove_of_a_row_is_as_open_as_its_windows_in_turn():
+    seal = fs.RectangularSeal((3e-3, 4e-3), (3, 4))
+    across = np.random.default_rng(1).uniform(0.1, 1, (3, 4))
+    along, _ = SpiralWindows(seal, tangent=(0.1,) * 3).permeability(np.zeros((3, 4)), across)
+    assert_allclose(along, np.repeat((0.01 / 1.01 / (1 / across).mean(axis=1))[:, None], 4, axis=1))
+    across[1, 2] = 0.0
+    assert not SpiralWindows(seal, tangent=(0.1,) * 3).permeability(np.zeros((3, 4)), across)[0][1].any()
+
+
+CASE = """
+method = "{method}"
+[face]
+{face}
+[material]
+young = "210 GPa"
+poisson = 0.3
+yield_stress = "1 GPa"
+[load]
+loading = ["100 MPa"]
+[fluid]
+kind = "liquid"
+viscosity = "1 mPa*s"
+inlet_pressure = "1 MPa"
+[cells]
+count = [2, 2]
+[stochastic]
+length = "12 mm"
+pressure = "{pressure}"
+[seal]
+kind = "rectangular"
+{lay}
+"""
+TURNED = 'kind = "turned"\npoints = [64, 64]\nsize = ["120 um", "120 um"]\npitch = "40 um"\ndepth = "1.5 um"'
+
+
+@pytest.mark.parametrize(
+    ("lay", "method", "pressure", "text"),
+    [
+        ("", "stochastic", "uniform", "in a spiral of lead 40 µm"),
+        ("", "deterministic", "place", "in a spiral of lead 40 µm"),
+        ("", "stochastic", "place", "x2"),
+        ("lay = 'x2'", "stochastic", "uniform", "x2"),
+        ("lay = {kind = 'spiral', lead = '20 um'}", "deterministic", "uniform", "in a spiral of lead 20 µm"),
+    ],
+)
+def test_a_turned_face_winds_with_its_pitch(tmp_path, lay, method, pressure, text):
+    path = tmp_path / "case.toml"
+    path.write_text(CASE.format(face=TURNED, lay=lay, method=method, pressure=pressure))
+    layout = fs.prepare(fs.load_case(path)).scene.layout
+    assert str(layout.lay) == text
+    assert layout.lay.circumference == (None if text == "x2" else 12e-3)
+
+
+@pytest.mark.parametrize(("lay", "asked"), [("", 1), ("lay = 'x2'", 0)])
+def test_a_measured_face_with_grooves_is_asked_whether_they_wind(tmp_path, lay, asked):
+    np.save(
+        tmp_path / "face.npy", np.tile(window(32), (4, 4)) + 1e-8 * np.random.default_rng(0).normal(size=(128, 128))
+    )
+    face = 'kind = "file"\npath = "face.npy"\nheight_unit = "m"\nspacing = ["2 um", "2 um"]'
+    path = tmp_path / "case.toml"
+    path.write_text(CASE.format(face=face, lay=lay, method="deterministic", pressure="place"))
+    warnings = [w for w in fs.prepare(fs.load_case(path)).warnings if "grooves along x2" in w]
+    assert len(warnings) == asked
+    if asked:
+        assert "64 µm apart" in warnings[0]
 
 
 @pytest.mark.parametrize(

@@ -5,10 +5,12 @@ combines them to one band (`error_parts.py`). All distances are of ln(leakage): 
 """
 
 from .coarse import CoarserSolution, change_of_windows
+from .continued_waves import continuation_part
 from .error_budget import at_interpolated_steps, error_budget
 from .error_parts import MODEL_PARTS, ErrorBudget, ErrorPart
 from .grid_convergence import GridConvergence, grid_convergence
-from .model_parts import ModelChange, model_changes, model_part
+from .model_parts import FormTolerance, ModelChange, effective_pressure_part, model_changes, model_part
+from .removed_slope import contact_fraction_of
 from .widest_band import WidestBand, counting_steps, widest_band
 
 __all__ = [
@@ -16,12 +18,16 @@ __all__ = [
     "CoarserSolution",
     "ErrorBudget",
     "ErrorPart",
+    "FormTolerance",
     "GridConvergence",
     "ModelChange",
     "WidestBand",
     "at_interpolated_steps",
     "change_of_windows",
+    "continuation_part",
+    "contact_fraction_of",
     "counting_steps",
+    "effective_pressure_part",
     "error_budget",
     "grid_convergence",
     "model_changes",

@@ -14,7 +14,7 @@ from ..studies.scene import Array
 
 Indices = NDArray[np.int64]
 #: Sources of error of the model and its input, in the order in which they are shown; the others are of its solution.
-MODEL_PARTS = ("hardness", "fluid pressure", "form")
+MODEL_PARTS = ("hardness", "fluid pressure", "effective pressure", "form", "continuation")
 #: Ratio by which a leakage may rise under a higher load by the errors of its solution.
 _RISE = 1.001
 

@@ -12,6 +12,7 @@ from ..base.errors import InputError
 SURFACE_KEYS = {
     "shortest_wavelength": "surface.shortest_wave",
     "max_share": "surface.max_undefined",
+    "continue_spectrum": "surface.continue_spectrum",
     "shape": "surface.points",
     "spikes": "surface.spikes",
     "order": "surface.detrend",
@@ -26,7 +27,7 @@ SEAL_TABLES = dict.fromkeys(
 
 #: Tables of the arguments of maps of the pressure.
 MAP_TABLES = {"map": "load", "sampler": "stochastic"} | dict.fromkeys(
-    ("shares", "positions", "angles", "path", "name", "length_unit", "pressure_unit", "points", "pressure", "field"),
+    ("fractions", "positions", "angles", "path", "name", "length_unit", "pressure_unit", "points", "pressure", "field"),
     "load.map",
 )
 

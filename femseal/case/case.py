@@ -118,9 +118,11 @@ class Case(Table):
             with faults_of(key):
                 potential_of(fluid.fluid, "inlet_pressure", fluid.inlet_pressure)
         self._check_output()
-        for face in self.face:
-            if isinstance(face, FileFace) and not isfile(self.folder / face.path):
-                raise fault("face.path", f"'{shortened(face.path)}'", "a file that exists")
+        for face in (face for face in self.face if isinstance(face, FileFace)):
+            for table in face.each(self.folder):
+                if not isfile(self.folder / (table.path or "")):
+                    key = "face.path" if face.places is None else "face.places"
+                    raise fault(key, f"'{shortened(table.path)}'", "a file that exists")
         if isinstance(first := self.face[0], FileFace) and first.placement:
             raise fault("face.0", ", ".join(sorted(first.placement)), "that in the second face")
         self._check_seal()
@@ -179,14 +181,26 @@ class Case(Table):
         if any(isinstance(face, FileFace) for face in self.face) and self.surface.detrend < least:
             given = f"{self.surface.detrend} with a {kind} seat: the form would count twice"
             raise fault("surface.detrend", given, f"{least}: the form is that of [seat]")
-        if self.stochastic is not None and "stochastic" in self.methods and self.stochastic.pressure != "place":
-            given = f"{self.stochastic.pressure} with a {kind} seat"
-            raise fault("stochastic.pressure", given, "place: windows keep their rows")
+        if self.stochastic is not None and "stochastic" in self.methods:
+            if self.stochastic.pressure == "global":
+                given = f"global with a {kind} seat"
+                raise fault("stochastic.pressure", given, "place: windows keep their rows, or uniform on broader seats")
+            if self.seat_is_broader and self.methods != {"stochastic"}:
+                given = f"uniform with a {kind} seat and the methods {', '.join(sorted(self.methods))}"
+                raise fault("stochastic.pressure", given, "place, or the method stochastic alone")
+            if self.seat_is_broader and self.load.map is not None:
+                raise fault("load.map", f"a map with a {kind} seat", "none: the form gives the pressure of the rows")
         if self.layout.kind == MeshLayout.kind:
             raise fault("seal.kind", f"{self.layout.kind} with a {kind} seat", "a strip or a ring")
         path = getattr(self.seat, "path", None)
         if path is not None and not isfile(self.folder / path):
             raise fault("seat.path", f"'{shortened(path)}'", "a file that exists")
+
+    @property
+    def seat_is_broader(self) -> bool:
+        """Whether windows follow the pressures of a seat with a form, instead of keeping their rows on it."""
+        drawn = self.stochastic if "stochastic" in self.methods else None
+        return self.seat.kind != "flat" and drawn is not None and drawn.pressure == "uniform"
 
     def _check_map(self) -> None:
         """Raise a fault if a map of the pressure does not go with the method, or its file does not exist."""

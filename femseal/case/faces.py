@@ -5,13 +5,16 @@ To add a kind of face, write a table with `make` and put it into `Face`.
 
 from __future__ import annotations
 
+import glob
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field
+from pydantic import BeforeValidator, Field, WithJsonSchema
 
+from ..base.errors import shortened
 from ..topography import SPIKES, Topography, read_topography, self_affine, turned
+from .faults import fault
 from .values import Angle, Channel, Count, Height, Hurst, Length, Place, Ratio, Shift, Slope, Table, Threshold
 
 
@@ -57,14 +60,10 @@ class TurnedFace(Table):
         return turned(self.points, self.size, rng=rng, **given)
 
 
-class FileFace(Table):
-    """A measured face, see `topography.read_topography`; paths are relative to the case file.
+class MapFile(Table):
+    """A file with a map of heights, see `topography.read_topography`; paths are relative to the case file."""
 
-    `mirror`, `rotate` and `shift` place the second of two faces on the first, see `topography.combine`.
-    """
-
-    kind: Literal["file"]
-    path: Path
+    path: Path | None = None
     size: tuple[Length, Length] | None = None
     spacing: tuple[Length, Length] | None = None
     height_unit: str | None = None
@@ -76,6 +75,29 @@ class FileFace(Table):
     file_mask: bool = True
     crop: tuple[Place, Place, Place, Place] | None = None
     periodic: tuple[bool, bool] = (False, False)
+
+
+def _tables(given: Any) -> Any:
+    """Places as tables: a text is a path or a pattern of paths."""
+    given = [given] if isinstance(given, str) else given
+    return [{"path": one} if isinstance(one, str) else one for one in given] if isinstance(given, list) else given
+
+
+#: Maps of several places: paths, a pattern of paths such as "place*.plu", or tables with keys of their own.
+PlaceTables = Annotated[
+    tuple[MapFile, ...], BeforeValidator(_tables), WithJsonSchema({"type": ["string", "array"], "items": {}})
+]
+
+
+class FileFace(MapFile):
+    """A measured face: one map, or `places`, several of them.
+
+    Keys of the table are those of every place that has none of its own. `mirror`, `rotate` and `shift` place the second
+    of two faces on the first, see `topography.combine`.
+    """
+
+    kind: Literal["file"]
+    places: PlaceTables | None = None
     mirror: Literal["x1", "x2"] | None = None
     rotate: Angle | None = None
     shift: tuple[Shift, Shift] | None = None
@@ -85,11 +107,39 @@ class FileFace(Table):
         """Placement on the first face, as `topography.combine` takes it."""
         return self.model_dump(include=_PLACEMENT, exclude_none=True)
 
+    def each(self, folder: Path) -> list[FileFace]:
+        """The tables of all places, patterns resolved in alphabetical order; the face itself where it is one map.
+
+        Raises
+        ------
+        PydanticCustomError : no file, or one besides places, or fewer than two places.
+        """
+        if self.places is None:
+            if self.path is None:
+                raise fault("face.path", "none", "the file of the map, or places")
+            return [self]
+        if self.path is not None:
+            raise fault("face.path", "a file besides places", "one of them")
+        found = []
+        for place in self.places:
+            if place.path is None:
+                raise fault("face.places", "a place without path", "a path in every place")
+            name, own = str(place.path), {key: getattr(place, key) for key in place.model_fields_set}
+            paths = [place.path]
+            if glob.has_magic(name) and "\0" not in name:
+                paths = [Path(path) for path in sorted(glob.glob(name, root_dir=folder))]
+            found += [self.model_copy(update={**own, "places": None, "path": path}) for path in paths]
+        if len(found) < 2:
+            raise fault("face.places", f"{len(found)} of them", "at least two; path for a single one")
+        if (twice := [table for n, table in enumerate(found) if table in found[:n]]) != []:
+            raise fault("face.places", f"'{shortened(twice[0].path)}' twice", "each place once")
+        return found
+
     def make(self, folder: Path, rng: np.random.Generator) -> Topography:
-        """The face."""
-        given = self.model_dump(exclude={"kind", "path", "mask", *_PLACEMENT})
+        """The face, of one map."""
+        given = self.model_dump(exclude={"kind", "path", "places", "mask", *_PLACEMENT})
         mask = None if self.mask is None else folder / self.mask
-        return read_topography(folder / self.path, mask=mask, **given)
+        return read_topography(folder / (self.path or ""), mask=mask, **given)
 
 
 _PLACEMENT = {"mirror", "rotate", "shift"}
@@ -99,6 +149,7 @@ Face = Annotated[SelfAffineFace | TurnedFace | FileFace, Field(discriminator="ki
 class SurfaceTable(Table):
     """Repair of measured faces (`topography.repair`) and conditioning of their sum (`topography.condition`).
 
+    continue_spectrum : cut-off of the waves that continue its power law, see `topography.continue_spectrum`.
     filter_sensitivity : the answer is computed once more, of the face without waves up to twice the shortest one.
     """
 
@@ -107,4 +158,5 @@ class SurfaceTable(Table):
     shortest_wave: Length | None = None
     max_undefined: Ratio = 0.05
     points: tuple[Count, Count] | None = None
+    continue_spectrum: Length | None = None
     filter_sensitivity: bool = False

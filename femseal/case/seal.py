@@ -53,7 +53,8 @@ def _lay(value: Any) -> Any:
     except InputError as error:
         raise refusal(error.expected) from None
     if lay.name == "spiral":
-        return {"kind": "spiral", "lead": lay.lead}
+        turn = {} if lay.circumference is None else {"circumference": lay.circumference}
+        return {"kind": "spiral", "lead": lay.lead} | turn
     return {"angle": lay.angle} if lay.angle is not None else value
 
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import fields
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
-from pydantic import model_validator
+from pydantic import Field, model_validator
 
 from ..topography.seat import SEATS, Seat
 from .faults import faults_of
@@ -19,10 +19,11 @@ class SeatTable(Table):
 
     if TYPE_CHECKING:
         kind: str
+    tolerance: Annotated[float, Field(ge=0, lt=1)] = 0.0
 
     def seat(self, folder: Path) -> Seat:
         """The form; paths are relative to a folder."""
-        given = {name: getattr(self, name) for name in type(self).model_fields if name != "kind"}
+        given = {name: getattr(self, name) for name in type(self).model_fields if name not in ("kind", "tolerance")}
         return SEATS[self.kind](**{k: folder / v if isinstance(v, Path) else v for k, v in given.items()})
 
     @model_validator(mode="after")

@@ -64,7 +64,7 @@ class Convolution:
         threads: int = 1,
         over: Convolution | None = None,
     ) -> None:
-        import pyfftw  # it takes half a second, and what is refused needs none
+        import pyfftw
 
         (n1, n2), real = shape, np.dtype(dtype)
         waves = np.result_type(real, np.complex64)

@@ -22,7 +22,7 @@ def design(
             show_default="those of the case, else L0.01, L0.1, L1",
         ),
     ] = None,
-    probability: Annotated[float, typer.Option(help="Share of the seals that is to keep the class.")] = 0.95,
+    probability: Annotated[float, typer.Option(help="Fraction of the seals that is to keep the class.")] = 0.95,
     assembly: Annotated[
         list[str] | None,
         typer.Option(

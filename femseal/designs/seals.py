@@ -39,16 +39,19 @@ class Seals:
 
     @classmethod
     def of_results(cls, results: Results) -> Seals:
-        """The realisations of a run, or its one seal, with the fluid that decides on leakage classes."""
+        """The realisations of a run, or its one seal, with the fluid that decides on leakage classes.
+
+        What is sealed and may be open by its error budget is taken for open: its leakage is inf.
+        """
         _, several = results.class_leakage
-        if results.budget is not None:
-            several = np.where((several == 0) & ~np.isfinite(results.budget.upper), inf, several)
+        if (budget := results.budget) is not None:
+            several = np.where((several == 0) & ~np.isfinite(budget.upper), inf, several)
         error = results.dataset["library_error"].values if "library_error" in results.dataset else None
         return cls.of(results.steps, several, error if results.method == "median" else None)
 
     @classmethod
     def of(cls, steps: LoadProgramme, leakage: Array, library_error: Array | None = None) -> Seals:
-        """Seals of leakages of any direction; those that failed at a step are left out."""
+        """Seals of leakages of any direction, inf where one is not known; those that failed at a step are left out."""
         size = np.abs(np.atleast_2d(np.asarray(leakage, dtype=float)))
         error = np.zeros(len(steps)) if library_error is None else np.nan_to_num(library_error)
         return cls(steps, size[~np.isnan(size).any(axis=1)], error)

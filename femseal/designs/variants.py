@@ -74,6 +74,7 @@ class Solver:
         InputError : the turned face does not go with the shape of the seal or with its windows.
         """
         prepared, scene = self._prepared, self._scene
+        scene.check_one_place("lay", "turned", "as measured")
         surface = scene.surface
         turned = replace(scene, surface=Topography(np.ascontiguousarray(surface.heights.T), surface.spacing[::-1]))
         cells = None if prepared.cells is None else prepared.cells[::-1]

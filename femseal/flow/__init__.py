@@ -6,6 +6,7 @@ from .discretisation import DISCRETISATIONS
 from .law import CubicLaw, FlowLaw, FukuiKaneko, SlipLength
 from .solution import DarcyFlow
 from .solvers.choice import SOLVERS, solve_flow
+from .spiral import Spiral
 from .stencil import Stencil
 from .tensor import permeability_tensor
 
@@ -19,6 +20,7 @@ __all__ = [
     "FukuiKaneko",
     "Permeability",
     "SlipLength",
+    "Spiral",
     "Stencil",
     "cell_permeabilities",
     "cell_permeability",

@@ -120,6 +120,9 @@ def heights_figure(topography: Topography) -> Figure:
     return sheet.figure
 
 
+_WAVELENGTH = "wavelength 2π/q [µm]"
+
+
 def _drawn_heights(heights: Array) -> Array:
     """Heights as many as can be seen."""
     return heights if max(heights.shape) <= _SEEN else block_means(heights, _SEEN).astype(float)
@@ -131,13 +134,19 @@ def _densities_panel(axes: Axes, topography: Topography) -> None:
         q, density = topography.psd(axis)
         shown = (q > 0) & (density > density.max() * 1e-12)
         colour, style, _ = STYLES[axis]
-        axes.loglog(q[shown], density[shown], color=colour, ls=style, lw=1.2, label=_ALONG[axis])
+        axes.loglog(_um(q[shown]), density[shown], color=colour, ls=style, lw=1.2, label=_ALONG[axis])
     _density_labels(axes)
     axes.legend(fontsize=8, framealpha=0.9)
 
 
+def _um(q: Array) -> Array:
+    """Wavelengths [µm] of wavenumbers [rad/m]."""
+    return 2e6 * pi / q
+
+
 def _density_labels(axes: Axes) -> None:
-    axes.set(xlabel="wavenumber q = 2π/λ [rad/m]", ylabel="spectral density [m³]")
+    axes.set(xlabel=_WAVELENGTH, ylabel="spectral density [m³]")
+    axes.xaxis.set_inverted(True)
     axes.set_title("mean spectral density of profiles", fontsize=9.5)
 
 
@@ -224,23 +233,25 @@ def _radial_panel(axes: Axes, flat: Topography, report: SurfaceReport, condition
     """Spectral density averaged over directions, with noise, power law, and the shortest waves."""
     q, density = flat.radial_psd()
     shown = (q > 0) & (density > density.max(initial=0.0) * 1e-14)
-    axes.loglog(q[shown], density[shown], color=GREY, lw=1.0)
+    axes.loglog(_um(q[shown]), density[shown], color=GREY, lw=1.0)
     if report.noise:
         floor = report.noise**2 * flat.spacing[0] * flat.spacing[1]
         axes.axhline(floor, color=GREY, ls=":", lw=1.1, label=f"white noise, {to_text(report.noise, 'm', 3)} rms")
     if report.power_law is not None:
         ends = 2 * pi / np.array(report.power_law)
         law = report.power_law_density * (ends / ends[0]) ** (-2 - 2 * report.hurst)
-        label = f"q^(−2−2H), H = {report.hurst:.2f}"
-        axes.loglog(ends, law, color=STYLES[0][0], lw=2.2, label=label)
+        slope, error = report.power_law_slope
+        label = f"q^({slope:.2f} ± {error:.2f}), H = {report.hurst:.2f}"
+        axes.loglog(_um(ends), law, color=STYLES[0][0], lw=2.2, label=label)
         if not isnan(report.roll_off):
-            axes.loglog((q[shown][0], ends[0]), (law[0], law[0]), color=STYLES[0][0], lw=2.2, ls="--",
+            axes.loglog(_um(np.array([q[shown][0], ends[0]])), (law[0], law[0]), color=STYLES[0][0], lw=2.2, ls="--",
                         label=f"plateau beyond {to_text(report.roll_off, 'm', 3)}")  # fmt: skip
     marks = [(report.shortest_wave, STYLES[3], "shortest wave measured")]
     if conditioning is not None:
         marks.insert(0, (conditioning.shortest_wavelength, STYLES[2], "low-pass of a run"))
     for wave, (colour, style, _), label in marks:
-        axes.axvline(2 * pi / wave, color=colour, ls=style, lw=1.3, label=f"{label}, {to_text(wave, 'm', 3)}")
-    axes.set(xlabel="wavenumber q = 2π/λ [rad/m]", ylabel="spectral density [m⁴]")
+        axes.axvline(1e6 * wave, color=colour, ls=style, lw=1.3, label=f"{label}, {to_text(wave, 'm', 3)}")
+    axes.set(xlabel=_WAVELENGTH, ylabel="spectral density [m⁴]")
+    axes.xaxis.set_inverted(True)
     axes.set_title("spectral density averaged over directions", fontsize=9.5)
     axes.legend(fontsize=8, framealpha=0.9, edgecolor="none")

@@ -118,9 +118,9 @@ def face_panel(axes: Axes, data: xarray.Dataset) -> None:
 
 
 def face_leakage(data: xarray.Dataset) -> Array:
-    """Leakage at every step of the study whose maps these are: deterministic, else two scales."""
-    name = "leakage_deterministic" if "leakage_deterministic" in data else "leakage_two_scale"
-    return np.asarray(data[name].values)
+    """Leakage at every step of the study whose maps these are: deterministic, else two scales, else drawn seals."""
+    names = ("leakage_deterministic", "leakage_two_scale", "leakage_median")
+    return np.asarray(data[next(name for name in names if name in data)].values)
 
 
 def face_fluid_panel(axes: Axes, data: xarray.Dataset, s: int) -> None:

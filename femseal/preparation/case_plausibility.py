@@ -40,6 +40,8 @@ def plausibility_warnings(case: Case, scene: Scene, surface: Conditioning) -> tu
 
 def _odd_filter(case: Case, scene: Scene, surface: Conditioning) -> Iterator[str]:
     """Warn where the low-pass removes much of the measured slope, and say what keeps it."""
+    if case.surface.continue_spectrum is not None:
+        return
     measured, kept = (to_text(wave, "m", 3) for wave in (surface.shortest_measured, surface.shortest_wavelength))
     asked = case.surface.shortest_wave is not None or case.surface.points is not None
     points = resolving_shape(scene.surface.size, surface.shortest_measured)

@@ -18,11 +18,14 @@ from ..case.faces import FileFace
 from ..topography import (
     MOST_POINTS,
     Conditioning,
+    Continuation,
     Overlap,
+    Places,
     Repair,
     TooManyUndefined,
     Topography,
     combine,
+    continuation_of,
     default_wave,
     repair,
     resolved_wave,
@@ -41,12 +44,13 @@ KEPT_SLOPE = 0.99
 
 @dataclass(frozen=True)
 class ConditionedFace:
-    """The face that is solved, how it was conditioned, the overlap of two faces, and the number of windows."""
+    """The face that is solved, how it was conditioned and continued, overlap of two faces, number of windows."""
 
     surface: Topography
     conditioning: Conditioning
     overlap: Overlap | None
     cells: Pair | None
+    continuation: Continuation | None
 
 
 def conditioned_face(case: Case) -> ConditionedFace:
@@ -59,12 +63,28 @@ def conditioned_face(case: Case) -> ConditionedFace:
     for place, table in zip(face_places(case), case.face, strict=True):
         if not isinstance(table, FileFace):
             check_memory_of_points(f"{place}.points", table.points)
-    raw, separately, overlap, spikes = _combined_faces(case)
-    with with_keys(SURFACE_KEYS), _in_the_whole_map(case.face[0]):
-        flat, repaired = repair(raw, spikes=spikes, **_treatment(case))
+    raws, separately, overlap, spikes = _combined_faces(case)
+    every = []
+    for raw in raws:
+        with with_keys(SURFACE_KEYS), _in_the_whole_map(case.face[0]):
+            every.append(repair(raw, spikes=spikes, **_treatment(case)))
+    flat, repaired = every[0]
+    if len(every) > 1:
+        # what was repaired is said of each, as of two faces
+        separately, repaired = separately or every, replace(repaired, removed=np.zeros(1))
+        with with_keys({"places": "face.places"}):
+            flat = Places([face for face, _ in every])
+    with with_keys(SURFACE_KEYS):
+        continued = _continuation(case, flat)
     shape = _grid(case, flat)
-    wave = case.surface.shortest_wave or default_wave(flat, shape)
-    cells = _cell_count(case, flat.size, wave)
+    wave = continued.longest if continued else case.surface.shortest_wave or default_wave(flat, shape)
+    if isinstance(flat, Places):
+        cells = _cell_count(case, (flat.size[0], min(p.size[1] for p in flat.each)), wave)
+        if cells is not None:
+            flat, columns = flat.whole_columns(cells[1])
+            cells = (cells[0], columns)
+    else:
+        cells = _cell_count(case, flat.size, wave)
     check_memory_of_points("surface.points", shape)
     if cells is not None:
         shape = (next_multiple(shape[0], cells[0]), next_multiple(shape[1], cells[1]))
@@ -73,7 +93,17 @@ def conditioned_face(case: Case) -> ConditionedFace:
     with with_keys(SURFACE_KEYS):
         surface, report = smooth(flat, repaired, shortest_wavelength=wave, shape=shape)
     report = _of_generated(case, flat, replace(report, **_found(separately, wave)))
-    return ConditionedFace(surface, report, overlap, cells)
+    if continued is not None:
+        surface = continued.added_to(surface)
+        slope, height = surface.rms_slope, surface.rms_height
+        report = replace(report, shortest_wavelength=continued.cut_off, rms_slope=slope, rms_height=height)
+    return ConditionedFace(surface, report, overlap, cells, continued)
+
+
+def _continuation(case: Case, flat: Topography) -> Continuation | None:
+    """How the spectrum of a face goes on, if the case says that it does."""
+    cut_off, longest = case.surface.continue_spectrum, case.surface.shortest_wave
+    return None if cut_off is None else continuation_of(flat, cut_off, longest=longest, seed=case.seed)
 
 
 def face_places(case: Case) -> list[str]:
@@ -81,30 +111,35 @@ def face_places(case: Case) -> list[str]:
     return ["face"] if len(case.face) == 1 else [f"face.{n}" for n in range(len(case.face))]
 
 
-def _combined_faces(case: Case) -> tuple[Topography, list[tuple[Topography, Repair]], Overlap | None, float]:
-    """One face as it is, or the sum of two repaired ones.
+def _combined_faces(case: Case) -> tuple[list[Topography], list[tuple[Topography, Repair]], Overlap | None, float]:
+    """Every place of one face as it is, or of the sum of two repaired ones.
 
     Also returned: the repairs of the two, their overlap, and the threshold of the spikes that the sum still has.
     """
     # every face has its own random stream, independent of later draws of the method
     seeds = np.random.SeedSequence(case.seed).spawn(len(case.face))
-    faces = []
+    faces: list[list[Topography]] = []
     for place, table, seed in zip(face_places(case), case.face, seeds, strict=True):
         of_file = isinstance(table, FileFace)
         keys = {key: f"{place}.{key}" for key in ("crop", "mask", "file_mask")} if of_file else FACE_KEYS
+        rng = np.random.default_rng(seed)
         with with_keys(keys, "" if of_file else place):
-            faces.append(table.make(case.folder, np.random.default_rng(seed)))
+            tables = table.each(case.folder) if isinstance(table, FileFace) else [table]
+            faces.append([one.make(case.folder, rng) for one in tables])
     thresholds = [case.surface.spikes if isinstance(table, FileFace) else inf for table in case.face]
     if len(faces) == 1:
         return faces[0], [], None, thresholds[0]
-    repaired = []
-    for place, table, face, most in zip(face_places(case), case.face, faces, thresholds, strict=True):
+    repaired: list[list[tuple[Topography, Repair]]] = []
+    for place, table, maps, most in zip(face_places(case), case.face, faces, thresholds, strict=True):
         with with_keys(SURFACE_KEYS, place), _in_the_whole_map(table):
-            repaired.append(repair(face, spikes=most, **_treatment(case)))
-    first, second = (face for face, _ in repaired)
+            repaired.append([repair(face, spikes=most, **_treatment(case)) for face in maps])
     table = case.face[1]
-    surface, overlap = combine(first, second, **(table.placement if isinstance(table, FileFace) else {}))
-    return surface, repaired, overlap, inf
+    placement = table.placement if isinstance(table, FileFace) else {}
+    first, second = repaired
+    # place n of one face lies on place n of the other; where there are fewer they come again
+    pairs = [(first[n % len(first)], second[n % len(second)]) for n in range(max(len(first), len(second)))]
+    both = [combine(a, b, **placement) for (a, _), (b, _) in pairs]
+    return [surface for surface, _ in both], [found for pair in pairs for found in pair], both[0][1], inf
 
 
 def _of_generated(case: Case, flat: Topography, report: Conditioning) -> Conditioning:
@@ -148,8 +183,14 @@ def _grid(case: Case, flat: Topography) -> tuple[int, int]:
 
     A measured face keeps its own pixels where waves of 8 of them have nearly all of its slope.
     """
-    if case.surface.points is not None:
-        return case.surface.points
+    cut_off, points = case.surface.continue_spectrum, case.surface.points
+    if cut_off is not None and points is not None and cut_off < resolved_wave(flat.size, points) * (1 - 1e-9):
+        expected = f"8 pixels to continue_spectrum, {resolving_shape(flat.size, cut_off)}"
+        raise InputError("surface.points", points, expected)
+    if points is not None:
+        return points
+    if cut_off is not None:
+        return resolving_shape(flat.size, cut_off)
     if not any(isinstance(face, FileFace) for face in case.face):
         return flat.shape
     return default_grid(flat, case.surface.shortest_wave)

@@ -6,12 +6,14 @@ from dataclasses import replace
 
 from ..base.errors import InputError
 from ..base.quantities import to_text
+from ..budget import FormTolerance
 from ..case.argument_names import MAP_TABLES, SEAL_TABLES, with_tables
 from ..case.case import Case
 from ..case.case_tables import StochasticTable
 from ..seal.layouts import SealWindows
 from ..studies import Sampling, Scene, check_sampling, chosen_contact, chosen_flow, chosen_sampler, lay_out_windows
 from ..studies.costs import choose_method
+from ..studies.seat_rows import ROWS, SeatMap
 from ..studies.window_pressures import check_map, most_paths
 from ..topography import Conditioning, SpikeEffect, Topography
 from ..topography.seat import LEAST_DEPTH, FlatSeat
@@ -19,6 +21,7 @@ from ..windows import Partition
 from .case_plausibility import plausibility_warnings
 from .check_memory import check_memory_of_draws, refused_if_too_large
 from .face import conditioned_face
+from .groove_lead import groove_question, wound_layout
 from .prepared import Pair, Prepared, without_short_waves
 
 
@@ -40,6 +43,9 @@ def prepare(case: Case) -> Prepared:
             sampling, doubts = _under_map(case, scene, sampling, seals)
         method, choice = _method(case, scene, cells)
         contact, flow = _contact_and_flow(case, scene, method)
+        if {method, *case.compare} & {"deterministic", "two-scale"} and method != "auto":
+            with with_tables(SEAL_TABLES):
+                scene.check_spiral(flow if "two-scale" in {method, *case.compare} else "resolved", cells or (2, 1))
         if sampling is not None:
             sampling = replace(sampling, sampler=chosen_sampler(sampling, scene, contact))
         spikes = SpikeEffect(conditioning.spikes_along_lay, conditioning.spikes_extreme).doubts(conditioning.spikes)
@@ -49,12 +55,19 @@ def prepare(case: Case) -> Prepared:
             sampling=sampling,
             conditioning=conditioning,
             overlap=face.overlap,
+            continuation=face.continuation,
             methods=frozenset({method, *case.compare}),
             choice=choice,
             contact=contact,
             flow=flow,
             seat=seat,
-            warnings=(*plausibility_warnings(case, scene, conditioning), *spikes, *doubts),
+            form=_form(case),
+            warnings=(
+                *plausibility_warnings(case, scene, conditioning),
+                *groove_question(case, scene),
+                *spikes,
+                *doubts,
+            ),
         )
         if case.surface.filter_sensitivity:
             without_short_waves(prepared)  # refuses a face too small for it
@@ -69,8 +82,8 @@ def _with_seat(case: Case, surface: Topography) -> tuple[Topography, str]:
     InputError : a form that is too steep, or narrower than the face.
     """
     seat = case.seat.seat(case.folder)
-    if isinstance(seat, FlatSeat):
-        return surface, ""
+    if isinstance(seat, FlatSeat) or case.seat_is_broader:
+        return surface, "" if isinstance(seat, FlatSeat) else str(seat)
     try:
         formed = seat.on(surface)
     except InputError as error:
@@ -78,6 +91,13 @@ def _with_seat(case: Case, surface: Topography) -> tuple[Topography, str]:
     if not seat.matters(surface):
         return surface, f"{seat}: its depth is below {LEAST_DEPTH:.1%} of the rms height, and is left out"
     return formed, str(seat)
+
+
+def _form(case: Case) -> FormTolerance | None:
+    """The form of the seat and its relative error; None of a flat one."""
+    if case.seat.kind == "flat":
+        return None
+    return FormTolerance(case.seat.seat(case.folder), case.seat.tolerance, not case.seat_is_broader)
 
 
 def _seals(
@@ -96,7 +116,7 @@ def _seals(
     sampling = _sampling(case, case.stochastic, window[1])
     with with_tables(SEAL_TABLES):
         check_sampling(sampling)
-        return sampling, lay_out_windows(case.layout, partition, sampling)
+        return sampling, lay_out_windows(wound_layout(case), partition, sampling)
 
 
 def _sampling(case: Case, table: StochasticTable, window_length: float) -> Sampling:
@@ -136,7 +156,7 @@ def _scene(case: Case, surface: Topography, sampling: Sampling | None, seals: tu
         rtol=case.contact.rtol,
         fluid_pressure=case.contact.fluid_pressure,
         nominal=case.load.nominal,
-        layout=case.layout,
+        layout=wound_layout(case),
         solver=case.flow.solver,
         discretisation=case.flow.discretisation,
     )
@@ -178,7 +198,11 @@ def _under_map(
     """The sampling with the map of the pressure over the seal, and what is not plausible in it."""
     breadth, length = _seal_size(scene.surface, sampling, seals)
     with with_tables(MAP_TABLES):
-        sampling = replace(sampling, pressure_map=case.load.pressure_map(case.folder, breadth * length, length))
+        seat = SeatMap(case.seat.seat(case.folder)) if case.seat_is_broader else None
+        if seat is not None:
+            seat.seat.rows_below(ROWS, breadth / ROWS)  # refuses a form that is too steep
+        made = seat or case.load.pressure_map(case.folder, breadth * length, length)
+        sampling = replace(sampling, pressure_map=made)
         check_sampling(sampling)
     paths = most_paths(sampling.pressure_map)
     for laid in seals:
@@ -201,10 +225,14 @@ def _contact_and_flow(case: Case, scene: Scene, method: str) -> tuple[str, str]:
     contact, flow = (None, None) if case.cells is None else (case.cells.contact, case.cells.flow)
     if flow is None and case.method == "auto" and method == "two-scale":
         flow = _cheaper_flow(scene)
-    shape = scene.surface.shape
-    return chosen_contact(contact, shape), chosen_flow(flow, shape, scene.discretisation)
+    contact = chosen_contact(contact, scene.contact_shape)
+    if contact == "windows" and case.methods != {"deterministic"}:
+        scene.check_one_place("cells.contact", contact, "whole")
+    if case.stochastic is not None and case.stochastic.pressure == "global":
+        scene.check_one_place("stochastic.pressure", "global", "place")
+    return contact, chosen_flow(flow, scene.surface.shape, scene.discretisation, scene.flow.spiral)
 
 
 def _cheaper_flow(scene: Scene) -> str:
     """Flow of two scales where the deterministic solution is not affordable: resolved flow is not either."""
-    return "elements" if scene.discretisation == "edge" else "links"
+    return "elements" if scene.discretisation == "edge" and scene.flow.spiral is None else "links"

@@ -10,9 +10,11 @@ from typing import Any
 from ..base.errors import InputError
 from ..base.quantities import to_text
 from ..base.stage import Mapper
+from ..budget import FormTolerance, ModelChange
 from ..studies import STUDIES, Sampling, Scene, Study, StudyOptions
 from ..studies.costs import Effort, usual_efforts
-from ..topography import Conditioning, Overlap
+from ..studies.seat_rows import SeatMap
+from ..topography import Conditioning, Continuation, Overlap
 from ..windows import Partition
 
 Pair = tuple[int, int]
@@ -22,9 +24,9 @@ Pair = tuple[int, int]
 class Prepared:
     """Input of the studies: the scene, its windows, the sampling of seals; and the history of the surface.
 
-    methods : to be run, with "auto" resolved. choice : the method that "auto" is and why, "" without. contact, flow :
-    of windows, see `studies.two_scale`. seat : its form, "" where it is flat. warnings : what is not plausible in the
-    case.
+    continuation : of the spectrum of the face, None without. methods : to be run, with "auto" resolved. choice : the
+    method that "auto" is and why, "" without. contact, flow : of windows, see `studies.two_scale`. seat : its form, ""
+    where it is flat; form : that and its error. warnings : what is not plausible in the case.
     """
 
     scene: Scene
@@ -32,11 +34,13 @@ class Prepared:
     sampling: Sampling | None
     conditioning: Conditioning
     overlap: Overlap | None
+    continuation: Continuation | None
     methods: frozenset[str]
     choice: str
     contact: str
     flow: str
     seat: str = ""
+    form: FormTolerance | None = None
     warnings: tuple[str, ...] = ()
 
     @property
@@ -58,6 +62,13 @@ class Prepared:
     def options(self) -> StudyOptions:
         """The options of the studies."""
         return StudyOptions(self.cells, self.flow, self.contact, self.sampling, self.shares_contact)
+
+    def changed(self, change: ModelChange) -> Prepared:
+        """The input with a change of the model."""
+        sampling = self.sampling
+        if change.seat is not None and sampling is not None:
+            sampling = replace(sampling, pressure_map=SeatMap(change.seat))
+        return replace(self, scene=change.scene, sampling=sampling)
 
     def solve(self, study: Study, mapper: Mapper, known: Mapping[str, Any] | None = None) -> Any:
         """Result of a study; `known` are the results of earlier studies of the same scene by key."""
@@ -94,7 +105,21 @@ class Prepared:
     @property
     def surface_report(self) -> dict[str, Any]:
         """The repair and conditioning of the surface, as plain data."""
-        return asdict(self.conditioning) | ({} if self.overlap is None else {"overlap": asdict(self.overlap)})
+        found = asdict(self.conditioning) | ({} if self.overlap is None else {"overlap": asdict(self.overlap)})
+        if self.continuation is not None:
+            found["continuation"] = asdict(self.continuation) | {"text": self.continuation_text}
+        return found
+
+    @property
+    def continuation_text(self) -> str:
+        """How the spectrum of the face is continued, and the wave at which hardness ends its effect; "" without."""
+        if self.continuation is None:
+            return ""
+        wave = self.continuation.last_that_counts(self.scene.law.mean_hardness, self.scene.modulus)
+        ends = (
+            f"sets the area from {to_text(wave, 'm', 3)} on" if wave else "does not end what these waves do to the area"
+        )
+        return f"{self.continuation}; by Persson's theory hardness {ends}"
 
 
 def without_short_waves(prepared: Prepared) -> Scene:

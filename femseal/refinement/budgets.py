@@ -5,15 +5,21 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from math import inf, log2
 from typing import Any
 
 import numpy as np
 
 from ..base.errors import FemsealError, NotKept
+from ..base.quantities import to_text
 from ..budget import (
     CoarserSolution,
     ErrorBudget,
+    ErrorPart,
     change_of_windows,
+    contact_fraction_of,
+    continuation_part,
+    effective_pressure_part,
     error_budget,
     model_changes,
     model_part,
@@ -24,6 +30,7 @@ from ..studies.scene import Array
 from .coarser import (
     coarser_grids,
     compares_links,
+    continued_scenes,
     kept_slope,
     removed_octaves,
     route,
@@ -89,11 +96,22 @@ def _with_model_parts(
     """
     known, names, hardness = model
     grid = known[0] if known else model_grid(prepared, leakage_of(studies[prepared.answer.key]))
-    changes = model_changes(grid.scene, names, hardness)
-    own = known[1] if known else _solved(grid, solve) if changes else {}
+    changes = model_changes(grid.scene, names, hardness, grid.form)
+    continued = continued_scenes(grid) if "continuation" in names else []
+    own = known[1] if known else _solved(grid, solve) if changes or continued else {}
     found = dict(budgets)
+    for key, result in studies.items():
+        part = effective_pressure_part(prepared.scene, result) if "effective pressure" in names else None
+        if part is not None:
+            found[key] = replace(found[key], parts=(*found[key].parts, part))
+    if continued:
+        others = [_solved(replace(grid, scene=scene), solve) for scene in continued]
+        for key, result in studies.items():
+            if (other := route(prepared, study_of_result(result)).key) in own:
+                part = _of_continued(prepared, grid, result, own[other], [one.get(other) for one in others])
+                found[key] = replace(found[key], parts=(*found[key].parts, part))
     for change in changes:
-        moved = _solved(replace(grid, scene=change.scene), solve)
+        moved = _solved(grid.changed(change), solve)
         for key, result in studies.items():
             other = route(prepared, study_of_result(result)).key
             if other in own and other in moved:
@@ -102,6 +120,34 @@ def _with_model_parts(
                 part = model_part(change, result.steps, leakage_of(result), solution)
                 found[key] = replace(found[key], parts=(*found[key].parts, part))
     return found
+
+
+def _of_continued(prepared: Prepared, grid: Prepared, result: Any, own: Any, moved: Sequence[Any]) -> ErrorPart:
+    """Part of the continued waves, with what slope, area and leakage do with the cut-off.
+
+    own : result on the coarser grid. moved : those of `continued_scenes`, None where one failed.
+    """
+    scene, continued = grid.scene, prepared.continuation
+    assert continued is not None
+    nothing, q = np.full(len(scene.steps), np.nan), leakage_of(own)
+    leakages = [nothing if one is None else leakage_of(one) for one in moved]
+    *others, shorter = (CoarserSolution(scene.surface.shape, scene.steps, one, q) for one in leakages[:-1])
+    # as measured, to twice the cut-off where that is below the measured waves, and to the cut-off
+    wave = continued.cut_off
+    versions = [(continued.longest, moved[-1]), (2 * wave, moved[-2]), (wave, own)]
+    rows = [
+        (cut, continued.slope_to(cut), contact_fraction_of(one, scene.steps)[0], leakage_of(one)[0] / q[0])
+        for cut, one in versions
+        if one is not None and q[0] != 0 and (cut <= continued.longest)
+    ]
+    note = "; ".join(
+        f"cut-off {to_text(cut, 'm', 3)}: rms slope {slope:.3g}, at the first load {area:.2%} in contact and "
+        f"{ratio:.3g} times the leakage"
+        for cut, slope, area, ratio in rows
+    )
+    last = continued.last_that_counts(scene.law.mean_hardness, scene.modulus)
+    octaves = max(1.0, log2(continued.cut_off / last)) if last else inf
+    return continuation_part(prepared.scene, leakage_of(result), others, shorter, octaves, note)
 
 
 def model_grid(prepared: Prepared, leakage: Array | None = None) -> Prepared:

@@ -20,7 +20,7 @@ from ..studies.scene import Array
 log = logging.getLogger("femseal")
 #: Points a side of the coarser grid over those of the scene.
 COARSENING = 0.5
-#: A coarser grid of more than this fraction of the points tells nothing.
+#: A coarser grid of more than this fraction of the points shows nothing.
 MOST_POINTS_FRACTION = 0.6
 #: Windows have at least this many pixels a side.
 WINDOW_PIXELS = 8
@@ -36,7 +36,9 @@ COARSE_WINDOWS, LEAST_WINDOWS = 0.25, 4
 THIRD_GRID_PIXELS = 16.0
 #: Octaves of removed waves from which on they matter.
 LEAST_OCTAVES = 0.05
-#: What tells versions of a case apart.
+#: Draws of the phases of continued waves besides that of a run.
+OTHER_PHASES = 3
+#: What distinguishes versions of a case.
 Version = TypeVar("Version", bound=Hashable)
 
 
@@ -98,7 +100,7 @@ def route(prepared: Prepared, study: Study) -> Study:
 def coarser_grids(prepared: Prepared, leakage: Array | None = None) -> list[Prepared]:
     """Versions on half of the points a side, and on a quarter where that carries the waves, at some of the steps.
 
-    leakage : of the answer, which tells what steps are near closing.
+    leakage : of the answer, which shows what steps are near closing.
     """
     # where the filter or the comparison of links takes its part of the time too, no more steps than every other
     least = 0 if removed_octaves(prepared) >= LEAST_OCTAVES or compares_links(prepared) else LEAST_LOADS
@@ -123,6 +125,20 @@ def without_filtered_waves(prepared: Prepared, leakage: Array | None = None) -> 
         return None
     some = _at_some_steps(prepared, leakage, FILTER_STRIDE, 0)
     return _reduced(prepared, replace(some, surface=smooth.surface))
+
+
+def continued_scenes(grid: Prepared) -> list[Scene]:
+    """The scene with other phases of its continued waves, without its shortest octave of waves, and as measured.
+
+    Other phases come first, `OTHER_PHASES` times; no scenes where nothing is continued.
+    """
+    if (continued := grid.continuation) is None:
+        return []
+    surface = grid.scene.surface
+    measured = continued.added_to(surface, factor=-1.0)
+    others = [continued.added_to(measured, number) for number in range(1, OTHER_PHASES + 1)]
+    faces = [*others, surface.low_pass(2 * continued.cut_off), measured]
+    return [replace(grid.scene, surface=face) for face in faces]
 
 
 def removed_octaves(prepared: Prepared) -> float:

@@ -62,6 +62,9 @@ def _seat_text(data: xarray.Dataset) -> str:
 def _face_text(face: dict[str, Any]) -> str:
     """A face of the case, with what it is generated from or how it is placed."""
     kind = str(face.get("kind", "face"))
+    if kind == "file" and (places := face.get("places")):
+        names = ", ".join(str(place.get("path")) for place in places)
+        return f"several measured places of a face, {names}{_placement_text(face)}"
     if kind == "file":
         return f"a measured face from {face.get('path', 'a file')}{_placement_text(face)}"
     known = (("pitch", "m"), ("depth", "m"), ("roughness", "m"), ("hurst", ""), ("rms_slope", ""), ("rms_height", "m"),
@@ -91,6 +94,7 @@ def _with_unit(value: float, unit: str) -> str:
 
 
 def _surface_text(surface: dict[str, Any]) -> str:
+    """Roughness of the face that is solved, what was filled, and how its spectrum is continued."""
     if "rms_slope" not in surface or "rms_height" not in surface:
         return ""
     text = f"Its rms height is {to_text(surface['rms_height'], 'm', 3)}, its rms slope {surface['rms_slope']:.3g}"
@@ -99,6 +103,8 @@ def _surface_text(surface: dict[str, Any]) -> str:
     filled += [f"{spikes} {'point' if spikes == 1 else 'points'} in spikes"] if spikes else []
     if filled:
         text += f"; {' and '.join(filled)} were filled"
+    if continued := surface.get("continuation"):
+        text += f". {continued['text'][0].upper()}{continued['text'][1:]}"
     return text + "."
 
 

@@ -1,4 +1,4 @@
-"""Tables of the report on what the numbers are worth: budget of errors, scatter, checks, other resolutions, times."""
+"""Tables of the report on the error of the numbers: budget of errors, scatter, checks, other resolutions, times."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def budget_table(results: RunData) -> TextTable | None:
     together = "root of the sum of squares of the distances of ln(leakage)"
     lines = [(part.name, widths[part.name], part.note) for part in order]
     if len(budget.numerical.parts) < len(budget.parts):
-        text = "of the solution: without hardness, fluid pressure and form"
+        text = "of the solution: without hardness, fluid pressure, form and continued waves"
         lines.append(("numbers alone", np.asarray(budget.numerical.half_width()), text))
     lines.append(("together", np.asarray(budget.half_width()), together))
     heads = ("source", *(results.steps[s].name for s in steps), "how it was estimated")
@@ -85,6 +85,9 @@ def scatter_lines(results: RunData) -> Lines:
             deviation("both together", np.hypot(spread, error), "what a seal of this kind may differ from the median")
         fraction = 1.2533 / np.sqrt(data.sizes["realisation"])
         deviation("median", fraction * spread, "standard error of the median; more realisations lower it")
+    if "place_scatter" in data:
+        meaning = f"one standard deviation between measured places; {most_leaking_place(results)}"
+        deviation("places", np.log1p(data["place_scatter"].values), meaning)
     if "element_error" in data:
         meaning = "at most, estimated from the last iterations; the leakage through elements is an upper bound"
         deviation("flow through elements", np.log1p(data["element_error"].values), meaning)
@@ -108,6 +111,16 @@ def scatter_lines(results: RunData) -> Lines:
             results, "twice the shortest wave", data["leakage_filtered"].values, results.method, results.leakage.values
         )
     return lines
+
+
+def most_leaking_place(results: RunData) -> str:
+    """Which of several measured places leaks most by itself, and how much, over the loads that count."""
+    alone = results.dataset["leakage_of_places"].values
+    mean = alone.mean(axis=0)
+    counts = mean > FLOOR * mean[0]
+    relative = (alone[:, counts] / mean[counts]).mean(axis=1)
+    most = int(np.argmax(relative))
+    return f"place {most + 1} of {len(alone)} leaks most, {relative[most]:.3g} times their mean"
 
 
 def _comparison(results: RunData, one: str, leakage: Array, other: str, reference: Array) -> Lines:
@@ -182,7 +195,7 @@ def check_lines(results: RunData) -> Lines:
                 f"of {to_text(pixel, 'm', 3)} to the shortest wave, {to_text(wave, 'm', 3)}",
             )
         )
-        if before := surface.get("rms_slope_before"):
+        if (before := surface.get("rms_slope_before")) and "continuation" not in surface:
             lost = 1 - surface["rms_slope"] / before
             meaning = "of the rms slope, with the waves shorter than that"
             if measured := surface.get("rms_slope_measured"):

@@ -17,7 +17,16 @@ from ..plots import cells_figure, heights_figure, leakage_figure, lengths_figure
 from ..plots.cell_curves import cells_of
 from ..plots.drawing import HEIGHTS, LINES, Drawn, Sheet, drawn, map_row
 from ..plots.drawn_panels import drawn_figure
-from ..plots.maps import critical_gaps, default_step, drop_panel, face_panel, face_size, has_maps, row_panel
+from ..plots.maps import (
+    critical_gaps,
+    default_step,
+    drop_panel,
+    face_leakage,
+    face_panel,
+    face_size,
+    has_maps,
+    row_panel,
+)
 from ..results.results import Results
 from ..results.seal_lengths import has_lengths
 from ..results.selections import solved_steps
@@ -134,10 +143,10 @@ def leakage_picture(results: Results, drawings: Drawings) -> Picture:
     what = leakage_of(results).capitalize()
     alt = f"{what} in {unit.name} against nominal pressure: {', '.join(texts)}. See the table for all."
     caption = "Leakage against nominal pressure, one line and marker for each branch of the load cycle."
-    if "leakage_lower_together" in results.dataset:
-        caption += " Shaded: band of the realisations, and lighter that with the error of the finite library besides."
     if results.budget is not None:
         caption += " Bars: band of error, which holds the truth in about 95 of 100 cases."
+    if "leakage_lower_together" in results.dataset:
+        caption += " Shaded: scatter between seals, and lighter that with the error of the finite library besides."
     return Picture(_uri(drawings["leakage"].whole), alt, caption)
 
 
@@ -255,8 +264,7 @@ def drop_steps(data: xarray.Dataset) -> list[int]:
     last = default_step(data)
     solved = solved_steps(data)
     loading = solved[np.isnan(data["unloaded_from"].values[solved])]
-    name = "leakage_two_scale" if "leakage_two_scale" in data else "leakage_deterministic"
-    leaking = loading[np.nan_to_num(data[name].values[loading]) != 0]
+    leaking = loading[np.nan_to_num(face_leakage(data)[loading]) != 0]
     return list(dict.fromkeys([*(int(leaking[n]) for n in (0, leaking.size // 2) if leaking.size), last]))
 
 

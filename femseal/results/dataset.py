@@ -119,9 +119,13 @@ def assemble(
         if (drawn := stochastic.median_seal) is not None:
             variables.add_declared(data, drawn)
             data["drawn_corners"].attrs["realisation"] = drawn.realisation
+    if (by_place := next((study.places for study in studies if study.places is not None), None)) is not None:
+        variables.add_places(data, by_place)
     if "row" in data.dims:
-        rows = (np.arange(data.sizes["row"]) + 0.5) * scene.surface.spacing[0]
-        variables.add_coordinate(data, "row", "m", "x1 of rows of pixels, from the inlet", rows)
+        own = None if stochastic is None or stochastic.row_pressure is None else stochastic.seal
+        breadth = scene.surface.size[0] if own is None else own.size[0]
+        rows = (np.arange(data.sizes["row"]) + 0.5) * (breadth / data.sizes["row"])
+        variables.add_coordinate(data, "row", "m", "x1 of rows, from the inlet", rows)
     variables.add_heights(data, scene)
     variables.add_contact_fraction(data, scene, deterministic, two_scale, stochastic)
     doubts = []

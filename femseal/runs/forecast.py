@@ -18,7 +18,7 @@ from ..case.case import Case
 from ..preparation.check_memory import START_MEMORY
 from ..preparation.prepared import Prepared, without_short_waves
 from ..refinement.budgets import model_grid
-from ..refinement.coarser import coarser_grids, without_filtered_waves
+from ..refinement.coarser import coarser_grids, continued_scenes, without_filtered_waves
 from ..refinement.settings import first_settings, first_version, given_settings, grid_points, time_limit
 from ..report.case_text import contact_text, fluid_text, solids_text
 from ..results.pixel_fields import fields_size
@@ -125,10 +125,10 @@ def describe(case: Case, made: Prepared) -> list[str]:
                 + (f"; as many of {', '.join(more)}" if more else "")
             )
             lines.append(_line("stochastic", text))
-            if str(scene.layout) != "a strip":
-                lines.append(_line("seal", str(scene.layout)))
             if uneven := describe_map(scene, laid, sampling.pressure_map):
                 lines.append(_line("pressure map", uneven))
+    if str(scene.layout) != "a strip":
+        lines.append(_line("seal", str(scene.layout)))
     if case.surface.filter_sensitivity:
         points = " × ".join(map(str, without_short_waves(prepared).surface.shape))
         lines.append(
@@ -273,8 +273,10 @@ def _budget_inputs(case: Case, prepared: Prepared) -> list[Prepared]:
         return []
     smooth = None if case.surface.filter_sensitivity else without_filtered_waves(prepared)
     grid = model_grid(prepared)
-    changes = model_changes(grid.scene, case.output.model_parts, case.hardness_tolerance)
-    models = [replace(grid, scene=change.scene) for change in changes]
+    changes = model_changes(grid.scene, case.output.model_parts, case.hardness_tolerance, grid.form)
+    models = [grid.changed(change) for change in changes]
+    if "continuation" in case.output.model_parts:
+        models += [replace(grid, scene=scene) for scene in continued_scenes(grid)]
     return [*coarser_grids(prepared), *([] if smooth is None else [smooth]), *models]
 
 
@@ -312,6 +314,7 @@ def _surface_lines(prepared: Prepared) -> list[str]:
         size = " × ".join(to_text(length, "m", 3) for length in overlap.size)
         resampled = ", the second resampled" if overlap.resampled else ""
         lines.append(_line("", f"two faces overlap on {size}, {overlap.fraction:.0%} of the first{resampled}"))
+    lines += [_line("", prepared.continuation_text)] if prepared.continuation else []
     shortest = report.shortest_wavelength
     kept = f"waves below {to_text(shortest, 'm', 3)} ({shortest / max(surface.spacing):.3g} pixels) removed"
     removed = 1 - surface.rms_slope / report.rms_slope_before if report.rms_slope_before else 0.0
@@ -340,9 +343,9 @@ def _library(prepared: Prepared, sampling: Sampling, partition: Partition) -> st
 def _windows(partition: Partition, shortest_wave: float) -> str:
     (m1, m2), (n1, n2) = partition.cells, partition.window
     size = " × ".join(to_text(length, "m", 3) for length in partition.window_size)
-    held = [length / shortest_wave for length in partition.window_size]
-    few = f"; {ADVISED_WAVES} or more are advised" if min(held) < ADVISED_WAVES * 0.99 else ""
-    return f"{m1} × {m2} of {n1} × {n2} pixels, {size}, that is {held[0]:.3g} × {held[1]:.3g} shortest waves{few}"
+    waves = [length / shortest_wave for length in partition.window_size]
+    few = f"; {ADVISED_WAVES} or more are advised" if min(waves) < ADVISED_WAVES * 0.99 else ""
+    return f"{m1} × {m2} of {n1} × {n2} pixels, {size}, that is {waves[0]:.3g} × {waves[1]:.3g} shortest waves{few}"
 
 
 def _disk_text(sizes: Disk, steps: int) -> str:

@@ -22,6 +22,9 @@ ALLOWED = (
 )
 #: Places of a seal may be so many spacings of its points away from a field.
 _REACH = 2.0
+_SPIRAL_KEYS = {"kind", "lead", "starts", "circumference"}
+#: Smallest circumference of a seal [m].
+_LEAST_TURN = 1e-6
 
 
 @dataclass(frozen=True)
@@ -30,12 +33,13 @@ class Lay:
 
     Exactly one of them is given. A direction and its opposite are the same lay. lead : of a spiral, the distance from
     groove to groove [m], times the number of grooves that start beside each other: once around the seal the groove
-    comes back so far across it.
+    comes back so far across it. circumference : of a strip with a spiral [m]; its length unless given.
     """
 
     name: str = ""
     angle: float | None = None
     lead: float = 0.0
+    circumference: float | None = None
     file: Path | None = None
     array: str = ""
 
@@ -57,8 +61,10 @@ class Lay:
             if isinstance(angle, (int, float)) and not isinstance(angle, bool) and np.isfinite(angle):
                 return cls(angle=float(angle))
             return cls(angle=to_si(angle, "rad", "lay.angle"))
-        if isinstance(given, Mapping) and given.get("kind") == "spiral" and {*given} <= {"kind", "lead", "starts"}:
-            return cls(name="spiral", lead=_lead(given))
+        if isinstance(given, Mapping) and given.get("kind") == "spiral" and {*given} <= _SPIRAL_KEYS:
+            around = given.get("circumference")
+            turn = None if around is None else _length(around, "lay.circumference", least=_LEAST_TURN)
+            return cls(name="spiral", lead=_lead(given), circumference=turn)
         if isinstance(given, Mapping) and list(given) == ["field"] and isinstance(given["field"], str):
             path, _, array = given["field"].rpartition(":")
             if path and array:
@@ -103,14 +109,18 @@ class Lay:
 
 def _lead(given: Mapping[str, Any]) -> float:
     """Lead of a spiral times its starts [m]; InputError where either cannot be used."""
-    lead, starts = given.get("lead"), given.get("starts", 1)
+    starts = given.get("starts", 1)
     if isinstance(starts, bool) or not isinstance(starts, int) or starts < 1:
         raise InputError("lay.starts", shown(starts), "a whole number of grooves from 1")
-    plain = isinstance(lead, (int, float)) and not isinstance(lead, bool)
-    value = float(lead) if plain else to_si(lead, "m", "lay.lead")  # type: ignore[arg-type]
-    if not (np.isfinite(value) and value >= 0):
-        raise InputError("lay.lead", shown(lead), "a length >= 0, such as '60 um'")
-    return value * starts
+    return _length(given.get("lead"), "lay.lead") * starts
+
+
+def _length(given: Any, name: str, least: float = 0.0) -> float:
+    """A length from text with a unit, or from a number of metres; InputError where it is less than the least."""
+    value = float(given) if isinstance(given, (int, float)) and not isinstance(given, bool) else to_si(given, "m", name)
+    if not (np.isfinite(value) and value >= least):
+        raise InputError(name, shown(given), f"a length >= {to_text(least, 'm')}, such as '60 um'")
+    return value
 
 
 def _of_field(file: Path, array: str, places: Array, unit: float) -> Array:

@@ -21,6 +21,7 @@ from skfem.mesh import MeshQuad1DG
 from ..base.errors import InputError
 from ..base.parameters import check_parameters, parameter
 from ..base.quantities import to_si, to_text
+from ..flow.spiral import Spiral
 from .element_windows import ElementSeal, ElementWindows, straightened
 from .lay import Lay
 from .link_windows import LinkWindows, SpiralWindows
@@ -113,10 +114,16 @@ class RectangularLayout:
         size = cells[0] * d1, cells[1] * d2
         if self.lay.name == "spiral":
             _short_lead(self.lay, size[0])
-            return SpiralWindows(RectangularSeal(size, cells), tangent=(self.lay.lead / size[1],) * cells[0])
+            slope = self.lay.lead / (self.lay.circumference or size[1])
+            return SpiralWindows(RectangularSeal(size, cells), tangent=(slope,) * cells[0])
         if straight:
             return LinkWindows(RectangularSeal(size, cells), turned)
         return _elements(_strip(size, cells), windows, self.lay)
+
+    @property
+    def spiral(self) -> Spiral | None:
+        """How the grooves of the face wind, if they do; None for rings."""
+        return Spiral(self.lay.lead, self.lay.circumference) if self.lay.name == "spiral" else None
 
     def frame(self, size: tuple[float, float]) -> Frame:
         """x1 from the inlet, and x2."""
@@ -180,6 +187,12 @@ class AnnularLayout:
             tangent = tuple((self.lay.lead / (2 * pi * (middles if self.inlet == "inner" else middles[::-1]))).tolist())
             return SpiralWindows(seal, warnings=doubts, tangent=tangent)
         return LinkWindows(seal, self.lay.name == "radial", doubts)
+
+    @property
+    def spiral(self) -> Spiral | None:
+        """How the grooves of the face wind at the middle of the ring, if they do."""
+        circumference = pi * (self.inner_radius + self.outer_radius)
+        return Spiral(self.lay.lead, circumference) if self.lay.name == "spiral" else None
 
     def frame(self, size: tuple[float, float]) -> Frame:
         """Radius and angle."""

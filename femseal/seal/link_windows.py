@@ -106,7 +106,7 @@ class LinkWindows:
 
 @dataclass(frozen=True, eq=False)
 class SpiralWindows(LinkWindows):
-    """Windows for links whose grooves wind: each link along axis 0 has k₁ cos²α + k₂ sin²α of one window.
+    """Windows for links whose grooves wind: each along axis 0 has k₁ cos²α + k₂ sin²α, with k₂ of a whole row.
 
     tangent : tan α of every row of links along axis 0 (n1,). Where all windows are alike the pressure depends on that
     axis alone, and the rest of their tensors does not matter.
@@ -131,9 +131,14 @@ class SpiralWindows(LinkWindows):
         return super().places(0)
 
     def permeability(self, along: Array, across: Array) -> tuple[Array, Array]:
-        """The permeabilities of the links from those of the windows; across, the mean of the rows beside."""
+        """The permeabilities of the links from those of the windows; across, the mean of the rows beside.
+
+        A groove passes all windows of a row: its flow along x1 has their harmonic mean.
+        """
         square = np.square(self.tangent)[:, None]
-        radial, round_ = (along + square * across) / (1 + square), (across + square * along) / (1 + square)
+        with np.errstate(divide="ignore"):
+            groove = 1 / np.mean(1 / across, axis=1, keepdims=True)
+        radial, round_ = (along + square * groove) / (1 + square), (across + square * along) / (1 + square)
         return radial, (round_[:-1] + round_[1:]) / 2
 
 

@@ -55,7 +55,7 @@ def solve_windows(
         gives it (Pérez-Ràfols et al., 2018); its error is estimated, see `windows.gap_error`. Unless given, "whole" up
         to `WHOLE_PIXELS`.
     """
-    if chosen_contact(contact, scene.surface.shape) == "windows":
+    if chosen_contact(contact, scene.contact_shape) == "windows":
         return windows_contact(scene, cells, mapper)
     return _whole_contact(scene, cells, mapper)
 

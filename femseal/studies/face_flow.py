@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from ..elements import ElementFlow, element_flow, face_potential
 from ..flow import Permeability, cell_permeability
 from ..flow.pressure_drop import FaceSolution, PressureDrop
+from ..flow.spiral import spiral_flow
 from ..library import ColumnRuns
 from ..windows import FlowSettings, Partition, SolverCounts
 
@@ -45,6 +46,8 @@ def resolved_flow(
 ) -> FaceFlow:
     """Solve the flow along x1 through the gap (n1, n2) [m] of a whole face, which is periodic along x2.
 
+    Grooves that wind carry fluid past closed lands where the settings have a spiral.
+
     `with_potential` keeps the potential at every pixel.
 
     Raises
@@ -60,6 +63,8 @@ def resolved_flow(
             gap, spacing, sides="periodic", discretisation=settings.discretisation, solver=settings.solver
         )
         counts += SolverCounts.of(flow)
+        if settings.spiral and (wound := spiral_flow(gap, spacing, settings.spiral, flow.fluid_pressure)):
+            flow = replace(flow, value=wound[0], fluid_pressure=wound[1], percolates=wound[0] > 0)
         return flow.value, flow.fluid_pressure, flow
 
     solved = settings.drop.solve_face(np.asarray(gap, float), spacing, solve, PRESSURE_RTOL)

@@ -7,11 +7,14 @@ from functools import partial
 
 import numpy as np
 
+from ..base.stage import Stage
 from ..contact import HalfSpace
 from ..library import Ladder, LadderLibrary, LinkTable, WindowSource, build_ladder_library, on_ladder
 from ..library.sampling import Index
+from ..seal.pressure_map import AnyMap
 from ..windows import GlobalState, Partition
 from .scene import Array, Scene
+from .seat_rows import SeatMap, SeatRows, seat_rows
 from .window_pressures import distinct_paths, library_peaks, pressure_fractions
 from .window_supply import TablePressures, WindowRequest, WindowSupply
 
@@ -35,6 +38,7 @@ def windows_under_global_contact(wanted: WindowRequest) -> WindowSupply:
     The global contact of the face repeats along the seal.
     """
     scene, partition = wanted.scene, wanted.partition
+    scene.check_one_place("pressure", "global", "place")
     (m1, m2), n2 = partition.cells, wanted.seal_windows.draws[0][1]
     cut_off = CUT_OFF_WINDOWS * min(partition.window_size)
     means = partial(_link_means, partition=partition)
@@ -68,7 +72,11 @@ def windows_under_uniform_pressure(wanted: WindowRequest) -> WindowSupply:
     """Solve windows with the full heights; each has the nominal pressure, or its fraction in the map."""
     scene, seal_windows = wanted.scene, wanted.seal_windows
     nominal = scene.steps.pressures[:, None]
-    fractions = [pressure_fractions(scene, seal_windows, wanted.sampling.pressure_map, axis) for axis in (0, 1)]
+    pressure_map: AnyMap | SeatMap | SeatRows = wanted.sampling.pressure_map
+    if isinstance(pressure_map, SeatMap):
+        solve = Stage("contact of the seat", partial(seat_rows, scene, breadth=seal_windows.seal.size[0]))
+        (pressure_map,) = wanted.mapper(solve, [pressure_map.seat])
+    fractions = [pressure_fractions(scene, seal_windows, pressure_map, axis) for axis in (0, 1)]
     links = []
     for axis in (0, 1):
         paths, number = distinct_paths(fractions[axis])
@@ -85,7 +93,8 @@ def windows_under_uniform_pressure(wanted: WindowRequest) -> WindowSupply:
         ends = (float(relief.min()), float(relief.max()))
         effective = [np.maximum(link.pressure - by, 0.0) for link in links for by in ends]
         library = _library(wanted, highest, peaks=library_peaks(effective, scene.steps))
-    return _supply(library, links, scene, seal_windows.axes, at, relief)
+    seat = pressure_map if isinstance(pressure_map, SeatRows) else None
+    return replace(_supply(library, links, scene, seal_windows.axes, at, relief), seat=seat)
 
 
 def _table_pressures(scene: Scene) -> TablePressures:
@@ -155,7 +164,8 @@ def _library(
     law = scene.uniform_law
     full = min(law.mean_hardness, law.capacity, 0.5 * scene.modulus * scene.surface.rms_slope)
     half_space = HalfSpace(partition.window, partition.spacing, scene.modulus, ("mirror", "mirror"))
-    source = WindowSource((-scene.surface.heights,), half_space, law, sampling.seed, scene.rtol, scene.flow)
+    faces = tuple(-place.heights for place in scene.surface.each)
+    source = WindowSource(faces, half_space, law, sampling.seed, scene.rtol, scene.flow)
     fractions = LOADING_FRACTIONS if highest <= LOADING_FRACTIONS[-1] * full else (*LOADING_FRACTIONS, highest / full)
     ladder = Ladder(
         loading=tuple(fraction * full for fraction in fractions),

@@ -12,10 +12,11 @@ from ..base.errors import InputError
 from ..base.quantities import to_text
 from ..library import SAMPLERS
 from ..seal.layouts import Layout, SealWindows, Windows
-from ..seal.pressure_map import AnyMap, MapsAtLoads, Profile, Uniform, is_uniform
+from ..seal.pressure_map import AnyMap, MapsAtLoads, Profile, Uniform
 from ..windows import Partition
 from .face_contact import chosen_contact
 from .scene import Scene
+from .seat_rows import SeatMap
 
 #: Choices of the pressures and the waves of windows, see `Sampling.pressure`.
 PRESSURES = ("place", "global", "uniform")
@@ -47,13 +48,13 @@ class Sampling:
         repeated along the seal, gives the pressure of each link (Pérez-Ràfols et al., 2018).
         "uniform": windows with the full heights. Every link has the nominal pressure, or that of `pressure_map`.
     pressure_map : contact pressure over the seal in fractions of the nominal one, see `seal.pressure_map`; one that is
-        not uniform goes with "uniform" only.
+        not uniform goes with "uniform" only. A `SeatMap` is a form of the seat that is broader than the face.
     library : folder in which libraries of windows are kept and found again; "global" and "uniform" only.
     width : wanted standard error of ln(median leakage) at the steps that leak more than 1e-3 of the first. Realisations
         and windows are added until it is reached, up to eight times as many. With None none are added.
     bounds : also compute bounds of the flow of every window, and so of the leakage, for a gap constant on each pixel.
         The library then takes about three times as long. "global" and "uniform" with the sampler "history" only.
-    resampled : also draw as many seals from libraries that are drawn with repetition from the library, which tells the
+    resampled : also draw as many seals from libraries that are drawn with repetition from the library, which shows the
         error of the library; `width` needs it.
     """
 
@@ -63,7 +64,7 @@ class Sampling:
     seed: int
     sampler: str | None = None
     pressure: str = "place"
-    pressure_map: AnyMap = field(default_factory=Uniform)
+    pressure_map: AnyMap | SeatMap = field(default_factory=Uniform)
     library: Path | None = None
     width: float | None = None
     breadth: float | None = None
@@ -84,7 +85,7 @@ def chosen_sampler(sampling: Sampling, scene: Scene, contact: str | None = None)
     is not straight, flow is not solved between pixels ("edge"), or the contact is solved by windows: one that fails
     would take its runs with it.
     """
-    whole = chosen_contact(contact, scene.surface.shape) == "whole"
+    whole = chosen_contact(contact, scene.contact_shape) == "whole"
     runs = whole and scene.discretisation == "edge" and scene.layout.kind == "rectangular"
     if sampling.sampler is None and sampling.pressure == "place" and runs:
         return "runs"
@@ -146,12 +147,12 @@ def check_sampling(sampling: Sampling) -> None:
         raise InputError("sampler", "runs", "another one, or the pressure 'place', whose windows are neighbours")
     if sampling.breadth is not None and (sampling.pressure != "uniform" or not sampling.breadth > 0):
         raise InputError("breadth", sampling.breadth, "a length > 0 with the pressure 'uniform', none with others")
-    if sampling.pressure != "uniform" and not is_uniform(sampling.pressure_map):
+    if sampling.pressure != "uniform" and not isinstance(sampling.pressure_map, Uniform):
         allowed = "a uniform one, or another with the pressure 'uniform', whose windows follow any pressure"
         raise InputError("map", f"an uneven one with the pressure '{sampling.pressure}'", allowed)
-    if sampling.other_lengths and not isinstance(sampling.pressure_map, (Uniform, Profile)):
+    if sampling.other_lengths and not isinstance(sampling.pressure_map, Uniform | Profile | SeatMap):
         raise InputError("map", "one that may vary along seals of several lengths", "a profile, or one length")
-    if isinstance(sampling.pressure_map, MapsAtLoads) and sampling.sampler_of_links != "history":
+    if isinstance(sampling.pressure_map, MapsAtLoads | SeatMap) and sampling.sampler_of_links != "history":
         allowed = "history with several maps, under which windows may be unloaded while the seal is loaded"
         raise InputError("sampler", sampling.sampler_of_links, allowed)
     if sampling.library is not None and sampling.pressure == "place":

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from functools import partial
+from math import prod
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,7 @@ from numpy.typing import NDArray
 from ..base.errors import InputError
 from ..base.quantities import to_text
 from ..base.stage import Mapper
-from ..contact import ContactLaw, HalfSpace, LoadState, contact_law, load_states, solve_contact
+from ..contact import Contact, ContactLaw, HalfSpace, LoadState, contact_law, load_states, solve_contact
 from ..flow import critical_constriction
 from ..flow.pressure_drop import PressureDrop
 from ..fluids import Fluid, Liquid, capillary_entry_pressure
@@ -21,9 +22,10 @@ from ..loads import LoadProgramme
 from ..seal import Leakage, seal_leakage
 from ..seal.layouts import Layout, RectangularLayout
 from ..seal.shapes import Seal
-from ..topography import Topography
+from ..topography import Places, Topography
 from ..windows import FlowSettings, GlobalState, Partition, global_states
 from .fluid_coupling import FLUID_PRESSURES, LEAST_FRACTION, NOMINALS, FluidPressure
+from .place_contacts import contact_of_places
 
 Array = NDArray[np.float64]
 
@@ -32,7 +34,8 @@ Array = NDArray[np.float64]
 class Scene:
     """A rough face under load, and the fluid that it seals.
 
-    surface : heights of the combined faces; high points touch first.
+    surface : heights of the combined faces; high points touch first. A list of maps is `topography.Places`, several
+        measured places of the face: each is in contact by itself, and the fluid flows through all of them.
     modulus : contact modulus E* [Pa].
     hardness : H [Pa] of perfect plasticity, inf is elastic; or a contact law, such as `LinearHardening`.
     fluid : the fluid that leaks. inlet_pressure, outlet_pressure : its pressures at both ends of x1 [Pa]; the highest
@@ -67,6 +70,8 @@ class Scene:
 
     def __post_init__(self) -> None:
         """Check that parts of the scene go together, see the class."""
+        if not isinstance(self.surface, Topography):
+            object.__setattr__(self, "surface", Places(self.surface))
         for name, choices in (("fluid_pressure", FLUID_PRESSURES), ("nominal", NOMINALS)):
             if getattr(self, name) not in choices:
                 raise InputError(name, getattr(self, name), f"one of {', '.join(choices)}")
@@ -87,6 +92,8 @@ class Scene:
         if undefined:
             allowed = "a face without undefined points: fill them first, see Topography.fill_undefined"
             raise InputError("surface", f"{undefined} of {self.surface.heights.size} points undefined", allowed)
+        if isinstance(self.surface, Places):
+            self.surface.check_waves()
 
     @property
     def law(self) -> ContactLaw:
@@ -109,6 +116,16 @@ class Scene:
     def half_space(self) -> HalfSpace:
         """Elastic body of the whole face."""
         return HalfSpace(self.surface.shape, self.surface.spacing, self.modulus, self.boundary)
+
+    @property
+    def contact_shape(self) -> tuple[int, int]:
+        """Points of the largest face whose contact is solved by itself."""
+        return max((place.shape for place in self.surface.each), key=prod)
+
+    def check_one_place(self, what: str, given: str, expected: str) -> None:
+        """Raise InputError if an option is given that several measured places do not have."""
+        if isinstance(self.surface, Places):
+            raise InputError(what, f"'{given}' with several places", f"'{expected}' with them")
 
     @property
     def acting_fluid(self) -> FluidPressure | None:
@@ -149,6 +166,9 @@ class Scene:
         """Solve the contact of the whole face at every step, see `contact.load_states`; with its fluid if that acts."""
         gap0 = self.surface.heights.max() - self.surface.heights
         fluid = self.acting_fluid
+        solve: Callable[..., Contact] = solve_contact if fluid is None else partial(FluidPressure.contact, fluid)
+        if isinstance(self.surface, Places):
+            solve = partial(contact_of_places, places=self.surface, solve=solve, flow=self.flow)
         return load_states(
             gap0,
             self.half_space,
@@ -156,7 +176,7 @@ class Scene:
             law=self.law,
             rtol=self.rtol,
             take=take,
-            solve=solve_contact if fluid is None else partial(FluidPressure.contact, fluid),
+            solve=solve,
             memory=memory,
             mapper=mapper,
         )
@@ -192,7 +212,23 @@ class Scene:
     def flow(self) -> FlowSettings:
         """How the flow through windows and faces is discretised and solved."""
         drop = PressureDrop.of(self.fluid, self.inlet_pressure, self.outlet_pressure)
-        return FlowSettings(self.solver, self.discretisation, drop)
+        return FlowSettings(self.solver, self.discretisation, drop, getattr(self.layout, "spiral", None))
+
+    def check_spiral(self, flow: str = "resolved", cells: tuple[int, int] = (2, 1)) -> None:
+        """Refuse grooves that wind where the flow through the face, or of its windows (cells), cannot follow them.
+
+        Raises
+        ------
+        InputError : elements, links of one row of windows, another discretisation, a lead that does not suit the face.
+        """
+        if (spiral := self.flow.spiral) is None:
+            return
+        if self.discretisation != "edge":
+            raise InputError("discretisation", f"'{self.discretisation}' with a spiral lay", "'edge' with it")
+        if flow == "elements" or (flow == "links" and cells[0] < 2):
+            given = f"'{flow}' of {cells[0]} × {cells[1]} windows with a spiral lay"
+            raise InputError("flow", given, "'resolved', or 'links' of at least two rows of windows")
+        spiral.seam(self.surface.shape, self.surface.spacing)
 
     def entry_pressures(self, gaps: Iterable[NDArray[np.floating]]) -> Array | None:
         """Capillary entry pressure of the critical constriction of the gaps (n1, n2) [m] at every step [Pa].

@@ -124,7 +124,11 @@ def _draw(
         first,
         pressure=sampling.pressure,
         window=partition.window,
+        places=supply.places,
         other_lengths=tuple(others),
+        row_pressure=None if supply.seat is None else supply.seat.pressure,
+        band_breadth=None if supply.seat is None else supply.seat.band,
+        largest_row_pressure=None if supply.seat is None else supply.seat.pressure.max(axis=1),
         failures=library.failures + first.failures + tuple(failures),
         warnings=scene_warnings(scene) + first.warnings + supply.warnings,
         solvers=library.counts.solvers

@@ -16,6 +16,7 @@ from ..base.text import Shown
 from ..elements.elements import ELEMENT_BYTES
 from ..flow.percolation import percolates
 from ..flow.permeability_table import tabulated
+from ..flow.spiral import Spiral
 from ..loads import LoadProgramme
 from ..seal import RectangularSeal
 from ..windows import Failed, FlowHistory, FlowSettings, Partition, SolveCounts, SolverCounts, attempt
@@ -25,6 +26,7 @@ from .deterministic import state_memory
 from .face_contact import band_breadth, solve_windows
 from .face_flow import element_face_flow, resolved_flow
 from .face_leakage import FaceLeakage, face_leakage
+from .place_leakage import PlaceLeakage, place_leakage
 from .plausibility import scene_warnings
 from .repeated_steps import first_equal, map_different, repeated
 from .scene import Array, Scene
@@ -35,11 +37,13 @@ FLOWS = ("links", "resolved", "elements")
 RESOLVED_PIXELS = 2**22
 
 
-def chosen_flow(flow: str | None, shape: tuple[int, int], discretisation: str = "edge") -> str:
+def chosen_flow(
+    flow: str | None, shape: tuple[int, int], discretisation: str = "edge", spiral: Spiral | None = None
+) -> str:
     """The flow given, or the one that suits the number of pixels of a face.
 
     Elements are the resolved flow in a third of the memory and two to three times the time. They know links between
-    pixels alone, which the discretisation "edge" has.
+    pixels alone, which the discretisation "edge" has, and no grooves that wind.
 
     Raises
     ------
@@ -48,7 +52,7 @@ def chosen_flow(flow: str | None, shape: tuple[int, int], discretisation: str = 
     if flow is None:
         if shape[0] * shape[1] <= RESOLVED_PIXELS:
             return "resolved"
-        return "elements" if discretisation == "edge" else "links"
+        return "elements" if discretisation == "edge" and spiral is None else "links"
     if flow not in FLOWS:
         raise InputError("flow", flow, f"one of {', '.join(FLOWS)}")
     return flow
@@ -67,6 +71,7 @@ class TwoScaleResult(Shown):
         at the pressures of the nodes, with which the flow is that of a viscous gas. link_flows : of the windows.
     face_fluid_pressure : at every pixel and step; None with "links".
     fields : deformed gap and contact pressure at every pixel.
+    places : leakage by measured places, None of one.
     counts : flows of links, solved or known without solving. solvers : number of systems by solver, of links and over
     the face. equal_steps : number of steps that are an earlier one again, solved once. unsolved : steps at which the
     faces part, by their number, and why. failures : reasons of values
@@ -125,6 +130,7 @@ class TwoScaleResult(Shown):
         STEP,
         default=None,
     )
+    places: PlaceLeakage | None = field(default=None, repr=False)
     counts: SolveCounts = field(default_factory=SolveCounts)
     failures: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
@@ -181,7 +187,8 @@ def two_scale(
     InputError : another flow or contact, or cells that do not suit the surface or `solved`.
     NotConverged : a global contact failed. Windows and flows that fail are NaN, and listed in `failures`.
     """
-    flow = chosen_flow(flow, scene.surface.shape, scene.discretisation)
+    flow = chosen_flow(flow, scene.surface.shape, scene.discretisation, scene.flow.spiral)
+    scene.check_spiral(flow, cells)
     if flow == "elements" and scene.discretisation != "edge":
         raise InputError("flow", f"'elements' with the discretisation '{scene.discretisation}'", "'edge' with it")
     if solved is None:
@@ -210,6 +217,7 @@ def two_scale(
         band_breadth=band_breadth(solved.row_pressure, scene.surface.spacing[0]),
         largest_row_pressure=solved.row_pressure.max(axis=1),
         entry_pressure=scene.entry_pressures(solved.fields.gap),
+        places=place_leakage(scene, solved.fields.gap, mapper),
         equal_steps=repeated(first),
     )
 
@@ -296,7 +304,7 @@ def _through_links(scene: Scene, fields: WindowFields, flow: str, first: NDArray
         if (t := first[s]) < s:
             leakage[s], fluid_pressure[s], k1[s], k2[s] = leakage[t], fluid_pressure[t], k1[t], k2[t]
             continue
-        values = list(zip(along.at_pressures[:, s], across.at_pressures[:, s], strict=True))
+        values = [_wound(scene, pair) for pair in zip(along.at_pressures[:, s], across.at_pressures[:, s], strict=True)]
         links = tabulated(drop.pressures, values)
         through = attempt(scene.leakage, seal, links)
         if isinstance(through, Failed):
@@ -315,8 +323,18 @@ def _through_links(scene: Scene, fields: WindowFields, flow: str, first: NDArray
         fluid_pressure=fluid_pressure,
         link_flows=(along, across),
         counts=counts,
-        warnings=_wrongly_closed(fields, leakage),
+        warnings=() if scene.flow.spiral else _wrongly_closed(fields, leakage),
     )
+
+
+def _wound(scene: Scene, links: tuple[Array, Array]) -> tuple[Array, Array]:
+    """Permeabilities of links where grooves wind: k₁cos²α + k₂sin²α along x1, with k₂ of the rows beside."""
+    if scene.flow.spiral is None:
+        return links
+    along, across = links
+    square = scene.flow.spiral.tangent(scene.surface.size[1]) ** 2
+    beside = np.pad(across, ((1, 1), (0, 0)), mode="edge")
+    return (along + square * (beside[:-1] + beside[1:]) / 2) / (1 + square), across
 
 
 def _wrongly_closed(fields: WindowFields, leakage: Array) -> tuple[str, ...]:

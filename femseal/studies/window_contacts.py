@@ -71,6 +71,7 @@ def windows_contact(scene: Scene, cells: tuple[int, int], mapper: Mapper) -> Win
     A cell starts from the gap that the global pressure of the other cells leaves. The standoff of the
     loaded cells separates cells without pressure from the face.
     """
+    scene.check_one_place("contact", "windows", "whole")
     surface, steps, fluid = scene.surface, scene.steps, scene.acting_fluid
     partition = face_partition(surface, cells)
     cut_off = CUT_OFF_WINDOWS * min(partition.window_size)

@@ -15,6 +15,7 @@ from ..loads import LoadProgramme
 from ..seal.layouts import Layout, SealWindows
 from ..seal.pressure_map import AnyMap, MapsAtLoads, PressedSeal, PressureField, is_uniform
 from .scene import Array, Scene
+from .seat_rows import SeatMap, SeatRows
 
 #: Most paths of pressure for which every library window has its own curve, under one map and under several at different
 #: loads; more are rounded, see `distinct_paths`.
@@ -36,7 +37,9 @@ def seal_for_maps(layout: Layout, seal_windows: SealWindows) -> PressedSeal:
     return PressedSeal(layout.frame(seal_windows.seal.size), seal_windows.outlines)
 
 
-def pressure_fractions(scene: Scene, seal_windows: SealWindows, pressure_map: AnyMap, axis: int) -> Array:
+def pressure_fractions(
+    scene: Scene, seal_windows: SealWindows, pressure_map: AnyMap | SeatMap | SeatRows, axis: int
+) -> Array:
     """Pressure of the windows along an axis in fractions of the nominal one (steps, windows).
 
     Raises
@@ -47,6 +50,12 @@ def pressure_fractions(scene: Scene, seal_windows: SealWindows, pressure_map: An
     if is_uniform(pressure_map):
         return np.broadcast_to(1.0, (len(scene.steps), count))
     points = seal_windows.places(axis).reshape(count, 2)
+    if isinstance(pressure_map, SeatRows):
+        frame = scene.layout.frame(seal_windows.seal.size)
+        assert frame.ends is not None
+        extent = pressure_map.breadth / seal_windows.draws[0][0]
+        return pressure_map.fractions(np.abs(frame.across(points) - frame.ends[0]), extent, scene.steps.pressures)
+    assert not isinstance(pressure_map, SeatMap)  # its rows are solved before
     return seal_for_maps(scene.layout, seal_windows).fractions(pressure_map, points, scene.steps.pressures)
 
 
@@ -67,11 +76,11 @@ def distinct_paths(fractions: Array) -> tuple[Array, Index]:
     return paths[np.cumsum(changes) - 1], number
 
 
-def most_paths(pressure_map: AnyMap) -> int:
+def most_paths(pressure_map: AnyMap | SeatMap) -> int:
     """Most paths of the windows of a seal under a map."""
     if is_uniform(pressure_map):
         return 1
-    return MOST_OF_SEVERAL if isinstance(pressure_map, MapsAtLoads) else MOST_PATHS
+    return MOST_OF_SEVERAL if isinstance(pressure_map, MapsAtLoads | SeatMap) else MOST_PATHS
 
 
 def library_peaks(pressures: list[Array], steps: LoadProgramme) -> tuple[float, ...]:
@@ -105,14 +114,14 @@ def _distinct(keys: Array, fractions: Array) -> tuple[Array, Index]:
     return np.array([np.bincount(number, row) / members for row in fractions]), number
 
 
-def check_map(scene: Scene, seal_windows: SealWindows, pressure_map: AnyMap) -> tuple[str, ...]:
-    """Warnings on a map that are worth telling before a run.
+def check_map(scene: Scene, seal_windows: SealWindows, pressure_map: AnyMap | SeatMap) -> tuple[str, ...]:
+    """Warnings on a map before a run.
 
     Raises
     ------
     InputError : it does not cover the seal, or a window has more than the faces can carry.
     """
-    if is_uniform(pressure_map):
+    if isinstance(pressure_map, SeatMap) or is_uniform(pressure_map):
         return ()
     nominal = scene.steps.pressures
     pressures = [nominal[:, None] * pressure_fractions(scene, seal_windows, pressure_map, axis) for axis in (0, 1)]
@@ -162,8 +171,10 @@ def _field_warnings(scene: Scene, seal_windows: SealWindows, pressure_map: AnyMa
     return tuple(warnings)
 
 
-def describe_map(scene: Scene, seal_windows: SealWindows, pressure_map: AnyMap) -> str:
+def describe_map(scene: Scene, seal_windows: SealWindows, pressure_map: AnyMap | SeatMap) -> str:
     """The map as a text: its range in fractions of the nominal pressure, and the mean of a field; "" if uniform."""
+    if isinstance(pressure_map, SeatMap):
+        return "that of the rows of the seat in plane strain, the measured face being its layer"
     if is_uniform(pressure_map):
         return ""
     fractions = pressure_fractions(scene, seal_windows, pressure_map, 0)

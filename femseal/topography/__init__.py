@@ -6,8 +6,10 @@ repair (spikes, undefined points) -> combine (two faces) -> condition (form, wav
 
 from .combine import Overlap, combine
 from .condition import MOST_POINTS, Conditioning, condition, default_wave, resolved_wave, resolving_shape, smooth
+from .continuation import Continuation, continuation_of, continue_spectrum
 from .describe import SurfaceReport, as_text, describe_surface
 from .generate import self_affine, turned
+from .places import Places
 from .power_law import spectrum
 from .read import read_for_a_look, read_topography
 from .repair import Repair, SpikeEffect, repair, spike_effect
@@ -27,7 +29,9 @@ __all__ = [
     "MOST_POINTS",
     "SPIKES",
     "Conditioning",
+    "Continuation",
     "Overlap",
+    "Places",
     "Repair",
     "SpikeEffect",
     "SurfaceReport",
@@ -36,6 +40,8 @@ __all__ = [
     "as_text",
     "combine",
     "condition",
+    "continuation_of",
+    "continue_spectrum",
     "default_wave",
     "describe_surface",
     "read_for_a_look",

@@ -1,6 +1,6 @@
 """Description of a measured face: size, heights, slopes, texture and spectrum.
 
-Source: ISO 25178-2 (Sq, Sa, Sz, Ssk, Sku, Sal, Str, Std).
+Source: ISO 25178-2 (Sq, Sa, Sz, Ssk, Sku, Sal, Str, Std), ISO 21920-2 (Ra, Rz, Rq, Rsk).
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from ..base.quantities import to_text
 from .form import fit_form
 from .power_law import spectrum
 from .repair import repair
+from .roughness import roughness
 from .spikes import SPIKES
 from .texture import texture
 from .topography import Topography
@@ -56,7 +57,8 @@ class SurfaceReport(Labelled):
     """Numbers of a map after levelling; NaN and None mark numbers that the face does not have.
 
     Heights are those of the defined points, spikes included, as instruments count them. Slopes, texture and spectrum
-    are those of the map without spikes, with undefined points filled. Angles are counted from x1 towards x2.
+    are those of the map without spikes, with undefined points filled, and so are parameters behind the Gaussian filters
+    (`roughness.py`). Angles are counted from x1 towards x2.
     """
 
     shape: tuple[int, int] = field(metadata={"unit": "", "label": "points"})
@@ -79,11 +81,23 @@ class SurfaceReport(Labelled):
     shortest_wave: float = field(metadata={"unit": "m", "label": "shortest wave above noise, cut-off"})
     noise: float = field(metadata={"unit": "m", "label": "white noise, rms"})
     hurst: float = field(metadata={"unit": "", "label": "Hurst exponent of the power law"})
+    power_law_slope: tuple[float, float] = field(
+        metadata={"unit": "", "label": "its slope, log C over log q", "joint": " ± "}
+    )
     power_law: tuple[float, float] | None = field(
         metadata={"unit": "m", "label": "longest, shortest wave of the law", "joint": ", "}
     )
     power_law_density: float = field(metadata={"unit": "m^4", "label": "spectral density at its longest wave"})
     roll_off: float = field(metadata={"unit": "m", "label": "roll-off: end of a plateau"})
+    profile_cut_off: tuple[float, float] = field(metadata={"unit": "m", "label": "cut-offs of profiles", "joint": ", "})
+    ra: tuple[float, float] = field(metadata={"unit": "m", "label": "Ra of profiles along x1, x2", "joint": ", "})
+    rz: tuple[float, float] = field(metadata={"unit": "m", "label": "Rz", "joint": ", "})
+    rq: tuple[float, float] = field(metadata={"unit": "m", "label": "Rq", "joint": ", "})
+    rsk: tuple[float, float] = field(metadata={"unit": "", "label": "Rsk", "joint": ", "})
+    sa: float = field(metadata={"unit": "m", "label": "Sa of the roughness, behind filters"})
+    sz: float = field(metadata={"unit": "m", "label": "Sz of the roughness"})
+    sq: float = field(metadata={"unit": "m", "label": "Sq of the roughness"})
+    ssk: float = field(metadata={"unit": "", "label": "Ssk of the roughness"})
 
 
 def describe_surface(
@@ -141,4 +155,6 @@ def describe_surface(
         power_law=(law.longest, law.shortest) if law else None,
         power_law_density=law.density if law else nan,
         roll_off=law.roll_off if law else nan,
+        power_law_slope=(-2 - 2 * law.hurst, 2 * law.hurst_error) if law else (nan, nan),
+        **roughness(flat),
     )

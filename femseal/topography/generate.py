@@ -76,22 +76,13 @@ def self_affine(
     if roll_off <= cut_off:
         raise InputError("roll_off", roll_off, f"a wavelength > cut_off = {cut_off:g} [m]")
 
-    k1, k2 = _waves(size, cut_off)
+    k1, k2 = wave_numbers(size, cut_off)
     q = 2 * np.pi * np.hypot(k1 / size[0], k2 / size[1])
     amplitude = np.maximum(q, 2 * np.pi / roll_off) ** -(1 + hurst)
     # Each wave of the half plane stands for a conjugate pair.
     weight = 1.0 if rms_slope is None else q**2
     amplitude *= target / np.sqrt(2 * np.sum(weight * amplitude**2))
-    phase = 2 * np.pi * _generator(rng).random(q.size)
-    # Samples are at pixel centres, half a pixel from the origin of the phases: they stay put when the grid
-    # changes.
-    phase += np.pi * (k1 / shape[0] + k2 / shape[1])
-    waves = amplitude * np.exp(1j * phase)
-    spectrum = np.zeros((shape[0], shape[1] // 2 + 1), dtype=complex)
-    spectrum[k1, k2] = waves
-    rim = k2 == 0
-    spectrum[-k1[rim], 0] = waves[rim].conj()
-    return Topography(fft.irfft2(spectrum, s=shape, norm="forward"), spacing)
+    return Topography(random_waves(shape, (k1, k2), amplitude, _generator(rng)), spacing)
 
 
 def turned(
@@ -217,7 +208,24 @@ def _grooves(
     return z
 
 
-def _waves(size: tuple[float, float], cut_off: float) -> tuple[NDArray, NDArray]:
+def random_waves(
+    shape: tuple[int, int], numbers: tuple[NDArray, NDArray], amplitude: NDArray, rng: np.random.Generator
+) -> NDArray:
+    """Heights (n1, n2) [m] of waves of random phases, of `wave_numbers` and as many amplitudes [m]."""
+    k1, k2 = numbers
+    phase = 2 * np.pi * rng.random(amplitude.size)
+    # Samples are at pixel centres, half a pixel from the origin of the phases: they stay put when the grid
+    # changes.
+    phase += np.pi * (k1 / shape[0] + k2 / shape[1])
+    waves = amplitude * np.exp(1j * phase)
+    spectrum = np.zeros((shape[0], shape[1] // 2 + 1), dtype=complex)
+    spectrum[k1, k2] = waves
+    rim = k2 == 0
+    spectrum[-k1[rim], 0] = waves[rim].conj()
+    return fft.irfft2(spectrum, s=shape, norm="forward")
+
+
+def wave_numbers(size: tuple[float, float], cut_off: float) -> tuple[NDArray, NDArray]:
     """Wave numbers k1, k2 of half the plane with q < 2π/cut_off, longest wave first.
 
     The order, and therefore the phase each wave gets, depends on the ratio of the sides alone: not on the

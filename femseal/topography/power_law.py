@@ -8,10 +8,12 @@ Source: Jacobs, Junge, Pastewka, Surf. Topogr.: Metrol. Prop. 5 (2017) 013001.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import nan, pi
+from math import nan, pi, sqrt
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import exprel
 
 from .spectral import SLACK
 from .topography import Topography
@@ -29,6 +31,9 @@ _ABOVE_NOISE = 4.0
 #: Below this fraction of the largest C there is rounding only; below this one of the law the instrument saw nothing.
 _ROUNDING = 1e-16
 _CUT = 0.1
+#: Error of H over the standard error of the fit to bins alike. Measured on 128 Gaussian faces: 1.1 to 1.7, for few
+#: waves in the bins of the longest, and for the range, which is chosen.
+_ERROR = 1.6
 
 
 @dataclass(frozen=True)
@@ -37,17 +42,27 @@ class PowerLaw:
 
     Attributes
     ----------
-    hurst : H [-].
+    hurst, hurst_error : H and its standard error [-]; the slope of log C over log q is −2−2H.
     longest, shortest : wavelengths between which the law holds [m].
     density : C at the longest [m⁴].
     roll_off : where the plateau of longer waves ends, = longest; NaN without a plateau [m].
     """
 
     hurst: float
+    hurst_error: float
     longest: float
     shortest: float
     density: float
     roll_off: float
+
+    def at(self, q: Any) -> Any:
+        """C [m⁴] at wavenumbers [rad/m]."""
+        return self.density * (q * self.longest / (2 * pi)) ** (-2 - 2 * self.hurst)
+
+    def slope_power(self, longest: float, shortest: float) -> float:
+        """Mean square slope of the waves between two wavelengths [m], (1/2π)∫q³C dq, by the law."""
+        q, folds = 2 * pi / longest, np.log(longest / shortest)
+        return float(q**4 * self.at(q) / (2 * pi) * folds * exprel((2 - 2 * self.hurst) * folds))
 
 
 @dataclass(frozen=True)
@@ -64,8 +79,10 @@ def spectrum(topography: Topography) -> Spectrum:
 
     The shortest wave is the longest of: two pixels of the coarser spacing; the wave at which C is four times the white
     noise, where the spectrum ends flat; the wave below which C is less than a tenth of the power law. All but the
-    first are limits of the instrument.
+    first are limits of the instrument. Of several places it is that of the one with the longest such wave.
     """
+    if len(topography.each) > 1:
+        return max(map(spectrum, topography.each), key=lambda found: found.shortest_wave)
     q, density = topography.radial_psd()
     last = pi / max(topography.spacing)
     inside = (q > 0) & (q <= last * (1 + SLACK))
@@ -82,8 +99,7 @@ def spectrum(topography: Topography) -> Spectrum:
     used = (q >= 4 * pi / min(topography.size)) & (q <= 2 * pi / shortest - step) & signal
     law = _fit(*_binned(q[used], density[used] - floor))
     if law is not None:
-        expected = law.density * (q * law.longest / (2 * pi)) ** (-2 - 2 * law.hurst)
-        missing = (q > 2 * pi / law.shortest) & (density - floor < _CUT * expected)
+        missing = (q > 2 * pi / law.shortest) & (density - floor < _CUT * law.at(q))
         if missing.any():
             shortest = max(shortest, 2 * pi / q[np.argmax(missing)])
     return Spectrum(float(shortest), float(np.sqrt(floor / np.prod(topography.spacing))), law)
@@ -109,7 +125,10 @@ def _fit(x: NDArray, y: NDArray) -> PowerLaw | None:
         if scatter <= _SCATTER and 0 < hurst <= 1.1 and (stop - begin, -scatter) > rank:
             rank = stop - begin, -scatter
             longest, shortest = (float(2 * pi / 10**end) for end in (bend, x[stop]))
-            found = PowerLaw(float(hurst), longest, shortest, float(10**level), longest if bend > x[begin] else nan)
+            bins = stop + 1 - begin
+            error = _ERROR / 2 * scatter / sqrt(bins - 2) / float(np.std(fall))
+            roll_off = longest if bend > x[begin] else nan
+            found = PowerLaw(float(hurst), error, longest, shortest, float(10**level), roll_off)
     return found
 
 

@@ -55,18 +55,28 @@ class Seat:
         ------
         InputError : a form that is steeper than an elastic half-space allows.
         """
-        breadth = face.size[0]
-        z = -self.depth(_rows(face), breadth)
-        slope = float(np.abs(np.diff(z) / face.spacing[0]).max(initial=0.0))
+        below = self.rows_below(face.shape[0], face.spacing[0])
+        return face.with_form(-below)
+
+    def rows_below(self, rows: int, spacing: float) -> Array:
+        """How deep rows across the seat (rows,), a spacing apart, lie below the highest one [m].
+
+        Raises
+        ------
+        InputError : a form that is steeper than an elastic half-space allows.
+        """
+        breadth = rows * spacing
+        depth = self.depth(_rows(rows, spacing), breadth)
+        slope = float(np.abs(np.diff(depth) / spacing).max(initial=0.0))
         if not slope <= MOST_SLOPE:  # NaN where x1 is beyond the form
             found = f"{slope:.2g}" if np.isfinite(slope) else "vertical"
             given = f"{self} with slopes up to {found} on {to_text(breadth, 'm', 3)}"
             raise InputError("seat", given, f"slopes up to {MOST_SLOPE:g}: the faces are half-spaces")
-        return Topography(face.heights + (z - z.max())[:, None], face.spacing, (False, face.periodic[1]))
+        return depth - depth.min()
 
     def matters(self, face: Topography) -> bool:
         """Whether the form is deep enough beside the roughness of a face to change its leakage."""
-        depth = self.depth(_rows(face), face.size[0])
+        depth = self.depth(_rows(face.shape[0], face.spacing[0]), face.size[0])
         return bool(not np.ptp(depth) < LEAST_DEPTH * face.rms_height)
 
 
@@ -204,9 +214,30 @@ class ProfileSeat(Seat):
         return f"the profile {self.path.name}"
 
 
-def _rows(face: Topography) -> Array:
-    """x1 of the rows of a face from its middle (n1,) [m]."""
-    return np.asarray((np.arange(face.shape[0]) + 0.5 - face.shape[0] / 2) * face.spacing[0], dtype=np.float64)
+@dataclass(frozen=True)
+class ScaledSeat(Seat):
+    """A form that is so many times as deep as another one."""
+
+    kind: ClassVar[str] = "scaled"
+    seat: Seat
+    factor: float
+
+    def __post_init__(self) -> None:
+        """Both are checked already."""
+
+    @property
+    def load_factor(self) -> float:
+        """That of the form."""
+        return self.seat.load_factor
+
+    def depth(self, x: Array, breadth: float) -> Array:
+        """The factor times the depth of the form."""
+        return self.factor * self.seat.depth(x, breadth)
+
+
+def _rows(n1: int, spacing: float) -> Array:
+    """x1 of rows from their middle (n1,) [m]."""
+    return np.asarray((np.arange(n1) + 0.5 - n1 / 2) * spacing, dtype=np.float64)
 
 
 def _profile(path: Path, unit: str) -> Array:

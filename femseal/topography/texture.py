@@ -22,7 +22,7 @@ _LEAST_WAVES = 2.5
 #: Width of the sectors over which power is summed [rad].
 _LOBE = np.deg2rad(8)
 #: Aspect ratio above which a face has no direction (ISO 25178-2).
-_ISOTROPIC = 0.5
+ISOTROPIC = 0.5
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ def texture(topography: Topography) -> Texture:
     longest = np.where(fallen, distance, reach).max()
     shortest = distance.min() if fallen.any() else longest
     ratio = float(shortest / longest)
-    lay = _lay(topography) if ratio <= _ISOTROPIC else nan
+    lay = _lay(topography) if ratio <= ISOTROPIC else nan
     return Texture(float(shortest), ratio, not bool(fallen.all()), lay)
 
 

@@ -74,6 +74,11 @@ class Topography(Plotted):
         return self.shape[0] * self.spacing[0], self.shape[1] * self.spacing[1]
 
     @property
+    def each(self) -> tuple[Topography, ...]:
+        """The places of the face that are measured, see `Places`: this one alone."""
+        return (self,)
+
+    @property
     def undefined_fraction(self) -> float:
         """Fraction of undefined points, 0 to 1."""
         return float(np.isnan(self.heights).mean())
@@ -110,7 +115,7 @@ class Topography(Plotted):
         ------
         InputError : another order.
         """
-        return self._with(self.heights - fit_form(self.heights, self.size, order).heights)
+        return self.with_heights(self.heights - fit_form(self.heights, self.size, order).heights)
 
     def low_pass(self, wavelength: float) -> Topography:
         """Waves with |q| <= 2π/`wavelength`, in any direction: truncation in Fourier space.
@@ -120,11 +125,11 @@ class Topography(Plotted):
         InputError : wavelength [m] not a finite number > 0.
         """
         limit = 2 * np.pi / validate.number("wavelength", wavelength, unit="m")
-        return self._with(spectral.truncate(self._defined("low_pass"), self.spacing, self.periodic, limit))
+        return self.with_heights(spectral.truncate(self._defined("low_pass"), self.spacing, self.periodic, limit))
 
     def high_pass(self, wavelength: float) -> Topography:
         """Map less its low-pass: the waves that `low_pass` removes."""
-        return self._with(self._defined("high_pass") - self.low_pass(wavelength).heights)
+        return self.with_heights(self._defined("high_pass") - self.low_pass(wavelength).heights)
 
     def resample(self, shape: tuple[int, int]) -> Topography:
         """Fourier interpolant of the map at the pixel centres of another grid (m1, m2) on the same area.
@@ -149,7 +154,7 @@ class Topography(Plotted):
         ------
         InputError : threshold not > 0; infinite leaves all points.
         """
-        return self._with(np.where(find_spikes(self.heights, threshold), np.nan, self.heights))
+        return self.with_heights(np.where(find_spikes(self.heights, threshold), np.nan, self.heights))
 
     def fill_undefined(self, max_share: float = 0.05) -> Topography:
         """Map with undefined points filled by the harmonic surface through their rims (`holes.py`).
@@ -165,7 +170,7 @@ class Topography(Plotted):
             raise InputError("undefined points", "100 %", "a map with defined points")
         if fraction > limit:
             raise TooManyUndefined(fraction, limit, largest_part(np.isnan(self.heights), self.spacing, limit))
-        return self._with(fill_holes(self.heights, self.spacing, self.periodic))
+        return self.with_heights(fill_holes(self.heights, self.spacing, self.periodic))
 
     def crop(self, shape: tuple[int, int], start: tuple[int, int] = (0, 0)) -> Topography:
         """Part of `shape` points beginning at pixel `start`; an axis that loses points is periodic no more.
@@ -213,7 +218,7 @@ class Topography(Plotted):
         marked = np.asarray(undefined)
         if marked.shape != self.shape or marked.dtype.kind not in "bfiu":
             raise InputError("mask", f"an array of {marked.dtype} of shape {marked.shape}", f"numbers {self.shape}")
-        return self._with(np.where(marked != 0, np.nan, self.heights))
+        return self.with_heights(np.where(marked != 0, np.nan, self.heights))
 
     def transpose(self) -> Topography:
         """Map with x1 and x2 exchanged."""
@@ -221,7 +226,7 @@ class Topography(Plotted):
 
     def flip(self, axis: int) -> Topography:
         """Map reversed along an axis, as the upper of two faces must be before they are added."""
-        return self._with(np.flip(self.heights, validate.axis_number(axis)))
+        return self.with_heights(np.flip(self.heights, validate.axis_number(axis)))
 
     def __add__(self, other: Topography) -> Topography:
         """Sum of two faces on one grid, the roughness to press on a rigid flat; periodic where both are.
@@ -238,6 +243,10 @@ class Topography(Plotted):
             raise InputError("spacing of the second face", other.spacing, f"that of the first, {self.spacing}")
         periodic = (self.periodic[0] and other.periodic[0], self.periodic[1] and other.periodic[1])
         return Topography(self._defined("a sum") + other._defined("a sum"), self.spacing, periodic)
+
+    def with_form(self, profile: NDArray) -> Topography:
+        """The map with a profile along x1 (n1,) [m] added, along which it is periodic no more."""
+        return Topography(self.heights + profile[:, None], self.spacing, (False, self.periodic[1]))
 
     def gap(self) -> NDArray[np.float64]:
         """Undeformed gap h1 = max z − z (n1, n2) [m] to a rigid flat that touches the highest point."""
@@ -298,7 +307,8 @@ class Topography(Plotted):
         z = self._defined(purpose)
         return spectral.power(z - z.mean(), self.periodic)
 
-    def _with(self, heights: NDArray) -> Topography:
+    def with_heights(self, heights: NDArray) -> Topography:
+        """The map with other heights at the same points."""
         return Topography(heights, self.spacing, self.periodic)
 
     def _defined(self, purpose: str) -> NDArray[np.float64]:

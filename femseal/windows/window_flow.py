@@ -15,6 +15,7 @@ from ..flow.cell import cell_flow, pixel_dissipation
 from ..flow.discretisation import check_discretisation
 from ..flow.law import cubic_law
 from ..flow.pressure_drop import VISCOUS, PressureDrop
+from ..flow.spiral import Spiral
 from .outcome import Failed, SolveCounts, SolverCounts, attempt
 from .partition import Partition
 
@@ -45,6 +46,8 @@ class FlowHistory:
 class FlowSettings:
     """How the flow through windows is discretised and solved, see `cell_permeability`, and of what fluid.
 
+    spiral : how the grooves of a whole face wind, see `femseal.flow.spiral`; None for rings.
+
     Raises
     ------
     InputError : an unknown solver or discretisation, or two that do not go together.
@@ -53,6 +56,7 @@ class FlowSettings:
     solver: str = "auto"
     discretisation: str = "edge"
     drop: PressureDrop = VISCOUS
+    spiral: Spiral | None = None
 
     def __post_init__(self) -> None:
         check_discretisation(self.discretisation, self.solver)

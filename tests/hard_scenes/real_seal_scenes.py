@@ -10,6 +10,8 @@ from chain_scenes import D, E, chain_face, chain_scene
 from hard_scene import HardScene
 from judges import Exactly, Falling, Near
 
+from femseal.flow import Spiral, cell_permeability
+from femseal.flow.spiral import spiral_flow
 from femseal.fluids import IdealGas
 from femseal.studies import Sampling, deterministic, stochastic, two_scale
 from femseal.topography import CrownedSeat, Seat, TiltedSeat, Topography
@@ -101,7 +103,44 @@ def _squashed() -> float:
     return float(np.count_nonzero(rows) * D / (5e4 / 0.2e9))
 
 
+def _spiral(
+    lead: float, circumference: float | None = None, land: float = -1e-7, turns: int = 6
+) -> tuple[float, float]:
+    """Permeability of grooves 16 pixels apart along x2, over k22 tan²α, and k22 over k11."""
+    n2 = 64
+    x = np.arange(16 * turns) + 0.5
+    gap = np.repeat(np.maximum(land - 1e-6 * np.cos(2 * np.pi * x / 16), 0.0)[:, None], n2, axis=1)
+    plain = cell_permeability(gap, (D, D), sides="periodic")
+    along = cell_permeability(gap, (D, D), axis=1, sides="periodic").value
+    found = spiral_flow(gap, (D, D), Spiral(lead, circumference), plain.fluid_pressure)
+    tangent = lead / (circumference or n2 * D)
+    return (0.0 if found is None else found[0] / (along * tangent**2)), along / plain.value if plain.value else np.inf
+
+
+def _two_starts() -> float:
+    """Two grooves beside each other over one, on closed lands."""
+    return 4 * _spiral(32 * D, turns=12)[0] / _spiral(16 * D, turns=12)[0]
+
+
 SCENES: tuple[HardScene, ...] = (
+    scene(
+        "groove around a long seal",
+        what="closed lands, lead 16 µm around 1 m: permeability over k₂₂ tan²α, 3e-10 of k₂₂",
+        must=Near(1.0, 0.005, "Geoffroy & Prat"),
+        run=lambda: _spiral(16 * D, 1.0)[0],
+    ),
+    scene(
+        "groove between the pixels",
+        what="closed lands and a lead that is no whole number of pixels: permeability over k₂₂ tan²α",
+        must=Near(1.0, 0.02, "whole pixels and a fraction of them"),
+        run=lambda: _spiral(16.4 * D, 1e-3, turns=12)[0],
+    ),
+    scene(
+        "two grooves side by side",
+        what="twice the lead on closed lands: permeability over that of one start",
+        must=Near(4.0, 0.02, "tan²α"),
+        run=_two_starts,
+    ),
     scene(
         "fluid at 2.1 times the load",
         what="five loads, of which the fluid carries the lowest two alone: open steps + 10 × leaking ones",

@@ -1,0 +1,148 @@
+"""Waves that an instrument does not see: the power law of the measured spectrum, continued with random phases.
+
+Symbols: C spectral density [m⁴] of a wave vector q, L sides of the map; a wave and its conjugate have the amplitude
+√(C/L1 L2) each, so that Sq² = (1/4π²)∫C d²q.
+Source: Jacobs, Junge, Pastewka, Surf. Topogr.: Metrol. Prop. 5 (2017) 013001 (densities and their slope).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import exp, inf, log1p, pi, sqrt
+from typing import Any
+
+import numpy as np
+
+from ..base import validate
+from ..base.errors import InputError
+from ..base.quantities import to_text
+from .condition import resolved_wave, resolving_shape
+from .generate import random_waves, wave_numbers
+from .power_law import PowerLaw, spectrum
+from .texture import ISOTROPIC, texture
+from .topography import Topography
+
+
+@dataclass(frozen=True)
+class Continuation:
+    """Continuation of a spectrum below its power law.
+
+    law : of the measured spectrum. longest, cut_off : waves that are added [m]. rms_slope : of the waves measured, to
+    `longest`. aspect_ratio : Str of the map. seed : whole numbers, of the phases.
+    """
+
+    law: PowerLaw
+    longest: float
+    cut_off: float
+    rms_slope: float
+    aspect_ratio: float
+    seed: tuple[int, ...]
+
+    def added_to(self, face: Topography, realisation: int = 0, *, factor: float = 1.0) -> Topography:
+        """The face with these waves, times a factor, as far as its pixels carry them.
+
+        The seed and the realisation give the same waves on every grid. Along an axis that is not periodic they are
+        even about both borders, as the map is. Realisations but the first also draw the slope of the law by its error.
+        """
+        periods = tuple(n if wraps else 2 * n for n, wraps in zip(face.shape, face.periodic, strict=True))
+        size = (periods[0] * face.spacing[0], periods[1] * face.spacing[1])
+        k = wave_numbers(size, max(self.cut_off, 2 * max(face.spacing)))
+        q = 2 * pi * np.hypot(k[0] / size[0], k[1] / size[1])
+        rng = np.random.default_rng([*self.seed, realisation + 1])  # zeros at the end change nothing
+        slope = -2 * self.law.hurst_error * rng.standard_normal() * (realisation > 0)
+        # the law turns about the middle of its range
+        middle = 2 * pi / sqrt(self.law.longest * self.law.shortest)
+        density = np.where(q > 2 * pi / self.longest, self.law.at(q) * (q / middle) ** slope, 0.0)
+        amplitude = np.sqrt(density / (size[0] * size[1]))
+        z = random_waves((periods[0], periods[1]), k, amplitude, rng)
+        for axis in (0, 1):
+            if not face.periodic[axis]:
+                z = (z + np.flip(z, axis)) / sqrt(2)
+        return face.with_heights(face.heights + factor * z[: face.shape[0], : face.shape[1]])
+
+    def slope_to(self, wave: float) -> float:
+        """Rms slope [-] of measured and continued waves down to a shortest one [m]."""
+        return sqrt(self.rms_slope**2 + self.law.slope_power(self.longest, wave))
+
+    def last_that_counts(self, hardness: float, modulus: float) -> float:
+        """Wavelength [m] below which hardness [Pa] sets the area in contact; 0 where it never does.
+
+        By Persson's theory contact carries E*h'/2 of mean pressure, which rises with every wave that is added until it
+        is the hardness: shorter waves are flattened.
+        """
+        missing = (2 * hardness / modulus) ** 2 - self.rms_slope**2
+        if missing <= 0:
+            return self.longest
+        q, power = 2 * pi / self.longest, 2 - 2 * self.law.hurst
+        folds = missing * 2 * pi / (q**4 * self.law.at(q))
+        if not -1 < power * folds < inf:
+            return 0.0
+        return self.longest * exp(-(log1p(power * folds) / power if power else folds))
+
+    def __str__(self) -> str:
+        law, wave = self.law, to_text
+        return (
+            f"waves from {wave(self.longest, 'm', 3)} to {wave(self.cut_off, 'm', 3)} continue the power law "
+            f"q^({-2 - 2 * law.hurst:.2f} ± {2 * law.hurst_error:.2f}) fitted from {wave(law.longest, 'm', 3)} to "
+            f"{wave(law.shortest, 'm', 3)}; rms slope {self.rms_slope:.3g} of the measured, "
+            f"{self.slope_to(self.cut_off):.3g} of all waves"
+        ) + ("; the face has a lay, these waves have none" if self.aspect_ratio <= ISOTROPIC else "")
+
+
+def continuation_of(flat: Topography, cut_off: float, *, longest: float | None = None, seed: Any = 0) -> Continuation:
+    """How the spectrum of a flat map without undefined points goes on from where its power law ends to a cut-off.
+
+    Parameters
+    ----------
+    flat : as measured. cut_off : shortest wavelength [m]. seed : whole number, or several, of the phases.
+    longest : wave from which on measured ones are replaced [m], if not from the end of the law.
+
+    Raises
+    ------
+    InputError : no power law in the spectrum; a cut-off no shorter than the waves that are measured.
+    """
+    shortest = validate.number("continue_spectrum", cut_off, unit="m")
+    law = spectrum(flat).law
+    if law is None:
+        expected = "a face whose spectrum follows a power law over a factor of 5 in wavelength, as measured"
+        raise InputError("continue_spectrum", f"{to_text(shortest, 'm')} and a face without such a law", expected)
+    first = max(law.shortest, longest or 0.0)
+    if shortest >= first:
+        expected = f"less than {to_text(first, 'm', 3)}: longer waves are measured"
+        raise InputError("continue_spectrum", to_text(shortest, "m"), expected)
+    seeds = tuple(int(n) for n in np.atleast_1d(seed))
+    return Continuation(law, first, shortest, flat.low_pass(first).rms_slope, texture(flat).aspect_ratio, seeds)
+
+
+def continue_spectrum(
+    topography: Topography, cut_off: float, *, shape: tuple[int, int] | None = None, rng: Any, realisation: int = 0
+) -> Topography:
+    """A flat map on a finer grid, with the waves that its instrument does not see, down to a cut-off.
+
+    The power law of the spectrum (see `describe_surface`) is continued from its shortest wave on with random phases,
+    alike in all directions; measured waves below that one are left out.
+
+    Parameters
+    ----------
+    topography : levelled, without undefined points.
+    cut_off : shortest wavelength [m]. shape : points of the grid; 8 pixels to the cut-off unless given.
+    rng : whole number, or several, from which phases are drawn. realisation : number of the draw; all but the first
+        also draw the slope of the law by its error.
+
+    Raises
+    ------
+    InputError : no power law in the spectrum; a cut-off no shorter than the waves that are measured, or of less than 8
+        pixels of the shape.
+
+    Examples
+    --------
+    >>> from femseal.topography import self_affine
+    >>> face = self_affine((64, 64), (64e-6, 64e-6), hurst=0.8, rms_slope=0.05, cut_off=2.5e-6, rng=1)
+    >>> continue_spectrum(face, 1e-6, rng=1).shape
+    (512, 512)
+    """
+    found = continuation_of(topography, cut_off, seed=rng)
+    grid = resolving_shape(topography.size, cut_off) if shape is None else validate.grid("shape", shape)
+    if cut_off < resolved_wave(topography.size, grid) * (1 - 1e-9):
+        raise InputError("shape", grid, f"8 pixels to the cut-off, {resolving_shape(topography.size, cut_off)}")
+    return found.added_to(topography.low_pass(found.longest).resample(grid), realisation)

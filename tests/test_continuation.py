@@ -1,0 +1,250 @@
+"""Spectra that are continued below the waves that an instrument sees."""
+
+from dataclasses import replace
+from math import inf, pi, sqrt
+
+import numpy as np
+import pytest
+from each import each
+from numpy.testing import assert_allclose
+from scipy import fft, stats
+
+import femseal as fs
+from femseal.budget import continuation_part
+from femseal.budget.removed_waves import filter_part
+from femseal.case.case import parse_case
+from femseal.preparation.preparation import prepare
+from femseal.refinement.coarser import continued_scenes
+from femseal.report.case_sentences import case_sentences
+from femseal.runs.forecast import describe
+from femseal.topography import continuation_of, spectrum
+
+MEASURED = fs.self_affine((128, 128), (128e-6, 128e-6), hurst=0.8, rms_slope=0.05, cut_off=2.5e-6, rng=1)
+
+
+def gaussian_face(hurst, seed, n=128):
+    """Self-affine, of random amplitudes and phases."""
+    q = np.hypot(fft.fftfreq(n)[:, None], fft.fftfreq(n)[None, :])
+    amplitude = np.where((q > 0) & (q < 1 / 6), np.maximum(q, 1 / n) ** -(1 + hurst), 0.0)
+    z = fft.ifft2(fft.fft2(np.random.default_rng(seed).standard_normal((n, n))) * amplitude).real
+    return fs.Topography(1e-7 * z / z.std(), (1e-6, 1e-6))
+
+
+@each("hurst", [0.3, 0.8])
+def test_the_error_of_the_slope_holds_its_truth(hurst):
+    laws = [spectrum(gaussian_face(hurst, seed)).law for seed in range(24)]
+    off = np.array([(law.hurst - hurst) / law.hurst_error for law in laws])
+    assert np.mean(np.abs(off) < 2) > 0.8
+    assert 0.5 < np.std(off) < 2
+
+
+def test_the_continued_face_is_the_one_that_was_made_with_these_waves():
+    made = fs.self_affine((512, 512), (128e-6, 128e-6), hurst=0.8, rms_slope=0.1, cut_off=1e-6, rng=1)
+    seen = made.low_pass(2.5e-6).resample((128, 128))
+    found = fs.continue_spectrum(seen, 1e-6, shape=(1024, 1024), rng=2)
+    assert_allclose(found.rms_slope, 0.1, rtol=0.005)
+    assert_allclose(found.rms_height, made.rms_height, rtol=1e-3)
+    law = spectrum(found).law
+    assert_allclose(law.hurst, 0.8, atol=0.01)
+    assert_allclose(law.shortest, 1e-6, rtol=0.1)
+    known = continuation_of(seen, 1e-6)
+    assert_allclose(known.slope_to(1e-6), 0.1, rtol=0.005)  # closed form
+    # measured waves stay
+    longest = 1.01 * known.longest
+    wide = seen.low_pass(longest).resample(found.shape)
+    assert_allclose(found.low_pass(longest).heights, wide.heights, atol=1e-6 * seen.rms_height)
+
+
+def test_waves_are_the_same_on_every_grid_and_differ_between_realisations():
+    one = fs.continue_spectrum(MEASURED, 1e-6, rng=3)
+    fine = fs.continue_spectrum(MEASURED, 1e-6, shape=(1024, 1024), rng=3)
+    assert_allclose(fine.resample(one.shape).heights, one.heights, atol=1e-9 * one.rms_height)
+    other = fs.continue_spectrum(MEASURED, 1e-6, rng=3, realisation=1)
+    found = continuation_of(MEASURED, 1e-6, seed=3)
+    first, second = (face.high_pass(found.longest).heights for face in (one, other))
+    assert 0 < abs(first.std() / second.std() - 1) < 0.02  # the slope is drawn by its error
+    assert abs(np.mean(first * second)) < 0.1 * first.var()
+
+
+def test_a_map_that_ends_continues_with_waves_even_at_its_borders():
+    part = fs.Topography(MEASURED.heights[:100], MEASURED.spacing, (False, True))
+    found = fs.continue_spectrum(part, 1e-6, rng=3)
+    assert found.periodic == (False, True)
+    # the slope across a border vanishes: no wave is shorter than the cut-off
+    assert_allclose(found.low_pass(0.99e-6).heights, found.heights, atol=1e-9 * found.rms_height)
+    known = continuation_of(part, 1e-6)
+    assert_allclose(found.rms_slope, known.slope_to(1e-6), rtol=0.03)
+
+
+@each("hurst", [0.6, 0.9])
+@each("of_slope", [1.05, 1.3])
+def test_hardness_ends_what_short_waves_do(hurst, of_slope):
+    face = fs.self_affine((128, 128), (128e-6, 128e-6), hurst=hurst, rms_slope=0.05, cut_off=2.5e-6, rng=1)
+    found = continuation_of(face, 1e-6)
+    slope = of_slope * found.rms_slope
+    assert_allclose(found.slope_to(found.last_that_counts(slope / 2 * 1e11, 1e11)), slope, rtol=1e-9)
+    assert found.last_that_counts(found.rms_slope / 2.1 * 1e11, 1e11) == found.longest
+    assert found.last_that_counts(inf, 1e11) == 0
+
+
+def test_what_cannot_be_continued_is_refused():
+    with pytest.raises(fs.InputError, match=r"continue_spectrum: given 5 µm, expected less than 2\.67 µm"):
+        fs.continue_spectrum(MEASURED, 5e-6, rng=1)
+    noise = fs.Topography(np.random.default_rng(1).normal(0, 1e-8, (64, 64)), (1e-6, 1e-6))
+    with pytest.raises(fs.InputError, match=r"continue_spectrum: given .* a face without such a law"):
+        fs.continue_spectrum(noise, 5e-7, rng=1)
+    with pytest.raises(fs.InputError, match=r"shape: given .*256.*, expected 8 pixels"):
+        fs.continue_spectrum(MEASURED, 1e-6, shape=(256, 256), rng=1)
+    with pytest.raises(fs.InputError, match="continue_spectrum"):
+        fs.continue_spectrum(MEASURED, -1e-6, rng=1)
+
+
+@each("wave", [100e-6, 250e-6, 500e-6])
+def test_roughness_of_a_wave_is_exact(wave):
+    """Half of a wave of the cut-off passes; of a wave of length l, 2**-(cut-off/l)² is waviness."""
+    height, n, size = 0.5e-6, 1000, 1e-3
+    x = (np.arange(n) + 0.5) * size / n
+    report = fs.describe_surface(
+        fs.Topography(height * np.cos(2 * pi * x / wave)[:, None] * np.ones(400), (size / n, size / n)), detrend=0
+    )
+    assert report.profile_cut_off == (800e-6, 80e-6)  # no roughness along the lay
+    left = height * (1 - 2 ** -((800e-6 / wave) ** 2)) * 2 ** -((2.5e-6 / wave) ** 2)
+    assert_allclose(report.ra[0], 2 / pi * left, rtol=2e-3)
+    assert_allclose([report.rq[0], report.sq], left / sqrt(2), rtol=2e-3)
+    assert_allclose([report.rz[0], report.sz], 2 * left, rtol=2e-3)
+    assert_allclose([report.rsk[0], report.ssk], 0, atol=2e-3)
+    assert_allclose(report.sa, report.ra[0], rtol=2e-3)
+
+
+def test_the_height_of_profiles_is_the_mean_of_their_sections():
+    x = (np.arange(4000) + 0.5) * 0.25e-6
+    ramp = np.where(x < 5 * 80e-6, np.cos(2 * pi * x / 8e-6) * (1 + np.floor(x / 80e-6)), 0.0) * 1e-9
+    report = fs.describe_surface(fs.Topography(ramp[:, None] * np.ones(4), (0.25e-6, 0.25e-6)), detrend=0, spikes=inf)
+    assert report.profile_cut_off[0] == 80e-6
+    passed = 2 ** -((2.5 / 8) ** 2)
+    assert_allclose(report.rz[0], 2 * passed * 3e-9, rtol=0.05)  # mean of 1 … 5 nm; the largest is 5
+    assert np.isnan(report.ra[1])
+
+
+def test_roughness_of_the_face_agrees_with_another_program():
+    surfalize = pytest.importorskip("surfalize")
+    face = fs.self_affine((600, 600), (1.2e-3, 1.2e-3), hurst=0.7, rms_height=0.5e-6, cut_off=10e-6, rng=5)
+    report = fs.describe_surface(face, detrend=0, spikes=inf)
+    other = surfalize.Surface(face.heights * 1e6, 2.0, 2.0).filter("lowpass", 2.5).filter("highpass", 800)
+    found = [report.sa, report.sq, report.sz]
+    assert_allclose(found, 1e-6 * np.array([other.Sa(), other.Sq(), other.Sz()]), rtol=1e-3)
+    assert_allclose(report.ssk, other.Ssk(), atol=1e-3)
+
+
+# --- of a case --------------------------------------------------------------------------------------------
+
+SIZE = (32e-6, 32e-6)
+TRUTH = fs.self_affine((512, 512), SIZE, hurst=0.8, rms_slope=0.2, roll_off=16e-6, cut_off=0.5e-6, rng=4)
+
+
+@pytest.fixture
+def case(tmp_path):
+    """A face of which waves down to 2 µm are measured, continued to 1 µm."""
+    np.save(tmp_path / "face.npy", TRUTH.low_pass(1.6e-6).resample((48, 48)).heights)
+
+    def made(surface, **output):
+        return parse_case(
+            {
+                "seed": 7,
+                "method": "deterministic",
+                "face": {"kind": "file", "path": "face.npy", "size": ["32 um", "32 um"], "height_unit": "m"},
+                "surface": {"detrend": 0, "spikes": inf, "continue_spectrum": "1 um"} | surface,
+                "material": {"young": "210 GPa", "hardness": "4 GPa"},
+                "load": {"loading": ["20 MPa", "100 MPa", "300 MPa"]},
+                "contact": {"boundary": ["mirror", "mirror"]},
+                "fluid": {"kind": "liquid", "viscosity": "1 mPa*s", "inlet_pressure": "1 MPa"},
+                "output": {"pictures": False} | output,
+            },
+            tmp_path,
+        )
+
+    return made
+
+
+def test_a_case_solves_the_continued_face_and_says_so(case):
+    prepared = prepare(case({}))
+    measured = fs.read_topography(case({}).folder / "face.npy", size=SIZE, height_unit="m").detrend(0)
+    found = continuation_of(measured, 1e-6, seed=7)
+    face = fs.continue_spectrum(measured, 1e-6, rng=7)
+    assert prepared.scene.surface.shape == face.shape == (256, 256)
+    assert_allclose(prepared.scene.surface.heights, face.heights, atol=1e-12)
+    assert prepared.conditioning.shortest_wavelength == 1e-6
+    assert_allclose(prepared.conditioning.rms_slope, face.rms_slope)
+    text = "\n".join(describe(case({}), prepared))
+    assert f"continue the power law q^({-2 - 2 * found.law.hurst:.2f} ± {2 * found.law.hurst_error:.2f})" in text
+    assert "warning" not in text
+    longer = prepare(case({"shortest_wave": "4 um"}))
+    assert longer.continuation.longest == 4e-6
+    assert text.count("3 on 128 × 128 points") == 7  # pixels, hardness, three other phases, fewer waves, as measured
+
+
+def test_the_budget_solves_other_phases_fewer_waves_and_the_measured_ones(case):
+    prepared = prepare(case({}))
+    *others, shorter, measured = (scene.surface for scene in continued_scenes(prepared))
+    face, longest = prepared.scene.surface, prepared.continuation.longest
+    assert len({one.rms_slope for one in (face, *others)}) == 4
+    for one in others:
+        assert_allclose(one.low_pass(1.01 * longest).heights, face.low_pass(1.01 * longest).heights, atol=1e-12)
+    assert_allclose(shorter.low_pass(2e-6).heights, shorter.heights, atol=1e-12)
+    assert_allclose(measured.low_pass(longest).heights, measured.heights, atol=1e-12)
+    assert continued_scenes(replace(prepared, continuation=None)) == []
+
+
+@each(
+    "surface, message",
+    [
+        ({"continue_spectrum": "3 um"}, r"surface\.continue_spectrum: given 3 µm, expected less than .* measured"),
+        ({"points": [128, 128]}, r"surface\.points: given .*128.*, expected 8 pixels to continue_spectrum, .*256, 256"),
+        ({"continue_spectrum": "-1 um"}, r"surface\.continue_spectrum: given '-1 um', expected a length > 0"),
+        ({"continue_spectrum": "1 nm"}, r"surface\.points.*GB"),
+    ],
+)
+def test_a_case_that_cannot_be_continued_is_refused(surface, message, case):
+    with pytest.raises(fs.InputError, match=message):
+        prepare(case(surface))
+
+
+def test_the_band_of_a_continued_face_holds_the_leakage_of_all_of_its_waves(case):
+    results = fs.run(case({}), workers=1)
+    truth = fs.Topography(TRUTH.heights, TRUTH.spacing, (False, False))
+    leakage = fs.deterministic(replace(results.scene, surface=truth)).leakage
+    budget = results.budget
+    assert np.all((budget.lower < leakage) & (leakage < budget.upper))
+    (part,) = (part for part in budget.parts if part.name == "continuation")
+    assert np.all(budget.widths()["continuation"] < 0.5)
+    assert "cut-off 1 µm: rms slope" in part.note
+    assert "4 realisations" in part.note
+    assert "continuation" not in {p.name for p in budget.numerical.parts}
+    assert "continue the power law" in " ".join(case_sentences(results))
+    off = fs.run(case({}, model_parts=[]), workers=1)
+    assert "continuation" not in {p.name for p in off.budget.parts}
+
+
+def test_the_part_of_the_continuation_is_scatter_and_trend():
+    surface = fs.self_affine((16, 16), (16e-6, 16e-6), hurst=0.8, rms_slope=0.1, rng=1)
+    scene = fs.Scene(surface, 1e11, 1e9, fs.Liquid(1e-3), 1e6, 0.0, loading=(1e7, 2e7, 4e7))
+    q = np.array([8e-9, 4e-9, 0.0])
+
+    def solution(*changes):
+        return fs.CoarserSolution((8, 8), scene.steps, np.array([*q[:2] * np.exp(changes[:2]), changes[2]]), q)
+
+    same = solution(0, 0, 0)
+    others = [solution(0.1, 0.1, 0), solution(-0.1, 0.0, 0), solution(0.0, 0.3, 0)]
+    part = continuation_part(scene, q, others, same, 1.0, "")
+    sd = np.array([np.std([0, 0.1, -0.1, 0.0], ddof=1), np.std([0, 0.1, 0, 0.3], ddof=1)])
+    student = stats.t(3).ppf(0.975) * np.sqrt(1.25) * sd
+    assert_allclose(np.log(part.upper[:2] / q[:2]), student + np.array([0, 0.1]), rtol=1e-9)
+    assert_allclose(np.log(q[:2] / part.lower[:2]), student - np.array([0, 0.1]), rtol=1e-9)
+    assert part.upper[2] > 0  # within the scatter of the load at which it closes
+    trend = continuation_part(scene, q, [same] * 3, solution(-0.2, -0.2, 0), 1.0, "")
+    alone = filter_part(scene, q, solution(-0.2, -0.2, 0), 1.0)
+    assert_allclose([trend.lower, trend.upper], [alone.lower, alone.upper])
+    opened = continuation_part(scene, q, [same, same, solution(0, 0, 1e-9)], same, 1.0, "")
+    assert opened.upper[2] >= 1e-9
+    unknown = continuation_part(scene, q, [same, same, solution(np.nan, np.nan, np.nan)], same, 1.0, "")
+    assert np.all(np.isnan(unknown.upper[:2]))

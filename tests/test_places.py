@@ -1,0 +1,221 @@
+"""Several measured places of one face: contact of each by itself, flow through all of them."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from small_cases import STRIP
+
+import femseal as fs
+from femseal.budget.estimates import places_part
+from femseal.case.case import parse_case
+from femseal.library.sampling import drawn_elsewhere
+from femseal.preparation.preparation import prepare
+
+PIXEL = 1e-6
+MODULUS, HARDNESS = 115e9, 2.3e9
+
+
+def patches(count=4, n=48):
+    size = (n * PIXEL, 8 * n * PIXEL)
+    given = {"hurst": 0.8, "rms_slope": 0.2, "roll_off": 24e-6, "cut_off": 8e-6, "rng": 3}
+    long = fs.self_affine((n, 8 * n), size, **given)
+    return [fs.Topography(long.heights[:, j * n : (j + 1) * n], (PIXEL, PIXEL)) for j in range(count)]
+
+
+def scene(surface, **given):
+    loads = {"loading": (0.02 * HARDNESS, 0.1 * HARDNESS), "unload_from": (0.1 * HARDNESS,), "unloading": (2e7,)}
+    fluid = {"fluid": fs.Liquid(1e-3), "inlet_pressure": 1e6, "outlet_pressure": 0.0}
+    return fs.Scene(surface, MODULUS, HARDNESS, **fluid, **loads, **given)
+
+
+@pytest.mark.parametrize("fluid_pressure", ["ignored", "acts"])
+def test_each_place_is_in_contact_by_itself(fluid_pressure):
+    """Gap and pressure are those of each place alone; the leakage is that of the flow through all of them."""
+    places = patches(3)
+    every = fs.deterministic(scene(places, fluid_pressure=fluid_pressure))
+    for n, place in enumerate(places):
+        alone = fs.deterministic(scene(place, fluid_pressure=fluid_pressure))
+        columns = np.s_[:, :, n * 48 : (n + 1) * 48]
+        assert_allclose(every.gap[columns], alone.gap, atol=1e-6 * alone.gap.max())
+        assert_allclose(np.asarray(every.contact_pressure)[columns], np.asarray(alone.contact_pressure), rtol=1e-5)
+    flow = fs.cell_permeability(every.gap[0].astype(float), (PIXEL, PIXEL), sides="periodic").value
+    # per length of seal, of the breadth of the face
+    assert_allclose(every.leakage[0], flow * 1e6 / 1e-3 / (48 * PIXEL), rtol=2e-3)
+
+
+def test_equal_flow_through_each_place_is_that_of_all():
+    """Mirror images of one place that are mirror images of themselves leak as it does, joined in any order."""
+    z = patches(1)[0].heights
+    one = fs.Topography(np.concatenate([z, z[:, ::-1]], axis=1), (PIXEL, PIXEL))
+    other = fs.Topography(one.heights + 1e-12, one.spacing)
+    alone, both = (fs.deterministic(scene(s)).leakage for s in (one, [one, other]))
+    assert_allclose(both, alone, rtol=1e-3)
+
+
+def test_places_are_made_alike():
+    """Cut to the least breadth, resampled to the coarsest pixel; waves are those of each place."""
+    a, b, c = patches(3)
+    fine = b.resample((96, 96))
+    narrow = c.crop((40, 30), (2, 3))
+    places = fs.Places([a, fine, narrow])
+    assert places.spacing == (PIXEL, PIXEL)
+    assert places.shape[0] == 40
+    assert places.widths == (48, 48, 30) or all(w % 3 == 0 for w in places.widths)
+    assert_allclose(fs.Places([a, b]).rms_slope ** 2, np.mean([a.rms_slope**2, b.rms_slope**2]))
+    assert_allclose(fs.Places([a, fine]).heights[:, 48:], b.heights, atol=1e-3 * b.rms_height)
+    smooth = fs.Places([a, b]).low_pass(16e-6)
+    assert_allclose(smooth.heights[:, :48], a.low_pass(16e-6).heights, atol=1e-15)
+    assert fs.Places([a, b]).resample((24, 48)).widths == (24, 24)
+
+
+def test_bad_places_are_refused():
+    a, b = patches(2)
+    other_unit = fs.Topography(1e3 * b.heights, b.spacing)
+    other_pixel = fs.Topography(b.heights, (8 * PIXEL, 8 * PIXEL))
+    for given, reason in (
+        ([a], "at least two"),
+        ([], "at least two"),
+        ([a, a.heights], "list of Topography"),
+        ([a, b, a], "same map as number 1 and 3"),
+        ([a, b, other_unit], "heights in the same unit"),
+        ([a, other_pixel], "same waves"),
+    ):
+        with pytest.raises(fs.InputError, match=reason):
+            fs.Places(given)
+        with pytest.raises(fs.InputError, match=reason):
+            scene(given)
+    with pytest.raises(fs.InputError, match="'windows' with several places"):
+        fs.two_scale(scene([a, b]), (2, 4), contact="windows")
+
+
+def test_leakage_by_places():
+    """Each alone is the place by itself; all but one are the others side by side."""
+    places = patches(3)
+    found = fs.deterministic(scene(places)).places
+    alone = [fs.deterministic(scene(place)).leakage for place in places]
+    assert_allclose(found.alone, alone, rtol=2e-3)
+    assert_allclose(found.without[1], fs.deterministic(scene([places[0], places[2]])).leakage, rtol=2e-3)
+    assert_allclose(found.scatter, np.std(alone, axis=0, ddof=1) / np.mean(alone, axis=0), rtol=1e-2)
+    assert fs.deterministic(scene(places[:2])).places.without is None
+    assert fs.deterministic(scene(places[0])).places is None
+
+
+def test_the_jackknife_of_a_mean_is_its_interval():
+    """Of independent places whose leakages add up it is Student's interval, which holds the truth 95 times in 100."""
+    rng, count = np.random.default_rng(5), 4
+    one = 1 + 0.05 * rng.standard_normal((count, 4000))
+    mean = one.mean(axis=0)
+    part = places_part(mean, (one.sum(axis=0) - one) / (count - 1))
+    student = 3.182 * one.std(axis=0, ddof=1) / np.sqrt(count) / mean
+    assert_allclose(np.log(part.upper / mean), student, rtol=0.02, atol=1e-3)
+    held = np.mean((part.lower <= 1) & (part.upper >= 1))
+    assert abs(held - 0.95) < 4 * np.sqrt(0.05 * 0.95 / 4000)
+    shut = places_part(np.array([1.0, 0.0]), np.array([[1.0, 0.0], [0.0, 0.0], [1.5, 2.0]]))
+    assert shut.lower[0] == 0 < shut.upper[0] < np.inf
+    assert shut.upper[1] > 2
+
+
+def test_a_drawn_seal_never_joins_a_place_to_itself():
+    """Runs of columns and blocks of links begin in another place than the last one ended in."""
+    surface = scene(patches(3))
+    drawn = fs.stochastic(surface, (2, 12), fs.Sampling(length=2e-3, realisations=6, library_cells=12, seed=1))
+    assert drawn.sampler == "runs"
+    assert_allclose(drawn.quantile(0.5), fs.deterministic(surface).leakage, rtol=0.15)
+    random = np.random.default_rng(1).random(500)
+    place = np.repeat([0, 1, 2], (4, 2, 6))
+    taken = place[drawn_elsewhere(random, place, place)]
+    assert np.all(taken[1:] != taken[:-1])
+    assert set(taken) == {0, 1, 2}
+    one = drawn_elsewhere(random, np.zeros(7, int), np.zeros(7, int))
+    assert_allclose(one, (7 * random).astype(int))
+    further = np.full(500, 2)
+    blocks = drawn_elsewhere(random, place, place, further)
+    assert np.all(place[blocks[1:]] != place[(blocks[:-1] + 2) % 12])
+    links = fs.Sampling(length=2e-3, realisations=6, library_cells=12, seed=1, sampler="block")
+    by_links = fs.stochastic(surface, (2, 12), links)
+    assert np.isfinite(by_links.leakage).all()
+
+
+@pytest.fixture
+def files(tmp_path):
+    """Files of four places, and the tables of a case of them."""
+    for n, place in enumerate(patches()):
+        np.savez(tmp_path / f"place{n}.npz", z=place.heights, spacing=place.spacing)
+    return STRIP | {
+        "face": {"kind": "file", "places": [f"place{n}.npz" for n in range(4)]},
+        "surface": {"shortest_wave": "8 um"},
+        "cells": {"count": [2, 2]},
+        "stochastic": {"length": "1 mm", "realisations": 8, "library_cells": 4},
+    }
+
+
+def test_places_of_a_case(tmp_path, files):
+    """Paths, a pattern and tables are one thing; windows are those of each place, each in the cells of the case."""
+    prepared = prepare(parse_case(files, tmp_path))
+    surface = prepared.scene.surface
+    assert surface.widths == (48,) * 4
+    assert prepared.cells == (2, 8)
+    for places in ("place?.npz", ["place[01].npz", {"path": "place2.npz"}, {"path": "place3.npz", "channel": 0}]):
+        face = {"kind": "file", "places": places}
+        again = prepare(parse_case(files | {"face": face}, tmp_path)).scene.surface
+        assert_allclose(again.heights, surface.heights)
+    keys = {"crop": ["0 um", "48 um", "0 um", "40 um"]}
+    own = [{"path": "place0.npz", **keys}, "place1.npz"]
+    cut = prepare(parse_case(files | {"face": {"kind": "file", "places": own}}, tmp_path))
+    assert cut.cells == (2, 4)
+    assert [w % (cut.scene.surface.shape[1] // 4) for w in cut.scene.surface.widths] == [0, 0]
+
+
+def test_results_tell_of_places(tmp_path, files):
+    """Resumed and run by two processes they are the same; the band is by the scatter between places."""
+    case = parse_case(files | {"seed": 3}, tmp_path)
+    results = fs.run(case, tmp_path / "out", workers=1)
+    data = results.dataset
+    assert data["leakage_of_places"].dims == ("place", "step")
+    assert_allclose(data["place_scatter"], results.stochastic.places.scatter)
+    parts = {part.name: part for part in results.budget.parts}
+    assert "sampler" not in parts
+    assert "jackknife over 4 measured places" in parts["library"].note
+    page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    assert "leaks most" in page
+    again = fs.run(case, tmp_path / "out", resume=True)
+    parallel = fs.run(case, workers=2)
+    for other in (again, parallel):
+        assert_allclose(other.leakage, results.leakage, rtol=0)
+        assert_allclose(other.dataset["leakage_of_places"], data["leakage_of_places"], rtol=0)
+
+
+def test_both_faces_may_have_several_places(tmp_path, files):
+    """Place n of one face lies on place n of the other."""
+    first, second = ({"kind": "file", "places": [f"place{n}.npz" for n in of]} for of in ((0, 1, 2), (3, 2)))
+    case = files | {"face": [first, second], "surface": {"detrend": 0, "shortest_wave": "8 um"}}
+    surface = prepare(parse_case(case, tmp_path)).scene.surface
+    z = [p.heights - p.heights.mean() for p in patches()]
+    sums = np.concatenate([z[0] + z[3], z[1] + z[2], z[2] + z[3]], axis=1)
+    assert surface.shape == sums.shape
+    assert np.corrcoef(surface.heights.ravel(), sums.ravel())[0, 1] > 0.98
+
+
+def test_bad_places_of_a_case_are_refused(tmp_path, files):
+    place = patches()[1]
+    np.savez(tmp_path / "copy.npz", z=place.heights, spacing=place.spacing)
+    wave = 1e-6 * np.cos(2 * np.pi * np.arange(48) / 48)[:, None] * np.ones(48)
+    np.savez(tmp_path / "smooth.npz", z=wave, spacing=place.spacing)
+    for face, reason in (
+        ({"places": ["place0.npz"]}, r"face\.places: given 1 of them"),
+        ({"places": "none*.npz"}, r"face\.places: given 0 of them"),
+        ({"places": ["place0.npz", "none.npz"]}, r"face\.places: given 'none.npz'"),
+        ({"places": ["place0.npz", "place0.npz"]}, "twice"),
+        ({"places": ["place0.npz", "place1.npz", "copy.npz"]}, "same map as number 2 and 3"),
+        ({"places": ["place0.npz", {"crop": ["0 um", "9 um", "0 um", "9 um"]}]}, "without path"),
+        ({"places": ["place0.npz", "place1.npz"], "path": "place2.npz"}, "besides places"),
+        ({"places": ["place0.npz", {"path": "place1.npz", "height_unit": "mm"}]}, "same unit|unit"),
+        ({"places": ["place0.npz", "place1.npz", "smooth.npz"]}, "like waves"),
+        ({}, r"face\.path: given none"),
+        ({"places": 3}, r"face\.places"),
+    ):
+        with pytest.raises(fs.InputError, match=reason):
+            prepare(parse_case(files | {"face": {"kind": "file"} | face}, tmp_path))
+    for key, table in (("cells", {"contact": "windows"}), ("stochastic", {"pressure": "global"})):
+        with pytest.raises(fs.InputError, match="several places"):
+            prepare(parse_case(files | {key: files[key] | table}, tmp_path))
