@@ -38,6 +38,8 @@ THIRD_GRID_PIXELS = 16.0
 LEAST_OCTAVES = 0.05
 #: Draws of the phases of continued waves besides that of a run.
 OTHER_PHASES = 3
+#: Scenes that measure what continued waves may change: with these, with fewer waves, and as measured.
+CONTINUED_SCENES = OTHER_PHASES + 2
 #: What distinguishes versions of a case.
 Version = TypeVar("Version", bound=Hashable)
 

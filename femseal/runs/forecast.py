@@ -18,7 +18,7 @@ from ..case.case import Case
 from ..preparation.check_memory import START_MEMORY
 from ..preparation.prepared import Prepared, without_short_waves
 from ..refinement.budgets import model_grid
-from ..refinement.coarser import coarser_grids, continued_scenes, without_filtered_waves
+from ..refinement.coarser import CONTINUED_SCENES, coarser_grids, without_filtered_waves
 from ..refinement.settings import first_settings, first_version, given_settings, grid_points, time_limit
 from ..report.case_text import contact_text, fluid_text, solids_text
 from ..results.pixel_fields import fields_size
@@ -275,8 +275,8 @@ def _budget_inputs(case: Case, prepared: Prepared) -> list[Prepared]:
     grid = model_grid(prepared)
     changes = model_changes(grid.scene, case.output.model_parts, case.hardness_tolerance, grid.form)
     models = [grid.changed(change) for change in changes]
-    if "continuation" in case.output.model_parts:
-        models += [replace(grid, scene=scene) for scene in continued_scenes(grid)]
+    if prepared.continuation is not None and "continuation" in case.output.model_parts:
+        models += [grid] * CONTINUED_SCENES
     return [*coarser_grids(prepared), *([] if smooth is None else [smooth]), *models]
 
 
