@@ -21,6 +21,7 @@ The flow of data, top to bottom::
     runs         a case, run: everything above                           run
     sweeps       a case with several values of its keys                  sweep
     designs      results -> pressures that a leakage class needs         design
+    calibration  a case and a leak test -> hardness and shortest wave    calibrate
 
 Everything is SI. Names are loaded when first used, so that importing the package is quick.
 """
@@ -39,6 +40,8 @@ __version__ = "0.1.0"
 if TYPE_CHECKING:
     from .base.errors import FemsealError, InputError, NotConverged
     from .budget import CoarserSolution, ErrorBudget, ErrorPart, GridConvergence, error_budget, grid_convergence
+    from .calibration.calibrating import calibrate
+    from .calibration.calibration import Calibration
     from .case.case import Case, load_case
     from .contact import Contact, HalfSpace, LoadCycle, LoadState, load_cycle, solve_contact
     from .contact.hardness_curves import HardnessTable, NixGao
@@ -141,6 +144,8 @@ _MODULES = {
     ),
     "studies.seat_rows": ("SeatMap",),
     "designs.answer": ("Design", "design"),
+    "calibration.calibrating": ("calibrate",),
+    "calibration.calibration": ("Calibration",),
     "sweeps.sweeping": ("sweep",),
     "topography": (
         "BallOnCone",

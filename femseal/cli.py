@@ -17,6 +17,7 @@ from typing import Annotated, NoReturn
 import typer
 
 from .base.errors import FemsealError, InputError, shortened
+from .calibration.calibrate_command import calibrate
 from .designs.design_command import design
 from .execution.terminal import ProgressBars, log_lines, print_table
 from .sweeps.commands import compare, sweep
@@ -148,6 +149,7 @@ def run(
 app.command()(sweep)
 app.command()(compare)
 app.command()(design)
+app.command()(calibrate)
 
 
 @app.command()
@@ -249,7 +251,7 @@ def surface(
     spikes: Annotated[float, typer.Option(help="Robust deviations beyond which an isolated point is a spike.")] = 6.0,
     detrend: Annotated[int, typer.Option(help="Form taken off: 0 mean, 1 tilt, 2 tilt and curvature.")] = 1,
     shortest_wave: Annotated[str | None, typer.Option(help="Low-pass of a run.", show_default="measured ones")] = None,
-    max_undefined: Annotated[float, typer.Option(help="Largest share of undefined points that may be filled.")] = 0.05,
+    max_undefined: Annotated[float, typer.Option(help="Largest fraction of points that are filled.")] = 0.05,
     picture: Annotated[
         Path | None, typer.Option("-o", "--output", help="Picture to write (.png .pdf .svg).", show_default="none")
     ] = None,

@@ -205,7 +205,7 @@ def examples():
     alone = {key: turned[key] for key in ("face", "material", "load", "fluid")} | {"method": "deterministic"}
     gas = {"name": "helium", "inlet_pressure": "10 bar", "outlet_pressure": "1 bar"}
     two = [turned["face"], {"kind": "self-affine", "points": [64, 128], "size": ["240 um", "480 um"], "rms_slope": 0.1}]
-    bolted = {"kind": "angle", "shares": [1.3, 0.7], "repeat": 8}
+    bolted = {"kind": "angle", "fractions": [1.3, 0.7], "repeat": 8}
     drawn = turned["stochastic"] | {"pressure": "uniform"}
     classes = {"classes": ["TA Luft"], "leakage_unit": "mg/(m*s)", "test_fluid": gas}
     return [

@@ -501,19 +501,19 @@ def test_a_face_is_masked_and_cropped_as_the_case_says(tmp_path, data):
 
 def test_a_mask_is_a_file_of_the_case_as_the_face_is(tmp_path, data):
     """Results of another mask are those of another case."""
-    from femseal.runs.job import _face_files
+    from femseal.runs.job import face_files
 
     np.savez(tmp_path / "face.npz", z=np.zeros((4, 4)), spacing=(1e-6, 1e-6))
     np.save(tmp_path / "mask.npy", np.zeros((4, 4)))
     data["face"] = {"kind": "file", "path": "face.npz", "mask": "mask.npy"}
     case = parse_case(data, tmp_path)
-    before = _face_files(case)
+    before = face_files(case)
     assert set(before) == {"face.npz", "mask.npy"}
     np.save(tmp_path / "mask.npy", np.eye(4))
-    assert _face_files(case)["mask.npy"] != before["mask.npy"]
+    assert face_files(case)["mask.npy"] != before["mask.npy"]
     (tmp_path / "mask.npy").unlink()
     with pytest.raises(fs.InputError, match=r"face\.mask: given 'mask.npy'"):
-        _face_files(case)
+        face_files(case)
 
 
 def test_a_second_face_with_holes_is_named(tmp_path, two_faces):

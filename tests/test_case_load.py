@@ -18,7 +18,7 @@ from femseal.refinement.accuracy_plan import make_plan
 from femseal.report.case_sentences import load_sentences
 from femseal.results.variables import step_coordinates
 from femseal.runs.forecast import describe
-from femseal.runs.job import _face_files
+from femseal.runs.job import face_files
 from femseal.seal.pressure_map import AngleTable, Frame, MapsAtLoads, Profile, Uniform, is_uniform
 from femseal.studies import lay_out_windows
 from femseal.studies.window_pressures import pressure_fractions, seal_for_maps
@@ -104,17 +104,17 @@ class TestMaps:
             return load_of(data, map=list(maps)).pressure_map(Path(), 1e-4, 0.1)
 
         assert isinstance(load_of(data).pressure_map(Path(), 1, 1), Uniform)
-        assert of({"kind": "profile", "shares": [1, 3]}) == Profile((1, 3))
-        profile = of({"kind": "profile", "shares": [1, 3], "positions": ["0 mm", "2 mm"]})
+        assert of({"kind": "profile", "fractions": [1, 3]}) == Profile((1, 3))
+        profile = of({"kind": "profile", "fractions": [1, 3], "positions": ["0 mm", "2 mm"]})
         assert profile == Profile((1, 3), (0, 2e-3))
-        angles = of({"kind": "angle", "shares": [1, 2], "angles": ["0 deg", "22.5 deg"], "repeat": 8})
+        angles = of({"kind": "angle", "fractions": [1, 2], "angles": ["0 deg", "22.5 deg"], "repeat": 8})
         assert_allclose(angles.angles, AngleTable((1, 2), (0, 0.39269908), 8).angles)
-        series = of({"kind": "uniform", "at": "1 MPa"}, {"kind": "profile", "shares": [1, 3], "at": "100 MPa"})
+        series = of({"kind": "uniform", "at": "1 MPa"}, {"kind": "profile", "fractions": [1, 3], "at": "100 MPa"})
         assert isinstance(series, MapsAtLoads)
         assert series.pressures == (1e6, 1e8)
 
     def test_loads_of_maps_may_be_forces(self, data):
-        maps = [{"kind": "uniform", "at": "1 kN"}, {"kind": "profile", "shares": [1, 3], "at": "10 kN"}]
+        maps = [{"kind": "uniform", "at": "1 kN"}, {"kind": "profile", "fractions": [1, 3], "at": "10 kN"}]
         load = parse_case(data | {"load": {"loading": ["10 kN"], "map": maps}}).load
         assert load.pressure_map(Path(), 1e-4, 0.1).pressures == (1e7, 1e8)
 
@@ -122,14 +122,17 @@ class TestMaps:
         ("given", "words"),
         [
             ({"kind": "magic"}, "load.map.kind: given 'magic', expected one of 'uniform', 'profile'"),
-            ({"kind": "profile", "shares": [1, -1]}, r"load.map.shares.1: given -1"),
-            ({"kind": "profile", "shares": [1, float("nan")]}, r"load.map.shares.1"),
-            ({"kind": "profile", "shares": []}, r"load.map: shares: given \[\]|load.map.shares"),
-            ({"kind": "profile", "shares": [0, 0]}, "not all of them 0"),
-            ({"kind": "profile", "shares": [1, 2], "positions": ["0 mm"]}, "positions: given 1 numbers, expected 2"),
+            ({"kind": "profile", "fractions": [1, -1]}, r"load.map.fractions.1: given -1"),
+            ({"kind": "profile", "fractions": [1, float("nan")]}, r"load.map.fractions.1"),
+            ({"kind": "profile", "fractions": []}, r"load.map: fractions: given \[\]|load.map.fractions"),
+            ({"kind": "profile", "fractions": [0, 0]}, "not all of them 0"),
+            ({"kind": "profile", "fractions": [1, 2], "positions": ["0 mm"]}, "positions: given 1 numbers, expected 2"),
             ({"kind": "profile", "share": [1]}, "load.map.share: given an unknown key"),
-            ({"kind": "angle", "shares": [1, 2], "repeat": 0}, "load.map.repeat"),
-            ({"kind": "angle", "shares": [1, 2], "angles": ["0 deg", "50 deg"], "repeat": 8}, "below one period, 45°"),
+            ({"kind": "angle", "fractions": [1, 2], "repeat": 0}, "load.map.repeat"),
+            (
+                {"kind": "angle", "fractions": [1, 2], "angles": ["0 deg", "50 deg"], "repeat": 8},
+                "below one period, 45°",
+            ),
             ({"kind": "field", "path": "none.csv"}, "load.map.length_unit: given nothing"),
             ([{"kind": "uniform"}, {"kind": "uniform"}], "that all have `at`"),
             ([{"kind": "uniform", "at": "2 MPa"}, {"kind": "uniform", "at": "1 MPa"}], "whose `at` rise"),
@@ -145,7 +148,7 @@ class TestMaps:
     def test_the_former_profile_is_told_its_place(self, data):
         former = {"stochastic": data["stochastic"] | {"profile": [1, 3]}}
         words = (
-            r'^stochastic\.profile: given \[1, 3\], expected map = { kind = "profile", shares = .* in the table load'
+            r'^stochastic\.profile: given \[1, 3\], expected map = { kind = "profile", fractions = .* in the table load'
         )
         with pytest.raises(fs.InputError, match=words) as error:
             parse_case(data | former)
@@ -153,7 +156,7 @@ class TestMaps:
 
     def test_only_windows_that_follow_any_pressure_have_maps(self, data):
         """Nor faces that are solved as a whole."""
-        uneven = {"load": data["load"] | {"map": {"kind": "profile", "shares": [1, 3]}}}
+        uneven = {"load": data["load"] | {"map": {"kind": "profile", "fractions": [1, 3]}}}
         place = {"stochastic": data["stochastic"] | {"pressure": "place"}}
         with pytest.raises(fs.InputError, match=r"stochastic.pressure: given place with load.map, expected uniform"):
             parse_case(data | uneven | place)
@@ -164,7 +167,7 @@ class TestMaps:
                 parse_case(data | uneven | other)
         lengths = {"stochastic": data["stochastic"] | {"length": ["1 mm", "2 mm"]}}
         assert prepare(parse_case(data | uneven | lengths)).sampling.pressure_map == Profile((1, 3))
-        turning = {"load": data["load"] | {"map": {"kind": "angle", "shares": [1, 3]}}}
+        turning = {"load": data["load"] | {"map": {"kind": "angle", "fractions": [1, 3]}}}
         with pytest.raises(fs.InputError, match=r"load.map: given one that may vary along seals of several lengths"):
             prepare(parse_case(data | turning | lengths))
 
@@ -190,8 +193,8 @@ class TestFieldOfACase:
             "map   0.69 to 1.31 of the nominal pressure over the seal; mean of the field 60 MPa"
         )
         assert prepared.warnings == ()
-        kept = _face_files(case())["flange.csv"]
-        assert kept != _face_files(case("x,y,pressure\n0,0,1"))["flange.csv"]
+        kept = face_files(case())["flange.csv"]
+        assert kept != face_files(case("x,y,pressure\n0,0,1"))["flange.csv"]
 
     def test_its_mean_is_compared_with_the_load(self, case):
         assert prepare(case(at="60 MPa")).warnings == ()
@@ -201,8 +204,8 @@ class TestFieldOfACase:
         assert far == "the field of pressure has the mean 60 kPa over the seal, far from all loads: is its unit right?"
 
     def test_windows_that_hardly_touch_are_told(self, data):
-        def warnings(shares, inlet):
-            case = data | {"load": data["load"] | {"map": {"kind": "profile", "shares": shares}}}
+        def warnings(fractions, inlet):
+            case = data | {"load": data["load"] | {"map": {"kind": "profile", "fractions": fractions}}}
             return prepare(parse_case(case | {"fluid": data["fluid"] | {"inlet_pressure": inlet}})).warnings
 
         assert warnings([1, 2], "1 MPa") == ()
@@ -264,7 +267,7 @@ class TestFieldOfACase:
             pickle.loads(pickle.dumps(sampling)).pressure_map.at(places, frame), sampling.pressure_map.at(places, frame)
         )
         other = case("\n".join(table).replace("40.8", "41.8"))
-        assert _face_files(other) != json.loads(results.dataset.attrs["face_files"])
+        assert face_files(other) != json.loads(results.dataset.attrs["face_files"])
 
 
 @pytest.mark.parametrize(
@@ -305,19 +308,19 @@ class TestMesh:
         return prepare(parse_case(gasket | {"load": gasket["load"] | load}, ROOT / "examples"))
 
     def test_a_map_round_its_centre(self, gasket):
-        under_bolts = {"kind": "angle", "shares": [2, 1], "repeat": 4}
+        under_bolts = {"kind": "angle", "fractions": [2, 1], "repeat": 4}
         prepared = self.prepared(gasket, map=under_bolts)
         partition = Partition(prepared.scene.surface.shape, prepared.scene.surface.spacing, prepared.cells)
         (laid,) = lay_out_windows(prepared.scene.layout, partition, prepared.sampling)
         pressed = seal_for_maps(prepared.scene.layout, laid)
-        shares = pressed.fractions(prepared.sampling.pressure_map, pressed.centres, 1.0)[0]
-        assert_allclose(np.average(shares, weights=pressed.areas), 1.0)
+        fractions = pressed.fractions(prepared.sampling.pressure_map, pressed.centres, 1.0)[0]
+        assert_allclose(np.average(fractions, weights=pressed.areas), 1.0)
         angle = np.degrees(np.arctan2(*pressed.centres.T[::-1])) % 90
         expected = 2 - np.abs(np.abs(angle - 45) - 45) / 45
-        assert_allclose(shares / shares.mean(), expected / expected.mean(), rtol=1e-6)
+        assert_allclose(fractions / fractions.mean(), expected / expected.mean(), rtol=1e-6)
         of_windows = pressure_fractions(prepared.scene, laid, prepared.sampling.pressure_map, 1)
         assert of_windows.shape == (len(prepared.scene.steps), laid.draws[1][1])
-        assert_allclose((of_windows.min(), of_windows.max()), (shares.min(), shares.max()))
+        assert_allclose((of_windows.min(), of_windows.max()), (fractions.min(), fractions.max()))
 
     def test_forces_and_profiles(self, gasket):
         """Its area is what a uniform force acts on, its length the one given; a profile needs radii."""
@@ -327,4 +330,4 @@ class TestMesh:
         assert_allclose(lengthwise, pressure, rtol=1e-9)
         assert 1e7 < pressure < 1e9
         with pytest.raises(fs.InputError, match=r"load.map.positions: given none on a mesh, expected radii"):
-            self.prepared(gasket, map={"kind": "profile", "shares": [1, 2]})
+            self.prepared(gasket, map={"kind": "profile", "fractions": [1, 2]})

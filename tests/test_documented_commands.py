@@ -51,6 +51,8 @@ count = [4, 8]
 [output]
 test_fluid = {name = "helium", inlet_pressure = "20 bar", slip = false}
 """
+#: A leak test of it.
+LEAK_TEST = "pressure [MPa], leakage [mg/(m·s)]\n25, 40\n50, 20\n100, 5\n200, 1\n300, < 1\n"
 #: What the pages leave open, or what is too large to be run here, and a small file in its place.
 SMALL = {
     "CASE": "seal.toml",
@@ -99,6 +101,8 @@ SLOW = {
     "run CASE -o DIR --scheduler local",
     "run examples/gasket_seal.toml -o results/gasket",
     "sweep seal.toml material.hardness=3GPa,4GPa face.pitch=40um,60um",
+    "design seal.toml --sobol material.hardness=2GPa,4GPa --sobol fluid.viscosity=1mPa*s,2mPa*s -o results/sobol",
+    "calibrate seal.toml leak_test.csv -o results/calibrated",
 }
 
 
@@ -133,6 +137,7 @@ def place(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("joblib.cpu_count", lambda *a, **k: 1)
     Path("seal.toml").write_text(CASE, encoding="utf-8")
+    Path("leak_test.csv").write_text(LEAK_TEST, encoding="utf-8")
     Path("gasket.toml").write_text(gasket(), encoding="utf-8")
     heights = fs.self_affine((48, 64), (48e-6, 64e-6), hurst=0.8, rms_slope=0.2, roll_off=30e-6, rng=1).heights
     x3pio.write("face.x3p", heights.T, x_scale=1e-6, y_scale=1e-6, z_scale=1e-9, z_type=x3pio.DataType.INT16)

@@ -61,12 +61,13 @@ HEAVY = {
     "distributed",
     "dask",
     "pyamg",
+    "emcee",
     "CoolProp",
     "gmsh",
 }
 BY_STRING = {"import_module", "__import__"}
 #: Rooms that draw.
-PICTURES = {"plots", "report", "refinement", "designs"}
+PICTURES = {"plots", "report", "refinement", "designs", "calibration"}
 #: A module of more lines has more than one reason to change.
 MOST_LINES = 400
 #: The law of the contact and that of the flow are both called what they are.

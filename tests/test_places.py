@@ -6,7 +6,9 @@ from numpy.testing import assert_allclose
 from small_cases import STRIP
 
 import femseal as fs
+from femseal.budget.estimates import places_part
 from femseal.case.case import parse_case
+from femseal.library.sampling import drawn_elsewhere
 from femseal.preparation.preparation import prepare
 
 PIXEL = 1e-6
@@ -86,6 +88,54 @@ def test_bad_places_are_refused():
         fs.two_scale(scene([a, b]), (2, 4), contact="windows")
 
 
+def test_leakage_by_places():
+    """Each alone is the place by itself; all but one are the others side by side."""
+    places = patches(3)
+    found = fs.deterministic(scene(places)).places
+    alone = [fs.deterministic(scene(place)).leakage for place in places]
+    assert_allclose(found.alone, alone, rtol=2e-3)
+    assert_allclose(found.without[1], fs.deterministic(scene([places[0], places[2]])).leakage, rtol=2e-3)
+    assert_allclose(found.scatter, np.std(alone, axis=0, ddof=1) / np.mean(alone, axis=0), rtol=1e-2)
+    assert fs.deterministic(scene(places[:2])).places.without is None
+    assert fs.deterministic(scene(places[0])).places is None
+
+
+def test_the_jackknife_of_a_mean_is_its_interval():
+    """Of independent places whose leakages add up it is Student's interval, which holds the truth 95 times in 100."""
+    rng, count = np.random.default_rng(5), 4
+    one = 1 + 0.05 * rng.standard_normal((count, 4000))
+    mean = one.mean(axis=0)
+    part = places_part(mean, (one.sum(axis=0) - one) / (count - 1))
+    student = 3.182 * one.std(axis=0, ddof=1) / np.sqrt(count) / mean
+    assert_allclose(np.log(part.upper / mean), student, rtol=0.02, atol=1e-3)
+    held = np.mean((part.lower <= 1) & (part.upper >= 1))
+    assert abs(held - 0.95) < 4 * np.sqrt(0.05 * 0.95 / 4000)
+    shut = places_part(np.array([1.0, 0.0]), np.array([[1.0, 0.0], [0.0, 0.0], [1.5, 2.0]]))
+    assert shut.lower[0] == 0 < shut.upper[0] < np.inf
+    assert shut.upper[1] > 2
+
+
+def test_a_drawn_seal_never_joins_a_place_to_itself():
+    """Runs of columns and blocks of links begin in another place than the last one ended in."""
+    surface = scene(patches(3))
+    drawn = fs.stochastic(surface, (2, 12), fs.Sampling(length=2e-3, realisations=6, library_cells=12, seed=1))
+    assert drawn.sampler == "runs"
+    assert_allclose(drawn.quantile(0.5), fs.deterministic(surface).leakage, rtol=0.15)
+    random = np.random.default_rng(1).random(500)
+    place = np.repeat([0, 1, 2], (4, 2, 6))
+    taken = place[drawn_elsewhere(random, place, place)]
+    assert np.all(taken[1:] != taken[:-1])
+    assert set(taken) == {0, 1, 2}
+    one = drawn_elsewhere(random, np.zeros(7, int), np.zeros(7, int))
+    assert_allclose(one, (7 * random).astype(int))
+    further = np.full(500, 2)
+    blocks = drawn_elsewhere(random, place, place, further)
+    assert np.all(place[blocks[1:]] != place[(blocks[:-1] + 2) % 12])
+    links = fs.Sampling(length=2e-3, realisations=6, library_cells=12, seed=1, sampler="block")
+    by_links = fs.stochastic(surface, (2, 12), links)
+    assert np.isfinite(by_links.leakage).all()
+
+
 @pytest.fixture
 def files(tmp_path):
     """Files of four places, and the tables of a case of them."""
@@ -114,6 +164,25 @@ def test_places_of_a_case(tmp_path, files):
     cut = prepare(parse_case(files | {"face": {"kind": "file", "places": own}}, tmp_path))
     assert cut.cells == (2, 4)
     assert [w % (cut.scene.surface.shape[1] // 4) for w in cut.scene.surface.widths] == [0, 0]
+
+
+def test_results_tell_of_places(tmp_path, files):
+    """Resumed and run by two processes they are the same; the band is by the scatter between places."""
+    case = parse_case(files | {"seed": 3}, tmp_path)
+    results = fs.run(case, tmp_path / "out", workers=1)
+    data = results.dataset
+    assert data["leakage_of_places"].dims == ("place", "step")
+    assert_allclose(data["place_scatter"], results.stochastic.places.scatter)
+    parts = {part.name: part for part in results.budget.parts}
+    assert "sampler" not in parts
+    assert "jackknife over 4 measured places" in parts["library"].note
+    page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    assert "leaks most" in page
+    again = fs.run(case, tmp_path / "out", resume=True)
+    parallel = fs.run(case, workers=2)
+    for other in (again, parallel):
+        assert_allclose(other.leakage, results.leakage, rtol=0)
+        assert_allclose(other.dataset["leakage_of_places"], data["leakage_of_places"], rtol=0)
 
 
 def test_both_faces_may_have_several_places(tmp_path, files):

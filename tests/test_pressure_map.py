@@ -29,7 +29,7 @@ def ring(inner=10e-3, outer=15e-3, cells=(6, 48), centre=(0.0, 0.0)):
     return PressedSeal(Frame(centre=centre, ends=(inner, outer)), outlines.reshape(-1, 4, 2))
 
 
-def shares(pressure_map, seal, nominal=1e8):
+def fractions(pressure_map, seal, nominal=1e8):
     return seal.fractions(pressure_map, seal.centres, nominal)[0]
 
 
@@ -38,18 +38,18 @@ class TestShapes:
         equal = (Uniform(), Profile((0.3, 0.3, 0.3)), Profile((0.7, 0.7), (0, 0.1)), AngleTable((0.1, 0.1)))
         for seal in (strip(), ring()):
             for pressure_map in equal:
-                assert_array_equal(shares(pressure_map, seal), 1.0)
+                assert_array_equal(fractions(pressure_map, seal), 1.0)
 
     @pytest.mark.parametrize(
         "pressure_map", [Profile((0, 2, 5)), Profile((1, 3), (0, 0.1)), AngleTable((1, 0, 3), (0.1, 1, 2))], ids=str
     )
     @pytest.mark.parametrize("seal", [strip(), ring()], ids=["strip", "ring"])
     def test_the_mean_over_the_area_is_one(self, seal, pressure_map):
-        assert_allclose(np.average(shares(pressure_map, seal), weights=seal.areas), 1.0, rtol=1e-12)
+        assert_allclose(np.average(fractions(pressure_map, seal), weights=seal.areas), 1.0, rtol=1e-12)
 
     def test_shares_of_a_profile_are_strips_from_the_inlet(self):
         assert_allclose(
-            shares(Profile((0, 2, 4, 2)), strip()).reshape(4, 8), np.repeat([[0], [1], [2], [1]], 8, axis=1)
+            fractions(Profile((0, 2, 4, 2)), strip()).reshape(4, 8), np.repeat([[0], [1], [2], [1]], 8, axis=1)
         )
         # three strips on four rows, and at the edges between them the mean of both
         seal, edges = strip(), np.array([[1e-3, 0], [0.5e-3, 0]])
@@ -58,36 +58,36 @@ class TestShapes:
     def test_a_ring_whose_inlet_is_outside_begins_there(self):
         seal = ring()
         turned = PressedSeal(Frame(ends=(15e-3, 10e-3)), seal.outlines)
-        assert_allclose(shares(Profile((1, 2, 3)), seal), shares(Profile((3, 2, 1)), turned))
+        assert_allclose(fractions(Profile((1, 2, 3)), seal), fractions(Profile((3, 2, 1)), turned))
 
     def test_positions_of_a_profile_are_radii_or_distances(self):
         seal = ring()
         r = np.hypot(*seal.centres.T)
-        linear = shares(Profile((10, 15), (10e-3, 15e-3)), seal)
+        linear = fractions(Profile((10, 15), (10e-3, 15e-3)), seal)
         assert_allclose(linear, r / np.average(r, weights=seal.areas))
         straight = strip()
-        assert_allclose(shares(Profile((0, 2), (0, 2e-3)), straight), straight.centres[:, 0] / 1e-3)
+        assert_allclose(fractions(Profile((0, 2), (0, 2e-3)), straight), straight.centres[:, 0] / 1e-3)
 
     def test_a_table_of_angles_is_periodic_and_repeats(self):
         seal = ring(cells=(2, 720))
         angle = np.degrees(np.arctan2(*seal.centres.T[::-1])) % 45
         values = np.interp(angle, [0, 22.5, 45], [2, 1, 2])  # under eight bolts
-        assert_allclose(shares(AngleTable((2, 1), repeat=8), seal), values / values.mean(), rtol=1e-9)
+        assert_allclose(fractions(AngleTable((2, 1), repeat=8), seal), values / values.mean(), rtol=1e-9)
         whole = AngleTable((2, 1) * 8)
-        assert_allclose(shares(whole, seal), values / values.mean(), rtol=1e-9)
+        assert_allclose(fractions(whole, seal), values / values.mean(), rtol=1e-9)
         uneven = AngleTable((2, 1), tuple(np.radians((5, 40))), repeat=8)
         assert_allclose(uneven.at(np.array([[1.0, 0.0]]), seal.frame), 1.5, rtol=1e-12)
 
     def test_an_angle_on_a_strip_is_its_length(self):
         seal = strip(cells=(1, 4))
         assert_allclose(
-            shares(AngleTable((1, 2, 3, 2), tuple(np.radians((45, 135, 225, 315)))), seal), [0.5, 1, 1.5, 1]
+            fractions(AngleTable((1, 2, 3, 2), tuple(np.radians((45, 135, 225, 315)))), seal), [0.5, 1, 1.5, 1]
         )
 
     def test_shares_do_not_depend_on_the_centre(self):
         table = AngleTable((1, 2, 4))
         there, here = (ring(centre=c, cells=(3, 24)) for c in ((0.02, -0.03), (0.0, 0.0)))
-        assert_allclose(shares(table, there), shares(table, here), rtol=1e-9)
+        assert_allclose(fractions(table, there), fractions(table, here), rtol=1e-9)
 
     def test_maps_at_loads_are_linear_between_them(self):
         seal = strip()
@@ -97,7 +97,7 @@ class TestShapes:
         assert_allclose(found.mean(axis=1), 1.0)
         single = MapsAtLoads((1e8,), (Profile((1, 3)),))
         assert_allclose(
-            seal.fractions(single, seal.centres, [5e7, 9e8]), np.tile(shares(Profile((1, 3)), seal), (2, 1))
+            seal.fractions(single, seal.centres, [5e7, 9e8]), np.tile(fractions(Profile((1, 3)), seal), (2, 1))
         )
 
 
@@ -167,7 +167,7 @@ class TestFields:
         with pytest.raises(InputError, match="points not finite"):
             PressureField.of(np.full((4, 2), np.inf), np.ones(4))
         with pytest.raises(InputError, match="0 all over the seal"):
-            shares(PressureField.of([[-1, -1], [3, -1], [-1, 3]], np.zeros(3)), strip())
+            fractions(PressureField.of([[-1, -1], [3, -1], [-1, 3]], np.zeros(3)), strip())
 
 
 class TestFiles:
@@ -254,10 +254,10 @@ class TestFiles:
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: Profile(()), "shares"),
+        (lambda: Profile(()), "fractions"),
         (lambda: Profile((0.0, 0.0)), "not all of them 0"),
-        (lambda: Profile((1.0, -1.0)), "shares: given -1.0"),
-        (lambda: Profile((1.0, np.nan)), "shares: given nan"),
+        (lambda: Profile((1.0, -1.0)), "fractions: given -1.0"),
+        (lambda: Profile((1.0, np.nan)), "fractions: given nan"),
         (lambda: Profile(3.0), "a list of numbers"),
         (lambda: Profile((1.0, 2.0), (0.0,)), "positions: given 1 numbers, expected 2"),
         (lambda: Profile((1.0, 2.0), (1.0, 0.0)), "rising numbers"),
@@ -267,8 +267,8 @@ class TestFiles:
         (lambda: MapsAtLoads((), ()), "maps: given none"),
         (lambda: MapsAtLoads((1.0,), (Uniform(), Uniform())), "2, one for each map"),
         (lambda: MapsAtLoads((2.0, 1.0), (Uniform(), Uniform())), "rising"),
-        (lambda: shares(Profile((1, 2), (0, 1e-3)), strip()), "positions: given 0 m to 1 mm, expected .* windows"),
-        (lambda: shares(Profile((1, 2)), PressedSeal(Frame(), ring().outlines)), "none on a mesh"),
+        (lambda: fractions(Profile((1, 2), (0, 1e-3)), strip()), "positions: given 0 m to 1 mm, expected .* windows"),
+        (lambda: fractions(Profile((1, 2)), PressedSeal(Frame(), ring().outlines)), "none on a mesh"),
     ],
 )
 def test_what_is_refused(make, message):

@@ -180,7 +180,7 @@ def test_table_has_the_numbers_of_the_dataset(results, page):
         shown = [row[heads.index(head)] for row in rows]
         values = [0.0 if text == "sealed" else float(text) * factor for text in shown]
         assert_allclose(values, data[name].values, rtol=6e-3)
-    for head, kind in (("5–95 %", ""), ("with error of library", "_together")):
+    for head, kind in (("between seals, 5–95 %", ""), ("with error of library", "_together")):
         column = heads.index(head)
         low, high = np.array([row[column].split("–") for row in rows if "–" in row[column]], float).T * factor
         leaking = data[f"leakage_lower{kind}"].values > 0

@@ -321,7 +321,7 @@ def test_a_broad_seat_runs_from_a_case(tmp_path):
     [
         ({"method": "two-scale", "compare": ["stochastic"]}, "stochastic.pressure: given uniform with a crowned seat"),
         ({"stochastic": BROAD["stochastic"] | {"pressure": "global"}}, "stochastic.pressure: given global"),
-        ({"load": BROAD["load"] | {"map": {"kind": "profile", "shares": [1, 2]}}}, "load.map: given a map with a"),
+        ({"load": BROAD["load"] | {"map": {"kind": "profile", "fractions": [1, 2]}}}, "load.map: given a map with a"),
         ({"seat": {"kind": "crowned", "radius": "0.5 mm"}}, "slopes up to"),
     ],
 )

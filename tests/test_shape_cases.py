@@ -256,10 +256,10 @@ def test_bad_seals_end_with_code_2_and_write_nothing(tmp_path, monkeypatch, caps
 
 def test_another_mesh_is_another_run(tmp_path):
     """The content of the mesh is part of what a run goes on from."""
-    from femseal.runs.job import _face_files
+    from femseal.runs.job import face_files
 
     data = reduced("gasket_seal") | {"seal": reduced("gasket_seal")["seal"] | {"path": "seal.msh"}}
     (tmp_path / "seal.msh").write_text("one")
-    first = _face_files(parse_case(data, tmp_path))
+    first = face_files(parse_case(data, tmp_path))
     (tmp_path / "seal.msh").write_text("two")
-    assert list(first) == ["seal.msh"] != _face_files(parse_case(data, tmp_path))
+    assert list(first) == ["seal.msh"] != face_files(parse_case(data, tmp_path))

@@ -61,7 +61,7 @@ def within_free_memory() -> Iterator[None]:
 
 
 def _processor() -> str:
-    """Name of the processor, which Python tells on some systems only."""
+    """Name of the processor, which Python knows on some systems only."""
     try:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
     except OSError:

@@ -43,5 +43,5 @@ def continuation_part(
     below = np.where(np.isneginf(changes).any(axis=0), np.inf, below)
     opened = np.where(np.isposinf(changes).any(axis=0), np.inf, changes.sum(axis=0))
     leakiest = max(others, key=lambda other: float(np.nansum(np.abs(other.leakage))))
-    text = f"{note}; {n} realisations by Student's interval, and the last octave of waves carried on over {octaves:.2g}"
+    text = f"{note}; {n} realisations by Student's interval, and the last octave carried on over {octaves:.2g} more"
     return part_of_changes("continuation", steps, leakage, below, above, text, change=opened, coarse=leakiest)

@@ -44,10 +44,10 @@ def error_budget(
     filtered : the scene solved without waves up to twice the shortest one. octaves : of waves that were removed from
         the face before; without any, as of a generated face, the filter has no part.
     kept_slope : rms slope over that with the waves that were removed. Where these may open what is sealed, and no load
-        tells what it then leaks, the upper end is inf: unknown. So it is of what is sealed where no coarser solution is
+        shows what it then leaks, the upper end is inf: unknown. So it is of what is sealed where no coarser solution is
         given.
     compared : of two scales by links, the deterministic solution on fewer points against that by links on these points.
-        It tells the error of links better than the scenes of the calibration do.
+        It shows the error of links better than the scenes of the calibration do.
     wave_pixels : pixels to the shortest wave of the scene: with more than 8 the least error of the pixels is less.
 
     Returns
@@ -81,7 +81,9 @@ def error_budget(
             for part in parts
         ]
     if isinstance(study, StochasticResult):
-        parts += [library_part(study), realisations_part(study), sampler_part(scene, study)]
+        parts += [library_part(study), realisations_part(study)]
+        if study.places is None or study.places.without is None:  # their scatter tells what one patch cannot
+            parts.append(sampler_part(scene, study))
     return ErrorBudget(own.name, leakage, tuple(parts), scene.steps)
 
 

@@ -36,11 +36,13 @@ def elements_part(study: TwoScaleResult) -> ErrorPart:
 
 
 def library_part(study: StochasticResult) -> ErrorPart:
-    """Finite library: scatter of seals from resampled libraries.
+    """Finite library: scatter between three or more measured places, else of seals from resampled libraries.
 
-    It is the difference of two variances of as many seals; it counts at least as half of its standard error.
+    The latter is the difference of two variances of as many seals; it counts at least as half of its standard error.
     """
     median = study.quantile(0.5)
+    if study.places is not None and study.places.without is not None:
+        return places_part(median, study.places.without)
     own, error = study.realisation_spread**2, study.library_error**2
     noise = np.sqrt(2 / max(len(study.leakage) - 1, 1)) * np.hypot(own, own + error)
     distance = DEVIATIONS * np.sqrt(np.maximum(error, 0.5 * noise))
@@ -51,6 +53,36 @@ def library_part(study: StochasticResult) -> ErrorPart:
     ends = [study.quantile(q, resampled=True) for q in ((1 - COVERAGE) / 2, (1 + COVERAGE) / 2)]
     lower, upper = (np.where(few, end, own) for end, own in zip(ends, (part.lower, part.upper), strict=True))
     return ErrorPart(part.name, np.minimum(lower, median), np.maximum(upper, median), note)
+
+
+def places_part(leakage: Array, without: Array) -> ErrorPart:
+    """Few measured places: Student's interval of ln(leakage) by the jackknife over places, those left joined.
+
+    Where they leak without all and with all but one do not, the seal may be sealed; then the upper end is by the
+    jackknife of the leakage itself.
+
+    Parameters
+    ----------
+    leakage : (steps,). without : of all places but one (places, steps) [m²/s].
+
+    Source: Efron & Tibshirani, An Introduction to the Bootstrap, 1993, chapter 11.
+    """
+    count = len(without)
+    student = float(stdtrit(count - 1, (1 + COVERAGE) / 2))
+
+    def error(values: Array) -> Array:
+        return np.asarray(np.sqrt((count - 1) * values.var(axis=0)))
+
+    with np.errstate(divide="ignore", invalid="ignore"):
+        logs = student * error(np.log(without))
+        plain = np.log1p(student * error(without) / without.mean(axis=0))
+    shut = (without == 0).any(axis=0) & np.isfinite(without).all(axis=0)
+    below, above = np.where(shut, np.inf, logs), np.where(shut, plain, logs)
+    note = f"Student's interval by the jackknife over {count} measured places, in ln(leakage)"
+    part = ErrorPart.of("library", leakage, below, above, note)
+    # without leakage the others tell how much there may be
+    upper = np.where(leakage == 0, (1 + student) * np.max(without, axis=0), part.upper)
+    return ErrorPart(part.name, part.lower, upper, note)
 
 
 def realisations_part(study: StochasticResult) -> ErrorPart:

@@ -47,7 +47,7 @@ def two_scales_parts(study: TwoScaleResult, compared: CoarserSolution | None = N
 
 @dataclass(frozen=True, eq=False)
 class ModelChange:
-    """A scene with another model or input, whose leakage tells how much that matters.
+    """A scene with another model or input, whose leakage shows how much that matters.
 
     name : of the part, one of `MODEL_PARTS`. scene : the changed one. both : whether the truth may lie on the other
     side as well. note : a sentence. seat : the changed form of a seat that is broader than the face, else None.

@@ -24,7 +24,7 @@ from .error_parts import ErrorPart
 LOAD_POWER = 1.25
 #: Fraction in contact with all waves from which on a face is sealed for certain: the largest of an open one was 0.58.
 SEALED_CONTACT = 0.6
-#: Fraction of the slope that must be kept where the leakage is known at one load only, so that nothing tells its slope.
+#: Fraction of the slope that must be kept where the leakage is known at one load only, so that nothing gives its slope.
 _LEAST_KEPT = 0.5
 
 
@@ -96,7 +96,7 @@ class _Branch:
         self.closed = np.log(pressure[(q == 0) & (pressure > 0)].min(initial=np.inf))
 
     def at(self, pressure: float, shift: float) -> float:
-        """Leakage at a pressure times exp(shift); inf where nothing tells it."""
+        """Leakage at a pressure times exp(shift); inf where nothing gives it."""
         x, y = self.x, self.y
         place = float(np.log(pressure)) + shift if pressure > 0 else float("inf")
         if place >= self.closed or pressure <= 0:

@@ -27,7 +27,7 @@ SEAL_TABLES = dict.fromkeys(
 
 #: Tables of the arguments of maps of the pressure.
 MAP_TABLES = {"map": "load", "sampler": "stochastic"} | dict.fromkeys(
-    ("shares", "positions", "angles", "path", "name", "length_unit", "pressure_unit", "points", "pressure", "field"),
+    ("fractions", "positions", "angles", "path", "name", "length_unit", "pressure_unit", "points", "pressure", "field"),
     "load.map",
 )
 

@@ -18,7 +18,7 @@ _LONGEST_FAULT = 400
 #: Fields of a case that are no keys of its file.
 INTERNAL = ("folder", "fluid_warnings", "solid_warnings")
 #: What took the place of keys that are gone.
-_REPLACED = {"stochastic.profile": 'map = { kind = "profile", shares = [...] } in the table load, in its place'}
+_REPLACED = {"stochastic.profile": 'map = { kind = "profile", fractions = [...] } in the table load, in its place'}
 #: What pydantic expects of a value of another type, as a user of TOML says it.
 _IN_TOML = {
     "tuple_type": "a list in square brackets",

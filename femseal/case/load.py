@@ -68,7 +68,7 @@ Load = Annotated[
     PlainSerializer(lambda load: float(load) if load.unit == "Pa" else f"{float(load)!r} {load.unit}"),
     WithJsonSchema(quantity_schema(_ALLOWED)),
 ]
-Share = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+Fraction = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 
 
 class MapTable(Table):
@@ -106,25 +106,25 @@ class ProfileMap(MapTable):
     """Pressure from the inlet to the outlet, see `seal.pressure_map.Profile`."""
 
     kind: Literal["profile"]
-    shares: tuple[Share, ...]
+    fractions: tuple[Fraction, ...]
     positions: tuple[Place, ...] = ()
 
     def make(self, folder: Path) -> PressureMap:
         """The map."""
-        return Profile(self.shares, self.positions)
+        return Profile(self.fractions, self.positions)
 
 
 class AngleMap(MapTable):
     """Pressure around the seal, see `seal.pressure_map.AngleTable`."""
 
     kind: Literal["angle"]
-    shares: tuple[Share, ...]
+    fractions: tuple[Fraction, ...]
     angles: tuple[Angle, ...] = ()
     repeat: Count = 1
 
     def make(self, folder: Path) -> PressureMap:
         """The map."""
-        return AngleTable(self.shares, self.angles, self.repeat)
+        return AngleTable(self.fractions, self.angles, self.repeat)
 
 
 class FieldMap(MapTable):

@@ -137,7 +137,7 @@ def _projected(z, h, t):
 
 @njit(**EXACT)
 def root(x, n, hardness, slope, kept, listed, c, load, start):
-    """Find δ with Σ y(x + cδ) = load on a list of points; tells whether they can carry the load.
+    """Find δ with Σ y(x + cδ) = load on a list of points; returns whether they can carry the load.
 
     y is the projection on the law with t = h/(h + kept). The sum is monotone and piecewise linear in δ: Newton's method
     within a bracket.
@@ -251,7 +251,7 @@ def project(n, free, c, delta, load, loaded, keep, p, hardness, slope, state, li
 def gap_and_deformation(p, v, delta, c, hardness, slope, gap, deformation, plastic):
     """Deformed gap and plastic deformation u = (p − H − c g)/(h + c), −g on a law without slope; contact is closed.
 
-    u is that of the projection of p − c g: where h is large p tells it better, where h is small the raw gap g does.
+    u is that of the projection of p − c g: where h is large p gives it better, where h is small the raw gap g does.
     """
     for i in range(p.size):
         g = v[i] - delta

@@ -91,7 +91,7 @@ class ContactLaw:
         """Plastic deformation u >= 0 [m] where points are at their yield pressure, 0 elsewhere.
 
         pressure, gap : p [Pa] and raw gap g [m] of a solution, or nearly so. stiffness : c [Pa/m]. u is that of the
-        projection of p − c g, whichever of p and g tells it better.
+        projection of p − c g, whichever of p and g gives it better.
         """
         u = self._deformation(pressure - stiffness * gap, stiffness)
         yields = pressure >= np.minimum(self.yield_pressure(), self.yield_pressure(u)) * (1 - _AT_YIELD)

@@ -33,7 +33,7 @@ def nested_grids(half_space: HalfSpace, thread: int, threads: int) -> tuple[Work
 
 
 class Workspace:
-    """Products with K, preconditioner and work arrays of one grid; `kernels` tells what the arrays hold.
+    """Products with K, preconditioner and work arrays of one grid; `kernels` says what the arrays hold.
 
     Attributes
     ----------

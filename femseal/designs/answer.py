@@ -91,7 +91,7 @@ def design(
     probability : fraction of the seals that is to keep the class, above 0 and below 1.
     assembly : pressures in assembly Q_A besides those that the case unloads from, [Pa] or as "300 MPa"; cases only.
     nominal_diameter : [m] or as "50 mm", for the rates of ISO 5208.
-    solve : solve the case again with another hardness and with the face turned by 90°, for what no law tells; cases
+    solve : solve the case again with another hardness and with the face turned by 90°, for what no law gives; cases
         only.
     workers : processes; all cores unless given. progress : see `run`.
 
@@ -202,7 +202,7 @@ def _place(needs: tuple[Requirement, ...], seals: Seals, fraction: float) -> tup
             return need.name, need.assembly.value
     steps = seals.loading()
     pressure, leak = seals.steps.pressures[steps], seals.curve_of(fraction)[steps]
-    open_ = pressure[(pressure > 0) & (leak > 0)]
+    open_ = pressure[(pressure > 0) & (leak > 0) & np.isfinite(leak)]
     return "", float(np.sqrt(open_[0] * open_[-1])) if open_.size > 1 else np.nan
 
 
@@ -236,6 +236,8 @@ def _notes(seals: Seals, fraction: float, results: Results) -> list[str]:
         notes.append("the case is not unloaded: QSmin takes `unload_from`, or --assembly with a case")
     if doubts := len(results.warnings):
         notes.append(f"the run has {doubts} warning{'s' if doubts > 1 else ''}, which its report lists")
+    if unknown := int(np.isinf(seals.leakage).any(axis=0).sum()):
+        notes.append(f"at {unknown} of the loads what is computed as sealed may leak, and counts as leaking")
     lost = results.dataset.sizes.get("realisation", seals.count) - seals.count
     if lost > 0 and results.method == "median":
         notes.append(f"{lost} seals failed at some load and are left out")

@@ -2,7 +2,7 @@
 
 Interpolation between nodes leaves out what flows between them. Each iteration corrects the potential at every side
 point by two parts: one at the nodes, for all windows at once, and one on each side alone. The energy that the
-iterations take off tells how far from the least it still is.
+iterations take off shows how far from the least it still is.
 Sources: Toselli & Widlund, Domain Decomposition Methods, Springer 2005, ch. 2 and 4 (two-level additive Schwarz);
 Strakoš & Tichý, Electron. Trans. Numer. Anal. 13, 2002, 56 (estimates of the error in energy).
 """

@@ -1,4 +1,4 @@
-"""Results of stages that several runs have in common, kept in a folder and told apart by all that goes into them.
+"""Results of stages that several runs have in common, kept in a folder and distinguished by all that goes into them.
 
 An item is found again if its stage does the same with the same numbers: the contact of a face is solved once for all
 fluids, and a library of windows once for all lengths of seal, without a list of what depends on what. The folder is

@@ -87,7 +87,7 @@ def _anchors(along, across, keep, ring):
     number, reach = np.zeros(n, np.int32), np.empty(n, np.int32)
     parent, anchor = np.empty(n, np.int32), np.full(n, _THROUGH, np.int32)
     tried = np.zeros(n, np.int8)
-    path, found = np.empty(n, np.int32), np.empty(n, np.int32)  # nodes above this one; those not yet told apart
+    path, found = np.empty(n, np.int32), np.empty(n, np.int32)  # nodes above this one; those not yet sorted
     count = 1
     for first in range(n2):
         if not keep[1, first] or along[0, first] <= 0.0 or number[first] > 0:

@@ -45,6 +45,7 @@ class LinkTable:
     steps : the load programme.
     run_length : mean number of columns in a run of "block"; 0 if the cells are not neighbours in a row.
     correlation_length : number of columns over which cells are alike.
+    place : number of the measured place of every cell (cells,), for "block"; None of one place.
     pressure : mean contact pressure of the cells (steps, paths, cells), or of all of them on a path (steps, paths, 1)
         [Pa]; None where it is unknown.
     """
@@ -55,6 +56,7 @@ class LinkTable:
     run_length: float = 0.0
     correlation_length: float = 1.0
     pressure: Array | None = None
+    place: Index | None = None
 
 
 def draw_links(table: LinkTable, *, sampler: str, seed: int, realisation: int, axis: int) -> Draw:
@@ -131,8 +133,32 @@ def _block(table: LinkTable, rng: np.random.Generator) -> Draw:
     starts[:1] = True
     first = np.flatnonzero(starts)
     run = np.cumsum(starts) - 1
-    column = ((fresh[first, 1] * cells).astype(np.int64)[run] + np.arange(columns) - first[run]) % cells
+    if table.place is None:
+        begins = (fresh[first, 1] * cells).astype(np.int64)
+    else:
+        lengths = np.diff(first, append=columns)
+        begins = drawn_elsewhere(fresh[first, 1], table.place, table.place, lengths - 1)
+    column = (begins[run] + np.arange(columns) - first[run]) % cells
     return lambda s: table.k[s, table.path, column]
+
+
+def drawn_elsewhere(random: Array, begins: Index, ends: Index, further: Index | None = None) -> Index:
+    """Numbers of runs drawn one after another, each beginning in another measured place than the last one ended in.
+
+    Parameters
+    ----------
+    random : number from 0 to 1 for each draw. begins : place in which each run begins. ends : that in which it ends, of
+        draws that are `further` runs long that of the run so much further on.
+    """
+    count = begins.size
+    if np.unique(begins).size < 2:
+        return (random * count).astype(np.int64)
+    others = {int(place): np.flatnonzero(begins != place) for place in np.unique(np.r_[begins, ends])}
+    drawn, pool = np.empty(random.size, np.int64), np.arange(count)
+    for n, number in enumerate(random):
+        drawn[n] = pool[int(number * pool.size)]
+        pool = others[int(ends[(drawn[n] + (0 if further is None else further[n])) % count])]
+    return drawn
 
 
 def _derivative(table: LinkTable, rng: np.random.Generator) -> Draw:

@@ -208,7 +208,7 @@ def _other_handles(several: Sequence[LeakageCurves]) -> list[Any]:
     handles: list[Any] = []
     low, high = (100 * q for q in several[0].quantiles)
     if any(curves.band is not None for curves in several):
-        handles.append(Patch(color=GREY, alpha=0.35, lw=0, label=f"{low:g} – {high:g} % of realisations"))
+        handles.append(Patch(color=GREY, alpha=0.35, lw=0, label=f"between seals, {low:g} – {high:g} %"))
     if any(curves.band_together is not None for curves in several):
         label = "the same with the\nerror of the library"
         handles.append(Patch(fc="#EFEFEF", ec=GREY, ls=(0, (1, 3)), lw=0.8, label=label))

@@ -20,7 +20,7 @@ from ..studies.scene import Array
 log = logging.getLogger("femseal")
 #: Points a side of the coarser grid over those of the scene.
 COARSENING = 0.5
-#: A coarser grid of more than this fraction of the points tells nothing.
+#: A coarser grid of more than this fraction of the points shows nothing.
 MOST_POINTS_FRACTION = 0.6
 #: Windows have at least this many pixels a side.
 WINDOW_PIXELS = 8
@@ -38,7 +38,9 @@ THIRD_GRID_PIXELS = 16.0
 LEAST_OCTAVES = 0.05
 #: Draws of the phases of continued waves besides that of a run.
 OTHER_PHASES = 3
-#: What tells versions of a case apart.
+#: Scenes that measure what continued waves may change: with these, with fewer waves, and as measured.
+CONTINUED_SCENES = OTHER_PHASES + 2
+#: What distinguishes versions of a case.
 Version = TypeVar("Version", bound=Hashable)
 
 
@@ -100,7 +102,7 @@ def route(prepared: Prepared, study: Study) -> Study:
 def coarser_grids(prepared: Prepared, leakage: Array | None = None) -> list[Prepared]:
     """Versions on half of the points a side, and on a quarter where that carries the waves, at some of the steps.
 
-    leakage : of the answer, which tells what steps are near closing.
+    leakage : of the answer, which shows what steps are near closing.
     """
     # where the filter or the comparison of links takes its part of the time too, no more steps than every other
     least = 0 if removed_octaves(prepared) >= LEAST_OCTAVES or compares_links(prepared) else LEAST_LOADS

@@ -44,7 +44,7 @@ class Attempt:
     """One attempt at an accuracy.
 
     settings : with which it was computed. points : of the face. seconds : wall time of its study;
-    with_coarse : with that of the coarser one that tells the error of its pixels, where no earlier attempt was that
+    with_coarse : with that of the coarser one that shows the error of its pixels, where no earlier attempt was that
     one. half_width : largest half-width of ln(leakage) of the budget at the loads that count, inf where it has no end.
     limit : the source of error that is widest there. parts : half-widths of the sources there. load : name of the load
     where it is largest. windows : of the library, None without.

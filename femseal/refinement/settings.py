@@ -18,10 +18,10 @@ Pair = tuple[int, int]
 #: Longest time of a run whose case asks for an accuracy and gives no time [s].
 TIME_LIMIT = 3600.0
 #: Doublings of the points of a face by which the first attempt and the finest are coarser or finer. The shortest wave
-#: has 8 pixels on the points of a face: 4 in the first attempt, and 2 on the coarser grid that tells its error.
+#: has 8 pixels on the points of a face: 4 in the first attempt, and 2 on the coarser grid that shows its error.
 #: Measured: with 2 pixels the budget may be half of the error.
 FIRST_GRID, MOST_GRID = -1, 4
-#: Windows have at least this many pixels a side on the coarser grid that tells the error of an attempt.
+#: Windows have at least this many pixels a side on the coarser grid that shows the error of an attempt.
 _WINDOW_PIXELS = 8
 #: Least residual of contact.
 LEAST_RTOL = 1e-8
@@ -95,7 +95,7 @@ def first_settings(case: Case, made: Prepared) -> Settings:
     if sampling is not None and sampling.pressure != "place" and "library_cells" not in given:
         settings = replace(settings, library_cells=int(np.clip(prod(made.cells or ()), *FIRST_WINDOWS)))
     coarse = replace(settings, grid=FIRST_GRID)
-    # the coarser grid that tells the error needs windows too
+    # the coarser grid that shows the error needs windows too
     fits = has_windows(made, replace(coarse, grid=FIRST_GRID - 1))
     return coarse if fits and "grid" not in given else settings
 

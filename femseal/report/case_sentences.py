@@ -62,6 +62,9 @@ def _seat_text(data: xarray.Dataset) -> str:
 def _face_text(face: dict[str, Any]) -> str:
     """A face of the case, with what it is generated from or how it is placed."""
     kind = str(face.get("kind", "face"))
+    if kind == "file" and (places := face.get("places")):
+        names = ", ".join(str(place.get("path")) for place in places)
+        return f"several measured places of a face, {names}{_placement_text(face)}"
     if kind == "file":
         return f"a measured face from {face.get('path', 'a file')}{_placement_text(face)}"
     known = (("pitch", "m"), ("depth", "m"), ("roughness", "m"), ("hurst", ""), ("rms_slope", ""), ("rms_height", "m"),

@@ -1,4 +1,4 @@
-"""Tables of the report on what the numbers are worth: budget of errors, scatter, checks, other resolutions, times."""
+"""Tables of the report on the error of the numbers: budget of errors, scatter, checks, other resolutions, times."""
 
 from __future__ import annotations
 
@@ -84,6 +84,9 @@ def scatter_lines(results: RunData) -> Lines:
             deviation("both together", np.hypot(spread, error), "what a seal of this kind may differ from the median")
         fraction = 1.2533 / np.sqrt(data.sizes["realisation"])
         deviation("median", fraction * spread, "standard error of the median; more realisations lower it")
+    if "place_scatter" in data:
+        meaning = f"one standard deviation between measured places; {most_leaking_place(results)}"
+        deviation("places", np.log1p(data["place_scatter"].values), meaning)
     if "element_error" in data:
         meaning = "at most, estimated from the last iterations; the leakage through elements is an upper bound"
         deviation("flow through elements", np.log1p(data["element_error"].values), meaning)
@@ -107,6 +110,16 @@ def scatter_lines(results: RunData) -> Lines:
             results, "twice the shortest wave", data["leakage_filtered"].values, results.method, results.leakage.values
         )
     return lines
+
+
+def most_leaking_place(results: RunData) -> str:
+    """Which of several measured places leaks most by itself, and how much, over the loads that count."""
+    alone = results.dataset["leakage_of_places"].values
+    mean = alone.mean(axis=0)
+    counts = mean > FLOOR * mean[0]
+    relative = (alone[:, counts] / mean[counts]).mean(axis=1)
+    most = int(np.argmax(relative))
+    return f"place {most + 1} of {len(alone)} leaks most, {relative[most]:.3g} times their mean"
 
 
 def _comparison(results: RunData, one: str, leakage: Array, other: str, reference: Array) -> Lines:

@@ -140,10 +140,10 @@ def leakage_picture(results: Results, drawings: Drawings) -> Picture:
     what = leakage_of(results).capitalize()
     alt = f"{what} in {unit.name} against nominal pressure: {', '.join(texts)}. See the table for all."
     caption = "Leakage against nominal pressure, one line and marker for each branch of the load cycle."
-    if "leakage_lower_together" in results.dataset:
-        caption += " Shaded: band of the realisations, and lighter that with the error of the finite library besides."
     if results.budget is not None:
         caption += " Bars: band of error, which holds the truth in about 95 of 100 cases."
+    if "leakage_lower_together" in results.dataset:
+        caption += " Shaded: scatter between seals, and lighter that with the error of the finite library besides."
     return Picture(_uri(drawings["leakage"].whole), alt, caption)
 
 

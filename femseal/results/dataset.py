@@ -119,6 +119,8 @@ def assemble(
         if (drawn := stochastic.median_seal) is not None:
             variables.add_declared(data, drawn)
             data["drawn_corners"].attrs["realisation"] = drawn.realisation
+    if (by_place := next((study.places for study in studies if study.places is not None), None)) is not None:
+        variables.add_places(data, by_place)
     if "row" in data.dims:
         own = None if stochastic is None or stochastic.row_pressure is None else stochastic.seal
         breadth = scene.surface.size[0] if own is None else own.size[0]

@@ -63,15 +63,16 @@ def leakage_table(run: RunData) -> TextTable:
     leakage = [f"{marks.get(s, f'{INTERPOLATED} ')}{text}" for s, text in enumerate(_cells(best, factor))]
     columns: list[tuple[str, Iterable[str]]] = [*_loads(data), (best.attrs.get("heading", run.method), leakage)]
     budget = f"leakage_{BUDGETED[run.method]}_budget"
-    if "leakage_lower" in data:
-        ends = (100 * data[name].attrs["quantile"] for name in ("leakage_lower", "leakage_upper"))
-        columns.append((f"{'–'.join(f'{end:g}' for end in ends)} %", _ranges(data, "", factor)))
-        # the band of error has that of the library
-        if "leakage_lower_together" in data and f"{budget}_lower" not in data:
-            columns.append(("with error of library", _ranges(data, "_together", factor)))
     if f"{budget}_lower" in data:
         band = zip(data[f"{budget}_lower"].values, data[f"{budget}_upper"].values, strict=True)
         columns.append(("95 % band of error", [format_error_band(low, high, factor) for low, high in band]))
+    if "leakage_lower" in data:
+        ends = (100 * data[name].attrs["quantile"] for name in ("leakage_lower", "leakage_upper"))
+        # second to the band of error, which is of the leakage that is given
+        columns.append((f"between seals, {'–'.join(f'{end:g}' for end in ends)} %", _ranges(data, "", factor)))
+        # the band of error has that of the library
+        if "leakage_lower_together" in data and f"{budget}_lower" not in data:
+            columns.append(("with error of library", _ranges(data, "_together", factor)))
     if unit.per_length:
         whole = basis.readable(best.values)
         texts = [format_leakage(q, basis.factor(whole)) for q in best.values]

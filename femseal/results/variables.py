@@ -32,6 +32,7 @@ from ..seal import NARROWEST
 from ..studies import DeterministicResult, Scene, StochasticResult, TwoScaleResult
 from ..studies.link_flow import link_flow
 from ..studies.load_interpolation import at_all_steps
+from ..studies.place_leakage import PlaceLeakage
 from .selections import INTERPOLATED
 
 if TYPE_CHECKING:
@@ -54,7 +55,7 @@ SOURCES = (
     *MODEL_PARTS,
 )
 #: Dimensions beside the steps whose every entry is a number of its own; variables with others are fields.
-_OF_NUMBERS = {"step", "realisation", "seal_length"}
+_OF_NUMBERS = {"step", "realisation", "seal_length", "place"}
 
 
 def add(data: xarray.Dataset, made: Field, values: Any, **attrs: Any) -> None:
@@ -140,6 +141,12 @@ def add_realisations(data: xarray.Dataset, result: StochasticResult, quantiles: 
     sealed = np.array([seals.sealed_fraction for seals in every])
     of = "fraction of the realisations without leakage by length"
     add(data, Field("sealed_fraction_of_lengths", "1", of, LENGTH), sealed)
+
+
+def add_places(data: xarray.Dataset, result: PlaceLeakage) -> None:
+    """Add the leakage of each measured place, and its scatter."""
+    add_coordinate(data, "place", "1", "number of the measured place", np.arange(1, len(result.alone) + 1))
+    add_declared(data, result)
 
 
 def add_library(data: xarray.Dataset, curves: LibraryTable) -> None:

@@ -18,7 +18,7 @@ from ..case.case import Case
 from ..preparation.check_memory import START_MEMORY
 from ..preparation.prepared import Prepared, without_short_waves
 from ..refinement.budgets import model_grid
-from ..refinement.coarser import coarser_grids, continued_scenes, without_filtered_waves
+from ..refinement.coarser import CONTINUED_SCENES, coarser_grids, without_filtered_waves
 from ..refinement.settings import first_settings, first_version, given_settings, grid_points, time_limit
 from ..report.case_text import contact_text, fluid_text, solids_text
 from ..results.pixel_fields import fields_size
@@ -275,8 +275,8 @@ def _budget_inputs(case: Case, prepared: Prepared) -> list[Prepared]:
     grid = model_grid(prepared)
     changes = model_changes(grid.scene, case.output.model_parts, case.hardness_tolerance, grid.form)
     models = [grid.changed(change) for change in changes]
-    if "continuation" in case.output.model_parts:
-        models += [replace(grid, scene=scene) for scene in continued_scenes(grid)]
+    if prepared.continuation is not None and "continuation" in case.output.model_parts:
+        models += [grid] * CONTINUED_SCENES
     return [*coarser_grids(prepared), *([] if smooth is None else [smooth]), *models]
 
 
@@ -343,9 +343,9 @@ def _library(prepared: Prepared, sampling: Sampling, partition: Partition) -> st
 def _windows(partition: Partition, shortest_wave: float) -> str:
     (m1, m2), (n1, n2) = partition.cells, partition.window
     size = " × ".join(to_text(length, "m", 3) for length in partition.window_size)
-    held = [length / shortest_wave for length in partition.window_size]
-    few = f"; {ADVISED_WAVES} or more are advised" if min(held) < ADVISED_WAVES * 0.99 else ""
-    return f"{m1} × {m2} of {n1} × {n2} pixels, {size}, that is {held[0]:.3g} × {held[1]:.3g} shortest waves{few}"
+    waves = [length / shortest_wave for length in partition.window_size]
+    few = f"; {ADVISED_WAVES} or more are advised" if min(waves) < ADVISED_WAVES * 0.99 else ""
+    return f"{m1} × {m2} of {n1} × {n2} pixels, {size}, that is {waves[0]:.3g} × {waves[1]:.3g} shortest waves{few}"
 
 
 def _disk_text(sizes: Disk, steps: int) -> str:

@@ -90,7 +90,7 @@ def run(
         raise InputError("output", f"'{folder}', which is a file", "a folder, or one that does not exist")
     if resume and folder is None:
         raise InputError("resume", True, "True only with an output folder")
-    faces = _face_files(case)
+    faces = face_files(case)
     # options of the output may change before a run is resumed
     echo = case.echo()
     computed = {key: value for key, value in echo.items() if key != "output"}
@@ -278,7 +278,7 @@ def _write(results: Results, folder: Path, case: Case, mapper: Mapper) -> None:
     checkpoint.remove(folder)
 
 
-def _face_files(case: Case) -> dict[str, str]:
+def face_files(case: Case) -> dict[str, str]:
     """SHA-256 of the file of every face, of its mask, of the seal and of maps, by its path in the case."""
     digests = {}
     faces = (face for face in case.face if isinstance(face, FileFace))

@@ -33,7 +33,7 @@ _LEAST, _SMALL = 0.35, 0.7
 #: A window closed along one axis keeps `CLOSED_AXIS` of its other permeability there. A seal that only this opens
 #: has measured 0.002 to 7e3 of that median in squares, an open one 7e6 and more: below this many it counts as closed.
 _SHUT = 2e5
-#: Steps of two sequences that fill the interval from 0 to 1 evenly; windows that are told from a whole number.
+#: Steps of two sequences that fill the interval from 0 to 1 evenly; windows that differ from a whole number.
 _TURNS, _EVEN = (0.7548776662466927, 0.5698402909980532), 1e-9
 #: Fraction of the area whose elements may be smaller.
 _SHARE = 0.1
@@ -87,7 +87,7 @@ class ElementSeal:
     def flow_between(
         self, permeability: Any, boundaries: PressureBoundaries, levels: Sequence[float], *, solver: str = "auto"
     ) -> DirichletFlow:
-        """Flow between boundaries held at potentials, the outlets at 0 and all inlets on one side of it.
+        """Flow between boundaries of given potentials, the outlets at 0 and all inlets on one side of it.
 
         The outflow is √ of the product of those of linear elements and of Raviart-Thomas fluxes, which with inlets at
         one pressure are the two bounds. The flows through all boundaries are the mean of both solutions, each
@@ -157,15 +157,15 @@ class ElementWindows:
     @cached_property
     def _powers(self) -> Indices:
         """Exponents of 2 of the windows of each element along both axes of the windows (2, n)."""
-        held = np.log2(self._held)
+        along = np.log2(self._windows_along)
         # rounded up or down by turns, so that the mean is kept: to one side it would prefer windows beside each other
-        turn = (np.arange(1, held.shape[1] + 1)[:, None] * _TURNS % 1.0).T
-        both = np.maximum(np.floor(held.sum(axis=0) + turn[0] + _EVEN), 0.0)
-        first = np.clip(np.floor((both + held[0] - held[1]) / 2 + turn[1] + _EVEN), 0.0, both)
+        turn = (np.arange(1, along.shape[1] + 1)[:, None] * _TURNS % 1.0).T
+        both = np.maximum(np.floor(along.sum(axis=0) + turn[0] + _EVEN), 0.0)
+        first = np.clip(np.floor((both + along[0] - along[1]) / 2 + turn[1] + _EVEN), 0.0, both)
         return np.stack([first, both - first]).astype(np.int64)
 
     @cached_property
-    def _held(self) -> Array:
+    def _windows_along(self) -> Array:
         """Windows along both of their axes in a rectangle of the area and shape of each element (2, n)."""
         corners = self.seal.outlines
         x, y = corners[..., 0], corners[..., 1]
@@ -232,7 +232,7 @@ class ElementWindows:
         ways, drops = corners[:, ends] - corners[:, starts], at[:, ends] - at[:, starts]
         gradient = np.linalg.solve(ways, drops[..., None])[..., 0]
         flux = -np.einsum("nab,nb->na", permeability, gradient)
-        area = self._held.prod(axis=0) * self.window[0] * self.window[1]
+        area = self._windows_along.prod(axis=0) * self.window[0] * self.window[1]
         power = -float(area @ (flux * gradient).sum(axis=1))
         return flux * (abs(rate) * np.ptp(potential[np.isfinite(potential)]) / power if power > 0 else 0.0)
 
@@ -253,7 +253,7 @@ class ElementWindows:
         ------
         InputError : elements much smaller than windows.
         """
-        area = np.sort(self._held.prod(axis=0))
+        area = np.sort(self._windows_along.prod(axis=0))
         of_share = np.searchsorted(total := area.cumsum(), _SHARE * total[-1])
         small = float(np.sqrt(area[of_share]))
         if small >= _SMALL:

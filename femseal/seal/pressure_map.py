@@ -83,7 +83,7 @@ class Profile:
 
     Parameters
     ----------
-    shares : numbers >= 0 in any unit, the first at the inlet.
+    fractions : numbers >= 0 in any unit, the first at the inlet.
     positions : where they are, rising [m]: x1 of a strip, from its inlet; radius of a ring or a mesh, whatever its
         inlet. Between them the pressure is linear. Without them the numbers are those of strips of equal breadth.
 
@@ -92,16 +92,16 @@ class Profile:
     InputError : bad numbers, or positions that do not rise or are not as many.
     """
 
-    shares: tuple[float, ...]
+    fractions: tuple[float, ...]
     positions: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "shares", _shares(self.shares))
-        object.__setattr__(self, "positions", _rising("positions", self.positions, len(self.shares), "[m]"))
+        object.__setattr__(self, "fractions", _fractions(self.fractions))
+        object.__setattr__(self, "positions", _rising("positions", self.positions, len(self.fractions), "[m]"))
 
     def at(self, points: Array, frame: Frame) -> Array:
         """Linear between positions; else that of the strip, at an edge the mean of both."""
-        values, across = np.array(self.shares), frame.across(points)
+        values, across = np.array(self.fractions), frame.across(points)
         if self.positions:
             low, high = self.positions[0], self.positions[-1]
             least, most = float(across.min()), float(across.max())
@@ -123,7 +123,7 @@ class AngleTable:
 
     Parameters
     ----------
-    shares : numbers >= 0 in any unit.
+    fractions : numbers >= 0 in any unit.
     angles : where they are, rising from >= 0 to below one period [rad]; equally spaced from 0 unless given. On a strip
         2π is its length.
     repeat : the number of periods around the seal.
@@ -133,15 +133,15 @@ class AngleTable:
     InputError : bad numbers, or angles that do not rise, are not as many or reach beyond the period.
     """
 
-    shares: tuple[float, ...]
+    fractions: tuple[float, ...]
     angles: tuple[float, ...] = ()
     repeat: int = 1
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "shares", _shares(self.shares))
+        object.__setattr__(self, "fractions", _fractions(self.fractions))
         object.__setattr__(self, "repeat", validate.count("repeat", self.repeat))
         period = 2 * pi / self.repeat
-        object.__setattr__(self, "angles", _rising("angles", self.angles, len(self.shares), "[rad]"))
+        object.__setattr__(self, "angles", _rising("angles", self.angles, len(self.fractions), "[rad]"))
         if self.angles and not 0 <= self.angles[0] <= self.angles[-1] < period * (1 - 1e-12):
             given = f"{np.degrees(self.angles[0]):g}° to {np.degrees(self.angles[-1]):g}°"
             raise InputError("angles", given, f"angles from 0° to below one period, {np.degrees(period):g}°")
@@ -149,8 +149,8 @@ class AngleTable:
     def at(self, points: Array, frame: Frame) -> Array:
         """Linear and periodic."""
         period = 2 * pi / self.repeat
-        angles = self.angles or np.arange(len(self.shares)) * (period / len(self.shares))
-        return np.interp(frame.angle(points) % period, angles, self.shares, period=period)
+        angles = self.angles or np.arange(len(self.fractions)) * (period / len(self.fractions))
+        return np.interp(frame.angle(points) % period, angles, self.fractions, period=period)
 
 
 @dataclass(frozen=True, eq=False)
@@ -269,14 +269,14 @@ class PressedSeal:
         return np.asarray(values / np.average(over_area, weights=self.areas))
 
 
-def _shares(values: Any) -> tuple[float, ...]:
+def _fractions(values: Any) -> tuple[float, ...]:
     try:
-        shares = tuple(validate.number("shares", v, inclusive=True) for v in values)
+        fractions = tuple(validate.number("fractions", v, inclusive=True) for v in values)
     except TypeError:
-        raise InputError("shares", repr(values), "a list of numbers >= 0") from None
-    if not shares or not max(shares) > 0:
-        raise InputError("shares", values, "a list of numbers >= 0, not all of them 0")
-    return shares
+        raise InputError("fractions", repr(values), "a list of numbers >= 0") from None
+    if not fractions or not max(fractions) > 0:
+        raise InputError("fractions", values, "a list of numbers >= 0, not all of them 0")
+    return fractions
 
 
 def _rising(name: str, values: Any, count: int, unit: str) -> tuple[float, ...]:

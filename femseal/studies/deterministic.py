@@ -14,6 +14,7 @@ from ..loads import LoadProgramme
 from ..windows import Partition, SolverCounts
 from ..windows.window_fields import ContactPressure
 from .face_contact import band_breadth, cut_contact, solve_face
+from .place_leakage import PlaceLeakage, place_leakage
 from .plausibility import scene_warnings
 from .repeated_steps import first_equal, repeated
 from .scene import Array, Scene
@@ -30,6 +31,7 @@ class DeterministicResult(Shown):
 
     gap, contact_pressure, fluid_pressure : at every pixel and step, in single precision; the contact pressure is kept
     where there is contact, see `ContactPressure`. The fluid pressure is NaN in contact and in pockets.
+    places : leakage by measured places, None of one.
     residual : largest residual of the contacts. failures : steps whose flow failed; their leakage is NaN. warnings :
     reasons to doubt the result. solvers : number of systems by solver. windows : the contact cut into windows, for
     `two_scale`; None unless asked for. equal_steps : number of steps that are an earlier one again, solved once.
@@ -70,6 +72,7 @@ class DeterministicResult(Shown):
         STEP,
         default=None,
     )
+    places: PlaceLeakage | None = field(default=None, repr=False)
     residual: float = 0.0
     failures: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
@@ -116,6 +119,7 @@ def deterministic(scene: Scene, *, cells: tuple[int, int] | None = None, mapper:
         fluid_pressure=through.fluid_pressure,
         carried_pressure=carried,
         entry_pressure=scene.entry_pressures(gap),
+        places=place_leakage(scene, gap, mapper),
         residual=float(residual.max()),
         failures=through.failures,
         warnings=scene_warnings(scene),

@@ -10,7 +10,8 @@ from ..base.errors import FemsealError
 from ..library import LibraryTable, LinkTable, correlation_length
 from ..windows import Failed, FlowHistory, SolveCounts
 from .face_contact import solve_windows
-from .run_chains import StateRuns, runs_of_face
+from .place_leakage import place_leakage
+from .run_chains import StateRuns, places_of_columns, runs_of_face
 from .sampling_options import count_face_windows
 from .scene import Array
 from .two_scale import TwoScaleResult, solve_links
@@ -35,8 +36,9 @@ def windows_in_place(wanted: WindowRequest) -> WindowSupply:
     scene, partition, two_scale, mapper = wanted.scene, wanted.partition, wanted.two_scale, wanted.mapper
     (m1, m2), w2, n2 = partition.cells, partition.window[1], wanted.seal_windows.draws[0][1]
     contact = two_scale or solve_windows(scene, partition.cells, wanted.contact, mapper=mapper)
+    places = two_scale.places if two_scale else place_leakage(scene, contact.fields.gap, mapper)
     if wanted.sampling.sampler == "runs":
-        return _runs_in_place(wanted, contact)
+        return replace(_runs_in_place(wanted, contact), places=places)
     shifts = count_face_windows(wanted.sampling, partition) // (m1 * m2)
     moved = [n * w2 // shifts for n in range(shifts)]
     known = {}
@@ -64,10 +66,12 @@ def windows_in_place(wanted: WindowRequest) -> WindowSupply:
         # failures of the two-scale study are in its own result
         failures=(() if two_scale else contact.failures) + tuple(text for f in every for text in f.failures),
     )
+    of_cell = np.tile(places_of_columns(scene, partition), shifts) if places is not None else None
     run = min(RUN_LENGTHS * length, float(m2))
 
     def table(k: Array) -> LinkTable:
-        return LinkTable(k, np.repeat(np.arange(k.shape[1])[:, None], n2, axis=1), scene.steps, run, length)
+        path = np.repeat(np.arange(k.shape[1])[:, None], n2, axis=1)
+        return LinkTable(k, path, scene.steps, run, length, place=of_cell)
 
     tables = tuple((table(along), table(across)) for along, across in zip(every_k1, every_k2, strict=True))
     along, across = tables[0]
@@ -80,6 +84,7 @@ def windows_in_place(wanted: WindowRequest) -> WindowSupply:
         () if two_scale else contact.warnings,
         at=TablePressures(tuple(scene.flow.drop.pressures)),
         unsolved=contact.unsolved,
+        places=places,
     )
 
 

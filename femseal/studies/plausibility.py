@@ -70,7 +70,7 @@ def _pressure_warnings(scene: Scene) -> Iterator[str]:
 
 
 def gas_warnings(key: str, fluid: Any, inlet: float, outlet: float) -> Iterator[str]:
-    """An ideal gas, of which the case tells by a key, at a pressure at which none is, with the error of its leakage."""
+    """An ideal gas, that the case gives by a key, at a pressure at which none is, with the error of its leakage."""
     if not isinstance(fluid, IdealGas) or inlet <= _IDEAL_UP_TO:
         return
     error = "an error that is not known for this gas"

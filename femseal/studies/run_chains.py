@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ..base.stage import Mapper, Stage
 from ..flow.pressure_drop import PressureDrop
 from ..library import RunFlows
+from ..library.sampling import drawn_elsewhere
 from ..seal import RectangularSeal
 from ..windows import Failed, Partition, SolverCounts, attempt
 from ..windows.window_fields import WindowFields
@@ -69,7 +70,9 @@ class ChainedSeals:
     resampled : as many more realisations, each from runs that are drawn with repetition from those of the face.
     columns : columns of windows of the seal. length : those of a run.
     of_face : leakage per length of the face itself, uncut (steps,) [m²/s].
-    starts : first columns of the runs on the face. seed : of the random numbers.
+    starts : first columns of the runs on the face. ends : numbers of the places in which each run begins and ends
+    (2, runs); none is followed by one that begins in the place where it ends, unless there is one place only.
+    seed : of the random numbers.
     warnings : reasons to doubt the result.
     """
 
@@ -81,12 +84,13 @@ class ChainedSeals:
     columns: int
     length: int
     starts: NDArray[np.int64]
+    ends: NDArray[np.int64]
     seed: int
     warnings: tuple[str, ...]
 
     def windows(self, realisation: int, face_columns: int) -> NDArray[np.int64]:
         """Columns of a face, of so many, whose windows the columns of a realisation are (columns,)."""
-        first = self.starts[_drawn_runs(self.seed, realisation, self.columns // self.length, self.starts.size)]
+        first = self.starts[_drawn_runs(self.seed, realisation, self.columns // self.length, self.ends)]
         return np.asarray((first[:, None] + np.arange(self.length)).ravel() % face_columns)
 
 
@@ -113,6 +117,8 @@ def chained_seals(
     length, independent = (solved[0].length, solved[0].independent) if solved else (1, 1)
     runs = max(1, round(columns / length))
     starts = solved[0].starts if solved else np.zeros(1, np.int64)
+    of_column = places_of_columns(scene, partition)
+    ends = of_column[np.stack([starts, starts + length - 1]) % of_column.size]
     value, neumann, dirichlet = np.full((3, starts.size, len(flows)), np.nan)
     whole = np.full(len(flows), np.nan)
     for s, flow in enumerate(flows):
@@ -126,7 +132,7 @@ def chained_seals(
     # a face scatters less about its own mean than seals about theirs: one run less makes up for that
     fewer = max(1, independent - 1)
     for n in range(realisations):
-        drawn[n] = np.bincount(_drawn_runs(seed, n, runs, starts.size), minlength=starts.size)
+        drawn[n] = np.bincount(_drawn_runs(seed, n, runs, ends), minlength=starts.size)
         rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(n, 2)))
         library = rng.integers(starts.size, size=fewer)
         again[n] = np.bincount(library[rng.integers(fewer, size=runs)], minlength=starts.size)
@@ -140,15 +146,22 @@ def chained_seals(
         columns=runs * length,
         length=length,
         starts=starts,
+        ends=ends,
         seed=seed,
         warnings=warnings,
     )
 
 
-def _drawn_runs(seed: int, realisation: int, runs: int, different: int) -> NDArray[np.int64]:
-    """Numbers of the runs that a realisation is a chain of (runs,), out of so many different ones."""
-    place = np.random.Generator(np.random.Philox(np.random.SeedSequence(seed, spawn_key=(realisation,)))).random(runs)
-    return (place * different).astype(np.int64)
+def places_of_columns(scene: Scene, partition: Partition) -> NDArray[np.int64]:
+    """Number of the measured place in which every column of windows lies (columns,)."""
+    widths = [place.shape[1] // partition.window[1] for place in scene.surface.each]
+    return np.repeat(np.arange(len(widths)), widths)
+
+
+def _drawn_runs(seed: int, realisation: int, runs: int, ends: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Numbers of the runs that a realisation is a chain of (runs,), see `ChainedSeals.ends`."""
+    random = np.random.Generator(np.random.Philox(np.random.SeedSequence(seed, spawn_key=(realisation,)))).random(runs)
+    return drawn_elsewhere(random, *ends)
 
 
 def _long_enough(

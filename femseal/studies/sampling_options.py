@@ -54,7 +54,7 @@ class Sampling:
         and windows are added until it is reached, up to eight times as many. With None none are added.
     bounds : also compute bounds of the flow of every window, and so of the leakage, for a gap constant on each pixel.
         The library then takes about three times as long. "global" and "uniform" with the sampler "history" only.
-    resampled : also draw as many seals from libraries that are drawn with repetition from the library, which tells the
+    resampled : also draw as many seals from libraries that are drawn with repetition from the library, which shows the
         error of the library; `width` needs it.
     """
 

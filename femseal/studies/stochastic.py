@@ -124,6 +124,7 @@ def _draw(
         first,
         pressure=sampling.pressure,
         window=partition.window,
+        places=supply.places,
         other_lengths=tuple(others),
         row_pressure=None if supply.seat is None else supply.seat.pressure,
         band_breadth=None if supply.seat is None else supply.seat.band,

@@ -17,6 +17,7 @@ from ..loads import LoadProgramme
 from ..seal.layouts import DrawnSeal
 from ..windows import SolverCounts
 from .median_seal import MedianSeal
+from .place_leakage import PlaceLeakage
 from .scene import Array
 from .window_supply import FaceLibrary
 
@@ -37,6 +38,7 @@ class StochasticResult(Shown):
         "runs". The leakage of a chain of these runs lies between them.
     leakage_of_face : of the face itself, whose runs they are; None unless the sampler is "runs".
     row_pressure, band_breadth, largest_row_pressure : of a seat that is broader than the face; None without.
+    places : leakage by measured places; None of one, and with windows that have no place on the face.
     other_lengths : seals of the other lengths that were asked for, drawn from the same library; the same realisation of
         a longer seal begins with that of a shorter one.
     sampler, pressure : how they were drawn, and the source of their windows, see `Sampling`. window : pixels of a
@@ -82,6 +84,7 @@ class StochasticResult(Shown):
     largest_row_pressure: Array | None = declared(
         "largest_row_pressure", "Pa", "largest mean contact pressure of a row", STEP, default=None, repr=False
     )
+    places: PlaceLeakage | None = field(default=None, repr=False)
     other_lengths: tuple[StochasticResult, ...] = field(default=(), repr=False)
     sampler: str = "history"
     pressure: str = "place"

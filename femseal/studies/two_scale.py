@@ -26,6 +26,7 @@ from .deterministic import state_memory
 from .face_contact import band_breadth, solve_windows
 from .face_flow import element_face_flow, resolved_flow
 from .face_leakage import FaceLeakage, face_leakage
+from .place_leakage import PlaceLeakage, place_leakage
 from .plausibility import scene_warnings
 from .repeated_steps import first_equal, map_different, repeated
 from .scene import Array, Scene
@@ -70,6 +71,7 @@ class TwoScaleResult(Shown):
         at the pressures of the nodes, with which the flow is that of a viscous gas. link_flows : of the windows.
     face_fluid_pressure : at every pixel and step; None with "links".
     fields : deformed gap and contact pressure at every pixel.
+    places : leakage by measured places, None of one.
     counts : flows of links, solved or known without solving. solvers : number of systems by solver, of links and over
     the face. equal_steps : number of steps that are an earlier one again, solved once. unsolved : steps at which the
     faces part, by their number, and why. failures : reasons of values
@@ -128,6 +130,7 @@ class TwoScaleResult(Shown):
         STEP,
         default=None,
     )
+    places: PlaceLeakage | None = field(default=None, repr=False)
     counts: SolveCounts = field(default_factory=SolveCounts)
     failures: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
@@ -214,6 +217,7 @@ def two_scale(
         band_breadth=band_breadth(solved.row_pressure, scene.surface.spacing[0]),
         largest_row_pressure=solved.row_pressure.max(axis=1),
         entry_pressure=scene.entry_pressures(solved.fields.gap),
+        places=place_leakage(scene, solved.fields.gap, mapper),
         equal_steps=repeated(first),
     )
 

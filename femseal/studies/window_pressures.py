@@ -115,7 +115,7 @@ def _distinct(keys: Array, fractions: Array) -> tuple[Array, Index]:
 
 
 def check_map(scene: Scene, seal_windows: SealWindows, pressure_map: AnyMap | SeatMap) -> tuple[str, ...]:
-    """Warnings on a map that are worth telling before a run.
+    """Warnings on a map before a run.
 
     Raises
     ------

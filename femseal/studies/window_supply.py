@@ -12,6 +12,7 @@ from ..flow.permeability_table import tabulated
 from ..library import LadderLibrary, LibraryTable, LinkTable
 from ..seal.layouts import SealWindows
 from ..windows import Failed, Partition, SolveCounts
+from .place_leakage import PlaceLeakage
 from .run_chains import StateRuns
 from .sampling_options import Sampling
 from .scene import Array, Scene
@@ -66,6 +67,7 @@ class WindowSupply:
     warnings : reasons to doubt the result.
     runs : of columns of the face at every step, for the sampler "runs".
     at : fluid pressures of the tables. unsolved : steps without leakage by their number, and why.
+    places : leakage by measured places, where windows have theirs.
     seat : contact of the rows across a seat that is broader than the face.
     """
 
@@ -77,6 +79,7 @@ class WindowSupply:
     at: TablePressures = TablePressures((0.0,))
     unsolved: tuple[tuple[int, str], ...] = ()
     seat: SeatRows | None = None
+    places: PlaceLeakage | None = None
 
 
 #: A source of windows: takes a request and returns the windows.

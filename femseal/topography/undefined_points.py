@@ -19,7 +19,7 @@ from ..base.quantities import to_text
 _LINES = 96
 #: Fraction of the limit that a rectangle may reach: what is left is for spikes that only the cropped map has.
 _SPARE = 0.8
-#: A part with a side that is a smaller fraction of the map's is not worth offering.
+#: A part with a side that is a smaller fraction of the map's is not offered.
 _LEAST_SIDE = 0.05
 
 Part = tuple[float, float, float, float]

@@ -15,7 +15,19 @@ import time
 from pathlib import Path
 
 from common import machine, rows, save_report
-from references import ball_on_cone, bearing, critical_area, finishes, open_area, programs, saddle, theories
+from references import (
+    ball_on_cone,
+    bearing,
+    critical_area,
+    cut_faces,
+    finishes,
+    open_area,
+    programs,
+    rock_fractures,
+    saddle,
+    theories,
+    turned_copper,
+)
 
 HERE = Path(__file__).parent
 PACKAGES = {"Tamaas": "tamaas", "ContactMechanics": "ContactMechanics", "reynoldsflow": "reynoldsflow"}
@@ -48,6 +60,13 @@ REFERENCES = {
     "other programs": (programs.fields, programs.lines, {}),
     "small loads": (theories.persson, lambda r: [theories.persson_line(r)], {"persson": theories.draw_persson}),
     "open area": (open_area.open_areas, lambda r: [open_area.line(r)], {"open_area": open_area.draw}),
+    "cut faces": (cut_faces.cut_faces, lambda r: [cut_faces.line(r)], {}),
+    "turned copper": (turned_copper.turned_copper, lambda r: [turned_copper.line(r)], {}),
+    "rock fractures": (
+        rock_fractures.rock_fractures,
+        lambda r: [rock_fractures.line(r)],
+        {"rock": rock_fractures.draw},
+    ),
     "summits": (theories.greenwood_williamson, lambda r: [theories.greenwood_williamson_line(r)], {}),
 }
 

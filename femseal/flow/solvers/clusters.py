@@ -14,9 +14,9 @@ from numba import njit
 
 from .compiled import COMPILED
 
-#: A node is reached by the coarser grid, or by others that are, if they have this fraction of its conductances.
-_HELD = 0.1
-#: A node counts as held over so many others.
+#: A node is strong if coarse nodes, or others that are strong, have this fraction of its conductances.
+_STRONG = 0.1
+#: Strength passes over so many nodes.
 _STEPS = 2
 #: Nodes are of one cluster if their conductance has this fraction of all conductances of one of them.
 _TIED = 0.1
@@ -45,43 +45,43 @@ def _conductance(k, i, j, right, below, below_right, below_left):
 
 
 @njit(**COMPILED)
-def _not_held(centre, right, below, below_right, below_left, nine, ring):
+def _not_strong(centre, right, below, below_right, below_left, nine, ring):
     """Nodes with weak conductances to coarse nodes, and to nodes between two that have strong ones."""
     n1, n2 = centre.shape[0] - 2, centre.shape[1] - 2
-    held = np.ones(centre.shape, np.bool_)
+    strong = np.ones(centre.shape, np.bool_)
     count = 0
     for i in range(1, n1 + 1):
         if i % 2 == 1:
             for j in range(2, n2 + 1, 2):
-                held[i, j] = right[i, j - 1] + right[i, j] >= _HELD * centre[i, j]
-                count += not held[i, j]
+                strong[i, j] = right[i, j - 1] + right[i, j] >= _STRONG * centre[i, j]
+                count += not strong[i, j]
         else:
             for j in range(1, n2 + 1, 2):
-                held[i, j] = below[i - 1, j] + below[i, j] >= _HELD * centre[i, j]
-                count += not held[i, j]
+                strong[i, j] = below[i - 1, j] + below[i, j] >= _STRONG * centre[i, j]
+                count += not strong[i, j]
         if ring:
-            held[i, 0], held[i, n2 + 1] = held[i, n2], held[i, 1]
+            strong[i, 0], strong[i, n2 + 1] = strong[i, n2], strong[i, 1]
     for i in range(2, n1 + 1, 2):
         for j in range(2, n2 + 1, 2):
             by = 0.0
-            if held[i, j - 1]:
+            if strong[i, j - 1]:
                 by += right[i, j - 1]
-            if held[i, j + 1]:
+            if strong[i, j + 1]:
                 by += right[i, j]
-            if held[i - 1, j]:
+            if strong[i - 1, j]:
                 by += below[i - 1, j]
-            if held[i + 1, j]:
+            if strong[i + 1, j]:
                 by += below[i, j]
             if nine:
                 by += below_right[i, j] + below_right[i - 1, j - 1] + below_left[i, j] + below_left[i - 1, j + 1]
-            held[i, j] = by >= _HELD * centre[i, j]
-            count += not held[i, j]
+            strong[i, j] = by >= _STRONG * centre[i, j]
+            count += not strong[i, j]
     found = np.empty((count, 2), np.int64)
     if count > 0:
         count = 0
         for i in range(1, n1 + 1):
             for j in range(1, n2 + 1):
-                if not held[i, j]:
+                if not strong[i, j]:
                     found[count, 0], found[count, 1] = i, j
                     count += 1
     return found
@@ -106,7 +106,7 @@ def clusters(centre, right, below, below_right, below_left, nine, ring):
     """
     n2 = centre.shape[1] - 2
     neighbours = 8 if nine else 4
-    loose = _not_held(centre, right, below, below_right, below_left, nine, ring)
+    loose = _not_strong(centre, right, below, below_right, below_left, nine, ring)
     if loose.shape[0] < 2:
         return np.zeros((1, 1), np.int32), loose, np.zeros(1, np.int64), np.zeros(0)
     number = np.zeros(centre.shape, np.int32)
@@ -114,20 +114,20 @@ def clusters(centre, right, below, below_right, below_left, nine, ring):
         i, j = loose[q]
         number[i, j] = -1
         _copied(number, i, j, ring)
-    held = np.empty(loose.shape[0], np.bool_)
+    strong = np.empty(loose.shape[0], np.bool_)
     for _ in range(_STEPS):
         for q in range(loose.shape[0]):
             i, j = loose[q]
-            by_held = 0.0
+            by_strong = 0.0
             for k in range(neighbours):
                 a, b, c = _conductance(k, i, j, right, below, below_right, below_left)
                 if number[a, b] == 0:
-                    by_held += c
-            held[q] = by_held >= _HELD * centre[i, j]
+                    by_strong += c
+            strong[q] = by_strong >= _STRONG * centre[i, j]
         count = 0
         for q in range(loose.shape[0]):
             i, j = loose[q]
-            if held[q]:
+            if strong[q]:
                 number[i, j] = 0
                 _copied(number, i, j, ring)
             else:

@@ -1,0 +1,71 @@
+"""The command `femseal calibrate`."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ..base.errors import FemsealError
+from ..execution.terminal import ProgressBars, log_lines, print_table
+
+
+def calibrate(
+    path: Annotated[Path, typer.Argument(metavar="CASE", help="Case file.")],
+    data: Annotated[Path, typer.Argument(metavar="DATA.csv", help="Columns of a leak test: load, branch, leakage.")],
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="Folder.", show_default="results/CASE-calibrated")
+    ] = None,
+    hardness: Annotated[
+        tuple[str, str] | None,
+        typer.Option(help="Range of the prior, such as '2 GPa' '5 GPa'.", show_default="a third to 3 times the case's"),
+    ] = None,
+    shortest_wave: Annotated[
+        tuple[str, str] | None,
+        typer.Option(help="Range of the prior, such as '4 um' '20 um'.", show_default="8 pixels to 3 times the case's"),
+    ] = None,
+    factor: Annotated[
+        tuple[float, float], typer.Option(help="Range of the prior of the factor between test and model.")
+    ] = (0.2, 5.0),
+    error: Annotated[str, typer.Option(help="Relative error of a measured leakage.")] = "10 %",
+    scenes: Annotated[int, typer.Option(help="Scenes that are solved at most.")] = 40,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Take the scenes that the folder has.", show_default="off")
+    ] = False,
+    workers: Annotated[int | None, typer.Option(help="Processes.", show_default="all cores")] = None,
+    scheduler: Annotated[
+        str | None, typer.Option(help='Address of a Dask scheduler, or "local".', show_default="none")
+    ] = None,
+    quiet: Annotated[
+        bool, typer.Option("--quiet", help="No progress, no log lines, no tables.", show_default="off")
+    ] = False,
+) -> None:
+    """Find hardness, shortest wave and the factor between model and test from a measured curve of leakage."""
+    from .calibrating import CASE_FILE
+    from .calibrating import calibrate as calibrated
+
+    folder = output or Path("results") / f"{path.stem}-calibrated"
+    terminal = sys.stderr.isatty()
+    try:
+        with log_lines(None, quiet or not terminal, terminal), ProgressBars(show=not quiet and terminal) as progress:
+            found = calibrated(
+                path,
+                data,
+                folder,
+                hardness=hardness,
+                shortest_wave=shortest_wave,
+                factor=factor,
+                error=error,
+                scenes=scenes,
+                resume=resume,
+                workers=workers,
+                scheduler=scheduler,
+                progress=progress,
+            )
+    except KeyboardInterrupt:
+        raise FemsealError(f"stopped; `femseal calibrate {path} {data} -o {folder} --resume` goes on") from None
+    if not quiet:
+        print_table(found.table())
+        typer.echo(f"calibration.json, calibration.csv, calibration.png and {CASE_FILE} in {folder}")

@@ -1,0 +1,212 @@
+"""Calibrate a case by a leak test: few solved scenes, a surrogate of their leakage, and the posterior."""
+
+from __future__ import annotations
+
+import json
+import os
+from functools import partial
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.stats import qmc
+
+from ..base import validate
+from ..base.errors import FemsealError, InputError, shown
+from ..base.files import write_text
+from ..base.leak_units import LeakUnit
+from ..base.provenance import numerical_versions
+from ..base.quantities import to_si, to_text
+from ..base.stage import Stage
+from ..case.case import Case, load_case, read_case
+from ..execution.mappers import ordered_map
+from ..execution.run import Progress, Run, no_progress
+from ..preparation.preparation import prepare
+from ..preparation.prepared import Prepared
+from ..runs import job
+from ..runs.forecast import forecast, refuse_too_large
+from ..studies.compiling import compile_ahead
+from ..studies.costs import usual_efforts
+from ..sweeps.scenes import Scenes, leakage_of
+from ..sweeps.surrogate import Surrogate
+from ..topography import resolved_wave
+from .calibrated_case import calibrated_text
+from .calibration import FILE, Array, Calibration
+from .leak_test import LeakTest, read_leak_test
+from .posterior import UNITS, Posterior
+
+Range = tuple[float | str, float | str]
+#: Scenes that fill the ranges, and those that are then added at a time where the posterior is; least number in all.
+FIRST, ADDED, FEWEST = 16, 6, 10
+#: Factors by which the ranges extend to either side, unless given.
+WIDTHS = {"hardness": 3.0, "shortest_wave": 3.0, "factor": 5.0}
+#: No more scenes are solved once the surrogate's error is this part of that of the test.
+_EXACT = 0.2
+#: The calibrated case in the folder.
+CASE_FILE = "calibrated.toml"
+#: Samples of the posterior, and steps of the ensemble between scenes and at the end.
+_SAMPLES, _STEPS = 4000, (150, 600)
+
+
+def calibrate(
+    case: Case | str | os.PathLike[str],
+    data: str | os.PathLike[str],
+    output: str | os.PathLike[str] | None = None,
+    *,
+    hardness: Range | None = None,
+    shortest_wave: Range | None = None,
+    factor: Range | None = None,
+    error: float | str = 0.1,
+    scenes: int = 40,
+    resume: bool = False,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    progress: Progress | None = None,
+) -> Calibration:
+    """Hardness, shortest wave that counts and a factor between model and test, from a measured curve of leakage.
+
+    The case is solved at the loads of the test for up to `scenes` pairs of hardness and shortest wave: a Sobol sequence
+    over their ranges, then where the posterior is, see `sweeps.surrogate` and `calibration.posterior`.
+
+    Parameters
+    ----------
+    case : a case or its file. data : a file with the columns of a leak test, see `calibration.leak_test`.
+    output : folder for table, picture, data and, of a case file, the calibrated case; None writes nothing.
+    hardness, shortest_wave, factor : ranges of the priors, uniform in the logarithm, in SI or as texts with units;
+        unless given, `WIDTHS` times to either side of the case's values (of 1), no wave below 8 pixels.
+    error : of a measured leakage, relative standard deviation. scenes : solved at most.
+    resume : take the scenes of the folder that were solved for the same case, test and ranges.
+    workers, scheduler, progress : see `run`.
+
+    Raises
+    ------
+    InputError : the case, the test, a range or the folder cannot be used; nothing has been computed then.
+    FemsealError : too few scenes could be solved.
+    """
+    loaded = case if isinstance(case, Case) else load_case(case)
+    if loaded.accuracy is not None:
+        raise InputError(
+            "accuracy", loaded.accuracy, "a case to calibrate without it: every scene has the same settings"
+        )
+    deviation = to_si(error, "", "error") if isinstance(error, str) else error
+    deviation = validate.tolerance("error", deviation)
+    if validate.count("scenes", scenes) < FEWEST:
+        raise InputError("scenes", scenes, f"a whole number >= {FEWEST}")
+    test = read_leak_test(Path(data), loaded)
+    tested = test.of_case(loaded)
+    ranges, memory = _ranges(tested, {"hardness": hardness, "shortest_wave": shortest_wave, "factor": factor})
+    steps, rows = np.unique(test.rows_of(loaded), return_inverse=True)
+    solved = partial(_leakage, tested, test.unit, steps)
+    folder = None if output is None else Path(output)
+    identity = json.dumps([tested.echo(), ranges.tolist(), steps.tolist(), test.unit.name, job.face_files(tested),
+                           numerical_versions()])  # fmt: skip
+    store = Scenes(folder, FILE, identity, resume)
+    with store, ordered_map(workers, scheduler, partial(compile_ahead, progress=progress or no_progress)) as mapper:
+        with Run(mapper, progress or no_progress).timed("calibration") as watched:
+            posterior = _explored(
+                partial(store.solve, Stage("scenes", solved, memory), watched), test, rows, ranges, deviation, scenes
+            )
+        found = Calibration.of(
+            posterior, posterior.samples(_SAMPLES, seed=1, steps=_STEPS[1]), *store.arrays(), tested, softer(loaded)
+        )
+        if folder is not None:
+            tables = None if isinstance(case, Case) else calibrated_text(*read_case(case), folder, found)
+            found.write(folder)
+            if tables is not None:
+                write_text(folder / CASE_FILE, tables)
+    return found
+
+
+def _ranges(case: Case, given: dict[str, Range | None]) -> tuple[Array, float]:
+    """Ranges of the three quantities (3, 2) in SI, whose ends are checked, and the memory of a scene [byte].
+
+    Raises
+    ------
+    InputError : a range that does not rise, a solid that does not yield, or ends with which the case cannot be run.
+    """
+    table = getattr(case, softer(case))
+    known = table.solid.hardness
+    if known is None or not np.isfinite(known) or table.hardness_table is not None:
+        raise InputError(softer(case), "no single hardness", "a yield_stress or a hardness, which is calibrated")
+    prepared = prepare(case)
+    surface, wave = prepared.scene.surface, prepared.conditioning.shortest_wavelength
+    least = {"hardness": 1.01 * float(prepared.scene.steps.pressures.max()), "factor": 0.0,
+             "shortest_wave": resolved_wave(surface.size, surface.shape)}  # fmt: skip
+    # two waves in a window
+    sides = [n / (2 * c) for n, c in zip(surface.size, prepared.cells or (1, 1), strict=True)]
+    most = {"hardness": np.inf, "factor": np.inf, "shortest_wave": 0.999 * min(sides)}
+    found = []
+    for (name, unit), middle in zip(UNITS.items(), (known, wave, 1.0), strict=True):
+        if (ends := given[name]) is None:
+            width = WIDTHS[name]
+            ends = max(middle / width, least[name]), min(middle * width, most[name])
+        elif isinstance(ends, str) or len(ends) != 2:
+            raise InputError(name, shown(ends), "the two ends of a range")
+        low, high = (to_si(end, unit, name) if isinstance(end, str) else float(end) for end in ends)
+        if not 0 < low < high < np.inf:
+            raise InputError(name, " to ".join(to_text(end, unit) for end in (low, high)), "a range above 0 that rises")
+        found.append((low, high))
+    for corner in product(*found[:2]):
+        at = with_values(case, *corner)
+        refuse_too_large(at, prepare(at))
+    return np.array(found), _memory(case, prepared)
+
+
+def _memory(case: Case, prepared: Prepared) -> float:
+    return float(forecast(case, prepared, usual_efforts(len(prepared.scene.steps))).memory)
+
+
+def softer(case: Case) -> str:
+    """Key of the table whose hardness decides."""
+    tables = {name: getattr(case, name) for name in ("material", "counter_material")}
+    return min((k for k, t in tables.items() if t is not None), key=lambda k: float(tables[k].law.mean_hardness))
+
+
+def with_values(case: Case, hardness: float, shortest_wave: float) -> Case:
+    """The case with another hardness of the softer solid [Pa] and another shortest wave [m]."""
+    key = softer(case)
+    solid = getattr(case, key).model_copy(update={"hardness": hardness, "yield_stress": None})
+    surface = case.surface.model_copy(update={"shortest_wave": shortest_wave})
+    return case.model_copy(update={key: solid, "surface": surface})
+
+
+def _leakage(case: Case, unit: LeakUnit, steps: Array, hardness: float, shortest_wave: float) -> list[float]:
+    """Leakage of a scene at some load steps in a unit; NaN where it could not be solved."""
+    return leakage_of(with_values(case, hardness, shortest_wave), unit, steps)
+
+
+def _explored(solve: Any, test: LeakTest, rows: Any, ranges: Array, error: float, scenes: int) -> Posterior:
+    """The posterior after scenes that fill the ranges, and others where it is.
+
+    solve : gives the leakages (n, loads) of scenes at hardnesses and waves (n, 2) in SI, NaN of those that failed.
+    """
+    low, high = np.log(ranges[:2]).T
+    points, leakage = np.empty((0, 2)), np.empty((0, int(max(rows)) + 1))
+    # a power of two, cut where fewer are wanted
+    wanted = qmc.Sobol(2, rng=np.random.default_rng(1)).random_base2(int(np.log2(FIRST)))[:scenes]
+    while True:
+        new = solve(np.exp(low + wanted * (high - low)))
+        known = np.isfinite(new).all(axis=1)
+        points, leakage = np.r_[points, wanted[known]], np.r_[leakage, new[known]]
+        scenes -= len(wanted)
+        if len(points) < min(FEWEST, len(wanted)):
+            raise FemsealError(f"calibrate: only {len(points)} of {len(wanted)} scenes could be solved")
+        posterior = Posterior(test, list(rows), ranges, Surrogate.through(points, leakage, jumps=(1,)), error)
+        if scenes <= 0:
+            return posterior
+        cube = posterior.samples(500, seed=len(points), steps=_STEPS[0])
+        if np.median(posterior.curves(cube)[1], axis=0).max() < _EXACT * error:
+            return posterior
+        wanted = _spread(cube[:, :2], points, min(ADDED, scenes))
+
+
+def _spread(candidates: Array, points: Array, count: int) -> Array:
+    """As many candidates, each the farthest from the points and those before it, in widths of the candidates."""
+    width = candidates.std(axis=0) + 1e-6
+    chosen: list[Array] = []
+    for _ in range(count):
+        there = np.r_[points, np.reshape(chosen, (-1, 2))]
+        distance = (((candidates[:, None] - there[None]) / width) ** 2).sum(-1).min(1)
+        chosen.append(candidates[int(np.argmax(distance))])
+    return np.array(chosen)

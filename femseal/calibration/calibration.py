@@ -1,0 +1,223 @@
+"""The result of a calibration: prior and posterior, the measured and the calibrated curve; tables and files."""
+
+from __future__ import annotations
+
+import json
+import os
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..base.errors import InputError
+from ..base.files import made_folder, replacing, write_text
+from ..base.provenance import versions
+from ..base.quantities import to_text
+from ..base.text import comma_separated
+from ..base.text_table import TextTable
+from ..case.case import Case
+from ..results.tables import format_leakage
+from .leak_test import BELOW, LeakTest
+from .posterior import PROBABILITY, UNITS, Estimate, Posterior
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Array = NDArray[np.float64]
+FILE, TABLE, PICTURE = "calibration.json", "calibration.csv", "calibration.png"
+#: Part of a range at its end, and part of the samples there from which on the range is said to be too narrow.
+_END, _MANY = 0.03, 0.1
+#: Root of the mean square of (measured − model)/error from which on the model is said not to fit.
+_MISFIT = 2.0
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Calibration:
+    """A calibrated case, see `calibrate`.
+
+    hardness, shortest_wave, factor : posterior [Pa], [m] and between test and model. prior : medians and ends of the
+    ranges of the priors, by name. correlation : of their logarithms (3, 3). samples : of the posterior (n, 3).
+    density : of the posterior. load_unit : of the loads. curve : lower end, median and upper end of the calibrated
+    leakage at the rows of the test (3, rows), in its unit, 0 where sealed. scenes, leakages : hardness and shortest
+    wave of what was solved (n, 2), and its leakages (n, loads). solid : table of the case whose hardness it is.
+    notes : what to keep in mind.
+    """
+
+    hardness: Estimate
+    shortest_wave: Estimate
+    factor: Estimate
+    prior: dict[str, Estimate]
+    correlation: Array
+    samples: Array
+    density: Posterior
+    load_unit: str
+    curve: Array
+    scenes: Array
+    leakages: Array
+    solid: str
+    notes: tuple[str, ...]
+
+    @classmethod
+    def of(
+        cls, posterior: Posterior, cube: Array, scenes: Array, leakages: Array, case: Case, solid: str
+    ) -> Calibration:
+        """From samples of the posterior in the unit cube (n, 3)."""
+        samples, test = posterior.quantities(cube), posterior.test
+        prior = posterior.quantities(np.repeat([[0.5], [0.0], [1.0]], 3, axis=1))
+        mean, deviation, is_open = posterior.curves(cube)
+        rng = np.random.default_rng(2)
+        drawn = np.exp(mean + deviation * rng.standard_normal((len(cube), 1)))
+        drawn = np.where(rng.random((len(cube), 1)) < is_open, drawn, 0.0)
+        ends = 0.5 - PROBABILITY / 2, 0.5, 0.5 + PROBABILITY / 2
+        curve = np.quantile(drawn, ends, axis=0, method="nearest")
+        notes = [
+            f"the posterior of the {name.replace('_', ' ')} runs into the {end} end of its range"
+            for n, name in enumerate(UNITS)
+            for end, there in (("lower", cube[:, n] < _END), ("upper", cube[:, n] > 1 - _END))
+            if there.mean() > _MANY
+        ]
+        leaks = ~test.sealed & (curve[1] > 0)
+        scale = np.hypot(posterior.error, np.median(deviation, axis=0)[leaks])
+        misfit = float(np.sqrt(np.mean((np.log(test.leakage[leaks] / curve[1][leaks]) / scale) ** 2)))
+        if not misfit < _MISFIT:
+            notes.append(f"the model does not fit: it is {misfit:.2g} times the error off by the root mean square")
+        if (missed := int((~test.sealed & (curve[1] == 0)).sum())) > 0:
+            notes.append(f"{missed} rows leak where the calibrated case is sealed")
+        if (worst := float(np.median(deviation, axis=0)[leaks].max(initial=0.0))) > posterior.error:
+            notes.append(f"the surrogate is {100 * worst:.2g} % off at some load, more than the test: more scenes help")
+        return cls(
+            hardness=Estimate.of(samples[:, 0]),
+            shortest_wave=Estimate.of(samples[:, 1]),
+            factor=Estimate.of(samples[:, 2]),
+            prior={name: Estimate(*map(float, prior[:, n])) for n, name in enumerate(UNITS)},
+            correlation=np.asarray(np.corrcoef(cube.T)),
+            samples=samples,
+            density=posterior,
+            load_unit=case.load.unit,
+            curve=curve,
+            scenes=scenes,
+            leakages=leakages,
+            solid=solid,
+            notes=tuple(notes),
+        )
+
+    @property
+    def test(self) -> LeakTest:
+        """The leak test."""
+        return self.density.test
+
+    @property
+    def posterior(self) -> dict[str, Estimate]:
+        """The posterior by name."""
+        return {name: getattr(self, name) for name in UNITS}
+
+    def rows(self) -> list[dict[str, Any]]:
+        """One dictionary for each row of the test: load, measured and calibrated leakage in the unit of the test."""
+        unit = self.test.unit.name
+        return [
+            {
+                f"load [{self.load_unit}]": step.pressure,
+                f"unloaded from [{self.load_unit}]": np.nan if step.unloaded_from is None else step.unloaded_from,
+                "sealed or below": bool(sealed),
+                f"measured [{unit}]": float(measured),
+                f"calibrated [{unit}]": float(median),
+                f"lower [{unit}]": float(low),
+                f"upper [{unit}]": float(high),
+            }
+            for step, sealed, measured, low, median, high in zip(
+                self.test.steps, self.test.sealed, self.test.leakage, *self.curve, strict=True
+            )
+        ]
+
+    def tables(self) -> list[TextTable]:
+        """Prior and posterior with correlations; measured and calibrated leakages."""
+
+        def band(name: str, found: Estimate) -> str:
+            return f"{_text(name, found.lower)} to {_text(name, found.upper)}"
+
+        known = self.posterior
+        columns = [
+            ("", [name.replace("_", " ") for name in UNITS]),
+            ("prior", [band(name, self.prior[name]) for name in UNITS]),
+            ("posterior", [_text(name, known[name].median) for name in UNITS]),
+            (f"{100 * PROBABILITY:g} % region", [band(name, known[name]) for name in UNITS]),
+        ]
+        columns += [
+            (f"correlation with {name.replace('_', ' ')}", [f"{value:+.2f}" for value in self.correlation[n]])
+            for n, name in enumerate(UNITS)
+        ]
+        title = f"Calibration by {len(self.test.steps)} measured leakages and {len(self.scenes)} solved scenes"
+        first = TextTable.of_columns(title, columns, notes=tuple(f"note: {note}" for note in self.notes), wrap=16)
+        rows = zip(self.test.steps, self.test.sealed, self.test.leakage, *self.curve, strict=True)
+        lines = [
+            (
+                to_text(step.pressure, self.load_unit),
+                "loading"
+                if step.unloaded_from is None
+                else f"unloading from {to_text(step.unloaded_from, self.load_unit)}",
+                f"{BELOW} " * bool(sealed) + format_leakage(measured, 1.0),
+                format_leakage(median, 1.0),
+                f"{format_leakage(low, 1.0)} to {format_leakage(high, 1.0)}",
+            )
+            for step, sealed, measured, low, median, high in rows
+        ]
+        heads = ("load", "branch", "measured", "calibrated", f"{100 * PROBABILITY:g} % band")
+        return [first, TextTable(f"Leakage [{self.test.unit.name}]", heads, tuple(lines), names=2)]
+
+    def table(self) -> Any:
+        """The tables for a terminal, to be given to `rich.print`."""
+        from rich.console import Group
+
+        return Group(*self.tables())
+
+    def plot(self) -> Figure:
+        """Leakage against load with the band of the posterior, and pairs of the posterior."""
+        from .calibration_picture import calibration_figure
+
+        return calibration_figure(self)
+
+    def __repr__(self) -> str:
+        texts = [f"{name.replace('_', ' ')} {_text(name, one.median)}" for name, one in self.posterior.items()]
+        return f"<femseal.Calibration: {', '.join(texts)}, by {len(self.scenes)} scenes>"
+
+    def _repr_html_(self) -> str:
+        return "".join(table._repr_html_() for table in self.tables())
+
+    def write(self, folder: str | os.PathLike[str]) -> list[Path]:
+        """Write `calibration.json`, `calibration.csv` and `calibration.png` into a folder, which is made if needed.
+
+        Raises
+        ------
+        InputError : the folder cannot be written.
+        """
+        from ..plots.drawing import png
+
+        target = made_folder(folder)
+        pairs = [(0, 1), (0, 2), (1, 2)]
+        names = list(UNITS)
+        content = {name: asdict(one) | {"prior": asdict(self.prior[name])} for name, one in self.posterior.items()} | {
+            "units": {name: unit or "1" for name, unit in UNITS.items()},
+            "probability": PROBABILITY,
+            "correlation": {f"{names[a]}, {names[b]}": float(self.correlation[a, b]) for a, b in pairs},
+            "solid": self.solid,
+            "error": self.density.error,
+            "scenes": len(self.scenes),
+            "curve": self.rows(),
+            "notes": list(self.notes),
+            "versions": versions(),
+        }
+        text = json.dumps(content, indent=1, ensure_ascii=False).replace("NaN", "null")
+        try:
+            with replacing(target / PICTURE) as temporary:
+                temporary.write_bytes(png(self.plot()))
+            write_text(target / TABLE, comma_separated(self.rows()))
+            write_text(target / FILE, text)
+        except OSError as error:
+            raise InputError("output", f"'{target}'", f"a folder that can be written ({error.strerror})") from None
+        return [target / FILE, target / TABLE, target / PICTURE]
+
+
+def _text(name: str, value: float) -> str:
+    return to_text(value, UNITS[name], 3) if UNITS[name] else f"{value:.3g}"

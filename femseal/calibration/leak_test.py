@@ -1,0 +1,185 @@
+"""A leak test: measured leakages over load, read from a file and checked against the case that it is of."""
+
+from __future__ import annotations
+
+import csv
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..base.errors import InputError, InputErrors, shortened, shown
+from ..base.leak_units import LeakUnit, leak_unit
+from ..base.quantities import to_si, to_text
+from ..case.case import Case
+from ..case.load import Amount
+from ..fluids import leak_basis
+from ..loads import LoadProgramme, LoadStep
+from ..sweeps.scenes import alone
+
+Array = NDArray[np.float64]
+COLUMNS = "pressure [MPa], leakage [mL/min]; and, if any row is of an unloading, branch, unloaded from [MPa]"
+BRANCHES = ("loading", "unloading")
+#: What a sealed row says, and how one below the detection limit begins.
+SEALED, BELOW = "sealed", "<"
+_HEAD = re.compile(r"\s*([^\[(]+?)\s*(?:[\[(]\s*(.*\S)\s*[\])])?\s*")
+_NAMES = {"pressure": "load", "load": "load", "force": "load", "branch": "branch", "unloaded from": "peak",
+          "leakage": "leakage"}  # fmt: skip
+#: No file of a leak test is larger [byte].
+_LARGEST = 10_000_000
+
+
+@dataclass(frozen=True, eq=False)
+class LeakTest:
+    """Measured leakages (rows,) of one seal.
+
+    steps : load of each row in the unit of the loads of the case. leakage : in `unit`; of a sealed row, the limit below
+    which it lies. sealed : which rows are sealed or below the detection limit.
+    """
+
+    steps: tuple[LoadStep, ...]
+    leakage: Array
+    sealed: NDArray[np.bool_]
+    unit: LeakUnit
+
+    def of_case(self, case: Case) -> Case:
+        """The case at the loads of the test alone, without what the calibration does not need."""
+        unit = case.load.unit
+        peaks = sorted({s.unloaded_from for s in self.steps if s.unloaded_from is not None})
+        loading = {s.pressure for s in self.steps if s.unloaded_from is None} or {*peaks}
+        down = sorted({s.pressure for s in self.steps if s.unloaded_from is not None}, reverse=True)
+        loads = {"loading": sorted(loading), "unload_from": peaks, "unloading": down}
+        changed = {name: tuple(Amount(load, unit) for load in values) for name, values in loads.items()}
+        load = case.load.model_copy(update=changed | {"relaxation": 0.0, "interpolate": None})
+        return alone(case).model_copy(update={"load": load})
+
+    def rows_of(self, case: Case) -> list[int]:
+        """Load step of each row in a run of `of_case`."""
+        loads = self.of_case(case).load
+        programme = LoadProgramme.of(loads.loading, loads.unload_from, loads.unloading)
+        return [programme.index(step) for step in self.steps]
+
+
+def read_leak_test(path: Path, case: Case) -> LeakTest:
+    """Read a leak test of a case from a file with columns.
+
+    The first line that is no comment (#) has the names of the columns with their units, `COLUMNS`; between columns are
+    commas, semicolons or tabs. A leakage is a number, "sealed", or "< 0.1" below a detection limit; sealed rows without
+    a limit leak less than the least that was measured.
+
+    Raises
+    ------
+    InputError : the file cannot be read, a column or a unit is unknown or missing, or rows cannot be used: no number,
+        no known branch, a load beyond those of the case; one line for each fault, with its line in the file.
+    """
+    try:
+        if path.stat().st_size > _LARGEST:
+            raise InputError("data", f"'{path}', which is too large", "the columns of a leak test")
+        text = path.read_text(encoding="utf-8-sig")
+    except (OSError, UnicodeDecodeError) as error:
+        reason = getattr(error, "strerror", "") or "it is not text"
+        raise InputError("data", f"'{path}'", f"a file of columns that can be read ({reason})") from None
+    numbered = [(n, line) for n, line in enumerate(text.splitlines(), 1) if line.strip() and line.strip()[0] != "#"]
+    if len(numbered) < 2:
+        raise InputError("data", f"'{path}' without rows", f"a line of heads, {COLUMNS}, and rows")
+    mark = next((mark for mark in ";\t" if mark in numbered[0][1]), ",")
+    heads, *cells = csv.reader([line for _, line in numbered], delimiter=mark)
+    columns, unit = _columns(heads, case)
+    rows, faults = [], []
+    for (number, _), row in zip(numbered[1:], cells, strict=False):
+        try:
+            if len(row) != len(heads):
+                raise InputError("row", f"{len(row)} cells", f"{len(heads)} as in the heads")
+            named = {name: row[n].strip() for name, (n, _) in columns.items()}
+            rows.append((_step(named, {k: f for k, (_, f) in columns.items()}, case), *_leakage(named["leakage"])))
+        except InputError as error:
+            faults.append(InputError(f"data, line {number}: {error.what}", error.given, error.expected))
+    if faults:
+        raise InputErrors(faults)
+    steps, leakage, sealed = (list(column) for column in zip(*rows, strict=True))
+    values, below = np.array(leakage, dtype=float), np.array(sealed, dtype=bool)
+    if below.all():
+        raise InputError("data", "no row that leaks", "leakages at three loads or more, besides rows that are sealed")
+    if len({step for step, low in zip(steps, below, strict=True) if not low}) < 3:
+        raise InputError("data", f"{int((~below).sum())} rows that leak", "leakages at three loads or more")
+    values[np.isnan(values)] = values[~below].min()
+    return LeakTest(tuple(steps), values, below, unit)
+
+
+def _columns(heads: list[str], case: Case) -> tuple[dict[str, tuple[int, float]], LeakUnit]:
+    """Place of each known column, with the unit of loads in SI; and the unit of leakage."""
+    found: dict[str, tuple[int, float]] = {}
+    leakage_in: LeakUnit | None = None
+    for n, head in enumerate(heads):
+        match = _HEAD.fullmatch(head)
+        name = _NAMES.get(match[1].lower()) if match else None
+        if match is None or name is None:
+            raise InputError("data: columns", shown(head), COLUMNS)
+        if name in found:
+            raise InputError("data: columns", f"{shortened(head)} twice", "each column once")
+        unit, factor = match[2] or "", 1.0
+        if name == "leakage":
+            basis = leak_basis((case.output.test_fluid or case.fluid).fluid, 1.0)
+            basis.factor(leakage_in := leak_unit(unit))
+        elif name != "branch":
+            factor = to_si(f"1 {unit}", case.load.unit, f"data: column {match[1]}")
+        found[name] = n, factor
+    if "load" not in found or leakage_in is None:
+        raise InputError("data: columns", ", ".join(heads), COLUMNS)
+    return found, leakage_in
+
+
+def _number(text: str, what: str, expected: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = np.nan
+    if not (np.isfinite(value) and value >= 0):
+        raise InputError(what, shown(text), expected)
+    return value
+
+
+def _step(row: dict[str, str], factors: dict[str, float], case: Case) -> LoadStep:
+    """Load step of a row, in the unit of the loads of the case."""
+    loads, unit = case.load, case.load.unit
+    most, least = loads.highest, min((*loads.loading, *loads.unloading))
+
+    def within(key: str, what: str) -> float:
+        value = float(f"{_number(row[key], what, 'a number >= 0') * factors[key]:.12g}")
+        if not least * (1 - 1e-9) <= value <= most * (1 + 1e-9):
+            range_ = f"a load of the case, from {to_text(least, unit)} to {to_text(most, unit)}"
+            raise InputError(what, to_text(value, unit), range_)
+        return value
+
+    load, branch = within("load", "load"), row.get("branch", BRANCHES[0]).lower()
+    if branch not in BRANCHES:
+        raise InputError("branch", shown(row["branch"]), " or ".join(BRANCHES))
+    if branch == BRANCHES[0]:
+        return LoadStep(load)
+    if row.get("peak"):
+        peak = within("peak", "unloaded from")
+    elif loads.peaks:
+        peak = float(max(loads.peaks))
+    else:
+        raise InputError(
+            "unloaded from", "nothing", f"a column 'unloaded from [M{unit}]', as the case has no unload_from"
+        )
+    if not load < peak:
+        raise InputError(
+            "load", to_text(load, unit), f"a load below that from which it is unloaded, {to_text(peak, unit)}"
+        )
+    return LoadStep(load, peak)
+
+
+def _leakage(text: str) -> tuple[float, bool]:
+    """Leakage or limit of a row (NaN without one), and whether it is sealed."""
+    expected = f"a leakage >= 0, '{SEALED}', or a limit such as '{BELOW} 0.1'"
+    if text.lower() == SEALED:
+        return np.nan, True
+    below = text.startswith(BELOW)
+    value = _number(text.removeprefix(BELOW).strip(), "leakage", expected)
+    if below and value == 0:
+        raise InputError("leakage", shown(text), expected)
+    return (value, below) if value else (np.nan, True)

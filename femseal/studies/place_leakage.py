@@ -1,0 +1,81 @@
+"""Leakage of each measured place of a face by itself, and of all but it: how much is known from so many places."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import partial
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..base.fields import PLACE, STEP, Field, declared
+from ..base.stage import Mapper, Stage
+from ..base.text import Shown
+from ..seal import RectangularSeal
+from ..topography import Places
+from ..windows import Failed, FlowSettings, attempt
+from .face_flow import resolved_flow
+from .repeated_steps import first_equal, map_different
+from .scene import Array, Scene
+
+#: Places from which on their scatter tells how far the leakage of more of them may lie.
+FEWEST = 3
+
+
+@dataclass(frozen=True, repr=False)
+class PlaceLeakage(Shown):
+    """Leakage by places (places, steps), NaN where the flow failed.
+
+    alone : of each by itself, continued periodically. without : of all places but one, side by side; None of two.
+    """
+
+    alone: Array = declared("leakage_of_places", "m^2/s", "leakage per unit seal length, of each place alone", PLACE)
+    without: Array | None = declared(
+        "leakage_without_place", "m^2/s", "leakage per unit seal length, of all places but one", PLACE, default=None
+    )
+
+    computed_fields: ClassVar[dict[str, Field]] = {
+        "scatter": Field(
+            "place_scatter",
+            "1",
+            "standard deviation of the leakage of single places over its mean",
+            STEP,
+            "places ± [%]",
+        ),
+    }
+
+    @property
+    def scatter(self) -> Array:
+        """Standard deviation of the leakage of single places over its mean (steps,); NaN where none leaks."""
+        mean = self.alone.mean(axis=0)
+        return np.divide(self.alone.std(axis=0, ddof=1), mean, out=np.full(mean.shape, np.nan), where=mean > 0)
+
+
+def place_leakage(scene: Scene, gap: NDArray[np.floating], mapper: Mapper = map) -> PlaceLeakage | None:
+    """Leakage by places from the gap of all of them at every step (steps, n1, n2) [m]; None of a single place."""
+    surface = scene.surface
+    if not isinstance(surface, Places):
+        return None
+    count = len(surface.widths)
+    solve = partial(_permeabilities, widths=surface.widths, spacing=surface.spacing, settings=scene.flow)
+    found = map_different(mapper, Stage("flow of places", solve), gap, first_equal(gap, scene.steps))
+    # leakage per length of a unit permeability
+    unit = scene.leakage(RectangularSeal(surface.size, (1, 1)), 1.0).per_length
+    leakage = unit * np.array(list(found)).T
+    return PlaceLeakage(leakage[:count], leakage[count:] if count >= FEWEST else None)
+
+
+def _permeabilities(
+    gap: NDArray[np.floating], widths: tuple[int, ...], spacing: tuple[float, float], settings: FlowSettings
+) -> Array:
+    """Permeability of each place, and from three on of all but each (2 places,) [m³]; NaN where the flow failed."""
+    pieces = np.split(gap, np.cumsum(widths)[:-1], axis=1)
+    kept = [[n] for n in range(len(pieces))]
+    if len(pieces) >= FEWEST:
+        kept += [[m for m in range(len(pieces)) if m != n] for n in range(len(pieces))]
+    found = []
+    for of in kept:
+        flow = attempt(resolved_flow, np.concatenate([pieces[n] for n in of], axis=1), spacing, settings)
+        found.append(np.nan if isinstance(flow, Failed) else flow.permeability)
+    return np.array(found)

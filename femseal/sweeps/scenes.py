@@ -1,0 +1,121 @@
+"""Scenes: a case solved at many values of a few of its keys, each only for its leakage."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import logging
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..base.errors import FemsealError, InputError
+from ..base.files import made_folder, write_text
+from ..base.leak_units import LeakUnit
+from ..base.stage import Mapper, Stage
+from ..case.case import Case
+from ..execution.lock import alone_in
+from ..runs import job
+
+Array = NDArray[np.float64]
+#: Solved scenes in a folder.
+SCENES = "scenes.json"
+
+
+def alone(case: Case) -> Case:
+    """The case without all that its leakage does not need."""
+    output = case.output.model_copy(
+        update={"budget": False, "pictures": False, "report": False, "fields": False, "paraview": "none"}
+    )
+    surface = case.surface.model_copy(update={"filter_sensitivity": False})
+    return case.model_copy(update={"output": output, "surface": surface, "compare": ()})
+
+
+def leakage_of(case: Case, unit: LeakUnit, steps: NDArray[Any]) -> list[float]:
+    """Leakage of a case that decides on classes, at some load steps in a unit; NaN where it could not be solved."""
+    log = logging.getLogger("femseal")
+    level = log.level
+    log.setLevel(logging.ERROR)  # warnings of the case are not said again for each scene
+    try:
+        results = job.run(case, workers=1)
+    except InputError:
+        raise
+    except FemsealError:
+        return [float("nan")] * len(steps)
+    finally:
+        log.setLevel(level)
+    values = np.abs(results.class_leakage[0][steps]) / results.class_basis.factor(unit)
+    return [float(value) for value in values]
+
+
+class Scenes:
+    """Leakages of a case at values of a few of its keys, kept in a folder if there is one.
+
+    A context in which no other run writes into the folder.
+
+    Parameters
+    ----------
+    answer : file of the folder that says that all scenes are solved; it is removed at the start.
+    identity : all that the leakages depend on, as text. resume : take the scenes that the folder has.
+
+    Raises
+    ------
+    InputError : the folder has scenes of something else, or unfinished ones without `resume`.
+    """
+
+    def __init__(self, folder: Path | None, answer: str, identity: str, resume: bool) -> None:
+        self._folder, self._answer = folder, answer
+        self._identity = hashlib.sha256(identity.encode()).hexdigest()
+        self._known: dict[tuple[float, ...], list[float]] = {}
+        self._used: list[tuple[float, ...]] = []
+        if resume and folder is None:
+            raise InputError("resume", True, "True only with an output folder")
+        if folder is None or not (path := folder / SCENES).exists():
+            return
+        if not resume:
+            if not (folder / answer).exists():
+                raise InputError(
+                    "output", f"'{folder}', which has scenes of an unfinished run", "another folder, or --resume"
+                )
+            return
+        try:
+            former = json.loads(path.read_text(encoding="utf-8"))
+            self._known = {tuple(map(float, values)): list(map(float, leakage)) for values, leakage in former["scenes"]}
+        except (OSError, ValueError, KeyError, TypeError):
+            raise InputError(
+                "resume", f"'{path}', which cannot be read", "an intact file; remove it to start anew"
+            ) from None
+        if former.get("identity") != self._identity:
+            expected = "another folder, or the same case, data, ranges and versions"
+            raise InputError("resume", f"'{path}' of other data", expected)
+
+    def __enter__(self) -> Scenes:
+        if self._folder is not None:
+            self._lock = alone_in(made_folder(self._folder))
+            self._lock.__enter__()
+            (self._folder / self._answer).unlink(missing_ok=True)
+        return self
+
+    def __exit__(self, *details: Any) -> None:
+        if self._folder is not None:
+            self._lock.__exit__(*details)
+
+    def solve(self, stage: Stage, mapper: Mapper, points: Array) -> Array:
+        """Leakages (n, loads) of a stage of values (n, keys); each is written once it is solved."""
+        wanted = [tuple(map(float, values)) for values in points]
+        missing = [point for point in wanted if point not in self._known]
+        solved: Iterable[list[float]] = mapper(stage, *zip(*missing, strict=True)) if missing else ()
+        for point, leakage in zip(missing, solved, strict=True):
+            self._known[point] = leakage
+            if self._folder is not None:
+                scenes = list(self._known.items())
+                write_text(self._folder / SCENES, json.dumps({"identity": self._identity, "scenes": scenes}))
+        self._used += wanted
+        return np.array([self._known[point] for point in wanted])
+
+    def arrays(self) -> tuple[Array, Array]:
+        """Values of the scenes that were asked for (n, keys), and their leakages (n, loads)."""
+        return np.array(self._used), np.array([self._known[point] for point in self._used])
