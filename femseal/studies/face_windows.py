@@ -111,6 +111,7 @@ def _runs_in_place(wanted: WindowRequest, contact: TwoScaleResult | WindowContac
 
 
 def _curves(contact: TwoScaleResult | WindowContacts, k: Array, scene: Scene) -> LibraryTable:
+    """The windows of a face at their steps, with the number of their place where there are several."""
     partition = contact.fields.partition
     of_column = places_of_columns(scene, partition)
     return LibraryTable(
