@@ -324,6 +324,12 @@ def test_a_calibrated_case_names_its_files_from_where_it_is(tmp_path):
     assert _toml(moved["x"]) == '["a", 1, true, 2.5]'
 
 
+def test_processes_solve_the_scenes_of_a_calibration(calibrated):
+    folder, options, _, found = calibrated
+    again = fs.calibrate(folder / "case.toml", folder / "test.csv", workers=2, **options)
+    assert_allclose(again.leakages, found.leakages, rtol=1e-9)
+
+
 def test_added_scenes_are_apart():
     cloud = np.random.default_rng(0).random((400, 2)) * [0.1, 1.0]
     chosen = calibrating._spread(cloud, cloud[:1], 6)

@@ -37,7 +37,9 @@ def _table(kind: str, made: Any, base: type[Table], more: dict[str, Any]) -> typ
         value = Annotated[hints[f.name], _quantity(f.metadata)] if "allowed" in f.metadata else hints[f.name]
         keys[f.name] = (value, ... if f.default is MISSING else f.default)
     summary = (made.__doc__ or "").split("\n\n")[0]
-    return create_model(f"{made.__name__}Table", __base__=base, __doc__=summary, **keys | more)
+    table = create_model(f"{made.__name__}Table", __base__=base, __doc__=summary, **keys | more)
+    globals()[table.__name__] = table  # where pickle looks for it: processes get cases
+    return table
 
 
 def _quantity(metadata: Any) -> Quantity:

@@ -95,7 +95,8 @@ def sensitivities(seals: Seals, variants: Variants, pressure: float, fraction: f
 def _drawn(variants: Variants, chosen: Index, some: Seals, seals: Seals) -> Variants:
     """The variants of the seals drawn again: the error of the library is common to a seal and its variants."""
     with np.errstate(divide="ignore", invalid="ignore"):
-        shift = np.where(seals.leakage[chosen] > 0, some.leakage / seals.leakage[chosen], 1.0)
+        former = seals.leakage[chosen]
+        shift = np.where((former > 0) & np.isfinite(former), some.leakage / former, 1.0)
 
     def again(variant: Seals | None) -> Seals | None:
         if variant is None or variant.count != seals.count:
@@ -160,7 +161,7 @@ def level_at(seals: Seals, pressure: float, fraction: float) -> float:
     """ln of the leakage that a fraction of the seals does not exceed, on loading; NaN where it is unknown or 0."""
     low, high, way = _segment(seals, pressure)
     curve = seals.curve_of(fraction)
-    if low < 0 or not (curve[low] > 0 and curve[high] > 0):
+    if low < 0 or not (0 < curve[low] < np.inf and 0 < curve[high] < np.inf):
         return float("nan")
     return float((1 - way) * np.log(curve[low]) + way * np.log(curve[high]))
 
@@ -173,9 +174,9 @@ def slope_at(seals: Seals, pressure: float, fraction: float) -> float:
     """
     low, high, _ = _segment(seals, pressure)
     curve, p = seals.curve_of(fraction), seals.steps.pressures
-    if low < 0 or not (curve[low] > 0 and curve[high] > 0):
+    if low < 0 or not (0 < curve[low] < np.inf and 0 < curve[high] < np.inf):
         return float("nan")
-    open_ = [n for n in seals.loading() if p[n] > 0 and curve[n] > 0]
+    open_ = [n for n in seals.loading() if p[n] > 0 and 0 < curve[n] < np.inf]
     return float(PchipInterpolator(np.log(p[open_]), np.log(curve[open_]))(np.log(pressure), 1))
 
 

@@ -34,7 +34,7 @@ def alone(case: Case) -> Case:
     return case.model_copy(update={"output": output, "surface": surface, "compare": ()})
 
 
-def leakage_of(case: Case, unit: LeakUnit, steps: Array) -> list[float]:
+def leakage_of(case: Case, unit: LeakUnit, steps: NDArray[Any]) -> list[float]:
     """Leakage of a case that decides on classes, at some load steps in a unit; NaN where it could not be solved."""
     log = logging.getLogger("femseal")
     level = log.level
@@ -89,7 +89,8 @@ class Scenes:
                 "resume", f"'{path}', which cannot be read", "an intact file; remove it to start anew"
             ) from None
         if former.get("identity") != self._identity:
-            raise InputError("resume", f"'{path}' of other data", "that of the same case, data, ranges and versions")
+            expected = "another folder, or the same case, data, ranges and versions"
+            raise InputError("resume", f"'{path}' of other data", expected)
 
     def __enter__(self) -> Scenes:
         if self._folder is not None:
