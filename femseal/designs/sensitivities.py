@@ -18,7 +18,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.interpolate import PchipInterpolator
+import scipy
 
 from .requirements import ENDS
 from .seals import SEED, Index, Seals, pressure_for
@@ -177,7 +177,7 @@ def slope_at(seals: Seals, pressure: float, fraction: float) -> float:
     if low < 0 or not (0 < curve[low] < np.inf and 0 < curve[high] < np.inf):
         return float("nan")
     open_ = [n for n in seals.loading() if p[n] > 0 and 0 < curve[n] < np.inf]
-    return float(PchipInterpolator(np.log(p[open_]), np.log(curve[open_]))(np.log(pressure), 1))
+    return float(scipy.interpolate.PchipInterpolator(np.log(p[open_]), np.log(curve[open_]))(np.log(pressure), 1))
 
 
 def _segment(seals: Seals, pressure: float) -> tuple[int, int, float]:
