@@ -96,6 +96,15 @@ def test_where_a_seal_closes_the_step_that_keeps_the_limit_is_taken():
     assert sealing_load(seals, 0.5).value == 4e8
 
 
+def test_slopes_leave_out_loads_whose_leakage_is_not_known():
+    leak = power_law(AMPLITUDES)
+    leak[:, 4] = np.inf
+    seals = Seals.of(STEPS, leak)
+    assert seals.count == len(AMPLITUDES)
+    assert_allclose(slope_at(seals, 5e7, 0.9), -FALL)
+    assert np.isnan([slope_at(seals, 6e8, 0.9), level_at(seals, 6e8, 0.9)]).all()
+
+
 def test_a_loading_that_leaks_more_again_counts_from_there_on():
     leak = np.array([[1.0, 0.1, 1.0, 0.1, 0.01]])
     seals = Seals.of(LoadProgramme.of(STEPS.loading), leak)

@@ -120,16 +120,20 @@ def design(
     seals = Seals.of_results(results)
     if not seals.count:
         raise InputError("results", "no seal whose leakage is known at every load", "results without such failures")
-    wanted = wanted or _usual(results)
-    diameter = diameter or results.dataset.attrs.get("nominal_diameter_m")
+    data = results.dataset
+    wanted = wanted or leak_classes(
+        [str(n) for n in data["leak_class"].values] if "leak_class" in data.coords else USUAL
+    )
+    diameter = diameter or data.attrs.get("nominal_diameter_m")
     limits = [(one.name, one.limit(results.class_basis, diameter)) for one in wanted]
     relaxation = float(results.case.get("load", {}).get("relaxation", 0.0))
     needs = tuple(requirement(seals, name, limit, probability, relaxation) for name, limit in limits)
     place = _place(needs, seals, probability)
-    variants, turned, notes = Variants(hardness_counts=_yields(results)), None, _notes(seals, probability, results)
+    yields = bool(np.isfinite(float(data.attrs["hardness_Pa"])))
+    variants, turned, notes = Variants(hardness_counts=yields), None, _notes(seals, probability, results)
     if case is not None and solve and np.isfinite(place[1]):
         solver = Solver(case, results, workers, shown)
-        if (former := _other_version(results)) is not None:
+        if (former := json.loads(data.attrs["versions"]).get("femseal")) != versions()["femseal"]:
             notes.append(f"the run is of femseal {former}: what is solved again may differ from it for that reason too")
         variants = solver.variants()
         try:
@@ -191,11 +195,6 @@ def _check(wanted: tuple[LeakClass, ...], case: Case, diameter: float | None) ->
         one.limit(basis, diameter or case.output.nominal_diameter)
 
 
-def _usual(results: Results) -> tuple[LeakClass, ...]:
-    data = results.dataset
-    return leak_classes([str(n) for n in data["leak_class"].values] if "leak_class" in data.coords else USUAL)
-
-
 def _place(needs: tuple[Requirement, ...], seals: Seals, fraction: float) -> tuple[str, float]:
     """Class and load of the sensitivities: Qmin of the first class that has one, else half way over the open loads."""
     for need in needs:
@@ -203,7 +202,7 @@ def _place(needs: tuple[Requirement, ...], seals: Seals, fraction: float) -> tup
             return need.name, need.assembly.value
     steps = seals.loading()
     pressure, leak = seals.steps.pressures[steps], seals.curve_of(fraction)[steps]
-    open_ = pressure[(pressure > 0) & (leak > 0)]
+    open_ = pressure[(pressure > 0) & (leak > 0) & np.isfinite(leak)]
     return "", float(np.sqrt(open_[0] * open_[-1])) if open_.size > 1 else np.nan
 
 
@@ -225,16 +224,6 @@ def _turned(
     return TurnedFace(ratio, requirement(scaled, place[0], limit, fraction).assembly.text(), how)
 
 
-def _other_version(results: Results) -> str | None:
-    """Version of the package that the results are of, if it is another."""
-    former = json.loads(results.dataset.attrs["versions"]).get("femseal")
-    return None if former == versions()["femseal"] else str(former)
-
-
-def _yields(results: Results) -> bool:
-    return bool(np.isfinite(float(results.dataset.attrs["hardness_Pa"])))
-
-
 def _notes(seals: Seals, fraction: float, results: Results) -> list[str]:
     """What to keep in mind of few seals, no unloading, warnings and failures."""
     notes = []
@@ -247,6 +236,8 @@ def _notes(seals: Seals, fraction: float, results: Results) -> list[str]:
         notes.append("the case is not unloaded: QSmin takes `unload_from`, or --assembly with a case")
     if doubts := len(results.warnings):
         notes.append(f"the run has {doubts} warning{'s' if doubts > 1 else ''}, which its report lists")
+    if unknown := int(np.isinf(seals.leakage).any(axis=0).sum()):
+        notes.append(f"at {unknown} of the loads what is computed as sealed may leak, and counts as leaking")
     lost = results.dataset.sizes.get("realisation", seals.count) - seals.count
     if lost > 0 and results.method == "median":
         notes.append(f"{lost} seals failed at some load and are left out")

@@ -28,7 +28,8 @@ DRAWS, SEED = 400, 13555
 class Seals:
     """Leakages of seals of one kind.
 
-    steps : the load programme. leakage : size of the leakage per length (seals, steps) [m²/s]. library_error : standard
+    steps : the load programme. leakage : size of the leakage per length (seals, steps) [m²/s]; inf where a seal is
+    computed as sealed, but the upper end of its band of error is not known. library_error : standard
     deviation of ln(leakage) at each step that the finite library adds, common to all seals drawn from it.
     """
 
@@ -44,7 +45,7 @@ class Seals:
         """
         _, several = results.class_leakage
         if (budget := results.budget) is not None:
-            several = np.where((several == 0) & np.isposinf(budget.upper), np.inf, several)
+            several = np.where((several == 0) & ~np.isfinite(budget.upper), inf, several)
         error = results.dataset["library_error"].values if "library_error" in results.dataset else None
         return cls.of(results.steps, several, error if results.method == "median" else None)
 

@@ -57,9 +57,9 @@ class Variants:
     """The same seals solved again with one thing changed; None where that was not done.
 
     harder : with the hardness multiplied by `hardness_factor`. longer : with the length of the flow law multiplied by
-    `length_factor`. hardness_counts : whether the solids yield. hardens : whether they harden or
-    soften as they do. law_length : parameter of the fluid with which that
-    length goes, "" of a law without one. inlet_slope : d ln L/d ln p_in by the fluid's potential, NaN if unknown.
+    `length_factor`. hardness_counts : whether the solids yield. hardens : whether they harden or soften as they do.
+    law_length : parameter of the fluid with which that length goes, "" of a law without one.
+    inlet_slope : d ln L/d ln p_in by the fluid's potential, NaN if unknown.
     """
 
     harder: Seals | None = None
@@ -95,7 +95,8 @@ def sensitivities(seals: Seals, variants: Variants, pressure: float, fraction: f
 def _drawn(variants: Variants, chosen: Index, some: Seals, seals: Seals) -> Variants:
     """The variants of the seals drawn again: the error of the library is common to a seal and its variants."""
     with np.errstate(divide="ignore", invalid="ignore"):
-        shift = np.where(seals.leakage[chosen] > 0, some.leakage / seals.leakage[chosen], 1.0)
+        former = seals.leakage[chosen]
+        shift = np.where((former > 0) & np.isfinite(former), some.leakage / former, 1.0)
 
     def again(variant: Seals | None) -> Seals | None:
         if variant is None or variant.count != seals.count:
@@ -135,12 +136,9 @@ def _slopes(seals: Seals, variants: Variants, pressure: float, fraction: float) 
         name = variants.law_length.replace("_", " ")
         slip = [(name, *solved(variants.longer, variants.length_factor, name))]
     at_wall = sum(slope for _, slope, _ in slip)
-    known = np.isfinite(variants.inlet_slope)
-    how_inlet = (
-        "potential of the fluid"
-        if known
-        else "unknown for a rarefied gas, for several inlet pressures, and without a fluid"
-    )
+    how_inlet = "potential of the fluid"
+    if not np.isfinite(variants.inlet_slope):
+        how_inlet = "unknown for a rarefied gas, for several inlet pressures, and without a fluid"
     return [
         ("nominal pressure", load, "the loading curve"),
         ("roughness amplitude", np.nan, "unknown: the metal hardens over a depth of its own")
@@ -160,7 +158,7 @@ def level_at(seals: Seals, pressure: float, fraction: float) -> float:
     """ln of the leakage that a fraction of the seals does not exceed, on loading; NaN where it is unknown or 0."""
     low, high, way = _segment(seals, pressure)
     curve = seals.curve_of(fraction)
-    if low < 0 or not (curve[low] > 0 and curve[high] > 0):
+    if low < 0 or not (0 < curve[low] < np.inf and 0 < curve[high] < np.inf):
         return float("nan")
     return float((1 - way) * np.log(curve[low]) + way * np.log(curve[high]))
 
@@ -173,9 +171,9 @@ def slope_at(seals: Seals, pressure: float, fraction: float) -> float:
     """
     low, high, _ = _segment(seals, pressure)
     curve, p = seals.curve_of(fraction), seals.steps.pressures
-    if low < 0 or not (curve[low] > 0 and curve[high] > 0):
+    if low < 0 or not (0 < curve[low] < np.inf and 0 < curve[high] < np.inf):
         return float("nan")
-    open_ = [n for n in seals.loading() if p[n] > 0 and curve[n] > 0]
+    open_ = [n for n in seals.loading() if p[n] > 0 and 0 < curve[n] < np.inf]
     return float(PchipInterpolator(np.log(p[open_]), np.log(curve[open_]))(np.log(pressure), 1))
 
 
