@@ -61,9 +61,26 @@ def test_waves_are_the_same_on_every_grid_and_differ_between_realisations():
     assert_allclose(fine.resample(one.shape).heights, one.heights, atol=1e-9 * one.rms_height)
     other = fs.continue_spectrum(MEASURED, 1e-6, rng=3, realisation=1)
     found = continuation_of(MEASURED, 1e-6, seed=3)
+    formed = one.with_form(np.linspace(0, 1e-6, one.shape[0]))  # a seat ends a face along x1, and not its waves
+    added = found.added_to(formed).heights - formed.heights
+    assert_allclose(added, one.high_pass(found.longest).heights, atol=1e-9 * one.rms_height)
     first, second = (face.high_pass(found.longest).heights for face in (one, other))
     assert 0 < abs(first.std() / second.std() - 1) < 0.02  # the slope is drawn by its error
     assert abs(np.mean(first * second)) < 0.1 * first.var()
+
+
+def test_places_are_continued_each_by_itself():
+    parts = [fs.Topography(z, MEASURED.spacing, (False, False)) for z in np.split(MEASURED.heights, 2, axis=1)]
+    places = fs.Places(parts)
+    known = continuation_of(places, 1e-6, seed=3)
+    fine = places.low_pass(known.longest).resample((1024, 1024))
+    found = known.added_to(fine)
+    assert known.periodic == (False, False)
+    assert found.widths == (512, 512)
+    one, two = ((after.heights - before.heights) for after, before in zip(found.each, fine.each, strict=True))
+    assert abs(np.mean(one * two)) < 0.1 * one.var()
+    assert_allclose(found.rms_slope, known.slope_to(1e-6), rtol=0.03)
+    assert_allclose(known.added_to(found, factor=-1.0).heights, fine.heights, atol=1e-15)
 
 
 def test_a_map_that_ends_continues_with_waves_even_at_its_borders():

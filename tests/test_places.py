@@ -6,7 +6,7 @@ from numpy.testing import assert_allclose
 from small_cases import STRIP
 
 import femseal as fs
-from femseal.budget.estimates import places_part
+from femseal.budget.estimates import places_part, places_to_halve
 from femseal.case.case import parse_case
 from femseal.library.sampling import drawn_elsewhere
 from femseal.preparation.preparation import prepare
@@ -101,18 +101,22 @@ def test_leakage_by_places():
 
 
 def test_the_jackknife_of_a_mean_is_its_interval():
-    """Of independent places whose leakages add up it is Student's interval, which holds the truth 95 times in 100."""
+    """Of independent places whose leakages add up: Student's, of their variance pooled with the usual one."""
     rng, count = np.random.default_rng(5), 4
-    one = 1 + 0.05 * rng.standard_normal((count, 4000))
-    mean = one.mean(axis=0)
-    part = places_part(mean, (one.sum(axis=0) - one) / (count - 1))
-    student = 3.182 * one.std(axis=0, ddof=1) / np.sqrt(count) / mean
-    assert_allclose(np.log(part.upper / mean), student, rtol=0.02, atol=1e-3)
-    held = np.mean((part.lower <= 1) & (part.upper >= 1))
-    assert abs(held - 0.95) < 4 * np.sqrt(0.05 * 0.95 / 4000)
+    for scatter, least in ((0.05, 0.99), (0.25, 0.95)):
+        one = 1 + scatter * rng.standard_normal((count, 4000))
+        mean = one.mean(axis=0)
+        # every column is a first load: a leakage of its own, with no decades below another
+        parts = [places_part(mean[n : n + 1], (one.sum(axis=0) - one)[:, n : n + 1] / 3) for n in range(1000)]
+        upper, lower = (np.array([getattr(part, end)[0] for part in parts]) for end in ("upper", "lower"))
+        pooled = np.sqrt((2 * 0.25**2 + 3 * (one.std(axis=0, ddof=1) / mean) ** 2) / 5 / count)[:1000]
+        if scatter < 0.1:  # elsewhere ln of the mean of the others is no sum
+            assert_allclose(np.log(upper / mean[:1000]), 2.571 * pooled, rtol=0.02)
+        assert np.mean((lower <= 1) & (upper >= 1)) > least - 4 * np.sqrt(0.05 * 0.95 / 1000)
     shut = places_part(np.array([1.0, 0.0]), np.array([[1.0, 0.0], [0.0, 0.0], [1.5, 2.0]]))
     assert shut.lower[0] == 0 < shut.upper[0] < np.inf
     assert shut.upper[1] > 2
+    assert [places_to_halve(n) for n in (3, 4, 8)] == sorted(places_to_halve(n) for n in (3, 4, 8))
 
 
 def test_a_drawn_seal_never_joins_a_place_to_itself():
@@ -120,6 +124,9 @@ def test_a_drawn_seal_never_joins_a_place_to_itself():
     surface = scene(patches(3))
     drawn = fs.stochastic(surface, (2, 12), fs.Sampling(length=2e-3, realisations=6, library_cells=12, seed=1))
     assert drawn.sampler == "runs"
+    assert drawn.library.curves.place.tolist() == [1] * 4 + [2] * 4 + [3] * 4 + [1] * 4 + [2] * 4 + [3] * 4
+    ladder = fs.stochastic(surface, (2, 12), fs.Sampling(2e-3, 4, library_cells=7, seed=1, pressure="uniform"))
+    assert ladder.library.curves.place.tolist() == [1, 2, 3, 1, 2, 3, 1]
     assert_allclose(drawn.quantile(0.5), fs.deterministic(surface).leakage, rtol=0.15)
     random = np.random.default_rng(1).random(500)
     place = np.repeat([0, 1, 2], (4, 2, 6))

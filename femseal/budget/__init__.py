@@ -8,6 +8,7 @@ from .coarse import CoarserSolution, change_of_windows
 from .continued_waves import continuation_part
 from .error_budget import at_interpolated_steps, error_budget
 from .error_parts import MODEL_PARTS, ErrorBudget, ErrorPart
+from .estimates import places_to_halve
 from .grid_convergence import GridConvergence, grid_convergence
 from .model_parts import FormTolerance, ModelChange, effective_pressure_part, model_changes, model_part
 from .removed_slope import contact_fraction_of
@@ -32,5 +33,6 @@ __all__ = [
     "grid_convergence",
     "model_changes",
     "model_part",
+    "places_to_halve",
     "widest_band",
 ]

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from math import sqrt
+
 import numpy as np
 from scipy.special import bdtr, stdtrit
 
 from ..studies import Scene, StochasticResult, TwoScaleResult
 from ..studies.scene import Array
 from .changes import load_sensitivity
+from .conformal import decades
 from .error_parts import ErrorPart
 
 #: Fraction of the cases that a band holds, and the number of standard deviations of a normal number for it.
@@ -17,6 +20,11 @@ COVERAGE, DEVIATIONS = 0.95, 1.96
 _RESIDUAL = 0.5
 #: Change of ln(leakage) by the residual of the flow, which is solved to 1e-6 of its energy.
 _FLOW = 1e-6
+
+#: Standard deviation of ln(leakage) of single places at the first load, and what each decade below it adds; they count
+#: as so many degrees of freedom. Chosen on 24 faces of four kinds, places as long as broad with 3 of the longest waves:
+#: bands of 3 to 8 places held 97 to 99 of 100 down to 1/100 of the first leakage, without this 92 to 99.
+_PLACE_SCATTER, _PLACE_FREEDOM = (0.25, 0.2), 2
 
 
 def solver_part(scene: Scene, leakage: Array) -> ErrorPart:
@@ -56,10 +64,11 @@ def library_part(study: StochasticResult) -> ErrorPart:
 
 
 def places_part(leakage: Array, without: Array) -> ErrorPart:
-    """Few measured places: Student's interval of ln(leakage) by the jackknife over places, those left joined.
+    """Few measured places: interval of ln(leakage) by the jackknife over places, those left joined.
 
-    Where they leak without all and with all but one do not, the seal may be sealed; then the upper end is by the
-    jackknife of the leakage itself.
+    The variance is pooled with that of single places usual at such a leakage, `_PLACE_SCATTER`, by their degrees of
+    freedom, and the interval is Student's. Where all but one place do not leak the seal may be sealed; then the upper
+    end is by the jackknife of the leakage itself.
 
     Parameters
     ----------
@@ -68,21 +77,44 @@ def places_part(leakage: Array, without: Array) -> ErrorPart:
     Source: Efron & Tibshirani, An Introduction to the Bootstrap, 1993, chapter 11.
     """
     count = len(without)
-    student = float(stdtrit(count - 1, (1 + COVERAGE) / 2))
+    first, each_decade = _PLACE_SCATTER
+    usual = (first + each_decade * np.maximum(decades(leakage), 0.0)) / np.sqrt(count)
+    freedom = _PLACE_FREEDOM + count - 1
+    student = float(stdtrit(freedom, (1 + COVERAGE) / 2))
 
-    def error(values: Array) -> Array:
-        return np.asarray(np.sqrt((count - 1) * values.var(axis=0)))
+    def distance(values: Array) -> Array:
+        own = (count - 1) * values.var(axis=0)
+        return np.asarray(student * np.sqrt((_PLACE_FREEDOM * usual**2 + (count - 1) * own) / freedom))
 
     with np.errstate(divide="ignore", invalid="ignore"):
-        logs = student * error(np.log(without))
-        plain = np.log1p(student * error(without) / without.mean(axis=0))
+        logs = distance(np.log(without))
+        plain = np.log1p(distance(without / without.mean(axis=0)))
     shut = (without == 0).any(axis=0) & np.isfinite(without).all(axis=0)
     below, above = np.where(shut, np.inf, logs), np.where(shut, plain, logs)
-    note = f"Student's interval by the jackknife over {count} measured places, in ln(leakage)"
+    note = (
+        f"Student's interval by the jackknife over {count} measured places, in ln(leakage), with the scatter that is "
+        f"usual; {places_to_halve(count)} more places would halve it"
+    )
     part = ErrorPart.of("library", leakage, below, above, note)
     # without leakage the others tell how much there may be
     upper = np.where(leakage == 0, (1 + student) * np.max(without, axis=0), part.upper)
     return ErrorPart(part.name, part.lower, upper, note)
+
+
+def places_to_halve(count: int) -> int:
+    """How many more measured places are expected to halve the band of three or more.
+
+    >>> places_to_halve(3), places_to_halve(4), places_to_halve(8)
+    (5, 8, 19)
+    """
+
+    def width(places: int) -> float:
+        return float(stdtrit(_PLACE_FREEDOM + places - 1, (1 + COVERAGE) / 2)) / sqrt(places)
+
+    more = 1
+    while width(count + more) > 0.5 * width(count):
+        more += 1
+    return more
 
 
 def realisations_part(study: StochasticResult) -> ErrorPart:

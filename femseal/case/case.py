@@ -27,8 +27,7 @@ from .faces import Face, FileFace, SurfaceTable
 from .faults import INTERNAL, case_faults, fault, faults_of
 from .fluid import AnyFluid, with_absolute_pressures, with_named_fluids
 from .load import LoadTable
-from .seal import AnySeal, with_inlet_pressure
-from .seat_form import AnySeat
+from .seal import AnySeal, AnySeat, with_inlet_pressure
 from .solid import SolidTable, with_named_solids
 from .values import Accuracy, Duration, FileSize, Number, Table
 

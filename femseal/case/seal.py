@@ -1,6 +1,7 @@
-"""Table of the seal in a case file: its shape, and how the lay of the face runs on it.
+"""Tables of a case file for the shape of the seal, the lay of the face on it, and the form of the seat.
 
-Shapes are not named here: whatever is registered in `seal.layouts.LAYOUTS` has a table, with a key for each parameter.
+Shapes and forms are not named here: whatever is registered in `seal.layouts.LAYOUTS` or `topography.seat.SEATS` has a
+table, with a key for each parameter.
 """
 
 from __future__ import annotations
@@ -9,13 +10,14 @@ from dataclasses import MISSING, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, get_args
 
-from pydantic import BeforeValidator, WithJsonSchema, model_validator
+from pydantic import BeforeValidator, Field, WithJsonSchema, model_validator
 
 from ..base.errors import InputError, shortened
 from ..base.leak_units import STANDARD_PRESSURE
 from ..base.quantities import to_si
 from ..seal.lay import ALLOWED, NAMES, Lay
 from ..seal.layouts import LAYOUTS, Layout, MeshLayout
+from ..topography.seat import SEATS, Seat
 from .faults import fault, faults_of, refusal
 from .registered_tables import table_of_any
 from .values import Length, LengthUnit, Pressure, Quantity, Shift, Table, quantity_schema
@@ -117,3 +119,30 @@ if TYPE_CHECKING:
     AnySeal = SealTable
 else:
     AnySeal = table_of_any(LAYOUTS, SealTable, _keys)
+
+
+class SeatTable(Table):
+    """The form of the seat, with a key for each of its parameters."""
+
+    if TYPE_CHECKING:
+        kind: str
+    tolerance: Annotated[float, Field(ge=0, lt=1)] = 0.0
+
+    def seat(self, folder: Path) -> Seat:
+        """The form; paths are relative to a folder."""
+        given = {name: getattr(self, name) for name in type(self).model_fields if name not in ("kind", "tolerance")}
+        return SEATS[self.kind](**{k: folder / v if isinstance(v, Path) else v for k, v in given.items()})
+
+    @model_validator(mode="after")
+    def _possible(self) -> SeatTable:
+        with faults_of("seat"):
+            self.seat(Path())
+        return self
+
+
+if TYPE_CHECKING:
+    AnySeat = SeatTable
+else:
+    AnySeat = table_of_any(
+        SEATS, SeatTable, lambda seat: {"unit": (LengthUnit, ...)} if "unit" in {f.name for f in fields(seat)} else {}
+    )

@@ -120,16 +120,20 @@ def design(
     seals = Seals.of_results(results)
     if not seals.count:
         raise InputError("results", "no seal whose leakage is known at every load", "results without such failures")
-    wanted = wanted or _usual(results)
-    diameter = diameter or results.dataset.attrs.get("nominal_diameter_m")
+    data = results.dataset
+    wanted = wanted or leak_classes(
+        [str(n) for n in data["leak_class"].values] if "leak_class" in data.coords else USUAL
+    )
+    diameter = diameter or data.attrs.get("nominal_diameter_m")
     limits = [(one.name, one.limit(results.class_basis, diameter)) for one in wanted]
     relaxation = float(results.case.get("load", {}).get("relaxation", 0.0))
     needs = tuple(requirement(seals, name, limit, probability, relaxation) for name, limit in limits)
     place = _place(needs, seals, probability)
-    variants, turned, notes = Variants(hardness_counts=_yields(results)), None, _notes(seals, probability, results)
+    yields = bool(np.isfinite(float(data.attrs["hardness_Pa"])))
+    variants, turned, notes = Variants(hardness_counts=yields), None, _notes(seals, probability, results)
     if case is not None and solve and np.isfinite(place[1]):
         solver = Solver(case, results, workers, shown)
-        if (former := _other_version(results)) is not None:
+        if (former := json.loads(data.attrs["versions"]).get("femseal")) != versions()["femseal"]:
             notes.append(f"the run is of femseal {former}: what is solved again may differ from it for that reason too")
         variants = solver.variants()
         try:
@@ -191,11 +195,6 @@ def _check(wanted: tuple[LeakClass, ...], case: Case, diameter: float | None) ->
         one.limit(basis, diameter or case.output.nominal_diameter)
 
 
-def _usual(results: Results) -> tuple[LeakClass, ...]:
-    data = results.dataset
-    return leak_classes([str(n) for n in data["leak_class"].values] if "leak_class" in data.coords else USUAL)
-
-
 def _place(needs: tuple[Requirement, ...], seals: Seals, fraction: float) -> tuple[str, float]:
     """Class and load of the sensitivities: Qmin of the first class that has one, else half way over the open loads."""
     for need in needs:
@@ -223,16 +222,6 @@ def _turned(
         return TurnedFace(ratio, "", how)
     scaled = replace(other, leakage=other.leakage * factor)
     return TurnedFace(ratio, requirement(scaled, place[0], limit, fraction).assembly.text(), how)
-
-
-def _other_version(results: Results) -> str | None:
-    """Version of the package that the results are of, if it is another."""
-    former = json.loads(results.dataset.attrs["versions"]).get("femseal")
-    return None if former == versions()["femseal"] else str(former)
-
-
-def _yields(results: Results) -> bool:
-    return bool(np.isfinite(float(results.dataset.attrs["hardness_Pa"])))
 
 
 def _notes(seals: Seals, fraction: float, results: Results) -> list[str]:

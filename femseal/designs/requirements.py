@@ -49,26 +49,19 @@ class NeededPressure(Shown):
 
     def text(self, with_interval: bool = True) -> str:
         """The value as text, with its uncertainty."""
-        value = _text(self, self.value)
+        value = self._text(self.value, "above ", "at most ")
         if not with_interval or np.isnan(self.low) or not self.known:
             return value
-        return f"{value} ({_number(self, self.low)} to {_number(self, self.high)})"
+        return f"{value} ({self._text(self.low, '>', '<')} to {self._text(self.high, '>', '<')})"
 
     def band_text(self) -> str:
         """What 5 % and 95 % of the seals need, as text."""
-        ends = [_text(self, value) for value in (self.seals_low, self.seals_high)]
+        ends = [self._text(value, "above ", "at most ") for value in (self.seals_low, self.seals_high)]
         return ends[0] if ends[0] == ends[1] else " to ".join(ends)
 
-
-def _text(needed: NeededPressure, value: float) -> str:
-    before = "above " if isinf(value) else "at most " if value == 0 else ""
-    return before + to_text(needed.bound(value), "Pa", 3)
-
-
-def _number(needed: NeededPressure, value: float) -> str:
-    """One end of an interval."""
-    sign = ">" if isinf(value) else "<" if value == 0 else ""
-    return sign + to_text(needed.bound(value), "Pa", 3)
+    def _text(self, value: float, above: str, below: str) -> str:
+        before = above if isinf(value) else below if value == 0 else ""
+        return before + to_text(self.bound(value), "Pa", 3)
 
 
 @dataclass(frozen=True)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass, fields, replace
 from typing import Any, cast
 
@@ -95,15 +93,9 @@ class Solver:
         return _of_study(self._solved(name, scene, self._prepared), scene)
 
     def _solved(self, name: str, scene: Scene, prepared: Prepared) -> Any:
-        with self._mapper() as mapper:
-            version = replace(prepared, scene=scene)
-            with Run(mapper, self._progress).timed(name) as watched:
-                return version.solve(version.answer, watched)
-
-    @contextmanager
-    def _mapper(self) -> Iterator[Any]:
-        with ordered_map(self._workers, before=compile_ahead) as mapper:
-            yield mapper
+        version, mapping = replace(prepared, scene=scene), ordered_map(self._workers, before=compile_ahead)
+        with mapping as mapper, Run(mapper, self._progress).timed(name) as watched:
+            return version.solve(version.answer, watched)
 
 
 def _breadth(study: Any, scene: Scene) -> float:

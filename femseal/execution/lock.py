@@ -48,7 +48,9 @@ def alone_in(folder: Path) -> Iterator[None]:
         raise InputError("output", f"'{folder}'", f"a folder that can be written ({error.strerror})") from None
     try:
         with suppress(OSError):  # on a full disk the lock holds all the same
-            path.write_text(json.dumps(_this_process()))
+            process = psutil.Process()
+            started = {"process": process.pid, "host": platform.node(), "started": process.create_time()}
+            path.write_text(json.dumps(started))
         yield
     finally:
         with suppress(OSError):
@@ -71,11 +73,6 @@ def _acquired(folder: Path) -> Any:
             if kind is SoftFileLock or error.errno not in _NO_LOCKS:
                 raise
     raise AssertionError
-
-
-def _this_process() -> dict[str, Any]:
-    process = psutil.Process()
-    return {"process": process.pid, "host": platform.node(), "started": process.create_time()}
 
 
 def _owner(path: Path) -> dict[str, Any]:

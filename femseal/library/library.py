@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.errors import FemsealError, InputError
-from ..base.fields import LIBRARY_CELL, declared
+from ..base.fields import LIBRARY_CELL, LIBRARY_WINDOW, declared
 from ..base.files import made_folder, replacing
 from ..base.machine import within_free_memory
 from ..base.stage import Mapper, Stage
@@ -50,7 +50,7 @@ WINDOW_STREAM = 2**32 - 1
 
 @dataclass(frozen=True, repr=False)
 class LibraryTable(Shown):
-    """Cells of a library on common load steps, for tables and pictures; all arrays are (cells, steps)."""
+    """Cells of a library on common load steps, arrays (cells, steps), and the place of each (cells,), None of one."""
 
     steps: LoadProgramme
     pressure: Array = declared("library_pressure", "Pa", "mean contact pressure of library cells", LIBRARY_CELL)
@@ -58,6 +58,9 @@ class LibraryTable(Shown):
     mean_gap: Array = declared("library_mean_gap", "m", "mean gap of library cells", LIBRARY_CELL)
     contact_fraction: Array = declared(
         "library_contact_fraction", "1", "fraction in contact of library cells", LIBRARY_CELL
+    )
+    place: NDArray[np.int64] | None = declared(
+        "library_place", "1", "number of the measured place of library cells", LIBRARY_WINDOW, default=None
     )
 
 
@@ -94,6 +97,10 @@ class WindowSource:
         """Number of windows that tile the faces without overlap."""
         w1, w2 = self.half_space.shape
         return sum((n1 // w1) * (n2 // w2) for n1, n2 in (t.shape for t in self.topographies))
+
+    def places(self, windows: NDArray[np.int64]) -> NDArray[np.int64] | None:
+        """Number of the face that windows are cut from, from 1; None of one face."""
+        return windows % len(self.topographies) + 1 if len(self.topographies) > 1 else None
 
     def window(self, n: int) -> Array:
         """Undeformed gap of window n (w1, w2) [m].
@@ -145,6 +152,7 @@ class LadderLibrary(Shown):
     counts : flows of windows in this run, solved or known without solving.
     reused : number of cells that were read and complete.
     failures : windows that failed and are left out, one line each.
+    place : number of the measured place of every window, from 1; None of one place.
     """
 
     ladder: Ladder
@@ -154,6 +162,7 @@ class LadderLibrary(Shown):
     counts: SolveCounts = field(default_factory=SolveCounts)
     reused: int = 0
     failures: tuple[str, ...] = ()
+    place: NDArray[np.int64] | None = field(default=None, repr=False)
 
     _derived: ClassVar = {"size": "1", "independent": "1"}
 
@@ -184,7 +193,10 @@ class LadderLibrary(Shown):
         programme = LoadProgramme(steps)
         pressure = np.broadcast_to(programme.pressures, (self.size, len(steps)))
         return LibraryTable(
-            LoadProgramme(steps), pressure, **{name: np.array(values) for name, values in columns.items()}
+            LoadProgramme(steps),
+            pressure,
+            **{name: np.array(values) for name, values in columns.items()},
+            place=self.place,
         )
 
     def loaded(self, name: str, pressure: Array) -> Array:
@@ -302,6 +314,7 @@ def build_ladder_library(
         counts=SolveCounts.total(cell.counts for cell in good),
         reused=sum(complete),
         failures=failures,
+        place=source.places(np.array([n for n, c in enumerate(cells) if c is not None])),
     )
 
 

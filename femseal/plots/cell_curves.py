@@ -45,9 +45,8 @@ def cells_figure(results: RunData, count: int = 4) -> Figure:
 class Cells:
     """Cells along a cycle, of the library or else the windows: pressure, k, mean gap, each (cells, steps).
 
-    nominal, peaks : nominal pressure of each step, and the one it is unloaded from, NaN on loading [Pa]. origin : a
-        text on
-    the cells. columns : of windows in a row, 0 for a library.
+    nominal, peaks : nominal pressure of each step, and the one it is unloaded from, NaN on loading [Pa].
+    origin : a text on the cells. columns : of windows in a row, 0 for a library.
     """
 
     nominal: Array

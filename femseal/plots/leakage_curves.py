@@ -210,9 +210,8 @@ def _other_handles(several: Sequence[LeakageCurves]) -> list[Any]:
     if any(curves.band is not None for curves in several):
         handles.append(Patch(color=GREY, alpha=0.35, lw=0, label=f"between seals, {low:g} – {high:g} %"))
     if any(curves.band_together is not None for curves in several):
-        handles.append(
-            Patch(fc="#EFEFEF", ec=GREY, ls=(0, (1, 3)), lw=0.8, label="the same with the\nerror of the library")
-        )
+        label = "the same with the\nerror of the library"
+        handles.append(Patch(fc="#EFEFEF", ec=GREY, ls=(0, (1, 3)), lw=0.8, label=label))
     if any(curves.mean is not None for curves in several):
         handles.append(Line2D([], [], color=GREY, ls=":", lw=1.1, label="mean of realisations"))
     if any(curves.error is not None for curves in several):
@@ -223,13 +222,6 @@ def _other_handles(several: Sequence[LeakageCurves]) -> list[Any]:
     return handles
 
 
-def _legend_lines(curves: LeakageCurves) -> int:
-    """Number of entries of the legend of curves in a figure of their own."""
-    extra = sum(name in curves.others for name, *_ in _SINGLE) + 2 * (curves.band is not None) + 1
-    extra += curves.error is not None
-    return 1 + len(branches(curves.pressure, curves.peaks)) + extra
-
-
 #: Curves and artists drawn into given axes; the next curves are drawn together with them.
 _SHARED: WeakKeyDictionary[Axes, tuple[list[LeakageCurves], list[Any]]] = WeakKeyDictionary()
 
@@ -238,16 +230,12 @@ def _curves_figure(curves: LeakageCurves, ax: Axes | None, label: str | None) ->
     """The curves in a figure of their own, or together with those drawn into the same axes before."""
     curves = curves if label is None else replace(curves, title=label)
     if ax is None:
-        sheet = Sheet([4.2 + LEGEND_LINE * ceil(_legend_lines(curves) / 2)])
-        margins = replace(
-            LINES,
-            left=1.0,
-            right=1.1 if curves.limits else 0.65,
-            top=0.15,
-            bottom=0.7 + LEGEND_LINE * ceil(_legend_lines(curves) / 2),
-        )
-        handles = leakage_panel(sheet.panel(0, 0, margins), curves)
-        legend_below(sheet.figure, handles)
+        extra = sum(name in curves.others for name, *_ in _SINGLE) + 2 * (curves.band is not None)
+        entries = 2 + len(branches(curves.pressure, curves.peaks)) + extra + (curves.error is not None)
+        below = LEGEND_LINE * ceil(entries / 2)
+        sheet, right = Sheet([4.2 + below]), 1.1 if curves.limits else 0.65
+        margins = replace(LINES, left=1.0, right=right, top=0.15, bottom=0.7 + below)
+        legend_below(sheet.figure, leakage_panel(sheet.panel(0, 0, margins), curves))
         return sheet.figure
     several, artists = _SHARED.setdefault(ax, ([], []))
     for artist in artists:

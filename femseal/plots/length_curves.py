@@ -14,7 +14,6 @@ from .drawing import LINES, STYLES, Sheet, legend_below
 from .leakage_curves import leakage_axis, leakage_band, leakage_line
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 
@@ -28,22 +27,14 @@ def lengths_figure(results: RunData) -> Figure:
     ------
     InputError : results of one length.
     """
-    seal_lengths.length_curves(results)  # raises for one length
+    data, curves = results.dataset, seal_lengths.length_curves(results)
     sheet = Sheet([5.0])
     axes = sheet.panel(0, 0, replace(LINES, left=1.0, right=0.65, top=0.2, bottom=1.0))
-    _lengths_panel(axes, results)
-    legend_below(sheet.figure, axes.get_legend_handles_labels()[0])
-    return sheet.figure
-
-
-def _lengths_panel(axes: Axes, results: RunData) -> None:
-    """Median and bands over the length, a line for each of a few load steps."""
-    data = results.dataset
     lengths, steps = data["seal_length"].values, seal_lengths.length_steps(results)
     order = np.argsort(lengths)
     x = lengths[order] * 1e3
     scales = seal_lengths.length_scales(results)[:, None]
-    values = {kind: np.abs(each / scales)[order] for kind, each in seal_lengths.length_curves(results).items()}
+    values = {kind: np.abs(each / scales)[order] for kind, each in curves.items()}
     drawn = np.concatenate([v[:, steps].ravel() for v in values.values()])
     floor, lanes = leakage_axis(axes, drawn, len(steps))
     for s, (colour, line, marker), lane in zip(steps, STYLES, lanes, strict=False):
@@ -60,3 +51,5 @@ def _lengths_panel(axes: Axes, results: RunData) -> None:
     what = leakage_of(results).split(",")[0] if not results.leak_unit.per_length else leakage_of(results)
     axes.set(xlabel="length of the seal [mm]", ylabel=f"{what} [{results.leak_unit.name}]")
     axes.grid(alpha=0.25, lw=0.6)
+    legend_below(sheet.figure, axes.get_legend_handles_labels()[0])
+    return sheet.figure

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -29,7 +30,6 @@ from .drawing import (
     with_closed,
 )
 from .drawn_panels import drawn_figure
-from .heights import height_panel
 
 if TYPE_CHECKING:
     import xarray
@@ -88,8 +88,10 @@ def seal_figure(results: RunData, step: int | None = None, gaps: Sequence[Array]
     windows = "k1" in data
     row = map_row(seal_size(data) if windows else face_size(data))
     sheet = Sheet([row, max(row, 2.9)], columns=2, head=0.35)
-    panels: tuple[Callable[..., None], ...] = (face_fluid_panel, face_contact_panel, face_gap_panel)
-    for n, draw in enumerate((fluid_panel, contact_panel, permeability_panel) if windows else panels):
+    panels: tuple[Callable[..., None], ...] = (fluid_panel, contact_panel, permeability_panel)
+    if not windows:
+        panels = tuple(partial(_face_map, name=name) for name in ("fluid_pressure", "contact_pressure", "gap"))
+    for n, draw in enumerate(panels):
         draw(sheet.panel(*divmod(n, 2), MAP), data, s)
     if windows:
         found = critical_gaps(results, s) if gaps is None else gaps
@@ -111,38 +113,24 @@ def face_size(data: xarray.Dataset) -> tuple[float, float]:
     return one, two
 
 
-def face_panel(axes: Axes, data: xarray.Dataset) -> None:
-    """Heights of the face."""
-    height_panel(axes, data["face_height"].values * 1e6, face_size(data))
-    axes.set_ylabel("x1, inlet at 0 [mm]")
-
-
 def face_leakage(data: xarray.Dataset) -> Array:
     """Leakage at every step of the study whose maps these are: deterministic, else two scales, else drawn seals."""
     names = ("leakage_deterministic", "leakage_two_scale", "leakage_median")
     return np.asarray(data[next(name for name in names if name in data)].values)
 
 
-def face_fluid_panel(axes: Axes, data: xarray.Dataset, s: int) -> None:
-    """Fluid pressure of the face at a step."""
-    values = data["face_fluid_pressure"].values[s] / 1e6
-    flows = "" if face_leakage(data)[s] != 0 else ", no flow"
-    title = f"fluid pressure [MPa]{flows}; white: contact, pockets"
-    map_panel(axes, values, face_size(data), with_closed("cividis", POCKET), title)
-
-
-def face_contact_panel(axes: Axes, data: xarray.Dataset, s: int) -> None:
-    """Contact pressure of the face at a step."""
-    values = data["face_contact_pressure"].values[s] / 1e6
-    title = "contact pressure [MPa]; grey: no contact"
-    map_panel(axes, np.where(values > 0, values, np.nan), face_size(data), with_closed("viridis"), title)
-
-
-def face_gap_panel(axes: Axes, data: xarray.Dataset, s: int) -> None:
-    """Gap of the face at a step."""
-    gap = data["face_gap"].values[s] * 1e6
-    shown = np.where(gap > 0, gap, np.nan)
-    map_panel(axes, shown, face_size(data), with_closed("magma"), "gap [µm]; grey: contact", vmin=0)
+def _face_map(axes: Axes, data: xarray.Dataset, s: int, name: str) -> None:
+    """Map of a field of the face in blocks at a step."""
+    values, size = data[f"face_{name}"].values[s], face_size(data)
+    positive = np.where(values > 0, values, np.nan)
+    if name == "fluid_pressure":
+        flows = "" if face_leakage(data)[s] != 0 else ", no flow"
+        title = f"fluid pressure [MPa]{flows}; white: contact, pockets"
+        map_panel(axes, values / 1e6, size, with_closed("cividis", POCKET), title)
+    elif name == "contact_pressure":
+        map_panel(axes, positive / 1e6, size, with_closed("viridis"), "contact pressure [MPa]; grey: no contact")
+    else:
+        map_panel(axes, positive * 1e6, size, with_closed("magma"), "gap [µm]; grey: contact", vmin=0)
 
 
 def contact_panel(axes: Axes, data: xarray.Dataset, s: int) -> None:
@@ -245,11 +233,15 @@ def critical_gaps(results: RunData, s: int) -> list[Array]:
 def _critical_windows(sheet: Sheet, data: xarray.Dataset, s: int, gaps: Sequence[Array], height: float) -> None:
     """Two windows, `height` points high, marked on the maps of contact and permeability, and their gaps if known."""
     from matplotlib.patches import Rectangle
+    from matplotlib.patheffects import withStroke
 
     w1, w2 = (2e3 * float(data[name][0]) for name in ("cell1", "cell2"))
     chosen = _chosen_windows(data, s)
     letter: Any = {"ha": "center", "va": "center", "color": "white", "fontweight": "bold"}
-    letter |= {"fontsize": float(np.clip(0.6 * height, 3, 8)), "path_effects": _outline()}
+    letter |= {
+        "fontsize": float(np.clip(0.6 * height, 3, 8)),
+        "path_effects": [withStroke(linewidth=2, foreground="black")],
+    }
     maps = [axes for axes in sheet.figure.axes if axes.get_title().startswith(("contact", "permeability"))]
     for n, ((i, j), text) in enumerate(chosen):
         for panel in maps:
@@ -287,9 +279,3 @@ def _chosen_windows(data: xarray.Dataset, s: int) -> list[tuple[tuple[int, int],
     second = np.unravel_index(int(np.argmax(others)), flux.shape)
     places = ((first, flux), (second, others))
     return [((int(p[0]), int(p[1])), text) for (p, f), text in zip(places, texts, strict=True) if f[p] > 0]
-
-
-def _outline() -> list[Any]:
-    from matplotlib.patheffects import withStroke
-
-    return [withStroke(linewidth=2, foreground="black")]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from math import ceil, log2
+from math import log2, prod
 
 from ..base.errors import InputError
 from ..base.quantities import to_text
@@ -18,10 +18,11 @@ from ..studies import count_face_windows
 from ..studies.costs import usual_efforts
 from ..windows import Partition
 from .coarser import with_points
+from .settings import grid_points
 
-#: Points along a side, and cells in the library, are divided by these. The shortest wave of a scene has at least 8
+#: Points along a side, and cells in the library, are halved so often. The shortest wave of a scene has at least 8
 #: pixels, so 2 are left, which is what a grid can carry.
-COARSENINGS = (1, 2, 4)
+HALVINGS = (0, 1, 2)
 #: Accuracy of a setting that is recommended, where the case asks for none.
 DEFAULT_ACCURACY = 0.1
 #: Windows have at least this many pixels a side, and hold this many of the shortest waves.
@@ -127,8 +128,8 @@ def make_plan(case: Case, *, limit: float, memory: float) -> Plan:
     InputError : a face or cells that cannot be used; no affordable reference.
     """
     others = (("two-scale",) if case.cells else ()) + (("stochastic",) if case.cells and case.stochastic else ())
-    prepared = prepare(case.model_copy(update={"compare": others}))
-    prepared = _on_a_strip(prepared)
+    prepared = _on_a_strip(prepare(case.model_copy(update={"compare": others})))
+    known = usual_efforts(len(prepared.scene.steps))
     variants: list[Variant] = []
     costs: list[tuple[float, float]] = []
     skipped: list[tuple[str, str]] = []
@@ -137,7 +138,8 @@ def make_plan(case: Case, *, limit: float, memory: float) -> Plan:
         if not isinstance(variant, Variant) or reason:
             skipped.append((variant.label if isinstance(variant, Variant) else variant, reason))
             continue
-        cost = _cost(prepared, variant)
+        version = variant.applied(prepared, resampled=False)
+        cost = version.answer.cost(version.scene, version.options, known, variant.points)
         if cost[0] > limit or cost[1] > memory:
             expected = f"expected to take {duration(cost[0])} and {to_text(cost[1], 'B', 3)}"
             unaffordable.append((variant, expected))
@@ -145,12 +147,14 @@ def make_plan(case: Case, *, limit: float, memory: float) -> Plan:
             continue
         variants.append(variant)
         costs.append(cost)
-    references = [v for v in variants if _may_be_reference(prepared, v)]
+    points = prepared.scene.surface.shape
+    references = [v for v in variants if v.method != "stochastic" and v.points == points]
     if not references:
         given = f"{duration(limit)} and {to_text(memory, 'B', 3)}"
-        expected = "; ".join(f"enough for {v.label}, {e}" for v, e in unaffordable if _may_be_reference(prepared, v))
+        fit = [(v, e) for v, e in unaffordable if v.method != "stochastic" and v.points == points]
+        expected = "; ".join(f"enough for {v.label}, {e}" for v, e in fit)
         raise InputError("limit, memory", given, expected)
-    first = min(references, key=lambda v: (v.cells is not None, -_count(v.cells)))
+    first = min(references, key=lambda v: (v.cells is not None, -prod(v.cells or (1, 1))))
     order = sorted(range(len(variants)), key=lambda n: variants[n] != first)
     base = [v for v in references if v.cells is not None and v.cells == prepared.cells]
     return Plan(
@@ -188,7 +192,7 @@ def _candidates(prepared: Prepared) -> Iterator[tuple[Variant | str, str]]:
     """Every possible solution, or a text for one that has no numbers, with the reason to leave it out ("": none)."""
     scene, cells, sampling = prepared.scene, prepared.cells, prepared.sampling
     points = scene.surface.shape
-    grids = list(dict.fromkeys(_grid(points, n, cells or (1, 1)) for n in COARSENINGS))
+    grids = list(dict.fromkeys(grid_points(points, -n, cells) for n in HALVINGS))
     for grid in grids:
         yield Variant("deterministic", grid), ""
     if cells is None:
@@ -203,18 +207,12 @@ def _candidates(prepared: Prepared) -> Iterator[tuple[Variant | str, str]]:
             yield Variant("two-scale", points, other), _window_fault(prepared, points, other)
     if sampling is None:
         return
-    sizes = [sampling.library_cells // n for n in COARSENINGS]
+    sizes = [sampling.library_cells // 2**n for n in HALVINGS]
     if sampling.pressure == "place":  # all windows of the face, however few are asked for
         partition = Partition(points, scene.surface.spacing, cells)
         sizes = [count_face_windows(replace(sampling, library_cells=size), partition) for size in sizes]
     for size in dict.fromkeys(sizes):
         yield Variant("stochastic", points, cells, size), "" if size else "a library of at least 1 is needed"
-
-
-def _grid(points: Pair, coarsening: int, cells: Pair) -> Pair:
-    """A coarser grid that can be divided into the cells."""
-    n1, n2 = (ceil(ceil(n / coarsening) / m) * m for n, m in zip(points, cells, strict=True))
-    return n1, n2
 
 
 def _window_fault(prepared: Prepared, grid: Pair, cells: Pair) -> str:
@@ -240,18 +238,3 @@ def _near_divisor(n: int, m: int, wanted: float) -> int | None:
         return 1
     best = min((d for d in range(1, n + 1) if n % d == 0), key=lambda d: abs(log2(d / wanted)))
     return best if abs(log2(best / wanted)) < 0.5 else None
-
-
-def _cost(prepared: Prepared, variant: Variant) -> tuple[float, float]:
-    """Expected time on one core [s] and memory [byte] of a variant."""
-    version = variant.applied(prepared, resampled=False)
-    known = usual_efforts(len(prepared.scene.steps))
-    return version.answer.cost(version.scene, version.options, known, variant.points)
-
-
-def _may_be_reference(prepared: Prepared, variant: Variant) -> bool:
-    return variant.method != "stochastic" and variant.points == prepared.scene.surface.shape
-
-
-def _count(cells: Pair | None) -> int:
-    return 1 if cells is None else cells[0] * cells[1]

@@ -121,14 +121,13 @@ class AccuracyReport:
                     "seconds": solution.seconds,
                     "against": comparison.against.label,
                 }
-                if (budget := solution.widest_band) is not None:
-                    row |= {"budget_factor": _or_none(np.exp(budget.half_width)), "budget_limit": budget.limit}
-                else:
-                    row |= {"budget_factor": None, "budget_limit": None}
+                found = solution.widest_band
+                row["budget_factor"] = found and or_none(np.exp(found.half_width))
+                row["budget_limit"] = found and found.limit
                 row["recommended"] = solution is self.recommended
                 for branch in ("loading", "unloading"):
                     row |= {f"{branch}_{name}": v for name, v in _plain(getattr(comparison, branch)).items()}
-                rows.append(row | {"closing_load_Pa": _or_none(solution.closing_load)})
+                rows.append(row | {"closing_load_Pa": or_none(solution.closing_load)})
         return rows
 
     def csv_text(self) -> str:
@@ -168,12 +167,14 @@ class AccuracyReport:
         """The table for a terminal of 80 columns, for `rich.print`; each method has a line of its own."""
         heads = "method", "points", "cells", "library", "time [s]", "against", "loading", "unloading", "budget"
         lines = []
-        for solution in sorted(self.solutions, key=lambda s: self._methods.index(s.variant.method)):
+        methods = [s.variant.method for s in self.solutions]  # in the order of their first solutions
+        for solution in sorted(self.solutions, key=lambda s: methods.index(s.variant.method)):
             for n, comparison in enumerate(solution.comparisons):
                 own, last = ([""] * 4, ["", ""])
                 if n == 0:
                     own = _own_cells(solution, "→" if solution is self.recommended else " ")
-                    last = [_budget_text(solution), _closing_text(solution)]
+                    closes = to_text(solution.closing_load, "Pa", 3) if isfinite(solution.closing_load) else "–"
+                    last = [_budget_text(solution), closes]
                 itself = comparison.against == solution.variant
                 against = "(reference)" if itself else comparison.against.short
                 factors = (_factor_text(f) for f in (comparison.loading, comparison.unloading))
@@ -191,11 +192,6 @@ class AccuracyReport:
                 f"→ {self.advice}",
             ),
         )
-
-    @property
-    def _methods(self) -> list[str]:
-        """Methods in the order of their first solutions."""
-        return list(dict.fromkeys(s.variant.method for s in self.solutions))
 
     def plot(self) -> Figure:
         """Error over time, see `accuracy_figure`."""
@@ -238,18 +234,18 @@ def _factor_text(factor: LeakageFactor) -> str:
     more = f" +{factor.closed}" if factor.closed else ""
     if isnan(factor.value):
         return ("failed" if factor.failed else "–") + more
-    return (f"{factor.value:.3g}" if factor.value < 1e4 else f"{factor.value:.0e}") + more
+    return _short(factor.value) + more
+
+
+def _short(factor: float) -> str:
+    return f"{factor:.3g}" if factor < 1e4 else f"{factor:.0e}"
 
 
 def _budget_text(solution: Solution) -> str:
     if (found := solution.widest_band) is None:
         return "failed"
     factor = float(np.exp(found.half_width))
-    return "–" if not isfinite(factor) else f"{factor:.3g}" if factor < 1e4 else f"{factor:.0e}"
-
-
-def _closing_text(solution: Solution) -> str:
-    return to_text(solution.closing_load, "Pa", 3) if isfinite(solution.closing_load) else "–"
+    return _short(factor) if isfinite(factor) else "–"
 
 
 def _as_dictionary(solution: Solution) -> dict[str, Any]:
@@ -259,8 +255,8 @@ def _as_dictionary(solution: Solution) -> dict[str, Any]:
         "seconds": solution.seconds,
         "expected_seconds_one_core": solution.expected_seconds,
         "expected_memory_bytes": solution.expected_memory,
-        "leakage_m2_per_s": [_or_none(float(q)) for q in solution.leakage],
-        "closing_load_Pa": _or_none(solution.closing_load),
+        "leakage_m2_per_s": [or_none(float(q)) for q in solution.leakage],
+        "closing_load_Pa": or_none(solution.closing_load),
         "budget": None if solution.budget is None else _budget(solution.budget),
         "comparisons": [
             {"against": c.against.label, "loading": _plain(c.loading), "unloading": _plain(c.unloading)}
@@ -273,18 +269,19 @@ def _as_dictionary(solution: Solution) -> dict[str, Any]:
 def _budget(budget: ErrorBudget) -> dict[str, Any]:
     found = widest_band(budget)
     return {
-        "factor": _or_none(np.exp(found.half_width)),
+        "factor": or_none(np.exp(found.half_width)),
         "limit": found.limit,
-        "parts": {name: _or_none(np.exp(width)) for name, width in found.parts.items()},
-        "lower_m2_per_s": [_or_none(float(q)) for q in budget.lower],
-        "upper_m2_per_s": [_or_none(float(q)) for q in budget.upper],
+        "parts": {name: or_none(np.exp(width)) for name, width in found.parts.items()},
+        "lower_m2_per_s": [or_none(float(q)) for q in budget.lower],
+        "upper_m2_per_s": [or_none(float(q)) for q in budget.upper],
     }
 
 
 def _plain(factor: LeakageFactor) -> dict[str, Any]:
     values = asdict(factor)
-    return {"factor": _or_none(values.pop("value")), **values}
+    return {"factor": or_none(values.pop("value")), **values}
 
 
-def _or_none(value: float) -> float | None:
+def or_none(value: float) -> float | None:
+    """The number; None where it has no end or is unknown, for files that know neither."""
     return float(value) if isfinite(value) else None

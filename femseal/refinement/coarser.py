@@ -106,7 +106,7 @@ def coarser_grids(prepared: Prepared, leakage: Array | None = None) -> list[Prep
     """
     # where the filter or the comparison of links takes its part of the time too, no more steps than every other
     least = 0 if removed_octaves(prepared) >= LEAST_OCTAVES or compares_links(prepared) else LEAST_LOADS
-    some = _at_some_steps(prepared, leakage, GRID_STRIDE, least)
+    some = at_some_steps(prepared.scene, leakage, GRID_STRIDE, least=least)
     points, found = prepared.scene.surface.shape, []
     for _ in range(1 + carries_quarter(prepared)):
         if (fewer := coarser_points(points, _cells(prepared))) is None:
@@ -125,7 +125,7 @@ def without_filtered_waves(prepared: Prepared, leakage: Array | None = None) -> 
     except InputError as error:
         log.warning("error budget: no solution without the shortest waves: %s", error)
         return None
-    some = _at_some_steps(prepared, leakage, FILTER_STRIDE, 0)
+    some = at_some_steps(prepared.scene, leakage, FILTER_STRIDE, least=0)
     return _reduced(prepared, replace(some, surface=smooth.surface))
 
 
@@ -161,15 +161,15 @@ def compares_links(prepared: Prepared) -> bool:
     return "two-scale" in prepared.methods and prepared.contact == "whole" and prepared.flow == "links"
 
 
-def at_some_steps(scene: Scene, leakage: Array, stride: int = 2, *, least: int = LEAST_LOADS) -> Scene:
+def at_some_steps(scene: Scene, leakage: Array | None, stride: int = 2, *, least: int = LEAST_LOADS) -> Scene:
     """The scene at some of its steps: ends, peaks, both sides of closing, and one of `stride` of the rest.
 
     Parameters
     ----------
-    leakage : of the scene at every step (steps,).
+    leakage : of the scene at every step (steps,); None: it leaks at all of them.
     least : number of open loading steps below which the stride would not fall: it is shorter then.
     """
-    q = np.abs(np.asarray(leakage, dtype=float))
+    q = np.ones(len(scene.steps)) if leakage is None else np.abs(np.asarray(leakage, dtype=float))
     loading = scene.steps.loading
     shut = [n for n in range(len(loading)) if q[n] == 0]
     first_shut = shut[0] if shut else len(loading)
@@ -183,11 +183,6 @@ def at_some_steps(scene: Scene, leakage: Array, stride: int = 2, *, least: int =
     stops = scene.steps.unloading  # falling
     ends = {0, len(stops) - 1, *range(0, len(stops), stride)}
     return replace(scene, loading=chosen, unloading=tuple(p for n, p in enumerate(stops) if n in ends))
-
-
-def _at_some_steps(prepared: Prepared, leakage: Array | None, stride: int, least: int) -> Scene:
-    known = np.ones(len(prepared.scene.steps)) if leakage is None else leakage
-    return at_some_steps(prepared.scene, known, stride, least=least)
 
 
 def _cells(prepared: Prepared) -> Pair | None:

@@ -22,6 +22,7 @@ from ..preparation.check_memory import START_MEMORY
 from ..preparation.prepared import Pair, Prepared
 from ..studies import StochasticResult, Study
 from ..studies.scene import Array
+from .accuracy_report import or_none
 from .budgets import against, budget_of, budgets_of, leakage_of
 from .coarser import coarser_solutions, without_filtered_waves
 from .refining import refined
@@ -69,8 +70,8 @@ class Attempt:
 
     def as_data(self) -> dict[str, Any]:
         """The attempt as plain data; None for a width without end."""
-        parts = {name: _or_none(width) for name, width in self.parts.items()}
-        found = asdict(self) | {"points": list(self.points), "half_width": _or_none(self.half_width)}
+        parts = {name: or_none(width) for name, width in self.parts.items()}
+        found = asdict(self) | {"points": list(self.points), "half_width": or_none(self.half_width)}
         return found | {"parts": parts}
 
 
@@ -106,7 +107,7 @@ class RefinedAnswer:
         return {
             "wanted": self.wanted,
             "reached": not self.why,
-            "half_width": _or_none(last.half_width),
+            "half_width": or_none(last.half_width),
             "limit": last.limit,
             "load": last.load,
             "why": self.why,
@@ -181,11 +182,11 @@ class _Attempts:
         start = time.perf_counter()
         with self.run.timed(name) as mapper:
             result = prepared.solve(prepared.answer, mapper)
-        seconds = time.perf_counter() - start
+        times = {"study": time.perf_counter() - start}
         self.leakages[settings] = leakage_of(result)
         with self.run.timed(f"{name}, error budget") as mapper:
             budget = self._budget(prepared, settings, result, mapper)
-        times = {"study": seconds, "with coarse": time.perf_counter() - start}
+        times["with coarse"] = time.perf_counter() - start
         times = self.run.decided("time of the attempt", times)
         found = widest_band(budget)
         self.done.append(
@@ -276,7 +277,3 @@ class _Attempts:
     def _leakage(self, settings: Settings, mapper: Mapper) -> Array:
         prepared = self._prepared(settings)
         return leakage_of(prepared.solve(prepared.answer, mapper))
-
-
-def _or_none(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None

@@ -42,17 +42,18 @@ def refined(case: Case, made: Prepared, settings: Settings, part: str, memory: f
     part : name of a part of its budget. memory : that an attempt may take [byte].
     """
     given = given_settings(case)
-    refine = {
-        "solver": _contact_residual,
-        "pixels": _pixels,
-        "filter": _filter,
-        "windows": _windows,
-        "two scales": _windows,
-        "sampler": _sampler,
-        "library": _library,
-        "realisations": _realisations,
-    }.get(part)
-    found = Refinement(None, "nothing refines it") if refine is None else refine(made, settings, given)
+    # with the setting of each, which a case may give
+    key, refine = {
+        "solver": ("rtol", _contact_residual),
+        "pixels": ("grid", _pixels),
+        "filter": ("", _filter),
+        "windows": ("", _windows),
+        "two scales": ("", _windows),
+        "sampler": ("", _sampler),
+        "library": ("", _library),
+        "realisations": ("realisations", _realisations),
+    }.get(part, ("", lambda *_: Refinement(None, "nothing refines it")))
+    found = _is_given(given[key]) if key in given else refine(made, settings, given)
     if found.settings is None:
         return found
     needed = expected_cost(apply_settings(case, made, found.settings))[1]
@@ -70,8 +71,6 @@ def refined(case: Case, made: Prepared, settings: Settings, part: str, memory: f
 
 
 def _contact_residual(made: Prepared, settings: Settings, given: dict[str, str]) -> Refinement:
-    if "rtol" in given:
-        return _is_given(given["rtol"])
     finer = settings.rtol / 10
     if finer < LEAST_RTOL * (1 - 1e-9):
         return Refinement(None, f"contact.rtol is {settings.rtol:.0e}, as small as it gets")
@@ -79,8 +78,6 @@ def _contact_residual(made: Prepared, settings: Settings, given: dict[str, str])
 
 
 def _pixels(made: Prepared, settings: Settings, given: dict[str, str]) -> Refinement:
-    if "grid" in given:
-        return _is_given(given["grid"])
     finer = replace(settings, grid=settings.grid + 1)
     points = " × ".join(map(str, grid_points(made.scene.surface.shape, finer.grid, finer.cells)))
     if finer.grid > MOST_GRID:
@@ -138,8 +135,6 @@ def _library(made: Prepared, settings: Settings, given: dict[str, str]) -> Refin
 
 def _realisations(made: Prepared, settings: Settings, given: dict[str, str]) -> Refinement:
     assert settings.realisations is not None
-    if "realisations" in given:
-        return _is_given(given["realisations"])
     more = HALVING * settings.realisations
     if more > MOST_SEALS:
         return Refinement(None, f"{settings.realisations} seals are drawn, the most that are")

@@ -69,28 +69,21 @@ def _face_text(face: dict[str, Any]) -> str:
         return f"a measured face from {face.get('path', 'a file')}{_placement_text(face)}"
     known = (("pitch", "m"), ("depth", "m"), ("roughness", "m"), ("hurst", ""), ("rms_slope", ""), ("rms_height", "m"),
              ("roll_off", "m"))  # fmt: skip
-    facts = [
-        f"{name.replace('_', ' ').replace('hurst', 'Hurst exponent')} {_with_unit(face[name], unit)}"
-        for name, unit in known
-        if face.get(name)
-    ]
+    facts = []
+    for name, unit in known:
+        if value := face.get(name):
+            text = name.replace("_", " ").replace("hurst", "Hurst exponent")
+            facts.append(f"{text} {to_text(value, unit, 3) if unit else f'{value:g}'}")
     return f"a {kind} face" + (f" ({', '.join(facts)})" if facts else "")
 
 
 def _placement_text(face: dict[str, Any]) -> str:
     """Placement of the second face on the first, in the order of its operations."""
-    facts = []
-    if "mirror" in face:
-        facts.append(f"mirrored along {face['mirror']}")
-    if "rotate" in face:
-        facts.append(f"turned by {np.degrees(face['rotate']):.3g}°")
-    if "shift" in face:
-        facts.append(f"shifted by {', '.join(to_text(length, 'm', 3) for length in face['shift'])}")
+    facts = [f"mirrored along {face['mirror']}"] if "mirror" in face else []
+    facts += [f"turned by {np.degrees(face['rotate']):.3g}°"] if "rotate" in face else []
+    shift = ", ".join(to_text(length, "m", 3) for length in face.get("shift", ()))
+    facts += [f"shifted by {shift}"] if shift else []
     return f" ({', '.join(facts)})" if facts else ""
-
-
-def _with_unit(value: float, unit: str) -> str:
-    return to_text(value, unit, 3) if unit else f"{value:g}"
 
 
 def _surface_text(surface: dict[str, Any]) -> str:

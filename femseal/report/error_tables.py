@@ -34,7 +34,10 @@ def budget_table(results: RunData) -> TextTable | None:
     if budget is None:
         return None
     steps, widths = important_steps(results), budget.widths()
-    order = sorted(budget.parts, key=lambda part: -_largest(widths[part.name][steps]))
+    largest = {
+        name: float(np.max(np.nan_to_num(width[steps], nan=np.inf), initial=0.0)) for name, width in widths.items()
+    }
+    order = sorted(budget.parts, key=lambda part: -largest[part.name])
     together = "root of the sum of squares of the distances of ln(leakage)"
     lines = [(part.name, widths[part.name], part.note) for part in order]
     if len(budget.numerical.parts) < len(budget.parts):
@@ -57,10 +60,6 @@ def _width_text(width: float) -> str:
     """A half-width of ln(leakage); inf is that of a seal that may leak or be sealed."""
     known = {"nan": "unknown", "inf": "open or sealed", "0": "0"}.get(f"{width:g}")
     return format_deviation(width, "× ") if known is None else known
-
-
-def _largest(widths: np.ndarray) -> float:
-    return float(np.max(np.nan_to_num(widths, nan=np.inf), initial=0.0))
 
 
 def scatter_lines(results: RunData) -> Lines:

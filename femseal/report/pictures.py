@@ -17,12 +17,12 @@ from ..plots import cells_figure, heights_figure, leakage_figure, lengths_figure
 from ..plots.cell_curves import cells_of
 from ..plots.drawing import HEIGHTS, LINES, Drawn, Sheet, drawn, map_row
 from ..plots.drawn_panels import drawn_figure
+from ..plots.heights import height_panel
 from ..plots.maps import (
     critical_gaps,
     default_step,
     drop_panel,
     face_leakage,
-    face_panel,
     face_size,
     has_maps,
     row_panel,
@@ -70,7 +70,7 @@ def draw_all(results: Results, surface: Topography | None = None, *, mapper: Map
         "leakage": True,
         "drop": has_maps(data),
         "face": "face_height" in data,
-        "seat": has_seat(data),
+        "seat": bool(data.attrs.get("seat")) and "row_pressure" in data,
         "lengths": has_lengths(results),
     }
     names = [name for name, there in wanted.items() if there]
@@ -106,14 +106,11 @@ def _figure(name: str, results: Results, surface: Topography | None, gaps: list[
         return sheet.figure
     if name == "face":
         sheet = Sheet([map_row(face_size(data), HEIGHTS)])
-        face_panel(sheet.panel(0, 0, HEIGHTS), data)
+        axes = sheet.panel(0, 0, HEIGHTS)
+        height_panel(axes, data["face_height"].values * 1e6, face_size(data))
+        axes.set_ylabel("x1, inlet at 0 [mm]")
         return sheet.figure
     return leakage_figure(results)
-
-
-def has_seat(data: xarray.Dataset) -> bool:
-    """Whether the face has the form of a seat, and the pressure of its rows is known."""
-    return bool(data.attrs.get("seat")) and "row_pressure" in data
 
 
 def seat_picture(results: Results, drawings: Drawings) -> Picture:

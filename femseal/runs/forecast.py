@@ -13,7 +13,7 @@ from ..base.errors import InputError
 from ..base.machine import free_memory
 from ..base.quantities import to_text
 from ..base.text import duration
-from ..budget import model_changes
+from ..budget import model_changes, places_to_halve
 from ..case.case import Case
 from ..preparation.check_memory import START_MEMORY
 from ..preparation.prepared import Prepared, without_short_waves
@@ -25,7 +25,9 @@ from ..results.pixel_fields import fields_size
 from ..studies import Sampling, Scene, count_face_windows, drop_ratio, lay_out_windows
 from ..studies.costs import Effort, usual_efforts
 from ..studies.deterministic import STEP_BYTES
+from ..studies.place_leakage import FEWEST
 from ..studies.window_pressures import describe_map
+from ..topography import Places
 from ..windows import Partition
 from .pilot import efforts, pace
 
@@ -310,6 +312,12 @@ def _surface_lines(prepared: Prepared) -> list[str]:
         lines.append(
             _line("", f"{report.undefined_fraction:.2%} undefined points and {report.spikes} in spikes filled")
         )
+    if isinstance(surface, Places):
+        count, more = len(surface.widths), ""
+        if prepared.sampling is not None and prepared.sampling.pressure == "place":
+            more = f"; about {places_to_halve(count)} more would halve what they leave open of a drawn seal"
+            more = more if count >= FEWEST else f"; from {FEWEST} on their scatter tells the band of a drawn seal"
+        lines.append(_line("", f"{count} places{more}"))
     if overlap := prepared.overlap:
         size = " × ".join(to_text(length, "m", 3) for length in overlap.size)
         resampled = ", the second resampled" if overlap.resampled else ""

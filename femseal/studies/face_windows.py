@@ -13,7 +13,7 @@ from .face_contact import solve_windows
 from .place_leakage import place_leakage
 from .run_chains import StateRuns, places_of_columns, runs_of_face
 from .sampling_options import count_face_windows
-from .scene import Array
+from .scene import Array, Scene
 from .two_scale import TwoScaleResult, solve_links
 from .window_contacts import WindowContacts
 from .window_supply import FaceLibrary, TablePressures, WindowRequest, WindowSupply
@@ -58,7 +58,7 @@ def windows_in_place(wanted: WindowRequest) -> WindowSupply:
     library = FaceLibrary(
         k1=k1,
         k2=k2,
-        curves=_curves(contact, flows[0][0].k),
+        curves=_curves(contact, flows[0][0].k, scene),
         contact=contact.contact,
         correlation_length=length,
         shifts=shifts,
@@ -100,7 +100,7 @@ def _runs_in_place(wanted: WindowRequest, contact: TwoScaleResult | WindowContac
     library = FaceLibrary(
         k1=None,
         k2=None,
-        curves=_curves(contact, k),
+        curves=_curves(contact, k, wanted.scene),
         contact=contact.contact,
         correlation_length=correlation_length(solved) if len(solved) else 1.0,
         shifts=1,
@@ -110,13 +110,17 @@ def _runs_in_place(wanted: WindowRequest, contact: TwoScaleResult | WindowContac
     return WindowSupply(library, (), node_rows, () if known else contact.warnings, tuple(runs))
 
 
-def _curves(contact: TwoScaleResult | WindowContacts, k: Array) -> LibraryTable:
+def _curves(contact: TwoScaleResult | WindowContacts, k: Array, scene: Scene) -> LibraryTable:
+    """The windows of a face at their steps, with the number of their place where there are several."""
+    partition = contact.fields.partition
+    of_column = places_of_columns(scene, partition)
     return LibraryTable(
         steps=contact.fields.steps,
         pressure=_each_window(contact.pressure),
         k=_each_window(k),
         mean_gap=_each_window(contact.mean_gap),
         contact_fraction=_each_window(contact.contact_fraction),
+        place=np.tile(of_column + 1, partition.cells[0]) if of_column.any() else None,
     )
 
 

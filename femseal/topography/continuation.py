@@ -12,6 +12,7 @@ from math import exp, inf, log1p, pi, sqrt
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..base import validate
 from ..base.errors import InputError
@@ -28,7 +29,7 @@ class Continuation:
     """Continuation of a spectrum below its power law.
 
     law : of the measured spectrum. longest, cut_off : waves that are added [m]. rms_slope : of the waves measured, to
-    `longest`. aspect_ratio : Str of the map. seed : whole numbers, of the phases.
+    `longest`. aspect_ratio, periodic : Str and borders of the map. seed : whole numbers, of the phases.
     """
 
     law: PowerLaw
@@ -36,6 +37,7 @@ class Continuation:
     cut_off: float
     rms_slope: float
     aspect_ratio: float
+    periodic: tuple[bool, bool]
     seed: tuple[int, ...]
 
     def added_to(self, face: Topography, realisation: int = 0, *, factor: float = 1.0) -> Topography:
@@ -44,21 +46,26 @@ class Continuation:
         The seed and the realisation give the same waves on every grid. Along an axis that is not periodic they are
         even about both borders, as the map is. Realisations but the first also draw the slope of the law by its error.
         """
-        periods = tuple(n if wraps else 2 * n for n, wraps in zip(face.shape, face.periodic, strict=True))
+        rng = np.random.default_rng([*self.seed, realisation + 1])  # zeros at the end change nothing
+        slope = -2 * self.law.hurst_error * rng.standard_normal() * (realisation > 0)
+        # of several places each has phases of its own
+        places = zip(face.each, rng.spawn(len(face.each)), strict=True)
+        added = np.concatenate([self._waves_on(place, slope, phases) for place, phases in places], axis=1)
+        return face.with_heights(face.heights + factor * added)
+
+    def _waves_on(self, face: Topography, slope: float, rng: np.random.Generator) -> NDArray:
+        """Heights (n1, n2) [m] of the waves, of a law whose slope differs by so much about the middle of its range."""
+        periods = tuple(n if wraps else 2 * n for n, wraps in zip(face.shape, self.periodic, strict=True))
         size = (periods[0] * face.spacing[0], periods[1] * face.spacing[1])
         k = wave_numbers(size, max(self.cut_off, 2 * max(face.spacing)))
         q = 2 * pi * np.hypot(k[0] / size[0], k[1] / size[1])
-        rng = np.random.default_rng([*self.seed, realisation + 1])  # zeros at the end change nothing
-        slope = -2 * self.law.hurst_error * rng.standard_normal() * (realisation > 0)
-        # the law turns about the middle of its range
         middle = 2 * pi / sqrt(self.law.longest * self.law.shortest)
         density = np.where(q > 2 * pi / self.longest, self.law.at(q) * (q / middle) ** slope, 0.0)
-        amplitude = np.sqrt(density / (size[0] * size[1]))
-        z = random_waves((periods[0], periods[1]), k, amplitude, rng)
+        z = random_waves((periods[0], periods[1]), k, np.sqrt(density / (size[0] * size[1])), rng)
         for axis in (0, 1):
-            if not face.periodic[axis]:
+            if not self.periodic[axis]:
                 z = (z + np.flip(z, axis)) / sqrt(2)
-        return face.with_heights(face.heights + factor * z[: face.shape[0], : face.shape[1]])
+        return z[: face.shape[0], : face.shape[1]]
 
     def slope_to(self, wave: float) -> float:
         """Rms slope [-] of measured and continued waves down to a shortest one [m]."""
@@ -111,7 +118,8 @@ def continuation_of(flat: Topography, cut_off: float, *, longest: float | None =
         expected = f"less than {to_text(first, 'm', 3)}: longer waves are measured"
         raise InputError("continue_spectrum", to_text(shortest, "m"), expected)
     seeds = tuple(int(n) for n in np.atleast_1d(seed))
-    return Continuation(law, first, shortest, flat.low_pass(first).rms_slope, texture(flat).aspect_ratio, seeds)
+    slope, lay = flat.low_pass(first).rms_slope, texture(flat).aspect_ratio
+    return Continuation(law, first, shortest, slope, lay, flat.periodic, seeds)
 
 
 def continue_spectrum(
