@@ -61,6 +61,7 @@ HEAVY = {
     "distributed",
     "dask",
     "pyamg",
+    "pyfftw",
     "emcee",
     "CoolProp",
     "gmsh",

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 from math import copysign, isfinite, log
 
-from scipy.optimize import brentq
+import scipy
 
 from ..base.errors import InputError
 
@@ -138,4 +138,4 @@ def _observed_order(changes: float, sign: float, ratio: float, before: float) ->
     low, high = _ORDERS
     if excess(low) >= 0:
         return low
-    return high if excess(high) <= 0 else float(brentq(excess, low, high))
+    return high if excess(high) <= 0 else float(scipy.optimize.brentq(excess, low, high))

@@ -23,7 +23,7 @@ from ..results.tables import format_leakage
 from .design_data import DesignData
 from .design_picture import design_figure
 from .requirements import NeededPressure
-from .sensitivities import Sensitivity, Slope
+from .sensitivities import Slope
 
 TABLE_FILE = "design.csv"
 
@@ -47,7 +47,10 @@ def sheet_tables(answer: DesignData) -> list[TextTable]:
         columns.append((head, [_service_text(need.service[q], left) for need in needs]))
     tables = [TextTable.of_columns("Pressure in assembly and in service", columns, names=len(columns))]
     if answer.sensitivities:
-        found = sorted(answer.sensitivities, key=_size)
+        values = [one.leakage.value for one in answer.sensitivities]
+        # the largest change of the leakage first, unknown ones last
+        order = sorted(range(len(values)), key=lambda n: -abs(values[n]) if isfinite(values[n]) else 1.0)
+        found = [answer.sensitivities[n] for n in order]
         place = f"at {to_text(answer.at[1], 'Pa', 3)} on loading" + (
             f", Qmin of {answer.at[0]}" if answer.at[0] else ""
         )
@@ -68,11 +71,6 @@ def _service_text(needed: NeededPressure, left: float | None) -> str:
         return "not met at Q_A"
     enough = "" if left is None else f"; {to_text(left, 'Pa')} is {'enough' if needed.value <= left else 'too low'}"
     return needed.text() + enough
-
-
-def _size(one: Sensitivity) -> float:
-    """Order of the sensitivities: the largest change of the leakage first, unknown ones last."""
-    return -abs(one.leakage.value) if isfinite(one.leakage.value) else 1.0
 
 
 def sheet_sentences(answer: DesignData) -> list[str]:

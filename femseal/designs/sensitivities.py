@@ -18,7 +18,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.interpolate import PchipInterpolator
+import scipy
 
 from .requirements import ENDS
 from .seals import SEED, Index, Seals, pressure_for
@@ -57,9 +57,9 @@ class Variants:
     """The same seals solved again with one thing changed; None where that was not done.
 
     harder : with the hardness multiplied by `hardness_factor`. longer : with the length of the flow law multiplied by
-    `length_factor`. hardness_counts : whether the solids yield. hardens : whether they harden or
-    soften as they do. law_length : parameter of the fluid with which that
-    length goes, "" of a law without one. inlet_slope : d ln L/d ln p_in by the fluid's potential, NaN if unknown.
+    `length_factor`. hardness_counts : whether the solids yield. hardens : whether they harden or soften as they do.
+    law_length : parameter of the fluid with which that length goes, "" of a law without one.
+    inlet_slope : d ln L/d ln p_in by the fluid's potential, NaN if unknown.
     """
 
     harder: Seals | None = None
@@ -136,12 +136,9 @@ def _slopes(seals: Seals, variants: Variants, pressure: float, fraction: float) 
         name = variants.law_length.replace("_", " ")
         slip = [(name, *solved(variants.longer, variants.length_factor, name))]
     at_wall = sum(slope for _, slope, _ in slip)
-    known = np.isfinite(variants.inlet_slope)
-    how_inlet = (
-        "potential of the fluid"
-        if known
-        else "unknown for a rarefied gas, for several inlet pressures, and without a fluid"
-    )
+    how_inlet = "potential of the fluid"
+    if not np.isfinite(variants.inlet_slope):
+        how_inlet = "unknown for a rarefied gas, for several inlet pressures, and without a fluid"
     return [
         ("nominal pressure", load, "the loading curve"),
         ("roughness amplitude", np.nan, "unknown: the metal hardens over a depth of its own")
@@ -177,7 +174,7 @@ def slope_at(seals: Seals, pressure: float, fraction: float) -> float:
     if low < 0 or not (0 < curve[low] < np.inf and 0 < curve[high] < np.inf):
         return float("nan")
     open_ = [n for n in seals.loading() if p[n] > 0 and 0 < curve[n] < np.inf]
-    return float(PchipInterpolator(np.log(p[open_]), np.log(curve[open_]))(np.log(pressure), 1))
+    return float(scipy.interpolate.PchipInterpolator(np.log(p[open_]), np.log(curve[open_]))(np.log(pressure), 1))
 
 
 def _segment(seals: Seals, pressure: float) -> tuple[int, int, float]:

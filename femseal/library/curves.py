@@ -12,8 +12,8 @@ from collections.abc import Callable
 from functools import cached_property
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.interpolate import PchipInterpolator
 
 from ..analytic import large_gap
 from .ladder import Ladder, WindowStates
@@ -43,7 +43,7 @@ class LogCurve:
             self._inner = lambda x: np.full(np.shape(x), np.log(k[0]))
         elif n_open > 1:
             log_k = np.log(k[:n_open])
-            self._inner = PchipInterpolator(x[:n_open], log_k)
+            self._inner = scipy.interpolate.PchipInterpolator(x[:n_open], log_k)
             self._slope = min(0.0, float((log_k[-1] - log_k[-2]) / (x[n_open - 1] - x[n_open - 2])))
 
     def __call__(self, x: Array) -> Array:

@@ -98,7 +98,9 @@ def heights_figure(topography: Topography) -> Figure:
     l1, l2 = topography.size
     row = max(map_row((l1, l2), HEIGHTS), 2 * _PROFILE)
     sheet = Sheet([row], columns=2)
-    height_panel(sheet.panel(0, 0, HEIGHTS), _drawn_heights(topography.heights) * 1e6, (l1 * 1e3, l2 * 1e3))
+    heights = topography.heights
+    seen = heights if max(heights.shape) <= _SEEN else block_means(heights, _SEEN).astype(float)
+    height_panel(sheet.panel(0, 0, HEIGHTS), seen * 1e6, (l1 * 1e3, l2 * 1e3))
     upper, lower = replace(LINES, bottom=row / 2 + 0.55), replace(LINES, top=row / 2 + 0.35)
     profile, density = sheet.panel(0, 1, upper), sheet.panel(0, 1, lower)
     z, (n1, n2), (d1, d2) = topography.heights * 1e6, topography.shape, topography.spacing
@@ -121,11 +123,6 @@ def heights_figure(topography: Topography) -> Figure:
 
 
 _WAVELENGTH = "wavelength 2π/q [µm]"
-
-
-def _drawn_heights(heights: Array) -> Array:
-    """Heights as many as can be seen."""
-    return heights if max(heights.shape) <= _SEEN else block_means(heights, _SEEN).astype(float)
 
 
 def _densities_panel(axes: Axes, topography: Topography) -> None:

@@ -124,6 +124,8 @@ def _measure(plan: Plan, workers: int, mapper: Mapper, progress: Progress) -> Ac
         pair = leakages[variant], leakages[reference]
         return Comparison(reference, *(leakage_factor(*pair, steps, branch) for branch in ("loading", "unloading")))
 
+    # drawn seals are compared with two scales of the surface they are drawn from, too
+    beside = {"stochastic": [plan.companion]} if plan.companion is not None else {}
     solutions = [
         Solution(
             variant=variant,
@@ -132,7 +134,9 @@ def _measure(plan: Plan, workers: int, mapper: Mapper, progress: Progress) -> Ac
             expected_memory=cost[1],
             leakage=leakages[variant],
             closing_load=closing_load(leakages[variant], steps),
-            comparisons=tuple(compare(variant, reference) for reference in _references(plan, variant)),
+            comparisons=tuple(
+                compare(variant, reference) for reference in (plan.reference, *beside.get(variant.method, ()))
+            ),
             failures=failures[variant],
             budget=budgets.get(variant),
         )
@@ -167,13 +171,6 @@ def _filtered(prepared: Prepared, mapper: Mapper) -> CoarserSolution | None:
     with_them = replace(smooth, scene=replace(smooth.scene, surface=prepared.scene.surface.resample(shape)))
     own, other = (leakage_of(version.solve(version.answer, mapper)) for version in (with_them, smooth))
     return CoarserSolution(shape, smooth.scene.steps, other, own)
-
-
-def _references(plan: Plan, variant: Variant) -> list[Variant]:
-    """The reference, and for drawn seals the two-scale solution of the surface they are drawn from."""
-    if variant.method == "stochastic" and plan.companion is not None:
-        return [plan.reference, plan.companion]
-    return [plan.reference]
 
 
 def _warm_up(version: Prepared, workers: int, mapper: Mapper) -> None:

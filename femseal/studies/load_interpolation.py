@@ -10,8 +10,8 @@ from collections.abc import Iterator
 from itertools import pairwise
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.interpolate import PchipInterpolator
 
 from ..loads import LoadProgramme
 
@@ -95,7 +95,7 @@ def _between(x: Array, y: Array, wanted: Array, logarithmic: bool) -> Array:
     if not logarithmic:
         good = np.isfinite(y)
         if todo.any():
-            found[todo] = PchipInterpolator(x[good], y[good])(wanted[todo])
+            found[todo] = scipy.interpolate.PchipInterpolator(x[good], y[good])(wanted[todo])
         return found
     for n in np.flatnonzero(todo):
         first, last = _open_run(y, int(after[n]) - 1, int(after[n]))
@@ -119,7 +119,7 @@ def _of_run(x: Array, y: Array, wanted: float, low: float, high: float) -> float
     """Leakage at a place in or beside a run of open steps; low, high : the places that enclose it."""
     logs, sign = np.log(np.abs(y)), float(np.sign(y[0]))
     if x[0] <= low and high <= x[-1]:
-        return sign * float(np.exp(PchipInterpolator(x, logs)(wanted)))
+        return sign * float(np.exp(scipy.interpolate.PchipInterpolator(x, logs)(wanted)))
     end = -1 if wanted > x[-1] else 0
     if abs(wanted - x[end]) > 0.5 * (high - low):
         return 0.0

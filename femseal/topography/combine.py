@@ -11,8 +11,8 @@ from math import cos, sin
 from typing import Literal
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from ..base import validate
 from ..base.errors import InputError
@@ -81,7 +81,7 @@ def combine(
         second = second.low_pass(2 * max(first.spacing))
     part = np.s_[:, begin1:end1, begin2:end2]
     # beyond the last centres the faces go on as their mirror image, like everywhere
-    heights = ndimage.map_coordinates(second.heights, index[part], order=3, mode="reflect")
+    heights = scipy.ndimage.map_coordinates(second.heights, index[part], order=3, mode="reflect")
     below = first.crop((end1 - begin1, end2 - begin2), (begin1, begin2))
     both = below + Topography(heights, first.spacing, (False, False))
     return both, Overlap(both.shape, both.size, both.heights.size / first.heights.size, True)

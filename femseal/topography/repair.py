@@ -13,9 +13,8 @@ from dataclasses import dataclass, field
 from math import isnan
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import ndimage
-from scipy.spatial import KDTree
 
 from .form import Form, fit_form
 from .spikes import SPIKES
@@ -140,11 +139,11 @@ def _exchanged(before: NDArray, after: NDArray) -> float:
 
 def _along_lay(spikes: NDArray[np.bool_], flat: Topography) -> float | None:
     """Fraction of pairs of neighbouring spikes that lie rather along the lay, if it is clearly more than half."""
-    groups, count = ndimage.label(spikes, _ALL_NEIGHBOURS)
+    groups, count = scipy.ndimage.label(spikes, _ALL_NEIGHBOURS)
     if count < _FEWEST or isnan(lay := texture(flat).lay_direction):
         return None
-    places = np.array(ndimage.center_of_mass(spikes, groups, np.arange(1, count + 1)))
-    pairs = KDTree(places).query_pairs(_NEAR, output_type="ndarray")
+    places = np.array(scipy.ndimage.center_of_mass(spikes, groups, np.arange(1, count + 1)))
+    pairs = scipy.spatial.KDTree(places).query_pairs(_NEAR, output_type="ndarray")
     if len(pairs) < _FEWEST:
         return None
     # in pixels, so that scattered pairs lie along the lay by half on oblong pixels too

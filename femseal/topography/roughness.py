@@ -11,8 +11,8 @@ from math import log, nan, pi, sqrt
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter1d
 
 from .topography import Topography
 
@@ -68,7 +68,7 @@ def _smooth(flat: Topography, z: NDArray, cut_off: float, axes: tuple[int, ...])
     """Heights (n1, n2) [m] behind the Gaussian filter along axes; NaN without a cut-off."""
     for axis in axes:
         deviation = sqrt(log(2) / 2) / pi * cut_off / flat.spacing[axis]
-        z = gaussian_filter1d(z, deviation, axis, truncate=5.0) if cut_off > 0 else np.full(z.shape, nan)
+        z = scipy.ndimage.gaussian_filter1d(z, deviation, axis, truncate=5.0) if cut_off > 0 else np.full(z.shape, nan)
     return z
 
 

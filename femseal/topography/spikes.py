@@ -10,8 +10,8 @@ from __future__ import annotations
 from math import inf
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from ..base import validate
 from .form import fit_form
@@ -50,9 +50,9 @@ def find_spikes(heights: NDArray, threshold: float = SPIKES) -> NDArray[np.bool_
     median, deviation = _window_medians(flat)
     off = flat - median
     scale = np.maximum(1.4826 * np.maximum(deviation, np.nanmedian(deviation)), _height_step(heights))
-    groups, _ = ndimage.label(np.abs(off) > threshold * scale, _ALL_NEIGHBOURS)
+    groups, _ = scipy.ndimage.label(np.abs(off) > threshold * scale, _ALL_NEIGHBOURS)
     spikes = np.zeros(heights.shape, dtype=bool)
-    for number, place in enumerate(ndimage.find_objects(groups), start=1):
+    for number, place in enumerate(scipy.ndimage.find_objects(groups), start=1):
         around = tuple(slice(max(part.start - 1, 0), part.stop + 1) for part in place)
         group = groups[around] == number
         if np.count_nonzero(group) <= MOST_POINTS and _stands_alone(group, flat[around], median[around]):
@@ -63,7 +63,7 @@ def find_spikes(heights: NDArray, threshold: float = SPIKES) -> NDArray[np.bool_
 def _stands_alone(group: NDArray[np.bool_], flat: NDArray, median: NDArray) -> bool:
     """Whether no point around `group` goes half as far from the median at its tip as the tip does."""
     tip = np.unravel_index(np.argmax(np.where(group, np.abs(flat - median), -1.0)), group.shape)
-    rim = ndimage.binary_dilation(group, _ALL_NEIGHBOURS) & ~group
+    rim = scipy.ndimage.binary_dilation(group, _ALL_NEIGHBOURS) & ~group
     height = flat[tip] - median[tip]
     follows = (flat[rim] - median[tip]) / height > 0.5  # False where undefined
     return not bool(follows.any())

@@ -10,8 +10,9 @@ from dataclasses import dataclass
 from math import nan, pi
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import fft, ndimage
+from scipy import fft
 
 from .topography import Topography
 
@@ -80,7 +81,7 @@ def _decay(topography: Topography) -> tuple[NDArray, NDArray]:
         reach[k] = (middle * spacing / np.maximum(np.abs(direction), 1e-12)).min()
         r = np.arange(0, reach[k] + step / 2, step)
         places = middle[:, None] + np.outer(direction / spacing, r)
-        below = ndimage.map_coordinates(correlation, places, order=1, mode="nearest") < _DECAYED
+        below = scipy.ndimage.map_coordinates(correlation, places, order=1, mode="nearest") < _DECAYED
         distance[k] = r[np.argmax(below)] if below.any() else np.inf
     return distance, reach
 
@@ -95,7 +96,7 @@ def _lay(topography: Topography) -> float:
     angle = np.arctan2(k2 / topography.size[1], k1 / topography.size[0]) % pi
     sector = np.rint(np.rad2deg(angle)).astype(int) % 180
     spectrum = np.bincount(sector.ravel(), power.ravel(), 180)
-    direction = _ANGLES[np.argmax(ndimage.uniform_filter1d(spectrum, 5, mode="wrap"))]
+    direction = _ANGLES[np.argmax(scipy.ndimage.uniform_filter1d(spectrum, 5, mode="wrap"))]
     # the mean over a lobe about the strongest sector is not in its middle; that about the mean is
     for _ in range(3):
         beside = (angle - direction + pi / 2) % pi - pi / 2

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import brentq
 
 from ..contact import ContactLaw, HalfSpace
 
@@ -113,4 +113,4 @@ def _root(excess: Callable[[float, Array, Array], float], p: Array, v: Array, st
         high, step = high + step, 2 * step
         if step > furthest:
             return float("nan")
-    return high if low == high else float(brentq(excess, low, high, args=(p, v), xtol=1e-6 * step))
+    return high if low == high else float(scipy.optimize.brentq(excess, low, high, args=(p, v), xtol=1e-6 * step))

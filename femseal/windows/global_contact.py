@@ -9,9 +9,9 @@ from math import ceil
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 from scipy.fft import dctn, idctn
-from scipy.ndimage import spline_filter1d
 from scipy.sparse import csr_array
 
 from ..base.stage import Mapper
@@ -141,8 +141,10 @@ class Refinement:
         """Interpolate samples onto the finer grid."""
         rows, columns = self._weights
         if columns is not None:
-            samples = (columns @ spline_filter1d(samples, 3, axis=1, mode=self._modes[1]).T).T
-        return samples if rows is None else rows @ spline_filter1d(samples, 3, axis=0, mode=self._modes[0])
+            samples = (columns @ scipy.ndimage.spline_filter1d(samples, 3, axis=1, mode=self._modes[1]).T).T
+        return (
+            samples if rows is None else rows @ scipy.ndimage.spline_filter1d(samples, 3, axis=0, mode=self._modes[0])
+        )
 
 
 def _spline_weights(n: int, finer: int, mode: str) -> csr_array:
