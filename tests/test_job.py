@@ -95,7 +95,7 @@ library = "kept"
 bounds = true
 quantiles = [0.2, 0.8]
 """
-    uneven = 'unloading = ["100 MPa"]\n[load.map]\nkind = "profile"\nshares = [1.4, 1.2, 1.0, 0.8, 0.6]\n'
+    uneven = 'unloading = ["100 MPa"]\n[load.map]\nkind = "profile"\nfractions = [1.4, 1.2, 1.0, 0.8, 0.6]\n'
     alone = CASE.replace('compare = ["deterministic", "two-scale"]\n', "")
     case.write_text(alone.replace('unloading = ["100 MPa"]\n', uneven) + choices)
     data = fs.run(case, workers=1).dataset

@@ -59,6 +59,7 @@ def test_a_sealed_face_that_lost_waves_has_no_known_upper_end(tmp_path):
     again = fs.open_results(tmp_path / "out")
     assert again.dataset["leakage_deterministic_budget_upper"].values[0] == np.inf
     assert np.isnan(again.dataset["class_met"].values).all()
+    assert np.isnan(again.dataset["class_fraction"].values).all()
     assert (
         "for the slope that was removed" in json.loads(again.dataset.attrs["error_budget"])["deterministic"]["filter"]
     )

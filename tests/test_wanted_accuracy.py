@@ -276,7 +276,7 @@ def test_what_can_be_refined_is_where_something_else_cannot():
     drawn = {"length": "300 um", "realisations": 6}
     told = fs.run(parse_case(DRAWN | {"accuracy": "3 %", "stochastic": drawn}), workers=1).attempts
     first, last = told["attempts"][0], told["attempts"][-1]
-    assert first["limit"] == last["limit"] == "sampler"
+    assert {first["limit"], last["limit"]} <= {"sampler", "library"}
     assert first["parts"]["pixels"] > np.log(1.03) >= last["parts"]["pixels"]
     assert "all 4 windows of the face are in the library" in told["why"]
     assert "stochastic.realisations is given" in told["why"] or last["parts"]["realisations"] <= np.log(1.03)

@@ -49,27 +49,24 @@ def _windows(f: Features) -> Array:
     return np.sqrt(0.0003**2 + f["gap_error"] ** 2 + np.minimum(f["effect"], _MOST) ** 2)
 
 
-def _drawn(f: Features) -> Array:
-    return np.sqrt(0.001 + f["scatter"]) * (1.0 + np.maximum(f["decades"], 0.0))
-
-
-def _uniform(f: Features) -> Array:
-    return (0.1 + f["form"] ** 2) * (1.0 + np.maximum(f["decades"], 0.0))
+def _drawn(least: float) -> Callable[[Features], Array]:
+    """Seals whose windows scatter have channels that a face as short as theirs may miss."""
+    return lambda f: (least + f["scatter"] ** 2) * (1.0 + np.maximum(f["decades"], 0.0) ** 2)
 
 
 #: Difficulty of a step by the kind of method: the size of the error to be expected, up to a factor, from what is known
 #: without the truth. contact : fraction in contact. decades : below the leakage of the first load. gap_error, effect :
 #: see `TwoScaleResult`, effect as |ln|. difference : |ln| of the leakage by links over that of the whole face, on fewer
 #: points both. slope : |d ln(leakage) / d ln(load)|. scatter : standard deviation of ln(leakage) of drawn seals by
-#: library and realisations. form : standard deviation of the mean heights of windows over that of the heights.
+#: library and realisations.
 DIFFICULTIES: dict[str, Callable[[Features], Array]] = {
     "links": _links,
     "compared links": _compared_links,
     "windows": _windows,
-    "runs": _drawn,
-    "block": _drawn,
-    "global": _drawn,
-    "uniform": _uniform,
+    "runs": _drawn(0.03),
+    "block": _drawn(0.1),
+    "global": _drawn(0.3),
+    "uniform": _drawn(0.1),
 }
 
 

@@ -143,24 +143,15 @@ def sampler_part(scene: Scene, study: StochasticResult) -> ErrorPart:
     """Seals drawn from a face, against a face of their length: what library and realisations leave over."""
     kind = study.pressure if study.pressure != "place" else "runs" if study.sampler == "runs" else "block"
     q = study.quantile(0.5)
-    if kind == "uniform":
-        features = {"form": np.full(q.shape, form_fraction(scene.surface.heights, study.window))}
-    else:
-        features = {"scatter": scatter_of(study)}
     return _part(
-        "sampler", study, q, f"seals drawn by '{kind}' against long faces", kind, decades=decades(q), **features
+        "sampler",
+        study,
+        q,
+        f"seals drawn by '{kind}' against long faces",
+        kind,
+        decades=decades(q),
+        scatter=scatter_of(study),
     )
-
-
-def form_fraction(heights: Array, window: tuple[int, int]) -> float:
-    """Standard deviation of the mean heights of windows of so many pixels over that of the heights, 0 of a plane face.
-
-    Windows under one pressure do not know which of them lie high.
-    """
-    m1, m2 = (n // pixels for n, pixels in zip(heights.shape, window, strict=True))
-    whole = heights[: m1 * window[0], : m2 * window[1]]
-    means = whole.reshape(m1, window[0], m2, window[1]).mean(axis=(1, 3))
-    return float(means.std() / (whole.std() or 1.0))
 
 
 def scatter_of(study: StochasticResult) -> Array:

@@ -38,7 +38,7 @@ def _table(kind: str, made: Any, base: type[Table], more: dict[str, Any]) -> typ
         keys[f.name] = (value, ... if f.default is MISSING else f.default)
     summary = (made.__doc__ or "").split("\n\n")[0]
     table = create_model(f"{made.__name__}Table", __base__=base, __doc__=summary, **keys | more)
-    globals()[table.__name__] = table  # where pickle looks for it: processes get cases
+    globals().setdefault(table.__name__, table)  # where pickle looks for it: processes get cases
     return table
 
 

@@ -74,7 +74,7 @@ def groove_question(case: Case, scene: Scene) -> Iterator[str]:
     lead = to_text(pitch, "m", 2)
     yield (
         f"the face has grooves along x2, {lead} apart. Where they wind once around the seal, as turned ones do, they "
-        f"leak about {to_text(leakage, 'm^2/s', 2)} past closed lands: is the face turned? Then set lay = {{kind = "
+        f"leak about {leakage:.2g} m²/s per length past closed lands: is the face turned? Then set lay = {{kind = "
         f"'spiral', lead = '{lead}'}} in [seal], or 'x2' where they are rings"
     )
 

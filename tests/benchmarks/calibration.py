@@ -47,7 +47,6 @@ COLUMNS = (
     "difference",
     "slope",
     "scatter",
-    "form",
 )
 
 
@@ -129,7 +128,7 @@ def piece_of(drawn):
 def drawn_from_a_piece(task):
     """Rows of seals drawn from one breadth of a long face, whose truth is the deterministic solution of all of it."""
     from femseal import FemsealError, Sampling, deterministic, stochastic
-    from femseal.budget.model_parts import form_fraction, scatter_of
+    from femseal.budget.model_parts import scatter_of
 
     drawn = Drawn(task["kind"], task["seed"], LENGTH)
     truth, piece, (n, _) = deterministic(drawn.scene()).leakage, piece_of(drawn), drawn.points
@@ -142,7 +141,7 @@ def drawn_from_a_piece(task):
         except FemsealError:  # no window of the face bears the load
             continue
         # the long face is one realisation of the seals, and scatters as they do
-        scatter, form = scatter_of(seals), form_fraction(piece.surface.heights, seals.window)
+        scatter = scatter_of(seals)
         rows += rows_of(
             method,
             drawn,
@@ -151,7 +150,6 @@ def drawn_from_a_piece(task):
             truth,
             own=1.96 * scatter,
             scatter=scatter,
-            form=np.full(truth.shape, form),
         )
     return task | {"rows": rows}
 
