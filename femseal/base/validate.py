@@ -55,14 +55,14 @@ def field(
     return array
 
 
-def count(name: str, value: Any) -> int:
-    """A whole number >= 1."""
+def count(name: str, value: Any, least: int = 1) -> int:
+    """A whole number >= a least one."""
     try:
         given = index(value)
     except TypeError:
-        given = 0
-    if given < 1 or isinstance(value, bool):
-        raise InputError(name, repr(value), "a whole number >= 1")
+        given = least - 1
+    if given < least or isinstance(value, bool):
+        raise InputError(name, repr(value), f"a whole number >= {least}")
     return given
 
 

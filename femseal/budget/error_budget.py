@@ -82,7 +82,7 @@ def error_budget(
         ]
     if isinstance(study, StochasticResult):
         parts += [library_part(study), realisations_part(study)]
-        if study.places is None or study.places.without is None:  # their scatter tells what one patch cannot
+        if study.without_place is None:  # the scatter of places shows what one patch cannot
             parts.append(sampler_part(scene, study))
     return ErrorBudget(own.name, leakage, tuple(parts), scene.steps)
 

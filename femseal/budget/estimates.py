@@ -49,8 +49,8 @@ def library_part(study: StochasticResult) -> ErrorPart:
     The latter is the difference of two variances of as many seals; it counts at least as half of its standard error.
     """
     median = study.quantile(0.5)
-    if study.places is not None and study.places.without is not None:
-        return places_part(median, study.places.without)
+    if study.without_place is not None:
+        return places_part(median, study.without_place)
     own, error = study.realisation_spread**2, study.library_error**2
     noise = np.sqrt(2 / max(len(study.leakage) - 1, 1)) * np.hypot(own, own + error)
     distance = DEVIATIONS * np.sqrt(np.maximum(error, 0.5 * noise))

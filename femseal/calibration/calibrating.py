@@ -91,8 +91,7 @@ def calibrate(
         )
     deviation = to_si(error, "", "error") if isinstance(error, str) else error
     deviation = validate.tolerance("error", deviation)
-    if validate.count("scenes", scenes) < FEWEST:
-        raise InputError("scenes", scenes, f"a whole number >= {FEWEST}")
+    validate.count("scenes", scenes, FEWEST)
     test = read_leak_test(Path(data), loaded)
     tested = test.of_case(loaded)
     ranges, memory = _ranges(tested, {"hardness": hardness, "shortest_wave": shortest_wave, "factor": factor})
@@ -108,7 +107,7 @@ def calibrate(
                 partial(store.solve, Stage("scenes", solved, memory), watched), test, rows, ranges, deviation, scenes
             )
         found = Calibration.of(
-            posterior, posterior.samples(_SAMPLES, seed=1, steps=_STEPS[1]), *store.arrays(), tested, softer(loaded)
+            posterior, posterior.samples(_SAMPLES, seed=1, steps=_STEPS[1]), *store.arrays(), tested, loaded.softer
         )
         if folder is not None:
             tables = None if isinstance(case, Case) else calibrated_text(*read_case(case), folder, found)
@@ -125,10 +124,10 @@ def _ranges(case: Case, given: dict[str, Range | None]) -> tuple[Array, float]:
     ------
     InputError : a range that does not rise, a solid that does not yield, or ends with which the case cannot be run.
     """
-    table = getattr(case, softer(case))
+    table = getattr(case, case.softer)
     known = table.solid.hardness
     if known is None or not np.isfinite(known) or table.hardness_table is not None:
-        raise InputError(softer(case), "no single hardness", "a yield_stress or a hardness, which is calibrated")
+        raise InputError(case.softer, "no single hardness", "a yield_stress or a hardness, which is calibrated")
     prepared = prepare(case)
     surface, wave = prepared.scene.surface, prepared.conditioning.shortest_wavelength
     least = {"hardness": 1.01 * float(prepared.scene.steps.pressures.max()), "factor": 0.0,
@@ -157,15 +156,9 @@ def _memory(case: Case, prepared: Prepared) -> float:
     return float(forecast(case, prepared, usual_efforts(len(prepared.scene.steps))).memory)
 
 
-def softer(case: Case) -> str:
-    """Key of the table whose hardness decides."""
-    tables = {name: getattr(case, name) for name in ("material", "counter_material")}
-    return min((k for k, t in tables.items() if t is not None), key=lambda k: float(tables[k].law.mean_hardness))
-
-
 def with_values(case: Case, hardness: float, shortest_wave: float) -> Case:
     """The case with another hardness of the softer solid [Pa] and another shortest wave [m]."""
-    key = softer(case)
+    key = case.softer
     solid = getattr(case, key).model_copy(update={"hardness": hardness, "yield_stress": None})
     surface = case.surface.model_copy(update={"shortest_wave": shortest_wave})
     return case.model_copy(update={key: solid, "surface": surface})

@@ -237,11 +237,16 @@ class Case(Table):
         return softer_of(self.material.law, None if self.counter_material is None else self.counter_material.law)
 
     @property
+    def softer(self) -> str:
+        """Key of the table of the softer solid, whose hardness decides."""
+        tables = {"material": self.material, "counter_material": self.counter_material}
+        laws = {name: table.law.mean_hardness for name, table in tables.items() if table is not None}
+        return min(laws, key=lambda name: laws[name])
+
+    @property
     def hardness_tolerance(self) -> float:
         """Relative error of the hardness of the softer solid, for the error budget."""
-        tables = (self.material, self.counter_material)
-        softer = min((t for t in tables if t is not None), key=lambda table: table.law.mean_hardness)
-        return softer.hardness_tolerance
+        return float(getattr(self, self.softer).hardness_tolerance)
 
     @property
     def modulus(self) -> float:

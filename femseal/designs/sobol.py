@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import qmc, sobol_indices, uniform
 
+from ..base import validate
 from ..base.errors import FemsealError, InputError, shown
 from ..base.files import write_text
 from ..base.leak_units import leak_unit
@@ -147,8 +148,7 @@ def sobol(
     if not 1 <= len(keys) <= _MOST_KEYS or any(one.key.split(".")[0] == "load" for one in keys):
         given = ", ".join(one.key for one in keys) or "none"
         raise InputError("sobol", given, f"1 to {_MOST_KEYS} keys of the case, not those of the load")
-    if isinstance(scenes, bool) or not isinstance(scenes, int) or scenes < _FEWEST:
-        raise InputError("scenes", scenes, f"a whole number >= {_FEWEST}")
+    validate.count("scenes", scenes, _FEWEST)
     data, base = read_case(path)
     sequence = qmc.Sobol(len(keys), rng=np.random.default_rng(1))
     points = sequence.random_base2(int(np.ceil(np.log2(scenes))))[:scenes]

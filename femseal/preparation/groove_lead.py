@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from math import pi
 
 import numpy as np
 
@@ -89,15 +88,16 @@ def groove_pitch(surface: Topography) -> float | None:
     power = np.abs(np.fft.rfft(profile - np.polyval(np.polyfit(np.arange(n), profile, 2), np.arange(n)))) ** 2
     power[:_LEAST_GROOVES] = 0.0
     waves = int(power.argmax())
-    near = power[max(waves - 1, 0) : waves + 2]
+    around = np.arange(waves - 1, min(waves + 2, power.size))
+    near = power[around]
     if not near.sum() > _EVEN * power.sum() > 0:
         return None
-    return surface.size[0] * float(near.sum()) / float(near @ np.arange(max(waves - 1, 0), waves + 2))
+    return surface.size[0] * float(near.sum()) / float(near @ around)
 
 
 def _circumference(case: Case) -> float | None:
     """Length around the seal [m]; None of a face by itself."""
     layout, table = case.layout, case.stochastic
     if isinstance(layout, AnnularLayout):
-        return pi * (layout.inner_radius + layout.outer_radius)
+        return layout.circumference
     return table.lengths[0] if table is not None and table.lengths else None

@@ -43,9 +43,10 @@ def prepare(case: Case) -> Prepared:
             sampling, doubts = _under_map(case, scene, sampling, seals)
         method, choice = _method(case, scene, cells)
         contact, flow = _contact_and_flow(case, scene, method)
-        if {method, *case.compare} & {"deterministic", "two-scale"} and method != "auto":
+        methods = frozenset({method, *case.compare})
+        if methods & {"deterministic", "two-scale"}:
             with with_tables(SEAL_TABLES):
-                scene.check_spiral(flow if "two-scale" in {method, *case.compare} else "resolved", cells or (2, 1))
+                scene.check_spiral(flow if "two-scale" in methods else "resolved", cells or (2, 1))
         if sampling is not None:
             sampling = replace(sampling, sampler=chosen_sampler(sampling, scene, contact))
         spikes = SpikeEffect(conditioning.spikes_along_lay, conditioning.spikes_extreme).doubts(conditioning.spikes)
@@ -56,7 +57,7 @@ def prepare(case: Case) -> Prepared:
             conditioning=conditioning,
             overlap=face.overlap,
             continuation=face.continuation,
-            methods=frozenset({method, *case.compare}),
+            methods=methods,
             choice=choice,
             contact=contact,
             flow=flow,
@@ -82,8 +83,10 @@ def _with_seat(case: Case, surface: Topography) -> tuple[Topography, str]:
     InputError : a form that is too steep, or narrower than the face.
     """
     seat = case.seat.seat(case.folder)
-    if isinstance(seat, FlatSeat) or case.seat_is_broader:
-        return surface, "" if isinstance(seat, FlatSeat) else str(seat)
+    if isinstance(seat, FlatSeat):
+        return surface, ""
+    if case.seat_is_broader:
+        return surface, str(seat)
     try:
         formed = seat.on(surface)
     except InputError as error:

@@ -114,7 +114,7 @@ class RectangularLayout:
         size = cells[0] * d1, cells[1] * d2
         if self.lay.name == "spiral":
             _short_lead(self.lay, size[0])
-            slope = self.lay.lead / (self.lay.circumference or size[1])
+            slope = Spiral(self.lay.lead, self.lay.circumference).tangent(size[1])
             return SpiralWindows(RectangularSeal(size, cells), tangent=(slope,) * cells[0])
         if straight:
             return LinkWindows(RectangularSeal(size, cells), turned)
@@ -189,10 +189,14 @@ class AnnularLayout:
         return LinkWindows(seal, self.lay.name == "radial", doubts)
 
     @property
+    def circumference(self) -> float:
+        """At the middle of the ring [m]."""
+        return pi * (self.inner_radius + self.outer_radius)
+
+    @property
     def spiral(self) -> Spiral | None:
         """How the grooves of the face wind at the middle of the ring, if they do."""
-        circumference = pi * (self.inner_radius + self.outer_radius)
-        return Spiral(self.lay.lead, circumference) if self.lay.name == "spiral" else None
+        return Spiral(self.lay.lead, self.circumference) if self.lay.name == "spiral" else None
 
     def frame(self, size: tuple[float, float]) -> Frame:
         """Radius and angle."""

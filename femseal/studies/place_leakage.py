@@ -14,6 +14,7 @@ from ..base.stage import Mapper, Stage
 from ..base.text import Shown
 from ..seal import RectangularSeal
 from ..topography import Places
+from ..topography.places import divided
 from ..windows import Failed, FlowSettings, attempt
 from .face_flow import resolved_flow
 from .repeated_steps import first_equal, map_different
@@ -70,7 +71,7 @@ def _permeabilities(
     gap: NDArray[np.floating], widths: tuple[int, ...], spacing: tuple[float, float], settings: FlowSettings
 ) -> Array:
     """Permeability of each place, and from three on of all but each (2 places,) [m³]; NaN where the flow failed."""
-    pieces = np.split(gap, np.cumsum(widths)[:-1], axis=1)
+    pieces = divided(gap, widths)
     kept = [[n] for n in range(len(pieces))]
     if len(pieces) >= FEWEST:
         kept += [[m for m in range(len(pieces)) if m != n] for n in range(len(pieces))]

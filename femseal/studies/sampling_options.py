@@ -12,7 +12,7 @@ from ..base.errors import InputError
 from ..base.quantities import to_text
 from ..library import SAMPLERS
 from ..seal.layouts import Layout, SealWindows, Windows
-from ..seal.pressure_map import AnyMap, MapsAtLoads, Profile, Uniform
+from ..seal.pressure_map import AnyMap, MapsAtLoads, Profile, Uniform, is_uniform
 from ..windows import Partition
 from .face_contact import chosen_contact
 from .scene import Scene
@@ -147,7 +147,7 @@ def check_sampling(sampling: Sampling) -> None:
         raise InputError("sampler", "runs", "another one, or the pressure 'place', whose windows are neighbours")
     if sampling.breadth is not None and (sampling.pressure != "uniform" or not sampling.breadth > 0):
         raise InputError("breadth", sampling.breadth, "a length > 0 with the pressure 'uniform', none with others")
-    if sampling.pressure != "uniform" and not isinstance(sampling.pressure_map, Uniform):
+    if sampling.pressure != "uniform" and not is_uniform(sampling.pressure_map):
         allowed = "a uniform one, or another with the pressure 'uniform', whose windows follow any pressure"
         raise InputError("map", f"an uneven one with the pressure '{sampling.pressure}'", allowed)
     if sampling.other_lengths and not isinstance(sampling.pressure_map, Uniform | Profile | SeatMap):

@@ -12,22 +12,24 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
+from operator import attrgetter
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..base.errors import NotConverged
-from ..contact import HalfSpace, load_cycle
+from ..contact import HalfSpace, load_states
+from ..loads import LoadProgramme, LoadStep
 from ..topography.seat import Seat
 from .face_contact import band_breadth
 from .scene import Scene
 
 Array = NDArray[np.float64]
-#: Rows across the seat; pressures at which the layer is solved, in fractions of the highest, peaks from which it is
-#: unloaded, and fractions of them down to which.
+#: Rows across the seat; pressures at which the layer is solved, in fractions of the highest, numbers of those from
+#: which it is unloaded, and fractions of them down to which.
 ROWS = 384
 _PRESSURES = np.geomspace(1e-3, 1.0, 13)
-_PEAKS, _RELEASED = _PRESSURES[[4, 8, 12]], np.array([0.7, 0.4, 0.15, 0.03])
+_PEAKS, _RELEASED = np.array([4, 8, 12]), np.array([0.7, 0.4, 0.15, 0.03])
 #: Fraction of what the faces can carry up to which the layer is solved, and by how much more the pressure rises while
 #: the seat itself yields and sinks by the depth of its form.
 _HIGHEST, _YIELDING = 0.95, 0.03
@@ -88,25 +90,17 @@ class RoughLayer:
         body = HalfSpace(surface.shape, surface.spacing, scene.modulus, ("mirror", scene.boundary[1]))
         capacity = min(law.capacity, 0.1 * scene.modulus)
         loading = _HIGHEST * capacity * _PRESSURES
-        unloads = law.capacity < np.inf and any(step.unloaded_from is not None for step in steps)
-        peaks = _HIGHEST * capacity * _PEAKS if unloads else np.array([])
-        found: dict[tuple[float, float | None], float] = {}
-        for peak in (None, *peaks.tolist()):
-            down = () if peak is None else tuple((peak * _RELEASED).tolist())
-            states = load_cycle(
-                surface.heights.max() - surface.heights,
-                body,
-                hardness=law,
-                loading=tuple(loading.tolist()) if peak is None else (peak,),
-                unload_from=() if peak is None else (peak,),
-                unloading=down,
-                rtol=scene.rtol,
-            )
-            found |= {(s.pressure, s.unloaded_from): s.contact.mean_gap for s in states}
-        gap = np.array([float(surface.heights.max() - surface.heights.mean()), *(found[p, None] for p in loading)])
-        recovered = np.array([[found[p * f, p] - found[p, None] for f in _RELEASED] for p in peaks])
+        unloads = not law.is_elastic and any(step.unloaded_from is not None for step in steps)
+        peaks = loading[_PEAKS] if unloads else np.array([])
+        down = [LoadStep(p * f, p) for p in peaks.tolist() for f in _RELEASED.tolist()]
+        programme = LoadProgramme([*map(LoadStep, loading.tolist()), *down])
+        gap0 = surface.heights.max() - surface.heights
+        take = attrgetter("contact.mean_gap")
+        found = np.array(list(load_states(gap0, body, programme, law=law, rtol=scene.rtol, take=take)))
+        gap, after = np.split(found, [loading.size])
+        recovered = after.reshape(peaks.size, _RELEASED.size) - gap[_PEAKS[: peaks.size], None]
         sinking = depth / (_YIELDING * capacity)
-        return cls(np.array([0.0, *loading]), gap, sinking, peaks, _RELEASED, recovered)
+        return cls(np.array([0.0, *loading]), np.array([gap0.mean(), *gap]), sinking, peaks, _RELEASED, recovered)
 
     def loaded(self, p: Array) -> tuple[Array, Array]:
         """s and ds/dp at pressures p (n,) on loading, linear between the pressures."""
@@ -118,14 +112,14 @@ class RoughLayer:
         """s and ds/dp at pressures p (n,) after peaks (n,); beyond them as on loading."""
         if not self.peaks.size:
             return self.loaded(p)
-        place = np.interp(np.log(np.maximum(peak, 1e-300)), np.log(self.peaks), np.arange(self.peaks.size))
+        safe = np.maximum(peak, 1e-300)
+        place = np.interp(np.log(safe), np.log(self.peaks), np.arange(self.peaks.size))
         lower = np.minimum(place.astype(int), self.peaks.size - 2)
         weight = (place - lower)[:, None]
         recovered = (1 - weight) * self.recovered[lower] + weight * self.recovered[lower + 1]
         fractions = np.array([1.0, *self.released, 0.0])
         slope_at_end = (recovered[:, -1:] - recovered[:, -2:-1]) / np.log(self.released[-2] / self.released[-1])
         values = np.hstack([np.zeros((p.size, 1)), recovered, recovered[:, -1:] + slope_at_end])
-        safe = np.maximum(peak, 1e-300)
         part = np.clip(np.searchsorted(-fractions, -p / safe, side="left") - 1, 0, fractions.size - 2)
         rows = np.arange(p.size)
         slope = (values[rows, part + 1] - values[rows, part]) / (fractions[part + 1] - fractions[part]) / safe

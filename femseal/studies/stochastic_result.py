@@ -118,6 +118,11 @@ class StochasticResult(Shown):
         return self._at_every_step(partial(_quantile, q=q), chosen)
 
     @property
+    def without_place(self) -> Array | None:
+        """Leakage of all measured places but each (places, steps) [m²/s]; None of fewer than three."""
+        return None if self.places is None else self.places.without
+
+    @property
     def mean(self) -> Array:
         """Mean over the realisations that did not fail, at every step [m²/s]; NaN where all failed."""
         return self._at_every_step(np.mean)

@@ -6,6 +6,7 @@ import hashlib
 import json
 import logging
 from collections.abc import Iterable
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
@@ -71,6 +72,7 @@ class Scenes:
         self._identity = hashlib.sha256(identity.encode()).hexdigest()
         self._known: dict[tuple[float, ...], list[float]] = {}
         self._used: list[tuple[float, ...]] = []
+        self._lock = ExitStack()
         if resume and folder is None:
             raise InputError("resume", True, "True only with an output folder")
         if folder is None or not (path := folder / SCENES).exists():
@@ -94,14 +96,12 @@ class Scenes:
 
     def __enter__(self) -> Scenes:
         if self._folder is not None:
-            self._lock = alone_in(made_folder(self._folder))
-            self._lock.__enter__()
+            self._lock.enter_context(alone_in(made_folder(self._folder)))
             (self._folder / self._answer).unlink(missing_ok=True)
         return self
 
     def __exit__(self, *details: Any) -> None:
-        if self._folder is not None:
-            self._lock.__exit__(*details)
+        self._lock.close()
 
     def solve(self, stage: Stage, mapper: Mapper, points: Array) -> Array:
         """Leakages (n, loads) of a stage of values (n, keys); each is written once it is solved."""

@@ -63,7 +63,7 @@ class Places(Topography):
 
     def divided(self, values: NDArray) -> list[NDArray]:
         """Values (…, n1, n2) at the points of all places, divided into those of each."""
-        return np.split(values, np.cumsum(self.widths)[:-1], axis=-1)
+        return divided(values, self.widths)
 
     @property
     def rms_slopes(self) -> tuple[float, float]:
@@ -134,6 +134,11 @@ class Places(Topography):
         """The places with other heights at the same points."""
         pieces = self.divided(heights)
         return self._joined([Topography(z, self.spacing, self.periodic) for z in pieces])
+
+
+def divided(values: NDArray, widths: Sequence[int]) -> list[NDArray]:
+    """Values (…, n1, n2) side by side along the last axis, divided into parts of so many columns."""
+    return np.split(values, np.cumsum(widths)[:-1], axis=-1)
 
 
 def _check(places: Sequence[Topography]) -> None:
