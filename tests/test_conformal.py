@@ -29,7 +29,6 @@ from femseal.budget.conformal import (
     decades,
     model_error,
 )
-from femseal.budget.model_parts import form_fraction
 from femseal.case.case import parse_case
 from femseal.loads import LoadProgramme
 from femseal.preparation.preparation import prepare
@@ -234,12 +233,3 @@ class TestPartsOfABudget:
         )
         assert asked[:3] == ["two-scale", "deterministic", "two-scale"]
         assert "32 × 32 points" in part.note
-
-
-def test_the_form_share_is_that_of_the_mean_heights_of_windows():
-    steps = np.kron(np.array([[0.0, 1.0], [1.0, 0.0]]), np.ones((4, 4)))
-    waves = np.tile([1.0, -1.0], (8, 4))
-    assert form_fraction(steps, (4, 4)) == 1
-    assert form_fraction(waves, (4, 4)) == 0
-    assert_allclose(form_fraction(2 * steps + waves, (4, 4)), np.sqrt(0.5))
-    assert form_fraction(np.ones((9, 8)), (4, 4)) == 0
