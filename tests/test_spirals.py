@@ -1,5 +1,7 @@
 """Grooves that wind in a spiral: fluid follows them once the lands are closed."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -211,6 +213,16 @@ def test_studies_of_a_face_follow_its_groove():
     assert_allclose(fs.two_scale(whole(lay), (6, 3), flow="links").leakage, found.leakage, rtol=0.1)
     pressed = fs.deterministic(whole(lay, fluid_pressure="acts", loading=(2e7,))).leakage
     assert pressed > fs.deterministic(whole(lay, loading=(2e7,))).leakage
+
+
+def test_a_groove_that_is_filled_somewhere_leads_nowhere():
+    lay = {"kind": "spiral", "lead": "16 um", "circumference": "1 mm"}
+    scene = whole(lay)
+    heights = scene.surface.heights.copy()
+    heights[:, 20:30] = heights.max()
+    filled = replace(scene, surface=fs.Topography(heights, (D, D), (False, True)))
+    assert not fs.deterministic(filled).leakage.any()
+    assert not fs.two_scale(filled, (6, 3), flow="links").leakage.any()
 
 
 @pytest.mark.parametrize(
