@@ -215,6 +215,14 @@ def test_studies_of_a_face_follow_its_groove():
     assert pressed > fs.deterministic(whole(lay, loading=(2e7,))).leakage
 
 
+def test_a_face_may_be_any_fraction_of_a_turn():
+    """Closed lands: the leakage falls as the square of the circumference, here 1 m and 100 m around 48 µm."""
+    one, more = (
+        fs.deterministic(whole({"kind": "spiral", "lead": "16 um", "circumference": c})) for c in ("1 m", "100 m")
+    )
+    assert_allclose(more.leakage, 1e-4 * one.leakage, rtol=1e-5)
+
+
 def test_a_groove_that_is_filled_somewhere_leads_nowhere():
     lay = {"kind": "spiral", "lead": "16 um", "circumference": "1 mm"}
     scene = whole(lay)
