@@ -27,6 +27,12 @@ _NUMBER_AND_UNIT = re.compile(r"^\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\
 _REFERENCE = re.compile(r"\s?(?:\(\s?([ga])\s?\)|(?:(?<=bar)|(?<=psi)|(?<=Pa))([ga]))\s?$")
 #: Prefixes for people: (factor, text), used when a value is printed.
 _PREFIXES = [(1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"), (1e-12, "p")]
+#: Units of most cases, in SI, for which the parser of units need not be loaded.
+_USUAL = {"kg/m^3": ("kg/m^3", 1.0)} | {
+    prefix + name: (unit, factor * size)
+    for factor, prefix in [*_PREFIXES, (1e-6, "u")]
+    for name, unit, size in [("Pa", "Pa", 1.0), ("bar", "Pa", 1e5), ("m", "m", 1.0), ("Pa*s", "Pa*s", 1.0)]
+}
 
 
 @cache
@@ -116,6 +122,9 @@ def absolute_pressure(text: object, ambient: float, name: str = "quantity") -> f
 @lru_cache(maxsize=1000)
 def _factor(written: str, unit: str) -> float | None:
     """What a unit is in SI, kept as long lists repeat it; None if it is of another kind or unknown."""
+    if written in _USUAL:
+        kind, factor = _USUAL[written]
+        return factor if kind == unit else None
     try:
         return float((1.0 * _registry().parse_units(_spelled(written))).to(unit or "dimensionless").magnitude)
     except Exception:  # a parser of units fails on unknown names in many ways, all of which mean the same
