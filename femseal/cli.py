@@ -165,11 +165,17 @@ def report(
     output: Annotated[
         Path | None, typer.Option("-o", "--output", help="Page to write.", show_default="DIR/report.html")
     ] = None,
+    pdf: Annotated[
+        bool, typer.Option("--pdf", help="Print the page beside it, by a browser or WeasyPrint.", show_default="off")
+    ] = False,
 ) -> None:
-    """Write one self-contained HTML page about a run: pictures, table, error budget, times, versions."""
-    from .report import write_report
+    """Write one self-contained HTML page about a run: verdict, curves, maps, tables, error budget; also as PDF."""
+    from .report import write_pdf, write_report
 
-    typer.echo(write_report(folder, output))
+    page = write_report(folder, output)
+    typer.echo(page)
+    if pdf:
+        typer.echo(write_pdf(page))
 
 
 @app.command()

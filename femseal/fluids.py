@@ -55,6 +55,7 @@ class _OnFaces:
 
     surface_tension, contact_angle : γ [N/m] and θ [rad], for `capillary_entry_pressure`.
     slip_length : b [m], by which it slips on both faces, see `femseal.flow.law.SlipLength`.
+    bulk_modulus : B [Pa] of liquid that is trapped between the faces; None is incompressible.
     """
 
     #: Outlet pressure of a case that gives none [Pa], above that of the surroundings.
@@ -64,6 +65,7 @@ class _OnFaces:
         "rad", "a contact angle >= 0, such as '110 deg'", inclusive=True, default=None
     )
     slip_length: float = parameter("m", "a length >= 0, such as '20 nm'", inclusive=True, default=0.0)
+    bulk_modulus: float | None = parameter("Pa", "a bulk modulus > 0, such as '2 GPa'", default=None)
 
     def __post_init__(self) -> None:
         check_parameters(self)

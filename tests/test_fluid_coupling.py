@@ -316,7 +316,7 @@ class TestStudies:
         scene(inlet_pressure=2.4e9, fluid_pressure="ignored")
 
     def test_names_are_checked(self):
-        with pytest.raises(fs.InputError, match="fluid_pressure: given on, expected one of acts, ignored"):
+        with pytest.raises(fs.InputError, match="fluid_pressure: given on, expected one of acts, trapped, ignored"):
             scene(fluid_pressure="on")
         with pytest.raises(fs.InputError, match="nominal: given all, expected one of total, contact"):
             scene(nominal="all")

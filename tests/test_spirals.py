@@ -1,5 +1,7 @@
 """Grooves that wind in a spiral: fluid follows them once the lands are closed."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -211,6 +213,24 @@ def test_studies_of_a_face_follow_its_groove():
     assert_allclose(fs.two_scale(whole(lay), (6, 3), flow="links").leakage, found.leakage, rtol=0.1)
     pressed = fs.deterministic(whole(lay, fluid_pressure="acts", loading=(2e7,))).leakage
     assert pressed > fs.deterministic(whole(lay, loading=(2e7,))).leakage
+
+
+def test_a_face_may_be_any_fraction_of_a_turn():
+    """Closed lands: the leakage falls as the square of the circumference, here 1 m and 100 m around 48 µm."""
+    one, more = (
+        fs.deterministic(whole({"kind": "spiral", "lead": "16 um", "circumference": c})) for c in ("1 m", "100 m")
+    )
+    assert_allclose(more.leakage, 1e-4 * one.leakage, rtol=1e-5)
+
+
+def test_a_groove_that_is_filled_somewhere_leads_nowhere():
+    lay = {"kind": "spiral", "lead": "16 um", "circumference": "1 mm"}
+    scene = whole(lay)
+    heights = scene.surface.heights.copy()
+    heights[:, 20:30] = heights.max()
+    filled = replace(scene, surface=fs.Topography(heights, (D, D), (False, True)))
+    assert not fs.deterministic(filled).leakage.any()
+    assert not fs.two_scale(filled, (6, 3), flow="links").leakage.any()
 
 
 @pytest.mark.parametrize(

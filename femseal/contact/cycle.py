@@ -31,6 +31,10 @@ from .solver import Contact, check_capacity, solve_contact
 STATE_FIELDS = 20
 
 
+#: Plastic deformation (n1, n2) [m] that a load leaves to its unloading, and what else `load_states` remembers.
+_Left = tuple[np.ndarray | None, Any]
+
+
 @dataclass(frozen=True, repr=False)
 class LoadState(LoadStep, Plotted):
     """A step of a load programme and the contact there.
@@ -110,6 +114,7 @@ def load_states(
     rtol: float = 1e-6,
     take: Callable[[LoadState], Any] | None = None,
     solve: Callable[..., Contact] = solve_contact,
+    remember: Callable[[Contact], Any] | None = None,
     memory: float | None = None,
     mapper: Mapper = map,
 ) -> Iterator[Any]:
@@ -125,6 +130,8 @@ def load_states(
     take : function of the contact of a state, called in the process that solves it; its value is returned in place of
         the state.
     solve : the contact at a load, such as one with a fluid between the faces; called as `solve_contact`.
+    remember : what a contact leaves to the next load besides its plastic deformation, which `solve` takes as `former`:
+        loads are then solved one after another.
     memory : of solving a state and of `take` together [byte]; that of the contact unless given. A mapper over processes
         solves no more states at once than fit.
     mapper : solves the states of a branch, which do not depend on each other: first loading, then unloading.
@@ -132,28 +139,34 @@ def load_states(
     law.tangent(half_space.shape)  # checks its shape
     check_capacity("loading", float(programme.pressures.max()), law)
     gap0 = validate.field("gap0", gap0, unit="m", shape=half_space.shape, copy=False)
-    state = partial(_state, gap0=gap0, half_space=half_space, law=law, rtol=rtol, take=take, solve=solve)
+    state = partial(
+        _state, gap0=gap0, half_space=half_space, law=law, rtol=rtol, take=take, solve=solve, remember=remember
+    )
     if memory is None:
         memory = 8.0 * STATE_FIELDS * gap0.size
-    return _solved(Stage("contact of the whole face", state, memory), programme, mapper)
+    return _solved(Stage("contact of the whole face", state, memory), programme, remember is not None, mapper)
 
 
-def _solved(stage: Stage, programme: LoadProgramme, mapper: Mapper) -> Iterator[Any]:
-    """What is taken of every state, in the order of the programme: unloading begins from what its peak has left."""
+def _solved(stage: Stage, programme: LoadProgramme, in_turn: bool, mapper: Mapper) -> Iterator[Any]:
+    """What is taken of every state, in the order of the programme: unloading begins from what its peak has left.
+
+    `in_turn` each load begins from what the one before has left.
+    """
     peaks, stops = programme.unload_from, programme.unloading
     loading = [step for step in programme if step.unloaded_from is None]
     unloading = programme[len(loading) :]
-    left: dict[float | None, np.ndarray] = {}
+    left: dict[float | None, _Left] = {}
     # what was taken where nothing has deformed for good and an unloading may come by
     undeformed: dict[float, Any] = {}
     is_peak = [step.pressure in peaks for step in loading]
-    for step, (taken, deformation, deformed) in zip(loading, mapper(stage, loading, is_peak), strict=True):
-        if deformation is not None:
-            left[step.pressure] = deformation
-        if step.pressure in stops and not deformed:
+    solved = _in_turn(stage, loading, mapper) if in_turn else mapper(stage, loading, is_peak)
+    for step, peak, (taken, of_step, deformed) in zip(loading, is_peak, solved, strict=True):
+        if peak:
+            left[step.pressure] = of_step
+        if step.pressure in stops and not (deformed or in_turn):
             undeformed[step.pressure] = taken
         yield taken
-    elastic = {peak for peak, deformation in left.items() if not deformation.any()}
+    elastic = {peak for peak, (deformation, _) in left.items() if not (in_turn or np.any(deformation))}
     known, new = set(undeformed), []
     for step in unloading:
         if step.unloaded_from not in elastic or step.pressure not in known:
@@ -171,10 +184,19 @@ def _solved(stage: Stage, programme: LoadProgramme, mapper: Mapper) -> Iterator[
     next(solved, None)  # a mapper may have something to do at its end
 
 
+def _in_turn(stage: Stage, loading: Sequence[LoadStep], mapper: Mapper) -> Iterator[Any]:
+    """States of a loading, each from what the one before has left besides plastic deformation."""
+    former = None
+    for step in loading:
+        ((taken, left, deformed),) = mapper(stage, [step], [True], [(None, former)])
+        former = left[1]
+        yield taken, left, deformed
+
+
 def _state(
     step: LoadStep,
     peak: bool,
-    deformation: np.ndarray | None = None,
+    left: _Left = (None, None),
     *,
     gap0: np.ndarray,
     half_space: HalfSpace,
@@ -182,13 +204,19 @@ def _state(
     rtol: float,
     take: Callable[[LoadState], Any] | None,
     solve: Callable[..., Contact],
-) -> tuple[Any, np.ndarray | None, bool]:
-    """Solve a state; return the value of `take`, of a peak the plastic deformation, and whether there is any."""
-    contact = solve(gap0, half_space, pressure=step.pressure, hardness=law, deformation=deformation, rtol=rtol)
+    remember: Callable[[Contact], Any] | None,
+) -> tuple[Any, _Left, bool]:
+    """Solve a state; return the value of `take`, of a peak what it leaves, and whether it has deformed for good."""
+    deformation, former = left
+    settings = {} if remember is None else {"former": former}
+    contact = solve(
+        gap0, half_space, pressure=step.pressure, hardness=law, deformation=deformation, rtol=rtol, **settings
+    )
     again = 0.0 if deformation is None else _yielded_again(contact, deformation, rtol)
     state = LoadState(step.pressure, step.unloaded_from, contact=contact, yielded_again=again)
-    left = contact.plastic_deformation
-    return state if take is None else take(state), left if peak else None, bool(left.any())
+    deformed = contact.plastic_deformation
+    leaves = (deformed if peak else None, None if remember is None else remember(contact))
+    return state if take is None else take(state), leaves, bool(deformed.any())
 
 
 def _yielded_again(contact: Contact, deformation: np.ndarray, rtol: float) -> float:

@@ -29,6 +29,8 @@ from .stencil import Stencil
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
+#: Least fraction w that is solved: below it rounding decides, and the flow changes by w².
+_LEAST_WEIGHT = 3e-5
 #: Relative change of the flow below which the way along the grooves is left out.
 LEAST_EFFECT = 5e-3
 #: Error allowed to the potential in the norm of the energy.
@@ -91,7 +93,8 @@ def spiral_flow(gap: Array, spacing: tuple[float, float], spiral: Spiral, plain:
     NotConverged : the linear solver failed, or inflow and outflow differ.
     """
     n1, n2 = gap.shape
-    shift, weight = spiral.seam(gap.shape, spacing)
+    shift, fraction = spiral.seam(gap.shape, spacing)
+    weight = max(fraction, _LEAST_WEIGHT)
     scale = float(gap.max())
     if scale == 0:
         return None
@@ -101,15 +104,17 @@ def spiral_flow(gap: Array, spacing: tuple[float, float], spiral: Spiral, plain:
     across[:, -1] = 0.0
     cut = replace(stencil, across=across)
     seam, c = _seam(cut, stencil.across[:, -1], gap / scale, d1 / d2, shift, weight)
-    if not np.isnan(plain[gap > 0]).any():
-        start = np.concatenate([np.ones((1, n2)), np.nan_to_num(plain), np.zeros((1, n2))])
-        if cut.energy(start) + c @ (seam @ start.ravel()) ** 2 <= (1 + LEAST_EFFECT) * stencil.energy(start):
-            return None
+    start = np.concatenate([np.ones((1, n2)), np.nan_to_num(plain), np.zeros((1, n2))])
+    without = stencil.energy(start)
+    with_lead = cut.energy(start) + c @ (seam @ start.ravel()) ** 2
+    if not np.isnan(plain[gap > 0]).any() and with_lead <= (1 + LEAST_EFFECT) * without:
+        return None
     matrix = cut.to_csr() + seam.T @ sp.diags_array(c) @ seam
     potential, joined = _between_ends(sp.csr_array(matrix), n2)
     conductance = 0.0
     if joined.any():
         conductance = cut.energy(potential.reshape(n1 + 2, n2)) + float(c @ (seam @ potential) ** 2)
+        conductance = without + (fraction / weight) ** 2 * (conductance - without)
     shown = np.where(joined, potential, np.nan).reshape(n1 + 2, n2)[1:-1]
     return scale**3 * (n1 * d1) / (n2 * d2) * conductance, np.where(gap > 0, shown, np.nan)
 

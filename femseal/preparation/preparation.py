@@ -231,8 +231,11 @@ def _contact_and_flow(case: Case, scene: Scene, method: str) -> tuple[str, str]:
     contact = chosen_contact(contact, scene.contact_shape)
     if contact == "windows" and case.methods != {"deterministic"}:
         scene.check_one_place("cells.contact", contact, "whole")
+        _ = scene.uniform_law
     if case.stochastic is not None and case.stochastic.pressure == "global":
         scene.check_one_place("stochastic.pressure", "global", "place")
+    if case.stochastic is not None and case.stochastic.pressure != "place":
+        _ = scene.uniform_law
     return contact, chosen_flow(flow, scene.surface.shape, scene.discretisation, scene.flow.spiral)
 
 

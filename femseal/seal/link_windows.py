@@ -136,10 +136,16 @@ class SpiralWindows(LinkWindows):
         A groove passes all windows of a row: its flow along x1 has their harmonic mean.
         """
         square = np.square(self.tangent)[:, None]
-        with np.errstate(divide="ignore"):
-            groove = 1 / np.mean(1 / across, axis=1, keepdims=True)
-        radial, round_ = (along + square * groove) / (1 + square), (across + square * along) / (1 + square)
+        radial = (along + square * along_grooves(across)) / (1 + square)
+        round_ = (across + square * along) / (1 + square)
         return radial, (round_[:-1] + round_[1:]) / 2
+
+
+def along_grooves(across: Array) -> Array:
+    """Permeability of grooves (rows, 1) [m³] that pass all windows of a row (rows, columns): the harmonic mean."""
+    with np.errstate(divide="ignore"):
+        groove: Array = 1 / np.mean(1 / across, axis=1, keepdims=True)
+    return groove
 
 
 def _link_flux(k: Array, drop: Array, way: Array) -> Array:

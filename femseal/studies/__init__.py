@@ -6,6 +6,7 @@ entry of `STUDIES`, by which runs solve, forecast and compare it.
 
     scene               the face, its load, its fluid              -> contact_states: contact at every step
     fluid_coupling      contact of the whole face and flow through its gap, solved in turn: the fluid presses it apart
+    trapped_liquid      pressures of pockets that keep their liquid
     face_contact        contact of the whole face at every step, cut into windows
     window_contacts     contact of every window under the pressures of a global contact
     face_flow           gap -> flow through the whole face

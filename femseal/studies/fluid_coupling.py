@@ -10,6 +10,7 @@ Source: Shvarts & Yastrebov, J. Mech. Phys. Solids 119, 2018, 140.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -17,22 +18,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.quantities import to_text
-from ..contact import Contact, HalfSpace, solve_contact
+from ..contact import Contact, HalfSpace, contact_law, solve_contact
 from ..fluids import Fluid
 from ..windows import Failed, FlowSettings, attempt
 from .face_flow import FaceFlow, resolved_flow
+from .trapped_liquid import PocketPressures, TrappedLiquid
 
 Array = NDArray[np.float64]
 #: What the fluid pressure does to the contact, and what the nominal pressure is of: contact and fluid, or contact.
-FLUID_PRESSURES, NOMINALS = ("acts", "ignored"), ("total", "contact")
+FLUID_PRESSURES, NOMINALS = ("acts", "trapped", "ignored"), ("total", "contact")
 #: Relative change of the permeability at which the rounds end, and most of them. Measured on self-affine and turned
 #: faces of 256² points, p̄/H .02 to .2: two to five for p_in/p̄ up to .3, at most six up to 1.
-RTOL, MOST_ROUNDS = 1e-3, 20
+#: Pockets of liquid that lift the faces off each other's rims take up to twenty-five.
+RTOL, MOST_ROUNDS, MOST_TRAPPED_ROUNDS = 1e-3, 20, 60
 #: Mean fluid pressure over the nominal pressure below which it changes leakage by less than 0.5 % and is left out.
 LEAST_FRACTION = 1e-4
 #: −d ln k/d ln p̄ of any rough face is larger.
 _LEAST_STEEPNESS = 2.0
 _POINTS = 201
+#: Rounds after which a face that holds trapped liquid counts as closed.
+_CLOSED_ROUNDS = 4
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,11 +46,13 @@ class CoupledContact(Contact):
 
     flow : the flow; why there is none where the faces part or the rounds do not end, the gap being that of first touch
     or of the last round. carried : mean pressure that the fluid carries [Pa]. rounds : solutions of contact and flow.
+    trapped : liquid in pockets that keeps its volume; None where it does not.
     """
 
     flow: FaceFlow | Failed
     carried: float
     rounds: int
+    trapped: TrappedLiquid | None = None
 
 
 @dataclass(frozen=True)
@@ -54,6 +61,7 @@ class FluidPressure:
 
     inlet, outlet : its pressures [Pa]. nominal : "total", contact and fluid carry the nominal pressure together, or
     "contact". settings : how the flow is solved. surroundings : see `studies.Scene`.
+    trapped : liquid in pockets keeps its volume.
     """
 
     fluid: Fluid
@@ -62,6 +70,7 @@ class FluidPressure:
     nominal: str
     settings: FlowSettings
     surroundings: float | None = None
+    trapped: bool = False
 
     @property
     def _around(self) -> float:
@@ -102,24 +111,38 @@ class FluidPressure:
         return f"open: the faces part below {to_text(carried, 'Pa', 3)}, all of which the fluid carries"
 
     def contact(
-        self, gap0: Array, half_space: HalfSpace, *, pressure: float, **settings: Any
+        self,
+        gap0: Array,
+        half_space: HalfSpace,
+        *,
+        pressure: float,
+        former: TrappedLiquid | None = None,
+        **settings: Any,
     ) -> Contact | CoupledContact:
         """Solve contact and flow in turn at a nominal pressure [Pa]; other arguments are those of `solve_contact`.
 
-        The contact alone where the fluid carries less than 1e-4 of the load.
+        The contact alone where the fluid carries less than 1e-4 of the load and none is trapped. `former` is the liquid
+        in the pockets of the load before.
 
         Raises
         ------
         NotConverged : a contact failed.
         """
-        if abs(self.carried) <= LEAST_FRACTION * pressure:
+        if abs(self.carried) <= LEAST_FRACTION * pressure and not self.trapped:
             return solve_contact(gap0, half_space, pressure=pressure, **settings)
         p_f = self.even_drop(half_space.shape)  # that of parted faces: a face that the fluid can open is found open
+        trapped, pockets = None, self._pockets(former, half_space, pressure, settings) if self.trapped else None
+        if pockets is not None:
+            p_f = pockets.first(p_f)
+        most = MOST_ROUNDS if pockets is None else MOST_TRAPPED_ROUNDS
         last, moved, change, error = np.nan, np.nan, np.inf, np.inf
         scale = max(abs(self.inlet), abs(self.outlet))
-        given, gave = p_f, p_f
-        for n in range(1, MOST_ROUNDS + 1):
+        given, gave, closed = p_f, p_f, 0
+        for n in range(1, most + 1):
             carried = float(p_f.mean())
+            if pockets is not None and self.nominal == "total" and self.carried < 0.9 * pressure < carried:
+                p_f = p_f * (0.9 * pressure / carried)
+                carried = 0.9 * pressure  # pockets that carry all of the load open
             parted = self.nominal == "total" and carried >= pressure
             load = carried if parted else pressure if self.nominal == "total" else pressure + carried
             contact = solve_contact(gap0, half_space, pressure=max(load, 0.0), fluid_pressure=p_f, **settings)
@@ -128,11 +151,21 @@ class FluidPressure:
             flow = attempt(resolved_flow, contact.gap, half_space.spacing, self.settings, with_potential=True)
             if isinstance(flow, Failed):
                 return _coupled(contact, flow, carried, n)
-            former, found = p_f, fill_undefined(self.above_surroundings(flow.potential))
-            found = found if np.isfinite(found).all() else former  # no gap that an end reaches
-            p_f, given, gave = _mixed(former, found, given, gave), former, found
+            last_p_f, open_pressure = p_f, self.above_surroundings(flow.potential)
+            found = fill_undefined(open_pressure)
+            found = found if np.isfinite(found).all() else last_p_f  # no gap that an end reaches
+            if pockets is not None:
+                is_pocket = ~np.isfinite(open_pressure) & (contact.gap > 0)
+                trapped = pockets.next(contact.gap, is_pocket, last_p_f, found)
+                found = fill_undefined(
+                    np.where(contact.gap > 0, trapped.on(found), np.nan if contact.gap.any() else found)
+                )
+                scale = max(scale, float(np.abs(found).max()))
+            p_f, given, gave = _mixed(last_p_f, found, given, gave), last_p_f, found
+            if trapped is not None:
+                p_f = trapped.on(p_f)
             k, before = flow.permeability, moved
-            moved = float(np.abs((found - former).mean(axis=1)).max()) / scale
+            moved = float(np.abs((found - last_p_f).mean(axis=1)).max()) / scale
             # closed faces have to stay as they are
             changed, change = change, abs(k / last - 1) if last else moved if last == 0 and k == 0 else np.inf
             # the next change of k is to this one as the moves of p_f; two equal k by chance end nothing
@@ -140,11 +173,22 @@ class FluidPressure:
             steepness = max(change / before, _LEAST_STEEPNESS * scale / max(load, 1.0)) if before > 0 else change
             error = steepness * moved / (1 - ratio) if np.isfinite(before) else change
             error = min(error, max(change, changed))  # where single points take turns in touching
+            if trapped is not None:  # of closed faces only the volumes have to stay
+                closed = closed + 1 if k == 0 else 0
+                error = max(error if closed < _CLOSED_ROUNDS else 0.0, trapped.error)
             if error <= RTOL:
-                return _coupled(contact, flow, carried, n)
+                return _coupled(contact, flow, carried, n, trapped)
             last = k
         reason = f"contact and fluid pressure: after {n} rounds the permeability still changes by {error:.1e}"
         return _coupled(contact, Failed(reason), carried, n)
+
+    def _pockets(
+        self, former: TrappedLiquid | None, half_space: HalfSpace, pressure: float, settings: Mapping[str, Any]
+    ) -> PocketPressures:
+        """How pockets of the fluid find their pressure in a contact at a nominal pressure [Pa]."""
+        hardness = float(np.min(contact_law(settings.get("hardness", np.inf)).yield_pressure()))
+        bulk_modulus = getattr(self.fluid, "bulk_modulus", None) or np.inf
+        return PocketPressures(former, half_space, bulk_modulus=bulk_modulus, hardness=hardness, load=pressure)
 
     def contact_of_even_drop(self, gap0: Array, half_space: HalfSpace, *, pressure: float, **settings: Any) -> Contact:
         """Contact under a fluid whose potential falls evenly, see `contact`; without load where it carries all."""
@@ -173,10 +217,12 @@ def _mixed(given: Array, gave: Array, former: Array, former_gave: Array) -> Arra
     return (1 - weight) * gave + weight * former_gave
 
 
-def _coupled(contact: Contact, flow: FaceFlow | Failed, carried: float, rounds: int) -> CoupledContact:
+def _coupled(
+    contact: Contact, flow: FaceFlow | Failed, carried: float, rounds: int, trapped: TrappedLiquid | None = None
+) -> CoupledContact:
     """The contact of the last round with its flow."""
     known = {f.name: getattr(contact, f.name) for f in fields(contact)}
-    return CoupledContact(**known, flow=flow, carried=carried, rounds=rounds)
+    return CoupledContact(**known, flow=flow, carried=carried, rounds=rounds, trapped=trapped)
 
 
 def fill_undefined(pressure: Array) -> Array:

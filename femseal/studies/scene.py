@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from functools import partial
 from math import prod
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -45,7 +46,8 @@ class Scene:
     rtol : residual of each contact, see `contact.solve_contact`.
     layout : shape of drawn seals, see `seal.layouts`; the face itself is a strip.
     solver, discretisation : of all flow, in cells and over the seal; see `flow.cell_permeability`.
-    fluid_pressure : "acts": it presses the faces apart, see `studies.fluid_coupling`; "ignored": they lie as dry ones.
+    fluid_pressure : "acts": it presses the faces apart, see `studies.fluid_coupling`; "trapped": and liquid in closed
+        pockets keeps its volume, see `studies.trapped_liquid`; "ignored": the faces lie as dry ones.
     nominal : what carries the nominal pressures where it acts: "total", contact and fluid together; or "contact".
     surroundings : pressure around the seal [Pa]; unless given 1 atm of a gas, and 0 of a liquid.
     """
@@ -92,6 +94,10 @@ class Scene:
         if undefined:
             allowed = "a face without undefined points: fill them first, see Topography.fill_undefined"
             raise InputError("surface", f"{undefined} of {self.surface.heights.size} points undefined", allowed)
+        if self.fluid_pressure == "trapped":
+            expected = "'acts' there: what is trapped is a liquid, in one place, between grooves that do not wind"
+            if not hasattr(self.fluid, "bulk_modulus") or isinstance(self.surface, Places) or flow.spiral:
+                raise InputError("fluid_pressure", "'trapped' with a gas, several places or a spiral", expected)
         if isinstance(self.surface, Places):
             self.surface.check_waves()
 
@@ -102,7 +108,15 @@ class Scene:
 
     @property
     def uniform_law(self) -> ContactLaw:
-        """The contact law, where windows are solved by themselves; InputError if it differs from place to place."""
+        """The contact law, where windows are solved by themselves.
+
+        Raises
+        ------
+        InputError : it differs from place to place, or liquid is trapped, in pockets that windows would cut.
+        """
+        if self.fluid_pressure == "trapped":
+            given = "'trapped' with windows that are solved by themselves"
+            raise InputError("fluid_pressure", given, "'acts' with them, or the contact of the whole face")
         if not self.law.is_uniform:
             raise InputError("hardness", "a law that differs from place to place", "the same everywhere for windows")
         return self.law
@@ -132,12 +146,13 @@ class Scene:
         """The fluid that presses the faces apart; None where it does not, or not enough to change the leakage."""
         # the viscosity of a liquid does not change how its pressure falls: contacts are those of all viscosities
         plain = isinstance(self.fluid, Liquid) and self.fluid.pressure_viscosity == 0
-        own = Liquid(1.0) if plain else self.fluid
+        trapped = self.fluid_pressure == "trapped"
+        own = Liquid(1.0, bulk_modulus=getattr(self.fluid, "bulk_modulus", None)) if plain else self.fluid
         fluid = FluidPressure(
-            own, self.inlet_pressure, self.outlet_pressure, self.nominal, self.flow, self.surroundings
+            own, self.inlet_pressure, self.outlet_pressure, self.nominal, self.flow, self.surroundings, trapped
         )
         acts = self.fluid_pressure == "acts" and abs(fluid.carried) > LEAST_FRACTION * min(self.steps.pressures)
-        return fluid if acts else None
+        return fluid if acts or trapped else None
 
     @property
     def fluid_effect(self) -> str:
@@ -151,7 +166,8 @@ class Scene:
             return f"it sucks the faces together with {carried} on the mean"
         most = f"up to {fluid.carried / min(p for p in loads if p > 0):.2g} of the load"
         given = "with the contact" if self.nominal == "total" else "besides the contact's"
-        return f"it presses the faces apart, and carries about {carried} {given}, {most}"
+        stays = "; liquid in closed pockets keeps its volume" if fluid.trapped else ""
+        return f"it presses the faces apart, and carries about {carried} {given}, {most}{stays}"
 
     @property
     def parted_steps(self) -> tuple[tuple[int, str], ...]:
@@ -169,6 +185,7 @@ class Scene:
         solve: Callable[..., Contact] = solve_contact if fluid is None else partial(FluidPressure.contact, fluid)
         if isinstance(self.surface, Places):
             solve = partial(contact_of_places, places=self.surface, solve=solve, flow=self.flow)
+        trapped = fluid is not None and fluid.trapped
         return load_states(
             gap0,
             self.half_space,
@@ -177,6 +194,7 @@ class Scene:
             rtol=self.rtol,
             take=take,
             solve=solve,
+            remember=attrgetter("trapped") if trapped else None,
             memory=memory,
             mapper=mapper,
         )

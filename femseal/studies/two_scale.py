@@ -19,6 +19,7 @@ from ..flow.permeability_table import tabulated
 from ..flow.spiral import Spiral
 from ..loads import LoadProgramme
 from ..seal import RectangularSeal
+from ..seal.link_windows import along_grooves
 from ..windows import Failed, FlowHistory, FlowSettings, Partition, SolveCounts, SolverCounts, attempt
 from ..windows.window_fields import ContactPressure, WindowFields
 from ..windows.window_flow import flow_history
@@ -328,12 +329,12 @@ def _through_links(scene: Scene, fields: WindowFields, flow: str, first: NDArray
 
 
 def _wound(scene: Scene, links: tuple[Array, Array]) -> tuple[Array, Array]:
-    """Permeabilities of links where grooves wind: k₁cos²α + k₂sin²α along x1, with k₂ of the rows beside."""
+    """Permeabilities of links where grooves wind: k₁cos²α + k₂sin²α along x1, with k₂ of the whole rows beside."""
     if scene.flow.spiral is None:
         return links
     along, across = links
     square = scene.flow.spiral.tangent(scene.surface.size[1]) ** 2
-    beside = np.pad(across, ((1, 1), (0, 0)), mode="edge")
+    beside = np.pad(along_grooves(across), ((1, 1), (0, 0)), mode="edge")
     return (along + square * (beside[:-1] + beside[1:]) / 2) / (1 + square), across
 
 

@@ -1,0 +1,182 @@
+"""Liquid that pockets of the faces keep: closed forms of one groove, volumes, and what is refused."""
+
+import tomllib
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+import femseal as fs
+from femseal.case.case import parse_case
+from femseal.studies.fluid_coupling import FluidPressure
+from femseal.studies.trapped_liquid import label_pockets
+from femseal.windows import FlowSettings
+
+E, D = 115e9, 1e-6
+N = 64
+
+
+def groove():
+    """One wave along x1 with its crest at both ends (n1, n2): all that is open is one groove."""
+    x = (np.arange(N) + 0.5) / N
+    return np.repeat(1e-6 * (1 - np.cos(2 * np.pi * x))[:, None], 4, axis=1)
+
+
+def groove_contact(load, former=None, bulk_modulus=None):
+    """The groove under a load [Pa], with liquid without pressure at both ends."""
+    body = fs.HalfSpace((N, 4), (D, D), E, ("periodic", "periodic"))
+    fluid = fs.Liquid(1e-3, bulk_modulus=bulk_modulus)
+    acting = FluidPressure(fluid, 1.0, 0.0, "total", FlowSettings(), trapped=True)
+    return acting.contact(groove(), body, pressure=load, hardness=np.inf, rtol=1e-9, former=former)
+
+
+FIRST = 2e9  # of 11e9 that close the groove (Westergaard: π E* 2 h / λ)
+
+
+class TestOneGroove:
+    @pytest.mark.parametrize("second", [1.2 * FIRST, 2 * FIRST, 5 * FIRST])
+    def test_an_incompressible_liquid_carries_all_of_a_further_load(self, second):
+        """A uniform pressure on a periodic face moves nothing: with the same volume the gap is the same."""
+        first = groove_contact(FIRST)
+        then = groove_contact(second, first.trapped)
+        assert then.trapped.pressure.size == 1
+        # the volume is right to 1e-3, which is that times V/(dV/dp) = 1.3 GPa of the pressure
+        assert_allclose(then.trapped.pressure, second - FIRST, rtol=0, atol=1.5e6)
+        assert_allclose(then.gap, first.gap, rtol=0, atol=2e-3 * first.gap.max())
+        assert_allclose(then.pressure, first.pressure, rtol=0, atol=5e-3 * first.pressure.max())
+
+    def test_a_compressible_liquid_keeps_its_mass(self):
+        """V exp(p/B) stays, where V is that of the dry groove under p̄ − p."""
+        bulk = 2e9
+        first = groove_contact(FIRST, bulk_modulus=bulk)
+        then = groove_contact(2 * FIRST, first.trapped, bulk)
+        (p,) = then.trapped.pressure
+        body = fs.HalfSpace((N, 4), (D, D), E, ("periodic", "periodic"))
+        dry = fs.solve_contact(groove(), body, pressure=2 * FIRST - p, rtol=1e-9)
+        assert 0.1 * FIRST < p < 0.9 * FIRST
+        assert_allclose(dry.gap.sum() * np.exp(p / bulk), first.gap.sum(), rtol=3e-3)
+
+    def test_unloading_to_where_it_closed_gives_the_first_contact(self):
+        first = groove_contact(FIRST)
+        more = groove_contact(2 * FIRST, first.trapped)
+        back = groove_contact(FIRST, more.trapped)
+        assert_allclose(back.trapped.pressure, 0.0, atol=2e-3 * FIRST)
+        assert_allclose(back.gap, first.gap, rtol=0, atol=2e-3 * first.gap.max())
+
+    def test_below_that_the_liquid_has_no_tension(self):
+        first = groove_contact(FIRST)
+        less = groove_contact(0.5 * FIRST, first.trapped)
+        assert_allclose(less.trapped.pressure, 0.0, atol=1.0)
+        assert less.gap.sum() > first.gap.sum()
+        # the vapour that fills the rest is pressed out first
+        again = groove_contact(FIRST, less.trapped)
+        assert_allclose(again.gap, first.gap, rtol=0, atol=2e-3 * first.gap.max())
+
+
+H = 2.3e9
+
+
+def face(n=96, seed=1):
+    return fs.self_affine(
+        (n, n), (n * D, n * D), hurst=0.75, rms_slope=0.2, roll_off=n / 12 * D, cut_off=6 * D, rng=seed
+    )
+
+
+def scene(**changes):
+    given = {
+        "surface": face(),
+        "modulus": E,
+        "hardness": H,
+        "fluid": fs.Liquid(1e-3, bulk_modulus=2e9),
+        "inlet_pressure": 0.006 * H,
+        "outlet_pressure": 0.0,
+        "loading": (0.25 * H, 0.3 * H, 0.35 * H),
+        "unload_from": (0.35 * H,),
+        "unloading": (0.2 * H,),
+        "fluid_pressure": "trapped",
+    }
+    return fs.Scene(**given | changes)
+
+
+class TestStudies:
+    def test_trapped_liquid_carries_load_and_leaves_more_open(self):
+        acts, trapped = (fs.deterministic(scene(fluid_pressure=how)) for how in ("acts", "trapped"))
+        assert_allclose(trapped.leakage[0], acts.leakage[0], rtol=2e-3)  # nothing was trapped before
+        assert trapped.carried_pressure[2] > 1.2 * acts.carried_pressure[2]
+        assert np.all(trapped.leakage[1:] >= 0.999 * acts.leakage[1:])
+        assert trapped.leakage[2] > 1.01 * acts.leakage[2]
+
+    def test_pockets_keep_their_volume(self):
+        whole = scene(unload_from=(), unloading=())
+        states = list(whole.contact_states(lambda state: state.contact, mapper=map))
+        for former, now in pairwise(states):
+            liquid, kept = now.trapped, np.isin(now.trapped.pocket, 1 + np.flatnonzero(~np.isnan(now.trapped.step)))
+            of_pocket = np.bincount(liquid.pocket[kept], now.gap[kept], minlength=liquid.amount.size + 1)[1:] * D**2
+            known = of_pocket > 0
+            held = of_pocket[known] * np.exp(liquid.pressure[known] / 2e9)
+            below_cap = liquid.pressure[known] < 0.89 * H
+            assert_allclose(held[below_cap].sum(), liquid.amount[known][below_cap].sum(), rtol=5e-3)
+            # what was in pockets before is in no more than those that are there now
+            before = former.trapped
+            assert liquid.amount[known].sum() <= before.amount.sum() * (1 + 1e-6) + held.sum() * (
+                before.amount.size < known.sum()
+            )
+        assert known.any()
+
+    def test_two_scales_cut_the_same_contact(self):
+        one = fs.deterministic(scene())
+        two = fs.two_scale(scene(), (3, 3), flow="elements")
+        assert_allclose(two.leakage, one.leakage, rtol=1e-2)
+
+    @pytest.mark.parametrize(
+        "given",
+        [
+            {"fluid": fs.IdealGas(2e-5, 0.029, 293.0), "outlet_pressure": 1e5},
+            {"surface": [face(seed=1), face(seed=2), face(seed=3)]},
+        ],
+    )
+    def test_a_gas_and_several_places_are_refused(self, given):
+        with pytest.raises(fs.InputError, match="'trapped' with a gas, several places or a spiral"):
+            scene(**given)
+
+    def test_windows_that_are_solved_by_themselves_are_refused(self):
+        with pytest.raises(fs.InputError, match="windows that are solved by themselves"):
+            fs.two_scale(scene(), (3, 3), contact="windows")
+
+
+def test_pockets_go_on_over_the_seam():
+    is_pocket = np.zeros((5, 6), bool)
+    is_pocket[1, :2] = is_pocket[1, 5] = is_pocket[3, 2] = True
+    pocket, n = label_pockets(is_pocket)
+    assert n == 2
+    assert_array_equal(pocket > 0, is_pocket)
+    assert pocket[1, 0] == pocket[1, 1] == pocket[1, 5] != pocket[3, 2]
+
+
+CASE = """
+    title = "a trapped liquid"
+    method = "deterministic"
+    seed = 1
+    face = {kind = "self-affine", points = [64, 64], size = ["60 um", "60 um"], rms_slope = 0.2}
+    material = {young = "210 GPa", hardness = "3 GPa"}
+    load = {loading = ["100 MPa", "300 MPa"]}
+    contact = {fluid_pressure = "trapped"}
+    fluid = {kind = "liquid", viscosity = "1 mPa*s", bulk_modulus = "2 GPa", inlet_pressure = "1 MPa"}
+    cells = {count = [4, 4], contact = "whole"}
+"""
+
+
+def test_a_case_says_so():
+    prepared = fs.prepare(parse_case(tomllib.loads(CASE)))
+    assert prepared.scene.acting_fluid.trapped
+    assert prepared.scene.fluid.bulk_modulus == 2e9
+    assert "keeps its volume" in prepared.scene.fluid_effect
+
+
+def test_a_case_of_drawn_windows_is_refused_before_any_work():
+    text = (
+        CASE.replace('"deterministic"', '"stochastic"') + "\n    stochastic = {pressure = 'uniform', length = '1 mm'}"
+    )
+    with pytest.raises(fs.InputError, match="solved by themselves"):
+        fs.prepare(parse_case(tomllib.loads(text)))
