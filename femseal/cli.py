@@ -1,6 +1,6 @@
 """Command line: `femseal new`, `check`, `run`, `sweep`, `compare`, `design`, `report`, `export` and more.
 
-Exit code 0 done, 2 bad input (nothing written), 1 anything else.
+Exit code 0 done, 2 bad input (nothing written), 1 anything else; 3 of a part of a run that needs others first.
 """
 
 from __future__ import annotations
@@ -16,16 +16,17 @@ from typing import Annotated, NoReturn
 
 import typer
 
-from .base.errors import FemsealError, InputError, shortened
+from .base.errors import FemsealError, InputError, PartsMissing, shortened
 from .calibration.calibrate_command import calibrate
 from .designs.design_command import design
-from .execution.terminal import ProgressBars, log_lines, print_table
+from .execution.parts import parsed_part
+from .execution.terminal import PartOption, ProgressBars, log_lines, print_table
 from .sweeps.commands import compare, sweep
 
 app = typer.Typer(
     name="femseal",
     help="Leakage of metal-to-metal seals over a loading-unloading cycle, from measured roughness.",
-    epilog="Exit code: 0 done, 2 bad input (nothing is written), 1 anything else.",
+    epilog="Exit code: 0 done, 2 bad input (nothing is written), 1 anything else. With --part, 3: others come first.",
     no_args_is_help=True,
     add_completion=True,
     pretty_exceptions_enable=False,
@@ -102,6 +103,7 @@ def run(
             show_default="off",
         ),
     ] = False,
+    part: PartOption = None,
     workers: Annotated[int | None, typer.Option(help="Processes.", show_default="all cores")] = None,
     scheduler: Annotated[
         str | None,
@@ -118,20 +120,25 @@ def run(
 ) -> None:
     """Compute a case, write its results folder and print the leakage at every load.
 
-    A terminal shows progress, anything else gets log lines. With --resume a run that was stopped goes on.
+    A terminal shows progress, anything else gets log lines. With --resume a run that was stopped goes on. With --part
+    it computes a part of the work and writes no results; once all parts are done, --resume without --part writes them.
     """
     from .case.case import load_case
     from .runs import job
 
     folder = output or Path("results") / path.stem
+    own = parsed_part(part)
     case = load_case(path)
     terminal = sys.stderr.isatty()
+    again = f"femseal run {path} -o {folder}"
     try:
         with log_lines(log_file, quiet, terminal), ProgressBars(show=not quiet and terminal) as progress:
-            results = job.run(case, folder, resume, workers, scheduler, progress=progress)
+            results = job.run(case, folder, resume, workers, scheduler, part=own, progress=progress)
     except KeyboardInterrupt:
-        raise FemsealError(f"stopped; `femseal run {path} -o {folder} --resume` goes on") from None
-    if not quiet:
+        raise FemsealError(f"stopped; `{again} {f'--part {part}' if part else '--resume'}` goes on") from None
+    if own is not None and not quiet:
+        typer.echo(f"part {part}: all parts are done; `{again} --resume` writes the results")
+    elif not quiet:
         print_table(results.table())
         if "seal_length" in results.dataset.coords:
             print_table(results.lengths_table())
@@ -158,11 +165,17 @@ def report(
     output: Annotated[
         Path | None, typer.Option("-o", "--output", help="Page to write.", show_default="DIR/report.html")
     ] = None,
+    pdf: Annotated[
+        bool, typer.Option("--pdf", help="Print the page beside it, by a browser or WeasyPrint.", show_default="off")
+    ] = False,
 ) -> None:
-    """Write one self-contained HTML page about a run: pictures, table, error budget, times, versions."""
-    from .report import write_report
+    """Write one self-contained HTML page about a run: verdict, curves, maps, tables, error budget; also as PDF."""
+    from .report import write_pdf, write_report
 
-    typer.echo(write_report(folder, output))
+    page = write_report(folder, output)
+    typer.echo(page)
+    if pdf:
+        typer.echo(write_pdf(page))
 
 
 @app.command()
@@ -311,6 +324,8 @@ def main() -> None:
         sys.stdout.flush()
     except InputError as error:
         _stop(error, str(error), 2)
+    except PartsMissing as error:
+        _stop(error, str(error), 3)
     except FemsealError as error:
         _stop(error, str(error), 1)
     except KeyboardInterrupt as error:

@@ -64,7 +64,7 @@ def test_a_bare_run_imports_nothing_that_draws(case, tmp_path):
     )
     done = subprocess.run([sys.executable, "-c", code, case, out], capture_output=True, text=True)
     assert done.stdout.strip() == "[]", done.stderr
-    assert files(out) == {"results.nc", "table.csv", "files.txt", "run.log"}
+    assert files(out) == {"results.nc", "table.csv", "table.xlsx", "files.txt", "run.log"}
 
 
 def test_files_are_written_later_without_solving_again(case, tmp_path, monkeypatch):
@@ -88,7 +88,7 @@ def test_files_are_written_later_without_solving_again(case, tmp_path, monkeypat
     assert_array_equal(again.leakage, whole.leakage)
     case.write_text(CASE + BARE)
     fs.run(case, out, resume=True, workers=1)
-    assert files(out) == {"results.nc", "table.csv", "files.txt", "run.log"}
+    assert files(out) == {"results.nc", "table.csv", "table.xlsx", "files.txt", "run.log"}
     assert fs.open_results(out).case["output"]["fields"] is False
     # fields are not in the dataset
     case.write_text(CASE)

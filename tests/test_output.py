@@ -356,6 +356,7 @@ def test_another_run_into_the_folder_leaves_nothing_of_the_former(results, scene
     assert {p.name for p in written} == {
         "results.nc",
         "table.csv",
+        "table.xlsx",
         "report.html",
         "leakage.png",
         "seal.png",
@@ -399,7 +400,8 @@ def test_a_picture_that_fails_loses_neither_the_results_nor_the_former_run(
 def test_results_come_last(scene, studies, undrawn, tmp_path, monkeypatch):
     """Wherever the files cease to take their places, the folder either has all of them or no results."""
     r = assemble(scene, deterministic=studies["deterministic"])
-    everything = {"results.nc", "table.csv", "report.html", "leakage.png", "seal.png", "fields.pvd", "files.txt"}
+    everything = {"results.nc", "table.csv", "table.xlsx", "report.html", "leakage.png", "seal.png", "fields.pvd"}
+    everything |= {"files.txt"}
     everything |= {f"fields/step_{s:04d}.vti" for s in range(5)}
     save(r, tmp_path)
     move, left = os.replace, 0

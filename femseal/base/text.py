@@ -21,12 +21,30 @@ _POWERS = str.maketrans("23", "²³")
 
 
 def comma_separated(rows: Sequence[dict[str, Any]]) -> str:
-    """Rows, at least one, as comma-separated values with one line of column names; empty where there is no number."""
+    """Rows, at least one, as comma-separated values with one line of column names; empty where there is no number.
+
+    Texts that a spreadsheet would take for a formula begin with an apostrophe.
+    """
     stream = io.StringIO()
-    writer = csv.DictWriter(stream, list(rows[0]), lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(rows)
+    writer = csv.writer(stream, lineterminator="\n")
+    writer.writerow(map(_plain_cell, rows[0]))
+    writer.writerows([_plain_cell(row.get(name, "")) for name in rows[0]] for row in rows)
     return stream.getvalue()
+
+
+def _plain_cell(value: Any) -> Any:
+    """A cell that no spreadsheet computes: only numbers begin with + or -, and no text with = or @.
+
+    >>> _plain_cell("=1+2"), _plain_cell("-2 um"), _plain_cell("-2.5"), _plain_cell(-2.5)
+    ("'=1+2", "'-2 um", '-2.5', -2.5)
+    """
+    if not isinstance(value, str) or not value.startswith(("=", "+", "-", "@", "\t", "\r")):
+        return value
+    try:
+        float(value)
+    except ValueError:
+        return f"'{value}"
+    return value
 
 
 def duration(seconds: float) -> str:

@@ -104,6 +104,15 @@ def _near_ends(drawn: Array, several: Sequence[LeakageCurves]) -> Array:
     return np.clip(ends, sizes.min() / _BARS_BEYOND, sizes.max() * _BARS_BEYOND) if sizes.size else ends[:0]
 
 
+def leakage_range(curves: LeakageCurves, factor: float) -> tuple[float, float]:
+    """Ends of a logarithmic scale [`factor`] that holds the curves, and the near parts of their bands of error."""
+    drawn = np.concatenate(curves.drawn)
+    sizes = np.concatenate([np.abs(drawn), _near_ends(drawn, [curves])])
+    sizes = sizes[np.isfinite(sizes) & (sizes > 0)] / factor
+    low, high = (float(sizes.min()), float(sizes.max())) if sizes.size else (0.1, 10.0)
+    return low / 1.3, high * 1.3
+
+
 def limit_lines(axes: Axes, limits: dict[str, float]) -> None:
     """A line for each limit within the scale of a logarithmic axis, named at its right end; names do not overlap."""
     low, high = axes.get_ylim()

@@ -2,5 +2,6 @@
 
 from .folder import write_again, write_folder
 from .page import write_report
+from .pdf import write_pdf
 
-__all__ = ["write_again", "write_folder", "write_report"]
+__all__ = ["write_again", "write_folder", "write_pdf", "write_report"]

@@ -20,7 +20,7 @@ from ..results.paraview import write_vtk
 from ..results.pixel_fields import LIMIT, FieldPlan, plan_fields, write_fields
 from ..results.pixel_fields import NAME as FIELDS
 from ..results.results import Results
-from ..results.tables import csv_text
+from ..results.tables import csv_text, write_workbook
 from ..topography import Topography
 from .page import REPORT_NAME, write_report
 from .pictures import FILES, draw_all
@@ -47,8 +47,8 @@ def write_folder(
     fields_limit: float = LIMIT,
     mapper: Mapper = map,
 ) -> list[Path]:
-    """Write `results.nc`, `table.csv`, `report.html`, the pictures, the fields over all pixels and, in `vtk/`, files
-    for ParaView.
+    """Write `results.nc`, `table.csv`, `table.xlsx`, `report.html`, the pictures, the fields over all pixels and, in
+    `vtk/`, files for ParaView.
 
     They are written into the folder `.unfinished` and take the place of an earlier run's files once all are there,
     `results.nc` last. Files that femseal did not write stay as they are.
@@ -167,7 +167,7 @@ def _write_for_people(
     results: Results, surface: Topography | None, pictures: bool, report: bool, mapper: Mapper, folder: Path
 ) -> list[Path]:
     """Tables, pictures and report."""
-    written = [write_text(folder / "table.csv", csv_text(results))]
+    written = [write_text(folder / "table.csv", csv_text(results)), write_workbook(results, folder / "table.xlsx")]
     if seal_lengths.has_lengths(results):
         written.append(write_text(folder / "lengths.csv", seal_lengths.csv_text(results)))
     if not pictures and not report:

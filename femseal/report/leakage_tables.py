@@ -6,7 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..base.leak_classes import within
+from ..base.leak_units import LeakUnit
 from ..base.quantities import to_text
+from ..base.text import format_deviation
 from ..base.text_table import TextTable
 from ..results.run_data import RunData
 from ..results.selections import branches_in
@@ -24,12 +27,12 @@ class KeyNumber:
 
 
 def key_numbers(results: RunData) -> list[KeyNumber]:
-    """Leakage at the first and the highest load and after the last unloading; contact there."""
+    """Leakage of the whole seal at the first and the highest load and after the last unloading; contact there."""
     data, steps, leakage = results.dataset, results.steps, results.leakage.values
-    unit, factor = results.leak_scale
+    unit, factor = _whole_seal(results)
     peak = results.peak
     numbers, budget = [], results.budget
-    for s in dict.fromkeys((0, peak, len(steps) - 1)):
+    for s in dict.fromkeys((peak, 0, len(steps) - 1)):
         value = format_leakage(leakage[s], factor)
         value += f" {unit.name}" if leakage[s] and not np.isnan(leakage[s]) else ""
         note = ""
@@ -38,11 +41,27 @@ def key_numbers(results: RunData) -> list[KeyNumber]:
         elif "leakage_lower" in data:
             ends = (format_leakage(float(data[f"leakage_{end}"][s]), factor) for end in ("lower", "upper"))
             note = f"between seals {'–'.join(ends)}"
-        numbers.append(KeyNumber(steps[s].name, value, note))
+        numbers.append(KeyNumber(f"whole seal, {steps[s].name}", value, note))
     if "contact_fraction" in data:
         fraction = float(data["contact_fraction"][peak])
         numbers.append(KeyNumber("in contact at the highest load", f"{100 * fraction:.3g} %", ""))
     return numbers
+
+
+def _whole_seal(results: RunData) -> tuple[LeakUnit, float]:
+    """The unit of leakage, or a readable one of the whole seal where that is per length, and the value of 1 [m²/s]."""
+    unit, basis = results.leak_unit, results.leak_basis
+    unit = basis.readable(results.leakage.values) if unit.per_length else unit
+    return unit, basis.factor(unit)
+
+
+def limiting_text(results: RunData) -> str:
+    """What widens the band of error most at the highest load, and how wide the band is; "" without a budget."""
+    budget, peak = results.budget, results.peak
+    if budget is None or not (name := budget.limiting(peak)):
+        return ""
+    width = format_deviation(float(budget.half_width(peak)))
+    return f"At {results.steps[peak].name} the band of error reaches {width} to one side; its widest source is: {name}."
 
 
 def total_leakage_text(results: RunData) -> str:
@@ -67,14 +86,14 @@ def _reference_text(results: RunData) -> str:
 
 
 def class_table(results: RunData) -> TextTable | None:
-    """Each class with its limit, and the load steps of each branch between which the leakage given meets it.
+    """Each class, its limit, from which load on it is met, down to which it is kept in service; None without classes.
 
-    None without classes.
+    Loads are load steps. Where the leakage that decides has a band of error, also from which load on all of it is met.
     """
     data = results.dataset
     if "leak_class" not in data.coords:
         return None
-    unit = class_unit(results)
+    unit, budget = class_unit(results), results.budget
     scale, pressure = results.class_basis.factor(unit), data["nominal_pressure"].values
     limits, met = data["class_limit"].values, data["class_met"].values
     columns = [
@@ -82,8 +101,11 @@ def class_table(results: RunData) -> TextTable | None:
         ("limit", [f"{format_leakage(q, scale)} {unit.name}" if q else "no leakage" for q in limits]),
     ]
     for n, (name, steps) in enumerate(branches_in(data)):
-        head = "met on loading" if n == 0 else f"kept on {name}"
+        head = "met on loading" if n == 0 else f"in service, {name}"
         columns.append((head, [_span(pressure[steps], each[steps], loading=n == 0) for each in met]))
+        if n == 0 and budget is not None and "test_leakage" not in data:
+            sure = [within(np.nan_to_num(budget.upper[steps], nan=np.inf), limit) for limit in limits]
+            columns.append(("with all of its band", [_span(pressure[steps], each, loading=True) for each in sure]))
     fluid = "the test fluid" if "test_leakage" in data else "the fluid"
     seal = "the median seal" if results.method == "median" else "the seal"
     title = f"Leakage classes at the load steps, decided by {fluid} and {seal}"
@@ -99,7 +121,7 @@ def _span(pressure: np.ndarray, met: np.ndarray, loading: bool) -> str:
         good = len(met) - int(np.argmin(met[::-1])) if not met.all() else 0
         return "at no load step" if good == len(met) else f"from {to_text(float(pressure[good]), 'Pa')}"
     good = int(np.argmin(met)) if not met.all() else len(met)
-    return "not at the peak" if good == 0 else f"down to {to_text(float(pressure[good - 1]), 'Pa')}"
+    return "not even at the peak" if good == 0 else f"kept down to {to_text(float(pressure[good - 1]), 'Pa')}"
 
 
 def test_fluid_sentences(results: RunData) -> list[str]:

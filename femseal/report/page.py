@@ -15,7 +15,7 @@ from ..results.netcdf import FILE_NAME, open_results, unfit
 from ..results.results import Results
 from ..results.run_data import RunData
 from ..results.tables import leakage_table, totals_table
-from . import case_sentences, error_tables, leakage_tables, pictures
+from . import case_sentences, charts, error_tables, leakage_tables, pictures
 from .design_section import design_section
 
 REPORT_NAME = "report.html"
@@ -28,9 +28,10 @@ def write_report(
 ) -> Path:
     """Write one self-contained HTML page about a run: it loads nothing, and prints.
 
-    The case, leakage over load with its bands, curves of the cells, maps of the seal, where the pressure
-    drops, an error budget, times, warnings, versions. It depends on the dataset alone, so that a page made from a
-    folder equals the one that the run wrote; an `accuracy.json` in the folder is added.
+    First the verdict on leakage classes, the leakage of the whole seal, its band and what limits it, warnings, and the
+    leakage over load, to be hovered and zoomed; then maps, cells, faces, tables, error budget and the rest. It
+    depends on the dataset alone, so that a page made from a folder equals the one that the run wrote; an
+    `accuracy.json` in the folder is added.
 
     Parameters
     ----------
@@ -89,7 +90,11 @@ def _content(results: Results, drawings: pictures.Drawings) -> dict[str, Any]:
         "title": results.case.get("title") or "Leakage of a metal-to-metal seal",
         "source": data.attrs["source"],
         "key_numbers": leakage_tables.key_numbers(results),
-        "computed": _origin_lines(results),
+        "date": _date(results),
+        "computed": _digest_lines(results),
+        "limiting": leakage_tables.limiting_text(results),
+        **charts.page_code(),
+        "charts": {"leakage": charts.leakage_chart(results)},
         "sentences": case_sentences.case_sentences(results),
         "face": pictures.face_picture(results, drawings) if "face" in drawings else None,
         "seat": pictures.seat_picture(results, drawings) if "seat" in drawings else None,
@@ -127,21 +132,23 @@ def _content(results: Results, drawings: pictures.Drawings) -> dict[str, Any]:
     if "drop" in drawings:
         content["map_step"], content["maps"] = pictures.map_pictures(results, drawings)
         content["drop"] = pictures.drop_picture(results, drawings)
+        content["charts"]["drop"] = charts.drop_chart(results, pictures.drop_steps(data))
         content["drop_sentences"] = case_sentences.pressure_drop_sentences(results)
     return content
 
 
-def _origin_lines(results: RunData) -> list[tuple[str, str]]:
-    """When and by what the results were computed, and the digest of every measured face: label, text."""
-    attrs = results.dataset.attrs
-    date = str(attrs.get("date_created", ""))
-    lines = [("computed", date.replace("T", " ").replace("+00:00", " UTC"))] if date else []
+def _date(results: RunData) -> str:
+    """When the results were computed."""
+    return str(results.dataset.attrs.get("date_created", "")).replace("T", " ").replace("+00:00", " UTC")
+
+
+def _digest_lines(results: RunData) -> list[tuple[str, str]]:
+    """The digest of every measured face: label, text."""
     try:
-        faces = json.loads(attrs.get("face_files", "{}"))
-        lines += [(f"SHA-256 of {name}", str(digest)) for name, digest in faces.items()]
+        faces = json.loads(results.dataset.attrs.get("face_files", "{}"))
+        return [(f"SHA-256 of {name}", str(digest)) for name, digest in faces.items()]
     except (TypeError, ValueError, AttributeError):
-        return lines
-    return lines
+        return []
 
 
 def flat(value: Any, name: str = "") -> list[tuple[str, str]]:

@@ -137,7 +137,7 @@ def _doubts(classes: Sequence[LeakClass], length: float, diameter: float | None)
 
 
 def tightest_classes(data: xarray.Dataset) -> list[str]:
-    """The tightest class of each family that is met, at every step; "–": none, "open": unknown; [] without classes."""
+    """The tightest class of each family that is met, at every step; "none", or "open": unknown; [] without classes."""
     if "leak_class" not in data.coords:
         return []
     classes = leak_classes(str(name) for name in data["leak_class"].values)
@@ -152,7 +152,7 @@ def tightest_classes(data: xarray.Dataset) -> list[str]:
             family = one.family or one.name
             if there and (family not in best or limit < best[family][0]):
                 best[family] = (float(limit), one.name)
-        lines.append(", ".join(name for _, name in best.values()) or "–")
+        lines.append(", ".join(name for _, name in best.values()) or "none")
     return lines
 
 

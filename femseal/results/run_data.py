@@ -80,7 +80,7 @@ class RunData:
 
     @property
     def classes(self) -> list[str]:
-        """The tightest leakage class that is met at each step, of each standard asked for; "–" where none is."""
+        """The tightest leakage class that is met at each step, of each standard asked for; "none" where none is."""
         return tightest_classes(self.dataset)
 
     @property

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -52,6 +53,28 @@ def csv_text(run: RunData) -> str:
     return comma_separated(rows(run))
 
 
+def write_workbook(run: RunData, path: Path) -> Path:
+    """Write the rows as a sheet of a workbook, .xlsx; texts are texts, whatever they begin with, NaN is empty."""
+    from xlsxwriter import Workbook
+
+    table = rows(run)
+    with Workbook(path, {"in_memory": True}) as book:
+        sheet = book.add_worksheet("leakage")
+        bold = book.add_format({"bold": True, "text_wrap": True, "valign": "top"})
+        for column, name in enumerate(table[0]):
+            sheet.write_string(0, column, name, bold)
+            for n, row in enumerate(table, 1):
+                value = row[name]
+                if isinstance(value, str) or np.isinf(value):
+                    sheet.write_string(n, column, str(value))
+                elif not np.isnan(value):  # an empty cell
+                    sheet.write_number(n, column, value)
+        sheet.set_column(0, len(table[0]) - 1, 18)
+        sheet.freeze_panes(1, 3)
+        sheet.autofilter(0, 0, len(table), len(table[0]) - 1)
+    return path
+
+
 def leakage_table(run: RunData) -> TextTable:
     """The table for people: one unit of leakage in all columns but one, 0 is "sealed".
 
@@ -88,7 +111,7 @@ def leakage_table(run: RunData) -> TextTable:
         columns.append((f"test fluid [{test.name}]", texts))
     if "leak_class" in data.coords:
         columns.append(("class", run.classes))
-    title = f"{leakage_of(run)} in {unit.name} (= {factor:.3g} m²/s{'' if unit.per_length else ' per length'})"
+    title = f"{leakage_of(run)} in {unit.name}"
     return TextTable.of_columns(title, columns, grouped=True, wrap=_HEADING)
 
 
