@@ -48,6 +48,7 @@ def fill_dead_ends(potential: Array, dead: tuple[Indices, Indices], at_inlet: fl
 
 @njit(cache=True, nogil=True)
 def _fill(potential, anchor, at_inlet, at_outlet):
+    """`fill_dead_ends` of what each node hangs on."""
     n2 = potential.shape[1]
     for i in range(potential.shape[0]):
         for j in range(n2):
