@@ -181,7 +181,7 @@ def report(
 @app.command()
 def export(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="Results folder of a run.")],
-    output: Annotated[Path, typer.Option("-o", "--output", help="File to write: .npz, .tif (GeoTIFF) or .x3p.")],
+    output: Annotated[Path, typer.Option("-o", "--output", help="File to write: .npz, .tif (GeoTIFF), .x3p or .vti.")],
     step: Annotated[
         int | None, typer.Option(help="Load step, counted from 0 as in the table.", show_default="all, numbered files")
     ] = None,
@@ -191,11 +191,20 @@ def export(
     cell: Annotated[
         tuple[int, int] | None, typer.Option(help="Window, counted from 0 along x1 and x2.", show_default="the face")
     ] = None,
+    window: Annotated[
+        tuple[str, str, str, str] | None,
+        typer.Option(help='Part of the face: x1 from and to, x2 from and to, as "0 mm" "1 mm" "2 mm" "3 mm".'),
+    ] = None,
 ) -> None:
     """Write the gap, the contact or the fluid pressure at the load steps for other programs, with the pixel's size."""
+    from .base.quantities import to_si
     from .results import open_results
 
-    for path in open_results(folder).export(output, step=step, field=field, cell=cell):
+    ends = None
+    if window is not None:
+        a, b, c, d = (to_si(text, "m", "window") for text in window)
+        ends = a, b, c, d
+    for path in open_results(folder).export(output, step=step, field=field, cell=cell, window=ends):
         typer.echo(path)
 
 
