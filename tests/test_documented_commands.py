@@ -22,7 +22,8 @@ from femseal.cli import app
 
 ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
-PAGES = [page for page in PAGES if page.name != "command_line.md"]  # which the build of the documentation generates
+PAGES += sorted((ROOT / "docs" / "tutorials").glob("*.md"))
+PAGES = [page for page in PAGES if page.name not in ("command_line.md", "case_keys.md")]  # generated
 #: A turned face, small enough for every study, with the keys that the commands change.
 CASE = """
 method = "two-scale"
