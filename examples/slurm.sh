@@ -30,12 +30,7 @@ follow() {
 }
 
 if [ "${SLURM_ARRAY_TASK_ID:-}" ]; then
-    part=(femseal run "$case" -o "$folder" --part "$SLURM_ARRAY_TASK_ID/$SLURM_ARRAY_TASK_COUNT" --workers 1)
-    follow "${part[@]}"
-    while [ "$code" = 3 ] && [ ! "$stopped" ]; do # other parts come first
-        follow sleep 60
-        [ "$stopped" ] || follow "${part[@]}"
-    done
+    follow femseal run "$case" -o "$folder" --part "$SLURM_ARRAY_TASK_ID/$SLURM_ARRAY_TASK_COUNT" --workers 1
 else
     scratch=$(mktemp -d)
     port=$((20000 + SLURM_JOB_ID % 20000))
@@ -48,7 +43,7 @@ else
     follow femseal run "$case" -o "$folder" --scheduler "$address" --resume
     rm -rf "$scratch"
 fi
-if [ "$stopped" ]; then
+if [ "$stopped" ] || [ "$code" = 3 ]; then # 3: parts that are not under way come first, and need the cores
     scontrol requeue "$SLURM_JOB_ID"
 fi
 kill $(jobs -p) 2>/dev/null || true

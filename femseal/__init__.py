@@ -35,7 +35,7 @@ from typing import TYPE_CHECKING, Any
 from .base import displays
 from .base.loop_files import find_place
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 if TYPE_CHECKING:
     from .base.errors import FemsealError, InputError, NotConverged, PartsMissing

@@ -2,6 +2,7 @@
 
 import itertools
 import random
+from contextlib import ExitStack
 
 import numpy as np
 import pytest
@@ -18,7 +19,7 @@ from femseal.execution.lock import alone_in
 from femseal.execution.parts import parsed_part
 from femseal.sweeps.scenes import Scenes
 
-QUICK = CASE.replace('compare = ["deterministic", "two-scale"]', "").replace("realisations = 24", "realisations = 5")
+QUICK = CASE.split("[stochastic]")[0].replace('"stochastic"\ncompare = ["deterministic", "two-scale"]', '"two-scale"')
 QUICK += '[output]\npictures = false\nreport = false\nbudget = false\nparaview = "none"\n'
 #: Exit code of a part that needs others.
 WAITS = 3
@@ -82,11 +83,35 @@ def test_two_parts_at_once_take_turns_with_every_item(tmp_path):
         Checkpoint(tmp_path, {"case": 1}, True, (2, 2)) as two,
     ):
         first, second = items(1, one), items(2, two)
-        assert next(first) == "part 1/2: 'squares' waits for part 2 of 2; run this part again after them"
+        assert next(first) == "part 1/2: 'squares' needs part 2 of 2; run this part again after them"
         assert list(second) == [n * n for n in range(9)]
     assert own == {1: [0, 1, 2, 3, 4], 2: [5, 6, 7, 8]}
     with Checkpoint(tmp_path, {"case": 1}, True, (1, 2)) as again:
         assert list(items(1, again)) == [n * n for n in range(9)]
+
+
+def test_a_part_waits_for_parts_that_are_under_way(tmp_path, monkeypatch):
+    """It goes on when they have done their items, and ends where one of them ends before."""
+    looked, other, stage = [], ExitStack(), Stage("squares", np.square)
+    other.enter_context(alone_in(tmp_path, (2, 2)))
+
+    def looking(seconds):
+        looked.append(seconds)
+        assert len(looked) < 6
+        if len(looked) == 3:
+            with Checkpoint(tmp_path, {"case": 1}, True, (2, 2)) as its_own:
+                assert len(list(its_own.over(map)(stage, range(7)))) == 7
+        if len(looked) == 5:
+            other.close()
+
+    monkeypatch.setattr(checkpoint, "sleep", looking)
+    with alone_in(tmp_path, (1, 2)), Checkpoint(tmp_path, {"case": 1}, True, (1, 2)) as kept:
+        mapper = kept.over(map)
+        assert list(mapper(stage, range(7))) == [n * n for n in range(7)]
+        assert len(looked) == 3
+        with pytest.raises(PartsMissing, match="part 1/2: 'cubes' needs part 2 of 2"):
+            list(mapper(Stage("cubes", pow), range(7), [3] * 7))
+    assert len(looked) == 5
 
 
 def test_a_damaged_item_of_another_part_is_missing_and_its_own_is_computed_again(tmp_path, caplog):
@@ -95,7 +120,7 @@ def test_a_damaged_item_of_another_part_is_missing_and_its_own_is_computed_again
     damaged = tmp_path / ".checkpoint/004-000000010-000000020.shard"
     damaged.write_bytes(damaged.read_bytes()[:-1])
     assert computed_by(tmp_path, (1, 2)) is None
-    assert not caplog.text
+    assert f"{damaged} cannot be read" in caplog.text
     assert_complete(computed_by(tmp_path, (2, 2), computed=(computed := [])))
     assert computed == [(3, n) for n in range(10, 20)]
 
@@ -131,7 +156,7 @@ def test_parts_of_a_run_give_the_bits_of_one_process(tmp_path, femseal):
             said.add(error.splitlines()[-1])
         elif ended.setdefault(n, text) and len(ended) == 2:
             break
-    assert "femseal: part 1/2: 'contact of windows' waits for part 2 of 2; run this part again after them" in said
+    assert "femseal: part 1/2: 'contact of windows' needs part 2 of 2; run this part again after them" in said
     assert "part 2/2: all parts are done" in ended[2]
     assert not (out / "results.nc").exists()
     assert "Traceback" not in (out / "run.log").read_text()
@@ -182,9 +207,9 @@ def test_scenes_by_parts_are_solved_once(tmp_path):
             first = scenes.solve(stage, map, np.arange(10.0).reshape(5, 2))
             return scenes.solve(stage, map, first[:3] * [1, 2])
 
-    with pytest.raises(PartsMissing, match=r"'scenes' waits for part 2 of 2"):
+    with pytest.raises(PartsMissing, match=r"'scenes' needs part 2 of 2"):
         explored((1, 2))
-    with pytest.raises(PartsMissing, match=r"'scenes' waits for part 1 of 2"):
+    with pytest.raises(PartsMissing, match=r"'scenes' needs part 1 of 2"):
         explored((2, 2))
     with pytest.raises(fs.InputError, match="unfinished"):
         explored(resume=False)

@@ -17,9 +17,11 @@ import re
 import shutil
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence, Sized
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
+from time import sleep
 from typing import Any
 
 import numpy as np
@@ -27,7 +29,8 @@ import numpy as np
 from ..base.errors import FemsealError, InputError, NotKept, shortened
 from ..base.files import read_plain
 from ..base.stage import Mapper, Stage
-from .parts import Part, missing_parts, own_items
+from .lock import is_under_way
+from .parts import Part, missing_parts, own_items, parts_of
 from .plain_data import unpacked
 from .run import Progress, no_progress
 from .store import SUFFIX, ShardWriter, read_shard, write_whole
@@ -36,6 +39,8 @@ log = logging.getLogger("femseal.execution.checkpoint")
 #: Subfolder of the output folder.
 FOLDER = ".checkpoint"
 MANIFEST = "manifest.json"
+#: Time between two looks for the items of parts that are under way [s].
+POLL_SECONDS = 2.0
 #: No manifest is larger [byte].
 _LARGEST_MANIFEST = 1e8
 #: Changed keys that a message names.
@@ -124,7 +129,8 @@ class Checkpoint:
 
     Raises
     ------
-    PartsMissing : from the mappers made by `over`, once a part's own items of a stage are kept, others are not there.
+    PartsMissing : from the mappers made by `over`: a part's own items of a stage are kept, and others are not there, of
+        parts that are not under way.
     FemsealError : the folder cannot be written, also from the mappers made by `over`: what is kept stays.
     """
 
@@ -187,22 +193,38 @@ class Checkpoint:
             own = f"part {self._part[0]}/{self._part[1]}: {stage.name}"
             for done, _ in enumerate(self._through(mapper, stage, iterables, start, stop), start=1):
                 self._progress(own, done, stop - start)
-            shards = list(self._intact(stage, 0, count))
-            there = np.zeros(count, bool)
-            for shard in shards:
-                there[shard.used.start : shard.used.stop] = True
-            if not there.all():
-                raise missing_parts(self._part, stage.name, np.flatnonzero(~there).tolist(), count)
-            for shard in shards:
-                yield from self._items(stage, shard)
+            for shard in self._whole(self._part, stage, count):
+                try:
+                    yield from self._items(stage, shard)
+                except (OSError, ValueError) as error:
+                    log.warning("checkpoint: %s cannot be read (%s)", shard.path, error)
+                    raise missing_parts(self._part, stage.name, parts_of(shard.used, self._part, count)) from None
 
         return mapping
+
+    def _whole(self, part: Part, stage: Stage, count: int) -> list[_Shard]:
+        """The shards of all items of a stage; those of parts that are under way are waited for."""
+        waiting = False
+        while True:
+            shards, there = list(self._found(stage, 0, count, check=False)), np.zeros(count, bool)
+            for shard in shards:
+                there[shard.used.start : shard.used.stop] = True
+            if there.all():
+                return shards
+            missing = parts_of(np.flatnonzero(~there).tolist(), part, count)
+            error = missing_parts(part, stage.name, missing)
+            if not all(n != part[0] and is_under_way(self._folder.parent, (n, part[1])) for n in missing):
+                raise error
+            if not waiting:
+                log.info("%s", error)
+            waiting = True
+            sleep(POLL_SECONDS)
 
     def _through(
         self, mapper: Mapper, stage: Stage, iterables: Sequence[Iterable[Any]], start: int = 0, stop: int | None = None
     ) -> Iterator[Any]:
         """Results of a range of items: those in shards, and the others computed and kept."""
-        shards = deque(self._intact(stage, start, stop, mend=True))
+        shards = deque(self._found(stage, start, stop, check=True))
         ranges = [shard.used for shard in shards]
         computed = iter(mapper(stage, *(_left(islice(items, start, stop), start, ranges) for items in iterables)))
         self._next = start
@@ -228,7 +250,7 @@ class Checkpoint:
 
     def _items(self, stage: Stage, shard: _Shard) -> Iterator[Any]:
         """The items of a shard that are used."""
-        found = self._kept(read_shard, shard.path, (self._key, stage.name))
+        found = read_shard(shard.path, (self._key, stage.name))
         first = shard.items.start
         yield from map(unpacked, found[shard.used.start - first : shard.used.stop - first])
 
@@ -236,34 +258,33 @@ class Checkpoint:
         """Path of a shard of so many items, up to the one that was kept last."""
         return self._folder / f"{self._stages:03d}-{self._next - count:09d}-{self._next:09d}{SUFFIX}"
 
-    def _kept(self, call: Callable[..., Any], *values: Any) -> Any:
-        """Call what writes or reads a shard; an error of the disk says what is kept and what to do."""
+    def _kept(self, write: Callable[..., None], *values: Any) -> None:
+        """Call what may write a shard; an error of the disk says what is kept and what to do."""
         try:
-            return call(*values)
+            write(*values)
         except OSError as error:
             raise self._failure(error) from error
 
-    def _intact(self, stage: Stage, start: int, stop: int | None, mend: bool = False) -> Iterator[_Shard]:
-        """Shards with items of a range of this stage, in order; damaged ones are left out, or reported and removed."""
+    def _found(self, stage: Stage, start: int, stop: int | None, check: bool) -> Iterator[_Shard]:
+        """Shards with items of a range of a stage by their names, in order; `check`: and by what is in them."""
         there = [_Shard.at(path) for path in self._folder.glob(f"{self._stages:03d}-*{SUFFIX}")]
         # of those that begin with the same item the longest comes first, which the others were merged into
         for shard in sorted(there, key=lambda s: (s.items.start, -s.items.stop, s.path)):
-            first, last = shard.items.start, shard.items.stop if stop is None else min(shard.items.stop, stop)
-            used = range(max(first, start), last)
-            if not used and shard.items:
-                continue
-            try:
-                intact = len(read_shard(shard.path, (self._key, stage.name))) == len(shard.items) > 0
-            except FileNotFoundError:  # merged by another part
-                continue
-            except (OSError, ValueError):
-                intact = False
-            if intact:
+            last = shard.items.stop if stop is None else min(shard.items.stop, stop)
+            used = range(max(shard.items.start, start), last)
+            if (used or (check and not shard.items)) and not (check and self._is_damaged(stage, shard)):
                 start = used.stop
                 yield replace(shard, used=used)
-            elif mend:
-                log.warning("checkpoint: %s is damaged; its items are computed again (%s)", shard.path, stage.name)
-                self._kept(shard.path.unlink, True)
+
+    def _is_damaged(self, stage: Stage, shard: _Shard) -> bool:
+        """Whether the items of a shard cannot be read; then it is reported and removed."""
+        with suppress(OSError, ValueError):
+            found = read_shard(shard.path, (self._key, stage.name))
+            if sum(1 for _ in map(unpacked, found)) == len(shard.items) > 0:
+                return False
+        log.warning("checkpoint: %s is damaged; its items are computed again (%s)", shard.path, stage.name)
+        self._kept(shard.path.unlink, True)
+        return True
 
     def _failure(self, error: OSError) -> NotKept:
         """What to say of a checkpoint that cannot be written: what is kept, and what to do."""

@@ -48,6 +48,18 @@ def alone_in(folder: Path, part: Part | None = None) -> Iterator[None]:
         yield
 
 
+def is_under_way(folder: Path, part: Part) -> bool:
+    """Whether another process computes a part in a folder."""
+    name = PART_LOCK.format(*part)
+    try:
+        if (folder / name).exists():
+            with _locked(folder, name):
+                pass
+    except InputError:
+        return True
+    return False
+
+
 @contextmanager
 def _locked(folder: Path, name: str) -> Iterator[None]:
     """Context with a lock of this process; InputError as `alone_in`."""

@@ -53,10 +53,17 @@ def own_items(part: Part, count: int) -> tuple[int, int]:
     return -(-(number - 1) * count // parts), -(-number * count // parts)
 
 
-def missing_parts(part: Part, stage: str, missing: Iterable[int], count: int) -> PartsMissing:
+def parts_of(items: Iterable[int], part: Part, count: int) -> list[int]:
+    """Numbers of the parts whose own some items are, of as many as a part is of.
+
+    >>> parts_of([0, 2, 3], (1, 3), 7)
+    [1, 2]
+    """
+    return sorted({n * part[1] // count + 1 for n in items})
+
+
+def missing_parts(part: Part, stage: str, missing: list[int]) -> PartsMissing:
     """What to say of a stage of which a part has done its own items, and others have not."""
-    # item n is of the first part whose items end after it
-    numbers = sorted({n * part[1] // count + 1 for n in missing})
-    shown_ones = ", ".join(map(str, numbers[:20])) + (f" and {len(numbers) - 20} more" if len(numbers) > 20 else "")
-    named = f"{'part' if len(numbers) == 1 else 'parts'} {shown_ones} of {part[1]}"
-    return PartsMissing(f"part {part[0]}/{part[1]}: '{stage}' waits for {named}; run this part again after them")
+    shown_ones = ", ".join(map(str, missing[:20])) + (f" and {len(missing) - 20} more" if len(missing) > 20 else "")
+    named = f"{'part' if len(missing) == 1 else 'parts'} {shown_ones} of {part[1]}"
+    return PartsMissing(f"part {part[0]}/{part[1]}: '{stage}' needs {named}; run this part again after them")

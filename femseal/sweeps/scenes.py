@@ -19,7 +19,7 @@ from ..base.leak_units import LeakUnit
 from ..base.stage import Mapper, Stage
 from ..case.case import Case
 from ..execution.lock import alone_in
-from ..execution.parts import Part, missing_parts, own_items
+from ..execution.parts import Part, missing_parts, own_items, parts_of
 from ..runs import job
 
 Array = NDArray[np.float64]
@@ -138,7 +138,7 @@ class Scenes:
         if self._part is not None:
             self._read()
             if left := [n for n, point in enumerate(wanted) if point not in self._known]:
-                raise missing_parts(self._part, stage.name, left, len(wanted))
+                raise missing_parts(self._part, stage.name, parts_of(left, self._part, len(wanted)))
         self._used += wanted
         return np.array([self._known[point] for point in wanted])
 
