@@ -49,7 +49,7 @@ class Convolution:
     ----------
     shape : (n1, n2) points.
     boundary : kind of each axis, "periodic", "mirror" or "free".
-    symbol : eigenvalues of K [m/Pa] as `influence.symbol` gives them.
+    symbol : eigenvalues of K [m/Pa] as `influence.symbol` gives them; None with `over`.
     dtype : of the arrays and the transforms, double or single precision.
     threads : number of threads at work together.
     over : a convolution with the same K, of no smaller precision, whose memory is used for all but `pressure`. Each
@@ -60,7 +60,7 @@ class Convolution:
         self,
         shape: tuple[int, int],
         boundary: tuple[str, str],
-        symbol: Array,
+        symbol: Array | None,
         *,
         dtype: Any = np.float64,
         threads: int = 1,
@@ -74,6 +74,13 @@ class Convolution:
         self._mirrors = boundary[0] == "mirror", boundary[1] == "mirror"
         self._memory: list[Any] = []
         self._lent = iter(() if over is None else over._memory)
+        if over is None:
+            assert symbol is not None
+            self._weights = _weights(symbol, *self._mirrors)
+            self._weights /= l1 * l2
+            del symbol
+        else:
+            self._weights = over._weights
         self.pressure = pyfftw.zeros_aligned((n1, n2), dtype=real)
         self.displacement = self._array((n1, n2), real)
         spectrum = self._array((l1, _row_length(m2, waves.itemsize)), waves)[:, :m2]
@@ -81,7 +88,6 @@ class Convolution:
         self._staged = self._array((n1, l2), real) if staged else None
         points, target = (self._staged, self._staged) if staged else (self.pressure, self.displacement)
         self._no_points = spectrum[n1:]
-        self._weights: Array = over._weights if over else _weights(symbol / (l1 * l2), *self._mirrors)
         turn1, turn2 = (np.exp(1j * np.pi * np.arange(n // 2 + 1) / n) for n in (l1, l2))
         cosine1, sine1 = turn1.real.copy(), turn1.imag.copy()
         width = min(_BLOCK_BYTES // (l1 * waves.itemsize), math.ceil(m2 / threads))
@@ -210,8 +216,11 @@ def _respond(block, first, weights, cosine1, sine1, turn2):
     m, n = block.shape
     if len(weights) == 1:
         for j in range(m):
-            for i in range(n):
-                block[j, i] *= weights[0, first + j, i]
+            row = weights[0, first + j]
+            for i in range(n // 2 + 1):
+                block[j, i] *= row[i]
+            for i in range(1, (n + 1) // 2):
+                block[j, n - i] *= row[i]
         return
     half = n // 2 + 1
     rows = np.empty((8, half))

@@ -200,20 +200,28 @@ def _save(mesh: Any, stem: Path) -> Path:
     """Write a data set of pyvista as XML, whole or not at all."""
     import pyvista
 
+    path = stem.with_suffix(IMAGE if isinstance(mesh, pyvista.ImageData) else ".vtu")
+    content = as_xml(mesh)
+    with replacing(path) as temporary:
+        temporary.write_bytes(content)
+    return path
+
+
+def as_xml(mesh: Any) -> bytes:
+    """The file of a data set of pyvista as XML."""
+    import pyvista
+
     image = isinstance(mesh, pyvista.ImageData)
-    path = stem.with_suffix(IMAGE if image else ".vtu")
-    writer = (pyvista.XMLImageDataWriter if image else pyvista.XMLUnstructuredGridWriter)(path, mesh).writer
+    # VTK crashes where a disk is full, so it writes into memory
+    writer = (pyvista.XMLImageDataWriter if image else pyvista.XMLUnstructuredGridWriter)("none", mesh).writer
     writer.SetDataModeToAppended()
     writer.SetEncodeAppendedData(not image)
-    # VTK crashes where a disk is full, so it writes into memory
     writer.WriteToOutputStringOn()
     if not writer.Write():
-        raise OSError(f"VTK could not write {path}")
+        raise OSError("VTK could not write a file")
     content = writer.GetOutputString()
-    with replacing(path) as temporary:
-        # VTK returns text instead of bytes where the content is valid text
-        temporary.write_bytes(content if isinstance(content, bytes) else content.encode())
-    return path
+    # VTK returns text instead of bytes where the content is valid text
+    return content if isinstance(content, bytes) else content.encode()
 
 
 def write_hdf(view: View, folder: Path) -> list[Path]:
