@@ -452,3 +452,9 @@ def test_condition_refuses_waves_the_grid_does_not_resolve():
         condition(measured(), shortest_wavelength=0.1)
     with pytest.raises(InputError, match="undefined points"):
         condition(measured(), max_undefined=1e-4)
+
+
+def test_one_number_is_the_spacing_along_both_axes():
+    assert fs.Topography(np.zeros((4, 6)), 1e-6).spacing == (1e-6, 1e-6)
+    gap = np.full((4, 6), 1e-6)
+    assert fs.cell_permeability(gap, 1e-6).value == fs.cell_permeability(gap, (1e-6, 1e-6)).value
