@@ -69,7 +69,7 @@ def test_masked_points_are_undefined():
         (np.array([[1j, 2.0]]), (1, 1), "real numbers"),
         ([[1.0, 2.0]], (1, 0), r"spacing: given \(1, 0\), expected two finite numbers > 0"),
         ([[1.0, 2.0]], (1, np.nan), "spacing"),
-        ([[1.0, 2.0]], 1.0, "spacing"),
+        ([[1.0, 2.0]], "1", "spacing"),
         ([[1.0, 2.0]], (1, 1, 1), "spacing"),
     ],
 )

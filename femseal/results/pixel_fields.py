@@ -110,9 +110,7 @@ def read_pixels(run: RunData, name: str, step: int, cell: tuple[int, int] | None
         at_hand = stored_steps(run)
         if step in at_hand:  # the flow through links knows the pressure between windows alone
             expected = "another field; or a run with flow = 'resolved' in [cells], or \"deterministic\" in `compare`"
-            raise InputError(
-                "field", f"no {name.replace('_', ' ')} at pixels, as the flow goes through links", expected
-            )
+            raise InputError("field", f"no {name.replace('_', ' ')} at pixels of a flow through links", expected)
         expected = f"one of {', '.join(map(str, at_hand))}" if at_hand else f"a folder with {NAME}.pvd"
         raise InputError("step", f"{step}, which has no {name.replace('_', ' ')}", expected)
     made, values, spacing = found
